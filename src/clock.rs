@@ -24,7 +24,7 @@ pub fn now() -> Nanos {
 pub fn suspended() -> Nanos {
     let boot_time = clock_gettime(ClockId::CLOCK_BOOTTIME)
         .map_or(Nanos::ZERO, |t| Nanos(t.tv_sec() as u64 * 1_000_000_000 + t.tv_nsec() as u64));
-    boot_time.since(now())
+    boot_time.duration_since(now())
 }
 
 /// Sleeps until the absolute instant `until`, or not at all if it has passed. Interrupting signals

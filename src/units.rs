@@ -89,7 +89,7 @@ impl Nanos {
     /// The span since `earlier`, or zero if `earlier` is later: a stamp from another thread may be
     /// newer than `self`.
     #[must_use]
-    pub const fn since(self, earlier: Self) -> Self {
+    pub const fn duration_since(self, earlier: Self) -> Self {
         Self(self.0.saturating_sub(earlier.0))
     }
 
@@ -112,7 +112,7 @@ impl Sub for Nanos {
     type Output = Self;
 
     fn sub(self, earlier: Self) -> Self {
-        self.since(earlier)
+        self.duration_since(earlier)
     }
 }
 
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn a_span_is_never_negative() {
-        assert_eq!(Nanos(5).since(Nanos(9)), Nanos::ZERO);
+        assert_eq!(Nanos(5).duration_since(Nanos(9)), Nanos::ZERO);
         assert_eq!(Nanos(9) - Nanos(5), Nanos(4));
     }
 }

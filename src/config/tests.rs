@@ -142,7 +142,7 @@ fn limits_that_no_motor_of_the_snake_has_are_refused() {
 }
 
 #[test]
-fn watches_that_are_off_are_said() {
+fn watches_that_are_off_are_reported() {
     let off = format!("{AXIS}\n[limits]\noverrun_ticks = 0\nover_current_ma = 0");
     let off = Config::parse(&off, Path::new("robot.toml")).unwrap();
     let said = [

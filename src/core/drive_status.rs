@@ -127,5 +127,5 @@ pub(crate) fn is_off(phase: AxisPhase) -> bool {
 
 /// Age of a position. A drive that has never reported has the greatest age.
 pub(crate) fn position_age(feedback: &AxisFeedback, now: Nanos) -> Nanos {
-    if feedback.stamp == Nanos::ZERO { Nanos(u64::MAX) } else { now.since(feedback.stamp) }
+    if feedback.stamp == Nanos::ZERO { Nanos(u64::MAX) } else { now.duration_since(feedback.stamp) }
 }

@@ -45,12 +45,12 @@ impl WatchdogEntry {
 
 /// The view of one port.
 #[derive(Debug)]
-pub(super) struct PortDoor {
+pub(super) struct PortAccess {
     entry: WatchdogEntry,
     is_missing: bool,
 }
 
-impl PortDoor {
+impl PortAccess {
     pub fn new(entry: &WatchdogEntry) -> Self {
         Self { entry: entry.clone(), is_missing: false }
     }
@@ -69,7 +69,7 @@ impl PortDoor {
     }
 }
 
-impl Drop for PortDoor {
+impl Drop for PortAccess {
     fn drop(&mut self) {
         if self.is_missing {
             self.entry.0.missing.fetch_sub(1, Ordering::Relaxed);
@@ -153,9 +153,9 @@ mod tests {
         let line = openpty(None, None).unwrap();
         let port = &line.slave;
         let (entry, other) = (WatchdogEntry::default(), WatchdogEntry::default());
-        let mut door = PortDoor::new(&entry);
+        let mut access = PortAccess::new(&entry);
         let mut update = |expected: bool| {
-            door.update(port).unwrap();
+            access.update(port).unwrap();
             assert_eq!((is_exclusive(port), entry.is_missing()), (expected, !expected));
         };
         update(true);
@@ -175,7 +175,7 @@ mod tests {
         update(true);
         entry.set_runs(true);
         update(false);
-        drop(door);
+        drop(access);
         assert!(!entry.is_missing() && !other.is_missing());
     }
 }

@@ -14,7 +14,7 @@ use crate::config::PortConfig;
 use crate::units::Nanos;
 
 use super::error::DriveError;
-use super::exclusive_use::{self, PortDoor, WatchdogEntry};
+use super::exclusive_use::{self, PortAccess, WatchdogEntry};
 use super::latency_timer;
 use super::transport::Transport;
 
@@ -38,7 +38,7 @@ pub struct SerialTransport {
     /// `None`: it was closed, and could not be opened again.
     port: Option<TTYPort>,
     config: PortConfig,
-    door: PortDoor,
+    access: PortAccess,
     next_look: Nanos,
 }
 
@@ -60,13 +60,13 @@ impl SerialTransport {
     /// As [`SerialTransport::open`].
     pub fn open_with(config: &PortConfig, watchdog: &WatchdogEntry) -> Result<Self, DriveError> {
         let end = clock::now() + RELEASE_TIMEOUT;
-        let mut door = PortDoor::new(watchdog);
+        let mut access = PortAccess::new(watchdog);
         loop {
-            match open(config, &mut door) {
+            match open(config, &mut access) {
                 Err(DriveError::Busy { .. }) if clock::now() < end => clock::sleep(BUSY_PERIOD),
                 opened => {
                     let (port, config) = (Some(opened?), config.clone());
-                    return Ok(Self { port, config, door, next_look: Nanos::ZERO });
+                    return Ok(Self { port, config, access, next_look: Nanos::ZERO });
                 }
             }
         }
@@ -77,7 +77,7 @@ impl SerialTransport {
     }
 }
 
-fn open(config: &PortConfig, door: &mut PortDoor) -> Result<TTYPort, DriveError> {
+fn open(config: &PortConfig, access: &mut PortAccess) -> Result<TTYPort, DriveError> {
     let device = &config.device;
     let path = device.to_str().ok_or_else(|| DriveError::NotFound { device: device.clone() })?;
     let port = serialport::new(path, config.baud)
@@ -87,7 +87,7 @@ fn open(config: &PortConfig, door: &mut PortDoor) -> Result<TTYPort, DriveError>
         .map_err(|source| explain(device, source))?;
     let descriptor = descriptor(&port);
     exclusive_use::lock(&descriptor).map_err(|_| DriveError::Busy { device: device.clone() })?;
-    door.update(&descriptor).map_err(|error| explain(device, error.into()))?;
+    access.update(&descriptor).map_err(|error| explain(device, error.into()))?;
     // Before any traffic: changing a running timer stalls the line. Without permission the timer
     // stays, and bring-up reports slow exchanges.
     latency_timer::shorten(device);
@@ -108,7 +108,7 @@ fn descriptor(port: &TTYPort) -> BorrowedFd<'_> {
 /// When the line is broken.
 pub(crate) fn wait(descriptor: BorrowedFd<'_>, deadline: Nanos) -> io::Result<bool> {
     let mut descriptors = [PollFd::new(descriptor, PollFlags::POLLIN)];
-    let span = TimeSpec::from(Duration::from_nanos(deadline.since(clock::now()).0));
+    let span = TimeSpec::from(Duration::from_nanos(deadline.duration_since(clock::now()).0));
     match ppoll(&mut descriptors, Some(span), None) {
         Ok(0) | Err(nix::errno::Errno::EINTR) => return Ok(false),
         Ok(_) => {}
@@ -145,7 +145,7 @@ impl Transport for SerialTransport {
     fn reopen(&mut self) -> io::Result<()> {
         // Closed first: after an error that was no hang-up, its own exclusive use would refuse it.
         self.port = None;
-        self.port = Some(open(&self.config, &mut self.door).map_err(io::Error::other)?);
+        self.port = Some(open(&self.config, &mut self.access).map_err(io::Error::other)?);
         Ok(())
     }
 
@@ -156,7 +156,7 @@ impl Transport for SerialTransport {
         {
             self.next_look = now + LOOK_PERIOD;
             // A port that is broken says so at the next exchange.
-            let _ = self.door.update(&descriptor(port));
+            let _ = self.access.update(&descriptor(port));
         }
     }
 

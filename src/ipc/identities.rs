@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn screens_tell_clients_apart_and_do_not_show_their_ids() {
+    fn screens_keep_clients_apart_and_do_not_show_their_ids() {
         let shown: Vec<String> = (1..1000).map(|id| ShownClient(id).to_string()).collect();
         let different: std::collections::BTreeSet<&String> = shown.iter().collect();
         assert_eq!(different.len(), shown.len());

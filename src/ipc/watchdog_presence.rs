@@ -59,7 +59,7 @@ impl WatchdogStatus {
         let alive = Nanos(u64::from_le_bytes(alive.try_into().unwrap_or_default()));
         if !is_held {
             Self::Absent
-        } else if !is_read || now.since(alive) > SILENCE {
+        } else if !is_read || now.duration_since(alive) > SILENCE {
             Self::Silent
         } else if ports != digest(devices) {
             Self::OtherPorts

@@ -13,11 +13,11 @@ use nalgebra::DMatrix;
 
 use crate::model::error::ModelError;
 use crate::model::estimate::Query;
+use crate::model::examination_path::ExaminationPath;
 use crate::model::families::memory::Memory;
 use crate::model::families::runtime::Runtime;
 use crate::model::file::ModelFile;
 use crate::model::maths::hull::Hull;
-use crate::model::trial_path::TrialPath;
 use crate::units::{MotorVec, OutputVec};
 
 /// Steps of the path, and of the decaying turns before it, after which the memory is known.
@@ -63,9 +63,9 @@ pub struct Examination {
 impl Examination {
     /// Examines a model.
     pub(in crate::model) fn of(runtime: &dyn Runtime, hull: &Hull, file: &ModelFile) -> Self {
-        let trial = Trial::new(runtime, hull, file);
-        let (error, travel) = trial.follow();
-        Self { error, travel, gains: trial.gains(), left: trial.left_by_backlash() }
+        let subject = Subject::new(runtime, hull, file);
+        let (error, travel) = subject.follow();
+        Self { error, travel, gains: subject.gains(), left: subject.left_by_backlash() }
     }
 
     /// Refuses a model that commands nonsense.
@@ -88,35 +88,35 @@ impl Examination {
 }
 
 /// The examination of one model.
-struct Trial<'a> {
+struct Subject<'a> {
     runtime: &'a dyn Runtime,
     hull: &'a Hull,
     file: &'a ModelFile,
     motors: usize,
-    path: TrialPath,
+    path: ExaminationPath,
     /// What the model predicts along the path.
     goals: Vec<OutputVec>,
     /// The same path, as wide as the hull: inside of wide backlash a model has no gain to compare.
-    wide: TrialPath,
+    wide: ExaminationPath,
 }
 
-impl<'a> Trial<'a> {
+impl<'a> Subject<'a> {
     fn new(runtime: &'a dyn Runtime, hull: &'a Hull, file: &'a ModelFile) -> Self {
-        let mut trial = Self {
+        let mut subject = Self {
             runtime,
             hull,
             file,
             motors: file.hull.corners.first().map_or(0, Vec::len),
-            path: TrialPath::new(hull, TURNING_STEPS, STEPS),
+            path: ExaminationPath::new(hull, TURNING_STEPS, STEPS),
             goals: Vec::new(),
-            wide: TrialPath::wide(hull, TURNING_STEPS, STEPS),
+            wide: ExaminationPath::wide(hull, TURNING_STEPS, STEPS),
         };
-        trial.goals = trial.along(&trial.path);
-        trial
+        subject.goals = subject.along(&subject.path);
+        subject
     }
 
     /// What the model predicts along a path.
-    fn along(&self, path: &TrialPath) -> Vec<OutputVec> {
+    fn along(&self, path: &ExaminationPath) -> Vec<OutputVec> {
         let mut memory = self.memory_after_turns();
         let predict = |counts: &MotorVec| {
             self.advance(&mut memory, counts);
@@ -160,7 +160,7 @@ impl<'a> Trial<'a> {
             for (filtered, now) in correction.iter_mut().zip(&unfiltered) {
                 *filtered += FILTER * (now - *filtered);
             }
-            travel += TrialPath::distance(&counts, &next);
+            travel += ExaminationPath::distance(&counts, &next);
             squares += square(&self.runtime.predict(&next, &memory).mean, goal);
             counts = next;
         }

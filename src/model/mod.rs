@@ -21,7 +21,7 @@
 //! | `examination` | whether the inverse follows the model itself, before it moves motors |
 //! | `file` | model files: format, checks, reading and writing, identity |
 //! | `families` | linear, mixtures, [`hysteresis`], [`network`]; memory |
-//! | `trial_path` | a path of the motors on which models are tried |
+//! | `examination_path` | a path of the motors on which models are tried |
 //! | `maths` | Gaussian mixture, its regression, convex hull, damped Newton inverse |
 //! | `history` | past motor positions; they rebuild a memory |
 //! | [`kinematic`] | where the tip of a bent snake is |
@@ -30,6 +30,7 @@
 mod error;
 mod estimate;
 mod examination;
+mod examination_path;
 mod families;
 pub mod file;
 mod history;
@@ -37,12 +38,12 @@ pub mod kinematic;
 mod maths;
 mod prepared;
 mod schema_version;
-mod trial_path;
 
 pub use crate::robot::ModelId;
 pub use error::ModelError;
 pub use estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputMatrix, Query};
 pub use examination::Examination;
+pub use examination_path::ExaminationPath;
 pub use families::memory::Memory;
 pub use families::{hysteresis, network};
 pub use history::History;
@@ -52,4 +53,3 @@ pub use maths::hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
 pub use maths::polynomial_regression;
 pub use maths::regression::Local;
 pub use prepared::Model;
-pub use trial_path::TrialPath;

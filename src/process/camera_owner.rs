@@ -25,7 +25,7 @@ impl CameraOwner {
         frames: impl IntoIterator<Item = (u128, ExternalPose)>,
         now: Nanos,
     ) -> Option<ExternalPose> {
-        self.followed = self.followed.filter(|(_, heard)| now.since(*heard) < SILENCE);
+        self.followed = self.followed.filter(|(_, heard)| now.duration_since(*heard) < SILENCE);
         let mut chosen = None;
         for (publisher, frame) in frames {
             let (owner, heard) = self.followed.get_or_insert((publisher, now));

@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pipe_that_nobody_reads_blocks_neither_writer_nor_end_and_the_loss_is_told() {
+    fn a_pipe_that_nobody_reads_blocks_neither_writer_nor_end_and_the_loss_is_reported() {
         let (mut reader, writer) = io::pipe().unwrap();
         let mut log = ConsoleLog::start(writer).unwrap();
         let line = "x".repeat(1000);

@@ -63,7 +63,7 @@ impl MainThread<'_> {
             let now = clock::now();
             if now >= next_watchdog {
                 next_watchdog = now + WATCHDOG_PERIOD;
-                self.tell_lost_watchdog(now);
+                self.report_lost_watchdog(now);
             }
             clock::sleep(LOG_PERIOD);
         }
@@ -71,7 +71,7 @@ impl MainThread<'_> {
 
     /// A watchdog that ends, hangs or loses a port is no state of the robot, and nothing moves
     /// differently: it is told once.
-    fn tell_lost_watchdog(&mut self, now: Nanos) {
+    fn report_lost_watchdog(&mut self, now: Nanos) {
         let status = WatchdogStatus::read(&self.domain, &self.devices, now);
         let is_watched = status == WatchdogStatus::Watching;
         if std::mem::replace(&mut self.was_watched, is_watched) && !is_watched {
@@ -156,6 +156,6 @@ pub fn write_line(log: &mut dyn Write, line: fmt::Arguments<'_>) {
 
 /// A line with the wall clock and the monotonic clock of `stamp`.
 fn stamped_line(stamp: Nanos, line: fmt::Arguments<'_>) -> String {
-    let wall = wall_clock::ago(clock::now().since(stamp));
+    let wall = wall_clock::ago(clock::now().duration_since(stamp));
     format!("{wall} [{:12.6}] {line}", stamp.as_seconds())
 }

@@ -192,7 +192,7 @@ impl ModelManager {
             if let Some(found) = poll(self) {
                 return Ok(found);
             }
-            if clock::now().since(start) > REPLY_TIMEOUT {
+            if clock::now().duration_since(start) > REPLY_TIMEOUT {
                 return Err(Refused {
                     refusal: Refusal::Busy,
                     message: "the control loop does not answer".to_owned(),

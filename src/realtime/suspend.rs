@@ -29,7 +29,7 @@ impl SuspendMonitor {
     /// How long the computer slept since the last call, if it did. `suspended`:
     /// [`clock::suspended`], which never reads too much.
     pub fn update(&mut self, suspended: Nanos) -> Option<Nanos> {
-        let jump = suspended.since(self.known);
+        let jump = suspended.duration_since(self.known);
         self.known = self.known.max(suspended);
         (jump > SHORTEST).then_some(jump)
     }

@@ -48,7 +48,7 @@ impl Schedule {
     /// in the future.
     pub fn begin(&mut self, started: Nanos) -> Tick {
         let planned = self.next;
-        let missed = started.since(planned).0 / self.period.0;
+        let missed = started.duration_since(planned).0 / self.period.0;
         let tick = Tick { planned, started, missed };
         self.next = self.next + Nanos(missed.saturating_add(1).saturating_mul(self.period.0));
         tick

@@ -12,7 +12,7 @@ use i2ris::units::Nanos;
 
 use super::fitted::first_model;
 use super::random::Random;
-use super::trial::{SNAKES, Trial};
+use super::trial::{AgeingRun, SNAKES};
 
 /// Kinds of signals.
 const KINDS: u64 = 12;
@@ -82,7 +82,7 @@ const TABLE: &str = "[adaptation]\nenabled = true\n[limits]\nplausibility_deg = 
 
 /// The largest correction, and the largest rate of it beyond what the gain adds to the goal's own
 /// motion; deg and deg/s.
-fn run(seed: u64, seconds: u64, start: &Trial, model: &Arc<Model>) -> (f64, f64) {
+fn run(seed: u64, seconds: u64, start: &AgeingRun, model: &Arc<Model>) -> (f64, f64) {
     let mut on = start.branch(TABLE, model);
     on.seed(seed);
     let mut signal = Signal::new(seed);
@@ -128,7 +128,7 @@ fn run(seed: u64, seconds: u64, start: &Trial, model: &Arc<Model>) -> (f64, f64)
 
 fn campaign(seeds: impl Iterator<Item = u64>, seconds: u64) {
     let model = first_model();
-    let start = Trial::blind(TABLE, SNAKES[0], &model, &[]);
+    let start = AgeingRun::blind(TABLE, SNAKES[0], &model, &[]);
     let (mut count, mut largest, mut fastest) = (0, 0.0_f64, 0.0_f64);
     for seed in seeds {
         let (shift, rate) = run(seed, seconds, &start, &model);

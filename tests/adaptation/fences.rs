@@ -10,17 +10,17 @@ use i2ris_simulation::closed_loop::Inputs;
 
 use super::camera::{Camera, CameraPlan};
 use super::fitted::{first_model, model, model_of_plays};
-use super::trial::{ON, SNAKES, Trial, aged, gain, zero};
+use super::trial::{AgeingRun, ON, SNAKES, aged, gain, zero};
 
-fn trial(ageing: &[Change]) -> Trial {
-    Trial::new(ON, SNAKES[0], &first_model(), ageing)
+fn trial(ageing: &[Change]) -> AgeingRun {
+    AgeingRun::new(ON, SNAKES[0], &first_model(), ageing)
 }
 
-fn blind(table: &str) -> Trial {
-    Trial::blind(table, SNAKES[0], &first_model(), &[])
+fn blind(table: &str) -> AgeingRun {
+    AgeingRun::blind(table, SNAKES[0], &first_model(), &[])
 }
 
-fn has_event(trial: &Trial, event: AdaptationEvent) -> bool {
+fn has_event(trial: &AgeingRun, event: AdaptationEvent) -> bool {
     trial.events.contains(&CycleEventKind::Adaptation(event))
 }
 
@@ -116,7 +116,7 @@ fn a_stamp_that_is_late_by_30_ms_is_found() {
 }
 
 #[test]
-fn a_drift_beyond_the_budget_is_not_followed_further_and_is_said() {
+fn a_drift_beyond_the_budget_is_not_followed_further_and_is_reported() {
     let mut trial = trial(&gain(-0.3));
     trial.move_for(60.0);
     let found = trial.adaptation();
@@ -179,13 +179,13 @@ fn a_model_without_gaps_has_its_zero_followed_by_at_most_a_degree() {
     let linear = model(SNAKES[0], Family::Linear);
     // A straight line and a slip together are further off than the check allows.
     let off = "[limits]\nplausibility_deg = 0.0";
-    let mut trial = Trial::new(&format!("{ON}\n{off}"), SNAKES[0], &linear, &[]);
+    let mut trial = AgeingRun::new(&format!("{ON}\n{off}"), SNAKES[0], &linear, &[]);
     trial.move_for(60.0);
     assert_eq!(trial.adaptation().method, Method::Integral);
     // Without a gap in the model, the integral follows the branches of the loop as well as the
     // zero, up to its limit of a degree: its value is no measure of the slip, so the error is
     // judged.
-    let mut without = Trial::new(off, SNAKES[0], &linear, &[]);
+    let mut without = AgeingRun::new(off, SNAKES[0], &linear, &[]);
     without.move_for(60.0);
     for trial in [&mut trial, &mut without] {
         trial.age(zero([0.8, -0.6]));
@@ -206,9 +206,9 @@ fn a_model_without_gaps_has_its_zero_followed_by_at_most_a_degree() {
 fn a_correction_that_is_taken_back_is_replayed_to_the_bit() {
     // With plays: one of the default family follows this room, and nothing is taken back.
     let model = model_of_plays();
-    let mut trial = Trial::blind(ON, SNAKES[0], &model, &[]);
+    let mut trial = AgeingRun::blind(ON, SNAKES[0], &model, &[]);
     // A camera on the wall of a swaying room.
-    let see = |trial: &mut Trial| {
+    let see = |trial: &mut AgeingRun| {
         let sway = 0.9 * (std::f64::consts::TAU * trial.time_s / 15.0).sin();
         let [pitch, yaw] = trial.angles_deg();
         let angles = [pitch + sway, yaw - sway].map(f64::to_radians);
@@ -220,8 +220,8 @@ fn a_correction_that_is_taken_back_is_replayed_to_the_bit() {
             quality: 0.0,
         });
     };
-    let taken_back = |trial: &Trial| trial.adaptation().taken_back;
-    let mut restored: Option<Trial> = None;
+    let taken_back = |trial: &AgeingRun| trial.adaptation().taken_back;
+    let mut restored: Option<AgeingRun> = None;
     for second in 0..200 {
         // From here on the recorded state goes on beside the original.
         if second % 20 == 0 {
@@ -249,7 +249,7 @@ fn an_aged_snake_is_tracked_nearly_as_well_as_a_new_one_and_a_new_one_no_worse()
     let model = first_model();
     let errors = [vec![], aged()].map(|ageing| {
         ["", ON].map(|table| {
-            let mut trial = Trial::new(table, SNAKES[0], &model, &ageing);
+            let mut trial = AgeingRun::new(table, SNAKES[0], &model, &ageing);
             trial.move_for(50.0);
             trial.move_for(30.0)
         })

@@ -64,7 +64,7 @@ pub fn aged() -> Vec<Change> {
 }
 
 /// See above.
-pub struct Trial {
+pub struct AgeingRun {
     pub control: ClosedLoop<Robot>,
     pub camera: Option<Camera>,
     /// In the place of the camera's frame, for one tick.
@@ -75,7 +75,7 @@ pub struct Trial {
     seed: u64,
 }
 
-impl Trial {
+impl AgeingRun {
     /// Enabled and conditioned, on a snake that has aged, without a camera.
     pub fn blind(table: &str, snake: DrawnSnake, model: &Arc<Model>, ageing: &[Change]) -> Self {
         let mut robot = Robot::new(snake.build());

@@ -93,7 +93,7 @@ fn count_calls(mut bench: Bench) {
     for session in 0..20 {
         run_session(&mut bench, &models, session);
     }
-    let ticks = bench.now.since(begin).0 / bench.config.control.period().0;
+    let ticks = bench.now.duration_since(begin).0 / bench.config.control.period().0;
     assert!(ticks >= 10_000, "{ticks} ticks");
     bench.shutdown = true;
     bench.until("the end", |bench| bench.out.finished);

@@ -84,7 +84,7 @@ fn a_day_of_use_in_simulated_time_trips_nothing_and_takes_no_memory() {
         println!("hour {}: {} kB resident", hour + 1, resident());
     }
     let report = bench.report();
-    let seconds = bench.now.since(begin).0 / 1_000_000_000;
+    let seconds = bench.now.duration_since(begin).0 / 1_000_000_000;
     println!(
         "{seconds} s simulated in {:.0} s, {} commands, {} refused, {} stops by late commands",
         start.elapsed().as_secs_f64(),

@@ -163,7 +163,7 @@ fn a_drive_that_does_not_come_on_is_a_fault_and_all_go_off() {
     bench.ask(StateCommand::Enable);
     bench.until("FAULT", |bench| bench.state() == OperatingState::Fault);
     assert_eq!(bench.report().fault, Fault::DriveTimeout);
-    assert!(bench.now.since(begin) <= Nanos::from_millis(3010));
+    assert!(bench.now.duration_since(begin) <= Nanos::from_millis(3010));
     assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::Disabled; 2]);
     bench.run(20);
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);

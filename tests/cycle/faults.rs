@@ -105,7 +105,7 @@ fn positions_that_stay_away_are_a_lost_line() {
     bench.quirk(1, Quirk::Silent);
     let last_report = bench.drives[1].feedback.stamp;
     expect_fault(&mut bench, Fault::Link);
-    assert_eq!(bench.now.since(last_report), Nanos::from_millis(150));
+    assert_eq!(bench.now.duration_since(last_report), Nanos::from_millis(150));
 }
 
 #[test]
@@ -259,7 +259,7 @@ fn a_drive_that_does_not_come_to_its_quick_stop_is_switched_off() {
 }
 
 #[test]
-fn a_drive_that_is_off_is_not_asked_to_hold_later() {
+fn a_drive_that_is_off_is_not_requested_to_hold_later() {
     let mut bench = Bench::faulted();
     bench.run(10);
     assert_eq!(bench.phases()[1], AxisPhase::QuickStopped);

@@ -183,7 +183,7 @@ fn the_next_setpoint_carries_stamp_and_sequence_of_its_command() {
 
 /// The extrapolated goal may be outside while the goal is not; what is reported is the goal.
 #[test]
-fn what_is_reported_is_what_was_asked_and_not_where_it_is_heading() {
+fn what_is_reported_is_what_was_requested_and_not_where_it_is_heading() {
     let Some(lag) = lag_counts() else { return };
     let mut bench = Bench::enabled();
     let edge = 2.0 * GAIN_DEG * (HULL - lag);
@@ -218,7 +218,7 @@ impl Stream {
         let send_time = |k: u32| f64::from(k) / self.rate_hz + f64::from(k % 2) * self.jitter_s;
         let (mut k, mut worst) = (0, 0.0_f64);
         loop {
-            let now_s = (bench.now + tick).since(start).as_seconds();
+            let now_s = (bench.now + tick).duration_since(start).as_seconds();
             if now_s > seconds {
                 return worst;
             }

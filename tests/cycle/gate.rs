@@ -156,7 +156,7 @@ fn homing_against_a_stop_is_refused_while_a_fixture_counts() {
 }
 
 #[test]
-fn a_goal_that_joint_limits_cut_is_said() {
+fn a_goal_that_joint_limits_cut_is_reported() {
     let tables = "[joint_limits]\nposition_max_deg = [3.0, 9.0]";
     let mut bench = enabled(tables, standard_model());
     sweep(&mut bench, [0.0, 0.0], [5.0, 1.0], 1000, |_| {});

@@ -26,7 +26,7 @@ fn fault(bench: &mut Bench, expected: Fault) -> Measurement {
 }
 
 #[test]
-fn a_fault_tells_what_was_measured_and_of_which_motor() {
+fn a_fault_reports_what_was_measured_and_of_which_motor() {
     let mut bench = Bench::enabled();
     bench.drives[1].feedback.error_code = 0x8611;
     bench.drives[1].feedback.phase = AxisPhase::Faulted;
@@ -70,7 +70,7 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
 }
 
 #[test]
-fn the_code_of_a_drive_at_fault_is_told_when_it_is_read_and_never_as_zero() {
+fn the_code_of_a_drive_at_fault_is_reported_when_it_is_read_and_never_as_zero() {
     let mut bench = Bench::enabled();
     bench.drives[1].feedback.phase = AxisPhase::Faulted;
     assert_eq!(fault(&mut bench, Fault::Drive).to_string(), "motor 1");
@@ -84,7 +84,7 @@ fn the_code_of_a_drive_at_fault_is_told_when_it_is_read_and_never_as_zero() {
 }
 
 #[test]
-fn a_refusal_tells_what_was_measured() {
+fn a_refusal_reports_what_was_measured() {
     let Some(_) = lag_counts() else { return };
     let mut bench = Bench::enabled();
     assert_eq!(bench.joint(9.0, 0.0), Refusal::Step);
@@ -115,7 +115,7 @@ fn a_refusal_tells_what_was_measured() {
 }
 
 #[test]
-fn a_step_that_is_refused_is_told_with_the_limit_that_it_breaks() {
+fn a_step_that_is_refused_is_reported_with_the_limit_that_it_breaks() {
     let limits = strict_config("[joint_limits]\nposition_max_deg = [3.0, 9.0]");
     let mut bench = Bench::enabled_with(limits, Some(model(OutputUnit::Deg)));
     let angles = |pitch, yaw| ServoGoal::Joint(rad(pitch, yaw), 2);
@@ -145,7 +145,7 @@ fn a_step_that_is_refused_is_told_with_the_limit_that_it_breaks() {
 }
 
 #[test]
-fn a_refused_state_command_is_an_event_once_and_its_reply_tells_the_measurement() {
+fn a_refused_state_command_is_an_event_once_and_its_reply_reports_the_measurement() {
     let mut bench = Bench::standard();
     for _ in 0..20 {
         assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);

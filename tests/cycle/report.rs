@@ -112,7 +112,7 @@ fn the_state_carries_since_when_and_the_last_fault() {
 }
 
 #[test]
-fn holding_is_said_where_nothing_is_followed() {
+fn holding_is_reported_where_nothing_is_followed() {
     assert!(Bench::enabled().report().holding);
     assert!(Bench::paused().report().holding);
     assert!(!Bench::moving().report().holding);

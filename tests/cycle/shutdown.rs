@@ -10,7 +10,7 @@ fn end(bench: &mut Bench) -> Nanos {
     let begin = bench.now;
     bench.shutdown = true;
     bench.until("the end", |bench| bench.out.finished);
-    bench.now.since(begin)
+    bench.now.duration_since(begin)
 }
 
 #[test]

@@ -25,7 +25,7 @@ fn a_silent_client_is_followed_until_its_deadline_and_two_ticks_at_most() {
     let sent = bench.now + bench.config.control.period();
     assert_eq!(bench.actuator([250, -250]), Refusal::None);
     let (mut last_motion, mut before) = (bench.now, bench.targets());
-    while bench.now.since(sent) < Nanos::from_millis(500) {
+    while bench.now.duration_since(sent) < Nanos::from_millis(500) {
         bench.tick();
         if bench.targets() != before {
             (last_motion, before) = (bench.now, bench.targets());
@@ -33,13 +33,13 @@ fn a_silent_client_is_followed_until_its_deadline_and_two_ticks_at_most() {
     }
     assert!(bench.targets()[0] < 100, "it had not arrived");
     assert!(
-        last_motion.since(sent) >= Nanos::from_millis(49),
+        last_motion.duration_since(sent) >= Nanos::from_millis(49),
         "it was followed as long as it was fresh"
     );
     assert!(
-        last_motion.since(sent) < Nanos::from_millis(52),
+        last_motion.duration_since(sent) < Nanos::from_millis(52),
         "moved {:?} after the command",
-        last_motion.since(sent)
+        last_motion.duration_since(sent)
     );
     assert_eq!(bench.report().stale_stops, 1);
     assert!(bench.report().holding && bench.state() == OperatingState::Enabled);
@@ -141,8 +141,8 @@ fn disable_slows_down_settles_and_only_then_takes_the_power() {
             moved = bench.now;
         }
     }
-    assert!(moved.since(begin) <= Nanos::from_millis(2));
-    assert!(bench.now.since(moved) >= Nanos::from_millis(50));
+    assert!(moved.duration_since(begin) <= Nanos::from_millis(2));
+    assert!(bench.now.duration_since(moved) >= Nanos::from_millis(50));
     bench.idle();
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
 }
@@ -171,12 +171,16 @@ fn old_feedback_stops_the_motion_and_fresh_feedback_lets_it_go_on() {
     let mut bench = Bench::moving();
     bench.quirk(1, Quirk::Silent);
     let last_report = bench.drives[1].feedback.stamp;
-    while bench.now.since(last_report) < Nanos::from_millis(49) {
+    while bench.now.duration_since(last_report) < Nanos::from_millis(49) {
         let goal = bench.targets().map(|target| target + 100);
         assert_eq!(bench.actuator(goal), Refusal::None);
     }
     bench.tick();
-    assert!(bench.report().holding, "{:?} without a position", bench.now.since(last_report));
+    assert!(
+        bench.report().holding,
+        "{:?} without a position",
+        bench.now.duration_since(last_report)
+    );
     let goal = bench.targets();
     assert_eq!(bench.actuator(goal), Refusal::DrivesNotReady);
     let held = bench.targets();

@@ -239,7 +239,7 @@ fn a_silent_line_is_given_up_after_a_bounded_time() {
     test.line.state().silent = true;
     let begin = test.line.time();
     assert_eq!(test.link.read(NODE, POSITION), Err(LinkError::Lost));
-    let span = test.line.time().since(begin);
+    let span = test.line.time().duration_since(begin);
     assert!(span < Nanos::from_millis(500), "{span:?}");
     test.line.state().silent = false;
     test.assert_reads("found again");

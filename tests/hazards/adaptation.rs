@@ -144,7 +144,7 @@ pub fn truth(_: f64, pose: [f64; 2]) -> [f64; 2] {
 }
 
 #[test]
-fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_said() {
+fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_reported() {
     type View = fn(f64, [f64; 2]) -> [f64; 2];
     let views: [View; 4] = [
         |_, [pitch, yaw]| [yaw, pitch],

@@ -137,7 +137,7 @@ fn h12_a_late_camera_that_agrees_is_no_fault() {
 }
 
 #[test]
-fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_said() {
+fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_reported() {
     let mut bench = with_camera(120, 0.0, 1000);
     let odd =
         ExternalPose { stamp: bench.now, position: [1.0, 1.0, 0.0], outputs: 2, quality: 0.0 };
@@ -157,7 +157,7 @@ fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_said() {
 }
 
 #[test]
-fn another_camera_is_told_when_it_comes_and_as_long_as_it_publishes() {
+fn another_camera_is_reported_when_it_comes_and_as_long_as_it_publishes() {
     let mut bench = Bench::homed();
     for tick in 1..=25_000 {
         bench.ignored_frames = tick / 33;

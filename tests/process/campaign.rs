@@ -186,7 +186,7 @@ impl Scene {
             let states = self.rig.emulator.snapshot().axes.map(|axis| axis.drive.state);
             states == [State::QuickStopActive; 2]
         });
-        clock::now().since(from).0 / 1_000_000
+        clock::now().duration_since(from).0 / 1_000_000
     }
 
     /// Until the last change of a setpoint; ms since `from`.
@@ -197,7 +197,7 @@ impl Scene {
             let change = setpoints.windows(2).rev().find(|pair| pair[0].1 != pair[1].1);
             change.map_or(Nanos::ZERO, |pair| pair[1].0)
         };
-        last_change(0).max(last_change(1)).since(from).0 / 1_000_000
+        last_change(0).max(last_change(1)).duration_since(from).0 / 1_000_000
     }
 }
 
@@ -206,7 +206,7 @@ fn stream_until(client: &Client, end: &AtomicBool) -> Nanos {
     let (mut commander, start) = (client.commander(), clock::now());
     loop {
         let now = clock::now();
-        let _ = commander.servo_actuators(&swing(now.since(start).as_seconds()));
+        let _ = commander.servo_actuators(&swing(now.duration_since(start).as_seconds()));
         if end.load(Ordering::Relaxed) {
             return now;
         }

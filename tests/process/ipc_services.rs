@@ -237,7 +237,7 @@ fn without_a_controller_a_client_gets_an_error_and_creates_nothing() {
     let start = clock::now();
     let error = Client::connect(&domain, Nanos::from_millis(30)).unwrap_err();
     assert!(error.is_absent() && error.to_string().contains(domain.name()), "{error}");
-    assert!(clock::now().since(start) >= Nanos::from_millis(30));
+    assert!(clock::now().duration_since(start) >= Nanos::from_millis(30));
     let error = Watcher::new(&domain).measured_js().read().unwrap_err();
     assert!(error.is_absent());
     assert!(!domain.directory().exists());

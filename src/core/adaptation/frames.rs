@@ -53,18 +53,18 @@ impl FrameFilter {
             &mut counts.duplicate
         } else if frame.stamp < self.newest {
             &mut counts.out_of_order
-        } else if now.since(frame.stamp) > OLDEST {
+        } else if now.duration_since(frame.stamp) > OLDEST {
             &mut counts.too_old
-        } else if frame.stamp.since(self.newest) < LEAST_INTERVAL {
+        } else if frame.stamp.duration_since(self.newest) < LEAST_INTERVAL {
             &mut counts.too_frequent
         } else {
-            let interval = frame.stamp.since(self.newest);
+            let interval = frame.stamp.duration_since(self.newest);
             self.newest = frame.stamp;
             return Some(Frame {
                 stamp: frame.stamp,
                 pose: pair(&frame.position),
                 interval_s: interval.as_seconds(),
-                age_s: now.since(frame.stamp).as_seconds(),
+                age_s: now.duration_since(frame.stamp).as_seconds(),
             });
         };
         *dropped += 1;
@@ -73,7 +73,7 @@ impl FrameFilter {
 
     /// Time since the newest frame.
     pub fn silence(&self, now: Nanos) -> Nanos {
-        now.since(self.newest)
+        now.duration_since(self.newest)
     }
 }
 

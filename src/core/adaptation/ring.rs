@@ -61,7 +61,7 @@ impl RegressorRing {
 
     /// An entry is due.
     pub fn is_due(&self, stamp: Nanos) -> bool {
-        self.newest().is_none_or(|newest| stamp.since(newest.stamp) >= SPACING)
+        self.newest().is_none_or(|newest| stamp.duration_since(newest.stamp) >= SPACING)
     }
 
     pub fn push(&mut self, moment: Moment) {
@@ -81,7 +81,7 @@ impl RegressorRing {
         let moment = self.interpolate(stamp)?;
         let before = self.interpolate(stamp - RATE_SPAN).unwrap_or(moment);
         let after = self.interpolate(stamp + RATE_SPAN).unwrap_or(moment);
-        let span = after.stamp.since(before.stamp).as_seconds();
+        let span = after.stamp.duration_since(before.stamp).as_seconds();
         let change = subtract(after.gapped, before.gapped);
         let rate = if span > 0.0 { change.map(|change| change / span) } else { Pair::default() };
         Some(Regressors { moment, rate, latency_s })
@@ -90,7 +90,7 @@ impl RegressorRing {
     fn interpolate(&self, stamp: Nanos) -> Option<Moment> {
         let newest = self.newest()?;
         if stamp >= newest.stamp {
-            return (stamp.since(newest.stamp) <= NEWER).then_some(*newest);
+            return (stamp.duration_since(newest.stamp) <= NEWER).then_some(*newest);
         }
         let oldest = self.written.saturating_sub(CAPACITY);
         let mut after = newest;
@@ -111,8 +111,9 @@ impl RegressorRing {
 }
 
 fn between(before: &Moment, after: &Moment, stamp: Nanos) -> Moment {
-    let span = after.stamp.since(before.stamp).as_seconds();
-    let part = if span > 0.0 { stamp.since(before.stamp).as_seconds() / span } else { 0.0 };
+    let span = after.stamp.duration_since(before.stamp).as_seconds();
+    let part =
+        if span > 0.0 { stamp.duration_since(before.stamp).as_seconds() / span } else { 0.0 };
     let mix = |a: Pair, b: Pair| add(a, subtract(b, a).map(|change| part * change));
     Moment {
         stamp,

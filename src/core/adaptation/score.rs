@@ -55,7 +55,7 @@ impl Score {
             let error = length(error).min(LARGEST);
             *sum += error * error;
         }
-        if now.since(begun) < WINDOW || self.frames < LEAST_FRAMES {
+        if now.duration_since(begun) < WINDOW || self.frames < LEAST_FRAMES {
             return Verdict::Open;
         }
         self.last = self.sums.map(|sum| (sum / f64::from(self.frames)).sqrt());

@@ -206,7 +206,7 @@ impl CommandAdmission {
         if let Some((_, last)) = self.sequences.last(command.client_id)
             && check.check(command.stamp, deadline(command), now).is_ok()
         {
-            return Some(Measurement::of_age(last.since(command.stamp), Nanos::ZERO));
+            return Some(Measurement::of_age(last.duration_since(command.stamp), Nanos::ZERO));
         }
         Some(check.measurement(command.stamp, deadline(command), now))
     }
@@ -354,7 +354,7 @@ impl CommandAdmission {
     }
 
     fn is_broken_off(&self, client_id: u64, now: Nanos) -> bool {
-        let is_just = |(by, at): (u64, Nanos)| by != client_id && now.since(at) < BREAK;
+        let is_just = |(by, at): (u64, Nanos)| by != client_id && now.duration_since(at) < BREAK;
         self.broken_off.into_iter().flatten().any(is_just)
             || self.refusals.is_broken_off(client_id, now)
             || self.request_refusals.is_broken_off(client_id, now)

@@ -16,7 +16,7 @@ const LONGEST_DEADLINE: Nanos = Nanos::from_millis(1000);
 /// The age of a command that was sent at `stamp`, if it is stale: as old as its deadline, or older.
 #[must_use]
 pub fn stale_age(stamp: Nanos, deadline: Nanos, now: Nanos) -> Option<Nanos> {
-    let age = now.since(stamp);
+    let age = now.duration_since(stamp);
     (age >= deadline).then_some(age)
 }
 
@@ -38,12 +38,12 @@ impl DeadlineCheck {
 
     /// The age, the lead or the deadline that makes a command stale or wrongly stamped.
     pub fn measurement(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Measurement {
-        if stamp.since(now) > FUTURE_MARGIN {
-            Measurement::of_age(stamp.since(now), FUTURE_MARGIN)
+        if stamp.duration_since(now) > FUTURE_MARGIN {
+            Measurement::of_age(stamp.duration_since(now), FUTURE_MARGIN)
         } else if requested > LONGEST_DEADLINE {
             Measurement::of_age(requested, LONGEST_DEADLINE)
         } else {
-            Measurement::of_age(now.since(stamp), self.of(requested))
+            Measurement::of_age(now.duration_since(stamp), self.of(requested))
         }
     }
 
@@ -54,7 +54,7 @@ impl DeadlineCheck {
     /// [`Refusal::Stamp`] for a stamp in the future or a deadline that is too long;
     /// [`Refusal::Stale`] for a command older than its deadline.
     pub fn check(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Result<Nanos, Refusal> {
-        if stamp.since(now) > FUTURE_MARGIN || requested > LONGEST_DEADLINE {
+        if stamp.duration_since(now) > FUTURE_MARGIN || requested > LONGEST_DEADLINE {
             return Err(Refusal::Stamp);
         }
         let deadline = self.of(requested);

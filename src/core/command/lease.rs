@@ -47,7 +47,7 @@ impl Lease {
     /// Frees the lease if it has expired. Returns whether it has.
     pub fn expire(&mut self, now: Nanos) -> bool {
         let is_expired =
-            self.holder.is_some_and(|holder| now.since(holder.renewed) >= self.duration);
+            self.holder.is_some_and(|holder| now.duration_since(holder.renewed) >= self.duration);
         if is_expired {
             self.holder = None;
         }

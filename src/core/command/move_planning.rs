@@ -54,7 +54,7 @@ impl MovePlanning<'_> {
         if !self.fixtures.allows_line(trajectory.start(), &pose, &joints.goal_space()) {
             return Err(Refusal::Fixture);
         }
-        if trajectory.end_time().since(self.now) > LONGEST_MOVE {
+        if trajectory.end_time().duration_since(self.now) > LONGEST_MOVE {
             return Err(Refusal::Range);
         }
         Ok(trajectory)

@@ -217,7 +217,7 @@ impl JointCheck<'_> {
         let clipped = self.clipped(Some(from), &angles);
         self.require_return(&clipped.unwrap_or(angles), step)?;
         let interval = match self.before {
-            Some((before, _)) => self.stamp.since(before.stamp()).max(SHORTEST_LINE),
+            Some((before, _)) => self.stamp.duration_since(before.stamp()).max(SHORTEST_LINE),
             None => FIRST_LINE,
         };
         let after = interval.min(self.deadline);
@@ -247,7 +247,7 @@ impl JointCheck<'_> {
             let back = if ahead > most { 1.0 - most / ahead } else { 0.0 };
             from = zip_map(&from, &left, |from, left| from - back * left);
         }
-        let left_s = self.deadline.since(begin.since(self.stamp)).as_seconds();
+        let left_s = self.deadline.duration_since(begin.duration_since(self.stamp)).as_seconds();
         let to = zip_map(&from, rate, |from, rate| from + rate * left_s);
         let clipped = self.clipped(Some(from), &to);
         // Not more than all of it, and not "not a number" where there is no way.

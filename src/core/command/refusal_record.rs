@@ -66,7 +66,7 @@ impl RefusalRecord {
         entry.refusals.last = refusal;
         (entry.broken_off, entry.refused) = (goes_on, now);
         entry.folded = true;
-        if now.since(entry.window) >= ENTRY_AGE {
+        if now.duration_since(entry.window) >= ENTRY_AGE {
             (entry.window, entry.events) = (now, 0);
         }
         let is_event = !is_repeat && entry.events < MAX_EVENTS;
@@ -87,7 +87,7 @@ impl RefusalRecord {
     pub fn is_broken_off(&self, client_id: u64, now: Nanos) -> bool {
         let is_own = |entry: &Entry| entry.broken_off && entry.refusals.client_id == client_id;
         let own = self.entries.iter().find(|entry| is_own(entry));
-        own.is_some_and(|entry| now.since(entry.refused) < ENTRY_AGE)
+        own.is_some_and(|entry| now.duration_since(entry.refused) < ENTRY_AGE)
     }
 
     /// All entries.
@@ -101,7 +101,8 @@ impl RefusalRecord {
         let index = self.entries.iter().position(is_own).or_else(|| {
             let numbered = self.entries.iter().enumerate();
             let (index, oldest) = numbered.min_by_key(|(_, entry)| entry.refused)?;
-            let is_free = oldest.refusals.count == 0 || now.since(oldest.refused) >= ENTRY_AGE;
+            let is_free =
+                oldest.refusals.count == 0 || now.duration_since(oldest.refused) >= ENTRY_AGE;
             is_free.then_some(index)
         })?;
         let entry = self.entries.get_mut(index)?;

@@ -36,7 +36,7 @@ pub(super) struct StreamRecord {
 impl StreamRecord {
     /// Its client has to do something deliberate.
     pub fn is_broken_off(&self, now: Nanos) -> bool {
-        let was_moving = self.moved.is_some_and(|moved| self.last.since(moved) < REST);
+        let was_moving = self.moved.is_some_and(|moved| self.last.duration_since(moved) < REST);
         self.is_broken_off || was_moving && now > self.alive_until
     }
 

@@ -94,9 +94,9 @@ impl ControlCycle {
         let can_move = is_enabled && summary.is_fresh() && summary.is_homed;
         let auxiliary = self.auxiliary.as_mut()?;
         if let Some(followed) = auxiliary.followed.filter(|_| can_move)
-            && summary.now.since(followed.stamp) >= followed.deadline
+            && summary.now.duration_since(followed.stamp) >= followed.deadline
         {
-            let (client_id, age) = (followed.client_id, summary.now.since(followed.stamp));
+            let (client_id, age) = (followed.client_id, summary.now.duration_since(followed.stamp));
             self.stale_stops = self.stale_stops.saturating_add(1);
             let measurement = Measurement::of_age(age, followed.deadline);
             let kind = CycleEventKind::StaleStop { client_id, age };

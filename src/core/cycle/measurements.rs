@@ -67,7 +67,7 @@ impl ControlCycle {
     ) -> Option<Measurement> {
         match refusal {
             Refusal::DrivesNotReady => self.first_axis(|axis| {
-                let age = summary.now.since(axis.feedback().stamp);
+                let age = summary.now.duration_since(axis.feedback().stamp);
                 let is_old = axis.feedback().stamp > Nanos::ZERO && age >= summary.stale_after;
                 is_old.then(|| Measurement::of_age(age, summary.stale_after))
             }),
@@ -122,7 +122,7 @@ fn drive_measurement(
 fn link_measurement(axis: &AxisControl, summary: &DriveSummary) -> Option<Measurement> {
     let feedback = axis.feedback();
     let is_gone = matches!(feedback.phase, AxisPhase::Lost | AxisPhase::Starting);
-    let age = summary.now.since(feedback.stamp);
+    let age = summary.now.duration_since(feedback.stamp);
     if feedback.stamp > Nanos::ZERO && age >= summary.lost_after {
         return Some(Measurement::of_age(age, summary.lost_after));
     }

@@ -54,7 +54,7 @@ impl ClipEvents {
             }
         }
         self.is_present = clip.is_some();
-        let is_due = self.last.is_none_or(|last| now.since(last) >= FOLD_TIME);
+        let is_due = self.last.is_none_or(|last| now.duration_since(last) >= FOLD_TIME);
         let event = if is_due { self.pending.take() } else { None };
         if event.is_some() {
             (self.last, self.reported) = (Some(now), event);

@@ -19,7 +19,7 @@ impl EventFold {
     pub fn update(&mut self, is_present: bool, now: Nanos) -> bool {
         let is_new = is_present && !self.is_present;
         self.is_present = is_present;
-        let is_due = self.last.is_none_or(|last| now.since(last) >= FOLD_TIME);
+        let is_due = self.last.is_none_or(|last| now.duration_since(last) >= FOLD_TIME);
         if is_new && is_due {
             self.last = Some(now);
         }
@@ -40,7 +40,7 @@ pub(crate) struct OtherCameras {
 impl OtherCameras {
     /// Takes the number of their frames since the start. Returns it if it is an event now.
     pub fn update(&mut self, frames: u64, now: Nanos) -> Option<u64> {
-        let is_due = self.frames == 0 || now.since(self.told) >= PERIOD;
+        let is_due = self.frames == 0 || now.duration_since(self.told) >= PERIOD;
         let is_news = frames > self.frames && is_due;
         if is_news {
             (self.frames, self.told) = (frames, now);

@@ -22,7 +22,7 @@ impl Debounce {
         if !is_true {
             self.since = None;
         }
-        is_true && now.since(since) >= self.span
+        is_true && now.duration_since(since) >= self.span
     }
 
     /// The condition starts anew.

@@ -26,7 +26,7 @@ impl OverrunMonitor {
 
     /// Adds overruns. Returns whether the bucket is full.
     pub fn add(&mut self, overruns: u32, now: Nanos) -> bool {
-        let leaked = now.since(self.last).0 as f64 * self.leak;
+        let leaked = now.duration_since(self.last).0 as f64 * self.leak;
         self.level = (self.level - leaked).max(0.0) + f64::from(overruns);
         self.last = now;
         self.limit > 0.0 && self.level >= self.limit

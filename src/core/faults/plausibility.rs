@@ -85,7 +85,7 @@ impl PlausibilityMonitor {
 
     /// Stores the estimates of this tick.
     pub fn record_estimates(&mut self, now: Nanos, estimates: Estimates) {
-        if now.since(self.last) < SPACING || !self.is_on() {
+        if now.duration_since(self.last) < SPACING || !self.is_on() {
             return;
         }
         self.last = now;
@@ -120,7 +120,7 @@ impl PlausibilityMonitor {
         now: Nanos,
     ) -> bool {
         self.checked_since = is_checked.then(|| self.checked_since.unwrap_or(now));
-        if !is_checked || now.since(self.compared) > MAX_AGE {
+        if !is_checked || now.duration_since(self.compared) > MAX_AGE {
             self.forget_distance();
         }
         if let Some(measured) = measured
@@ -144,11 +144,11 @@ impl PlausibilityMonitor {
         let Some(since) = self.checked_since.filter(|_| self.is_on()) else {
             return PlausibilityCheck::Inactive;
         };
-        if self.compared > Nanos::ZERO && now.since(self.compared) <= MAX_AGE {
+        if self.compared > Nanos::ZERO && now.duration_since(self.compared) <= MAX_AGE {
             PlausibilityCheck::Working
-        } else if now.since(since) <= MAX_AGE {
+        } else if now.duration_since(since) <= MAX_AGE {
             PlausibilityCheck::Inactive
-        } else if now.since(self.arrived) <= MAX_AGE {
+        } else if now.duration_since(self.arrived) <= MAX_AGE {
             PlausibilityCheck::TooOld
         } else {
             PlausibilityCheck::Silent
@@ -157,7 +157,8 @@ impl PlausibilityMonitor {
 
     /// The estimates nearest to a time; `None` if there are none near it.
     fn estimates_at(&self, stamp: Nanos) -> Option<Estimates> {
-        let difference = |recorded: &Nanos| recorded.since(stamp) + stamp.since(*recorded);
+        let difference =
+            |recorded: &Nanos| recorded.duration_since(stamp) + stamp.duration_since(*recorded);
         let (nearest, estimates) = self
             .estimates
             .iter()
@@ -244,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_is_silent_or_too_late_is_said_to_check_nothing() {
+    fn a_camera_that_is_silent_or_too_late_is_reported_to_check_nothing() {
         use PlausibilityCheck::{Inactive, Silent, TooOld, Working};
         let mut monitor = moving();
         for (pose, is_checked, now, expected) in [

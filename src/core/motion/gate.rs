@@ -149,7 +149,7 @@ pub(crate) struct Gate {
 }
 
 /// A tick at the gate.
-struct Trial<'a> {
+struct GateTick<'a> {
     /// The axes before the tick.
     before: [Option<AxisControl>; MAX_MOTORS],
     /// The setpoints before, and where they come to rest in a stop, counts.
@@ -163,7 +163,7 @@ struct Trial<'a> {
     space: Option<JointSpace<'a>>,
 }
 
-/// What a trial came to.
+/// What an attempt came to.
 enum Verdict {
     Passes {
         step: OutputVec,
@@ -219,29 +219,29 @@ impl Gate {
         let Motion::Track { targets, in_hull } = motion else {
             return Ok(self.stop(axes, false));
         };
-        let mut trial = Trial::new(axes, *in_hull, space);
+        let mut tick = GateTick::new(axes, *in_hull, space);
         for attempt in ATTEMPTS {
             let mut shares = attempt.shares(axes, targets);
             for is_last in [false, true] {
                 axes.track(targets, &shares);
-                match trial.judge(axes, self)? {
+                match tick.judge(axes, self)? {
                     Verdict::Passes { step } => {
                         // After a stop, in which the setpoints may still move.
                         if self.steps == [OutputVec::default(); STEPS] {
-                            self.steps[0] = trial.last_step()?;
+                            self.steps[0] = tick.last_step()?;
                         }
-                        self.note(step, trial.compared());
+                        self.note(step, tick.compared());
                         let is_held = is_last || attempt != Attempt::All;
                         return Ok(Passed { is_held, is_stopped: false });
                     }
                     Verdict::TooFast { share } if !is_last && share > 0.0 => {
                         shares = shares.map(|whole| share * whole);
-                        axes.take_back(&trial.before);
+                        axes.take_back(&tick.before);
                     }
                     Verdict::TooFast { .. } | Verdict::Fails => break,
                 }
             }
-            axes.take_back(&trial.before);
+            axes.take_back(&tick.before);
         }
         Ok(self.stop(axes, true))
     }
@@ -286,7 +286,7 @@ impl Gate {
     }
 }
 
-impl<'a> Trial<'a> {
+impl<'a> GateTick<'a> {
     fn new(axes: &AxisGroup, in_hull: bool, space: Option<JointSpace<'a>>) -> Self {
         let before = axes.to_snapshot();
         let stopped = before.map(|axis| {

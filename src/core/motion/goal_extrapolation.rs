@@ -90,7 +90,7 @@ impl<const N: usize> GoalExtrapolation<N> {
 
     /// The next goal of the same stream.
     pub fn next(&self, goal: [f64; N], stamp: Nanos) -> Self {
-        let interval = stamp.since(self.stamp);
+        let interval = stamp.duration_since(self.stamp);
         if interval == Nanos::ZERO || interval > LONGEST {
             return Self::first(goal, stamp);
         }
@@ -118,13 +118,13 @@ impl<const N: usize> GoalExtrapolation<N> {
 
     /// The extrapolated goal now and one `tick` before, on the same straight line.
     pub fn evaluate(&self, now: Nanos, tick: Nanos) -> ([f64; N], [f64; N]) {
-        let age_s = now.since(self.stamp).as_seconds();
+        let age_s = now.duration_since(self.stamp).as_seconds();
         (self.at_age(age_s), self.at_age(age_s - tick.as_seconds()))
     }
 
     /// The extrapolated goal at a time.
     pub fn at(&self, now: Nanos) -> [f64; N] {
-        self.at_age(now.since(self.stamp).as_seconds())
+        self.at_age(now.duration_since(self.stamp).as_seconds())
     }
 
     fn at_age(&self, age_s: f64) -> [f64; N] {

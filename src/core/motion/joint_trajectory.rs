@@ -37,14 +37,14 @@ impl Line {
 
     /// The same motion until `now`, and to rest as soon as the limits allow it.
     fn shortened(&self, now: Nanos) -> Self {
-        let curve = self.curve.shortened(now.since(self.started).as_seconds());
+        let curve = self.curve.shortened(now.duration_since(self.started).as_seconds());
         let share = curve.length() / self.curve.length();
         let to = if share < 1.0 { interpolate(&self.from, &self.to, share) } else { self.to };
         Self { curve, to, ..*self }
     }
 
     fn position_at(&self, now: Nanos) -> OutputVec {
-        let fraction = self.curve.fraction(now.since(self.started).as_seconds());
+        let fraction = self.curve.fraction(now.duration_since(self.started).as_seconds());
         interpolate(&self.from, &self.to, fraction)
     }
 

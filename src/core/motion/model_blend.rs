@@ -30,7 +30,7 @@ impl ModelBlend {
 
     /// The offset at a time, rad (m); `None` once it has faded out.
     pub fn offset_at(&self, now: Nanos) -> Option<OutputVec> {
-        let age = now.since(self.started);
+        let age = now.duration_since(self.started);
         (age < BLEND).then(|| {
             let left = 1.0 - least_jerk(age.as_seconds() / BLEND.as_seconds());
             self.offset.map(|offset| left * offset)

@@ -52,7 +52,7 @@ pub(super) fn update_reset(
         let off = ControlState::Disabled(DisabledActivity::powering_off(now));
         let command = StateCommand::Acknowledge;
         Some((off, TransitionCause::Progress(Some(command))))
-    } else if now.since(since) >= RESET_TIMEOUT {
+    } else if now.duration_since(since) >= RESET_TIMEOUT {
         let stage = FaultStage::Latched { since: now, demands: ALL_OFF };
         let latched = ControlState::Fault(FaultState { cause, stage });
         Some((latched, TransitionCause::Fault(cause)))

@@ -48,7 +48,7 @@ pub(crate) fn next_transition(state: &ControlState, summary: &DriveSummary) -> O
 fn update_disabled(activity: &DisabledActivity, summary: &DriveSummary) -> Option<Transition> {
     use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
     let now = summary.now;
-    let has_passed = |since: Nanos, span: Nanos| now.since(since) >= span;
+    let has_passed = |since: Nanos, span: Nanos| now.duration_since(since) >= span;
     let step = |next| Some((ControlState::Disabled(next), TransitionCause::Progress(None)));
     let timeout = || {
         let state = ControlState::Disabled(*activity);

@@ -36,7 +36,7 @@ pub(super) fn update_latched(
     demands: [Demand; MAX_AXES],
     summary: &DriveSummary,
 ) -> Option<Transition> {
-    let is_late = summary.now.since(since) >= DRIVE_TIMEOUT;
+    let is_late = summary.now.duration_since(since) >= DRIVE_TIMEOUT;
     let mut updated = demands;
     for (demand, drive) in updated.iter_mut().zip(&summary.axes) {
         let Some(drive) = drive else { continue };

@@ -32,7 +32,7 @@ pub(super) fn update_homing(
         Some((idle, TransitionCause::Progress(None)))
     } else if summary.is_homing_done {
         fault(Fault::Homing)
-    } else if summary.now.since(since) >= HOMING_TIMEOUT {
+    } else if summary.now.duration_since(since) >= HOMING_TIMEOUT {
         fault(Fault::DriveTimeout)
     } else {
         None

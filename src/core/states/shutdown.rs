@@ -56,6 +56,6 @@ impl Shutdown {
             ControlState::Fault(_) => summary.is_off(),
             ControlState::Disabled(_) | ControlState::Enabled(_) | ControlState::Paused => false,
         };
-        is_off || summary.now.since(requested) >= SHUTDOWN_TIMEOUT
+        is_off || summary.now.duration_since(requested) >= SHUTDOWN_TIMEOUT
     }
 }

@@ -308,7 +308,8 @@ impl AxisStateMachine {
         let Some(asked) = self.position_asked.replace(reply.sent) else {
             return;
         };
-        let most = POSITION_JITTER + self.max_speed * reply.received.since(asked).as_seconds();
+        let most =
+            POSITION_JITTER + self.max_speed * reply.received.duration_since(asked).as_seconds();
         if self.feedback.homed && f64::from(before.0.abs_diff(position.0)) > most {
             self.position_mismatch = true;
             self.feedback.homed = false;

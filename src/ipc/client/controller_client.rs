@@ -45,7 +45,7 @@ impl Client {
         let link = ControllerLink::new(domain);
         let start = clock::now();
         while let Err(error) = link.session(clock::now()) {
-            if !error.is_absent() || clock::now().since(start) >= timeout {
+            if !error.is_absent() || clock::now().duration_since(start) >= timeout {
                 return Err(error);
             }
             clock::sleep(POLL_PERIOD);
@@ -169,7 +169,7 @@ impl Client {
         loop {
             match self.operating_state()? {
                 Some(state) if state.stamp_ns > start.0 && condition(&state) => return Ok(state),
-                _ if clock::now().since(start) > timeout => {
+                _ if clock::now().duration_since(start) > timeout => {
                     return Err(ClientError::Timeout { waited: timeout });
                 }
                 _ => clock::sleep(POLL_PERIOD),

@@ -138,7 +138,7 @@ impl Client {
                 }
                 _ => return Err(refused),
             };
-            if gives_up() || clock::now().since(start) > limit {
+            if gives_up() || clock::now().duration_since(start) > limit {
                 return Err(refused);
             }
             clock::sleep(REPEAT_PERIOD);
@@ -179,20 +179,20 @@ impl Client {
                     Progress::Busy => {}
                     Progress::Done | Progress::Ended => {
                         let since = *ended.get_or_insert(now);
-                        if now.since(since) > SETTLE.max(limit_of_drives(command)) {
+                        if now.duration_since(since) > SETTLE.max(limit_of_drives(command)) {
                             return Err(ClientError::NoEffect { command });
                         }
                     }
                 }
             }
-            if now.since(heard) > SILENCE {
+            if now.duration_since(heard) > SILENCE {
                 let request = "operating_state";
                 return Err(ClientError::NoReply { request, waited: SILENCE });
             }
             if gives_up() {
                 return Err(ClientError::GivenUp { command });
             }
-            if now.since(start) > limit {
+            if now.duration_since(start) > limit {
                 return Err(ClientError::NoEffect { command });
             }
             clock::sleep(POLL_PERIOD);

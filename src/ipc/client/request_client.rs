@@ -52,7 +52,7 @@ impl<Q: Payload, R: Payload> RequestClient<Q, R> {
             }
             let now = clock::now();
             link.session(now)?;
-            if now.since(start) > timeout {
+            if now.duration_since(start) > timeout {
                 return Err(ClientError::NoReply { request: name, waited: timeout });
             }
             clock::sleep(POLL_PERIOD);

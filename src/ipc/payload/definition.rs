@@ -36,7 +36,7 @@ pub trait Message: Payload {
 
     /// Age of the values at `now`.
     fn age(&self, now: Nanos) -> Nanos {
-        now.since(self.stamp())
+        now.duration_since(self.stamp())
     }
 }
 

@@ -45,7 +45,7 @@ impl<Q: Payload, R: Payload> RequestServer<Q, R> {
 
     /// Drops old requests and receives the next one, which gets this token.
     fn poll(&mut self, now: Nanos, token: u64) -> Result<Option<(Q, Process)>, TransportError> {
-        self.pending.retain(|_, (since, _)| now.since(*since) < timeout(self.service));
+        self.pending.retain(|_, (since, _)| now.duration_since(*since) < timeout(self.service));
         let received = self.port.receive().map_err(failed("receive", self.service.service()))?;
         Ok(received.map(|active| {
             let (request, process) = (*active, Process::of_port(active.origin().value()));

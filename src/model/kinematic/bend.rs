@@ -67,7 +67,7 @@ mod tests {
         [[0.0, 0.0], [0.6, 0.0], [0.0, -0.5], [-0.4, 0.7], [0.8, 0.8], [-0.7, -0.2]];
 
     #[test]
-    fn the_bend_to_a_place_is_found_from_anywhere_and_the_nearest_one_is_told() {
+    fn the_bend_to_a_place_is_found_from_anywhere_and_the_nearest_one_is_reported() {
         for bend in BENDS {
             let place = tip_position(bend[0], bend[1]).position_m;
             for from in BENDS {
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tip_moves_as_asked_where_it_can_and_not_along_itself() {
+    fn the_tip_moves_as_requested_where_it_can_and_not_along_itself() {
         for bend in BENDS {
             let [pitch, yaw] = tip_position(bend[0], bend[1]).slope_m_per_rad;
             let along = [0, 1, 2].map(|at: usize| 0.3 * pitch[at] - 0.2 * yaw[at]);

@@ -64,7 +64,7 @@ impl LiveFiles {
         now: Nanos,
         begin: impl FnOnce() -> BlackBox,
     ) {
-        if self.file.is_none() || now.since(self.begun) >= self.span {
+        if self.file.is_none() || now.duration_since(self.begun) >= self.span {
             self.begun = now;
             self.number += 1;
             let [even, odd] = &self.paths;

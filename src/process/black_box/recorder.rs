@@ -133,7 +133,7 @@ impl Recorder {
             let last = quit.load(Ordering::Acquire);
             self.drain(requests, replies);
             let now = clock::now();
-            if self.fault.is_some_and(|fault| last || now.since(fault) >= AFTER_FAULT) {
+            if self.fault.is_some_and(|fault| last || now.duration_since(fault) >= AFTER_FAULT) {
                 self.fault = None;
                 self.last_fault = Some(now);
                 self.write_and_report("fault", &mut report);
@@ -199,7 +199,7 @@ impl Recorder {
         };
         let faulted = tick.outputs.events.iter().flatten().any(|event| to_fault(event.kind));
         let now = clock::now();
-        let quiet = self.last_fault.is_none_or(|last| now.since(last) >= BETWEEN_FAULTS);
+        let quiet = self.last_fault.is_none_or(|last| now.duration_since(last) >= BETWEEN_FAULTS);
         if faulted && quiet && self.fault.is_none() {
             self.fault = Some(now);
         }

@@ -37,7 +37,7 @@ impl Ring {
         while let Some(second) = self.snapshots.get(1).map(CycleSnapshot::ticks) {
             let begin = self.ticks.partition_point(|tick| tick.number <= second);
             let first = self.ticks.get(begin).map(|tick| tick.timing.tick.started);
-            if first.is_none_or(|first| newest.since(first) < self.span) {
+            if first.is_none_or(|first| newest.duration_since(first) < self.span) {
                 return;
             }
             self.ticks.drain(..begin);

@@ -20,7 +20,7 @@ const AHEAD_S: f64 = 0.02;
 /// Of [`with_jaw`], counts.
 const COUNTS_PER_DEG: f64 = -10.0;
 
-/// What the jaw is asked for, and what is known of it.
+/// What the jaw is expected for, and what is known of it.
 pub(super) struct Jaw {
     random: Random,
     goal_deg: f64,
@@ -28,9 +28,9 @@ pub(super) struct Jaw {
     /// When the followed command becomes stale; zero: none is followed.
     stale_at: Nanos,
     past: VecDeque<i32>,
-    /// Where it was in the last ticks, and where it was asked to be, counts.
+    /// Where it was in the last ticks, and where it was expected to be, counts.
     goals: VecDeque<[f64; 2]>,
-    asked: Option<f64>,
+    expected: Option<f64>,
     idle: u32,
 }
 
@@ -47,7 +47,7 @@ impl Jaw {
             stale_at: Nanos::ZERO,
             past: VecDeque::new(),
             goals: VecDeque::new(),
-            asked: None,
+            expected: None,
             idle: 0,
         };
         (Some(jaw), with_jaw(config))
@@ -98,7 +98,7 @@ impl Jaw {
             assert!(moved <= 1e-3 * limits.velocity_counts_s + 1.0, "jaw: {before} to {now}");
             self.idle = if bench.now < self.stale_at { 0 } else { self.idle + 1 };
             let is_at_rest = self.idle > self.stop_ticks(bench);
-            assert!(!is_at_rest || now == *before, "jaw: {before} to {now}, nothing is asked");
+            assert!(!is_at_rest || now == *before, "jaw: {before} to {now}, nothing is expected");
         }
         self.check_way(limits, f64::from(now), bench.now < self.stale_at);
         self.past.push_back(now);
@@ -112,9 +112,9 @@ impl Jaw {
         }
     }
 
-    /// It is between where it was and where it was asked to be, but for the way of a stop.
+    /// It is between where it was and where it was expected to be, but for the way of a stop.
     fn check_way(&mut self, limits: &LimitConfig, now: f64, is_asked: bool) {
-        let goal = self.asked.filter(|_| is_asked).unwrap_or(now);
+        let goal = self.expected.filter(|_| is_asked).unwrap_or(now);
         self.goals.push_back([now, goal]);
         if self.goals.len() > WAY {
             self.goals.pop_front();
@@ -159,7 +159,7 @@ impl Situation {
             if refusal == Refusal::None {
                 let (ServoGoal::Joint([angle, ..], _), config) = (command.goal, &self.bench.config)
                 else {
-                    unreachable!("the jaw is asked for an angle");
+                    unreachable!("the jaw is expected for an angle");
                 };
                 let step = (angle.to_degrees() * COUNTS_PER_DEG - f64::from(before)).abs();
                 let is_first = followed == Nanos::ZERO;
@@ -168,7 +168,7 @@ impl Situation {
                 let deadline = Nanos::from_millis(config.command.deadline_ms);
                 if let Some(jaw) = &mut self.jaw {
                     jaw.stale_at = command.stamp + deadline;
-                    jaw.asked = Some(angle.to_degrees() * COUNTS_PER_DEG);
+                    jaw.expected = Some(angle.to_degrees() * COUNTS_PER_DEG);
                 }
             }
         } else {

@@ -4,10 +4,10 @@
 //!
 //! `defects`: deliberate defects in the order of filters, each of which has to be found.
 
-mod acts;
-mod asked;
+mod actions;
 mod defects;
 mod drawing;
+mod expected;
 mod jaw;
 mod oracle;
 mod routes;
@@ -28,8 +28,8 @@ use i2ris_testing::cycle::{Bench, CLIENT};
 
 use crate::adaptation::random::Random;
 
-use asked::{Angles, Asked};
 use drawing::{braking, configuration, limits};
+use expected::{Angles, Expected};
 use jaw::Jaw;
 use oracle::{Limits, Oracle, SLANTED, SQUARE, Stop};
 use snake::{Snake, Wire};
@@ -149,7 +149,7 @@ impl Situation {
         let misleads = wire == Wire::Taut && config.adaptation.enabled && random.one_in(2);
         let stop = Stop::new(&config);
         let bench = Bench::enabled_with(config, Some(wire.model(1.0, hull)));
-        let way = Way::new(Asked::new(&bench.config, wire), braking(&bench.config));
+        let way = Way::new(Expected::new(&bench.config, wire), braking(&bench.config));
         let mut oracle = Oracle::new(Snake::new(wire), limits, hull, stop, way);
         oracle.set_zones(&bench, &zones);
         let mut situation = Self {
@@ -214,7 +214,7 @@ impl Situation {
         self.sent[0] = self.bench.now;
         self.leader = Some((CLIENT, self.bench.now));
         self.oracle.begin(&self.bench);
-        self.oracle.way.asked.begun_at_zero(CLIENT);
+        self.oracle.way.expected.begun_at_zero(CLIENT);
         let counting = self.zones.clone();
         self.oracle.set_zones(&self.bench, &counting);
         let applied = self.bench.report().adaptation.unwrap().applied.zero.map(f64::to_degrees);
@@ -358,13 +358,13 @@ impl Situation {
         }
         // As far as a command may: the motors do not arrive at the same time.
         if self.hull.len() == SLANTED.len() && self.random.one_in(2) {
-            let (direction, step) = (self.random.direction(), 0.98 * self.oracle.way.asked.step);
+            let (direction, step) = (self.random.direction(), 0.98 * self.oracle.way.expected.step);
             self.goal = [0, 1].map(|at: usize| self.goal[at] + step * direction[at]);
         }
         if self.random.one_in(5) {
             self.goal = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
         }
-        // Nothing is asked for, and the blend lasts.
+        // Nothing is expected for, and the blend lasts.
         if is_zero && self.rates_only {
             self.swap();
         }

@@ -9,7 +9,7 @@ use i2ris::ipc::OperatingState;
 use i2ris::units::Nanos;
 use i2ris_testing::cycle::{Bench, GAIN_DEG, HULL};
 
-use super::asked::What;
+use super::expected::What;
 use super::routes::plus;
 use super::snake::{Snake, Wire};
 use super::way::Way;
@@ -340,7 +340,7 @@ impl Oracle {
         }
         let steps = [0, 1, 2].map(|at: usize| plus(self.reported[at + 1], self.reported[at], -1.0));
         self.reported.pop_front();
-        let is_conditioning = report.busy && matches!(self.way.asked.what, What::Counts(_));
+        let is_conditioning = report.busy && matches!(self.way.expected.what, What::Counts(_));
         let jerk = bench.config.joint_limits.jerk_deg_s3;
         let is_at_rest = steps == [[0.0; 2]; 3];
         self.from_rest = is_at_rest || self.from_rest && is_conditioning;

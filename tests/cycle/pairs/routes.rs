@@ -33,7 +33,7 @@ impl Situation {
     pub(super) fn draw_route(&mut self) {
         let Some((from, to)) = self.edge() else { return };
         let here = self.present();
-        let step = STEP * self.oracle.way.asked.step;
+        let step = STEP * self.oracle.way.expected.step;
         let steps = (distance(here, from) / step).ceil().max(1.0);
         let share = (step / distance(from, to)).min(1.0);
         let lead = (1..=steps as u32).map(|step| between(here, from, f64::from(step) / steps));

@@ -85,7 +85,7 @@ impl Situation {
         if refusal == Refusal::None {
             let pose = self.pose_of(&command);
             let snake = self.wire.angles(before.setpoint);
-            self.oracle.way.asked.accept(&command, pose, snake, self.bench.report());
+            self.oracle.way.expected.accept(&command, pose, snake, self.bench.report());
             let is_slow = matches!(command.goal, ServoGoal::Interpolated(..));
             self.oracle.accepted(command.stamp, Nanos::from_millis(if is_slow { 250 } else { 50 }));
             self.oracle.in_hull = !matches!(command.goal, ServoGoal::Actuator(..));
@@ -116,7 +116,7 @@ impl Situation {
         self.sent[usize::from(command.client_id != CLIENT)] = now;
         if refusal == Refusal::None {
             let has_lease = |(client_id, renewed): (u64, Nanos)| {
-                client_id == command.client_id || now.since(renewed) >= LEASE
+                client_id == command.client_id || now.duration_since(renewed) >= LEASE
             };
             assert!(self.leader.is_none_or(has_lease), "two commanders");
             self.leader = Some((command.client_id, now));
@@ -126,7 +126,7 @@ impl Situation {
     /// Whether a client may move anything while another one holds, or has begun a motion.
     pub(super) fn judge_motion(&mut self, client_id: u64, refusal: Refusal) {
         let (at, now) = (usize::from(client_id != CLIENT), self.bench.now);
-        let since = self.held[at].map(|held| now.since(held.max(self.sent[at])));
+        let since = self.held[at].map(|held| now.duration_since(held.max(self.sent[at])));
         let is_held = since.is_some_and(|silent| silent < BREAK);
         assert!(refusal != Refusal::None || !is_held, "a client goes on that was held");
         // A silence ends it, whatever the first command after it is refused for.

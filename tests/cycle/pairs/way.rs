@@ -1,6 +1,6 @@
-//! The way: at no time is the setpoint anywhere but between where it was and where it was asked
+//! The way: at no time is the setpoint anywhere but between where it was and where it was expected
 //! to go. Nothing that a stage adds may lead it further: neither the blend of a swap, which ends
-//! where it was asked to, nor a correction.
+//! where it was expected to, nor a correction.
 
 use std::collections::VecDeque;
 
@@ -8,7 +8,7 @@ use i2ris::ipc::OperatingState;
 use i2ris::units::Nanos;
 use i2ris_testing::cycle::Bench;
 
-use super::asked::{Angles, Asked, What};
+use super::expected::{Angles, Expected, What};
 use super::oracle::adapted;
 use super::routes::plus;
 use super::snake::Snake;
@@ -32,7 +32,7 @@ fn views([pitch, yaw]: Angles) -> Views {
     [pitch, yaw, 0.5 * (pitch - yaw), 0.5 * (pitch + yaw)]
 }
 
-/// A tick: where the setpoint was, and what was asked.
+/// A tick: where the setpoint was, and what was expected.
 struct Entry {
     seen: Angles,
     /// Between these the goals were.
@@ -46,7 +46,7 @@ struct Entry {
 }
 
 pub struct Way {
-    pub asked: Asked,
+    pub expected: Expected,
     past: VecDeque<Entry>,
     /// The disagreement of the models at the last swap, and when it has faded out.
     blend: (f64, Nanos),
@@ -56,9 +56,9 @@ pub struct Way {
 }
 
 impl Way {
-    pub fn new(asked: Asked, braking: f64) -> Self {
+    pub fn new(expected: Expected, braking: f64) -> Self {
         let past = VecDeque::new();
-        Self { asked, past, blend: (0.0, Nanos::ZERO), braking, ticks: 0 }
+        Self { expected, past, blend: (0.0, Nanos::ZERO), braking, ticks: 0 }
     }
 
     /// The snake is seen anew.
@@ -76,7 +76,7 @@ impl Way {
     pub fn check(&mut self, bench: &Bench, snake: &Snake, seen: Angles) {
         let report = bench.report();
         if report.holding || report.state != OperatingState::Enabled {
-            self.asked.what = What::Nothing;
+            self.expected.what = What::Nothing;
         }
         self.note(bench, snake, seen);
         self.ticks += 1;
@@ -92,8 +92,8 @@ impl Way {
         let before = self.past.back().map_or(seen, |entry| entry.seen);
         let from = adapted(bench, before);
         let mut points = vec![from];
-        points.extend(self.asked.goals(bench.now, from).into_iter().flatten());
-        if let What::Counts([low, high]) = self.asked.what {
+        points.extend(self.expected.goals(bench.now, from).into_iter().flatten());
+        if let What::Counts([low, high]) = self.expected.what {
             let corners = [low, [low[0], high[1]], [high[0], low[1]], high];
             points.extend(corners.map(|corner| adapted(bench, snake.pose(corner))));
         }
@@ -102,7 +102,7 @@ impl Way {
             low = [0, 1, 2, 3].map(|view: usize| low[view].min(point[view]));
             high = [0, 1, 2, 3].map(|view: usize| high[view].max(point[view]));
         }
-        let (rate, ahead) = self.asked.rate(bench.now).unwrap_or_default();
+        let (rate, ahead) = self.expected.rate(bench.now).unwrap_or_default();
         let by_rate = views(rate).map(|rate| 1e-3 * rate);
         let is_blending = bench.now < self.blend.1;
         let is_around = bench.report().limited_by_fixture.is_some();
@@ -139,20 +139,20 @@ impl Way {
         let most = TOLERANCE_DEG + around + self.overshoot();
         assert!(
             excess <= most,
-            "{excess} deg beyond what was asked, {most}: {last:?}, {low:?} to {high:?}, \
+            "{excess} deg beyond what was expected, {most}: {last:?}, {low:?} to {high:?}, \
              {down:?} {up:?} {ahead}, {:?}",
-            self.asked.what
+            self.expected.what
         );
     }
 
-    /// Motion that is not asked for any more takes its way to end.
+    /// Motion that is not expected for any more takes its way to end.
     fn overshoot(&self) -> f64 {
         let pairs = self.past.iter().zip(self.past.iter().skip(SPEED)).step_by(SPEED);
         let ways = pairs.map(|(from, to)| plus(to.seen, from.seen, -1.0));
         let speeds = ways.map(|[pitch, yaw]| pitch.hypot(yaw) / (1e-3 * SPEED as f64));
         let fastest = speeds.fold(0.0, f64::max);
         // A move that another one takes the place of comes to rest more slowly.
-        let slow_s = if let What::Pose(_) = self.asked.what { 0.12 } else { 0.02 };
+        let slow_s = if let What::Pose(_) = self.expected.what { 0.12 } else { 0.02 };
         0.5 * fastest * fastest / self.braking + slow_s * fastest
     }
 }

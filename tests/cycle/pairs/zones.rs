@@ -3,7 +3,7 @@
 
 use i2ris::core::{FixtureSpace, SimpleRegion, SimpleShape};
 
-use super::asked::Angles;
+use super::expected::Angles;
 use super::snake::Wire;
 use crate::adaptation::random::Random;
 

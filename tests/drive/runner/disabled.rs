@@ -11,7 +11,7 @@ fn position_status_error_and_current_are_reported() {
     assert_eq!((feedback.phase, feedback.homed), (AxisPhase::Disabled, true));
     assert!(feedback.counters.exchanges > 40);
     assert_eq!(feedback.written, None);
-    assert!(rig.line.time().since(feedback.stamp) < Nanos::from_millis(10));
+    assert!(rig.line.time().duration_since(feedback.stamp) < Nanos::from_millis(10));
 }
 
 #[test]

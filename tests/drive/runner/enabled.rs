@@ -30,7 +30,7 @@ fn the_written_target_is_reported_with_its_request() {
     assert_eq!(written.target, Counts(130));
     assert!((sequence..=newest).contains(&written.sequence), "{written:?}");
     assert_eq!((written.command_stamp, written.command_sequence), (Nanos(77), 9));
-    assert!(written.stamp <= now && now.since(written.stamp) < Nanos::from_millis(20));
+    assert!(written.stamp <= now && now.duration_since(written.stamp) < Nanos::from_millis(20));
     assert_eq!(rig.feedback().position, Counts(130));
 }
 
@@ -80,7 +80,7 @@ fn the_line_is_never_idle() {
     let (begin, before) = (rig.line.time(), rig.feedback().counters.exchanges);
     rig.turns(1000);
     let exchanges = rig.feedback().counters.exchanges - before;
-    let span = rig.line.time().since(begin).as_seconds();
+    let span = rig.line.time().duration_since(begin).as_seconds();
     // 24 bytes of ten bits at 115200 baud, and 0.3 ms of processing.
     let possible = span / (24.0 * 10.0 / 115_200.0 + 0.3e-3);
     assert!(exchanges as f64 > 0.99 * possible, "{exchanges} of {possible:.0}");

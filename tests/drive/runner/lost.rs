@@ -20,7 +20,7 @@ fn a_silent_line_is_lost_before_the_control_loop_faults() {
     let begin = rig.line.time();
     rig.line.state().silent = true;
     rig.until(AxisPhase::Lost);
-    assert!(rig.line.time().since(begin) < Nanos::from_millis(400));
+    assert!(rig.line.time().duration_since(begin) < Nanos::from_millis(400));
 }
 
 #[test]
@@ -93,7 +93,7 @@ fn an_unplugged_cable_is_lost_at_once_and_does_not_spin() {
     assert_eq!(rig.phase(), AxisPhase::Lost);
     let begin = rig.line.time();
     rig.turns(100);
-    assert!(rig.line.time().since(begin) >= Nanos::from_millis(1000));
+    assert!(rig.line.time().duration_since(begin) >= Nanos::from_millis(1000));
 }
 
 #[test]

@@ -14,7 +14,7 @@ const DEAD: usize = 1;
 const LIVING: [usize; 2] = [0, 2];
 
 /// When the gateway was asked for the dead one in vain.
-fn asked_in_vain(rig: &Rig) -> Vec<Nanos> {
+fn unanswered(rig: &Rig) -> Vec<Nanos> {
     let in_vain = EventKind::Line(LineTrouble::NoAnswer);
     let log = rig.emulator.log().into_iter();
     log.filter(|it| (it.axis, it.kind) == (DEAD, in_vain)).map(|it| it.stamp).collect()
@@ -41,7 +41,7 @@ fn check_stops(rig: &Rig, silent: Nanos, since: Nanos, most: usize) {
         assert_eq!(state, State::QuickStopActive, "motor {axis}");
         last = last.max(stamp);
     }
-    let waits = asked_in_vain(rig).into_iter().filter(|at| (since..last).contains(at)).count();
+    let waits = unanswered(rig).into_iter().filter(|at| (since..last).contains(at)).count();
     assert!(waits <= most, "the gateway waited {waits} times for the dead one");
 }
 
@@ -49,7 +49,7 @@ fn check_watchdog(signal: Signal) {
     let mut watched = WatchedRig::with(Rig::with_jaw_behind(GATEWAY_MS), 3000);
     let silent = clock::now();
     watched.rig.emulator.silence(DEAD, true);
-    wait_until("the gateway waits", || !asked_in_vain(&watched.rig).is_empty());
+    wait_until("the gateway waits", || !unanswered(&watched.rig).is_empty());
     let since = clock::now();
     watched.rig.signal(signal);
     // A tick may not have told yet that the dead one owes an answer. Where this test had to wait for

@@ -104,13 +104,13 @@ impl Rate {
         run_turn(*period, spin, ticker, || {
             let begin = clock::now();
             cycle.step()?;
-            tick.push(clock::now().since(begin));
+            tick.push(clock::now().duration_since(begin));
             Ok(())
         })?;
         run_turn(*period, spin, adapting_late, || {
             let begin = clock::now();
             let has_frame = adapting.step()?;
-            let time = clock::now().since(begin);
+            let time = clock::now().duration_since(begin);
             adapting_tick.push(time);
             if has_frame {
                 with_frame.push(time);
@@ -121,7 +121,7 @@ impl Rate {
             run_turn(*period, spin, &mut Durations::new(WARM_UP), || {
                 let begin = clock::now();
                 cycle.step()?;
-                durations.push(clock::now().since(begin));
+                durations.push(clock::now().duration_since(begin));
                 Ok(())
             })?;
         }
@@ -197,7 +197,7 @@ fn run_turn(
         let tick = ticker.wait();
         lateness.push(tick.started - tick.planned);
         work()?;
-        if tick.started.since(start) > TURN {
+        if tick.started.duration_since(start) > TURN {
             return Ok(());
         }
     }

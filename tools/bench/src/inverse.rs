@@ -105,14 +105,14 @@ fn measure(rounds: u32, run: Run) -> Result<Found, BenchError> {
 /// The duration of nothing: the floor of all durations of a call.
 pub fn two_clock_readings() -> Nanos {
     let begin = clock::now();
-    clock::now().since(begin)
+    clock::now().duration_since(begin)
 }
 
 /// The duration of an inverse.
 fn inverse_time(model: &Model, tick: &QueryTick) -> Nanos {
     let begin = clock::now();
     black_box(model.invert(black_box(&tick.goal), &tick.memory, &tick.query));
-    clock::now().since(begin)
+    clock::now().duration_since(begin)
 }
 
 impl MeasuredModel {
@@ -127,7 +127,7 @@ impl MeasuredModel {
             self.inverse.push(inverse_time(&self.model, tick));
             let begin = clock::now();
             black_box(self.model.predict(black_box(&tick.query.start), &tick.memory));
-            self.forward.push(clock::now().since(begin));
+            self.forward.push(clock::now().duration_since(begin));
         }
     }
 }

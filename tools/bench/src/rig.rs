@@ -100,7 +100,7 @@ pub fn setpoint_intervals(
         };
         let stamps: Vec<Nanos> = log.iter().filter(within).map(|event| event.stamp).collect();
         for round in stamps.windows(visits + 1) {
-            durations.push(round[visits].since(round[0]));
+            durations.push(round[visits].duration_since(round[0]));
         }
     }
     durations

@@ -163,7 +163,7 @@ fn bare_loop(rig: &DriveRig, axes: usize, seconds: f64, run: Run) -> Result<Line
         let exchanges = (after - before) as f64 / loops.len() as f64;
         Ok(LineUsage {
             intervals: setpoint_intervals(&rig.emulator.log(), [begin, end], visits),
-            exchanges_per_s: exchanges / end.since(begin).as_seconds(),
+            exchanges_per_s: exchanges / end.duration_since(begin).as_seconds(),
             timeouts: 0,
         })
     })
@@ -173,7 +173,7 @@ fn bare_loop(rig: &DriveRig, axes: usize, seconds: f64, run: Run) -> Result<Line
 fn move_sine(seconds: f64, run: Run, mut set: impl FnMut(i32)) -> Result<(), BenchError> {
     let begin = clock::now();
     loop {
-        let t = clock::now().since(begin).as_seconds();
+        let t = clock::now().duration_since(begin).as_seconds();
         if t >= seconds {
             return Ok(());
         }
@@ -232,7 +232,7 @@ fn measure_driver(
     let exchanges = count(|line| line.exchanges) as f64 / EMULATED as f64;
     Ok(LineUsage {
         intervals: setpoint_intervals(&rig.emulator.log(), [begin, end], [1, 1]),
-        exchanges_per_s: exchanges / end.since(begin).as_seconds(),
+        exchanges_per_s: exchanges / end.duration_since(begin).as_seconds(),
         timeouts: count(|line| line.timeouts),
     })
 }
@@ -244,7 +244,7 @@ fn wait_for_phase(
 ) -> Result<(), BenchError> {
     let start = clock::now();
     while links.iter_mut().any(|link| link.feedback.read().phase != phase) {
-        if clock::now().since(start) > TIMEOUT {
+        if clock::now().duration_since(start) > TIMEOUT {
             return Err(busy("the emulated drives were not enabled"));
         }
         for (link, request) in links.iter_mut().zip(&mut *requests) {

@@ -65,7 +65,7 @@ impl Hand {
     fn push(&mut self, now: Nanos, away: [f64; 2]) -> [f64; 2] {
         self.seen.push_back((now, away));
         while let Some((at, away)) = self.seen.front()
-            && now.since(*at) >= self.reaction
+            && now.duration_since(*at) >= self.reaction
         {
             self.answered = *away;
             self.seen.pop_front();

@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_tells_what_is_fitted_and_how_long_it_takes() {
+    fn a_line_reports_what_is_fitted_and_how_long_it_takes() {
         let work = Work {
             name: "gmr".to_owned(),
             from: 0.0,

@@ -172,7 +172,7 @@ fn wait(
         if interrupt.came() {
             return Err("interrupted".into());
         }
-        if clock::now().since(start) > START_TIMEOUT {
+        if clock::now().duration_since(start) > START_TIMEOUT {
             let seconds = START_TIMEOUT.as_seconds();
             return Err(format!("{what} did not appear within {seconds} s").into());
         }

@@ -59,7 +59,7 @@ pub struct History {
 impl History {
     /// Adds a sample, if one is due.
     pub fn sample(&mut self, view: &LatestMessages, now: Nanos) {
-        if self.samples.last().is_some_and(|last| now.since(last.stamp) < SAMPLE_PERIOD) {
+        if self.samples.last().is_some_and(|last| now.duration_since(last.stamp) < SAMPLE_PERIOD) {
             return;
         }
         self.samples.push(sample(view, now));
@@ -80,7 +80,7 @@ impl History {
             self.waiting.back().map(Message::stamp).or(self.frames.last().map(|frame| frame.stamp));
         // Stamps that do not increase come from a restarted camera, or from a second one.
         if last.is_some_and(|last| {
-            camera.stamp().since(last) < SAMPLE_PERIOD && camera.stamp() >= last
+            camera.stamp().duration_since(last) < SAMPLE_PERIOD && camera.stamp() >= last
         }) {
             return;
         }
@@ -124,8 +124,8 @@ impl History {
         for (read, counts) in self.samples.entries.iter().rev().map_while(reading) {
             if read <= instant {
                 let (next, there) = later?;
-                let share =
-                    instant.since(read).as_seconds() / next.since(read).as_seconds().max(1e-9);
+                let share = instant.duration_since(read).as_seconds()
+                    / next.duration_since(read).as_seconds().max(1e-9);
                 return Some(counts + share * (there - counts));
             }
             later = Some((read, counts));
@@ -171,7 +171,7 @@ fn is_read(motors: Option<&ActuatorState>, now: Nanos) -> bool {
             .measured_stamp_ns
             .iter()
             .take(count(motors.count))
-            .all(|stamp| *stamp > 0 && now.since(Nanos(*stamp)) <= STALE)
+            .all(|stamp| *stamp > 0 && now.duration_since(Nanos(*stamp)) <= STALE)
     })
 }
 

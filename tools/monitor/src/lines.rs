@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_sees_nothing_or_fell_silent_is_told() {
+    fn a_camera_that_sees_nothing_or_fell_silent_is_reported() {
         let camera = |stamp_ns, flags| {
             let seen = ExternalPosition { stamp_ns, flags, count: 2, ..Default::default() };
             text(&LatestMessages { camera: Some(seen), ..messages() }, NOW)
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fault_and_a_fresh_refusal_are_told_with_what_to_do() {
+    fn the_fault_and_a_fresh_refusal_are_reported_with_what_to_do() {
         let reason = |cause, measurement| ReasonMsg::new(&Reason { cause, measurement }, 0, NOW);
         let measurement =
             Some(Measurement::new(Quantity::Milliseconds, 612.0, Some(200.0)).of_motor(1));

@@ -117,7 +117,10 @@ fn plain(
     let start = clock::now();
     let (mut screen, mut dashboard) = (Screen::stdout(), Dashboard::default());
     let (mut next_line, mut open) = (start + READ_PERIOD + READ_PERIOD, true);
-    while open && !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {
+    while open
+        && !interrupt.came()
+        && span.is_none_or(|span| clock::now().duration_since(start) < span)
+    {
         let now = clock::now();
         subscriptions.refresh(&mut dashboard, now);
         if now >= next_line {

@@ -38,7 +38,7 @@ pub fn run(
         }
         receive(&mut error, &mut errors)?;
         receive(&mut warning, &mut warnings)?;
-        let waited = now.since(start);
+        let waited = now.duration_since(start);
         if waited > FIRST_MESSAGES || dashboard.messages.is_complete() && waited > LAST_REASONS {
             break now;
         }

@@ -81,7 +81,7 @@ impl Session {
         let mut next_draw = start;
         while !self.key_handler.quit
             && !interrupt.came()
-            && span.is_none_or(|span| clock::now().since(start) < span)
+            && span.is_none_or(|span| clock::now().duration_since(start) < span)
         {
             let typed = self.keys()?;
             self.poll_models();

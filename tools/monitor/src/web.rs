@@ -58,7 +58,7 @@ pub fn run(domain: &Domain, address: ListenAddress, span: Option<Nanos>) -> Resu
     let model_poller = ModelPoller::start(domain);
     let mut subscriptions = Subscriptions::new(domain);
     let start = clock::now();
-    while !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {
+    while !interrupt.came() && span.is_none_or(|span| clock::now().duration_since(start) < span) {
         let now = clock::now();
         let mut dashboard = source.dashboard();
         if subscriptions.refresh(&mut dashboard, now) {

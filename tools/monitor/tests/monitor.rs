@@ -78,7 +78,7 @@ fn it_ends_well_with_ctrl_c_and_with_its_reader() {
 }
 
 #[test]
-fn a_controller_that_went_away_is_told_not_hidden() {
+fn a_controller_that_went_away_is_reported_not_hidden() {
     let controller = Controller::enabled();
     let mut program = Program::start(&controller.domain, &["status", "--watch"]);
     let mut lines = BufReader::new(program.child().stdout.take().unwrap()).lines();

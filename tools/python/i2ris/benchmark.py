@@ -58,8 +58,8 @@ Floats = NDArray[np.float64]
 class Snake:
     """An emulated snake with motors in front of it: ``Snake("preisach", seed=3)``."""
 
-    def __init__(self, physics: str, seed: int = 1, worn: bool = False) -> None:
-        self._native = _native.Snake(physics, seed, worn)
+    def __init__(self, physics: str, seed: int = 1, aged: bool = False) -> None:
+        self._native = _native.Snake(physics, seed, aged)
 
     def step(self, counts: ArrayLike, ticks: int = 1) -> Floats:
         """So many ticks of a millisecond with these set-points; the true pitch and yaw, deg."""
@@ -130,12 +130,12 @@ class Case:
         Path(self.folder).mkdir(parents=True, exist_ok=True)
         return Path(self.folder)
 
-    def _made(self, name: str, protocol: str, duration_s: float, noise: float, late: int, seed: int, worn: bool) -> Path:
+    def _made(self, name: str, protocol: str, duration_s: float, noise: float, late: int, seed: int, aged: bool) -> Path:
         path = self._folder / f"{name}.csv"
         if not path.exists():
             _native.record(
                 path, self.physics, self.seed, protocol=protocol, duration_s=duration_s, noise_deg=noise,
-                latency_ms=late, first_seed=seed, worn=worn,
+                latency_ms=late, first_seed=seed, aged=aged,
             )  # fmt: skip
             expected = digests().get(name)
             found = hashlib.sha256(path.read_bytes()).hexdigest()

@@ -72,7 +72,7 @@ fn newest(client: &mut Client, span: Nanos) -> Result<Option<OperatingStateMsg>,
     let start = clock::now();
     loop {
         let state = client.operating_state()?;
-        if state.is_some() || clock::now().since(start) > span {
+        if state.is_some() || clock::now().duration_since(start) > span {
             return Ok(state);
         }
         clock::sleep(POLL_PERIOD);

@@ -31,7 +31,7 @@ impl Moment {
 
     /// Unix time of an instant that has passed.
     pub fn unix_ns_at(&self, monotonic: Nanos) -> u64 {
-        self.unix_ns.saturating_sub(self.monotonic.since(monotonic).0)
+        self.unix_ns.saturating_sub(self.monotonic.duration_since(monotonic).0)
     }
 
     /// The instant of a Unix time that has passed, at most `limit` ago. Now for times to come: a
@@ -59,7 +59,7 @@ impl SenderClock {
         // Wraps for absurd stamps, which gives an absurd age.
         let lead = (arrived.0 as i64).wrapping_sub(sent_ns as i64);
         let known = self.smallest.map(|(known, at)| {
-            let drift = (arrived.since(at).0 as f64 * DRIFT) as i64;
+            let drift = (arrived.duration_since(at).0 as f64 * DRIFT) as i64;
             (known.saturating_add(drift), at.max(arrived))
         });
         let (smallest, at) = known.unwrap_or((lead, arrived));

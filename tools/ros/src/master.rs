@@ -107,11 +107,11 @@ impl Follower {
     /// The events of a message; `None` while the master has no centre.
     fn events(&mut self, at: [f64; 2], now: Nanos) -> Option<Vec<u8>> {
         let (is_pressed, heard) = self.pedal;
-        let is_pressed = is_pressed && now.since(heard) <= Nanos::from_millis(DEAD_MAN_MS);
+        let is_pressed = is_pressed && now.duration_since(heard) <= Nanos::from_millis(DEAD_MAN_MS);
         let away = |from: [f64; 2]| (at[0] - from[0]).hypot(at[1] - from[1]) / self.full;
         match self.still {
             Some((place, since)) if away(place) < STILL => {
-                if !is_pressed && now.since(since) >= STILL_FOR {
+                if !is_pressed && now.duration_since(since) >= STILL_FOR {
                     self.centre = Some(at);
                 }
             }
@@ -233,7 +233,7 @@ pub fn follow(
                 // Who reads is late, or gone: the next message tells all again.
                 let _ = plug.as_mut().map(|plug| write_frame(&mut plug.pipe, now, &events));
             }
-        } else if plug.is_some() && now.since(heard) > SILENCE {
+        } else if plug.is_some() && now.duration_since(heard) > SILENCE {
             say(&format!("/{} is silent: unplugged until it speaks again", options.arm));
             (plug, follower) = (None, Follower::new(options.full));
         }

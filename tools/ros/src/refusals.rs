@@ -49,7 +49,7 @@ impl Refusals {
     /// Takes in a refusal, and returns the line to say at once.
     pub fn add(&mut self, refused: Refused, now: Nanos) -> Option<String> {
         if self.kinds.len() >= KINDS {
-            self.kinds.retain(|(said, _)| now.since(*said) < PERIOD);
+            self.kinds.retain(|(said, _)| now.duration_since(*said) < PERIOD);
         }
         if self.kinds.len() >= KINDS {
             self.kinds.clear();
@@ -68,7 +68,7 @@ impl Refusals {
     pub fn due(&mut self, now: Nanos) -> Vec<String> {
         let mut lines = Vec::new();
         self.kinds.retain_mut(|(said, refused)| {
-            if now.since(*said) < PERIOD {
+            if now.duration_since(*said) < PERIOD {
                 return true;
             }
             if refused.count == 0 {
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn repeats_are_counted_and_said_once_a_second() {
+    fn repeats_are_counted_and_reported_once_a_second() {
         let ms = |ms: u64| Nanos::from_millis(5000 + ms);
         let mut refusals = Refusals::default();
         let mut add = |reason, at| refusals.add(refused("/arm", reason), at);

@@ -17,7 +17,7 @@ use crate::common::{ROBOT, start};
 use crate::peer::{Peer, publisher, qos};
 
 #[test]
-fn a_state_that_is_there_already_is_said_again() {
+fn a_state_that_is_there_already_is_reported_again() {
     let (_robot, bridge, mut peer) = start(&[]);
     peer.enable();
     let now = || {
@@ -68,7 +68,7 @@ fn joints_go_by_their_names_and_those_of_another_robot_are_refused() {
 }
 
 #[test]
-fn a_velocity_that_is_not_used_is_said_once() {
+fn a_velocity_that_is_not_used_is_reported_once() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.enable();
     let goal = |velocity| JointState {
@@ -375,7 +375,7 @@ fn ask<Q: Message + Clone + 'static, R: Message + 'static>(
     let client = peer.node.create_client::<Q, R>(mapping, &full, &kind, qos.clone(), qos).unwrap();
     let mut sent = Nanos::ZERO;
     wait_until(name, || {
-        if clock::now().since(sent) > Nanos::from_millis(1000) {
+        if clock::now().duration_since(sent) > Nanos::from_millis(1000) {
             let _ = client.send_request(request.clone());
             sent = clock::now();
         }

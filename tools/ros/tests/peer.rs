@@ -178,7 +178,7 @@ impl Peer {
     pub fn command_until(&mut self, word: &str, wanted: impl Fn(&OperatingState) -> bool) {
         let mut sent = Nanos::ZERO;
         wait_until(word, || {
-            if clock::now().since(sent) > Nanos::from_millis(3000) {
+            if clock::now().duration_since(sent) > Nanos::from_millis(3000) {
                 self.command(word);
                 sent = clock::now();
             }

@@ -79,7 +79,7 @@ fn a_move_of_length_zero_is_busy_and_then_not_and_stamps_rise() {
 }
 
 #[test]
-fn one_who_comes_late_gets_the_state_and_what_was_said() {
+fn a_late_subscriber_gets_the_state_and_earlier_reports() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.enable();
     let mut late = Peer::new(peer.node.domain_id(), ROBOT, "late");
@@ -95,7 +95,7 @@ fn one_who_comes_late_gets_the_state_and_what_was_said() {
 }
 
 #[test]
-fn what_was_said_before_the_bridge_came_is_not_said_again() {
+fn reports_from_before_the_start_are_not_repeated() {
     let (mut robot, domain) = (robot(), ros_domain());
     let refused = robot.client().state_command(StateCommand::Enable);
     assert!(refused.is_err(), "it is not homed");
@@ -230,14 +230,14 @@ fn a_camera_of_ros_feeds_the_controller() {
         seen.newest().ok().flatten().filter(ours).map(|seen| (seen, clock::now()))
     });
     let (measurement, now) = found;
-    let age = now.since(Nanos(measurement.stamp_ns));
+    let age = now.duration_since(Nanos(measurement.stamp_ns));
     assert!(age >= Nanos::from_millis(30), "the exposure, not the arrival: {age:?}");
     peer.send("external/measured_jp", &[f64::NAN, 0.0]);
     peer.wait_for_line("warning", "external/measured_jp: a position is not finite");
 }
 
 #[test]
-fn quality_of_service_that_does_not_fit_is_said() {
+fn quality_of_service_that_does_not_fit_is_reported() {
     let (robot, _bridge, mut peer) = start(&[]);
     peer.enable();
     let best_effort = QosProfile::subscription_default();

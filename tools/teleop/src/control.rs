@@ -112,9 +112,9 @@ impl Control {
             Some([self.shape(right, axes[0], device), self.shape(up, axes[1], device)])
         });
         if push.is_some_and(|push| push != [0.0; 2]) {
-            if now.since(state.last_event()) > self.silence {
+            if now.duration_since(state.last_event()) > self.silence {
                 fault = Some(Fault::Silent);
-            } else if now.since(state.last_change()) > self.repeat {
+            } else if now.duration_since(state.last_change()) > self.repeat {
                 fault = Some(Fault::Repeats);
             }
         }
@@ -125,8 +125,8 @@ impl Control {
         // A clock that is ahead of this one tells no time.
         let newest = newest.filter(|newest| *newest <= now);
         // Not the last event: the kernel repeats a held key by itself.
-        let is_unheard =
-            dead_man == Some(DeadMan::Pressed) && now.since(state.last_change()) > self.held;
+        let is_unheard = dead_man == Some(DeadMan::Pressed)
+            && now.duration_since(state.last_change()) > self.held;
         Reading { push, dead_man, is_unheard, fault, scale_steps, marks, newest }
     }
 
@@ -148,7 +148,8 @@ impl Control {
                         (f64::from(value?.value) - 0.5 * (low + high)) / (0.5 * (high - low))
                     }
                     _ => {
-                        let fresh = value.filter(|value| now.since(value.came) <= RELATIVE_TIMEOUT);
+                        let fresh = value
+                            .filter(|value| now.duration_since(value.came) <= RELATIVE_TIMEOUT);
                         fresh.map_or(0.0, |value| f64::from(value.value) / self.relative_range)
                     }
                 },

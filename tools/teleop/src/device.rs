@@ -135,7 +135,7 @@ impl Device {
                 let stream = Stream::Played(parser, EvdevDecoder::default());
                 return Ok(Self::with(path, description, file, stream));
             }
-            if clock::now().since(start) >= within || !is_pipe {
+            if clock::now().duration_since(start) >= within || !is_pipe {
                 return Err(wrong(RecordingError::Head));
             }
             clock::sleep(HEAD_POLL);
@@ -322,7 +322,7 @@ mod tests {
     use crate::state::Code;
 
     #[test]
-    fn what_the_kernel_tells_of_a_hidraw_device_is_its_identity() {
+    fn what_the_kernel_reports_of_a_hidraw_device_is_its_identity() {
         let uevent = "DRIVER=hid-generic\nHID_ID=0003:0000256F:0000C635\nHID_NAME=3Dconnexion \
                       SpaceMouse Compact\nHID_UNIQ=\n";
         let identity = identity_of_uevent(uevent).unwrap();
@@ -365,7 +365,7 @@ mod tests {
         kernel.emit(&[InputEvent::new(3, 0, 12_345), InputEvent::new(1, 0x137, 1)]).unwrap();
         while device.parts().1.axis(Code::Absolute(0)).is_none() {
             device.read(clock::now(), |_| {}).unwrap();
-            assert!(clock::now().since(before) < HEAD, "nothing came");
+            assert!(clock::now().duration_since(before) < HEAD, "nothing came");
             clock::sleep(HEAD_POLL);
         }
         let (_, state) = device.parts();
@@ -382,7 +382,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_device_tells_at_once_is_read_in_pieces_and_none_is_lost() {
+    fn what_a_device_reports_at_once_is_read_in_pieces_and_none_is_lost() {
         let (reader, mut writer) = io::pipe().unwrap();
         // SAFETY: asks for the size of an open pipe.
         let size = unsafe { libc::fcntl(writer.as_raw_fd(), libc::F_SETPIPE_SZ, 1 << 20) };

@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_profile_is_said_in_one_sentence() {
+    fn a_wrong_profile_is_reported_in_one_sentence() {
         let text = |line: &str| format!("name = 'x'\ndevices = ['1234:abcd']\n{line}\n");
         for (line, part) in [
             ("dead_zone = 0.9", "dead_zone must be within 0.02..=0.5"),

@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_recording_is_said() {
+    fn what_is_no_recording_is_reported() {
         assert!(matches!(read(&b"t_s,pitch\n"[..]), Err(RecordingError::Head)));
         let mut bytes = Vec::new();
         write_head(&mut bytes, &description()).unwrap();

@@ -41,7 +41,7 @@ impl<T> FramePairer<T> {
 
     pub fn pop(&mut self) -> Option<PairResult<T>> {
         match [0, 1].map(|view| self.waiting[view].front().map(|(stamp, _)| *stamp)) {
-            [Some(a), Some(b)] if a.since(b).max(b.since(a)) <= self.within => {
+            [Some(a), Some(b)] if a.duration_since(b).max(b.duration_since(a)) <= self.within => {
                 let (_, first) = self.waiting[0].pop_front()?;
                 let (_, second) = self.waiting[1].pop_front()?;
                 Some(PairResult::Matched(

@@ -139,7 +139,7 @@ impl Session {
         }
         let (stamp, results) = parts(&pair);
         let first = *self.first.get_or_insert(stamp);
-        if stamp.since(first) < self.rest {
+        if stamp.duration_since(first) < self.rest {
             for (view, result) in results {
                 self.estimator[view].add(result.seen.as_ref().ok());
             }
@@ -176,8 +176,10 @@ impl Session {
             causes.push((missing, Rejection::Frame(FrameFault::NoPartner)));
         }
         if let [(_, a), (_, b)] = results.as_slice() {
-            self.statistics.skew =
-                self.statistics.skew.max(a.stamp.since(b.stamp).max(b.stamp.since(a.stamp)));
+            self.statistics.skew = self
+                .statistics
+                .skew
+                .max(a.stamp.duration_since(b.stamp).max(b.stamp.duration_since(a.stamp)));
         }
         let sized: Option<Vec<_>> = results
             .iter()

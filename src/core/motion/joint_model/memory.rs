@@ -140,7 +140,7 @@ impl JointModel {
                 &before.velocity,
                 &estimate.mean,
                 &before.estimate.mean,
-                stamp.since(before.stamp),
+                stamp.duration_since(before.stamp),
             )
         });
         self.state.measured =

@@ -88,7 +88,7 @@ fn allowed(before: f64, after: f64, a: f64, d: f64) -> bool {
 
 proptest! {
     #[test]
-    fn velocity_acceleration_and_position_limits_hold_whatever_is_asked(
+    fn velocity_acceleration_and_position_limits_hold_whatever_is_requested(
         limits in limits(), period in periods(), start in 0.0..1.0_f64, script in script()
     ) {
         let tick = period.as_seconds();

@@ -8,6 +8,7 @@ use super::scaled_layers::ScaledLayers;
 use crate::model::error::{ModelError, require};
 use crate::model::estimate::OutputUnit;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
+use crate::model::examination_path::ExaminationPath;
 use crate::model::families::memory::{Memory, State};
 use crate::model::families::round_trip;
 use crate::model::families::runtime::{Runtime, invert_one};
@@ -17,7 +18,6 @@ use crate::model::maths::newton_inverse::{self, SearchStart};
 use crate::model::maths::regression::{
     Local, Prediction, Regression, array, bounded, estimate, rows, vector,
 };
-use crate::model::trial_path::TrialPath;
 use crate::units::{MotorVec, OutputVec};
 
 /// The most steps of one advance. A longer motion takes longer steps.
@@ -141,7 +141,7 @@ impl<const D: usize, const M: usize> Network<D, M> {
 
     /// Walks along a path for so long that a hidden state which grows gives itself away.
     fn check_growth(&self, hull: &Hull) -> Result<(), ModelError> {
-        let path = TrialPath::wide(hull, PATH_STEPS, PATH_STEPS);
+        let path = ExaminationPath::wide(hull, PATH_STEPS, PATH_STEPS);
         let mut state = self.begin(&hull.centre());
         let mut halves = [0.0_f64; 2];
         for round in 0..ROUNDS {

@@ -56,7 +56,7 @@ fn at_random_instants(
     let (mut observations, mut last) = (Observations::default(), None);
     for (number, pause) in (0..benchmark.commands).zip(Pauses(benchmark.seed)) {
         let now = clock::now();
-        let gap = now.since(last.replace(now).unwrap_or(now));
+        let gap = now.duration_since(last.replace(now).unwrap_or(now));
         observations.longest_gap = observations.longest_gap.max(gap);
         publish(number, &mut observations)?;
         observations.sent += 1;

@@ -80,7 +80,7 @@ impl Controller {
     /// The scheduling of the control loop, which it reports once a second.
     pub fn scheduling(&self) -> String {
         let (mut statistics, start) = (self.client.watcher().period_statistics(), clock::now());
-        while clock::now().since(start) < STATISTICS_TIMEOUT {
+        while clock::now().duration_since(start) < STATISTICS_TIMEOUT {
             if let Ok(Some(window)) = statistics.newest() {
                 return describe(&Granted {
                     priority: window.priority as u8,
@@ -117,7 +117,8 @@ impl Process {
                 return Err(self.failure("ended early"));
             }
             match Client::connect(&self.domain, Nanos::from_millis(100)) {
-                Err(error) if error.is_absent() && clock::now().since(start) < TIMEOUT => {}
+                Err(error) if error.is_absent() && clock::now().duration_since(start) < TIMEOUT => {
+                }
                 outcome => return Ok(outcome?),
             }
         }
@@ -127,7 +128,7 @@ impl Process {
     fn wait(&mut self) -> Option<bool> {
         let _ = kill(Pid::from_raw(self.child.id() as i32), Signal::SIGTERM);
         let start = clock::now();
-        while clock::now().since(start) < TIMEOUT {
+        while clock::now().duration_since(start) < TIMEOUT {
             if let Ok(Some(status)) = self.child.try_wait() {
                 return Some(status.success());
             }

@@ -147,7 +147,7 @@ impl Seen {
                 let first = written.partition_point(|own| own.sequence < *sequence);
                 let own = written.get(first)?;
                 if own.sequence == *sequence {
-                    commanded.push(own.command.since(*event));
+                    commanded.push(own.command.duration_since(*event));
                 }
                 // An overtaken command is in the next one.
                 Some(Written { command: *event, ..*own })
@@ -201,7 +201,7 @@ impl Hand {
     fn close_the_clutch(&mut self, seen: &mut Seen, run: Run) -> Result<(), BenchError> {
         let start = clock::now();
         while seen.is_open {
-            if clock::now().since(start) > TIMEOUT {
+            if clock::now().duration_since(start) > TIMEOUT {
                 return Err(busy("the clutch does not close"));
             }
             for (kind, code, value) in

@@ -112,14 +112,14 @@ pub fn match_commands(observations: &Observations, log: &[Event]) -> CommandLate
             };
             matched.commands += 1;
             if own.written > Nanos::ZERO {
-                matched.written.push(own.written.since(own.command));
-                matched.wire.push(arrival.since(own.written));
+                matched.written.push(own.written.duration_since(own.command));
+                matched.wire.push(arrival.duration_since(own.written));
             }
-            matched.arrived.push(arrival.since(own.command));
+            matched.arrived.push(arrival.duration_since(own.command));
             let readings = &observations.readings[motor];
             let after = readings.partition_point(|reading| reading.measured <= *arrival);
             if let Some(reading) = readings.get(after) {
-                matched.seen.push(reading.seen.since(own.command));
+                matched.seen.push(reading.seen.duration_since(own.command));
             }
         }
         let had: u64 = observations.written[motor].len() as u64;

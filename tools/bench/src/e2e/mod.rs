@@ -103,7 +103,7 @@ fn ages(black_box: &BlackBox) -> Durations {
     let mut ages = Durations::new(0);
     for tick in &black_box.ticks {
         if let Some(servo) = tick.inputs.servo {
-            ages.push(tick.timing.tick.started.since(servo.stamp));
+            ages.push(tick.timing.tick.started.duration_since(servo.stamp));
         }
     }
     ages

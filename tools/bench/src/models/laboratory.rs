@@ -19,7 +19,7 @@ const MOTOR_LAG_MS: f64 = 6.0;
 const WORN: [(Parameter, f64); 3] =
     [(Parameter::Gap, 0.4), (Parameter::Preload, -0.3), (Parameter::Friction, 0.25)];
 
-fn worn() -> impl Iterator<Item = Change> {
+fn ageing() -> impl Iterator<Item = Change> {
     WORN.into_iter().map(|(parameter, by)| Change {
         parameter,
         by,
@@ -43,12 +43,12 @@ pub fn fitted(recording: &Recording, choice: Choice, robot_id: &str) -> Result<F
     fit(recording, &options, &Silent).map_err(|error| format!("cannot fit: {error}"))
 }
 
-/// A snake as it was calibrated, or worn since then.
+/// A snake as it was calibrated, or aged since then.
 #[must_use]
-pub fn robot(snake: DrawnSnake, is_worn: bool) -> Robot {
+pub fn robot(snake: DrawnSnake, is_aged: bool) -> Robot {
     let mut robot = Robot::new(snake.build());
-    if is_worn {
-        worn().for_each(|change| robot.age(change));
+    if is_aged {
+        ageing().for_each(|change| robot.age(change));
         // What changes at once has changed before anything moves.
         robot.rest(1.0);
     }

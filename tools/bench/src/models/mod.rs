@@ -96,8 +96,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         println!("{}", serde_json::to_string_pretty(&judgements)?);
     } else {
         println!(
-            "RMS error of the tip, deg, as calibrated and on the worn snake, without -> with \
-             adaptation; `fresh`: a calibration of the worn snake. Medians over the snakes."
+            "RMS error of the tip, deg, as calibrated and on the aged snake, without -> with \
+             adaptation; `fresh`: a calibration of the aged snake. Medians over the snakes."
         );
         for physics in Physics::ALL.iter().map(ToString::to_string) {
             let of: Vec<_> = judgements.iter().filter(|it| it.physics == physics).collect();
@@ -120,11 +120,11 @@ fn row(name: &str, of: &[&Judgement]) -> String {
         median(&mut errors).unwrap_or(f64::NAN)
     };
     format!(
-        "{name:<20} new {:.3} -> {:.3}   worn {:.3} -> {:.3}   fresh {:.3}",
+        "{name:<20} new {:.3} -> {:.3}   aged {:.3} -> {:.3}   fresh {:.3}",
         of(&|it| it.new[0]),
         of(&|it| it.new[1]),
-        of(&|it| it.worn[0]),
-        of(&|it| it.worn[1]),
+        of(&|it| it.aged[0]),
+        of(&|it| it.aged[1]),
         of(&|it| it.fresh)
     )
 }

@@ -33,9 +33,9 @@ pub struct Judgement {
     pub family: String,
     /// As calibrated, without and with adaptation.
     pub new: [f64; 2],
-    /// On the worn snake, without and with adaptation.
-    pub worn: [f64; 2],
-    /// By a calibration of the worn snake.
+    /// On the aged snake, without and with adaptation.
+    pub aged: [f64; 2],
+    /// By a calibration of the aged snake.
     pub fresh: f64,
 }
 
@@ -53,18 +53,18 @@ impl Judgement {
         first_seed: u64,
         folder: &Path,
     ) -> Result<Self, String> {
-        let recordings = [false, true].map(|is_worn| record(snake, is_worn, first_seed, folder));
-        let [new, worn] = recordings;
-        let (new, worn) = (new?, worn?);
+        let recordings = [false, true].map(|is_aged| record(snake, is_aged, first_seed, folder));
+        let [new, aged] = recordings;
+        let (new, aged) = (new?, aged?);
         let subject = Subject::new(snake, &*fit(&new, Choice::One(Family::Linear))?);
-        let (model, fresh) = (fit(&new, family)?, fit(&worn, family)?);
-        let error = |is_worn, is_adapted| subject.error(&model, is_worn, is_adapted);
+        let (model, fresh) = (fit(&new, family)?, fit(&aged, family)?);
+        let error = |is_aged, is_adapted| subject.error(&model, is_aged, is_adapted);
         Ok(Self {
             physics: snake.physics.to_string(),
             seed: snake.seed,
             family: family.to_string(),
             new: [error(false, false)?, error(false, true)?],
-            worn: [error(true, false)?, error(true, true)?],
+            aged: [error(true, false)?, error(true, true)?],
             fresh: subject.error(&fresh, true, false)?,
         })
     }
@@ -73,11 +73,11 @@ impl Judgement {
 /// A recording, as `calibrate fit` reads it.
 fn record(
     snake: DrawnSnake,
-    is_worn: bool,
+    is_aged: bool,
     first_seed: u64,
     folder: &Path,
 ) -> Result<Recording, String> {
-    let file = folder.join(format!("{}-{}-{is_worn}.csv", snake.physics, snake.seed));
+    let file = folder.join(format!("{}-{}-{is_aged}.csv", snake.physics, snake.seed));
     let plan = RecordingPlan {
         protocol: Protocol::Reversals,
         duration_s: 300.0,
@@ -85,7 +85,7 @@ fn record(
         latency_ms: 0,
         seed: first_seed + snake.seed,
     };
-    plan.record(&mut robot(snake, is_worn), &file)
+    plan.record(&mut robot(snake, is_aged), &file)
         .map_err(|error| format!("cannot record: {error}"))?;
     let (recording, _) = Recording::read(&file, &ColumnMap::default())
         .map_err(|error| format!("cannot read the recording: {error}"))?;
@@ -106,10 +106,10 @@ impl Subject {
         Self { snake, motion: [(hand, learning), (hand, judged)] }
     }
 
-    fn error(&self, model: &Arc<Model>, is_worn: bool, is_adapted: bool) -> Result<f64, String> {
+    fn error(&self, model: &Arc<Model>, is_aged: bool, is_adapted: bool) -> Result<f64, String> {
         let mut config = config().map_err(|error| error.to_string())?;
         config.adaptation.enabled = is_adapted;
-        let control = ClosedLoop::conditioned(&config, model, robot(self.snake, is_worn));
+        let control = ClosedLoop::conditioned(&config, model, robot(self.snake, is_aged));
         let mut control = control.map_err(|error| error.to_string())?;
         if is_adapted {
             let (noise_deg, latency_ms) = (CAMERA_NOISE_DEG, FRAME_AGE_MS);

@@ -34,7 +34,7 @@ const WARM_UP: usize = 10_000;
 /// Why it cannot be followed.
 pub fn tracked(
     snake: DrawnSnake,
-    is_worn: bool,
+    is_aged: bool,
     model: &Arc<Model>,
     recording: &Path,
 ) -> Result<Vec<(String, f64, f64, f64)>, String> {
@@ -47,10 +47,10 @@ pub fn tracked(
     let motions: Vec<_> = Motion::ALL.iter().map(path).collect();
     let motions = within_reach(&motions, &linear);
     let by = |model: &Arc<Model>| {
-        let control = ClosedLoop::conditioned(&config, model, robot(snake, is_worn));
+        let control = ClosedLoop::conditioned(&config, model, robot(snake, is_aged));
         follow(&mut control.map_err(|error| error.to_string())?, &motions)
     };
-    let exact = follow(&mut ExactPilot::new(&config, robot(snake, is_worn)), &motions)?;
+    let exact = follow(&mut ExactPilot::new(&config, robot(snake, is_aged)), &motions)?;
     let (model, linear) = (by(model)?, by(&linear)?);
     let rows = motions.iter().zip(model).zip(linear).zip(exact);
     Ok(rows

@@ -11,7 +11,7 @@
 //! sure the choice is.
 
 use i2ris::model::file::OutputUnit;
-use i2ris::model::{Model, Query, TrialPath};
+use i2ris::model::{ExaminationPath, Model, Query};
 use i2ris::units::OutputVec;
 
 use super::evidence::{Evidence, block_errors, rms};
@@ -175,7 +175,7 @@ fn trials(
     held_out: &[f64],
     plays: Option<f64>,
     doubtful: &[bool],
-) -> Vec<Vec<(usize, Trial)>> {
+) -> Vec<Vec<(usize, Candidate)>> {
     let believed = held_out.iter().zip(doubtful).filter(|(_, doubtful)| !**doubtful);
     let least = believed.map(|(error, _)| *error).chain(plays).fold(f64::INFINITY, f64::min);
     let credible = |index: &usize| !doubtful[*index] && held_out[*index] <= CREDIBLE * least;
@@ -197,10 +197,10 @@ fn trials(
 }
 
 /// The plants that at least one other family can follow, as far as both know the robot.
-fn followed(trials: &[Vec<(usize, Trial)>], held_out: &[f64]) -> Vec<usize> {
+fn followed(trials: &[Vec<(usize, Candidate)>], held_out: &[f64]) -> Vec<usize> {
     let families = trials.iter().enumerate();
     let good = families.flat_map(|(index, trials)| {
-        let follows = move |(plant, trial): &&(usize, Trial)| {
+        let follows = move |(plant, trial): &&(usize, Candidate)| {
             trial.error <= FOLLOWED * held_out[index].hypot(held_out[*plant])
         };
         trials.iter().filter(follows).map(|(plant, _)| *plant)
@@ -248,14 +248,14 @@ pub(super) fn held_out_error(model: &Model) -> f64 {
 /// Goals that lie in the reach of the snake, and the path of the motors before them.
 struct Goals {
     outputs: usize,
-    path: TrialPath,
+    path: ExaminationPath,
     goals: Vec<OutputVec>,
 }
 
 impl Goals {
     /// From the first model: `linear`.
     fn new(straight: &Model) -> Self {
-        let path = TrialPath::new(straight.hull(), TURNING_TICKS, TICKS);
+        let path = ExaminationPath::new(straight.hull(), TURNING_TICKS, TICKS);
         let none = straight.new_memory();
         let predicted = path.wander.iter();
         let predicted = predicted.map(|counts| straight.predict(counts, &none).mean);
@@ -263,14 +263,14 @@ impl Goals {
     }
 }
 
-struct Trial {
+struct Candidate {
     error: f64,
     /// Relative to the path of the goals.
     travel: f64,
 }
 
 /// Tracks the goals with the inverse of a model on another one.
-fn track(model: &Model, plant: &Model, goals: &Goals) -> Trial {
+fn track(model: &Model, plant: &Model, goals: &Goals) -> Candidate {
     let (mut known, mut real) = (model.new_memory(), plant.new_memory());
     for counts in &goals.path.turns {
         model.advance(&mut known, counts);
@@ -289,14 +289,14 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Trial {
         plant.advance(&mut real, &next);
         let reached = plant.predict(&next, &real).mean;
         if tick >= SETTLING {
-            travel += TrialPath::distance(&counts, &next);
+            travel += ExaminationPath::distance(&counts, &next);
             let pairs = reached.iter().zip(goal).take(goals.outputs);
             squares += pairs.map(|(reached, goal)| (reached - goal).powi(2)).sum::<f64>();
         }
         counts = next;
     }
     let straight = goals.path.travel().max(f64::MIN_POSITIVE);
-    Trial { error: (squares / (TICKS - SETTLING) as f64).sqrt(), travel: travel / straight }
+    Candidate { error: (squares / (TICKS - SETTLING) as f64).sqrt(), travel: travel / straight }
 }
 
 #[cfg(test)]
@@ -330,7 +330,7 @@ mod tests {
     #[test]
     fn a_family_that_no_other_can_follow_does_not_vote() {
         let held_out = [2.05, 1.23, 0.97];
-        let on = |plant, error| (plant, Trial { error, travel: 1.0 });
+        let on = |plant, error| (plant, Candidate { error, travel: 1.0 });
         let trials = [vec![on(1, 1.62), on(2, 14.26)], vec![on(2, 14.66)], vec![on(1, 25.71)]];
         assert_eq!(followed(&trials, &held_out), [1]);
     }
@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn the_blocks_tell_how_sure_a_difference_is() {
+    fn the_blocks_report_how_sure_a_difference_is() {
         let [one, mut other] = [Family::Gmr, Family::GmrPlay].map(|f| score(f, 1.0, 1.0));
         assert_eq!(one.uncertainty_beside(&other), 0.0);
         other.blocks = vec![0.5, 1.5, 0.5, 1.5, 1.0];

@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn what_changes_from_row_to_row_is_told_from_what_stays() {
+    fn what_changes_from_row_to_row_is_distinguished_from_what_stays() {
         let all = errors([1.0, 0.0]);
         let slow: Vec<f64> = all.iter().map(|error| error[0]).collect();
         // Uniform between -0.5 and 0.5: a variance of 1/12.

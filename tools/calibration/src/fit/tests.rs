@@ -372,7 +372,7 @@ fn a_gap_wider_than_most_of_the_path_is_no_nonsense() {
 }
 
 #[test]
-fn missing_the_memory_of_the_robot_is_told() {
+fn missing_the_memory_of_the_robot_is_reported() {
     let outcome = fitted(&sheath(), &FitOptions { force: true, ..of_family(Family::Linear) });
     let plays = outcome.report.plays.unwrap();
     let error = held_out(&outcome.model, 0).to_radians();

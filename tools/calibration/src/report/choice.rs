@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sentence_tells_how_sure_the_choice_is() {
+    fn the_sentence_reports_how_sure_the_choice_is() {
         for (next, part) in [
             (1.5, "force-balance, is 50 % above it, a clear difference"),
             (1.05, "is 5 % above it, so near that another recording may turn it round"),

@@ -283,7 +283,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_told_as_one_says_them() {
+    fn times_are_reported_as_one_says_them() {
         assert_eq!(minutes(5.0), "5 s");
         assert_eq!(minutes(89.0), "89 s");
         assert_eq!(minutes(361.0), "7 min");

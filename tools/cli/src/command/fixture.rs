@@ -121,7 +121,7 @@ fn newest(client: &Client) -> Result<VirtualFixturesMsg, Failure> {
         {
             return Ok(message);
         }
-        if i2ris::clock::now().since(start) > WAIT {
+        if i2ris::clock::now().duration_since(start) > WAIT {
             return Err(StopReason::Silent.into());
         }
         i2ris::clock::sleep(Nanos::from_millis(5));

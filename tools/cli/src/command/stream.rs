@@ -45,14 +45,14 @@ pub fn present_pose(client: &Client) -> Result<Angles, Failure> {
     loop {
         match setpoint.refresh()? {
             Some(joint) if joint.flags & JointState::VALID != 0 => return two_angles(joint),
-            Some(_) if clock::now().since(start) > FIRST_MESSAGE_TIMEOUT => {
+            Some(_) if clock::now().duration_since(start) > FIRST_MESSAGE_TIMEOUT => {
                 return Err(
                     "the controller has no model loaded, so it cannot be commanded by angles; \
                             name a model file in its configuration"
                         .into(),
                 );
             }
-            None if clock::now().since(start) > FIRST_MESSAGE_TIMEOUT => {
+            None if clock::now().duration_since(start) > FIRST_MESSAGE_TIMEOUT => {
                 return Err(StopReason::Silent.into());
             }
             _ => clock::sleep(Nanos::from_millis(5)),

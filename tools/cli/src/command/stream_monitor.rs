@@ -162,16 +162,16 @@ impl StreamMonitor {
     }
 
     fn check_progress(&self, now: Nanos) -> Result<(), StopReason> {
-        if now.since(self.accepted_at) <= TIMEOUT {
+        if now.duration_since(self.accepted_at) <= TIMEOUT {
             return Ok(());
         }
         Err(self.refused_now.map_or(StopReason::Ignored, StopReason::Refused))
     }
 
     fn is_worth_reporting(&mut self, refusal: Refusal, now: Nanos) -> bool {
-        let repeated = self
-            .reported
-            .is_some_and(|(reported, when)| reported == refusal && now.since(when) < REPEAT_PERIOD);
+        let repeated = self.reported.is_some_and(|(reported, when)| {
+            reported == refusal && now.duration_since(when) < REPEAT_PERIOD
+        });
         if !repeated {
             self.reported = Some((refusal, now));
         }

@@ -71,7 +71,7 @@ impl TrackingSummary {
     /// Adds what is asked now, deg, and what the encoders say.
     pub fn record(&mut self, now: Nanos, asked: Angles, measured: &JointState) {
         self.asked.push_back((now, asked));
-        while self.asked.front().is_some_and(|(at, _)| now.since(*at) > REMEMBERED) {
+        while self.asked.front().is_some_and(|(at, _)| now.duration_since(*at) > REMEMBERED) {
             self.asked.pop_front();
         }
         if measured.flags & JointState::VALID != 0 {
@@ -85,7 +85,7 @@ impl TrackingSummary {
         let is_valid = frame.flags & ExternalPosition::VALID != 0 && frame.count == 2;
         if is_new
             && is_valid
-            && let Some((asked, velocity_deg_s)) = self.asked_at(frame.stamp())
+            && let Some((asked, velocity_deg_s)) = self.requested_at(frame.stamp())
         {
             self.last_frame_ns = frame.stamp_ns;
             self.camera.add(distance_deg(asked, frame.position));
@@ -94,12 +94,12 @@ impl TrackingSummary {
     }
 
     /// Interpolated, and its velocity, deg/s.
-    fn asked_at(&self, stamp: Nanos) -> Option<(Angles, Angles)> {
+    fn requested_at(&self, stamp: Nanos) -> Option<(Angles, Angles)> {
         let after = self.asked.partition_point(|(at, _)| *at < stamp);
         let (to_at, to) = self.asked.get(after)?;
         let (from_at, from) = self.asked.get(after.checked_sub(1)?)?;
-        let interval_s = to_at.since(*from_at).as_seconds();
-        let share = stamp.since(*from_at).as_seconds() / interval_s;
+        let interval_s = to_at.duration_since(*from_at).as_seconds();
+        let share = stamp.duration_since(*from_at).as_seconds() / interval_s;
         let velocity = std::array::from_fn(|axis| (to[axis] - from[axis]) / interval_s);
         Some((interpolate(from, to, share), velocity))
     }
@@ -176,7 +176,7 @@ impl ClipMonitor {
         let began = !std::mem::replace(&mut self.is_clipped, true);
         let away = distance_deg(asked, goal.position);
         self.farthest_deg = self.farthest_deg.max(away);
-        let due = |last: Nanos| now.since(last) >= REPEAT_PERIOD;
+        let due = |last: Nanos| now.duration_since(last) >= REPEAT_PERIOD;
         if !began || !self.reported.is_none_or(due) {
             return None;
         }

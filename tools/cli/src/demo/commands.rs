@@ -119,10 +119,10 @@ impl Demo {
         while !child.finished()? {
             let now = clock::now();
             self.check()?;
-            meanwhile(now.since(start).as_seconds())?;
+            meanwhile(now.duration_since(start).as_seconds())?;
             clock::sleep_until(now + READ_PERIOD);
         }
-        meanwhile(clock::now().since(start).as_seconds())
+        meanwhile(clock::now().duration_since(start).as_seconds())
     }
 
     pub fn collect(&mut self) -> Result<(), Failure> {

@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_battery_of_a_wireless_device_is_what_the_kernel_tells() {
+    fn the_battery_of_a_wireless_device_is_what_the_kernel_reports() {
         let classes = tempfile::tempdir().unwrap();
         for (place, left) in [
             ("input/event7/device/device/power_supply/ps-controller-battery-1", "15\n"),

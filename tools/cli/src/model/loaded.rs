@@ -135,7 +135,7 @@ fn activate(client: &mut Client, id: ModelId, force: bool) -> Result<ModelReply,
     loop {
         match client.activate_model(id, force) {
             Err(ClientError::ModelRefused { refusal: Refusal::Busy, .. })
-                if clock::now().since(start) < CATCH_UP =>
+                if clock::now().duration_since(start) < CATCH_UP =>
             {
                 clock::sleep(POLL);
             }

@@ -15,7 +15,7 @@ use i2ris_teleop::profile::{Handedness, Profile};
 use i2ris_teleop::state::Protocol;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
-use super::source::{Asked, Source, SourceLost};
+use super::source::{HandRequest, Source, SourceLost};
 
 /// How often a device that is gone is looked for.
 const SEARCH: Nanos = Nanos::from_millis(500);
@@ -189,7 +189,7 @@ impl Part {
 }
 
 impl Source for Hands {
-    fn read(&mut self, now: Nanos) -> Result<Asked, SourceLost> {
+    fn read(&mut self, now: Nanos) -> Result<HandRequest, SourceLost> {
         let mut readings = Vec::with_capacity(self.parts.len());
         for part in &mut self.parts {
             let was_gone = part.device.is_none();
@@ -201,13 +201,13 @@ impl Source for Hands {
             readings.push((part.control.has_axes(), reading));
         }
         let hand = self.clutch.update(&readings);
-        Ok(Asked {
+        Ok(HandRequest {
             open: hand.open,
             push: hand.push,
             scale_steps: hand.scale_steps,
             marks: hand.marks,
             newest: hand.newest,
-            ..Asked::default()
+            ..HandRequest::default()
         })
     }
 
@@ -217,7 +217,7 @@ impl Source for Hands {
             .map(|device| PollFd::new(std::os::fd::AsFd::as_fd(device), PollFlags::POLLIN))
             .collect();
         // An event is sent at once; milliseconds are fine enough for the period.
-        let span = until.since(clock::now()).0.div_ceil(1_000_000);
+        let span = until.duration_since(clock::now()).0.div_ceil(1_000_000);
         let span = u16::try_from(span).unwrap_or(u16::MAX);
         if ready.is_empty() || poll(&mut ready, PollTimeout::from(span)).is_err() {
             clock::sleep_until(until);

@@ -125,13 +125,14 @@ fn record(
     recording::write_head(&mut file, device.description()).map_err(named)?;
     let (start, mut frames) = (clock::now(), 0_u64);
     let mut ended = Ok(());
-    while !interrupt.came() && duration.is_none_or(|span| clock::now().since(start) < span) {
+    while !interrupt.came() && duration.is_none_or(|span| clock::now().duration_since(start) < span)
+    {
         let now = clock::now();
         let mut written = Ok(());
         let read = device.read(now, |bytes| {
             frames += 1;
             if written.is_ok() {
-                written = recording::write_frame(&mut file, now.since(start), bytes);
+                written = recording::write_frame(&mut file, now.duration_since(start), bytes);
             }
         });
         written.map_err(named)?;

@@ -14,7 +14,7 @@ use nix::sys::termios::{OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcse
 
 use i2ris_teleop::clutch::Open;
 
-use super::source::{Asked, Source, SourceLost};
+use super::source::{HandRequest, Source, SourceLost};
 
 /// Longer than a keyboard waits before it repeats (250 to 660 ms), short enough for someone who has
 /// left.
@@ -67,8 +67,8 @@ impl Drop for Keyboard {
 }
 
 impl Source for Keyboard {
-    fn read(&mut self, now: Nanos) -> Result<Asked, SourceLost> {
-        let mut input = Asked::default();
+    fn read(&mut self, now: Nanos) -> Result<HandRequest, SourceLost> {
+        let mut input = HandRequest::default();
         let bytes = self.bytes().map_err(SourceLost)?;
         for key in keys(&bytes) {
             self.keys.press(key, now, &mut input);
@@ -147,7 +147,7 @@ struct Keys {
 }
 
 impl Keys {
-    fn press(&mut self, key: Key, now: Nanos, input: &mut Asked) {
+    fn press(&mut self, key: Key, now: Nanos, input: &mut HandRequest) {
         let [right, up] = &mut input.steps;
         match key {
             Key::Quit => input.quit = true,
@@ -171,7 +171,7 @@ impl Keys {
     }
 
     fn engaged(&mut self, now: Nanos) -> bool {
-        self.closed = self.closed.filter(|last| now.since(*last) < DEAD_MAN);
+        self.closed = self.closed.filter(|last| now.duration_since(*last) < DEAD_MAN);
         self.closed.is_some()
     }
 }
@@ -184,8 +184,8 @@ mod tests {
         Nanos::from_millis(5_000 + milliseconds)
     }
 
-    fn press(keys: &mut Keys, key: Key, now: Nanos) -> Asked {
-        let mut input = Asked::default();
+    fn press(keys: &mut Keys, key: Key, now: Nanos) -> HandRequest {
+        let mut input = HandRequest::default();
         keys.press(key, now, &mut input);
         input.open = Keys::open(keys.engaged(now));
         input

@@ -99,7 +99,7 @@ impl Mover<'_> {
         let (mut frames, mut last): (Vec<[f64; 2]>, _) = (Vec::new(), Nanos::ZERO);
         loop {
             let now = ticker.wait().started;
-            if now.since(start) > REST + LOOK {
+            if now.duration_since(start) > REST + LOOK {
                 break;
             }
             self.send()?;

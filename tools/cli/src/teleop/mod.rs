@@ -33,7 +33,7 @@ use crate::command::tracking::ClipMonitor;
 use crate::exit::name_holder;
 use options::{HandOptions, Lie};
 use pulse::Pulses;
-use source::{Asked, Source};
+use source::{HandRequest, Source};
 use task::{HandTask, HoldStillOptions, PursuitOptions, ReachOptions, TaskOptions};
 
 use hands::profiles;
@@ -237,7 +237,7 @@ impl Teleoperation {
             if let Some(came) = asked.newest {
                 self.event = (came, sequence);
             }
-            self.tell(&asked, now)?;
+            self.publish(&asked, now)?;
             while let Some(news) = source.news() {
                 self.progress.say(&news)?;
             }
@@ -269,7 +269,7 @@ impl Teleoperation {
         Ok(())
     }
 
-    fn command(&mut self, asked: &Asked, step_s: f64) -> Result<MasterCommand, Failure> {
+    fn command(&mut self, asked: &HandRequest, step_s: f64) -> Result<MasterCommand, Failure> {
         self.scale = (self.scale + asked.scale_steps as usize) % self.scales.len();
         let snake = self.setpoint.refresh()?.map(two_angles).transpose()?;
         let motion = Motion {
@@ -289,10 +289,10 @@ impl Teleoperation {
     }
 
     /// Tells monitors and recorders what the hand does.
-    fn tell(&mut self, asked: &Asked, now: Nanos) -> Result<(), Failure> {
+    fn publish(&mut self, asked: &HandRequest, now: Nanos) -> Result<(), Failure> {
         if asked.marks > 0 {
             self.marked = asked.newest.unwrap_or(now);
-        } else if now.since(self.told.0) < TELL && self.told.1 == asked.open {
+        } else if now.duration_since(self.told.0) < TELL && self.told.1 == asked.open {
             return Ok(());
         }
         self.told = (now, asked.open);
@@ -323,7 +323,7 @@ impl Teleoperation {
 
 fn line(
     command: &MasterCommand,
-    asked: &Asked,
+    asked: &HandRequest,
     scale: f64,
     task: Option<&HandTask>,
     now: Nanos,

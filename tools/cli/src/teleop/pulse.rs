@@ -38,7 +38,7 @@ impl Pulses {
 
     /// Whether the device shall pulse now.
     pub fn due(&mut self, now: Nanos) -> Result<bool, ClientError> {
-        if now.since(self.looked) < LOOK {
+        if now.duration_since(self.looked) < LOOK {
             return Ok(false);
         }
         self.looked = now;
@@ -49,7 +49,7 @@ impl Pulses {
             ..LatestMessages::default()
         };
         let cue = View::new(&messages, now).cue(&self.models.known().outline.points);
-        let due = cue.is_some_and(|cue| now.since(self.last) >= cue.beat());
+        let due = cue.is_some_and(|cue| now.duration_since(self.last) >= cue.beat());
         if due {
             self.last = now;
         }

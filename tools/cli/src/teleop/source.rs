@@ -6,7 +6,7 @@ use nix::errno::Errno;
 
 /// What a hand asks at a time. Directions are those of the picture: to the right, and up.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Asked {
+pub(super) struct HandRequest {
     /// Why the snake does not follow; `None`: it may.
     pub open: Option<Open>,
     /// Deflection, each -1 to 1.
@@ -24,7 +24,7 @@ pub(super) struct Asked {
     pub stop: bool,
 }
 
-impl Default for Asked {
+impl Default for HandRequest {
     fn default() -> Self {
         Self {
             open: Some(Open::Released),
@@ -41,7 +41,7 @@ impl Default for Asked {
 
 pub(super) trait Source {
     /// What it asks now. Never waits.
-    fn read(&mut self, now: Nanos) -> Result<Asked, SourceLost>;
+    fn read(&mut self, now: Nanos) -> Result<HandRequest, SourceLost>;
     /// Waits until it has something new, or until that time.
     fn wait(&mut self, until: Nanos) {
         i2ris::clock::sleep_until(until);

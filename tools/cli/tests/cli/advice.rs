@@ -60,7 +60,7 @@ fn follow_status(domain: &Domain) {
 }
 
 #[test]
-fn a_watchdog_that_ends_is_told_in_the_log_and_by_the_status() {
+fn a_watchdog_that_ends_is_reported_in_the_log_and_by_the_status() {
     let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     let domain = rig.domain();

@@ -8,17 +8,17 @@ use i2ris::ipc::{Domain, random_id};
 use i2ris_testing::{Program, Rig, program};
 use tempfile::TempDir;
 
-pub struct Bench(TempDir);
+pub struct WorkFolder(TempDir);
 
 /// What a program left: exit code, standard output, standard error without lines about progress, of
 /// which a loaded machine has more.
-pub struct Said {
+pub struct Ended {
     pub code: Option<i32>,
     pub output: String,
     pub error: String,
 }
 
-impl Bench {
+impl WorkFolder {
     pub fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
@@ -59,11 +59,11 @@ impl Bench {
     }
 
     /// Runs `i2ris` in the folder.
-    pub fn run(&self, words: &str) -> Said {
+    pub fn run(&self, words: &str) -> Ended {
         let words: Vec<&str> = words.split_whitespace().collect();
         let mut command = program::command(&words);
         let output = command.current_dir(&self.0).stdin(Stdio::null()).output().unwrap();
-        Said::new(
+        Ended::new(
             output.status.code(),
             String::from_utf8(output.stdout).unwrap(),
             &String::from_utf8(output.stderr).unwrap(),
@@ -89,7 +89,7 @@ impl Bench {
     }
 }
 
-impl Said {
+impl Ended {
     fn new(code: Option<i32>, output: String, error: &str) -> Self {
         let lines = error.lines().filter(|line| !line.starts_with("fitting "));
         Self { code, output, error: lines.map(|line| format!("{line}\n")).collect() }
@@ -109,13 +109,13 @@ pub fn start(domain: &Domain, words: &str) -> Program {
 }
 
 /// Runs it to its end.
-pub fn run(domain: &Domain, words: &str) -> Said {
+pub fn run(domain: &Domain, words: &str) -> Ended {
     end(start(domain, words))
 }
 
-pub fn end(program: Program) -> Said {
+pub fn end(program: Program) -> Ended {
     let (code, output, error) = program.code();
-    Said::new(code, output, &error)
+    Ended::new(code, output, &error)
 }
 
 /// Runs it, and expects success. Returns what it printed.
@@ -128,7 +128,7 @@ pub fn succeeds(domain: &Domain, words: &str) -> String {
 
 /// Expects the end of a program with a code and these parts in the error, which is returned.
 #[track_caller]
-pub fn ends(program: Program, code: i32, parts: &[&str]) -> Said {
+pub fn ends(program: Program, code: i32, parts: &[&str]) -> Ended {
     let said = end(program);
     assert_eq!(said.code, Some(code), "{}{}", said.output, said.error);
     assert_says(&said.error, parts);
@@ -136,7 +136,7 @@ pub fn ends(program: Program, code: i32, parts: &[&str]) -> Said {
 }
 
 #[track_caller]
-pub fn fails(domain: &Domain, words: &str, code: i32, parts: &[&str]) -> Said {
+pub fn fails(domain: &Domain, words: &str, code: i32, parts: &[&str]) -> Ended {
     ends(start(domain, words), code, parts)
 }
 

@@ -17,7 +17,9 @@ use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::scene_setup::setup;
 
-use crate::bench::{Bench, Said, assert_says, ends, expect_stalls, fails, nobody, run, start};
+use crate::bench::{
+    Ended, WorkFolder, assert_says, ends, expect_stalls, fails, nobody, run, start,
+};
 
 const ROBOT: &str = r#"
     robot_id = "fake"
@@ -68,13 +70,13 @@ fn camera(domain: &Domain, shows: Shows) -> Background {
 }
 
 /// A controller that runs with the configuration of the bench, and a folder with it.
-fn described(controller: Controller) -> (Bench, Controller) {
+fn described(controller: Controller) -> (WorkFolder, Controller) {
     let config = Config::parse(ROBOT, Path::new("robot.toml")).unwrap();
     controller.robot().description = robot_description(&config);
-    (Bench::new(), controller)
+    (WorkFolder::new(), controller)
 }
 
-impl Bench {
+impl WorkFolder {
     fn collect(&self, domain: &Domain, options: &str) -> Program {
         let output = self.file("take.csv");
         let collect = format!("calibrate collect --output {output} {options}");
@@ -138,7 +140,7 @@ fn an_interrupt_stops_softly_and_keeps_the_recording() {
 
 /// Somebody else moves the robot; Ctrl-C is the end of the recording, and not a failure.
 #[test]
-fn what_others_do_is_recorded_until_an_interrupt_and_nothing_is_asked() {
+fn what_others_do_is_recorded_until_an_interrupt_and_nothing_is_requested() {
     let (bench, controller) = described(Controller::start());
     let _camera = camera(&controller.domain, Shows::Angles);
     let mut run = bench.collect(&controller.domain, "--watch");
@@ -193,7 +195,7 @@ fn a_camera_that_falls_silent_ends_the_run_and_keeps_the_recording() {
 }
 
 #[test]
-fn a_controller_that_cannot_condition_is_told_how_to_go_on() {
+fn a_controller_that_cannot_condition_says_how_to_go_on() {
     let (bench, controller) = described(Controller::enabled());
     controller.robot().conditions = false;
     let _camera = camera(&controller.domain, Shows::Angles);
@@ -230,7 +232,7 @@ fn what_the_controller_does_not_allow_moves_nothing() {
 
 #[test]
 fn what_makes_no_sense_is_refused_before_a_controller_is_looked_for() {
-    let (bench, domain) = (Bench::new(), nobody());
+    let (bench, domain) = (WorkFolder::new(), nobody());
     for (options, said) in [
         ("--speed-counts-s 0", "must be a number above 0"),
         ("--duration-s nan", "must be a number above 0"),
@@ -244,7 +246,7 @@ fn what_makes_no_sense_is_refused_before_a_controller_is_looked_for() {
 
 #[test]
 fn recordings_are_not_written_over_and_folders_not_invented() {
-    let (bench, domain) = (Bench::new(), nobody());
+    let (bench, domain) = (WorkFolder::new(), nobody());
     bench.write("take.toml", "precious");
     ends(bench.collect(&domain, ""), 1, &["not written over"]);
     assert_eq!(bench.read("take.toml"), "precious");
@@ -287,7 +289,7 @@ impl Whole {
 
     #[track_caller]
     fn tool(&self, words: &str) -> String {
-        let Said { code, output, error } = run(&self.domain, &self.words(words));
+        let Ended { code, output, error } = run(&self.domain, &self.words(words));
         assert_eq!(code, Some(0), "{words}: {error}");
         output
     }

@@ -6,7 +6,7 @@ use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
 use i2ris_testing::Controller;
 
-use crate::bench::{Bench, assert_says, end, ends, fails, nobody, start, succeeds};
+use crate::bench::{WorkFolder, assert_says, end, ends, fails, nobody, start, succeeds};
 
 /// Checks every accepted pose against the one before: no further than `speed_deg_s` allows in the
 /// time between their stamps. What the controller did not read in time is missing, so the steps
@@ -56,7 +56,7 @@ fn a_circle_is_round_and_ends_by_itself() {
 #[test]
 fn a_file_is_followed_to_its_last_row_and_a_wrong_one_moves_nothing() {
     let controller = Controller::enabled();
-    let bench = Bench::with("wrong.csv", "t_s,pitch_deg\n0,0\n");
+    let bench = WorkFolder::with("wrong.csv", "t_s,pitch_deg\n0,0\n");
     let wrong = bench.file("wrong.csv");
     fails(&controller.domain, &format!("command file {wrong}"), 1, &[&wrong, "`yaw_deg`"]);
     assert!(controller.robot().poses.is_empty());
@@ -96,7 +96,7 @@ fn a_held_pose_stays_where_it_is() {
 }
 
 #[test]
-fn a_robot_that_cannot_follow_is_left_alone_and_the_reason_told() {
+fn a_robot_that_cannot_follow_is_left_alone_and_the_reason_reported() {
     let one_sentence = fails(&nobody(), "command pose", 3, &["no controller serves domain"]);
     assert_eq!(one_sentence.error.lines().count(), 1);
     let controller = Controller::start();
@@ -135,7 +135,7 @@ fn what_happens_on_the_way_ends_it_with_the_cause() {
 }
 
 #[test]
-fn refusals_are_told_and_end_it_when_nothing_gets_through() {
+fn refusals_are_reported_and_end_it_when_nothing_gets_through() {
     let controller = Controller::enabled();
     controller.robot().refuse = Some(Refusal::Step);
     let sentence = "refuses every command: refusal 3: step too large";
@@ -153,7 +153,7 @@ fn a_controller_that_ends_ends_it() {
 }
 
 #[test]
-fn states_are_changed_or_the_refusal_is_told() {
+fn states_are_changed_or_the_refusal_is_reported() {
     let controller = Controller::start();
     let sentence = "refuses `enable` in state DISABLED: refusal 6: not homed";
     fails(&controller.domain, "enable", 4, &[sentence]);
@@ -215,8 +215,8 @@ fn a_state_command_ends_when_it_is_carried_out_and_no_wait_before() {
 }
 
 #[test]
-fn a_stop_by_late_commands_is_told_and_can_end_the_path() {
-    let bench = Bench::with("path.csv", "t_s,pitch_deg,yaw_deg\n0,1,-1\n1.5,2,1\n");
+fn a_stop_by_late_commands_is_reported_and_can_end_the_path() {
+    let bench = WorkFolder::with("path.csv", "t_s,pitch_deg,yaw_deg\n0,1,-1\n1.5,2,1\n");
     let path = format!("command file {}", bench.file("path.csv"));
     for (more, expected) in [("", 0), ("--on-late end", 1)] {
         let controller = Controller::enabled();

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use i2ris::model::Model;
 
-use crate::bench::{Bench, assert_says};
+use crate::bench::{WorkFolder, assert_says};
 
 /// Rows of a snake that bends by its counts, with a zero of pitch, deg.
 fn recording(rows: u32, zero_deg: f64, phase: f64) -> String {
@@ -28,8 +28,8 @@ fn recording_with(rows: u32, zero_deg: f64, phase: f64, gain: f64) -> String {
 }
 
 /// The recording of a new snake, its model, and a minute of the snake today.
-fn bench() -> Bench {
-    let bench = Bench::with("new.csv", &recording(500, 0.0, 0.0));
+fn bench() -> WorkFolder {
+    let bench = WorkFolder::with("new.csv", &recording(500, 0.0, 0.0));
     bench.write("today.csv", &recording(300, 1.0, 40.0));
     bench.succeeds("calibrate fit new.csv --output model.json --family linear --latency-ms 0");
     bench

@@ -9,7 +9,7 @@ use i2ris_testing::Program;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use crate::bench::{Bench, assert_says, end, nobody, repository, start};
+use crate::bench::{WorkFolder, assert_says, end, nobody, repository, start};
 
 /// A program that has printed a line with a word.
 struct Running {
@@ -42,7 +42,7 @@ impl Running {
 fn signals_end_it_cleanly() {
     let snake = repository("config/snakes/multi.toml");
     for signal in [Signal::SIGINT, Signal::SIGTERM] {
-        let bench = Bench::new();
+        let bench = WorkFolder::new();
         let (ports, log) = (bench.file("ports"), bench.file("log.csv"));
         let options =
             format!("--no-camera --snake {} --ports {ports} --log {log}", snake.display());
@@ -58,7 +58,7 @@ fn signals_end_it_cleanly() {
 #[test]
 fn bad_input_is_refused_with_a_reason() {
     let steel = std::fs::read_to_string(repository("config/snakes/steel.toml")).unwrap();
-    let bench = Bench::with("bad.toml", &steel.replace("drag_s", "drag"));
+    let bench = WorkFolder::with("bad.toml", &steel.replace("drag_s", "drag"));
     bench.write("file", "");
     for (options, words) in [
         ("--snake none.toml", &["none.toml", "name an existing file"][..]),
@@ -78,14 +78,14 @@ fn bad_input_is_refused_with_a_reason() {
 }
 
 /// The configuration of a controller for emulated drives in the folder `ports` of a bench.
-fn write_config(bench: &Bench, change: impl Fn(String) -> String) {
+fn write_config(bench: &WorkFolder, change: impl Fn(String) -> String) {
     let text = std::fs::read_to_string(repository("config/emulator.toml")).unwrap();
     bench.write("robot.toml", &change(text.replace("/tmp/i2ris-emulator", &bench.file("ports"))));
 }
 
 #[test]
 fn the_doctor_looks_at_drives_and_machine() {
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     let options = "--no-camera --family epos2-v1 --ports";
     let emulate = format!("emulate {options} {}", bench.file("ports"));
     let _running = Running::until("ready", start(&nobody(), &emulate));
@@ -112,7 +112,7 @@ fn the_doctor_looks_at_drives_and_machine() {
 
 #[test]
 fn the_doctor_looks_at_three_drives_on_one_line() {
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     let emulate = format!("emulate --no-camera --wiring jaw --ports {}", bench.file("ports"));
     let _running = Running::until("ready", start(&nobody(), &emulate));
     write_config(&bench, |text| {
@@ -133,7 +133,7 @@ fn the_doctor_looks_at_three_drives_on_one_line() {
 
 #[test]
 fn the_doctor_names_a_port_that_is_not_there() {
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     write_config(&bench, |text| text);
     let said = bench.run("doctor --config robot.toml");
     assert_ne!(said.code, Some(0));
@@ -141,21 +141,21 @@ fn the_doctor_names_a_port_that_is_not_there() {
 }
 
 #[test]
-fn snakes_by_name_are_there_in_every_folder_and_it_ends_by_itself_when_asked() {
+fn snakes_by_name_are_there_in_every_folder_and_it_ends_by_itself_when_requested() {
     for name in ["", "--snake brass", "--snake springs:2", "--snake lugre:3", "--snake wire"] {
         let domain = nobody();
         let options = format!("--duration-s 0.2 --ports ports --domain {} {name}", domain.name());
-        let printed = Bench::new().succeeds(&format!("emulate {options}"));
+        let printed = WorkFolder::new().succeeds(&format!("emulate {options}"));
         let name = name.strip_prefix("--snake ").unwrap_or("steel");
         assert_says(&printed, &[&format!("ready: snake {name}"), "ended: 0 and 0 requests"]);
     }
-    let help = Bench::new().succeeds("emulate --help");
+    let help = WorkFolder::new().succeeds("emulate --help");
     Physics::NAMES.iter().for_each(|name| assert_says(&help, &[&format!("- {name}: ")]));
 }
 
 #[test]
 fn start_runs_emulator_and_controller_and_ends_both() {
-    let (bench, domain) = (Bench::new(), nobody());
+    let (bench, domain) = (WorkFolder::new(), nobody());
     let words = format!("start --no-monitor --folder {}", bench.file("here"));
     let running = Running::until("ready", start(&domain, &words));
     assert_says(&running.lines, &[domain.name()]);

@@ -8,14 +8,14 @@ use std::process::{Command, Output};
 
 use i2ris_testing::{program, wait_until};
 
-use crate::bench::{Bench, assert_says};
+use crate::bench::{WorkFolder, assert_says};
 
 /// `i2ris` in a folder of its own, where none of its programs are.
-struct Installed(Bench);
+struct Installed(WorkFolder);
 
 impl Installed {
     fn new() -> Self {
-        let bench = Bench::new();
+        let bench = WorkFolder::new();
         fs::copy(program::path("i2ris"), bench.path("i2ris")).unwrap();
         Self(bench)
     }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use i2ris::model::{Model, ModelError};
 
-use crate::bench::{Bench, assert_says};
+use crate::bench::{WorkFolder, assert_says};
 
 const HEADER: &str = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg";
 const FIT: &str = "calibrate fit rows.csv --output model.json";
@@ -43,7 +43,7 @@ fn good(rows: u32) -> String {
 }
 
 /// A snake with gaps, seen by a camera that makes something else of its angles.
-fn gappy(rows: u32, motion: fn(f64) -> [f64; 2], view: fn([f64; 2]) -> [f64; 2]) -> Bench {
+fn gappy(rows: u32, motion: fn(f64) -> [f64; 2], view: fn([f64; 2]) -> [f64; 2]) -> WorkFolder {
     let mut gaps = [0.0_f64; 2];
     let text = recording(rows, motion, |time, counts| {
         for (gap, counts) in gaps.iter_mut().zip(counts) {
@@ -52,11 +52,11 @@ fn gappy(rows: u32, motion: fn(f64) -> [f64; 2], view: fn([f64; 2]) -> [f64; 2])
         let ([x, y], wobble) = (gaps, 0.05 * (57.0 * time).sin());
         view([0.03 * x - 0.01 * y + wobble, 0.01 * x + 0.03 * y - wobble])
     });
-    Bench::with("rows.csv", &text)
+    WorkFolder::with("rows.csv", &text)
 }
 
 /// A good recording with a cell replaced.
-fn with_cell(line: usize, column: usize, cell: &str) -> Bench {
+fn with_cell(line: usize, column: usize, cell: &str) -> WorkFolder {
     let replace = |(number, text): (usize, &str)| {
         let mut cells: Vec<&str> = text.split(',').collect();
         if number + 1 == line {
@@ -65,10 +65,10 @@ fn with_cell(line: usize, column: usize, cell: &str) -> Bench {
         cells.join(",")
     };
     let lines: Vec<String> = good(100).lines().enumerate().map(replace).collect();
-    Bench::with("rows.csv", &lines.join("\n"))
+    WorkFolder::with("rows.csv", &lines.join("\n"))
 }
 
-impl Bench {
+impl WorkFolder {
     fn good(rows: u32) -> Self {
         Self::with("rows.csv", &good(rows))
     }
@@ -104,7 +104,7 @@ impl Bench {
 
 #[test]
 fn a_good_recording_gives_a_model_and_a_table() {
-    let bench = Bench::good(300);
+    let bench = WorkFolder::good(300);
     let printed = bench.fits("--components ..4 --restarts 4 --robot-id left");
     let id = format!("model id   {}", bench.model().id());
     let head = ["rows       300; 0 dropped", "spikes     0", "noise      pitch", "chosen"];
@@ -117,7 +117,7 @@ fn a_good_recording_gives_a_model_and_a_table() {
 
 #[test]
 fn a_report_with_figures_is_written_beside_the_model() {
-    let bench = Bench::good(300);
+    let bench = WorkFolder::good(300);
     let options = "--components 2 --restarts 2 --robot-id a<b>&c --report report.html";
     let printed = bench.fits(options);
     assert!(printed.ends_with("wrote report.html\n"), "{printed}");
@@ -131,7 +131,7 @@ fn a_report_with_figures_is_written_beside_the_model() {
 
 #[test]
 fn a_file_that_cannot_be_written_is_found_before_the_work() {
-    let bench = Bench::good(100);
+    let bench = WorkFolder::good(100);
     for (options, part) in [
         ("--report rows.csv/report.html", "--report rows.csv/report.html: cannot make the folder"),
         ("--report .", "is a folder; name a file in it"),
@@ -152,7 +152,7 @@ fn a_file_that_cannot_be_written_is_found_before_the_work() {
 
 #[test]
 fn the_linear_family_needs_no_mixture_and_the_same_seed_gives_the_same_file() {
-    let bench = Bench::good(200);
+    let bench = WorkFolder::good(200);
     let printed = bench.fits("--family linear --hold-out none");
     assert!(printed.contains("held out   nothing") && !printed.contains("gmr"), "{printed}");
     let written = || {
@@ -174,7 +174,7 @@ fn dropped_and_flagged_rows_are_named() {
         59 => spike(line),
         _ => line.to_owned(),
     });
-    let bench = Bench::with("rows.csv", &lines.collect::<Vec<_>>().join("\n"));
+    let bench = WorkFolder::with("rows.csv", &lines.collect::<Vec<_>>().join("\n"));
     let printed = bench.fits("--components 2 --restarts 2");
     let dropped = "1 dropped for an empty cell:\n           line 22 (t_s)";
     assert_says(&printed, &[dropped, "1 reading(s) flagged:\n           line 60 (yaw "]);
@@ -182,15 +182,15 @@ fn dropped_and_flagged_rows_are_named() {
 
 #[test]
 fn columns_can_be_named() {
-    let bench = Bench::with("rows.csv", &good(100).replace(HEADER, "when,left,right,up,side"));
+    let bench = WorkFolder::with("rows.csv", &good(100).replace(HEADER, "when,left,right,up,side"));
     let columns = "--counts left,right --angles up=pitch,side=yaw --time when --family linear";
     let named = "motor 0 `left`, motor 1 `right`, pitch `up`, yaw `side`, time `when`";
     assert_says(&bench.fits(columns), &[named]);
 }
 
 #[test]
-fn a_model_is_replaced_only_when_asked_and_only_by_a_good_one() {
-    let bench = Bench::good(100);
+fn a_model_is_replaced_only_when_requested_and_only_by_a_good_one() {
+    let bench = WorkFolder::good(100);
     bench.write("model.json", "mine");
     bench.fails(&format!("{FIT} --family linear"), &["model.json: exists", "--overwrite"]);
     bench.fails(&format!("{FIT} --family gmr --components 60 --overwrite"), &[]);
@@ -200,7 +200,7 @@ fn a_model_is_replaced_only_when_asked_and_only_by_a_good_one() {
 
 #[test]
 fn a_model_gets_its_folder_and_the_robot_of_its_recording() {
-    let bench = Bench::good(400);
+    let bench = WorkFolder::good(400);
     bench.write("rows.toml", "format = \"i2ris-recording\"\nrobot_id = \"left\"\n");
     bench.succeeds("calibrate fit rows.csv --output models/new/x.json --family linear");
     assert_eq!(Model::load(&bench.path("models/new/x.json")).unwrap().file().robot_id, "left");
@@ -208,7 +208,7 @@ fn a_model_gets_its_folder_and_the_robot_of_its_recording() {
 
 #[test]
 fn a_model_and_its_report_say_when_it_was_recorded_and_are_the_same_on_any_day() {
-    let bench = Bench::good(400);
+    let bench = WorkFolder::good(400);
     let beside = "format = \"i2ris-recording\"\nrobot_id = \"left\"\nstarted_unix_s = 1700000000\n";
     bench.write("rows.toml", beside);
     let output = bench.fits("--family linear --report page.html");
@@ -225,7 +225,7 @@ fn a_model_and_its_report_say_when_it_was_recorded_and_are_the_same_on_any_day()
 
 #[test]
 fn columns_and_cells_that_make_no_sense_are_refused_with_the_option_that_helps() {
-    let good = Bench::good(100);
+    let good = WorkFolder::good(100);
     let there = ["no column `bend`", "`pitch_deg`, `yaw_deg`", "--angles"];
     good.refuses("--angles bend=pitch", &there);
     good.refuses("--time clock", &["no column `clock`", "--time"]);
@@ -237,7 +237,7 @@ fn columns_and_cells_that_make_no_sense_are_refused_with_the_option_that_helps()
 
 #[test]
 fn options_that_make_no_sense_are_refused() {
-    let bench = Bench::good(100);
+    let bench = WorkFolder::good(100);
     for (options, part) in [
         ("--family cubic", "`cubic` is no family"),
         ("--hold-out 1.5", "`1.5` is neither `blocks`"),

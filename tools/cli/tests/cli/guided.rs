@@ -13,7 +13,7 @@ use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_testing::{Rig, settle_in, wait_until};
 use nix::sys::signal::{Signal, kill};
 
-use crate::bench::{Bench, assert_says, end, expect_stalls, nobody, start};
+use crate::bench::{WorkFolder, assert_says, end, expect_stalls, nobody, start};
 
 /// The day after: recording, model and report are there, the controller was started again and knows
 /// nothing of them, and the drives have lost their zero.
@@ -25,7 +25,7 @@ fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
     rig.config.limits.plausibility_deg = 0.0;
     rig.start_controller_thread();
     let (domain, mut client) = (rig.domain(), rig.client());
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     fs::create_dir(bench.path("here")).unwrap();
     let rows = (0..100).map(|k| {
         let (t, q) = (f64::from(k) * 0.1, 5.0 * f64::from(k));
@@ -75,7 +75,7 @@ fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
 
 #[test]
 fn a_configuration_that_a_person_has_changed_is_kept_by_start() {
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     let folder = bench.path("robot");
     let domain = nobody();
     let words = format!("start --no-monitor --folder {}", folder.display());
@@ -106,7 +106,7 @@ fn it_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use
     rig.config.command.max_step_counts = 250;
     rig.start_controller_thread();
     let (domain, mut client) = (rig.domain(), rig.client());
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     let words = format!(
         "calibrate --folder {} --home --duration-s 60 --motion-s 20 --family force-balance",
         bench.file("here")

@@ -6,16 +6,16 @@ use std::fs;
 
 use i2ris_testing::Rig;
 
-use crate::bench::{Bench, assert_says, expect_stalls, repository, run};
+use crate::bench::{WorkFolder, assert_says, expect_stalls, repository, run};
 
 #[test]
-fn every_command_has_an_example_and_the_first_page_tells_every_exit_code() {
+fn every_command_has_an_example_and_the_first_page_reports_every_exit_code() {
     let own = "start emulate demo doctor home enable disable command teleop calibrate model";
     for name in own.split(' ').chain(PROGRAMS.map(|program| program.words)) {
-        let help = Bench::new().succeeds(&format!("{name} --help"));
+        let help = WorkFolder::new().succeeds(&format!("{name} --help"));
         assert_says(&help, &["Example", &format!("i2ris {name}")]);
     }
-    let help = Bench::new().succeeds("--help");
+    let help = WorkFolder::new().succeeds("--help");
     for name in own.split(' ') {
         assert_says(&help, &[&format!("\n  {name} ")]);
     }
@@ -30,7 +30,7 @@ fn examples_of_the_help_run_as_printed() {
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);
     rig.start_controller_thread();
-    let (bench, domain) = (Bench::new(), rig.domain());
+    let (bench, domain) = (WorkFolder::new(), rig.domain());
     let here = |words: &str| {
         let files = ["steel.json", "newer.json", "snake.json", "desired.csv", "before.csv"];
         let files = files.iter().chain(&["path.csv", "robot.toml", "counts.csv", "angles.csv"]);

@@ -8,7 +8,7 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris_testing::{Rig, wait_for, wait_until_idle};
 
-use crate::bench::{Bench, ends, expect_stalls, nobody, repository, run, start, succeeds};
+use crate::bench::{WorkFolder, ends, expect_stalls, nobody, repository, run, start, succeeds};
 
 /// The chapter of the manual that has the table.
 const CHAPTER: &str = "tools/manual/src/stops-and-faults.md";
@@ -20,7 +20,7 @@ const HEAD: &str = "\
 
 /// Mistakes made so far, as rows of the table.
 struct Table {
-    bench: Bench,
+    bench: WorkFolder,
     rows: Vec<String>,
     wrong: Vec<String>,
 }
@@ -76,7 +76,7 @@ fn without_decimals(text: &str) -> String {
 }
 
 /// Files of the wrong kind, and files that are there already.
-fn write_files(bench: &Bench) {
+fn write_files(bench: &WorkFolder) {
     let rows = |separator: &str, count: usize| {
         let head = ["t_s", "q0_counts", "q1_counts", "pitch_deg", "yaw_deg"].join(separator);
         let row = |k: usize| [k, k, 2 * k, k, k].map(|v| v.to_string()).join(separator);
@@ -102,7 +102,7 @@ fn write_files(bench: &Bench) {
 
 #[test]
 fn mistakes_of_new_users_end_with_a_sentence_and_the_right_exit_code() {
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     write_files(&bench);
     let mut table = Table { bench, rows: Vec::new(), wrong: Vec::new() };
     without_a_controller(&mut table, &nobody());

@@ -1,6 +1,6 @@
 //! `i2ris model` and `i2ris calibrate compare`: models without a robot.
 
-use crate::bench::{Bench, assert_says};
+use crate::bench::{WorkFolder, assert_says};
 
 /// A linear model: a hundredth of a degree per count, motor 0 to pitch and motor 1 to yaw.
 const MODEL: &str = r#"{"format": "i2ris-model", "schema_version": 1, "robot_id": "paper",
@@ -18,11 +18,14 @@ const METRICS: &str = r#"{"held_out": null,
 
 const COUNTS: &str = "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts";
 
-fn bench() -> Bench {
-    Bench::with("model.json", &MODEL.replace("METRICS", METRICS).replace("SHA", &"0".repeat(64)))
+fn bench() -> WorkFolder {
+    WorkFolder::with(
+        "model.json",
+        &MODEL.replace("METRICS", METRICS).replace("SHA", &"0".repeat(64)),
+    )
 }
 
-impl Bench {
+impl WorkFolder {
     /// Rows of a table, without the header.
     fn rows(&self, name: &str, header: &str) -> Vec<Vec<f64>> {
         let text = self.read(name);
@@ -33,7 +36,7 @@ impl Bench {
 }
 
 #[test]
-fn show_tells_a_person_what_the_model_is() {
+fn show_prints_what_the_model_is() {
     let bench = bench();
     let output = bench.succeeds("model show model.json");
     let head = ["linear", "paper", "pitch (deg), yaw (deg)", "-900 to 900 counts"];
@@ -83,7 +86,7 @@ fn limits_hold_unless_they_are_lifted() {
 }
 
 #[test]
-fn a_goal_outside_the_hull_is_clipped_and_said() {
+fn a_goal_outside_the_hull_is_clipped_and_reported() {
     let bench = bench();
     bench.write("far.csv", "t_s,pitch_deg,yaw_deg\n0,8,0\n4,12,0\n");
     let invert = "model invert model.json far.csv --output counts.csv";

@@ -190,7 +190,7 @@ impl Operator<'_> {
         let start = clock::now();
         let (mut last, mut path_deg, mut there) = (self.newest(), 0.0, 0);
         let (mut counted, mut learned, mut pushed) = (last.1, last.1, [0.0; 2]);
-        while clock::now().since(start) < PATIENCE && !self.is_lost {
+        while clock::now().duration_since(start) < PATIENCE && !self.is_lost {
             let seen = self.newest();
             if self.is_open {
                 self.grip();
@@ -198,7 +198,7 @@ impl Operator<'_> {
             }
             if seen.0 == last.0 {
                 // No new picture: a careful hand lets go after a while.
-                let is_old = clock::now().since(seen.0) > Nanos::from_millis(600);
+                let is_old = clock::now().duration_since(seen.0) > Nanos::from_millis(600);
                 self.push(if is_old { [0.0; 2] } else { pushed }, TELL);
                 continue;
             }
@@ -222,7 +222,10 @@ impl Operator<'_> {
             }
             self.push(pushed, TELL);
             if there >= 4 {
-                return Some(Reached { time_s: clock::now().since(start).as_seconds(), path_deg });
+                return Some(Reached {
+                    time_s: clock::now().duration_since(start).as_seconds(),
+                    path_deg,
+                });
             }
         }
         None

@@ -12,7 +12,7 @@ use i2ris_teleop::recording::{write_frame, write_head};
 use i2ris_teleop::state::{Description, Range};
 use nix::sys::stat::Mode;
 
-use crate::bench::Bench;
+use crate::bench::WorkFolder;
 
 pub const KEY: u16 = 1;
 pub const AXIS: u16 = 3;
@@ -42,13 +42,13 @@ pub fn pedal() -> Description {
 
 /// A device that is played through a pipe.
 pub struct Played {
-    pub bench: Bench,
+    pub bench: WorkFolder,
     pipe: Option<File>,
 }
 
 impl Played {
     pub fn new(description: &Description) -> Self {
-        let bench = Bench::new();
+        let bench = WorkFolder::new();
         nix::unistd::mkfifo(&bench.path("device"), Mode::S_IRUSR | Mode::S_IWUSR).unwrap();
         let mut played = Self { bench, pipe: None };
         played.plug_in(description);
@@ -103,7 +103,7 @@ impl Played {
     }
 
     /// The same as the kernel would stamp it. Returns its time.
-    pub fn tell_stamped(&mut self, kind: u16, code: u16, value: i32) -> Nanos {
+    pub fn report_stamped(&mut self, kind: u16, code: u16, value: i32) -> Nanos {
         let (now, mut event) =
             (clock::now(), [encode(kind, code, value), encode(0, 0, 0)].concat());
         stamp_anew(&mut event, now);

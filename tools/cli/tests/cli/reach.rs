@@ -8,7 +8,7 @@ use i2ris::ipc::payload::ReachTarget;
 use i2ris::units::Nanos;
 use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, home_and_enable, wait_until};
 
-use crate::bench::{Bench, assert_says, ends, expect_stalls, fails, start, succeeds};
+use crate::bench::{WorkFolder, assert_says, ends, expect_stalls, fails, start, succeeds};
 
 /// How long a task of two targets may take on a machine that does other things.
 const PATIENCE: Nanos = Nanos::from_millis(240_000);
@@ -18,7 +18,7 @@ fn reach_by_keys(client: &Client, terminal: &mut Terminal) {
     let mut target = Latest::new(client.watcher().reach_target());
     let mut measured = Latest::new(client.watcher().measured_js());
     let start = clock::now();
-    while clock::now().since(start) < PATIENCE {
+    while clock::now().duration_since(start) < PATIENCE {
         clock::sleep(Nanos::from_millis(150));
         let mut keys = String::from(" ");
         if let (Some(target), Some(snake)) =
@@ -50,7 +50,7 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
     rig.start_controller_thread();
     let mut client = rig.client();
     home_and_enable(&mut client, TIMEOUT).unwrap();
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     let file = bench.file("task.mcap");
     let mut record = start(&domain, &format!("record --output {file}"));
     wait_until("it records", || fs::metadata(&file).is_ok_and(|data| data.len() > 0));
@@ -83,7 +83,7 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
 
 #[test]
 fn a_target_is_followed_by_keys_and_the_report_scores_it() {
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     for (words, moves, lag) in
         [("pursuit --seed 2", true, "pursuit"), ("hold-still", false, "held")]
     {

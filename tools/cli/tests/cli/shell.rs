@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use i2ris::ipc::{Domain, Fault, OperatingState, Refusal};
 use i2ris_testing::{Controller, program};
 
-use crate::bench::{Bench, assert_says, nobody, repository, run};
+use crate::bench::{WorkFolder, assert_says, nobody, repository, run};
 
 fn code(domain: &Domain, words: &str) -> Option<i32> {
     let said = run(domain, words);
@@ -17,9 +17,9 @@ fn code(domain: &Domain, words: &str) -> Option<i32> {
 }
 
 #[test]
-fn the_exit_code_tells_what_kind_of_failure_it_was() {
+fn the_exit_code_reports_what_kind_of_failure_it_was() {
     let nobody = nobody();
-    let bench = Bench::with("bad.toml", "robot_id = 3");
+    let bench = WorkFolder::with("bad.toml", "robot_id = 3");
     let controller = Controller::start();
     let domain = &controller.domain;
     for (domain, words, expected) in [
@@ -73,7 +73,7 @@ fn a_reader_that_goes_away_is_no_error() {
 
 #[test]
 fn the_schema_knows_every_table_and_an_editor_can_read_it() {
-    let output = Bench::new().succeeds("doctor config schema");
+    let output = WorkFolder::new().succeeds("doctor config schema");
     let schema: serde_json::Value = serde_json::from_str(&output).unwrap();
     assert!(schema["$schema"].as_str().unwrap().contains("json-schema.org"));
     for table in ["control", "ipc", "command", "limits", "compensation", "record", "ports"] {
@@ -85,7 +85,7 @@ fn the_schema_knows_every_table_and_an_editor_can_read_it() {
 #[test]
 fn a_configuration_is_judged_and_printed_with_its_defaults() {
     let good = fs::read_to_string(repository("config/emulator.toml")).unwrap();
-    let bench = Bench::with("good.toml", &good);
+    let bench = WorkFolder::with("good.toml", &good);
     let output = bench.succeeds("doctor config check good.toml");
     assert_says(&output, &["valid; robot i2ris-emulated, 2 axes, 2 of the snake"]);
     bench.write("printed.toml", &bench.succeeds("doctor config print good.toml"));
@@ -99,7 +99,7 @@ fn a_configuration_is_judged_and_printed_with_its_defaults() {
 #[test]
 fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
     let template = fs::read_to_string(repository("config/robot.toml")).unwrap();
-    let bench = Bench::with("robot.toml", &template);
+    let bench = WorkFolder::with("robot.toml", &template);
     let said = bench.run("doctor config check robot.toml");
     assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
     let marked = template.lines().filter(|line| line.ends_with("# CHECK")).count();
@@ -125,9 +125,9 @@ fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
 }
 
 #[test]
-fn shells_are_told_every_subcommand() {
+fn shells_get_every_subcommand() {
     for shell in ["bash", "zsh", "fish"] {
-        let script = Bench::new().succeeds(&format!("--completions {shell}"));
+        let script = WorkFolder::new().succeeds(&format!("--completions {shell}"));
         assert_says(&script, &["calibrate", "vision", "record", "status", "master"]);
     }
 }
@@ -140,7 +140,7 @@ fn the_units_of_systemd_are_valid() {
         eprintln!("skipped: there is no systemd-analyze");
         return;
     }
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     let units = ["i2ris-control@.service", "i2ris-watchdog@.service"].map(|name| {
         let text = fs::read_to_string(repository("config/system").join(name)).unwrap();
         assert!(text.contains("ExecStart=/usr/local/bin/i2ris-"), "{name}");

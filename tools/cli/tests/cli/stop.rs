@@ -68,7 +68,7 @@ fn a_controller_that_ends_during_a_cycle_ends_the_wait() {
 
 /// Nobody knows whether a drive has power that does not answer.
 #[test]
-fn drives_that_do_not_answer_are_not_said_to_be_off() {
+fn drives_that_do_not_answer_are_not_reported_to_be_off() {
     let (rig, mut client) = robot(|rig| {
         rig.config.limits.feedback_stale_ms = 300;
         rig.config.ports.iter_mut().for_each(|port| port.reply_timeout_ms = 200);

@@ -17,7 +17,7 @@ use i2ris_teleop::space_mouse;
 use i2ris_teleop::state::Description;
 use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, home_and_enable, wait_until};
 
-use crate::bench::{Bench, end, ends, expect_stalls, fails, start};
+use crate::bench::{WorkFolder, end, ends, expect_stalls, fails, start};
 use crate::command::{assert_near, assert_no_jump};
 use crate::played::{AXIS, BTN_EAST, BTN_TR, KEY, KEY_B, Played, X, Y, identity, pad, pedal};
 
@@ -183,7 +183,7 @@ fn a_view_that_was_measured_lets_right_be_right_and_up_be_up() {
 }
 
 #[test]
-fn without_a_camera_the_view_is_not_measured_and_said() {
+fn without_a_camera_the_view_is_not_measured_and_reported() {
     let controller = Controller::enabled();
     let device = Played::new(&pad("1"));
     let words = format!("teleop --device {} --view measure", device.file());
@@ -191,7 +191,7 @@ fn without_a_camera_the_view_is_not_measured_and_said() {
 }
 
 #[test]
-fn an_event_is_told_with_its_time_and_its_command_and_a_button_marks() {
+fn an_event_is_reported_with_its_time_and_its_command_and_a_button_marks() {
     let controller = Controller::enabled();
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let mut stream = client.watcher().teleop();
@@ -206,17 +206,17 @@ fn an_event_is_told_with_its_time_and_its_command_and_a_button_marks() {
         told
     };
     wait("the first message", &|told| told.sequence > 0);
-    let came = device.tell_stamped(AXIS, X, 0);
+    let came = device.report_stamped(AXIS, X, 0);
     let first = wait("the event", &|told| told.event_ns == came.0);
     assert!(first.command_sequence > 0 && first.mark_ns == 0);
-    let came = device.tell_stamped(KEY, BTN_EAST, 1);
+    let came = device.report_stamped(KEY, BTN_EAST, 1);
     let marked = wait("the mark", &|told| told.mark_ns == came.0);
     assert!(marked.event_ns == came.0 && marked.command_sequence > first.command_sequence);
     // Commands go on being of now, however long the last event is ago.
     let (_, count) = place(&controller);
     controller.wait("more commands", |robot| robot.poses.len() > count + 50);
     assert!(controller.robot().poses[count + 50].0 > came);
-    device.tell_stamped(KEY, BTN_EAST, 0);
+    device.report_stamped(KEY, BTN_EAST, 0);
     program.interrupt();
     ends(program, 0, &[]);
 }
@@ -298,7 +298,7 @@ fn a_device_is_recorded_played_and_learned() {
     let controller = Controller::enabled();
     let unknown = Description { identity: identity(0x1234, 0xabcd, ""), ..pad("") };
     let mut device = Played::new(&unknown);
-    let bench = Bench::new();
+    let bench = WorkFolder::new();
     let (file, profile) = (bench.file("device.input"), bench.file("mine.toml"));
     let played = device.file();
     fails(

@@ -6,7 +6,7 @@ use std::os::unix::fs::chown;
 use i2ris::ipc::Domain;
 use i2ris_testing::{Program, wait_until};
 
-use crate::bench::{Bench, Said, assert_says, end, nobody, repository};
+use crate::bench::{Ended, WorkFolder, assert_says, end, nobody, repository};
 
 /// Who has no right to anything.
 const PLAIN: u32 = 65_534;
@@ -19,7 +19,7 @@ const SHARED_PORT: &str = "\nreply_timeout_ms = 1000\n";
 const SHARED_AXIS: &str = "\nfollowing_error_counts = 3000\n";
 
 struct FirstDay {
-    bench: Bench,
+    bench: WorkFolder,
     domain: Domain,
     user: Option<u32>,
 }
@@ -30,7 +30,7 @@ impl FirstDay {
         Program::start_as(self.user, &self.domain, &words.split_whitespace().collect::<Vec<_>>())
     }
 
-    fn run(&self, words: &str) -> Said {
+    fn run(&self, words: &str) -> Ended {
         end(self.start(words))
     }
 
@@ -49,7 +49,7 @@ impl FirstDay {
 }
 
 /// The template, filled in: what is before the ports, and the ports.
-fn filled_in(bench: &Bench, domain: &Domain, has_jaw: bool) -> (String, String) {
+fn filled_in(bench: &WorkFolder, domain: &Domain, has_jaw: bool) -> (String, String) {
     let template = std::fs::read_to_string(repository("config/robot.toml")).unwrap();
     let port = |motor: usize| format!("/dev/serial/by-id/usb-maxon-drive-of-motor-{motor}");
     let (head, ports) = template.split_once("[[ports]]").unwrap();
@@ -77,7 +77,7 @@ fn filled_in(bench: &Bench, domain: &Domain, has_jaw: bool) -> (String, String) 
 }
 
 fn first_day(user: Option<u32>, has_jaw: bool) {
-    let day = FirstDay { bench: Bench::new(), domain: nobody(), user };
+    let day = FirstDay { bench: WorkFolder::new(), domain: nobody(), user };
     chown(day.bench.path(""), user, user).unwrap();
     let (head, ports) = filled_in(&day.bench, &day.domain, has_jaw);
     let snake = repository("config/snakes/steel.toml");

@@ -37,7 +37,7 @@ impl Group {
     /// As people see it.
     pub fn event(&self, now: Nanos) -> Event {
         Event {
-            age_ms: now.since(self.stamp).0 / 1_000_000,
+            age_ms: now.duration_since(self.stamp).0 / 1_000_000,
             severity: self.severity,
             text: self.text.clone(),
             advice: self.advice.clone(),
@@ -65,7 +65,7 @@ impl EventGroups {
     /// become those of `event`.
     pub fn explain(&mut self, event: Group) {
         self.join(event, |group, event| {
-            let is_counted = event.stamp.since(group.stamp) < REPEAT_WINDOW;
+            let is_counted = event.stamp.duration_since(group.stamp) < REPEAT_WINDOW;
             group.count += u64::from(!is_counted);
             (group.text, group.advice) = (event.text.clone(), event.advice.clone());
         });
@@ -76,13 +76,14 @@ impl EventGroups {
             Severity::Alarm => REPEAT_WINDOW,
             Severity::Info | Severity::Warning => GROUP_WINDOW,
         };
-        let same =
-            |group: &Group| group.key == event.key && event.stamp.since(group.stamp) < window;
+        let same = |group: &Group| {
+            group.key == event.key && event.stamp.duration_since(group.stamp) < window
+        };
         let Some(place) = self.0.iter().rposition(same) else {
             return self.push(event);
         };
-        let stays =
-            (self.0.get(place)).is_some_and(|group| event.stamp.since(group.stamp) < REPEAT_WINDOW);
+        let stays = (self.0.get(place))
+            .is_some_and(|group| event.stamp.duration_since(group.stamp) < REPEAT_WINDOW);
         if let Some(group) = self.0.get_mut(place) {
             update(group, &event);
             group.stamp = group.stamp.max(event.stamp);

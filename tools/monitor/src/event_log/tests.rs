@@ -126,7 +126,7 @@ fn loss_and_return_of_the_controller_are_logged() {
 }
 
 #[test]
-fn a_reason_explains_what_the_counters_told_and_late_ones_stand_alone() {
+fn a_reason_explains_what_the_counters_reported_and_late_ones_stand_alone() {
     let mut event_log = EventLog::default();
     let step = Reason {
         cause: Cause::Refusal(Refusal::Step),

@@ -106,14 +106,14 @@ impl KeyHandler {
 
     /// What is to be confirmed, if anything.
     pub fn question(&self, now: Nanos) -> Option<&Confirmation> {
-        self.question.as_ref().filter(|question| now.since(question.asked) < TIMEOUT)
+        self.question.as_ref().filter(|question| now.duration_since(question.asked) < TIMEOUT)
     }
 
     /// What was answered last, while it is worth showing.
     pub fn answer(&self, now: Nanos) -> Option<&CommandResult> {
         self.answer
             .as_ref()
-            .filter(|(_, at)| now.since(*at) < RESULT_TIME)
+            .filter(|(_, at)| now.duration_since(*at) < RESULT_TIME)
             .map(|(answer, _)| answer)
     }
 

@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_http_is_told() {
+    fn what_is_no_http_is_reported() {
         for text in [
             "hello\r\n\r\n",
             "GET / HTTP/9\r\n\r\n",

@@ -167,7 +167,7 @@ impl Browser {
     }
 
     /// The addresses of everything that the page asked for.
-    pub fn asked_for(&self) -> Vec<String> {
+    pub fn requested(&self) -> Vec<String> {
         let is_request = |event: &&Value| event["method"] == "Network.requestWillBeSent";
         let url = |event: &Value| event["params"]["request"]["url"].as_str().unwrap().to_owned();
         self.events.iter().filter(is_request).map(url).collect()

@@ -21,7 +21,7 @@ pub const WHY: &str = "document.getElementById('why')?.innerText";
 /// Does it again and again until it is true, or too late.
 fn within_timeout(mut is_true: impl FnMut() -> bool) -> bool {
     let start = clock::now();
-    while clock::now().since(start) < TIMEOUT {
+    while clock::now().duration_since(start) < TIMEOUT {
         if is_true() {
             return true;
         }
@@ -172,7 +172,7 @@ fn the_operator_reads_from_afar_what_is_wrong_and_how_large_the_error_is() {
 }
 
 #[test]
-fn limits_sound_faster_as_they_come_nearer_and_only_when_somebody_asked() {
+fn limits_sound_faster_as_they_come_nearer_and_only_when_somebody_requested() {
     let controller = Controller::enabled();
     let mut fixtures = VirtualFixturesMsg { active: 1, ..VirtualFixturesMsg::default() };
     fixtures.kind[0] = FixtureKind::Circle.number();
@@ -367,9 +367,9 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
         page.complaints().into_iter().filter(|text| !text.contains("405")).collect();
     assert!(complaints.is_empty(), "{complaints:#?}");
     let strange: Vec<_> =
-        page.asked_for().into_iter().filter(|address| !address.starts_with(&url)).collect();
+        page.requested().into_iter().filter(|address| !address.starts_with(&url)).collect();
     assert!(strange.is_empty(), "{strange:?}");
-    assert!(page.asked_for().len() > 10);
+    assert!(page.requested().len() > 10);
 
     served.program.interrupt();
     page.wait(

@@ -199,7 +199,7 @@ fn a_window_that_is_closed_ends_it() {
 }
 
 #[test]
-fn a_controller_that_is_absent_or_of_another_version_is_said_before_anything_is_drawn() {
+fn a_controller_that_is_absent_or_of_another_version_is_reported_before_anything_is_drawn() {
     let mut terminal = Terminal::start(&unique_domain(), &["status", "--watch"], 24, 80);
     assert_eq!(terminal.end().code(), Some(3));
     terminal.assert_restored();

@@ -20,7 +20,7 @@ use serde_json::json;
 use crate::http::Served;
 
 #[test]
-fn a_page_is_told_everything_and_then_what_is_new() {
+fn a_page_gets_everything_and_then_what_is_new() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     let live = served.wait("numbers", |live| {
@@ -129,7 +129,7 @@ fn browsers_that_stall_or_vanish_cost_the_others_nothing() {
 }
 
 #[test]
-fn too_many_browsers_are_told_so() {
+fn too_many_browsers_are_informed() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     let held: Vec<TcpStream> = (0..60).map(|_| served.connect()).collect();

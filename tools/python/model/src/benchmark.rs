@@ -30,9 +30,9 @@ pub struct Snake(Robot);
 #[pymethods]
 impl Snake {
     #[new]
-    #[pyo3(signature = (physics, seed, worn=false))]
-    fn new(physics: &str, seed: u64, worn: bool) -> PyResult<Self> {
-        Ok(Self(robot(drawn(physics, seed)?, worn)))
+    #[pyo3(signature = (physics, seed, aged=false))]
+    fn new(physics: &str, seed: u64, aged: bool) -> PyResult<Self> {
+        Ok(Self(robot(drawn(physics, seed)?, aged)))
     }
 
     /// So many ticks of a millisecond with these setpoints, counts; the true angles, deg.
@@ -56,10 +56,10 @@ impl Snake {
     }
 }
 
-/// Writes a calibration recording of a snake, new or worn, as the benchmark makes it.
+/// Writes a calibration recording of a snake, new or aged, as the benchmark makes it.
 #[pyfunction]
 #[pyo3(signature = (path, physics, seed, *, protocol, duration_s, noise_deg, latency_ms, first_seed,
-                    worn))]
+                    aged))]
 #[allow(clippy::too_many_arguments, reason = "the options of the command line")]
 pub fn record(
     py: Python<'_>,
@@ -71,7 +71,7 @@ pub fn record(
     noise_deg: f64,
     latency_ms: u64,
     first_seed: u64,
-    worn: bool,
+    aged: bool,
 ) -> PyResult<()> {
     let snake = drawn(physics, seed)?;
     let protocol = match protocol {
@@ -86,7 +86,7 @@ pub fn record(
     let seed = first_seed + seed;
     let plan = RecordingPlan { protocol, duration_s, noise_deg, latency_ms, seed };
     let made = py
-        .detach(|| plan.record(&mut robot(snake, worn), &path).map_err(|error| error.to_string()));
+        .detach(|| plan.record(&mut robot(snake, aged), &path).map_err(|error| error.to_string()));
     made.map_err(refused)
 }
 
@@ -122,9 +122,9 @@ pub fn track(
     model: &Model,
     physics: &str,
     seed: u64,
-    worn: bool,
+    aged: bool,
     recording: PathBuf,
 ) -> PyResult<Vec<(String, f64, f64, f64)>> {
     let snake = drawn(physics, seed)?;
-    py.detach(|| tracked(snake, worn, &model.0, &recording)).map_err(refused)
+    py.detach(|| tracked(snake, aged, &model.0, &recording)).map_err(refused)
 }

@@ -72,7 +72,7 @@ impl StandardMessages {
     pub fn poses(&mut self, state: &JointState) -> Vec<(Topic, Vec<u8>)> {
         let stamp = Nanos(state.stamp_ns);
         // A controller that was started again may be on another computer's clock.
-        let is_due = stamp >= self.next_pose || self.next_pose.since(stamp) > POSE_PERIOD;
+        let is_due = stamp >= self.next_pose || self.next_pose.duration_since(stamp) > POSE_PERIOD;
         if state.flags & JointState::VALID == 0 || !(1..=2).contains(&state.count) || !is_due {
             return Vec::new();
         }

@@ -147,7 +147,7 @@ impl MessageCounts {
     pub fn rate_hz(&self, stream: Stream) -> f64 {
         let messages = self.messages.get(&stream).copied().unwrap_or(0);
         let span = self.spans.get(&stream);
-        rate_hz(messages, span.map_or(Nanos::ZERO, |(first, last)| last.since(*first)))
+        rate_hz(messages, span.map_or(Nanos::ZERO, |(first, last)| last.duration_since(*first)))
     }
 }
 

@@ -5,7 +5,7 @@
 //! |---|---|
 //! | `trial` | the data of a recording, read once; when the robot followed commands |
 //! | `tracking` | tracking error by the model's estimate and by the camera |
-//! | `shortfall` | asked against reached: commands out of reach |
+//! | `out_of_reach` | asked against reached: commands out of reach |
 //! | `reaches` | point-to-point motion and reach-and-hold tasks: time, overshoot, detour |
 //! | `pursuit` | targets that were followed: error and lag |
 //! | `hysteresis` | counts against angle, width of the loop |
@@ -19,10 +19,10 @@ mod events;
 mod figures;
 mod hysteresis;
 mod latency;
+mod out_of_reach;
 mod page;
 mod pursuit;
 mod reaches;
-mod shortfall;
 mod text;
 mod tracking;
 mod trial;
@@ -38,11 +38,11 @@ use crate::read::ReadError;
 use events::{TrialEvent, trial_events};
 use hysteresis::{HysteresisLoop, hysteresis_loops};
 use latency::{LoopTiming, Percentiles, loop_timing};
+use out_of_reach::{OutOfReach, out_of_reach};
 pub(crate) use pursuit::Pursuit;
 use pursuit::pursuits;
 pub(crate) use reaches::TargetReach;
 use reaches::{ReachScore, TargetScore, reach_score, target_score};
-use shortfall::{Shortfall, shortfall};
 use tracking::{TrackingError, tracking_errors, tracking_statistics};
 pub(crate) use trial::Trial;
 
@@ -68,7 +68,7 @@ pub struct TrialReport {
     /// Error by the model's estimate from the encoders.
     pub estimate: Option<TrackingError>,
     /// What it was asked for and could not reach.
-    pub shortfall: Option<Shortfall>,
+    pub out_of_reach: Option<OutOfReach>,
     pub reaches: Option<ReachScore>,
     pub targets: Option<TargetScore>,
     /// Targets that were followed.
@@ -115,7 +115,7 @@ impl TrialReport {
             streams: streams.collect(),
             camera: tracking_statistics(&tracking_errors(&trial, &trial.camera)),
             estimate: tracking_statistics(&tracking_errors(&trial, &trial.measured)),
-            shortfall: shortfall(&trial),
+            out_of_reach: out_of_reach(&trial),
             reaches: reach_score(&trial),
             targets: target_score(&trial),
             pursuits: pursuits(&trial),

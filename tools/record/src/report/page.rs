@@ -41,8 +41,8 @@ pub fn page(report: &TrialReport) -> Page {
 fn main_result(report: &TrialReport) -> String {
     let mut length = format!("{:.1} s", report.length_s);
     let mut goal = "its goal";
-    if let Some(shortfall) = &report.shortfall {
-        length = format!("{length}; {}", shortfall.sentence());
+    if let Some(out_of_reach) = &report.out_of_reach {
+        length = format!("{length}; {}", out_of_reach.sentence());
         goal = "the nearest goal in reach";
     }
     match (&report.camera, &report.estimate) {

@@ -9,7 +9,7 @@ pub fn text(report: &TrialReport) -> String {
     let recorded = report.recorded.as_deref().unwrap_or("at an unknown time");
     let (file, length_s) = (&report.file, report.length_s);
     let mut lines = vec![format!("{file}: {length_s:.1} s, recorded {recorded}")];
-    let short = report.shortfall.as_ref();
+    let short = report.out_of_reach.as_ref();
     lines.extend(short.map(|found| format!("  {}", found.sentence())));
     lines.extend(report.camera.as_ref().map(|found| tracking("goal against camera", found)));
     lines.extend(report.estimate.as_ref().map(|found| tracking("goal against estimate", found)));

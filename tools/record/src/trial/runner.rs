@@ -103,7 +103,7 @@ impl Study {
         }
         let start = clock::now();
         while Journal::is_held(&running.folder) {
-            if clock::now().since(start) > END {
+            if clock::now().duration_since(start) > END {
                 return Err(StudyError::Recorder(format!(
                     "its recorder, process {}, does not end; end it, then run `i2ris record trial stop` \
                      again",
@@ -132,7 +132,7 @@ fn wait_for_first(recorder: &mut Child, folder: &Path) -> Result<(), StudyError>
             let error = log.lines().find_map(|line| line.strip_prefix("error: "));
             return ended(error.unwrap_or("its recorder has ended").to_owned());
         }
-        if clock::now().since(start) > BEGIN {
+        if clock::now().duration_since(start) > BEGIN {
             return ended("its recorder does not begin".to_owned());
         }
         clock::sleep(POLL);
@@ -141,14 +141,14 @@ fn wait_for_first(recorder: &mut Child, folder: &Path) -> Result<(), StudyError>
 
 /// The trial as its recorder tells it: reads the journal, makes messages.
 #[derive(Debug)]
-pub struct Teller {
+pub struct TrialPublisher {
     follower: Follower,
     message: TrialMsg,
     next_read: Nanos,
     next_tell: Nanos,
 }
 
-impl Teller {
+impl TrialPublisher {
     pub fn new(folder: &Path, now: Nanos) -> Self {
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
         let message =

@@ -172,7 +172,7 @@ fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
 }
 
 #[test]
-fn a_trial_that_ends_short_of_what_was_asked_says_so_first() {
+fn a_trial_that_ends_short_of_what_was_requested_says_so_first() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let mut trial = TrialRecorder::start(&file, RecordingHeader::default()).unwrap();

@@ -25,7 +25,7 @@ fn name(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-fn trial_path() -> (TempDir, PathBuf) {
+fn examination_path() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("trial.mcap");
     (folder, file)
@@ -67,7 +67,7 @@ fn a_recording_has_every_stream_and_is_exported() {
         values: [[0.125; 17]; 8],
         ..VirtualFixturesMsg::default()
     });
-    let (folder, file) = trial_path();
+    let (folder, file) = examination_path();
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
     runs_with(&controller, &config);
     let options = ["--duration-s", "1.5", "--config", name(&config), "--json"];
@@ -132,7 +132,7 @@ fn a_recording_has_every_stream_and_is_exported() {
 #[test]
 fn what_was_written_before_kill_9_is_recovered() {
     let controller = Controller::enabled();
-    let (folder, file) = trial_path();
+    let (folder, file) = examination_path();
     let mut program = Program::start(
         &controller.domain,
         &["record", "--output", name(&file), "--note", "killed"],
@@ -151,7 +151,7 @@ fn what_was_written_before_kill_9_is_recovered() {
 #[test]
 fn a_full_disk_ends_the_recording_with_a_reason_and_leaves_what_was_written() {
     let controller = Controller::enabled();
-    let (folder, file) = trial_path();
+    let (folder, file) = examination_path();
     let arguments = [
         "record",
         "--output",
@@ -177,7 +177,7 @@ fn a_full_disk_ends_the_recording_with_a_reason_and_leaves_what_was_written() {
 #[test]
 fn two_recorders_do_not_disturb_each_other_and_never_share_a_file() {
     let controller = Controller::enabled();
-    let (folder, file) = trial_path();
+    let (folder, file) = examination_path();
     let arguments = |file| ["record", "--output", file, "--duration-s", "1"];
     let first = Program::start(&controller.domain, &arguments(name(&file)));
     wait_for_size(&file, 1);
@@ -215,7 +215,7 @@ fn with_full_disk(arguments: &[&str], bytes: u64) -> Output {
 #[test]
 fn a_report_is_made_of_complete_and_of_cut_off_recordings() {
     let controller = Controller::enabled();
-    let (folder, file) = trial_path();
+    let (folder, file) = examination_path();
     let options = ["--duration-s", "1", "--note", "a <short> one"];
     let (success, error) = record(&controller, &file, &options);
     assert!(success, "{error}");
@@ -244,7 +244,7 @@ fn a_report_is_made_of_complete_and_of_cut_off_recordings() {
 #[test]
 fn reports_and_tables_on_a_full_disk_end_with_a_reason() {
     let controller = Controller::enabled();
-    let (folder, file) = trial_path();
+    let (folder, file) = examination_path();
     let (success, error) = record(&controller, &file, &["--duration-s", "1"]);
     assert!(success, "{error}");
     let tables = folder.path().join("tables");
@@ -264,7 +264,7 @@ fn reports_and_tables_on_a_full_disk_end_with_a_reason() {
 #[test]
 fn the_run_log_of_this_run_is_attached_to_the_recording() {
     let controller = Controller::enabled();
-    let (folder, file) = trial_path();
+    let (folder, file) = examination_path();
     let config = folder.path().join("robot.toml");
     let emulator = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
     let content = fs::read_to_string(emulator).unwrap().replace("../target/records", "records");
@@ -328,7 +328,7 @@ fn model_file(robot_id: &str) -> String {
 #[test]
 fn the_model_in_use_is_attached_and_no_other_one_in_its_file() {
     let controller = Controller::enabled();
-    let (folder, file) = trial_path();
+    let (folder, file) = examination_path();
     let model = folder.path().join("staged.json");
     fs::write(&model, model_file("here")).unwrap();
     let id: ModelId = ModelFile::read(&model).unwrap().id().unwrap();
@@ -350,7 +350,7 @@ fn the_model_in_use_is_attached_and_no_other_one_in_its_file() {
 fn configuration_and_run_log_come_from_the_controller_that_serves_and_are_taken_out_again() {
     let mut rig = Rig::with_model();
     let mut client = rig.enabled();
-    let (folder, file) = trial_path();
+    let (folder, file) = examination_path();
     let domain = rig.domain();
     let mut recorder = Program::start(&domain, &["record", "--output", name(&file)]);
     wait_for_size(&file, 50_000);
@@ -398,7 +398,7 @@ fn configuration_and_run_log_come_from_the_controller_that_serves_and_are_taken_
 #[test]
 fn a_configuration_of_another_robot_is_not_recorded_as_this_one() {
     let controller = Controller::enabled();
-    let (_folder, file) = trial_path();
+    let (_folder, file) = examination_path();
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
     let options = ["--duration-s", "0.2", "--config", name(&config)];
     let (success, error) = record(&controller, &file, &options);
@@ -408,7 +408,7 @@ fn a_configuration_of_another_robot_is_not_recorded_as_this_one() {
 
 #[test]
 fn another_kind_of_file_is_named_as_such() {
-    let (_folder, file) = trial_path();
+    let (_folder, file) = examination_path();
     fs::write(&file, "t_s,q0_counts\n0,1\n").unwrap();
     let (success, _, error) = run(&["record", "info", name(&file)]);
     assert!(!success && error.contains("is no recording"), "{error}");

@@ -19,12 +19,12 @@ use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};
 
 /// Runs `i2ris record trial` in a study: exit code and what it printed.
-pub struct Bench {
+pub struct StudyRig {
     folder: tempfile::TempDir,
     domain: Domain,
 }
 
-impl Bench {
+impl StudyRig {
     pub fn new(domain: &Domain) -> Self {
         let bench = Self { folder: tempfile::tempdir().unwrap(), domain: domain.clone() };
         bench.succeeds("new STUDY --condition joystick,keyboard");
@@ -84,9 +84,9 @@ pub fn newest(stream: &mut Subscription<TrialMsg>) -> Option<TrialMsg> {
 }
 
 #[test]
-fn a_trial_is_recorded_with_its_marks_and_told_to_those_who_watch() {
+fn a_trial_is_recorded_with_its_marks_and_reported_to_those_who_watch() {
     let controller = Controller::enabled();
-    let bench = Bench::new(&controller.domain);
+    let bench = StudyRig::new(&controller.domain);
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let mut stream = client.watcher().trial();
     // Two at once: the second neither begins nor takes the first for cut off.
@@ -133,7 +133,7 @@ fn a_trial_is_recorded_with_its_marks_and_told_to_those_who_watch() {
 #[test]
 fn a_button_of_the_hand_marks_the_trial_once_each_time_it_is_pressed() {
     let controller = Controller::enabled();
-    let bench = Bench::new(&controller.domain);
+    let bench = StudyRig::new(&controller.domain);
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let (mut stream, mut hand) = (client.watcher().trial(), client.announcer());
     // Pressed before the trial: no mark of it.
@@ -162,7 +162,7 @@ fn a_button_of_the_hand_marks_the_trial_once_each_time_it_is_pressed() {
 #[test]
 fn what_is_no_code_no_condition_or_no_study_is_refused_and_leaves_nothing() {
     let nobody = Domain::new("nobody-serves-this").unwrap();
-    let bench = Bench::new(&nobody);
+    let bench = StudyRig::new(&nobody);
     for (words, part) in [
         ("start --participant Ann --condition joystick", "looks like a name"),
         ("start --participant ann@example.org --condition joystick", "e-mail"),
@@ -206,7 +206,7 @@ fn content(trial: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 /// untouched, the trial keeps its recording up to a second before, and the next start finds its
 /// state. `back`: the power is back.
 fn power_cuts(cases: u32, domain: &Domain, cut: impl Fn(Pid), back: impl Fn()) {
-    let bench = Bench::new(domain);
+    let bench = StudyRig::new(domain);
     bench.succeeds(START);
     bench.succeeds("stop --outcome success");
     let first = content(&bench.trial("P07-joystick-01"));
@@ -229,7 +229,7 @@ fn power_cuts(cases: u32, domain: &Domain, cut: impl Fn(Pid), back: impl Fn()) {
             clock::sleep(Nanos::from_millis(after_ms));
             cut(recorder_of(&trial));
             wait_until("the recorder is gone", || !Journal::is_held(&trial));
-            let length_s = clock::now().since(begun).as_seconds();
+            let length_s = clock::now().duration_since(begun).as_seconds();
             back();
             prop_assert!(said.contains("is being recorded"));
             bench.fails("mark late", "no trial runs");

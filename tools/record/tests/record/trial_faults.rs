@@ -15,14 +15,14 @@ use i2ris_record::trial::journal::Journal;
 use i2ris_testing::{Controller, TIMEOUT, program, wait_until};
 
 use crate::programs::{limit_files, runs_with};
-use crate::trial::{Bench, START, newest, recorder_of};
+use crate::trial::{START, StudyRig, newest, recorder_of};
 
 const FIRST: &str = "P07-joystick-01";
 
 #[test]
-fn the_workload_is_asked_and_stored_with_the_trial_that_ended_last() {
+fn the_workload_is_requested_and_stored_with_the_trial_that_ended_last() {
     let controller = Controller::enabled();
-    let bench = Bench::new(&controller.domain);
+    let bench = StudyRig::new(&controller.domain);
     bench.fails("workload --answers 55,30,25,60,50,20", "no trial has ended yet");
     bench.succeeds(START);
     bench.fails(&format!("workload {FIRST} --answers 55,30,25,60,50,20"), "runs: end it with");
@@ -65,7 +65,7 @@ fn the_workload_is_asked_and_stored_with_the_trial_that_ended_last() {
 #[test]
 fn a_controller_that_restarts_in_a_trial_is_another_run_of_the_same_trial() {
     let controller = Controller::enabled();
-    let bench = Bench::new(&controller.domain);
+    let bench = StudyRig::new(&controller.domain);
     bench.succeeds(START);
     let controller = controller.restart();
     let boots = || Journal::read(&bench.trial(FIRST)).unwrap().unwrap().boots;
@@ -82,9 +82,9 @@ fn a_controller_that_restarts_in_a_trial_is_another_run_of_the_same_trial() {
 }
 
 #[test]
-fn a_full_disk_in_a_trial_is_said_at_once_and_the_robot_and_what_was_written_stay() {
+fn a_full_disk_in_a_trial_is_reported_at_once_and_the_robot_and_what_was_written_stay() {
     let controller = Controller::enabled();
-    let bench = Bench::new(&controller.domain);
+    let bench = StudyRig::new(&controller.domain);
     bench.succeeds(START);
     bench.succeeds("stop --outcome success");
     let before = fs::read(bench.trial(FIRST).join("recording.mcap")).unwrap();
@@ -142,7 +142,7 @@ fn a_study_of_another_robot_is_refused_and_leaves_nothing() {
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
     let controller = Controller::enabled();
     runs_with(&controller, &config);
-    let bench = Bench::new(&controller.domain);
+    let bench = StudyRig::new(&controller.domain);
     bench.succeeds(START);
     bench.succeeds("stop --outcome success");
     let another = bench.study().join("another.toml");
@@ -159,7 +159,7 @@ fn a_study_of_another_robot_is_refused_and_leaves_nothing() {
 #[test]
 fn marks_a_hundred_times_a_second_are_all_kept_and_recorded() {
     let controller = Controller::enabled();
-    let bench = Bench::new(&controller.domain);
+    let bench = StudyRig::new(&controller.domain);
     bench.succeeds(START);
     let study = Study::open(&bench.study()).unwrap();
     let mut next = clock::now();

@@ -278,7 +278,7 @@ fn state(message: &OperatingStateMsg, now: Nanos) -> State {
     State {
         name: state_name(message),
         fault: Fault::from_number(message.fault).filter(|_| is_fault).map(Fault::text),
-        for_s: message.stamp().since(Nanos(message.since_ns)).as_seconds().round(),
+        for_s: message.stamp().duration_since(Nanos(message.since_ns)).as_seconds().round(),
         homed: has(OperatingStateMsg::HOMED),
         busy: has(OperatingStateMsg::BUSY),
         holding: has(OperatingStateMsg::HOLDING),
@@ -326,7 +326,7 @@ fn motors(message: &ActuatorState, rates: Option<[f64; MAX_MOTORS]>, now: Nanos)
     let motor = |motor: usize| {
         let phase = message.phase_text(motor);
         let read = Some(Nanos(message.measured_stamp_ns[motor])).filter(|it| *it != Nanos::ZERO);
-        let age = read.map(|read| now.since(read));
+        let age = read.map(|read| now.duration_since(read));
         let error = message.error_code[motor];
         Motor {
             setpoint_counts: message.setpoint_counts[motor],

@@ -34,7 +34,7 @@ impl Trial {
             (false, false) => (message.age(now) > SILENT).then_some("its recorder is silent"),
         };
         let is_marked = message.mark_number > 0;
-        let since = |stamp: u64| now.since(Nanos(stamp)).as_seconds().round();
+        let since = |stamp: u64| now.duration_since(Nanos(stamp)).as_seconds().round();
         Some(Self {
             name: unpadded_text(&message.trial),
             for_s: since(message.started_ns),

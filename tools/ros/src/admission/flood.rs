@@ -28,7 +28,7 @@ impl Flood {
     /// [`Reason::Flood`] for too many in this window or in the one before: a client that floods
     /// does not get through now and then.
     pub fn check(&mut self, count: u32, now: Nanos) -> Result<(), Reason> {
-        let elapsed = now.since(self.start);
+        let elapsed = now.duration_since(self.start);
         if elapsed >= WINDOW {
             self.flooding = self.count > PER_SECOND && elapsed < WINDOW + WINDOW;
             (self.start, self.count) = (now, 0);

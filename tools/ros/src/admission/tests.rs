@@ -54,7 +54,7 @@ fn values_of_the_wrong_number_and_values_that_are_not_finite_are_refused() {
 }
 
 #[test]
-fn the_first_message_only_tells_the_clock_and_a_kept_one_moves_nothing() {
+fn the_first_message_only_reports_the_clock_and_a_kept_one_moves_nothing() {
     let (mut admission, one) = (listening(0), writer(1, 1));
     // Kept for a minute, and delivered with nine others in one burst.
     let kept = servo(&mut admission, one, 1000, 61_000);
@@ -63,7 +63,7 @@ fn the_first_message_only_tells_the_clock_and_a_kept_one_moves_nothing() {
     assert_eq!(live.stamp, times(0, 61_010).arrived);
     let late = servo(&mut admission, one, 61_020, 61_220).unwrap();
     // Less what the clocks may have drifted apart meanwhile.
-    let in_transit = late.stamp.since(times(0, 61_020).arrived);
+    let in_transit = late.stamp.duration_since(times(0, 61_020).arrived);
     assert!(in_transit < Nanos::from_millis(1), "200 ms in transit: {in_transit:?}");
 }
 

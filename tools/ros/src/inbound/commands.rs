@@ -9,7 +9,7 @@ use i2ris::robot::StateCommand;
 use i2ris::units::{Nanos, OutputVec};
 
 use super::Shared;
-use super::burst::{Arrivals, Received, take};
+use super::arrivals::{Arrivals, Received, take};
 use super::graph::Graph;
 use super::requests::{Requests, STOPS, What};
 use crate::RosError;
@@ -208,7 +208,7 @@ impl Commands {
         };
         let goal = given.from(&start);
         let client_id = self.stream(topic, *writer, times, &goal, count)?;
-        self.tell_of_velocity(client_id, topic, message);
+        self.warn_of_velocity(client_id, topic, message);
         self.last = Some((client_id, goal.position, times.arrived));
         Ok(())
     }
@@ -268,12 +268,12 @@ impl Commands {
         };
         let header = message.header.stamp.unix_ns();
         let client_id = self.admission.once(*writer, topic, header, times)?;
-        self.tell_of_velocity(client_id, topic, message);
+        self.warn_of_velocity(client_id, topic, message);
         self.requests.ask(client_id, What::Move(topic, goal))
     }
 
     /// Says once to a client that commands have positions only.
-    fn tell_of_velocity(&mut self, client_id: u64, topic: Topic, message: &JointState) {
+    fn warn_of_velocity(&mut self, client_id: u64, topic: Topic, message: &JointState) {
         let is_zero = message.velocity.iter().all(|velocity| *velocity == 0.0);
         if is_zero || self.told_of_velocity.contains(&client_id) {
             return;
@@ -328,7 +328,8 @@ impl Commands {
         let now = clock::now();
         let setpoint = self.setpoint.refresh().ok().flatten().copied();
         let valid = |state: &JointPayload| {
-            state.flags & JointPayload::VALID != 0 && now.since(Nanos(state.stamp_ns)) < FRESH
+            state.flags & JointPayload::VALID != 0
+                && now.duration_since(Nanos(state.stamp_ns)) < FRESH
         };
         setpoint.filter(valid).ok_or(Reason::NoSetpoint)
     }
@@ -337,7 +338,9 @@ impl Commands {
     fn goal_of(&mut self, writer: Writer, topic: Topic, now: Nanos) -> Result<OutputVec, Reason> {
         let client_id = self.admission.client_id(writer, topic, now);
         match self.last {
-            Some((owner, goal, at)) if client_id == Some(owner) && now.since(at) < CONTINUES => {
+            Some((owner, goal, at))
+                if client_id == Some(owner) && now.duration_since(at) < CONTINUES =>
+            {
                 Ok(goal)
             }
             _ => Ok(self.setpoint()?.position),

@@ -9,7 +9,7 @@ use rustdds::{
     DomainParticipantStatusEvent, DomainParticipantStatusListener, GUID, QosPolicies, StatusEvented,
 };
 
-use super::{Shared, burst};
+use super::{Shared, arrivals};
 use crate::RosError;
 use crate::admission::{Participant, Writer};
 use crate::event::{Event, Events};
@@ -65,7 +65,7 @@ impl Graph {
             let names: Vec<String> =
                 { info.nodes().iter() }.map(|node| node.fully_qualified_name()).collect();
             if !names.is_empty() {
-                self.note(burst::writer(info.gid()).participant(), names.join(", "));
+                self.note(arrivals::writer(info.gid()).participant(), names.join(", "));
             }
         }
         while let Some(event) = self.status.try_recv_status() {

@@ -2,13 +2,13 @@
 //!
 //! | file | contains |
 //! |---|---|
-//! | `burst` | what arrived together |
+//! | `arrivals` | what arrived together |
 //! | `commands` | everything that can move the robot |
 //! | `requests` | the thread that asks the controller |
 //! | `kinematics` | from joints to the tip and back, for those who ask |
 //! | `graph` | who takes part in ROS |
 
-mod burst;
+mod arrivals;
 mod commands;
 mod graph;
 mod kinematics;

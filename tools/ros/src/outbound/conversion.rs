@@ -18,7 +18,7 @@ fn valid<'a>(state: Option<&'a Payload>, now: &Moment) -> Option<&'a Payload> {
     state.filter(|state| {
         state.flags & Payload::VALID != 0
             && (1..=JOINTS.len()).contains(&(state.count as usize))
-            && now.monotonic.since(Nanos(state.stamp_ns)) < FRESH
+            && now.monotonic.duration_since(Nanos(state.stamp_ns)) < FRESH
     })
 }
 

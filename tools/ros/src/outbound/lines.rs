@@ -109,7 +109,7 @@ impl Lines {
             }
             _ => String::new(),
         };
-        let age = now.since(Nanos(message.stamp_ns));
+        let age = now.duration_since(Nanos(message.stamp_ns));
         let ago = match age < RECENT {
             true => String::new(),
             false => format!(" ({:.0} s ago)", age.as_seconds()),
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn every_change_is_said_once() {
+    fn every_change_is_reported_once() {
         let names = ClientNames::default();
         names.note(7, "/console");
         let mut lines = Lines::new(names);
@@ -167,7 +167,7 @@ mod tests {
         assert!(line.starts_with("fault 2: ") && line.contains("; do: "), "{line}");
     }
     #[test]
-    fn of_what_was_said_before_only_the_fault_that_is_there_is_news() {
+    fn of_earlier_reports_only_the_fault_that_is_there_is_news() {
         let s = |seconds: u64| Nanos::from_millis(1000 * seconds);
         let reason = |cause: Cause, at| ReasonMsg::new(&cause.into(), 0, at);
         let (late, link) = (Cause::Fault(Fault::Late), Cause::Fault(Fault::Link));

@@ -198,7 +198,7 @@ impl Outbound {
             Event::Warning(line) => self.say(Level::Warning, line, say),
             Event::AskedAgain => self.publish_state(self.report.published()),
             Event::ReaderCame => self.greetings = (GREETINGS, now),
-            Event::MoveAsked => self.report.move_asked(),
+            Event::MoveAsked => self.report.move_requested(),
             Event::MoveAnswered(since) => {
                 if let Some(snapshot) = self.report.move_answered(since) {
                     self.publish_state(snapshot);

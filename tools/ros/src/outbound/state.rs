@@ -64,7 +64,7 @@ impl StateReport {
         self.change(UNDEFINED)
     }
 
-    pub fn move_asked(&mut self) {
+    pub fn move_requested(&mut self) {
         self.asked = true;
     }
 
@@ -133,7 +133,7 @@ mod tests {
     #[test]
     fn a_motion_of_length_zero_is_busy_and_then_not() {
         let mut report = enabled();
-        report.move_asked();
+        report.move_requested();
         assert_eq!(busy(report.move_answered(at(10))), Some(true));
         assert_eq!(report.state(&message(9, false)), None, "from before");
         assert_eq!(busy(report.state(&message(11, false))), Some(false));
@@ -143,7 +143,7 @@ mod tests {
     #[test]
     fn a_motion_that_ends_before_its_answer_is_seen_is_one_pair() {
         let mut report = enabled();
-        report.move_asked();
+        report.move_requested();
         assert_eq!(report.state(&message(5, true)), None, "waits for the answer");
         assert_eq!(report.state(&message(6, false)), None);
         assert_eq!(busy(report.move_answered(at(4))), Some(true));
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn a_long_motion_is_busy_until_it_ends() {
         let mut report = enabled();
-        report.move_asked();
+        report.move_requested();
         assert_eq!(busy(report.move_answered(at(10))), Some(true));
         for ms in 11..500 {
             assert_eq!(report.state(&message(ms, true)), None);
@@ -164,12 +164,12 @@ mod tests {
     #[test]
     fn a_refused_motion_changes_nothing_and_the_one_under_way_goes_on() {
         let mut report = enabled();
-        report.move_asked();
+        report.move_requested();
         assert_eq!(report.move_answered(None), None);
         assert_eq!(report.state(&message(20, false)), None);
-        report.move_asked();
+        report.move_requested();
         report.move_answered(at(30));
-        report.move_asked();
+        report.move_requested();
         assert_eq!(report.move_answered(None), None, "busy");
         assert_eq!(report.state(&message(40, true)), None);
         assert_eq!(busy(report.state(&message(50, false))), Some(false));
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn without_a_controller_the_state_is_undefined_and_nothing_is_busy() {
         let mut report = enabled();
-        report.move_asked();
+        report.move_requested();
         report.move_answered(at(10));
         assert_eq!(report.absent(), Some(UNDEFINED));
         assert_eq!(report.absent(), None);

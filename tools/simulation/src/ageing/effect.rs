@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_random_walk_spreads_as_told_and_does_not_depend_on_the_steps() {
+    fn a_random_walk_spreads_as_configured_and_does_not_depend_on_the_steps() {
         let walk = Course::RandomWalk { over_s: 100.0 };
         let changes = [change(Parameter::Zero, 0.5, walk)];
         let squares = (0..400).map(|seed| {

@@ -100,8 +100,8 @@ impl Shared {
         match *command {
             SocketCommand::Inject(line) => self.inject(line.axis, line.injection),
             SocketCommand::Age(change) => self.begin_ageing(change),
-            SocketCommand::Camera(fault) => self.tell_camera(CameraCommand::Begin(fault)),
-            SocketCommand::CameraGood => self.tell_camera(CameraCommand::Clear),
+            SocketCommand::Camera(fault) => self.notify_camera(CameraCommand::Begin(fault)),
+            SocketCommand::CameraGood => self.notify_camera(CameraCommand::Clear),
         }
     }
 
@@ -112,7 +112,7 @@ impl Shared {
         plant.snake.begin_ageing(change);
     }
 
-    pub(crate) fn tell_camera(&self, command: CameraCommand) {
+    pub(crate) fn notify_camera(&self, command: CameraCommand) {
         lock(&self.camera).push(command);
     }
 

@@ -87,7 +87,7 @@ impl Format {
         let latency = Nanos((self.latency_ms * 1e6) as u64);
         match self.fps {
             Some(fps) => FrameClock::Rate(fps),
-            None => FrameClock::Arrival(Box::new(move || clock::now().since(latency))),
+            None => FrameClock::Arrival(Box::new(move || clock::now().duration_since(latency))),
         }
     }
 

@@ -1,9 +1,9 @@
 //! `i2ris vision`: from microscope images to angles.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
-mod hand_on;
 mod input;
 mod measure;
+mod picture_forwarding;
 
 use clap::Parser;
 use std::process::ExitCode;

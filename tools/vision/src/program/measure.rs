@@ -20,8 +20,8 @@ use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::SourceError;
 use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
-use super::hand_on::HandOn;
 use super::input::{Format, check_count};
+use super::picture_forwarding::PictureForwarding;
 
 /// A camera without a frame for this long has stalled.
 const STALL_TIMEOUT: Duration = Duration::from_secs(1);
@@ -91,8 +91,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         let (sender, receiver) = sync_channel(QUEUE_LENGTH);
         let (path, format, detector) =
             (path.clone(), format.clone(), ViewDetector::new(view.settings()));
-        let pictures = arguments.pictures.then(|| HandOn::start(&domain, &view.name));
-        handed_on.extend(pictures.iter().map(HandOn::counts));
+        let pictures = arguments.pictures.then(|| PictureForwarding::start(&domain, &view.name));
+        handed_on.extend(pictures.iter().map(PictureForwarding::counts));
         let overlays =
             arguments.overlays.as_ref().map(|folder| (folder.clone(), view.name.clone()));
         thread::spawn(move || watch(&path, &format, detector, (pictures, overlays), &sender));
@@ -138,7 +138,7 @@ fn watch(
     path: &Path,
     format: &Format,
     mut detector: ViewDetector,
-    (pictures, overlays): (Option<HandOn>, Option<(PathBuf, String)>),
+    (pictures, overlays): (Option<PictureForwarding>, Option<(PathBuf, String)>),
     to: &SyncSender<ViewMessage>,
 ) {
     let mut source = match format.open(path) {
@@ -153,7 +153,7 @@ fn watch(
             Ok(None) => return,
             Ok(Some(item)) => {
                 if let Some(pictures) = &pictures {
-                    pictures.hand_on(&item);
+                    pictures.forward(&item);
                 }
                 let mut result = detector.detect(item);
                 let drawn = overlays.as_ref().map_or(Ok(()), |(folder, view)| {

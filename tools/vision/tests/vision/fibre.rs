@@ -154,7 +154,7 @@ fn a_covered_base_is_doubted() {
 }
 
 #[test]
-fn two_fibres_on_one_side_are_doubted_unless_the_place_is_told() {
+fn two_fibres_on_one_side_are_doubted_unless_the_place_is_reported() {
     let mut scene = scene(10.0);
     scene.clutter.push(Clutter::Instrument {
         from: [-50.0, 380.0],

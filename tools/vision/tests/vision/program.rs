@@ -223,7 +223,7 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
 }
 
 #[test]
-fn it_ends_when_it_is_asked_to_while_the_camera_goes_on() {
+fn it_ends_when_it_is_requested_to_while_the_camera_goes_on() {
     let place = Place::new();
     let frames = stream(&place, &rig(), 2);
     let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();

@@ -100,9 +100,10 @@ impl<W: Write> Recorder<W> {
         if seen.flags & ExternalPosition::VALID == 0 {
             return self.nothing_seen(stamp);
         }
-        if let Some(before) = self.last_seen.filter(|before| stamp.since(*before).0 > CAMERA_GAP_NS)
+        if let Some(before) =
+            self.last_seen.filter(|before| stamp.duration_since(*before).0 > CAMERA_GAP_NS)
         {
-            self.flag(before, FlagKind::CameraGap, stamp.since(before).0, &[]);
+            self.flag(before, FlagKind::CameraGap, stamp.duration_since(before).0, &[]);
         }
         self.last_seen = Some(stamp);
         if !self.frames.push(seen) {
@@ -194,7 +195,7 @@ impl<W: Write> Recorder<W> {
         counts: MotorVec,
         outputs: [f64; MAX_OUTPUTS],
     ) -> io::Result<()> {
-        let time_s = Some(stamp.since(self.start).as_seconds());
+        let time_s = Some(stamp.duration_since(self.start).as_seconds());
         let row = Row {
             line: self.rows.len() as u64 + 2,
             time_s,
@@ -209,7 +210,7 @@ impl<W: Write> Recorder<W> {
 
     /// One flag while the camera sees nothing.
     fn nothing_seen(&mut self, stamp: Nanos) {
-        let t_s = stamp.since(self.start).as_seconds();
+        let t_s = stamp.duration_since(self.start).as_seconds();
         match self.flags.last_mut() {
             Some(flag)
                 if flag.kind == FlagKind::NothingSeen && t_s - flag.t_s - flag.span_s < 0.5 =>
@@ -222,7 +223,7 @@ impl<W: Write> Recorder<W> {
 
     fn flag(&mut self, stamp: Nanos, kind: FlagKind, span_ns: u64, measured: &[f64]) {
         let measured = measured.iter().copied().filter(|value| value.is_finite()).collect();
-        let t_s = stamp.since(self.start).as_seconds();
+        let t_s = stamp.duration_since(self.start).as_seconds();
         self.flags.push(Flag { t_s, kind, span_s: Nanos(span_ns).as_seconds(), measured });
     }
 }

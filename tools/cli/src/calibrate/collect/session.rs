@@ -78,7 +78,7 @@ impl Subscriptions {
             if interrupt.came() {
                 return Err("interrupted before anything moved".into());
             }
-            if now.since(start) > CAMERA_WAIT {
+            if now.duration_since(start) > CAMERA_WAIT {
                 return Err(no_camera(domain, blind).into());
             }
             clock::sleep(PERIOD);
@@ -99,7 +99,7 @@ impl Subscriptions {
         if last_frame {
             self.last_frame = now;
         }
-        if now.since(self.last_frame) > CAMERA_SILENCE {
+        if now.duration_since(self.last_frame) > CAMERA_SILENCE {
             return Err(format!(
                 "the camera has been silent for {} s",
                 CAMERA_SILENCE.as_seconds()
@@ -196,7 +196,7 @@ impl Session<'_> {
             self.subscriptions.receive(recorder)?;
             match self.subscriptions.setpoint {
                 Some(setpoint) => return Ok(setpoint),
-                None if clock::now().since(start) > CAMERA_WAIT => {
+                None if clock::now().duration_since(start) > CAMERA_WAIT => {
                     return Err(
                         "the controller does not report where the motors are; look at its log"
                             .into(),

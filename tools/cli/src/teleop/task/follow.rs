@@ -82,7 +82,7 @@ impl Follow {
     }
 
     fn distance(&self, began: Nanos, (stamp, seen): (Nanos, Angles)) -> f64 {
-        let target = self.curve.at(stamp.since(began).as_seconds());
+        let target = self.curve.at(stamp.duration_since(began).as_seconds());
         (seen[0] - target[0]).hypot(seen[1] - target[1])
     }
 }
@@ -105,11 +105,11 @@ impl Course for Follow {
         let is_new = |(stamp, _): &(Nanos, Angles)| self.last_seen != Some(*stamp);
         if let Some(seen) = seen.filter(is_new) {
             self.last_seen = Some(seen.0);
-            if seen.0.since(began) >= Nanos(ReachTarget::RUN_IN_NS) {
+            if seen.0.duration_since(began) >= Nanos(ReachTarget::RUN_IN_NS) {
                 self.away_deg.push(self.distance(began, seen));
             }
         }
-        if now.since(began) < self.length {
+        if now.duration_since(began) < self.length {
             return None;
         }
         let mut ended = self.message(now)?;
@@ -120,11 +120,11 @@ impl Course for Follow {
 
     fn message(&self, now: Nanos) -> Option<ReachTarget> {
         let began = self.began?;
-        let [pitch, yaw] = self.curve.at(now.since(began).as_seconds());
+        let [pitch, yaw] = self.curve.at(now.duration_since(began).as_seconds());
         Some(ReachTarget {
             shown_ns: began.0,
             hold_ns: self.length.0,
-            held_ns: now.since(began).0.min(self.length.0),
+            held_ns: now.duration_since(began).0.min(self.length.0),
             position: [pitch.to_radians(), yaw.to_radians(), 0.0],
             tolerance: DRAWN_DEG.to_radians(),
             number: 1,
@@ -140,7 +140,7 @@ impl Course for Follow {
         let away = self.away_deg.last().map_or("unknown".to_owned(), |it| format!("{it:.2}"));
         format!(
             "follow the target: {away} deg away, {:.0} of {:.0} s",
-            now.since(began).as_seconds(),
+            now.duration_since(began).as_seconds(),
             self.length.as_seconds()
         )
     }

@@ -61,7 +61,7 @@ impl Reach {
             self.window.push_back((stamp, angles));
         }
         while let Some((first, _)) = self.window.front()
-            && stamp.since(*first) > WINDOW
+            && stamp.duration_since(*first) > WINDOW
         {
             self.window.pop_front();
         }
@@ -74,7 +74,7 @@ impl Reach {
     }
 
     fn held(&self, now: Nanos) -> Nanos {
-        self.within.map_or(Nanos::ZERO, |since| now.since(since))
+        self.within.map_or(Nanos::ZERO, |since| now.duration_since(since))
     }
 }
 
@@ -99,14 +99,14 @@ impl Course for Reach {
         let is_within = away.is_some_and(|away| away <= self.settings.tolerance_deg);
         self.within = self.within.or(Some(now)).filter(|_| is_within);
         let is_held = self.held(now) >= self.settings.hold;
-        if !is_held && now.since(shown) < self.settings.limit {
+        if !is_held && now.duration_since(shown) < self.settings.limit {
             return None;
         }
         let mut ended = self.message(now)?;
         ended.flags = ReachTarget::ENDED;
         if is_held {
             ended.flags |= ReachTarget::HELD;
-            self.held_s.push(now.since(shown).as_seconds());
+            self.held_s.push(now.duration_since(shown).as_seconds());
         }
         self.index += 1;
         (self.shown, self.within) = (Some(now), None);
@@ -160,7 +160,7 @@ impl Course for Reach {
     }
 
     fn outcome(&self, ended: &ReachTarget, now: Nanos) -> String {
-        let took = now.since(Nanos(ended.shown_ns)).as_seconds();
+        let took = now.duration_since(Nanos(ended.shown_ns)).as_seconds();
         let (number, total) = (ended.number, ended.total);
         if ended.flags & ReachTarget::HELD != 0 {
             format!("target {number} of {total}: held after {took:.2} s")

@@ -68,7 +68,8 @@ fn header(content: &BlackBox) {
     }
     let (first, last) = (content.ticks.first(), content.ticks.last());
     if let (Some(first), Some(last)) = (first, last) {
-        let seconds = last.timing.tick.started.since(first.timing.tick.started).as_seconds();
+        let seconds =
+            last.timing.tick.started.duration_since(first.timing.tick.started).as_seconds();
         println!("ticks      {} to {}, {seconds:.3} s", first.number, last.number);
         println!(
             "state      {} at the end, last fault: {}",

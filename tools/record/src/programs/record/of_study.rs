@@ -9,7 +9,7 @@ use i2ris::ipc::client::{Announcer, Client, Subscription};
 use i2ris::ipc::payload::{JointState, TeleopMsg, TrialMsg, Version, unpadded_text};
 use i2ris::units::Nanos;
 use i2ris_record::trial::journal::Journal;
-use i2ris_record::trial::runner::Teller;
+use i2ris_record::trial::runner::TrialPublisher;
 use i2ris_record::trial::{Study, StudyError};
 use i2ris_report::Interrupt;
 use nix::fcntl::Flock;
@@ -18,7 +18,7 @@ const PERIOD: Nanos = Nanos::from_millis(20);
 
 pub struct OfStudy {
     journal: Journal,
-    teller: Teller,
+    publisher: TrialPublisher,
     announcer: Announcer<TrialMsg>,
     hand: Subscription<TeleopMsg>,
     /// When a button last asked for a mark.
@@ -39,7 +39,7 @@ impl OfStudy {
         }
         Ok(Self {
             journal: Journal::open(folder)?,
-            teller: Teller::new(folder, i2ris::clock::now()),
+            publisher: TrialPublisher::new(folder, i2ris::clock::now()),
             announcer: client.announcer(),
             hand: client.watcher().teleop(),
             marked: i2ris::clock::now(),
@@ -73,7 +73,7 @@ impl OfStudy {
 
     pub fn tell(&mut self, now: Nanos) {
         warn(self.mark());
-        for message in self.teller.messages(now) {
+        for message in self.publisher.messages(now) {
             // Nobody to tell while there is no controller; the journal has it.
             let _ = self.announcer.publish(message);
         }
@@ -81,7 +81,7 @@ impl OfStudy {
 
     /// The recording has failed: says so until the trial is stopped.
     pub fn go_on_unrecorded(&mut self, why: &str, interrupt: &Interrupt) {
-        self.teller.fail();
+        self.publisher.fail();
         self.tell(i2ris::clock::now());
         warn(self.journal.failed(why));
         while !interrupt.came() {
@@ -91,7 +91,7 @@ impl OfStudy {
     }
 
     pub fn end(&mut self) {
-        let _ = self.announcer.publish(self.teller.end());
+        let _ = self.announcer.publish(self.publisher.end());
     }
 }
 

@@ -92,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         &mut of_study,
         start,
     );
-    let length_s = clock::now().since(start).as_seconds();
+    let length_s = clock::now().duration_since(start).as_seconds();
     let missed: BTreeMap<Stream, u64> = subscriptions.missed().collect();
     let mut outcome: BTreeMap<String, String> = missed
         .iter()
@@ -207,7 +207,7 @@ fn record(
         match drained {
             Ok(()) => {}
             // The recording continues if the controller starts again.
-            Err(error) if error.is_absent() => absent = absent + now.since(before),
+            Err(error) if error.is_absent() => absent = absent + now.duration_since(before),
             Err(error) => return Err(error.into()),
         }
         if trial.has_failed() || interrupt.came() || end.is_some_and(|end| now >= end) {
@@ -217,7 +217,7 @@ fn record(
             next_draw = now + DRAW_PERIOD;
             let messages: u64 = trial.counts().messages.values().sum();
             let dropped = trial.counts().dropped;
-            let seconds = now.since(start).as_seconds();
+            let seconds = now.duration_since(start).as_seconds();
             screen.draw(&[format!(
                 "recording {seconds:.1} s, {messages} messages, {dropped} dropped; Ctrl-C ends"
             )])?;

@@ -13,11 +13,11 @@ use crate::drive::frame::{Incoming, Parser, Request, reply};
 const DT_S: f64 = 0.0005;
 
 /// A drive, and a host that exchanges frames with it.
-struct Bench {
+struct DriveUnderTest {
     drive: Drive,
 }
 
-impl Bench {
+impl DriveUnderTest {
     fn new(config: DriveConfig) -> Self {
         Self { drive: Drive::new(&config, 0.0) }
     }

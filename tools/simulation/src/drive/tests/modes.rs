@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn an_old_target_is_a_step_at_enable() {
-    let mut bench = Bench::fresh();
+    let mut bench = DriveUnderTest::fresh();
     bench.write(0x607A, 0, 700);
     bench.write(0x6060, 0, 8);
     bench.write(0x6040, 0, 0x06);
@@ -15,7 +15,7 @@ fn an_old_target_is_a_step_at_enable() {
 
 #[test]
 fn a_step_beyond_the_window_is_a_following_error() {
-    let mut bench = Bench::enabled(Mode::CyclicPosition);
+    let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.write(0x6065, 0, 300);
     bench.write(0x607A, 0, 301);
     bench.run(0.001);
@@ -27,7 +27,7 @@ fn a_step_beyond_the_window_is_a_following_error() {
 
 #[test]
 fn a_target_beyond_the_limits_is_a_fault() {
-    let mut bench = Bench::enabled(Mode::CyclicPosition);
+    let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.write(0x607D, 1, -100);
     bench.write(0x607D, 2, 100);
     bench.write(0x607A, 0, 100);
@@ -41,7 +41,7 @@ fn a_target_beyond_the_limits_is_a_fault() {
 
 #[test]
 fn halt_holds_and_ignores_targets() {
-    let mut bench = Bench::enabled(Mode::CyclicPosition);
+    let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.write(0x6040, 0, 0x010F);
     bench.write(0x607A, 0, 200);
     bench.run(0.2);
@@ -53,7 +53,7 @@ fn halt_holds_and_ignores_targets() {
 
 #[test]
 fn interpolation_expects_set_points_in_time() {
-    let mut bench = Bench::enabled(Mode::CyclicPosition);
+    let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.write(0x60C2, 1, 10);
     bench.write(0x607A, 0, 1);
     bench.run(0.019);
@@ -64,7 +64,7 @@ fn interpolation_expects_set_points_in_time() {
 
 #[test]
 fn the_handshake_moves_the_motor() {
-    let mut bench = Bench::enabled(Mode::ProfilePosition);
+    let mut bench = DriveUnderTest::enabled(Mode::ProfilePosition);
     bench.write(0x607A, 0, 1500);
     bench.write(0x6040, 0, 0x3F);
     let statusword = bench.statusword();
@@ -79,7 +79,7 @@ fn the_handshake_moves_the_motor() {
 
 #[test]
 fn a_second_target_behind_a_raised_bit_is_ignored() {
-    let mut bench = Bench::enabled(Mode::ProfilePosition);
+    let mut bench = DriveUnderTest::enabled(Mode::ProfilePosition);
     bench.write(0x607A, 0, 100);
     bench.write(0x6040, 0, 0x3F);
     bench.write(0x607A, 0, 900);
@@ -91,7 +91,7 @@ fn a_second_target_behind_a_raised_bit_is_ignored() {
 
 #[test]
 fn targets_queue_or_replace_as_commanded() {
-    let mut bench = Bench::enabled(Mode::ProfilePosition);
+    let mut bench = DriveUnderTest::enabled(Mode::ProfilePosition);
     for (target, controlword) in [(20_000, 0x1F), (100, 0x1F)] {
         bench.write(0x607A, 0, target);
         bench.write(0x6040, 0, controlword);
@@ -108,7 +108,7 @@ fn targets_queue_or_replace_as_commanded() {
 
 #[test]
 fn relative_targets_start_from_here_and_halt_interrupts() {
-    let mut bench = Bench::enabled(Mode::ProfilePosition);
+    let mut bench = DriveUnderTest::enabled(Mode::ProfilePosition);
     bench.write(0x607A, 0, 3000);
     bench.write(0x6040, 0, 0x7F);
     bench.run(0.05);

@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn a_wrong_crc_and_an_unknown_opcode_have_an_error_reply() {
-    let mut bench = Bench::fresh();
+    let mut bench = DriveUnderTest::fresh();
     let wrong_crc = bench.drive.reply_at_port(&Incoming::WrongCrc, None).unwrap();
     assert_eq!(
         reply(&wrong_crc.data),
@@ -19,7 +19,7 @@ fn a_wrong_crc_and_an_unknown_opcode_have_an_error_reply() {
 
 #[test]
 fn each_wrong_access_has_its_own_abort_code() {
-    let mut bench = Bench::fresh();
+    let mut bench = DriveUnderTest::fresh();
     assert_eq!(bench.try_read(0x5000, 0), Err(0x0602_0000));
     assert_eq!(bench.try_read(0x607D, 9), Err(0x0609_0011));
     assert_eq!(bench.try_write(0x6064, 0, 5), Err(0x0601_0002));
@@ -27,7 +27,7 @@ fn each_wrong_access_has_its_own_abort_code() {
     assert_eq!(bench.try_write(0x6060, 0, -1), Err(0x0609_0030));
     assert_eq!(bench.error(0x60, &[1, 0x41]), 0x0607_0010);
     assert_eq!(bench.try_read(0x1008, 0), Err(0x0607_0010), "too long for a simple read");
-    let mut enabled = Bench::enabled(Mode::CyclicPosition);
+    let mut enabled = DriveUnderTest::enabled(Mode::CyclicPosition);
     assert_eq!(enabled.try_write(0x3010, 1, 500), Err(0x0800_0022));
 }
 
@@ -35,24 +35,25 @@ fn each_wrong_access_has_its_own_abort_code() {
 fn an_error_reply_to_a_read_is_as_long_as_configured() {
     for words in [2, 4] {
         let mut bench =
-            Bench::new(DriveConfig { error_reply_words: words, ..DriveConfig::default() });
+            DriveUnderTest::new(DriveConfig { error_reply_words: words, ..DriveConfig::default() });
         assert_eq!(bench.request(0x60, &[1, 0, 0x50, 0]).len(), 2 * usize::from(words));
     }
 }
 
 #[test]
 fn the_unused_bytes_of_short_values_are_garbage() {
-    let mut bench = Bench::fresh();
+    let mut bench = DriveUnderTest::fresh();
     let value = bench.read(0x6041, 0);
     assert_eq!(value & 0xFFFF, 0x0040);
     assert_ne!(value >> 16, 0, "a host has to mask the value");
-    let mut clean = Bench::new(DriveConfig { fill_unused_bytes: false, ..DriveConfig::default() });
+    let mut clean =
+        DriveUnderTest::new(DriveConfig { fill_unused_bytes: false, ..DriveConfig::default() });
     assert_eq!(clean.read(0x6041, 0), 0x0040);
 }
 
 #[test]
 fn other_nodes_time_out_late() {
-    let mut bench = Bench::fresh();
+    let mut bench = DriveUnderTest::fresh();
     for node in [0, 1] {
         assert_eq!(bench.error(0x60, &[node, 0x41, 0x60, 0]), 0);
     }
@@ -63,8 +64,11 @@ fn other_nodes_time_out_late() {
 
 #[test]
 fn identity_is_read_in_segments() {
-    let mut bench =
-        Bench::new(DriveConfig { serial_number: 77, segment_bytes: 3, ..DriveConfig::default() });
+    let mut bench = DriveUnderTest::new(DriveConfig {
+        serial_number: 77,
+        segment_bytes: 3,
+        ..DriveConfig::default()
+    });
     assert_eq!(bench.read(0x1018, 1), 0xFB);
     assert_eq!(bench.read(0x1018, 4), 77);
     let first = bench.request(0x81, &[1, 0x00, 0x21, 1]);
@@ -82,7 +86,7 @@ fn identity_is_read_in_segments() {
 
 #[test]
 fn values_are_written_in_segments() {
-    let mut bench = Bench::fresh();
+    let mut bench = DriveUnderTest::fresh();
     assert_eq!(bench.error(0x69, &[1, 0x7A, 0x60, 0, 4, 0, 0, 0]), 0);
     assert_eq!(bench.request(0x6A, &[2, 0, 0x39, 0x30])[4..6], [2, 0]);
     assert_eq!(bench.request(0x6A, &[2, 3, 0, 0])[..4], [0; 4]);
@@ -91,7 +95,7 @@ fn values_are_written_in_segments() {
 
 #[test]
 fn storing_needs_its_signature_and_survives_a_reset() {
-    let mut bench = Bench::fresh();
+    let mut bench = DriveUnderTest::fresh();
     assert_eq!(bench.try_write(0x1010, 1, 1), Err(0x0800_0020));
     bench.write(0x2005, 0, 60);
     bench.write(0x1010, 1, 0x6576_6173);

@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn a_booted_drive_is_not_homed_and_not_operational() {
-    let mut bench = Bench::fresh();
+    let mut bench = DriveUnderTest::fresh();
     assert_eq!(bench.statusword(), 0x0040);
     bench.request(0x70, &[1, 0, 1, 0]);
     assert_eq!(bench.statusword(), 0x0240);
@@ -12,7 +12,7 @@ fn a_booted_drive_is_not_homed_and_not_operational() {
 
 #[test]
 fn state_commands_enable_and_disable() {
-    let mut bench = Bench::fresh();
+    let mut bench = DriveUnderTest::fresh();
     for (controlword, masked) in [
         (0x0F, 0x40),
         (0x06, 0x21),
@@ -29,7 +29,7 @@ fn state_commands_enable_and_disable() {
 
 #[test]
 fn disabling_operation_ramps_down_before_the_power_goes() {
-    let mut bench = Bench::enabled(Mode::ProfileVelocity);
+    let mut bench = DriveUnderTest::enabled(Mode::ProfileVelocity);
     bench.write(0x60FF, 0, 1000);
     bench.run(0.5);
     bench.write(0x6040, 0, 0x07);
@@ -45,7 +45,7 @@ fn disabling_operation_ramps_down_before_the_power_goes() {
 #[test]
 fn shutdown_cuts_the_power_at_once_unless_the_option_asks_for_a_ramp() {
     for (option, masked) in [(0, 0x21), (1, 0x27)] {
-        let mut bench = Bench::enabled(Mode::ProfileVelocity);
+        let mut bench = DriveUnderTest::enabled(Mode::ProfileVelocity);
         bench.write(0x605B, 0, option);
         bench.write(0x60FF, 0, 1000);
         bench.run(0.5);
@@ -58,7 +58,7 @@ fn shutdown_cuts_the_power_at_once_unless_the_option_asks_for_a_ramp() {
 
 #[test]
 fn quick_stop_ramps_and_stays_powered() {
-    let mut bench = Bench::enabled(Mode::CyclicPosition);
+    let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.write(0x6085, 0, 2000);
     for step in 0..400 {
         bench.write(0x607A, 0, 5 * step);
@@ -78,7 +78,7 @@ fn quick_stop_ramps_and_stays_powered() {
 
 #[test]
 fn a_silent_line_keeps_the_last_demand() {
-    let mut bench = Bench::enabled(Mode::CyclicPosition);
+    let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.write(0x607A, 0, 500);
     bench.run(100.0);
     assert!(bench.is_at(500));
@@ -87,7 +87,7 @@ fn a_silent_line_keeps_the_last_demand() {
 
 #[test]
 fn a_booting_drive_does_not_reply() {
-    let mut bench = Bench::enabled(Mode::CyclicPosition);
+    let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.write(0x6098, 0, 37);
     bench.request(0x70, &[1, 0, 129, 0]);
     assert_eq!(bench.reply(0x60, &[1, 0x41, 0x60, 0]), None);
@@ -98,7 +98,7 @@ fn a_booting_drive_does_not_reply() {
 
 #[test]
 fn method_37_makes_the_present_position_the_home_position() {
-    let mut bench = Bench::enabled(Mode::CyclicPosition);
+    let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.write(0x607A, 0, 400);
     bench.run(0.2);
     bench.write(0x6060, 0, 6);
@@ -117,7 +117,7 @@ fn method_37_makes_the_present_position_the_home_position() {
 
 #[test]
 fn homing_needs_the_edge_and_the_enabled_state() {
-    let mut bench = Bench::fresh();
+    let mut bench = DriveUnderTest::fresh();
     bench.write(0x6060, 0, 6);
     bench.write(0x6098, 0, 37);
     bench.write(0x6040, 0, 0x1F);
@@ -126,7 +126,7 @@ fn homing_needs_the_edge_and_the_enabled_state() {
 
 #[test]
 fn unsupported_homing_methods_fail() {
-    let mut bench = Bench::enabled(Mode::Homing);
+    let mut bench = DriveUnderTest::enabled(Mode::Homing);
     bench.write(0x6098, 0, -1);
     bench.write(0x6040, 0, 0x1F);
     assert_eq!(bench.statusword() & 0xA400, 0x2000);
@@ -134,7 +134,7 @@ fn unsupported_homing_methods_fail() {
 
 #[test]
 fn reset_needs_a_rising_edge_and_the_cause_gone() {
-    let mut bench = Bench::enabled(Mode::CyclicPosition);
+    let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
     bench.drive.raise(Fault(0x2310), true);
     assert_eq!(bench.state(), 0x08, "an overcurrent switches off at once");
     bench.write(0x6040, 0, 0x0F);
@@ -154,7 +154,7 @@ fn the_fault_reaction_follows_the_class_and_the_option() {
     for (code, option, immediately) in
         [(0x8611, 2, false), (0x8611, 0, true), (0x8130, 2, false), (0x3220, 2, true)]
     {
-        let mut bench = Bench::enabled(Mode::ProfileVelocity);
+        let mut bench = DriveUnderTest::enabled(Mode::ProfileVelocity);
         bench.write(0x605E, 0, option);
         bench.write(0x60FF, 0, 1000);
         bench.run(0.5);
@@ -167,7 +167,8 @@ fn the_fault_reaction_follows_the_class_and_the_option() {
 
 #[test]
 fn the_history_is_newest_first_and_can_be_cleared() {
-    let mut bench = Bench::new(DriveConfig { boot_fault: Some(0x8120), ..DriveConfig::default() });
+    let mut bench =
+        DriveUnderTest::new(DriveConfig { boot_fault: Some(0x8120), ..DriveConfig::default() });
     assert_eq!(bench.state(), 0x08);
     bench.drive.raise(Fault(0x2310), false);
     assert_eq!(bench.read(0x1003, 0) & 0xFF, 2);
@@ -180,7 +181,7 @@ fn the_history_is_newest_first_and_can_be_cleared() {
 
 #[test]
 fn resetting_a_sensor_fault_loses_the_position() {
-    let mut bench = Bench::enabled(Mode::Homing);
+    let mut bench = DriveUnderTest::enabled(Mode::Homing);
     bench.write(0x6098, 0, 37);
     bench.write(0x6040, 0, 0x1F);
     bench.drive.raise(Fault(0x7380), false);

@@ -16,7 +16,7 @@ const GRID_S: f64 = 0.125;
 const MAX_PAUSE_S: f64 = 36_000.0;
 
 #[derive(Debug, Clone)]
-pub(super) struct Drift {
+pub(super) struct SlowChange {
     config: DriftConfig,
     random: Pcg64Mcg,
     /// Time since the last point of the grid.
@@ -27,7 +27,7 @@ pub(super) struct Drift {
     friction: f64,
 }
 
-impl Drift {
+impl SlowChange {
     /// Starts at 0.
     pub(super) fn new(config: &DriftConfig, seed: u64) -> Self {
         Self {
@@ -87,7 +87,7 @@ mod tests {
 
     #[test]
     fn the_deviation_is_the_configured_one() {
-        let mut drift = Drift::new(&config(), 3);
+        let mut drift = SlowChange::new(&config(), 3);
         let mut sum = 0.0;
         for _ in 0..20_000 {
             drift.step(1.0);
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn the_path_does_not_depend_on_the_steps() {
-        let (mut coarse, mut fine) = (Drift::new(&config(), 7), Drift::new(&config(), 7));
+        let (mut coarse, mut fine) = (SlowChange::new(&config(), 7), SlowChange::new(&config(), 7));
         coarse.step(64.0);
         for _ in 0..64 * 64 {
             fine.step(1.0 / 64.0);

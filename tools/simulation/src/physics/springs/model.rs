@@ -1,7 +1,7 @@
 //! The snake in time steps.
 
 use super::config::SnakeConfig;
-use super::drift::Drift;
+use super::drift::SlowChange;
 use super::force_balance::{State, Step, flank};
 use crate::ageing::{Ageing, AgeingEffect, Change};
 use crate::physics::draw::{Pair, add, subtract};
@@ -28,7 +28,7 @@ pub struct SpringSnake {
     config: SnakeConfig,
     axes: [Pair; 2],
     state: State,
-    drift: Drift,
+    drift: SlowChange,
     ageing: Ageing,
     effect: AgeingEffect,
 }
@@ -40,7 +40,7 @@ impl SpringSnake {
         Self {
             axes: [[cos, sin], [-sin, cos]],
             state: State::default(),
-            drift: Drift::new(&config.drift, seed),
+            drift: SlowChange::new(&config.drift, seed),
             ageing: Ageing::new(&config.ageing, seed),
             effect: AgeingEffect::NONE,
             new: config.clone(),

@@ -1,11 +1,11 @@
-//! What others do, and what is asked for, in between.
+//! What others do, and what is expected for, in between.
 
 use i2ris::core::{FixtureChange, ModelChange, ServoCommand, ServoGoal};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
 use i2ris_testing::cycle::{CLIENT, GAIN_DEG};
 
-use super::asked::What;
+use super::expected::What;
 use super::jaw::Jaw;
 use super::oracle::LARGEST_GAIN;
 use super::routes::distance;
@@ -145,12 +145,12 @@ impl Situation {
         self.condition();
     }
 
-    /// Motion is asked for, and is what is asked from now on if it is accepted.
+    /// Motion is expected for, and is what is expected from now on if it is accepted.
     fn ask_for_motion(&mut self, client_id: u64, command: StateCommand, what: What) -> Refusal {
         let refusal = self.bench.ask_as(client_id, command).refusal;
         self.judge_motion(client_id, refusal);
         if refusal == Refusal::None {
-            self.oracle.way.asked.what = what;
+            self.oracle.way.expected.what = what;
             self.mover = Some(client_id);
         }
         self.check();

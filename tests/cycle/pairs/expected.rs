@@ -1,4 +1,4 @@
-//! What was asked for: the goal as the client that is followed sent it, scaled, and between
+//! What is expected: the goal as the client that is followed sent it, scaled, and between
 //! commands extrapolated, filtered and led as the configuration says. By formulae of its own.
 
 use i2ris::config::Config;
@@ -41,7 +41,7 @@ pub enum What {
 #[derive(Debug, Clone, Copy)]
 pub struct Goal {
     from: Angles,
-    asked: Angles,
+    expected: Angles,
     end: Angles,
     rate: Angles,
     last: Angles,
@@ -54,7 +54,7 @@ pub struct Goal {
 impl Goal {
     fn still(end: Angles, at: Nanos) -> Self {
         let (rate, last) = ([0.0; 2], [0.0; 2]);
-        Self { from: end, asked: end, end, rate, last, at, for_s: 0.0, unsure: 0.0 }
+        Self { from: end, expected: end, end, rate, last, at, for_s: 0.0, unsure: 0.0 }
     }
 
     fn unsure_after(&self, age_s: f64) -> f64 {
@@ -74,7 +74,7 @@ enum Coupling {
     Relative { master: Angles, snake: Angles },
 }
 
-pub struct Asked {
+pub struct Expected {
     pub what: What,
     wire: Wire,
     scale: f64,
@@ -88,7 +88,7 @@ pub struct Asked {
     velocity: Angles,
 }
 
-impl Asked {
+impl Expected {
     pub fn new(config: &Config, wire: Wire) -> Self {
         let command = &config.command;
         // A place of the tip is compared in counts.
@@ -98,7 +98,7 @@ impl Asked {
             _ => [command.first_step_deg, command.max_step_deg],
         };
         let delay_s = command.tremor_filter_delay_s().unwrap_or(0.0);
-        let mut asked = Self {
+        let mut expected = Self {
             what: What::Nothing,
             scale: command.motion_scale,
             wire,
@@ -110,8 +110,8 @@ impl Asked {
             smooth: None,
             velocity: [0.0; 2],
         };
-        asked.coupling.1 = asked.uncoupled();
-        asked
+        expected.coupling.1 = expected.uncoupled();
+        expected
     }
 
     fn uncoupled(&self) -> Coupling {
@@ -176,18 +176,18 @@ impl Asked {
     /// what cut it goes no further than the hand, but for the first step of a stream.
     fn require_step(&self, next: &Goal, snake: Angles) {
         let (step, most) = match self.what {
-            What::Goal(before) if before.asked == before.end => {
-                (distance(next.asked, before.asked), self.step)
+            What::Goal(before) if before.expected == before.end => {
+                (distance(next.expected, before.expected), self.step)
             }
             What::Goal(before) => {
-                let age_s = next.at.since(before.at).as_seconds();
-                let most = distance(next.asked, before.asked) + self.first_step;
+                let age_s = next.at.duration_since(before.at).as_seconds();
+                let most = distance(next.expected, before.expected) + self.first_step;
                 (distance(next.end, before.after(age_s)), most + before.unsure_after(age_s))
             }
             What::Rate { rate, deadline_s, .. } => {
-                (distance(next.asked, snake), self.step + self.led(rate, deadline_s))
+                (distance(next.expected, snake), self.step + self.led(rate, deadline_s))
             }
-            _ => (distance(next.asked, snake), self.first_step),
+            _ => (distance(next.expected, snake), self.first_step),
         };
         assert!(step <= most + STEP_DEG, "{step} deg, {most}: {next:?} after {:?}", self.what);
     }
@@ -200,7 +200,7 @@ impl Asked {
     fn next(&self, end: Angles, stamp: Nanos, snake: Angles, is_slow: bool) -> Goal {
         let still = Goal::still(end, stamp);
         if is_slow {
-            let age_s = |at: Nanos| stamp.since(at).as_seconds();
+            let age_s = |at: Nanos| stamp.duration_since(at).as_seconds();
             let (from, for_s, unsure) = match self.what {
                 What::Goal(before) => {
                     let age_s = age_s(before.at);
@@ -216,7 +216,7 @@ impl Asked {
             return Goal { from, rate, for_s, unsure, ..still };
         }
         let What::Goal(before) = self.what else { return still };
-        let interval_s = stamp.since(before.at).as_seconds();
+        let interval_s = stamp.duration_since(before.at).as_seconds();
         if interval_s == 0.0 || interval_s > LONGEST_S {
             return still;
         }
@@ -242,16 +242,16 @@ impl Asked {
         };
         let end = self.wire.angles(joint.goal);
         if !is_slow {
-            return Goal { asked: goal.asked, ..Goal::still(end, goal.at) };
+            return Goal { expected: goal.expected, ..Goal::still(end, goal.at) };
         }
         let rate = plus(end, goal.from, -1.0).map(|way| way / goal.for_s);
         Goal { end, rate, ..goal }
     }
 
-    /// Where the goal is in this tick: as asked, and filtered and led. Else nothing.
+    /// Where the goal is in this tick: as expected, and filtered and led. Else nothing.
     pub fn goals(&mut self, now: Nanos, snake: Angles) -> Option<[Angles; 2]> {
         let here = match &self.what {
-            What::Goal(goal) => goal.after(now.since(goal.at).as_seconds()),
+            What::Goal(goal) => goal.after(now.duration_since(goal.at).as_seconds()),
             What::Pose(end) => *end,
             _ => {
                 self.smooth = None;
@@ -265,7 +265,7 @@ impl Asked {
         let next = plus(smooth, plus(here, smooth, -1.0), self.tremor_gain);
         let moved = match &self.what {
             _ if self.tremor_gain < 1.0 => plus(next, smooth, -1.0).map(|way| 1e3 * way),
-            What::Goal(goal) if now.since(goal.at).as_seconds() <= goal.for_s => goal.rate,
+            What::Goal(goal) if now.duration_since(goal.at).as_seconds() <= goal.for_s => goal.rate,
             _ => [0.0; 2],
         };
         self.velocity = plus(self.velocity, plus(moved, self.velocity, -1.0), 1.0 / 11.0);
@@ -276,7 +276,7 @@ impl Asked {
     /// The rate of this tick, and how far the goal of a rate may be ahead of the snake.
     pub fn rate(&self, now: Nanos) -> Option<(Angles, f64)> {
         let What::Rate { rate, at, deadline_s } = self.what else { return None };
-        let rate = if now.since(at).as_seconds() < deadline_s { rate } else { [0.0; 2] };
+        let rate = if now.duration_since(at).as_seconds() < deadline_s { rate } else { [0.0; 2] };
         Some((rate, self.first_step + deadline_s * distance(rate, [0.0; 2])))
     }
 }

@@ -13,7 +13,7 @@ const COUPLED_DEG: f64 = 0.5;
 
 /// What the robot was asked for and could not reach.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Shortfall {
+pub struct OutOfReach {
     /// How long the goal was clipped, seconds.
     pub clipped_s: f64,
     /// Where it was worst: pitch and yaw that were asked for, degrees.
@@ -26,7 +26,7 @@ pub struct Shortfall {
     pub by: &'static str,
 }
 
-impl Shortfall {
+impl OutOfReach {
     /// In one sentence.
     pub fn sentence(&self) -> String {
         let Self { clipped_s, asked_deg: [pitch, yaw], reached_deg, short_deg, by } = self;
@@ -40,10 +40,10 @@ impl Shortfall {
 
 /// The worst of it; `None`: every command was in reach, or a clutch or a scale was between command
 /// and goal.
-pub fn shortfall(trial: &Trial) -> Option<Shortfall> {
+pub fn out_of_reach(trial: &Trial) -> Option<OutOfReach> {
     let (by, observed) = trial.observed();
     let (mut in_reach, mut clipped_ticks) = (Vec::new(), 0_u64);
-    let mut worst: Option<Shortfall> = None;
+    let mut worst: Option<OutOfReach> = None;
     let mut flags = trial.goal_flags.iter();
     for (stamp, goal) in trial.goal.iter().filter(|(stamp, _)| trial.was_following(*stamp)) {
         let flags = flags.by_ref().find(|(at, _)| at == stamp).map_or(0, |(_, flags)| *flags);
@@ -56,12 +56,12 @@ pub fn shortfall(trial: &Trial) -> Option<Shortfall> {
         let Some(reached_deg) = observed.value_at(*stamp, CAMERA_GAP_NS) else { continue };
         let short_deg = distance(asked_deg, reached_deg);
         if worst.is_none_or(|worst| short_deg > worst.short_deg) {
-            worst = Some(Shortfall { clipped_s: 0.0, asked_deg, reached_deg, short_deg, by });
+            worst = Some(OutOfReach { clipped_s: 0.0, asked_deg, reached_deg, short_deg, by });
         }
     }
     let is_coupled = median(&mut in_reach).is_some_and(|away| away > COUPLED_DEG);
     let clipped_s = clipped_ticks as f64 * trial.goal_period_s();
-    worst.filter(|_| !is_coupled).map(|worst| Shortfall { clipped_s, ..worst })
+    worst.filter(|_| !is_coupled).map(|worst| OutOfReach { clipped_s, ..worst })
 }
 
 /// A slow camera has ten frames a second.
@@ -97,13 +97,13 @@ mod tests {
 
     #[test]
     fn a_pose_out_of_reach_is_short_by_its_distance() {
-        let found = shortfall(&trial(1.0)).unwrap();
+        let found = out_of_reach(&trial(1.0)).unwrap();
         assert!((found.short_deg - 22.7).abs() < 1e-9 && found.by == "estimate", "{found:?}");
         assert!((found.clipped_s - 16.27).abs() < 0.02, "{found:?}");
         let text = "asked for pitch, yaw +60.0 +0.0 deg, the robot reached +37.3 +0.0 deg by the \
                     estimate: 22.7 deg short; 16.3 s of the commands were out of reach";
         assert_eq!(found.sentence(), text);
         // With a scale, the command is a displacement of the master.
-        assert_eq!(shortfall(&trial(0.7)), None);
+        assert_eq!(out_of_reach(&trial(0.7)), None);
     }
 }

@@ -46,12 +46,12 @@ impl fmt::Display for Counts {
 }
 
 /// Hands on the pictures of a view.
-pub struct HandOn {
+pub struct PictureForwarding {
     to: SyncSender<(Nanos, Taken)>,
     counts: Arc<Counts>,
 }
 
-impl HandOn {
+impl PictureForwarding {
     pub fn start(domain: &Domain, view: &str) -> Self {
         let (to, from) = sync_channel(QUEUE_LENGTH);
         let counts = Arc::new(Counts { view: view.to_owned(), ..Counts::default() });
@@ -64,7 +64,7 @@ impl HandOn {
         Arc::clone(&self.counts)
     }
 
-    pub fn hand_on(&self, item: &SourceItem) {
+    pub fn forward(&self, item: &SourceItem) {
         let SourceItem::Frame(frame) = item else { return };
         let taken = match &frame.jpeg {
             Some(jpeg) => Taken::Jpeg(jpeg.clone()),

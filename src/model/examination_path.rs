@@ -8,7 +8,7 @@ use crate::units::{MAX_MOTORS, MotorVec};
 /// Decaying turns through the hull, after which the memory of a model is known, and then large slow
 /// motion with small faster reversals on it. Counts.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TrialPath {
+pub struct ExaminationPath {
     /// The turns.
     pub turns: Vec<MotorVec>,
     /// The motion after them.
@@ -17,7 +17,7 @@ pub struct TrialPath {
     pub half_ranges: MotorVec,
 }
 
-impl TrialPath {
+impl ExaminationPath {
     /// A path of so many steps inside a hull.
     #[must_use]
     pub fn new(hull: &Hull, turning_steps: usize, steps: usize) -> Self {
