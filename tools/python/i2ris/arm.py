@@ -68,8 +68,8 @@ from .values import (
     Actuators,
     Fault,
     Joints,
-    Model,
-    Models,
+    LoadedModel,
+    ModelSlots,
     NoReply,
     OperatingState,
     OutOfReach,
@@ -86,8 +86,8 @@ __all__ = [
     "Arm",
     "Fault",
     "Joints",
-    "Model",
-    "Models",
+    "LoadedModel",
+    "ModelSlots",
     "NoController",
     "NoReply",
     "OperatingState",
@@ -220,33 +220,33 @@ class Arm:
             self._commanded = False
             self._link.close()
 
-    def servo_jp(self, position: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
+    def servo_jp(self, position_rad: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
         """Go to these angles now, rad. Returns the sequence number. Call it repeatedly, from ``setpoint_js`` on.
 
         ``clutch``: the master moves and the snake holds; when the clutch closes, the pose of the master is that of the
         snake. Raises ``Refused`` after a refusal of a former command, and ``Fault``.
         """
-        return self._servo(position, clutch)
+        return self._servo(position_rad, clutch)
 
-    def servo_jv(self, velocity: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
+    def servo_jv(self, velocity_rad_s: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
         """Move with these rates until the next command or the deadline, rad/s. Zero is a command like any other."""
-        return self._servo(velocity, clutch, ServoJp.RATE)
+        return self._servo(velocity_rad_s, clutch, ServoJp.RATE)
 
-    def interpolate_jp(self, position: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
+    def interpolate_jp(self, position_rad: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
         """Be at these angles when the next command is due, rad: for slow streams, as of a learned policy with 10 to
         30 Hz. The default deadline is 0.25 s.
         """
-        return self._servo(position, clutch, ServoJp.INTERPOLATE)
+        return self._servo(position_rad, clutch, ServoJp.INTERPOLATE)
 
-    def servo_cp(self, place: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
+    def servo_cp(self, place_m: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
         """Bring the tip as near as possible to a place now: x, y and z at the base, m. A place farther than 0.1 mm from
         all that the tip can reach is a clip, with the distance in ``warnings``.
         """
-        return self._servo(place, clutch, ServoJp.TIP)
+        return self._servo(place_m, clutch, ServoJp.TIP)
 
-    def servo_cv(self, velocity: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
+    def servo_cv(self, velocity_m_s: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
         """Move the tip with this velocity, as far as it can, until the next command or the deadline, m/s."""
-        return self._servo(velocity, clutch, ServoJp.TIP | ServoJp.RATE)
+        return self._servo(velocity_m_s, clutch, ServoJp.TIP | ServoJp.RATE)
 
     def _servo(self, values: Sequence[float] | np.ndarray, clutch: bool, kind: int = 0) -> int:
         if not 1 <= len(values) <= 3:
@@ -257,25 +257,25 @@ class Arm:
         command.position[: len(values)] = [float(value) for value in values]
         return self._send("i2ris/servo_jp", command)
 
-    def move_jp(self, position: Sequence[float] | np.ndarray) -> Operation:
+    def move_jp(self, position_rad: Sequence[float] | np.ndarray) -> Operation:
         """Move to these angles, rad, from rest to rest with limited jerk. ``move_jp(...).wait()`` waits for the end.
 
         Raises ``OutOfReach``, and nothing moves, for a pose that cannot be reached. A move in progress gives way to
         the next one of the same client.
         """
-        if not 1 <= len(position) <= 3:
+        if not 1 <= len(position_rad) <= 3:
             raise ValueError("1 to 3 values")
-        goal = np.array([float(value) for value in position])
+        goal = np.array([float(value) for value in position_rad])
         return self._move("move_jp", goal, f"{np.degrees(goal).round(2)} deg", goal)
 
-    def move_cp(self, place: Sequence[float] | np.ndarray) -> Operation:
+    def move_cp(self, place_m: Sequence[float] | np.ndarray) -> Operation:
         """As ``move_jp``, to where the tip is nearest to a place: x, y and z at the base, m.
 
         Raises ``OutOfReach``, and nothing moves, if that is farther than 0.1 mm.
         """
-        if len(place) != 3:
+        if len(place_m) != 3:
             raise ValueError("3 values")
-        values = np.array([float(value) for value in place])
+        values = np.array([float(value) for value in place_m])
         return self._move("move_cp", values, f"{(1e3 * values).round(3)} mm", None, MoveRequest.TIP)
 
     def _move(self, name: str, values: np.ndarray, text: str, goal: np.ndarray | None, flags: int = 0) -> Operation:

@@ -67,21 +67,21 @@ class FixtureArm:
         """Removes the regions that were added while the controller runs; those of the configuration stay."""
         return self._request("remove fixtures", REMOVE)
 
-    def add_circle(self, pitch: float, yaw: float, radius: float) -> str:
+    def add_circle(self, pitch_rad: float, yaw_rad: float, radius_rad: float) -> str:
         """Adds a forbidden circle, rad."""
-        return self._request("add a circle", ADD, 1, [pitch, yaw, radius])
+        return self._request("add a circle", ADD, 1, [pitch_rad, yaw_rad, radius_rad])
 
-    def add_half_plane(self, normal: Sequence[float], offset: float) -> str:
-        """Adds the forbidden half-plane ``normal . angles > offset``, rad."""
-        return self._request("add a half-plane", ADD, 2, [*normal, offset])
+    def add_half_plane(self, normal: Sequence[float], offset_rad: float) -> str:
+        """Adds the forbidden half-plane ``normal . angles > offset_rad``, rad."""
+        return self._request("add a half-plane", ADD, 2, [*normal, offset_rad])
 
-    def add_ball(self, center: Sequence[float], radius: float) -> str:
+    def add_ball(self, centre_m: Sequence[float], radius_m: float) -> str:
         """Adds a forbidden ball, m, for a model of the tip."""
-        return self._request("add a ball", ADD, 3, [*center, radius])
+        return self._request("add a ball", ADD, 3, [*centre_m, radius_m])
 
-    def add_half_space(self, normal: Sequence[float], offset: float) -> str:
-        """Adds the forbidden half-space ``normal . tip > offset``, m, for a model of the tip."""
-        return self._request("add a half-space", ADD, 4, [*normal, offset])
+    def add_half_space(self, normal: Sequence[float], offset_m: float) -> str:
+        """Adds the forbidden half-space ``normal . tip > offset_m``, m, for a model of the tip."""
+        return self._request("add a half-space", ADD, 4, [*normal, offset_m])
 
     def _request(self, what: str, action: int, kind: int = 0, values: Sequence[float] = ()) -> str:
         expected = KINDS[kind][1] if kind else 0

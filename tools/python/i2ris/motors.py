@@ -47,11 +47,11 @@ class JawArm:
     def __init__(self, arm: Requests):
         self._arm = arm
 
-    def servo_jp(self, angle: float) -> int:
+    def servo_jp(self, angle_rad: float) -> int:
         """Turn it to this angle now, rad. Call it repeatedly, beside a stream of the joints or alone."""
         self._arm._raise_refusals()
         command = self._arm._stamped(ServoJp, 1)
-        command.position[0] = float(angle)
+        command.position[0] = float(angle_rad)
         return self._arm._send("i2ris/jaw/servo_jp", command)
 
     def measured_js(self) -> Joints | None:

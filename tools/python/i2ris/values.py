@@ -117,7 +117,7 @@ class Actuators:
 
 
 @dataclass(frozen=True)
-class Model:
+class LoadedModel:
     """A loaded model."""
 
     #: SHA-256, hexadecimal.
@@ -131,12 +131,12 @@ class Model:
 
 
 @dataclass(frozen=True)
-class Models:
+class ModelSlots:
     """The loaded models; None for an empty slot."""
 
-    active: Model | None
-    staged: Model | None
-    previous: Model | None
+    active: LoadedModel | None
+    staged: LoadedModel | None
+    previous: LoadedModel | None
 
 
 @dataclass(frozen=True)
@@ -177,10 +177,10 @@ class OperatingState:
     boot_id: int = 0
 
 
-def model(slot: ModelSlot) -> Model | None:
+def model(slot: ModelSlot) -> LoadedModel | None:
     if not slot.flags & ModelSlot.PRESENT:
         return None
-    return Model(
+    return LoadedModel(
         id=bytes(slot.model_id).hex(),
         family=text(slot.family),
         file=text(slot.file),
