@@ -49,7 +49,7 @@ fn a_tick_with_a_model_allocates_nothing() {
         layers.map(|layers| Model::from_file(network_file(layers)).unwrap()).into();
     for family in families::all() {
         models.push(Model::from_file(family.file).unwrap());
-        for (motors, outputs) in family.sizes.repeat(4) {
+        for (motors, outputs) in family.sizes.repeat(6) {
             let random = (family.random)(motors, outputs);
             let file = random.new_tree(&mut runner).unwrap().current();
             // A random model may be refused.

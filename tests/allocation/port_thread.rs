@@ -38,12 +38,14 @@ impl Transport for Uncounted {
 fn until<T: Transport>(
     runner: &mut PortRunner<T>,
     link: &mut AxisLink,
-    request: AxisRequest,
+    request: &mut AxisRequest,
     phase: AxisPhase,
 ) {
     let mut ignore = |_: PortEvent| {};
-    link.requests.write(request);
     for _ in 0..20_000 {
+        // As the control loop does in every tick.
+        request.sequence += 1;
+        link.requests.write(*request);
         runner.turn(&mut ignore);
         if link.feedback.read().phase == phase {
             return;
@@ -69,14 +71,15 @@ fn nothing_is_allocated_in_any_phase_with_faults_and_lost_lines() {
     let mut ignore = |_: PortEvent| {};
 
     let count = allocations(|| {
-        until(&mut runner, link, request, AxisPhase::Disabled);
+        until(&mut runner, link, &mut request, AxisPhase::Disabled);
         request.homings = 1;
-        until(&mut runner, link, request, AxisPhase::Homing);
-        until(&mut runner, link, request, AxisPhase::Disabled);
+        until(&mut runner, link, &mut request, AxisPhase::Homing);
+        until(&mut runner, link, &mut request, AxisPhase::Disabled);
         request.demand = Demand::Enabled;
-        until(&mut runner, link, request, AxisPhase::Enabled);
+        until(&mut runner, link, &mut request, AxisPhase::Enabled);
         for target in 0..1000 {
             request.target = Counts(target);
+            request.sequence += 1;
             link.requests.write(request);
             if target % 50 == 0 {
                 uncounted(|| line.disturb([Disturbance::LoseReply, Disturbance::FlipReply(7)]));
@@ -84,16 +87,16 @@ fn nothing_is_allocated_in_any_phase_with_faults_and_lost_lines() {
             runner.turn(&mut ignore);
         }
         uncounted(|| line.drive(NODE, |drive| drive.fail(0x8611)));
-        until(&mut runner, link, request, AxisPhase::Faulted);
+        until(&mut runner, link, &mut request, AxisPhase::Faulted);
         request.fault_resets = 1;
         request.demand = Demand::Disabled;
-        until(&mut runner, link, request, AxisPhase::Disabled);
+        until(&mut runner, link, &mut request, AxisPhase::Disabled);
         uncounted(|| line.state().silent = true);
-        until(&mut runner, link, request, AxisPhase::Lost);
+        until(&mut runner, link, &mut request, AxisPhase::Lost);
         uncounted(|| line.state().silent = false);
-        until(&mut runner, link, request, AxisPhase::Disabled);
+        until(&mut runner, link, &mut request, AxisPhase::Disabled);
         request.demand = Demand::Enabled;
-        until(&mut runner, link, request, AxisPhase::Enabled);
+        until(&mut runner, link, &mut request, AxisPhase::Enabled);
         runner.shut_down(&mut ignore);
     });
     assert_eq!(count, 0);
@@ -116,17 +119,17 @@ fn nothing_is_allocated_on_a_real_port_with_time_outs() {
     let (mut runner, mut links) = Port::open(&config).unwrap().bring_up().unwrap().split();
     let link = &mut links[0];
     let mut ignore = |_: PortEvent| {};
-    let request = AxisRequest::default();
+    let mut request = AxisRequest::default();
 
     let count = allocations(|| {
-        until(&mut runner, link, request, AxisPhase::Disabled);
+        until(&mut runner, link, &mut request, AxisPhase::Disabled);
         for _ in 0..100 {
             runner.turn(&mut ignore);
         }
         emulator.mute(0, true);
-        until(&mut runner, link, request, AxisPhase::Lost);
+        until(&mut runner, link, &mut request, AxisPhase::Lost);
         emulator.mute(0, false);
-        until(&mut runner, link, request, AxisPhase::Disabled);
+        until(&mut runner, link, &mut request, AxisPhase::Disabled);
     });
     assert_eq!(count, 0);
 }

@@ -16,8 +16,8 @@ const CONNECT: Nanos = Nanos::from_millis(500);
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Holds every client, ends a move, conditioning and homing, and waits until \
-nothing moves. Says what it stopped and the state after. The drives stay on: `i2ris command state \
-disable` switches them off. It is no substitute for a switch that cuts the power.
+nothing moves. Says what it stopped and the state after. The drives stay on: `i2ris disable` \
+switches them off. It is no substitute for a switch that cuts the power.
 
 Without --domain it stops every robot of this user: who is in a hurry does not choose."
 )]

@@ -1,4 +1,4 @@
-"""Networks from PyTorch and ONNX to the file that ``i2ris calibrate fit --network`` reads.
+"""Networks from PyTorch and ONNX to the file that ``i2ris calibrate fit --network FILE`` reads.
 
 Known are dense layers, GRU, LSTM and causal convolution, with tanh, relu, sigmoid and softplus, one after the other.
 Everything else is refused by its name. Nothing of PyTorch or ONNX runs in the controller.

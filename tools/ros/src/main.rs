@@ -45,7 +45,7 @@ struct Arguments {
 #[derive(Debug, clap::Subcommand)]
 enum Other {
     /// Hold another arm as an input device: its measured_cp or measured_js, and its pedal, into a
-    /// pipe for `i2ris teleop --device`
+    /// pipe for `i2ris teleop --device PIPE`
     Master(MasterArguments),
 }
 
@@ -62,7 +62,7 @@ struct MasterArguments {
     #[arg(long, default_value = "x,y", value_name = "RIGHT,UP", allow_hyphen_values = true,
           value_parser = axes)]
     axes: [String; 2],
-    /// Way of full deflection, m or rad; `i2ris teleop --reach-deg` says what it does
+    /// Way of full deflection, m or rad; the reach of `i2ris teleop` says what it does
     #[arg(long, default_value_t = 0.05, value_name = "WAY", value_parser = way)]
     full: f64,
     /// The pipe; made if it is not there

@@ -29,7 +29,7 @@ pub(super) fn columns_are_filled(
 /// How to leave a column out.
 fn option(layout: &Layout, column: &Column) -> &'static str {
     if layout.time.as_ref() == Some(column) {
-        "--no-time"
+        "--time none"
     } else if layout.counts.contains(column) {
         "--counts"
     } else {

@@ -118,7 +118,7 @@ pub enum RecordingError {
     #[error(
         "recording {}, line {line}, column `{column}`: time {time} s {what} ({previous} s in line \
          {previous_line}); correct the stamps, cut the recording there, or read it without time \
-         (--no-time)",
+         (--time none)",
         path.display()
     )]
     Time {

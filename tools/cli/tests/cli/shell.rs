@@ -76,7 +76,7 @@ fn the_schema_knows_every_table_and_an_editor_can_read_it() {
     let output = WorkFolder::new().succeeds("doctor config schema");
     let schema: serde_json::Value = serde_json::from_str(&output).unwrap();
     assert!(schema["$schema"].as_str().unwrap().contains("json-schema.org"));
-    for table in ["control", "ipc", "command", "limits", "compensation", "record", "ports"] {
+    for table in ["control", "command", "limits", "compensation", "virtual_fixtures", "ports"] {
         assert!(schema["properties"][table]["description"].is_string(), "{table}");
     }
     assert_eq!(schema["required"], serde_json::json!(["robot_id", "ports"]));

@@ -145,7 +145,7 @@ has_pictures = sys.argv[2] == "pictures"
 found = plan(Path(sys.argv[1]), 25)
 assert found.fps == 25 and found.views == (["top"] if has_pictures else []), found.views
 assert found.splits() == {"train": "0:1", "recovery": "1:2", "failure": "2:3"}, found.splits()
-assert [it["status"] for it in found.left_out] == ["aborted"], found.left_out
+assert [it["why"] for it in found.left_out] == ["aborted"], found.left_out
 assert [trial.about["task"] for trial, _, _ in found.episodes] == ["reach"] * 3
 late = 0
 for trial, part, rows in found.episodes:
