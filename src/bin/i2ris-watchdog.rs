@@ -7,8 +7,6 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use i2ris::COMMIT;
-use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::ipc::watchdog_presence::WatchdogPresence;
@@ -17,6 +15,7 @@ use i2ris::realtime::{self, Wanted};
 use i2ris::service_manager;
 use i2ris::units::Nanos;
 use i2ris::watchdog;
+use i2ris::{COMMIT, clock};
 use lexopt::Arg::{Long, Short};
 use lexopt::ValueExt;
 

@@ -1,8 +1,8 @@
 //! The configuration file of the controller: TOML, units in the key names, unknown keys refused.
 //!
 //! The doc comment of every key is its only documentation: `i2ris doctor config schema` and `i2ris
-//! doctor config print` show it. A value out of its range is refused with the key, the value and the
-//! reason.
+//! doctor config print` show it. A value out of its range is refused with the key, the value and
+//! the reason.
 //!
 //! | file | holds |
 //! |---|---|
@@ -54,8 +54,8 @@ pub struct Config {
     /// digits and `-`, at most 32.
     #[serde(default = "default_domain")]
     pub domain: String,
-    /// Folder of black boxes and run log, relative to the folder of this file. A black box holds 12 s
-    /// and takes 10 MB; the newest hundred are kept.
+    /// Folder of black boxes and run log, relative to the folder of this file. A black box holds 12
+    /// s and takes 10 MB; the newest hundred are kept.
     #[serde(default = "default_record_folder")]
     pub record_folder: PathBuf,
     /// The control loop.

@@ -120,8 +120,8 @@ pub struct AxisConfig {
     /// Which motor of the model this drive turns, 0 or 1; 2 for the auxiliary axis.
     pub motor: usize,
     /// Makes this the auxiliary axis (a gripper, or a roll): counts per degree of `jaw/servo_jp`,
-    /// below zero if the motor turns the other way. It has no model and no hysteresis memory; limits,
-    /// homing and faults are those of every axis, and its fault stops all.
+    /// below zero if the motor turns the other way. It has no model and no hysteresis memory;
+    /// limits, homing and faults are those of every axis, and its fault stops all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub auxiliary_counts_per_deg: Option<f64>,
     /// The family of the drive. Absent: that of its port.

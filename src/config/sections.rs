@@ -126,8 +126,8 @@ pub struct LimitConfig {
     /// Overruns (ticks that begin a period late or more) within a second that lead to
     /// FAULT. 0: never, which is said at every start.
     pub overrun_ticks: u32,
-    /// Distance between `external/measured_jp` of a camera and the estimate from the encoders at the
-    /// same instant that leads to FAULT after 300 ms, in degrees. Without a camera nothing is
+    /// Distance between `external/measured_jp` of a camera and the estimate from the encoders at
+    /// the same instant that leads to FAULT after 300 ms, in degrees. Without a camera nothing is
     /// compared. 0: off, for models that are known to be wrong by more, and while the snake is
     /// calibrated anew with an old model.
     pub plausibility_deg: f64,
@@ -205,8 +205,8 @@ pub struct JointLimitConfig {
     pub position_min_deg: Option<Vec<f64>>,
     /// Highest angles, degrees, one per output. Absent: no limit.
     pub position_max_deg: Option<Vec<f64>>,
-    /// Velocity of every angle, degrees per second. 0: no limit. `move_jp` goes at half of it, and at
-    /// most at 10 deg/s.
+    /// Velocity of every angle, degrees per second. 0: no limit. `move_jp` goes at half of it, and
+    /// at most at 10 deg/s.
     #[serde(with = "super::zero_is_off")]
     #[cfg_attr(test, schemars(with = "f64"))]
     pub velocity_deg_s: Option<f64>,

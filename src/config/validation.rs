@@ -7,8 +7,9 @@ use std::path::Path;
 
 use super::bounds;
 use super::finding::{Finding, Findings};
-use super::virtual_fixtures;
-use super::{AxisConfig, Config, Family, Framing, HomingMethod, PortConfig, Streaming};
+use super::{
+    AxisConfig, Config, Family, Framing, HomingMethod, PortConfig, Streaming, virtual_fixtures,
+};
 use crate::model::Model;
 use crate::units::{AUXILIARY, LONGEST_WINDOW, MAX_MOTORS};
 

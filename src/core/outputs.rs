@@ -4,8 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::adaptation::AdaptationReport;
 use crate::core::command::refusal_record::ClientRefusals;
-use crate::core::events::CycleEvent;
-use crate::core::events::PlausibilityCheck;
+use crate::core::events::{CycleEvent, PlausibilityCheck};
 use crate::core::model_slots::ModelSlots;
 use crate::core::motion::auxiliary_axis::AuxiliaryReport;
 use crate::core::motion::gate::Gated;

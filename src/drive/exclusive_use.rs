@@ -4,8 +4,8 @@
 //! except those of root. The watchdog has to open it after every start of either process and after
 //! every replug. So the controller leaves its port open to others while a watchdog runs that is not
 //! in, and takes it for itself as soon as the watchdog is, or when none runs. The watchdog locks a
-//! byte of the device file, which shows that it is in; a lock belongs to that very device, so one of
-//! a device that was unplugged does not count. Two controllers are kept apart by `flock` all the
+//! byte of the device file, which shows that it is in; a lock belongs to that very device, so one
+//! of a device that was unplugged does not count. Two controllers are kept apart by `flock` all the
 //! time.
 //!
 //! Limits: while the port waits for a watchdog, any program of a user who may open it gets in, as

@@ -17,8 +17,7 @@ use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, fcntl};
 use nix::libc::{self, flock};
 
-use super::domain::random_id;
-use super::domain::{Domain, DomainError, SHARED_MEMORY};
+use super::domain::{Domain, DomainError, SHARED_MEMORY, random_id};
 
 /// Exclusive possession of a domain.
 ///

@@ -36,8 +36,7 @@ pub use crate::robot::{
     Fault, FixtureAction, FixtureKind, ModelAction, OperatingState, Refusal, StateCommand,
 };
 pub use client_process::{ClientProcess, find_client_process};
-pub use domain::random_id;
-pub use domain::{Domain, DomainError};
+pub use domain::{Domain, DomainError, random_id};
 pub use domain_lock::DomainLock;
 pub use identities::ShownClient;
 pub use payload::{Message, Payload};

@@ -6,8 +6,7 @@ use nalgebra::SVector;
 
 use crate::file_permissions::{LONGEST_MODEL, read_trusted};
 use crate::model::error::ModelError;
-use crate::model::estimate::OutputUnit;
-use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Query};
+use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputUnit, Query};
 use crate::model::examination::Examination;
 use crate::model::families::hysteresis::Operator;
 use crate::model::families::hysteresis::backlash_play::Plays;

@@ -1,4 +1,5 @@
-//! Which camera is followed: one publisher of measured poses, until it has been silent for a second.
+//! Which camera is followed: one publisher of measured poses, until it has been silent for a
+//! second.
 //!
 //! A second one that agrees with the estimate would hide that the first one does not (H12, H35).
 

@@ -1,6 +1,6 @@
-//! Whether the computer slept: `CLOCK_MONOTONIC` stops in a suspend and `CLOCK_BOOTTIME` goes on, so
-//! the distance of the two jumps. To everything that reads only the first, a command from before the
-//! suspend is as young as ever, while the robot may have been touched for hours.
+//! Whether the computer slept: `CLOCK_MONOTONIC` stops in a suspend and `CLOCK_BOOTTIME` goes on,
+//! so the distance of the two jumps. To everything that reads only the first, a command from before
+//! the suspend is as young as ever, while the robot may have been touched for hours.
 
 use crate::clock;
 use crate::units::Nanos;

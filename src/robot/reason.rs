@@ -6,8 +6,7 @@
 
 use std::fmt;
 
-use super::advice;
-use super::{Clip, Fault, Measurement, OperatingState, Refusal, Stop};
+use super::{Clip, Fault, Measurement, OperatingState, Refusal, Stop, advice};
 
 /// A cause of standing still, or of moving differently from what was asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -193,7 +193,8 @@ fn joint_limits_are_kept_for_any_goal() {
             assert!(pitch(&bench) <= 3.0 + 1e-9);
         }
     }
-    // A jerk is the finest limit: friction of two motors changes yaw by more than that now and then.
+    // A jerk is the finest limit: friction of two motors changes yaw by more than that now and
+    // then.
     let least = if has_memory() { 1.8 } else { 3.0 - 1e-3 };
     assert!(pitch(&bench) > least, "{}", pitch(&bench));
     assert!(stops <= if has_memory() { 4 } else { 0 }, "{stops} ticks");

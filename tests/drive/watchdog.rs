@@ -9,13 +9,12 @@
 mod dead_node;
 mod replug;
 
-use std::fs;
-use std::io;
 use std::os::unix::net::UnixDatagram;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, PoisonError};
+use std::{fs, io};
 
 use i2ris::clock;
 use i2ris::ipc::OperatingState;

@@ -1,6 +1,6 @@
-//! H21, H22, H23: the robot adapts to a wrong camera, without excitation, or against the operator. The
-//! cycle with adaptation, a hand, and a camera, on counted time: the drives are where their targets are,
-//! and the camera sees what a test makes of the calibrated pose at the encoders.
+//! H21, H22, H23: the robot adapts to a wrong camera, without excitation, or against the operator.
+//! The cycle with adaptation, a hand, and a camera, on counted time: the drives are where their
+//! targets are, and the camera sees what a test makes of the calibrated pose at the encoders.
 
 use std::sync::Arc;
 

@@ -1,4 +1,5 @@
-//! H06, H10, H12: a zero that is lost, late ticks, a motor or a snake that does not do what it should.
+//! H06, H10, H12: a zero that is lost, late ticks, a motor or a snake that does not do what it
+//! should.
 
 use i2ris::clock;
 use i2ris::core::{CycleEventKind, ExternalPose, PlausibilityCheck};

@@ -1,5 +1,5 @@
-//! H08, H36: a bad model, and one that somebody trained. Staging refuses it; a model that proves to be
-//! bad in use is rolled back.
+//! H08, H36: a bad model, and one that somebody trained. Staging refuses it; a model that proves to
+//! be bad in use is rolled back.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;

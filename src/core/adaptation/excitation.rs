@@ -4,8 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ring::Regressors;
 use super::settings::length;
-use crate::core::drift::PARAMETERS;
-use crate::core::drift::Pair;
+use crate::core::drift::{PARAMETERS, Pair};
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 

@@ -19,8 +19,8 @@
 //!
 //! # Fences
 //!
-//! 1. `budget`: a warning at 70 %; at 100 % nothing more is learned: calibrate. A drift that is built
-//!    into the model already is a part of it.
+//! 1. `budget`: a warning at 70 %; at 100 % nothing more is learned: calibrate. A drift that is
+//!    built into the model already is a part of it.
 //! 2. `conditions`: only while goals are followed, inside the hull, with a known memory and good
 //!    frames; not within 2 s of a fault, a swap, a conditioning cycle or a command.
 //! 3. `excitation`: per parameter.

@@ -12,10 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use super::budget::BudgetUse;
 use super::settings::{Settings, length};
-use crate::core::drift::Drift;
-use crate::core::drift::Pair;
 use crate::core::drift::correction::Correction;
 use crate::core::drift::geometry::{ModelGeometry, add, product, subtract};
+use crate::core::drift::{Drift, Pair};
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// The correction moves a motor by at most this share of the motion of the goal.

@@ -194,8 +194,8 @@ impl CommandAdmission {
         }
     }
 
-    /// The age at which a command that was checked becomes stale: at most the duration of the lease,
-    /// because a client that has lost its lease is not followed.
+    /// The age at which a command that was checked becomes stale: at most the duration of the
+    /// lease, because a client that has lost its lease is not followed.
     pub fn deadline(&self, command: &ServoCommand) -> Nanos {
         self.check.deadline.of(deadline(command)).min(self.lease.duration())
     }

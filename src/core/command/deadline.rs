@@ -1,4 +1,5 @@
-//! Deadline: the age at which a servo command is stale.
+//! Deadline: the age at which a servo command is stale; and the command that is followed until
+//! then.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,5 +1,5 @@
-//! The auxiliary axis in the cycle: its drive counts like every other, its stream runs beside that of
-//! the joints.
+//! The auxiliary axis in the cycle: its drive counts like every other, its stream runs beside that
+//! of the joints.
 
 use crate::core::command::admission::AdmissionContext;
 use crate::core::command::range_check::require;

@@ -1,4 +1,4 @@
-//! Folding of events that a client or a bad line could repeat in every tick.
+//! Folding of events that a client, another camera or a bad line could repeat in every tick.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,23 +27,23 @@ impl EventFold {
     }
 }
 
-/// Shortest time between two events.
+/// Shortest time between two events of other cameras.
 const PERIOD: Nanos = Nanos::from_millis(10_000);
 
-/// What was told.
+/// The frames of cameras that are not followed, as last reported.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct OtherCameras {
     frames: u64,
-    told: Nanos,
+    reported: Nanos,
 }
 
 impl OtherCameras {
     /// Takes the number of their frames since the start. Returns it if it is an event now.
     pub fn update(&mut self, frames: u64, now: Nanos) -> Option<u64> {
-        let is_due = self.frames == 0 || now.duration_since(self.told) >= PERIOD;
+        let is_due = self.frames == 0 || now.duration_since(self.reported) >= PERIOD;
         let is_news = frames > self.frames && is_due;
         if is_news {
-            (self.frames, self.told) = (frames, now);
+            (self.frames, self.reported) = (frames, now);
         }
         is_news.then_some(frames)
     }

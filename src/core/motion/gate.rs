@@ -23,9 +23,9 @@
 //! Nothing that a later stage adds to it on purpose (the lead, the dead-band, the blend, what is
 //! not compensated) feeds back to there: the goal would run away from itself.
 //!
-//! Stages 6 to 10 may undo what an earlier one has limited. So nothing relies on the order: the gate
-//! looks at the setpoints that the motors would get, whichever activity they come from, and checks
-//! every limit on them:
+//! Stages 6 to 10 may undo what an earlier one has limited. So nothing relies on the order: the
+//! gate looks at the setpoints that the motors would get, whichever activity they come from, and
+//! checks every limit on them:
 //!
 //! - position limits, velocity and acceleration of every motor;
 //! - position, velocity, acceleration and jerk of the angles ([`JointBounds`]);
@@ -358,8 +358,8 @@ impl<'a> GateTick<'a> {
         else {
             return Ok(Verdict::Passes { step: OutputVec::default() });
         };
-        // Drives are at whole counts, and so is the memory. From between them the pose would rest up
-        // to the count that has been sent, and begin anew from rest beyond it, count by count.
+        // Drives are at whole counts, and so is the memory. From between them the pose would rest
+        // up to the count that has been sent, and begin anew from rest beyond it, count by count.
         let sent = self.setpoints.map(f64::round);
         let moved_to = |setpoints: &MotorVec| {
             let moved = difference(setpoints, &self.setpoints);

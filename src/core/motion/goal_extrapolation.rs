@@ -18,8 +18,9 @@
 //!
 //! Two other kinds of goals are lines in time, too, with a rate that is known and not guessed:
 //! `servo_jv` is integrated from where the goal is ([`GoalExtrapolation::moving`]), and
-//! `interpolate_jp` comes to its end when the next command is due ([`GoalExtrapolation::reaching`]).
-//! The line always ends: a client that dies leaves the goal at rest.
+//! `interpolate_jp` comes to its end when the next command is due
+//! ([`GoalExtrapolation::reaching`]). The line always ends: a client that dies leaves the goal at
+//! rest.
 
 use serde::{Deserialize, Serialize};
 

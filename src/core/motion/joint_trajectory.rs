@@ -1,7 +1,7 @@
 //! Joint trajectory of `move_jp`: a straight line in joint space, from rest to rest.
 //!
-//! A trajectory that takes the place of another one begins where that can come to rest soonest. Both
-//! together are one motion without a jump, within the same limits.
+//! A trajectory that takes the place of another one begins where that can come to rest soonest.
+//! Both together are one motion without a jump, within the same limits.
 
 use serde::{Deserialize, Serialize};
 

@@ -4,10 +4,10 @@
 //! clipped on the line that leads to it, and never to the nearest pose: that would be another
 //! direction.
 //!
-//! What a point of the line lacks is its distance from the poses that can be reached. Out of a convex
-//! region it is convex along the line, and grows no faster than the way: a step by the whole lack,
-//! and then the secant, come to the border from outside. Models do not promise that. So the border
-//! is kept between a point that can be reached and one that cannot.
+//! What a point of the line lacks is its distance from the poses that can be reached. Out of a
+//! convex region it is convex along the line, and grows no faster than the way: a step by the whole
+//! lack, and then the secant, come to the border from outside. Models do not promise that. So the
+//! border is kept between a point that can be reached and one that cannot.
 
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::joint_model::{JointModel, NotFinite};

@@ -32,8 +32,8 @@ pub(crate) struct TrajectoryLimits {
 }
 
 impl TrajectoryLimits {
-    /// In rad and s, of `move_jp`: half of the joint limit, and at most 10 deg/s, which are reached in
-    /// 0.15 s.
+    /// In rad and s, of `move_jp`: half of the joint limit, and at most 10 deg/s, which are reached
+    /// in 0.15 s.
     pub fn new(limit_deg_s: Option<f64>) -> Self {
         let velocity = limit_deg_s.map_or(10.0, |limit| 10.0_f64.min(limit / 2.0)).to_radians();
         Self { velocity, acceleration: 10.0 * velocity, jerk: 200.0 * velocity }

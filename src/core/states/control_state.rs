@@ -47,8 +47,8 @@
 //! 1. DrivesNotReady unless every drive is in phase Disabled with a fresh position. NotHomed unless
 //!    every axis has a valid zero: without it, position limits mean nothing, here and in the drive.
 //!    Range if a motor is outside its position limits, because a drive clamps its target to them.
-//! 2. No change from stopping, settling and powering off: it is in progress. FAULT stays until it is
-//!    acknowledged, and the reply says FAULT.
+//! 2. No change from stopping, settling and powering off: it is in progress. FAULT stays until it
+//!    is acknowledged, and the reply says FAULT.
 //! 3. DrivesNotReady as for `enable`. The drive does the homing itself: a counter is raised, and
 //!    the drive answers with it. Fixture if a drive would search for a hard stop while fixtures
 //!    count.
@@ -117,8 +117,8 @@ pub(crate) enum ControlState {
     Fault(FaultState),
 }
 
-/// Activity in DISABLED. `since`: when it began. `then_enable`: `enable` was asked for meanwhile, and
-/// is carried out when the drives are off.
+/// Activity in DISABLED. `since`: when it began. `then_enable`: `enable` was asked for meanwhile,
+/// and is carried out when the drives are off.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum DisabledActivity {
     /// None: drives are off, starting or lost.

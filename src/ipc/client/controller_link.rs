@@ -12,8 +12,7 @@ use iceoryx2::prelude::ipc_threadsafe;
 
 use super::error::ClientError;
 use crate::ipc::client_process::PidFile;
-use crate::ipc::domain::Domain;
-use crate::ipc::domain::random_id;
+use crate::ipc::domain::{Domain, random_id};
 use crate::ipc::ready::{INTERFACE_VERSION, Ready};
 use crate::ipc::service::{TransportError, create_node};
 use crate::units::Nanos;

@@ -28,8 +28,8 @@ const REPEAT_PERIOD: Nanos = Nanos::from_millis(50);
 const DRIVES_TIMEOUT: Nanos = Nanos::from_millis(15_000);
 /// Time limit for motions of the controller's own: homing, conditioning, `move_jp`.
 const MOTION_TIMEOUT: Nanos = Nanos::from_millis(300_000);
-/// A robot that is not busy any more shows the effect after so long, or not at all: the encoders are
-/// read after the last setpoint was sent.
+/// A robot that is not busy any more shows the effect after so long, or not at all: the encoders
+/// are read after the last setpoint was sent.
 const SETTLE: Nanos = Nanos::from_millis(1000);
 /// A controller that has not reported its state for so long hangs.
 const SILENCE: Nanos = Nanos::from_millis(3000);

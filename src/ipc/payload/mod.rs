@@ -12,6 +12,7 @@
 //! - `boot_id` is new for every start of the controller.
 
 mod adaptation;
+mod client_streams;
 mod command_streams;
 pub(super) mod definition;
 mod layout;
@@ -21,12 +22,11 @@ mod reach_target;
 mod reason;
 mod requests;
 mod state_streams;
-mod teleop;
 
 pub use adaptation::AdaptationMsg;
+pub use client_streams::{TeleopMsg, TrialMsg};
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
-pub use definition::{Message, Payload};
-pub use definition::{padded_text, unpadded_text};
+pub use definition::{Message, Payload, padded_text, unpadded_text};
 pub use layout::{Field, FieldType, PayloadLayout};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
 pub use period_statistics::{PeriodStatistics, SpanSummary};
@@ -34,12 +34,11 @@ pub use reach_target::ReachTarget;
 pub use reason::ReasonMsg;
 pub use requests::{
     BlackBoxReply, BlackBoxRequest, MoveRequest, StateCommandReply, StateCommandRequest, Version,
-    VersionRequest,
+    VersionRequest, VirtualFixtureRequest,
 };
-pub use state_streams::{ActuatorState, EventMsg, Health, JointState, OperatingStateMsg};
-pub use teleop::TeleopMsg;
-pub use teleop::TrialMsg;
-pub use teleop::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg};
+pub use state_streams::{
+    ActuatorState, EventMsg, FIXTURES, Health, JointState, OperatingStateMsg, VirtualFixturesMsg,
+};
 
 /// The layouts that the C++ header declares, in its order.
 pub const LAYOUTS: [PayloadLayout; 26] = [

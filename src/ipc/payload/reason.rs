@@ -2,8 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::definition::payload;
-use super::definition::{padded_text, unpadded_text};
+use super::definition::{padded_text, payload, unpadded_text};
 use super::state_streams::OperatingStateMsg;
 use crate::robot::{Cause, Fault, Measurement, OperatingState, Quantity, Reason, Refusal};
 use crate::units::Nanos;

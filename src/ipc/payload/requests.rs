@@ -2,8 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::definition::payload;
-use super::definition::unpadded_text;
+use super::definition::{payload, unpadded_text};
 use super::reason::MeasurementFields;
 use crate::robot::{Measurement, OperatingState, Refusal};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
@@ -169,5 +168,19 @@ impl Version {
                 named.acceleration_counts_s2
             )
         })
+    }
+}
+
+payload! {
+    /// `virtual_fixture`, request. The reply is [`super::StateCommandReply`].
+    VirtualFixtureRequest "I2risVirtualFixtureRequestV1" {
+        /// Identity of the client. Not 0.
+        pub client_id: u64,
+        /// [`crate::robot::FixtureAction`].
+        pub action: u32,
+        /// [`crate::robot::FixtureKind`] of the region to add; otherwise 0.
+        pub kind: u32,
+        /// The values of the region to add, rad or m; otherwise 0.
+        pub values: [f64; 4],
     }
 }

@@ -84,7 +84,8 @@ payload! {
         pub boot_id: u64,
         /// Start of the present state.
         pub since_ns: u64,
-        /// Client that commands: by the lease, or by its move, conditioning cycle or homing; 0: none.
+        /// Client that commands: by the lease, or by its move, conditioning cycle or homing; 0:
+        /// none.
         pub lease_client_id: u64,
         /// Servo commands taken since the start.
         pub accepted: u64,
@@ -231,5 +232,30 @@ impl OperatingStateMsg {
     #[must_use]
     pub fn broken_off_by(stop: Option<Stop>) -> u32 {
         stop.map_or(0, Stop::number) << Self::BROKEN_OFF
+    }
+}
+
+/// Regions at the same time.
+pub const FIXTURES: usize = 8;
+
+payload! {
+    /// `virtual_fixtures`, out, once a second and after every change.
+    VirtualFixturesMsg "I2risVirtualFixturesV1": outgoing {
+        /// Counts up by one per message.
+        pub sequence: u64,
+        /// Time of the message.
+        pub stamp_ns: u64,
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// The regions that count: bit 0 for the first.
+        pub active: u32,
+        /// Number of the region that limited the goal last, from 1; 0: none did.
+        pub limited_by: u32,
+        /// [`crate::robot::FixtureKind`] of every region.
+        pub kind: [u32; FIXTURES],
+        /// The values of every region, rad or m, without the margin.
+        pub values: [[f64; 17]; FIXTURES],
+        /// Name of every region, UTF-8, padded with 0.
+        pub name: [[u8; 24]; FIXTURES],
     }
 }

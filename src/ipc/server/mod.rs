@@ -46,8 +46,8 @@ const LATE_SUBSCRIBER_PERIOD: Nanos = Nanos::from_millis(50);
 /// Period of removing the leftovers of killed clients. Costs 0.4 ms, and about 1 ms per killed
 /// client.
 const CLEANUP_PERIOD: Nanos = Nanos::from_millis(500);
-/// Unread commands that are kept of every publisher: `i2ris start ros` sends for several clients. Of
-/// one client only the newest counts, so that the queue adds no delay.
+/// Unread commands that are kept of every publisher: `i2ris start ros` sends for several clients.
+/// Of one client only the newest counts, so that the queue adds no delay.
 const COMMANDS: usize = 8;
 /// Maximum number of commands read at once; only a faulty client sends more.
 const MAX_DRAINED: usize = 64;

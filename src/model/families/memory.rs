@@ -59,9 +59,9 @@ pub(in crate::model) enum State {
 }
 
 impl Memory {
-    /// Scales the gaps of every motor (the thresholds of plays; gap, slack and friction of a balance)
-    /// from now on; 1 as calibrated, clamped to 0.2...3. Families without gaps ignore it, and so does a
-    /// memory without any past motion.
+    /// Scales the gaps of every motor (the thresholds of plays; gap, slack and friction of a
+    /// balance) from now on; 1 as calibrated, clamped to 0.2...3. Families without gaps ignore it,
+    /// and so does a memory without any past motion.
     pub fn set_gap_scale(&mut self, scale: &MotorVec) {
         let clamped = gap_scale::clamp(scale);
         match &mut self.state {

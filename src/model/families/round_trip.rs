@@ -3,8 +3,7 @@
 use std::cmp::Ordering::Less;
 
 use crate::model::error::ModelError;
-use crate::model::estimate::Inverse;
-use crate::model::estimate::OutputUnit;
+use crate::model::estimate::{Inverse, OutputUnit};
 use crate::model::maths::hull::Hull;
 use crate::model::maths::newton_inverse::one_count;
 use crate::model::maths::regression::{Local, array};

@@ -3,8 +3,7 @@
 use std::fmt::Debug;
 
 use crate::model::error::ModelError;
-use crate::model::estimate::OutputUnit;
-use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Query};
+use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputUnit, Query};
 use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
 use crate::model::maths::hull::Hull;

@@ -37,8 +37,9 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::model::error::ModelError;
-use crate::model::maths::gaussian_mixture::MixtureParameters;
-use crate::model::maths::gaussian_mixture::{Component, MAX_COMPONENTS, components};
+use crate::model::maths::gaussian_mixture::{
+    Component, MAX_COMPONENTS, MixtureParameters, components,
+};
 use crate::model::maths::lanes::{LANES, Lanes};
 use crate::model::maths::mixture_part::Part;
 use crate::model::maths::regression::{Local, Prediction, Regression, array, vector};

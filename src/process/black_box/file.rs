@@ -22,8 +22,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::ring::TickRecord;
-use crate::core::CandidateState;
-use crate::core::CycleSnapshot;
+use crate::core::{CandidateState, CycleSnapshot};
 use crate::model::ModelId;
 
 /// The first bytes of every file.
@@ -212,8 +211,8 @@ impl BlackBox {
     }
 }
 
-/// Creates a file for its owner only. One that could not be written whole is removed: what is left of
-/// it, on a full disk, would count as a black box and push a whole one out.
+/// Creates a file for its owner only. One that could not be written whole is removed: what is left
+/// of it, on a full disk, would count as a black box and push a whole one out.
 fn create_whole(path: &Path, write: impl FnOnce(&File) -> io::Result<()>) -> io::Result<()> {
     let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)?;
     write(&file).inspect_err(|_| {

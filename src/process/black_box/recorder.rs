@@ -12,12 +12,10 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
 use super::live::LiveFiles;
-use super::ring::Ring;
-use super::ring::TickRecord;
+use super::ring::{Ring, TickRecord};
 use crate::clock;
 use crate::config::Config;
-use crate::core::CycleEventKind;
-use crate::core::CycleSnapshot;
+use crate::core::{CycleEventKind, CycleSnapshot};
 use crate::ipc::Domain;
 use crate::model::{Model, ModelId};
 use crate::robot::OperatingState;

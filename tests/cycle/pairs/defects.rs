@@ -2,9 +2,9 @@
 //!
 //! A copy of the sources gets the defect, is built, and draws until it is found, at most a million
 //! ticks. Where two stages hold
-//! the same limit, a defect in one of them changes no setpoint, so the limit is taken from both: the
-//! limits of the motors from stage 10 and the gate, the calibrated pose from stage 6 and the gate. The
-//! order of stages 5 and 6 is such a case, too: the gate holds all that it may break.
+//! the same limit, a defect in one of them changes no setpoint, so the limit is taken from both:
+//! the limits of the motors from stage 10 and the gate, the calibrated pose from stage 6 and the
+//! gate. The order of stages 5 and 6 is such a case, too: the gate holds all that it may break.
 
 use std::fs;
 use std::path::{Path, PathBuf};

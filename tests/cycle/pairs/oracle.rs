@@ -1,6 +1,6 @@
 //! What must hold in every tick of every situation, by formulae of its own: the snake of the tests
-//! with its gaps, distances to regions, angles at the setpoints, acceleration of the motors, ages of
-//! commands. Other limits of the motors, states and counters are checked by the bench itself.
+//! with its gaps, distances to regions, angles at the setpoints, acceleration of the motors, ages
+//! of commands. Other limits of the motors, states and counters are checked by the bench itself.
 
 use std::collections::VecDeque;
 
@@ -15,8 +15,8 @@ use super::snake::{Snake, Wire};
 use super::way::Way;
 use super::zones::Zone;
 
-/// Corners of what was calibrated, counter-clockwise. Along the sides of the square, motors that are
-/// limited one by one stay inside; along those of the other one they do not.
+/// Corners of what was calibrated, counter-clockwise. Along the sides of the square, motors that
+/// are limited one by one stay inside; along those of the other one they do not.
 pub const SQUARE: [[f64; 2]; 4] = [[-HULL, -HULL], [HULL, -HULL], [HULL, HULL], [-HULL, HULL]];
 pub const SLANTED: [[f64; 2]; 6] = [
     [-420.0, -120.0],

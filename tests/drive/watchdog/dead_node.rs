@@ -52,8 +52,8 @@ fn check_watchdog(signal: Signal) {
     wait_until("the gateway waits", || !unanswered(&watched.rig).is_empty());
     let since = clock::now();
     watched.rig.signal(signal);
-    // A tick may not have told yet that the dead one owes an answer. Where this test had to wait for
-    // the processor, the controller has stopped the living itself.
+    // A tick may not have told yet that the dead one owes an answer. Where this test had to wait
+    // for the processor, the controller has stopped the living itself.
     check_stops(&watched.rig, silent, since, 1);
     watched.until_logged(&format!("motor {DEAD}: NOT STOPPED"));
     let text = watched.log_text();

@@ -77,7 +77,8 @@ fn parts(text: &str, declared: &BTreeSet<String>) -> Vec<BTreeSet<String>> {
     heads.map(named).filter(|names| !names.is_empty()).collect()
 }
 
-/// A page that says "only ... above" holds its parts in that order, all of them, and they import so.
+/// A page that says "only ... above" holds its parts in that order, all of them, and they import
+/// so.
 #[test]
 fn parts_import_only_what_stands_above_them() {
     let pages = [("src/core/mod.rs", "crate::core::"), ("tools/calibration/src/lib.rs", "crate::")];

@@ -18,7 +18,8 @@ pub const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 /// The chapter for whoever has to judge the safety of the robot.
 pub const SAFETY: &str = "tools/manual/src/safety.md";
 
-/// Writes a table between its mark and `<!-- end -->` if asked to, and fails when it is out of date.
+/// Writes a table between its mark and `<!-- end -->` if asked to, and fails when it is out of
+/// date.
 fn require_up_to_date(path: &str, name: &str, wanted: &str) {
     let text = read(path);
     let (head, rest) = text.split_once(&format!("<!-- {name}:")).unwrap();

@@ -26,8 +26,8 @@ pub fn fitted() -> Result<Model, ModelError> {
     Model::from_file(file)
 }
 
-/// A model with a mixture of `components`, and so many plays per motor beside the one of threshold 0:
-/// `gmr-play`; without any, `gmr`.
+/// A model with a mixture of `components`, and so many plays per motor beside the one of threshold
+/// 0: `gmr-play`; without any, `gmr`.
 pub fn model(components: usize, plays: usize) -> Result<Model, ModelError> {
     let mixture = mixture(components);
     let corners: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];

@@ -70,7 +70,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     outcome.and(ended)
 }
 
-/// The configuration in the folder: what a person wrote into it stays. A new one where there is none.
+/// The configuration in the folder: what a person wrote into it stays. A new one where there is
+/// none.
 fn kept_config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     let file = folder.join(FILE);
     if !file.exists() {

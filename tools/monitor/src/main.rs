@@ -1,5 +1,5 @@
-//! `i2ris status`: why the robot does not move and the streams of the controller: once, as a terminal
-//! screen, as lines, or as a web page.
+//! `i2ris status`: why the robot does not move and the streams of the controller: once, as a
+//! terminal screen, as lines, or as a web page.
 //!
 //! | part | does |
 //! |---|---|
@@ -34,9 +34,7 @@ use i2ris::units::Nanos;
 
 use clap::Parser;
 use dashboard::Dashboard;
-use i2ris_report::Failure;
-use i2ris_report::model_poller;
-use i2ris_report::{DomainOption, Interrupt, Screen, until_closed};
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen, model_poller, until_closed};
 use std::process::ExitCode;
 use subscriptions::{READ_PERIOD, Subscriptions};
 

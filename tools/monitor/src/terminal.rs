@@ -19,9 +19,8 @@ use ratatui::crossterm::event::{self, Event};
 
 use super::dashboard::Dashboard;
 use super::subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
-use i2ris_report::Failure;
-use i2ris_report::Interrupt;
 use i2ris_report::model_poller::ModelPoller;
+use i2ris_report::{Failure, Interrupt};
 use key_handler::KeyHandler;
 use operator_commands::{CommandResult, OperatorCommands};
 
@@ -101,7 +100,8 @@ impl Session {
     /// Waits a moment for keys and does what they say. Returns whether something has to be drawn at
     /// once.
     fn keys(&mut self) -> Result<bool, Failure> {
-        // Not by crossterm: it reads the end of a terminal that goes for ever, inside of its `poll`.
+        // Not by crossterm: it reads the end of a terminal that goes for ever, inside of its
+        // `poll`.
         let mut any = Screen::is_typed(READ_PERIOD)? && event::poll(Duration::ZERO)?;
         let typed = any;
         while any {

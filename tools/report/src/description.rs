@@ -1,7 +1,7 @@
 //! A command line as JSON.
 //!
-//! `i2ris --completions bash` writes one script for `i2ris` and the programs that it starts. It asks each
-//! of them for its command line with [`DESCRIBE`](crate::program::DESCRIBE).
+//! `i2ris --completions bash` writes one script for `i2ris` and the programs that it starts. It
+//! asks each of them for its command line with [`DESCRIBE`](crate::program::DESCRIBE).
 
 use clap::builder::{PossibleValue, Resettable, Str, StyledStr};
 use clap::{Arg, ArgAction, Command};

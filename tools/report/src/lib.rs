@@ -74,10 +74,8 @@ pub use axis::Axis;
 pub use figure::{Figure, Panel};
 pub use mark::{Heatmap, Line, Mark, ReferenceLine, Scatter, ShadedInterval};
 pub use page::{Page, Table};
-pub use program::DomainOption;
-pub use program::Interrupt;
-pub use screen::while_working;
-pub use screen::{Screen, until_closed};
+pub use program::{DomainOption, Interrupt};
+pub use screen::{Screen, until_closed, while_working};
 pub use style::{Color, Dash, Marker, Stroke};
 
 /// Why a program ends without success: one sentence for the user.

@@ -111,7 +111,8 @@ pub struct DomainOption {
 }
 
 impl DomainOption {
-    /// Whether other programs find this domain without the option, where the environment names none.
+    /// Whether other programs find this domain without the option, where the environment names
+    /// none.
     pub fn is_default(&self) -> bool {
         self.domain == "i2ris"
     }

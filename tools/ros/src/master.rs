@@ -1,8 +1,9 @@
 //! Another arm as an input device: a master that speaks CRTK, and its pedal.
 //!
-//! Its messages become events of a device in a pipe, as `i2ris teleop input play` would play them, and
-//! `i2ris teleop --device PIPE` reads that. So everything that a hand is held to holds for it, too: at
-//! rest before the clutch closes, silence, repetition, values beyond the range, identity, view.
+//! Its messages become events of a device in a pipe, as `i2ris teleop input play` would play them,
+//! and `i2ris teleop --device PIPE` reads that. So everything that a hand is held to holds for it,
+//! too: at rest before the clutch closes, silence, repetition, values beyond the range, identity,
+//! view.
 //!
 //! A master has no centre of its own. Its deflection counts from where it last stood still while
 //! the pedal was up; one that moves when the pedal goes down is deflected, and closes nothing.

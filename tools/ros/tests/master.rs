@@ -1,5 +1,5 @@
-//! Another arm as an input device: a program that speaks CRTK, its pedal, `i2ris start ros master` and
-//! `i2ris teleop` before a controller.
+//! Another arm as an input device: a program that speaks CRTK, its pedal, `i2ris start ros master`
+//! and `i2ris teleop` before a controller.
 
 use std::sync::Mutex;
 use std::thread;

@@ -28,7 +28,8 @@ pub const DEAD_MAN_MS: u64 = 30_000;
 const DEAD_MEN_MS: std::ops::RangeInclusive<u64> = 1000..=120_000;
 const SILENCES_MS: std::ops::RangeInclusive<u64> = 50..=5000;
 
-/// A profile as it stands in its file. Names are those of the kernel, `-` before one turns it round.
+/// A profile as it stands in its file. Names are those of the kernel, `-` before one turns it
+/// round.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {

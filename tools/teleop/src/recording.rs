@@ -1,7 +1,8 @@
 //! Raw bytes of a device with their times, as a file; played, the same bytes through a pipe.
 //!
-//! One line of JSON with the [`Description`], then frames: nanoseconds since the first (u64), length
-//! (u16), bytes; all little-endian. A report of hidraw is one frame, because its end is not in it.
+//! One line of JSON with the [`Description`], then frames: nanoseconds since the first (u64),
+//! length (u16), bytes; all little-endian. A report of hidraw is one frame, because its end is not
+//! in it.
 
 use std::io::{self, ErrorKind, Read, Write};
 

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::identity::Identity;
 
-/// An axis or a key, by the names of the kernel's `input-event-codes.h`: `ABS_X`, `REL_Z`, `BTN_TR`.
+/// An axis or a key, by the names of the kernel's `input-event-codes.h`: `ABS_X`, `REL_Z`,
+/// `BTN_TR`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Code {
     Absolute(u16),

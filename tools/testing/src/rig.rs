@@ -2,12 +2,11 @@
 //! or on a thread. Every rig has its own domain and folder; drop ends and removes everything.
 
 use std::ffi::OsString;
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::{fs, io};
 
 use i2ris::clock;
 use i2ris::config::{Config, PortConfig};
@@ -140,8 +139,8 @@ impl Rig {
         rig
     }
 
-    /// Writes a model of the standard family for the emulated snake, accurate to a few degrees: 0.022
-    /// degrees per count, axes turned by 45 degrees. `factor` scales its angles.
+    /// Writes a model of the standard family for the emulated snake, accurate to a few degrees:
+    /// 0.022 degrees per count, axes turned by 45 degrees. `factor` scales its angles.
     pub fn sample_model(&self, name: &str, robot_id: &str, factor: f64) -> PathBuf {
         let (mut file, g) = (sample_model().file().clone(), factor * GAIN_DEG);
         match &mut file.family {

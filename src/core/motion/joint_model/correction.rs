@@ -2,8 +2,7 @@
 
 use super::{JointModel, Known, MeasuredPoses, NotFinite};
 use crate::core::drift::Drift;
-use crate::core::drift::correction::CalibratedView;
-use crate::core::drift::correction::Correction;
+use crate::core::drift::correction::{CalibratedView, Correction};
 use crate::core::drift::geometry::ModelGeometry;
 use crate::core::motion::virtual_fixtures::GoalSpace;
 use crate::core::vector;

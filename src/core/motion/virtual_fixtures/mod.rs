@@ -40,8 +40,8 @@ use region::dot;
 
 /// Rounds of projections. Two regions need two or three.
 const ROUNDS: usize = 4;
-/// Near a region, the speed towards it is at most the distance divided by this time. Speed along the
-/// region and away from it is not limited.
+/// Near a region, the speed towards it is at most the distance divided by this time. Speed along
+/// the region and away from it is not limited.
 const SLOW_DOWN: Nanos = Nanos::from_millis(200);
 /// Halvings of a step before the goal stays where it is.
 const HALVINGS: usize = 3;

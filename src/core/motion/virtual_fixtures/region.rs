@@ -110,8 +110,8 @@ impl Region {
     }
 }
 
-/// Distance that a goal keeps from regions in angles, deg, and of the tip, m. It covers the distance
-/// of goal and setpoint while motors cross their backlash.
+/// Distance that a goal keeps from regions in angles, deg, and of the tip, m. It covers the
+/// distance of goal and setpoint while motors cross their backlash.
 const MARGIN_DEG: f64 = 0.5;
 const TIP_MARGIN: f64 = 2e-5;
 

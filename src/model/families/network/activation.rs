@@ -1,8 +1,7 @@
 //! Activations and their slopes.
 
 use super::parameters::Activation;
-use crate::model::maths::lanes::exp_above;
-use crate::model::maths::lanes::wide;
+use crate::model::maths::lanes::{exp_above, wide};
 
 /// Below this an exponential adds nothing to 1.
 const LEAST_EXPONENT: f64 = -40.0;

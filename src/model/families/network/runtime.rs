@@ -6,8 +6,7 @@ use super::layers::NetworkState;
 use super::parameters::{NetworkParameters, matrix, numbers};
 use super::scaled_layers::ScaledLayers;
 use crate::model::error::{ModelError, require};
-use crate::model::estimate::OutputUnit;
-use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
+use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, OutputUnit, Query};
 use crate::model::examination_path::ExaminationPath;
 use crate::model::families::memory::{Memory, State};
 use crate::model::families::round_trip;
@@ -51,7 +50,8 @@ pub(in crate::model) struct Recording<'a> {
     pub covariance: &'a [Vec<f64>],
 }
 
-/// Visits the positions of the steps along a straight motion, up to less than a step before its end.
+/// Visits the positions of the steps along a straight motion, up to less than a step before its
+/// end.
 pub fn walk(from: &MotorVec, to: &MotorVec, step: f64, mut visit: impl FnMut(&MotorVec)) {
     let motion: MotorVec = std::array::from_fn(|motor| to[motor] - from[motor]);
     let length = motion.iter().fold(0.0, |longest: f64, part| longest.max(part.abs()));

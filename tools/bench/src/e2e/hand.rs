@@ -2,7 +2,8 @@
 //! the last byte of that command's setpoint at the drive.
 //!
 //! ```text
-//! event in a pipe --i2ris teleop--> command --controller--> setpoint on the line --> drive with a log
+//! event in a pipe --i2ris teleop--> command --controller--> setpoint on the line --> drive with a
+//! log
 //!    its time          its time, and that of its newest event (stream `teleop`)
 //! ```
 //!

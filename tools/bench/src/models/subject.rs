@@ -21,7 +21,8 @@ use super::tracking::follow;
 const LEARNING_S: f64 = 120.0;
 const JUDGED_S: f64 = 40.0;
 
-/// Deviation of the angles of both cameras, deg, and how old the frames are that the adaptation gets.
+/// Deviation of the angles of both cameras, deg, and how old the frames are that the adaptation
+/// gets.
 const CAMERA_NOISE_DEG: f64 = 0.07;
 const FRAME_AGE_MS: u64 = 60;
 

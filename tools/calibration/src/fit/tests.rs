@@ -20,8 +20,9 @@ use crate::quality::{SpikeOptions, inputs, outputs};
 use crate::recording::Recording;
 use crate::regression::component_choice::{first_near_least, left_out_errors};
 use crate::series::Series;
-use crate::testing::{assert_contains, assert_near, few_starts, noise, one_motor, recording};
-use crate::testing::{straight, wander};
+use crate::testing::{
+    assert_contains, assert_near, few_starts, noise, one_motor, recording, straight, wander,
+};
 
 #[track_caller]
 fn fitted(recording: &Recording, options: &FitOptions) -> FitOutcome {

@@ -58,10 +58,10 @@ impl Recording {
         }
     }
 
-    /// The latency that hysteresis does not imitate, s. An estimate is shrunk by what it may be off;
-    /// there is no least one. Where a motor always turns back at the same two positions, being late
-    /// is the same as a wider loop, and nothing is believed; nor what no camera can be, nor what
-    /// does not help on rows left out.
+    /// The latency that hysteresis does not imitate, s. An estimate is shrunk by what it may be
+    /// off; there is no least one. Where a motor always turns back at the same two positions, being
+    /// late is the same as a wider loop, and nothing is believed; nor what no camera can be, nor
+    /// what does not help on rows left out.
     fn believed_latency(&self) -> Option<f64> {
         let series = Series::whole(self);
         let shows = |finding: &Finding| matches!(finding, Finding::OneAxisAtATime { .. });

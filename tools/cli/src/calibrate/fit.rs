@@ -11,8 +11,7 @@ use i2ris_calibration::em::EmOptions;
 use i2ris_calibration::fit::network::{NetworkFile, import};
 use i2ris_calibration::fit::split::HoldOut;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
-use i2ris_calibration::quality::Quality;
-use i2ris_calibration::quality::SpikeOptions;
+use i2ris_calibration::quality::{Quality, SpikeOptions};
 use i2ris_calibration::recording::{MIN_ROWS, Recording};
 use i2ris_calibration::report::CalibrationReport;
 
@@ -90,8 +89,8 @@ struct ModelArguments {
     /// out is written
     #[arg(long, default_value_t = Choice::Best)]
     family: Choice,
-    /// Components of the mixture of `gmr`, 1 to 64; ..K: up to K, chosen by the error on blocks left
-    /// out
+    /// Components of the mixture of `gmr`, 1 to 64; ..K: up to K, chosen by the error on blocks
+    /// left out
     #[arg(long, value_name = "K|..K", default_value = "..12", value_parser = components)]
     components: Components,
     /// Random starts per number of components

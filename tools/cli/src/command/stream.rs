@@ -13,8 +13,7 @@ use super::stream_monitor::{LateMonitor, StopReason, StreamMonitor};
 use super::tracking::{ClipMonitor, TrackingSummary};
 use super::trajectory::{Angles, Trajectory};
 use super::trajectory_player::TrajectoryPlayer;
-use i2ris_report::Failure;
-use i2ris_report::Interrupt;
+use i2ris_report::{Failure, Interrupt};
 
 /// What to do when the controller has stopped the snake because commands came late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]

@@ -252,8 +252,8 @@ mod tests {
         Description::new(identity, axes.iter().map(range).collect(), keys.to_vec())
     }
 
-    /// A DualSense with its three files (ShadowBlip/InputPlumber#148), a pedal with its keyboard and
-    /// mouse (omustardo.com/timeline/2023/foot_pedal.html), and a SpaceMouse with events and
+    /// A DualSense with its three files (ShadowBlip/InputPlumber#148), a pedal with its keyboard
+    /// and mouse (omustardo.com/timeline/2023/foot_pedal.html), and a SpaceMouse with events and
     /// reports.
     fn plugged_in() -> Vec<Found> {
         const PAD: (u16, u16) = (0x054c, 0x0ce6);

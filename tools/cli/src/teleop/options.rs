@@ -32,8 +32,8 @@ pub(super) struct HandOptions {
     /// Steer with the keys of this terminal
     #[arg(long, conflicts_with = "device")]
     keyboard: bool,
-    /// An input device, or a pipe through which `i2ris teleop input play` plays a recording; a second
-    /// one is a pedal [default: those that are known]
+    /// An input device, or a pipe through which `i2ris teleop input play` plays a recording; a
+    /// second one is a pedal [default: those that are known]
     #[arg(long, value_name = "DEVICE")]
     device: Vec<PathBuf>,
     /// The profile of a device that is not known; `i2ris teleop input learn` makes one

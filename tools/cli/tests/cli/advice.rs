@@ -113,7 +113,8 @@ fn every_advice_that_is_followed_succeeds() {
         before.iter().for_each(|words| follow(&domain, words));
         refused_then_followed(&domain, words, code);
     }
-    // Off and without a zero: `status` leads to a robot that moves, and from a pause and a fault, too.
+    // Off and without a zero: `status` leads to a robot that moves, and from a pause and a fault,
+    // too.
     follow_status(&domain);
     succeeds(&domain, "command state pause");
     follow_status(&domain);

@@ -303,8 +303,8 @@ fn who_sees_only_a_picture_that_is_turned_and_mirrored_reaches_what_is_seen_ther
     assert!(reached.iter().all(Option::is_some), "{reached:?}");
 }
 
-/// Ten targets in every turn, with the view measured and without; takes ten minutes. Writes a figure
-/// to `I2RIS_OPERATOR_FIGURE`.
+/// Ten targets in every turn, with the view measured and without; takes ten minutes. Writes a
+/// figure to `I2RIS_OPERATOR_FIGURE`.
 #[test]
 #[ignore = "for .ci/nightly hand"]
 fn ten_targets_in_every_turn_are_reached_by_the_picture_alone() {

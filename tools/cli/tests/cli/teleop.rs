@@ -12,9 +12,8 @@ use i2ris::ipc::client::{Client, ExternalPublisher, Latest};
 use i2ris::ipc::payload::{JointState, ServoJp, TeleopMsg};
 use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::encode;
-use i2ris_teleop::recording;
-use i2ris_teleop::space_mouse;
 use i2ris_teleop::state::Description;
+use i2ris_teleop::{recording, space_mouse};
 use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, home_and_enable, wait_until};
 
 use crate::bench::{WorkFolder, end, ends, expect_stalls, fails, start};
@@ -352,7 +351,8 @@ fn a_device_is_recorded_played_and_learned() {
     for part in ["1234:abcd", "right = \"ABS_X\"", "up = \"-ABS_Y\"", "dead_man = \"BTN_TR\""] {
         assert!(text.contains(part), "{part}: {text}");
     }
-    // The recording, played by the program: known now, and it steers nothing, as it was never at rest.
+    // The recording, played by the program: known now, and it steers nothing, as it was never at
+    // rest.
     device.unplug();
     let words = format!("teleop --device {played} --profile {profile}");
     let play = start(&controller.domain, &format!("teleop input play {file} --to {played}"));

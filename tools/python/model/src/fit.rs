@@ -188,7 +188,8 @@ pub fn fit_mixture(
     Ok((weights, means, covariances))
 }
 
-/// Makes a model of a network that was trained elsewhere, as `i2ris calibrate fit --network FILE` does.
+/// Makes a model of a network that was trained elsewhere, as `i2ris calibrate fit --network FILE`
+/// does.
 #[pyfunction]
 pub fn import_network(
     py: Python<'_>,

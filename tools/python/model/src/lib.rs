@@ -1,4 +1,5 @@
-//! The compiled part of `i2ris.model` and `i2ris.benchmark`: the code of the command line under Python.
+//! The compiled part of `i2ris.model` and `i2ris.benchmark`: the code of the command line under
+//! Python.
 //!
 //! Arrays are checked in Python (`i2ris/model.py`); what is wrong with their contents is said here
 //! by the sentence of the command line. Long work runs without the interpreter's lock.

@@ -4,9 +4,9 @@
 //! arrays as `NAME_0`, `NAME_1`, ..., members of spans as `NAME_p50_ns`, hashes as hexadecimal
 //! digits. The first columns are `time`, UTC, `t_s`, seconds since the first message of the file,
 //! and `received_s`, the same for the arrival at the recorder. Entries that a message does not have
-//! are empty (NaN). `units.csv` has the unit of every column. `overview` is the table for people: all
-//! angles and the state on one grid. Pictures, if they are asked for, are files of their views, whose
-//! names are the `t_s` of their exposures.
+//! are empty (NaN). `units.csv` has the unit of every column. `overview` is the table for people:
+//! all angles and the state on one grid. Pictures, if they are asked for, are files of their views,
+//! whose names are the `t_s` of their exposures.
 //!
 //! | file | contains |
 //! |---|---|
@@ -83,8 +83,8 @@ struct OpenTable {
     writer: Box<dyn TableWriter>,
 }
 
-/// Writes tables into a folder, which is created if necessary, and pictures if asked to. A recording
-/// that was cut off gives the rows that it has.
+/// Writes tables into a folder, which is created if necessary, and pictures if asked to. A
+/// recording that was cut off gives the rows that it has.
 pub fn export(
     recording: &Path,
     folder: &Path,

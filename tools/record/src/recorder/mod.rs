@@ -43,8 +43,8 @@ const PICTURE_QUEUE: usize = 64 << 20;
 pub const HEADER: &str = "i2ris.header";
 /// The entry of it with the names of the joints.
 pub const JOINTS: &str = "joints";
-/// The entries of the metadata at the end with how late the stamps of the camera are, s, measured by
-/// the motion of the snake, and the standard deviation of that.
+/// The entries of the metadata at the end with how late the stamps of the camera are, s, measured
+/// by the motion of the snake, and the standard deviation of that.
 pub const ALIGNMENT: &str = "camera_late_s";
 pub const ALIGNMENT_DEVIATION: &str = "camera_late_deviation_s";
 /// Name of the metadata at the end of a recording that ended without an error.

@@ -77,8 +77,8 @@ mod tests {
 
     use super::*;
 
-    /// A pose of 60 deg is asked for; the goal stays at 37.3, and so does the snake. `scale`: of the
-    /// goal beside the command.
+    /// A pose of 60 deg is asked for; the goal stays at 37.3, and so does the snake. `scale`: of
+    /// the goal beside the command.
     fn trial(scale: f64) -> Trial {
         let mut trial = Trial::default();
         trial.states.push(OperatingStateMsg { state: 1, ..OperatingStateMsg::default() });

@@ -4,8 +4,8 @@
 //! Intervals: paired bootstrap of the participants' means (Efron and Tibshirani, An Introduction to
 //! the Bootstrap, 1993, chapter 13, percentiles), always with the same random numbers.
 //!
-//! Throughput: ISO 9241-411, `log2(D / We + 1) / MT`, with the effective width `We = 4.133 s` of the
-//! end points along the way to the target. The time of holding is no time of movement.
+//! Throughput: ISO 9241-411, `log2(D / We + 1) / MT`, with the effective width `We = 4.133 s` of
+//! the end points along the way to the target. The time of holding is no time of movement.
 
 use std::collections::BTreeMap;
 use std::path::Path;

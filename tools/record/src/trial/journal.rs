@@ -210,7 +210,8 @@ impl Journal {
         let path = self.path.clone();
         let line = serde_json::to_string(event)
             .map_err(|error| StudyError::Damaged { path: path.clone(), error })?;
-        // What tore the last line may have left all of it but its end: it was not there, and stays so.
+        // What tore the last line may have left all of it but its end: it was not there, and stays
+        // so.
         let is_torn =
             std::fs::read(&path).is_ok_and(|bytes| bytes.last().is_some_and(|byte| *byte != b'\n'));
         let begin = if is_torn { " (torn)\n" } else { "" };
@@ -253,8 +254,8 @@ impl Journal {
         })
     }
 
-    /// Appends a mark and returns its number. Two at once wait for each other: the folder is locked,
-    /// because the recorder holds the file.
+    /// Appends a mark and returns its number. Two at once wait for each other: the folder is
+    /// locked, because the recorder holds the file.
     pub fn mark(&mut self, at: Nanos, text: &str) -> Result<u32, StudyError> {
         let folder = self.path.parent().unwrap_or(Path::new("."));
         let opened = File::open(folder).map_err(io_error(folder))?;

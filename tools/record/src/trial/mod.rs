@@ -8,8 +8,8 @@
 //!     recording.mcap          every stream, as `i2ris record` writes it
 //! ```
 //!
-//! What is true of a trial is its journal. A line that a power cut tore is not there; a trial without
-//! a stop whose recorder is gone was cut off.
+//! What is true of a trial is its journal. A line that a power cut tore is not there; a trial
+//! without a stop whose recorder is gone was cut off.
 
 pub mod code;
 pub mod comparison;

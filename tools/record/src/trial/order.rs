@@ -1,8 +1,8 @@
 //! The order in which a participant meets the conditions.
 
-/// Balanced Latin square (Williams, Aust. J. Sci. Res. A 2, 149, 1949): over its rows every condition
-/// is in every place once, and follows every other one equally often. An odd number of conditions
-/// needs twice as many rows, the second half reversed.
+/// Balanced Latin square (Williams, Aust. J. Sci. Res. A 2, 149, 1949): over its rows every
+/// condition is in every place once, and follows every other one equally often. An odd number of
+/// conditions needs twice as many rows, the second half reversed.
 pub fn order(conditions: usize, participant: usize) -> Vec<usize> {
     if conditions == 0 {
         return Vec::new();

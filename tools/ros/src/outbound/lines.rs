@@ -79,8 +79,8 @@ impl Lines {
         lines
     }
 
-    /// What is news since an instant. What was said before is over, but for the fault that the robot
-    /// is in.
+    /// What is news since an instant. What was said before is over, but for the fault that the
+    /// robot is in.
     pub fn news(
         &self,
         mut reasons: Vec<(Level, ReasonMsg)>,

@@ -42,12 +42,9 @@ mod statusword;
 mod tests;
 
 pub use device::{Drive, DriveSnapshot};
-pub use family::Family;
-pub use family::Mode;
+pub use family::{Family, Mode};
 pub use fault::{Fault, Reaction};
-pub use motor::DriveConfig;
-pub use motor::{Limits, Motor, MotorConfig};
+pub use motor::{DriveConfig, Limits, Motor, MotorConfig};
 pub use object::Abort;
-pub use service::Gateway;
-pub use service::Reply;
+pub use service::{Gateway, Reply};
 pub use state::State;

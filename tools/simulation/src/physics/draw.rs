@@ -1,5 +1,5 @@
-//! What is common to the physics: pairs of values, parameters at random by a seed, and friction that
-//! grows with the bend, because the wires press harder on their guides.
+//! What is common to the physics: pairs of values, parameters at random by a seed, and friction
+//! that grows with the bend, because the wires press harder on their guides.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -5,9 +5,8 @@
 //! does, with its own. It places disturbances, delays and states exactly where a test needs them.
 
 use std::collections::VecDeque;
-use std::fmt;
-use std::io;
 use std::sync::{Arc, Mutex, MutexGuard};
+use std::{fmt, io};
 
 use i2ris::config::{AxisConfig, PortConfig};
 use i2ris::drive::serial_frame::{FrameEncoder, MAX_ENCODED, SerialFrame};

@@ -143,8 +143,8 @@ fn chapters_with_commands_to_run_are_run() {
     }
 }
 
-/// Lines of blocks that are not run: packages exist, and options of the controller and the watchdog.
-/// What `i2ris` is given is parsed in `printed`.
+/// Lines of blocks that are not run: packages exist, and options of the controller and the
+/// watchdog. What `i2ris` is given is parsed in `printed`.
 #[test]
 fn options_of_commands_that_are_not_run_exist() {
     let mut checked = 0;

@@ -14,8 +14,8 @@
 //!   `k- c(P- - e)`; `c(y) = max(0, y)`, rounded over a softness `w` on both sides of 0.
 //! - **preload** `P`: the stretch of a wire of a straight snake at rest; below 0 it is slack. It
 //!   grows with the square of the bend: the path of a wire through a bent snake is another one.
-//! - **stop**: an elastic element of stiffness `s` that slips at a force (Maxwell slip; the elements
-//!   of A. Y. Ishlinskii 1944 and L. Prandtl 1928). An **own** stop resists the bend of one motor, a
+//! - **stop**: an elastic element of stiffness `s` that slips at a force (Maxwell slip; the
+//!   elements of A. Y. Ishlinskii 1944 and L. Prandtl 1928). An **own** stop resists the bend of one motor, a
 //!   **shared** stop the bend in the plane: its reach is a disc (return mapping, J. C. Simo and T.
 //!   J. R. Hughes, "Computational Inelasticity", 1998). A stop may **yield** before it slips.
 //!
@@ -24,7 +24,8 @@
 //! ```text
 //! k+ c(P+ + e) - k- c(P- - e) + eps e = s u (1 + h (u/R)^2) + sum own stops + sum shared stops
 //! limit of own stop k = share_k (1 +- sense) pose (base + mu+ T+ + mu- T- + nu T_other)
-//! pose = 1 + a |u_i|/R + b |u_j|/R + c u_i/R,     limit of shared stop k = share_k (base + |(mu T)|)
+//! pose = 1 + a |u_i|/R + b |u_j|/R + c u_i/R,     limit of shared stop k = share_k (base + |(mu
+//! T)|)
 //! ```
 //!
 //! Friction grows with the tension that presses a wire on its guides (capstan equation, L. Euler
@@ -203,8 +204,8 @@ impl<const D: usize> ForceBalance<D> {
         let (from, to) = (self.positions(&vector(&state.position)), self.positions(counts));
         let motion = to - from;
         let steps = (motion.amax() / STEP).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
-        // The last step ends at the counts to the bit: a pulley that a rounded sum leaves beside them
-        // would move again at the same counts.
+        // The last step ends at the counts to the bit: a pulley that a rounded sum leaves beside
+        // them would move again at the same counts.
         (1..=steps).map(move |step| match step {
             last if last == steps => to,
             _ => from + motion * (f64::from(step) / f64::from(steps)),

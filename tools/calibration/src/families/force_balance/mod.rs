@@ -5,9 +5,9 @@
 //! outputs is solved for in every step of the search (variable projection, G. H. Golub and V.
 //! Pereyra 1973), with a penalty that grows with its degree. The search starts from several
 //! preloads, gaps and frictions: a start with the wrong one ends in a local minimum. How far the
-//! parameters may be from the usual ones is chosen by blocks of samples held out. The inverse of the
-//! normal equations at the end gives the deviations of the parameters, and tells which of them the
-//! recording does not show.
+//! parameters may be from the usual ones is chosen by blocks of samples held out. The inverse of
+//! the normal equations at the end gives the deviations of the parameters, and tells which of them
+//! the recording does not show.
 //!
 //! | file | contents |
 //! |---|---|

@@ -41,7 +41,8 @@ const STARTS: [(f64, f64, f64); 15] = [
 ];
 
 /// When each part of the search ends. From all starts there are some steps, from the best a path
-/// with less and less error allowed, and from where that is best on blocks held out the last search.
+/// with less and less error allowed, and from where that is best on blocks held out the last
+/// search.
 const TRY: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
 const COARSE: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
 const FINE: StoppingRule = StoppingRule { iterations: 20, tolerance: 3e-4 };
@@ -411,8 +412,8 @@ fn alike(errors: &DMatrix<f64>) -> f64 {
     ((1.0 + correlation) / (1.0 - correlation)).min(MOST_ALIKE)
 }
 
-/// RMS length of the errors, as large as it counts where neighbours are alike: what the model cannot
-/// explain must not pull its parameters away from the usual ones.
+/// RMS length of the errors, as large as it counts where neighbours are alike: what the model
+/// cannot explain must not pull its parameters away from the usual ones.
 fn left(solved: &Solved) -> f64 {
     rms(solved) * alike(&solved.errors).sqrt()
 }

@@ -16,8 +16,9 @@ use crate::families::chain::ChainOptions;
 use crate::progress::Silent;
 use crate::recording::Recording;
 use crate::series::Series;
-use crate::testing::with_threads;
-use crate::testing::{assert_near, few_starts, noise, one_motor, recording, straight, wander};
+use crate::testing::{
+    assert_near, few_starts, noise, one_motor, recording, straight, wander, with_threads,
+};
 use i2ris_report::statistics::root_mean_square;
 
 const THRESHOLDS: [f64; 5] = [0.0, 10.0, 25.0, 60.0, 120.0];

@@ -4,8 +4,7 @@ use std::path::Path;
 
 use i2ris_calibration::quality::latency::Latency;
 
-use super::sidecar::FlagKind;
-use super::sidecar::{LatencyRecord, Sidecar};
+use super::sidecar::{FlagKind, LatencyRecord, Sidecar};
 use i2ris_report::Failure;
 
 /// A latency below this is none: the encoders are read every 4 ms.

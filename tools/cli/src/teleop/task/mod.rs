@@ -2,7 +2,8 @@
 //! target that moves), and holding still.
 //!
 //! The target is published, so that the monitor shows it and a recording has it; `i2ris record
-//! report` scores it, by the camera's angles if there is a camera, otherwise by the model's estimate.
+//! report` scores it, by the camera's angles if there is a camera, otherwise by the model's
+//! estimate.
 
 mod follow;
 mod reach;

@@ -12,7 +12,8 @@ use i2ris_report::{DomainOption, Failure, while_working};
 #[command(after_help = "Example:
   i2ris record replay $(i2ris record dump)")]
 pub struct Arguments {
-    /// The black box: a file that i2ris-control wrote on a fault, at its end, or for `i2ris record dump`
+    /// The black box: a file that i2ris-control wrote on a fault, at its end, or for `i2ris record
+    /// dump`
     file: PathBuf,
     /// Print every event, too
     #[arg(long)]

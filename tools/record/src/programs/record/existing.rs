@@ -27,8 +27,8 @@ pub struct RecoverArguments {
 pub struct InfoArguments {
     /// The recording, complete or cut off
     recording: PathBuf,
-    /// New folder for what is attached (configuration, models, run log) and for the commands of each
-    /// client, for `i2ris command file`
+    /// New folder for what is attached (configuration, models, run log) and for the commands of
+    /// each client, for `i2ris command file`
     #[arg(long, short, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Print JSON

@@ -34,8 +34,8 @@ pub struct InStudy {
 I2RIS_STUDY names the study for all of them. Participants are codes; names are refused."
 )]
 pub enum Task {
-    /// Make the folder of a study, and print in which order each participant meets the conditions: a
-    /// balanced Latin square
+    /// Make the folder of a study, and print in which order each participant meets the conditions:
+    /// a balanced Latin square
     New {
         /// The new folder
         study: PathBuf,
