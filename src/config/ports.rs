@@ -136,7 +136,7 @@ pub struct AxisConfig {
     /// hexadecimal (0x...), or the number of 64 bits on the label, of which the lower half counts.
     #[serde(deserialize_with = "serial_number")]
     #[cfg_attr(test, schemars(with = "SerialNumber"))]
-    pub serial_number: u32,
+    pub serial_number: u64,
     /// Lowest position that the drive and the loop may be asked for, counts.
     pub position_min_counts: Counts,
     /// Highest position that the drive and the loop may be asked for, counts.
@@ -172,8 +172,8 @@ enum SerialNumber {
     Text(String),
 }
 
-/// The lower 32 bits, which are those of object 0x1018:04.
-fn serial_number<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+/// The number as it was typed: an error has to show it.
+fn serial_number<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
     let number = match SerialNumber::deserialize(deserializer) {
         Ok(SerialNumber::Number(number)) => Some(number),
         Ok(SerialNumber::Text(text)) => {
@@ -185,7 +185,10 @@ fn serial_number<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u3
         }
         Err(_) => None,
     };
-    number.map(|number| (number & u64::from(u32::MAX)) as u32).ok_or_else(|| {
+    // TOML holds no larger one, and the lower half is all that counts.
+    let fits =
+        |number| if number > i64::MAX as u64 { number & u64::from(u32::MAX) } else { number };
+    number.map(fits).ok_or_else(|| {
         serde::de::Error::custom(
             "must be a serial number: decimal, hexadecimal (0x...), or that of 64 bits on the \
                  label of the drive",
@@ -204,7 +207,7 @@ impl AxisConfig {
             family: None,
             streaming: Streaming::default(),
             node_id: 0,
-            serial_number,
+            serial_number: serial_number.into(),
             position_min_counts,
             position_max_counts,
             current_limit_ma: default_current_limit_ma(),
@@ -214,6 +217,12 @@ impl AxisConfig {
             homing_current_ma: default_homing_current_ma(),
             homing_stop_counts: Counts(0),
         }
+    }
+
+    /// The lower half of the serial number: what the drive tells (object 0x1018:04).
+    #[must_use]
+    pub const fn short_serial_number(&self) -> u32 {
+        self.serial_number as u32
     }
 }
 
@@ -340,9 +349,14 @@ mod tests {
         };
         for number in ["70124480", "0x42E_03C0", "\"70124480\"", "\"0x042E03C0\"", "0x1_042E_03C0"]
         {
-            let serial_number = read(number).unwrap().serial_number;
+            let serial_number = read(number).unwrap().short_serial_number();
             assert_eq!(serial_number, 0x042E_03C0, "{number}");
         }
+        assert_eq!(read("602060003005").unwrap().serial_number, 602_060_003_005, "as typed");
+        assert_eq!(
+            read("\"0xF000_0000_0000_0007\"".replace('_', "").as_str()).unwrap().serial_number,
+            7
+        );
         for wrong in ["-1", "\"SN 12\"", "1.5"] {
             let error = read(wrong).unwrap_err().to_string();
             assert!(error.contains("must be a serial number"), "{error}");

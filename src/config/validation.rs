@@ -159,7 +159,7 @@ fn check_ports(config: &Config, findings: &mut Findings) {
             axis.motor,
             "is turned by another axis already",
         );
-        let same = |other: &&AxisConfig| other.serial_number == axis.serial_number;
+        let same = |other: &&AxisConfig| other.short_serial_number() == axis.short_serial_number();
         // A template has 0 until the number is known; no drive has it.
         let is_known = axis.serial_number != 0;
         findings.require(

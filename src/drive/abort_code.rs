@@ -13,6 +13,18 @@ impl AbortCode {
     /// The answer of a gateway for a node that it does not reach.
     pub const NO_NODE: Self = Self(0x0504_0000);
 
+    /// The drive does not have the object.
+    #[must_use]
+    pub const fn is_missing(self) -> bool {
+        matches!(self.0, 0x0602_0000 | 0x0609_0011)
+    }
+
+    /// The value is outside the range of the drive.
+    #[must_use]
+    pub const fn is_range(self) -> bool {
+        matches!(self.0, 0x0609_0030..=0x0609_0032)
+    }
+
     /// The meaning in plain words.
     #[must_use]
     pub const fn name(self) -> &'static str {

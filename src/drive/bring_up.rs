@@ -6,10 +6,12 @@
 use super::abort_code::AbortCode;
 use super::cia402::{Controlword, DriveState, PowerGoal, PowerStep, Statusword, power_step};
 use super::error::{AxisError, LinkError};
-use super::family::{FirmwareVersion, ObjectMap};
+use super::family::{DriveFamily, FirmwareVersion};
 use super::link::{DriveLink, LOCAL_NODE, Retry};
 use super::object::{self, Address, Object, Setting, Value};
+use super::objects;
 use super::transport::Transport;
+use super::variant::{DriveModel, SettingError, SettingRefusal};
 use crate::config::AxisConfig;
 use crate::units::Nanos;
 
@@ -40,10 +42,10 @@ pub struct AxisIdentity {
     pub motor: usize,
     /// Its node id, as configured.
     pub node_id: u8,
-    /// Product code.
-    pub product_code: u32,
-    /// Firmware version, in hexadecimal as maxon writes it.
-    pub firmware: u16,
+    /// Family, product code and firmware.
+    pub model: DriveModel,
+    /// Objects that it does not have, and that are left out.
+    pub left_out: Vec<Address>,
     /// Serial number.
     pub serial_number: u32,
     /// Full serial number, if the drive has one.
@@ -68,11 +70,15 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         Self::new(link, LOCAL_NODE)
     }
 
-    /// Checks that this is the configured drive.
-    pub(super) fn check_identity(&mut self, expected: u32) -> Result<(), AxisError> {
+    /// Checks that this is the configured drive. Of its number, the lower half counts.
+    pub(super) fn check_identity(&mut self, expected: u64) -> Result<(), AxisError> {
         self.check_vendor()?;
         let found = self.read(object::SERIAL_NUMBER)?;
-        if found == expected { Ok(()) } else { Err(AxisError::SerialNumber { expected, found }) }
+        if found == expected as u32 {
+            Ok(())
+        } else {
+            Err(AxisError::SerialNumber { expected, found })
+        }
     }
 
     fn check_vendor(&mut self) -> Result<(), AxisError> {
@@ -84,8 +90,9 @@ impl<'a, T: Transport> DriveNode<'a, T> {
     pub(super) fn read_identity(
         &mut self,
         axis: &AxisConfig,
-        map: &ObjectMap,
+        family: &dyn DriveFamily,
     ) -> Result<AxisIdentity, AxisError> {
+        let map = family.object_map();
         let full = map.full_serial_number;
         let full = full.and_then(|object| self.read_bytes(object));
         let name = self.read_bytes(object::DEVICE_NAME);
@@ -93,9 +100,13 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         Ok(AxisIdentity {
             motor: axis.motor,
             node_id: self.node,
-            product_code: self.read(object::PRODUCT)?,
-            firmware: self.read_firmware(map.firmware_version)?,
-            serial_number: axis.serial_number,
+            model: DriveModel {
+                family: family.name(),
+                product_code: self.read(object::PRODUCT)?,
+                firmware: self.read_firmware(map.firmware_version)?,
+            },
+            left_out: Vec::new(),
+            serial_number: axis.short_serial_number(),
             full_serial_number: full
                 .and_then(|bytes| bytes.try_into().ok())
                 .map(u64::from_le_bytes),
@@ -161,28 +172,99 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         }
     }
 
-    /// Writes all settings, then reads every setting back and compares.
+    /// Writes all settings, then reads every setting back and compares. `left_out` is told the
+    /// objects that the drive does not have and can do without.
     ///
     /// A setting may depend on another (the lower limit must be below the upper), so a refusal
     /// counts only after all others were written.
-    pub(super) fn configure(&mut self, settings: &[Setting]) -> Result<(), AxisError> {
+    pub(super) fn configure(
+        &mut self,
+        settings: &[Setting],
+        drive: DriveModel,
+        left_out: &mut dyn FnMut(Address),
+    ) -> Result<(), AxisError> {
         for &setting in settings {
             match self.write(setting) {
-                Err(error) if !is_refusal(&error) => return Err(error),
+                Err(error) if refusal(&error).is_none() => return Err(error),
                 _ => {}
             }
         }
         for &setting in settings {
-            if self.read_back(setting)? == setting.raw {
-                continue;
-            }
-            self.write(setting)?;
-            let (object, written, found) = (setting.object, setting.raw, self.read_back(setting)?);
-            if found != written {
-                return Err(AxisError::ReadBack { object, written, found });
+            match self.settle(setting)? {
+                None => {}
+                Some(SettingRefusal::Missing) if setting.optional => left_out(setting.object),
+                Some(why) => {
+                    return Err(AxisError::Setting(SettingError { setting, drive, why }));
+                }
             }
         }
         Ok(())
+    }
+
+    /// Whether the drive holds a setting; if not, it is written once more. Why it does not take it.
+    fn settle(&mut self, setting: Setting) -> Result<Option<SettingRefusal>, AxisError> {
+        let held = match self.read_back(setting) {
+            Ok(held) if held == setting.raw => return Ok(None),
+            Ok(held) => held,
+            Err(error) => {
+                return match refusal(&error) {
+                    Some(code) if code.is_missing() => Ok(Some(SettingRefusal::Missing)),
+                    Some(code) => Ok(Some(SettingRefusal::Refused(code))),
+                    None => Err(error),
+                };
+            }
+        };
+        match self.try_write(setting)? {
+            Some(code) if code.is_range() => return self.find_limit(setting, held, code).map(Some),
+            Some(code) => return Ok(Some(SettingRefusal::Refused(code))),
+            None => {}
+        }
+        let found = self.read_back(setting)?;
+        let kind = objects::first(setting.object.index, setting.object.subindex).kind;
+        Ok((found != setting.raw).then_some(SettingRefusal::Keeps(kind.decode(found))))
+    }
+
+    /// The limit of the drive between the value that it holds and the one that it refused, found by
+    /// writing: no object tells it. At the end it holds what it held; its power stage is off.
+    fn find_limit(
+        &mut self,
+        setting: Setting,
+        held: u32,
+        code: AbortCode,
+    ) -> Result<SettingRefusal, AxisError> {
+        let kind = objects::first(setting.object.index, setting.object.subindex).kind;
+        let with = |raw: u32| Setting { raw: setting.object.truncate(raw), ..setting };
+        if self.try_write(with(held))?.is_some() {
+            // It refuses whatever the value is.
+            return Ok(SettingRefusal::Refused(code));
+        }
+        let (mut taken, mut refused) = (kind.decode(held), kind.decode(setting.raw));
+        while taken.abs_diff(refused) > 1 {
+            let middle = taken.midpoint(refused);
+            match self.try_write(with(middle as u32))? {
+                None => taken = middle,
+                Some(_) => refused = middle,
+            }
+        }
+        self.try_write(with(held))?;
+        let is_upper = taken < refused;
+        Ok(if is_upper { SettingRefusal::AtMost(taken) } else { SettingRefusal::AtLeast(taken) })
+    }
+
+    /// Writes a setting; `Some`: the drive refused it.
+    fn try_write(&mut self, setting: Setting) -> Result<Option<AbortCode>, AxisError> {
+        match self.write(setting) {
+            Ok(()) => Ok(None),
+            Err(error) => refusal(&error).map(Some).ok_or(error),
+        }
+    }
+
+    /// Reads an object; `None`: the drive does not have it.
+    pub(super) fn read_if_present(&mut self, object: Address) -> Result<Option<u32>, AxisError> {
+        match self.read_raw(object) {
+            Err(error) if refusal(&error).is_some_and(AbortCode::is_missing) => Ok(None),
+            outcome => outcome.map(Some),
+        }
     }
 
     pub(super) fn read<V: Value>(&mut self, object: Object<V>) -> Result<V, AxisError> {
@@ -224,11 +306,12 @@ fn exchange_error(object: Address, error: LinkError) -> AxisError {
     AxisError::Exchange { object, error }
 }
 
-fn is_refusal(error: &AxisError) -> bool {
-    let AxisError::Exchange { error, .. } = error else {
-        return false;
-    };
-    matches!(error, LinkError::Refused(_))
+/// Why the drive refused a request, if that is the error.
+fn refusal(error: &AxisError) -> Option<AbortCode> {
+    match error {
+        AxisError::Exchange { error: LinkError::Refused(code), .. } => Some(*code),
+        _ => None,
+    }
 }
 
 /// Learns the known constants of the line and shortens the frame timeout of the drive that the port
@@ -241,7 +324,7 @@ pub(super) fn prepare_line(link: &mut DriveLink<impl Transport>) -> Result<(), A
         match drive.write(object.set(FRAME_TIMEOUT_MS)) {
             Ok(()) => is_short |= drive.read(object)? == FRAME_TIMEOUT_MS,
             // A drive without this interface refuses its timeout.
-            Err(error) if is_refusal(&error) => {}
+            Err(error) if refusal(&error).is_some() => {}
             Err(error) => return Err(error),
         }
     }

@@ -1,71 +1,11 @@
-//! Faults of drives: error code, name, and reaction of the drive.
+//! Faults of drives: cause, reaction of the drive, and what to do.
 
 use std::fmt;
 
-/// Error codes with the same reaction.
-pub(super) struct ErrorGroup {
-    pub(super) reaction: FaultReaction,
-    pub(super) clears_position: bool,
-    /// First and last code of a range, and its name.
-    pub(super) codes: &'static [(u16, u16, &'static str)],
-}
+use crate::config::Family;
 
-/// Error codes that EPOS2 and EPOS4 share.
-const COMMON: &[ErrorGroup] = &[
-    ErrorGroup {
-        reaction: FaultReaction::Off,
-        clears_position: false,
-        codes: &[
-            (0x1000, 0x1000, "generic error"),
-            (0x2310, 0x2310, "overcurrent"),
-            (0x3210, 0x3210, "overvoltage"),
-            (0x3220, 0x3220, "undervoltage"),
-            (0x4210, 0x4210, "power stage too hot"),
-            (0x5113, 0x5113, "logic supply too low"),
-            (0x7320, 0x7320, "position sensor"),
-        ],
-    },
-    ErrorGroup {
-        reaction: FaultReaction::Ramp,
-        clears_position: false,
-        codes: &[(0x6320, 0x6320, "software parameter"), (0x8611, 0x8611, "following error")],
-    },
-    ErrorGroup {
-        reaction: FaultReaction::ConnectionLost,
-        clears_position: false,
-        codes: &[
-            (0x8110, 0x8111, "CAN overrun"),
-            (0x8120, 0x8120, "CAN passive"),
-            (0x8130, 0x8130, "CAN heartbeat or life guard"),
-            (0x81FD, 0x81FD, "CAN bus off"),
-            (0x81FE, 0x81FE, "CAN receive overflow"),
-            (0x81FF, 0x81FF, "CAN transmit overflow"),
-            (0x8210, 0x8210, "CAN PDO length"),
-        ],
-    },
-];
-
-/// Looks up a code among the common ones and those of a family.
-pub(super) fn look_up(family: &[ErrorGroup], code: u16) -> DriveFault {
-    for group in COMMON.iter().chain(family) {
-        for (first, last, name) in group.codes {
-            if (*first..=*last).contains(&code) {
-                return DriveFault {
-                    code,
-                    name,
-                    reaction: group.reaction,
-                    clears_position: group.clears_position,
-                };
-            }
-        }
-    }
-    DriveFault {
-        code,
-        name: if code == 0 { "no error" } else { "unknown error" },
-        reaction: FaultReaction::Unknown,
-        clears_position: false,
-    }
-}
+/// The error codes of the families; a row starts with its code.
+const TABLE: &str = include_str!("error_codes.md");
 
 /// Meaning of an error code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,10 +14,16 @@ pub struct DriveFault {
     pub code: u16,
     /// Its name.
     pub name: &'static str,
+    /// What leads to it; empty if unknown.
+    pub cause: &'static str,
+    /// What to do; empty if unknown.
+    pub remedy: &'static str,
     /// Reaction of the drive.
     pub reaction: FaultReaction,
     /// Resetting it clears the position: the axis must be homed again.
     pub clears_position: bool,
+    /// Only a reset of the communication ends it.
+    pub resets_communication: bool,
 }
 
 /// Reaction of a drive to a fault.
@@ -95,9 +41,80 @@ pub enum FaultReaction {
     Unknown,
 }
 
+impl DriveFault {
+    /// The meaning of an error code of a family. Allocates nothing.
+    #[must_use]
+    pub fn look_up(family: Family, code: u16) -> Self {
+        let rows = TABLE.lines().filter_map(parse_row);
+        let mut rows = rows.filter(|(codes, row)| row.is_of(family) && codes.contains(&code));
+        let fault = rows.next().map(|(_, row)| Self { code, ..row.fault });
+        fault.unwrap_or_else(|| Self::unknown(code))
+    }
+
+    const fn unknown(code: u16) -> Self {
+        Self {
+            code,
+            name: if code == 0 { "no error" } else { "unknown error" },
+            cause: "",
+            remedy: "",
+            reaction: FaultReaction::Unknown,
+            clears_position: false,
+            resets_communication: false,
+        }
+    }
+}
+
+/// A row of the table.
+#[derive(Debug)]
+struct Row {
+    family: &'static str,
+    fault: DriveFault,
+}
+
+impl Row {
+    fn is_of(&self, family: Family) -> bool {
+        let name = match family {
+            Family::Epos4 => "EPOS4",
+            Family::Epos2 => "EPOS2",
+        };
+        self.family == "both" || self.family == name
+    }
+}
+
+/// The codes of a row and their meaning; `None`: no row of a code.
+fn parse_row(line: &'static str) -> Option<(std::ops::RangeInclusive<u16>, Row)> {
+    let mut cells = line.strip_prefix("| 0x")?.strip_suffix(" |")?.split(" | ");
+    let codes = cells.next()?;
+    let (first, last) = codes.split_once("-0x").unwrap_or((codes, codes));
+    let hexadecimal = |digits| u16::from_str_radix(digits, 16).ok();
+    let (first, last) = (hexadecimal(first)?, hexadecimal(last)?);
+    let family = cells.next()?;
+    let reaction = match cells.next()? {
+        "off" => FaultReaction::Off,
+        "ramp" => FaultReaction::Ramp,
+        "option" => FaultReaction::ConnectionLost,
+        "warning" => FaultReaction::Warning,
+        _ => return None,
+    };
+    let (clears_position, resets_communication) =
+        (cells.next()? == "lost", cells.next()? == "reset");
+    let (name, cause, remedy) = (cells.next()?, cells.next()?, cells.next()?);
+    let fault = DriveFault {
+        code: first,
+        name,
+        cause,
+        remedy,
+        reaction,
+        clears_position,
+        resets_communication,
+    };
+    Some((first..=last, Row { family, fault }))
+}
+
 impl fmt::Display for DriveFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "0x{:04X} ({})", self.code, self.name)?;
+        let Self { code, name, cause, remedy, .. } = self;
+        write!(f, "0x{code:04X} ({name})")?;
         f.write_str(match self.reaction {
             FaultReaction::Off => ", power off at once",
             FaultReaction::Ramp => ", stopped by the ramp",
@@ -105,6 +122,12 @@ impl fmt::Display for DriveFault {
             FaultReaction::Warning => ", a warning only",
             FaultReaction::Unknown => "",
         })?;
+        if !remedy.is_empty() {
+            write!(f, ": {cause}; {remedy}")?;
+        }
+        if self.resets_communication {
+            f.write_str("; if it stays, switch the supply of the drive off and on")?;
+        }
         if self.clears_position {
             f.write_str("; the position is lost: home the axis")?;
         }
@@ -113,11 +136,68 @@ impl fmt::Display for DriveFault {
 }
 
 #[cfg(test)]
-pub(super) fn assert_no_overlap(family: &[ErrorGroup]) {
-    let groups = COMMON.iter().chain(family);
-    let mut codes: Vec<_> = groups.flat_map(|group| group.codes).collect();
-    codes.sort();
-    for pair in codes.windows(2) {
-        assert!(pair[0].1 < pair[1].0, "0x{:04X} and 0x{:04X}", pair[0].0, pair[1].0);
+mod tests {
+    use Family::{Epos2, Epos4};
+
+    use super::*;
+
+    /// The rows of a family, in the order of their codes.
+    fn rows(family: Family) -> Vec<(std::ops::RangeInclusive<u16>, Row)> {
+        let rows = TABLE.lines().filter_map(parse_row).filter(|(_, row)| row.is_of(family));
+        let mut rows: Vec<_> = rows.collect();
+        rows.sort_by_key(|(codes, _)| *codes.start());
+        rows
+    }
+
+    fn codes(family: Family, is_counted: fn(&DriveFault) -> bool) -> Vec<u16> {
+        let counted = rows(family).into_iter().filter(|(_, row)| is_counted(&row.fault));
+        counted.map(|(codes, _)| *codes.start()).collect()
+    }
+
+    #[test]
+    fn every_row_is_read_and_no_code_has_two_meanings() {
+        let lines = TABLE.lines().filter(|line| line.starts_with("| 0x"));
+        assert_eq!(lines.count(), TABLE.lines().filter_map(parse_row).count());
+        for (family, count) in [(Epos4, 73), (Epos2, 36)] {
+            let rows = rows(family);
+            assert_eq!(rows.len(), count);
+            for pair in rows.windows(2) {
+                assert!(pair[0].0.end() < pair[1].0.start(), "{pair:?}");
+            }
+            for (_, row) in rows {
+                let fault = row.fault;
+                assert!(!fault.cause.is_empty() && !fault.remedy.is_empty(), "{fault}");
+                assert!(!fault.to_string().contains('|') && fault.to_string().len() < 300);
+            }
+        }
+    }
+
+    #[test]
+    fn the_position_is_lost_by_these_faults_and_no_other() {
+        let lost = |fault: &DriveFault| fault.clears_position;
+        let epos4 = [0x7380, 0x7381, 0x7382, 0x7388, 0x7389, 0x738A, 0x7392, 0xFF02];
+        assert_eq!(codes(Epos4, lost), epos4);
+        let epos2 = [0xFF01, 0xFF02, 0xFF03, 0xFF04, 0xFF08, 0xFF0A, 0xFF11];
+        assert_eq!(codes(Epos2, lost), epos2);
+        for family in [Epos4, Epos2] {
+            assert_eq!(codes(family, |fault| fault.resets_communication), [0x8120, 0x8130]);
+        }
+    }
+
+    #[test]
+    fn a_fault_says_what_it_means_and_what_to_do() {
+        let text = DriveFault::look_up(Epos4, 0x8611).to_string();
+        let begin = "0x8611 (following error), stopped by the ramp: the motor was further";
+        assert!(text.starts_with(begin) && text.contains("then acknowledge"), "{text}");
+        let look_up = |family, code| DriveFault::look_up(family, code);
+        assert!(look_up(Epos4, 0x7380).to_string().ends_with("home the axis"));
+        assert_eq!(look_up(Epos4, 0x6195).name, "internal software error");
+        assert_eq!(look_up(Epos4, 0xFF18).name, "auto tuning");
+        assert_eq!(look_up(Epos4, 0).to_string(), "0x0000 (no error)");
+        assert_eq!(look_up(Epos4, 0x4242).name, "unknown error");
+        // The same number is another error of an EPOS2.
+        assert_eq!(look_up(Epos4, 0xFF01).reaction, FaultReaction::Warning);
+        assert_eq!(look_up(Epos2, 0xFF01).name, "Hall sensor");
+        assert_eq!(look_up(Epos2, 0x7380).reaction, FaultReaction::Unknown);
     }
 }

@@ -1,44 +1,37 @@
 //! maxon EPOS2: its objects, settings and homing. No I/O.
 //!
-//! Object numbers and sizes are those that public EPOS2 code uses on real drives. To be confirmed
-//! on a unit: that 0x1018:04 holds a serial number of four bytes as on the EPOS4, and the content
-//! of 0x6410. Bring-up compares every value that it writes, so a wrong number ends in a refusal,
-//! not in motion.
+//! Object numbers and sizes are those of device descriptions of firmware 0x2122 and 0x2126. Bring-up
+//! compares every value that it writes, so a wrong number ends in a refusal, not in motion.
 
 mod command_set;
-mod error_codes;
 
 use command_set::Epos2CommandSet;
-use error_codes::look_up_error;
 
 use super::command_set::CommandSet;
 use super::drive_fault::DriveFault;
 use super::family::{DriveFamily, FirmwareVersion, ObjectMap, SetpointTrigger};
 use super::homing_plan::{HomingPlan, home_position};
 use super::object::{self, Address, Object, Setting};
-use crate::config::{AxisConfig, HomingMethod};
+use crate::config::{AxisConfig, Family, HomingMethod};
 
 /// Firmware version.
-const FIRMWARE: Object<u16> = Object::new(0x2003, 1, "software version");
+const FIRMWARE: Object<u16> = Object::of(0x2003, 1);
 /// Full serial number, 8 bytes: read in segments.
-const FULL_SERIAL_NUMBER: Address =
-    Address { index: 0x2004, subindex: 0, size: 8, name: "full serial number" };
+const FULL_SERIAL_NUMBER: Address = Address::of(0x2004, 0);
 /// Setpoint of the position mode, counts: takes effect when written.
-const TARGET: Object<i32> = Object::new(0x2062, 0, "position mode setting value");
+const TARGET: Object<i32> = Object::of(0x2062, 0);
 /// Motor current that counts as a hard stop, mA.
-const HOMING_CURRENT: Object<u16> = Object::new(0x2080, 0, "homing current threshold");
+const HOMING_CURRENT: Object<u16> = Object::of(0x2080, 0);
 /// Position at the end of homing, counts.
-const HOME_POSITION: Object<i32> = Object::new(0x2081, 0, "home position");
-/// The newest entry of the error history, with the error code in its low word.
-const ERROR_CODE: Object<u16> = Object::new(0x1003, 1, "newest error");
+const HOME_POSITION: Object<i32> = Object::of(0x2081, 0);
 /// Distance of the move away from a hard stop after homing, counts.
-const HOME_OFFSET: Object<i32> = Object::new(0x607C, 0, "home offset move");
+const HOME_OFFSET: Object<i32> = Object::of(0x607C, 0);
 /// Motor current, mA.
-const CURRENT: Object<i16> = Object::new(0x6078, 0, "motor current");
+const CURRENT: Object<i16> = Object::of(0x6078, 0);
 /// Limit of the output current, mA.
-const CURRENT_LIMIT: Object<u16> = Object::new(0x6410, 2, "output current limit");
+const CURRENT_LIMIT: Object<u16> = Object::of(0x6410, 2);
 /// Limit of the motor speed, rpm.
-const MAX_MOTOR_SPEED: Object<u32> = Object::new(0x6410, 4, "max motor speed");
+const MAX_MOTOR_SPEED: Object<u32> = Object::of(0x6410, 4);
 
 /// The EPOS2 in position mode (-1): a write of 0x2062 takes effect at once, limited by 0x607D.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,7 +43,7 @@ static OBJECTS: ObjectMap = ObjectMap {
     streaming_mode: -1,
     setpoint_trigger: SetpointTrigger::Write,
     target: TARGET,
-    error_code: ERROR_CODE,
+    error_code: object::NEWEST_ERROR.low_word(),
     error_code_is_history: true,
     current: CURRENT.address(),
     supply_voltage: None,
@@ -73,14 +66,15 @@ impl DriveFamily for Epos2 {
         vec![
             object::POSITION_MIN.set(axis.position_min_counts.0),
             object::POSITION_MAX.set(axis.position_max_counts.0),
-            object::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm),
+            // Setpoints in position mode make no profile.
+            object::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm).if_present(),
             MAX_MOTOR_SPEED.set(axis.motor_speed_rpm),
             object::QUICK_STOP_DECELERATION.set(object::QUICK_STOP_RPM_S),
             object::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
             CURRENT_LIMIT.set(saturate(axis.current_limit_ma)),
-            object::DISABLE_OPTION.set(1),
-            object::FAULT_OPTION.set(2),
-            HOME_POSITION.set(home_position(axis)),
+            object::DISABLE_OPTION.set(1).if_present(),
+            object::FAULT_OPTION.set(2).if_present(),
+            home_position(HOME_POSITION, axis),
             object::MODE.set(OBJECTS.streaming_mode),
         ]
     }
@@ -97,7 +91,7 @@ impl DriveFamily for Epos2 {
             [
                 CURRENT_LIMIT.set(saturate(current_ma)),
                 HOMING_CURRENT.set(saturate(current_ma)),
-                HOME_OFFSET.set(0),
+                HOME_OFFSET.set(0).if_present(),
             ]
         };
         HomingPlan::new(axis, method, stop_settings)
@@ -105,7 +99,7 @@ impl DriveFamily for Epos2 {
     }
 
     fn fault(&self, code: u16) -> DriveFault {
-        look_up_error(code)
+        DriveFault::look_up(Family::Epos2, code)
     }
 }
 

@@ -3,43 +3,40 @@
 //! Object numbers are from the device descriptions of firmware 0x0170.
 
 mod command_set;
-mod error_codes;
 
 use command_set::Epos4CommandSet;
-use error_codes::look_up_error;
 
 use super::command_set::CommandSet;
 use super::drive_fault::DriveFault;
 use super::family::{DriveFamily, FirmwareVersion, ObjectMap, SetpointTrigger};
 use super::homing_plan::{HomingPlan, home_position};
 use super::object::{self, Address, Object, Setting};
-use crate::config::{AxisConfig, HomingMethod};
+use crate::config::{AxisConfig, Family, HomingMethod};
 
 /// Revision; the high word is the firmware version.
-const REVISION: Object<u32> = Object::new(0x1018, 3, "revision");
+const REVISION: Object<u32> = Object::of(0x1018, 3);
 /// Full serial number, 8 bytes: read in segments.
-const FULL_SERIAL_NUMBER: Address =
-    Address { index: 0x2100, subindex: 1, size: 8, name: "full serial number" };
+const FULL_SERIAL_NUMBER: Address = Address::of(0x2100, 1);
 /// Supply voltage, tenths of a volt.
-const SUPPLY_VOLTAGE: Object<u16> = Object::new(0x2200, 1, "supply voltage");
+const SUPPLY_VOLTAGE: Object<u16> = Object::of(0x2200, 1);
 /// Limit of the output current, mA.
-const CURRENT_LIMIT: Object<u32> = Object::new(0x3001, 2, "output current limit");
+const CURRENT_LIMIT: Object<u32> = Object::of(0x3001, 2);
 /// Position at the end of homing, counts.
-const HOME_POSITION: Object<i32> = Object::new(0x30B0, 0, "home position");
+const HOME_POSITION: Object<i32> = Object::of(0x30B0, 0);
 /// Distance of the move away from a hard stop after homing, counts.
-const HOME_OFFSET: Object<i32> = Object::new(0x30B1, 0, "home offset move");
+const HOME_OFFSET: Object<i32> = Object::of(0x30B1, 0);
 /// Motor current that counts as a hard stop, mA.
-const HOMING_CURRENT: Object<u16> = Object::new(0x30B2, 0, "homing current threshold");
+const HOMING_CURRENT: Object<u16> = Object::of(0x30B2, 0);
 /// Motor current, mA, not averaged.
-const CURRENT: Object<i32> = Object::new(0x30D1, 2, "motor current");
+const CURRENT: Object<i32> = Object::of(0x30D1, 2);
 /// The last error.
-const ERROR_CODE: Object<u16> = Object::new(0x603F, 0, "error code");
+const ERROR_CODE: Object<u16> = Object::of(0x603F, 0);
 /// Reaction to quick stop; 6: ramp, then hold with power.
-const QUICK_STOP_OPTION: Object<i16> = Object::new(0x605A, 0, "quick-stop option");
+const QUICK_STOP_OPTION: Object<i16> = Object::of(0x605A, 0);
 /// Limit of the motor speed, rpm.
-const MAX_MOTOR_SPEED: Object<u32> = Object::new(0x6080, 0, "max motor speed");
+const MAX_MOTOR_SPEED: Object<u32> = Object::of(0x6080, 0);
 /// Interpolation period between two setpoints; 0: no interpolation.
-const INTERPOLATION_PERIOD: Object<u8> = Object::new(0x60C2, 1, "interpolation period");
+const INTERPOLATION_PERIOD: Object<u8> = Object::of(0x60C2, 1);
 
 /// The EPOS4 in cyclic synchronous position mode (8): a target takes effect when written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,7 +91,7 @@ impl DriveFamily for Epos4 {
             [
                 CURRENT_LIMIT.set(current_ma),
                 HOMING_CURRENT.set(current_ma as u16),
-                HOME_OFFSET.set(0),
+                HOME_OFFSET.set(0).if_present(),
             ]
         };
         HomingPlan::new(axis, method, stop_settings)
@@ -102,7 +99,7 @@ impl DriveFamily for Epos4 {
     }
 
     fn fault(&self, code: u16) -> DriveFault {
-        look_up_error(code)
+        DriveFault::look_up(Family::Epos4, code)
     }
 }
 
@@ -134,25 +131,31 @@ impl DriveFamily for Epos4Profile {
     }
 
     fn fault(&self, code: u16) -> DriveFault {
-        look_up_error(code)
+        DriveFault::look_up(Family::Epos4, code)
     }
 }
 
 fn settings(axis: &AxisConfig, map: &ObjectMap) -> Vec<Setting> {
+    let profile_velocity = object::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm);
+    let profile_velocity = match map.setpoint_trigger {
+        // Setpoints in the cyclic mode make no profile.
+        SetpointTrigger::Write => profile_velocity.if_present(),
+        SetpointTrigger::Edge => profile_velocity,
+    };
     vec![
         object::POSITION_MIN.set(axis.position_min_counts.0),
         object::POSITION_MAX.set(axis.position_max_counts.0),
-        object::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm),
+        profile_velocity,
         MAX_MOTOR_SPEED.set(axis.motor_speed_rpm),
         object::QUICK_STOP_DECELERATION.set(object::QUICK_STOP_RPM_S),
         object::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
         CURRENT_LIMIT.set(axis.current_limit_ma),
-        // With a period the drive faults when a setpoint is late.
-        INTERPOLATION_PERIOD.set(0),
-        QUICK_STOP_OPTION.set(6),
-        object::DISABLE_OPTION.set(1),
-        object::FAULT_OPTION.set(2),
-        HOME_POSITION.set(home_position(axis)),
+        // With a period the drive faults when a setpoint is late. Old firmware knows no period.
+        INTERPOLATION_PERIOD.set(0).if_present(),
+        QUICK_STOP_OPTION.set(6).if_present(),
+        object::DISABLE_OPTION.set(1).if_present(),
+        object::FAULT_OPTION.set(2).if_present(),
+        home_position(HOME_POSITION, axis),
         object::MODE.set(map.streaming_mode),
     ]
 }
@@ -174,6 +177,7 @@ mod tests {
     #[test]
     fn every_limit_of_the_configuration_is_a_setting() {
         for settings in [Epos4.settings(&axis()), Epos4Profile.settings(&axis())] {
+            let written: Vec<_> = settings.iter().map(|it| (it.object, it.raw)).collect();
             for expected in [
                 object::POSITION_MIN.set(-1900),
                 object::POSITION_MAX.set(2000),
@@ -184,7 +188,7 @@ mod tests {
                 object::QUICK_STOP_DECELERATION.set(object::QUICK_STOP_RPM_S),
                 INTERPOLATION_PERIOD.set(0),
             ] {
-                assert!(settings.contains(&expected), "{}", expected.object);
+                assert!(written.contains(&(expected.object, expected.raw)), "{}", expected.object);
             }
         }
     }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use super::abort_code::AbortCode;
 use super::cia402::DriveState;
 use super::object::Address;
+use super::variant::SettingError;
 
 /// Why a port or the drives behind it could not be brought up.
 #[derive(Debug, thiserror::Error)]
@@ -120,28 +121,18 @@ pub enum AxisError {
     },
     /// Another drive than the one configured.
     #[error(
-        "serial number {found} (0x{found:08X}) instead of {expected} (0x{expected:08X}); cables \
-         are swapped, or `serial_number` in the configuration names another drive"
+        "serial number {found} (0x{found:08X}) instead of {expected} (0x{expected:08X}); {}",
+        serial_number_remedy(*expected, *found)
     )]
     SerialNumber {
         /// As configured.
-        expected: u32,
+        expected: u64,
         /// As read.
         found: u32,
     },
-    /// A setting was written and acknowledged, but reads back differently.
-    #[error(
-        "{object} reads back as 0x{found:08X} after 0x{written:08X} was written; the drive does \
-         not accept this value"
-    )]
-    ReadBack {
-        /// The setting.
-        object: Address,
-        /// As written.
-        written: u32,
-        /// As read.
-        found: u32,
-    },
+    /// The drive does not take a setting.
+    #[error("{0}")]
+    Setting(SettingError),
     /// The power stage does not go off.
     #[error(
         "power stage does not go off, state {state:?}; cut its power supply and check the drive"
@@ -158,4 +149,16 @@ pub enum AxisError {
         /// As read.
         statusword: u16,
     },
+}
+
+/// What to do about another serial number. Tools print it in hexadecimal, mostly without `0x`.
+fn serial_number_remedy(expected: u64, found: u32) -> String {
+    match u64::from_str_radix(&expected.to_string(), 16) {
+        Ok(number) if number as u32 == found => {
+            format!("read as hexadecimal it is this drive: write 0x{expected}")
+        }
+        _ => {
+            "cables are swapped, or `serial_number` in the configuration names another drive".into()
+        }
+    }
 }

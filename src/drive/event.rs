@@ -10,6 +10,7 @@ use super::cia402::DriveState;
 use super::drive_fault::DriveFault;
 use super::error::{AxisError, LinkError};
 use super::object::Address;
+use super::objects::{self, Access, Entry};
 
 /// An event on a port. A repeated event is reported once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +34,11 @@ pub enum PortEventKind {
         firmware: u16,
         /// Serial number.
         serial_number: u32,
+    },
+    /// The drive does not have an object that it can do without.
+    LeftOut {
+        /// The object.
+        object: Address,
     },
     /// The axis entered another phase.
     Phase {
@@ -207,6 +213,16 @@ impl fmt::Display for PortEventKind {
                 "drive ready, node {node_id}, product 0x{product_code:08X}, firmware \
                  0x{firmware:04X}, serial number {serial_number}"
             ),
+            Self::LeftOut { object } => {
+                write!(f, "the drive has no {object}: left out")?;
+                match objects::first(object.index, object.subindex) {
+                    // The motor current is read for the sake of one limit.
+                    Entry { access: Access::Ro, key, .. } if !key.is_empty() => {
+                        write!(f, ", so `{key}` watches nothing")
+                    }
+                    _ => Ok(()),
+                }
+            }
             Self::Phase { from, to, statusword } => {
                 write!(f, "{from:?} -> {to:?}, statusword 0x{statusword:04X}")
             }

@@ -1,6 +1,6 @@
 //! The homing plan of an axis: method, and settings around it.
 
-use super::object::{self, Setting};
+use super::object::{self, Address, Object, Setting};
 use crate::config::{AxisConfig, HomingMethod};
 
 /// Method and settings of homing, and the settings that are restored afterwards.
@@ -33,11 +33,16 @@ impl HomingPlan {
             settings.extend(stop_settings(axis.homing_current_ma));
             settings.extend([
                 object::HOMING_SPEED.set(HOMING_SPEED_RPM),
-                object::HOMING_ZERO_SPEED.set(HOMING_SPEED_RPM),
-                object::HOMING_ACCELERATION.set(HOMING_ACCELERATION_RPM_S),
+                object::HOMING_ZERO_SPEED.set(HOMING_SPEED_RPM).if_present(),
+                object::HOMING_ACCELERATION.set(HOMING_ACCELERATION_RPM_S).if_present(),
             ]);
         }
         Self { method, moves, settings, restored: Vec::new() }
+    }
+
+    /// Leaves out settings of objects that the drive does not have.
+    pub(super) fn leave_out(&mut self, objects: &[Address]) {
+        self.settings.retain(|setting| !objects.contains(&setting.object));
     }
 
     /// Restores a setting afterwards, if it was changed.
@@ -73,10 +78,13 @@ impl HomingPlan {
     }
 }
 
-/// The position that an axis gets at the end of homing, counts.
-pub(super) fn home_position(axis: &AxisConfig) -> i32 {
+/// The position that an axis gets at the end of homing: 0 is also that of a drive without the
+/// object.
+pub(super) fn home_position(object: Object<i32>, axis: &AxisConfig) -> Setting {
     match axis.homing {
-        HomingMethod::Here => 0,
-        HomingMethod::StopPositive | HomingMethod::StopNegative => axis.homing_stop_counts.0,
+        HomingMethod::Here => object.set(0).if_present(),
+        HomingMethod::StopPositive | HomingMethod::StopNegative => {
+            object.set(axis.homing_stop_counts.0)
+        }
     }
 }

@@ -6,10 +6,11 @@ use super::drive_fault::DriveFault;
 use super::error::{AxisError, DriveError};
 use super::family_selection::{family_of_axis, family_of_port};
 use super::link::DriveLink;
-use super::object::{self, Address, Object};
+use super::object::{self, Address, Value};
 use super::port::explain;
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
+use super::variant::{DriveModel, SettingError, SettingRefusal};
 use crate::config::{AxisConfig, PortConfig};
 use crate::units::Nanos;
 
@@ -91,32 +92,38 @@ fn inspect_axis(
     let mut drive = DriveNode::new(link, axis.node_id);
     drive.check_identity(axis.serial_number)?;
     let statusword = Statusword(drive.read(object::STATUSWORD)?);
-    let supply_v = match map.supply_voltage {
-        Some(object) => Some(f64::from(drive.read(object)?) / 10.0),
-        None => None,
-    };
+    let supply = map.supply_voltage.map(|object| drive.read_if_present(object.address()));
+    let supply_v = supply.transpose()?.flatten().map(|raw| f64::from(u16::from_raw(raw)) / 10.0);
     let firmware = drive.read_firmware(map.firmware_version)?;
     let mut errors = Vec::new();
-    for index in 1..=drive.read(object::ERROR_HISTORY)?.min(MAX_ERRORS) {
+    let count = drive.read_if_present(object::ERROR_HISTORY.address())?.unwrap_or(0);
+    for subindex in 1..=u8::from_raw(count).min(MAX_ERRORS) {
+        let entry = Address { subindex, ..object::NEWEST_ERROR.address() };
         // The error code is the low word of an entry.
-        let history = object::ERROR_HISTORY.address();
-        let entry = Object::<u16>::new(history.index, index, history.name);
-        errors.push(family.fault(drive.read(entry)?));
+        let code = drive.read_if_present(entry)?.map(u16::from_raw);
+        errors.extend(code.map(|code| family.fault(code)));
     }
     let mut differences = Vec::new();
     for setting in family.settings(axis) {
         if setting.object == object::MODE.address() {
             continue;
         }
-        let found = drive.read_back(setting)?;
-        if found != setting.raw {
-            differences.push((setting.object, setting.raw, found));
+        match drive.read_if_present(setting.object)? {
+            Some(found) if found == setting.raw => {}
+            Some(found) => differences.push((setting.object, setting.raw, found)),
+            None if setting.optional => {}
+            None => {
+                let product_code = drive.read(object::PRODUCT)?;
+                let drive = DriveModel { family: family.name(), product_code, firmware };
+                let why = SettingRefusal::Missing;
+                return Err(AxisError::Setting(SettingError { setting, drive, why }));
+            }
         }
     }
     Ok(Inspection {
         motor: axis.motor,
         family: family.name(),
-        serial_number: axis.serial_number,
+        serial_number: axis.short_serial_number(),
         firmware,
         state: statusword.state(),
         homed: statusword.homed(),

@@ -6,16 +6,18 @@
 //! |---|---|
 //! | `serial_frame`, `serial_frame_parser` | the V2 frame: stuffing, CRC, encoder; its parser |
 //! | `handshake_frame` | the V1 frame of EPOS2 on RS232: a handshake byte for every part |
-//! | `object` | objects of the dictionary: index, subindex, size, sign |
+//! | `objects` | the one table of the objects of the dictionaries: type, access, range, firmware |
+//! | `object` | the objects that the driver uses, with their types in Rust |
 //! | `command_set`, `abort_code` | requests and replies; reasons of a refusal |
 //! | `cia402` | controlword, statusword, states, and the commands that lead to a state |
 //! | `family`, `family_selection` | what differs between families of drives; the supported ones |
-//! | `epos4`, `epos2` | the families: command set, objects, settings, error codes |
-//! | `drive_fault`, `homing_plan` | meaning of error codes; method and settings of homing |
+//! | `epos4`, `epos2` | the families: command set, objects, settings |
+//! | `drive_fault`, `homing_plan` | meaning of error codes (`error_codes.md`); method and settings of homing |
 //! | `transport`, `serial_transport` | the line and its clock; a serial port as a line |
 //! | `exclusive_use` | who may open the port, and the watchdog that has to get in |
 //! | `latency_timer` | the timer of FTDI adapters that delays replies |
 //! | `link` | one request, one reply, retries, and synchronising the line |
+//! | `variant` | what a model or a firmware lacks or limits, in words |
 //! | `bring_up`, `port` | from a device file to drives that are identified, off and limited |
 //! | `saved_position` | positions of the axes between two runs of the controller |
 //! | `inspect` | reading the state of drives without changing it |
@@ -43,6 +45,7 @@ pub mod inspect;
 pub mod latency_timer;
 pub mod link;
 pub mod object;
+pub mod objects;
 pub mod port;
 pub mod port_runner;
 mod request_watchdog;
@@ -51,6 +54,7 @@ pub mod serial_frame;
 pub mod serial_frame_parser;
 pub mod serial_transport;
 pub mod transport;
+pub mod variant;
 
 pub use crate::robot::AxisPhase;
 pub use axis::interface::{AxisFeedback, AxisRequest, Demand, WrittenTarget};

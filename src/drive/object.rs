@@ -1,10 +1,13 @@
-//! Objects of the drives' dictionaries.
+//! Objects of the drives' dictionaries, as the driver uses them: an address of the table in
+//! `objects`, and the type of the value in Rust.
 //!
 //! All values are transferred in four bytes, and the upper bytes of a shorter value are undefined
 //! in a reply. So a value is truncated to the size of its object when it is read and written.
 
 use std::fmt;
 use std::marker::PhantomData;
+
+use super::objects::{self, Entry, Kind};
 
 /// Address of an object in the dictionary, without the type of its value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,6 +23,23 @@ pub struct Address {
 }
 
 impl Address {
+    /// An object of the table, of any type.
+    ///
+    /// # Panics
+    ///
+    /// When it is not in the table: a constant does not compile.
+    #[must_use]
+    pub const fn of(index: u16, subindex: u8) -> Self {
+        Self::from_entry(objects::first(index, subindex))
+    }
+
+    /// The address of an entry of the table.
+    #[must_use]
+    pub const fn from_entry(entry: &Entry) -> Self {
+        let Entry { index, subindex, kind, name, .. } = *entry;
+        Self { index, subindex, size: kind.size(), name }
+    }
+
     /// A value as signed number of the size of the object.
     #[must_use]
     pub const fn signed(&self, raw: u32) -> i32 {
@@ -55,10 +75,16 @@ pub struct Object<T> {
 }
 
 impl<T: Value> Object<T> {
-    /// An object of the dictionary.
+    /// An object of the table.
+    ///
+    /// # Panics
+    ///
+    /// When it is not in the table, or its values are no `T`: a constant does not compile.
     #[must_use]
-    pub const fn new(index: u16, subindex: u8, name: &'static str) -> Self {
-        Self { address: Address { index, subindex, size: T::SIZE, name }, value: PhantomData }
+    pub const fn of(index: u16, subindex: u8) -> Self {
+        let entry = objects::first(index, subindex);
+        assert!(entry.kind as u8 == T::KIND as u8, "the type differs from the table of objects");
+        Self { address: Address::from_entry(entry), value: PhantomData }
     }
 
     /// Its address.
@@ -70,7 +96,15 @@ impl<T: Value> Object<T> {
     /// A write of this value.
     #[must_use]
     pub fn set(self, value: T) -> Setting {
-        Setting { object: self.address, raw: value.into_raw() }
+        Setting { object: self.address, raw: value.into_raw(), optional: false }
+    }
+}
+
+impl Object<u32> {
+    /// The lower half of its value.
+    #[must_use]
+    pub const fn low_word(self) -> Object<u16> {
+        Object { address: Address { size: 2, ..self.address }, value: PhantomData }
     }
 }
 
@@ -81,12 +115,23 @@ pub struct Setting {
     pub object: Address,
     /// The value as four bytes, little endian.
     pub raw: u32,
+    /// A drive without the object does as well: the setting is then left out.
+    pub optional: bool,
+}
+
+impl Setting {
+    /// The same, left out on a drive that does not have the object.
+    #[must_use]
+    pub const fn if_present(mut self) -> Self {
+        self.optional = true;
+        self
+    }
 }
 
 /// A number that fits the four bytes of a simple transfer.
 pub trait Value: Copy + Eq {
-    /// Bytes of the number itself.
-    const SIZE: u8;
+    /// Its type in the table.
+    const KIND: Kind;
 
     /// The number in the low bytes; the upper bytes are ignored.
     fn from_raw(raw: u32) -> Self;
@@ -96,9 +141,9 @@ pub trait Value: Copy + Eq {
 }
 
 macro_rules! value {
-    ($number:ty, $bits:ty) => {
+    ($number:ty, $bits:ty, $kind:ident) => {
         impl Value for $number {
-            const SIZE: u8 = size_of::<Self>() as u8;
+            const KIND: Kind = Kind::$kind;
 
             fn from_raw(raw: u32) -> Self {
                 raw as Self
@@ -111,71 +156,71 @@ macro_rules! value {
     };
 }
 
-value!(u8, u8);
-value!(i8, u8);
-value!(u16, u16);
-value!(i16, u16);
-value!(u32, u32);
-value!(i32, u32);
+value!(u8, u8, U8);
+value!(i8, u8, I8);
+value!(u16, u16, U16);
+value!(i16, u16, I16);
+value!(u32, u32, U32);
+value!(i32, u32, I32);
 
 /// Vendor: a known constant that synchronises the line.
-pub const VENDOR: Object<u32> = Object::new(0x1018, 1, "vendor");
+pub const VENDOR: Object<u32> = Object::of(0x1018, 1);
 /// Value of [`VENDOR`]: the vendor number of maxon.
 pub const MAXON: u32 = 0xFB;
 /// Product code.
-pub const PRODUCT: Object<u32> = Object::new(0x1018, 2, "product code");
+pub const PRODUCT: Object<u32> = Object::of(0x1018, 2);
 /// Serial number.
-pub const SERIAL_NUMBER: Object<u32> = Object::new(0x1018, 4, "serial number");
+pub const SERIAL_NUMBER: Object<u32> = Object::of(0x1018, 4);
 /// How long the drive waits for the rest of a frame, ms: on RS232 and on USB.
-pub const FRAME_TIMEOUTS: [Object<u16>; 2] =
-    [Object::new(0x2005, 0, "RS232 frame timeout"), Object::new(0x2006, 0, "USB frame timeout")];
+pub const FRAME_TIMEOUTS: [Object<u16>; 2] = [Object::of(0x2005, 0), Object::of(0x2006, 0)];
 /// Commands to the CiA 402 state machine.
-pub const CONTROLWORD: Object<u16> = Object::new(0x6040, 0, "controlword");
+pub const CONTROLWORD: Object<u16> = Object::of(0x6040, 0);
 /// State of the CiA 402 state machine.
-pub const STATUSWORD: Object<u16> = Object::new(0x6041, 0, "statusword");
+pub const STATUSWORD: Object<u16> = Object::of(0x6041, 0);
 /// Reaction to disable operation; 1: ramp, then off.
-pub const DISABLE_OPTION: Object<i16> = Object::new(0x605C, 0, "disable-operation option");
+pub const DISABLE_OPTION: Object<i16> = Object::of(0x605C, 0);
 /// Reaction to a fault of the class that may ramp; 2: quick-stop ramp, then off.
-pub const FAULT_OPTION: Object<i16> = Object::new(0x605E, 0, "fault-reaction option");
+pub const FAULT_OPTION: Object<i16> = Object::of(0x605E, 0);
 /// Mode of operation.
-pub const MODE: Object<i8> = Object::new(0x6060, 0, "mode of operation");
+pub const MODE: Object<i8> = Object::of(0x6060, 0);
 /// Mode of operation in force.
-pub const MODE_DISPLAY: Object<i8> = Object::new(0x6061, 0, "mode of operation in force");
+pub const MODE_DISPLAY: Object<i8> = Object::of(0x6061, 0);
 /// Encoder position, counts.
-pub const POSITION: Object<i32> = Object::new(0x6064, 0, "actual position");
+pub const POSITION: Object<i32> = Object::of(0x6064, 0);
 /// Largest distance between demand and position, counts; more is a following error.
-pub const FOLLOWING_ERROR_WINDOW: Object<u32> = Object::new(0x6065, 0, "following error window");
+pub const FOLLOWING_ERROR_WINDOW: Object<u32> = Object::of(0x6065, 0);
 /// Setpoint, counts.
-pub const TARGET: Object<i32> = Object::new(0x607A, 0, "target position");
+pub const TARGET: Object<i32> = Object::of(0x607A, 0);
 /// Lower position limit, counts.
-pub const POSITION_MIN: Object<i32> = Object::new(0x607D, 1, "lowest position limit");
+pub const POSITION_MIN: Object<i32> = Object::of(0x607D, 1);
 /// Upper position limit, counts.
-pub const POSITION_MAX: Object<i32> = Object::new(0x607D, 2, "highest position limit");
+pub const POSITION_MAX: Object<i32> = Object::of(0x607D, 2);
 /// Limit of the profile velocity, rpm.
-pub const MAX_PROFILE_VELOCITY: Object<u32> = Object::new(0x607F, 0, "max profile velocity");
+pub const MAX_PROFILE_VELOCITY: Object<u32> = Object::of(0x607F, 0);
 /// Deceleration of the quick stop, rpm/s.
-pub const QUICK_STOP_DECELERATION: Object<u32> = Object::new(0x6085, 0, "quick-stop deceleration");
+pub const QUICK_STOP_DECELERATION: Object<u32> = Object::of(0x6085, 0);
 /// The quick-stop deceleration, rpm/s: from the speed limit of the template in 20 ms.
 pub const QUICK_STOP_RPM_S: u32 = 10_000;
+/// Newest entry of the error history, with the error code in its low word.
+pub const NEWEST_ERROR: Object<u32> = Object::of(0x1003, 1);
 /// Homing method.
-pub const HOMING_METHOD: Object<i8> = Object::new(0x6098, 0, "homing method");
+pub const HOMING_METHOD: Object<i8> = Object::of(0x6098, 0);
 /// Device name, text: read in segments.
-pub const DEVICE_NAME: Address =
-    Address { index: 0x1008, subindex: 0, size: 0, name: "device name" };
+pub const DEVICE_NAME: Address = Address::of(0x1008, 0);
 /// Number of errors in the history; writing 0 clears it.
-pub const ERROR_HISTORY: Object<u8> = Object::new(0x1003, 0, "error history");
+pub const ERROR_HISTORY: Object<u8> = Object::of(0x1003, 0);
 /// Profile velocity, rpm.
-pub const PROFILE_VELOCITY: Object<u32> = Object::new(0x6081, 0, "profile velocity");
+pub const PROFILE_VELOCITY: Object<u32> = Object::of(0x6081, 0);
 /// Profile acceleration, rpm/s.
-pub const PROFILE_ACCELERATION: Object<u32> = Object::new(0x6083, 0, "profile acceleration");
+pub const PROFILE_ACCELERATION: Object<u32> = Object::of(0x6083, 0);
 /// Profile deceleration, rpm/s.
-pub const PROFILE_DECELERATION: Object<u32> = Object::new(0x6084, 0, "profile deceleration");
+pub const PROFILE_DECELERATION: Object<u32> = Object::of(0x6084, 0);
 /// Speed of homing while it searches a switch or a stop, rpm.
-pub const HOMING_SPEED: Object<u32> = Object::new(0x6099, 1, "homing speed");
+pub const HOMING_SPEED: Object<u32> = Object::of(0x6099, 1);
 /// Speed of homing while it searches the zero, rpm.
-pub const HOMING_ZERO_SPEED: Object<u32> = Object::new(0x6099, 2, "homing speed to zero");
+pub const HOMING_ZERO_SPEED: Object<u32> = Object::of(0x6099, 2);
 /// Acceleration of homing, rpm/s.
-pub const HOMING_ACCELERATION: Object<u32> = Object::new(0x609A, 0, "homing acceleration");
+pub const HOMING_ACCELERATION: Object<u32> = Object::of(0x609A, 0);
 
 #[cfg(test)]
 mod tests {
@@ -200,7 +245,7 @@ mod tests {
 
     #[test]
     fn a_short_signed_value_keeps_its_sign() {
-        let current = Object::<i16>::new(0x6078, 0, "motor current").address();
+        let current = Object::<i16>::of(0x6078, 0).address();
         assert_eq!(current.signed(0xABCD_FFF6), -10);
         assert_eq!(current.signed(0x1234_0010), 16);
         assert_eq!(POSITION.address().signed(0xFFFF_FFFE), -2);

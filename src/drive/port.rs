@@ -8,9 +8,10 @@
 use super::bring_up::{self, AxisIdentity, DriveNode};
 use super::error::{AxisError, DriveError, LinkError};
 use super::exclusive_use::WatchdogEntry;
+use super::family::DriveFamily;
 use super::family_selection::{family_of_axis, family_of_port};
 use super::link::DriveLink;
-use super::object;
+use super::object::{self, Setting};
 use super::port_runner::{AxisLink, PortRequest, PortRunner};
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
@@ -118,12 +119,10 @@ impl<T: Transport> Port<Identified, T> {
     /// When a drive does not answer, or does not accept a limit.
     pub fn configure(mut self) -> Result<Port<Configured, T>, DriveError> {
         let mut positions = Vec::new();
-        for axis in &self.config.axes {
+        for (axis, identity) in self.config.axes.iter().zip(&mut self.stage.axes) {
             let family = family_of_axis(&self.config, axis);
-            let mut drive = DriveNode::new(&mut self.link, axis.node_id);
-            let position = drive
-                .configure(&family.settings(axis))
-                .and_then(|()| drive.read(object::POSITION))
+            let drive = DriveNode::new(&mut self.link, axis.node_id);
+            let position = configure(drive, family, axis, identity)
                 .map_err(|error| explain(&self.config, axis, error))?;
             positions.push(Counts(position));
         }
@@ -163,9 +162,32 @@ fn identify(
     bring_up::prepare_line(link)?;
     let mut drive = DriveNode::new(link, axis.node_id);
     drive.check_identity(axis.serial_number)?;
-    let identity = drive.read_identity(axis, family_of_axis(port, axis).object_map())?;
+    let identity = drive.read_identity(axis, family_of_axis(port, axis))?;
     drive.switch_off()?;
     Ok(identity)
+}
+
+/// Writes the settings of an axis, and those of its homing, so that a drive that cannot be homed as
+/// configured is refused at the start. Returns its position.
+fn configure(
+    mut drive: DriveNode<'_, impl Transport>,
+    family: &dyn DriveFamily,
+    axis: &AxisConfig,
+    identity: &mut AxisIdentity,
+) -> Result<i32, AxisError> {
+    let mut settings = family.settings(axis);
+    // Homing lowers the current limit, and restores it.
+    let homing = family.homing(axis);
+    let is_other =
+        |setting: &&Setting| !homing.restored().iter().any(|it| it.object == setting.object);
+    settings.extend(homing.settings().iter().filter(is_other));
+    let left_out = &mut identity.left_out;
+    drive.configure(&settings, identity.model, &mut |object| left_out.push(object))?;
+    let current = family.object_map().current;
+    if drive.read_if_present(current)?.is_none() {
+        left_out.push(current);
+    }
+    drive.read(object::POSITION)
 }
 
 /// The error of the port for an error of an axis.

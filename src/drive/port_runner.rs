@@ -136,11 +136,13 @@ impl<R: PortRequest> AxisSlot<R> {
             feedback: feedback_output,
             owed: owed.clone(),
         };
+        let mut axis = AxisStateMachine::new(config, family);
+        axis.leave_out(&identity.left_out);
         let slot = Self {
             config: config.clone(),
             identity,
             settings: family.settings(config),
-            axis: AxisStateMachine::new(config, family),
+            axis,
             requests,
             feedback,
             owed,
@@ -183,11 +185,14 @@ impl<R: PortRequest> AxisSlot<R> {
     fn report_ready(&mut self, events: EventSink<'_>) {
         let kind = PortEventKind::Ready {
             node_id: self.identity.node_id,
-            product_code: self.identity.product_code,
-            firmware: self.identity.firmware,
+            product_code: self.identity.model.product_code,
+            firmware: self.identity.model.firmware,
             serial_number: self.identity.serial_number,
         };
         self.axis.report(kind, events);
+        for &object in &self.identity.left_out {
+            self.axis.report(PortEventKind::LeftOut { object }, events);
+        }
         if let Some(PositionCheck { saved, present }) = self.position_check {
             self.axis.compare_position(saved, present, events);
         }
@@ -198,7 +203,7 @@ impl<R: PortRequest> AxisSlot<R> {
             return None;
         }
         Some(SavedPosition {
-            serial_number: self.config.serial_number,
+            serial_number: self.config.short_serial_number(),
             position: self.axis.position_to_save()?,
         })
     }
@@ -218,7 +223,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
             let position_check = saved.as_ref().map(|saved| PositionCheck {
                 saved: saved
                     .iter()
-                    .find(|saved| saved.serial_number == config.serial_number)
+                    .find(|saved| saved.serial_number == config.short_serial_number())
                     .map(|saved| saved.position),
                 present,
             });
@@ -359,6 +364,9 @@ fn exchange(
         slot.owed.0.store(true, Ordering::Relaxed);
         let timeouts = link.counters().timeouts;
         let map = slot.axis.object_map();
+        // A value that the drive does not have is not asked for.
+        let is_absent = slot.identity.left_out.contains(&transfer.object(map));
+        let transfer = if is_absent { Transfer::Status } else { transfer };
         let outcome = perform(link, slot.config.node_id, transfer, map);
         if link.counters().timeouts != timeouts {
             let object = transfer.object(map);

@@ -142,7 +142,7 @@ fn drive(axis: &AxisIdentity) -> Value {
         "motor": axis.motor,
         "serial_number": axis.serial_number,
         "full_serial_number": axis.full_serial_number.map(|number| format!("{number:X}")),
-        "firmware": format!("{:04X}", axis.firmware),
+        "firmware": format!("{:04X}", axis.model.firmware),
         "name": axis.name,
     })
 }

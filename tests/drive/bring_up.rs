@@ -66,7 +66,7 @@ fn the_identity_of_the_drive_is_read() {
     let [axis] = port.axes() else { panic!("one axis") };
     assert_eq!((axis.motor, axis.node_id), (0, 1));
     assert_eq!(axis.serial_number, SERIAL_NUMBER);
-    assert_eq!((axis.product_code, axis.firmware), (0x6150_0000, 0x0170));
+    assert_eq!((axis.model.product_code, axis.model.firmware), (0x6150_0000, 0x0170));
     assert_eq!(axis.full_serial_number, Some(0x0807_0605_0403_0201));
     assert_eq!(axis.name.as_deref(), Some("EPOS4"));
 }
@@ -91,6 +91,14 @@ fn another_drive_than_the_configured_one_is_refused_with_both_numbers() {
         },
     );
     assert_parts(&text, &["node 1", "0x00000016", "0x0000000B"]);
+    // Hexadecimal digits as tools print them, typed as a decimal number.
+    for typed in [602_060_003_005, 60_003_005] {
+        let (line, mut config, _) = open(vec![MiniDrive::new(1, 0x6000_3005)]);
+        config.axes[0].serial_number = typed;
+        let text = Port::over(line, &config).bring_up().unwrap_err().to_string();
+        let remedy = format!("read as hexadecimal it is this drive: write 0x{typed}");
+        assert_parts(&text, &[&format!("instead of {typed} "), &remedy]);
+    }
 }
 
 #[test]
@@ -113,7 +121,7 @@ fn a_drive_that_is_not_usable_is_refused_with_the_reason() {
     };
     for (change, parts) in [
         (vendor, &["vendor number 0x0000009A"][..]),
-        (ignored, &["output current limit (0x3001:02)", "0x00003A98"]),
+        (ignored, &["`current_limit_ma = 300`", "keeps 15000 in output current limit (0x3001:02)"]),
         (refused, &["following error window", "value out of range"]),
     ] {
         let mut drive = one_drive();

@@ -188,7 +188,7 @@ impl HomingStep {
 /// Compares the value that was read back with the setting.
 fn compare(setting: Option<&Setting>, found: u32) -> Result<(), TransitionError> {
     match setting {
-        Some(&Setting { object, raw }) if raw != found => {
+        Some(&Setting { object, raw, .. }) if raw != found => {
             Err(TransitionError::ReadBack { object, written: raw, found })
         }
         _ => Ok(()),

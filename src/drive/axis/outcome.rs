@@ -42,9 +42,10 @@ impl AxisStateMachine {
                     self.advance(transfer, reply.value, now, events);
                 }
             }
-            // An empty error history.
-            Err(LinkError::Refused(_))
-                if transfer == Transfer::ErrorCode && self.object_map().error_code_is_history =>
+            // An empty error history, or a drive that does not tell the code.
+            Err(LinkError::Refused(code))
+                if transfer == Transfer::ErrorCode
+                    && (self.object_map().error_code_is_history || code.is_missing()) =>
             {
                 let none = TimedReply { value: 0, sent: now, received: now };
                 self.handle_outcome(transfer, Ok(none), now, events);
@@ -215,7 +216,11 @@ impl AxisStateMachine {
                 let (from, code) = (*step, self.feedback.error_code);
                 *step = next_fault_step(from, transfer, now);
                 if (from, transfer) == (FaultStep::ReadCode, Transfer::ErrorCode) {
-                    self.report(PortEventKind::Fault(self.family.fault(code)), events);
+                    let fault = self.family.fault(code);
+                    // Whatever its bit says, until it is homed.
+                    self.position_mismatch |= fault.clears_position;
+                    self.feedback.homed &= !fault.clears_position;
+                    self.report(PortEventKind::Fault(fault), events);
                 }
             }
             AxisState::Starting

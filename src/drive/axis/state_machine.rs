@@ -190,6 +190,11 @@ impl AxisStateMachine {
         }
     }
 
+    /// Leaves out what the drive does not have.
+    pub(in crate::drive) fn leave_out(&mut self, objects: &[Address]) {
+        self.plan.leave_out(objects);
+    }
+
     pub(in crate::drive) fn object_map(&self) -> &'static ObjectMap {
         self.family.object_map()
     }

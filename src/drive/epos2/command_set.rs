@@ -125,10 +125,9 @@ mod tests {
     use crate::drive::object::{CONTROLWORD, MODE, Object, POSITION, STATUSWORD};
     use crate::drive::serial_frame::FrameEncoder;
 
-    const TARGET: Object<i32> = Object::new(0x2062, 0, "position mode setting value");
+    const TARGET: Object<i32> = Object::of(0x2062, 0);
 
-    const FULL_SERIAL_NUMBER: Address =
-        Address { index: 0x2004, subindex: 0, size: 8, name: "full serial number" };
+    const FULL_SERIAL_NUMBER: Address = Address::of(0x2004, 0);
 
     fn reply(data: &[u8]) -> SerialFrame<'_> {
         SerialFrame { opcode: REPLY_OPCODE, data }

@@ -191,8 +191,7 @@ mod tests {
 
     #[test]
     fn a_serial_number_comes_in_one_reply() {
-        let full_serial_number =
-            Address { index: 0x2100, subindex: 1, size: 8, name: "full serial number" };
+        let full_serial_number = Address::of(0x2100, 1);
         let mut read = Epos4SegmentedRead::new(1, full_serial_number);
         assert_eq!(request_bytes(read.request()), [0x81, 0x01, 0x00, 0x21, 0x01]);
         // Seventeen bytes, padded to whole words.

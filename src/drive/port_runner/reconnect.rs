@@ -100,7 +100,8 @@ fn bring_up_again(
     let holds = may_hold && drive.hold()?;
     if !holds {
         drive.switch_off()?;
-        drive.configure(&slot.settings)?;
+        // What it lacks was said at the start.
+        drive.configure(&slot.settings, slot.identity.model, &mut |_| {})?;
     }
     Ok((drive.read(object::POSITION)?, holds))
 }

@@ -17,7 +17,7 @@ pub fn identified(bench: &TestBench) {
     let mut axes = port.axes().iter();
     let identity = axes.find(|axis| axis.motor == bench.axis).unwrap();
     assert_eq!(identity.serial_number, SERIAL_NUMBERS[bench.axis]);
-    assert!(identity.firmware > 0, "{identity:?}");
+    assert!(identity.model.firmware > 0, "{identity:?}");
     if bench.axis == 0 {
         // Gateways do not forward segmented reads.
         let full = 0x1_0000_0000 + u64::from(identity.serial_number);

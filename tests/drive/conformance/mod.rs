@@ -7,6 +7,7 @@
 
 mod bad_input;
 mod cases;
+mod device_files;
 mod emulated;
 mod hardware;
 mod running_axis;

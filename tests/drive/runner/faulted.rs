@@ -85,3 +85,22 @@ fn a_fault_at_start_is_reported_and_can_be_reset() {
     reset(&mut rig);
     rig.until(AxisPhase::Disabled);
 }
+
+#[test]
+fn a_fault_that_loses_the_position_unhomes_the_axis_whatever_the_drive_reports() {
+    let mut rig = PortRig::enabled();
+    assert!(rig.feedback().homed);
+    rig.drive(|drive| drive.fail(0x7380));
+    rig.until(AxisPhase::Faulted);
+    rig.turns(20);
+    assert!(!rig.feedback().homed);
+    reset(&mut rig);
+    rig.until(AxisPhase::Disabled);
+    rig.turns(100);
+    assert!(rig.drive(|drive| drive.homed), "the bit of the drive stays");
+    assert!(!rig.feedback().homed);
+    rig.demand(Demand::Disabled);
+    rig.turns(20);
+    rig.start_homing();
+    rig.until_feedback("is homed", |feedback| feedback.homed);
+}

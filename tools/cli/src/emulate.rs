@@ -7,7 +7,7 @@ use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
 use i2ris_simulation::camera::CameraConfig;
-use i2ris_simulation::drive::Family;
+use i2ris_simulation::drive::{DeviceFile, Family};
 use i2ris_simulation::physics::Physics;
 use i2ris_simulation::{
     DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario, SnakeSource, Snapshot,
@@ -26,6 +26,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(20);
   i2ris emulate --log setpoints.csv
   i2ris emulate --snake bouc-wen:7
   i2ris emulate --family epos2-v1 --wiring gateway
+  i2ris emulate --device drive.eds
 
 Then, in another terminal: i2ris-control --config config/emulator.toml")]
 pub struct Arguments {
@@ -58,6 +59,10 @@ pub struct Arguments {
     /// How the drives are connected
     #[arg(long, value_enum, default_value_t = Wiring::TwoPorts)]
     wiring: Wiring,
+    /// The objects of a real drive: an EDS or DCF file of maxon's tool, or a table of one (CSV). What
+    /// it lacks or limits, the drives refuse
+    #[arg(long, value_name = "FILE")]
+    device: Option<PathBuf>,
     /// What is done to drives, lines, wires and camera, and when, and how the snake ages (TOML)
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
@@ -122,6 +127,12 @@ impl Arguments {
         config.log.clone_from(&self.log);
         if self.family != FamilyName::Epos4 {
             config.drives.iter_mut().for_each(|drive| drive.family = Family::Epos2);
+        }
+        if let Some(file) = &self.device {
+            let device = DeviceFile::load(file)?;
+            for drive in &mut config.drives {
+                (drive.family, drive.device) = (device.family, Some(device.clone()));
+            }
         }
         if self.family == FamilyName::Epos2V1 {
             config.line.framing = Framing::V1;

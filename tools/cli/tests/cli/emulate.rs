@@ -65,6 +65,7 @@ fn bad_input_is_refused_with_a_reason() {
         ("--snake bad.toml", &["bad.toml", "drag"]),
         ("--snake adder:1", &["`adder:1` names no snake", "brass", "preisach:SEED"]),
         ("--snake dahl:x", &["`x` is no seed", "a whole number"]),
+        ("--device bad.toml", &["bad.toml: it is no EDS: line 1", "give a whole EDS or DCF"]),
         ("--ports file", &["file", "--ports"]),
         ("--ports ports --log /proc/none/log", &["/proc/none/log"]),
         ("--ports ports --domain a/b", &["a/b"]),

@@ -3,9 +3,9 @@
 //! EPOS4: Communication Guide, chapter on the serial line. EPOS2: that of the first EPOS; its
 //! parameters come in another order (reference, section 2.1).
 
+use super::abort::Abort;
 use super::family::Family;
 use super::frame::Request;
-use super::object::Abort;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Service {

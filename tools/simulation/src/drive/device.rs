@@ -253,7 +253,7 @@ fn clamp_i32(value: i64) -> i32 {
 
 /// The objects of a drive as delivered.
 pub(super) fn factory_settings(config: &DriveConfig) -> Dictionary {
-    let mut dictionary = Dictionary::new(config.family);
+    let mut dictionary = Dictionary::new(config.family, config.device.as_ref());
     let map = config.family.map();
     let serial_number = i64::from(config.serial_number);
     for ((index, sub), value) in [

@@ -1,15 +1,24 @@
 //! The values of all objects, and the checks on access.
 
+use std::sync::Arc;
+
+use i2ris::drive::objects::{self, Access, Entry, Kind};
+
+use super::abort::Abort;
+use super::device_file::DeviceFile;
 use super::family::Family;
-use super::object::{Abort, Access, Kind, Object};
 
 /// Array of the supported homing methods (EPOS4 only).
 const HOMING_METHODS: u16 = 0x60E3;
+
+/// Objects that may be written only while the power stage is off: axis, motor and encoder.
+const LOCKED: [u16; 5] = [0x2210, 0x3000, 0x3010, 0x6076, 0x6402];
 
 /// The stored value of every object.
 #[derive(Debug, Clone)]
 pub struct Dictionary {
     family: Family,
+    entries: Arc<[Entry]>,
     values: Vec<i64>,
 }
 
@@ -27,29 +36,36 @@ impl Value {
 }
 
 impl Dictionary {
-    /// All objects of a family with their defaults.
-    pub fn new(family: Family) -> Self {
-        let values = family.map().objects.iter().map(|object| object.default).collect();
-        Self { family, values }
+    /// The objects of a file, or all that the family is known to have, with their defaults.
+    pub fn new(family: Family, file: Option<&DeviceFile>) -> Self {
+        let entries: Arc<[Entry]> = match file {
+            Some(file) => Arc::clone(&file.objects),
+            None => objects::of_family(family.config()).copied().collect(),
+        };
+        let values = entries.iter().map(|object| object.default).collect();
+        Self { family, entries, values }
     }
 
-    /// The stored value. An object that the family does not have is 0: it has no effect.
+    /// The stored value. Where the drive has no such object, its firmware acts with the usual value
+    /// of the family; what the family does not know is 0: it has no effect.
     pub fn get(&self, index: u16, sub: u8) -> i64 {
-        self.find(index, sub).map_or(0, |found| self.values[found])
+        let usual = || objects::find(self.family.config(), index, sub).map(|object| object.default);
+        let stored = self.find(index, sub).map(|found| self.values[found]);
+        stored.or_else(usual).unwrap_or(0)
     }
 
     /// Stores a value without any check, as the drive itself does.
     pub fn set(&mut self, index: u16, sub: u8, value: i64) {
-        let found = self.find(index, sub);
-        debug_assert!(found.is_some(), "{index:04X}:{sub:02X} is not in the table");
-        if let Some(found) = found {
+        if let Some(found) = self.find(index, sub) {
             self.values[found] = value;
         }
     }
 
     /// Reads an object as a host does.
     pub fn read(&self, index: u16, sub: u8) -> Result<Value, Abort> {
-        if index == HOMING_METHODS && self.family == Family::Epos4 {
+        let of_index = self.entries.iter().filter(|object| object.index == index);
+        let highest = of_index.map(|object| object.subindex).max().ok_or(Abort::NoObject)?;
+        if index == HOMING_METHODS {
             let methods = self.family.map().homing_methods;
             let value = match sub {
                 0 => Some(methods.len() as i64),
@@ -57,30 +73,28 @@ impl Dictionary {
             };
             return value.map(|value| Value::new(Kind::I8, value)).ok_or(Abort::NoSubindex);
         }
-        if let Some(found) = self.find(index, sub) {
-            return Ok(Value::new(self.objects()[found].kind, self.values[found]));
+        match self.find(index, sub) {
+            Some(found) if self.entries[found].access == Access::Wo => Err(Abort::WriteOnly),
+            Some(found) => Ok(Value::new(self.entries[found].kind, self.values[found])),
+            None if sub == 0 => Ok(Value::new(Kind::U8, highest.into())),
+            None => Err(Abort::NoSubindex),
         }
-        let of_index = self.objects().iter().filter(|object| object.index == index);
-        let highest = of_index.map(|object| object.sub).max().ok_or(Abort::NoObject)?;
-        if sub == 0 { Ok(Value::new(Kind::U8, highest.into())) } else { Err(Abort::NoSubindex) }
     }
 
     /// Checks a write of a host and returns the value in the low bytes of `raw`. Stores nothing.
     pub fn check_write(&self, index: u16, sub: u8, raw: u32, powered: bool) -> Result<i64, Abort> {
-        let Some(object) = self.find(index, sub).map(|found| self.objects()[found]) else {
+        let Some(object) = self.find(index, sub).map(|found| self.entries[found]) else {
             // Reading shows whether index or subindex is wrong. What can be read is read-only.
             return Err(self.read(index, sub).err().unwrap_or(Abort::ReadOnly));
         };
         match object.access {
             Access::Ro => return Err(Abort::ReadOnly),
-            Access::RwPowerOff if powered => return Err(Abort::WrongState),
-            Access::Rw | Access::RwPowerOff => {}
+            _ if powered && LOCKED.contains(&index) => return Err(Abort::WrongState),
+            Access::Rw | Access::Wo => {}
         }
         let value = object.kind.decode(raw);
-        if value < object.range.0 || value > object.range.1 || !self.is_allowed(index, value) {
-            return Err(Abort::Range);
-        }
-        Ok(value)
+        let in_range = object.range.is_none_or(|(low, high)| (low..=high).contains(&value));
+        if in_range && self.is_allowed(index, value) { Ok(value) } else { Err(Abort::Range) }
     }
 
     /// Checks the objects whose allowed values are a list and not a range.
@@ -92,13 +106,9 @@ impl Dictionary {
         }
     }
 
-    fn objects(&self) -> &'static [Object] {
-        self.family.map().objects
-    }
-
     fn find(&self, index: u16, sub: u8) -> Option<usize> {
-        let key = |object: &Object| (object.index, object.sub);
-        self.objects().binary_search_by_key(&(index, sub), key).ok()
+        let key = |object: &Entry| (object.index, object.subindex);
+        self.entries.binary_search_by_key(&(index, sub), key).ok()
     }
 }
 
@@ -120,9 +130,10 @@ mod tests {
             (Epos4, 0x607D, 0, Ok(Value::new(Kind::U8, 2))),
             (Epos4, 0x1018, 0, Ok(Value::new(Kind::U8, 4))),
             (Epos4, 0x60E3, 0, Ok(Value::new(Kind::I8, 15))),
-            (Epos2, 0x6410, 0, Ok(Value::new(Kind::U8, 4))),
+            (Epos2, 0x6410, 0, Ok(Value::new(Kind::U8, 5))),
+            (Epos2, 0x20C1, 0, Err(Abort::WriteOnly)),
         ] {
-            let dictionary = Dictionary::new(family);
+            let dictionary = Dictionary::new(family, None);
             assert_eq!(dictionary.read(index, sub), expected, "{index:04X}:{sub:02X}");
         }
     }
@@ -146,6 +157,7 @@ mod tests {
             off(Epos4, 0x3010, 1, 256, Ok(256)),
             (Epos4, 0x3010, 1, 256, true, Err(Abort::WrongState)),
             (Epos2, 0x2062, 0, 1000, true, Ok(1000)),
+            off(Epos2, 0x6410, 2, 25_001, Err(Abort::Range)),
             off(Epos2, 0x6060, 0, 0xFF, Ok(-1)),
             off(Epos2, 0x6060, 0, 8, Err(Abort::Range)),
             off(Epos2, 0x6098, 0, 37, Err(Abort::Range)),
@@ -153,7 +165,7 @@ mod tests {
         let modes = [1u32, 3, 6, 8, 9, 10];
         cases.extend(modes.map(|mode| (Epos4, 0x6060, 0, mode, true, Ok(i64::from(mode)))));
         for (family, index, sub, raw, powered, expected) in cases {
-            let found = Dictionary::new(family).check_write(index, sub, raw, powered);
+            let found = Dictionary::new(family, None).check_write(index, sub, raw, powered);
             assert_eq!(found, expected, "{index:04X}:{sub:02X} = {raw}");
         }
     }

@@ -9,6 +9,14 @@ pub enum Family {
 }
 
 impl Family {
+    /// The same, as the table of objects names it.
+    pub(super) const fn config(self) -> i2ris::config::Family {
+        match self {
+            Self::Epos4 => i2ris::config::Family::Epos4,
+            Self::Epos2 => i2ris::config::Family::Epos2,
+        }
+    }
+
     /// The mode with this number (object 0x6060), if the family has it.
     pub fn mode(self, number: i64) -> Option<Mode> {
         Some(match (self, number) {

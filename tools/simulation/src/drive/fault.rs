@@ -46,7 +46,9 @@ impl Fault {
     /// Whether the position is lost when the fault is reset.
     pub fn clears_position(self, family: Family) -> bool {
         match family {
-            Family::Epos2 => matches!(self.0, 0xFF01..=0xFF04 | 0xFF08 | 0xFF0A),
+            Family::Epos2 => {
+                matches!(self.0, 0xFF01..=0xFF04 | 0xFF08 | 0xFF0A | 0xFF11)
+            }
             Family::Epos4 => {
                 matches!(self.0, 0x7380..=0x7382 | 0x7388..=0x738A | 0x7392 | 0xFF02)
             }

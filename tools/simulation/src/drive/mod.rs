@@ -8,8 +8,9 @@
 //! |---|---|
 //! | `device` | [`Drive`]: its state, start-up, encoder, snapshot |
 //! | `family`, `object_map` | EPOS4 and EPOS2, their modes of operation, and the objects that differ between them |
-//! | `object`, `epos4_objects`, `epos2_objects` | object types, abort codes, and the two tables of objects |
-//! | `dictionary` | values of the objects, and the checks on access |
+//! | `abort` | abort codes |
+//! | `dictionary` | values of the objects, and the checks on access; types, access and ranges are those of the controller's table of objects, or of a file |
+//! | `device_file` | objects of a real drive, as maxon's tool wrote them |
 //! | `state` | CiA 402 state machine, and what the drive does with its motor |
 //! | `controlword`, `statusword` | what a controlword starts; objects computed when they are read |
 //! | `motion` | what modes of operation do in every time step |
@@ -19,19 +20,18 @@
 //! | `service`, `segmented_transfer` | requests to replies, also of drives behind the one at the port |
 //! | `fault`, `event` | fault codes, events for the log |
 
+mod abort;
 mod command_set;
 mod controlword;
 mod device;
+mod device_file;
 mod dictionary;
-mod epos2_objects;
-mod epos4_objects;
 pub(crate) mod event;
 mod family;
 mod fault;
 pub mod frame;
 mod motion;
 mod motor;
-mod object;
 mod object_map;
 mod profile;
 mod segmented_transfer;
@@ -41,10 +41,11 @@ mod statusword;
 #[cfg(test)]
 mod tests;
 
+pub use abort::Abort;
 pub use device::{Drive, DriveSnapshot};
+pub use device_file::{DeviceFile, DeviceFileError};
 pub use family::{Family, Mode};
 pub use fault::{Fault, Reaction};
 pub use motor::{DriveConfig, Limits, Motor, MotorConfig};
-pub use object::Abort;
 pub use service::{Gateway, Reply};
 pub use state::State;

@@ -231,6 +231,7 @@ impl Drive {
     fn is_setpoint_late(&self) -> bool {
         let exponent = self.dictionary.get(0x60C2, 2) as i32;
         let period = self.dictionary.get(0x60C2, 1) as f64 * 10f64.powi(exponent);
-        self.config.interpolation_timeout && period > 0.0 && self.since_setpoint_s > 2.0 * period
+        let expects = self.mode == Mode::CyclicPosition && self.config.interpolation_timeout;
+        expects && period > 0.0 && self.since_setpoint_s > 2.0 * period
     }
 }

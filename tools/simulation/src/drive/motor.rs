@@ -1,5 +1,6 @@
 //! Motor, encoder and position controller of one drive.
 
+use super::device_file::DeviceFile;
 use super::family::Family;
 
 /// Parameters of the motor and its position controller.
@@ -124,6 +125,8 @@ impl Motor {
 #[derive(Debug, Clone, PartialEq)]
 pub struct DriveConfig {
     pub family: Family,
+    /// The objects of a real drive of the family. Absent: all that the family is known to have.
+    pub device: Option<DeviceFile>,
     /// CAN node id (object 0x2000). The drive also answers to 0.
     pub node_id: u8,
     /// Serial number (objects 0x1018:04 and 0x2100:01; EPOS2 0x2004).
@@ -150,6 +153,7 @@ impl Default for DriveConfig {
     fn default() -> Self {
         Self {
             family: Family::default(),
+            device: None,
             node_id: 1,
             serial_number: 62_000_001,
             motor: MotorConfig::default(),

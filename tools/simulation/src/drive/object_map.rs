@@ -1,10 +1,7 @@
 //! Which object holds what, by family.
 
-use super::epos2_objects::EPOS2_OBJECTS;
-use super::epos4_objects::EPOS4_OBJECTS;
 use super::family::Family;
 use super::fault::Fault;
-use super::object::Object;
 
 /// Index and subindex of an object.
 pub(super) type Address = (u16, u8);
@@ -31,7 +28,6 @@ pub(super) struct ObjectMap {
     /// Homing method that takes the present position.
     pub actual_position_method: i64,
     pub homing_methods: &'static [i64],
-    pub objects: &'static [Object],
     /// Device name (object 0x1008).
     pub name: &'static str,
     /// The fault of a demand beyond the position limits; `None`: the demand is clamped.
@@ -51,7 +47,6 @@ static EPOS4: ObjectMap = ObjectMap {
     full_serial_number: (0x2100, 1),
     actual_position_method: 37,
     homing_methods: &[1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 37, -1, -2, -3, -4],
-    objects: EPOS4_OBJECTS,
     name: "EPOS4",
     position_limit_fault: Some(Fault::POSITION_LIMIT),
     constant_status: 0,
@@ -68,7 +63,6 @@ static EPOS2: ObjectMap = ObjectMap {
     full_serial_number: (0x2004, 0),
     actual_position_method: 35,
     homing_methods: &[1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 35, -1, -2, -3, -4],
-    objects: EPOS2_OBJECTS,
     name: "EPOS2",
     position_limit_fault: None,
     // Bit 8, "offset current measured" in the manual.
@@ -86,31 +80,21 @@ impl Family {
 
 #[cfg(test)]
 mod tests {
+    use i2ris::drive::objects;
+
     use super::*;
 
     #[test]
     fn every_address_is_an_object_of_its_family() {
-        for map in [&EPOS4, &EPOS2] {
+        for family in [Family::Epos4, Family::Epos2] {
+            let map = family.map();
             let kinematics = [map.direct_target, map.direct_velocity, map.max_motor_speed];
             let homing = [map.home_position, map.homing_current, map.full_serial_number];
             let motor = [map.current_limit, map.encoder_pulses];
-            for address in kinematics.into_iter().chain(homing).chain(motor) {
-                let found = map.objects.iter().any(|object| (object.index, object.sub) == address);
-                assert!(found, "{} {:04X}:{:02X}", map.name, address.0, address.1);
+            for (index, sub) in kinematics.into_iter().chain(homing).chain(motor) {
+                let found = objects::find(family.config(), index, sub);
+                assert!(found.is_some(), "{} {index:04X}:{sub:02X}", map.name);
             }
-        }
-    }
-
-    #[test]
-    fn object_tables_are_sorted_and_their_defaults_are_in_range() {
-        for pair in [&EPOS4, &EPOS2].iter().flat_map(|map| map.objects.windows(2)) {
-            let [a, b] = [pair[0], pair[1]];
-            assert!((a.index, a.sub) < (b.index, b.sub), "{:04X}", b.index);
-        }
-        for object in [&EPOS4, &EPOS2].iter().flat_map(|map| map.objects) {
-            let (index, default) = (object.index, object.default);
-            assert!((object.range.0..=object.range.1).contains(&default), "{index:04X}");
-            assert_eq!(object.kind.decode(default as u32), default, "{index:04X}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! State of a segmented read or write.
 
+use super::abort::Abort;
 use super::command_set::Segment;
-use super::object::Abort;
 use super::object_map::Address;
 
 /// A segmented transfer. `toggle` is the toggle bit of the next segment.

@@ -1,13 +1,14 @@
 //! Requests to replies.
 
+use i2ris::drive::objects::Kind;
 use i2ris::units::Nanos;
 
+use super::abort::Abort;
 use super::command_set::{Addressed, Service, decode};
 use super::device::{Drive, factory_settings};
 use super::event::{EventKind, HostBug, LineTrouble};
 use super::family::Family;
 use super::frame::Incoming;
-use super::object::{Abort, Kind};
 use super::state::State;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -151,7 +152,7 @@ impl Drive {
             return Ok(self.map().name.as_bytes().to_vec());
         }
         let value = self.computed_value(index, sub).unwrap_or(stored.value);
-        Ok(value.to_le_bytes()[..stored.kind.size()].to_vec())
+        Ok(value.to_le_bytes()[..usize::from(stored.kind.size())].to_vec())
     }
 
     /// Writes an object and applies the value.

@@ -24,7 +24,7 @@ fn the_configuration_of_the_controller_matches_the_emulated_drives() {
         assert_eq!(port.axes[0].motor, axis);
         assert_eq!(port.axes[0].node_id, emulator.drives[axis].node_id);
         let drive = &emulator.drives[axis];
-        assert_eq!(port.axes[0].serial_number, drive.serial_number);
+        assert_eq!(port.axes[0].short_serial_number(), drive.serial_number);
     }
 }
 
