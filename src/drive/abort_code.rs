@@ -24,6 +24,8 @@ impl AbortCode {
     pub const fn is_range(self) -> bool {
         matches!(self.0, 0x0609_0030..=0x0609_0032)
     }
+    /// The drive does not know the opcode: it may be of another family.
+    pub const UNKNOWN_COMMAND: Self = Self(0x0F00_FFBF);
 
     /// The meaning in plain words.
     #[must_use]

@@ -7,6 +7,7 @@ use super::abort_code::AbortCode;
 use super::cia402::{Controlword, DriveState, PowerGoal, PowerStep, Statusword, power_step};
 use super::error::{AxisError, LinkError};
 use super::family::{DriveFamily, FirmwareVersion};
+use super::heard::Heard;
 use super::link::{DriveLink, LOCAL_NODE, Retry};
 use super::object::{self, Address, Object, Setting, Value};
 use super::objects;
@@ -356,6 +357,15 @@ pub enum QuickStopError {
     /// Nothing answers.
     #[error("the drive does not answer; cut its power")]
     NoAnswer,
+    /// Something answers, and is not understood.
+    #[error("{0}; cut the power of the drive")]
+    NotUnderstood(Heard),
+    /// It refuses.
+    #[error("the drive refuses to be stopped or read: {0}; cut its power")]
+    Refused(AbortCode),
+    /// It answers, with a statusword that is no known state.
+    #[error("the drive answers with the unknown statusword 0x{0:04X}; cut its power")]
+    UnknownState(u16),
     /// It answers, and follows its target.
     #[error("the drive does not stop ({0:?}); cut its power")]
     StillOn(DriveState),
@@ -400,12 +410,26 @@ pub fn quick_stop_all<T: Transport>(
             match quick_stop(link, nodes[index], stop) {
                 Ok(outcome) => outcomes[index] = outcome,
                 // Nothing answers at all, not even the drive that the port belongs to.
-                Err(LinkError::Lost | LinkError::Broken(_)) => return outcomes,
-                Err(_) => {}
+                Err(LinkError::Broken(_)) => return outcomes,
+                Err(LinkError::Lost(heard)) => {
+                    outcomes.iter_mut().for_each(|outcome| note_heard(outcome, heard));
+                    return outcomes;
+                }
+                Err(LinkError::Unanswered(heard)) => note_heard(&mut outcomes[index], heard),
+                Err(LinkError::Refused(AbortCode::NO_NODE)) => {}
+                Err(LinkError::Refused(code)) => {
+                    outcomes[index] = Err(QuickStopError::Refused(code));
+                }
             }
         }
     }
     outcomes
+}
+
+fn note_heard(outcome: &mut Result<DriveState, QuickStopError>, heard: Heard) {
+    if *outcome == Err(QuickStopError::NoAnswer) && !heard.is_silence() {
+        *outcome = Err(QuickStopError::NotUnderstood(heard));
+    }
 }
 
 /// Commands quick stop, and reads the state.
@@ -420,8 +444,10 @@ fn quick_stop(
         Err(error) => return Err(error),
     }
     let statusword = link.read_promptly(node, object::STATUSWORD.address())?.value;
-    let state = Statusword(u16::from_raw(statusword)).state();
-    let state = state.ok_or(LinkError::Unanswered)?;
+    let statusword = u16::from_raw(statusword);
+    let Some(state) = Statusword(statusword).state() else {
+        return Ok(Err(QuickStopError::UnknownState(statusword)));
+    };
     Ok(match power_step(state, PowerGoal::Stopped) {
         PowerStep::Command(_) => Err(QuickStopError::StillOn(state)),
         PowerStep::Reached | PowerStep::Blocked | PowerStep::Wait => Ok(state),

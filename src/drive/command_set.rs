@@ -73,15 +73,19 @@ pub trait CommandSet: fmt::Debug + Sync {
     /// Starts to read an object of any length. Allocates; for bring-up only.
     fn read_segmented(&self, node: u8, object: Address) -> Box<dyn SegmentedRead>;
 
-    /// The four bytes in the reply to [`CommandSet::read`]; truncate them to the size of the
+    /// The value in the reply to [`CommandSet::read`], truncated to the size of the object. It
+    /// comes in four bytes, whose upper ones are undefined; some hosts have read two for a short
     /// object.
     ///
     /// # Errors
     ///
     /// When the drive refused, or the frame is no reply to a read.
-    fn read_reply(&self, reply: SerialFrame<'_>) -> Result<u32, ReplyError> {
+    fn read_reply(&self, reply: SerialFrame<'_>, object: Address) -> Result<u32, ReplyError> {
         match after_error_code(reply)? {
-            &[a, b, c, d] => Ok(u32::from_le_bytes([a, b, c, d])),
+            &[a, b, c, d] => Ok(object.truncate(u32::from_le_bytes([a, b, c, d]))),
+            &[a, b] if matches!(object.size, 1 | 2) => {
+                Ok(object.truncate(u32::from(u16::from_le_bytes([a, b]))))
+            }
             _ => Err(ReplyError::Mismatch),
         }
     }
@@ -114,14 +118,15 @@ pub trait SegmentedRead {
 
 /// The data of a reply after its error code, if that is 0.
 ///
-/// It is unknown whether a refused read is answered with two words or four: both are accepted.
+/// It is unknown whether a refused read is answered with two words or with as many as its value:
+/// all are accepted.
 pub(super) fn after_error_code(reply: SerialFrame<'_>) -> Result<&[u8], ReplyError> {
     let Some((error, rest)) = reply.data.split_first_chunk::<4>() else {
         return Err(ReplyError::Mismatch);
     };
     match (reply.opcode, u32::from_le_bytes(*error)) {
         (REPLY_OPCODE, 0) => Ok(rest),
-        (REPLY_OPCODE, code) if matches!(rest.len(), 0 | 4) => {
+        (REPLY_OPCODE, code) if matches!(rest.len(), 0 | 2 | 4) => {
             Err(ReplyError::Refused(AbortCode(code)))
         }
         _ => Err(ReplyError::Mismatch),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::abort_code::AbortCode;
 use super::cia402::DriveState;
+use super::heard::Heard;
 use super::object::Address;
 use super::variant::SettingError;
 
@@ -49,7 +50,7 @@ pub enum DriveError {
         /// The error of the operating system.
         source: serialport::Error,
     },
-    /// Nothing answers.
+    /// Nothing arrives.
     #[error(
         "no drive answers on {device} at {baud} baud as node {node}; check power, cable, `baud` \
          and `node_id`, and that no other program uses the port"
@@ -61,6 +62,34 @@ pub enum DriveError {
         baud: u32,
         /// Node id.
         node: u8,
+    },
+    /// Something arrives, and is not understood.
+    #[error(
+        "{device} at {baud} baud, node {node}: {heard}; check `device`, `baud`, `family` and \
+         `framing`, and that nothing else is on the line"
+    )]
+    NotUnderstood {
+        /// The device.
+        device: PathBuf,
+        /// Bits per second.
+        baud: u32,
+        /// Node id.
+        node: u8,
+        /// What came.
+        heard: Heard,
+    },
+    /// A drive answers that does not know the commands of the configured family.
+    #[error(
+        "the drive on {device} does not know the commands of an {family} (unknown command \
+         0x0F00FFBF); is this an {other}? correct `family`"
+    )]
+    OtherFamily {
+        /// The device.
+        device: PathBuf,
+        /// As configured.
+        family: &'static str,
+        /// What it may be.
+        other: &'static str,
     },
     /// The drive answers, but is not usable as it is.
     #[error("drive on {device}, node {node}: {error}")]
@@ -81,14 +110,19 @@ pub enum LinkError {
     #[error("refused: {0}")]
     Refused(AbortCode),
     /// No answer could be trusted; the line is in sync again.
-    #[error("not answered")]
-    Unanswered,
+    #[error("not answered{}", said(.0))]
+    Unanswered(Heard),
     /// The line does not answer at all.
-    #[error("the line is silent; check power and cable")]
-    Lost,
+    #[error("{0}; check power and cable")]
+    Lost(Heard),
     /// The operating system reports the port as broken.
     #[error("the port is broken ({0}); check the cable")]
     Broken(io::ErrorKind),
+}
+
+/// What came, behind another clause.
+fn said(heard: &Heard) -> String {
+    if heard.is_silence() { String::new() } else { format!(": {heard}") }
 }
 
 impl LinkError {

@@ -36,8 +36,8 @@ mod tests {
     use crate::drive::serial_frame::SerialFrame;
 
     proptest! {
-        /// Four bytes behind an error code of 0 are a value, none are a success; nothing else is
-        /// accepted.
+        /// Four bytes behind an error code of 0 are a value, two that of a short object, none are a
+        /// success; nothing else is accepted.
         #[test]
         fn any_reply_is_decoded_or_refused(
             opcode: u8, data in vec(any::<u8>(), 0..300), good: bool,
@@ -51,8 +51,13 @@ mod tests {
             let is_success = opcode == REPLY_OPCODE && data.starts_with(&[0; 4]);
             for family in [Family::Epos4, Family::Epos2] {
                 let commands = select(family, Streaming::Cyclic).command_set();
-                let value = commands.read_reply(reply);
-                prop_assert_eq!(value.is_ok(), is_success && data.len() == 8);
+                for (object, short) in
+                    [(object::VENDOR.address(), false), (object::STATUSWORD.address(), true)]
+                {
+                    let is_value = data.len() == 8 || short && data.len() == 6;
+                    let value = commands.read_reply(reply, object);
+                    prop_assert_eq!(value.is_ok(), is_success && is_value);
+                }
                 let written = commands.write_reply(reply);
                 prop_assert_eq!(written.is_ok(), is_success && data.len() == 4);
             }

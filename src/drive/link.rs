@@ -21,6 +21,7 @@ use super::abort_code::AbortCode;
 use super::command_set::{DriveRequest, ReplyError, SegmentedRead};
 use super::error::LinkError;
 use super::family::DriveFamily;
+use super::heard::Heard;
 use super::object::{Address, Object, Setting, Value};
 use super::serial_frame::{FrameEncoder, SerialFrame};
 use super::serial_frame_parser::FrameParser;
@@ -134,6 +135,8 @@ pub struct DriveLink<T> {
     serial_number: Option<u32>,
     broken: bool,
     counters: LinkCounters,
+    /// What came since the exchange began and is no answer.
+    heard: Heard,
 }
 
 impl<T: Transport> DriveLink<T> {
@@ -157,6 +160,7 @@ impl<T: Transport> DriveLink<T> {
             serial_number: None,
             broken: false,
             counters: LinkCounters::default(),
+            heard: Heard::nothing_from(family.name()),
         }
     }
 
@@ -206,6 +210,11 @@ impl<T: Transport> DriveLink<T> {
     /// How a request is repeated that must not keep the other nodes waiting.
     pub(super) fn prompt(&self, retry: Retry) -> Retry {
         if self.has_gateway && retry == Retry::Safe { Retry::IfDamaged } else { retry }
+    }
+
+    /// What came since the last exchange began and is no answer.
+    pub fn heard(&self) -> Heard {
+        if self.heard.is_silence() { Heard::default() } else { self.heard }
     }
 
     /// Lifetime counters.
@@ -262,6 +271,13 @@ impl<T: Transport> DriveLink<T> {
         self.read_with(node, object, Retry::Never).is_ok()
     }
 
+    /// Whether a frame comes for a single request, whatever it says. Leaves the line as it is then.
+    pub(super) fn is_understood(&mut self, node: u8, object: Address) -> bool {
+        let request = self.family.command_set().read(node, object);
+        let outcome = self.attempt(&request, &mut |_| Ok(()));
+        matches!(outcome, Ok(_) | Err(TransferError::Refused(_))) || self.heard.is_frame()
+    }
+
     fn read_with(
         &mut self,
         node: u8,
@@ -270,7 +286,7 @@ impl<T: Transport> DriveLink<T> {
     ) -> Result<TimedReply<u32>, LinkError> {
         let commands = self.family.command_set();
         self.exchange(&commands.read(node, object), retry, &mut |reply| {
-            commands.read_reply(reply).map(|raw| object.truncate(raw))
+            commands.read_reply(reply, object)
         })
     }
 
@@ -333,12 +349,13 @@ impl<T: Transport> DriveLink<T> {
         retry: Retry,
         decode: Decode<'_, R>,
     ) -> Result<TimedReply<R>, LinkError> {
+        self.heard = Heard::nothing_from(self.family.name());
         self.detect_stray_bytes()?;
         if !self.is_in_sync() {
             self.synchronise()?;
             if retry == Retry::Never {
                 // Synchronising took time, and a request without retry must not be late either.
-                return Err(LinkError::Unanswered);
+                return Err(LinkError::Unanswered(self.heard()));
             }
         }
         let error = match self.attempt(request, decode) {
@@ -363,7 +380,8 @@ impl<T: Transport> DriveLink<T> {
             TransferError::Refused(code) => Err(LinkError::Refused(code)),
             TransferError::Broken(kind) => Err(LinkError::Broken(kind)),
             TransferError::Timeout | TransferError::Disturbed => {
-                self.synchronise().and(Err(LinkError::Unanswered))
+                self.synchronise()?;
+                Err(LinkError::Unanswered(self.heard()))
             }
         }
     }

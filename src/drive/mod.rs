@@ -16,11 +16,13 @@
 //! | `transport`, `serial_transport` | the line and its clock; a serial port as a line |
 //! | `exclusive_use` | who may open the port, and the watchdog that has to get in |
 //! | `latency_timer` | the timer of FTDI adapters that delays replies |
+//! | `heard` | what came in place of an answer, for messages |
 //! | `link` | one request, one reply, retries, and synchronising the line |
 //! | `variant` | what a model or a firmware lacks or limits, in words |
 //! | `bring_up`, `port` | from a device file to drives that are identified, off and limited |
 //! | `saved_position` | positions of the axes between two runs of the controller |
 //! | `inspect` | reading the state of drives without changing it |
+//! | `survey` | who answers: the rate, and the nodes behind a port |
 //! | `axis` | one axis as a state machine without I/O |
 //! | `port_runner` | the thread that owns a serial port |
 //! | `request_watchdog` | notices a control loop that sends no requests |
@@ -40,6 +42,7 @@ pub mod exclusive_use;
 pub mod family;
 pub mod family_selection;
 pub mod handshake_frame;
+pub mod heard;
 pub mod homing_plan;
 pub mod inspect;
 pub mod latency_timer;
@@ -53,6 +56,7 @@ mod saved_position;
 pub mod serial_frame;
 pub mod serial_frame_parser;
 pub mod serial_transport;
+pub mod survey;
 pub mod transport;
 pub mod variant;
 

@@ -5,6 +5,7 @@
 //!     -split-> PortRunner + one AxisLink per axis
 //! ```
 
+use super::abort_code::AbortCode;
 use super::bring_up::{self, AxisIdentity, DriveNode};
 use super::error::{AxisError, DriveError, LinkError};
 use super::exclusive_use::WatchdogEntry;
@@ -15,7 +16,7 @@ use super::object::{self, Setting};
 use super::port_runner::{AxisLink, PortRequest, PortRunner};
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
-use crate::config::{AxisConfig, PortConfig};
+use crate::config::{AxisConfig, Family, PortConfig};
 use crate::units::{Counts, Nanos};
 
 /// A port whose stage of bring-up is `Stage`.
@@ -194,8 +195,21 @@ fn configure(
 pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, error: AxisError) -> DriveError {
     let (device, node) = (port.device.clone(), axis.node_id);
     match error {
-        AxisError::Exchange { error: LinkError::Lost | LinkError::Unanswered, .. } => {
-            DriveError::NoAnswer { device, baud: port.baud, node }
+        AxisError::Exchange {
+            error: LinkError::Lost(heard) | LinkError::Unanswered(heard),
+            ..
+        } => {
+            let baud = port.baud;
+            if heard.is_silence() {
+                DriveError::NoAnswer { device, baud, node }
+            } else {
+                DriveError::NotUnderstood { device, baud, node, heard }
+            }
+        }
+        AxisError::Exchange { error: LinkError::Refused(AbortCode::UNKNOWN_COMMAND), .. } => {
+            let family = family_of_port(port).name();
+            let other = if port.family == Family::Epos4 { "EPOS2" } else { "EPOS4" };
+            DriveError::OtherFamily { device, family, other }
         }
         error => DriveError::Axis { device, node, error },
     }

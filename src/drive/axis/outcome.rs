@@ -12,6 +12,7 @@ use crate::drive::cia402::{Controlword, DriveState, Statusword};
 use crate::drive::error::{AxisError, LinkError};
 use crate::drive::event::{PortEventKind, TransitionError};
 use crate::drive::family::SetpointTrigger;
+use crate::drive::heard::Heard;
 use crate::drive::link::TimedReply;
 use crate::drive::object::Value;
 use crate::units::{Counts, Nanos};
@@ -50,14 +51,17 @@ impl AxisStateMachine {
                 let none = TimedReply { value: 0, sent: now, received: now };
                 self.handle_outcome(transfer, Ok(none), now, events);
             }
-            Err(LinkError::Refused(AbortCode::NO_NODE) | LinkError::Unanswered) => {
-                self.handle_unanswered(now, events);
+            Err(LinkError::Refused(AbortCode::NO_NODE)) => {
+                self.handle_unanswered(Heard::default(), now, events);
             }
+            Err(LinkError::Unanswered(heard)) => self.handle_unanswered(heard, now, events),
             Err(LinkError::Refused(code)) => {
                 self.unanswered = 0;
                 self.handle_refusal(transfer, code, now, events);
             }
-            Err(error @ (LinkError::Lost | LinkError::Broken(_))) => self.set_lost(error, events),
+            Err(error @ (LinkError::Lost(_) | LinkError::Broken(_))) => {
+                self.set_lost(error, events)
+            }
         }
     }
 
@@ -307,11 +311,11 @@ impl AxisStateMachine {
         self.schedule.request_status();
     }
 
-    fn handle_unanswered(&mut self, now: Nanos, events: EventSink<'_>) {
+    fn handle_unanswered(&mut self, heard: Heard, now: Nanos, events: EventSink<'_>) {
         self.unanswered += 1;
         self.trigger.handle_failure();
         if self.unanswered >= MAX_UNANSWERED {
-            self.set_lost(LinkError::Unanswered, events);
+            self.set_lost(LinkError::Unanswered(heard), events);
         } else if let AxisState::Homing(step, ..) = self.state {
             self.handle_homing(step.handle_timeout(), now, events);
         }

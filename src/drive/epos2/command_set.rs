@@ -154,6 +154,18 @@ mod tests {
         }
     }
 
+    /// One word in place of two; the upper word of a reply of two words is 0x8090, as public code
+    /// has read it.
+    #[test]
+    fn a_short_value_comes_in_one_word_or_with_a_word_of_no_meaning() {
+        for data in [&[0, 0, 0, 0, 0x37, 0x02][..], &[0, 0, 0, 0, 0x37, 0x02, 0x90, 0x80]] {
+            let value = Epos2CommandSet.read_reply(reply(data), STATUSWORD.address());
+            assert_eq!(value, Ok(0x0237));
+        }
+        let short = Epos2CommandSet.read_reply(reply(&[0, 0, 0, 0, 6, 0]), POSITION.address());
+        assert_eq!(short, Err(ReplyError::Mismatch));
+    }
+
     #[test]
     fn segments_alternate_their_toggle_bit() {
         let mut read = Epos2SegmentedRead::new(1, FULL_SERIAL_NUMBER);

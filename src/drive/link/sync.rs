@@ -83,7 +83,7 @@ impl<T: Transport> DriveLink<T> {
         while !self.is_in_sync() {
             let may_wait = self.has_gateway && self.transport.now() < end;
             if attempts >= ATTEMPTS && !may_wait {
-                return Err(LinkError::Lost);
+                return Err(LinkError::Lost(self.heard()));
             }
             self.try_to_synchronise()?;
             attempts += 1;
@@ -137,7 +137,8 @@ impl<T: Transport> DriveLink<T> {
     fn reads_as(&mut self, object: Object<u32>, known: u32) -> Result<bool, TransferError> {
         let commands = self.family.command_set();
         let request = commands.read(LOCAL_NODE, object.address());
-        let reply = self.attempt(&request, &mut |reply| commands.read_reply(reply))?;
+        let address = object.address();
+        let reply = self.attempt(&request, &mut |reply| commands.read_reply(reply, address))?;
         Ok(reply.value == known)
     }
 
@@ -169,6 +170,6 @@ impl<T: Transport> DriveLink<T> {
     /// were any.
     fn discard(&mut self, deadline: Nanos) -> io::Result<bool> {
         let mut discarded = [0; CHUNK];
-        Ok(self.transport.read(&mut discarded, deadline)? > 0)
+        Ok(self.receive(&mut discarded, deadline)? > 0)
     }
 }

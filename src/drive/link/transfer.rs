@@ -1,5 +1,7 @@
 //! One request and the wait for its reply, in both framings.
 
+use std::io;
+
 use super::{Decode, DriveLink, TimedReply, TransferError};
 use crate::config::Framing;
 use crate::drive::abort_code::AbortCode;
@@ -43,12 +45,16 @@ impl<T: Transport> DriveLink<T> {
         request: &DriveRequest,
         decode: Decode<'_, R>,
     ) -> Result<TimedReply<R>, TransferError> {
+        let before = self.heard;
         let outcome = match self.framing {
             Framing::V2 => self.transfer_v2(request, decode),
             Framing::V1 => self.transfer_v1(request, decode),
         };
         match &outcome {
-            Ok(_) | Err(TransferError::Refused(_)) => self.counters.exchanges += 1,
+            Ok(_) | Err(TransferError::Refused(_)) => {
+                self.counters.exchanges += 1;
+                self.heard = before;
+            }
             Err(TransferError::Timeout) => {
                 self.counters.timeouts += 1;
                 self.lose_sync(1);
@@ -93,7 +99,7 @@ impl<T: Transport> DriveLink<T> {
         // Bytes that have arrived are read even after the deadline: this thread may be late, not
         // the drive. So a line that is never silent is detected by the number of bytes.
         while received <= 2 * MAX_ENCODED {
-            let count = self.transport.read(&mut chunk, deadline)?;
+            let count = self.receive(&mut chunk, deadline)?;
             if count == 0 {
                 return Err(TransferError::Timeout);
             }
@@ -109,10 +115,17 @@ impl<T: Transport> DriveLink<T> {
                         return Err(TransferError::Disturbed);
                     }
                     // With more bytes behind it, either may be the answer.
-                    ParserEvent::Frame(_) if index + 1 < count => {
+                    ParserEvent::Frame(frame) if index + 1 < count => {
+                        self.heard.note_frame(&frame);
                         return Err(TransferError::Disturbed);
                     }
-                    ParserEvent::Frame(frame) => return Ok(decode(frame)?),
+                    ParserEvent::Frame(frame) => {
+                        let value = decode(frame);
+                        if value.is_err() {
+                            self.heard.note_frame(&frame);
+                        }
+                        return Ok(value?);
+                    }
                 }
             }
         }
@@ -142,7 +155,7 @@ impl<T: Transport> DriveLink<T> {
             OKAY => {}
             // The drive discards the request at once: it may be sent again.
             FAILED => return Err(TransferError::Refused(AbortCode::CRC)),
-            _ => return Err(TransferError::Disturbed),
+            byte => return Err(self.unexpected(byte, &mut buffer)),
         }
         self.expect(&mut buffer, deadline, REPLY_OPCODE)?;
         self.transport.write(&[OKAY])?;
@@ -150,6 +163,7 @@ impl<T: Transport> DriveLink<T> {
         let reply = self.receive_body(&mut buffer, &mut reply, deadline)?;
         let Some(frame) = decode(REPLY_OPCODE, reply) else {
             self.counters.crc_errors += 1;
+            self.heard.note_bytes(reply);
             self.transport.write(&[FAILED])?;
             return Err(TransferError::Disturbed);
         };
@@ -158,7 +172,11 @@ impl<T: Transport> DriveLink<T> {
         if buffer.pop().is_some() {
             return Err(TransferError::Disturbed);
         }
-        Ok((sent, decode_reply(frame)?))
+        let value = decode_reply(frame);
+        if value.is_err() {
+            self.heard.note_frame(&frame);
+        }
+        Ok((sent, value?))
     }
 
     fn expect(
@@ -167,11 +185,18 @@ impl<T: Transport> DriveLink<T> {
         deadline: Nanos,
         expected: u8,
     ) -> Result<(), TransferError> {
-        if self.receive_byte(buffer, deadline)? == expected {
-            return Ok(());
+        match self.receive_byte(buffer, deadline)? {
+            byte if byte == expected => Ok(()),
+            byte => Err(self.unexpected(byte, buffer)),
         }
+    }
+
+    /// Notes a byte that is no part of the handshake, and what arrived with it.
+    fn unexpected(&mut self, byte: u8, buffer: &mut ReceiveBuffer) -> TransferError {
         self.counters.resynchronisations += 1;
-        Err(TransferError::Disturbed)
+        self.heard.note_bytes(&[byte]);
+        self.heard.note_bytes(buffer.bytes.get(buffer.next..buffer.count).unwrap_or_default());
+        TransferError::Disturbed
     }
 
     fn receive_body<'a>(
@@ -190,6 +215,13 @@ impl<T: Transport> DriveLink<T> {
             };
         }
         Ok(body)
+    }
+
+    /// Reads what has arrived, and notes it.
+    pub(super) fn receive(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
+        let count = self.transport.read(into, deadline)?;
+        self.heard.note_bytes(into.get(..count).unwrap_or_default());
+        Ok(count)
     }
 
     fn receive_byte(

@@ -80,7 +80,7 @@ pub(super) fn try_reconnect<T: Transport>(
         Ok((position, holds)) => slot.axis.reconnect(position, holds, link.now(), events),
         // Lost again; the next attempt follows.
         Err(AxisError::Exchange {
-            error: LinkError::Lost | LinkError::Unanswered | LinkError::Broken(_),
+            error: LinkError::Lost(_) | LinkError::Unanswered(_) | LinkError::Broken(_),
             ..
         }) => {}
         Err(error) => slot.axis.report_unusable(error, events),

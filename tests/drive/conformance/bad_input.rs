@@ -3,18 +3,24 @@
 use std::fs;
 use std::io::{Read, Write};
 use std::os::unix::fs::PermissionsExt;
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-use i2ris::config::PortConfig;
+use i2ris::config::{Family, PortConfig};
 use i2ris::drive::Port;
+use i2ris::drive::bring_up::{STOP_ATTEMPTS, quick_stop_all};
 use i2ris::drive::cia402::DriveState;
+use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::inspect::inspect;
+use i2ris::drive::link::DriveLink;
+use i2ris::drive::serial_transport::SerialTransport;
+use i2ris::drive::survey::{answering_rate, nodes};
 use i2ris_simulation::drive::{Mode, State};
 use i2ris_testing::Background;
 use nix::unistd::{Uid, setfsuid};
 use serialport::{SerialPort, TTYPort};
 
-use super::test_bench::{SETUPS, TestBench};
+use super::test_bench::{SERIAL_NUMBERS, SETUPS, TestBench};
 
 fn refusal(port: &PortConfig) -> String {
     let error = Port::open(port).and_then(Port::bring_up).unwrap_err();
@@ -34,7 +40,29 @@ fn a_wrong_bit_rate_is_reported_with_the_remedy() {
     for part in ["no drive answers", "38400 baud", "check"] {
         assert!(text.contains(part), "{text}");
     }
+    let wrong = quick(PortConfig { baud: 38_400, ..bench.port() });
+    assert_eq!(answering_rate(&wrong), Some(115_200), "asked at the others");
     assert!(bench.bring_up().is_ok(), "at the correct bit rate it answers");
+}
+
+#[test]
+fn the_nodes_on_a_line_are_listed_and_nothing_is_written() {
+    for (setup, families) in [
+        (&SETUPS[4], &["EPOS2"][..]),
+        (&SETUPS[5], &["EPOS2", "EPOS2"]),
+        (&SETUPS[7], &["EPOS4", "EPOS2"]),
+        (&SETUPS[8], &["EPOS4", "EPOS4", "EPOS4"]),
+    ] {
+        let bench = TestBench::emulated(setup);
+        let before = bench.drive();
+        let found = nodes(&bench.port()).unwrap();
+        let numbers: Vec<_> = found.iter().map(|node| node.serial_number).collect();
+        assert_eq!(numbers, SERIAL_NUMBERS[..families.len()], "{}", setup.name);
+        assert!(found.iter().map(|node| node.family).eq(families.iter().copied()), "{found:?}");
+        assert!(found.iter().all(|node| node.firmware > 0), "{found:?}");
+        assert_eq!(bench.drive(), before);
+        bench.assert_no_host_bugs();
+    }
 }
 
 #[test]
@@ -48,33 +76,62 @@ fn a_missing_node_is_named() {
     }
 }
 
-#[test]
-fn another_device_on_the_port_is_no_drive() {
+/// What controller, doctor and watchdog say of a port.
+fn said(port: &PortConfig) -> [String; 3] {
+    let family = family_of_port(port);
+    let mut link = DriveLink::new(SerialTransport::open(port).unwrap(), family, port);
+    let stopped = quick_stop_all(&mut link, &[port.axes[0].node_id], &[], STOP_ATTEMPTS);
+    drop(link);
+    [refusal(port), inspect(port).unwrap_err().to_string(), stopped[0].unwrap_err().to_string()]
+}
+
+/// Something else on the port: it sends this for what came, or for nothing within 20 ms.
+fn talker(answer: fn(&[u8]) -> Vec<u8>) -> (Background, PathBuf) {
     let (mut master, slave) = TTYPort::pair().unwrap();
-    let device = slave.name().unwrap();
     master.set_timeout(std::time::Duration::from_millis(20)).unwrap();
-    // It echoes: a terminal server, or a wire loop.
-    let _echo = Background::start(move |stop| {
+    let talker = Background::start(move |stop| {
         let mut bytes = [0; 64];
         while !stop.load(Ordering::Relaxed) {
-            if let Ok(count) = master.read(&mut bytes) {
-                let _ = master.write_all(&bytes[..count]);
-            }
+            let count = master.read(&mut bytes).unwrap_or(0);
+            let _ = master.write_all(&answer(&bytes[..count]));
         }
     });
-    drop(slave);
-    let bench = TestBench::emulated(&SETUPS[0]);
-    let text = refusal(&quick(PortConfig { device: device.into(), ..bench.port() }));
-    assert!(text.contains("no drive answers"), "{text}");
+    (talker, slave.name().unwrap().into())
 }
 
 #[test]
-fn a_drive_of_the_other_family_is_refused() {
-    let bench = TestBench::emulated(&SETUPS[3]);
-    let text = refusal(&quick(PortConfig { family: i2ris::config::Family::Epos4, ..bench.port() }));
-    let is_refused = text.contains("unknown command") || text.contains("no drive answers");
-    assert!(is_refused, "{text}");
-    assert!(!bench.drive().state.is_powered());
+fn what_answers_and_is_no_drive_is_shown_and_never_taken_for_silence() {
+    let short_frame = |request: &[u8]| match request {
+        [] => Vec::new(),
+        _ => i2ris_simulation::frame::encode(0, &[6, 0]),
+    };
+    let bench = TestBench::emulated(&SETUPS[0]);
+    for (answer, parts) in [
+        // A terminal server, or a wire loop.
+        (<[u8]>::to_vec as fn(&[u8]) -> Vec<u8>, ["but not as EPOS4:", " 60 "]),
+        (|_| b"roll=0.1 pitch=-3.4\r\n".to_vec(), ["and it is no drive:", "bytes, no frame: "]),
+        (short_frame, ["but not as EPOS4:", " 06 00"]),
+    ] {
+        let (_talker, device) = talker(answer);
+        for text in said(&quick(PortConfig { device, ..bench.port() })) {
+            assert!(text.contains("something answers, "), "{text}");
+            parts.iter().for_each(|part| assert!(text.contains(part), "{part}: {text}"));
+        }
+    }
+}
+
+#[test]
+fn a_drive_of_the_other_family_is_named() {
+    for (setup, family, question) in
+        [(0, Family::Epos2, "is this an EPOS4?"), (3, Family::Epos4, "is this an EPOS2?")]
+    {
+        let bench = TestBench::emulated(&SETUPS[setup]);
+        let [controller, doctor, watchdog] = said(&quick(PortConfig { family, ..bench.port() }));
+        assert!(controller.contains(question) && controller.contains("`family`"), "{controller}");
+        assert_eq!(doctor, controller);
+        assert!(watchdog.contains("unknown command"), "{watchdog}");
+        assert!(!bench.drive().state.is_powered());
+    }
 }
 
 #[test]

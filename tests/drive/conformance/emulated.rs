@@ -20,11 +20,12 @@ fn a_name_in_several_segments_is_read() {
 }
 
 #[test]
-fn a_slow_adapter_and_long_refusals_change_nothing_but_the_rate() {
+fn a_slow_adapter_long_refusals_and_short_replies_change_nothing_but_the_rate() {
     let bench = TestBench::with(&SETUPS[0], |config| {
         config.line.adapter_hold_ms = 16;
         config.line.jitter_us = 700;
         config.drives[0].error_reply_words = 4;
+        config.drives[0].one_word_reads = true;
     });
     let mut axis = bench.run();
     axis.enable();

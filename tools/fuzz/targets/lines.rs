@@ -16,7 +16,8 @@ fuzz_target!(|bytes: &[u8]| {
     });
     let read = |frame: SerialFrame<'_>| {
         for commands in command_sets {
-            let _ = (commands.read_reply(frame), commands.write_reply(frame));
+            let object = object::STATUSWORD.address();
+            let _ = (commands.read_reply(frame, object), commands.write_reply(frame));
             let mut segmented = commands.read_segmented(1, object::DEVICE_NAME);
             let _ = segmented.take_reply(frame);
         }

@@ -140,6 +140,8 @@ pub struct DriveConfig {
     pub error_reply_words: u8,
     /// Fill the unused upper bytes of short values with garbage, as first-generation drives do.
     pub fill_unused_bytes: bool,
+    /// Short values come in one data word in place of two, as some hosts have read them.
+    pub one_word_reads: bool,
     /// Maximum bytes in one segment of a segmented read, 1 to 255.
     pub segment_bytes: u8,
     /// Timeout of a request to another node, milliseconds.
@@ -161,6 +163,7 @@ impl Default for DriveConfig {
             boot_fault: None,
             error_reply_words: 2,
             fill_unused_bytes: true,
+            one_word_reads: false,
             segment_bytes: 255,
             gateway_timeout_ms: 100,
             interpolation_timeout: true,

@@ -19,8 +19,9 @@ pub struct Reply {
     pub delay: Nanos,
 }
 
-/// Garbage in the bytes that a short value does not need.
-const UNUSED_BYTES: [u8; 4] = [0xA5, 0x5A, 0xC3, 0x3C];
+/// What is in the bytes that a short value does not need: garbage, and the upper word that public
+/// code has read from an EPOS2.
+const UNUSED_BYTES: [u8; 4] = [0xA5, 0x5A, 0x90, 0x80];
 
 /// "save" and "load", the signatures that protect objects 0x1010 and 0x1011.
 const SAVE: u32 = 0x6576_6173;
@@ -137,7 +138,8 @@ impl Drive {
         }
         let mut data = if self.config.fill_unused_bytes { UNUSED_BYTES } else { [0; 4] };
         data[..value.len()].copy_from_slice(&value);
-        Ok(data.to_vec())
+        let is_one_word = self.config.one_word_reads && value.len() <= 2;
+        Ok(data[..if is_one_word { 2 } else { 4 }].to_vec())
     }
 
     /// The bytes of an object.
