@@ -4,7 +4,7 @@ use i2ris::config::{Config, PortConfig};
 use i2ris::drive::DriveError;
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::inspect::{Inspection, inspect};
-use i2ris::drive::latency_timer;
+use i2ris::drive::survey::{FoundNode, answering_rate, nodes};
 use i2ris::units::Nanos;
 
 use super::report::Report;
@@ -25,7 +25,6 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
         let fix = "plug in the drive, or correct `device` (`ls -l /dev/serial/by-id`)";
         return report.fail(name, "does not exist", fix);
     }
-    check_latency(port, report);
     if !open {
         return report.pass(name, "exists; not opened");
     }
@@ -57,25 +56,56 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
                     ),
                 }
             }
+            // What answered a moment ago answers.
+            list_nodes(port, &nodes(port).unwrap_or_default(), report);
         }
         Err(error @ DriveError::Busy { .. }) => {
             report.warn(name, error.to_string(), "end the controller to check its drives")
         }
-        Err(error) => report.fail(name, error.to_string(), "see there"),
+        Err(error) => {
+            let at_wrong_rate = match &error {
+                DriveError::NoAnswer { .. } => true,
+                DriveError::NotUnderstood { heard, .. } => !heard.is_frame(),
+                _ => false,
+            };
+            if let Some(rate) = at_wrong_rate.then(|| answering_rate(port)).flatten() {
+                let found = format!("nothing at {} baud; a drive answers at {rate}", port.baud);
+                return report.fail(name, found, format!("set `baud = {rate}`"));
+            }
+            let text = error.to_string();
+            // A sentence of what, and how to mend it.
+            let (found, fix) = text.split_once("; ").unwrap_or((&text, "check the drive"));
+            report.fail(name, found, fix);
+        }
     }
 }
 
-fn check_latency(port: &PortConfig, report: &mut Report) {
-    let name = format!("{} latency timer", port.device.display());
-    match latency_timer::read(&port.device) {
-        None => {}
-        Some(0..=1) => report.pass(name, "1 ms"),
-        Some(ms) => report.warn(
-            name,
-            format!("{ms} ms: some {} exchanges a second", 1000 / (ms + 2)),
-            "udev rule: ACTION==\"add\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", \
-             ATTR{latency_timer}=\"1\"",
-        ),
+/// The drives on a port, and a table of those that the configuration does not name.
+fn list_nodes(port: &PortConfig, found: &[FoundNode], report: &mut Report) {
+    let is_known = |node: &FoundNode| {
+        port.axes.iter().any(|axis| {
+            [0, node.node_id].contains(&axis.node_id) && axis.serial_number == node.serial_number
+        })
+    };
+    let device = port.device.display();
+    let family = toml::Value::try_from(port.family).map_or(String::new(), |it| it.to_string());
+    let mut table =
+        format!("\n[[ports]]\ndevice = \"{device}\"\nbaud = {}\nfamily = {family}\n", port.baud);
+    for (motor, node) in found.iter().enumerate() {
+        let FoundNode { node_id, family, firmware, serial_number } = node;
+        let what = format!("{family}, firmware 0x{firmware:04X}");
+        report.pass(
+            format!("{device} node {node_id}"),
+            format!("{what}, serial number {serial_number}"),
+        );
+        let key = family.to_lowercase();
+        table += &format!(
+            "\n[[ports.axes]] # {what}\nmotor = {motor}\nfamily = \"{key}\"\nnode_id = {node_id}\n\
+             serial_number = {serial_number}\n"
+        );
+    }
+    if !found.iter().all(is_known) {
+        report.paste(table);
     }
 }
 

@@ -8,8 +8,9 @@ mod devices;
 mod drives;
 mod report;
 mod system;
+mod usb;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use i2ris::config::Config;
 
@@ -71,6 +72,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             "correct the file, or name another with --config",
         ),
     }
+    usb::check(Path::new("/sys"), &mut report);
     devices::check(&mut report);
     if arguments.json {
         println!("{}", report.to_json()?);

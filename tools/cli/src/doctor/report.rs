@@ -28,6 +28,8 @@ struct Check {
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Report {
     checks: Vec<Check>,
+    /// To be pasted into the configuration.
+    found_tables: Vec<String>,
 }
 
 impl Report {
@@ -64,6 +66,11 @@ impl Report {
         self.checks.push(Check { name, level, found, fix });
     }
 
+    /// Adds a table for the configuration.
+    pub fn paste(&mut self, table: String) {
+        self.found_tables.push(table);
+    }
+
     pub fn failures(&self) -> usize {
         self.checks.iter().filter(|check| check.level == Level::Fail).count()
     }
@@ -89,7 +96,9 @@ impl fmt::Display for Report {
                 writeln!(f, "\n      {:width$}  -> {fix}", "")?
             }
         }
-        Ok(())
+        self.found_tables.iter().try_for_each(|table| {
+            write!(f, "\nfound, to paste into the configuration (limits as before):\n{table}")
+        })
     }
 }
 

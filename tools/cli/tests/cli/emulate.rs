@@ -102,13 +102,21 @@ fn the_doctor_looks_at_drives_and_machine() {
     write_config(&bench, |text| epos2(text).replace("62000001", "62000007"));
     let sick = bench.run("doctor --config robot.toml --json");
     assert_ne!(sick.code, Some(0));
-    let checks: serde_json::Value = serde_json::from_str(&sick.output).unwrap();
+    let checks = checks_of(&sick.output);
     let checks = checks["checks"].as_array().unwrap().iter();
     let failed: Vec<_> = checks.filter(|check| check["level"] == "fail").collect();
     let [failed] = failed[..] else { panic!("{failed:?}") };
     let found = "62000001 (0x03B20B81) instead of 62000007";
     assert_says(failed["found"].as_str().unwrap(), &[found]);
     assert!(!failed["fix"].as_str().unwrap().is_empty());
+    let table = checks_of(&sick.output)["found_tables"][0].as_str().unwrap().to_owned();
+    let table: toml::Table = table.parse().unwrap();
+    assert_eq!(table["ports"][0]["axes"][0]["serial_number"].as_integer(), Some(62_000_001));
+}
+
+/// What the doctor found, as JSON.
+fn checks_of(output: &str) -> serde_json::Value {
+    serde_json::from_str(output).unwrap()
 }
 
 #[test]
@@ -130,6 +138,19 @@ fn the_doctor_looks_at_three_drives_on_one_line() {
     for serial_number in ["62000001", "62000002", "62000003"] {
         assert_says(&healthy.output, &[&format!("serial number {serial_number}")]);
     }
+    assert!(!healthy.output.contains("to paste"), "{}", healthy.output);
+    // As delivered: one drive, whose number nobody has looked up. All three are found.
+    write_config(&bench, |text| {
+        let (head, _) = text.rsplit_once("[[ports]]").unwrap();
+        head.replace("62000001", "0")
+    });
+    let found = bench.run("doctor --config robot.toml");
+    let (_, table) = found.output.split_once("to paste into the configuration").unwrap();
+    let table: toml::Table = table.split_once('\n').unwrap().1.parse().unwrap();
+    let axes = table["ports"][0]["axes"].as_array().unwrap().iter();
+    let numbers = axes.map(|axis| [&axis["node_id"], &axis["serial_number"]]);
+    let numbers: Vec<_> = numbers.map(|it| it.map(|it| it.as_integer().unwrap())).collect();
+    assert_eq!(numbers, [[1, 62_000_001], [2, 62_000_002], [3, 62_000_003]]);
 }
 
 #[test]

@@ -1,0 +1,180 @@
+//! USB adapters and drives: driver, latency timer, autosuspend, name.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::report::Report;
+
+/// maxon EPOS2 on USB: an FTDI chip under a product number of maxon, which `ftdi_sio` has no entry
+/// for.
+const EPOS2: [&str; 2] = ["0403", "a8b0"];
+
+/// maxon EPOS4 on USB.
+const EPOS4: [&str; 2] = ["24e7", "3b01"];
+
+/// The driver of FTDI chips.
+const FTDI: &str = "ftdi_sio";
+
+const RULES: &str = "for good: config/system/60-i2ris.rules";
+
+/// Checks every adapter and drive on USB, as a tree such as `/sys` shows them.
+pub fn check(sys: &Path, report: &mut Report) {
+    for device in entries(&sys.join("bus/usb/devices")) {
+        let id = ["idVendor", "idProduct"].map(|name| text(&device.join(name)));
+        let id = id.each_ref().map(String::as_str);
+        let interfaces = interfaces(&device);
+        let is_ftdi = id[0] == "0403" || interfaces.iter().any(|it| driver(it) == FTDI);
+        if !is_ftdi && id != EPOS4 {
+            continue;
+        }
+        let what = match id {
+            EPOS2 => "EPOS2",
+            EPOS4 => "EPOS4",
+            _ => "FTDI adapter",
+        };
+        let place = device.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = format!("{what} on USB {place}");
+        match interfaces.iter().find_map(|interface| port(interface)) {
+            Some(port) => {
+                report.pass(&name, format!("/dev/{}", shown(&port)));
+                check_port(&name, &port, report);
+            }
+            None => report.warn(&name, "is there, but no driver makes a port of it", bind(id)),
+        }
+        check_device(&name, &device, report);
+    }
+}
+
+/// The one command that gives a device its driver.
+fn bind(id: [&str; 2]) -> String {
+    let [vendor, product] = id;
+    let command = match id {
+        EPOS2 => format!(
+            "modprobe {FTDI} && echo {vendor} {product} > \
+             /sys/bus/usb-serial/drivers/{FTDI}/new_id"
+        ),
+        EPOS4 => format!("modprobe usbserial vendor=0x{vendor} product=0x{product}"),
+        _ => format!("modprobe {FTDI}"),
+    };
+    format!("sudo sh -c '{command}'; {RULES}")
+}
+
+fn check_port(name: &str, port: &Path, report: &mut Report) {
+    let timer = port.join("latency_timer");
+    let name = format!("{name} latency timer");
+    match text(&timer).parse::<u32>() {
+        Err(_) => {}
+        Ok(0..=1) => report.pass(name, "1 ms"),
+        Ok(ms) => report.warn(
+            name,
+            format!("{ms} ms: some {} exchanges a second", 1000 / (ms + 2)),
+            format!(
+                "echo 1 | sudo tee /sys/bus/usb-serial/devices/{}/latency_timer; {RULES}",
+                shown(port)
+            ),
+        ),
+    }
+}
+
+fn check_device(name: &str, device: &Path, report: &mut Report) {
+    if text(&device.join("power/control")) == "auto" {
+        let file = format!("/sys/bus/usb/devices/{}/power/control", shown(device));
+        report.warn(
+            format!("{name} autosuspend"),
+            "on: the system may switch the device off while the line is silent",
+            format!("echo on | sudo tee {file}; {RULES}"),
+        );
+    }
+    if text(&device.join("serial")).is_empty() {
+        report.warn(
+            format!("{name} name"),
+            "no serial number: another one of its kind takes its name in /dev/serial/by-id",
+            "name it by its place: `ls -l /dev/serial/by-path`",
+        );
+    }
+}
+
+/// The interfaces of a device are folders in it, `1-4:1.0` in `1-4`.
+fn interfaces(device: &Path) -> Vec<PathBuf> {
+    entries(device).into_iter().filter(|entry| shown(entry).contains(':')).collect()
+}
+
+fn driver(interface: &Path) -> String {
+    fs::read_link(interface.join("driver")).map_or_else(|_| String::new(), |to| shown(&to))
+}
+
+/// The port that a driver made of an interface: `ttyUSB0`, or `tty/ttyACM0`.
+fn port(interface: &Path) -> Option<PathBuf> {
+    let places = [interface.to_owned(), interface.join("tty")];
+    places
+        .iter()
+        .flat_map(|place| entries(place))
+        .find(|it| shown(it).len() > 3 && shown(it).starts_with("tty"))
+}
+
+fn entries(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut entries: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    entries.sort();
+    entries
+}
+
+fn shown(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn text(file: &Path) -> String {
+    fs::read_to_string(file).unwrap_or_default().trim().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A device with an interface, and files in it.
+    fn plug(sys: &Path, place: &str, files: &[(&str, &str)]) {
+        let device = sys.join("bus/usb/devices").join(place);
+        for (name, content) in files {
+            let file = device.join(name);
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(file, format!("{content}\n")).unwrap();
+        }
+    }
+
+    #[test]
+    fn driver_timer_autosuspend_and_name_are_checked_with_the_command_that_mends_each() {
+        let sys = tempfile::tempdir().unwrap();
+        let sys = sys.path();
+        let epos2 = [("idVendor", "0403"), ("idProduct", "a8b0"), ("serial", "12")];
+        plug(sys, "1-1", &[&epos2[..], &[("1-1:1.0/bInterfaceClass", "ff")]].concat());
+        let port = ("1-2:1.0/ttyUSB0/latency_timer", "16");
+        plug(sys, "1-2", &[&epos2[..2], &[port, ("power/control", "auto")]].concat());
+        plug(sys, "1-3", &[("idVendor", "24e7"), ("idProduct", "3b01"), ("serial", "7")]);
+        let acm = ("1-4:1.0/tty/ttyACM0/dev", "166:0");
+        plug(sys, "1-4", &[("idVendor", "24e7"), ("idProduct", "3b01"), ("serial", "8"), acm]);
+        plug(sys, "1-5", &[("idVendor", "046d"), ("idProduct", "c52b")]);
+        let good = [("1-6:1.0/ttyUSB1/latency_timer", "1"), ("power/control", "on")];
+        let adapter = [("idVendor", "0403"), ("idProduct", "6001"), ("serial", "A1")];
+        plug(sys, "1-6", &[&adapter[..], &good].concat());
+        let mut report = Report::default();
+        check(sys, &mut report);
+        let said = report.to_string();
+        for part in [
+            "EPOS2 on USB 1-1                is there, but no driver",
+            "echo 0403 a8b0 > /sys/bus/usb-serial/drivers/ftdi_sio/new_id",
+            "EPOS2 on USB 1-2                /dev/ttyUSB0",
+            "16 ms: some 55 exchanges a second",
+            "echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer",
+            "echo on | sudo tee /sys/bus/usb/devices/1-2/power/control",
+            "EPOS2 on USB 1-2 name           no serial number",
+            "/dev/serial/by-path",
+            "modprobe usbserial vendor=0x24e7 product=0x3b01",
+            "EPOS4 on USB 1-4                /dev/ttyACM0",
+            "FTDI adapter on USB 1-6 latency timer  1 ms",
+        ] {
+            let squeezed = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+            assert!(squeezed(&said).contains(&squeezed(part)), "{part}: {said}");
+        }
+        assert!(!said.contains("1-5") && said.matches("WARN").count() == 5, "{said}");
+    }
+}
