@@ -1,6 +1,7 @@
 //! `i2ris command`: moves the robot and changes its state.
 
 mod fixture;
+mod motor;
 pub mod prepare;
 pub mod progress;
 pub mod stream;
@@ -29,6 +30,7 @@ use trajectory::{Trajectory, Waypoints};
   i2ris command pose 5 -3 --duration-s 2 --enable
   i2ris command pose                             hold the present pose
   i2ris command circle --radius-deg 5 --period-s 6 --duration-s 30 --enable
+  i2ris command motor 0 20                       the first motion of a motor
   i2ris command state condition --no-wait
   i2ris command file desired.csv
   i2ris command fixture circle 10 5 3            a circle of 3 deg around 10, 5 is forbidden
@@ -99,6 +101,8 @@ enum What {
         #[command(flatten)]
         stream: StreamOptions,
     },
+    /// Move one motor a few counts there and back, before there is a camera or a model
+    Motor(motor::Arguments),
     /// Regions that the snake may not enter
     Fixture(fixture::Arguments),
     /// Change the state (at the top: stop, home, enable, disable)
@@ -160,6 +164,11 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let (name, trajectory, duration_s, stream) = match arguments.what {
         What::State { command, options } => return state::run(&options, command.command()),
         What::Fixture(arguments) => return fixture::run(&arguments),
+        What::Motor(arguments) => {
+            let domain = arguments.domain()?;
+            return motor::run(&arguments, &domain)
+                .map_err(|failure| name_holder(failure, &domain));
+        }
         What::Pose { pitch_deg, yaw_deg, duration_s, stream } => {
             let pose = pitch_deg.zip(yaw_deg);
             let pose = pose.map(|(pitch, yaw)| Trajectory::Point([pitch, yaw]));

@@ -28,6 +28,16 @@ pub struct PrepareOptions {
     home: bool,
 }
 
+impl PrepareOptions {
+    /// What a person has allowed who typed yes.
+    pub const ALL: Self = Self { enable: true, home: true };
+
+    /// Either is given: a permission to move.
+    pub fn is_given(self) -> bool {
+        self.enable || self.home
+    }
+}
+
 pub fn connect(domain: &Domain) -> Result<Client, ClientError> {
     Client::connect(domain, CONNECT)
 }

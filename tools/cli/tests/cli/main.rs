@@ -13,6 +13,7 @@ mod guided;
 mod help;
 mod mistakes;
 mod model;
+mod motor;
 mod operator;
 mod played;
 mod python;
