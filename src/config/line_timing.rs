@@ -1,8 +1,8 @@
 //! What a serial line can carry, and the ages of feedback that follow from it.
 //!
-//! A port serves its axes in turns, one exchange with each. In every four turns there is one that
-//! reads the position, also in a stream of new commands (`drive/axis/schedule.rs`), so the newest
-//! position of an axis becomes as old as four turns and the exchange that reads the next one.
+//! A port serves the axis that needs it most (`drive/axis/schedule.rs`), within bounds in turns: as
+//! many exchanges as it has axes. A position at its bound is read before everything but a stop, so
+//! one is as old as its bound, an exchange, and one with each of the other axes that may come first.
 //!
 //! The motion should not stop because of that, nor because of a single lost reply, which costs the
 //! reply timeout. It should not stop later, either: so the limit is exactly this, from the slowest
@@ -12,13 +12,13 @@ use super::{Config, Finding, Framing, PortConfig};
 use crate::units::Nanos;
 
 /// Turns in which every axis is asked for its position.
-const TURNS: u64 = 4;
+pub const POSITION_BOUND_TURNS: u64 = 4;
 
-/// Rounds between two reads of the statusword. A round is a setpoint and a position.
-pub const STATUS_EVERY_ROUNDS: u32 = 4;
+/// Turns in which every axis is asked for its statusword.
+pub const STATUS_BOUND_TURNS: u64 = 12;
 
-/// Rounds between two reads of the error code, and of the current.
-pub const SLOW_EVERY_ROUNDS: u32 = 32;
+/// Turns in which every axis is asked for its current, and for its error code.
+pub const CURRENT_BOUND_TURNS: u64 = 72;
 
 /// Bits on the line for a request and its reply: 24 bytes; 33 with a handshake for every part.
 const BITS: [u64; 2] = [240, 330];
@@ -55,21 +55,45 @@ impl PortConfig {
     /// `exchange`: with the drive of the port; [`PortConfig::nominal_exchange`], or as measured.
     #[must_use]
     pub fn longest_gap(&self, exchange: Nanos) -> Nanos {
-        let last = if self.axes.len() > 1 { exchange + GATEWAY } else { exchange };
-        Nanos(self.turn(exchange).0.saturating_mul(TURNS).saturating_add(last.0))
+        Nanos(self.turn(exchange).0.saturating_mul(POSITION_BOUND_TURNS + 1))
     }
 
-    fn turn(&self, exchange: Nanos) -> Nanos {
+    /// An exchange with every axis: also the longest time from a stop to the last drive that is told,
+    /// beside the exchange that is under way.
+    #[must_use]
+    pub fn turn(&self, exchange: Nanos) -> Nanos {
         let behind = self.axes.len().saturating_sub(1) as u64;
         Nanos(exchange.0.saturating_add((exchange + GATEWAY).0.saturating_mul(behind)))
     }
 
-    /// The time between two readings of the current of an axis: in so many rounds, of setpoint and
-    /// position, some carry the statusword, one the error code and one the current.
+    /// Setpoints a second that each axis gets while all of them move, beside the reads that are due:
+    /// at three quarters of the bound of the statusword, and five sixths of that of the current.
+    #[must_use]
+    pub fn setpoints_per_s(&self, exchange: Nanos) -> f64 {
+        let [position, status, current] =
+            [POSITION_BOUND_TURNS, STATUS_BOUND_TURNS, CURRENT_BOUND_TURNS].map(|it| it as f64);
+        let reads = 1.0 / position + 4.0 / 3.0 / status + 2.0 * 6.0 / 5.0 / current;
+        (1.0 - reads) / self.turn(exchange).as_seconds()
+    }
+
+    /// What the line carries, in a sentence.
+    #[must_use]
+    pub fn describe_line(&self, exchange: Nanos) -> String {
+        format!(
+            "{} ms an exchange: {:.0} setpoints a second for each of {} axes if all move, more if \
+             one rests; a position at most {} ms old; a stop is told to the last drive within {} ms",
+            ms(exchange),
+            self.setpoints_per_s(exchange),
+            self.axes.len(),
+            ms(self.longest_gap(exchange)),
+            ms(exchange + GATEWAY + self.turn(exchange))
+        )
+    }
+
+    /// The longest time between two readings of the current of an axis: others at their bounds may
+    /// come first.
     fn current_period(&self, exchange: Nanos) -> Nanos {
-        let rounds = u64::from(SLOW_EVERY_ROUNDS);
-        let monitored = rounds / u64::from(STATUS_EVERY_ROUNDS) + 2;
-        Nanos(self.turn(exchange).0.saturating_mul(2 * rounds + monitored))
+        Nanos(self.turn(exchange).0.saturating_mul(CURRENT_BOUND_TURNS + 2))
     }
 
     /// The least age of feedback that stops the motion and bears the loss of a reply.
@@ -115,6 +139,8 @@ impl Config {
         let (stale, lost) = (self.feedback_stale(), self.feedback_lost());
         let (period, over_current) = (port.current_period(exchange), self.over_current_time());
         let slowest = if port.axes.len() > 1 { exchange + GATEWAY } else { exchange };
+        // Nobody waits longer for a setpoint than for a position.
+        let step = self.limits.velocity_counts_s * gap.as_seconds();
         let is_watched = self.limits.over_current_ma.is_some();
         let aged = format!(
             "with {} axes and {} ms an exchange a position becomes {} ms old, and the robot stops \
@@ -142,13 +168,37 @@ impl Config {
         ];
         let failed = findings.into_iter().filter(|(is_failed, ..)| *is_failed);
         let device = port.device.display();
+        let narrow = port.axes.iter().filter(|axis| f64::from(axis.following_error_counts) < step);
+        let narrow = narrow.map(|axis| Finding {
+            key: format!("following_error_counts of motor {}", axis.motor),
+            value: axis.following_error_counts.to_string(),
+            reason: format!(
+                "{device}: with {} ms an exchange a setpoint may be {step:.0} counts from the one \
+                 before, and its drive faults; at least that, or lower limits.velocity_counts_s",
+                ms(exchange)
+            ),
+        });
         let finding =
             |(_, key, value, reason, least): (bool, &str, Nanos, String, Option<Nanos>)| {
                 let least = least.map(|least| format!("; at least {}", ms(whole_ms(least))));
                 let reason = format!("{device}: {reason}{}", least.unwrap_or_default());
                 Finding { key: key.to_owned(), value: ms(value), reason }
             };
-        failed.map(finding).collect()
+        failed.map(finding).chain(narrow).collect()
+    }
+
+    /// With the automatic age of feedback for lines on which exchanges take so long, in the order of
+    /// the ports: at most twice what follows from the file alone.
+    #[must_use]
+    pub fn with_exchanges(&self, exchanges: &[Nanos]) -> Self {
+        let mut config = self.clone();
+        if config.limits.feedback_stale_ms == 0 {
+            let nominal = self.feedback_stale();
+            let measured = self.ports.iter().zip(exchanges).map(|(port, it)| port.stale(*it));
+            let stale = measured.max().unwrap_or(nominal).clamp(nominal, nominal + nominal);
+            config.limits.feedback_stale_ms = stale.0.div_ceil(1_000_000);
+        }
+        config
     }
 }
 

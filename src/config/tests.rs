@@ -196,7 +196,7 @@ fn limits_of_time_follow_from_the_slowest_line() {
     let axis = shared.ports[0].axes[0].clone();
     shared.ports[0].axes.extend([axis.clone(), axis]);
     let [stale, lost, over_current] = ages(&shared);
-    assert_eq!([stale, lost], [57, 171].map(Nanos::from_millis));
+    assert_eq!([stale, lost], [62, 186].map(Nanos::from_millis));
     assert!(over_current > Nanos::from_millis(600), "two readings: {over_current:?}");
     // A long wait for replies makes no stop late.
     shared.ports[0].reply_timeout_ms = 500;

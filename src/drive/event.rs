@@ -102,6 +102,8 @@ pub enum PortEventKind {
     },
     /// The axis does not answer any more.
     Lost(LinkError),
+    /// The lost axis is the one that the port belongs to: those behind it are out of reach, too.
+    GatewayLost,
     /// The axis answers, but is not usable.
     Unusable(AxisError),
     /// The position changed while it was not read: the axis counts as not homed.
@@ -246,6 +248,10 @@ impl fmt::Display for PortEventKind {
                 write!(f, "power stage does not go off in order ({state:?}), cutting its power")
             }
             Self::Lost(error) => write!(f, "lost: {error}"),
+            Self::GatewayLost => f.write_str(
+                "no drive behind it can be told to stop: each holds its last setpoint, with power, \
+                 and none follows a new one; the emergency stop, or their supply, stops them",
+            ),
             Self::Unusable(error) => write!(f, "not usable: {error}"),
             Self::PositionMismatch { before, after } => {
                 match before {

@@ -13,6 +13,7 @@ use triple_buffer::{Input, Output, triple_buffer};
 
 use super::abort_code::AbortCode;
 use super::axis::interface::{AxisFeedback, AxisRequest, Demand};
+use super::axis::schedule::LineUse;
 use super::axis::state_machine::{AxisStateMachine, EventSink};
 use super::axis::transfer::{ObjectAccess, Transfer};
 use super::bring_up::AxisIdentity;
@@ -81,18 +82,12 @@ impl OwedAnswer {
 pub struct PortRunner<T = SerialTransport, R: Send = AxisRequest> {
     link: DriveLink<T>,
     slots: Vec<AxisSlot<R>>,
-    pace: Pace,
+    gateway_lost: bool,
+    line: LineUse,
+    /// Median duration of an exchange, measured at bring-up.
+    exchange: Nanos,
     /// Stores the positions of the axes at the end.
     positions_file: Option<PathBuf>,
-}
-
-/// How long exchanges on the line take.
-#[derive(Debug)]
-struct Pace {
-    /// Median, measured at bring-up.
-    median: Nanos,
-    /// The last one took more than twice as long.
-    late: bool,
 }
 
 /// One axis with its data in the port thread.
@@ -108,8 +103,6 @@ struct AxisSlot<R: Send> {
     next_reconnect: Nanos,
     position_check: Option<PositionCheck>,
     watchdog: RequestWatchdog,
-    /// It answered before this turn.
-    answered: bool,
 }
 
 /// Comparison of the saved position of an axis with its present one.
@@ -149,9 +142,18 @@ impl<R: PortRequest> AxisSlot<R> {
             next_reconnect: Nanos::ZERO,
             position_check,
             watchdog: RequestWatchdog::default(),
-            answered: true,
         };
         (slot, link)
+    }
+
+    /// What is to be done now; `stopping`: to switch off, whatever the control loop demands.
+    fn present_request(
+        &mut self,
+        now: Nanos,
+        stopping: bool,
+        events: EventSink<'_>,
+    ) -> AxisRequest {
+        if stopping { self.axis.disable_request() } else { self.newest_request(now, events) }
     }
 
     /// The newest request; a quick stop if the watchdog expired while the axis is enabled.
@@ -233,8 +235,10 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         }
         let runner = Self {
             link,
-            pace: Pace { median: exchange, late: false },
+            line: LineUse::new(slots.len()),
+            exchange,
             slots,
+            gateway_lost: false,
             positions_file: port.positions_file.clone(),
         };
         (runner, links)
@@ -256,14 +260,14 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
             slot.report_ready(events);
         }
         if let Some(slot) = self.slots.first()
-            && self.pace.median > SLOW_EXCHANGE
+            && self.exchange > SLOW_EXCHANGE
         {
-            let median = self.pace.median;
+            let median = self.exchange;
             slot.axis.report(PortEventKind::SlowLine { median }, events);
         }
     }
 
-    /// One exchange with every axis.
+    /// As many exchanges as there are axes, each with the one that needs it most.
     pub fn turn(&mut self, events: EventSink<'_>) {
         let begin = self.link.now();
         self.link.maintain();
@@ -294,19 +298,45 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         }
     }
 
-    /// One exchange with every axis, at first with those that answer. One that did not answer may
-    /// cost the others a time-out of the gateway. So it is not asked while one of them is to be
+    /// An attempt to bring lost axes up again, and a turn of exchanges. An axis that does not answer
+    /// may cost the others a time-out of the gateway: it is not asked while one of them is to be
     /// stopped.
     fn serve_all(&mut self, stopping: bool, events: EventSink<'_>) {
-        for slot in &mut self.slots {
-            slot.answered = slot.axis.answers();
+        for index in 0..self.slots.len() {
+            let is_lost = self.slots.get(index).is_some_and(|slot| slot.axis.is_lost());
+            if is_lost && !self.is_stop_due(stopping, events) {
+                self.serve_lost(index, stopping, events);
+            }
         }
-        for answered in [true, false] {
-            for index in 0..self.slots.len() {
-                let is_next = self.slots.get(index).is_some_and(|slot| slot.answered == answered);
-                if is_next && (answered || !self.is_stop_due(stopping, events)) {
-                    self.serve(index, stopping, events);
-                }
+        for _ in 0..self.slots.len() {
+            self.serve_next(stopping, events);
+        }
+    }
+
+    /// One exchange with the axis that needs it most.
+    fn serve_next(&mut self, stopping: bool, events: EventSink<'_>) {
+        let is_stop_due = self.is_stop_due(stopping, events);
+        let (now, line) = (self.link.now(), &mut self.line);
+        let (mut next, mut moving) = (None, 0);
+        for slot in self.slots.iter_mut().filter(|slot| !slot.axis.is_lost()) {
+            let request = slot.present_request(now, stopping, events);
+            slot.axis.take_request(&request, now, events);
+            moving += u64::from(slot.axis.is_moving(&request, line));
+            if !slot.axis.answers() && (is_stop_due || !slot.axis.has_waited(line)) {
+                continue;
+            }
+            let urgency = slot.axis.urgency(&request, line);
+            if next.as_ref().is_none_or(|(most, _)| urgency > *most) {
+                next = Some((urgency, slot));
+            }
+        }
+        line.moving = moving.max(1);
+        let Some((_, slot)) = next else { return };
+        exchange(&mut self.link, slot, line, stopping, events);
+        if let [gateway, _, ..] = &self.slots[..] {
+            let was_lost = std::mem::replace(&mut self.gateway_lost, gateway.axis.is_lost());
+            if self.gateway_lost && !was_lost {
+                gateway.axis.report(PortEventKind::GatewayLost, events);
             }
         }
     }
@@ -323,19 +353,16 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         })
     }
 
-    /// One exchange with one axis; `stopping` switches it off whatever the control loop demands.
-    fn serve(&mut self, index: usize, stopping: bool, events: EventSink<'_>) {
+    /// Tries to bring a lost axis up again, unless it is `stopping`.
+    fn serve_lost(&mut self, index: usize, stopping: bool, events: EventSink<'_>) {
         let Some((before, [slot, after @ ..])) = self.slots.split_at_mut_checked(index) else {
             return;
         };
-        let (link, pace) = (&mut self.link, &mut self.pace);
-        if !slot.axis.is_lost() {
-            return exchange(link, slot, pace, stopping, events);
-        }
+        let (link, line) = (&mut self.link, &mut self.line);
         let request = slot.take_request();
         slot.axis.acknowledge_counters(&request, events);
         if !stopping {
-            let others = OtherSlots { before, after, pace };
+            let others = OtherSlots { before, after, line };
             try_reconnect(link, slot, others, events);
         }
         slot.pass_feedback(link.counters());
@@ -346,7 +373,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
 fn exchange(
     link: &mut DriveLink<impl Transport>,
     slot: &mut AxisSlot<impl PortRequest>,
-    pace: &mut Pace,
+    line: &mut LineUse,
     stopping: bool,
     events: EventSink<'_>,
 ) {
@@ -354,13 +381,9 @@ fn exchange(
         slot.axis.set_lost(error, events);
     } else {
         // Read as late as possible before the setpoint is encoded.
-        let request = if stopping {
-            slot.axis.disable_request()
-        } else {
-            slot.newest_request(link.now(), events)
-        };
         let begin = link.now();
-        let transfer = slot.axis.next_transfer(&request, begin, pace.late, events);
+        let request = slot.present_request(begin, stopping, events);
+        let transfer = slot.axis.next_transfer(&request, begin, line, events);
         slot.owed.0.store(true, Ordering::Relaxed);
         let timeouts = link.counters().timeouts;
         let map = slot.axis.object_map();
@@ -377,9 +400,7 @@ fn exchange(
         if outcome.is_ok() || matches!(&outcome, Err(LinkError::Refused(code)) if refused(code)) {
             slot.owed.0.store(false, Ordering::Relaxed);
         }
-        let end = link.now();
-        pace.late = end - begin > pace.median + pace.median;
-        slot.axis.handle_outcome(transfer, outcome, end, events);
+        slot.axis.handle_outcome(transfer, outcome, link.now(), events);
     }
     slot.pass_feedback(link.counters());
 }

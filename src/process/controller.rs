@@ -16,7 +16,7 @@ use std::sync::{Arc, mpsc};
 use rtrb::Consumer;
 
 use crate::clock;
-use crate::config::{Config, ControlConfig, Finding};
+use crate::config::{Config, ControlConfig};
 use crate::core::cycle::ControlCycle;
 use crate::core::{CommandCheck, CycleEvent, Gated};
 use crate::drive::error::DriveError;
@@ -107,13 +107,14 @@ pub fn run(
     let status = WatchdogStatus::read(&domain, &config.devices(), clock::now());
     watchdog.set_runs(status != WatchdogStatus::Absent);
     let drives = bring_up_ports(config, &watchdog)?;
-    let (identities, findings) = (drives.identities.clone(), drives.findings.clone());
+    let (identities, exchanges) = (drives.identities.clone(), drives.exchanges.clone());
+    let config = &config.with_exchanges(&exchanges);
     let threads = start_threads(config, lock, model.as_ref(), drives, watchdog, shutdown)?;
     service_manager::notify(service_manager::READY);
     let (name, process) = (domain.name(), std::process::id());
     write_line(log, format_args!("serves domain `{name}`, process {process}"));
     write_granted(log, &threads.granted);
-    write_limits(log, config, model.is_some(), &findings);
+    write_limits(log, config, model.is_some(), &exchanges);
     write_ipc_granted(log, &config.control, &threads.ipc_granted);
     if let Some(delay_s) = config.command.tremor_filter_delay_s() {
         let delay_ms = delay_s * 1e3;
@@ -363,7 +364,7 @@ fn write_granted(log: &mut dyn Write, granted: &Granted) {
 
 /// Says which limits do not hold: watches that the configuration has switched off, angles that
 /// nobody knows, and what the lines, as measured, cannot keep.
-fn write_limits(log: &mut dyn Write, config: &Config, has_model: bool, findings: &[Finding]) {
+fn write_limits(log: &mut dyn Write, config: &Config, has_model: bool, exchanges: &[Nanos]) {
     for watch in config.watches_off() {
         write_line(log, format_args!("off by configuration: {watch}"));
     }
@@ -379,8 +380,12 @@ fn write_limits(log: &mut dyn Write, config: &Config, has_model: bool, findings:
             "feedback: the motion stops at an age of {stale:.0} ms, and is a fault at {lost:.0} ms"
         ),
     );
-    for finding in findings {
-        write_line(log, format_args!("warning: {finding}"));
+    for (port, exchange) in config.ports.iter().zip(exchanges) {
+        let (device, line) = (port.device.display(), port.describe_line(*exchange));
+        write_line(log, format_args!("{device}: {line}"));
+        for finding in config.line_findings(port, *exchange) {
+            write_line(log, format_args!("warning: {finding}"));
+        }
     }
 }
 

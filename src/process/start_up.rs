@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::COMMIT;
 use crate::clock;
-use crate::config::{Config, Finding};
+use crate::config::Config;
 use crate::core::Gated;
 use crate::drive::AxisIdentity;
 use crate::drive::error::DriveError;
@@ -57,8 +57,8 @@ pub struct Drives {
     pub runners: Vec<PortRunner<SerialTransport, Gated>>,
     pub links: Vec<AxisLink<Gated>>,
     pub identities: Vec<AxisIdentity>,
-    /// What the lines, as measured, do not keep.
-    pub findings: Vec<Finding>,
+    /// How long an exchange takes on each port.
+    pub exchanges: Vec<Nanos>,
 }
 
 /// Opens all ports, then configures them, so that a missing port is detected before any drive is
@@ -70,11 +70,11 @@ pub fn bring_up_ports(config: &Config, watchdog: &WatchdogEntry) -> Result<Drive
         runners: Vec::new(),
         links: Vec::new(),
         identities: Vec::new(),
-        findings: Vec::new(),
+        exchanges: Vec::new(),
     };
-    for (port, port_config) in opened.into_iter().zip(&config.ports) {
+    for port in opened {
         let port = port.bring_up()?;
-        drives.findings.extend(config.line_findings(port_config, port.exchange()));
+        drives.exchanges.push(port.exchange());
         drives.identities.extend_from_slice(port.axes());
         let (runner, links) = port.split();
         drives.runners.push(runner);

@@ -4,7 +4,7 @@
 use super::enabling::{EnablingStep, PowerSequence};
 use super::homing::HomingStep;
 use super::interface::{AxisRequest, Demand};
-use super::schedule::TransferSlot;
+use super::schedule::{CommandNeed, LineUse, TransferSlot, Urgency};
 use super::state_machine::{
     AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_EXCHANGES,
 };
@@ -27,54 +27,100 @@ const HOMING_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 const STOP_SEARCH_TIMEOUT: Nanos = Nanos::from_millis(60_000);
 
 impl AxisStateMachine {
-    /// The next transfer towards the demand. On a late line, monitoring is left out.
-    pub(in crate::drive) fn next_transfer(
+    /// Takes a request in: before every exchange of the port, with whatever axis.
+    pub(in crate::drive) fn take_request(
         &mut self,
         request: &AxisRequest,
         now: Nanos,
-        late: bool,
         events: EventSink<'_>,
-    ) -> Transfer {
+    ) {
         self.check_deadline(now, events);
         if request.demand != Demand::Enabled {
             self.interlock = EnableInterlock::Released;
         }
         self.start_transition(request, now, events);
         self.acknowledge_counters(request, events);
-        if self.state == AxisState::Enabled {
-            return self.next_following(request, late, events);
+        if self.state == AxisState::Enabled && !self.limits.contains(&request.target.0) {
+            self.report_target(request.target, events);
         }
-        let (slot, monitored) = self.schedule.next_idle();
-        if slot == TransferSlot::Position && !self.state.has_to_stop() {
-            return Transfer::Position;
-        }
-        let transfer = self.state.transfer(self.object_map(), &self.plan);
-        transfer.unwrap_or(monitored.into())
     }
 
-    fn next_following(
+    /// How much it needs the next exchange.
+    pub(in crate::drive) fn urgency(&self, request: &AxisRequest, line: &LineUse) -> Urgency {
+        self.most_urgent(request, line).0
+    }
+
+    /// The next transfer towards the demand.
+    pub(in crate::drive) fn next_transfer(
         &mut self,
         request: &AxisRequest,
-        late: bool,
+        now: Nanos,
+        line: &mut LineUse,
         events: EventSink<'_>,
     ) -> Transfer {
-        if let Some(transfer) = self.trigger.transfer() {
-            return transfer;
+        self.take_request(request, now, events);
+        if let AxisState::QuickStopping(_, left) = &mut self.state {
+            *left = left.saturating_sub(1);
         }
-        let command = request.command_sequence;
-        match self.schedule.next_following(late, command) {
-            TransferSlot::Command if self.limits.contains(&request.target.0) => {
-                Transfer::Setpoint(*request)
-            }
-            // Not clamped: that would move the motor to a position that was never requested.
-            TransferSlot::Command => {
-                self.report_target(request.target, events);
-                self.schedule.next_following(late, command);
-                Transfer::Position
-            }
-            TransferSlot::Position => Transfer::Position,
-            TransferSlot::Monitor(value) => value.into(),
+        let need = self.most_urgent(request, line);
+        let transfer = match need.1 {
+            TransferSlot::Command => self.command(request),
+            TransferSlot::Read(value) => value.into(),
+        };
+        if matches!(transfer, Transfer::Setpoint(_)) {
+            self.is_written = false;
+            self.schedule.command_sequence = request.command_sequence;
         }
+        self.schedule.count(need, transfer, line);
+        transfer
+    }
+
+    fn most_urgent(&self, request: &AxisRequest, line: &LineUse) -> (Urgency, TransferSlot) {
+        if self.state.has_to_stop() {
+            return (self.schedule.stop_urgency(line), TransferSlot::Command);
+        }
+        self.schedule.most_urgent(self.command_need(request), self.is_moving(request, line), line)
+    }
+
+    /// What the next setpoint or step is worth; `None` if there is none.
+    fn command_need(&self, request: &AxisRequest) -> Option<CommandNeed> {
+        let transfer = self.state.transfer(self.object_map(), &self.plan);
+        if self.state != AxisState::Enabled || self.trigger.transfer().is_some() {
+            return transfer.or(self.trigger.transfer()).map(|_| CommandNeed::STEP);
+        }
+        // Not clamped: that would move the motor to a position that was never requested.
+        if !self.limits.contains(&request.target.0) {
+            return None;
+        }
+        let is_new = request.command_sequence != self.schedule.command_sequence;
+        let change = match self.feedback.written {
+            Some(written) => written.target.0.abs_diff(request.target.0),
+            None => u32::MAX,
+        };
+        (change > 0 || !self.is_written).then_some(CommandNeed { change, is_new })
+    }
+
+    fn command(&self, request: &AxisRequest) -> Transfer {
+        let step = self.state.transfer(self.object_map(), &self.plan);
+        step.or(self.trigger.transfer()).unwrap_or(Transfer::Setpoint(*request))
+    }
+
+    /// It is on its way, in a transition, or not at rest yet.
+    pub(in crate::drive) fn is_moving(&self, request: &AxisRequest, line: &LineUse) -> bool {
+        match self.state {
+            AxisState::Enabled => {
+                !self.at_standstill
+                    || self.schedule.has_commanded(line)
+                    || self.command_need(request).is_some()
+            }
+            AxisState::QuickStopped(_) => !self.at_standstill,
+            state => state.transfer(self.object_map(), &self.plan).is_some(),
+        }
+    }
+
+    /// Every other axis of the port could be served since its last exchange.
+    pub(in crate::drive) fn has_waited(&self, line: &LineUse) -> bool {
+        self.schedule.has_waited(line)
     }
 
     fn report_target(&mut self, target: Counts, events: EventSink<'_>) {
@@ -165,9 +211,6 @@ impl AxisStateMachine {
 
     fn check_deadline(&mut self, now: Nanos, events: EventSink<'_>) {
         let error = TransitionError::Timeout { statusword: self.feedback.statusword };
-        if let AxisState::QuickStopping(_, left) = &mut self.state {
-            *left = left.saturating_sub(1);
-        }
         match self.state {
             AxisState::Enabling(_, deadline) if now > deadline => {
                 self.report(PortEventKind::EnableFailed(error), events);

@@ -52,9 +52,13 @@ impl AxisStateMachine {
                 self.handle_outcome(transfer, Ok(none), now, events);
             }
             Err(LinkError::Refused(AbortCode::NO_NODE)) => {
+                self.schedule.repeat(transfer);
                 self.handle_unanswered(Heard::default(), now, events);
             }
-            Err(LinkError::Unanswered(heard)) => self.handle_unanswered(heard, now, events),
+            Err(LinkError::Unanswered(heard)) => {
+                self.schedule.repeat(transfer);
+                self.handle_unanswered(heard, now, events);
+            }
             Err(LinkError::Refused(code)) => {
                 self.unanswered = 0;
                 self.handle_refusal(transfer, code, now, events);
@@ -127,6 +131,7 @@ impl AxisStateMachine {
     }
 
     fn set_written(&mut self, request: &AxisRequest, stamp: Nanos) {
+        self.is_written = true;
         self.feedback.written = Some(WrittenTarget {
             target: request.target,
             stamp,
@@ -308,7 +313,7 @@ impl AxisStateMachine {
             }
             _ => self.report_refusal(object, code, events),
         }
-        self.schedule.request_status();
+        self.schedule.repeat(Transfer::Status);
     }
 
     fn handle_unanswered(&mut self, heard: Heard, now: Nanos, events: EventSink<'_>) {

@@ -138,6 +138,8 @@ pub(in crate::drive) struct AxisStateMachine {
     pub(super) interlock: EnableInterlock,
     pub(super) schedule: Schedule,
     pub(super) trigger: TriggerState,
+    /// The last setpoint that was sent is known to have arrived.
+    pub(super) is_written: bool,
     pub(super) feedback: AxisFeedback,
     /// The position changed while it was not read: the homed bit of the drive is not trusted until
     /// the axis is homed.
@@ -181,6 +183,7 @@ impl AxisStateMachine {
             interlock: EnableInterlock::Engaged,
             schedule: Schedule::default(),
             trigger: TriggerState::default(),
+            is_written: false,
             position_mismatch: false,
             settings_changed: false,
             feedback: AxisFeedback::default(),
@@ -310,7 +313,9 @@ impl AxisStateMachine {
         events: EventSink<'_>,
     ) {
         let before = self.feedback.position;
-        let Some(asked) = self.position_asked.replace(reply.sent) else {
+        // While the zero moves, nothing is known of the way.
+        let is_moved = matches!(self.state, AxisState::Homing(..));
+        let Some(asked) = self.position_asked.replace(reply.sent).filter(|_| !is_moved) else {
             return;
         };
         let most =
@@ -367,7 +372,6 @@ impl AxisStateMachine {
         }
         self.at_standstill = false;
         self.state = state;
-        self.schedule = Schedule::default();
         self.trigger = TriggerState::default();
         self.reported.refusal = None;
         let (to, statusword) = (state.phase(), self.feedback.statusword);

@@ -1,7 +1,8 @@
 //! Bringing up a lost axis again, while the other axes of its line are served.
 
-use super::{AxisSlot, Pace, PortRequest, exchange};
+use super::{AxisSlot, PortRequest, exchange};
 use crate::drive::axis::interface::Demand;
+use crate::drive::axis::schedule::LineUse;
 use crate::drive::axis::state_machine::EventSink;
 use crate::drive::bring_up::{self, DriveNode};
 use crate::drive::error::{AxisError, LinkError};
@@ -21,7 +22,7 @@ const RECONNECT_PAUSE: u64 = 5;
 pub(super) struct OtherSlots<'a, R: Send> {
     pub before: &'a mut [AxisSlot<R>],
     pub after: &'a mut [AxisSlot<R>],
-    pub pace: &'a mut Pace,
+    pub line: &'a mut LineUse,
 }
 
 impl<R: PortRequest> OtherSlots<'_, R> {
@@ -35,7 +36,7 @@ impl<R: PortRequest> OtherSlots<'_, R> {
     fn serve(&mut self, link: &mut DriveLink<impl Transport>, events: EventSink<'_>) {
         let slots = self.before.iter_mut().chain(&mut *self.after);
         for slot in slots.filter(|slot| !slot.axis.is_lost()) {
-            exchange(link, slot, self.pace, false, events);
+            exchange(link, slot, self.line, false, events);
         }
     }
 }

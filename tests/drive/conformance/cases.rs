@@ -60,14 +60,14 @@ pub fn followed(bench: &TestBench) {
     axis.enable();
     let before = bench.setpoints().len();
     axis.move_to(600);
-    let sequence = axis.request.sequence;
     axis.until("writes the last target", |feedback| {
-        feedback.written.is_some_and(|written| written.sequence >= sequence)
+        feedback.written.is_some_and(|written| written.target == Counts(600))
     });
+    let written_last = axis.feedback().written;
     axis.until("arrives", |feedback| (feedback.position.0 - 600).abs() <= 2);
     let written = &bench.setpoints()[before..];
     assert!(written.is_sorted(), "never back to an older one");
-    assert_eq!(axis.feedback().written.unwrap().target, Counts(600));
+    assert_eq!(axis.feedback().written, written_last, "not written again");
     assert!((bench.drive().motor_counts - 600.0).abs() <= 2.0);
     bench.assert_no_host_bugs();
 }

@@ -69,6 +69,7 @@ fn own_domain() -> Result<Domain, BenchError> {
   i2ris bench hand
   i2ris bench all --output latencies
   i2ris bench wire --baud 115200,1000000 --axes 1,2,4
+  i2ris bench lines --line lab,rs232
 
 `--output` makes a folder: figures as SVG, numbers as JSON.
 
@@ -112,6 +113,11 @@ enum Task {
     Hand(HandArguments),
     /// What the adaptation is worth on emulated snakes that wear, in simulated time
     Models(models::Arguments),
+    /// Serial lines beside each other, in simulated time: what they carry, and what of it the tip
+    /// shows
+    Lines(models::lines::Arguments),
+    /// Steps at the motor in the modes of operation of a drive, in simulated time
+    Modes(models::modes::Arguments),
     /// Loop, inverse, wire and e2e with their defaults, one after the other; takes two minutes
     All(Measurement),
 }
@@ -215,6 +221,12 @@ fn run(arguments: &Arguments) -> Result<(), BenchError> {
         Task::Models(arguments) => {
             return models::run(arguments).map_err(|error| error.to_string().into());
         }
+        Task::Lines(arguments) => {
+            return models::lines::run(arguments).map_err(|error| error.to_string().into());
+        }
+        Task::Modes(arguments) => {
+            return models::modes::run(arguments).map_err(|error| error.to_string().into());
+        }
         Task::Loop(arguments) => (&arguments.measurement, false),
         Task::Inverse(arguments) => (&arguments.measurement, false),
         Task::Wire(arguments) => (&arguments.measurement, false),
@@ -286,6 +298,8 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
             let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
             e2e::hand::run(&benchmark, run)
         }
-        Task::Models(_) | Task::All(_) => Err("this is no single measurement".into()),
+        Task::Models(_) | Task::Lines(_) | Task::Modes(_) | Task::All(_) => {
+            Err("this is no single measurement".into())
+        }
     }
 }

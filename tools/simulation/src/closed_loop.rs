@@ -1,8 +1,9 @@
 //! The control cycle of the controller in front of simulated motors, in simulated time.
 //!
-//! Inverse, memory, filters, limits and rounding are those of the controller, as configured. Lines
-//! and clocks are not simulated: every tick carries positions and setpoints. What turns behind the
-//! drives is up to the caller: [`IdealMotors`], [`PlacedMotors`], or a [`Robot`] with a snake.
+//! Inverse, memory, filters, limits and rounding are those of the controller, as configured. What
+//! turns behind the drives is up to the caller: [`IdealMotors`], [`PlacedMotors`], or a [`Robot`]
+//! with a snake, to which every tick carries setpoints and positions; or whole
+//! [`lines`](crate::lines) with emulated drives, and the port threads of the controller.
 
 use std::sync::Arc;
 
@@ -15,7 +16,7 @@ use i2ris::core::{
 use i2ris::drive::{AxisFeedback, AxisPhase, Demand, WrittenTarget};
 use i2ris::model::{Model, Query};
 use i2ris::robot::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
+use i2ris::units::{Counts, MAX_AXES, MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
 use crate::camera::{Camera, CameraConfig};
 use crate::robot::Robot;
@@ -41,6 +42,20 @@ pub trait Motors {
     fn angles_deg(&self) -> Option<[f64; 2]> {
         None
     }
+
+    /// The instant of the first tick.
+    fn begin(&self) -> Nanos {
+        Nanos::from_millis(1000)
+    }
+
+    /// What real drives tell at the start of a tick, in the order of the axes. `None`: they are at
+    /// [`Self::read`] and do what they are told at once.
+    fn feedback(&mut self, _now: Nanos) -> Option<[AxisFeedback; MAX_AXES]> {
+        None
+    }
+
+    /// Takes the requests of a tick to real drives.
+    fn request(&mut self, _outputs: &CycleOutputs) {}
 }
 
 /// At their targets as soon as these are written. With the drives off they stay, counts.
@@ -89,6 +104,8 @@ pub struct Inputs {
     pub request: Option<StateRequest>,
     /// In the place of the frame of the camera.
     pub external: Option<ExternalPose>,
+    /// Periods that had passed when the tick began; [`u32::MAX`] is a fault, which stops all drives.
+    pub missed: u32,
 }
 
 /// Why the robot does not do what it was told.
@@ -120,7 +137,7 @@ impl<M: Motors> ClosedLoop<M> {
     /// DISABLED and homed.
     pub fn new(config: &Config, model: &Arc<Model>, motors: M) -> Self {
         let mut cycle = ControlCycle::new(config, Some(Arc::clone(model)));
-        let now = Nanos::from_millis(1000);
+        let now = motors.begin();
         let outputs = cycle.step(now, &CycleInputs::default());
         let homed =
             AxisFeedback { phase: AxisPhase::Disabled, homed: true, ..AxisFeedback::default() };
@@ -168,17 +185,31 @@ impl<M: Motors> ClosedLoop<M> {
         let requests = self.outputs.requests;
         let target =
             |request: &Gated| (request.demand == Demand::Enabled).then_some(request.target);
+        let drives = self.motors.feedback(self.now);
         let encoders = self.motors.read(requests.each_ref().map(target));
         let frame = self.frame();
         let written = if M::ARE_IDEAL { self.now } else { before };
-        for (motor, encoder) in encoders.into_iter().enumerate().take(self.size) {
-            self.update_drive(motor, encoder, written);
+        let mut auxiliary = AxisFeedback::default();
+        if let Some([first, second, third]) = drives {
+            (self.feedback, auxiliary) = ([first, second], third);
+        } else {
+            for (motor, encoder) in encoders.into_iter().enumerate().take(self.size) {
+                self.update_drive(motor, encoder, written);
+            }
         }
-        let Inputs { servo, request, external } = inputs;
-        let external = external.or(frame);
-        let feedback = self.feedback;
-        let inputs = CycleInputs { servo, request, external, feedback, ..CycleInputs::default() };
+        let Inputs { servo, request, external, missed } = inputs;
+        let (external, feedback) = (external.or(frame), self.feedback);
+        let inputs = CycleInputs {
+            servo,
+            request,
+            external,
+            missed,
+            feedback,
+            auxiliary,
+            ..CycleInputs::default()
+        };
         self.outputs = self.cycle.step(self.now, &inputs);
+        self.motors.request(&self.outputs);
         drop(self.cycle.take_retired());
         let mut setpoints = encoders;
         for (setpoint, request) in setpoints.iter_mut().zip(&self.outputs.requests) {
@@ -221,7 +252,8 @@ impl<M: Motors> ClosedLoop<M> {
             self.tick(Inputs::default());
         }
         let report = self.report();
-        let is_done = report.state == OperatingState::Enabled || command == StateCommand::Disable;
+        let is_off = matches!(command, StateCommand::Disable | StateCommand::Home);
+        let is_done = report.state == OperatingState::Enabled || is_off;
         if is_done && !report.busy {
             return Ok(());
         }

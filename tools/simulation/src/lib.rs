@@ -12,6 +12,7 @@
 //! host == pseudo-terminal == port (line timing) == drive --wire--+
 //!
 //! ControlCycle == setpoints, encoders (closed_loop) == motors ------ snake -- camera
+//! ControlCycle == port threads == line timing (lines) == drives ---- snake -- camera
 //! ```
 //!
 //! | module | content |
@@ -22,6 +23,7 @@
 //! | [`drive`] | an EPOS4 or EPOS2: frames, objects, states, modes, motor; pure |
 //! | [`robot`] | motors and snake in simulated time, without lines and threads; pure |
 //! | [`closed_loop`] | the control cycle in front of simulated motors; pure |
+//! | [`lines`] | port threads, lines and drives in simulated time, to be put behind `closed_loop` |
 //! | [`motion`] | motions that calibrate, and motions that no calibration has seen; pure |
 //! | [`emulator`] | the drives on pseudo-terminals, with threads; scenarios and injected faults |
 //!
@@ -33,6 +35,7 @@ pub mod camera;
 pub mod closed_loop;
 pub mod drive;
 pub mod emulator;
+pub mod lines;
 pub mod motion;
 pub mod physics;
 pub mod robot;

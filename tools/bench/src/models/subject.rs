@@ -72,7 +72,7 @@ impl Judgement {
 }
 
 /// A recording, as `calibrate fit` reads it.
-fn record(
+pub(super) fn record(
     snake: DrawnSnake,
     is_aged: bool,
     first_seed: u64,

@@ -4,7 +4,7 @@ use i2ris::config::Config;
 use i2ris::core::ServoGoal;
 use i2ris::core::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
 use i2ris::units::{MotorVec, Nanos};
-use i2ris_simulation::closed_loop::ClosedLoop;
+use i2ris_simulation::closed_loop::{ClosedLoop, Motors};
 use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ};
 use i2ris_simulation::robot::{Robot, TICK_S};
 
@@ -23,24 +23,26 @@ pub trait Pilot {
     /// One tick. The error says why the robot does not follow.
     fn follow(&mut self, goal: [f64; 2]) -> Result<(), String>;
 
-    fn robot(&self) -> &Robot;
+    /// True pitch and yaw, deg.
+    fn tip(&self) -> [f64; 2];
 
     /// Error of the tip, deg.
     fn error(&self, goal: [f64; 2]) -> [f64; 2] {
-        let [pitch, yaw] = self.robot().angles_deg();
+        let [pitch, yaw] = self.tip();
         [pitch - goal[0], yaw - goal[1]]
     }
 }
 
-impl Pilot for ClosedLoop<Robot> {
+impl<M: Motors> Pilot for ClosedLoop<M> {
     fn follow(&mut self, goal: [f64; 2]) -> Result<(), String> {
         let [pitch, yaw] = goal.map(f64::to_radians);
         let report = self.follow(ServoGoal::Joint([pitch, yaw, 0.0], 2));
         report.map(|_| ()).map_err(|error| error.to_string())
     }
 
-    fn robot(&self) -> &Robot {
-        &self.motors
+    /// Motors that turn no snake have none.
+    fn tip(&self) -> [f64; 2] {
+        self.motors.angles_deg().unwrap_or([f64::NAN; 2])
     }
 }
 
@@ -62,7 +64,7 @@ pub fn follow(
 }
 
 /// Goes from a goal to another and rests there.
-fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), String> {
+pub(super) fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), String> {
     let far = (to[0] - from[0]).hypot(to[1] - from[1]);
     let ticks = (far / (APPROACH_DEG_S * TICK_S)).ceil().max(1.0);
     let rest = (REST_S / TICK_S) as u32;
@@ -74,16 +76,28 @@ fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), 
 }
 
 fn measure(pilot: &mut impl Pilot, path: &[[f64; 2]]) -> Result<f64, String> {
-    let length_s = path.len().saturating_sub(1) as f64 / RATE_HZ;
-    let ticks = (length_s / TICK_S) as usize;
-    let mut squares = 0.0;
-    for tick in 0..ticks {
-        let goal = at(path, tick as f64 * TICK_S);
-        pilot.follow(goal)?;
+    let (mut squares, mut ticks) = (0.0, 0.0_f64);
+    along(pilot, path, |pilot, goal| {
         let [pitch, yaw] = pilot.error(goal);
         squares += pitch.powi(2) + yaw.powi(2);
+        ticks += 1.0;
+    })?;
+    Ok((squares / ticks).sqrt())
+}
+
+/// Follows a path, and looks after every tick.
+pub(super) fn along<P: Pilot>(
+    pilot: &mut P,
+    path: &[[f64; 2]],
+    mut look: impl FnMut(&P, [f64; 2]),
+) -> Result<(), String> {
+    let length_s = path.len().saturating_sub(1) as f64 / RATE_HZ;
+    for tick in 0..(length_s / TICK_S) as usize {
+        let goal = at(path, tick as f64 * TICK_S);
+        pilot.follow(goal)?;
+        look(pilot, goal);
     }
-    Ok((squares / ticks as f64).sqrt())
+    Ok(())
 }
 
 /// The goal at a time on a path.
@@ -164,7 +178,7 @@ impl Pilot for ExactPilot {
         Ok(())
     }
 
-    fn robot(&self) -> &Robot {
-        &self.robot
+    fn tip(&self) -> [f64; 2] {
+        self.robot.angles_deg()
     }
 }

@@ -89,6 +89,10 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
             "the motion stops with a position older than {stale_ms:.0} ms, FAULT after \
              {lost_ms:.0} ms"
         );
+        for port in &config.ports {
+            let line = port.describe_line(port.nominal_exchange());
+            println!("{}: {line}", port.device.display());
+        }
         if let Some(delay_s) = config.command.tremor_filter_delay_s() {
             println!(
                 "the tremor filter of {} Hz delays the goal by {:.0} ms",

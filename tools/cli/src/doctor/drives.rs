@@ -30,8 +30,7 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
     }
     match inspect(port) {
         Ok(seen) => {
-            let ms = seen.exchange.as_seconds() * 1e3;
-            let found = format!("answers, {ms:.1} ms an exchange");
+            let found = format!("answers; {}", port.describe_line(seen.exchange));
             if seen.exchange > SLOW {
                 report.warn(
                     name,

@@ -121,7 +121,7 @@ fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
     assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
     let json: serde_json::Value = serde_json::from_str(&said.output).unwrap();
     assert_eq!((&json["axes"], &json["motors"]), (&3.into(), &2.into()));
-    assert_says(&json["not_ready"].to_string(), &["limits.feedback_stale_ms = 20", "at least 45"]);
+    assert_says(&json["not_ready"].to_string(), &["limits.feedback_stale_ms = 20", "at least 47"]);
 }
 
 #[test]

@@ -47,5 +47,6 @@ pub use device_file::{DeviceFile, DeviceFileError};
 pub use family::{Family, Mode};
 pub use fault::{Fault, Reaction};
 pub use motor::{DriveConfig, Limits, Motor, MotorConfig};
+pub use profile::{Demand, ProfileLimits};
 pub use service::{Gateway, Reply};
 pub use state::State;

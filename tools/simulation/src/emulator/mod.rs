@@ -14,13 +14,13 @@ pub mod config;
 mod control_socket;
 pub mod injection;
 pub mod log;
-mod plant;
+pub(crate) mod plant;
 pub mod port;
 pub mod scenario;
 mod scenario_player;
 mod shared;
 pub mod snake_source;
-mod wire;
+pub(crate) mod wire;
 
 use std::io;
 use std::path::{Path, PathBuf};

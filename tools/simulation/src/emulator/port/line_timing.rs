@@ -52,7 +52,7 @@ impl Default for LineConfig {
 
 /// Timing of both directions of a line.
 #[derive(Debug, Clone)]
-pub(super) struct LineTiming {
+pub(crate) struct LineTiming {
     byte: Nanos,
     allowance: Nanos,
     /// When the line towards the drive is free.
@@ -62,7 +62,7 @@ pub(super) struct LineTiming {
 }
 
 impl LineTiming {
-    pub(super) fn new(config: &LineConfig) -> Self {
+    pub(crate) fn new(config: &LineConfig) -> Self {
         Self {
             byte: Nanos(10 * 1_000_000_000 / u64::from(config.baud.max(1))),
             allowance: Nanos::from_micros(config.allowance_us),
@@ -72,19 +72,19 @@ impl LineTiming {
     }
 
     /// The arrival time of a byte that was read at `read`.
-    pub(super) fn arrive(&mut self, read: Nanos) -> Nanos {
+    pub(crate) fn arrive(&mut self, read: Nanos) -> Nanos {
         self.free = self.free.max(read - (self.allowance + self.late)) + self.byte;
         self.free
     }
 
     /// The arrival time of a frame that was read whole at `read`: not before the host had sent it.
-    pub(super) fn complete(&mut self, read: Nanos) -> Nanos {
+    pub(crate) fn complete(&mut self, read: Nanos) -> Nanos {
         self.free = self.free.max(read);
         self.free
     }
 
     /// The end of a reply of `bytes` that starts at `start`. The host cannot respond before.
-    pub(super) fn depart(&mut self, start: Nanos, bytes: usize) -> Nanos {
+    pub(crate) fn depart(&mut self, start: Nanos, bytes: usize) -> Nanos {
         let end = start + Nanos(self.byte.0 * bytes as u64);
         self.free = self.free.max(end);
         end

@@ -34,7 +34,7 @@ use crate::drive::frame::{self, Incoming, Parser};
 use crate::emulator::shared::{Line, Shared};
 use fault_injection::ExchangeFault;
 use handshake::{Action, FAILED, Handshake, OKAY};
-use line_timing::LineTiming;
+pub(crate) use line_timing::LineTiming;
 use pty::Pty;
 
 /// Maximum sleep before the thread polls whether to end.

@@ -1,0 +1,266 @@
+//! Serial lines with emulated drives in simulated time: the port threads of the controller against
+//! drives, with the timing of a line, and nothing of the machine that computes it.
+//!
+//! Every port has its thread, as in the controller. Of all threads only one runs, the one whose
+//! instant is the earliest, so that a run is the same every time.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
+use std::thread::{self, JoinHandle};
+use std::{io, mem};
+
+use i2ris::config::PortConfig;
+use i2ris::core::{CycleOutputs, Gated};
+use i2ris::drive::transport::Transport;
+use i2ris::drive::{AxisFeedback, AxisLink, Port};
+use i2ris::units::{AUXILIARY, Counts, MAX_AXES, MAX_MOTORS, MotorVec, Nanos};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use crate::closed_loop::Motors;
+use crate::drive::Drive;
+use crate::drive::frame::{self, Parser};
+use crate::emulator::config::EmulatorConfig;
+use crate::emulator::log::{Event, Log};
+use crate::emulator::plant::Plant;
+use crate::emulator::port::{LineConfig, LineTiming};
+
+/// The first tick. Long before it every drive has been brought up.
+const BEGIN: Nanos = Nanos::from_millis(60_000);
+
+/// The present instant of every thread. The control loop is the first.
+#[derive(Debug, Clone)]
+struct Instants(Arc<(Mutex<Vec<Nanos>>, Condvar)>);
+
+impl Instants {
+    /// Lets time pass for a thread: returns as soon as it is the earliest.
+    fn wait(&self, thread: usize, until: Nanos) {
+        let (instants, changed) = &*self.0;
+        let mut all = instants.lock().unwrap_or_else(PoisonError::into_inner);
+        all[thread] = all[thread].max(until);
+        changed.notify_all();
+        let is_later = |all: &mut Vec<Nanos>| {
+            all.iter().enumerate().any(|(other, at)| (*at, other) < (all[thread], thread))
+        };
+        drop(changed.wait_while(all, is_later));
+    }
+
+    /// A thread ends.
+    fn leave(&self, thread: usize) {
+        self.wait(thread, Nanos(0));
+        let mut all = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
+        all[thread] = Nanos(u64::MAX);
+        self.0.1.notify_all();
+    }
+}
+
+/// The end of a line at the controller, with the drive behind it.
+struct LineEnd {
+    plant: Arc<Mutex<Plant>>,
+    instants: Instants,
+    thread: usize,
+    now: Nanos,
+    config: LineConfig,
+    timing: LineTiming,
+    parser: Parser,
+    random: Pcg64Mcg,
+    /// The reply, and when it arrives.
+    reply: Option<(Nanos, Vec<u8>)>,
+}
+
+impl LineEnd {
+    fn pass(&mut self, until: Nanos) {
+        self.now = self.now.max(until);
+        self.instants.wait(self.thread, self.now);
+    }
+}
+
+impl Transport for LineEnd {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let (read, mut incoming) = (self.now, None);
+        for byte in bytes {
+            self.timing.arrive(read);
+            incoming = self.parser.push(*byte).or(incoming);
+        }
+        let Some(incoming) = incoming else { return Ok(()) };
+        let arrived = self.timing.complete(read);
+        self.instants.wait(self.thread, arrived);
+        let Some(reply) = lock(&self.plant).reply(self.thread - 1, &incoming, arrived) else {
+            return Ok(());
+        };
+        let jitter = self.random.random_range(0..=self.config.jitter_us);
+        let processing = Nanos::from_micros(self.config.processing_us + jitter);
+        let bytes = frame::reply(&reply.data);
+        let end = self.timing.depart(arrived + processing + reply.delay, bytes.len());
+        let due = end + Nanos::from_millis(self.config.adapter_hold_ms);
+        self.reply = Some((due, bytes));
+        Ok(())
+    }
+
+    fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
+        match self.reply.take_if(|(due, _)| *due <= deadline) {
+            Some((due, bytes)) => {
+                self.pass(due);
+                into[..bytes.len()].copy_from_slice(&bytes);
+                Ok(bytes.len())
+            }
+            None => {
+                self.pass(deadline);
+                Ok(0)
+            }
+        }
+    }
+
+    fn now(&self) -> Nanos {
+        self.now
+    }
+
+    fn sleep_until(&mut self, until: Nanos) {
+        self.pass(until);
+    }
+}
+
+/// Lines, with the drives and the snake behind them.
+#[derive(Debug)]
+pub struct Lines {
+    plant: Arc<Mutex<Plant>>,
+    log: Arc<Log>,
+    instants: Instants,
+    links: Vec<AxisLink<Gated>>,
+    feedback: [AxisFeedback; MAX_AXES],
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Lines {
+    /// Brings all drives up, on the ports of the controller. The error says why that fails.
+    pub fn start(config: &EmulatorConfig, ports: &[PortConfig]) -> Result<Self, String> {
+        let drives = config.drives.iter().chain(&config.auxiliary);
+        let drives = drives.map(|config| Drive::new(config, 0.0)).collect();
+        let gateway = config.gateway_us.map(Nanos::from_micros);
+        let (snake, log) = (config.snake.build(config.seed), Arc::new(Log::default()));
+        let plant = Plant::new(drives, snake, gateway, Arc::clone(&log), Nanos::ZERO);
+        let plant = Arc::new(Mutex::new(plant));
+        let mut instants = vec![Nanos::ZERO; ports.len() + 1];
+        instants[0] = BEGIN;
+        let instants = Instants(Arc::new((Mutex::new(instants), Condvar::new())));
+        let (stop, (ready, links)) = (Arc::new(AtomicBool::new(false)), mpsc::channel());
+        let mut threads = Vec::new();
+        for (index, port) in ports.iter().enumerate() {
+            let end = LineEnd {
+                plant: Arc::clone(&plant),
+                instants: instants.clone(),
+                thread: index + 1,
+                now: Nanos::ZERO,
+                config: config.line.clone(),
+                timing: LineTiming::new(&config.line),
+                parser: Parser::default(),
+                random: Pcg64Mcg::seed_from_u64(config.seed + index as u64),
+                reply: None,
+            };
+            let (port, ready, stop) = (port.clone(), ready.clone(), Arc::clone(&stop));
+            threads.push(thread::spawn(move || serve(end, &port, &ready, &stop)));
+        }
+        drop(ready);
+        let mut lines = Self {
+            plant,
+            log,
+            instants,
+            links: Vec::new(),
+            feedback: [AxisFeedback::default(); MAX_AXES],
+            stop,
+            threads,
+        };
+        for found in links {
+            lines.links.extend(found?);
+        }
+        Ok(lines)
+    }
+
+    /// True positions of the motors, counts.
+    pub fn motors(&self) -> MotorVec {
+        let plant = lock(&self.plant);
+        [0, 1].map(|motor| plant.drives[motor].motor_counts())
+    }
+
+    /// What the drives have noticed.
+    pub fn events(&self) -> Vec<Event> {
+        self.log.events()
+    }
+
+    /// Requests that were answered, on the line of each axis.
+    pub fn exchanges(&self) -> [u64; MAX_AXES] {
+        self.feedback.map(|feedback| feedback.counters.exchanges)
+    }
+}
+
+/// The thread of a port.
+fn serve(
+    mut end: LineEnd,
+    port: &PortConfig,
+    ready: &mpsc::Sender<Result<Vec<AxisLink<Gated>>, String>>,
+    stop: &AtomicBool,
+) {
+    let (instants, thread) = (end.instants.clone(), end.thread);
+    end.pass(Nanos::from_millis(1));
+    match Port::over(end, port).bring_up() {
+        Ok(port) => {
+            let (runner, links) = port.split();
+            let _ = ready.send(Ok(links));
+            instants.wait(thread, BEGIN);
+            runner.run(stop, |_| {});
+        }
+        Err(error) => drop(ready.send(Err(error.to_string()))),
+    }
+    instants.leave(thread);
+}
+
+impl Motors for Lines {
+    fn begin(&self) -> Nanos {
+        BEGIN
+    }
+
+    fn feedback(&mut self, now: Nanos) -> Option<[AxisFeedback; MAX_AXES]> {
+        self.instants.wait(0, now);
+        lock(&self.plant).advance_to(now);
+        for link in &mut self.links {
+            self.feedback[link.motor] = *link.feedback.read();
+        }
+        Some(self.feedback)
+    }
+
+    fn read(&mut self, _targets: [Option<Counts>; MAX_MOTORS]) -> MotorVec {
+        [0, 1].map(|motor| self.feedback[motor].position.as_f64())
+    }
+
+    fn request(&mut self, outputs: &CycleOutputs) {
+        for link in &mut self.links {
+            let request = match link.motor {
+                AUXILIARY => outputs.auxiliary.as_ref(),
+                motor => outputs.requests.get(motor),
+            };
+            if let Some(request) = request {
+                link.requests.write(*request);
+            }
+        }
+    }
+
+    fn angles_deg(&self) -> Option<[f64; 2]> {
+        Some(lock(&self.plant).snake.angles_deg())
+    }
+}
+
+impl Drop for Lines {
+    /// The drives are switched off.
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Release);
+        self.instants.leave(0);
+        for thread in mem::take(&mut self.threads) {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
+    value.lock().unwrap_or_else(PoisonError::into_inner)
+}
