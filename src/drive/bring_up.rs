@@ -457,8 +457,10 @@ fn quick_stop(
 /// Exchanges that are timed at start.
 const TIMED_EXCHANGES: usize = 21;
 
-/// Median duration of an exchange on a line without other traffic.
-pub(super) fn time_exchanges(link: &mut DriveLink<impl Transport>) -> Result<Nanos, AxisError> {
+/// Lower quartile and median of the duration of an exchange on a line without other traffic.
+pub(super) fn time_exchanges(
+    link: &mut DriveLink<impl Transport>,
+) -> Result<[Nanos; 2], AxisError> {
     let mut drive = DriveNode::local(link);
     let mut spans = [Nanos::ZERO; TIMED_EXCHANGES];
     for span in &mut spans {
@@ -467,5 +469,5 @@ pub(super) fn time_exchanges(link: &mut DriveLink<impl Transport>) -> Result<Nan
         *span = drive.link.now() - begin;
     }
     spans.sort_unstable();
-    Ok(spans[TIMED_EXCHANGES / 2])
+    Ok([spans[TIMED_EXCHANGES / 4], spans[TIMED_EXCHANGES / 2]])
 }

@@ -6,8 +6,10 @@ use std::path::PathBuf;
 use super::abort_code::AbortCode;
 use super::cia402::DriveState;
 use super::heard::Heard;
+use super::latency_timer;
 use super::object::Address;
 use super::variant::SettingError;
+use crate::units::Nanos;
 
 /// Why a port or the drives behind it could not be brought up.
 #[derive(Debug, thiserror::Error)]
@@ -90,6 +92,20 @@ pub enum DriveError {
         family: &'static str,
         /// What it may be.
         other: &'static str,
+    },
+    /// Replies are held back, as by the latency timer of an FTDI adapter at 16 ms.
+    #[error(
+        "an exchange over {device} takes {:.1} ms: a latency timer of 16 ms holds the replies \
+         back, and the line carries a seventh; `{}` mends it until the next plug, \
+         config/system/60-i2ris.rules for good",
+        .exchange.as_seconds() * 1e3,
+        latency_timer::command(.device)
+    )]
+    SlowAdapter {
+        /// The device.
+        device: PathBuf,
+        /// What three quarters of the exchanges take, or longer.
+        exchange: Nanos,
     },
     /// The drive answers, but is not usable as it is.
     #[error("drive on {device}, node {node}: {error}")]

@@ -72,7 +72,7 @@ pub fn inspect_over<T: Transport>(
     let Some(first) = config.axes.first() else {
         return Ok(PortInspection { exchange: Nanos::ZERO, axes: Vec::new() });
     };
-    let exchange = learn_constants(&mut link)
+    let [_, exchange] = learn_constants(&mut link)
         .and_then(|()| time_exchanges(&mut link))
         .map_err(|error| explain(config, first, error))?;
     let inspect_axis = |axis: &AxisConfig| {

@@ -24,6 +24,15 @@ pub fn shorten(device: &Path) -> Option<u32> {
     shorten_at(&file(Path::new(ADAPTERS), device)?)
 }
 
+/// The command that shortens the timer of a device.
+#[must_use]
+pub fn command(device: &Path) -> String {
+    let real = fs::canonicalize(device).unwrap_or_else(|_| device.to_owned());
+    let name = real.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+    let name = if name.starts_with("ttyUSB") { name } else { "ttyUSB0" };
+    format!("echo {SHORTEST_MS} | sudo tee {ADAPTERS}/{name}/latency_timer")
+}
+
 /// The file of the timer. The device may be a link such as those in `/dev/serial/by-id`.
 fn file(adapters: &Path, device: &Path) -> Option<PathBuf> {
     let device = fs::canonicalize(device).ok()?;
@@ -63,6 +72,7 @@ mod tests {
         assert_eq!(read_from(&found), Some(16));
         assert_eq!(shorten_at(&found), Some(1));
         assert_eq!(read_from(&timer), Some(1));
+        assert!(command(&link).ends_with(" /sys/bus/usb-serial/devices/ttyUSB3/latency_timer"));
     }
 
     #[test]

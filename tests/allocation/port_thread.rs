@@ -3,12 +3,12 @@
 use std::io;
 use std::path::Path;
 
-use i2ris::config::PortConfig;
+use i2ris::config::{Family, PortConfig};
 use i2ris::drive::transport::Transport;
 use i2ris::drive::{AxisLink, AxisPhase, AxisRequest, Demand, Port, PortEvent, PortRunner};
 use i2ris::units::{Counts, Nanos};
 use i2ris_simulation::physics::springs::SnakeConfig;
-use i2ris_simulation::{Emulator, EmulatorConfig};
+use i2ris_simulation::{Emulator, EmulatorConfig, Line};
 use i2ris_testing::drive::{NODE, one_drive, *};
 
 use crate::{allocations, uncounted};
@@ -106,13 +106,16 @@ fn nothing_is_allocated_in_any_phase_with_faults_and_lost_lines() {
 fn nothing_is_allocated_on_a_real_port_with_time_outs() {
     let folder = tempfile::tempdir().unwrap();
     let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-    let emulated =
+    let mut emulated =
         EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
+    emulated.connect(Line::Lab);
     let emulator = Emulator::start(emulated).unwrap();
     let mut drive = one_drive();
     drive.serial_number = 62_000_001;
     let config = PortConfig {
         device: emulator.device(0).to_owned(),
+        family: Family::Epos2,
+        baud: 1_000_000,
         reply_timeout_ms: 50,
         ..port_config(&[drive])
     };

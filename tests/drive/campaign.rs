@@ -19,7 +19,7 @@ use i2ris::units::{Counts, Nanos};
 use i2ris_simulation::drive::State;
 use i2ris_simulation::log::EventKind;
 use i2ris_simulation::physics::springs::SnakeConfig;
-use i2ris_simulation::{Emulator, EmulatorConfig, Injection};
+use i2ris_simulation::{Emulator, EmulatorConfig, Injection, Line};
 use i2ris_testing::{Background, fast_axis};
 
 const RIGS: u64 = 4;
@@ -156,15 +156,16 @@ impl CampaignRig {
         let snake = SnakeConfig::load(&snake).unwrap();
         let mut config = EmulatorConfig::new(snake, &folder.path().join("ports"));
         config.seed = seed;
+        // Each axis has a line of its own to lose.
+        config.connect(Line::UsbEach);
         let serial_numbers = config.drives.clone().map(|drive| drive.serial_number);
         let emulator = Emulator::start(config).unwrap();
-        let axis = |(motor, serial_number): (usize, u32)| {
-            let limits = [Counts(-LIMIT), Counts(LIMIT)];
-            let axis = fast_axis(motor, serial_number, limits);
-            let port = PortConfig::new(emulator.device(motor).to_owned(), vec![axis]);
-            CampaignAxis::start(&PortConfig { reply_timeout_ms: 60, ..port })
-        };
-        let axes = serial_numbers.into_iter().enumerate().map(axis).collect();
+        let limits = [Counts(-LIMIT), Counts(LIMIT)];
+        let axes = serial_numbers.into_iter().enumerate();
+        let axes = axes.map(|(motor, number)| fast_axis(motor, number, limits)).collect();
+        let ports = Line::UsbEach.ports(axes, |motor| emulator.device(motor).to_owned());
+        let start = |port| CampaignAxis::start(&PortConfig { reply_timeout_ms: 60, ..port });
+        let axes = ports.into_iter().map(start).collect();
         let (random, found) = (Random(seed), Findings::default());
         Self { axes, emulator, random, found, _folder: folder }
     }

@@ -10,6 +10,7 @@ use i2ris::drive::object::{self, POSITION, TARGET};
 use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
+use i2ris_simulation::Line;
 use i2ris_testing::Rig;
 use i2ris_testing::drive::{Disturbance, MiniDrive, SERIAL_NUMBER, SimulatedLine, port_config};
 use proptest::collection::vec;
@@ -313,7 +314,7 @@ proptest! {
 /// The port is healthy, so the operating system has not closed it.
 #[test]
 fn a_port_is_reopened_after_an_error_that_was_no_hang_up() {
-    let rig = Rig::start();
+    let rig = Rig::on(Line::Rs232);
     let mut port = SerialTransport::open(&rig.config.ports[0]).unwrap();
     for _ in 0..2 {
         port.reopen().unwrap();

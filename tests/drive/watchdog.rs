@@ -21,6 +21,7 @@ use i2ris::ipc::OperatingState;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
+use i2ris_simulation::Line;
 use i2ris_simulation::drive::State;
 use i2ris_simulation::log::EventKind;
 use i2ris_testing::{Rig, TIMEOUT, has, wait_for, wait_until};
@@ -63,7 +64,7 @@ impl WatchedRig {
             .stderr(fs::File::create(&log).unwrap())
             .spawn()
             .unwrap();
-        wait_until("the watchdog holds both ports", || {
+        wait_until("the watchdog holds every port", || {
             let text = fs::read_to_string(&log).unwrap();
             text.matches("holding").count() == rig.config.ports.len()
         });
@@ -264,7 +265,7 @@ fn h03_a_controller_killed_before_it_serves_starts_again() {
 #[test]
 fn h03_a_silent_port_does_not_delay_the_stop_of_the_other() {
     unprivileged("h03_a_silent_port_does_not_delay_the_stop_of_the_other", || {
-        let mut watched = WatchedRig::new(3000);
+        let mut watched = WatchedRig::with(Rig::on(Line::UsbEach), 3000);
         watched.rig.emulator.mute(0, true);
         watched.end_with(Signal::SIGKILL);
         wait_until("the drive that answers is stopped", || {

@@ -7,9 +7,9 @@ use i2ris::ipc::payload::{Health, JointState, unpadded_text};
 use i2ris::ipc::{Fault, OperatingState, StateCommand};
 use i2ris::process::black_box::{BlackBox, TickRecord, replay};
 use i2ris::units::Nanos;
-use i2ris_simulation::Injection;
 use i2ris_simulation::drive::State;
 use i2ris_simulation::log::EventKind;
+use i2ris_simulation::{Injection, Line};
 use i2ris_testing::{Rig, SEND_PERIOD, files, stream_counts, wait_for, wait_for_end, wait_until};
 use nix::sys::signal::Signal;
 
@@ -52,7 +52,7 @@ fn angles_commanded_by_a_client_are_reached() {
 
 #[test]
 fn three_axes_on_one_line_move_and_a_fault_of_the_jaw_stops_all() {
-    let mut rig = Rig::with_jaw();
+    let mut rig = Rig::with_model();
     let client = rig.enabled();
     let (mut commander, start) = (client.commander(), clock::now());
     let mut jaw = client.watcher().jaw_measured_js();
@@ -99,7 +99,7 @@ fn drives_that_do_not_answer_at_the_end_are_named_and_have_an_exit_code_of_their
         rig.signal(Signal::SIGTERM);
         let (status, log) = (rig.wait_for_end(), rig.log_text("controller"));
         assert_eq!(status.code(), Some(8), "{log}");
-        assert_eq!(log.matches("NOT known to be off").count(), 2, "{log}");
+        assert_eq!(log.matches("NOT known to be off").count(), 3, "{log}");
         assert!(log.contains("are not known to be off: cut their power"), "{log}");
     }
 }
@@ -134,14 +134,16 @@ fn sigterm_and_sigint_stop_in_order_with_exit_code_0_and_leave_no_files() {
 
 #[test]
 fn a_drive_that_does_not_answer_is_named() {
-    let mut rig = Rig::start();
-    rig.config.ports[1].reply_timeout_ms = 50;
-    rig.emulator.mute(1, true);
-    let mut child = rig.spawn_controller("controller");
-    assert_eq!(wait_for_end(&mut child).code(), Some(1));
-    let text = rig.log_text("controller");
-    let error = text.lines().last().unwrap();
-    assert!(error.starts_with("error: ") && error.contains("axis1"), "{text}");
+    for (line, name) in [(Line::Lab, "axis0, node 2"), (Line::Rs232, "axis1")] {
+        let mut rig = Rig::on(line);
+        rig.config.ports.iter_mut().for_each(|port| port.reply_timeout_ms = 200);
+        rig.emulator.silence(1, true);
+        let mut child = rig.spawn_controller("controller");
+        assert_eq!(wait_for_end(&mut child).code(), Some(1));
+        let text = rig.log_text("controller");
+        let error = text.lines().last().unwrap();
+        assert!(error.starts_with("error: ") && error.contains(name), "{text}");
+    }
 }
 
 #[test]
@@ -164,7 +166,7 @@ fn the_run_log_holds_every_start_end_and_change_of_state_and_who_commanded() {
     assert_eq!((begins.len(), events("end").len()), (2, 2), "{text}");
     assert_ne!(begins[0]["run"], begins[1]["run"]);
     assert_eq!(begins[0]["config_sha256"].as_str().unwrap().len(), 64);
-    let serial_number = rig.config.ports[1].axes[0].serial_number;
+    let serial_number = rig.config.axis(1).unwrap().serial_number;
     assert_eq!(begins[0]["drives"][1]["serial_number"], serial_number);
     let states = events("state");
     let enabled = states.iter().filter(|line| line["to"] == "ENABLED");
@@ -250,7 +252,9 @@ fn link_errors_are_published_as_health() {
         rig.emulator.inject(1, Injection::FlipReply { offset: 4 });
     }
     let errors = |health: &Health| {
-        health.crc_errors[1] + health.timeouts[1] + health.resynchronisations[1] + health.retries[1]
+        let counters =
+            [health.crc_errors, health.timeouts, health.resynchronisations, health.retries];
+        counters.iter().flatten().sum::<u64>()
     };
     let after = newest(&|health| errors(health) > errors(&before));
     assert!(after.sequence > before.sequence);

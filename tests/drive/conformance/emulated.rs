@@ -5,8 +5,8 @@ use std::time::Instant;
 use i2ris::config::PortConfig;
 use i2ris::drive::AxisPhase;
 use i2ris::units::Counts;
-use i2ris_simulation::Injection;
 use i2ris_simulation::drive::State;
+use i2ris_simulation::{Injection, LineConfig};
 
 use super::test_bench::{PATIENCE, SERIAL_NUMBERS, SETUPS, TestBench};
 
@@ -22,7 +22,7 @@ fn a_name_in_several_segments_is_read() {
 #[test]
 fn a_slow_adapter_long_refusals_and_short_replies_change_nothing_but_the_rate() {
     let bench = TestBench::with(&SETUPS[0], |config| {
-        config.line.adapter_hold_ms = 16;
+        config.line.latency_timer_ms = 8;
         config.line.jitter_us = 700;
         config.drives[0].error_reply_words = 4;
         config.drives[0].one_word_reads = true;
@@ -33,6 +33,20 @@ fn a_slow_adapter_long_refusals_and_short_replies_change_nothing_but_the_rate() 
     axis.stop();
     assert_eq!(bench.drive().state, State::ReadyToSwitchOn);
     bench.assert_no_host_bugs();
+}
+
+/// The chip of an EPOS2 as the kernel leaves it.
+#[test]
+fn an_adapter_at_16_ms_is_refused_with_the_command_that_mends_it() {
+    let bench = TestBench::with(&SETUPS[3], |config| {
+        config.line = LineConfig { latency_timer_ms: 16, ..LineConfig::usb() };
+    });
+    let refused = bench.bring_up().unwrap_err().to_string();
+    for part in ["takes 1", " ms: a latency timer of 16 ms", "`echo 1 | sudo tee /sys/", "60-i2ris"]
+    {
+        assert!(refused.contains(part), "{part}: {refused}");
+    }
+    assert!(bench.setpoints().is_empty() && !bench.drive().state.is_powered());
 }
 
 #[test]

@@ -9,7 +9,7 @@ use i2ris::units::Counts;
 use i2ris_simulation::drive::DriveSnapshot;
 use i2ris_simulation::log::EventKind;
 use i2ris_simulation::physics::springs::SnakeConfig;
-use i2ris_simulation::{Emulator, EmulatorConfig};
+use i2ris_simulation::{Emulator, EmulatorConfig, LineConfig};
 use i2ris_testing::fast_axis;
 use tempfile::TempDir;
 
@@ -56,8 +56,8 @@ pub const SETUPS: [Setup; 9] = [
     Setup { name: "EPOS2, V2 (USB), gateway", drives_before: 1, ..EPOS2 },
     Setup { name: "EPOS2, V1 (RS232), gateway", framing: Framing::V1, drives_before: 1, ..EPOS2 },
     Setup { name: "EPOS2 behind EPOS4, V2", drive: Family::Epos2, drives_before: 1, ..EPOS4 },
-    // The auxiliary axis.
-    Setup { name: "EPOS4, V2, third on a line", drives_before: 2, ..EPOS4 },
+    // The auxiliary axis, on the laboratory's line.
+    Setup { name: "EPOS2, V2 (USB), third on a line", drives_before: 2, ..EPOS2 },
 ];
 
 /// Drives, one of them under test.
@@ -81,7 +81,10 @@ impl TestBench {
         let mut config =
             EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
         let axis = setup.drives_before;
-        config.drives[0].family = emulated_family(setup.port);
+        config.drives.iter_mut().for_each(|drive| drive.family = emulated_family(setup.port));
+        if (setup.port, setup.framing) == (Family::Epos2, Framing::V2) {
+            config.line = LineConfig::usb();
+        }
         match axis {
             0 => {}
             1 => {

@@ -46,7 +46,7 @@ fn check_stops(rig: &Rig, silent: Nanos, since: Nanos, most: usize) {
 }
 
 fn check_watchdog(signal: Signal) {
-    let mut watched = WatchedRig::with(Rig::with_jaw_behind(GATEWAY_MS), 3000);
+    let mut watched = WatchedRig::with(Rig::behind(GATEWAY_MS), 3000);
     let silent = clock::now();
     watched.rig.emulator.silence(DEAD, true);
     wait_until("the gateway waits", || !unanswered(&watched.rig).is_empty());
@@ -80,7 +80,7 @@ fn h03_a_dead_node_keeps_no_stop_of_the_watchdog_from_the_living() {
 /// The controller gives the dead one up after three exchanges, and that is a fault.
 #[test]
 fn h03_a_dead_node_keeps_no_stop_of_the_controller_from_the_living() {
-    let mut rig = Rig::with_jaw_behind(GATEWAY_MS);
+    let mut rig = Rig::behind(GATEWAY_MS);
     let _client = rig.enabled();
     let since = clock::now();
     rig.emulator.silence(DEAD, true);

@@ -13,8 +13,8 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use i2ris_report::{Failure, Interrupt};
-use i2ris_simulation::SnakeSource;
 use i2ris_simulation::motion::unseen_motion::Motion;
+use i2ris_simulation::{Line, SnakeSource};
 
 use crate::emulate::snake_help;
 
@@ -36,6 +36,9 @@ pub struct Arguments {
         long_help = snake_help()
     )]
     snake: String,
+    /// How drives and computer are connected
+    #[arg(long, value_enum, default_value_t)]
+    line: Line,
     /// How long to calibrate
     #[arg(long, value_name = "S", default_value_t = 90.0)]
     duration_s: f64,

@@ -4,13 +4,14 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use i2ris::clock;
+use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
 use i2ris_simulation::camera::CameraConfig;
-use i2ris_simulation::drive::{DeviceFile, Family};
+use i2ris_simulation::drive::DeviceFile;
 use i2ris_simulation::physics::Physics;
 use i2ris_simulation::{
-    DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario, SnakeSource, Snapshot,
+    DEFAULT_FOLDER, Emulator, EmulatorConfig, Line, Scenario, SnakeSource, Snapshot,
 };
 
 use i2ris_report::{Failure, Interrupt, Screen};
@@ -25,7 +26,8 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(20);
 #[command(after_help = "Examples:
   i2ris emulate --log setpoints.csv
   i2ris emulate --snake bouc-wen:7
-  i2ris emulate --family epos2-v1 --wiring gateway
+  i2ris emulate --line rs232
+  i2ris emulate --config my-robot.toml
   i2ris emulate --device drive.eds
 
 Then, in another terminal: i2ris-control --config config/emulator.toml")]
@@ -39,7 +41,7 @@ pub struct Arguments {
         long_help = snake_help()
     )]
     snake: String,
-    /// Folder in which the ports appear as axis0 and axis1
+    /// Folder in which the ports appear as axis0, axis1 and so on
     #[arg(
         long,
         env = "I2RIS_EMULATOR_PORTS",
@@ -53,12 +55,13 @@ pub struct Arguments {
     /// Write every setpoint, change of state and broken rule to a CSV file
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Family of the drives
-    #[arg(long, value_enum, default_value_t = FamilyName::Epos4)]
-    family: FamilyName,
-    /// How the drives are connected
-    #[arg(long, value_enum, default_value_t = Wiring::TwoPorts)]
-    wiring: Wiring,
+    /// How drives and computer are connected
+    #[arg(long, value_enum, default_value_t)]
+    line: Line,
+    /// Emulate the drives and ports of this configuration of a controller instead: families, rate,
+    /// framing, nodes, serial numbers
+    #[arg(long, value_name = "FILE", conflicts_with = "line")]
+    config: Option<PathBuf>,
     /// The objects of a real drive: an EDS or DCF file of maxon's tool, or a table of one (CSV). What
     /// it lacks or limits, the drives refuse
     #[arg(long, value_name = "FILE")]
@@ -85,25 +88,6 @@ pub struct Arguments {
     duration_s: Option<Nanos>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum FamilyName {
-    Epos4,
-    /// On USB
-    Epos2,
-    /// On RS232
-    Epos2V1,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Wiring {
-    /// Each on a port of its own
-    TwoPorts,
-    /// One port: the second drive, node 2, is behind the first, node 1
-    Gateway,
-    /// One port with three drives: node 3 turns a gripper or a roll
-    Jaw,
-}
-
 pub fn snake_help() -> String {
     let mut text = String::from(
         "The snake: steel, brass or multi; NAME:SEED with the name of a physics and a seed for \
@@ -116,33 +100,20 @@ pub fn snake_help() -> String {
     text
 }
 
-/// What a request to a node behind another takes over CAN, there and back, microseconds.
-const GATEWAY_US: u64 = 600;
-
 impl Arguments {
     fn config(&self) -> Result<EmulatorConfig, Failure> {
         let mut config = EmulatorConfig::new(SnakeSource::load(&self.snake)?, &self.ports);
         config.seed = self.seed;
         config.camera.noise_deg = self.camera_noise_deg;
         config.log.clone_from(&self.log);
-        if self.family != FamilyName::Epos4 {
-            config.drives.iter_mut().for_each(|drive| drive.family = Family::Epos2);
+        match &self.config {
+            Some(file) => config.rehearse(&Config::load(file)?.ports)?,
+            None => config.connect(self.line),
         }
         if let Some(file) = &self.device {
             let device = DeviceFile::load(file)?;
             for drive in &mut config.drives {
                 (drive.family, drive.device) = (device.family, Some(device.clone()));
-            }
-        }
-        if self.family == FamilyName::Epos2V1 {
-            config.line.framing = Framing::V1;
-        }
-        match self.wiring {
-            Wiring::TwoPorts => {}
-            Wiring::Jaw => config.add_auxiliary(GATEWAY_US),
-            Wiring::Gateway => {
-                config.gateway_us = Some(GATEWAY_US);
-                config.drives[1].node_id = 2;
             }
         }
         if let Some(file) = &self.scenario {
@@ -157,7 +128,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let config = arguments.config()?;
 
     let interrupt = Interrupt::catch()?;
-    let serial_numbers = [0, 1].map(|axis: usize| config.drives[axis].serial_number);
+    let drives = config.drives.iter().chain(&config.auxiliary);
+    let drives: Vec<_> = drives.map(|drive| (drive.family, drive.serial_number)).collect();
     let name = config.snake.name();
     let mut emulator = Emulator::start(config)?;
     if !arguments.no_camera {
@@ -166,9 +138,9 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     // Whoever closed the other end of the pipe does not want to know more.
     let mut screen = Screen::stdout();
     let mut say = |line: &str| drop(screen.say(line));
-    for (axis, serial_number) in serial_numbers.iter().enumerate() {
+    for (axis, (family, serial_number)) in drives.iter().enumerate() {
         let device = emulator.device(axis).display();
-        say(&format!("axis {axis}: {device} (serial number {serial_number})"));
+        say(&format!("axis {axis}: {device} ({family:?}, serial number {serial_number})"));
     }
     let camera = if arguments.no_camera {
         "no camera".to_owned()
@@ -177,7 +149,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     };
     say(&format!("ready: snake {name}, {camera}; Ctrl-C ends"));
     watch(&emulator, &interrupt, arguments.duration_s);
-    say(&summary(&emulator.snapshot(), emulator.host_bugs()));
+    let (requests, bugs) = (emulator.requests(), emulator.host_bugs());
+    say(&format!("ended: {requests} requests, {bugs} rules broken by the host"));
     Ok(())
 }
 
@@ -201,17 +174,12 @@ fn watch(emulator: &Emulator, interrupt: &Interrupt, duration: Option<Nanos>) {
 fn status(snapshot: &Snapshot, host_bugs: u64) -> String {
     let [pitch, yaw] = snapshot.angles_deg;
     let mut line = format!("pitch {pitch:+7.2} yaw {yaw:+7.2} deg");
-    for (number, axis) in snapshot.axes.iter().enumerate() {
-        let _ =
-            write!(line, " | axis {number} {} {:+}", axis.drive.state.name(), axis.drive.position);
+    let drives = snapshot.axes.iter().map(|axis| &axis.drive).chain(&snapshot.auxiliary);
+    for (number, drive) in drives.enumerate() {
+        let _ = write!(line, " | axis {number} {} {:+}", drive.state.name(), drive.position);
     }
     let _ = write!(line, " | broken rules {host_bugs}");
     line
-}
-
-fn summary(snapshot: &Snapshot, host_bugs: u64) -> String {
-    let [first, second] = snapshot.axes.map(|axis| axis.requests);
-    format!("ended: {first} and {second} requests, {host_bugs} rules broken by the host")
 }
 
 fn noise(text: &str) -> Result<f64, String> {

@@ -6,17 +6,19 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use i2ris::clock;
-use i2ris::config::Config;
+use i2ris::config::{Config, PortConfig};
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 use i2ris_report::programs::find;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
+use i2ris_simulation::Line;
 
 use crate::process::Process;
 
-/// The configuration of the controller, in the folder.
+/// The configuration of the controller, in the folder; in a rehearsal the copy of the robot's.
 const FILE: &str = "controller.toml";
+const REHEARSED: &str = "rehearsal.toml";
 const CONFIG: &str = include_str!("../../../config/emulator.toml");
 
 /// Time limit for emulator and controller to be there. A loaded machine needs much of it.
@@ -27,6 +29,8 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(50);
 #[command(after_help = "Examples:
   i2ris start
   i2ris start --snake config/snakes/brass.toml --no-monitor
+  i2ris start --line rs232 --folder two-epos4
+  i2ris start --config my-robot.toml          a rehearsal: emulated drives under the file of a robot
 
 Then, in another terminal:
   i2ris calibrate
@@ -36,6 +40,13 @@ pub struct Arguments {
     /// Parameters of the snake [default: those of the steel snake]
     #[arg(long, value_name = "FILE")]
     snake: Option<PathBuf>,
+    /// How drives and computer are connected [default: that of the folder, or lab]
+    #[arg(long, value_enum)]
+    line: Option<Line>,
+    /// Rehearse with this configuration of a robot: emulated drives on its line, in a domain of
+    /// their own; no device that it names is opened
+    #[arg(long, value_name = "FILE", conflicts_with = "line")]
+    config: Option<PathBuf>,
     /// Folder for configuration, ports, logs and records; it is made
     #[arg(long, value_name = "DIR", default_value = "i2ris-start")]
     folder: PathBuf,
@@ -47,7 +58,6 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let domain = arguments.domain.domain()?;
     let interrupt = Interrupt::catch()?;
     fs::create_dir_all(&arguments.folder)
         .map_err(|error| format!("--folder {}: {error}", arguments.folder.display()))?;
@@ -56,10 +66,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some(snake) => vec!["--snake".to_owned(), text(&fs::canonicalize(snake)?)?],
         None => Vec::new(),
     };
-    let config = kept_config(&folder, domain.name())?;
-    let mut robot = EmulatedRobot::start(&folder, &config, &snake, &interrupt)?;
-    let (name, logs) = (domain.name(), folder.display());
-    let is_default = arguments.domain.is_default();
+    let domain = arguments.domain.domain()?;
+    let (file, config) = match &arguments.config {
+        Some(robot) => (REHEARSED, rehearsed(robot, &folder, arguments)?),
+        None => (FILE, kept_config(&folder, domain.name(), arguments.line)?),
+    };
+    let file = folder.join(file);
+    let mut robot = EmulatedRobot::start(&file, &config, &snake, &interrupt)?;
+    let (name, logs) = (&config.domain, folder.display());
+    let is_default = name == "i2ris" && arguments.domain.is_default();
     let option = if is_default { String::new() } else { format!(" --domain {name}") };
     until_closed(Screen::stdout().say(&format!(
         "ready: emulator and controller on domain {name}, logs in {logs}\n\
@@ -72,20 +87,72 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// The configuration in the folder: what a person wrote into it stays. A new one where there is
 /// none.
-fn kept_config(folder: &Path, domain: &str) -> Result<Config, Failure> {
-    let file = folder.join(FILE);
+fn kept_config(folder: &Path, domain: &str, line: Option<Line>) -> Result<Config, Failure> {
+    let (file, new) = (folder.join(FILE), config(folder, domain, line.unwrap_or_default())?);
     if !file.exists() {
-        return config(folder, domain);
+        return Ok(new);
     }
     let config = Config::load(&file)?;
+    let file = file.display();
     if config.domain != domain {
-        let (file, other) = (file.display(), &config.domain);
+        let other = &config.domain;
         return Err(format!(
             "{file} is of domain {other}, not {domain}: use --domain {other}, or another --folder"
         )
         .into());
     }
+    let kind = |port: &PortConfig| (port.family, port.framing, port.baud);
+    if line.is_some() && !config.ports.iter().map(kind).eq(new.ports.iter().map(kind)) {
+        return Err(
+            format!("{file} is of another --line: leave it out, or use another --folder").into()
+        );
+    }
     Ok(config)
+}
+
+/// The configuration of a robot for emulated drives. What would reach the robot itself, its
+/// records or its clients is another, and is said; all else is as in the file.
+fn rehearsed(file: &Path, folder: &Path, arguments: &Arguments) -> Result<Config, Failure> {
+    let mut config = Config::load(
+        &fs::canonicalize(file)
+            .map_err(|error| format!("cannot read configuration {}: {error}", file.display()))?,
+    )?;
+    let unknown = config.axes().filter(|axis| axis.serial_number == 0).count();
+    let mut said = format!("rehearsal of {} (robot {}):", file.display(), config.robot_id);
+    for (number, port) in config.ports.iter_mut().enumerate() {
+        let (real, emulated) = (port.device.clone(), device(folder, number));
+        said += &format!("\n  device {} -> {}", real.display(), emulated.display());
+        port.device = emulated;
+        if let Some(saved) = &mut port.positions_file {
+            *saved = folder.join(format!("positions{number}.toml"));
+        }
+    }
+    config.record_folder = folder.join("records");
+    let own = arguments.domain.domain()?;
+    if arguments.domain.is_default() || own.name() == config.domain {
+        config.domain += "-rehearsal";
+    } else {
+        own.name().clone_into(&mut config.domain);
+    }
+    said += &format!(
+        "\n  domain {}; records and saved positions in {}; all else is as in the file",
+        config.domain,
+        folder.display()
+    );
+    if unknown > 0 {
+        said += &format!(
+            "\n  serial_number = 0, {unknown} times: emulated drives have it, no real one"
+        );
+    }
+    until_closed(Screen::stdout().say(&said))?;
+    // Of an earlier rehearsal.
+    let _ = fs::remove_file(folder.join(REHEARSED));
+    Ok(config)
+}
+
+/// The device of a port of the emulator, whose ports are in the folder.
+fn device(folder: &Path, number: usize) -> PathBuf {
+    folder.join(format!("ports/axis{number}"))
 }
 
 /// Emulator and controller as processes of their own. Dropping ends both.
@@ -97,10 +164,10 @@ pub struct EmulatedRobot {
 }
 
 impl EmulatedRobot {
-    /// Starts both in a folder. `config`: that of the folder, or written there if it has none.
-    /// `emulate`: options of `i2ris emulate`.
+    /// Starts both in the folder of the file. `config`: that of the file, or written there if it is
+    /// not there. `emulate`: options of `i2ris emulate`.
     pub fn start(
-        folder: &Path,
+        file: &Path,
         config: &Config,
         emulate: &[String],
         interrupt: &Interrupt,
@@ -110,20 +177,23 @@ impl EmulatedRobot {
              build --release`",
         )?;
         let domain = Domain::new(&config.domain)?;
-        let file = folder.join(FILE);
+        let folder = file.parent().ok_or("the configuration lies in no folder")?;
         if !file.exists() {
-            fs::write(&file, toml::to_string(config)?)
+            fs::write(file, toml::to_string(config)?)
                 .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
         }
         let mut command = Command::new(std::env::current_exe()?);
         command.args(["emulate", "--domain", domain.name(), "--ports"]).arg(folder.join("ports"));
+        command.arg("--config").arg(file);
         let mut emulator = Process::start("emulator", command.args(emulate), folder)?;
         wait(interrupt, &mut [&mut emulator], "the ports", || {
             config.ports.iter().all(|port| port.device.exists())
         })?;
         let mut command = Command::new(program);
+        // Before the one of the file.
+        command.env("I2RIS_DOMAIN", domain.name());
         let mut controller =
-            Process::start("controller", command.arg("--config").arg(&file), folder)?;
+            Process::start("controller", command.arg("--config").arg(file), folder)?;
         wait(interrupt, &mut [&mut emulator, &mut controller], "the controller", || {
             Client::connect(&domain, Nanos::ZERO).is_ok()
         })?;
@@ -141,8 +211,13 @@ impl EmulatedRobot {
     }
 }
 
+/// The path of the configuration of a folder.
+pub fn file(folder: &Path) -> PathBuf {
+    folder.join(FILE)
+}
+
 /// The configuration of the emulated robot, with its ports in a folder.
-pub fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
+pub fn config(folder: &Path, domain: &str, line: Line) -> Result<Config, Failure> {
     let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
     domain.clone_into(&mut config.domain);
     config.record_folder = folder.join("records");
@@ -150,8 +225,8 @@ pub fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     // do they, and that is no fault of a line. An exchange that is lost is repeated before a
     // position is stale, and drives watch the distance to their setpoint, too.
     (config.limits.feedback_stale_ms, config.limits.following_error_counts) = (2000, 3000);
-    for (axis, port) in config.ports.iter_mut().enumerate() {
-        port.device = folder.join(format!("ports/axis{axis}"));
+    config.ports = line.ports(config.axes().cloned().collect(), |number| device(folder, number));
+    for port in &mut config.ports {
         port.reply_timeout_ms = 500;
         for axis in &mut port.axes {
             axis.following_error_counts = 3000;

@@ -285,7 +285,7 @@ fn the_tip_goes_to_places_in_the_frame_of_the_base_only() {
 
 #[test]
 fn the_jaw_has_topics_of_its_own() {
-    let mut robot = i2ris_testing::Rig::with_jaw();
+    let mut robot = i2ris_testing::Rig::with_model();
     robot.start_controller_thread();
     i2ris_testing::wait_until_idle(&mut robot.client());
     let domain = crate::peer::ros_domain();

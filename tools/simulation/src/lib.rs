@@ -41,7 +41,7 @@ pub mod physics;
 pub mod robot;
 
 pub use drive::frame;
-pub use emulator::config::{DEFAULT_FOLDER, EmulatorConfig};
+pub use emulator::config::{DEFAULT_FOLDER, EmulatorConfig, GATEWAY_US, Line};
 pub use emulator::injection::Injection;
 pub use emulator::log;
 pub use emulator::port::{FolderError, Framing, LineConfig};

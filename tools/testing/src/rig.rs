@@ -9,18 +9,18 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::{fs, io};
 
 use i2ris::clock;
-use i2ris::config::{Config, PortConfig};
+use i2ris::config::{AxisConfig, Config};
 use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::process::controller::{self, ControllerError};
-use i2ris::units::{Counts, Nanos};
+use i2ris::units::{AUXILIARY, Counts, Nanos};
 use i2ris_simulation::drive::DriveConfig;
 use i2ris_simulation::log::{Event, EventKind};
 use i2ris_simulation::physics::springs::SnakeConfig;
-use i2ris_simulation::{Emulator, EmulatorConfig};
+use i2ris_simulation::{Emulator, EmulatorConfig, Line};
 use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
 
@@ -62,29 +62,28 @@ impl Drop for CleanUp {
 impl Rig {
     /// Drives and snake, no controller yet.
     pub fn start() -> Self {
-        Self::build(None)
+        Self::on(Line::Lab)
     }
 
-    /// A robot with a jaw: three drives on one line. Its controller starts with a model.
-    pub fn with_jaw() -> Self {
-        Self::with_jaw_behind(100)
+    /// The same on another line.
+    pub fn on(line: Line) -> Self {
+        Self::build(line, |_| {})
     }
 
-    /// The same behind a gateway that waits so long for a node that does not answer.
-    pub fn with_jaw_behind(gateway_timeout_ms: u64) -> Self {
-        let mut rig = Self::build(Some(gateway_timeout_ms));
-        rig.config.control.model = Some(rig.sample_model("model.json", "rig", 1.0));
-        rig
+    /// The laboratory's line, where a gateway waits so long for a node that does not answer.
+    pub fn behind(gateway_timeout_ms: u64) -> Self {
+        Self::build(Line::Lab, |emulation| {
+            emulation.drives[0].gateway_timeout_ms = gateway_timeout_ms;
+        })
+        .and_model()
     }
 
-    fn build(jaw: Option<u64>) -> Self {
+    fn build(line: Line, change: impl FnOnce(&mut EmulatorConfig)) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let snake = SnakeConfig::load(&root().join("config/snakes/steel.toml")).unwrap();
         let mut emulation = EmulatorConfig::new(snake, &folder.path().join("ports"));
-        if let Some(timeout_ms) = jaw {
-            emulation.add_auxiliary(600);
-            emulation.drives[0].gateway_timeout_ms = timeout_ms;
-        }
+        emulation.connect(line);
+        change(&mut emulation);
         let drives: Vec<_> = emulation.drives.iter().chain(&emulation.auxiliary).cloned().collect();
         let mut emulator = Emulator::start(emulation).unwrap();
         let number = RIGS.fetch_add(1, Ordering::Relaxed);
@@ -103,14 +102,8 @@ impl Rig {
             }
         });
         camera.unwrap();
-        let axes = (0..).zip(&drives).map(|(axis, drive)| (emulator.device(axis), axis, drive));
-        let mut ports: Vec<PortConfig> =
-            axes.map(|(device, axis, drive)| port(device, axis, drive)).collect();
-        if jaw.is_some() {
-            let behind = ports.split_off(1);
-            ports[0].axes.extend(behind.into_iter().flat_map(|port| port.axes));
-            ports[0].axes[2].auxiliary_counts_per_deg = Some(20.0);
-        }
+        let axes = drives.iter().enumerate().map(|(motor, drive)| axis(motor, drive)).collect();
+        let ports = line.ports(axes, |motor| emulator.device(motor).to_owned());
         let mut config: Config = fast_table("robot_id = \"rig\"\nports = []").try_into().unwrap();
         config.ports = ports;
         config.domain = domain.name().to_owned();
@@ -134,9 +127,12 @@ impl Rig {
 
     /// A robot whose controller starts with a model.
     pub fn with_model() -> Self {
-        let mut rig = Self::start();
-        rig.config.control.model = Some(rig.sample_model("model.json", "rig", 1.0));
-        rig
+        Self::start().and_model()
+    }
+
+    fn and_model(mut self) -> Self {
+        self.config.control.model = Some(self.sample_model("model.json", "rig", 1.0));
+        self
     }
 
     /// Writes a model of the standard family for the emulated snake, accurate to a few degrees:
@@ -403,10 +399,10 @@ fn root() -> PathBuf {
     root.unwrap().to_owned()
 }
 
-fn port(device: &Path, axis: usize, drive: &DriveConfig) -> PortConfig {
-    let mut axis = fast_axis(axis, drive.serial_number, [Counts(-2000), Counts(2000)]);
-    axis.motor_speed_rpm = 10_000;
-    // 0 is the drive that the port belongs to.
-    axis.node_id = if drive.node_id == 1 { 0 } else { drive.node_id };
-    PortConfig::new(device.to_owned(), vec![axis])
+fn axis(motor: usize, drive: &DriveConfig) -> AxisConfig {
+    AxisConfig {
+        auxiliary_counts_per_deg: (motor == AUXILIARY).then_some(20.0),
+        motor_speed_rpm: 10_000,
+        ..fast_axis(motor, drive.serial_number, [Counts(-2000), Counts(2000)])
+    }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use i2ris::clock;
-use i2ris::config::{Config, PortConfig};
+use i2ris::config::Config;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
@@ -171,10 +171,8 @@ fn configure(rig: &DriveRig, run: Run, domain: &Domain) -> Result<PathBuf, Bench
     config.record_folder = folder.join("records");
     config.command.deadline_ms = DEADLINE_MS;
     config.limits.feedback_stale_ms = 3 * REPLY_TIMEOUT_MS;
-    for (port, of_rig) in config.ports.iter_mut().zip(rig.ports()) {
-        let PortConfig { device, .. } = of_rig;
-        (port.device, port.reply_timeout_ms) = (device, REPLY_TIMEOUT_MS);
-    }
+    config.ports = rig.ports();
+    config.ports.iter_mut().for_each(|port| port.reply_timeout_ms = REPLY_TIMEOUT_MS);
     let file = folder.join("bench.toml");
     fs::write(&file, toml::to_string(&config)?)?;
     Ok(file)

@@ -60,16 +60,18 @@ impl Demo {
             .map_err(|error| format!("cannot create {}: {error}", path.display()))?;
         let folder = Folder { path: fs::canonicalize(path)?, is_kept };
         // Of an earlier run, on another domain.
-        let _ = fs::remove_file(folder.path.join("controller.toml"));
+        let file = crate::start::file(&folder.path);
+        let _ = fs::remove_file(&file);
         let mut demo = Self { arguments, interrupt, domain, robot: None, folder };
         let (seed, log) = (demo.arguments.seed.to_string(), demo.file("setpoints.csv")?);
         let snake = &demo.arguments.snake;
         let options = ["--snake", snake, "--seed", &seed, "--log", &log].map(str::to_owned);
         let bar = spinner("start emulated drives, a snake and the controller");
         // Models without memory, which it compares with the others, are wrong by a whole loop.
-        let mut config = crate::start::config(&demo.folder.path, demo.domain.name())?;
+        let (domain, line) = (demo.domain.name(), demo.arguments.line);
+        let mut config = crate::start::config(&demo.folder.path, domain, line)?;
         config.limits.plausibility_deg = 0.0;
-        let robot = EmulatedRobot::start(&demo.folder.path, &config, &options, &demo.interrupt)?;
+        let robot = EmulatedRobot::start(&file, &config, &options, &demo.interrupt)?;
         demo.robot = Some(robot);
         finish(&bar, "done");
         demo.run("home", &["home"])?;

@@ -13,9 +13,12 @@ use i2ris_report::exit::{Coded, NOT_READY};
 use schema::Kind;
 
 /// As delivered.
-const TEMPLATE: &str = include_str!("../../../../config/robot.toml");
+const TEMPLATES: [&str; 2] = [
+    include_str!("../../../../config/robot.toml"),
+    include_str!("../../../../config/robot-rs232.toml"),
+];
 
-/// Behind every line of it that a person has to look at.
+/// Behind every line of them that a person has to look at.
 const MARK: &str = " # CHECK";
 
 /// What `i2ris doctor config` can do.
@@ -112,12 +115,13 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
     }
 }
 
-/// The lines of the template that only a person can fill in, and nobody has: marked CHECK, with the
+/// The lines of a template that only a person can fill in, and nobody has: marked CHECK, with the
 /// value as delivered. Taking the mark away says that the value is right. A serial number of 0 is
 /// never right.
 pub fn as_delivered(text: &str, config: &Config) -> Vec<String> {
     let is_delivered = |line: &&str| {
-        TEMPLATE.lines().any(|delivered| delivered.ends_with(MARK) && delivered == line.trim())
+        let mut delivered = TEMPLATES.iter().flat_map(|template| template.lines());
+        delivered.any(|delivered| delivered.ends_with(MARK) && delivered == line.trim())
     };
     let lines = text.lines().enumerate().filter(|(_, line)| is_delivered(line));
     let marked = lines.map(|(index, line)| {

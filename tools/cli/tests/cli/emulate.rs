@@ -3,6 +3,7 @@
 
 use std::io::{BufRead, BufReader, Read};
 
+use i2ris::config::Config;
 use i2ris::ipc::DomainLock;
 use i2ris_simulation::physics::Physics;
 use i2ris_testing::Program;
@@ -44,11 +45,13 @@ fn signals_end_it_cleanly() {
     for signal in [Signal::SIGINT, Signal::SIGTERM] {
         let bench = WorkFolder::new();
         let (ports, log) = (bench.file("ports"), bench.file("log.csv"));
-        let options =
-            format!("--no-camera --snake {} --ports {ports} --log {log}", snake.display());
+        let options = format!(
+            "--no-camera --line rs232 --snake {} --ports {ports} --log {log}",
+            snake.display()
+        );
         let running = Running::until("ready", start(&nobody(), &format!("emulate {options}")));
         assert!(bench.exists("ports/axis0") && bench.exists("ports/axis1"));
-        assert_says(&running.lines, &[&bench.file("ports/axis1")]);
+        assert_says(&running.lines, &[&bench.file("ports/axis1"), "Epos4, serial number 62000002"]);
         running.end(signal);
         assert!(!bench.exists("ports"));
         assert_says(&bench.read("log.csv"), &[",boot,"]);
@@ -85,64 +88,53 @@ fn write_config(bench: &WorkFolder, change: impl Fn(String) -> String) {
 }
 
 #[test]
-fn the_doctor_looks_at_drives_and_machine() {
-    let bench = WorkFolder::new();
-    let options = "--no-camera --family epos2-v1 --ports";
-    let emulate = format!("emulate {options} {}", bench.file("ports"));
-    let _running = Running::until("ready", start(&nobody(), &emulate));
-    let epos2 = |text: String| {
-        text.replace("baud = 115200", "baud = 115200\nfamily = \"epos2\"\nframing = \"v1\"")
-    };
-    write_config(&bench, epos2);
-    let healthy = bench.run("doctor --config robot.toml");
-    assert_eq!(healthy.code, Some(0), "{}", healthy.output);
-    let machine = ["kernel", "scheduling", "shared memory"];
-    let drives = ["ms an exchange", "EPOS2, serial number 62000001", "not homed"];
-    assert_says(&healthy.output, &[machine, drives].concat());
-    write_config(&bench, |text| epos2(text).replace("62000001", "62000007"));
-    let sick = bench.run("doctor --config robot.toml --json");
-    assert_ne!(sick.code, Some(0));
-    let checks = checks_of(&sick.output);
-    let checks = checks["checks"].as_array().unwrap().iter();
-    let failed: Vec<_> = checks.filter(|check| check["level"] == "fail").collect();
-    let [failed] = failed[..] else { panic!("{failed:?}") };
-    let found = "62000001 (0x03B20B81) instead of 62000007";
-    assert_says(failed["found"].as_str().unwrap(), &[found]);
-    assert!(!failed["fix"].as_str().unwrap().is_empty());
-    let table = checks_of(&sick.output)["found_tables"][0].as_str().unwrap().to_owned();
-    let table: toml::Table = table.parse().unwrap();
-    assert_eq!(table["ports"][0]["axes"][0]["serial_number"].as_integer(), Some(62_000_001));
-}
-
-/// What the doctor found, as JSON.
-fn checks_of(output: &str) -> serde_json::Value {
-    serde_json::from_str(output).unwrap()
+fn the_doctor_looks_at_drives_and_machine_on_the_line_of_a_configuration() {
+    for (baud, framing) in [("1000000", ""), ("115200", "\nframing = \"v1\"")] {
+        let bench = WorkFolder::new();
+        write_config(&bench, |text| {
+            text.replace("baud = 1000000", &format!("baud = {baud}{framing}"))
+        });
+        let file = bench.file("robot.toml");
+        let emulate =
+            format!("emulate --no-camera --config {file} --ports {}", bench.file("ports"));
+        let _running = Running::until("ready", start(&nobody(), &emulate));
+        let healthy = bench.run("doctor --config robot.toml");
+        assert_eq!(healthy.code, Some(0), "{}{}", healthy.output, healthy.error);
+        let machine = ["kernel", "scheduling", "shared memory", "ms an exchange", "not homed"];
+        let drives = [1, 2, 3].map(|number| format!("EPOS2, serial number 6200000{number}"));
+        let drives: Vec<&str> = drives.iter().map(String::as_str).collect();
+        assert_says(&healthy.output, &[&machine[..], &drives].concat());
+        let text = bench.read("robot.toml").replace("62000001", "62000007");
+        bench.write("robot.toml", &text);
+        let sick = bench.run("doctor --config robot.toml --json");
+        assert_ne!(sick.code, Some(0));
+        let json: serde_json::Value = serde_json::from_str(&sick.output).unwrap();
+        let checks = json["checks"].as_array().unwrap().iter();
+        let failed: Vec<_> = checks.filter(|check| check["level"] == "fail").collect();
+        let [failed] = failed[..] else { panic!("{failed:?}") };
+        let found = "62000001 (0x03B20B81) instead of 62000007";
+        assert_says(failed["found"].as_str().unwrap(), &[found]);
+        assert!(!failed["fix"].as_str().unwrap().is_empty());
+        let table = json["found_tables"][0].as_str().unwrap().to_owned();
+        let table: toml::Table = table.parse().unwrap();
+        let first = &table["ports"][0]["axes"][0];
+        assert_eq!(first["serial_number"].as_integer(), Some(62_000_001));
+    }
 }
 
 #[test]
-fn the_doctor_looks_at_three_drives_on_one_line() {
+fn the_doctor_lists_the_drives_behind_a_port_to_paste() {
     let bench = WorkFolder::new();
-    let emulate = format!("emulate --no-camera --wiring jaw --ports {}", bench.file("ports"));
+    let emulate = format!("emulate --no-camera --ports {}", bench.file("ports"));
     let _running = Running::until("ready", start(&nobody(), &emulate));
-    write_config(&bench, |text| {
-        // Both drives and a third one behind the first port.
-        let (head, second) = text.rsplit_once("[[ports]]").unwrap();
-        let second = second.split_once("[[ports.axes]]").unwrap().1;
-        let second = second.replace("node_id = 1", "node_id = 2");
-        let jaw = second.replace("motor = 1", "motor = 2\nauxiliary_counts_per_deg = 20.0");
-        let jaw = jaw.replace("node_id = 2", "node_id = 3").replace("62000002", "62000003");
-        format!("{head}[[ports.axes]]{second}[[ports.axes]]{jaw}")
-    });
+    write_config(&bench, str::to_owned);
     let healthy = bench.run("doctor --config robot.toml");
     assert_eq!(healthy.code, Some(0), "{}{}", healthy.output, healthy.error);
-    for serial_number in ["62000001", "62000002", "62000003"] {
-        assert_says(&healthy.output, &[&format!("serial number {serial_number}")]);
-    }
     assert!(!healthy.output.contains("to paste"), "{}", healthy.output);
     // As delivered: one drive, whose number nobody has looked up. All three are found.
     write_config(&bench, |text| {
-        let (head, _) = text.rsplit_once("[[ports]]").unwrap();
-        head.replace("62000001", "0")
+        let first = text.match_indices("[[ports.axes]]").nth(1).unwrap().0;
+        text[..first].replace("62000001", "0")
     });
     let found = bench.run("doctor --config robot.toml");
     let (_, table) = found.output.split_once("to paste into the configuration").unwrap();
@@ -169,7 +161,7 @@ fn snakes_by_name_are_there_in_every_folder_and_it_ends_by_itself_when_requested
         let options = format!("--duration-s 0.2 --ports ports --domain {} {name}", domain.name());
         let printed = WorkFolder::new().succeeds(&format!("emulate {options}"));
         let name = name.strip_prefix("--snake ").unwrap_or("steel");
-        assert_says(&printed, &[&format!("ready: snake {name}"), "ended: 0 and 0 requests"]);
+        assert_says(&printed, &[&format!("ready: snake {name}"), "ended: 0 requests"]);
     }
     let help = WorkFolder::new().succeeds("emulate --help");
     Physics::NAMES.iter().for_each(|name| assert_says(&help, &[&format!("- {name}: ")]));
@@ -188,4 +180,40 @@ fn start_runs_emulator_and_controller_and_ends_both() {
     assert_says(&bench.read("here/controller.log"), &[&served]);
     // The lock is free: the controller has ended.
     drop(DomainLock::acquire(&domain).unwrap());
+}
+
+/// Nothing that a rehearsal opens or writes is the robot's, and its file is as it was.
+#[test]
+fn a_rehearsal_puts_emulated_drives_under_the_file_of_a_robot() {
+    let shared_machine = "reply_timeout_ms = 1000\nfamily";
+    for (template, serial_number) in
+        [("robot.toml", "0"), ("robot-rs232.toml", "0"), ("robot.toml", "0x42E_03C0")]
+    {
+        let (bench, domain) = (WorkFolder::new(), nobody());
+        let text = std::fs::read_to_string(repository("config").join(template)).unwrap();
+        let text = text.replace("\nfamily", &format!("\n{shared_machine}"));
+        let known = format!("serial_number = {serial_number} #");
+        let text = text.replacen("serial_number = 0 #", &known, 1);
+        let positions = "positions_file = \"positions.toml\"\n[[ports.axes]]";
+        bench.write("robot.toml", &text.replacen("[[ports.axes]]", positions, 1));
+        let before = bench.read("robot.toml");
+        let options =
+            format!("--config {} --folder {}", bench.file("robot.toml"), bench.file("here"));
+        let running =
+            Running::until("next", start(&domain, &format!("start --no-monitor {options}")));
+        let device = "device /dev/serial/by-id/usb-maxon-drive-of-";
+        let unknown = "serial_number = 0, ";
+        assert_says(&running.lines, &[device, "here/ports/axis0", unknown, domain.name()]);
+        running.end(Signal::SIGINT);
+        let log = bench.read("here/controller.log");
+        assert_says(&log, &[&format!("serves domain `{}`", domain.name())]);
+        let copy = Config::parse(&bench.read("here/rehearsal.toml"), "copy".as_ref()).unwrap();
+        let robot = Config::parse(&before, "robot".as_ref()).unwrap();
+        assert_eq!((&copy.limits, &copy.control), (&robot.limits, &robot.control));
+        let of_axes = |config: &Config| config.axes().cloned().collect::<Vec<_>>();
+        assert_eq!(of_axes(&copy), of_axes(&robot));
+        assert!(copy.devices().iter().all(|device| device.starts_with(bench.path("here"))));
+        assert!(bench.exists("here/positions0.toml") && !bench.exists("positions.toml"));
+        assert!(!bench.exists("records") && bench.read("robot.toml") == before);
+    }
 }

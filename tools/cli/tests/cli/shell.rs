@@ -87,7 +87,7 @@ fn a_configuration_is_judged_and_printed_with_its_defaults() {
     let good = fs::read_to_string(repository("config/emulator.toml")).unwrap();
     let bench = WorkFolder::with("good.toml", &good);
     let output = bench.succeeds("doctor config check good.toml");
-    assert_says(&output, &["valid; robot i2ris-emulated, 2 axes, 2 of the snake"]);
+    assert_says(&output, &["valid; robot i2ris-emulated, 3 axes, 2 of the snake"]);
     bench.write("printed.toml", &bench.succeeds("doctor config print good.toml"));
     bench.succeeds("doctor config check printed.toml");
     bench.write("bad.toml", &good.replace("rate_hz", "rate_herz"));
@@ -98,30 +98,34 @@ fn a_configuration_is_judged_and_printed_with_its_defaults() {
 
 #[test]
 fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
-    let template = fs::read_to_string(repository("config/robot.toml")).unwrap();
-    let bench = WorkFolder::with("robot.toml", &template);
-    let said = bench.run("doctor config check robot.toml");
-    assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
-    let marked = template.lines().filter(|line| line.ends_with("# CHECK")).count();
-    assert_eq!(said.output.matches("as delivered").count(), marked, "{}", said.output);
-    assert_says(&said.output, &["serial_number = 0: as delivered", "[motor 1].serial_number = 0"]);
-    assert_says(&bench.run("doctor --config robot.toml --no-drives").output, &["as delivered"]);
-    // Every value is right, or was corrected: the marks are gone. A third node is on the line.
-    let mut ready = template.replace(" # CHECK", "").replacen("= 0\npos", "= 11\npos", 1);
-    ready = ready.replacen("= 0\n# Around", "= 10\n# Around", 1);
-    let jaw = "[[ports.axes]]\nmotor = 2\nauxiliary_counts_per_deg = 20.0\nnode_id = 3\n\
-               serial_number = 12\nposition_min_counts = -9\nposition_max_counts = 9\n";
-    bench.write("robot.toml", &format!("{ready}{jaw}"));
-    let output = bench.succeeds("doctor config check robot.toml");
-    assert_says(&output, &["3 axes, 2 of the snake", "older than 45 ms, FAULT after 135 ms"]);
-    // What is right for a drive alone stops two nodes on one port by itself.
-    let limits = "[limits]\nfeedback_stale_ms = 20\n";
-    bench.write("robot.toml", &format!("{ready}{jaw}{limits}"));
-    let said = bench.run("doctor config check robot.toml --json");
-    assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
-    let json: serde_json::Value = serde_json::from_str(&said.output).unwrap();
-    assert_eq!((&json["axes"], &json["motors"]), (&3.into(), &2.into()));
-    assert_says(&json["not_ready"].to_string(), &["limits.feedback_stale_ms = 20", "at least 47"]);
+    for (name, axes, stale, lost) in [("robot.toml", 3, 52, 156), ("robot-rs232.toml", 2, 33, 99)] {
+        let template = fs::read_to_string(repository("config").join(name)).unwrap();
+        let bench = WorkFolder::with("robot.toml", &template);
+        let said = bench.run("doctor config check robot.toml");
+        assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
+        let marked = template.lines().filter(|line| line.ends_with("# CHECK")).count();
+        assert_eq!(said.output.matches("as delivered").count(), marked, "{}", said.output);
+        let unknown = ["serial_number = 0: as delivered", "[motor 1].serial_number = 0"];
+        assert_says(&said.output, &unknown);
+        assert_says(&bench.run("doctor --config robot.toml --no-drives").output, &["as delivered"]);
+        // Every value is right, or was corrected: the marks are gone.
+        let number = |text: String, number: i32| {
+            text.replacen("serial_number = 0\n", &format!("serial_number = {number}\n"), 1)
+        };
+        let ready = (10..10 + axes).fold(template.replace(" # CHECK", ""), number);
+        bench.write("robot.toml", &ready);
+        let output = bench.succeeds("doctor config check robot.toml");
+        let ages = format!("older than {stale} ms, FAULT after {lost} ms");
+        assert_says(&output, &[&format!("{axes} axes, 2 of the snake"), &ages]);
+        // What is right for one drive stops several nodes on a port by itself.
+        bench.write("robot.toml", &format!("{ready}[limits]\nfeedback_stale_ms = 8\n"));
+        let said = bench.run("doctor config check robot.toml --json");
+        assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
+        let json: serde_json::Value = serde_json::from_str(&said.output).unwrap();
+        assert_eq!((&json["axes"], &json["motors"]), (&axes.into(), &2.into()));
+        let least = format!("at least {stale}");
+        assert_says(&json["not_ready"].to_string(), &["limits.feedback_stale_ms = 8", &least]);
+    }
 }
 
 #[test]

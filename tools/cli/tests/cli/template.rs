@@ -1,4 +1,4 @@
-//! The shipped template with devices, serial numbers, domain and record folder filled in, on
+//! The shipped templates with devices, serial numbers, domain and record folder filled in, on
 //! emulated drives: what a person does on the first day, as root and as a plain user.
 
 use std::os::unix::fs::chown;
@@ -48,42 +48,32 @@ impl FirstDay {
     }
 }
 
-/// The template, filled in: what is before the ports, and the ports.
-fn filled_in(bench: &WorkFolder, domain: &Domain, has_jaw: bool) -> (String, String) {
-    let template = std::fs::read_to_string(repository("config/robot.toml")).unwrap();
-    let port = |motor: usize| format!("/dev/serial/by-id/usb-maxon-drive-of-motor-{motor}");
+/// A template, filled in: what is before the ports, and the ports.
+fn filled_in(bench: &WorkFolder, domain: &Domain, template: &str) -> (String, String) {
+    let template = std::fs::read_to_string(repository("config").join(template)).unwrap();
     let (head, ports) = template.split_once("[[ports]]").unwrap();
+    let by_id = "/dev/serial/by-id/usb-maxon-drive-of-";
     let ports = ports
-        .replace(&port(0), &bench.file("ports/axis0"))
-        .replace(&port(1), &bench.file("ports/axis1"))
+        .replace(&format!("{by_id}the-snake"), &bench.file("ports/axis0"))
+        .replace(&format!("{by_id}motor-0"), &bench.file("ports/axis0"))
+        .replace(&format!("{by_id}motor-1"), &bench.file("ports/axis1"))
         .replace("\nbaud", &format!("{SHARED_PORT}baud"))
-        .replace("\nnode_id", &format!("{SHARED_AXIS}node_id"))
-        .replacen("serial_number = 0", "serial_number = 62000001", 1)
-        .replacen("serial_number = 0", "serial_number = 62000002", 1);
-    let ports = match has_jaw {
-        false => ports,
-        true => {
-            // Both drives and a third one behind the first port.
-            let (first, second) = ports.split_once("[[ports]]").unwrap();
-            let second = second.split_once("[[ports.axes]]").unwrap().1;
-            let second = second.replace("node_id = 0", "node_id = 2");
-            let jaw = second.replace("motor = 1", "motor = 2\nauxiliary_counts_per_deg = 20.0");
-            let jaw = jaw.replace("node_id = 2", "node_id = 3").replace("62000002", "62000003");
-            format!("{first}[[ports.axes]]{second}[[ports.axes]]{jaw}")
-        }
+        .replace("\nnode_id", &format!("{SHARED_AXIS}node_id"));
+    let known = |ports: String, number: u32| {
+        ports.replacen("serial_number = 0", &format!("serial_number = {number}"), 1)
     };
+    let ports = (62_000_001..=62_000_003).fold(ports, known);
     let head = head.replace("\"records\"", &format!("\"{}\"", bench.file("records")));
     (format!("domain = \"{}\"\n{head}", domain.name()), format!("[[ports]]{ports}"))
 }
 
-fn first_day(user: Option<u32>, has_jaw: bool) {
+fn first_day(user: Option<u32>, template: &str, line: &str) {
     let day = FirstDay { bench: WorkFolder::new(), domain: nobody(), user };
     chown(day.bench.path(""), user, user).unwrap();
-    let (head, ports) = filled_in(&day.bench, &day.domain, has_jaw);
+    let (head, ports) = filled_in(&day.bench, &day.domain, template);
     let snake = repository("config/snakes/steel.toml");
-    let jaw = if has_jaw { "--wiring jaw" } else { "" };
     let mut emulator =
-        day.start(&format!("emulate --ports @ports --snake {} {jaw}", snake.display()));
+        day.start(&format!("emulate --ports @ports --snake {} --line {line}", snake.display()));
     wait_until("the ports", || day.bench.exists("ports/axis0"));
 
     // Counts and conditioning, before anybody knows what an angle is.
@@ -120,20 +110,20 @@ fn plain() -> Option<u32> {
 
 #[test]
 fn the_template_is_calibrated_and_used_by_root_with_a_port_for_each_drive() {
-    first_day(None, false);
+    first_day(None, "robot-rs232.toml", "rs232");
 }
 
 #[test]
 fn the_template_is_calibrated_and_used_by_root_with_three_nodes_on_a_port() {
-    first_day(None, true);
+    first_day(None, "robot.toml", "lab");
 }
 
 #[test]
 fn the_template_is_calibrated_and_used_by_a_plain_user_with_a_port_for_each_drive() {
-    first_day(plain(), false);
+    first_day(plain(), "robot-rs232.toml", "rs232");
 }
 
 #[test]
 fn the_template_is_calibrated_and_used_by_a_plain_user_with_three_nodes_on_a_port() {
-    first_day(plain(), true);
+    first_day(plain(), "robot.toml", "lab");
 }

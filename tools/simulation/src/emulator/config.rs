@@ -2,14 +2,63 @@
 
 use std::path::{Path, PathBuf};
 
-use super::port::LineConfig;
+use i2ris::config::{self, AxisConfig, PortConfig};
+
+use super::port::{Framing, LineConfig};
 use super::scenario::Scenario;
 use super::snake_source::SnakeSource;
 use crate::camera::CameraConfig;
-use crate::drive::DriveConfig;
+use crate::drive::{DriveConfig, Family};
 
 /// Default folder of the ports.
 pub const DEFAULT_FOLDER: &str = "/tmp/i2ris-emulator";
+
+/// What a request to a node behind another takes over CAN, there and back, microseconds.
+pub const GATEWAY_US: u64 = 600;
+
+/// The node id of a drive that is only addressed as the one at its port: the highest of CANopen.
+const OWN_NODE: u8 = 127;
+
+/// How drives and computer are connected.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Line {
+    /// The laboratory's: three EPOS2 on one USB port, node 1 with nodes 2 and 3 behind it; the third
+    /// turns the auxiliary axis
+    #[default]
+    Lab,
+    /// An EPOS2 on USB for each motor
+    UsbEach,
+    /// An EPOS4 on RS232 for each motor
+    Rs232,
+}
+
+impl Line {
+    /// The ports of a controller on this line, of axes in the order of the motors. An axis without
+    /// a drive is left out.
+    #[must_use]
+    pub fn ports(
+        self,
+        axes: Vec<AxisConfig>,
+        device: impl Fn(usize) -> PathBuf,
+    ) -> Vec<PortConfig> {
+        let port = |number: usize, axes: Vec<AxisConfig>| match self {
+            Self::Rs232 => PortConfig::new(device(number), axes),
+            Self::Lab | Self::UsbEach => PortConfig {
+                family: config::Family::Epos2,
+                baud: LineConfig::usb().baud,
+                ..PortConfig::new(device(number), axes)
+            },
+        };
+        let node = |(axis, node_id)| AxisConfig { node_id, ..axis };
+        match self {
+            Self::Lab => vec![port(0, axes.into_iter().zip(1..).map(node).collect())],
+            Self::UsbEach | Self::Rs232 => {
+                let alone = axes.into_iter().take(2).map(|axis| node((axis, 1)));
+                alone.enumerate().map(|(number, axis)| port(number, vec![axis])).collect()
+            }
+        }
+    }
+}
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct EmulatorConfig {
@@ -19,9 +68,11 @@ pub struct EmulatorConfig {
     /// Determines everything random.
     pub seed: u64,
     pub line: LineConfig,
-    /// One port only: the first drive forwards requests to the second over CAN, with this
+    /// One port only: the first drive forwards requests to the others over CAN, with this
     /// round-trip time in microseconds. Absent: a port for every drive.
     pub gateway_us: Option<u64>,
+    /// The drives of each port where it is neither, the one that the port belongs to first.
+    pub layout: Option<Vec<Vec<usize>>>,
     /// Faults injected into drives, lines and wires.
     pub scenario: Scenario,
     pub drives: [DriveConfig; 2],
@@ -43,11 +94,73 @@ impl EmulatorConfig {
             seed: 1,
             line: LineConfig::default(),
             gateway_us: None,
+            layout: None,
             scenario: Scenario::default(),
             drives,
             auxiliary: None,
             camera: CameraConfig::default(),
             log: None,
+        }
+    }
+
+    /// The drives of each port, the one that the port belongs to first.
+    pub(super) fn ports(&self) -> Vec<Vec<usize>> {
+        match (&self.layout, self.gateway_us) {
+            (Some(layout), _) => layout.clone(),
+            (None, None) => vec![vec![0], vec![1]],
+            (None, Some(_)) => vec![(0..2 + usize::from(self.auxiliary.is_some())).collect()],
+        }
+    }
+
+    /// Takes drives and lines from the configuration of a controller: families, framing, rate,
+    /// nodes and serial numbers.
+    ///
+    /// # Errors
+    ///
+    /// When its ports differ in what all emulated ones have in common.
+    pub fn rehearse(&mut self, ports: &[PortConfig]) -> Result<(), String> {
+        let [first, ..] = ports else { return Err("there is no port to emulate".to_owned()) };
+        let line = |port: &PortConfig| (port.baud, port.framing);
+        if ports.iter().any(|port| line(port) != line(first)) {
+            return Err("ports that differ in `baud` or `framing` are not emulated together".into());
+        }
+        self.line.baud = first.baud;
+        self.line.framing = match first.framing {
+            config::Framing::V1 => Framing::V1,
+            config::Framing::V2 => Framing::V2,
+        };
+        // Nobody runs RS232 at such a rate.
+        self.line.latency_timer_ms = u64::from(first.baud >= LineConfig::usb().baud);
+        self.gateway_us = Some(GATEWAY_US);
+        let motors = |port: &PortConfig| port.axes.iter().map(|axis| axis.motor).collect();
+        self.layout = Some(ports.iter().map(motors).collect());
+        for (port, axis) in ports.iter().flat_map(|port| port.axes.iter().map(move |it| (port, it)))
+        {
+            let drive = DriveConfig {
+                family: match axis.family.unwrap_or(port.family) {
+                    config::Family::Epos4 => Family::Epos4,
+                    config::Family::Epos2 => Family::Epos2,
+                },
+                node_id: if axis.node_id == 0 { OWN_NODE } else { axis.node_id },
+                serial_number: axis.serial_number,
+                ..DriveConfig::default()
+            };
+            match self.drives.get_mut(axis.motor) {
+                Some(of_motor) => *of_motor = drive,
+                None => self.auxiliary = Some(drive),
+            }
+        }
+        Ok(())
+    }
+
+    /// Connects the drives.
+    pub fn connect(&mut self, line: Line) {
+        if line != Line::Rs232 {
+            self.line = LineConfig::usb();
+            self.drives.iter_mut().for_each(|drive| drive.family = Family::Epos2);
+        }
+        if line == Line::Lab {
+            self.add_auxiliary(GATEWAY_US);
         }
     }
 

@@ -96,7 +96,7 @@ pub struct Emulator {
 }
 
 impl Emulator {
-    /// Starts two drives on two ports.
+    /// Starts drives and ports.
     pub fn start(config: EmulatorConfig) -> Result<Self, EmulatorError> {
         let mut folder = PortFolder::claim(&config.folder)?;
         let log = config.log.as_deref().map(Log::to_file).transpose()?;
@@ -107,15 +107,17 @@ impl Emulator {
         for change in &config.scenario.ageing {
             snake.begin_ageing(*change);
         }
-        let gateway = config.gateway_us.map(Nanos::from_micros);
-        let plant = Plant::new(drives, snake, gateway, Arc::clone(&log), clock::now());
-        let shared = Arc::new(Shared::new(plant, log, gateway.is_some()));
+        let trip = config.gateway_us.map(Nanos::from_micros).unwrap_or_default();
+        let layout = config.ports();
+        let plant =
+            Plant::new(drives, snake, (layout.clone(), trip), Arc::clone(&log), clock::now());
+        let shared = Arc::new(Shared::new(plant, log, layout.clone()));
         let (mut ports, mut devices) = (Vec::new(), Vec::new());
-        for axis in 0..if gateway.is_some() { 1 } else { 2 } {
-            let seed = config.seed + 10 + axis as u64;
-            let mut port = Port::open(axis, &config.line, seed, Arc::clone(&shared))?;
-            devices.push(folder.link(&format!("axis{axis}"), port.path())?);
-            port.set_link(&devices[axis]);
+        for (number, drives) in layout.iter().enumerate() {
+            let seed = config.seed + 10 + number as u64;
+            let mut port = Port::open(drives[0], &config.line, seed, Arc::clone(&shared))?;
+            devices.push(folder.link(&format!("axis{number}"), port.path())?);
+            port.set_link(&devices[number]);
             ports.push(port);
         }
         let mut emulator = Self { config, shared, threads: Vec::new(), devices, _folder: folder };
@@ -209,7 +211,7 @@ impl Emulator {
     ///
     /// When there is no such axis: they are 0 and 1.
     pub fn device(&self, axis: usize) -> &Path {
-        &self.devices[if self.shared.gateway { 0 } else { axis }]
+        &self.devices[self.shared.port_of(axis)]
     }
 
     pub fn snapshot(&self) -> Snapshot {
@@ -231,6 +233,11 @@ impl Emulator {
     /// All events, oldest first.
     pub fn log(&self) -> Vec<Event> {
         self.shared.log.events()
+    }
+
+    /// Requests on all ports since the start.
+    pub fn requests(&self) -> u64 {
+        self.shared.requests()
     }
 
     /// Number of rule violations of the host since the start.

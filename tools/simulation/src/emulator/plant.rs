@@ -24,8 +24,9 @@ pub(crate) struct Plant {
     pub(crate) snake: Snake,
     /// The wires between motors and snake.
     pub(crate) wires: [Wire; 2],
-    /// The first drive forwards requests to the second over CAN, with this round-trip time.
-    gateway: Option<Nanos>,
+    /// The first drive of each port forwards requests to the others over CAN, with this round-trip
+    /// time.
+    gateways: (Vec<Vec<usize>>, Nanos),
     time: Nanos,
     log: Arc<Log>,
 }
@@ -35,11 +36,11 @@ impl Plant {
     pub(crate) fn new(
         drives: Vec<Drive>,
         snake: Snake,
-        gateway: Option<Nanos>,
+        gateways: (Vec<Vec<usize>>, Nanos),
         log: Arc<Log>,
         now: Nanos,
     ) -> Self {
-        let mut plant = Self { drives, snake, wires: Default::default(), gateway, time: now, log };
+        let mut plant = Self { drives, snake, wires: Default::default(), gateways, time: now, log };
         plant.record(now);
         plant
     }
@@ -82,10 +83,19 @@ impl Plant {
         arrived: Nanos,
     ) -> Option<Reply> {
         self.advance_to(arrived);
-        let (before, rest) = self.drives.split_at_mut_checked(axis)?;
-        let (port, after) = rest.split_first_mut()?;
-        let others: Vec<&mut Drive> = before.iter_mut().chain(after).collect();
-        let reply = port.reply_at_port(incoming, self.gateway.map(|trip| (others, trip)));
+        let (layout, trip) = &self.gateways;
+        let beside = layout.iter().find(|axes| axes.first() == Some(&axis));
+        let is_behind = |other: usize| beside.is_some_and(|axes| axes[1..].contains(&other));
+        let (mut port, mut others) = (None, Vec::new());
+        for (other, drive) in self.drives.iter_mut().enumerate() {
+            match other {
+                _ if other == axis => port = Some(drive),
+                _ if is_behind(other) => others.push(drive),
+                _ => {}
+            }
+        }
+        let gateway = (!others.is_empty()).then_some((others, *trip));
+        let reply = port?.reply_at_port(incoming, gateway);
         // A late thread cannot change the past: its setpoints count from the present time.
         self.record(self.time.max(arrived));
         reply
@@ -122,7 +132,7 @@ mod tests {
     fn plant(log: &Arc<Log>) -> Plant {
         let drives = [0, 1].map(|_| Drive::new(&DriveConfig::default(), 0.0)).into();
         let snake = SpringSnake::new(&config("steel"), 1);
-        Plant::new(drives, snake.into(), None, Arc::clone(log), Nanos::ZERO)
+        Plant::new(drives, snake.into(), Default::default(), Arc::clone(log), Nanos::ZERO)
     }
 
     fn write(plant: &mut Plant, now: Nanos, index: u16, value: u8) {

@@ -21,9 +21,10 @@ pub(crate) struct Shared {
     plant: Mutex<Plant>,
     pub(crate) log: Arc<Log>,
     stop: AtomicBool,
-    pub(crate) lines: [Line; 2],
-    /// Both axes are behind the first line.
-    pub(crate) gateway: bool,
+    /// One for each port.
+    lines: Vec<Line>,
+    /// The axes behind each.
+    layout: Vec<Vec<usize>>,
     /// When the encoders of these axes count again.
     frozen: Mutex<Vec<(Nanos, usize)>>,
     camera: Mutex<Vec<CameraCommand>>,
@@ -75,13 +76,13 @@ impl Line {
 }
 
 impl Shared {
-    pub(crate) fn new(plant: Plant, log: Arc<Log>, gateway: bool) -> Self {
+    pub(crate) fn new(plant: Plant, log: Arc<Log>, layout: Vec<Vec<usize>>) -> Self {
         Self {
             plant: Mutex::new(plant),
             log,
             stop: AtomicBool::new(false),
-            lines: Default::default(),
-            gateway,
+            lines: layout.iter().map(|_| Line::default()).collect(),
+            layout,
             frozen: Mutex::default(),
             camera: Mutex::default(),
         }
@@ -91,8 +92,18 @@ impl Shared {
         lock(&self.plant)
     }
 
+    /// The port of an axis; the first for one that has none.
+    pub(crate) fn port_of(&self, axis: usize) -> usize {
+        self.layout.iter().position(|axes| axes.contains(&axis)).unwrap_or(0)
+    }
+
+    /// Requests on all lines.
+    pub(crate) fn requests(&self) -> u64 {
+        self.lines.iter().map(|line| line.requests.load(Ordering::Relaxed)).sum()
+    }
+
     pub(crate) fn line(&self, axis: usize) -> &Line {
-        &self.lines[if self.gateway { 0 } else { axis }]
+        &self.lines[self.port_of(axis)]
     }
 
     /// Executes a line of the control socket.

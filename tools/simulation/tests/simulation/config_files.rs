@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use i2ris::config::Config;
+use i2ris::config::{Config, PortConfig};
 use i2ris_simulation::physics::springs::{SnakeConfig, SpringSnake};
-use i2ris_simulation::{DEFAULT_FOLDER, EmulatorConfig};
+use i2ris_simulation::{DEFAULT_FOLDER, EmulatorConfig, Line};
 
 fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(name)
@@ -15,17 +15,17 @@ fn file(name: &str) -> PathBuf {
 fn the_configuration_of_the_controller_matches_the_emulated_drives() {
     let controller = Config::load(&file("emulator.toml")).unwrap();
     let snake = SnakeConfig::load(&file("snakes/steel.toml")).unwrap();
-    let emulator = EmulatorConfig::new(snake, Path::new(DEFAULT_FOLDER));
-    assert_eq!(controller.ports.len(), 2);
-    for (axis, port) in controller.ports.iter().enumerate() {
-        assert_eq!(port.device, emulator.folder.join(format!("axis{axis}")));
-        assert_eq!(port.baud, emulator.line.baud);
-        assert_eq!(port.axes.len(), 1);
-        assert_eq!(port.axes[0].motor, axis);
-        assert_eq!(port.axes[0].node_id, emulator.drives[axis].node_id);
-        let drive = &emulator.drives[axis];
-        assert_eq!(port.axes[0].short_serial_number(), drive.serial_number);
-    }
+    let mut emulator = EmulatorConfig::new(snake, Path::new(DEFAULT_FOLDER));
+    emulator.connect(Line::default());
+    let device = |port: usize| emulator.folder.join(format!("axis{port}"));
+    let ports = Line::default().ports(controller.axes().cloned().collect(), device);
+    let reply_timeout_ms = controller.ports[0].reply_timeout_ms;
+    let ports = ports.into_iter().map(|port| PortConfig { reply_timeout_ms, ..port });
+    assert!(ports.eq(controller.ports.iter().cloned()), "{:?}", controller.ports);
+    // As from the file itself.
+    let mut rehearsed = emulator.clone();
+    rehearsed.rehearse(&controller.ports).unwrap();
+    assert_eq!(rehearsed, EmulatorConfig { layout: Some(vec![vec![0, 1, 2]]), ..emulator });
 }
 
 #[test]
@@ -44,15 +44,19 @@ fn the_limits_allow_the_full_bend_of_the_snakes() {
 }
 
 #[test]
-fn the_robot_template_is_valid_and_has_tighter_limits() {
-    let (robot, emulator) =
-        (Config::load(&file("robot.toml")).unwrap(), Config::load(&file("emulator.toml")).unwrap());
-    assert!(robot.limits.velocity_counts_s < emulator.limits.velocity_counts_s);
-    assert!(robot.limits.following_error_counts < emulator.limits.following_error_counts);
-    assert!(robot.control.model.is_none());
-    for axis in robot.axes() {
-        assert!(axis.current_limit_ma < emulator.axis(axis.motor).unwrap().current_limit_ma);
-        assert!(axis.position_max_counts < emulator.axis(axis.motor).unwrap().position_max_counts);
+fn the_robot_templates_are_valid_and_have_tighter_limits() {
+    let emulator = Config::load(&file("emulator.toml")).unwrap();
+    for (name, axes) in [("robot.toml", 3), ("robot-rs232.toml", 2)] {
+        let robot = Config::load(&file(name)).unwrap();
+        assert!(robot.limits.velocity_counts_s < emulator.limits.velocity_counts_s);
+        assert!(robot.limits.following_error_counts < emulator.limits.following_error_counts);
+        assert!(robot.control.model.is_none());
+        assert_eq!(robot.axes().count(), axes, "{name}");
+        for axis in robot.axes() {
+            let fast = emulator.axis(axis.motor).unwrap();
+            assert!(axis.current_limit_ma < fast.current_limit_ma);
+            assert!(axis.position_max_counts < fast.position_max_counts);
+        }
     }
 }
 

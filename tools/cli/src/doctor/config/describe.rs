@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn the_printed_configuration_is_equal_and_names_every_key() {
-        for file in ["robot.toml", "emulator.toml"] {
+        for file in ["robot.toml", "robot-rs232.toml", "emulator.toml"] {
             let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(file);
             let config = Config::parse(&std::fs::read_to_string(&path).unwrap(), &path).unwrap();
             let text = describe(&config).unwrap();

@@ -132,6 +132,7 @@ mod tests {
     fn every_key_of_the_configurations_here_is_in_the_schema_with_its_meaning() {
         for (kind, file) in [
             (Kind::Controller, "robot.toml"),
+            (Kind::Controller, "robot-rs232.toml"),
             (Kind::Controller, "emulator.toml"),
             (Kind::Snake, "snakes/steel.toml"),
             (Kind::Snake, "snakes/brass.toml"),

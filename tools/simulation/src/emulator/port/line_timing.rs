@@ -3,6 +3,10 @@
 //! A pseudo-terminal delivers any number of bytes at once. Here they take the time that they take
 //! on a real line. All instants follow from the earlier ones and not from the wake-up time of a
 //! thread, so late wake-ups do not accumulate.
+//!
+//! Behind a USB adapter a request waits for the next frame of USB, and a reply for the latency
+//! timer: FTDI's chips hand bytes over when 62 are there, or when the timer expires, which starts
+//! again with every expiry (FTDI AN232B-04).
 
 use i2ris::units::Nanos;
 
@@ -27,9 +31,8 @@ pub struct LineConfig {
     pub processing_us: u64,
     /// Maximum random time added to it, microseconds.
     pub jitter_us: u64,
-    /// How long a USB adapter delays short replies, milliseconds; 0: no adapter, or one without
-    /// delay.
-    pub adapter_hold_ms: u64,
+    /// The latency timer of the FTDI chip between line and computer, milliseconds; 0: there is none.
+    pub latency_timer_ms: u64,
     /// How much of a late wake-up is not counted as the host's time, microseconds: bytes that are
     /// read this long after the line was free count as sent when it became free. A wake-up takes
     /// about 70.
@@ -44,11 +47,22 @@ impl Default for LineConfig {
             strict_baud: false,
             processing_us: 400,
             jitter_us: 0,
-            adapter_hold_ms: 0,
+            latency_timer_ms: 0,
             allowance_us: 150,
         }
     }
 }
+
+impl LineConfig {
+    /// An EPOS2 on USB: a bridge of FTDI with 1,000,000 baud behind it, its timer set to 1 ms.
+    #[must_use]
+    pub fn usb() -> Self {
+        Self { baud: 1_000_000, latency_timer_ms: 1, ..Self::default() }
+    }
+}
+
+/// What a bridge of FTDI hands over at once.
+const PACKET: usize = 62;
 
 /// Timing of both directions of a line.
 #[derive(Debug, Clone)]
@@ -59,6 +73,9 @@ pub(crate) struct LineTiming {
     free: Nanos,
     /// Delay of the last reply, caused by this thread and not by the host.
     late: Nanos,
+    /// The latency timer, and when it started.
+    timer: Nanos,
+    started: Nanos,
 }
 
 impl LineTiming {
@@ -68,7 +85,14 @@ impl LineTiming {
             allowance: Nanos::from_micros(config.allowance_us),
             free: Nanos::ZERO,
             late: Nanos::ZERO,
+            timer: Nanos::from_millis(config.latency_timer_ms),
+            started: Nanos::ZERO,
         }
+    }
+
+    /// What was read at `read` waited so long for a frame of USB.
+    pub(super) fn wait_for_frame(&mut self, read: Nanos, wait: Nanos) {
+        self.free = self.free.max(read - (self.allowance + self.late)) + wait;
     }
 
     /// The arrival time of a byte that was read at `read`.
@@ -88,6 +112,20 @@ impl LineTiming {
         let end = start + Nanos(self.byte.0 * bytes as u64);
         self.free = self.free.max(end);
         end
+    }
+
+    /// When the host gets a reply of `bytes` whose last one arrived at `end`.
+    pub(super) fn deliver(&mut self, end: Nanos, bytes: usize) -> Nanos {
+        if self.timer == Nanos::ZERO {
+            return end;
+        }
+        let rest = bytes % PACKET;
+        if bytes >= PACKET {
+            self.started = end - Nanos(self.byte.0 * rest as u64);
+        }
+        let expiries = (end - self.started).0.div_ceil(self.timer.0);
+        self.started = self.started + Nanos(expiries * self.timer.0);
+        if rest == 0 { end } else { self.started }
     }
 
     /// Notes that the reply due at `due` was delivered at `now`.
@@ -138,6 +176,19 @@ mod tests {
         timing.hand_over(due, read);
         timing.arrive(read);
         assert_eq!(timing.complete(read), read, "nothing arrives before it was sent");
+    }
+
+    #[test]
+    fn short_replies_wait_for_the_latency_timer_and_full_packets_do_not() {
+        let config = LineConfig { latency_timer_ms: 16, baud: 10_000, ..LineConfig::default() };
+        let mut timing = LineTiming::new(&config);
+        let mut deliver = |end_ms, bytes| timing.deliver(Nanos::from_millis(end_ms), bytes);
+        assert_eq!([3, 17, 32].map(|ms| deliver(ms, 10)), [16, 32, 32].map(Nanos::from_millis));
+        assert_eq!(deliver(100, 62), Nanos::from_millis(100));
+        assert_eq!(deliver(103, 10), Nanos::from_millis(116), "it started again at 100");
+        assert_eq!(deliver(200, 72), Nanos::from_millis(206), "10 bytes wait, since 190");
+        let mut wire = LineTiming::new(&LineConfig::default());
+        assert_eq!(wire.deliver(BYTE, 10), BYTE);
     }
 
     #[test]

@@ -40,6 +40,9 @@ use pty::Pty;
 /// Maximum sleep before the thread polls whether to end.
 const POLL: Nanos = Nanos::from_millis(20);
 
+/// A frame of USB, microseconds. Where in one a request falls is not known.
+const USB_FRAME_US: u64 = 1000;
+
 /// A thread that slept longer than this was delayed by the machine.
 const STALL: Nanos = Nanos::from_millis(30);
 
@@ -49,8 +52,9 @@ const REPLACED: Nanos = Nanos::from_millis(5_000);
 /// Maximum sleep while a replaced pseudo-terminal stays.
 const REPLACED_POLL: Nanos = Nanos::from_millis(1);
 
-/// A port that serves one axis.
+/// A port.
 pub(crate) struct Port {
+    /// That of the drive that it belongs to.
     axis: usize,
     pty: Pty,
     /// The pseudo-terminal before the present one, and when it goes.
@@ -146,7 +150,7 @@ impl Port {
     }
 
     fn line(&self) -> &Line {
-        &self.shared.lines[self.axis]
+        self.shared.line(self.axis)
     }
 
     fn reset_line(&mut self) {
@@ -159,6 +163,10 @@ impl Port {
     /// repeat them.
     fn receive(&mut self, mut bytes: Vec<u8>, read: Nanos, stalled: bool) {
         self.drop_stale_frame(read);
+        if self.config.latency_timer_ms > 0 {
+            let wait = Nanos::from_micros(self.random.random_range(0..USB_FRAME_US));
+            self.timing.wait_for_frame(read, wait);
+        }
         if self.is_between_frames() {
             self.fault = ExchangeFault(self.line().take_exchange_fault());
         }
@@ -276,7 +284,7 @@ impl Port {
     /// Sends bytes from `start` on, and delivers them when the last has arrived.
     fn send(&mut self, bytes: Vec<u8>, start: Nanos) {
         let end = self.timing.depart(start, bytes.len());
-        let due = end + Nanos::from_millis(self.config.adapter_hold_ms);
+        let due = self.timing.deliver(end, bytes.len());
         self.watch_for_early_bytes(due);
         self.pty.write(&bytes);
         self.timing.hand_over(due, clock::now());
