@@ -127,6 +127,8 @@ pub struct ClosedLoop<M> {
     now: Nanos,
     size: usize,
     feedback: [AxisFeedback; MAX_MOTORS],
+    /// At its target as soon as that is written.
+    auxiliary: AxisFeedback,
     outputs: CycleOutputs,
     sequence: u64,
     camera: Option<Camera>,
@@ -147,6 +149,7 @@ impl<M: Motors> ClosedLoop<M> {
             now,
             size: config.motors().min(MAX_MOTORS),
             feedback: [homed; MAX_MOTORS],
+            auxiliary: homed,
             outputs: CycleOutputs { requests: [Gated::default(); MAX_MOTORS], ..outputs },
             sequence: 0,
             camera: None,
@@ -189,16 +192,21 @@ impl<M: Motors> ClosedLoop<M> {
         let encoders = self.motors.read(requests.each_ref().map(target));
         let frame = self.frame();
         let written = if M::ARE_IDEAL { self.now } else { before };
-        let mut auxiliary = AxisFeedback::default();
         if let Some([first, second, third]) = drives {
-            (self.feedback, auxiliary) = ([first, second], third);
+            (self.feedback, self.auxiliary) = ([first, second], third);
         } else {
             for (motor, encoder) in encoders.into_iter().enumerate().take(self.size) {
-                self.update_drive(motor, encoder, written);
+                let request = &self.outputs.requests[motor];
+                update_drive(&mut self.feedback[motor], request, encoder, [written, self.now]);
+            }
+            if let Some(request) = &self.outputs.auxiliary {
+                let encoder = target(request).unwrap_or(self.auxiliary.position).as_f64();
+                update_drive(&mut self.auxiliary, request, encoder, [self.now; 2]);
             }
         }
         let Inputs { servo, request, external, missed } = inputs;
-        let (external, feedback) = (external.or(frame), self.feedback);
+        let external = external.or(frame);
+        let (feedback, auxiliary) = (self.feedback, self.auxiliary);
         let inputs = CycleInputs {
             servo,
             request,
@@ -313,27 +321,32 @@ impl<M: Motors> ClosedLoop<M> {
             quality: newest.quality,
         })
     }
+}
 
-    fn update_drive(&mut self, motor: usize, encoder: f64, written: Nanos) {
-        let (feedback, request) = (&mut self.feedback[motor], &self.outputs.requests[motor]);
-        feedback.phase = match request.demand {
-            Demand::Enabled => AxisPhase::Enabled,
-            Demand::Disabled => AxisPhase::Disabled,
-            Demand::QuickStop => AxisPhase::QuickStopped,
-        };
-        feedback.position = Counts::from_f64(encoder).unwrap_or(feedback.position);
-        if feedback.phase == AxisPhase::Enabled {
-            feedback.written = Some(WrittenTarget {
-                target: request.target,
-                stamp: written,
-                sequence: request.sequence,
-                command_stamp: request.command_stamp,
-                command_sequence: request.command_sequence,
-            });
-        }
-        feedback.stamp = self.now;
-        feedback.sequence += 1;
+/// The instants: when the target was written, and the tick.
+fn update_drive(
+    feedback: &mut AxisFeedback,
+    request: &Gated,
+    encoder: f64,
+    [written, now]: [Nanos; 2],
+) {
+    feedback.phase = match request.demand {
+        Demand::Enabled => AxisPhase::Enabled,
+        Demand::Disabled => AxisPhase::Disabled,
+        Demand::QuickStop => AxisPhase::QuickStopped,
+    };
+    feedback.position = Counts::from_f64(encoder).unwrap_or(feedback.position);
+    if feedback.phase == AxisPhase::Enabled {
+        feedback.written = Some(WrittenTarget {
+            target: request.target,
+            stamp: written,
+            sequence: request.sequence,
+            command_stamp: request.command_stamp,
+            command_sequence: request.command_sequence,
+        });
     }
+    feedback.stamp = now;
+    feedback.sequence += 1;
 }
 
 impl ClosedLoop<IdealMotors> {

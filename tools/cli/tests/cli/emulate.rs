@@ -127,7 +127,7 @@ fn the_doctor_lists_the_drives_behind_a_port_to_paste() {
     let bench = WorkFolder::new();
     let emulate = format!("emulate --no-camera --ports {}", bench.file("ports"));
     let _running = Running::until("ready", start(&nobody(), &emulate));
-    write_config(&bench, str::to_owned);
+    write_config(&bench, |text| text);
     let healthy = bench.run("doctor --config robot.toml");
     assert_eq!(healthy.code, Some(0), "{}{}", healthy.output, healthy.error);
     assert!(!healthy.output.contains("to paste"), "{}", healthy.output);

@@ -40,7 +40,7 @@ use pty::Pty;
 /// Maximum sleep before the thread polls whether to end.
 const POLL: Nanos = Nanos::from_millis(20);
 
-/// A frame of USB, microseconds. Where in one a request falls is not known.
+/// A frame of USB, microseconds. Where in one a request or a reply falls is not known.
 const USB_FRAME_US: u64 = 1000;
 
 /// A thread that slept longer than this was delayed by the machine.
@@ -164,7 +164,7 @@ impl Port {
     fn receive(&mut self, mut bytes: Vec<u8>, read: Nanos, stalled: bool) {
         self.drop_stale_frame(read);
         if self.config.latency_timer_ms > 0 {
-            let wait = Nanos::from_micros(self.random.random_range(0..USB_FRAME_US));
+            let wait = self.frame_wait();
             self.timing.wait_for_frame(read, wait);
         }
         if self.is_between_frames() {
@@ -243,6 +243,10 @@ impl Port {
         }
     }
 
+    fn frame_wait(&mut self) -> Nanos {
+        Nanos::from_micros(self.random.random_range(0..USB_FRAME_US))
+    }
+
     fn is_between_frames(&self) -> bool {
         match self.config.framing {
             Framing::V2 => !self.parser.is_partial(),
@@ -284,7 +288,8 @@ impl Port {
     /// Sends bytes from `start` on, and delivers them when the last has arrived.
     fn send(&mut self, bytes: Vec<u8>, start: Nanos) {
         let end = self.timing.depart(start, bytes.len());
-        let due = self.timing.deliver(end, bytes.len());
+        let wait = self.frame_wait();
+        let due = self.timing.deliver(end, bytes.len(), wait);
         self.watch_for_early_bytes(due);
         self.pty.write(&bytes);
         self.timing.hand_over(due, clock::now());
