@@ -40,8 +40,10 @@ use pty::Pty;
 /// Maximum sleep before the thread polls whether to end.
 const POLL: Nanos = Nanos::from_millis(20);
 
-/// A frame of USB, microseconds. Where in one a request or a reply falls is not known.
-const USB_FRAME_US: u64 = 1000;
+/// The longest that a request waits for USB, a frame, and a reply, which the host polls for more
+/// often; microseconds. Where in a frame they fall is not known.
+const REQUEST_WAIT_US: u64 = 1000;
+const REPLY_WAIT_US: u64 = 500;
 
 /// A thread that slept longer than this was delayed by the machine.
 const STALL: Nanos = Nanos::from_millis(30);
@@ -164,7 +166,7 @@ impl Port {
     fn receive(&mut self, mut bytes: Vec<u8>, read: Nanos, stalled: bool) {
         self.drop_stale_frame(read);
         if self.config.latency_timer_ms > 0 {
-            let wait = self.frame_wait();
+            let wait = self.up_to(REQUEST_WAIT_US);
             self.timing.wait_for_frame(read, wait);
         }
         if self.is_between_frames() {
@@ -243,8 +245,8 @@ impl Port {
         }
     }
 
-    fn frame_wait(&mut self) -> Nanos {
-        Nanos::from_micros(self.random.random_range(0..USB_FRAME_US))
+    fn up_to(&mut self, longest_us: u64) -> Nanos {
+        Nanos::from_micros(self.random.random_range(0..=longest_us))
     }
 
     fn is_between_frames(&self) -> bool {
@@ -260,7 +262,7 @@ impl Port {
         self.line().requests.fetch_add(1, Ordering::Relaxed);
         let mut reply = reply.filter(|_| !self.line().is_muted(clock::now()))?;
         reply.data = self.fault.reply_data(reply.data);
-        let jitter = Nanos::from_micros(self.random.random_range(0..=self.config.jitter_us));
+        let jitter = self.up_to(self.config.jitter_us);
         let start = arrived + Nanos::from_micros(self.config.processing_us) + jitter + reply.delay;
         Some((reply, start))
     }
@@ -288,7 +290,7 @@ impl Port {
     /// Sends bytes from `start` on, and delivers them when the last has arrived.
     fn send(&mut self, bytes: Vec<u8>, start: Nanos) {
         let end = self.timing.depart(start, bytes.len());
-        let wait = self.frame_wait();
+        let wait = self.up_to(REPLY_WAIT_US);
         let due = self.timing.deliver(end, bytes.len(), wait);
         self.watch_for_early_bytes(due);
         self.pty.write(&bytes);
