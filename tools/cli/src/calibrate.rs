@@ -10,6 +10,8 @@ mod refine;
 
 use i2ris_report::Failure;
 
+pub use files::{ColumnArguments, PathColumns};
+
 /// `i2ris calibrate`: a step by name, or the whole way.
 #[derive(Debug, clap::Args)]
 #[command(

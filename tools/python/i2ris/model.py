@@ -7,16 +7,19 @@
     angles = Model.load("snake.json").predict(counts)
     counts = model.invert(angles_deg, history=counts)
 
-Angles are degrees, counts are encoder counts. A row of angles that is missing (NaN, None) was not measured; it
-still belongs to the path of the motors. What is refused raises :class:`ModelError` with the sentence of the command
-line. Networks: :func:`from_torch`, :func:`from_onnx`.
+Times are seconds, angles are degrees, counts are encoder counts. A row of angles that is missing (NaN, None) was not
+measured; it still belongs to the path of the motors. The columns of a frame are found by their names. What is refused
+raises :class:`ModelError` (or ``ValueError``) with a sentence, what is strange is a warning.
+Networks: :func:`from_torch`, :func:`from_onnx`.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 import tomllib
+import warnings
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -35,8 +38,45 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 
+def _in_order(name: str, values: Any) -> ArrayLike:
+    """The columns of a frame in the order of motors or of pitch and yaw, by their names."""
+    if not hasattr(values, "columns"):
+        label = str(getattr(values, "name", None) or "")
+        names, numbers = [label] if label else [], values
+    else:
+        names, numbers = [str(column) for column in values.columns], np.asarray(values)
+    for each in names:
+        unit = re.search(r"(?:^|[^a-z])(rad|ms|us|ns)[^a-z]*$", each.lower())
+        if unit and (unit[1] == "rad") == (name == "angles_deg"):
+            raise ValueError(f"{name}: `{each}` says that it is in {unit[1]}; pass {'degrees' if unit[1] == 'rad' else 'seconds'}")
+    if len(names) != 2:
+        return numbers
+
+    def place(column: str) -> float:
+        found = re.search(r"(pitch)|(yaw)", column.lower()) if name == "angles_deg" else re.search(r"(\d+)", column)
+        if found is None:
+            return np.nan
+        return float(found[1]) if name != "angles_deg" else float(found[1] is None)
+
+    places = [place(column) for column in names]
+    if not places[0] != places[1] or not np.isfinite(places).all():
+        wanted = "pitch_deg, yaw_deg" if name == "angles_deg" else "q0_counts, q1_counts"
+        raise ValueError(f"{name}: cannot tell which of `{'`, `'.join(names)}` is which; call them {wanted}, or pass numbers alone")
+    return numbers[:, np.argsort(places)]
+
+
+def _said(sentence: str, arrays: Path | None = None) -> str:
+    """A sentence of the command line for those who have Python's options, and maybe rows instead of a file."""
+    if arrays is not None:
+        sentence = sentence.replace(str(arrays), "of arrays")
+        sentence = re.sub(r"\bline (\d+)", lambda line: f"row {int(line[1]) - 2}", sentence)
+        sentence = re.sub(r"; call it `t_.*", "; pass seconds", sentence)
+    return re.sub(r"--([a-z][a-z-]*)", lambda option: option[1].replace("-", "_"), sentence)
+
+
 def _table(name: str, values: ArrayLike, columns: tuple[int, ...], missing: bool = False) -> Floats:
     """A table of numbers, or an exception that names it."""
+    values = _in_order(name, values)
     try:
         table = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -46,8 +86,9 @@ def _table(name: str, values: ArrayLike, columns: tuple[int, ...], missing: bool
     if table.ndim != 2 or table.shape[1] not in columns:
         wanted = " or ".join(map(str, columns))
         raise ValueError(f"{name}: must be rows of {wanted} numbers, and have the shape {table.shape}")
-    if not missing and not np.isfinite(table).all():
-        row = int(np.argwhere(~np.isfinite(table))[0, 0])
+    wrong = np.isinf(table) if missing else ~np.isfinite(table)
+    if wrong.any():
+        row = int(np.argwhere(wrong)[0, 0])
         raise ValueError(f"{name}: row {row} has a number that is missing or not finite")
     return np.ascontiguousarray(table)
 
@@ -110,7 +151,10 @@ class Model:
                 path = Path(folder, "network.json")
                 path.write_text(json.dumps(network))
                 network = path
-            return cls(_native.import_network(Path(network), Path(recording), robot_id, hold_out))
+            try:
+                return cls(_native.import_network(Path(network), Path(recording), robot_id, hold_out))
+            except ModelError as error:
+                raise ModelError(_said(str(error).replace(folder + "/", ""))) from None
 
     def save(self, path: str | Path) -> None:
         """Writes the model file, all at once."""
@@ -246,33 +290,38 @@ class Calibration:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "recording.csv")
             write_recording(path, t_s, counts, angles_deg)  # type: ignore[arg-type]
-            return self._fit(path)
+            return self._fit(path, path)
 
-    def _fit(self, path: Path) -> Calibration:
+    def _fit(self, path: Path, arrays: Path | None = None) -> Calibration:
         beside: dict[str, Any] = {}
         if path.with_suffix(".toml").exists():
             beside = tomllib.loads(path.with_suffix(".toml").read_text())
         started = beside.get("started_unix_s")
         at = None if started is None else datetime.fromtimestamp(started, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
         progress = _print_progress if self.progress is True else self.progress or None
-        native, report, text, html = _native.fit(
-            path,
-            family=self.family,
-            components=self.components,
-            max_components=self.max_components,
-            restarts=self.restarts,
-            seed=self.seed,
-            shrinkage=self.shrinkage,
-            hold_out=self.hold_out,
-            keep_spikes=self.keep_spikes,
-            force=self.force,
-            robot_id=self.robot_id or beside.get("robot_id", "i2ris"),
-            recorded_at=at,
-            latency=self.remove_latency,
-            progress=progress,
-        )
+        try:
+            native, report, text, html = _native.fit(
+                path,
+                family=self.family,
+                components=self.components,
+                max_components=self.max_components,
+                restarts=self.restarts,
+                seed=self.seed,
+                shrinkage=self.shrinkage,
+                hold_out=self.hold_out,
+                keep_spikes=self.keep_spikes,
+                force=self.force,
+                robot_id=self.robot_id or beside.get("robot_id", "i2ris"),
+                recorded_at=at,
+                latency=self.remove_latency,
+                progress=progress,
+            )
+        except ModelError as error:
+            raise ModelError(_said(str(error), arrays)) from None
         self.model_, self.report_ = Model(native), json.loads(report)
-        self._text, self._html = text, html
+        self._text, self._html = _said(text, arrays), html
+        for warning in self.report_["warnings"]:
+            warnings.warn(_said(warning, arrays), stacklevel=3)
         return self
 
     def _fitted(self) -> Model:

@@ -56,8 +56,8 @@ def test_the_file_is_byte_for_byte_that_of_the_command_line(physics, seed, famil
     try:
         Calibration(family, restarts=2, max_components=3).fit(path).save(tmp_path / "wheel.json")
     except ModelError as error:
-        # What one refuses the other does, too, with the same sentence.
-        assert run.returncode != 0 and str(error).splitlines()[0] in run.stderr, (str(error), run.stderr)
+        # What one refuses the other does, too, with the same sentence but for what to do.
+        assert run.returncode != 0 and str(error).split(";")[0] in run.stderr, (str(error), run.stderr)
         return
     assert run.returncode == 0, run.stderr
     assert (tmp_path / "wheel.json").read_bytes() == (tmp_path / "cli.json").read_bytes()
@@ -106,6 +106,62 @@ def test_what_is_no_recording_is_a_sentence(train, change, sentence):
     with pytest.raises((TypeError, ValueError), match=sentence) as refused:
         Calibration("linear").fit(*change(train.t_s, train.counts, train.angles_deg))
     assert "\n" not in str(refused.value).strip()
+
+
+class Frame:
+    """What a frame of pandas or polars is for a fit."""
+
+    def __init__(self, values, columns):
+        self.values, self.columns = np.asarray(values), columns
+
+    def __array__(self, dtype=None, copy=None):
+        return self.values if dtype is None else self.values.astype(dtype)
+
+
+def test_columns_of_frames_are_found_by_name_and_units_are_asked_for(train, recwarn):
+    fit = Calibration("linear")
+    plain = fit.fit(train.t_s, train.counts, train.angles_deg).model_
+    counts = Frame(train.counts[:, ::-1], ["q1_counts", "q0_counts"])
+    angles = Frame(train.angles_deg[:, ::-1], ["yaw_deg", "pitch_deg"])
+    assert fit.fit(train.t_s, counts, angles).model_.id == plain.id
+    assert np.array_equal(plain.predict(counts), plain.predict(train.counts))
+    for t_s, counts, angles, sentence in [
+        (train.t_s, Frame(train.counts, ["left", "right"]), train.angles_deg, "call them q0_counts, q1_counts"),
+        (train.t_s, train.counts, Frame(train.angles_deg, ["pitch_rad", "yaw_rad"]), "is in rad; pass degrees"),
+        (Frame(train.t_s[:, np.newaxis], ["t_ms"]), train.counts, train.angles_deg, "is in ms; pass seconds"),
+        (train.t_s, train.counts, np.where(train.angles_deg == train.angles_deg[0], np.inf, train.angles_deg), "row 0"),
+    ]:
+        with pytest.raises(ValueError, match=sentence):
+            fit.fit(t_s, counts, angles)
+    recwarn.clear()
+    fit.fit(1000 * train.t_s, train.counts, np.radians(train.angles_deg))
+    said = " ".join(str(warning.message) for warning in recwarn)
+    assert "if it is in ms; pass seconds" in said and "radians" in said, said
+
+
+def test_no_sentence_names_a_temporary_file_or_an_option_of_the_command_line(train):
+    back = train.t_s.copy()
+    back[7] = back[6]
+    wrapped = np.mod(train.counts, 65536)
+    for t_s, counts, angles, sentence in [
+        (back, train.counts, train.angles_deg, "recording of arrays, row 7, column `t_s`"),
+        (train.t_s, wrapped, train.angles_deg, "jump by about 65536.*numpy.unwrap"),
+        (train.t_s, train.counts, np.random.default_rng(1).normal(size=train.angles_deg.shape), "with force"),
+    ]:
+        with pytest.raises(ModelError, match=sentence) as refused:
+            Calibration("linear").fit(t_s, counts, angles)
+        assert "--" not in str(refused.value) and "/tmp" not in str(refused.value)
+    Calibration("linear").fit(train.t_s, np.unwrap(wrapped, period=65536, axis=0), train.angles_deg)
+
+
+def test_a_tracker_takes_one_finite_number_for_each_motor_and_angle(train):
+    tracker = Calibration("linear").fit(train.t_s, train.counts, train.angles_deg).model_.tracker()
+    for values in ([], [1.0], [1.0, 2.0, 3.0], [1.0, np.nan], [np.inf, 1.0]):
+        for call in (tracker.advance, tracker.invert):
+            with pytest.raises(ModelError, match="must be 2 finite"):
+                call(values)
+    tracker.advance([1.0, 2.0])
+    assert np.isfinite(tracker.invert([1.0, 2.0])[0]).all()
 
 
 def test_options_have_the_manners_of_scikit_learn(train):

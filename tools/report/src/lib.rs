@@ -38,7 +38,6 @@
 //! | [`stop`] | holds every client and ends every activity |
 //! | [`tips`] | advice about a wrong command line |
 //! | [`files`] | atomic replacement of files |
-//! | [`pose_table`] | pitch and yaw over time from a CSV file |
 //! | [`hull_outline`] | the calibrated hull in the plane of pitch and yaw |
 //! | [`model_poller`] | the models of the controller, and the hull of the one in use |
 //! | [`view`] | the robot as people see it: one value for every surface |
@@ -57,7 +56,6 @@ pub mod model_poller;
 pub mod number;
 pub mod page;
 pub mod plot;
-pub mod pose_table;
 pub mod program;
 pub mod programs;
 pub mod screen;

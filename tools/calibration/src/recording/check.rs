@@ -1,113 +1,209 @@
-//! Requirements that every recording fulfils.
+//! Requirements that tables fulfil, row by row and from row to row.
 
-use std::path::Path;
-
-use super::columns::{Column, Layout};
-use super::error::RecordingError;
-use super::rows::{PathPoint, Recording};
+use super::columns::{Column, TIME_UNITS};
+use super::error::{Problem, RecordingError};
+use super::rows::Recording;
+use super::steps::{glitches, wrap};
+use super::table::{ReadRow, Table};
 
 /// The least rows that a recording must have: fewer hold no motion.
 pub const MIN_ROWS: usize = 20;
 
-/// Refuses a column that is empty on every row; `filled` counts the filled cells of each column.
-pub(super) fn columns_are_filled(
-    filled: &[usize],
-    layout: &Layout,
-    path: &Path,
-) -> Result<(), RecordingError> {
-    let empty = |column: &&Column| filled.get(column.index) == Some(&0);
-    match layout.all().find(empty) {
-        None => Ok(()),
-        Some(column) => Err(RecordingError::EmptyColumn {
-            path: path.to_owned(),
-            column: column.name.clone(),
-            option: option(layout, column),
-        }),
-    }
-}
+/// Slower and faster rows than these, Hz, are hardly in seconds.
+const RATES_HZ: (f64, f64) = (0.5, 10_000.0);
 
-/// How to leave a column out.
-fn option(layout: &Layout, column: &Column) -> &'static str {
-    if layout.time.as_ref() == Some(column) {
-        "--time none"
-    } else if layout.counts.contains(column) {
-        "--counts"
-    } else {
-        "--angles"
-    }
-}
+/// Below this rate, Hz, more rows than these are hardly in seconds.
+const LONG: (f64, usize) = (2.0, 5000);
 
-/// Refuses too few rows, time that does not increase, and motors and outputs that never change.
-pub(super) fn rows_are_valid(
-    recording: &Recording,
-    layout: &Layout,
-    path: &Path,
-) -> Result<(), RecordingError> {
-    let rows = recording.rows();
-    if rows.len() < MIN_ROWS {
-        return Err(RecordingError::TooFewRows {
-            path: path.to_owned(),
-            rows: rows.len(),
-            least: MIN_ROWS,
-        });
+/// Rates of controllers and cameras, Hz.
+const USUAL_HZ: (f64, f64) = (2.0, 5000.0);
+
+/// More than so many usual steps of time are a gap, in which a motor may go anywhere.
+const GAP: f64 = 5.0;
+
+impl Table<'_> {
+    /// Checks stamps, and steps of the motors; unwraps their counters where that was asked for.
+    pub fn check(&mut self) -> Result<(), RecordingError> {
+        if self.wanted.rising {
+            self.times_rise()?;
+            if !self.layout.counts.is_empty() {
+                self.rate_is_usual()?;
+            }
+        }
+        (0..self.layout.counts.len()).try_for_each(|motor| self.steps_are_of_a_motor(motor))
     }
-    if let Some(column) = &layout.time {
-        for pair in recording.path().windows(2) {
-            check_time(&pair[0], &pair[1], column, path)?;
+
+    /// Refuses a column that is empty on every row.
+    pub fn columns_are_filled(&self) -> Result<(), RecordingError> {
+        let empty = |column: &&Column| self.filled.get(column.index) == Some(&0);
+        match self.layout.all().find(empty).filter(|_| !self.rows.is_empty()) {
+            None => Ok(()),
+            Some(column) => {
+                let (column, remedy) = (column.name.clone(), self.without(column));
+                Err(self.error(Problem::EmptyColumn { column, remedy }))
+            }
         }
     }
-    for (motor, column) in layout.counts.iter().enumerate() {
-        let counts = rows.iter().map(|row| row.counts[motor]);
-        check_change(counts, column, "that motor never moved", "--counts", path)?;
+
+    /// How to leave a column out.
+    fn without(&self, column: &Column) -> String {
+        let option = if self.layout.time.as_ref() == Some(column) {
+            "--time none"
+        } else if self.layout.counts.contains(column) {
+            "--counts"
+        } else {
+            "--angles"
+        };
+        match self.columns.options {
+            true => format!("leave it out with {option}"),
+            false => "take that column out of the table".to_owned(),
+        }
     }
-    for (output, (column, _)) in layout.outputs.iter().enumerate() {
-        let outputs = rows.iter().map(|row| row.outputs[output]);
-        check_change(outputs, column, "nothing was measured", "--angles", path)?;
+
+    fn located(&self) -> impl Iterator<Item = &ReadRow> {
+        self.rows.iter().filter(|row| row.located)
     }
-    Ok(())
+
+    fn times_rise(&self) -> Result<(), RecordingError> {
+        let Some(column) = &self.layout.time else {
+            return Ok(());
+        };
+        let stamps = || self.located().map(|row| (row.time_s.unwrap_or_default(), row.line));
+        let mut pairs = stamps().zip(stamps().skip(1));
+        let Some(((previous, previous_line), (time, line))) = pairs.find(|(a, b)| a.0 >= b.0)
+        else {
+            return Ok(());
+        };
+        let what = if time < previous { "goes backwards" } else { "occurs twice" };
+        let remedy = if self.columns.options && !self.wanted.time {
+            "correct the stamps, cut the recording there, or read it without time (--time none)"
+        } else {
+            "correct the stamps, or cut the table there"
+        };
+        let problem = Problem::Time { time, what, previous, previous_line, remedy };
+        Err(RecordingError::new(self.place.line(line).column(&column.name), problem))
+    }
+
+    /// Steps of time between rows with counts, in the order of the rows, and the median.
+    fn time_steps(&self) -> Option<(Vec<f64>, f64)> {
+        let times: Option<Vec<f64>> = self.located().map(|row| row.time_s).collect();
+        let steps: Vec<f64> = times?.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let mut sorted = steps.clone();
+        sorted.sort_by(f64::total_cmp);
+        let median = *sorted.get(sorted.len() / 2)?;
+        Some((steps, median))
+    }
+
+    /// Questions a rate that no camera has: stamps are often in ms under the name of seconds.
+    fn rate_is_usual(&mut self) -> Result<(), RecordingError> {
+        let (Some(column), Some((steps, step))) = (&self.layout.time, self.time_steps()) else {
+            return Ok(());
+        };
+        let (unit, is_certain) = self.layout.seconds;
+        let (hz, slow) = (1.0 / step, 1.0 / step < LONG.0 && steps.len() >= LONG.1);
+        if is_certain || !(step > 0.0) || (RATES_HZ.0..=RATES_HZ.1).contains(&hz) && !slow {
+            return Ok(());
+        }
+        let other = TIME_UNITS
+            .iter()
+            .find(|(_, seconds)| (USUAL_HZ.0..=USUAL_HZ.1).contains(&(unit / (step * seconds))));
+        let name = &column.name;
+        let (guess, as_text) = other.map_or(("s", String::new()), |(names, seconds)| {
+            let names = names[0];
+            (names, format!(", and {} if it is in {names}", round(unit / (step * seconds))))
+        });
+        let said = format!("column `{name}`: {} row(s) a second as it is read{as_text}", round(hz));
+        match self.columns.options {
+            true => Err(self.error(Problem::Rate(format!(
+                "{said}; say its unit with --time {name}={guess} (s, ms, us or ns)"
+            )))),
+            false => {
+                let note =
+                    format!("{said}; call it `t_{guess}`, if that is its unit (s, ms, us, ns)");
+                self.notes.push(note);
+                Ok(())
+            }
+        }
+    }
+
+    /// Refuses counts that wrap and single wrong ones: no motor makes such a step, and no model.
+    fn steps_are_of_a_motor(&mut self, motor: usize) -> Result<(), RecordingError> {
+        let (counts, lines): (Vec<f64>, Vec<u64>) =
+            self.located().map(|row| (row.counts[motor], row.line)).unzip();
+        let near = self.time_steps().map(|(steps, usual)| {
+            steps.into_iter().map(|step| step <= GAP * usual).collect::<Vec<_>>()
+        });
+        let name = self.layout.counts[motor].name.clone();
+        let at = |row: usize| self.place.line(lines[row]).column(&name);
+        let remedy = match self.columns.options {
+            true => "read it as one that goes on with --unwrap",
+            false => "make one of it that goes on, as numpy.unwrap(counts, period=...) does",
+        };
+        if let Some(found) = wrap(&counts, |step| near.as_ref().is_none_or(|near| near[step])) {
+            let (modulus, jumps) = (found.modulus, found.jumps.len());
+            if let (Some(&first), false) = (found.jumps.first(), self.columns.unwrap) {
+                let (from, to, before) = (counts[first - 1], counts[first], lines[first - 1]);
+                let problem = Problem::Wrap { modulus, from, before, to, jumps, remedy };
+                return Err(RecordingError::new(at(first), problem));
+            }
+            let unwrapped = found.unwrapped(&counts);
+            self.notes.push(format!(
+                "column `{name}`: a counter of {modulus} steps, unwrapped over {jumps} jump(s) \
+                 from {} on",
+                unwrapped[0]
+            ));
+            let rows = self.rows.iter_mut().filter(|row| row.located);
+            rows.zip(unwrapped).for_each(|(row, counts)| row.counts[motor] = counts);
+            return Ok(());
+        }
+        match glitches(&counts)[..] {
+            [] => Ok(()),
+            [first, ref rest @ ..] => {
+                let beside = counts.get(first.wrapping_sub(1)).or(counts.get(first + 1));
+                let others: Vec<String> = rest.iter().map(|row| lines[*row].to_string()).collect();
+                let others = match others.is_empty() {
+                    true => String::new(),
+                    false => format!(" (so in line(s) {})", others.join(", ")),
+                };
+                let (value, usual) = (counts[first], beside.copied().unwrap_or_default());
+                Err(RecordingError::new(at(first), Problem::Glitch { value, usual, others }))
+            }
+        }
+    }
+
+    /// Refuses motors and outputs that never change.
+    pub fn columns_change(&self, recording: &Recording) -> Result<(), RecordingError> {
+        let rows = recording.rows();
+        for (motor, column) in self.layout.counts.iter().enumerate() {
+            let counts = rows.iter().map(|row| row.counts[motor]);
+            self.changes(counts, column, "that motor never moved")?;
+        }
+        for (output, (column, _)) in self.layout.outputs.iter().enumerate() {
+            let outputs = rows.iter().map(|row| row.outputs[output]);
+            self.changes(outputs, column, "nothing was measured")?;
+        }
+        Ok(())
+    }
+
+    fn changes(
+        &self,
+        mut values: impl Iterator<Item = f64>,
+        column: &Column,
+        meaning: &'static str,
+    ) -> Result<(), RecordingError> {
+        let Some(value) = values.next() else {
+            return Ok(());
+        };
+        if values.any(|other| other != value) {
+            return Ok(());
+        }
+        let (remedy, column) = (self.without(column), column.name.clone());
+        Err(self.error(Problem::ConstantColumn { column, value, meaning, remedy }))
+    }
 }
 
-fn check_time(
-    before: &PathPoint,
-    after: &PathPoint,
-    column: &Column,
-    path: &Path,
-) -> Result<(), RecordingError> {
-    let (Some(previous), Some(time)) = (before.time_s, after.time_s) else {
-        return Ok(());
-    };
-    if time > previous {
-        return Ok(());
-    }
-    Err(RecordingError::Time {
-        path: path.to_owned(),
-        line: after.line,
-        column: column.name.clone(),
-        time,
-        what: if time < previous { "goes backwards" } else { "occurs twice" },
-        previous,
-        previous_line: before.line,
-    })
-}
-
-fn check_change(
-    mut values: impl Iterator<Item = f64>,
-    column: &Column,
-    meaning: &'static str,
-    option: &'static str,
-    path: &Path,
-) -> Result<(), RecordingError> {
-    let Some(value) = values.next() else {
-        return Ok(());
-    };
-    if values.any(|other| other != value) {
-        return Ok(());
-    }
-    Err(RecordingError::ConstantColumn {
-        path: path.to_owned(),
-        column: column.name.clone(),
-        value,
-        meaning,
-        option,
-    })
+/// Two digits.
+fn round(value: f64) -> f64 {
+    let scale = 10.0_f64.powf(1.0 - value.abs().log10().floor());
+    (value * scale).round() / scale
 }

@@ -3,19 +3,45 @@
 //! Two layouts are recognised: the common one (`t_s`, `q0_counts`, `q1_counts`,
 //! `pitch_deg`, `yaw_deg`, or `x_mm`, `y_mm`, `z_mm`) and the one that the laboratory's scripts
 //! write (`Enc TS`, `Encoder counts 0`, `Encoder counts 1`, `pitches`, `yaws`). Columns that
-//! are named in a [`ColumnMap`] replace those.
+//! are named in a [`ColumnMap`] replace those. Small and capital letters, and what is no letter and
+//! no digit, make no difference. Time may also be called `time`, `timestamp`, `t_ms`, ...
 
-use std::path::Path;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
 
-use super::error::RecordingError;
+use super::error::{Place, Problem, RecordingError};
 
 /// Known columns of time stamps, in order of preference. Of the laboratory's two clocks, that of
 /// the encoders.
 const TIMES: [&str; 2] = ["t_s", "Enc TS"];
+
+/// Words of which a name of time consists, beside its unit.
+const TIME_WORDS: [&str; 13] = [
+    "t",
+    "time",
+    "times",
+    "timestamp",
+    "timestamps",
+    "stamp",
+    "ts",
+    "enc",
+    "encoder",
+    "elapsed",
+    "header",
+    "ros",
+    "zeit",
+];
+
+/// Units of time by their names, s.
+pub(super) const TIME_UNITS: [(&[&str], f64); 4] = [
+    (&["s", "sec", "secs", "second", "seconds"], 1.0),
+    (&["ms", "msec", "millis", "millisecond", "milliseconds"], 1e-3),
+    (&["us", "\u{b5}s", "\u{3bc}s", "usec", "micros", "microsecond", "microseconds"], 1e-6),
+    (&["ns", "nsec", "nanos", "nanosecond", "nanoseconds"], 1e-9),
+];
 
 /// Known columns of counts: one row per layout, one entry per motor.
 const COUNTS: [[&str; MAX_MOTORS]; 2] =
@@ -41,6 +67,60 @@ pub struct ColumnMap {
     pub counts: Vec<String>,
     /// The column of each output. Empty: found by name.
     pub outputs: Vec<OutputColumn>,
+    /// Take counters that wrap for what they mean.
+    pub unwrap: bool,
+    /// Whoever reads has the options `--counts`, `--angles`, `--time` and `--unwrap`, so that a
+    /// remedy may name them.
+    pub options: bool,
+}
+
+/// What is to be found in a table.
+#[derive(Debug, Clone)]
+pub struct Wanted {
+    /// What the table is.
+    pub noun: &'static str,
+    /// Time is needed. Without, it is read where it is.
+    pub time: bool,
+    /// Time has to rise.
+    pub rising: bool,
+    /// How many motors.
+    pub motors: RangeInclusive<usize>,
+    /// Outputs: none, these, or any (no entry).
+    pub outputs: Option<Vec<OutputSpec>>,
+}
+
+impl Wanted {
+    /// Counts and outputs, and their time where there is one.
+    #[must_use]
+    pub fn recording() -> Self {
+        let (noun, motors, outputs) = ("recording", 1..=MAX_MOTORS, Some(Vec::new()));
+        Self { noun, time: false, rising: true, motors, outputs }
+    }
+
+    /// Counts over time.
+    #[must_use]
+    pub fn path() -> Self {
+        Self { time: true, outputs: None, ..Self::recording() }
+    }
+
+    /// The path of so many motors. What time there is says nothing.
+    #[must_use]
+    pub fn path_of(motors: usize) -> Self {
+        Self { time: false, rising: false, motors: motors..=motors, ..Self::path() }
+    }
+
+    /// These outputs over time.
+    #[must_use]
+    pub fn trajectory(outputs: &[OutputSpec]) -> Self {
+        let (noun, outputs) = ("table", Some(outputs.to_vec()));
+        Self { noun, motors: 0..=0, outputs, ..Self::path() }
+    }
+}
+
+/// Pitch and yaw, degrees.
+#[must_use]
+pub fn pitch_and_yaw() -> [OutputSpec; 2] {
+    ["pitch", "yaw"].map(|name| output(name, OutputUnit::Deg))
 }
 
 /// Where the time stamps are.
@@ -51,7 +131,7 @@ pub enum TimeColumn {
     Known,
     /// The recording is to be read without time.
     Ignored,
-    /// In this column, s.
+    /// In this column, s; after `COLUMN=ms`, `=us` or `=ns` in that unit.
     Named(String),
 }
 
@@ -103,93 +183,129 @@ pub(super) struct Column {
 }
 
 /// The columns that matter, found in the header.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Layout {
     pub time: Option<Column>,
+    /// Of the unit of the time, and whether it was said which it is.
+    pub seconds: (f64, bool),
     pub counts: Vec<Column>,
     pub outputs: Vec<(Column, OutputSpec)>,
 }
 
 impl Layout {
-    /// Looks up in a header what `map` names, and what is known where it names nothing.
-    pub fn find(header: &[String], map: &ColumnMap, path: &Path) -> Result<Self, RecordingError> {
-        let header = Header { names: header, path };
-        let (time, counts) = (header.time(map)?, header.counts(map)?);
-        let outputs = header.outputs(map)?;
-        let layout = Self { time, counts, outputs };
-        layout.check(path)?;
-        Ok(layout)
-    }
-
-    fn check(&self, path: &Path) -> Result<(), RecordingError> {
-        let too_many = |what, found, most| RecordingError::Columns {
-            path: path.to_owned(),
-            what,
-            found,
-            most,
-        };
-        if self.counts.len() > MAX_MOTORS {
-            return Err(too_many("motors", self.counts.len(), MAX_MOTORS));
-        }
-        if self.outputs.len() > MAX_OUTPUTS {
-            return Err(too_many("outputs", self.outputs.len(), MAX_OUTPUTS));
-        }
-        let mut used: Vec<&Column> = self.all().collect();
-        used.sort_by_key(|column| column.index);
-        let twice = used.windows(2).find(|pair| pair[0].index == pair[1].index);
-        twice.map_or(Ok(()), |pair| {
-            Err(RecordingError::UsedTwice { path: path.to_owned(), column: pair[0].name.clone() })
-        })
-    }
-
     /// Every column that matters.
     pub fn all(&self) -> impl Iterator<Item = &Column> {
         self.time.iter().chain(&self.counts).chain(self.outputs.iter().map(|(column, _)| column))
     }
 }
 
-struct Header<'a> {
-    names: &'a [String],
-    path: &'a Path,
+/// Looks up in a header what a map names, and what is known where it names nothing.
+pub(super) struct Header<'a> {
+    pub names: &'a [String],
+    pub map: &'a ColumnMap,
+    pub wanted: &'a Wanted,
+    pub place: &'a Place,
 }
 
 impl Header<'_> {
-    fn time(&self, map: &ColumnMap) -> Result<Option<Column>, RecordingError> {
-        match &map.time {
-            TimeColumn::Ignored => Ok(None),
-            TimeColumn::Named(name) => self.named(name, "--time").map(Some),
-            TimeColumn::Known => {
-                let mut known = TIMES.iter();
-                known.find_map(|name| self.column(name).transpose()).transpose()
+    pub fn layout(&self) -> Result<Layout, RecordingError> {
+        let (time, seconds) = self.time()?;
+        let (counts, outputs) = (self.counts()?, self.outputs()?);
+        let layout = Layout { time, seconds, counts, outputs };
+        for (what, found, most) in [
+            ("motors", layout.counts.len(), *self.wanted.motors.end()),
+            ("outputs", layout.outputs.len(), MAX_OUTPUTS),
+        ] {
+            if found > most {
+                return Err(self.error(Problem::Columns { what, found, most }));
             }
+        }
+        let mut used: Vec<&Column> = layout.all().collect();
+        used.sort_by_key(|column| column.index);
+        match used.windows(2).find(|pair| pair[0].index == pair[1].index) {
+            Some(pair) => Err(self.error(Problem::UsedTwice(pair[0].name.clone()))),
+            None => Ok(layout),
         }
     }
 
-    fn counts(&self, map: &ColumnMap) -> Result<Vec<Column>, RecordingError> {
-        if !map.counts.is_empty() {
-            let names = map.counts.iter();
-            return names.map(|name| self.named(name, "--counts")).collect();
-        }
-        let Some(layout) = COUNTS.iter().find(|layout| self.has(layout[0])) else {
-            let option = "--counts COLUMN or --counts COLUMN,COLUMN";
-            return Err(self.missing(&COUNTS.map(|layout| layout[0]), option));
+    fn time(&self) -> Result<(Option<Column>, (f64, bool)), RecordingError> {
+        let found = match &self.map.time {
+            TimeColumn::Ignored => None,
+            TimeColumn::Named(name) => {
+                let (column, unit) = name.rsplit_once('=').unwrap_or((name, "s"));
+                let unit = unit_s(unit).filter(|_| !self.has(name));
+                let column = if unit.is_some() { column } else { name };
+                return Ok((Some(self.named(column, "--time")?), (unit.unwrap_or(1.0), true)));
+            }
+            TimeColumn::Known => {
+                let known = TIMES.iter().find_map(|name| self.column(name).transpose());
+                let named = || self.names.iter().find(|name| seconds_of(name).is_some());
+                known
+                    .or_else(|| named().and_then(|name| self.column(name).transpose()))
+                    .transpose()?
+            }
         };
-        let present = layout.iter().filter_map(|name| self.column(name).transpose());
-        present.collect()
+        if found.is_none() && self.wanted.time {
+            return Err(self.missing(&["t_s", "time", "Enc TS"], "--time COLUMN"));
+        }
+        let seconds = found.as_ref().and_then(|column| seconds_of(&column.name)).unwrap_or(1.0);
+        Ok((found, (seconds, false)))
+    }
+
+    fn counts(&self) -> Result<Vec<Column>, RecordingError> {
+        let (least, most) = (*self.wanted.motors.start(), *self.wanted.motors.end());
+        if most == 0 {
+            return Ok(Vec::new());
+        }
+        let option = "--counts COLUMN or --counts COLUMN,COLUMN";
+        let columns: Vec<Column> = if self.map.counts.is_empty() {
+            let Some(layout) = COUNTS.iter().find(|layout| self.has(layout[0])) else {
+                return Err(self.missing(&COUNTS.map(|layout| layout[0]), option));
+            };
+            let present = layout.iter().filter_map(|name| self.column(name).transpose());
+            present.take(most).collect::<Result<_, _>>()?
+        } else {
+            let names = self.map.counts.iter();
+            names.map(|name| self.named(name, "--counts")).collect::<Result<_, _>>()?
+        };
+        match columns.len() < least {
+            true => Err(self.missing(&COUNTS.map(|layout| layout[columns.len()]), option)),
+            false => Ok(columns),
+        }
     }
 
     /// Angles before positions: a model has one kind only.
-    fn outputs(&self, map: &ColumnMap) -> Result<Vec<(Column, OutputSpec)>, RecordingError> {
-        if !map.outputs.is_empty() {
+    fn outputs(&self) -> Result<Vec<(Column, OutputSpec)>, RecordingError> {
+        let Some(wanted) = &self.wanted.outputs else {
+            return Ok(Vec::new());
+        };
+        let option = "--angles COLUMN=NAME or --angles COLUMN=NAME,COLUMN=NAME";
+        if !self.map.outputs.is_empty() {
             let named =
                 |o: &OutputColumn| Ok((self.named(&o.column, "--angles")?, o.output.clone()));
-            return map.outputs.iter().map(named).collect();
+            let named: Vec<_> = self.map.outputs.iter().map(named).collect::<Result<_, _>>()?;
+            let of = |spec: &OutputSpec| {
+                let column = named.iter().find(|(_, output)| output == spec).cloned();
+                column.ok_or_else(|| self.missing(&[&column_of(spec)], option))
+            };
+            return if wanted.is_empty() { Ok(named) } else { wanted.iter().map(of).collect() };
+        }
+        let of = |spec: &OutputSpec| {
+            let known =
+                OUTPUTS.iter().filter(|(_, name, unit)| (*name, *unit) == (&spec.name, spec.unit));
+            let own = column_of(spec);
+            let mut names: Vec<&str> = known.map(|(column, ..)| *column).collect();
+            names.retain(|name| *name != own);
+            names.insert(0, &own);
+            let column = names.iter().find_map(|name| self.column(name).transpose());
+            Ok((column.unwrap_or_else(|| Err(self.missing(&names, option)))?, spec.clone()))
+        };
+        if !wanted.is_empty() {
+            return wanted.iter().map(of).collect();
         }
         let present = || OUTPUTS.iter().filter(|(column, ..)| self.has(column));
         let Some(&(.., unit)) = present().next() else {
-            let known = ["pitch_deg", "yaw_deg", "pitches", "yaws"];
-            let option = "--angles COLUMN=NAME or --angles COLUMN=NAME,COLUMN=NAME";
-            return Err(self.missing(&known, option));
+            return Err(self.missing(&["pitch_deg", "yaw_deg", "pitches", "yaws"], option));
         };
         let of_one_unit = present().filter(|(.., other)| *other == unit);
         let column = |(column, name, unit): &(&str, &str, OutputUnit)| {
@@ -199,38 +315,72 @@ impl Header<'_> {
     }
 
     fn has(&self, name: &str) -> bool {
-        self.names.iter().any(|other| other == name)
+        !matches!(self.column(name), Ok(None))
     }
 
     fn named(&self, name: &str, option: &'static str) -> Result<Column, RecordingError> {
         self.column(name)?.ok_or_else(|| self.missing(&[name], option))
     }
 
+    /// The column of this name, or else of one that says the same.
     fn column(&self, name: &str) -> Result<Option<Column>, RecordingError> {
-        let columns = self.names.iter().enumerate();
-        let mut found = columns.filter(|(_, other)| *other == name);
-        let column = |(index, name): (usize, &String)| Column { index, name: name.clone() };
-        let first = found.next().map(column);
-        match found.next() {
-            None => Ok(first),
-            Some(_) => Err(RecordingError::Ambiguous {
-                path: self.path.to_owned(),
-                column: name.to_owned(),
-            }),
+        let columns = || self.names.iter().enumerate();
+        let exact = columns().filter(|(_, other)| *other == name);
+        let same = columns().filter(|(_, other)| *other != name && words(other) == words(name));
+        let mut found = exact.chain(same);
+        let (first, second) = (found.next(), found.next());
+        if second.is_some_and(|(_, other)| Some(other) == first.map(|(_, name)| name)) {
+            return Err(self.error(Problem::Ambiguous(name.to_owned())));
         }
+        Ok(first.map(|(index, name)| Column { index, name: name.clone() }))
     }
 
-    fn missing(&self, wanted: &[&str], option: &'static str) -> RecordingError {
+    fn missing(&self, wanted: &[&str], option: &str) -> RecordingError {
         let list = |names: &mut dyn Iterator<Item = &str>, between: &str| {
             let quoted: Vec<String> = names.map(|name| format!("`{name}`")).collect();
             quoted.join(between)
         };
-        RecordingError::MissingColumn {
-            path: self.path.to_owned(),
+        let remedy = match self.map.options {
+            true => format!("name the right ones with {option}"),
+            false => "call the right ones so in the line that names the columns".to_owned(),
+        };
+        self.error(Problem::MissingColumn {
             wanted: list(&mut wanted.iter().copied(), " or "),
             present: list(&mut self.names.iter().map(String::as_str), ", "),
-            option,
-        }
+            remedy,
+        })
+    }
+
+    fn error(&self, problem: Problem) -> RecordingError {
+        RecordingError::new(self.place.clone(), problem)
+    }
+}
+
+/// The words of a name, in small letters.
+fn words(name: &str) -> Vec<String> {
+    let words = name.split(|letter: char| !letter.is_alphanumeric());
+    words.filter(|word| !word.is_empty()).map(str::to_lowercase).collect()
+}
+
+/// A unit of time, s.
+fn unit_s(unit: &str) -> Option<f64> {
+    TIME_UNITS.iter().find(|(names, _)| names.contains(&unit)).map(|(_, seconds)| *seconds)
+}
+
+/// The unit of a column whose name says that it is time, s.
+fn seconds_of(name: &str) -> Option<f64> {
+    let mut words = words(name);
+    let unit = words.last().and_then(|word| unit_s(word));
+    words.truncate(words.len() - usize::from(unit.is_some()));
+    let is_time = words.iter().all(|word| TIME_WORDS.contains(&word.as_str()));
+    (is_time && (unit.is_some() || !words.is_empty())).then(|| unit.unwrap_or(1.0))
+}
+
+/// As an output is called in a table.
+pub(super) fn column_of(OutputSpec { name, unit }: &OutputSpec) -> String {
+    match unit {
+        OutputUnit::Deg => format!("{name}_deg"),
+        OutputUnit::Mm => format!("{name}_mm"),
     }
 }
 

@@ -1,199 +1,103 @@
-//! What is wrong with a recording.
+//! What is wrong with a table.
 
+use std::fmt::{self, Display, Formatter};
 use std::io;
-use std::path::PathBuf;
+use std::path::Path;
 
-/// Why a recording could not be read: what is wrong, where, and what to do.
+/// Why a table could not be read: what is wrong, where, and what to do.
 #[derive(Debug, thiserror::Error)]
-pub enum RecordingError {
-    /// The file could not be read.
-    #[error(
-        "cannot read recording {}: {source}; name a CSV file with encoder counts and angles",
-        path.display()
-    )]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// There is not even a header.
-    #[error("recording {}: is empty; its first line must name the columns", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-    /// Bytes that are no text.
-    #[error(
-        "recording {}, line {line}: is not text in UTF-8; save the file as plain CSV",
-        path.display()
-    )]
-    NotText {
-        /// The file.
-        path: PathBuf,
-        /// The line.
-        line: u64,
-    },
-    /// A row that is shorter or longer than the header.
-    #[error(
-        "recording {}, line {line}: has {found} cells, and the header names {expected} columns; \
-         complete or remove it",
-        path.display()
-    )]
-    RowLength {
-        /// The file.
-        path: PathBuf,
-        /// The line.
-        line: u64,
-        /// Cells in the line.
-        found: usize,
-        /// Columns in the header.
-        expected: usize,
-    },
-    /// A column that is needed is not there.
-    #[error(
-        "recording {}: there is no column {wanted}; its columns are {present}{}",
-        path.display(),
-        remedy(present, option)
-    )]
-    MissingColumn {
-        /// The file.
-        path: PathBuf,
-        /// Columns that would be accepted.
-        wanted: String,
-        /// Columns of the file.
-        present: String,
-        /// The option that names it.
-        option: &'static str,
-    },
-    /// A name that occurs twice in the header.
-    #[error("recording {}, line 1: two columns are named `{column}`; rename one", path.display())]
-    Ambiguous {
-        /// The file.
-        path: PathBuf,
-        /// The name.
-        column: String,
-    },
-    /// A column that is to be two things.
-    #[error(
-        "recording {}: column `{column}` is named for two purposes; name each column once",
-        path.display()
-    )]
-    UsedTwice {
-        /// The file.
-        path: PathBuf,
-        /// The name.
-        column: String,
-    },
-    /// More columns than a model can have.
-    #[error(
-        "recording {}: {found} columns are named as {what}; a model has at most {most}",
-        path.display()
-    )]
-    Columns {
-        /// The file.
-        path: PathBuf,
-        /// Motors or outputs.
-        what: &'static str,
-        /// Named.
-        found: usize,
-        /// Possible.
-        most: usize,
-    },
-    /// A cell that makes no sense.
-    #[error("recording {}, line {line}, column `{column}`: `{value}` {reason}", path.display())]
-    Cell {
-        /// The file.
-        path: PathBuf,
-        /// The line.
-        line: u64,
-        /// The column.
-        column: String,
-        /// Its content.
-        value: String,
-        /// What is wrong and what to do.
-        reason: &'static str,
-    },
-    /// Time that does not go forward.
-    #[error(
-        "recording {}, line {line}, column `{column}`: time {time} s {what} ({previous} s in line \
-         {previous_line}); correct the stamps, cut the recording there, or read it without time \
-         (--time none)",
-        path.display()
-    )]
-    Time {
-        /// The file.
-        path: PathBuf,
-        /// The line.
-        line: u64,
-        /// The column.
-        column: String,
-        /// The stamp.
-        time: f64,
-        /// Backwards or twice the same.
-        what: &'static str,
-        /// The stamp before.
-        previous: f64,
-        /// Its line.
-        previous_line: u64,
-    },
-    /// A column without a single value.
-    #[error(
-        "recording {}: column `{column}` is empty on every row; record it, or leave it out with \
-         {option}",
-        path.display()
-    )]
-    EmptyColumn {
-        /// The file.
-        path: PathBuf,
-        /// The column.
-        column: String,
-        /// How to leave it out.
-        option: &'static str,
-    },
-    /// A column that never changes.
-    #[error(
-        "recording {}: column `{column}` is {value} on every row: {meaning}; record motion of it, \
-         or leave it out with {option}",
-        path.display()
-    )]
-    ConstantColumn {
-        /// The file.
-        path: PathBuf,
-        /// The column.
-        column: String,
-        /// Its content.
-        value: f64,
-        /// What that means.
-        meaning: &'static str,
-        /// How to leave it out.
-        option: &'static str,
-    },
-    /// Not enough to fit anything.
-    #[error(
-        "recording {}: {rows} complete row(s), and a model takes at least {least}; record more",
-        path.display()
-    )]
-    TooFewRows {
-        /// The file.
-        path: PathBuf,
-        /// Rows without empty cells.
-        rows: usize,
-        /// Rows needed.
-        least: usize,
-    },
+#[error("{place}: {problem}")]
+pub struct RecordingError {
+    place: Place,
+    problem: Problem,
 }
 
-/// What to do about a column that is not there. A header that is one cell is not separated by
-/// commas.
-fn remedy(present: &str, option: &str) -> String {
-    let is_one_cell = !present.contains("`, `");
-    for (separator, name) in [(';', "semicolons"), ('\t', "tabs")] {
-        if is_one_cell && present.contains(separator) {
-            return format!(
-                "; its cells are separated by {name}: save it with commas (and points in numbers)"
-            );
-        }
+impl RecordingError {
+    pub(super) fn new(place: Place, problem: Problem) -> Self {
+        Self { place, problem }
     }
-    format!("; name the right ones with {option}")
+}
+
+/// Where something is.
+#[derive(Debug, Clone)]
+pub(super) struct Place {
+    table: String,
+    line: Option<u64>,
+    column: Option<String>,
+}
+
+impl Place {
+    /// A file. `noun`: what it is for who reads it.
+    pub fn new(noun: &str, path: &Path) -> Self {
+        Self { table: format!("{noun} {}", path.display()), line: None, column: None }
+    }
+
+    pub fn line(&self, line: u64) -> Self {
+        Self { line: Some(line), ..self.clone() }
+    }
+
+    pub fn column(&self, column: &str) -> Self {
+        Self { column: Some(column.to_owned()), ..self.clone() }
+    }
+}
+
+impl Display for Place {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.table)?;
+        self.line.iter().try_for_each(|line| write!(f, ", line {line}"))?;
+        self.column.iter().try_for_each(|column| write!(f, ", column `{column}`"))
+    }
+}
+
+/// What is wrong and what to do. A `remedy` is one that the reader of the table can follow: not
+/// every command has options for columns.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Problem {
+    #[error("cannot be read: {0}; name a CSV file")]
+    Read(io::Error),
+    #[error("is empty; its first line must name the columns")]
+    Empty,
+    #[error("is not text in UTF-8; save the file as plain CSV in UTF-8")]
+    NotText,
+    #[error(
+        "begins with numbers; its first line must name the columns, as in \
+         `t_s,q0_counts,q1_counts,pitch_deg,yaw_deg`"
+    )]
+    NoHeader,
+    #[error("has {found} cells, and the header names {expected} columns; {remedy}")]
+    RowLength { found: usize, expected: usize, remedy: &'static str },
+    #[error("there is no column {wanted}; its columns are {present}; {remedy}")]
+    MissingColumn { wanted: String, present: String, remedy: String },
+    #[error("two columns are named `{0}`; rename one")]
+    Ambiguous(String),
+    #[error("column `{0}` is named for two purposes; name each column once")]
+    UsedTwice(String),
+    #[error("{found} columns are named as {what}; a model has at most {most}")]
+    Columns { what: &'static str, found: usize, most: usize },
+    #[error("`{value}` {reason}")]
+    Cell { value: String, reason: &'static str },
+    #[error("time {time} s {what} ({previous} s in line {previous_line}); {remedy}")]
+    Time { time: f64, what: &'static str, previous: f64, previous_line: u64, remedy: &'static str },
+    #[error("column `{column}` is empty on every row; record it, or {remedy}")]
+    EmptyColumn { column: String, remedy: String },
+    #[error(
+        "column `{column}` is {value} on every row: {meaning}; record motion of it, or {remedy}"
+    )]
+    ConstantColumn { column: String, value: f64, meaning: &'static str, remedy: String },
+    #[error("{rows} complete row(s), and a model takes at least {least}; record more")]
+    TooFewRows { rows: usize, least: usize },
+    #[error("has no complete row; fill its cells")]
+    NoRows,
+    #[error("{0}")]
+    Rate(String),
+    #[error(
+        "counts jump by about {modulus} (from {from} in line {before} to {to}), and so {jumps} \
+         time(s) in all: a counter that wraps; {remedy}"
+    )]
+    Wrap { modulus: f64, from: f64, before: u64, to: f64, jumps: usize, remedy: &'static str },
+    #[error(
+        "counts are {value} and {usual} in the line beside it: a glitch of the encoder that no \
+         motor makes{others}; empty the cell, or remove the line"
+    )]
+    Glitch { value: f64, usual: f64, others: String },
 }

@@ -1,28 +1,36 @@
-//! Recordings: encoder counts of the motors with the outputs that were measured at the same time.
+//! Recordings: encoder counts of the motors with the outputs that were measured at the same time;
+//! and the reader of all tables that people hand over, of which they are one kind.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `rows` | a recording in memory |
 //! | `columns` | the meaning of each column |
-//! | `parse` | from CSV text to rows of numbers |
-//! | `check` | requirements that every recording fulfils |
-//! | `read` | reading a file: parsed, then checked |
+//! | `sheet` | from bytes to cells: separators, comments, headers, ends that are cut off |
+//! | `cell` | a number, a moment, or nothing |
+//! | `table` | from cells to rows of numbers |
+//! | `check` | requirements that tables fulfil |
+//! | `steps` | counters that wrap, and single wrong counts |
+//! | `read` | a recording of a table |
 //! | `write` | the common format, written row by row |
 //! | `error` | what is wrong with a file, where, and what to do |
 
+mod cell;
 mod check;
 mod columns;
 mod error;
-mod parse;
 mod read;
 mod rows;
+mod sheet;
+mod steps;
+mod table;
 #[cfg(test)]
 mod tests;
 mod write;
 
 pub use check::MIN_ROWS;
-pub use columns::{ColumnMap, OutputColumn, ParseColumnError, TimeColumn};
+pub use columns::{ColumnMap, OutputColumn, ParseColumnError, TimeColumn, Wanted, pitch_and_yaw};
 pub use error::RecordingError;
 pub use read::{DroppedRow, ReadReport};
 pub use rows::{PathPoint, Recording, Row};
+pub use table::{Rows, read_rows};
 pub use write::RecordingWriter;

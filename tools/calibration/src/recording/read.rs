@@ -1,15 +1,14 @@
 //! Reading a file.
 
-use std::fs;
 use std::path::Path;
 
 use serde::Serialize;
 
-use super::check;
-use super::columns::{Column, ColumnMap};
-use super::error::RecordingError;
-use super::parse::parse;
-use super::rows::{Recording, hash};
+use super::check::MIN_ROWS;
+use super::columns::{Column, ColumnMap, Wanted};
+use super::error::{Problem, RecordingError};
+use super::rows::{PathPoint, Recording, Row, hash};
+use super::table::{ReadRow, Table};
 
 /// What was read and what was left out.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -26,6 +25,8 @@ pub struct ReadReport {
     pub counts_columns: Vec<String>,
     /// The column of each output.
     pub output_columns: Vec<String>,
+    /// What else was left out, and what is strange.
+    pub notes: Vec<String>,
 }
 
 /// A row that was left out.
@@ -37,12 +38,6 @@ pub struct DroppedRow {
     pub column: String,
 }
 
-impl From<(u64, String)> for DroppedRow {
-    fn from((line, column): (u64, String)) -> Self {
-        Self { line, column }
-    }
-}
-
 impl Recording {
     /// Reads and checks a CSV file with a header. Rows with an empty cell in a column that matters
     /// are left out and reported.
@@ -52,32 +47,49 @@ impl Recording {
     /// When the file cannot be read, a column is missing, or a value in it is wrong; see
     /// [`RecordingError`].
     pub fn read(path: &Path, columns: &ColumnMap) -> Result<(Self, ReadReport), RecordingError> {
-        let bytes = fs::read(path)
-            .map_err(|source| RecordingError::Read { path: path.to_owned(), source })?;
         let name = path.file_name().unwrap_or(path.as_os_str());
-        let (layout, table) = parse(&bytes, columns, path)?;
-        if table.total > 0 {
-            check::columns_are_filled(&table.filled, &layout, path)?;
+        let wanted = Wanted::recording();
+        let (mut table, bytes) = Table::read(path, columns, &wanted)?;
+        table.columns_are_filled()?;
+        let complete = table.rows.iter().filter(|row| row.empty.is_none()).count();
+        if complete < MIN_ROWS {
+            return Err(table.error(Problem::TooFewRows { rows: complete, least: MIN_ROWS }));
         }
-        let recording = Self {
+        table.check()?;
+        let layout = &table.layout;
+        let mut recording = Self {
             name: name.to_string_lossy().into_owned(),
             sha256: hash(&bytes),
             motors: layout.counts.len(),
             outputs: layout.outputs.iter().map(|(_, output)| output.clone()).collect(),
-            path: table.path,
-            rows: table.rows,
+            path: Vec::new(),
+            rows: Vec::with_capacity(complete),
         };
-        check::rows_are_valid(&recording, &layout, path)?;
+        let (mut positions, mut dropped) = (0, Vec::new());
+        for row in &table.rows {
+            let ReadRow { line, time_s, counts, outputs, .. } = *row;
+            let path_index = recording.path.len();
+            if row.located {
+                recording.path.push(PathPoint { line, time_s, counts });
+            }
+            match &row.empty {
+                None => recording.rows.push(Row { line, time_s, counts, outputs, path_index }),
+                Some(_) if row.located && !row.measured => positions += 1,
+                Some(column) => dropped.push(DroppedRow { line, column: column.clone() }),
+            }
+        }
+        table.columns_change(&recording)?;
         let names = |columns: &mut dyn Iterator<Item = &Column>| {
             columns.map(|column| column.name.clone()).collect()
         };
         let report = ReadReport {
-            rows: table.total,
-            positions: table.positions,
-            dropped: table.dropped.into_iter().map(DroppedRow::from).collect(),
+            rows: table.rows.len(),
+            positions,
+            dropped,
             time_column: layout.time.as_ref().map(|column| column.name.clone()),
             counts_columns: names(&mut layout.counts.iter()),
             output_columns: names(&mut layout.outputs.iter().map(|(column, _)| column)),
+            notes: table.notes,
         };
         Ok((recording, report))
     }

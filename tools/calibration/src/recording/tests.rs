@@ -18,7 +18,7 @@ fn read_as(text: &[u8], columns: &ColumnMap) -> Result<(Recording, ReadReport), 
 }
 
 fn read(text: &str) -> Result<(Recording, ReadReport), RecordingError> {
-    read_as(text.as_bytes(), &ColumnMap::default())
+    read_as(text.as_bytes(), &ColumnMap { options: true, ..ColumnMap::default() })
 }
 
 /// A good recording of 30 rows in the common format, lines 2 to 31.
@@ -165,6 +165,7 @@ fn refused_as(columns: &ColumnMap) -> String {
 fn counts(names: &[&str]) -> ColumnMap {
     ColumnMap {
         counts: names.iter().map(|name| (*name).to_owned()).collect(),
+        options: true,
         ..ColumnMap::default()
     }
 }
@@ -175,8 +176,7 @@ fn wrong_columns_are_answered_with_those_there_are() {
     refused("a,b\n1,2\n", &known);
     let known = ["`pitch_deg` or `yaw_deg` or `pitches` or `yaws`", "`b`", "--angles"];
     refused("q0_counts,b\n1,2\n", &known);
-    let semicolons = "t_s;q0_counts;pitch_deg\n1;2;3\n";
-    refused(semicolons, &["separated by semicolons: save it with commas"]);
+    refused("1,2\n3,4\n", &["begins with numbers; its first line must name the columns"]);
     let twice = "q0_counts,q0_counts,pitch_deg\n1,2,3\n";
     refused(twice, &["two columns are named `q0_counts`"]);
     for (names, parts) in [
@@ -195,10 +195,11 @@ fn wrong_columns_are_answered_with_those_there_are() {
 fn wrong_cells_are_named_with_line_and_column() {
     for (line, column, cell, message) in [
         (7, 3, "left", "line 7, column `pitch_deg`: `left` is not a number"),
-        (7, 3, "NaN", "line 7, column `pitch_deg`: `NaN` is not a finite number"),
+        (7, 0, "left", "line 7, column `t_s`: `left` is not a time"),
         (9, 1, "-inf", "line 9, column `q0_counts`: `-inf` is not a finite number"),
         (9, 4, "180.5", "line 9, column `yaw_deg`: `180.5` is not between -180 and 180 degrees"),
-        (3, 2, "3e9", "line 3, column `q1_counts`: `3e9` is out of the range of an encoder"),
+        (3, 2, "5e9", "line 3, column `q1_counts`: `5e9` is out of the range of an encoder"),
+        (3, 2, "3e9", "line 3, column `q1_counts`: counts are 3000000000 and -100 in the line"),
         (3, 2, "1,2", "line 3: has 6 cells, and the header names 5 columns"),
         (6, 0, "3.5", "line 6, column `t_s`: time 3.5 s occurs twice (3.5 s in line 5)"),
         (6, 0, "3.25", "line 6, column `t_s`: time 3.25 s goes backwards"),

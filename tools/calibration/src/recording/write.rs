@@ -2,8 +2,9 @@
 
 use std::io::{self, Write};
 
-use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::model::file::OutputSpec;
 
+use super::columns::column_of;
 use super::rows::Row;
 
 /// Writes a recording in the common format: `t_s` (if timed), `q0_counts`, ..., then `NAME_deg` or
@@ -26,8 +27,7 @@ impl<W: Write> RecordingWriter<W> {
     pub fn new(mut to: W, timed: bool, motors: usize, outputs: &[OutputSpec]) -> io::Result<Self> {
         let time = timed.then(|| "t_s".to_owned());
         let counts = (0..motors).map(|motor| format!("q{motor}_counts"));
-        let name = |output: &OutputSpec| format!("{}_{}", output.name, suffix(output.unit));
-        let angles = outputs.iter().map(name);
+        let angles = outputs.iter().map(column_of);
         let header: Vec<String> = time.into_iter().chain(counts).chain(angles).collect();
         writeln!(to, "{}", header.join(","))?;
         Ok(Self { to, timed, motors, outputs: outputs.len() })
@@ -59,12 +59,5 @@ impl<W: Write> RecordingWriter<W> {
     pub fn finish(mut self) -> io::Result<W> {
         self.to.flush()?;
         Ok(self.to)
-    }
-}
-
-fn suffix(unit: OutputUnit) -> &'static str {
-    match unit {
-        OutputUnit::Deg => "deg",
-        OutputUnit::Mm => "mm",
     }
 }

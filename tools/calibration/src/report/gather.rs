@@ -46,7 +46,9 @@ impl CalibrationReport {
             spikes: report.quality.spikes.clone(),
             latency: report.quality.latency,
             latency_taken_off_s: None,
-            warnings: report.quality.warnings.iter().map(ToString::to_string).collect(),
+            warnings: (read.notes.iter().cloned())
+                .chain(report.quality.warnings.iter().map(ToString::to_string))
+                .collect(),
             failures: outcome.families.iter().filter_map(failure).collect(),
             chosen_by_held_out: options.choice == Choice::Best && families.len() > 1,
             families,

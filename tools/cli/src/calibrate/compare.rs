@@ -46,7 +46,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(page) = &arguments.report {
         check_output("--report", page, &arguments.recording, arguments.overwrite)?;
     }
-    let (mut recording, _) = Recording::read(&arguments.recording, &arguments.columns.map())?;
+    let (mut recording, read) = Recording::read(&arguments.recording, &arguments.columns.map())?;
+    read.notes.iter().for_each(|note| eprintln!("warning: {}: {note}", recording.name()));
     if arguments.drift {
         (recording, _) = recording.without_latency();
     }

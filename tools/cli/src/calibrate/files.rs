@@ -13,29 +13,48 @@ use i2ris_report::files::{check_not_there, make_folder_of, replace};
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Columns of the recording")]
 pub struct ColumnArguments {
-    /// Encoder counts of motor 0 and motor 1 [default: `q0_counts,q1_counts` or
-    /// `Encoder counts 0,Encoder counts 1`]
-    #[arg(long, value_name = "COLUMN,..", value_delimiter = ',')]
-    counts: Vec<String>,
+    #[command(flatten)]
+    path: PathColumns,
     /// Measured angles, deg, and what they are [default: `pitch_deg,yaw_deg` or
     /// `pitches=pitch,yaws=yaw`]
     #[arg(long, value_name = "COLUMN=NAME,..", value_delimiter = ',')]
     angles: Vec<OutputColumn>,
-    /// Time stamps, s; none: read the recording without [default: `t_s` or `Enc TS`, if there is
-    /// one]
-    #[arg(long, value_name = "COLUMN|none")]
-    time: Option<String>,
 }
 
-impl ColumnArguments {
-    /// For reading the recording.
+/// Which columns have the path of the motors.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Columns of the recording")]
+pub struct PathColumns {
+    /// Encoder counts of motor 0 and motor 1 [default: `q0_counts,q1_counts` or
+    /// `Encoder counts 0,Encoder counts 1`]
+    #[arg(long, value_name = "COLUMN,..", value_delimiter = ',')]
+    counts: Vec<String>,
+    /// Time stamps, and their unit if it is not s (ms, us, ns); none: read without time [default:
+    /// `t_s`, `time`, `timestamp`, `t_ms`, `Enc TS`, ..., if there is one]
+    #[arg(long, value_name = "COLUMN[=UNIT]|none")]
+    time: Option<String>,
+    /// Take counters that wrap, of 12, 16 or 32 bits, for motors that go on
+    #[arg(long)]
+    unwrap: bool,
+}
+
+impl PathColumns {
+    /// For reading the path.
     pub fn map(&self) -> ColumnMap {
         let time = match self.time.as_deref() {
             Some("none") => TimeColumn::Ignored,
             Some(column) => TimeColumn::Named(column.to_owned()),
             None => TimeColumn::Known,
         };
-        ColumnMap { time, counts: self.counts.clone(), outputs: self.angles.clone() }
+        let (counts, unwrap) = (self.counts.clone(), self.unwrap);
+        ColumnMap { time, counts, outputs: Vec::new(), unwrap, options: true }
+    }
+}
+
+impl ColumnArguments {
+    /// For reading the recording.
+    pub fn map(&self) -> ColumnMap {
+        ColumnMap { outputs: self.angles.clone(), ..self.path.map() }
     }
 }
 

@@ -49,7 +49,7 @@ pub struct Arguments {
     /// A trial since then that a camera has seen: MCAP or CSV
     #[arg(requires = "model_file", conflicts_with_all = [
         "network", "json", "robot_id", "family", "components", "restarts", "seed", "hold_out", "force",
-        "latency_ms", "counts", "angles", "time",
+        "latency_ms", "counts", "angles", "time", "unwrap",
     ])]
     trial: Option<PathBuf>,
     /// With a trial: the model that was fitted to the recording

@@ -29,7 +29,9 @@ pub fn run(
     report: Option<&Path>,
 ) -> Result<(), Failure> {
     let old = Model::load(model_file)?;
-    let (calibration, read) = Recording::read(recording_file, &ColumnMap::default())?;
+    // As it was fitted: only counters of one that was unwrapped jump.
+    let columns = ColumnMap { unwrap: true, ..ColumnMap::default() };
+    let (calibration, read) = Recording::read(recording_file, &columns)?;
     let named = &old.file().training;
     if named.data_sha256 != calibration.sha256() {
         return Err(format!(
@@ -85,7 +87,9 @@ fn family(model: &Model) -> Result<Choice, Failure> {
 /// removed.
 fn trial(file: &Path, output: &Path, outputs: &[OutputSpec]) -> Result<Recording, Failure> {
     if file.extension().is_none_or(|extension| extension != "mcap") {
-        return Ok(Recording::read(file, &ColumnMap::default())?.0);
+        let (trial, read) = Recording::read(file, &ColumnMap::default())?;
+        read.notes.iter().for_each(|note| eprintln!("warning: {}: {note}", trial.name()));
+        return Ok(trial);
     }
     let tables = output.with_extension(format!("refine-{}", process::id()));
     let recording = export(file, &tables).and_then(|()| joined(file, &tables, outputs));

@@ -3,7 +3,9 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use crate::csv_table::{self, CsvTableError};
+use i2ris_calibration::recording::{ColumnMap, RecordingError, Row, Wanted, pitch_and_yaw};
+
+use crate::csv_table;
 
 /// Pitch and yaw, degrees.
 pub type Angles = [f64; 2];
@@ -60,15 +62,14 @@ impl Trajectory {
 pub struct Waypoints(Vec<(f64, Angles)>);
 
 impl Waypoints {
-    /// Reads a CSV file with the columns `t_s`, `pitch_deg` and `yaw_deg`; others are ignored.
-    pub fn load(path: &Path) -> Result<Self, CsvTableError> {
-        let rows = csv_table::read(path, &csv_table::ANGLES)?;
-        let start_s = rows.first().and_then(|row| row.first()).copied().unwrap_or_default();
-        let point = |row: &Vec<f64>| match row[..] {
-            [t_s, pitch, yaw] => Some((t_s - start_s, [pitch, yaw])),
-            _ => None,
-        };
-        Ok(Self(rows.iter().filter_map(point).collect()))
+    /// Reads a CSV file with time, pitch and yaw; other columns are ignored.
+    pub fn load(path: &Path) -> Result<Self, RecordingError> {
+        let wanted = Wanted::trajectory(&pitch_and_yaw());
+        let rows = csv_table::read(path, &ColumnMap::default(), &wanted)?.rows;
+        let time_s = |row: &Row| row.time_s.unwrap_or_default();
+        let start_s = rows.first().map_or(0.0, time_s);
+        let point = |row: &Row| (time_s(row) - start_s, [row.outputs[0], row.outputs[1]]);
+        Ok(Self(rows.iter().map(point).collect()))
     }
 
     fn length_s(&self) -> f64 {

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use i2ris::model::Model;
 use i2ris::model::file::{OutputSpec, OutputUnit};
-use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
+use i2ris::units::MotorVec;
+use i2ris_calibration::recording::{ColumnMap, Wanted};
 use i2ris_report::Failure;
 
 use crate::csv_table;
@@ -32,25 +33,16 @@ pub fn si(model: &Model) -> f64 {
 }
 
 /// The path of the motors before; empty without a file.
-pub fn history(file: Option<&PathBuf>, model: &Model) -> Result<Vec<MotorVec>, Failure> {
+pub fn history(
+    file: Option<&PathBuf>,
+    columns: &ColumnMap,
+    model: &Model,
+) -> Result<Vec<MotorVec>, Failure> {
     let Some(file) = file else {
         return Ok(Vec::new());
     };
-    let rows = csv_table::read(file, &counts_columns(model))?;
-    Ok(rows.iter().map(|row| motors(row)).collect())
-}
-
-pub fn motors(values: &[f64]) -> MotorVec {
-    let mut counts = [0.0; MAX_MOTORS];
-    counts.iter_mut().zip(values).for_each(|(to, from)| *to = *from);
-    counts
-}
-
-/// Values of a row, in the unit of the file, as one per output in radians or metres.
-pub fn outputs(values: &[f64], si: f64) -> OutputVec {
-    let mut outputs = [0.0; MAX_OUTPUTS];
-    outputs.iter_mut().zip(values).for_each(|(to, from)| *to = from * si);
-    outputs
+    let table = csv_table::read(file, columns, &Wanted::path_of(model.motors()))?;
+    Ok(table.rows.iter().map(|row| row.counts).collect())
 }
 
 pub fn check_output(output: &Path, inputs: &[&Path]) -> Result<(), Failure> {

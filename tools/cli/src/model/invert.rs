@@ -8,14 +8,17 @@ use i2ris::core::ServoGoal;
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
 use i2ris::units::{Counts, MotorVec, OutputVec};
+use i2ris_calibration::recording::{Row, Wanted};
 use i2ris_simulation::closed_loop::{
     ClosedLoop, IdealMotors, LoopError, start_position, without_limits,
 };
 use serde::Serialize;
 
-use super::columns::{check_output, counts_columns, history, output_columns, outputs, si};
+use super::columns::{check_output, counts_columns, history, output_columns, si};
+use crate::calibrate::ColumnArguments;
 use crate::csv_table;
 use i2ris_report::Failure;
+use i2ris_report::statistics::interpolate;
 
 /// Speed of the approach to the first pose, degrees (mm) per second.
 const APPROACH: f64 = 10.0;
@@ -57,6 +60,8 @@ pub struct Arguments {
     /// Print the outcome as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    columns: ColumnArguments,
 }
 
 /// The outcome.
@@ -79,9 +84,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = config(arguments, &model)?;
     let columns: Vec<String> =
         std::iter::once("t_s".to_owned()).chain(output_columns(&model)).collect();
-    let table = csv_table::read(trajectory, &columns)?;
+    let map = arguments.columns.map();
+    let table = csv_table::read(trajectory, &map, &Wanted::trajectory(&model.file().outputs))?.rows;
     let desired = DesiredTrajectory { rows: &table, si: si(&model), outputs: model.outputs() };
-    let mut past = history(arguments.history.as_ref(), &model)?;
+    let mut past = history(arguments.history.as_ref(), &map, &model)?;
     if past.is_empty() {
         past.push(start_position(&model, &desired.at(desired.start_s())));
     }
@@ -131,23 +137,23 @@ fn print(outcome: &Outcome, output: &Path, json: bool) -> Result<(), Failure> {
 
 /// The trajectory.
 struct DesiredTrajectory<'a> {
-    rows: &'a [Vec<f64>],
+    rows: &'a [Row],
     si: f64,
     outputs: usize,
 }
 
 impl DesiredTrajectory<'_> {
     fn start_s(&self) -> f64 {
-        self.rows.first().and_then(|row| row.first()).copied().unwrap_or_default()
+        self.rows.first().and_then(|row| row.time_s).unwrap_or_default()
     }
 
     fn end_s(&self) -> f64 {
-        self.rows.last().and_then(|row| row.first()).copied().unwrap_or_default()
+        self.rows.last().and_then(|row| row.time_s).unwrap_or_default()
     }
 
     /// rad (m), linearly between the rows.
     fn at(&self, time_s: f64) -> OutputVec {
-        let time = |row: &Vec<f64>| row.first().copied().unwrap_or_default();
+        let time = |row: &Row| row.time_s.unwrap_or_default();
         let after = self
             .rows
             .partition_point(|row| time(row) < time_s)
@@ -159,9 +165,7 @@ impl DesiredTrajectory<'_> {
         let (start, end) = (time(from), time(to));
         let share =
             if end > start { ((time_s - start) / (end - start)).clamp(0.0, 1.0) } else { 1.0 };
-        let values: Vec<f64> =
-            from.iter().zip(to).skip(1).map(|(from, to)| from + share * (to - from)).collect();
-        outputs(&values, self.si)
+        interpolate(&from.outputs, &to.outputs, share).map(|value| value * self.si)
     }
 
     fn goal(&self, angles: OutputVec) -> ServoGoal {

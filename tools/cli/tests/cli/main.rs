@@ -3,6 +3,7 @@
 
 mod advice;
 mod bench;
+mod cases;
 mod collect;
 mod command;
 mod drift;

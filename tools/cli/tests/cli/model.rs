@@ -159,7 +159,7 @@ fn mistakes_are_named_with_file_and_remedy() {
     let predict = "model predict model.json text.csv --output";
     for (command, more, said) in [
         (invert, "wanted.csv", "no column `yaw_deg`"),
-        (invert, "nothing.csv", "cannot read nothing.csv"),
+        (invert, "nothing.csv", "table nothing.csv: cannot be read"),
         (invert, "good.csv --config other.toml", "other"),
         (invert, "good.csv --history wanted.csv", "no column `q0_counts`"),
         (predict, "out.csv", "text.csv, line 3"),

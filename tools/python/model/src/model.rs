@@ -178,12 +178,24 @@ impl Tracker {
     }
 }
 
+/// Refuses what is not one finite number for each.
+fn check(name: &str, values: &[f64], wanted: usize) -> PyResult<()> {
+    match values.len() == wanted && values.iter().all(|value| value.is_finite()) {
+        true => Ok(()),
+        false => Err(refused(format!(
+            "{name}: must be {wanted} finite number(s), one for each, and is {values:?}"
+        ))),
+    }
+}
+
 #[pymethods]
 impl Tracker {
     /// The motors are at these counts now.
-    fn advance(&mut self, counts: Vec<f64>) {
+    fn advance(&mut self, counts: Vec<f64>) -> PyResult<()> {
+        check("counts", &counts, self.model.0.motors())?;
         self.at = std::array::from_fn(|motor| counts.get(motor).copied().unwrap_or(0.0));
         self.model.0.advance(&mut self.memory, &self.at);
+        Ok(())
     }
 
     /// Angles at the present position, deg.
@@ -192,9 +204,10 @@ impl Tracker {
     }
 
     /// The counts for angles, deg, and whether they had to be clipped. Nothing moves.
-    fn invert(&self, angles: Vec<f64>) -> (Vec<f64>, bool) {
+    fn invert(&self, angles: Vec<f64>) -> PyResult<(Vec<f64>, bool)> {
+        check("angles", &angles, self.model.0.outputs())?;
         let (counts, clipped) = self.model.inverted(&self.memory, self.at, &angles);
-        (counts[..self.model.0.motors()].to_vec(), clipped)
+        Ok((counts[..self.model.0.motors()].to_vec(), clipped))
     }
 
     /// Whether enough motion has been seen.

@@ -1,0 +1,69 @@
+//! What a cell says: a number, a moment, or nothing.
+
+/// What programs write where nothing was measured, in small letters.
+const MISSING: [&str; 9] =
+    ["", "nan", "-nan", "nan(ind)", "-nan(ind)", "na", "n/a", "null", "none"];
+
+pub(super) fn is_missing(cell: &str) -> bool {
+    cell.is_empty() || MISSING.contains(&cell.to_lowercase().as_str())
+}
+
+/// A number, with a minus sign of any kind, and with a decimal comma where commas do not separate.
+pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
+    cell.parse().ok().or_else(|| {
+        let plain = cell.replace(['\u{2212}', '\u{2013}'], "-");
+        if decimal_comma { plain.replace(',', ".").parse().ok() } else { plain.parse().ok() }
+    })
+}
+
+/// A moment, s: a number of seconds, a date and a time of day as in ISO 8601, or the time of day
+/// alone. A date counts from 1970-01-01.
+pub(super) fn seconds(cell: &str, decimal_comma: bool) -> Option<f64> {
+    number(cell, decimal_comma).or_else(|| match cell.split_once(['T', 't', ' ']) {
+        Some((date, clock)) => Some(86_400.0 * days(date)? + clock_s(clock)?),
+        None => clock_s(cell),
+    })
+}
+
+/// `HH:MM:SS`, with a fraction where there is one.
+fn clock_s(text: &str) -> Option<f64> {
+    let text = text.trim_end_matches(['Z', 'z']).replace(',', ".");
+    let parts: Option<Vec<f64>> = text.split(':').map(|part| part.parse().ok()).collect();
+    match parts?[..] {
+        [hours, minutes, seconds] => Some(3600.0 * hours + 60.0 * minutes + seconds),
+        _ => None,
+    }
+}
+
+/// Days from 1970-01-01 to `YYYY-MM-DD`, in the calendar of today.
+fn days(date: &str) -> Option<f64> {
+    let parts: Option<Vec<i64>> = date.split(['-', '/']).map(|part| part.parse().ok()).collect();
+    let [year @ 1000..=9999, month @ 1..=12, day @ 1..=31] = parts?[..] else {
+        return None;
+    };
+    // A year that begins in March has its leap day at the end.
+    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
+    let leap_days = year / 4 - year / 100 + year / 400;
+    Some((365 * year + leap_days + (153 * month + 2) / 5 + day - 719_469) as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_are_those_of_the_command_date() {
+        for (cell, read) in [
+            ("1970-01-01T00:00:00Z", Some(0.0)),
+            // What `date -u -d ... +%s` prints.
+            ("2026-01-02T03:04:00.050Z", Some(1_767_323_040.05)),
+            ("2000/02/29 23:59:59", Some(951_868_799.0)),
+            ("03:04:00,5", Some(11_040.5)),
+            ("2026-13-02T03:04:00", None),
+            ("2026-01-02T03:04:00+01:00", None),
+            ("1,234,5", None),
+        ] {
+            assert_eq!(seconds(cell, true), read, "{cell}");
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! From bytes to cells: how a table is written, found out from the table itself.
+//!
+//! Cells are separated by commas, semicolons, tabs or blanks; numbers have points, or commas where
+//! commas do not separate. Comments begin with `#` or `%`, and one of them may name the columns.
+//! What a program left that was killed while it wrote is not read, and that is said.
+
+use csv::{ReaderBuilder, StringRecord, Trim};
+
+use super::cell::{is_missing, seconds};
+use super::error::{Place, Problem, RecordingError};
+
+/// In order of preference. Any number of blanks is one separator.
+const SEPARATORS: [u8; 4] = [b'\t', b';', b',', b' '];
+
+/// The cells of a table.
+#[derive(Debug)]
+pub(super) struct Sheet {
+    pub header: Vec<String>,
+    /// Line in the file, and as many cells as the header has.
+    pub rows: Vec<(u64, StringRecord)>,
+    pub decimal_comma: bool,
+    /// What was left out, and why.
+    pub notes: Vec<String>,
+}
+
+impl Sheet {
+    pub fn read(bytes: &[u8], place: &Place) -> Result<Self, RecordingError> {
+        let mut notes = Vec::new();
+        let (text, ended) = text(bytes, place, &mut notes)?;
+        let lines: Vec<&str> = text.lines().collect();
+        let (separator, first) = separator(&lines);
+        let head = head(&lines, separator, first)
+            .ok_or_else(|| RecordingError::new(place.clone(), Problem::NoHeader))?;
+        let header = uncommented(lines[head]);
+        let mut body = String::with_capacity(text.len());
+        for (index, line) in lines.iter().enumerate() {
+            if index > head && uncommented(line) == header {
+                notes.push(format!("line {} names the columns again and is left out", index + 1));
+            } else if index > head && !line.trim_start().starts_with(['#', '%']) {
+                body += &separated(line, separator);
+            }
+            body.push('\n');
+        }
+        let header: Vec<String> = cells(header, separator).iter().map(str::to_owned).collect();
+        let mut rows = records(&body, separator, header.len());
+        let width = |(_, cells): &(u64, StringRecord)| cells.len();
+        if rows.last().is_some_and(|row| width(row) < header.len()) || !ended && is_cut(&rows) {
+            let line = rows.pop().map_or(0, |(line, _)| line);
+            notes.push(format!("line {line}, the last one, is cut off and left out"));
+        }
+        if let Some(row) = rows.iter().find(|row| width(row) != header.len()) {
+            let (found, expected) = (width(row), header.len());
+            let remedy = match separator == b',' && found > expected {
+                true => "if commas stand in numbers, separate all cells by semicolons",
+                false => "complete or remove it",
+            };
+            let problem = Problem::RowLength { found, expected, remedy };
+            return Err(RecordingError::new(place.line(row.0), problem));
+        }
+        let mut cells = rows.iter().flat_map(|(_, cells)| cells);
+        let has_points = cells.any(|cell| cell.contains('.') && cell.parse::<f64>().is_ok());
+        let decimal_comma = separator != b',' && !has_points;
+        Ok(Self { header, rows, decimal_comma, notes })
+    }
+}
+
+/// The text of a file, and whether its last line is ended. Zeros at the end are what a file system
+/// leaves of a write that lost its power.
+fn text<'a>(
+    bytes: &'a [u8],
+    place: &Place,
+    notes: &mut Vec<String>,
+) -> Result<(&'a str, bool), RecordingError> {
+    let is_tail = |byte: &u8| matches!(byte, 0 | b'\r' | b'\n');
+    let end = bytes.iter().rposition(|byte| !is_tail(byte)).map_or(0, |last| last + 1);
+    let (bytes, tail) = bytes.split_at(end);
+    let zeros = tail.iter().filter(|byte| **byte == 0).count();
+    if zeros > 0 {
+        notes.push(format!("{zeros} zero bytes at the end are left out: a write that was cut off"));
+    }
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    match str::from_utf8(bytes) {
+        Ok(text) if text.trim().is_empty() => {
+            Err(RecordingError::new(place.clone(), Problem::Empty))
+        }
+        Ok(text) => Ok((text, tail.first().is_some_and(|byte| *byte != 0))),
+        Err(error) => {
+            let before = bytes.iter().take(error.valid_up_to());
+            let line = 1 + before.filter(|byte| **byte == b'\n').count() as u64;
+            Err(RecordingError::new(place.line(line), Problem::NotText))
+        }
+    }
+}
+
+fn uncommented(line: &str) -> &str {
+    line.trim().trim_start_matches(['#', '%']).trim()
+}
+
+/// The separator that makes most numbers of the first line with numbers, and the index of that
+/// line; without numbers, that of the header.
+fn separator(lines: &[&str]) -> (u8, usize) {
+    let numbers = |line: &str, separator: u8| {
+        let found = cells(line, separator);
+        let is_number =
+            |cell: &&str| !is_missing(cell) && seconds(cell, separator != b',').is_some();
+        // Blanks are in names and dates, too.
+        let is_whole = found.iter().all(|cell| is_missing(cell) || is_number(&cell));
+        if separator != b' ' || is_whole { found.iter().filter(is_number).count() } else { 0 }
+    };
+    let best = |(index, line): (usize, &&str)| {
+        let counted = SEPARATORS.map(|separator| (numbers(line, separator), separator, index));
+        counted.into_iter().rev().max_by_key(|(count, ..)| *count).filter(|(count, ..)| *count > 0)
+    };
+    let read =
+        lines.iter().enumerate().filter(|(_, line)| !line.trim_start().starts_with(['#', '%']));
+    let mut found = read.filter_map(best).peekable();
+    let one = found.peek().copied();
+    if let Some((_, separator, index)) = found.find(|(count, ..)| *count > 1).or(one) {
+        return (separator, index);
+    }
+    let line = lines.iter().find(|line| !line.trim().is_empty()).unwrap_or(&"");
+    let widest = SEPARATORS[..3].iter().rev().max_by_key(|it| cells(line, **it).len());
+    (widest.copied().unwrap_or(b','), lines.len())
+}
+
+/// The line that names the columns: the first before the numbers with as many cells as they have,
+/// or else the last before them.
+fn head(lines: &[&str], separator: u8, first: usize) -> Option<usize> {
+    let width = lines.get(first).map_or(0, |line| cells(line, separator).len());
+    let mut before = (0..first).filter(|index| !lines[*index].trim().is_empty());
+    let of_width =
+        before.clone().find(|it| cells(uncommented(lines[*it]), separator).len() == width);
+    let is_plain = |index: &usize| uncommented(lines[*index]) == lines[*index].trim();
+    of_width.or_else(|| before.clone().rfind(is_plain)).or_else(|| before.next_back())
+}
+
+/// A line for the csv reader.
+fn separated(line: &str, separator: u8) -> String {
+    match separator {
+        b' ' => line.split_whitespace().collect::<Vec<_>>().join("\t"),
+        _ => line.to_owned(),
+    }
+}
+
+fn cells(line: &str, separator: u8) -> StringRecord {
+    let rows = records(&separated(line, separator), separator, usize::MAX);
+    rows.into_iter().next().map(|(_, cells)| cells).unwrap_or_default()
+}
+
+/// Lines and their cells, without empty cells that are too much, and without blank lines.
+fn records(text: &str, separator: u8, width: usize) -> Vec<(u64, StringRecord)> {
+    let mut builder = ReaderBuilder::new();
+    builder.has_headers(false).flexible(true).trim(Trim::All);
+    let delimiter = if separator == b' ' { b'\t' } else { separator };
+    let mut reader = builder.delimiter(delimiter).from_reader(text.as_bytes());
+    let mut rows = Vec::new();
+    // Text in memory has no error but that of its letters, and they are checked.
+    for mut record in reader.records().map_while(Result::ok) {
+        while record.len() > width && record.iter().next_back() == Some("") {
+            record.truncate(record.len() - 1);
+        }
+        if record.len() > 1 || width == 1 || record.iter().any(|cell| !cell.is_empty()) {
+            rows.push((line_of(&record, text.as_bytes()), record));
+        }
+    }
+    rows
+}
+
+/// The position of a record is where the reader began to look for it: blank lines may follow.
+fn line_of(record: &StringRecord, bytes: &[u8]) -> u64 {
+    let Some(position) = record.position() else {
+        return 0;
+    };
+    let from = usize::try_from(position.byte()).unwrap_or(usize::MAX);
+    let blank = bytes.iter().skip(from).take_while(|byte| matches!(byte, b'\r' | b'\n'));
+    position.line() + blank.filter(|byte| **byte == b'\n').count() as u64
+}
+
+/// Whether the last cell has lost decimals that all cells above it have.
+fn is_cut(rows: &[(u64, StringRecord)]) -> bool {
+    let cell = |(_, cells): &(u64, StringRecord)| cells.iter().next_back().map(str::to_owned);
+    let decimals = |cell: String| cell.split_once(['.', ',']).map(|(_, digits)| digits.len());
+    let mut decimals = rows.iter().filter_map(cell).filter(|cell| !is_missing(cell)).map(decimals);
+    let last = decimals.next_back().flatten();
+    let usual = decimals.next().flatten();
+    last < usual && decimals.all(|it| it == usual)
+}

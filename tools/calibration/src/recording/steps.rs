@@ -1,0 +1,89 @@
+//! Steps of counts that no motor makes: counters that wrap, and single wrong readings.
+
+use i2ris_report::statistics::min_max;
+
+use super::check::MIN_ROWS;
+
+/// Where counters of round numbers begin anew; the others do at powers of two.
+const ROUND: [f64; 6] = [1000.0, 2000.0, 4000.0, 10_000.0, 20_000.0, 40_000.0];
+const BITS: std::ops::RangeInclusive<i32> = 10..=32;
+
+/// What a signed counter of 32 bits does not show: one without a sign is below 0.
+const BEYOND: f64 = 2_147_483_648.0;
+
+/// A wrong reading is so many ranges of the others (without the outer twentieths) away from them,
+/// and so many counts, for so many rows at most.
+const AWAY: (f64, f64, usize) = (2.0, 2000.0, 3);
+
+/// A counter that wraps.
+pub(super) struct Wrap {
+    pub modulus: f64,
+    /// The rows after a jump.
+    pub jumps: Vec<usize>,
+}
+
+/// Whether counts are those of a counter that wraps: they jump from one end of its range to the
+/// other, go on there as they came, and make no large step else. `near`: whether the rows of a step
+/// follow each other at once. A counter that is beyond all signed ones wraps without a jump.
+pub(super) fn wrap(counts: &[f64], near: impl Fn(usize) -> bool) -> Option<Wrap> {
+    let (low, high) = min_max(counts.iter().copied());
+    if low >= BEYOND && !counts.is_empty() {
+        return Some(Wrap { modulus: 2.0 * BEYOND, jumps: Vec::new() });
+    }
+    let of = |modulus: f64| {
+        let steps = counts.windows(2).map(|pair| (pair[1] - pair[0]).abs()).enumerate();
+        let (jumps, others): (Vec<_>, Vec<_>) = steps.partition(|(_, step)| *step > modulus / 2.0);
+        let most = |steps: &[(usize, f64)], of: fn(f64, f64) -> f64| {
+            let near = steps.iter().filter(|(step, _)| near(*step));
+            near.fold(0.0, |most: f64, (_, step)| most.max(of(modulus, *step)))
+        };
+        let usual = most(&others, |_, step| step);
+        let rest = most(&jumps, |modulus, step| (modulus - step).abs());
+        let is_one = !jumps.is_empty() && usual < modulus / 4.0 && rest <= 2.0 * usual + 8.0;
+        let jumps = jumps.iter().map(|(step, _)| step + 1).collect();
+        is_one.then_some((rest, Wrap { modulus, jumps }))
+    };
+    let fits = |modulus: &f64| high - low <= *modulus && high - low > modulus / 2.0;
+    let moduli = BITS.map(|bits| f64::from(bits).exp2()).chain(ROUND);
+    let found = moduli.filter(fits).filter_map(of).min_by(|(a, _), (b, _)| a.total_cmp(b));
+    found.map(|(_, wrap)| wrap)
+}
+
+impl Wrap {
+    /// The counts without jumps, from where they begin, or from 0 if they leave 32 bits.
+    pub fn unwrapped(&self, counts: &[f64]) -> Vec<f64> {
+        let mut turns = if counts.first() >= Some(&BEYOND) { -1.0 } else { 0.0 };
+        let unwrap = |(row, count): (usize, &f64)| {
+            if self.jumps.binary_search(&row).is_ok() {
+                turns -= (count - counts[row - 1]).signum();
+            }
+            count + turns * self.modulus
+        };
+        let mut counts: Vec<f64> = counts.iter().enumerate().map(unwrap).collect();
+        if counts.iter().any(|counts| counts.abs() >= BEYOND) {
+            let first = counts[0];
+            counts.iter_mut().for_each(|counts| *counts -= first);
+        }
+        counts
+    }
+}
+
+/// Rows whose count is far from those of all others, for a moment.
+pub(super) fn glitches(counts: &[f64]) -> Vec<usize> {
+    if counts.len() < MIN_ROWS {
+        return Vec::new();
+    }
+    let mut sorted = counts.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (low, high) = (sorted[counts.len() / 20], sorted[counts.len() - 1 - counts.len() / 20]);
+    let away = (AWAY.0 * (high - low)).max(AWAY.1);
+    let is_usual = |row: &usize| (low - away..=high + away).contains(&counts[*row]);
+    let is_glitch = |row: &usize| {
+        let before = (row.saturating_sub(AWAY.2)..*row).rev().find(is_usual);
+        let after = (row + 1..counts.len().min(row + 1 + AWAY.2)).find(is_usual);
+        let is_far = |other: &usize| (counts[*other] - counts[*row]).abs() >= away;
+        let is_edge = *row == 0 || row + 1 == counts.len();
+        (is_edge || before.is_some() && after.is_some()) && before.iter().chain(&after).all(is_far)
+    };
+    (0..counts.len()).filter(|row| !is_usual(row)).filter(is_glitch).collect()
+}

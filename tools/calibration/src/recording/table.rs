@@ -1,0 +1,244 @@
+//! From cells to rows of numbers.
+
+use std::fs;
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+use i2ris::model::file::OutputUnit;
+use i2ris::units::{MAX_OUTPUTS, MotorVec};
+
+use super::cell::{is_missing, number, seconds};
+use super::columns::{Column, ColumnMap, Header, Layout, TimeColumn, Wanted};
+use super::error::{Place, Problem, RecordingError};
+use super::rows::Row;
+use super::sheet::Sheet;
+
+/// Larger angles are no bending angles.
+const ANGLES_DEG: RangeInclusive<f64> = -180.0..=180.0;
+
+/// A snake with a diameter of 0.9 mm does not reach further than a metre.
+const POSITIONS_MM: RangeInclusive<f64> = -1000.0..=1000.0;
+
+/// Encoders have 32 bits, with a sign or without.
+const COUNTS: RangeInclusive<f64> = -2_147_483_648.0..=4_294_967_295.0;
+
+const TIMES: RangeInclusive<f64> = f64::MIN..=f64::MAX;
+
+/// Lines that are named one by one before the rest is only counted.
+const NAMED: usize = 12;
+
+/// All rows of a file.
+#[derive(Debug)]
+pub(super) struct Table<'a> {
+    pub place: Place,
+    pub columns: &'a ColumnMap,
+    pub wanted: &'a Wanted,
+    pub layout: Layout,
+    pub rows: Vec<ReadRow>,
+    /// Cells with something in them, per column of the file.
+    pub filled: Vec<usize>,
+    /// What was left out, and what is strange.
+    pub notes: Vec<String>,
+}
+
+/// A row that was read.
+#[derive(Debug)]
+pub(super) struct ReadRow {
+    pub line: u64,
+    pub time_s: Option<f64>,
+    pub counts: MotorVec,
+    pub outputs: [f64; MAX_OUTPUTS],
+    /// At least one output is there.
+    pub measured: bool,
+    /// Time (where there is one) and all counts are there.
+    pub located: bool,
+    /// The first column whose cell is empty.
+    pub empty: Option<String>,
+}
+
+impl<'a> Table<'a> {
+    /// Reads a table; its bytes, too. Steps from row to row are not checked yet.
+    pub fn read(
+        path: &Path,
+        columns: &'a ColumnMap,
+        wanted: &'a Wanted,
+    ) -> Result<(Self, Vec<u8>), RecordingError> {
+        let place = Place::new(wanted.noun, path);
+        let failed = |error| RecordingError::new(place.clone(), Problem::Read(error));
+        let bytes = fs::read(path).map_err(failed)?;
+        let sheet = Sheet::read(&bytes, &place)?;
+        let names = &sheet.header;
+        let layout = Header { names, map: columns, wanted, place: &place }.layout()?;
+        let mut filled = vec![0; names.len()];
+        for (_, cells) in &sheet.rows {
+            let filled = filled.iter_mut().zip(cells);
+            filled.for_each(|(filled, cell)| *filled += usize::from(!is_missing(cell)));
+        }
+        let (rows, notes) = (Vec::new(), sheet.notes.clone());
+        let mut table = Self { place, columns, wanted, layout, rows, filled, notes };
+        for (line, cells) in &sheet.rows {
+            let line = Line { table: &table, sheet: &sheet, number: *line, cells };
+            let row = line.read()?;
+            table.rows.push(row);
+        }
+        table.notes.extend(table.unread_time(&sheet));
+        Ok((table, bytes))
+    }
+
+    pub fn error(&self, problem: Problem) -> RecordingError {
+        RecordingError::new(self.place.clone(), problem)
+    }
+
+    /// A column that rises like time, where no time was found.
+    fn unread_time(&self, sheet: &Sheet) -> Option<String> {
+        if self.layout.time.is_some() || self.columns.time != TimeColumn::Known {
+            return None;
+        }
+        let rises = |column: usize| {
+            let cell = |(_, cells): &(u64, csv::StringRecord)| {
+                seconds(cells.get(column).unwrap_or_default(), sheet.decimal_comma)
+            };
+            let cells: Option<Vec<f64>> = sheet.rows.iter().map(cell).collect();
+            cells.is_some_and(|it| it.len() > 1 && it.windows(2).all(|pair| pair[0] < pair[1]))
+        };
+        let is_used = |index: &usize| self.layout.all().any(|column| column.index == *index);
+        let found = (0..sheet.header.len()).filter(|it| !is_used(it)).find(|it| rises(*it))?;
+        let name = &sheet.header[found];
+        let remedy = match self.columns.options {
+            true => format!("name it with --time {name}"),
+            false => "call it `t_s`".to_owned(),
+        };
+        Some(format!(
+            "column `{name}` rises from row to row and is not read; if it is time, {remedy}"
+        ))
+    }
+}
+
+/// Complete rows of a table that is no recording.
+#[derive(Debug)]
+pub struct Rows {
+    /// In the order of the file; outputs in its units.
+    pub rows: Vec<Row>,
+    /// How many motors the counts are of.
+    pub motors: usize,
+    /// What was left out, and what is strange.
+    pub notes: Vec<String>,
+}
+
+/// Reads a table that is no recording. Rows with an empty cell are left out.
+///
+/// # Errors
+///
+/// When the table cannot be read, a column is missing, or a value in it is wrong.
+pub fn read_rows(
+    path: &Path,
+    columns: &ColumnMap,
+    wanted: &Wanted,
+) -> Result<Rows, RecordingError> {
+    let (mut table, _) = Table::read(path, columns, wanted)?;
+    table.check()?;
+    let row =
+        |row: &ReadRow| Row { line: row.line, ..Row::new(row.time_s, row.counts, row.outputs) };
+    let complete = table.rows.iter().filter(|row| row.empty.is_none());
+    let rows: Vec<Row> = complete.map(row).collect();
+    if rows.is_empty() {
+        return Err(table.error(Problem::NoRows));
+    }
+    let empty = |row: &ReadRow| Some(format!("line {} ({})", row.line, row.empty.as_ref()?));
+    let empty: Vec<String> = table.rows.iter().filter_map(empty).collect();
+    let mut notes = table.notes;
+    if !empty.is_empty() {
+        let more = if empty.len() > NAMED { ", ..." } else { "" };
+        let lines = empty[..empty.len().min(NAMED)].join(", ");
+        notes
+            .push(format!("{} row(s) with an empty cell are left out: {lines}{more}", empty.len()));
+    }
+    let notes = notes.iter().map(|note| format!("{}: {note}", table.place)).collect();
+    Ok(Rows { rows, motors: table.layout.counts.len(), notes })
+}
+
+/// A line of the file.
+struct Line<'a> {
+    table: &'a Table<'a>,
+    sheet: &'a Sheet,
+    number: u64,
+    cells: &'a csv::StringRecord,
+}
+
+impl Line<'_> {
+    /// Reads every cell, so that a wrong one beside an empty cell is still found.
+    fn read(&self) -> Result<ReadRow, RecordingError> {
+        let Layout { time, seconds: (unit, _), counts, outputs } = &self.table.layout;
+        let mut row = ReadRow {
+            line: self.number,
+            time_s: None,
+            counts: MotorVec::default(),
+            outputs: [0.0; MAX_OUTPUTS],
+            measured: false,
+            located: true,
+            empty: None,
+        };
+        if let Some(column) = time {
+            let remedy = "is not a time; write seconds, or a date and a time as in \
+                          2026-01-31T23:59:59.5, or leave the cell empty";
+            let time = self.cell(column, (seconds, remedy), (TIMES, ""), &mut row.empty)?;
+            row.time_s = time.map(|time| if *unit == 1.0 { time } else { time * unit });
+        }
+        let number = (number as Parse, "is not a number; correct the cell, or empty it");
+        for (count, column) in row.counts.iter_mut().zip(counts) {
+            let beyond = "is out of the range of an encoder, 32 bits; correct the cell or name \
+                          another column";
+            let found = self.cell(column, number, (COUNTS, beyond), &mut row.empty)?;
+            *count = found.unwrap_or_default();
+        }
+        row.located = row.empty.is_none();
+        for (output, (column, spec)) in row.outputs.iter_mut().zip(outputs) {
+            let limit = match spec.unit {
+                OutputUnit::Deg => (
+                    ANGLES_DEG,
+                    "is not between -180 and 180 degrees; correct the cell or its unit",
+                ),
+                OutputUnit::Mm => {
+                    (POSITIONS_MM, "is not between -1000 and 1000 mm; correct the cell or its unit")
+                }
+            };
+            let found = self.cell(column, number, limit, &mut row.empty)?;
+            row.measured |= found.is_some();
+            *output = found.unwrap_or_default();
+        }
+        Ok(row)
+    }
+
+    /// The number in a cell; `None`, and the first such column noted in `empty`, when there is
+    /// nothing in it.
+    fn cell(
+        &self,
+        column: &Column,
+        (parse, no_number): (Parse, &'static str),
+        (range, beyond): (RangeInclusive<f64>, &'static str),
+        empty: &mut Option<String>,
+    ) -> Result<Option<f64>, RecordingError> {
+        let cell = self.cells.get(column.index).unwrap_or_default();
+        if is_missing(cell) {
+            empty.get_or_insert_with(|| column.name.clone());
+            return Ok(None);
+        }
+        let wrong = |reason| {
+            let place = self.table.place.line(self.number).column(&column.name);
+            RecordingError::new(
+                place,
+                Problem::Cell { value: cell.escape_debug().to_string(), reason },
+            )
+        };
+        match parse(cell, self.sheet.decimal_comma) {
+            None => Err(wrong(no_number)),
+            Some(number) if !number.is_finite() => Err(wrong(
+                "is not a finite number; leave the cell empty where nothing was measured",
+            )),
+            Some(number) if !range.contains(&number) => Err(wrong(beyond)),
+            Some(number) => Ok(Some(number)),
+        }
+    }
+}
+
+type Parse = fn(&str, bool) -> Option<f64>;

@@ -1,0 +1,276 @@
+//! Small inputs that failed, made after public reports and recordings of others: each case is a row
+//! of one table, which is printed: what is right, and what happened.
+
+use std::fmt::Write as _;
+
+use i2ris::model::Model;
+
+use crate::bench::WorkFolder;
+
+const HEADER: &str = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg";
+
+/// Commands on the file of a case. There are a model, `m.json`, and the rows as they should be.
+const COMMANDS: [(&str, &str); 8] = [
+    ("fit", "calibrate fit x.csv --family linear --overwrite --output m.json"),
+    ("compare", "calibrate compare m.json --recording x.csv"),
+    ("merge", "calibrate merge x.csv angles.csv --overwrite --output o.csv"),
+    ("merge-into", "calibrate merge right.csv x.csv --overwrite --output o.csv"),
+    ("predict", "model predict m.json x.csv --output p.csv"),
+    ("history", "model predict m.json right.csv --history x.csv --output p.csv"),
+    ("invert", "model invert m.json x.csv --no-limits --output c.csv"),
+    ("file", "command file x.csv --domain nobody-serves-this"),
+];
+
+#[derive(Default)]
+struct Table {
+    printed: String,
+    wrong: usize,
+}
+
+impl Table {
+    /// Runs the lines of a script: `+ COMMAND | what it says | ...`. Of the marks `+` is success,
+    /// `=` success with a model like that of the rows as they should be, `!` a refusal, and `3` that
+    /// no controller is there: the file has been read.
+    fn case(&mut self, name: &str, text: &str, script: &str) {
+        let folder = WorkFolder::with("x.csv", text);
+        folder.write("right.csv", &written(&rows(), ","));
+        folder.write("angles.csv", &angles(0.05, 0.05));
+        folder.run("calibrate fit right.csv --family linear --output m.json");
+        let gain = || {
+            let model = Model::load(&folder.path("m.json")).ok()?;
+            let family = serde_json::to_value(&model.file().family).ok()?;
+            let gain: [[f64; 2]; 2] = serde_json::from_value(family["gain"].clone()).ok()?;
+            Some(gain.as_flattened().to_vec())
+        };
+        let wanted = gain().unwrap();
+        for line in script.lines().map(str::trim) {
+            let (mark, rest) = line.split_once(' ').unwrap();
+            let (command, says) = rest.split_once(" | ").unwrap_or((rest, ""));
+            let (verb, options) = command.split_once(' ').unwrap_or((command, ""));
+            let (_, words) = COMMANDS.iter().find(|(known, _)| *known == verb).unwrap();
+            let said = folder.run(&format!("{words} {options}"));
+            let text = format!("{}{}", said.error, said.output);
+            let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+            let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-6;
+            let is_near = mark != "=" || gain().is_some_and(|it| it.iter().zip(&wanted).all(near));
+            let code = ["+", "!", "2", "3"].iter().position(|it| mark.replace('=', "+") == **it);
+            let is_code = said.code.and_then(|code| usize::try_from(code).ok()) == code;
+            let is_right = is_code && is_near && says.split(" | ").all(|it| text.contains(it));
+            self.wrong += usize::from(!is_right);
+            let (verdict, code) = (if is_right { "right" } else { "WRONG" }, said.code);
+            let start: String = text.chars().take(200).collect();
+            let _ = writeln!(self.printed, "{verdict} | {name} | {line} | {code:?}: {start}");
+        }
+    }
+}
+
+#[test]
+fn all_cases_are_right() {
+    let mut table = Table::default();
+    counters(&mut table);
+    dialects(&mut table);
+    ends(&mut table);
+    times(&mut table);
+    merges(&mut table);
+    other_readers(&mut table);
+    println!("{}", table.printed);
+    assert_eq!(table.wrong, 0, "{}", table.printed);
+}
+
+/// Both motors with reversals, 20 rows a second, and a straight snake.
+fn rows() -> Vec<[f64; 5]> {
+    let row = |k: u32| {
+        let time = 0.05 * f64::from(k);
+        let q0 = (300.0 * (2.1 * time).sin() + 90.0 * (5.3 * time).sin()).round();
+        let q1 = (120.0 * (1.3 * time).cos() - 80.0 * (4.1 * time).sin()).round();
+        let noise = 0.02 * (57.0 * time).sin();
+        [time, q0, q1, 0.02 * q0 + noise, 0.015 * q1 - noise]
+    };
+    (0..60).map(row).collect()
+}
+
+fn written(rows: &[[f64; 5]], separator: &str) -> String {
+    let mut text = format!("{HEADER}\n");
+    for [time, q0, q1, pitch, yaw] in rows {
+        let _ = writeln!(text, "{time:.3},{q0},{q1},{pitch:.3},{yaw:.3}");
+    }
+    text.replace(',', separator)
+}
+
+fn with_column(column: usize, change: impl Fn(f64) -> f64) -> String {
+    let mut rows = rows();
+    rows.iter_mut().for_each(|row| row[column] = change(row[column]));
+    let digits = |cell: &f64| format!("{cell:.6}").trim_end_matches('0').to_owned() + "0";
+    let line = |row: &[f64; 5]| row.iter().map(digits).collect::<Vec<_>>().join(",") + "\n";
+    format!("{HEADER}\n{}", rows.iter().map(line).collect::<String>())
+}
+
+/// Rows with one cell replaced, in a line of the file.
+fn with_cell(line: usize, column: usize, cell: &str) -> String {
+    let text = written(&rows(), ",");
+    let mut lines: Vec<&str> = text.lines().collect();
+    let mut cells: Vec<&str> = lines[line - 1].split(',').collect();
+    cells[column] = cell;
+    let changed = cells.join(",");
+    lines[line - 1] = &changed;
+    lines.join("\n") + "\n"
+}
+
+/// Angles of 20 pictures, `step_s` apart by the stamps of a clock that goes on in `tick_s`.
+fn angles(step_s: f64, tick_s: f64) -> String {
+    let row = |k: u32| {
+        let (angle, time) = (0.1 * f64::from(k), f64::from(k) * step_s / tick_s + 1e-9);
+        format!("{:.4},{angle:.3},{:.3}\n", 0.5 + time.floor() * tick_s, -angle)
+    };
+    format!("t_s,pitch_deg,yaw_deg\n{}", (0..20).map(row).collect::<String>())
+}
+
+/// huggingface/lerobot#3586: a counter that wraps has to be named at once.
+fn counters(table: &mut Table) {
+    for (bits, modulus) in [(12, "4096"), (16, "65536"), (32, "4294967296")] {
+        let half = f64::from(bits - 1).exp2();
+        let unsigned = with_column(1, |count| (count - 20.0).rem_euclid(2.0 * half));
+        let signed = with_column(2, |count| count.rem_euclid(2.0 * half) - half);
+        let script = "! fit | counts jump by about MODULUS | --unwrap
+            = fit --unwrap | a counter of MODULUS steps, unwrapped
+            ! predict | jump by about MODULUS | --unwrap
+            + predict --unwrap | unwrapped
+            ! compare | jump by about MODULUS | --unwrap
+            + compare --unwrap | unwrapped
+            ! merge | jump by about MODULUS | --unwrap
+            + merge --unwrap | 20 pictures with counts";
+        let script = script.replace("MODULUS", modulus);
+        table.case(&format!("counts-wrap {bits} bits"), &unsigned, &script);
+        table.case(&format!("counts-wrap {bits} bits, signed"), &signed, &script);
+    }
+    let glitch = "! fit | line 27, column `q0_counts`: counts are 2147483647 | empty the cell";
+    table.case("counts-wrap one glitch", &with_cell(27, 1, "2147483647"), glitch);
+    table.case("counts-wrap one glitch, emptied", &with_cell(27, 1, ""), "+ fit | 1 dropped");
+    let unsigned = with_column(1, |count| count - 1000.0 + 32.0_f64.exp2());
+    table.case("counts-wrap below 0 without a sign", &unsigned, "= fit --unwrap");
+    table.case("counts of a motor that moves", &with_cell(27, 1, "900"), "+ fit");
+}
+
+fn dialects(table: &mut Table) {
+    let plain = written(&rows(), ",");
+    let (head, body) = plain.split_once('\n').unwrap();
+    let comma = |separator| written(&rows(), "\t").replace('.', ",").replace('\t', separator);
+    let iso = |line: &str| format!("2026-01-02T03:04:0{}Z{}\n", &line[..5], &line[5..]);
+    let capitals = "T_s,Q0 counts,Q1 counts,Pitch (deg),Yaw (deg)";
+    for (name, text) in [
+        ("ISO time", format!("{head}\n{}", body.lines().map(iso).collect::<String>())),
+        ("% head", format!("% rig of my own, spring\n% idx=0\n%{plain}")),
+        ("blanks", format!("# {}", written(&rows(), " "))),
+        ("two headers", plain.replacen("\n1.500", &format!("\n{head}\n1.500"), 1)),
+        ("U+2212", plain.replace('-', "\u{2212}")),
+        ("semicolons", written(&rows(), ";")),
+        ("semicolons and decimal commas", comma(";")),
+        ("blanks and decimal commas", comma("  ")),
+        ("tabs and a BOM", format!("\u{feff}{}", written(&rows(), "\t"))),
+        ("a comment before the head", format!("# rig, spring\n#\n{plain}")),
+        ("words before the head", format!("Rig 5\nRate: fast\n{plain}")),
+        ("capitals", plain.replacen(head, capitals, 1)),
+        ("CR LF and a comma at the end", plain.replace('\n', ",\r\n")),
+    ] {
+        table.case(&format!("csv-dialects {name}"), &text, "= fit | rows 60; 0 dropped | time `");
+    }
+    let nan = plain.replacen(&plain[plain.find("\n0.500").unwrap() + 1..][..5], "nan", 1);
+    table.case("csv-dialects nan", &nan, "+ fit | rows 60; 1 dropped | line 12 (t_s)");
+    table.case("csv-dialects nan, angle", &with_cell(9, 3, "NaN"), "+ fit | line 9 (pitch_deg)");
+    let both = "! fit | line 2: has 8 cells | separate all cells by semicolons";
+    table.case("csv-dialects comma beside comma", &comma(", ").replacen(", ", ",", 4), both);
+    table.case("csv-dialects no head", body, "! fit | begins with numbers | `t_s,q0_counts,");
+}
+
+fn ends(table: &mut Table) {
+    let whole = written(&rows(), ",");
+    let zeros = format!("{whole}{}\n", "\0".repeat(32));
+    for (name, text, says) in [
+        ("cut", &whole[..whole.len() - 8], "line 61, the last one, is cut off and left out"),
+        ("cut in the last cell", &whole[..whole.len() - 2], "line 61, the last one, is cut off"),
+        ("zeros", &zeros, "32 zero bytes at the end are left out"),
+    ] {
+        let script =
+            "+ fit | SAYS\n+ compare | SAYS\n+ merge | SAYS\n+ predict | SAYS\n3 file | SAYS";
+        table.case(&format!("cut-last-line {name}"), text, &script.replace("SAYS", says));
+    }
+    table.case("cut-last-line, whole without a line end", whole.trim_end(), "= fit | rows 60;");
+    let middle =
+        "! fit | line 10: has 2 cells, and the header names 5 columns; complete or remove it";
+    table.case("cut-last-line in the middle", &with_cell(9, 4, "1\n2,3"), middle);
+}
+
+fn times(table: &mut Table) {
+    let plain = written(&rows(), ",");
+    let times = |scale: f64, name| with_column(0, |time| scale * time).replacen("t_s", name, 1);
+    for (name, text) in [
+        ("time", times(1.0, "time")),
+        ("hash", format!("# {plain}")),
+        ("timestamp", times(1.0, "Timestamp [s]")),
+        ("t_ms", times(1e3, "t_ms")),
+        ("time (us)", times(1e6, "time (us)")),
+    ] {
+        table.case(
+            &format!("time-not-found {name}"),
+            &text,
+            "= fit | time `\n+ merge | 20 pictures",
+        );
+    }
+    let milliseconds = "! fit | 0.02 row(s) a second as it is read, and 20 if | --time t_s=ms
+        = fit --time t_s=ms | time `t_s`
+        + predict
+        ! merge | 0.02 row(s) a second as it is read, and 20 if | --time t_s=ms
+        + merge --time t_s=ms | 20 pictures";
+    table.case("time-not-found milliseconds", &times(1e3, "t_s"), milliseconds);
+    let fast = "! fit | 20000 row(s) a second | --time t_s=\n= fit --time t_s=s";
+    table.case("time-not-found 20 kHz", &times(1e-3, "t_s"), fast);
+    let when = "+ fit | column `when` rises from row to row and is not read | --time when
+        = fit --time when | time `when`";
+    table.case("time-not-found when", &times(1.0, "when"), when);
+}
+
+fn merges(table: &mut Table) {
+    let twice = "+ merge-into | 10 pictures with counts | 10 left out with the stamp of another";
+    table.case("merge-one-instant", &angles(0.03125, 0.0625), twice);
+    let cells = |line: &str| line.splitn(4, ',').take(3).collect::<Vec<_>>().join(",") + "\n";
+    let counts: String = written(&rows(), ",").lines().map(cells).collect();
+    let all =
+        "+ merge | 20 pictures with counts, 0 left out without counts, 0 left out with the stamp";
+    table.case("merge-without-angles", &counts, all);
+    let empty = counts.replace('\n', ",,\n").replacen(",,\n", ",pitch_deg,yaw_deg\n", 1);
+    table.case("merge-without-angles, empty", &empty, all);
+    let short = counts.lines().take(19).collect::<Vec<_>>().join("\n");
+    table.case("merge-without-angles, 18 rows", &short, "+ merge | 8 pictures with");
+    let named = "! merge | no column `q0_counts` | name the right ones with --counts
+        + merge --counts left,right | 20 pictures";
+    let odd = counts.replacen("q0_counts,q1_counts", "left,right", 1);
+    table.case("merge-without-angles, other names", &odd, named);
+}
+
+/// Readers that are not fit take what fit takes.
+fn other_readers(table: &mut Table) {
+    let plain = written(&rows(), ",");
+    let all = "+ predict\n+ history\n+ invert\n3 file";
+    let laboratory = "Enc TS,Encoder counts 0,Encoder counts 1,pitches,yaws";
+    for (name, text) in [
+        ("", plain.replacen(HEADER, laboratory, 1)),
+        (" semicolons", written(&rows(), "\t").replace('.', ",").replace('\t', ";")),
+        (" % head", format!("% rig\n%{plain}")),
+    ] {
+        table.case(&format!("predict-lab-names{name}"), &text, all);
+    }
+    let gap =
+        "+ predict | 1 row(s) with an empty cell are left out: line 42 (q0_counts)\n+ history";
+    table.case("predict-lab-names gap", &with_cell(42, 1, ""), gap);
+    let gap = "+ invert | 1 row(s) with an empty cell are left out: line 42 (pitch_deg)\n3 file | line 42";
+    table.case("predict-lab-names gap of angles", &with_cell(42, 3, "nan"), gap);
+    let double = "+ predict\n+ history\n! invert | line 9, column `t_s`: time 0.3 s occurs twice";
+    table.case("predict-lab-names double stamp", &with_cell(9, 0, "0.300"), double);
+    let odd = "! predict | no column `q0_counts` | --counts COLUMN
+        + predict --counts left,right --time when
+        ! invert | no column `t_s` | --time COLUMN
+        + invert --time when --angles up=pitch,side=yaw
+        ! file | no column `t_s` | call the right ones so";
+    let named = plain.replacen(HEADER, "when,left,right,up,side", 1);
+    table.case("predict-lab-names other names", &named, odd);
+}
