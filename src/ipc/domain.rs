@@ -161,6 +161,19 @@ impl Domain {
         Ok(config)
     }
 
+    /// Whether a client can still find the files of one start of the controller, which somebody
+    /// may remove while it runs.
+    #[must_use]
+    pub fn has_files(&self, boot_id: u64) -> bool {
+        let boot = format!("{boot_id:016x}");
+        let prefix = format!("{}{boot}_", self.prefix);
+        let names = std::fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+        let mut memory = names.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        self.file("ready").exists()
+            && self.file(&boot).exists()
+            && memory.any(|name| name.starts_with(&prefix))
+    }
+
     /// A file in the directory of the domain.
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.directory.join(name)

@@ -7,7 +7,7 @@ use iceoryx2::prelude::{ServiceName, SignalHandlingMode, ZeroCopySend};
 use iceoryx2::service::Service;
 use iceoryx2::service::port_factory::{publish_subscribe, request_response};
 
-use super::domain::Domain;
+use super::domain::{Domain, SHARED_MEMORY};
 use super::streams::{COMMANDERS, RequestService, Stream, WATCHERS};
 
 /// Unread messages of a subscriber before the oldest are overwritten: at 1 kHz an eighth of a
@@ -16,20 +16,55 @@ pub(super) const BUFFER: usize = 128;
 /// Maximum number of processes.
 const NODES: usize = 48;
 
-/// A call into iceoryx2 failed: the step, the service, and the reason that iceoryx2 gives.
+/// A call into iceoryx2 failed: the step, the service, the reason that iceoryx2 gives, and what it
+/// comes from.
 #[derive(Debug, Clone, thiserror::Error)]
-#[error("cannot {step} {service}: iceoryx2 says {reason}")]
+#[error("cannot {step} {service}: iceoryx2 says {reason}{}", self.advice())]
 pub struct TransportError {
     step: &'static str,
     service: &'static str,
     reason: String,
+    /// Free bytes of the shared memory then; `None`: not known.
+    free: Option<u64>,
+}
+
+/// Less is full: a client needs more than that to connect.
+const FULL: u64 = 1 << 20;
+
+/// Free bytes of the file system of the shared memory.
+pub(super) fn free_memory() -> Option<u64> {
+    let found = nix::sys::statvfs::statvfs(SHARED_MEMORY).ok()?;
+    Some(found.blocks_available() * found.fragment_size())
+}
+
+impl TransportError {
+    /// What the reason comes from, where that is known, and what to do.
+    fn advice(&self) -> String {
+        let has = |words: &[&str]| words.iter().any(|word| self.reason.contains(word));
+        match self.free {
+            _ if has(&["Exceeds"]) => "; too many clients are connected: end one".into(),
+            Some(free) if free < FULL => format!(
+                "; {SHARED_MEMORY} is full ({} kB free): remove what nobody needs there, or \
+                 enlarge it (`mount -o remount,size=256M {SHARED_MEMORY}`)",
+                free / 1024
+            ),
+            _ if has(&["HangsInCreation", "DoesNotExist", "Corrupted"]) => format!(
+                "; files of the domain in {SHARED_MEMORY} are gone or damaged (removed by hand, or \
+                 by RemoveIPC= of logind): start the controller again"
+            ),
+            _ => String::new(),
+        }
+    }
 }
 
 pub(super) fn failed<E: fmt::Debug>(
     step: &'static str,
     service: &'static str,
 ) -> impl FnOnce(E) -> TransportError {
-    move |error| TransportError { step, service, reason: format!("{error:?}") }
+    move |error| {
+        let (reason, free) = (format!("{error:?}"), free_memory());
+        TransportError { step, service, reason, free }
+    }
 }
 
 /// A node that does not handle signals: iceoryx2 would replace the handler that stops the robot.

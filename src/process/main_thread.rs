@@ -23,7 +23,7 @@ use crate::wall_clock;
 
 /// Period of writing the log.
 const LOG_PERIOD: Nanos = Nanos::from_millis(20);
-/// Period of looking for the watchdog.
+/// Period of looking for the watchdog, and for the files that clients need.
 const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
 
 /// Sources and destinations of log lines.
@@ -49,7 +49,7 @@ impl MainThread<'_> {
     /// Writes the log until the loop has ended. If another thread ends early, the loop shuts down.
     pub fn run(&mut self, control: &NamedThread, others: &[NamedThread], shutdown: &AtomicBool) {
         let mut suspends = SuspendMonitor::new();
-        let mut next_watchdog = Nanos::ZERO;
+        let (mut next_watchdog, mut had_files) = (Nanos::ZERO, true);
         while !control.is_finished() {
             if others.iter().any(NamedThread::is_finished) {
                 shutdown.store(true, Ordering::Release);
@@ -64,6 +64,14 @@ impl MainThread<'_> {
             if now >= next_watchdog {
                 next_watchdog = now + WATCHDOG_PERIOD;
                 self.report_lost_watchdog(now);
+                let has_files = self.domain.has_files(self.boot_id);
+                if std::mem::replace(&mut had_files, has_files) && !has_files {
+                    let line = format_args!(
+                        "files of this domain in /dev/shm were removed: no new client can connect, \
+                         also none that stops the robot; end this controller and start it again"
+                    );
+                    self.write_text(stamped_line(now, line));
+                }
             }
             clock::sleep(LOG_PERIOD);
         }

@@ -8,6 +8,7 @@ use std::fs;
 use nix::errno::Errno;
 use nix::sched::{CpuSet, sched_getaffinity, sched_setaffinity};
 use nix::sys::mman::{MlockAllFlags, mlockall};
+use nix::sys::resource::{Resource, getrlimit};
 use nix::unistd::Pid;
 
 /// The calling thread, in calls that take a thread id.
@@ -52,7 +53,9 @@ pub fn request(wanted: Wanted) -> Granted {
     }
     if wanted.priority > 0 {
         warnings.extend(
-            set_fifo(wanted.priority).err().map(|errno| priority_warning(wanted.priority, errno)),
+            set_fifo(wanted.priority)
+                .err()
+                .map(|errno| priority_warning(wanted.priority, errno, has_right(wanted.priority))),
         );
     }
     let granted = Granted { warnings, ..read_back() };
@@ -176,12 +179,33 @@ fn locked_kilobytes(status: &str) -> u64 {
     line.and_then(|rest| rest.split_whitespace().next()?.parse().ok()).unwrap_or(0)
 }
 
-fn priority_warning(priority: u8, errno: Errno) -> String {
+/// A process with the right to a priority is refused it by its control group alone.
+fn priority_warning(priority: u8, errno: Errno, has_right: bool) -> String {
+    let refused =
+        format!("SCHED_FIFO priority {priority} refused ({errno}): ticks will be late under load");
+    if has_right {
+        return format!(
+            "{refused}; the right to it is there, and the control group of this process (see \
+             /proc/self/cgroup) has no real-time budget: start it in another group, write one into \
+             cpu.rt_runtime_us of the group and of those above it, or boot a kernel without \
+             RT_GROUP_SCHED"
+        );
+    }
     format!(
-        "SCHED_FIFO priority {priority} refused ({errno}): ticks will be late under load; allow it \
-         with `setcap cap_sys_nice,cap_ipc_lock+ep` on the program, `rtprio` in \
-         /etc/security/limits.d, or LimitRTPRIO= in its systemd unit"
+        "{refused}; allow it with `setcap cap_sys_nice,cap_ipc_lock+ep` on the program, `rtprio` \
+         in /etc/security/limits.d, or LimitRTPRIO= in its systemd unit"
     )
+}
+
+/// Whether this process may have a priority, by its limit or its capability.
+fn has_right(priority: u8) -> bool {
+    /// `CAP_SYS_NICE` in the mask of capabilities.
+    const NICE: u64 = 1 << 23;
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("CapEff:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    let limit = getrlimit(Resource::RLIMIT_RTPRIO).map_or(0, |(soft, _)| soft);
+    mask & NICE != 0 || limit >= u64::from(priority)
 }
 
 fn memory_warning(errno: Errno) -> String {
@@ -241,10 +265,20 @@ mod tests {
             let granted = request(Wanted { priority: 7, ..Wanted::default() });
             assert_eq!(granted.priority == 7, granted.warnings.is_empty(), "{granted:?}");
             assert!(
-                granted.warnings.iter().all(|warning| warning.contains("rtprio")),
+                granted.warnings.iter().all(|it| it.contains("rtprio") != has_right(7)),
                 "{granted:?}"
             );
         });
+    }
+
+    /// moby/moby#22380, opencontainers/runc#2431: limits and capabilities were there.
+    #[test]
+    fn who_has_the_right_is_sent_to_the_control_group() {
+        for (has_right, remedy) in [(true, "cpu.rt_runtime_us"), (false, "LimitRTPRIO")] {
+            let warning = priority_warning(80, Errno::EPERM, has_right);
+            assert!(warning.contains(remedy), "{warning}");
+            assert_eq!(warning.contains("setcap"), !has_right, "{warning}");
+        }
     }
 
     #[test]

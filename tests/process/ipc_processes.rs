@@ -11,7 +11,7 @@ use i2ris::ipc::ready::Ready;
 use i2ris::ipc::{Domain, DomainError, DomainLock, Request, StateCommand, StreamMessage};
 use i2ris::units::Nanos;
 use i2ris_testing::{
-    TIMEOUT, assert_no_files, files, serve, serve_on_thread, unique_domain, wait_until,
+    Rig, TIMEOUT, assert_no_files, files, serve, serve_on_thread, unique_domain, wait_until,
 };
 
 const DOMAIN: &str = "I2RIS_TEST_DOMAIN";
@@ -39,6 +39,23 @@ impl Drop for Process {
 fn assigned_domain() -> Option<Domain> {
     let name = std::env::var(DOMAIN).ok()?;
     Some(Domain::new(&name).unwrap())
+}
+
+/// eclipse-iceoryx/iceoryx2#601; RemoveIPC= of logind does the same.
+#[test]
+fn files_that_are_removed_while_it_runs_are_said_by_controller_and_clients() {
+    let mut rig = Rig::start();
+    rig.start_controller();
+    let mut client = rig.client();
+    let domain = rig.domain();
+    for file in files(&domain).iter().filter(|file| file.is_file()) {
+        std::fs::remove_file(file).unwrap();
+    }
+    let error = Client::connect(&domain, TIMEOUT).and_then(|mut new| new.version()).unwrap_err();
+    assert!(error.to_string().contains("are gone or damaged"), "{error}");
+    wait_until("the controller notices", || rig.log_text("controller").contains("were removed"));
+    // Who is connected stays connected.
+    client.version().unwrap();
 }
 
 #[test]

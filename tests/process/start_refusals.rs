@@ -52,6 +52,28 @@ fn model(robot_id: &str, schema_version: u32) -> String {
 
 const WITH_MODEL: &str = "[control]\nmodel = \"model.json\"";
 
+/// ZoneMinder#1924, eclipse-iceoryx/iceoryx#2287: what is used without being there ends by SIGBUS.
+#[test]
+fn a_shared_memory_that_is_too_small_is_refused_with_what_is_needed() {
+    let folder = TempDir::new().unwrap();
+    let _ = refusal_of(1, folder.path(), "", "");
+    for size in ["256k", "4m"] {
+        let script = format!(
+            "mount -t tmpfs -o size={size} tmpfs /dev/shm && echo mounted && exec {} --config {}",
+            env!("CARGO_BIN_EXE_i2ris-control"),
+            folder.path().join("robot.toml").display()
+        );
+        let mut command = Command::new("unshare");
+        command.args(["--user", "--map-root-user", "--mount", "sh", "-c", &script]);
+        let Ok(output) = command.output() else { return eprintln!("skipped: no unshare") };
+        if !String::from_utf8_lossy(&output.stdout).contains("mounted") {
+            return eprintln!("skipped: no namespaces of users here");
+        }
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(text.contains("MB free, and 32 MB are needed"), "{size}: {output:?}");
+    }
+}
+
 #[test]
 fn a_missing_configuration_is_refused() {
     assert!(refusal(2, &[]).contains("--help"));

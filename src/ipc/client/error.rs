@@ -37,8 +37,8 @@ pub enum ClientError {
         /// The controller's version.
         found: u32,
     },
-    /// A call into iceoryx2 failed, for example because too many clients are connected.
-    #[error("{0}; too many clients may be connected to the controller")]
+    /// A call into iceoryx2 failed.
+    #[error(transparent)]
     Transport(#[from] TransportError),
     /// More values than a payload holds, or none.
     #[error("{given} values given: a command carries 1 to {limit}")]

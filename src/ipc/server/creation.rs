@@ -12,10 +12,10 @@ use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc;
 use iceoryx2::service::port_factory::{publish_subscribe, request_response};
 
-use crate::ipc::domain::{Domain, DomainError};
+use crate::ipc::domain::{Domain, DomainError, SHARED_MEMORY};
 use crate::ipc::domain_lock::DomainLock;
 use crate::ipc::payload::*;
-use crate::ipc::service::{TransportError, create_node};
+use crate::ipc::service::{TransportError, create_node, free_memory};
 use crate::ipc::streams::{RequestService, Stream, for_each_request, for_each_stream};
 
 /// Creation takes 10 to 20 ms; a loaded machine may need fifty times as long.
@@ -73,8 +73,14 @@ pub(super) struct Services {
     pub requests: RequestFactories,
 }
 
+/// Shared memory of a controller with all its clients, bytes: that of a controller alone is half.
+const NEEDED: u64 = 32 << 20;
+
 /// Creates node and services; cleans up and tries once more if that fails or hangs.
 pub(super) fn create(lock: &mut DomainLock) -> Result<Services, IpcError> {
+    if let Some(free) = free_memory().filter(|free| *free < NEEDED) {
+        return Err(IpcError::Memory { free });
+    }
     if let Ok(services) = attempt(lock) {
         return Ok(services);
     }
@@ -118,8 +124,18 @@ pub enum IpcError {
     #[error(transparent)]
     Domain(#[from] DomainError),
     /// A call into iceoryx2 failed.
-    #[error("{0}; if other programs left files in /dev/shm, remove those of this domain")]
+    #[error(transparent)]
     Transport(#[from] TransportError),
+    /// What is used without being there ends the process by a signal.
+    #[error(
+        "{SHARED_MEMORY} has {} MB free, and {} MB are needed: remove what nobody needs there, or \
+         enlarge it (`mount -o remount,size=256M {SHARED_MEMORY}`; `--shm-size=256m` of a container)",
+        free >> 20, NEEDED >> 20
+    )]
+    Memory {
+        /// Free bytes.
+        free: u64,
+    },
     /// Creating the services did not end, twice.
     #[error(
         "creating the shared memory of domain `{domain}` did not end within {seconds} s, also \

@@ -1,11 +1,14 @@
-//! Reads the records of a file one after the other, of complete files and of files that were cut
-//! off.
+//! Reads the records of a file one after the other, of complete files, of files that were cut off,
+//! and around damage: a chunk or record that is not whole is left out and counted.
 
+use std::collections::VecDeque;
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use i2ris_report::Failure;
+use i2ris_report::exit::{Coded, INCOMPLETE};
 use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
@@ -19,6 +22,12 @@ const READ_SIZE: usize = 1 << 20;
 /// The kinds of records that anyone here needs: no header, no index.
 const READ: [u8; 6] =
     [op::SCHEMA, op::CHANNEL, op::MESSAGE, op::ATTACHMENT, op::METADATA, op::DATA_END];
+
+/// Bytes before the body of a record: what it is, and its length.
+const HEAD: u64 = 9;
+
+/// Bytes of a footer with the end of the file.
+const FOOTER: u64 = HEAD + 20 + mcap::MAGIC.len() as u64;
 
 /// Why a file cannot be read, or not to its end.
 #[derive(Debug, thiserror::Error)]
@@ -38,15 +47,59 @@ pub enum ReadError {
          is there"
     )]
     Format { path: PathBuf, source: McapError },
+    /// Some of its content is damaged, and all else was read.
+    #[error(
+        "{path}: {places} damaged place(s), the first at byte {first} ({source}): {bytes} bytes are \
+         left out, all else was read"
+    )]
+    Damaged { path: PathBuf, places: u64, bytes: u64, first: u64, source: McapError },
 }
 
-/// The records of a file, to the end of its data or to an error.
+impl ReadError {
+    /// What is wrong, without what to do: for the command that does it.
+    pub fn cause(&self) -> String {
+        match self {
+            Self::Format { source, .. } => source.to_string(),
+            other => other.to_string(),
+        }
+    }
+
+    /// The failure of a command that took what is there.
+    pub fn incomplete(&self) -> Failure {
+        let sentence = format!("the recording is not complete: {self}");
+        Coded { code: INCOMPLETE, sentence }.into()
+    }
+}
+
+/// What is left out of a file.
+#[derive(Default)]
+struct Damage {
+    places: u64,
+    bytes: u64,
+    /// Where the first place is, and what is wrong there.
+    first: Option<(u64, McapError)>,
+    /// Where the newest place ends.
+    end: u64,
+}
+
+/// The records of a file, to the end of its data or to where nothing more is whole.
 pub struct Records {
     path: PathBuf,
     file: BufReader<File>,
     reader: LinearReader,
+    /// Where the next record of the file begins.
+    place: u64,
+    /// Records of the newest chunk.
+    queue: VecDeque<Record<'static>>,
+    damage: Damage,
     has_ended: bool,
     stopped_by: Option<ReadError>,
+}
+
+fn options() -> LinearReaderOptions {
+    LinearReaderOptions::default()
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(LONGEST_RECORD)
 }
 
 impl Records {
@@ -55,45 +108,151 @@ impl Records {
         let file =
             File::open(path).map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
         check_kind(&file, path)?;
-        let options = LinearReaderOptions::default()
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LONGEST_RECORD);
         Ok(Self {
             path: path.to_owned(),
             file: BufReader::with_capacity(READ_SIZE, file),
-            reader: LinearReader::new_with_options(options),
+            reader: LinearReader::new_with_options(options().with_emit_chunks(true)),
+            place: mcap::MAGIC.len() as u64,
+            queue: VecDeque::new(),
+            damage: Damage::default(),
             has_ended: false,
             stopped_by: None,
         })
     }
 
-    /// After the last record: why the file cannot be read to its end; `None`: it is complete.
+    /// After the last record: why not all of the file could be read; `None`: it is complete.
     pub fn stopped_by(self) -> Option<ReadError> {
-        self.stopped_by
+        let Damage { places, bytes, first, .. } = self.damage;
+        let path = self.path;
+        let damaged =
+            first.map(|(first, source)| ReadError::Damaged { path, places, bytes, first, source });
+        damaged.or(self.stopped_by)
     }
 
     fn read_record(&mut self) -> Result<Option<Record<'static>>, ReadError> {
-        let path = || self.path.clone();
-        let format = |source| ReadError::Format { path: path(), source };
-        while let Some(event) = self.reader.next_event() {
-            match event.map_err(format)? {
-                LinearReadEvent::Record { data, opcode } => {
-                    if !READ.contains(&opcode) {
-                        continue;
+        loop {
+            if let Some(record) = self.queue.pop_front() {
+                return Ok(Some(record));
+            }
+            let Some(event) = self.reader.next_event() else { return Ok(None) };
+            match event {
+                Ok(LinearReadEvent::Record { data, opcode }) => {
+                    let (place, length) = (self.place, HEAD + data.len() as u64);
+                    self.place += length;
+                    let records = match opcode {
+                        op::CHUNK => {
+                            let size = (data.len() as u64).to_le_bytes();
+                            records_in(&[&[opcode], &size[..], data].concat())
+                        }
+                        opcode => parse(opcode, data).map(|record| record.into_iter().collect()),
+                    };
+                    match records {
+                        Ok(records) => self.queue.extend(records),
+                        Err(error) => self.leave_out(place, length, error),
                     }
-                    has_its_strings(opcode, data).ok_or(format(McapError::UnexpectedEof))?;
-                    let record = mcap::parse_record(opcode, data).map_err(format)?;
-                    return Ok(Some(record.into_owned()));
                 }
-                LinearReadEvent::ReadRequest(size) => {
+                Ok(LinearReadEvent::ReadRequest(size)) => {
                     let read = self.file.read(self.reader.insert(size.min(READ_SIZE)));
-                    self.reader.notify_read(
-                        read.map_err(|source| ReadError::Read { path: path(), source })?,
-                    );
+                    self.reader.notify_read(read.map_err(|source| {
+                        let path = self.path.clone();
+                        ReadError::Read { path, source }
+                    })?);
+                }
+                Err(source) => {
+                    // Where records no longer follow each other, the next whole chunk is searched.
+                    let Some(next) = next_chunk(self.file.get_ref(), self.place + 1) else {
+                        return Err(ReadError::Format { path: self.path.clone(), source });
+                    };
+                    self.leave_out(self.place, next - self.place, source);
+                    let found = self.file.seek(SeekFrom::Start(next));
+                    found.map_err(|source| ReadError::Read { path: self.path.clone(), source })?;
+                    let options = options().with_emit_chunks(true).with_skip_start_magic(true);
+                    (self.reader, self.place) = (LinearReader::new_with_options(options), next);
                 }
             }
         }
-        Ok(None)
+    }
+
+    /// Counts a damaged place. What channels are may stand in it alone, so it is taken from the
+    /// summary at the end of the file, if there is one.
+    fn leave_out(&mut self, place: u64, length: u64, error: McapError) {
+        if self.damage.first.is_none() {
+            self.queue.extend(channels_of_summary(self.file.get_ref()));
+        }
+        let is_further = std::mem::replace(&mut self.damage.end, place + length) != place;
+        self.damage.places += u64::from(is_further);
+        self.damage.bytes += length;
+        self.damage.first.get_or_insert((place, error));
+    }
+}
+
+fn parse(opcode: u8, data: &[u8]) -> Result<Option<Record<'static>>, McapError> {
+    if !READ.contains(&opcode) {
+        return Ok(None);
+    }
+    has_its_strings(opcode, data).ok_or(McapError::UnexpectedEof)?;
+    Ok(Some(mcap::parse_record(opcode, data)?.into_owned()))
+}
+
+/// All records of a chunk or a summary.
+fn records_in(bytes: &[u8]) -> Result<Vec<Record<'static>>, McapError> {
+    let options = options().with_skip_start_magic(true).with_skip_end_magic(true);
+    let (mut rest, mut records) = (bytes, Vec::new());
+    let mut reader = LinearReader::new_with_options(options);
+    while let Some(event) = reader.next_event() {
+        match event? {
+            LinearReadEvent::Record { data, opcode } => records.extend(parse(opcode, data)?),
+            LinearReadEvent::ReadRequest(size) => {
+                let (now, later) = rest.split_at(size.min(rest.len()));
+                reader.insert(now.len()).copy_from_slice(now);
+                reader.notify_read(now.len());
+                rest = later;
+            }
+        }
+    }
+    Ok(records)
+}
+
+fn channels_of_summary(file: &File) -> Vec<Record<'static>> {
+    let read = || {
+        let end = file.metadata().ok()?.len().checked_sub(FOOTER)?;
+        let mut footer = [0; FOOTER as usize];
+        file.read_exact_at(&mut footer, end).ok()?;
+        let begin = u64::from_le_bytes(*footer.get(HEAD as usize..)?.first_chunk()?);
+        let length = end.checked_sub(begin).filter(|length| *length <= LONGEST_RECORD as u64)?;
+        let mut summary = vec![0; length as usize];
+        file.read_exact_at(&mut summary, begin).ok()?;
+        records_in(&summary).ok()
+    };
+    let mut records = read().unwrap_or_default();
+    records.retain(|record| matches!(record, Record::Schema { .. } | Record::Channel(_)));
+    records
+}
+
+/// Where the next chunk begins whose lengths agree with each other and with the file.
+fn next_chunk(file: &File, from: u64) -> Option<u64> {
+    // Behind its head: two times, size, checksum, name of the compression, size, data.
+    const NAME: usize = HEAD as usize + 28;
+    let length = file.metadata().ok()?.len();
+    let number = |bytes: &[u8]| bytes.first_chunk().map(|bytes| u64::from_le_bytes(*bytes));
+    let is_chunk = |at: u64, bytes: &[u8]| {
+        let body = number(bytes.strip_prefix(&[op::CHUNK])?)?;
+        let name = u64::from(u32::from_le_bytes(*bytes.get(NAME..)?.first_chunk()?));
+        let behind = NAME + 4 + usize::try_from(name).ok().filter(|name| *name <= 8)?;
+        let whole = number(bytes.get(behind..)?)?.checked_add(behind as u64 + 8 - HEAD)?;
+        (body == whole && at + HEAD + body <= length).then_some(())
+    };
+    let (mut block, mut at) = (vec![0; READ_SIZE], from);
+    loop {
+        let read = file.read_at(&mut block, at).ok()?;
+        let bytes = block.get(..read)?;
+        let found =
+            (0..read).find(|place| is_chunk(at + *place as u64, &bytes[*place..]).is_some());
+        if let Some(found) = found {
+            return Some(at + found as u64);
+        }
+        // The head of a chunk may lie across two blocks.
+        at += read.checked_sub(2 * NAME).filter(|step| *step > 0)? as u64;
     }
 }
 

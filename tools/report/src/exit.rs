@@ -20,6 +20,7 @@ pub const HELP: &str = "Exit codes:
   8    not known to be done: that the robot holds still, that a drive is off, that memory is known
   9    a configuration is valid, and not ready for a robot: lines that nobody has checked, or limits
        that its serial lines do not keep
+  10   a file is damaged or cut off: what is whole was taken, and what is not is said
   130  interrupted twice";
 
 /// Exit code of a run that was asked for a pose out of reach.
@@ -30,6 +31,9 @@ pub const NOT_KNOWN: u8 = 8;
 
 /// Exit code for a configuration that is valid and not ready for a robot.
 pub const NOT_READY: u8 = 9;
+
+/// Exit code for a file of which only a part could be taken.
+pub const INCOMPLETE: u8 = 10;
 
 /// A failure that names its exit code.
 #[derive(Debug)]

@@ -200,6 +200,8 @@ impl Device {
     ///
     /// [`DeviceError`] when the device is gone.
     pub fn read(&mut self, now: Nanos, mut raw: impl FnMut(&[u8])) -> Result<(), DeviceError> {
+        // Frames may have come together with the head.
+        self.play(&[], now, &mut raw)?;
         let mut buffer = [0; MAX_FRAME];
         for _ in 0..AT_ONCE {
             let gone = |why: String| DeviceError::Gone { path: self.path.clone(), why };
@@ -211,7 +213,7 @@ impl Device {
                 Err(error) => return Err(gone(error.to_string())),
             };
             let state = &mut self.state;
-            let mut apply = |event: Event| state.apply(event, now);
+            let apply = |event: Event| state.apply(event, now);
             match &mut self.stream {
                 Stream::Events(decoder) => {
                     raw(bytes);
@@ -224,20 +226,37 @@ impl Device {
                     // Reports have no time of their own.
                     state.stamped(Some(now));
                 }
-                Stream::Played(parser, decoder) => {
-                    parser.push(bytes);
-                    let wrong = |error| DeviceError::Recording { path: self.path.clone(), error };
-                    while let Some((_, frame)) = parser.frame().map_err(wrong)? {
-                        raw(&frame);
-                        match self.description.protocol {
-                            Protocol::Evdev => decoder.decode(&frame, &mut apply),
-                            Protocol::SpaceMouse => space_mouse::decode(&frame, &mut apply),
-                        }
-                    }
-                    let is_report = self.description.protocol == Protocol::SpaceMouse;
-                    state.stamped(if is_report { Some(now) } else { decoder.newest() });
-                }
+                Stream::Played(..) => self.play(bytes, now, &mut raw)?,
             }
+        }
+        Ok(())
+    }
+
+    /// Takes in bytes of a recording that is played.
+    fn play(
+        &mut self,
+        bytes: &[u8],
+        now: Nanos,
+        raw: &mut impl FnMut(&[u8]),
+    ) -> Result<(), DeviceError> {
+        let Stream::Played(parser, decoder) = &mut self.stream else { return Ok(()) };
+        parser.push(bytes);
+        let wrong = |error| DeviceError::Recording { path: self.path.clone(), error };
+        while let Some((_, frame)) = parser.frame().map_err(wrong)? {
+            raw(&frame);
+            let apply = |event: Event| self.state.apply(event, now);
+            let stamp = match self.description.protocol {
+                Protocol::Evdev => {
+                    decoder.decode(&frame, apply);
+                    decoder.newest()
+                }
+                // Reports have no time of their own.
+                Protocol::SpaceMouse => {
+                    space_mouse::decode(&frame, apply);
+                    Some(now)
+                }
+            };
+            self.state.stamped(stamp);
         }
         Ok(())
     }
@@ -401,6 +420,18 @@ mod tests {
         };
         assert!(read() < 19_999, "the others wait for all of it");
         assert_eq!((0..10).map(|_| read()).last(), Some(19_999));
+    }
+
+    #[test]
+    fn a_frame_that_comes_with_the_head_is_read_before_anything_follows() {
+        let (reader, mut writer) = io::pipe().unwrap();
+        let identity = Identity::new(0x256f, 0xc635, "Mouse");
+        write_head(&mut writer, &space_mouse::description(identity)).unwrap();
+        write_frame(&mut writer, Nanos::ZERO, &[1, 7, 0, 0, 0, 0, 0]).unwrap();
+        let path = PathBuf::from(format!("/proc/self/fd/{}", reader.as_raw_fd()));
+        let mut device = Device::open(&path).unwrap();
+        device.read(clock::now(), |_| {}).unwrap();
+        assert_eq!(device.parts().1.axis(Code::Absolute(0)).unwrap().value, 7);
     }
 
     #[test]

@@ -7,9 +7,11 @@ use std::thread;
 use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::Domain;
+use i2ris::ipc::client::Client;
 use i2ris::ipc::ready::Ready;
 use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::realtime::{self, Wanted};
+use i2ris::units::Nanos;
 
 use super::report::Report;
 
@@ -129,10 +131,17 @@ fn check_memory(config: &Config, report: &mut Report) {
         Err(error) => return report.fail("shared memory", error.to_string(), "correct domain"),
     };
     if let Some(ready) = Ready::read(&domain) {
-        return report.pass(
-            "shared memory",
-            format!("a controller serves `{}`, process {}", domain.name(), ready.pid),
-        );
+        let serves = format!("a controller serves `{}`, process {}", domain.name(), ready.pid);
+        let asked = Client::connect(&domain, Nanos::from_millis(1000))
+            .and_then(|mut client| client.version());
+        return match asked {
+            Ok(_) => report.pass("shared memory", serves),
+            Err(error) => {
+                let sentence = error.to_string();
+                let (found, fix) = sentence.split_once("; ").unwrap_or((&sentence, "see its log"));
+                report.fail("shared memory", format!("{serves}: {found}"), fix);
+            }
+        };
     }
     let leftovers = count_leftovers(domain.directory(), Path::new("/dev/shm"), domain.prefix());
     if leftovers == 0 {

@@ -64,7 +64,7 @@ fn main_result(report: &TrialReport) -> String {
 fn notices(report: &TrialReport) -> Vec<String> {
     let mut notices = Vec::new();
     if let Some(reason) = &report.cut_off {
-        notices.push(format!("The recording is cut off ({reason})."));
+        notices.push(format!("The recording is not complete ({reason})."));
     } else if report.outcome.is_empty() {
         notices.push("The recorder did not end in order: the recording has no outcome.".to_owned());
     }

@@ -305,6 +305,48 @@ fn a_file_cut_off_anywhere_is_recovered() {
     assert_eq!(most, 3 * MESSAGES + 2 * (MESSAGES / 20) + 2);
 }
 
+/// One bad sector costs what it hit: foxglove/mcap#385.
+#[test]
+fn a_damaged_place_costs_one_chunk_and_is_counted() {
+    const CHUNKS: u64 = 30;
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, bad, out] = ["a", "b", "c"].map(|name| folder.path().join(name));
+    let options = mcap::WriteOptions::new().compression(Some(mcap::Compression::Lz4));
+    let file = fs::File::create_new(&whole).unwrap();
+    let mut writer = mcap::Writer::with_options(file, options.use_chunks(true)).unwrap();
+    let channel = writer.add_channel(0, "/a", "json", &BTreeMap::new()).unwrap();
+    for sequence in 0..CHUNKS as u32 {
+        let (log_time, publish_time) = (u64::from(sequence), 0);
+        let header =
+            mcap::records::MessageHeader { channel_id: channel, sequence, log_time, publish_time };
+        let byte = |at: u32| (at.wrapping_mul(at ^ sequence) >> 3) as u8;
+        let data: Vec<u8> = (0..500).map(byte).collect();
+        writer.write_to_known_channel(&header, &data).unwrap();
+        writer.flush().unwrap();
+    }
+    writer.finish().unwrap();
+    let bytes = fs::read(&whole).unwrap();
+    let (mut chunks, mut at) = (Vec::new(), mcap::MAGIC.len());
+    while chunks.len() < CHUNKS as usize {
+        chunks.extend((bytes[at] == op::CHUNK).then_some(at));
+        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
+    }
+    // Data of the first chunk, which alone names the channel; of the last; and lengths of records,
+    // behind which nothing is where it should be.
+    let (first, middle, last) = (chunks[0], chunks[CHUNKS as usize / 2], chunks[29]);
+    for at in [first + 200, last + 200, first + 1, middle + 2, middle + 7] {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0x40;
+        fs::write(&bad, damaged).unwrap();
+        let _ = fs::remove_file(&out);
+        let recovered = recover(&bad, &out).unwrap();
+        let why = recovered.stopped_by.expect("damage is said").to_string();
+        assert!(why.contains("1 damaged place"), "{at}: {why}");
+        assert_eq!(recovered.messages, CHUNKS - 1, "{at}: {why}");
+        assert!(recover(&out, &folder.path().join(format!("{at}"))).unwrap().stopped_by.is_none());
+    }
+}
+
 #[test]
 fn damaged_bytes_cause_no_panic() {
     let (folder, whole) = recording();

@@ -234,8 +234,8 @@ fn a_report_is_made_of_complete_and_of_cut_off_recordings() {
     let cut = folder.path().join("cut.mcap");
     let bytes = fs::read(&file).unwrap();
     fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).unwrap();
-    let (success, _, error) = run(&["record", "report", name(&cut)]);
-    assert!(success && error.contains("not complete"), "{error}");
+    let (success, output, error) = run(&["record", "report", name(&cut)]);
+    assert!(!success && error.contains("not complete") && output.contains("written"), "{error}");
     fs::write(&cut, "no recording at all, whatever its name says").unwrap();
     let (success, _, error) = run(&["record", "report", name(&cut)]);
     assert!(!success && error.contains("cut.mcap"), "{error}");

@@ -1,6 +1,7 @@
 //! Streams of JPEG files, one after the other, as cameras compress them themselves:
 //! `ffmpeg -f v4l2 -input_format mjpeg -i /dev/video0 -c copy -f mjpeg -`.
 
+use std::collections::VecDeque;
 use std::io::{BufReader, Read};
 
 use super::decode::decode;
@@ -10,56 +11,118 @@ use super::stream::{FrameClock, FrameSource};
 /// A file that is longer is none of a camera.
 const MAX_LENGTH: usize = 64 << 20;
 
-/// A stream of JPEG files.
+/// The start of a picture, and of the marker behind it.
+const START: [u8; 3] = [0xFF, 0xD8, 0xFF];
+
+/// A stream of JPEG files. What lies between them is skipped: encoders pad, and say the end twice.
 pub struct MjpegStream<R> {
     reader: BufReader<R>,
+    /// Read, and not yet taken: from the first start behind a damaged picture on.
+    pending: VecDeque<u8>,
     clock: FrameClock,
     number: u64,
+    has_picture: bool,
+}
+
+/// What lies between two starts of pictures.
+enum Piece {
+    Whole(Vec<u8>),
+    Damaged,
 }
 
 impl<R: Read + Send> MjpegStream<R> {
     pub fn new(reader: R, clock: FrameClock) -> Self {
-        Self { reader: BufReader::new(reader), clock, number: 0 }
+        let (reader, pending) = (BufReader::new(reader), VecDeque::new());
+        Self { reader, pending, clock, number: 0, has_picture: false }
+    }
+
+    /// The next byte; `None` at the end of the stream.
+    fn byte(&mut self) -> Result<Option<u8>, SourceError> {
+        if let Some(byte) = self.pending.pop_front() {
+            return Ok(Some(byte));
+        }
+        let mut byte = [0];
+        Ok((self.reader.read(&mut byte)? == 1).then_some(byte[0]))
     }
 
     fn take(&mut self, file: &mut Vec<u8>, count: usize) -> Result<(), SourceError> {
-        let (number, before) = (self.number + 1, file.len());
-        if before + count > MAX_LENGTH {
+        let number = self.number + 1;
+        if file.len() + count > MAX_LENGTH {
             let reason = format!("picture {number} has no end; is this a stream of JPEG files?");
             return Err(SourceError::Stream(reason));
         }
-        file.resize(before + count, 0);
-        self.reader
-            .read_exact(&mut file[before..])
-            .map_err(|_| SourceError::Stream(format!("ends within picture {number}")))
+        for _ in 0..count {
+            let ends = || SourceError::Stream(format!("ends within picture {number}"));
+            file.push(self.byte()?.ok_or_else(ends)?);
+        }
+        Ok(())
+    }
+
+    /// Skips to the next start, and takes it; `false` at the end of the stream.
+    fn find_start(&mut self) -> Result<bool, SourceError> {
+        let (mut last, mut skipped) = ([0; START.len()], 0);
+        while last != START {
+            let Some(byte) = self.byte()? else {
+                let is_other = skipped > 0 && !self.has_picture;
+                let reason = "no picture in it; is this a stream of JPEG files?";
+                return if is_other { Err(SourceError::Stream(reason.into())) } else { Ok(false) };
+            };
+            last = [last[1], last[2], byte];
+            skipped += 1;
+            if skipped > MAX_LENGTH {
+                let reason = format!("no picture in {skipped} bytes; is this a stream of JPEGs?");
+                return Err(SourceError::Stream(reason));
+            }
+        }
+        self.has_picture = true;
+        Ok(true)
     }
 
     /// The next file; `None` at the end of the stream.
-    fn file(&mut self) -> Result<Option<Vec<u8>>, SourceError> {
-        let mut file = vec![0];
-        if self.reader.read(&mut file)? == 0 {
+    fn file(&mut self) -> Result<Option<Piece>, SourceError> {
+        if !self.find_start()? {
             return Ok(None);
         }
-        self.take(&mut file, 1)?;
-        if file != [0xFF, 0xD8] {
-            let reason = format!("picture {} does not begin as a JPEG does", self.number + 1);
-            return Err(SourceError::Stream(reason));
-        }
-        self.take(&mut file, 2)?;
-        loop {
-            let marker = file[file.len() - 1];
-            if marker == 0xD9 {
-                return Ok(Some(file));
+        let mut file = START.to_vec();
+        let outcome = self.rest(&mut file);
+        // A picture that was cut is followed by the next one, which lies in what was taken for its
+        // own.
+        let next = file.windows(START.len()).skip(1).position(|bytes| bytes == START);
+        match (outcome, next) {
+            (Ok(true), None) => Ok(Some(Piece::Whole(file))),
+            (Err(error), None) => Err(error),
+            (_, next) => {
+                // The last bytes may be those of a start that is not read to its end.
+                let open = (1..START.len()).rev().find(|&n| file.ends_with(&START[..n]));
+                let begin = next.map_or(file.len() - open.unwrap_or(0), |next| next + 1);
+                for byte in file.drain(begin..).rev() {
+                    self.pending.push_front(byte);
+                }
+                Ok(Some(Piece::Damaged))
             }
-            self.take(&mut file, 2)?;
+        }
+    }
+
+    /// The rest of a file, behind its start; whether it has the form of one.
+    fn rest(&mut self, file: &mut Vec<u8>) -> Result<bool, SourceError> {
+        self.take(file, 1)?;
+        loop {
+            let [.., fill, marker] = file[..] else { return Ok(false) };
+            match (fill, marker) {
+                (0xFF, 0xD9) => return Ok(true),
+                // A start within a picture, or no marker where one has to be.
+                (0xFF, 0xD8) | (..0xFF, _) => return Ok(false),
+                _ => {}
+            }
+            self.take(file, 2)?;
             let length = [file[file.len() - 2], file[file.len() - 1]];
-            self.take(&mut file, usize::from(u16::from_be_bytes(length)).saturating_sub(2))?;
+            self.take(file, usize::from(u16::from_be_bytes(length)).saturating_sub(2))?;
             // The next marker; behind the begin of a scan, at its end: FF within it is followed by
             // 0 or is a restart.
-            self.take(&mut file, 2)?;
+            self.take(file, 2)?;
             let is_data = |end: &[u8]| !matches!(end, [.., 0xFF, 1..=0xCF | 0xD8..=0xFE]);
-            while marker == 0xDA && is_data(&file) {
-                self.take(&mut file, 1)?;
+            while marker == 0xDA && is_data(file) {
+                self.take(file, 1)?;
             }
         }
     }
@@ -67,14 +130,16 @@ impl<R: Read + Send> MjpegStream<R> {
 
 impl<R: Read + Send> FrameSource for MjpegStream<R> {
     fn next(&mut self) -> Result<Option<SourceItem>, SourceError> {
-        let Some(jpeg) = self.file()? else { return Ok(None) };
+        let Some(piece) = self.file()? else { return Ok(None) };
         let stamp = self.clock.stamp(self.number);
         self.number += 1;
         let name = format!("frame {}", self.number);
-        Ok(Some(match decode(&jpeg) {
-            Ok(image) => SourceItem::Frame(Frame { stamp, name, image, jpeg: Some(jpeg) }),
-            Err(_) => SourceItem::Missing { stamp, name, cause: FrameFault::Undecodable },
-        }))
+        if let Piece::Whole(jpeg) = piece
+            && let Ok(image) = decode(&jpeg)
+        {
+            return Ok(Some(SourceItem::Frame(Frame { stamp, name, image, jpeg: Some(jpeg) })));
+        }
+        Ok(Some(SourceItem::Missing { stamp, name, cause: FrameFault::Undecodable }))
     }
 }
 
@@ -109,12 +174,36 @@ mod tests {
     #[test]
     fn what_is_cut_off_or_no_picture_ends_with_a_sentence() {
         let file = jpeg(3);
-        for length in 1..file.len() {
+        for length in START.len()..file.len() {
             let mut stream = MjpegStream::new(&file[..length], FrameClock::Rate(10.0));
             let error = stream.next().unwrap_err().to_string();
             assert!(error.contains("ends within picture 1"), "{length}: {error}");
         }
         let mut stream = MjpegStream::new(&b"YUV4MPEG2"[..], FrameClock::Rate(10.0));
-        assert!(stream.next().unwrap_err().to_string().contains("does not begin as a JPEG"));
+        assert!(stream.next().unwrap_err().to_string().contains("is this a stream of JPEG"));
+    }
+
+    /// Padding as encoders write it, an end said twice, and a picture of which a part is missing.
+    #[test]
+    fn bytes_between_pictures_are_skipped_and_a_damaged_picture_is_one_gap() {
+        let [a, b, c] = [jpeg(0), jpeg(100), jpeg(200)];
+        for between in [&[0; 3][..], b"\n", &[0xFF, 0xD9], &[0xFF, 0, 0xFF]] {
+            let all = [&a, between, &b, between, &c, between].concat();
+            let mut stream = MjpegStream::new(&all[..], FrameClock::Rate(10.0));
+            for file in [&a, &b, &c] {
+                let Some(SourceItem::Frame(frame)) = stream.next().unwrap() else { panic!() };
+                assert_eq!(frame.jpeg.as_ref(), Some(file), "{between:?}");
+            }
+            assert_eq!(stream.next().unwrap(), None);
+        }
+        for length in START.len()..b.len() {
+            let all = [&a, &b[..length], &c].concat();
+            let mut stream = MjpegStream::new(&all[..], FrameClock::Rate(10.0));
+            let mut found = Vec::new();
+            while let Some(item) = stream.next().unwrap() {
+                found.push(matches!(item, SourceItem::Frame(frame) if [&a, &c].contains(&frame.jpeg.as_ref().unwrap())));
+            }
+            assert_eq!(found, [true, false, true], "{length}");
+        }
     }
 }

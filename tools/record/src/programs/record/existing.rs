@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use i2ris::units::Nanos;
 use i2ris::wall_clock::WallTime;
 use i2ris_record::export::extract::extract;
-use i2ris_record::read::Records;
+use i2ris_record::read::{ReadError, Records};
 use i2ris_record::recorder::rate_hz;
-use i2ris_record::recovery::recover;
+use i2ris_record::recovery::{Recovered, recover};
 use i2ris_report::{Failure, while_working};
 use mcap::records::Record;
 
@@ -40,13 +40,20 @@ pub struct InfoArguments {
 pub fn copy(arguments: &RecoverArguments) -> Result<(), Failure> {
     let recovered =
         while_working("recovering", || recover(&arguments.recording, &arguments.output))?;
+    let Recovered { messages, metadata, attachments, stopped_by } = recovered;
+    if messages + metadata + attachments == 0 {
+        std::fs::remove_file(&arguments.output)?;
+        let file = arguments.recording.display();
+        let why = stopped_by.map_or("it is empty".to_owned(), |error| error.cause());
+        return Err(format!("nothing of {file} can be recovered: {why}").into());
+    }
     println!(
-        "recovered {} messages, {} metadata records, {} attachments",
-        recovered.messages, recovered.metadata, recovered.attachments
+        "recovered {messages} messages, {metadata} metadata records, {attachments} attachments"
     );
-    match recovered.stopped_by {
+    match stopped_by {
         None => println!("the old file is complete"),
-        Some(error) => println!("the old file ends there: {error}"),
+        Some(error @ ReadError::Damaged { .. }) => return Err(error.incomplete()),
+        Some(error) => println!("the old file ends there: {}", error.cause()),
     }
     Ok(())
 }
@@ -57,10 +64,7 @@ fn take_out(recording: &Path, output: &Path) -> Result<(), Failure> {
     for (name, what) in &extracted.files {
         println!("{what:>16}  {}", output.join(name).display());
     }
-    if let Some(error) = extracted.stopped_by {
-        eprintln!("warning: the recording is not complete: {error}");
-    }
-    Ok(())
+    extracted.stopped_by.map_or(Ok(()), |error| Err(error.incomplete()))
 }
 
 #[derive(Default, serde::Serialize)]
@@ -154,5 +158,5 @@ pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
     } else {
         content.print();
     }
-    records.stopped_by().map_or(Ok(()), |error| Err(error.into()))
+    records.stopped_by().map_or(Ok(()), |error| Err(error.incomplete()))
 }

@@ -61,14 +61,14 @@ fn tables(arguments: &Arguments, sources: &Sources) -> Result<(), Failure> {
     let bar = bar(taken);
     let written = staged(&arguments.output, arguments.overwrite, |folder| {
         let mut rows: BTreeMap<PathBuf, u64> = BTreeMap::new();
-        let (mut warnings, mut recordings) = (Vec::new(), Vec::new());
+        let (mut incomplete, mut recordings) = (Vec::new(), Vec::new());
         for source in taken {
             bar.set_message(source.name.clone());
             let within = if taken.len() > 1 { Path::new(&source.name) } else { Path::new("") };
             let (folder, recording) = (folder.join(within), &source.recording);
             let exported = export(recording, &folder, arguments.format, arguments.pictures)?;
             rows.extend(exported.rows.iter().map(|(name, rows)| (within.join(name), *rows)));
-            warnings.extend(exported.stopped_by.map(|error| error.to_string()));
+            incomplete.extend(exported.stopped_by);
             recordings.push(about(source, within, exported.camera_late_s));
             bar.inc(1);
         }
@@ -81,17 +81,18 @@ fn tables(arguments: &Arguments, sources: &Sources) -> Result<(), Failure> {
         let path = folder.join(MADE_OF);
         fs::write(&path, format!("{made_of:#}\n"))
             .map_err(|error| ExportError::Write { path, reason: error.to_string() })?;
-        Ok::<_, ExportError>((rows, warnings))
+        Ok::<_, ExportError>((rows, incomplete))
     });
     bar.finish_and_clear();
-    let (rows, warnings) = written?;
+    let (rows, incomplete) = written?;
     for (name, rows) in &rows {
         println!("{rows:>9} rows  {}", arguments.output.join(name).display());
     }
-    for warning in warnings {
-        eprintln!("warning: the recording is not complete: {warning}");
+    let Some((last, others)) = incomplete.split_last() else { return Ok(()) };
+    for error in others {
+        eprintln!("error: {}", error.incomplete());
     }
-    Ok(())
+    Err(last.incomplete())
 }
 
 /// What readers of the tables have to know of a recording.

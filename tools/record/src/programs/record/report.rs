@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use i2ris_record::report::TrialReport;
 use i2ris_record::trial::comparison::StudyReport;
+use i2ris_report::exit::{Coded, INCOMPLETE};
 use i2ris_report::{Failure, files, while_working};
 
 #[derive(Debug, clap::Args)]
@@ -42,16 +43,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&report)?);
-        return Ok(());
+    } else {
+        print!("{}", report.text());
+        if let Some(output) = &output {
+            println!("written: {}", output.display());
+        }
     }
-    print!("{}", report.text());
-    if let Some(reason) = &report.cut_off {
-        eprintln!("warning: the recording is not complete: {reason}");
-    }
-    if let Some(output) = &output {
-        println!("written: {}", output.display());
-    }
-    Ok(())
+    report.cut_off.map_or(Ok(()), |reason| {
+        let sentence = format!("the recording is not complete: {reason}");
+        Err(Coded { code: INCOMPLETE, sentence }.into())
+    })
 }
 
 /// All trials of a study: a page, and its numbers as CSV beside it.
