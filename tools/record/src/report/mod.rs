@@ -63,6 +63,9 @@ pub struct TrialReport {
     /// Attached files and their bytes.
     pub attached: BTreeMap<String, usize>,
     pub streams: Vec<StreamCount>,
+    /// Share of the motion of the hand that reached the snake, and number of virtual fixtures.
+    pub scale: Option<f64>,
+    pub fixtures: Option<u32>,
     /// Error by the camera.
     pub camera: Option<TrackingError>,
     /// Error by the model's estimate from the encoders.
@@ -113,6 +116,8 @@ impl TrialReport {
             outcome: trial.outcome.clone(),
             attached: trial.attached.clone(),
             streams: streams.collect(),
+            scale: trial.scale,
+            fixtures: trial.fixtures,
             camera: tracking_statistics(&tracking_errors(&trial, &trial.camera)),
             estimate: tracking_statistics(&tracking_errors(&trial, &trial.measured)),
             out_of_reach: out_of_reach(&trial),

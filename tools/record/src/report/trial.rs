@@ -56,6 +56,10 @@ pub struct Trial {
     pub counts: TimeSeries<2>,
     /// Stamp and id of every model from which estimates came.
     pub models: Vec<(u64, [u8; 32])>,
+    /// Share of the motion of a hand that reached the snake, and the regions that counted, as last
+    /// said; `None`: no hand, or none was said.
+    pub scale: Option<f64>,
+    pub fixtures: Option<u32>,
     /// Operating states without repetitions.
     pub states: Vec<OperatingStateMsg>,
     pub windows: Vec<PeriodStatistics>,
@@ -266,6 +270,10 @@ impl Trial {
             }
             StreamMessage::Adaptation(message) => self.add_adaptation(message),
             StreamMessage::ReachTarget(message) => self.add_target(message),
+            StreamMessage::Teleop(message) => self.scale = Some(message.scale),
+            StreamMessage::VirtualFixtures(message) => {
+                self.fixtures = Some(message.active.count_ones())
+            }
             _ => {}
         }
     }

@@ -7,7 +7,7 @@
 //! Throughput: ISO 9241-411, `log2(D / We + 1) / MT`, with the effective width `We = 4.133 s` of
 //! the end points along the way to the target. The time of holding is no time of movement.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use i2ris_report::statistics::{mean, quantile, sort};
@@ -24,6 +24,8 @@ const RESAMPLES: usize = 10_000;
 const SEED: u64 = 9241;
 /// Ratio of the effective width to the standard deviation: 96 % of the end points.
 const WIDTH: f64 = 4.133;
+/// Fewer participants have no interval: of two, the bootstrap gives the two themselves.
+const LEAST_PARTICIPANTS: usize = 8;
 /// Fewer targets have no spread that means something.
 const MIN_TARGETS: usize = 5;
 
@@ -140,6 +142,8 @@ pub struct TrialNumbers {
     pub outcome: Option<Outcome>,
     pub marks: usize,
     pub workload: Option<Workload>,
+    /// What it was made with: robot, model, share of the motion, number of virtual fixtures.
+    pub made_with: MadeWith,
     /// Of the targets that were to be reached.
     #[serde(skip)]
     pub targets: Vec<TargetReach>,
@@ -149,13 +153,43 @@ pub struct TrialNumbers {
     pub left_out: Option<String>,
 }
 
+/// What a trial was made with, as text; empty where the recording does not tell.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct MadeWith {
+    pub robot: String,
+    pub model: String,
+    pub scale: String,
+    pub fixtures: String,
+}
+
+impl MadeWith {
+    fn of(report: &TrialReport) -> Self {
+        let about = |name: &str| report.about.get(name).cloned().unwrap_or_default();
+        let text = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+        Self {
+            robot: about("robot_id"),
+            model: about("model_id").chars().take(8).collect(),
+            scale: text(report.scale),
+            fixtures: text(report.fixtures.map(f64::from)),
+        }
+    }
+
+    /// The names of the columns, and the cells of a trial.
+    pub const NAMES: [&str; 4] = ["robot", "model", "scale", "fixtures"];
+    pub fn cells(&self) -> [String; 4] {
+        [&self.robot, &self.model, &self.scale, &self.fixtures].map(Clone::clone)
+    }
+}
+
 /// A difference with its 95 % interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Effect {
     /// Mean over the participants: condition less the first condition.
     pub difference: f64,
+    /// Of eight participants or more.
     pub interval: Option<[f64; 2]>,
-    pub participants: usize,
+    /// Of each participant.
+    pub differences: Vec<f64>,
 }
 
 /// A measure over all conditions.
@@ -178,6 +212,8 @@ pub struct StudyReport {
     pub conditions: Vec<String>,
     pub trials: Vec<TrialNumbers>,
     pub rows: Vec<Row>,
+    /// What else differs within a condition, a sentence each.
+    pub mixed: Vec<String>,
 }
 
 impl StudyReport {
@@ -197,6 +233,7 @@ impl StudyReport {
                 outcome: state.outcome,
                 marks: state.marks.len(),
                 workload: state.workload,
+                made_with: MadeWith::default(),
                 targets: Vec::new(),
                 values: Default::default(),
                 left_out: None,
@@ -207,6 +244,7 @@ impl StudyReport {
                 (_, Err(error)) => numbers.left_out = Some(error.to_string()),
                 (_, Ok(report)) => {
                     numbers.values = Measure::ALL.map(|it| it.of(state, &report));
+                    numbers.made_with = MadeWith::of(&report);
                     numbers.targets = report.targets.map(|it| it.targets).unwrap_or_default();
                 }
             }
@@ -222,8 +260,26 @@ impl StudyReport {
         let rows = rows.collect();
         let name = folder.canonicalize().unwrap_or_default();
         let study = name.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Self { study, conditions, trials, rows })
+        let mixed = mixed(&conditions, &trials);
+        Ok(Self { study, conditions, trials, rows, mixed })
     }
+}
+
+/// A difference between conditions is none of theirs where something else differs within one.
+fn mixed(conditions: &[String], trials: &[TrialNumbers]) -> Vec<String> {
+    let mut sentences = Vec::new();
+    for condition in conditions {
+        let of = trials.iter().filter(|it| it.left_out.is_none() && it.condition == *condition);
+        let cells: Vec<_> = of.map(|trial| trial.made_with.cells()).collect();
+        for (place, name) in MadeWith::NAMES.iter().enumerate() {
+            let found: BTreeSet<&str> = cells.iter().map(|cells| &*cells[place]).collect();
+            if found.len() > 1 {
+                let found = Vec::from_iter(found).join(", ");
+                sentences.push(format!("{condition}: more than one {name} ({found})"));
+            }
+        }
+    }
+    sentences
 }
 
 /// Mean of each participant under each condition, then over the participants.
@@ -254,11 +310,11 @@ fn row<'a>(
     Row { measure, means, effects, by_participant }
 }
 
-/// Mean of paired differences, and its interval from two pairs on.
+/// Mean of paired differences, and its interval where there are enough.
 fn effect(differences: &[f64]) -> Option<Effect> {
     let difference = mean(differences.iter().copied())?;
     let count = differences.len();
-    let interval = (count > 1).then(|| {
+    let interval = (count >= LEAST_PARTICIPANTS).then(|| {
         let mut random = Pcg64::seed_from_u64(SEED);
         let mut resample = |_| {
             let sum: f64 = (0..count).map(|_| differences[random.random_range(0..count)]).sum();
@@ -268,7 +324,7 @@ fn effect(differences: &[f64]) -> Option<Effect> {
         sort(&mut means);
         [0.025, 0.975].map(|share| quantile(&means, share).unwrap_or(difference))
     });
-    Some(Effect { difference, interval, participants: count })
+    Some(Effect { difference, interval, differences: differences.to_vec() })
 }
 
 #[cfg(test)]
@@ -290,8 +346,8 @@ mod tests {
             ]
         });
         let row = row(Measure::TimeS, &conditions, values);
-        let effect = row.effects[1].unwrap();
-        assert!((effect.difference - 0.5).abs() < 1e-9 && effect.participants == 8);
+        let effect = row.effects[1].clone().unwrap();
+        assert!((effect.difference - 0.5).abs() < 1e-9 && effect.differences.len() == 8);
         let [low, high] = effect.interval.unwrap();
         assert!(low > 0.4 && low < 0.5 && high > 0.5 && high < 0.6, "{low} {high}");
         assert_eq!(row.effects[0], None);
@@ -299,9 +355,33 @@ mod tests {
     }
 
     #[test]
-    fn one_participant_has_a_difference_without_an_interval() {
-        let alone = effect(&[0.3]).unwrap();
-        assert_eq!((alone.difference, alone.interval, effect(&[])), (0.3, None, None));
+    fn few_participants_have_differences_and_no_interval() {
+        for count in 1..LEAST_PARTICIPANTS {
+            let few = effect(&vec![0.3; count]).unwrap();
+            assert_eq!((few.interval, few.differences), (None, vec![0.3; count]));
+        }
+        assert!(effect(&[0.3; LEAST_PARTICIPANTS]).unwrap().interval.is_some());
+        assert_eq!(effect(&[]), None);
+    }
+
+    #[test]
+    fn a_condition_with_two_models_is_named() {
+        let trial = |model: &str| TrialNumbers {
+            name: String::new(),
+            participant: "P1".into(),
+            condition: "a".into(),
+            started: String::new(),
+            outcome: None,
+            marks: 0,
+            workload: None,
+            made_with: MadeWith { model: model.into(), ..MadeWith::default() },
+            targets: Vec::new(),
+            values: Default::default(),
+            left_out: None,
+        };
+        let found = mixed(&["a".into()], &[trial("11"), trial("22"), trial("11")]);
+        assert_eq!(found, ["a: more than one model (11, 22)"]);
+        assert!(mixed(&["a".into()], &[trial("11"), trial("11")]).is_empty());
     }
 
     /// The interval covers a true difference about 95 times in 100.

@@ -16,20 +16,25 @@ fn number(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), |value| significant(value, 3))
 }
 
-fn sentence(effect: Option<Effect>) -> String {
-    let Some(Effect { difference, interval, participants }) = effect else {
+fn signed(value: f64) -> String {
+    format!("{}{}", if value > 0.0 { "+" } else { "" }, significant(value, 2))
+}
+
+/// The mean with its interval, or with the differences of all participants.
+fn sentence(effect: Option<&Effect>) -> String {
+    let Some(Effect { difference, interval, differences }) = effect else {
         return "-".to_owned();
     };
-    let sign = if difference > 0.0 { "+" } else { "" };
-    let of = format!("n = {participants}");
+    let (mean, count) = (signed(*difference), differences.len());
     match interval {
-        Some([low, high]) => format!(
-            "{sign}{} [{}, {}], {of}",
-            significant(difference, 2),
-            significant(low, 2),
-            significant(high, 2)
-        ),
-        None => format!("{sign}{} (no interval), {of}", significant(difference, 2)),
+        Some(ends) => {
+            format!("{mean} [{}], n = {count}", ends.map(|end| significant(end, 2)).join(", "))
+        }
+        None if count == 1 => format!("{mean}, n = 1"),
+        None => {
+            let each: Vec<_> = differences.iter().map(|it| signed(*it)).collect();
+            format!("{mean} ({}), n = {count}", each.join(", "))
+        }
     }
 }
 
@@ -50,7 +55,9 @@ impl StudyReport {
             for (condition, (mean, effect)) in self.conditions.iter().zip(means.iter().zip(effects))
             {
                 let against = match effect {
-                    Some(_) => format!("  against {}: {}", self.conditions[0], sentence(*effect)),
+                    Some(_) => {
+                        format!("  against {}: {}", self.conditions[0], sentence(effect.as_ref()))
+                    }
                     None => String::new(),
                 };
                 let (name, mean) = (measure.name(), number(*mean));
@@ -76,6 +83,9 @@ impl StudyReport {
         if !left_out.is_empty() {
             page.notice("Left out", left_out);
         }
+        if !self.mixed.is_empty() {
+            page.notice("More than the condition differs", self.mixed.clone());
+        }
         self.write_conditions(&mut page);
         page.section("Trials");
         self.trial_tables().iter().for_each(|table| page.table(table));
@@ -93,13 +103,14 @@ impl StudyReport {
             .chain(self.conditions.iter().cloned())
             .chain(others.map(|name| format!("{name} − {reference}")));
         let mut table = Table::new(
-            "Means over the participants, and the difference of each participant from itself with \
-             its 95 % interval (paired bootstrap).",
+            "Means over the participants, and the mean difference of each participant from itself: \
+             with its 95 % interval (paired bootstrap), or below eight participants with the \
+             differences of all.",
             header,
         );
         for Row { measure, means, effects, .. } in self.known() {
             let means = means.iter().map(|mean| number(*mean));
-            let effects = effects.iter().skip(1).map(|effect| sentence(*effect));
+            let effects = effects.iter().skip(1).map(|effect| sentence(effect.as_ref()));
             let name = [measure.name().to_owned()];
             table.row(TableRow::new(name.into_iter().chain(means).chain(effects)));
         }
@@ -110,8 +121,9 @@ impl StudyReport {
         );
         if self.conditions.len() > 1 {
             let caption = format!(
-                "Difference from {reference}, of each participant from itself: mean and 95 % \
-                 interval. An interval across zero shows no difference."
+                "Difference from {reference}, of each participant from itself (grey): mean, and 95 % \
+                 interval of eight participants or more. An interval across zero does not show \
+                 that there is no difference: the study was too small to tell."
             );
             page.figure(&self.effect_figure(), &caption);
         }
@@ -155,15 +167,19 @@ impl StudyReport {
         let last = self.conditions.len() as f64 - 0.5;
         let x = Axis::linear("condition").range(0.5, last).marks(marks);
         let known =
-            || places.clone().filter_map(|(place, effect)| Some((place as f64, (*effect)?)));
+            || places.clone().filter_map(|(place, effect)| Some((place as f64, effect.as_ref()?)));
         let intervals = known().filter_map(|(x, effect)| {
             let [low, high] = effect.interval?;
             Some(Line::new(vec![[x, low], [x, high]], MEAN))
         });
         let means = known().map(|(x, effect)| [x, effect.difference]).collect();
+        let each =
+            known().flat_map(|(x, effect)| effect.differences.iter().map(move |it| [x, *it]));
+        let each = Scatter::new(each.collect(), Color::GREY, 4.0);
         let name = row.measure.name();
         Panel::new(name, x, Axis::linear(format!("difference: {name}")).including(0.0))
             .with(Line::new(vec![[0.5, 0.0], [last, 0.0]], PARTICIPANT))
+            .with(each)
             .with_all(intervals)
             .with(Scatter::new(means, Color::BLUE, 5.0))
     }
@@ -193,13 +209,15 @@ impl StudyReport {
     }
 
     fn trial_table(&self, measures: &[Measure]) -> Table {
-        let header = ["trial", "outcome", "marks"].map(str::to_owned);
+        let fixed = ["trial", "outcome", "marks", "model"];
+        let header = fixed.map(str::to_owned);
         let names = measures.iter().map(|measure| measure.name().to_owned());
         let mut table = Table::new("Every trial.", header.into_iter().chain(names)).text_column(1);
         for trial in &self.trials {
             let outcome =
                 trial.outcome.map_or("-".to_owned(), |it| format!("{it:?}").to_lowercase());
-            let fixed = [trial.name.clone(), outcome, trial.marks.to_string()];
+            let model = trial.made_with.model.clone();
+            let fixed = [trial.name.clone(), outcome, trial.marks.to_string(), model];
             let values = Measure::ALL.into_iter().zip(trial.values);
             let values = values.filter(|(measure, _)| measures.contains(measure));
             table.row(TableRow::new(fixed.into_iter().chain(values.map(|(_, it)| number(it)))));

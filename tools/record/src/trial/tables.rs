@@ -1,6 +1,6 @@
 //! The numbers of a study as CSV: what was measured, what was compared, every target.
 
-use super::comparison::{Measure, Row, StudyReport};
+use super::comparison::{MadeWith, Measure, Row, StudyReport};
 use super::workload::SCALES;
 
 /// An empty cell: not known.
@@ -32,8 +32,9 @@ impl StudyReport {
         let fixed =
             ["trial", "participant", "condition", "started", "outcome", "marks", "left_out"];
         let scales = SCALES.map(|(name, ..)| name);
-        let mut rows =
-            vec![header(fixed.into_iter().chain(Measure::ALL.map(Measure::name)).chain(scales))];
+        let measures = Measure::ALL.map(Measure::name);
+        let names = fixed.into_iter().chain(MadeWith::NAMES).chain(measures).chain(scales);
+        let mut rows = vec![header(names)];
         for trial in &self.trials {
             let outcome = trial.outcome.map(|outcome| format!("{outcome:?}").to_lowercase());
             let mut row = vec![
@@ -45,6 +46,7 @@ impl StudyReport {
                 trial.marks.to_string(),
                 trial.left_out.clone().unwrap_or_default(),
             ];
+            row.extend(trial.made_with.cells());
             row.extend(trial.values.map(cell));
             let answers = trial.workload.map(|workload| workload.0.map(f64::from).map(Some));
             row.extend(answers.unwrap_or_default().map(cell));
@@ -66,13 +68,13 @@ impl StudyReport {
         for Row { measure, means, effects, .. } in &self.rows {
             for (condition, (mean, effect)) in self.conditions.iter().zip(means.iter().zip(effects))
             {
-                let interval = effect.and_then(|effect| effect.interval);
+                let interval = effect.as_ref().and_then(|effect| effect.interval);
                 let numbers = [
                     *mean,
-                    effect.map(|effect| effect.difference),
+                    effect.as_ref().map(|effect| effect.difference),
                     interval.map(|[low, _]| low),
                     interval.map(|[_, high]| high),
-                    effect.map(|effect| effect.participants as f64),
+                    effect.as_ref().map(|effect| effect.differences.len() as f64),
                 ];
                 let mut row = vec![measure.name().to_owned(), condition.clone()];
                 row.extend(numbers.map(cell));

@@ -117,9 +117,17 @@ fn a_trial_is_recorded_with_its_marks_and_reported_to_those_who_watch() {
     let report = i2ris_record::report::TrialReport::read(&recording).unwrap();
     assert!(report.cut_off.is_none());
     assert_eq!(report.about.get("note").unwrap(), "P07 joystick reach");
-    // The next one has the next number; the list has both.
-    bench.succeeds(START);
-    bench.succeeds("stop --outcome success");
+    // The next one has the next number; the list has both. Marked from another folder, and ended as
+    // it says.
+    let said = bench.succeeds(START);
+    let elsewhere = |words: &str| {
+        let mut command = bench.command(words);
+        let output = command.env_remove("I2RIS_STUDY").current_dir("/").output().unwrap();
+        assert!(output.status.success(), "{words}: {output:?}");
+    };
+    elsewhere("mark here");
+    let advice = said.split('`').nth(1).unwrap().strip_prefix("i2ris record trial ").unwrap();
+    elsewhere(advice);
     let list = bench.succeeds("list");
     let trials = list.lines().filter(|line| line.starts_with("P07-joystick-0")).count();
     assert_eq!(trials, 2, "{list}");

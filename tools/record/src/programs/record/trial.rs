@@ -1,8 +1,10 @@
 //! `i2ris record trial`: the trials of a study, from a participant at the console to a recording
 //! with marks.
 
+use std::ffi::OsStr;
 use std::io;
-use std::path::PathBuf;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
 
 use i2ris::clock;
 use i2ris_record::trial::code::{Condition, Participant};
@@ -10,7 +12,7 @@ use i2ris_record::trial::journal::{Journal, Outcome};
 use i2ris_record::trial::order::order;
 use i2ris_record::trial::runner::Plan;
 use i2ris_record::trial::workload::{SCALES, Workload};
-use i2ris_record::trial::{Study, TrialFolder};
+use i2ris_record::trial::{Study, StudyError, TrialFolder};
 use i2ris_report::{DomainOption, Failure};
 
 #[derive(Debug, clap::Args)]
@@ -18,6 +20,37 @@ pub struct InStudy {
     /// Folder of the study
     #[arg(long, value_name = "FOLDER", env = "I2RIS_STUDY", default_value = ".")]
     study: PathBuf,
+}
+
+impl InStudy {
+    /// The study that is named, or that this folder is, or the one of which a trial runs.
+    fn open(&self) -> Result<Study, StudyError> {
+        match Study::open(&self.study) {
+            Err(StudyError::NoStudy { .. }) if self.study.as_os_str() == "." => match &*running() {
+                [study] => Study::open(study),
+                _ => Study::open(&self.study),
+            },
+            opened => opened,
+        }
+    }
+}
+
+/// The studies of which a trial is being recorded in the domain of this terminal: recorders have
+/// both on the command line.
+fn running() -> Vec<PathBuf> {
+    let domain = std::env::var_os("I2RIS_DOMAIN").unwrap_or_else(|| "i2ris".into());
+    let study = |process: &Path| {
+        let line = std::fs::read(process.join("cmdline")).ok()?;
+        let words: Vec<_> = line.split(|byte| *byte == 0).map(OsStr::from_bytes).collect();
+        let behind = |name: &str| words.get(words.iter().position(|word| *word == name)? + 1);
+        let is_recorder = Path::new(*words.first()?).file_name()? == "i2ris-record";
+        // A relative folder is one of the process.
+        let trial = process.join("cwd").join(behind("--study")?).canonicalize().ok()?;
+        (is_recorder && *behind("--domain")? == domain)
+            .then(|| trial.parent().map(Path::to_owned))?
+    };
+    let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    processes.filter_map(|process| study(&process.path())).collect()
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -115,7 +148,8 @@ pub fn run(task: Task) -> Result<(), Failure> {
             orders(&Study::open(&study)?);
         }
         Task::Start { study, domain, participant, condition, task, note } => {
-            let study = Study::open(&study.study)?;
+            let folder = study.study;
+            let study = Study::open(&folder)?;
             let _one_at_a_time = study.lock()?;
             for name in study.close_cut_off()? {
                 println!("{name} had been cut off: closed as aborted; what was recorded is kept");
@@ -130,26 +164,28 @@ pub fn run(task: Task) -> Result<(), Failure> {
                 recorder: &recorder,
             })?;
             println!(
-                "{} is being recorded; `i2ris record trial stop --outcome success` ends it",
-                trial.name
+                "{} is being recorded; `i2ris record trial stop --outcome success --study {}` ends \
+                 it",
+                trial.name,
+                folder.display()
             );
         }
         Task::Mark { text, study } => {
-            let (name, number) = Study::open(&study.study)?.mark(now, &text)?;
+            let (name, number) = study.open()?.mark(now, &text)?;
             println!("{name}: mark {number}, {text}");
         }
         Task::Stop { outcome, note, study } => {
-            let trial = Study::open(&study.study)?.stop(outcome, &note)?;
+            let trial = study.open()?.stop(outcome, &note)?;
             println!("{}", line(&trial));
         }
         Task::Workload { name, answers, study } => {
-            let trial = Study::open(&study.study)?.ended(name.as_deref())?;
+            let trial = study.open()?.ended(name.as_deref())?;
             let answers = answers.map_or_else(|| ask(&trial.name), Ok)?;
             Journal::open(&trial.folder)?.workload(answers)?;
             println!("{}: workload {:.0} of 100", trial.name, answers.mean());
         }
-        Task::List { name: None, study, json } => list(&Study::open(&study.study)?, json)?,
-        Task::List { name: Some(name), study, .. } => show(&Study::open(&study.study)?, &name)?,
+        Task::List { name: None, study, json } => list(&study.open()?, json)?,
+        Task::List { name: Some(name), study, .. } => show(&study.open()?, &name)?,
     }
     Ok(())
 }
