@@ -23,7 +23,7 @@ use crate::drive::frame::{self, Parser};
 use crate::emulator::config::EmulatorConfig;
 use crate::emulator::log::{Event, Log};
 use crate::emulator::plant::Plant;
-use crate::emulator::port::{LineConfig, LineTiming};
+use crate::emulator::port::{LineConfig, LineTiming, REPLY_WAIT_US, REQUEST_WAIT_US};
 
 /// The first tick. Long before it every drive has been brought up.
 const BEGIN: Nanos = Nanos::from_millis(60_000);
@@ -78,6 +78,10 @@ impl LineEnd {
 impl Transport for LineEnd {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         let (read, mut incoming) = (self.now, None);
+        if self.config.latency_timer_ms > 0 {
+            let wait = Nanos::from_micros(self.random.random_range(0..=REQUEST_WAIT_US));
+            self.timing.wait_for_frame(read, wait);
+        }
         for byte in bytes {
             self.timing.arrive(read);
             incoming = self.parser.push(*byte).or(incoming);
@@ -92,7 +96,8 @@ impl Transport for LineEnd {
         let processing = Nanos::from_micros(self.config.processing_us + jitter);
         let bytes = frame::reply(&reply.data);
         let end = self.timing.depart(arrived + processing + reply.delay, bytes.len());
-        let due = end + Nanos::from_millis(self.config.adapter_hold_ms);
+        let wait = Nanos::from_micros(self.random.random_range(0..=REPLY_WAIT_US));
+        let due = self.timing.deliver(end, bytes.len(), wait);
         self.reply = Some((due, bytes));
         Ok(())
     }
@@ -137,9 +142,9 @@ impl Lines {
     pub fn start(config: &EmulatorConfig, ports: &[PortConfig]) -> Result<Self, String> {
         let drives = config.drives.iter().chain(&config.auxiliary);
         let drives = drives.map(|config| Drive::new(config, 0.0)).collect();
-        let gateway = config.gateway_us.map(Nanos::from_micros);
+        let gateways = (config.ports(), Nanos::from_micros(config.gateway_us.unwrap_or_default()));
         let (snake, log) = (config.snake.build(config.seed), Arc::new(Log::default()));
-        let plant = Plant::new(drives, snake, gateway, Arc::clone(&log), Nanos::ZERO);
+        let plant = Plant::new(drives, snake, gateways, Arc::clone(&log), Nanos::ZERO);
         let plant = Arc::new(Mutex::new(plant));
         let mut instants = vec![Nanos::ZERO; ports.len() + 1];
         instants[0] = BEGIN;

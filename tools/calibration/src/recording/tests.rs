@@ -100,6 +100,7 @@ fn named_columns_take_the_place_of_known_ones() {
         time: TimeColumn::Ignored,
         counts: vec!["q1_counts".to_owned()],
         outputs: vec!["yaw_deg=bend".parse().unwrap()],
+        ..ColumnMap::default()
     };
     let (recording, _) = read_as(good().join("\n").as_bytes(), &columns).unwrap();
     assert_eq!((recording.motors(), recording.outputs()[0].name.as_str()), (1, "bend"));

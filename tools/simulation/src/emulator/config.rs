@@ -104,7 +104,7 @@ impl EmulatorConfig {
     }
 
     /// The drives of each port, the one that the port belongs to first.
-    pub(super) fn ports(&self) -> Vec<Vec<usize>> {
+    pub(crate) fn ports(&self) -> Vec<Vec<usize>> {
         match (&self.layout, self.gateway_us) {
             (Some(layout), _) => layout.clone(),
             (None, None) => vec![vec![0], vec![1]],
@@ -142,7 +142,7 @@ impl EmulatorConfig {
                     config::Family::Epos2 => Family::Epos2,
                 },
                 node_id: if axis.node_id == 0 { OWN_NODE } else { axis.node_id },
-                serial_number: axis.serial_number,
+                serial_number: axis.short_serial_number(),
                 ..DriveConfig::default()
             };
             match self.drives.get_mut(axis.motor) {

@@ -92,7 +92,7 @@ impl LineTiming {
     }
 
     /// What was read at `read` waited so long for a frame of USB.
-    pub(super) fn wait_for_frame(&mut self, read: Nanos, wait: Nanos) {
+    pub(crate) fn wait_for_frame(&mut self, read: Nanos, wait: Nanos) {
         self.free = self.free.max(read - (self.allowance + self.late)) + wait;
     }
 
@@ -117,7 +117,7 @@ impl LineTiming {
 
     /// When the host gets a reply of `bytes` whose last one arrived at `end`, and what is handed
     /// over waits so long for a frame of USB.
-    pub(super) fn deliver(&mut self, end: Nanos, bytes: usize, wait: Nanos) -> Nanos {
+    pub(crate) fn deliver(&mut self, end: Nanos, bytes: usize, wait: Nanos) -> Nanos {
         if self.timer == Nanos::ZERO {
             return end;
         }

@@ -42,8 +42,8 @@ const POLL: Nanos = Nanos::from_millis(20);
 
 /// The longest that a request waits for USB, a frame, and a reply, which the host polls for more
 /// often; microseconds. Where in a frame they fall is not known.
-const REQUEST_WAIT_US: u64 = 1000;
-const REPLY_WAIT_US: u64 = 500;
+pub(crate) const REQUEST_WAIT_US: u64 = 1000;
+pub(crate) const REPLY_WAIT_US: u64 = 500;
 
 /// A thread that slept longer than this was delayed by the machine.
 const STALL: Nanos = Nanos::from_millis(30);
