@@ -16,13 +16,13 @@ use i2ris_calibration::fit::{Choice, Family};
 use i2ris_calibration::parallel;
 use i2ris_report::Failure;
 use i2ris_report::statistics::{mean, quantile_of_unsorted, root_mean_square};
-use i2ris_simulation::EmulatorConfig;
 use i2ris_simulation::closed_loop::{ClosedLoop, Inputs};
 use i2ris_simulation::drive::{Family as DriveFamily, State};
 use i2ris_simulation::lines::Lines;
 use i2ris_simulation::log::EventKind;
 use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ, within_reach};
 use i2ris_simulation::physics::{DrawnSnake, Physics};
+use i2ris_simulation::{EmulatorConfig, LineConfig};
 use serde::Serialize;
 
 use super::laboratory::{config, fitted};
@@ -231,9 +231,8 @@ impl Plan {
         config.limits.feedback_stale_ms = 0;
         config.compensation.lead_ms = 10.0;
         if self.line != Line::Rs232 {
-            emulated.line.baud = 1_000_000;
-            emulated.line.adapter_hold_ms = self.timer_ms;
-            emulated.line.jitter_us = 200;
+            let latency_timer_ms = self.timer_ms;
+            emulated.line = LineConfig { latency_timer_ms, ..LineConfig::usb() };
             emulated.drives.iter_mut().for_each(|drive| drive.family = DriveFamily::Epos2);
         }
         if self.line == Line::Lab {

@@ -83,7 +83,8 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
 fn list_nodes(port: &PortConfig, found: &[FoundNode], report: &mut Report) {
     let is_known = |node: &FoundNode| {
         port.axes.iter().any(|axis| {
-            [0, node.node_id].contains(&axis.node_id) && axis.serial_number == node.serial_number
+            [0, node.node_id].contains(&axis.node_id)
+                && axis.short_serial_number() == node.serial_number
         })
     };
     let device = port.device.display();
