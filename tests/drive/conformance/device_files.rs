@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use i2ris::config::{AxisConfig, HomingMethod, Streaming};
+use i2ris::config::{self, AxisConfig, HomingMethod, Streaming};
 use i2ris::drive::objects::{self, Entry};
 use i2ris::drive::{AxisPhase, Port, PortEventKind};
 use i2ris_simulation::drive::{DeviceFile, Family};
@@ -40,13 +40,14 @@ fn bench(file: &DeviceFile) -> TestBench {
 
 /// An EPOS4 of firmware 0x0110 with all known objects, changed.
 fn changed(change: impl FnOnce(&mut Vec<Entry>)) -> DeviceFile {
-    let mut objects: Vec<Entry> =
-        objects::of_family(i2ris::config::Family::Epos4).copied().collect();
-    let mut revision =
-        objects.iter_mut().filter(|entry| (entry.index, entry.subindex) == (0x1018, 3));
-    revision.next().unwrap().default = 0x0110_0000;
+    let mut objects: Vec<Entry> = objects::of_family(config::Family::Epos4).copied().collect();
+    entry(&mut objects, 0x1018, 3).default = 0x0110_0000;
     change(&mut objects);
     DeviceFile { family: Family::Epos4, objects: objects.into() }
+}
+
+fn entry(objects: &mut [Entry], index: u16, subindex: u8) -> &mut Entry {
+    objects.iter_mut().find(|it| (it.index, it.subindex) == (index, subindex)).unwrap()
 }
 
 fn without(indices: &[u16]) -> DeviceFile {
@@ -55,9 +56,7 @@ fn without(indices: &[u16]) -> DeviceFile {
 
 fn with_range(index: u16, subindex: u8, low: i64, high: i64) -> DeviceFile {
     changed(|objects| {
-        let mut found =
-            objects.iter_mut().filter(|it| (it.index, it.subindex) == (index, subindex));
-        let entry = found.next().unwrap();
+        let entry = entry(objects, index, subindex);
         (entry.range, entry.default) = (Some((low, high)), entry.default.clamp(low, high));
     })
 }
@@ -73,8 +72,7 @@ fn the_table_of_objects_agrees_with_every_real_drive() {
         let file =
             DeviceFile::parse(&format!("{head}{}", rows.collect::<String>()), &name).unwrap();
         let is_epos4 = file.family == Family::Epos4;
-        let family =
-            if is_epos4 { i2ris::config::Family::Epos4 } else { i2ris::config::Family::Epos2 };
+        let family = if is_epos4 { config::Family::Epos4 } else { config::Family::Epos2 };
         let firmware = u16::from_str_radix(&name[name.len() - 8..name.len() - 4], 16).unwrap();
         let mut compared = 0;
         for known in objects::of_family(family) {
