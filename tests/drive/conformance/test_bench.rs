@@ -97,9 +97,7 @@ impl TestBench {
         tested.family = emulated_family(setup.drive);
         // A hard stop for homing, reached within a second.
         tested.motor.stops = [-400.0, 100_000.0];
-        if setup.framing == Framing::V1 {
-            config.line.framing = i2ris_simulation::Framing::V1;
-        }
+        config.line.framing = setup.framing;
         change(&mut config);
         let emulator = Emulator::start(config).unwrap();
         let ports = ports(setup, &emulator);

@@ -17,7 +17,7 @@ use i2ris_simulation::Line;
 use crate::process::Process;
 
 /// The configuration of the controller, in the folder; in a rehearsal the copy of the robot's.
-const FILE: &str = "controller.toml";
+pub const FILE: &str = "controller.toml";
 const REHEARSED: &str = "rehearsal.toml";
 const CONFIG: &str = include_str!("../../../config/emulator.toml");
 
@@ -113,19 +113,13 @@ fn kept_config(folder: &Path, domain: &str, line: Option<Line>) -> Result<Config
 /// The configuration of a robot for emulated drives. What would reach the robot itself, its
 /// records or its clients is another, and is said; all else is as in the file.
 fn rehearsed(file: &Path, folder: &Path, arguments: &Arguments) -> Result<Config, Failure> {
-    let mut config = Config::load(
-        &fs::canonicalize(file)
-            .map_err(|error| format!("cannot read configuration {}: {error}", file.display()))?,
-    )?;
-    let unknown = config.axes().filter(|axis| axis.serial_number == 0).count();
+    let mut config = Config::load(&fs::canonicalize(file).unwrap_or_else(|_| file.to_owned()))?;
     let mut said = format!("rehearsal of {} (robot {}):", file.display(), config.robot_id);
     for (number, port) in config.ports.iter_mut().enumerate() {
-        let (real, emulated) = (port.device.clone(), device(folder, number));
-        said += &format!("\n  device {} -> {}", real.display(), emulated.display());
-        port.device = emulated;
-        if let Some(saved) = &mut port.positions_file {
-            *saved = folder.join(format!("positions{number}.toml"));
-        }
+        let real = std::mem::replace(&mut port.device, device(folder, number));
+        said += &format!("\n  device {} -> {}", real.display(), port.device.display());
+        let saved = folder.join(format!("positions{number}.toml"));
+        port.positions_file = port.positions_file.take().map(|_| saved);
     }
     config.record_folder = folder.join("records");
     let own = arguments.domain.domain()?;
@@ -134,15 +128,11 @@ fn rehearsed(file: &Path, folder: &Path, arguments: &Arguments) -> Result<Config
     } else {
         own.name().clone_into(&mut config.domain);
     }
-    said += &format!(
-        "\n  domain {}; records and saved positions in {}; all else is as in the file",
-        config.domain,
-        folder.display()
-    );
-    if unknown > 0 {
-        said += &format!(
-            "\n  serial_number = 0, {unknown} times: emulated drives have it, no real one"
-        );
+    let (domain, here) = (&config.domain, folder.display());
+    said +=
+        &format!("\n  domain {domain}; records and saved positions in {here}; all else as there");
+    if config.axes().any(|axis| axis.serial_number == 0) {
+        said += "\n  serial_number = 0: the emulated drives have it, no real one does";
     }
     until_closed(Screen::stdout().say(&said))?;
     // Of an earlier rehearsal.
@@ -209,11 +199,6 @@ impl EmulatedRobot {
     pub fn end(self) -> Result<(), Failure> {
         self.controller.end().and_then(|()| self.emulator.end())
     }
-}
-
-/// The path of the configuration of a folder.
-pub fn file(folder: &Path) -> PathBuf {
-    folder.join(FILE)
 }
 
 /// The configuration of the emulated robot, with its ports in a folder.

@@ -60,7 +60,7 @@ impl Demo {
             .map_err(|error| format!("cannot create {}: {error}", path.display()))?;
         let folder = Folder { path: fs::canonicalize(path)?, is_kept };
         // Of an earlier run, on another domain.
-        let file = crate::start::file(&folder.path);
+        let file = folder.path.join(crate::start::FILE);
         let _ = fs::remove_file(&file);
         let mut demo = Self { arguments, interrupt, domain, robot: None, folder };
         let (seed, log) = (demo.arguments.seed.to_string(), demo.file("setpoints.csv")?);

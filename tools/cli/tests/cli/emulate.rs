@@ -161,7 +161,7 @@ fn snakes_by_name_are_there_in_every_folder_and_it_ends_by_itself_when_requested
         let options = format!("--duration-s 0.2 --ports ports --domain {} {name}", domain.name());
         let printed = WorkFolder::new().succeeds(&format!("emulate {options}"));
         let name = name.strip_prefix("--snake ").unwrap_or("steel");
-        assert_says(&printed, &[&format!("ready: snake {name}"), "ended: 0 requests"]);
+        assert_says(&printed, &[&format!("ready: snake {name}"), "ended: 0 rules broken"]);
     }
     let help = WorkFolder::new().succeeds("emulate --help");
     Physics::NAMES.iter().for_each(|name| assert_says(&help, &[&format!("- {name}: ")]));
@@ -202,7 +202,7 @@ fn a_rehearsal_puts_emulated_drives_under_the_file_of_a_robot() {
         let running =
             Running::until("next", start(&domain, &format!("start --no-monitor {options}")));
         let device = "device /dev/serial/by-id/usb-maxon-drive-of-";
-        let unknown = "serial_number = 0, ";
+        let unknown = "serial_number = 0: the emulated";
         assert_says(&running.lines, &[device, "here/ports/axis0", unknown, domain.name()]);
         running.end(Signal::SIGINT);
         let log = bench.read("here/controller.log");

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use i2ris::config::{self, AxisConfig, PortConfig};
 
-use super::port::{Framing, LineConfig};
+use super::port::LineConfig;
 use super::scenario::Scenario;
 use super::snake_source::SnakeSource;
 use crate::camera::CameraConfig;
@@ -41,22 +41,19 @@ impl Line {
         axes: Vec<AxisConfig>,
         device: impl Fn(usize) -> PathBuf,
     ) -> Vec<PortConfig> {
-        let port = |number: usize, axes: Vec<AxisConfig>| match self {
-            Self::Rs232 => PortConfig::new(device(number), axes),
-            Self::Lab | Self::UsbEach => PortConfig {
-                family: config::Family::Epos2,
-                baud: LineConfig::usb().baud,
-                ..PortConfig::new(device(number), axes)
-            },
-        };
-        let node = |(axis, node_id)| AxisConfig { node_id, ..axis };
-        match self {
-            Self::Lab => vec![port(0, axes.into_iter().zip(1..).map(node).collect())],
-            Self::UsbEach | Self::Rs232 => {
-                let alone = axes.into_iter().take(2).map(|axis| node((axis, 1)));
-                alone.enumerate().map(|(number, axis)| port(number, vec![axis])).collect()
+        let port = |number: usize, axes: Vec<AxisConfig>| {
+            let mut port = PortConfig::new(device(number), axes);
+            if self != Self::Rs232 {
+                (port.family, port.baud) = (config::Family::Epos2, LineConfig::usb().baud);
             }
+            port
+        };
+        let node = |(node_id, axis)| AxisConfig { node_id, ..axis };
+        if self == Self::Lab {
+            return vec![port(0, (1..).zip(axes).map(node).collect())];
         }
+        let alone = axes.into_iter().take(2).map(|axis| vec![node((1, axis))]);
+        alone.enumerate().map(|(number, axes)| port(number, axes)).collect()
     }
 }
 
@@ -118,19 +115,16 @@ impl EmulatorConfig {
     /// # Errors
     ///
     /// When its ports differ in what all emulated ones have in common.
-    pub fn rehearse(&mut self, ports: &[PortConfig]) -> Result<(), String> {
-        let [first, ..] = ports else { return Err("there is no port to emulate".to_owned()) };
+    pub fn rehearse(&mut self, ports: &[PortConfig]) -> Result<(), &'static str> {
+        let [first, ..] = ports else { return Err("there is no port to emulate") };
         let line = |port: &PortConfig| (port.baud, port.framing);
         if ports.iter().any(|port| line(port) != line(first)) {
-            return Err("ports that differ in `baud` or `framing` are not emulated together".into());
+            return Err("ports that differ in `baud` or `framing` are not emulated together");
         }
-        self.line.baud = first.baud;
-        self.line.framing = match first.framing {
-            config::Framing::V1 => Framing::V1,
-            config::Framing::V2 => Framing::V2,
-        };
+        let usb = LineConfig::usb();
         // Nobody runs RS232 at such a rate.
-        self.line.latency_timer_ms = u64::from(first.baud >= LineConfig::usb().baud);
+        self.line = if first.baud >= usb.baud { usb } else { LineConfig::default() };
+        (self.line.baud, self.line.framing) = line(first);
         self.gateway_us = Some(GATEWAY_US);
         let motors = |port: &PortConfig| port.axes.iter().map(|axis| axis.motor).collect();
         self.layout = Some(ports.iter().map(motors).collect());

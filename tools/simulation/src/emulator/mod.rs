@@ -235,11 +235,6 @@ impl Emulator {
         self.shared.log.events()
     }
 
-    /// Requests on all ports since the start.
-    pub fn requests(&self) -> u64 {
-        self.shared.requests()
-    }
-
     /// Number of rule violations of the host since the start.
     pub fn host_bugs(&self) -> u64 {
         self.shared.log.host_bugs()

@@ -85,13 +85,12 @@ impl Plant {
         self.advance_to(arrived);
         let (layout, trip) = &self.gateways;
         let beside = layout.iter().find(|axes| axes.first() == Some(&axis));
-        let is_behind = |other: usize| beside.is_some_and(|axes| axes[1..].contains(&other));
         let (mut port, mut others) = (None, Vec::new());
         for (other, drive) in self.drives.iter_mut().enumerate() {
-            match other {
-                _ if other == axis => port = Some(drive),
-                _ if is_behind(other) => others.push(drive),
-                _ => {}
+            if other == axis {
+                port = Some(drive);
+            } else if beside.is_some_and(|axes| axes.contains(&other)) {
+                others.push(drive);
             }
         }
         let gateway = (!others.is_empty()).then_some((others, *trip));

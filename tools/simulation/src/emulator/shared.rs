@@ -97,11 +97,6 @@ impl Shared {
         self.layout.iter().position(|axes| axes.contains(&axis)).unwrap_or(0)
     }
 
-    /// Requests on all lines.
-    pub(crate) fn requests(&self) -> u64 {
-        self.lines.iter().map(|line| line.requests.load(Ordering::Relaxed)).sum()
-    }
-
     pub(crate) fn line(&self, axis: usize) -> &Line {
         &self.lines[self.port_of(axis)]
     }

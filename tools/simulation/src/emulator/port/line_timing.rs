@@ -8,16 +8,8 @@
 //! for the latency timer: FTDI's chips hand bytes over when 62 are there, or when the timer expires,
 //! which starts again with everything that is handed over (FTDI AN232B-04).
 
+pub use i2ris::config::Framing;
 use i2ris::units::Nanos;
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Framing {
-    /// With sync bytes and byte stuffing.
-    #[default]
-    V2,
-    /// With handshake bytes.
-    V1,
-}
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct LineConfig {
