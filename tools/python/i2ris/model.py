@@ -40,29 +40,28 @@ Progress = Callable[[str, float], None]
 
 def _in_order(name: str, values: Any) -> ArrayLike:
     """The columns of a frame in the order of motors or of pitch and yaw, by their names."""
-    if not hasattr(values, "columns"):
-        label = str(getattr(values, "name", None) or "")
-        names, numbers = [label] if label else [], values
-    else:
-        names, numbers = [str(column) for column in values.columns], np.asarray(values)
+    is_frame, is_angle = hasattr(values, "columns"), name == "angles_deg"
+    names = [str(each) for each in (values.columns if is_frame else [getattr(values, "name", "")])]
     for each in names:
         unit = re.search(r"(?:^|[^a-z])(rad|ms|us|ns)[^a-z]*$", each.lower())
-        if unit and (unit[1] == "rad") == (name == "angles_deg"):
-            raise ValueError(f"{name}: `{each}` says that it is in {unit[1]}; pass {'degrees' if unit[1] == 'rad' else 'seconds'}")
-    if len(names) != 2:
-        return numbers
+        if unit and (unit[1] == "rad") == is_angle:
+            wanted = "degrees" if is_angle else "seconds"
+            raise ValueError(f"{name}: `{each}` says that it is in {unit[1]}; pass {wanted}")
+    if not is_frame or len(names) != 2:
+        return np.asarray(values) if is_frame else values
 
     def place(column: str) -> float:
-        found = re.search(r"(pitch)|(yaw)", column.lower()) if name == "angles_deg" else re.search(r"(\d+)", column)
-        if found is None:
-            return np.nan
-        return float(found[1]) if name != "angles_deg" else float(found[1] is None)
+        if is_angle:
+            return next((at for at, axis in enumerate(("pitch", "yaw")) if axis in column.lower()), np.nan)
+        number = re.search(r"\d+", column)
+        return float(number[0]) if number else np.nan
 
     places = [place(column) for column in names]
-    if not places[0] != places[1] or not np.isfinite(places).all():
-        wanted = "pitch_deg, yaw_deg" if name == "angles_deg" else "q0_counts, q1_counts"
-        raise ValueError(f"{name}: cannot tell which of `{'`, `'.join(names)}` is which; call them {wanted}, or pass numbers alone")
-    return numbers[:, np.argsort(places)]
+    if places[0] == places[1] or not np.isfinite(places).all():
+        wanted = "pitch_deg, yaw_deg" if is_angle else "q0_counts, q1_counts"
+        shown = "`, `".join(names)
+        raise ValueError(f"{name}: cannot tell which of `{shown}` is which; call them {wanted}, or pass numbers alone")
+    return np.asarray(values)[:, np.argsort(places)]
 
 
 def _said(sentence: str, arrays: Path | None = None) -> str:

@@ -1,8 +1,9 @@
 //! Requirements that tables fulfil, row by row and from row to row.
 
-use super::columns::{Column, TIME_UNITS};
+use i2ris::units::MAX_MOTORS;
+
+use super::columns::{Column, Layout, TIME_UNITS};
 use super::error::{Problem, RecordingError};
-use super::rows::Recording;
 use super::steps::{glitches, wrap};
 use super::table::{ReadRow, Table};
 
@@ -33,31 +34,54 @@ impl Table<'_> {
         (0..self.layout.counts.len()).try_for_each(|motor| self.steps_are_of_a_motor(motor))
     }
 
-    /// Refuses a column that is empty on every row.
-    pub fn columns_are_filled(&self) -> Result<(), RecordingError> {
-        let empty = |column: &&Column| self.filled.get(column.index) == Some(&0);
-        match self.layout.all().find(empty).filter(|_| !self.rows.is_empty()) {
-            None => Ok(()),
-            Some(column) => {
-                let (column, remedy) = (column.name.clone(), self.without(column));
-                Err(self.error(Problem::EmptyColumn { column, remedy }))
-            }
-        }
+    /// Columns that matter: the option that leaves it out, what it means if it never changes, and
+    /// its cell in a row.
+    fn used(&self) -> impl Iterator<Item = (&Column, [&'static str; 2], impl Fn(&ReadRow) -> f64)> {
+        let Layout { time, counts, outputs, .. } = &self.layout;
+        let time = time.iter().map(|column| (column, ["--time none", ""], 0));
+        let counts = counts.iter().zip(1..);
+        let counts = counts.map(|(it, cell)| (it, ["--counts", "that motor never moved"], cell));
+        let outputs = outputs.iter().zip(1 + MAX_MOTORS..);
+        let outputs = outputs.map(|(it, cell)| (&it.0, ["--angles", "nothing was measured"], cell));
+        time.chain(counts).chain(outputs).map(|(column, words, cell)| {
+            let value = move |row: &ReadRow| {
+                let ([a, b], [x, y, z]) = (row.counts, row.outputs);
+                [row.time_s.unwrap_or(f64::NAN), a, b, x, y, z][cell]
+            };
+            (column, words, value)
+        })
     }
 
-    /// How to leave a column out.
-    fn without(&self, column: &Column) -> String {
-        let option = if self.layout.time.as_ref() == Some(column) {
-            "--time none"
-        } else if self.layout.counts.contains(column) {
-            "--counts"
-        } else {
-            "--angles"
-        };
+    /// How to do without a column.
+    fn without(&self, option: &str) -> String {
         match self.columns.options {
             true => format!("leave it out with {option}"),
             false => "take that column out of the table".to_owned(),
         }
+    }
+
+    /// Refuses a column that is empty on every row.
+    pub fn columns_are_filled(&self) -> Result<(), RecordingError> {
+        for (column, [option, _], cell) in self.used() {
+            if !self.rows.is_empty() && self.rows.iter().all(|row| cell(row).is_nan()) {
+                let (column, remedy) = (column.name.clone(), self.without(option));
+                return Err(self.error(Problem::EmptyColumn { column, remedy }));
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses motors and outputs that never change.
+    pub fn columns_change(&self) -> Result<(), RecordingError> {
+        for (column, [option, meaning], cell) in self.used() {
+            let mut cells = self.rows.iter().filter(|row| row.empty.is_none()).map(cell);
+            let value = cells.next().unwrap_or_default();
+            if cells.all(|other| other == value) {
+                let (column, remedy) = (column.name.clone(), self.without(option));
+                return Err(self.error(Problem::ConstantColumn { column, value, meaning, remedy }));
+            }
+        }
+        Ok(())
     }
 
     fn located(&self) -> impl Iterator<Item = &ReadRow> {
@@ -169,36 +193,6 @@ impl Table<'_> {
                 Err(RecordingError::new(at(first), Problem::Glitch { value, usual, others }))
             }
         }
-    }
-
-    /// Refuses motors and outputs that never change.
-    pub fn columns_change(&self, recording: &Recording) -> Result<(), RecordingError> {
-        let rows = recording.rows();
-        for (motor, column) in self.layout.counts.iter().enumerate() {
-            let counts = rows.iter().map(|row| row.counts[motor]);
-            self.changes(counts, column, "that motor never moved")?;
-        }
-        for (output, (column, _)) in self.layout.outputs.iter().enumerate() {
-            let outputs = rows.iter().map(|row| row.outputs[output]);
-            self.changes(outputs, column, "nothing was measured")?;
-        }
-        Ok(())
-    }
-
-    fn changes(
-        &self,
-        mut values: impl Iterator<Item = f64>,
-        column: &Column,
-        meaning: &'static str,
-    ) -> Result<(), RecordingError> {
-        let Some(value) = values.next() else {
-            return Ok(());
-        };
-        if values.any(|other| other != value) {
-            return Ok(());
-        }
-        let (remedy, column) = (self.without(column), column.name.clone());
-        Err(self.error(Problem::ConstantColumn { column, value, meaning, remedy }))
     }
 }
 

@@ -280,28 +280,28 @@ impl Header<'_> {
             return Ok(Vec::new());
         };
         let option = "--angles COLUMN=NAME or --angles COLUMN=NAME,COLUMN=NAME";
-        if !self.map.outputs.is_empty() {
-            let named =
-                |o: &OutputColumn| Ok((self.named(&o.column, "--angles")?, o.output.clone()));
-            let named: Vec<_> = self.map.outputs.iter().map(named).collect::<Result<_, _>>()?;
-            let of = |spec: &OutputSpec| {
-                let column = named.iter().find(|(_, output)| output == spec).cloned();
-                column.ok_or_else(|| self.missing(&[&column_of(spec)], option))
-            };
-            return if wanted.is_empty() { Ok(named) } else { wanted.iter().map(of).collect() };
-        }
+        let named = &self.map.outputs;
         let of = |spec: &OutputSpec| {
-            let known =
-                OUTPUTS.iter().filter(|(_, name, unit)| (*name, *unit) == (&spec.name, spec.unit));
             let own = column_of(spec);
-            let mut names: Vec<&str> = known.map(|(column, ..)| *column).collect();
-            names.retain(|name| *name != own);
-            names.insert(0, &own);
+            let is_known =
+                |known: &&(&str, &str, OutputUnit)| (known.1, known.2) == (&spec.name, spec.unit);
+            let mut names: Vec<&str> = match named.is_empty() {
+                true => OUTPUTS.iter().filter(is_known).map(|(column, ..)| *column).collect(),
+                false => {
+                    named.iter().filter(|it| it.output == *spec).map(|it| &*it.column).collect()
+                }
+            };
+            if names.is_empty() {
+                names.push(&own);
+            }
             let column = names.iter().find_map(|name| self.column(name).transpose());
             Ok((column.unwrap_or_else(|| Err(self.missing(&names, option)))?, spec.clone()))
         };
         if !wanted.is_empty() {
             return wanted.iter().map(of).collect();
+        }
+        if !named.is_empty() {
+            return named.iter().map(|it| of(&it.output)).collect();
         }
         let present = || OUTPUTS.iter().filter(|(column, ..)| self.has(column));
         let Some(&(.., unit)) = present().next() else {

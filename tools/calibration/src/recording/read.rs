@@ -65,6 +65,8 @@ impl Recording {
             path: Vec::new(),
             rows: Vec::with_capacity(complete),
         };
+        // Entries beyond the outputs are 0.
+        let measured = layout.outputs.len();
         let (mut positions, mut dropped) = (0, Vec::new());
         for row in &table.rows {
             let ReadRow { line, time_s, counts, outputs, .. } = *row;
@@ -74,11 +76,13 @@ impl Recording {
             }
             match &row.empty {
                 None => recording.rows.push(Row { line, time_s, counts, outputs, path_index }),
-                Some(_) if row.located && !row.measured => positions += 1,
+                Some(_) if row.located && outputs[..measured].iter().all(|it| it.is_nan()) => {
+                    positions += 1
+                }
                 Some(column) => dropped.push(DroppedRow { line, column: column.clone() }),
             }
         }
-        table.columns_change(&recording)?;
+        table.columns_change()?;
         let names = |columns: &mut dyn Iterator<Item = &Column>| {
             columns.map(|column| column.name.clone()).collect()
         };

@@ -24,9 +24,6 @@ const COUNTS: RangeInclusive<f64> = -2_147_483_648.0..=4_294_967_295.0;
 
 const TIMES: RangeInclusive<f64> = f64::MIN..=f64::MAX;
 
-/// Lines that are named one by one before the rest is only counted.
-const NAMED: usize = 12;
-
 /// All rows of a file.
 #[derive(Debug)]
 pub(super) struct Table<'a> {
@@ -35,21 +32,17 @@ pub(super) struct Table<'a> {
     pub wanted: &'a Wanted,
     pub layout: Layout,
     pub rows: Vec<ReadRow>,
-    /// Cells with something in them, per column of the file.
-    pub filled: Vec<usize>,
     /// What was left out, and what is strange.
     pub notes: Vec<String>,
 }
 
-/// A row that was read.
+/// A row that was read; what is not there is not finite.
 #[derive(Debug)]
 pub(super) struct ReadRow {
     pub line: u64,
     pub time_s: Option<f64>,
     pub counts: MotorVec,
     pub outputs: [f64; MAX_OUTPUTS],
-    /// At least one output is there.
-    pub measured: bool,
     /// Time (where there is one) and all counts are there.
     pub located: bool,
     /// The first column whose cell is empty.
@@ -69,18 +62,12 @@ impl<'a> Table<'a> {
         let sheet = Sheet::read(&bytes, &place)?;
         let names = &sheet.header;
         let layout = Header { names, map: columns, wanted, place: &place }.layout()?;
-        let mut filled = vec![0; names.len()];
-        for (_, cells) in &sheet.rows {
-            let filled = filled.iter_mut().zip(cells);
-            filled.for_each(|(filled, cell)| *filled += usize::from(!is_missing(cell)));
-        }
         let (rows, notes) = (Vec::new(), sheet.notes.clone());
-        let mut table = Self { place, columns, wanted, layout, rows, filled, notes };
-        for (line, cells) in &sheet.rows {
-            let line = Line { table: &table, sheet: &sheet, number: *line, cells };
-            let row = line.read()?;
-            table.rows.push(row);
-        }
+        let mut table = Self { place, columns, wanted, layout, rows, notes };
+        let rows = sheet.rows.iter().map(|(number, cells)| {
+            Line { table: &table, sheet: &sheet, number: *number, cells }.read()
+        });
+        table.rows = rows.collect::<Result<_, _>>()?;
         table.notes.extend(table.unread_time(&sheet));
         Ok((table, bytes))
     }
@@ -144,14 +131,13 @@ pub fn read_rows(
     if rows.is_empty() {
         return Err(table.error(Problem::NoRows));
     }
-    let empty = |row: &ReadRow| Some(format!("line {} ({})", row.line, row.empty.as_ref()?));
-    let empty: Vec<String> = table.rows.iter().filter_map(empty).collect();
+    let mut empty = table.rows.iter().filter_map(|row| Some((row.line, row.empty.as_ref()?)));
     let mut notes = table.notes;
-    if !empty.is_empty() {
-        let more = if empty.len() > NAMED { ", ..." } else { "" };
-        let lines = empty[..empty.len().min(NAMED)].join(", ");
-        notes
-            .push(format!("{} row(s) with an empty cell are left out: {lines}{more}", empty.len()));
+    if let Some((line, column)) = empty.next() {
+        let count = 1 + empty.count();
+        notes.push(format!(
+            "{count} row(s) with an empty cell are left out, the first in line {line} ({column})"
+        ));
     }
     let notes = notes.iter().map(|note| format!("{}: {note}", table.place)).collect();
     Ok(Rows { rows, motors: table.layout.counts.len(), notes })
@@ -174,7 +160,6 @@ impl Line<'_> {
             time_s: None,
             counts: MotorVec::default(),
             outputs: [0.0; MAX_OUTPUTS],
-            measured: false,
             located: true,
             empty: None,
         };
@@ -189,7 +174,7 @@ impl Line<'_> {
             let beyond = "is out of the range of an encoder, 32 bits; correct the cell or name \
                           another column";
             let found = self.cell(column, number, (COUNTS, beyond), &mut row.empty)?;
-            *count = found.unwrap_or_default();
+            *count = found.unwrap_or(f64::NAN);
         }
         row.located = row.empty.is_none();
         for (output, (column, spec)) in row.outputs.iter_mut().zip(outputs) {
@@ -203,8 +188,7 @@ impl Line<'_> {
                 }
             };
             let found = self.cell(column, number, limit, &mut row.empty)?;
-            row.measured |= found.is_some();
-            *output = found.unwrap_or_default();
+            *output = found.unwrap_or(f64::NAN);
         }
         Ok(row)
     }

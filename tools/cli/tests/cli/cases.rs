@@ -259,10 +259,9 @@ fn other_readers(table: &mut Table) {
     ] {
         table.case(&format!("predict-lab-names{name}"), &text, all);
     }
-    let gap =
-        "+ predict | 1 row(s) with an empty cell are left out: line 42 (q0_counts)\n+ history";
+    let gap = "+ predict | 1 row(s) with an empty cell are left out, the first in line 42 (q0_counts)\n+ history";
     table.case("predict-lab-names gap", &with_cell(42, 1, ""), gap);
-    let gap = "+ invert | 1 row(s) with an empty cell are left out: line 42 (pitch_deg)\n3 file | line 42";
+    let gap = "+ invert | 1 row(s) with an empty cell are left out, the first in line 42 (pitch_deg)\n3 file | line 42";
     table.case("predict-lab-names gap of angles", &with_cell(42, 3, "nan"), gap);
     let double = "+ predict\n+ history\n! invert | line 9, column `t_s`: time 0.3 s occurs twice";
     table.case("predict-lab-names double stamp", &with_cell(9, 0, "0.300"), double);

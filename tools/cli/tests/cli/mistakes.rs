@@ -77,20 +77,18 @@ fn without_decimals(text: &str) -> String {
 
 /// Files of the wrong kind, and files that are there already.
 fn write_files(bench: &WorkFolder) {
-    let rows = |separator: &str, count: usize| {
-        let head = ["t_s", "q0_counts", "q1_counts", "pitch_deg", "yaw_deg"].join(separator);
-        let row = |k: usize| [k, k, 2 * k, k, k].map(|v| v.to_string()).join(separator);
-        let rows: Vec<String> = (0..count).map(row).collect();
-        format!("{head}\n{}\n", rows.join("\n"))
+    let head = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg";
+    let rows = |count: u32, step: u32| {
+        let row = |k: u32| format!("{},{k},{},{k},{k}\n", step * k, 2 * k);
+        format!("{head}\n{}", (0..count).map(row).collect::<String>())
     };
-    let waypoints = "t_s;pitch_deg;yaw_deg\n0;0;0\n1;1;1\n";
     let config = include_str!("../../../../config/emulator.toml");
     for (name, text) in [
-        ("semicolons.csv", rows(";", 100)),
-        ("short.csv", rows(",", 3)),
+        ("milliseconds.csv", rows(100, 50)),
+        ("short.csv", rows(3, 1)),
         ("angles.csv", "t_s,pitch_deg,yaw_deg\n0,1,2\n1,2,3\n".to_owned()),
-        ("waypoints.csv", waypoints.to_owned()),
-        ("there.csv", rows(",", 100)),
+        ("waypoints.csv", "pitch_deg,yaw_deg\n0,0\n1,1\n".to_owned()),
+        ("there.csv", rows(100, 1)),
         ("there.json", "{}".to_owned()),
         ("typo.toml", config.replacen("robot_id", "robot_name", 1)),
         ("broken.toml", "robot_id = [".to_owned()),
@@ -131,9 +129,9 @@ fn without_a_controller(table: &mut Table, domain: &Domain) {
         ("a number that is none", 2, "command circle --radius-deg five --period-s 6"),
         ("no such recording", 1, "calibrate fit FOLDER/none.csv --output FOLDER/new.json"),
         (
-            "a recording with semicolons",
+            "a recording with stamps in ms",
             1,
-            "calibrate fit FOLDER/semicolons.csv --output FOLDER/new.json",
+            "calibrate fit FOLDER/milliseconds.csv --output FOLDER/new.json",
         ),
         (
             "an MCAP file for a CSV file",
@@ -184,7 +182,7 @@ fn while_enabled(table: &mut Table, domain: &Domain, client: &mut Client) {
     succeeds(domain, "home");
     succeeds(domain, "enable");
     table.make(domain, "home while enabled", 4, "home");
-    table.make(domain, "a table with semicolons", 1, "command file FOLDER/waypoints.csv");
+    table.make(domain, "a table without time", 1, "command file FOLDER/waypoints.csv");
     table.make(
         domain,
         "a pose out of reach",
