@@ -6,7 +6,7 @@
 //!
 //! | file | contains |
 //! |---|---|
-//! | `control_loop`, `inverse`, `wire`, `e2e` | the measurements |
+//! | `control_loop`, `inverse`, `e2e` | the measurements |
 //! | `outcome`, `report` | variants, quantities, ratios; as text, JSON and figures |
 //! | `placement`, `machine` | scheduling of threads; properties and load of the machine |
 //! | `rig`, `sample_models`, `tick` | emulated drives, models of any size, a tick with ideal drives |
@@ -23,7 +23,6 @@ mod report;
 mod rig;
 mod sample_models;
 mod tick;
-mod wire;
 
 use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
@@ -68,7 +67,6 @@ fn own_domain() -> Result<Domain, BenchError> {
   i2ris bench e2e --commands 2000
   i2ris bench hand
   i2ris bench all --output latencies
-  i2ris bench wire --baud 115200,1000000 --axes 1,2,4
   i2ris bench lines --line lab,rs232
 
 `--output` makes a folder: figures as SVG, numbers as JSON.
@@ -103,8 +101,6 @@ enum Task {
     Loop(LoopArguments),
     /// One call of a model: desired angles to counts, and back
     Inverse(InverseArguments),
-    /// Exchanges with two emulated drives against what the wire allows
-    Wire(WireArguments),
     /// Command published, setpoint on the wire, encoder position back at the client; with emulated
     /// drives
     E2e(EndToEndArguments),
@@ -118,7 +114,7 @@ enum Task {
     Lines(models::lines::Arguments),
     /// Steps at the motor in the modes of operation of a drive, in simulated time
     Modes(models::modes::Arguments),
-    /// Loop, inverse, wire and e2e with their defaults, one after the other; takes two minutes
+    /// Loop, inverse and e2e with their defaults, one after the other; takes two minutes
     All(Measurement),
 }
 
@@ -145,24 +141,6 @@ struct InverseArguments {
     #[arg(long, value_name = "N", default_value_t = 50,
           value_parser = value_parser!(u32).range(1..))]
     turns: u32,
-    #[command(flatten)]
-    measurement: Measurement,
-}
-
-#[derive(Debug, clap::Args)]
-struct WireArguments {
-    /// Duration of the measurement of the bare loop and of the driver, each
-    #[arg(long, value_name = "S", default_value_t = 10,
-          value_parser = value_parser!(u32).range(1..=3600))]
-    duration_s: u32,
-    /// Baud rates, with commas between them; 12000000 means USB
-    #[arg(long, value_name = "BAUD", default_value = "115200", value_delimiter = ',',
-          value_parser = value_parser!(u32).range(9600..))]
-    baud: Vec<u32>,
-    /// Axes per port, 1 to 4, with commas between them
-    #[arg(long, value_name = "N", default_value = "1", value_delimiter = ',',
-          value_parser = value_parser!(u8).range(1..=wire::MAX_AXES as i64))]
-    axes: Vec<u8>,
     #[command(flatten)]
     measurement: Measurement,
 }
@@ -229,7 +207,6 @@ fn run(arguments: &Arguments) -> Result<(), BenchError> {
         }
         Task::Loop(arguments) => (&arguments.measurement, false),
         Task::Inverse(arguments) => (&arguments.measurement, false),
-        Task::Wire(arguments) => (&arguments.measurement, false),
         Task::E2e(arguments) => (&arguments.measurement, false),
         Task::Hand(arguments) => (&arguments.measurement, false),
         Task::All(measurement) => (measurement, true),
@@ -264,7 +241,7 @@ fn all(json: bool, run: Run) -> Result<Vec<Outcome>, BenchError> {
         let task = Arguments::try_parse_from(["i2ris-bench", name])?.task;
         measured(&task, json, name, run)
     };
-    ["loop", "inverse", "wire", "e2e"].into_iter().map(of).collect()
+    ["loop", "inverse", "e2e"].into_iter().map(of).collect()
 }
 
 fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
@@ -280,12 +257,6 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
             control_loop::run(&benchmark, run)
         }
         Task::Inverse(InverseArguments { turns, .. }) => inverse::run(*turns, run),
-        Task::Wire(WireArguments { duration_s, baud, axes, .. }) => {
-            let on = |baud: u32| axes.iter().map(move |axes| (baud, usize::from(*axes)));
-            let lines = baud.iter().copied().flat_map(on).collect();
-            let seconds = f64::from(*duration_s);
-            wire::run(&wire::WireBenchmark { lines, seconds }, run)
-        }
         Task::E2e(arguments) => {
             let controller = controller()?;
             let EndToEndArguments { commands, seed, turns, busy, .. } = *arguments;

@@ -46,26 +46,6 @@ fn every_variant_is_measured_and_compared_with_its_floor() {
 }
 
 #[test]
-fn the_use_of_the_wire_is_measured_and_written() {
-    let folder = tempfile::tempdir().unwrap();
-    let outcome =
-        bench(&["wire", "--duration-s", "1", "--output", folder.path().to_str().unwrap()]);
-    check_outcome(&outcome, &["setpoint to setpoint"]);
-    let quantity = |name: &str| {
-        let all = outcome["quantities"].as_array().unwrap();
-        all.iter().find(|quantity| quantity["name"] == name).unwrap()["value"].as_f64().unwrap()
-    };
-    // The emulator paces bytes: the wire is the upper limit.
-    for name in ["a bare loop uses", "the driver uses"] {
-        assert!((1.0..103.0).contains(&quantity(name)), "{name}: {}", quantity(name));
-    }
-    assert_eq!(quantity("rules broken by the host"), 0.0);
-    for name in ["wire.json", "wire.svg"] {
-        assert!(fs::metadata(folder.path().join(name)).unwrap().len() > 500, "{name}");
-    }
-}
-
-#[test]
 fn without_a_controller_e2e_fails_with_a_reason() {
     let program = Path::new(env!("CARGO_BIN_EXE_i2ris-bench"));
     let folder = tempfile::tempdir_in(program.parent().unwrap()).unwrap();
@@ -130,24 +110,6 @@ fn several_rates_of_the_loop_have_a_floor_each() {
     let groups = ["lateness, 1000 Hz", "lateness, 4000 Hz", "compute, 1000 Hz"];
     check_outcome(&outcome, &[&groups[..], &["compute, 4000 Hz"]].concat());
     assert_eq!(outcome["variants"].as_array().unwrap().len(), 18);
-}
-
-#[test]
-fn the_wire_is_measured_over_rates_and_axes() {
-    let outcome =
-        bench(&["wire", "--duration-s", "1", "--baud", "115200,1000000", "--axes", "1,3"]);
-    let groups = ["115200 baud, 1 axis per port", "1000000 baud, 1 axis per port"];
-    check_outcome(&outcome, &groups);
-    let floor = |group: &str| {
-        let variants = outcome["variants"].as_array().unwrap();
-        let floor =
-            variants.iter().find(|variant| variant["group"] == group && variant["role"] == "floor");
-        floor.unwrap()["spans_ns"]["p50"].as_f64().unwrap()
-    };
-    // The emulator paces bytes: three axes take three times the bytes of one.
-    let bytes_ns = 2.0 * 24.0 * 10.0 / 115_200.0 * 1e9;
-    assert!(floor(groups[0]) >= 0.95 * bytes_ns);
-    assert!(floor("115200 baud, 3 axes per port") >= 2.85 * bytes_ns);
 }
 
 #[test]

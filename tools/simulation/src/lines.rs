@@ -166,7 +166,6 @@ impl Lines {
             let (port, ready, stop) = (port.clone(), ready.clone(), Arc::clone(&stop));
             threads.push(thread::spawn(move || serve(end, &port, &ready, &stop)));
         }
-        drop(ready);
         let mut lines = Self {
             plant,
             log,
@@ -176,7 +175,7 @@ impl Lines {
             stop,
             threads,
         };
-        for found in links {
+        for found in links.iter().take(ports.len()) {
             lines.links.extend(found?);
         }
         Ok(lines)

@@ -30,7 +30,7 @@ use super::matching::{CommandLatencies, Observations, Written, match_commands};
 use super::{ARRIVED_OF_EVENT, EndToEndBenchmark, Load, WIRE};
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::Run;
-use crate::rig::{DriveRig, RigLines};
+use crate::rig::DriveRig;
 use crate::{BenchError, busy};
 
 const COMMANDED: &str = "event to command";
@@ -52,7 +52,7 @@ pub fn run(benchmark: &EndToEndBenchmark, run: Run) -> Result<Outcome, BenchErro
 
 fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError> {
     let _load = Load::start(benchmark.busy)?;
-    let rig = DriveRig::start(RigLines::default())?;
+    let rig = DriveRig::start()?;
     let floor = super::client::bare(&rig, benchmark, run)?;
     let (ours, commanded, granted) = with_hand(&rig, benchmark, run)?;
     if [&floor, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {

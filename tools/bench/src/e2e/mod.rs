@@ -24,7 +24,7 @@ use i2ris::units::Nanos;
 
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::Run;
-use crate::rig::{DriveRig, RigLines};
+use crate::rig::DriveRig;
 use crate::{BenchError, busy};
 use controller::Controller;
 use matching::CommandLatencies;
@@ -65,7 +65,7 @@ fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError>
     let mut granted = String::new();
     for turn in 0..benchmark.turns {
         // Drives answer after their normal processing time.
-        let rig = DriveRig::start(RigLines::default())?;
+        let rig = DriveRig::start()?;
         let part = EndToEndBenchmark {
             commands: benchmark.commands.div_ceil(u64::from(benchmark.turns)),
             seed: benchmark.seed.wrapping_add(u64::from(turn)),
