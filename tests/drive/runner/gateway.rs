@@ -128,3 +128,25 @@ fn a_node_that_stays_dead_costs_the_others_a_fifth_of_the_time_at_most() {
     let tries = rig.line.state().forwarded.iter().filter(|(_, answered)| !answered).count();
     assert!((2..=8).contains(&tries), "{tries} times 0.5 s in 20 s");
 }
+
+/// Whatever the axes do: a stop waits for the exchange that is under way, and for one each.
+#[test]
+fn a_quick_stop_of_all_takes_one_exchange_each() {
+    for phase in 0..60 {
+        let mut rig = three_enabled(50, 20);
+        for step in 0..10 {
+            for axis in 0..3 {
+                rig.request_of(axis, |request| request.target = Counts(step * axis as i32));
+            }
+            rig.turns(1);
+        }
+        let due = rig.line.time() + Nanos::from_micros(phase * 151);
+        rig.demand_at(due, Demand::QuickStop);
+        rig.turns(10);
+        let state = rig.line.state();
+        let after: Vec<_> = state.requests.iter().filter(|it| it.arrived > due).collect();
+        let is_stop = |it: &&ReceivedRequest| (it.index, it.value) == (0x6040, QUICK_STOP);
+        let stops = after.iter().take(4).filter(|it| is_stop(it)).count();
+        assert_eq!(stops, 3, "phase {phase}");
+    }
+}

@@ -15,10 +15,8 @@
 
 use std::f64::consts::TAU;
 
-use i2ris_report::Failure;
 use i2ris_report::statistics::{mean, root_mean_square};
 use i2ris_simulation::drive::{Demand, Limits, Motor, MotorConfig, ProfileLimits};
-use serde::Serialize;
 
 /// Steps of the motor, s, and how long it moves.
 const STEP_S: f64 = 0.5e-3;
@@ -48,22 +46,17 @@ pub struct Arguments {
     /// Exchanges a second that a motor has for setpoints
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_value = "125,250")]
     exchanges: Vec<f64>,
-    /// Print as JSON
-    #[arg(long)]
-    json: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Mode {
     Position,
     ProfilePosition,
     Interpolated,
 }
 
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug)]
 struct Outcome {
-    mode: Mode,
     setpoints_per_s: f64,
     /// RMS speed beside its own mean over 50 ms, in shares of the speed.
     ripple: f64,
@@ -73,30 +66,21 @@ struct Outcome {
 }
 
 /// Measures and prints all modes.
-///
-/// # Errors
-///
-/// When the outcome cannot be printed.
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let modes = [Mode::Position, Mode::ProfilePosition, Mode::Interpolated];
-    let with = |exchanges: &f64| modes.map(|mode| measure(mode, *exchanges));
-    let outcomes: Vec<Outcome> = arguments.exchanges.iter().flat_map(with).collect();
-    if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&outcomes)?);
-        return Ok(());
+pub fn run(arguments: &Arguments) {
+    println!("mode                   setpoints/s   ripple    delay   error left");
+    for exchanges in &arguments.exchanges {
+        for mode in [Mode::Position, Mode::ProfilePosition, Mode::Interpolated] {
+            let it = measure(mode, *exchanges);
+            println!(
+                "{:<22} {:>11.0} {:>7.1}% {:>5.1} ms {:>5.1} counts",
+                format!("{mode:?}"),
+                it.setpoints_per_s,
+                100.0 * it.ripple,
+                it.delay_ms,
+                it.error_counts
+            );
+        }
     }
-    println!("mode                  setpoints/s   ripple   delay   error left");
-    for it in outcomes {
-        println!(
-            "{:<22} {:>10.0} {:>7.1}% {:>4.1} ms {:>5.1} counts",
-            format!("{:?}", it.mode),
-            it.setpoints_per_s,
-            100.0 * it.ripple,
-            it.delay_ms,
-            it.error_counts
-        );
-    }
-    Ok(())
 }
 
 fn goal(time_s: f64) -> f64 {
@@ -150,7 +134,7 @@ fn measure(mode: Mode, exchanges: f64) -> Outcome {
     }
     let (delay, error_counts) = delay(&positions);
     let delay_ms = delay as f64 * STEP_S * 1e3;
-    Outcome { mode, setpoints_per_s, ripple: ripple(&positions, SMOOTH), delay_ms, error_counts }
+    Outcome { setpoints_per_s, ripple: ripple(&positions, SMOOTH), delay_ms, error_counts }
 }
 
 /// RMS of the speed beside its own mean over `smooth` steps, as a share of it.
