@@ -19,9 +19,6 @@ const LONG: (f64, usize) = (2.0, 5000);
 /// Rates of controllers and cameras, Hz.
 const USUAL_HZ: (f64, f64) = (2.0, 5000.0);
 
-/// More than so many usual steps of time are a gap, in which a motor may go anywhere.
-const GAP: f64 = 5.0;
-
 impl Table<'_> {
     /// Checks stamps, and steps of the motors; unwraps their counters where that was asked for.
     pub fn check(&mut self) -> Result<(), RecordingError> {
@@ -108,62 +105,51 @@ impl Table<'_> {
         Err(RecordingError::new(self.place.line(line).column(&column.name), problem))
     }
 
-    /// Steps of time between rows with counts, in the order of the rows, and the median.
-    fn time_steps(&self) -> Option<(Vec<f64>, f64)> {
-        let times: Option<Vec<f64>> = self.located().map(|row| row.time_s).collect();
-        let steps: Vec<f64> = times?.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let mut sorted = steps.clone();
-        sorted.sort_by(f64::total_cmp);
-        let median = *sorted.get(sorted.len() / 2)?;
-        Some((steps, median))
-    }
-
     /// Questions a rate that no camera has: stamps are often in ms under the name of seconds.
     fn rate_is_usual(&mut self) -> Result<(), RecordingError> {
-        let (Some(column), Some((steps, step))) = (&self.layout.time, self.time_steps()) else {
+        let Some(Column { name, .. }) = &self.layout.time else {
             return Ok(());
         };
+        let times: Vec<f64> = self.located().filter_map(|row| row.time_s).collect();
+        let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        let hz = steps.get(steps.len() / 2).map_or(USUAL_HZ.0, |step| 1.0 / step);
         let (unit, is_certain) = self.layout.seconds;
-        let (hz, slow) = (1.0 / step, 1.0 / step < LONG.0 && steps.len() >= LONG.1);
-        if is_certain || !(step > 0.0) || (RATES_HZ.0..=RATES_HZ.1).contains(&hz) && !slow {
+        let is_slow = hz < RATES_HZ.0 || hz < LONG.0 && steps.len() >= LONG.1;
+        if is_certain || !is_slow && hz <= RATES_HZ.1 {
             return Ok(());
         }
-        let other = TIME_UNITS
-            .iter()
-            .find(|(_, seconds)| (USUAL_HZ.0..=USUAL_HZ.1).contains(&(unit / (step * seconds))));
-        let name = &column.name;
-        let (guess, as_text) = other.map_or(("s", String::new()), |(names, seconds)| {
-            let names = names[0];
-            (names, format!(", and {} if it is in {names}", round(unit / (step * seconds))))
-        });
-        let said = format!("column `{name}`: {} row(s) a second as it is read{as_text}", round(hz));
-        match self.columns.options {
-            true => Err(self.error(Problem::Rate(format!(
-                "{said}; say its unit with --time {name}={guess} (s, ms, us or ns)"
-            )))),
-            false => {
-                let note =
-                    format!("{said}; call it `t_{guess}`, if that is its unit (s, ms, us, ns)");
-                self.notes.push(note);
-                Ok(())
-            }
+        let in_unit = |seconds: f64| round(hz * unit / seconds);
+        let is_usual = |hz: f64| (USUAL_HZ.0..=USUAL_HZ.1).contains(&hz);
+        let other = TIME_UNITS.iter().find(|(_, seconds)| is_usual(in_unit(*seconds)));
+        let (guess, seconds) = other.map_or(("s", 1.0), |(names, seconds)| (names[0], *seconds));
+        let said = format!(
+            "column `{name}`: {} row(s) a second as it is read, {} if it is in {guess}",
+            round(hz),
+            in_unit(seconds)
+        );
+        if self.columns.options {
+            let quote = if name.contains(' ') { "'" } else { "" };
+            return Err(self.error(Problem::Rate(format!(
+                "{said}; say its unit with --time {quote}{name}={guess}{quote} (s, ms, us or ns)"
+            ))));
         }
+        self.notes
+            .push(format!("{said}; call it `t_{guess}`, if that is its unit (s, ms, us, ns)"));
+        Ok(())
     }
 
     /// Refuses counts that wrap and single wrong ones: no motor makes such a step, and no model.
     fn steps_are_of_a_motor(&mut self, motor: usize) -> Result<(), RecordingError> {
         let (counts, lines): (Vec<f64>, Vec<u64>) =
             self.located().map(|row| (row.counts[motor], row.line)).unzip();
-        let near = self.time_steps().map(|(steps, usual)| {
-            steps.into_iter().map(|step| step <= GAP * usual).collect::<Vec<_>>()
-        });
         let name = self.layout.counts[motor].name.clone();
         let at = |row: usize| self.place.line(lines[row]).column(&name);
         let remedy = match self.columns.options {
             true => "read it as one that goes on with --unwrap",
             false => "make one of it that goes on, as numpy.unwrap(counts, period=...) does",
         };
-        if let Some(found) = wrap(&counts, |step| near.as_ref().is_none_or(|near| near[step])) {
+        if let Some(found) = wrap(&counts) {
             let (modulus, jumps) = (found.modulus, found.jumps.len());
             if let (Some(&first), false) = (found.jumps.first(), self.columns.unwrap) {
                 let (from, to, before) = (counts[first - 1], counts[first], lines[first - 1]);
@@ -180,19 +166,15 @@ impl Table<'_> {
             rows.zip(unwrapped).for_each(|(row, counts)| row.counts[motor] = counts);
             return Ok(());
         }
-        match glitches(&counts)[..] {
-            [] => Ok(()),
-            [first, ref rest @ ..] => {
-                let beside = counts.get(first.wrapping_sub(1)).or(counts.get(first + 1));
-                let others: Vec<String> = rest.iter().map(|row| lines[*row].to_string()).collect();
-                let others = match others.is_empty() {
-                    true => String::new(),
-                    false => format!(" (so in line(s) {})", others.join(", ")),
-                };
-                let (value, usual) = (counts[first], beside.copied().unwrap_or_default());
-                Err(RecordingError::new(at(first), Problem::Glitch { value, usual, others }))
-            }
-        }
+        let wrong = glitches(&counts);
+        let Some(&first) = wrong.first() else {
+            return Ok(());
+        };
+        let beside = counts.get(first.wrapping_sub(1)).or(counts.get(first + 1));
+        let (value, usual) = (counts[first], beside.copied().unwrap_or_default());
+        let all: Vec<String> = wrong.iter().map(|row| lines[*row].to_string()).collect();
+        let lines = all.join(", ");
+        Err(RecordingError::new(at(first), Problem::Glitch { value, usual, lines }))
     }
 }
 

@@ -377,7 +377,8 @@ fn seconds_of(name: &str) -> Option<f64> {
 }
 
 /// As an output is called in a table.
-pub(super) fn column_of(OutputSpec { name, unit }: &OutputSpec) -> String {
+#[must_use]
+pub fn column_of(OutputSpec { name, unit }: &OutputSpec) -> String {
     match unit {
         OutputUnit::Deg => format!("{name}_deg"),
         OutputUnit::Mm => format!("{name}_mm"),

@@ -6,15 +6,12 @@ use std::path::Path;
 
 /// Why a table could not be read: what is wrong, where, and what to do.
 #[derive(Debug, thiserror::Error)]
-#[error("{place}: {problem}")]
-pub struct RecordingError {
-    place: Place,
-    problem: Problem,
-}
+#[error("{}: {}", .0.0, .0.1)]
+pub struct RecordingError(Box<(Place, Problem)>);
 
 impl RecordingError {
     pub(super) fn new(place: Place, problem: Problem) -> Self {
-        Self { place, problem }
+        Self(Box::new((place, problem)))
     }
 }
 
@@ -97,7 +94,7 @@ pub(super) enum Problem {
     Wrap { modulus: f64, from: f64, before: u64, to: f64, jumps: usize, remedy: &'static str },
     #[error(
         "counts are {value} and {usual} in the line beside it: a glitch of the encoder that no \
-         motor makes{others}; empty the cell, or remove the line"
+         motor makes (line {lines}); empty the cell, or remove the line"
     )]
-    Glitch { value: f64, usual: f64, others: String },
+    Glitch { value: f64, usual: f64, lines: String },
 }

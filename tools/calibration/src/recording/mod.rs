@@ -28,7 +28,9 @@ mod tests;
 mod write;
 
 pub use check::MIN_ROWS;
-pub use columns::{ColumnMap, OutputColumn, ParseColumnError, TimeColumn, Wanted, pitch_and_yaw};
+pub use columns::{
+    ColumnMap, OutputColumn, ParseColumnError, TimeColumn, Wanted, column_of, pitch_and_yaw,
+};
 pub use error::RecordingError;
 pub use read::{DroppedRow, ReadReport};
 pub use rows::{PathPoint, Recording, Row};

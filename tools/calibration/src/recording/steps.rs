@@ -23,9 +23,9 @@ pub(super) struct Wrap {
 }
 
 /// Whether counts are those of a counter that wraps: they jump from one end of its range to the
-/// other, go on there as they came, and make no large step else. `near`: whether the rows of a step
-/// follow each other at once. A counter that is beyond all signed ones wraps without a jump.
-pub(super) fn wrap(counts: &[f64], near: impl Fn(usize) -> bool) -> Option<Wrap> {
+/// other, go on there as they came, and make no large step else. A counter that is beyond all signed
+/// ones wraps without a jump.
+pub(super) fn wrap(counts: &[f64]) -> Option<Wrap> {
     let (low, high) = min_max(counts.iter().copied());
     if low >= BEYOND && !counts.is_empty() {
         return Some(Wrap { modulus: 2.0 * BEYOND, jumps: Vec::new() });
@@ -33,12 +33,8 @@ pub(super) fn wrap(counts: &[f64], near: impl Fn(usize) -> bool) -> Option<Wrap>
     let of = |modulus: f64| {
         let steps = counts.windows(2).map(|pair| (pair[1] - pair[0]).abs()).enumerate();
         let (jumps, others): (Vec<_>, Vec<_>) = steps.partition(|(_, step)| *step > modulus / 2.0);
-        let most = |steps: &[(usize, f64)], of: fn(f64, f64) -> f64| {
-            let near = steps.iter().filter(|(step, _)| near(*step));
-            near.fold(0.0, |most: f64, (_, step)| most.max(of(modulus, *step)))
-        };
-        let usual = most(&others, |_, step| step);
-        let rest = most(&jumps, |modulus, step| (modulus - step).abs());
+        let usual = others.iter().fold(0.0, |most: f64, (_, step)| most.max(*step));
+        let rest = jumps.iter().fold(0.0, |most: f64, (_, step)| most.max((modulus - step).abs()));
         let is_one = !jumps.is_empty() && usual < modulus / 4.0 && rest <= 2.0 * usual + 8.0;
         let jumps = jumps.iter().map(|(step, _)| step + 1).collect();
         is_one.then_some((rest, Wrap { modulus, jumps }))

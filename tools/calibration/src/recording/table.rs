@@ -4,6 +4,7 @@ use std::fs;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use csv::StringRecord;
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 
@@ -13,16 +14,20 @@ use super::error::{Place, Problem, RecordingError};
 use super::rows::Row;
 use super::sheet::Sheet;
 
+type Range = RangeInclusive<f64>;
+type Parse = fn(&str, bool) -> Option<f64>;
+
 /// Larger angles are no bending angles.
-const ANGLES_DEG: RangeInclusive<f64> = -180.0..=180.0;
+const ANGLES_DEG: (Range, &str) =
+    (-180.0..=180.0, "is not between -180 and 180 degrees; correct the cell or its unit");
 
 /// A snake with a diameter of 0.9 mm does not reach further than a metre.
-const POSITIONS_MM: RangeInclusive<f64> = -1000.0..=1000.0;
+const POSITIONS_MM: (Range, &str) =
+    (-1000.0..=1000.0, "is not between -1000 and 1000 mm; correct the cell or its unit");
 
 /// Encoders have 32 bits, with a sign or without.
-const COUNTS: RangeInclusive<f64> = -2_147_483_648.0..=4_294_967_295.0;
-
-const TIMES: RangeInclusive<f64> = f64::MIN..=f64::MAX;
+const COUNTS: Range = -2_147_483_648.0..=4_294_967_295.0;
+const TIMES: Range = f64::MIN..=f64::MAX;
 
 /// All rows of a file.
 #[derive(Debug)]
@@ -64,12 +69,54 @@ impl<'a> Table<'a> {
         let layout = Header { names, map: columns, wanted, place: &place }.layout()?;
         let (rows, notes) = (Vec::new(), sheet.notes.clone());
         let mut table = Self { place, columns, wanted, layout, rows, notes };
-        let rows = sheet.rows.iter().map(|(number, cells)| {
-            Line { table: &table, sheet: &sheet, number: *number, cells }.read()
-        });
+        let comma = sheet.decimal_comma;
+        let rows = sheet.rows.iter().map(|(line, cells)| table.row(*line, cells, comma));
         table.rows = rows.collect::<Result<_, _>>()?;
         table.notes.extend(table.unread_time(&sheet));
         Ok((table, bytes))
+    }
+
+    /// Reads every cell, so that a wrong one beside an empty cell is still found.
+    fn row(&self, line: u64, cells: &StringRecord, comma: bool) -> Result<ReadRow, RecordingError> {
+        let mut empty = None;
+        let mut cell = |column: &Column, parse: Parse, no_number, range: Range, beyond| {
+            let text = cells.get(column.index).unwrap_or_default();
+            if is_missing(text) {
+                empty.get_or_insert_with(|| column.name.clone());
+                return Ok(f64::NAN);
+            }
+            let reason = match parse(text, comma) {
+                Some(number) if range.contains(&number) => return Ok(number),
+                Some(number) if number.is_finite() => beyond,
+                Some(_) => {
+                    "is not a finite number; leave the cell empty where nothing was measured"
+                }
+                None => no_number,
+            };
+            let (place, value) = (self.place.line(line).column(&column.name), text.escape_debug());
+            Err(RecordingError::new(place, Problem::Cell { value: value.to_string(), reason }))
+        };
+        let Layout { time, seconds: (unit, _), counts: motors, outputs: specs } = &self.layout;
+        let no_time = "is not a time; write seconds, or a date and a time as in \
+                       2026-01-31T23:59:59.5, or leave the cell empty";
+        let time_s = time.as_ref().map(|it| cell(it, seconds, no_time, TIMES, "")).transpose()?;
+        let time_s = time_s.map(|time| if *unit == 1.0 { time } else { time * unit });
+        let (mut counts, mut outputs) = (MotorVec::default(), [0.0; MAX_OUTPUTS]);
+        let no_number = "is not a number; correct the cell, or empty it";
+        for (count, column) in counts.iter_mut().zip(motors) {
+            let beyond = "is out of the range of an encoder, 32 bits; correct the cell or name \
+                          another column";
+            *count = cell(column, number, no_number, COUNTS, beyond)?;
+        }
+        for (output, (column, spec)) in outputs.iter_mut().zip(specs) {
+            let (range, beyond) = match spec.unit {
+                OutputUnit::Deg => ANGLES_DEG,
+                OutputUnit::Mm => POSITIONS_MM,
+            };
+            *output = cell(column, number, no_number, range, beyond)?;
+        }
+        let located = time_s.iter().chain(&counts).all(|cell| cell.is_finite());
+        Ok(ReadRow { line, time_s, counts, outputs, located, empty })
     }
 
     pub fn error(&self, problem: Problem) -> RecordingError {
@@ -82,7 +129,7 @@ impl<'a> Table<'a> {
             return None;
         }
         let rises = |column: usize| {
-            let cell = |(_, cells): &(u64, csv::StringRecord)| {
+            let cell = |(_, cells): &(u64, StringRecord)| {
                 seconds(cells.get(column).unwrap_or_default(), sheet.decimal_comma)
             };
             let cells: Option<Vec<f64>> = sheet.rows.iter().map(cell).collect();
@@ -92,7 +139,7 @@ impl<'a> Table<'a> {
         let found = (0..sheet.header.len()).filter(|it| !is_used(it)).find(|it| rises(*it))?;
         let name = &sheet.header[found];
         let remedy = match self.columns.options {
-            true => format!("name it with --time {name}"),
+            true => format!("name it with --time '{name}'"),
             false => "call it `t_s`".to_owned(),
         };
         Some(format!(
@@ -142,87 +189,3 @@ pub fn read_rows(
     let notes = notes.iter().map(|note| format!("{}: {note}", table.place)).collect();
     Ok(Rows { rows, motors: table.layout.counts.len(), notes })
 }
-
-/// A line of the file.
-struct Line<'a> {
-    table: &'a Table<'a>,
-    sheet: &'a Sheet,
-    number: u64,
-    cells: &'a csv::StringRecord,
-}
-
-impl Line<'_> {
-    /// Reads every cell, so that a wrong one beside an empty cell is still found.
-    fn read(&self) -> Result<ReadRow, RecordingError> {
-        let Layout { time, seconds: (unit, _), counts, outputs } = &self.table.layout;
-        let mut row = ReadRow {
-            line: self.number,
-            time_s: None,
-            counts: MotorVec::default(),
-            outputs: [0.0; MAX_OUTPUTS],
-            located: true,
-            empty: None,
-        };
-        if let Some(column) = time {
-            let remedy = "is not a time; write seconds, or a date and a time as in \
-                          2026-01-31T23:59:59.5, or leave the cell empty";
-            let time = self.cell(column, (seconds, remedy), (TIMES, ""), &mut row.empty)?;
-            row.time_s = time.map(|time| if *unit == 1.0 { time } else { time * unit });
-        }
-        let number = (number as Parse, "is not a number; correct the cell, or empty it");
-        for (count, column) in row.counts.iter_mut().zip(counts) {
-            let beyond = "is out of the range of an encoder, 32 bits; correct the cell or name \
-                          another column";
-            let found = self.cell(column, number, (COUNTS, beyond), &mut row.empty)?;
-            *count = found.unwrap_or(f64::NAN);
-        }
-        row.located = row.empty.is_none();
-        for (output, (column, spec)) in row.outputs.iter_mut().zip(outputs) {
-            let limit = match spec.unit {
-                OutputUnit::Deg => (
-                    ANGLES_DEG,
-                    "is not between -180 and 180 degrees; correct the cell or its unit",
-                ),
-                OutputUnit::Mm => {
-                    (POSITIONS_MM, "is not between -1000 and 1000 mm; correct the cell or its unit")
-                }
-            };
-            let found = self.cell(column, number, limit, &mut row.empty)?;
-            *output = found.unwrap_or(f64::NAN);
-        }
-        Ok(row)
-    }
-
-    /// The number in a cell; `None`, and the first such column noted in `empty`, when there is
-    /// nothing in it.
-    fn cell(
-        &self,
-        column: &Column,
-        (parse, no_number): (Parse, &'static str),
-        (range, beyond): (RangeInclusive<f64>, &'static str),
-        empty: &mut Option<String>,
-    ) -> Result<Option<f64>, RecordingError> {
-        let cell = self.cells.get(column.index).unwrap_or_default();
-        if is_missing(cell) {
-            empty.get_or_insert_with(|| column.name.clone());
-            return Ok(None);
-        }
-        let wrong = |reason| {
-            let place = self.table.place.line(self.number).column(&column.name);
-            RecordingError::new(
-                place,
-                Problem::Cell { value: cell.escape_debug().to_string(), reason },
-            )
-        };
-        match parse(cell, self.sheet.decimal_comma) {
-            None => Err(wrong(no_number)),
-            Some(number) if !number.is_finite() => Err(wrong(
-                "is not a finite number; leave the cell empty where nothing was measured",
-            )),
-            Some(number) if !range.contains(&number) => Err(wrong(beyond)),
-            Some(number) => Ok(Some(number)),
-        }
-    }
-}
-
-type Parse = fn(&str, bool) -> Option<f64>;

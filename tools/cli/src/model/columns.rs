@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use i2ris::model::Model;
-use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::MotorVec;
-use i2ris_calibration::recording::{ColumnMap, Wanted};
+use i2ris_calibration::recording::{ColumnMap, TimeColumn, Wanted, column_of};
 use i2ris_report::Failure;
 
 use crate::csv_table;
@@ -15,16 +14,7 @@ pub fn counts_columns(model: &Model) -> Vec<String> {
 }
 
 pub fn output_columns(model: &Model) -> Vec<String> {
-    let suffix = |output: &OutputSpec| match output.unit {
-        OutputUnit::Deg => "deg",
-        OutputUnit::Mm => "mm",
-    };
-    model
-        .file()
-        .outputs
-        .iter()
-        .map(|output| format!("{}_{}", output.name, suffix(output)))
-        .collect()
+    model.file().outputs.iter().map(column_of).collect()
 }
 
 /// The unit of a model's outputs, in radians or metres.
@@ -41,7 +31,8 @@ pub fn history(
     let Some(file) = file else {
         return Ok(Vec::new());
     };
-    let table = csv_table::read(file, columns, &Wanted::path_of(model.motors()))?;
+    let columns = ColumnMap { time: TimeColumn::Ignored, ..columns.clone() };
+    let table = csv_table::read(file, &columns, &Wanted::path_of(model.motors()))?;
     Ok(table.rows.iter().map(|row| row.counts).collect())
 }
 

@@ -216,15 +216,19 @@ fn times(table: &mut Table) {
             "= fit | time `\n+ merge | 20 pictures",
         );
     }
-    let milliseconds = "! fit | 0.02 row(s) a second as it is read, and 20 if | --time t_s=ms
+    let milliseconds =
+        "! fit | 0.02 row(s) a second as it is read, 20 if it is in ms | --time t_s=ms
         = fit --time t_s=ms | time `t_s`
         + predict
-        ! merge | 0.02 row(s) a second as it is read, and 20 if | --time t_s=ms
+        ! merge | 0.02 row(s) a second as it is read, 20 if it is in ms | --time t_s=ms
         + merge --time t_s=ms | 20 pictures";
     table.case("time-not-found milliseconds", &times(1e3, "t_s"), milliseconds);
     let fast = "! fit | 20000 row(s) a second | --time t_s=\n= fit --time t_s=s";
     table.case("time-not-found 20 kHz", &times(1e-3, "t_s"), fast);
-    let when = "+ fit | column `when` rises from row to row and is not read | --time when
+    let back = "! fit | line 52, column `t_s`: time 0.3 s goes backwards (2.45 s in line 51) | cut
+        = fit --time none";
+    table.case("time that goes back", &with_cell(52, 0, "0.300"), back);
+    let when = "+ fit | column `when` rises from row to row and is not read | --time 'when'
         = fit --time when | time `when`";
     table.case("time-not-found when", &times(1.0, "when"), when);
 }
@@ -267,6 +271,8 @@ fn other_readers(table: &mut Table) {
     table.case("predict-lab-names double stamp", &with_cell(9, 0, "0.300"), double);
     let odd = "! predict | no column `q0_counts` | --counts COLUMN
         + predict --counts left,right --time when
+        ! fit --angles bend=pitch | no column `q0_counts` | `left`, `right`
+        = fit --counts left,right --angles up=pitch,side=yaw --time when | pitch `up`, yaw `side`
         ! invert | no column `t_s` | --time COLUMN
         + invert --time when --angles up=pitch,side=yaw
         ! file | no column `t_s` | call the right ones so";

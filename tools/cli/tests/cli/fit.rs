@@ -55,19 +55,6 @@ fn gappy(rows: u32, motion: fn(f64) -> [f64; 2], view: fn([f64; 2]) -> [f64; 2])
     WorkFolder::with("rows.csv", &text)
 }
 
-/// A good recording with a cell replaced.
-fn with_cell(line: usize, column: usize, cell: &str) -> WorkFolder {
-    let replace = |(number, text): (usize, &str)| {
-        let mut cells: Vec<&str> = text.split(',').collect();
-        if number + 1 == line {
-            cells[column] = cell;
-        }
-        cells.join(",")
-    };
-    let lines: Vec<String> = good(100).lines().enumerate().map(replace).collect();
-    WorkFolder::with("rows.csv", &lines.join("\n"))
-}
-
 impl WorkFolder {
     fn good(rows: u32) -> Self {
         Self::with("rows.csv", &good(rows))
@@ -181,14 +168,6 @@ fn dropped_and_flagged_rows_are_named() {
 }
 
 #[test]
-fn columns_can_be_named() {
-    let bench = WorkFolder::with("rows.csv", &good(100).replace(HEADER, "when,left,right,up,side"));
-    let columns = "--counts left,right --angles up=pitch,side=yaw --time when --family linear";
-    let named = "motor 0 `left`, motor 1 `right`, pitch `up`, yaw `side`, time `when`";
-    assert_says(&bench.fits(columns), &[named]);
-}
-
-#[test]
 fn a_model_is_replaced_only_when_requested_and_only_by_a_good_one() {
     let bench = WorkFolder::good(100);
     bench.write("model.json", "mine");
@@ -221,18 +200,6 @@ fn a_model_and_its_report_say_when_it_was_recorded_and_are_the_same_on_any_day()
     let shown = bench.succeeds("model show model.json");
     assert!(shown.contains("recorded 2023-11-14T22:13:20Z"), "{shown}");
     assert!(shown.contains("file of    20"), "{shown}");
-}
-
-#[test]
-fn columns_and_cells_that_make_no_sense_are_refused_with_the_option_that_helps() {
-    let good = WorkFolder::good(100);
-    let there = ["no column `bend`", "`pitch_deg`, `yaw_deg`", "--angles"];
-    good.refuses("--angles bend=pitch", &there);
-    good.refuses("--time clock", &["no column `clock`", "--time"]);
-    let back = "error: recording rows.csv, line 52, column `t_s`: time 0.3 s goes backwards (9.8 s \
-                in line 51); correct the stamps, cut the recording there, or read it without time \
-                (--time none)\n";
-    assert_eq!(with_cell(52, 0, "0.3").refuses("", &[]), back);
 }
 
 #[test]
