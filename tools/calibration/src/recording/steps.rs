@@ -4,8 +4,7 @@ use i2ris_report::statistics::min_max;
 
 use super::check::MIN_ROWS;
 
-/// Where counters of round numbers begin anew; the others do at powers of two.
-const ROUND: [f64; 6] = [1000.0, 2000.0, 4000.0, 10_000.0, 20_000.0, 40_000.0];
+/// Of counters. Not at round numbers: those are steps that people command.
 const BITS: std::ops::RangeInclusive<i32> = 10..=32;
 
 /// What a signed counter of 32 bits does not show: one without a sign is below 0.
@@ -35,14 +34,12 @@ pub(super) fn wrap(counts: &[f64]) -> Option<Wrap> {
         let (jumps, others): (Vec<_>, Vec<_>) = steps.partition(|(_, step)| *step > modulus / 2.0);
         let usual = others.iter().fold(0.0, |most: f64, (_, step)| most.max(*step));
         let rest = jumps.iter().fold(0.0, |most: f64, (_, step)| most.max((modulus - step).abs()));
-        let is_one = !jumps.is_empty() && usual < modulus / 4.0 && rest <= 2.0 * usual + 8.0;
+        let is_one = !jumps.is_empty() && usual > 0.0 && usual < modulus / 4.0;
         let jumps = jumps.iter().map(|(step, _)| step + 1).collect();
-        is_one.then_some((rest, Wrap { modulus, jumps }))
+        (is_one && rest <= 2.0 * usual + 8.0).then_some(Wrap { modulus, jumps })
     };
     let fits = |modulus: &f64| high - low <= *modulus && high - low > modulus / 2.0;
-    let moduli = BITS.map(|bits| f64::from(bits).exp2()).chain(ROUND);
-    let found = moduli.filter(fits).filter_map(of).min_by(|(a, _), (b, _)| a.total_cmp(b));
-    found.map(|(_, wrap)| wrap)
+    BITS.map(|bits| f64::from(bits).exp2()).find(fits).and_then(of)
 }
 
 impl Wrap {

@@ -149,6 +149,8 @@ fn counters(table: &mut Table) {
     let unsigned = with_column(1, |count| count - 1000.0 + 32.0_f64.exp2());
     table.case("counts-wrap below 0 without a sign", &unsigned, "= fit --unwrap");
     table.case("counts of a motor that moves", &with_cell(27, 1, "900"), "+ fit");
+    let steps = "t_s,q0_counts,q1_counts\n0,0,0\n1,1000,0\n2,1000,1024\n3,0,0\n";
+    table.case("counts of a step that was commanded", steps, "+ predict\n+ history");
 }
 
 fn dialects(table: &mut Table) {
