@@ -51,6 +51,19 @@ impl DriveFault {
         fault.unwrap_or_else(|| Self::unknown(code))
     }
 
+    /// The meaning of a code where the family of the drive is not told: families that know it may
+    /// differ, and then it has no name.
+    #[must_use]
+    pub fn look_up_any(code: u16) -> Self {
+        let [epos4, epos2] = [Family::Epos4, Family::Epos2].map(|it| Self::look_up(it, code));
+        match (epos4.reaction, epos2.reaction) {
+            (FaultReaction::Unknown, _) => epos2,
+            (_, FaultReaction::Unknown) => epos4,
+            _ if epos4 == epos2 => epos4,
+            _ => Self { name: "see the log of the controller", ..Self::unknown(code) },
+        }
+    }
+
     const fn unknown(code: u16) -> Self {
         Self {
             code,
@@ -195,6 +208,9 @@ mod tests {
         assert_eq!(look_up(Epos4, 0xFF18).name, "auto tuning");
         assert_eq!(look_up(Epos4, 0).to_string(), "0x0000 (no error)");
         assert_eq!(look_up(Epos4, 0x4242).name, "unknown error");
+        assert_eq!(DriveFault::look_up_any(0x8611), look_up(Epos2, 0x8611));
+        assert_eq!(DriveFault::look_up_any(0x7380), look_up(Epos4, 0x7380));
+        assert_eq!(DriveFault::look_up_any(0xFF01).remedy, "");
         // The same number is another error of an EPOS2.
         assert_eq!(look_up(Epos4, 0xFF01).reaction, FaultReaction::Warning);
         assert_eq!(look_up(Epos2, 0xFF01).name, "Hall sensor");

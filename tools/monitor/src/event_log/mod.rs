@@ -4,6 +4,7 @@ mod groups;
 #[cfg(test)]
 mod tests;
 
+use i2ris::drive::drive_fault::DriveFault;
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ReasonMsg,
 };
@@ -139,7 +140,8 @@ impl EventLog {
             }
             let code = new.error_code[motor];
             if old.error_code[motor] != code && code != 0 {
-                self.log(new.stamp(), Severity::Alarm, format!("motor {motor} error 0x{code:04X}"));
+                let fault = DriveFault::look_up_any(code);
+                self.log(new.stamp(), Severity::Alarm, format!("motor {motor} error {fault}"));
             }
         }
     }
