@@ -98,7 +98,7 @@ fn a_configuration_is_judged_and_printed_with_its_defaults() {
 
 #[test]
 fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
-    for (name, axes, stale, lost) in [("robot.toml", 3, 52, 156), ("robot-rs232.toml", 2, 32, 96)] {
+    for (name, axes, stale, lost) in [("robot.toml", 3, 56, 168), ("robot-rs232.toml", 2, 32, 96)] {
         let template = fs::read_to_string(repository("config").join(name)).unwrap();
         let bench = WorkFolder::with("robot.toml", &template);
         let said = bench.run("doctor config check robot.toml");
