@@ -12,12 +12,6 @@ const ADAPTERS: &str = "/sys/bus/usb-serial/devices";
 /// The shortest setting, milliseconds.
 const SHORTEST_MS: u32 = 1;
 
-/// The latency timer of a device in milliseconds; `None` for a device that has none.
-#[must_use]
-pub fn read(device: &Path) -> Option<u32> {
-    read_from(&file(Path::new(ADAPTERS), device)?)
-}
-
 /// Shortens the timer if there is one and it is permitted; returns the setting in force. A udev
 /// rule makes it permanent, see the README.
 pub fn shorten(device: &Path) -> Option<u32> {
@@ -77,7 +71,7 @@ mod tests {
 
     #[test]
     fn other_devices_have_none() {
-        assert_eq!(read(Path::new("/dev/null")), None);
+        assert_eq!(shorten(Path::new("/dev/null")), None);
         assert_eq!(shorten(Path::new("/dev/i2ris-no-such-port")), None);
     }
 }

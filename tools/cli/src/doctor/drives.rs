@@ -4,6 +4,7 @@ use i2ris::config::{Config, PortConfig};
 use i2ris::drive::DriveError;
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::inspect::{Inspection, inspect};
+use i2ris::drive::latency_timer;
 use i2ris::drive::survey::{FoundNode, answering_rate, nodes};
 use i2ris::units::Nanos;
 
@@ -32,11 +33,8 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
         Ok(seen) => {
             let found = format!("answers; {}", port.describe_line(seen.exchange));
             if seen.exchange > SLOW {
-                report.warn(
-                    name,
-                    found,
-                    "shorten the latency timer of the adapter, and use no hub",
-                );
+                let shorten = latency_timer::command(&port.device);
+                report.warn(name, found, format!("`{shorten}`, and use no hub"));
             } else {
                 report.pass(name, found);
             }
