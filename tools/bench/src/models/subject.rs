@@ -55,7 +55,7 @@ impl Judgement {
         folder: &Path,
     ) -> Result<Self, String> {
         let recordings = [false, true].map(|is_aged| record(snake, is_aged, first_seed, folder));
-        let [new, aged] = recordings;
+        let [new, aged] = recordings.map(|it| it.map(|it| it.without_latency().0));
         let (new, aged) = (new?, aged?);
         let subject = Subject::new(snake, &*fit(&new, Choice::One(Family::Linear))?);
         let (model, fresh) = (fit(&new, family)?, fit(&aged, family)?);
@@ -71,7 +71,7 @@ impl Judgement {
     }
 }
 
-/// A recording, as `calibrate fit` reads it.
+/// A recording, as it was made.
 pub(super) fn record(
     snake: DrawnSnake,
     is_aged: bool,
@@ -90,7 +90,7 @@ pub(super) fn record(
         .map_err(|error| format!("cannot record: {error}"))?;
     let (recording, _) = Recording::read(&file, &ColumnMap::default())
         .map_err(|error| format!("cannot read the recording: {error}"))?;
-    Ok(recording.without_latency().0)
+    Ok(recording)
 }
 
 fn fit(recording: &Recording, choice: Choice) -> Result<Arc<Model>, String> {
