@@ -65,34 +65,18 @@ pub enum DriveError {
         /// Node id.
         node: u8,
     },
-    /// Something arrives, and is not understood.
+    /// Something arrives, and is not understood: on this device, at this rate.
     #[error(
-        "{device} at {baud} baud, node {node}: {heard}; check `device`, `baud`, `family` and \
-         `framing`, and that nothing else is on the line"
+        "{0} at {1} baud: {2}; check `device`, `baud`, `family` and `framing`, and that nothing else \
+         is on the line"
     )]
-    NotUnderstood {
-        /// The device.
-        device: PathBuf,
-        /// Bits per second.
-        baud: u32,
-        /// Node id.
-        node: u8,
-        /// What came.
-        heard: Heard,
-    },
-    /// A drive answers that does not know the commands of the configured family.
+    NotUnderstood(PathBuf, u32, Heard),
+    /// The drive on this device does not know the commands of this family; it may be of that one.
     #[error(
-        "the drive on {device} does not know the commands of an {family} (unknown command \
-         0x0F00FFBF); is this an {other}? correct `family`"
+        "the drive on {0} does not know the commands of an {1} (unknown command 0x0F00FFBF); is this \
+         an {2}? correct `family`"
     )]
-    OtherFamily {
-        /// The device.
-        device: PathBuf,
-        /// As configured.
-        family: &'static str,
-        /// What it may be.
-        other: &'static str,
-    },
+    OtherFamily(PathBuf, &'static str, &'static str),
     /// Replies are held back, as by the latency timer of an FTDI adapter at 16 ms.
     #[error(
         "an exchange over {device} takes {:.1} ms: a latency timer of 16 ms holds the replies \

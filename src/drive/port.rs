@@ -227,13 +227,13 @@ pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, error: AxisError) ->
             if heard.is_silence() {
                 DriveError::NoAnswer { device, baud, node }
             } else {
-                DriveError::NotUnderstood { device, baud, node, heard }
+                DriveError::NotUnderstood(device, baud, heard)
             }
         }
         AxisError::Exchange { error: LinkError::Refused(AbortCode::UNKNOWN_COMMAND), .. } => {
             let family = family_of_port(port).name();
             let other = if port.family == Family::Epos4 { "EPOS2" } else { "EPOS4" };
-            DriveError::OtherFamily { device, family, other }
+            DriveError::OtherFamily(device, family, other)
         }
         error => DriveError::Axis { device, node, error },
     }

@@ -121,10 +121,7 @@ impl<T: Transport> DriveLink<T> {
                     }
                     ParserEvent::Frame(frame) => {
                         let value = decode(frame);
-                        if value.is_err() {
-                            self.heard.note_frame(&frame);
-                        }
-                        return Ok(value?);
+                        return Ok(value.inspect_err(|_| self.heard.note_frame(&frame))?);
                     }
                 }
             }
@@ -172,10 +169,7 @@ impl<T: Transport> DriveLink<T> {
         if buffer.pop().is_some() {
             return Err(TransferError::Disturbed);
         }
-        let value = decode_reply(frame);
-        if value.is_err() {
-            self.heard.note_frame(&frame);
-        }
+        let value = decode_reply(frame).inspect_err(|_| self.heard.note_frame(&frame));
         Ok((sent, value?))
     }
 

@@ -165,8 +165,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         What::State { command, options } => return state::run(&options, command.command()),
         What::Fixture(arguments) => return fixture::run(&arguments),
         What::Motor(arguments) => {
-            let domain = arguments.domain()?;
-            return motor::run(&arguments, &domain)
+            let domain = arguments.domain.domain()?;
+            return motor::run(&arguments, &mut prepare::connect(&domain)?)
                 .map_err(|failure| name_holder(failure, &domain));
         }
         What::Pose { pitch_deg, yaw_deg, duration_s, stream } => {

@@ -3,6 +3,7 @@
 use i2ris::config::{Config, PortConfig};
 use i2ris::drive::DriveError;
 use i2ris::drive::cia402::DriveState;
+use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::inspect::{Inspection, inspect};
 use i2ris::drive::latency_timer;
 use i2ris::drive::survey::{FoundNode, answering_rate, nodes};
@@ -60,12 +61,10 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
             report.warn(name, error.to_string(), "end the controller to check its drives")
         }
         Err(error) => {
-            let at_wrong_rate = match &error {
-                DriveError::NoAnswer { .. } => true,
-                DriveError::NotUnderstood { heard, .. } => !heard.is_frame(),
-                _ => false,
-            };
-            if let Some(rate) = at_wrong_rate.then(|| answering_rate(port)).flatten() {
+            let is_garbled =
+                matches!(&error, DriveError::NotUnderstood(.., heard) if !heard.is_frame());
+            let may_be_rate = is_garbled || matches!(error, DriveError::NoAnswer { .. });
+            if let Some(rate) = may_be_rate.then(|| answering_rate(port)).flatten() {
                 let found = format!("nothing at {} baud; a drive answers at {rate}", port.baud);
                 return report.fail(name, found, format!("set `baud = {rate}`"));
             }
@@ -86,20 +85,19 @@ fn list_nodes(port: &PortConfig, found: &[FoundNode], report: &mut Report) {
         })
     };
     let device = port.device.display();
-    let family = toml::Value::try_from(port.family).map_or(String::new(), |it| it.to_string());
+    let (baud, family) = (port.baud, family_of_port(port).name().to_lowercase());
     let mut table =
-        format!("\n[[ports]]\ndevice = \"{device}\"\nbaud = {}\nfamily = {family}\n", port.baud);
-    for (motor, node) in found.iter().enumerate() {
+        format!("\n[[ports]]\ndevice = \"{device}\"\nbaud = {baud}\nfamily = \"{family}\"\n");
+    for (index, node) in found.iter().enumerate() {
         let FoundNode { node_id, family, firmware, serial_number } = node;
+        let motor = port.axes.get(index).map_or(index, |axis| axis.motor);
         let what = format!("{family}, firmware 0x{firmware:04X}");
-        report.pass(
-            format!("{device} node {node_id}"),
-            format!("{what}, serial number {serial_number}"),
-        );
-        let key = family.to_lowercase();
+        let found = format!("{what}, serial number {serial_number}");
+        report.pass(format!("{device} node {node_id}"), found);
         table += &format!(
-            "\n[[ports.axes]] # {what}\nmotor = {motor}\nfamily = \"{key}\"\nnode_id = {node_id}\n\
-             serial_number = {serial_number}\n"
+            "\n[[ports.axes]] # {what}\nmotor = {motor}\nfamily = \"{}\"\nnode_id = {node_id}\n\
+             serial_number = {serial_number}\n",
+            family.to_lowercase()
         );
     }
     if !found.iter().all(is_known) {

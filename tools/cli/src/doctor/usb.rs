@@ -5,15 +5,9 @@ use std::path::{Path, PathBuf};
 
 use super::report::Report;
 
-/// maxon EPOS2 on USB: an FTDI chip under a product number of maxon, which `ftdi_sio` has no entry
-/// for.
+/// maxon EPOS2 on USB: an FTDI chip, for whose product number `ftdi_sio` has no entry.
 const EPOS2: [&str; 2] = ["0403", "a8b0"];
-
-/// maxon EPOS4 on USB.
 const EPOS4: [&str; 2] = ["24e7", "3b01"];
-
-/// The driver of FTDI chips.
-const FTDI: &str = "ftdi_sio";
 
 const RULES: &str = "for good: config/system/60-i2ris.rules";
 
@@ -23,40 +17,33 @@ pub fn check(sys: &Path, report: &mut Report) {
         let id = ["idVendor", "idProduct"].map(|name| text(&device.join(name)));
         let id = id.each_ref().map(String::as_str);
         let interfaces = interfaces(&device);
-        let is_ftdi = id[0] == "0403" || interfaces.iter().any(|it| driver(it) == FTDI);
+        let is_ftdi = id[0] == "0403" || interfaces.iter().any(|it| driver(it) == "ftdi_sio");
         if !is_ftdi && id != EPOS4 {
             continue;
         }
-        let what = match id {
-            EPOS2 => "EPOS2",
-            EPOS4 => "EPOS4",
-            _ => "FTDI adapter",
+        // Of an adapter without entry, loading its driver is enough.
+        let (what, bind) = match id {
+            EPOS2 => (
+                "EPOS2",
+                "modprobe ftdi_sio && echo 0403 a8b0 > /sys/bus/usb-serial/drivers/ftdi_sio/new_id",
+            ),
+            EPOS4 => ("EPOS4", "modprobe usbserial vendor=0x24e7 product=0x3b01"),
+            _ => ("FTDI adapter", "modprobe ftdi_sio"),
         };
-        let place = device.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let name = format!("{what} on USB {place}");
+        let name = format!("{what} on USB {}", shown(&device));
         match interfaces.iter().find_map(|interface| port(interface)) {
             Some(port) => {
                 report.pass(&name, format!("/dev/{}", shown(&port)));
                 check_port(&name, &port, report);
             }
-            None => report.warn(&name, "is there, but no driver makes a port of it", bind(id)),
+            None => report.warn(
+                &name,
+                "is there, but no driver makes a port of it",
+                format!("sudo sh -c '{bind}'; {RULES}"),
+            ),
         }
         check_device(&name, &device, report);
     }
-}
-
-/// The one command that gives a device its driver.
-fn bind(id: [&str; 2]) -> String {
-    let [vendor, product] = id;
-    let command = match id {
-        EPOS2 => format!(
-            "modprobe {FTDI} && echo {vendor} {product} > \
-             /sys/bus/usb-serial/drivers/{FTDI}/new_id"
-        ),
-        EPOS4 => format!("modprobe usbserial vendor=0x{vendor} product=0x{product}"),
-        _ => format!("modprobe {FTDI}"),
-    };
-    format!("sudo sh -c '{command}'; {RULES}")
 }
 
 fn check_port(name: &str, port: &Path, report: &mut Report) {
@@ -105,11 +92,8 @@ fn driver(interface: &Path) -> String {
 
 /// The port that a driver made of an interface: `ttyUSB0`, or `tty/ttyACM0`.
 fn port(interface: &Path) -> Option<PathBuf> {
-    let places = [interface.to_owned(), interface.join("tty")];
-    places
-        .iter()
-        .flat_map(|place| entries(place))
-        .find(|it| shown(it).len() > 3 && shown(it).starts_with("tty"))
+    let places = [entries(interface), entries(&interface.join("tty"))].concat();
+    places.into_iter().find(|it| ["ttyUSB", "ttyACM"].iter().any(|tty| shown(it).starts_with(tty)))
 }
 
 fn entries(folder: &Path) -> Vec<PathBuf> {
@@ -145,17 +129,20 @@ mod tests {
     fn driver_timer_autosuspend_and_name_are_checked_with_the_command_that_mends_each() {
         let sys = tempfile::tempdir().unwrap();
         let sys = sys.path();
-        let epos2 = [("idVendor", "0403"), ("idProduct", "a8b0"), ("serial", "12")];
-        plug(sys, "1-1", &[&epos2[..], &[("1-1:1.0/bInterfaceClass", "ff")]].concat());
+        let [epos2, epos4, adapter] =
+            [["0403", "a8b0"], ["24e7", "3b01"], ["0403", "6001"]].map(|[vendor, product]| {
+                [("idVendor", vendor), ("idProduct", product), ("serial", "12")]
+            });
+        let plug = |place, [id, product, serial]: [_; 3], more: &[_]| {
+            plug(sys, place, &[&[id, product, serial], more].concat());
+        };
+        plug("1-1", epos2, &[("1-1:1.0/bInterfaceClass", "ff")]);
         let port = ("1-2:1.0/ttyUSB0/latency_timer", "16");
-        plug(sys, "1-2", &[&epos2[..2], &[port, ("power/control", "auto")]].concat());
-        plug(sys, "1-3", &[("idVendor", "24e7"), ("idProduct", "3b01"), ("serial", "7")]);
-        let acm = ("1-4:1.0/tty/ttyACM0/dev", "166:0");
-        plug(sys, "1-4", &[("idVendor", "24e7"), ("idProduct", "3b01"), ("serial", "8"), acm]);
-        plug(sys, "1-5", &[("idVendor", "046d"), ("idProduct", "c52b")]);
-        let good = [("1-6:1.0/ttyUSB1/latency_timer", "1"), ("power/control", "on")];
-        let adapter = [("idVendor", "0403"), ("idProduct", "6001"), ("serial", "A1")];
-        plug(sys, "1-6", &[&adapter[..], &good].concat());
+        plug("1-2", epos2, &[("serial", ""), port, ("power/control", "auto")]);
+        plug("1-3", epos4, &[]);
+        plug("1-4", epos4, &[("1-4:1.0/tty/ttyACM0/dev", "166:0")]);
+        plug("1-5", [("idVendor", "046d"), ("idProduct", "c52b"), ("serial", "")], &[]);
+        plug("1-6", adapter, &[("1-6:1.0/ttyUSB1/latency_timer", "1"), ("power/control", "on")]);
         let mut report = Report::default();
         check(sys, &mut report);
         let said = report.to_string();
