@@ -23,6 +23,13 @@ pub fn now() -> WallTime {
     WallTime::from_unix_seconds(since.as_secs())
 }
 
+/// Time since 1970-01-01 00:00 UTC.
+#[must_use]
+pub fn unix_time() -> Nanos {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Nanos(u64::try_from(since.as_nanos()).unwrap_or(u64::MAX))
+}
+
 /// Date and time so long ago.
 #[must_use]
 pub fn ago(span: Nanos) -> WallTime {

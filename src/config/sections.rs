@@ -25,11 +25,14 @@ pub struct ControlConfig {
     /// The model file, relative to the folder of this file. Absent: motors move by counts only,
     /// which is what calibration needs.
     pub model: Option<PathBuf>,
+    /// Start also with a model that was calibrated with other settings of the drives: gear,
+    /// encoder, gains, limits of current and position.
+    pub other_drive: bool,
 }
 
 impl Default for ControlConfig {
     fn default() -> Self {
-        Self { rate_hz: 1000, priority: 80, cpu: None, model: None }
+        Self { rate_hz: 1000, priority: 80, cpu: None, model: None, other_drive: false }
     }
 }
 

@@ -40,6 +40,19 @@ impl DriveRequest {
     }
 }
 
+/// What a request asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Requested {
+    /// The value of an object: node, index, subindex.
+    Read(u8, u16, u8),
+    /// To take a value: node, index, subindex, four bytes.
+    Write(u8, u16, u8, u32),
+    /// The first segment of an object: node, index, subindex.
+    FirstSegment(u8, u16, u8),
+    /// The next segment of the object.
+    NextSegment,
+}
+
 /// Why a reply has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReplyError {
@@ -72,6 +85,10 @@ pub trait CommandSet: fmt::Debug + Sync {
 
     /// Starts to read an object of any length. Allocates; for bring-up only.
     fn read_segmented(&self, node: u8, object: Address) -> Box<dyn SegmentedRead>;
+
+    /// What a captured request asks for; `None`: nothing that this software asks for. Data that is
+    /// missing counts as zeros.
+    fn parse(&self, request: SerialFrame<'_>) -> Option<Requested>;
 
     /// The value in the reply to [`CommandSet::read`], truncated to the size of the object. It
     /// comes in four bytes, whose upper ones are undefined; some hosts have read two for a short
@@ -114,6 +131,13 @@ pub trait SegmentedRead {
 
     /// The bytes read so far.
     fn bytes(&self) -> &[u8];
+}
+
+/// The selector and the value of a captured request; what is missing is zero.
+pub(super) fn request_data(request: SerialFrame<'_>) -> ([u8; 4], u32) {
+    let mut data = request.data.iter().copied().chain(std::iter::repeat(0));
+    let mut next = || std::array::from_fn(|_| data.next().unwrap_or_default());
+    (next(), u32::from_le_bytes(next()))
 }
 
 /// The data of a reply after its error code, if that is 0.

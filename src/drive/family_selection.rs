@@ -8,7 +8,13 @@ use crate::config::{AxisConfig, Family, PortConfig, Streaming};
 /// The family of the drive that a port belongs to: its command set is used on the line.
 #[must_use]
 pub fn family_of_port(port: &PortConfig) -> &'static dyn DriveFamily {
-    select(port.family, Streaming::Cyclic)
+    family_of_line(port.family)
+}
+
+/// The family whose command set is used on a line.
+#[must_use]
+pub fn family_of_line(family: Family) -> &'static dyn DriveFamily {
+    select(family, Streaming::Cyclic)
 }
 
 /// The family of the drive of an axis behind a port.

@@ -10,6 +10,7 @@
 //! next request. So a failed attempt puts the line out of sync, and no reply is trusted until
 //! `link::sync` has synchronised the line again.
 
+pub mod replay;
 mod sync;
 mod transfer;
 
@@ -28,6 +29,7 @@ use super::serial_frame_parser::FrameParser;
 use super::transport::Transport;
 use crate::config::{Framing, PortConfig};
 use crate::units::Nanos;
+use transfer::Raw;
 
 /// Frame timeout of drives as delivered (0x2005, 0x2006).
 const DEFAULT_FRAME_TIMEOUT: Nanos = Nanos::from_millis(500);
@@ -343,7 +345,7 @@ impl<T: Transport> DriveLink<T> {
         }
     }
 
-    fn exchange<R>(
+    fn exchange<R: Raw>(
         &mut self,
         request: &DriveRequest,
         retry: Retry,

@@ -16,11 +16,13 @@
 //! | `transport`, `serial_transport` | the line and its clock; a serial port as a line |
 //! | `exclusive_use` | who may open the port, and the watchdog that has to get in |
 //! | `latency_timer` | the timer of FTDI adapters that delays replies |
+//! | `link` | one request, one reply, retries, and synchronising the line; its replay |
+//! | `capture` | the bytes of the last minute on a line, and their file |
 //! | `heard` | what came in place of an answer, for messages |
-//! | `link` | one request, one reply, retries, and synchronising the line |
 //! | `variant` | what a model or a firmware lacks or limits, in words |
 //! | `bring_up`, `port` | from a device file to drives that are identified, off and limited |
 //! | `saved_position` | positions of the axes between two runs of the controller |
+//! | `fingerprint` | every setting of a drive, read and compared |
 //! | `inspect` | reading the state of drives without changing it |
 //! | `survey` | who answers: the rate, and the nodes behind a port |
 //! | `axis` | one axis as a state machine without I/O |
@@ -31,6 +33,7 @@
 pub mod abort_code;
 pub mod axis;
 pub mod bring_up;
+pub mod capture;
 pub mod cia402;
 pub mod command_set;
 pub mod drive_fault;
@@ -41,6 +44,7 @@ pub mod event;
 pub mod exclusive_use;
 pub mod family;
 pub mod family_selection;
+pub mod fingerprint;
 pub mod handshake_frame;
 pub mod heard;
 pub mod homing_plan;

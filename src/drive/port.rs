@@ -11,12 +11,14 @@ use super::error::{AxisError, DriveError, LinkError};
 use super::exclusive_use::WatchdogEntry;
 use super::family::DriveFamily;
 use super::family_selection::{family_of_axis, family_of_port};
+use super::fingerprint;
 use super::link::DriveLink;
 use super::object::{self, Setting};
 use super::port_runner::{AxisLink, PortRequest, PortRunner};
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
 use crate::config::{AxisConfig, Family, PortConfig};
+use crate::robot::DriveFingerprint;
 use crate::units::{Counts, Nanos};
 
 /// A port whose stage of bring-up is `Stage`.
@@ -139,6 +141,15 @@ impl<T: Transport> Port<Configured, T> {
     /// The drives behind the port, in the order of the configuration.
     pub fn axes(&self) -> &[AxisIdentity] {
         &self.stage.identified.axes
+    }
+
+    /// Every setting of every axis. Writes nothing.
+    ///
+    /// # Errors
+    ///
+    /// When a drive does not answer.
+    pub fn read_fingerprints(&mut self) -> Result<Vec<DriveFingerprint>, DriveError> {
+        fingerprint::read_axes(&mut self.link, &self.config)
     }
 
     /// Median duration of an exchange.

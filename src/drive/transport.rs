@@ -2,6 +2,7 @@
 
 use std::io;
 
+use super::capture::Outcome;
 use crate::units::Nanos;
 
 /// A line that carries bytes both ways, with its clock.
@@ -36,6 +37,9 @@ pub trait Transport {
 
     /// Does what has to be done from time to time between exchanges. Must not block.
     fn maintain(&mut self) {}
+
+    /// Takes note of how an attempt ended, if somebody wants to know.
+    fn note(&mut self, _outcome: Outcome) {}
 
     /// The present instant.
     fn now(&self) -> Nanos;

@@ -5,6 +5,7 @@
 //! | `/dev/shm/i2ris-UID-NAME/lock` | exclusive lock of the controller, and its process id |
 //! | `/dev/shm/i2ris-UID-NAME/ready` | boot id, interface version, process id: [`super::ready`] |
 //! | `/dev/shm/i2ris-UID-NAME/pulse` | heartbeat of the control loop, [`super::heartbeat`] |
+//! | `/dev/shm/i2ris-UID-NAME/drives` | settings of the drives at the start, as JSON |
 //! | `/dev/shm/i2ris-UID-NAME/ticks-*` | the last ticks, for the black box of a killed controller |
 //! | `/dev/shm/i2ris-UID-NAME/BOOT/` | nodes and service descriptions of iceoryx2 |
 //! | `/dev/shm/i2ris-UID-NAME_BOOT_*` | shared memory of iceoryx2 |
@@ -26,6 +27,7 @@ use std::hash::{BuildHasher, Hasher};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::robot::DriveFingerprint;
 use iceoryx2::prelude::{Config, FileName, SemanticString, SemanticStringError};
 
 /// Mount point of POSIX shared memory on Linux.
@@ -177,6 +179,20 @@ impl Domain {
     /// A file in the directory of the domain.
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.directory.join(name)
+    }
+
+    /// The settings of the drives, as the controller read them at its start; none: not known.
+    #[must_use]
+    pub fn drives(&self) -> Vec<DriveFingerprint> {
+        let text = std::fs::read(self.file("drives")).unwrap_or_default();
+        serde_json::from_slice(&text).unwrap_or_default()
+    }
+
+    /// Writes what [`Domain::drives`] reads.
+    pub(crate) fn publish_drives(&self, drives: &[DriveFingerprint]) -> Result<(), DomainError> {
+        let path = self.file("drives");
+        let text = serde_json::to_vec(drives).unwrap_or_default();
+        std::fs::write(&path, text).map_err(DomainError::io("write", &path))
     }
 
     /// Beside the directory: a watchdog runs longer than a controller. No name contains a dot.

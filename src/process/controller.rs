@@ -19,16 +19,16 @@ use crate::clock;
 use crate::config::{Config, ControlConfig};
 use crate::core::cycle::ControlCycle;
 use crate::core::{CommandCheck, CycleEvent, Gated};
+use crate::drive::capture::Capture;
 use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
 use crate::drive::exclusive_use::WatchdogEntry;
 use crate::drive::port_runner::PortRunner;
-use crate::drive::serial_transport::SerialTransport;
 use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server, StreamMessage};
 use crate::model::Model;
-use crate::process::black_box::Recorder;
+use crate::process::black_box::{Recorder, write_start};
 use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::ControlLoop;
 use crate::process::fixture_table::FixtureTable;
@@ -39,7 +39,8 @@ use crate::process::model_manager::ModelManager;
 use crate::process::payload_conversion::robot_description;
 use crate::process::run_log::{RunHeader, RunLog};
 use crate::process::start_up::{
-    Drives, StartModelError, bring_up_ports, load_model, software, wait_for_positions,
+    Drives, PortLine, StartModelError, bring_up_ports, check_start_drives, load_model, software,
+    wait_for_positions,
 };
 use crate::process::threads::{NamedThread, ThreadError};
 use crate::realtime::{self, Granted, Wanted};
@@ -106,15 +107,31 @@ pub fn run(
     let watchdog = WatchdogEntry::default();
     let status = WatchdogStatus::read(&domain, &config.devices(), clock::now());
     watchdog.set_runs(status != WatchdogStatus::Absent);
-    let drives = bring_up_ports(config, &watchdog)?;
+    let mut captures = Vec::new();
+    let drives = bring_up_ports(config, &watchdog, &mut captures);
+    let drives = drives.inspect_err(|_| {
+        if let Some(line) = write_start(&config.record_folder, &captures, &software()) {
+            write_line(log, format_args!("{line}"));
+        }
+    })?;
+    check_start_drives(config, model.as_deref(), &drives.fingerprints)?;
     let (identities, exchanges) = (drives.identities.clone(), drives.exchanges.clone());
     let config = &config.with_exchanges(&exchanges);
+    let fingerprints = drives.fingerprints.clone();
+    let drives = (drives, captures);
     let threads = start_threads(config, lock, model.as_ref(), drives, watchdog, shutdown)?;
+    if let Err(error) = domain.publish_drives(&fingerprints) {
+        write_line(log, format_args!("warning: {error}"));
+    }
     service_manager::notify(service_manager::READY);
     let (name, process) = (domain.name(), std::process::id());
     write_line(log, format_args!("serves domain `{name}`, process {process}"));
     write_granted(log, &threads.granted);
     write_limits(log, config, model.is_some(), &exchanges);
+    if model.as_ref().is_some_and(|model| model.file().training.drives.is_empty()) {
+        let line = "the model does not say with which settings of the drives it was calibrated";
+        write_line(log, format_args!("{line}"));
+    }
     write_ipc_granted(log, &config.control, &threads.ipc_granted);
     if let Some(delay_s) = config.command.tremor_filter_delay_s() {
         let delay_ms = delay_s * 1e3;
@@ -126,6 +143,7 @@ pub fn run(
         config,
         model: model.as_ref().map(|model| model.id()),
         drives: &identities,
+        fingerprints: &fingerprints,
         granted: &threads.granted,
         note,
     });
@@ -186,18 +204,20 @@ fn start_threads(
     config: &Config,
     lock: DomainLock,
     model: Option<&Arc<Model>>,
-    drives: Drives,
+    (drives, captures): (Drives, Vec<Capture>),
     watchdog: WatchdogEntry,
     shutdown: &Arc<AtomicBool>,
 ) -> Result<Threads, ControllerError> {
-    let (recorder, to_recorder) = Recorder::new(config, model, &software(), lock.boot_id());
+    let (recorder, to_recorder) =
+        Recorder::new(config, model, &software(), lock.boot_id(), captures, &drives.fingerprints);
     let (published, log_entries) = mpsc::channel();
     let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder, log_entries);
     let (queues, workers) = request_queues();
     let history = SharedLoopHistory::new(config, model);
     let recorder_queue = queues.recorder.clone();
     let manager =
-        ModelManager::new(config.clone(), history.clone(), model_channels, recorder_queue);
+        ModelManager::new(config.clone(), history.clone(), model_channels, recorder_queue)
+            .with_drives(drives.fingerprints.clone());
     let quit = Arc::new(AtomicBool::new(false));
     let (lines, recorder_lines) = mpsc::channel();
     let mut others = start_workers(config, recorder, manager, workers, lines, &quit)?;
@@ -310,7 +330,7 @@ fn start_ipc(
 
 fn start_port(
     config: &ControlConfig,
-    runner: PortRunner<SerialTransport, Gated>,
+    runner: PortRunner<PortLine, Gated>,
     events: mpsc::SyncSender<(Nanos, PortEvent)>,
     quit: &Arc<AtomicBool>,
 ) -> Result<NamedThread, ThreadError> {

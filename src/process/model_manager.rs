@@ -20,7 +20,8 @@ use crate::process::black_box::{OfferRecord, RecorderRequest};
 use crate::process::channels::{ModelChannels, ModelOffer, Tokened};
 use crate::process::loop_history::{LoadedModel, LoopHistory, SharedLoopHistory};
 use crate::process::model_comparison::{ModelState, difference};
-use crate::robot::{ModelAction, Refusal};
+use crate::process::start_up::check_drives;
+use crate::robot::{DriveFingerprint, ModelAction, Refusal};
 use crate::units::Nanos;
 
 /// Timeout for the reply of the loop: it takes a tick, unless the machine stalls.
@@ -46,6 +47,8 @@ impl From<Refusal> for Refused {
 /// Manages the models.
 pub struct ModelManager {
     config: Config,
+    /// The present settings of the drives.
+    drives: Vec<DriveFingerprint>,
     history: SharedLoopHistory,
     channels: ModelChannels,
     /// To the black box, which must know every model before the loop does.
@@ -63,7 +66,13 @@ impl ModelManager {
         channels: ModelChannels,
         recorder: Sender<RecorderRequest>,
     ) -> Self {
-        Self { config, history, channels, recorder, requests: 0, offers: 0 }
+        Self { config, drives: Vec::new(), history, channels, recorder, requests: 0, offers: 0 }
+    }
+
+    /// Compares models with these settings of the drives.
+    #[must_use]
+    pub fn with_drives(self, drives: Vec<DriveFingerprint>) -> Self {
+        Self { drives, ..self }
     }
 
     /// Replies to requests until `quit`, or until the request queue is closed.
@@ -107,26 +116,39 @@ impl ModelManager {
         &mut self,
         request: &payload::ModelRequest,
     ) -> Result<Option<ModelDifference>, Refused> {
-        let has_unknown_flags = request.flags & !payload::ModelRequest::FORCE != 0;
+        let known = payload::ModelRequest::FORCE | payload::ModelRequest::OTHER_DRIVE;
+        let has_unknown_flags = request.flags & !known != 0;
         if request.client_id == 0 || has_unknown_flags {
             return Err(Refusal::Malformed.into());
         }
         let forced = request.flags & payload::ModelRequest::FORCE != 0;
         let change = match ModelAction::from_number(request.action).ok_or(Refusal::Malformed)? {
             ModelAction::List => return Ok(None),
-            ModelAction::Stage => return self.stage(&path(&request.path)?),
+            ModelAction::Stage => {
+                let other_drive = request.flags & payload::ModelRequest::OTHER_DRIVE != 0;
+                return self.stage(&path(&request.path)?, other_drive);
+            }
             ModelAction::Activate => ModelChange::Activate(ModelId(request.model_id)),
             ModelAction::Rollback => ModelChange::Rollback,
         };
         self.change(request.client_id, change, forced).map(|()| None)
     }
 
-    fn stage(&mut self, file: &Path) -> Result<Option<ModelDifference>, Refused> {
+    fn stage(
+        &mut self,
+        file: &Path,
+        other_drive: bool,
+    ) -> Result<Option<ModelDifference>, Refused> {
         let bad = |message: String| Refused { refusal: Refusal::BadModel, message };
         let model = Model::load_trusted(file).map_err(|error| bad(error.to_string()))?;
         self.config
             .check_model(&model)
             .map_err(|error| bad(format!("model file {} {error}", file.display())))?;
+        if !other_drive {
+            check_drives(&model, &self.drives).map_err(|differences| {
+                bad(format!("model file {} {differences}; or --other-drive", file.display()))
+            })?;
+        }
         let model = Arc::new(model);
         let (history, active, position) = {
             let shared = self.history.lock();

@@ -14,7 +14,7 @@ use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::AxisIdentity;
 use crate::model::ModelId;
 use crate::realtime::Granted;
-use crate::robot::Fault;
+use crate::robot::{DriveFingerprint, Fault};
 use crate::wall_clock;
 
 /// Name of the file in the folder of the records.
@@ -33,6 +33,8 @@ pub struct RunHeader<'a> {
     pub model: Option<ModelId>,
     /// The drives.
     pub drives: &'a [AxisIdentity],
+    /// Their settings.
+    pub fingerprints: &'a [DriveFingerprint],
     /// Scheduling of the loop.
     pub granted: &'a Granted,
     /// Note of the operator.
@@ -120,7 +122,8 @@ fn open(config: &Config) -> io::Result<File> {
 
 fn header(run: &RunHeader<'_>) -> Value {
     let text = toml::to_string(run.config).unwrap_or_default();
-    let drives: Vec<Value> = run.drives.iter().map(drive).collect();
+    let drives = run.drives.iter().map(|axis| drive(axis, run.fingerprints));
+    let drives: Vec<Value> = drives.collect();
     json!({
         "software": run.software,
         "config_sha256": ModelId(Sha256::digest(text.as_bytes()).into()).to_string(),
@@ -137,13 +140,15 @@ fn header(run: &RunHeader<'_>) -> Value {
     })
 }
 
-fn drive(axis: &AxisIdentity) -> Value {
+fn drive(axis: &AxisIdentity, fingerprints: &[DriveFingerprint]) -> Value {
+    let fingerprint = fingerprints.iter().find(|drive| drive.motor == axis.motor);
     json!({
         "motor": axis.motor,
         "serial_number": axis.serial_number,
         "full_serial_number": axis.full_serial_number.map(|number| format!("{number:X}")),
         "firmware": format!("{:04X}", axis.model.firmware),
         "name": axis.name,
+        "settings": fingerprint.map(|drive| &drive.settings),
     })
 }
 

@@ -7,12 +7,15 @@ use crate::clock;
 use crate::config::Config;
 use crate::core::Gated;
 use crate::drive::AxisIdentity;
+use crate::drive::capture::{Capture, CapturedLine};
 use crate::drive::error::DriveError;
 use crate::drive::exclusive_use::WatchdogEntry;
-use crate::drive::port::{Opened, Port};
+use crate::drive::fingerprint::differences_of_model;
+use crate::drive::port::Port;
 use crate::drive::port_runner::{AxisLink, PortRunner};
 use crate::drive::serial_transport::SerialTransport;
 use crate::model::{Model, ModelError};
+use crate::robot::DriveFingerprint;
 use crate::units::Nanos;
 
 /// Maximum time until the port threads have read the first positions: a few exchanges, unless the
@@ -33,6 +36,14 @@ pub enum StartModelError {
         /// Why this robot may not use it.
         source: ModelError,
     },
+    /// The model was calibrated with other settings of the drives.
+    #[error("model file {path} {differences}; or set `control.other_drive = true`")]
+    OtherDrive {
+        /// The file.
+        path: PathBuf,
+        /// The settings.
+        differences: String,
+    },
 }
 
 /// Loads the model of the configuration, if it names one.
@@ -47,33 +58,87 @@ pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
     Ok(Some(model))
 }
 
+/// Settings that are named at most.
+const MOST_NAMED: usize = 5;
+
+/// Whether a model was calibrated with the present settings of the drives.
+///
+/// # Errors
+///
+/// Which settings differ, and what to do.
+pub fn check_drives(model: &Model, drives: &[DriveFingerprint]) -> Result<(), String> {
+    let calibrated = &model.file().training.drives;
+    let found = differences_of_model(calibrated, drives, model.motors());
+    if found.is_empty() {
+        return Ok(());
+    }
+    let more = found.len().saturating_sub(MOST_NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    Err(format!(
+        "was calibrated with other settings of the drives (calibration -> now): {}{more}; set \
+         them back, or calibrate again",
+        found[..found.len().min(MOST_NAMED)].join(", ")
+    ))
+}
+
+/// The same for the model of the configuration.
+pub fn check_start_drives(
+    config: &Config,
+    model: Option<&Model>,
+    drives: &[DriveFingerprint],
+) -> Result<(), StartModelError> {
+    let (Some(model), Some(path), false) =
+        (model, &config.control.model, config.control.other_drive)
+    else {
+        return Ok(());
+    };
+    check_drives(model, drives)
+        .map_err(|differences| StartModelError::OtherDrive { path: path.clone(), differences })
+}
+
 /// Version and commit of this software.
 pub fn software() -> String {
     format!("i2ris {} ({COMMIT})", env!("CARGO_PKG_VERSION"))
 }
 
+/// A serial port, and the capture of what goes over it.
+pub type PortLine = CapturedLine<SerialTransport>;
+
 /// All drives, ready to be enabled.
 pub struct Drives {
-    pub runners: Vec<PortRunner<SerialTransport, Gated>>,
+    pub runners: Vec<PortRunner<PortLine, Gated>>,
     pub links: Vec<AxisLink<Gated>>,
     pub identities: Vec<AxisIdentity>,
+    /// The settings of the drives.
+    pub fingerprints: Vec<DriveFingerprint>,
     /// How long an exchange takes on each port.
     pub exchanges: Vec<Nanos>,
 }
 
 /// Opens all ports, then configures them, so that a missing port is detected before any drive is
-/// changed.
-pub fn bring_up_ports(config: &Config, watchdog: &WatchdogEntry) -> Result<Drives, DriveError> {
-    let opened = config.ports.iter().map(|port| Port::<Opened>::open_with(port, watchdog));
-    let opened = opened.collect::<Result<Vec<_>, _>>()?;
+/// changed. What goes over the opened ports is in `captures`, also after an error.
+pub fn bring_up_ports(
+    config: &Config,
+    watchdog: &WatchdogEntry,
+    captures: &mut Vec<Capture>,
+) -> Result<Drives, DriveError> {
+    let mut opened = Vec::new();
+    for port in &config.ports {
+        let line = SerialTransport::open_with(port, watchdog)?;
+        let (line, capture) = CapturedLine::new(line, port);
+        captures.push(capture);
+        opened.push(Port::over(line, port));
+    }
     let mut drives = Drives {
         runners: Vec::new(),
         links: Vec::new(),
         identities: Vec::new(),
+        fingerprints: Vec::new(),
         exchanges: Vec::new(),
     };
     for port in opened {
-        let port = port.bring_up()?;
+        let mut port = port.bring_up()?;
+        drives.fingerprints.extend(port.read_fingerprints()?);
         drives.exchanges.push(port.exchange());
         drives.identities.extend_from_slice(port.axes());
         let (runner, links) = port.split();

@@ -3,6 +3,7 @@
 
 mod advice;
 mod axis_phase;
+mod drive_fingerprint;
 mod measurement;
 mod numbered_enum;
 mod operating_state;
@@ -11,6 +12,7 @@ mod refusal;
 mod requests;
 
 pub use axis_phase::{AxisPhase, DrivePower};
+pub use drive_fingerprint::DriveFingerprint;
 pub use measurement::{Measurement, Quantity};
 pub use operating_state::{Clip, Fault, OperatingState, Stop};
 pub use reason::{Cause, Reason};

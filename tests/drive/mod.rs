@@ -6,6 +6,7 @@
 
 mod bring_up;
 mod campaign;
+mod capture;
 mod conformance;
 mod every_frame;
 mod gateway_stop;

@@ -1,8 +1,12 @@
 //! The whole path: client, shared memory, controller, serial lines, drives, snake.
 
 use std::fs;
+use std::path::{Path, PathBuf};
 
 use i2ris::clock;
+use i2ris::drive::capture::file::CaptureFile;
+use i2ris::drive::capture::{self, CapturedPort, LineEvent, Outcome};
+use i2ris::drive::link::replay::replay as replay_line;
 use i2ris::ipc::payload::{Health, JointState, unpadded_text};
 use i2ris::ipc::{Fault, OperatingState, StateCommand};
 use i2ris::process::black_box::{BlackBox, TickRecord, replay};
@@ -143,6 +147,7 @@ fn a_drive_that_does_not_answer_is_named() {
         let text = rig.log_text("controller");
         let error = text.lines().last().unwrap();
         assert!(error.starts_with("error: ") && error.contains(name), "{text}");
+        assert!(!outcomes(&record(&rig, "-start.pcapng"))[0].is_empty(), "{text}");
     }
 }
 
@@ -177,14 +182,34 @@ fn the_run_log_holds_every_start_end_and_change_of_state_and_who_commanded() {
     assert!(rig.log_text("controller").contains(&ours));
 }
 
-/// The only black box of a rig that was written for a cause.
-fn black_box(rig: &Rig, cause: &str) -> BlackBox {
+/// The only record of a rig whose name ends so.
+fn record(rig: &Rig, end: &str) -> PathBuf {
     let entries = fs::read_dir(rig.folder.path().join("records")).unwrap();
     let paths = entries.map(|entry| entry.unwrap().path());
-    let end = format!("-{cause}.box");
-    let paths: Vec<_> = paths.filter(|path| path.to_string_lossy().ends_with(&end)).collect();
+    let paths: Vec<_> = paths.filter(|path| path.to_string_lossy().ends_with(end)).collect();
     assert_eq!(paths.len(), 1, "{paths:?}: {}", rig.log_text("controller"));
-    BlackBox::read(&paths[0]).unwrap()
+    paths[0].clone()
+}
+
+/// The only black box of a rig that was written for a cause.
+fn black_box(rig: &Rig, cause: &str) -> BlackBox {
+    BlackBox::read(&record(rig, &format!("-{cause}.box"))).unwrap()
+}
+
+/// The outcomes on every port in a capture, which replays to the same ones.
+fn outcomes(path: &Path) -> Vec<Vec<Outcome>> {
+    let CaptureFile { ports, is_whole } = capture::file::read(path).unwrap();
+    assert!(is_whole);
+    let outcomes = |port: &CapturedPort| {
+        let replayed = replay_line(port);
+        // The last attempt may not have ended.
+        assert!(replayed.differences.is_empty() && replayed.skipped <= 1, "{replayed:?}");
+        let outcomes = port.events.iter().filter_map(LineEvent::outcome);
+        let outcomes: Vec<Outcome> = outcomes.collect();
+        assert_eq!(outcomes.len() as u64, replayed.attempts);
+        outcomes
+    };
+    ports.iter().map(outcomes).collect()
 }
 
 #[test]
@@ -193,7 +218,9 @@ fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_b
     rig.config.limits.feedback_stale_ms = 1000;
     let mut client = rig.enabled();
     stream_counts(&client, 1.0, |t| [(300.0 * t) as i32, 0]);
-    let on_request = BlackBox::read(&client.write_black_box().unwrap()).unwrap();
+    let path = client.write_black_box().unwrap();
+    assert!(outcomes(&path.with_extension("pcapng")).iter().all(|port| port.len() > 200));
+    let on_request = BlackBox::read(&path).unwrap();
     assert!(on_request.ticks.len() > 100, "{}", on_request.ticks.len());
     rig.emulator.mute(0, true);
     let fault = OperatingState::Fault;
@@ -203,6 +230,10 @@ fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_b
     rig.signal(Signal::SIGTERM);
     assert_eq!(rig.wait_for_end().code(), Some(0), "{}", rig.log_text("controller"));
     let (on_fault, at_exit) = (black_box(&rig, "fault"), black_box(&rig, "exit"));
+    for cause in ["fault", "exit"] {
+        let ports = outcomes(&record(&rig, &format!("-{cause}.pcapng")));
+        assert!(ports.iter().any(|port| port.contains(&Outcome::Timeout)));
+    }
     let is_fault = |tick: &TickRecord| tick.outputs.report.state == fault;
     assert!(on_fault.ticks.iter().any(is_fault) && !on_fault.ticks.iter().all(is_fault));
     for black_box in [on_request, on_fault, at_exit] {

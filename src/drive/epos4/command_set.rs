@@ -3,8 +3,8 @@
 //! Source: maxon's EPOS4 Communication Guide (2019-11).
 
 use crate::drive::command_set::{
-    CommandSet, DriveRequest, MAX_SEGMENTED, READ_REPLY_WORDS, ReplyError, SegmentedRead,
-    WRITE_REPLY_WORDS, after_error_code,
+    CommandSet, DriveRequest, MAX_SEGMENTED, READ_REPLY_WORDS, ReplyError, Requested,
+    SegmentedRead, WRITE_REPLY_WORDS, after_error_code, request_data,
 };
 use crate::drive::object::{Address, Setting};
 use crate::drive::serial_frame::SerialFrame;
@@ -42,6 +42,18 @@ impl CommandSet for Epos4CommandSet {
 
     fn read_segmented(&self, node: u8, object: Address) -> Box<dyn SegmentedRead> {
         Box::new(Epos4SegmentedRead::new(node, object))
+    }
+
+    fn parse(&self, request: SerialFrame<'_>) -> Option<Requested> {
+        let ([node, low, high, subindex], raw) = request_data(request);
+        let index = u16::from_le_bytes([low, high]);
+        match request.opcode {
+            READ_OBJECT => Some(Requested::Read(node, index, subindex)),
+            WRITE_OBJECT => Some(Requested::Write(node, index, subindex, raw)),
+            INITIATE_SEGMENTED_READ => Some(Requested::FirstSegment(node, index, subindex)),
+            SEGMENT_READ => Some(Requested::NextSegment),
+            _ => None,
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::io;
 use super::{Decode, DriveLink, TimedReply, TransferError};
 use crate::config::Framing;
 use crate::drive::abort_code::AbortCode;
+use crate::drive::capture::Outcome;
 use crate::drive::command_set::{DriveRequest, REPLY_OPCODE};
 use crate::drive::handshake_frame::{FAILED, HandshakeBody, MAX_BODY, OKAY, body_length, decode};
 use crate::drive::serial_frame::MAX_ENCODED;
@@ -37,10 +38,33 @@ impl ReceiveBuffer {
     }
 }
 
+/// A value out of a reply, as a number for the capture.
+pub(super) trait Raw {
+    fn raw(&self) -> u32;
+}
+
+impl Raw for u32 {
+    fn raw(&self) -> u32 {
+        *self
+    }
+}
+
+impl Raw for () {
+    fn raw(&self) -> u32 {
+        0
+    }
+}
+
+impl Raw for bool {
+    fn raw(&self) -> u32 {
+        u32::from(*self)
+    }
+}
+
 impl<T: Transport> DriveLink<T> {
     /// Sends a request once and waits for its reply. The line stays in sync only if exactly one
     /// good reply arrives.
-    pub(super) fn attempt<R>(
+    pub(super) fn attempt<R: Raw>(
         &mut self,
         request: &DriveRequest,
         decode: Decode<'_, R>,
@@ -65,6 +89,13 @@ impl<T: Transport> DriveLink<T> {
                 self.lose_sync(0);
             }
         }
+        self.transport.note(match &outcome {
+            Ok((_, value)) => Outcome::Answered(value.raw()),
+            Err(TransferError::Refused(code)) => Outcome::Refused(*code),
+            Err(TransferError::Timeout) => Outcome::Timeout,
+            Err(TransferError::Disturbed) => Outcome::Disturbed,
+            Err(TransferError::Broken(_)) => Outcome::Broken,
+        });
         let received = self.transport.now();
         outcome.map(|(sent, value)| TimedReply { value, sent, received })
     }

@@ -2,7 +2,13 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 
 use super::*;
+use crate::config::{Family, Framing};
+use crate::drive::abort_code::AbortCode;
+use crate::drive::capture::file::{CaptureFile, from_bytes, to_bytes};
+use crate::drive::capture::{CapturedPort, LineEvent, LineEventKind, Outcome};
+use crate::drive::link::replay::{LineReplay, replay};
 use crate::drive::serial_frame::{FrameEncoder, FrameTooLong, MAX_DATA, MAX_ENCODED};
+use crate::units::Nanos;
 
 /// Reference frames: name, bytes on the wire, opcode, data. The first 18 are from captures and from
 /// maxon's own example, the others are computed. EPOS2 over USB has the same frame with other
@@ -318,4 +324,47 @@ proptest! {
         parser.reset();
         prop_assert_eq!(feed(&mut parser, &good_wire()).0.len(), 1);
     }
+}
+
+/// What a driver has to make of a reply of the reference to a read (or to a write).
+fn outcome(is_read: bool, reply: &[u8]) -> Outcome {
+    let number = |bytes: &[u8]| u32::from_le_bytes(bytes.try_into().unwrap());
+    match (number(&reply[..4]), reply.len()) {
+        (0, 8) if is_read => Outcome::Answered(number(&reply[4..])),
+        (0, 4) if !is_read => Outcome::Answered(0),
+        (0, _) => Outcome::Disturbed,
+        (code, _) => Outcome::Refused(AbortCode(code)),
+    }
+}
+
+#[test]
+fn public_frames_are_captures_that_replay_to_the_same_outcomes() {
+    let port = |family: Family, opcodes: [u8; 2]| {
+        let requests = reference().filter(|it| opcodes.contains(&it.opcode));
+        let attempts = requests.flat_map(|request| {
+            reference().filter(|it| it.opcode == 0).flat_map(move |reply| {
+                let outcome = outcome(request.opcode == opcodes[0], &reply.data);
+                let event = |kind, bytes| LineEvent { time: Nanos(0), kind, bytes };
+                [
+                    event(LineEventKind::Sent, request.wire.clone()),
+                    event(LineEventKind::Received, reply.wire),
+                    LineEvent::of_outcome(Nanos(0), outcome),
+                ]
+            })
+        });
+        let (device, framing, events) = (String::new(), Framing::V2, attempts.collect());
+        CapturedPort { device, family, framing, baud: 115_200, events }
+    };
+    let ports = vec![port(Family::Epos4, [0x60, 0x68]), port(Family::Epos2, [0x10, 0x11])];
+    let file = to_bytes(&ports, "test", Nanos(0));
+    assert_eq!(from_bytes(&file), Some(CaptureFile { ports: ports.clone(), is_whole: true }));
+    let replayed = ports.iter().map(replay);
+    for (found, least) in replayed.zip([400, 60]) {
+        let LineReplay { attempts, skipped, differences } = found;
+        assert!(attempts >= least && skipped == 0 && differences.is_empty(), "{differences:?}");
+    }
+    // A reply that the driver is said to have taken otherwise is a difference.
+    let mut wrong = ports[0].clone();
+    wrong.events[2] = LineEvent::of_outcome(Nanos(0), Outcome::Timeout);
+    assert_eq!(replay(&wrong).differences.len(), 1);
 }

@@ -27,8 +27,21 @@ impl Client {
     ///
     /// As [`Client::models`], and [`ClientError::Path`] for a path that does not fit a payload.
     pub fn stage_model(&mut self, file: &Path) -> Result<ModelReply, ClientError> {
+        self.stage(file, 0)
+    }
+
+    /// The same for a model that was calibrated with other settings of the drives.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::stage_model`].
+    pub fn stage_model_of_other_drive(&mut self, file: &Path) -> Result<ModelReply, ClientError> {
+        self.stage(file, ModelRequest::OTHER_DRIVE)
+    }
+
+    fn stage(&mut self, file: &Path, flags: u32) -> Result<ModelReply, ClientError> {
         let path = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
-        let mut request = ModelRequest::default();
+        let mut request = ModelRequest { flags, ..ModelRequest::default() };
         let bytes = path.as_os_str().as_encoded_bytes();
         // The last byte of the field stays 0, so that the end of the path is known.
         let limit = request.path.len() - 1;

@@ -12,7 +12,7 @@ payload! {
         pub client_id: u64,
         /// [`crate::robot::ModelAction`].
         pub action: u32,
-        /// 0 or [`ModelRequest::FORCE`].
+        /// Sum of [`ModelRequest::FORCE`] and [`ModelRequest::OTHER_DRIVE`].
         pub flags: u32,
         /// `activate`: SHA-256 of the staged model.
         pub model_id: [u8; 32],
@@ -73,6 +73,8 @@ payload! {
 impl ModelRequest {
     /// Flag: proceed although the hysteresis memory of the model is unknown.
     pub const FORCE: u32 = 1;
+    /// Flag: stage although the model was calibrated with other settings of the drives.
+    pub const OTHER_DRIVE: u32 = 2;
 }
 
 impl ModelSlot {

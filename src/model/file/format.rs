@@ -9,6 +9,7 @@ use crate::model::families::hysteresis::backlash_play::PlayParameters;
 use crate::model::families::hysteresis::force_balance::BalanceParameters;
 use crate::model::families::hysteresis::residual::ResidualParameters;
 use crate::model::families::network::NetworkParameters;
+use crate::robot::DriveFingerprint;
 
 pub use crate::model::estimate::OutputUnit;
 pub use crate::model::maths::gaussian_mixture::MixtureParameters;
@@ -153,6 +154,10 @@ pub struct TrainingRecord {
     /// Gain of the affine model of the same rows, m rows of d; absent in older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linear_gain: Option<Vec<Vec<f64>>>,
+    /// The settings of the drives of the recording; absent where nothing says them. The controller
+    /// compares them with those of its drives.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub drives: Vec<DriveFingerprint>,
 }
 
 /// Quality of the fit of one output, in its unit.

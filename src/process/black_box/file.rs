@@ -24,11 +24,12 @@ use sha2::{Digest, Sha256};
 use super::ring::TickRecord;
 use crate::core::{CandidateState, CycleSnapshot};
 use crate::model::ModelId;
+use crate::robot::DriveFingerprint;
 
 /// The first bytes of every file.
 const MAGIC: [u8; 8] = *b"I2RISBOX";
 /// The only version that this software writes and reads.
-pub const VERSION: u32 = 8;
+pub const VERSION: u32 = 9;
 /// Bytes before the content.
 const HEAD: usize = 8 + 4 + 8 + 32;
 
@@ -62,6 +63,8 @@ pub struct BlackBoxHeader {
     pub written: String,
     /// Ticks lost since the start because the recorder was too slow.
     pub lost: u64,
+    /// The settings of the drives.
+    pub drives: Vec<DriveFingerprint>,
 }
 
 /// A model as it was passed to the cycle.
@@ -213,7 +216,10 @@ impl BlackBox {
 
 /// Creates a file for its owner only. One that could not be written whole is removed: what is left
 /// of it, on a full disk, would count as a black box and push a whole one out.
-fn create_whole(path: &Path, write: impl FnOnce(&File) -> io::Result<()>) -> io::Result<()> {
+pub(super) fn create_whole(
+    path: &Path,
+    write: impl FnOnce(&File) -> io::Result<()>,
+) -> io::Result<()> {
     let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)?;
     write(&file).inspect_err(|_| {
         let _ = std::fs::remove_file(path);

@@ -14,6 +14,9 @@
 //!
 //! The loop copies each tick into a ring without waiting. Ticks that a slow recorder has no room
 //! for are lost and counted; the file states their number.
+//!
+//! Beside it, under the same name, is what went over the serial ports in the last minute:
+//! [`crate::drive::capture`].
 
 mod file;
 mod live;
@@ -23,6 +26,6 @@ mod ring;
 
 pub use crate::core::CycleSnapshot;
 pub use file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
-pub use recorder::{Recorder, RecorderChannels, RecorderRequest, WriteReply};
+pub use recorder::{Recorder, RecorderChannels, RecorderRequest, WriteReply, write_start};
 pub use replay::{ReplayDifference, ReplayError, ReplayResult, replay};
 pub use ring::TickRecord;

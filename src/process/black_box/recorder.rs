@@ -1,7 +1,9 @@
-//! The recorder of the black box: takes every tick from the loop, and writes the file.
+//! The recorder of the black box: takes every tick from the loop, and writes the file; beside it
+//! what went over the serial ports.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::{self, DirBuilder};
+use std::io::Write;
 use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,15 +12,16 @@ use std::sync::mpsc::{Receiver, Sender};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
+use super::file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord, create_whole};
 use super::live::LiveFiles;
 use super::ring::{Ring, TickRecord};
 use crate::clock;
 use crate::config::Config;
 use crate::core::{CycleEventKind, CycleSnapshot};
+use crate::drive::capture::{Capture, file};
 use crate::ipc::Domain;
 use crate::model::{Model, ModelId};
-use crate::robot::OperatingState;
+use crate::robot::{DriveFingerprint, OperatingState};
 use crate::units::Nanos;
 use crate::wall_clock;
 
@@ -31,6 +34,9 @@ const SPAN: Nanos = Nanos::from_millis(12_000);
 
 /// Black boxes that are kept in the folder; the oldest are removed.
 const FILES: usize = 100;
+
+/// Extension of the captures beside the black boxes.
+const CAPTURE: &str = "pcapng";
 
 /// Polling period of the recorder.
 const PERIOD: Nanos = Nanos::from_millis(20);
@@ -74,6 +80,9 @@ pub struct Recorder {
     ring: Ring,
     /// `None`: the name of the domain is not valid.
     live: Option<LiveFiles>,
+    /// What goes over the serial ports.
+    captures: Vec<Capture>,
+    drives: Vec<DriveFingerprint>,
     models: BTreeMap<ModelId, Arc<Model>>,
     offers: VecDeque<OfferRecord>,
     /// Number of the newest tick.
@@ -93,6 +102,8 @@ impl Recorder {
         model: Option<&Arc<Model>>,
         software: &str,
         boot_id: u64,
+        captures: Vec<Capture>,
+        drives: &[DriveFingerprint],
     ) -> (Self, RecorderChannels) {
         let (ticks_in, ticks) = RingBuffer::new(TICKS);
         let (snapshots_in, snapshots) = RingBuffer::new(SNAPSHOTS);
@@ -107,6 +118,8 @@ impl Recorder {
             live: Domain::new(&config.domain)
                 .ok()
                 .map(|domain| LiveFiles::new(domain.directory(), SPAN)),
+            captures,
+            drives: drives.to_vec(),
             models: model.into_iter().map(|model| (model.id(), Arc::clone(model))).collect(),
             offers: VecDeque::new(),
             newest: 0,
@@ -266,7 +279,9 @@ impl Recorder {
 
     fn write(&self, cause: &str) -> Result<(PathBuf, u64), BlackBoxError> {
         let written = wall_clock::now().to_string();
-        self.write_content(&self.content(cause, &written))
+        let (path, ticks) = self.write_content(&self.content(cause, &written))?;
+        write_captures(&self.captures, &path.with_extension(CAPTURE), &self.software)?;
+        Ok((path, ticks))
     }
 
     fn write_content(&self, content: &BlackBox) -> Result<(PathBuf, u64), BlackBoxError> {
@@ -285,6 +300,7 @@ impl Recorder {
             cause: cause.to_owned(),
             written: written.to_owned(),
             lost: self.lost,
+            drives: self.drives.clone(),
         }
     }
 
@@ -300,6 +316,27 @@ impl Recorder {
             ticks: self.ring.ticks().copied().collect(),
         }
     }
+}
+
+/// Writes what went over the serial ports of a controller that could not start. Says so.
+pub fn write_start(folder: &Path, captures: &[Capture], software: &str) -> Option<String> {
+    if captures.iter().all(|capture| capture.read().events.is_empty()) {
+        return None;
+    }
+    let path = folder.join(format!("{}-start.{CAPTURE}", wall_clock::now().compact()));
+    let written = create_folder(folder).and_then(|()| write_captures(captures, &path, software));
+    Some(match written {
+        Ok(()) => format!("what went over the serial ports is in {}", path.display()),
+        Err(error) => format!("warning: {error}"),
+    })
+}
+
+fn write_captures(captures: &[Capture], path: &Path, software: &str) -> Result<(), BlackBoxError> {
+    let ports: Vec<_> = captures.iter().map(Capture::read).collect();
+    let wall_offset = wall_clock::unix_time().duration_since(clock::now());
+    let bytes = file::to_bytes(&ports, software, wall_offset);
+    create_whole(path, |mut file| file.write_all(&bytes).and_then(|()| file.sync_all()))
+        .map_err(BlackBoxError::io("write", path))
 }
 
 /// Writes a black box under a name that is not taken.
@@ -342,6 +379,7 @@ fn remove_oldest(folder: &Path, keep: usize, newest: &Path) {
     for path in boxes.iter().take(excess) {
         // One that stays is removed the next time.
         let _ = fs::remove_file(path);
+        let _ = fs::remove_file(path.with_extension(CAPTURE));
     }
 }
 

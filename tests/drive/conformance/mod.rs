@@ -13,7 +13,7 @@ mod hardware;
 mod running_axis;
 mod test_bench;
 
-use test_bench::{SETUPS, TestBench};
+pub use test_bench::{SETUPS, TestBench};
 
 /// A module of tests for a setup, with a test for each case. The first and the most different setup
 /// run all cases, the others some; `matrix` runs all cases on all setups.

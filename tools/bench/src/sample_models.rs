@@ -128,6 +128,7 @@ fn file(family: FamilyParameters, hull: HullParameters) -> ModelFile {
             bic: None,
             software: "i2ris-bench".to_owned(),
             recorded_at: None,
+            drives: Vec::new(),
             linear_gain: None,
         },
         worthless: None,

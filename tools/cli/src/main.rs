@@ -19,6 +19,7 @@ mod command;
 mod csv_table;
 mod demo;
 mod doctor;
+mod drives;
 mod emulate;
 mod exit;
 mod external;
@@ -30,6 +31,7 @@ mod start;
 mod state;
 mod stop;
 mod teleop;
+mod wire;
 
 /// Calibrate, emulate, command and watch the I2RIS snake robot.
 #[derive(Debug, Parser)]
@@ -78,13 +80,19 @@ enum Task {
     /// Take a model into use, look at it, and run it without a robot
     #[command(subcommand)]
     Model(model::Command),
+    /// Print and compare the settings of the drives; nothing is written to them
+    #[command(subcommand)]
+    Drives(drives::Command),
+    /// Look at what went over the serial lines: captures beside black boxes
+    #[command(subcommand)]
+    Wire(wire::Command),
 }
 
 impl Task {
     /// Whether it only prints, see [`end_with_reader`].
     fn only_prints(&self) -> bool {
         match self {
-            Self::Doctor(_) => true,
+            Self::Doctor(_) | Self::Drives(_) | Self::Wire(_) => true,
             Self::Calibrate(arguments) => arguments.only_prints(),
             Self::Model(command) => command.only_prints(),
             Self::Start(_)
@@ -113,6 +121,8 @@ impl Task {
             Self::Teleop(arguments) => teleop::run(arguments),
             Self::Calibrate(arguments) => calibrate::run(arguments),
             Self::Model(command) => model::run(command),
+            Self::Drives(command) => drives::run(&command),
+            Self::Wire(command) => wire::run(&command),
         }
     }
 }

@@ -465,6 +465,7 @@ class ModelRequest(Payload):
 
     NAME = "I2risModelRequestV1"
     FORCE = 1
+    OTHER_DRIVE = 2
     _fields_ = [
         ("client_id", c_uint64),
         ("action", c_uint32),

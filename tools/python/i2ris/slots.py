@@ -22,12 +22,13 @@ class ModelArm:
         """The models in use, staged and previously in use."""
         return self._request(1)
 
-    def stage(self, path: str | os.PathLike[str]) -> ModelSlots:
-        """Lets the controller read and check a model file. The model in use stays in use."""
+    def stage(self, path: str | os.PathLike[str], other_drive: bool = False) -> ModelSlots:
+        """Lets the controller read and check a model file. The model in use stays in use. ``other_drive``: also one
+        that was calibrated with other settings of the drives."""
         name = os.fsencode(os.path.abspath(path))
         if len(name) >= 1024:
             raise ValueError(f"{path} is too long a path")
-        return self._request(2, path=name)
+        return self._request(2, path=name, other_drive=other_drive)
 
     def activate(self, model_id: str, force: bool = False) -> ModelSlots:
         """Takes the staged model into use, if it has this id. ``force``: also while its memory is unknown."""
@@ -37,10 +38,11 @@ class ModelArm:
         """Takes the previous model into use again."""
         return self._request(4, force=force)
 
-    def _request(self, action: int, model_id: bytes = b"", path: bytes = b"", force: bool = False) -> ModelSlots:
+    def _request(self, action: int, model_id: bytes = b"", path: bytes = b"",
+                 force: bool = False, other_drive: bool = False) -> ModelSlots:
         if len(model_id) not in (0, 32):
             raise ValueError("a model id has 64 hexadecimal digits")
-        flags = ModelRequest.FORCE if force else 0
+        flags = (ModelRequest.FORCE if force else 0) | (ModelRequest.OTHER_DRIVE if other_drive else 0)
         request = ModelRequest(client_id=self._arm._client_id, action=action, flags=flags)
         request.model_id[: len(model_id)] = model_id
         request.path[: len(path)] = path

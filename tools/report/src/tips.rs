@@ -7,7 +7,7 @@ use clap::error::{ContextKind, ContextValue, Error};
 /// command is not among them until somebody says so here.
 const HARMLESS: &str = "stop estop disable pause acknowledge help doctor status config model record \
      report replay dump emulate bench input vision trial fixture state list show check print schema \
-     predict invert fit compare merge info export recover learn";
+     predict invert fit compare merge info export recover learn wire drives";
 /// Options that no tip names.
 const MOVING: [&str; 3] = ["--enable", "--home", "--force"];
 

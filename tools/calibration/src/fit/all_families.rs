@@ -241,6 +241,7 @@ impl<'a> TrainingData<'a> {
             straight: &self.straight,
             robot_id: &options.robot_id,
             recorded_at: options.recorded_at.as_deref(),
+            drives: &options.drives,
             seed: options.em.seed,
         }
     }

@@ -5,6 +5,7 @@ use i2ris::model::file::{
     SlowErrorParameters, TrainingRecord,
 };
 use i2ris::model::{Model, ModelError};
+use i2ris::robot::DriveFingerprint;
 use i2ris::units::MAX_OUTPUTS;
 
 use super::metrics::{metrics, predictions};
@@ -59,6 +60,7 @@ pub(super) struct FileContext<'a> {
     pub straight: &'a LinearFit,
     pub robot_id: &'a str,
     pub recorded_at: Option<&'a str>,
+    pub drives: &'a [DriveFingerprint],
     pub seed: u64,
 }
 
@@ -100,6 +102,7 @@ impl FileContext<'_> {
                 bic: fitted.bic,
                 software: concat!("i2ris-calibration ", env!("CARGO_PKG_VERSION")).to_owned(),
                 recorded_at: self.recorded_at.map(str::to_owned),
+                drives: self.drives.to_vec(),
                 linear_gain: Some(self.straight.gain.clone()),
             },
             worthless: None,

@@ -1,5 +1,7 @@
 //! Options of a fit.
 
+use i2ris::robot::DriveFingerprint;
+
 use super::family::Choice;
 use super::split::HoldOut;
 use crate::em::EmOptions;
@@ -12,6 +14,8 @@ pub struct FitOptions {
     pub robot_id: String,
     /// Date and time of the recording, UTC.
     pub recorded_at: Option<String>,
+    /// The settings of the drives in the recording, where they are known.
+    pub drives: Vec<DriveFingerprint>,
     /// What to fit.
     pub choice: Choice,
     /// Components of a mixture on the counts.
@@ -31,6 +35,7 @@ impl Default for FitOptions {
         Self {
             robot_id: "i2ris".to_owned(),
             recorded_at: None,
+            drives: Vec::new(),
             choice: Choice::Best,
             components: Components::UpTo(MAX_COMPONENTS_TRIED),
             em: EmOptions::default(),

@@ -6,6 +6,7 @@ use std::str::FromStr;
 
 use clap::builder::NonEmptyStringValueParser;
 use clap::value_parser;
+use i2ris::robot::DriveFingerprint;
 use i2ris::wall_clock::WallTime;
 use i2ris_calibration::em::EmOptions;
 use i2ris_calibration::fit::network::{NetworkFile, import};
@@ -220,9 +221,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         (None, Err(error)) => return Err(error.clone().into()),
     };
-    let started = beside.ok().flatten().and_then(|beside| beside.started_unix_s);
+    let beside = beside.ok().flatten();
+    let started = beside.as_ref().and_then(|beside| beside.started_unix_s);
     let recorded_at = started.map(|seconds| WallTime::from_unix_seconds(seconds).to_string());
-    let options = arguments.options(robot_id, recorded_at);
+    let mut options = arguments.options(robot_id, recorded_at);
+    options.drives = beside.map(|beside| beside.drives).unwrap_or_default();
     let (mut recording, read) = Recording::read(file, &arguments.columns.map())?;
     if let Some(network) = &arguments.network {
         return of_network(network, recording, &options, output);
@@ -279,6 +282,8 @@ fn of_network(
 struct Beside {
     robot_id: String,
     started_unix_s: Option<u64>,
+    #[serde(default)]
+    drives: Vec<DriveFingerprint>,
 }
 
 fn beside(recording: &Path) -> Result<Option<Beside>, String> {

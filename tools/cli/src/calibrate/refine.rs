@@ -53,6 +53,7 @@ pub fn run(
     let options = FitOptions {
         robot_id: old.file().robot_id.clone(),
         recorded_at: named.recorded_at.clone(),
+        drives: named.drives.clone(),
         choice: family(&old)?,
         ..FitOptions::default()
     };

@@ -36,6 +36,10 @@ pub struct UseArguments {
     /// Only have it checked and kept ready: the key m of `i2ris status --watch` takes it into use
     #[arg(long, conflicts_with_all = ["no_condition", "enable", "home"])]
     no_activate: bool,
+    /// Also a model that was calibrated with other settings of the drives: another gear, encoder,
+    /// gain or limit
+    #[arg(long)]
+    other_drive: bool,
     /// Condition nothing, so that nothing moves; a model whose memory is unknown is then refused
     #[arg(long)]
     no_condition: bool,
@@ -84,7 +88,10 @@ pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
     let before = client.models()?.slots[0];
     let stays = |failure: Failure| stays(failure, &before);
     let file = &arguments.model;
-    let reply = while_working("the controller checks the model", || client.stage_model(file));
+    let reply = while_working("the controller checks the model", || match arguments.other_drive {
+        true => client.stage_model_of_other_drive(file),
+        false => client.stage_model(file),
+    });
     let reply = reply.map_err(|error| stays(error.into()))?;
     let staged = reply.slots[1];
     say(format!("stage      {}", line(&staged)));

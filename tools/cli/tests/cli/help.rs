@@ -10,7 +10,8 @@ use crate::bench::{WorkFolder, assert_says, expect_stalls, repository, run};
 
 #[test]
 fn every_command_has_an_example_and_the_first_page_reports_every_exit_code() {
-    let own = "start emulate demo doctor home enable disable command teleop calibrate model";
+    let own =
+        "start emulate demo doctor home enable disable command teleop calibrate model drives wire";
     for name in own.split(' ').chain(PROGRAMS.map(|program| program.words)) {
         let help = WorkFolder::new().succeeds(&format!("{name} --help"));
         assert_says(&help, &["Example", &format!("i2ris {name}")]);

@@ -25,3 +25,4 @@ mod stop;
 mod surface;
 mod teleop;
 mod template;
+mod wire;

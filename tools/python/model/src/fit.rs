@@ -153,6 +153,7 @@ pub fn fit(
         hold_out: hold_out.parse().map_err(refused)?,
         spikes: SpikeOptions { keep: keep_spikes, ..SpikeOptions::default() },
         force,
+        drives: Vec::new(),
     };
     let made = watched(py, progress, |watched| {
         let (recording, read) =

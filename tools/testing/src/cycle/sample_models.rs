@@ -278,6 +278,7 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
             bic: None,
             software: "test".to_owned(),
             recorded_at: None,
+            drives: Vec::new(),
             linear_gain: None,
         },
         worthless: None,

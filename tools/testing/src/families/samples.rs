@@ -34,6 +34,7 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
             bic: None,
             software: "i2ris 0.1.0".to_owned(),
             recorded_at: None,
+            drives: Vec::new(),
             linear_gain: None,
         },
         worthless: None,

@@ -25,6 +25,7 @@ use clap::value_parser;
 use i2ris::clock;
 use i2ris::ipc::payload::{Version, unpadded_text};
 use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::robot::DriveFingerprint;
 use i2ris::units::{MAX_MOTORS, MotorVec};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_report::{DomainOption, Failure, Interrupt};
@@ -110,7 +111,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         prepare(&mut client, arguments.prepare, &interrupt)?;
     }
 
-    let mut sidecar = begin(arguments, &request, &version);
+    let mut sidecar = begin(arguments, &request, &version, domain.drives());
     let file = File::create_new(&arguments.output)
         .map_err(|error| cannot_write(&arguments.output, &error))?;
     sidecar.write(&arguments.output)?;
@@ -247,7 +248,12 @@ fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
     (0..count).map(|output| OutputSpec { name: name(output), unit }).collect()
 }
 
-fn begin(arguments: &Arguments, request: &MotionRequest, version: &Version) -> Sidecar {
+fn begin(
+    arguments: &Arguments,
+    request: &MotionRequest,
+    version: &Version,
+    drives: Vec<DriveFingerprint>,
+) -> Sidecar {
     let motors = request.region.motors;
     let name = arguments.output.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let [major, minor, patch] = version.software;
@@ -280,6 +286,7 @@ fn begin(arguments: &Arguments, request: &MotionRequest, version: &Version) -> S
         },
         outcome: None,
         latency: None,
+        drives,
         flags: Vec::new(),
     }
 }

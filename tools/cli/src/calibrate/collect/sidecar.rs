@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use i2ris::robot::DriveFingerprint;
 use serde::Serialize;
 
 use i2ris_report::files::replace;
@@ -33,6 +34,8 @@ pub struct Sidecar {
     /// Of the camera's stamps; absent where it cannot be found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub latency: Option<LatencyRecord>,
+    /// The settings of the drives; empty where the controller does not say them.
+    pub drives: Vec<DriveFingerprint>,
     /// Moments to know of.
     pub flags: Vec<Flag>,
 }

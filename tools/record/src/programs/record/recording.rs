@@ -79,6 +79,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let attached = models.take_new(&mut client);
     let mut header = header(&arguments.note, &version, config.as_ref(), attached)?;
     header.picture_budget = arguments.pictures_mb * 1_000_000;
+    let drives = serde_json::to_string(&arguments.domain.domain()?.drives())?;
+    header.about.insert("drives".to_owned(), drives);
     let mut trial = TrialRecorder::start(output, header)?;
     let mut subscriptions = Subscriptions::new(&client.watcher(), Stream::ALL);
     let start = clock::now();

@@ -1,0 +1,246 @@
+//! What went over a serial line: the bytes of the last minute in both directions, with their times
+//! and with what the driver made of them.
+//!
+//! The port thread writes into memory that was allocated before it started, and never waits. Any
+//! other thread reads it, whenever it likes, and writes it to a file ([`file`]).
+
+pub mod file;
+mod ring;
+
+use std::fmt;
+use std::io;
+use std::sync::Arc;
+
+use super::abort_code::AbortCode;
+use super::handshake_frame;
+use super::serial_frame::SerialFrame;
+use super::serial_frame_parser::{FrameParser, ParserEvent};
+use super::transport::Transport;
+use crate::config::{Family, Framing, PortConfig};
+use crate::units::Nanos;
+use ring::{Ring, RingWriter};
+
+/// How an attempt ended: a request, and the wait for its reply.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Answered: the four bytes of a read; of a segment 1 if it is the last one; else 0.
+    Answered(u32),
+    /// The drive refused the request.
+    Refused(AbortCode),
+    /// No reply in time.
+    Timeout,
+    /// A damaged reply, or a reply to another request.
+    Disturbed,
+    /// The operating system reports the port as broken.
+    Broken,
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Answered(value) => write!(f, "answered 0x{value:08X}"),
+            Self::Refused(code) => write!(f, "refused: {code}"),
+            Self::Timeout => f.write_str("no reply in time"),
+            Self::Disturbed => f.write_str("disturbed"),
+            Self::Broken => f.write_str("the port is broken"),
+        }
+    }
+}
+
+impl Outcome {
+    fn to_bytes(self) -> [u8; 5] {
+        let (code, value) = match self {
+            Self::Answered(value) => (0, value),
+            Self::Refused(code) => (1, code.0),
+            Self::Timeout => (2, 0),
+            Self::Disturbed => (3, 0),
+            Self::Broken => (4, 0),
+        };
+        let [a, b, c, d] = value.to_le_bytes();
+        [code, a, b, c, d]
+    }
+
+    fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (&code, value) = bytes.split_first()?;
+        let value = u32::from_le_bytes(value.try_into().ok()?);
+        Some(match code {
+            0 => Self::Answered(value),
+            1 => Self::Refused(AbortCode(value)),
+            2 => Self::Timeout,
+            3 => Self::Disturbed,
+            _ => Self::Broken,
+        })
+    }
+}
+
+/// Kinds of events, with their numbers in memory and in files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum LineEventKind {
+    /// An attempt ended.
+    Outcome = 0,
+    /// Bytes were handed to the line.
+    Sent = 1,
+    /// Bytes arrived.
+    Received = 2,
+}
+
+impl LineEventKind {
+    fn from_number(number: u8) -> Option<Self> {
+        [Self::Outcome, Self::Sent, Self::Received].into_iter().find(|kind| *kind as u8 == number)
+    }
+}
+
+/// Something that happened on a line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LineEvent {
+    /// By the clock of the line, in whole microseconds. Of bytes that arrived in parts: of the first.
+    pub time: Nanos,
+    /// What happened.
+    pub kind: LineEventKind,
+    /// The bytes; of an outcome its own, see [`LineEvent::outcome`].
+    pub bytes: Vec<u8>,
+}
+
+impl LineEvent {
+    /// The end of an attempt.
+    #[must_use]
+    pub fn of_outcome(time: Nanos, outcome: Outcome) -> Self {
+        Self { time, kind: LineEventKind::Outcome, bytes: outcome.to_bytes().to_vec() }
+    }
+
+    /// How an attempt ended, if this is its end.
+    #[must_use]
+    pub fn outcome(&self) -> Option<Outcome> {
+        (self.kind == LineEventKind::Outcome).then(|| Outcome::from_bytes(&self.bytes)).flatten()
+    }
+}
+
+/// What went over one line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CapturedPort {
+    /// The device file.
+    pub device: String,
+    /// The family of the drive that the port belongs to.
+    pub family: Family,
+    /// The framing of bytes.
+    pub framing: Framing,
+    /// Bits per second.
+    pub baud: u32,
+    /// What happened, oldest first.
+    pub events: Vec<LineEvent>,
+}
+
+impl CapturedPort {
+    /// What happened, attempt by attempt: sent, received, outcome. Parts that do not begin with
+    /// something sent are bytes without a request, or the rest of an attempt. The last attempt may
+    /// have no outcome yet.
+    #[must_use]
+    pub fn attempts(&self) -> Vec<&[LineEvent]> {
+        let (mut parts, mut rest) = (Vec::new(), self.events.as_slice());
+        while let Some(first) = rest.first() {
+            let end = match first.kind {
+                LineEventKind::Sent => LineEventKind::Outcome,
+                _ => first.kind,
+            };
+            let length = rest.iter().position(|event| event.kind == end);
+            let (part, after) = rest.split_at(length.map_or(rest.len(), |last| last + 1));
+            parts.push(part);
+            rest = after;
+        }
+        parts
+    }
+
+    /// Calls `use_frame` with the frame of a request. `None`: not enough of it was sent. In the V1
+    /// framing a drive may never ask for more than the opcode: then there is no data.
+    pub fn with_request<R>(
+        &self,
+        attempt: &[LineEvent],
+        use_frame: impl FnOnce(SerialFrame<'_>) -> R,
+    ) -> Option<R> {
+        let mut sent = attempt.iter().filter(|event| event.kind == LineEventKind::Sent);
+        let first = &sent.next()?.bytes;
+        if self.framing == Framing::V1 {
+            let &opcode = first.first()?;
+            return Some(match sent.next() {
+                None => use_frame(SerialFrame { opcode, data: &[] }),
+                Some(body) => use_frame(handshake_frame::decode(opcode, &body.bytes)?),
+            });
+        }
+        let mut parser = FrameParser::default();
+        for &byte in first {
+            if let ParserEvent::Frame(frame) = parser.push(byte) {
+                return Some(use_frame(frame));
+            }
+        }
+        None
+    }
+}
+
+/// Reads what a port thread captures.
+#[derive(Debug)]
+pub struct Capture {
+    ring: Arc<Ring>,
+    /// Without events.
+    port: CapturedPort,
+}
+
+impl Capture {
+    /// What went over the line in the last minute.
+    #[must_use]
+    pub fn read(&self) -> CapturedPort {
+        CapturedPort { events: self.ring.read(), ..self.port.clone() }
+    }
+}
+
+/// A line that captures what goes over it.
+#[derive(Debug)]
+pub struct CapturedLine<T> {
+    line: T,
+    writer: RingWriter,
+}
+
+impl<T: Transport> CapturedLine<T> {
+    /// Captures a line. Allocates the memory for a minute at its highest rate, see `ring`.
+    pub fn new(line: T, config: &PortConfig) -> (Self, Capture) {
+        let PortConfig { family, framing, baud, .. } = *config;
+        let (writer, ring) = ring::ring(baud, framing);
+        let (device, events) = (config.device.display().to_string(), Vec::new());
+        let port = CapturedPort { device, family, framing, baud, events };
+        (Self { line, writer }, Capture { ring, port })
+    }
+}
+
+impl<T: Transport> Transport for CapturedLine<T> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let written = self.line.write(bytes);
+        self.writer.write(self.line.now(), LineEventKind::Sent, bytes);
+        written
+    }
+
+    fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
+        let count = self.line.read(into, deadline)?;
+        self.writer.receive(self.line.now(), into.get(..count).unwrap_or_default());
+        Ok(count)
+    }
+
+    fn note(&mut self, outcome: Outcome) {
+        self.writer.write(self.line.now(), LineEventKind::Outcome, &outcome.to_bytes());
+    }
+
+    fn reopen(&mut self) -> io::Result<()> {
+        self.line.reopen()
+    }
+
+    fn maintain(&mut self) {
+        self.line.maintain();
+    }
+
+    fn now(&self) -> Nanos {
+        self.line.now()
+    }
+
+    fn sleep_until(&mut self, until: Nanos) {
+        self.line.sleep_until(until);
+    }
+}

@@ -1,0 +1,248 @@
+//! The bytes of the last minute in fixed memory: one thread writes, others read, nobody waits.
+//!
+//! A record is one word with time, kind and length, and its bytes in words. The writer overwrites
+//! the oldest records: it says so in `tail` first, and in `head` when a record is whole. A reader
+//! copies everything between the two, then looks at `tail` once more and drops what may have been
+//! overwritten meanwhile.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::sync::atomic::{AtomicU64, fence};
+
+use super::{LineEvent, LineEventKind};
+use crate::config::Framing;
+use crate::units::Nanos;
+
+/// What is kept of a line.
+const SPAN: Nanos = Nanos::from_millis(60_000);
+
+/// A line on USB has no bit rate, and may be configured with any. An exchange of 24 bytes takes
+/// longer there than at this one: 0.24 ms.
+const MAX_BAUD: u32 = 1_000_000;
+
+/// Bytes of this memory per byte on the wire. An exchange has at least 20 bytes, of a refusal; in the
+/// V2 framing it takes three records of 64 bytes in all, in the V1 framing eight of 128.
+const fn bytes_per_byte(framing: Framing) -> usize {
+    match framing {
+        Framing::V2 => 4,
+        Framing::V1 => 7,
+    }
+}
+
+/// The most bytes of a record of received ones: as many as the driver reads at once.
+const CHUNK: usize = 64;
+
+/// The most bytes of a record: what 13 bits hold.
+const MAX_LENGTH: usize = (1 << 13) - 1;
+
+const WORD: usize = size_of::<u64>();
+
+/// Words of a record with its header.
+const fn words(header: u64) -> u64 {
+    1 + (header as usize & MAX_LENGTH).div_ceil(WORD) as u64
+}
+
+/// The shared memory. Positions count words since the start.
+#[derive(Debug)]
+pub(super) struct Ring {
+    words: Box<[AtomicU64]>,
+    tail: AtomicU64,
+    head: AtomicU64,
+}
+
+/// A ring for a minute of a line: 24 MB at 1 Mbaud, 2.8 MB at 115,200 baud (V1: 4.8 MB).
+pub(super) fn ring(baud: u32, framing: Framing) -> (RingWriter, Arc<Ring>) {
+    // Ten bits a byte.
+    let bytes_per_s = baud.min(MAX_BAUD) as usize / 10;
+    let bytes = bytes_per_s * bytes_per_byte(framing) * SPAN.0 as usize / 1_000_000_000;
+    of_words(bytes / WORD + MAX_LENGTH)
+}
+
+fn of_words(count: usize) -> (RingWriter, Arc<Ring>) {
+    // Written once here: the pages are there before the port thread needs them.
+    let words = (0..count as u64).map(AtomicU64::new).collect();
+    let ring = Arc::new(Ring { words, tail: AtomicU64::new(0), head: AtomicU64::new(0) });
+    let (pending, since) = ([0; CHUNK], Nanos::ZERO);
+    (RingWriter { ring: Arc::clone(&ring), tail: 0, head: 0, pending, count: 0, since }, ring)
+}
+
+impl Ring {
+    fn word(&self, position: u64) -> &AtomicU64 {
+        &self.words[(position % self.words.len() as u64) as usize]
+    }
+
+    /// The records of the last minute, from the end of an attempt on.
+    pub fn read(&self) -> Vec<LineEvent> {
+        let (first, head) = (self.tail.load(Acquire), self.head.load(Acquire));
+        let copied: Vec<u64> =
+            (first..head).map(|position| self.word(position).load(Relaxed)).collect();
+        // Whoever read a word that was overwritten sees the tail behind it now.
+        fence(Acquire);
+        let tail = self.tail.load(Relaxed);
+        let mut rest = copied.get((tail - first) as usize..).unwrap_or_default();
+        let mut events = Vec::new();
+        while let Some(&header) = rest.first() {
+            let Some((record, after)) = rest.split_at_checked(words(header) as usize) else {
+                break;
+            };
+            events.extend(event(record));
+            rest = after;
+        }
+        let newest = events.last().map_or(Nanos::ZERO, |event| event.time);
+        let is_new = |event: &LineEvent| newest.duration_since(event.time) <= SPAN;
+        let begin = events.iter().position(is_new).unwrap_or_default();
+        if tail > 0 || begin > 0 {
+            let is_end = |event: &LineEvent| event.kind == LineEventKind::Outcome;
+            let end = events.iter().skip(begin).position(is_end);
+            events.drain(..end.map_or(events.len(), |end| begin + end + 1));
+        }
+        events
+    }
+}
+
+/// A record as an event.
+fn event(record: &[u64]) -> Option<LineEvent> {
+    let (&header, data) = record.split_first()?;
+    let mut bytes: Vec<u8> = data.iter().flat_map(|word| word.to_le_bytes()).collect();
+    bytes.truncate(header as usize & MAX_LENGTH);
+    let kind = LineEventKind::from_number((header >> 13 & 7) as u8)?;
+    Some(LineEvent { time: Nanos((header >> 16) * 1000), kind, bytes })
+}
+
+/// The end of the port thread. It allocates nothing and never waits.
+#[derive(Debug)]
+pub(super) struct RingWriter {
+    ring: Arc<Ring>,
+    tail: u64,
+    head: u64,
+    /// Received since, and not in the ring yet: bytes may arrive one by one.
+    pending: [u8; CHUNK],
+    count: usize,
+    since: Nanos,
+}
+
+impl RingWriter {
+    /// Writes an event, behind what was received before.
+    pub fn write(&mut self, time: Nanos, kind: LineEventKind, bytes: &[u8]) {
+        self.flush();
+        self.push(time, kind, bytes);
+    }
+
+    pub fn receive(&mut self, time: Nanos, bytes: &[u8]) {
+        for bytes in bytes.chunks(CHUNK) {
+            if self.count + bytes.len() > CHUNK {
+                self.flush();
+            }
+            if self.count == 0 {
+                self.since = time;
+            }
+            let free = self.pending.iter_mut().skip(self.count);
+            free.zip(bytes).for_each(|(free, byte)| *free = *byte);
+            self.count += bytes.len();
+        }
+    }
+
+    fn flush(&mut self) {
+        let (count, bytes) = (std::mem::take(&mut self.count), self.pending);
+        if count > 0 {
+            self.push(self.since, LineEventKind::Received, &bytes[..count]);
+        }
+    }
+
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
+    fn push(&mut self, time: Nanos, kind: LineEventKind, bytes: &[u8]) {
+        let bytes = bytes.get(..MAX_LENGTH).unwrap_or(bytes);
+        let header = (time.0 / 1000) << 16 | u64::from(kind as u8) << 13 | bytes.len() as u64;
+        let (ring, end) = (&self.ring, self.head + words(header));
+        while end - self.tail > ring.words.len() as u64 {
+            self.tail += words(ring.word(self.tail).load(Relaxed));
+        }
+        ring.tail.store(self.tail, Relaxed);
+        // The tail is seen before anything behind it is overwritten.
+        fence(Release);
+        ring.word(self.head).store(header, Relaxed);
+        for (position, bytes) in (self.head + 1..).zip(bytes.chunks(WORD)) {
+            let mut word = [0; WORD];
+            word.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
+            ring.word(position).store(u64::from_le_bytes(word), Relaxed);
+        }
+        self.head = end;
+        ring.head.store(self.head, Release);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+
+    const END: LineEventKind = LineEventKind::Outcome;
+
+    /// The numbers of whole attempts. Bytes and times follow from the number.
+    fn numbers(events: &[LineEvent]) -> Vec<u64> {
+        let whole = events.iter().rposition(|event| event.kind == END).map_or(0, |last| last + 1);
+        let attempts = events[..whole].split_inclusive(|event| event.kind == END);
+        attempts
+            .map(|attempt| {
+                let [sent, received @ .., end] = attempt else { panic!("{attempt:?}") };
+                let number = u64::from_le_bytes(sent.bytes.as_slice().try_into().unwrap());
+                let bytes: Vec<u8> =
+                    received.iter().flat_map(|event| event.bytes.iter().copied()).collect();
+                assert_eq!(bytes, vec![number as u8; number as usize % 150]);
+                assert!(sent.time == Nanos(number * 1_000_000) && end.bytes == [number as u8]);
+                number
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_reader_gets_the_newest_whole_attempts_while_the_line_is_busy() {
+        let (mut writer, ring) = of_words(3000);
+        let end = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                for number in 0..200_000_u64 {
+                    let time = Nanos(number * 1_000_000);
+                    writer.write(time, LineEventKind::Sent, &number.to_le_bytes());
+                    (0..number % 150).for_each(|_| writer.receive(time, &[number as u8]));
+                    writer.write(time, END, &[number as u8]);
+                }
+                end.store(true, Release);
+            });
+            while !end.load(Acquire) {
+                numbers(&ring.read());
+            }
+        });
+        let last = numbers(&ring.read());
+        assert!(last.windows(2).all(|pair| pair[0] + 1 == pair[1]), "{last:?}");
+        assert!(last.len() > 100 && last.last() == Some(&199_999), "{last:?}");
+    }
+
+    #[test]
+    fn a_minute_of_the_busiest_line_fits_and_older_events_are_left_out() {
+        // The shortest exchanges: a refused read, whose parts arrive byte by byte.
+        let (v2, v1) = (vec![(10, 10)], vec![(1, 1), (7, 2), (1, 7), (1, 0)]);
+        for (baud, framing, parts) in [
+            (1_000_000, Framing::V2, &v2),
+            (115_200, Framing::V2, &v2),
+            (115_200, Framing::V1, &v1),
+        ] {
+            let (mut writer, ring) = ring(baud, framing);
+            let wire: u64 = parts.iter().map(|(sent, received)| sent + received).sum();
+            let period = 1_000_000_000 * 10 * wire / u64::from(baud);
+            for number in 0..70_000_000_000 / period {
+                let time = Nanos(number * period);
+                for &(sent, received) in parts {
+                    writer.write(time, LineEventKind::Sent, &[0; 10][..sent as usize]);
+                    (0..received).for_each(|_| writer.receive(time, &[0]));
+                }
+                writer.write(time, END, &[0; 5]);
+            }
+            let events = ring.read();
+            let span = events.last().unwrap().time - events.first().unwrap().time;
+            assert!(span <= SPAN && span + Nanos(2 * period) >= SPAN, "{baud}: {span:?}");
+            assert_eq!(events[0].kind, LineEventKind::Sent);
+        }
+    }
+}

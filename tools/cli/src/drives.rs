@@ -1,0 +1,161 @@
+//! `i2ris drives`: the settings of the drives, read and compared. Nothing is written to a drive.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use i2ris::config::{Config, Family};
+use i2ris::drive::fingerprint::{differences, key, read_port, settings};
+use i2ris::model::Model;
+use i2ris::robot::DriveFingerprint;
+use i2ris_report::{DomainOption, Failure, while_working};
+use i2ris_simulation::drive::DeviceFile;
+
+/// What `i2ris drives` can do.
+#[derive(Debug, clap::Subcommand)]
+#[command(after_help = "Examples:
+  i2ris drives dump > drives.json                the drives of the running controller
+  i2ris drives dump --config my-robot.toml       while no controller runs
+  i2ris drives compare drives.json               with the drives as they are now
+  i2ris drives compare before.json after.json
+  i2ris drives compare motor.dcf                 as EPOS Studio exports it
+
+Drives are read, and nothing is written to them.")]
+pub enum Command {
+    /// Print every setting of every drive as JSON
+    Dump(Present),
+    /// Name every setting that differs
+    Compare(CompareArguments),
+}
+
+// Where the drives are.
+#[derive(Debug, clap::Args)]
+pub struct Present {
+    /// Read the drives of this configuration; no controller may run [default: what the running
+    /// controller read at its start]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    #[command(flatten)]
+    domain: DomainOption,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct CompareArguments {
+    /// Settings: of `i2ris drives dump`, of a model, or a DCF file
+    first: PathBuf,
+    /// The same [default: the drives as they are now]
+    second: Option<PathBuf>,
+    #[command(flatten)]
+    present: Present,
+}
+
+pub fn run(command: &Command) -> Result<(), Failure> {
+    match command {
+        Command::Dump(present) => {
+            println!("{}", serde_json::to_string_pretty(&read(present)?)?);
+            Ok(())
+        }
+        Command::Compare(arguments) => compare(arguments),
+    }
+}
+
+fn read(present: &Present) -> Result<Vec<DriveFingerprint>, Failure> {
+    if let Some(path) = &present.config {
+        let config = Config::load(path)?;
+        let drives = while_working("reading every setting", || {
+            config.ports.iter().map(read_port).collect::<Result<Vec<_>, _>>()
+        })?;
+        return Ok(drives.concat());
+    }
+    let domain = present.domain.domain()?;
+    crate::command::prepare::connect(&domain)?;
+    let drives = domain.drives();
+    if drives.is_empty() {
+        return Err(
+            "this controller does not say what its drives are set to; end it, and name its \
+                    configuration with --config"
+                .into(),
+        );
+    }
+    Ok(drives)
+}
+
+fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
+    let CompareArguments { first, second, present } = arguments;
+    let (before, after) = (
+        load(first)?,
+        match second {
+            Some(second) => load(second)?,
+            None => (read(present)?, false),
+        },
+    );
+    let (mut compared, mut lines) = (0, Vec::new());
+    for old in &before.0 {
+        for new in &after.0 {
+            // A DCF file says of no motor.
+            let is_pair = old.motor == new.motor || before.1 || after.1;
+            if !is_pair || old.family != new.family {
+                continue;
+            }
+            compared += 1;
+            let (old, new) = match (before.1, after.1) {
+                (true, _) => (&DriveFingerprint { motor: new.motor, ..old.clone() }, new),
+                _ => (old, new),
+            };
+            lines.extend(differences(old, new, false));
+        }
+    }
+    if compared == 0 {
+        return Err("there is no drive of the same motor and family in both".into());
+    }
+    lines.iter().for_each(|line| println!("{line}"));
+    match lines.len() {
+        0 => {
+            println!("the same: {compared} drives");
+            Ok(())
+        }
+        count => Err(format!("{count} settings differ").into()),
+    }
+}
+
+/// The drives of a file, and whether it is of one drive of any motor.
+fn load(path: &Path) -> Result<(Vec<DriveFingerprint>, bool), Failure> {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if ["dcf", "eds", "csv"].contains(&extension.as_str()) {
+        return Ok((vec![of_device(&DeviceFile::load(path)?)], true));
+    }
+    let text = fs::read_to_string(path)
+        .map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+    if let Ok(drives) = serde_json::from_str(&text) {
+        return Ok((drives, false));
+    }
+    let model = Model::load(path).map_err(|_| {
+        format!(
+            "{} holds no settings: name what `i2ris drives dump` printed, a model, or a DCF file",
+            path.display()
+        )
+    })?;
+    let drives = &model.file().training.drives;
+    if drives.is_empty() {
+        let path = path.display();
+        return Err(format!("the model {path} does not say with which drives it was made").into());
+    }
+    Ok((drives.clone(), false))
+}
+
+fn of_device(file: &DeviceFile) -> DriveFingerprint {
+    let family = match file.family {
+        i2ris_simulation::drive::Family::Epos4 => Family::Epos4,
+        i2ris_simulation::drive::Family::Epos2 => Family::Epos2,
+    };
+    let value = |entry: &i2ris::drive::objects::Entry| {
+        let address = (entry.index, entry.subindex);
+        file.objects.iter().find(|it| (it.index, it.subindex) == address).map(|it| it.default)
+    };
+    DriveFingerprint {
+        motor: 0,
+        family: format!("{family:?}").to_uppercase(),
+        firmware: String::new(),
+        serial_number: 0,
+        settings: settings(family).filter_map(|it| Some((key(it), value(it)?))).collect(),
+    }
+}

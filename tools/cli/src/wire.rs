@@ -1,0 +1,191 @@
+//! `i2ris wire`: what went over the serial lines, from the captures beside black boxes.
+
+use std::path::{Path, PathBuf};
+
+use i2ris::config::Family;
+use i2ris::drive::capture::file::{CaptureFile, read};
+use i2ris::drive::capture::{CapturedPort, LineEvent, LineEventKind, Outcome};
+use i2ris::drive::command_set::Requested;
+use i2ris::drive::family_selection::family_of_line;
+use i2ris::drive::link::replay::replay;
+use i2ris::drive::objects::{Entry, find};
+use i2ris_report::Failure;
+
+/// Differences of a port that are printed.
+const MOST_SHOWN: usize = 5;
+
+/// What `i2ris wire` can do.
+#[derive(Debug, clap::Subcommand)]
+#[command(after_help = "Examples:
+  i2ris wire show records/20260131-120000-fault.pcapng
+  i2ris wire replay records/20260131-120000-fault.pcapng
+  i2ris wire compare good.pcapng bad.pcapng
+
+The controller writes such a file beside every black box. Wireshark opens it, too.")]
+pub enum Command {
+    /// Print requests and replies: time, node, object, value or why it was refused
+    Show {
+        /// The capture: a file that i2ris-control wrote beside a black box
+        file: PathBuf,
+    },
+    /// Run what was received through parser and driver again: every outcome must be the same
+    Replay {
+        /// The capture
+        file: PathBuf,
+    },
+    /// Print the first differences between two captures, whatever their times
+    Compare {
+        /// A capture
+        first: PathBuf,
+        /// Another one
+        second: PathBuf,
+    },
+}
+
+pub fn run(command: &Command) -> Result<(), Failure> {
+    let (files, differences) = match command {
+        Command::Show { file } => {
+            let capture = read(file)?;
+            for port in &capture.ports {
+                println!("port       {}", header(port));
+                port.attempts().iter().for_each(|attempt| println!("{}", lines(port, attempt)));
+            }
+            (vec![(file, capture)], 0)
+        }
+        Command::Replay { file } => {
+            let capture = read(file)?;
+            let differences = capture.ports.iter().map(replay_port).sum();
+            (vec![(file, capture)], differences)
+        }
+        Command::Compare { first, second } => {
+            let (one, other) = (read(first)?, read(second)?);
+            let pairs = one.ports.iter().zip(&other.ports);
+            let differences: usize = pairs.map(|(one, other)| compare(one, other)).sum();
+            let more = one.ports.len().abs_diff(other.ports.len());
+            (vec![(first, one), (second, other)], differences + more)
+        }
+    };
+    files.iter().try_for_each(|(file, capture)| whole(file, capture))?;
+    match differences {
+        0 => Ok(()),
+        count => Err(format!("{count} differences").into()),
+    }
+}
+
+/// A failure after everything that is in front of the cut was used.
+fn whole(file: &Path, capture: &CaptureFile) -> Result<(), Failure> {
+    if capture.is_whole {
+        return Ok(());
+    }
+    let events: usize = capture.ports.iter().map(|port| port.events.len()).sum();
+    let file = file.display();
+    Err(format!("{file} is cut: these are the {events} events in front of the cut").into())
+}
+
+fn header(port: &CapturedPort) -> String {
+    let CapturedPort { device, family, framing, baud, events } = port;
+    let times = events.first().zip(events.last());
+    let span = times.map_or(0.0, |(first, last)| (last.time - first.time).as_seconds());
+    format!("{device}, {family:?}, {framing:?}, {baud} baud: {span:.3} s")
+}
+
+fn replay_port(port: &CapturedPort) -> usize {
+    let found = replay(port);
+    let (differences, skipped) = (found.differences.len(), found.skipped);
+    let requests = found.attempts;
+    println!(
+        "replayed   {}: {requests} requests, {skipped} cut off, {differences} differences",
+        header(port)
+    );
+    for (time, captured, replayed) in found.differences.iter().take(MOST_SHOWN) {
+        let replayed = replayed.map_or("other bytes".to_owned(), |outcome| outcome.to_string());
+        let time = time.as_seconds();
+        println!("[{time:12.6}] captured: {captured}; replayed: {replayed}");
+    }
+    differences
+}
+
+fn compare(one: &CapturedPort, other: &CapturedPort) -> usize {
+    println!("first      {}\nsecond     {}", header(one), header(other));
+    let (ours, theirs) = (one.attempts(), other.attempts());
+    let content = |events: &[LineEvent]| {
+        [LineEventKind::Sent, LineEventKind::Received, LineEventKind::Outcome]
+            .map(|kind| bytes(events, kind).collect::<Vec<u8>>())
+    };
+    let pairs = ours.iter().zip(&theirs).filter(|(a, b)| content(a) != content(b));
+    let differing: Vec<_> = pairs.collect();
+    for (a, b) in differing.iter().take(MOST_SHOWN) {
+        println!("first:\n{}\nsecond:\n{}", lines(one, a), lines(other, b));
+    }
+    let (number, longer) = (differing.len(), ours.len().abs_diff(theirs.len()));
+    println!("differ     {number} of {}; one is longer by {longer}", ours.len());
+    number + longer
+}
+
+fn bytes(events: &[LineEvent], kind: LineEventKind) -> impl Iterator<Item = u8> {
+    let of_kind = events.iter().filter(move |event| event.kind == kind);
+    of_kind.flat_map(|event| event.bytes.iter().copied())
+}
+
+/// An attempt as lines for a person.
+fn lines(port: &CapturedPort, attempt: &[LineEvent]) -> String {
+    let (Some(first), Some(last)) = (attempt.first(), attempt.last()) else {
+        return String::new();
+    };
+    let line = |event: &LineEvent, arrow: char, text: String| {
+        let kind = if arrow == '>' { LineEventKind::Sent } else { LineEventKind::Received };
+        let hex: String = bytes(attempt, kind).map(|byte| format!(" {byte:02X}")).collect();
+        format!("[{:12.6}] {arrow} {text:<58}{hex}", event.time.as_seconds())
+    };
+    if first.kind != LineEventKind::Sent {
+        return line(first, '<', "without a request".to_owned());
+    }
+    let commands = family_of_line(port.family).command_set();
+    let requested = port.with_request(attempt, |frame| commands.parse(frame)).flatten();
+    let answer = last.outcome().map(|outcome| answer_text(port, requested, outcome));
+    let answer = answer.unwrap_or_else(|| "the capture ends".to_owned());
+    format!("{}\n{}", line(first, '>', request_text(port, requested)), line(last, '<', answer))
+}
+
+fn entry(port: &CapturedPort, index: u16, subindex: u8) -> Option<&'static Entry> {
+    // A node behind the port may be of the other family.
+    let families = [port.family, Family::Epos4, Family::Epos2];
+    families.into_iter().find_map(|family| find(family, index, subindex))
+}
+
+fn decode(port: &CapturedPort, index: u16, subindex: u8, raw: u32) -> i64 {
+    entry(port, index, subindex).map_or(i64::from(raw), |entry| entry.kind.decode(raw))
+}
+
+fn request_text(port: &CapturedPort, requested: Option<Requested>) -> String {
+    let object = |index: u16, subindex: u8| {
+        let name = entry(port, index, subindex).map_or("object", |entry| entry.name);
+        format!("{name} (0x{index:04X}:{subindex:02X})")
+    };
+    match requested {
+        None => "a request that this software does not make".to_owned(),
+        Some(Requested::Read(node, index, subindex)) => {
+            format!("node {node} read {}", object(index, subindex))
+        }
+        Some(Requested::Write(node, index, subindex, raw)) => {
+            let value = decode(port, index, subindex, raw);
+            format!("node {node} write {} = {value}", object(index, subindex))
+        }
+        Some(Requested::FirstSegment(node, index, subindex)) => {
+            format!("node {node} read {} in segments", object(index, subindex))
+        }
+        Some(Requested::NextSegment) => "the next segment".to_owned(),
+    }
+}
+
+fn answer_text(port: &CapturedPort, requested: Option<Requested>, outcome: Outcome) -> String {
+    match (outcome, requested) {
+        (Outcome::Answered(raw), Some(Requested::Read(_, index, subindex))) => {
+            let value = decode(port, index, subindex, raw);
+            format!("{value} (0x{:X})", value as u32)
+        }
+        (Outcome::Answered(_), Some(Requested::Write(..))) => "done".to_owned(),
+        (Outcome::Answered(_), _) => "answered".to_owned(),
+        (other, _) => other.to_string(),
+    }
+}

@@ -1,0 +1,131 @@
+//! `i2ris wire` and `i2ris drives`: what went over the lines, and what the drives are set to.
+
+use std::fs;
+use std::path::Path;
+
+use i2ris::config::Family;
+use i2ris::drive::fingerprint::key;
+use i2ris::drive::objects::{self, Entry};
+use i2ris::model::file::ModelFile;
+use i2ris::robot::DriveFingerprint;
+use i2ris_simulation::Line;
+use i2ris_testing::Rig;
+use nix::sys::signal::Signal;
+use serde_json::Value;
+
+use crate::bench::{WorkFolder, assert_says, expect_stalls, fails, run, succeeds};
+
+/// A robot whose controller runs, and a folder for files.
+fn robot() -> (Rig, WorkFolder) {
+    let mut rig = Rig::on(Line::Rs232);
+    rig.config.control.model = Some(rig.sample_model("model.json", "rig", 1.0));
+    expect_stalls(&mut rig);
+    rig.start_controller();
+    rig.client();
+    (rig, WorkFolder::new())
+}
+
+#[test]
+fn a_capture_is_shown_replayed_and_compared_and_a_cut_one_as_far_as_it_is_whole() {
+    let (mut rig, bench) = robot();
+    let domain = rig.domain();
+    let path = succeeds(&domain, "record dump").trim().to_owned();
+    let path = Path::new(&path).with_extension("pcapng");
+    rig.signal(Signal::SIGTERM);
+    rig.wait_for_end();
+    fs::copy(&path, bench.path("a.pcapng")).unwrap();
+    let shown = bench.succeeds("wire show a.pcapng");
+    let names = ["read statusword (0x6041:00)", "read actual position (0x6064:00)"];
+    assert_says(&shown, &names);
+    let says = [
+        "axis0, Epos4, V2, 115200 baud",
+        "write lowest position limit (0x607D:01) = -",
+        "done",
+        "90 02 ",
+    ];
+    assert_says(&shown, &says);
+    let replayed = bench.succeeds("wire replay a.pcapng");
+    assert_eq!(replayed.matches(" 0 differences").count(), 2, "{replayed}");
+    assert_says(&bench.succeeds("wire compare a.pcapng a.pcapng"), &["differ     0 of"]);
+
+    let whole = fs::read(bench.path("a.pcapng")).unwrap();
+    fs::write(bench.path("cut.pcapng"), &whole[..whole.len() / 2 + 1]).unwrap();
+    for words in ["show cut.pcapng", "replay cut.pcapng", "compare a.pcapng cut.pcapng"] {
+        let said = bench.run(&format!("wire {words}"));
+        assert_eq!(said.code, Some(1), "{words}: {}", said.error);
+        assert_says(&said.error, &["cut.pcapng is cut", "in front of the cut"]);
+        assert!(said.output.lines().count() > 1, "{words}");
+    }
+    fs::write(bench.path("other.pcapng"), "t_s,q0_counts\n").unwrap();
+    bench.fails("wire show other.pcapng", &["other.pcapng is no capture"]);
+}
+
+#[test]
+fn settings_of_drives_are_dumped_compared_and_kept_by_models_and_recordings() {
+    let (mut rig, bench) = robot();
+    let domain = rig.domain();
+    let now = succeeds(&domain, "drives dump");
+    let drives: Vec<DriveFingerprint> = serde_json::from_str(&now).unwrap();
+    assert_eq!(drives.iter().map(|drive| drive.motor).collect::<Vec<_>>(), [0, 1]);
+    let limit = i64::from(rig.config.ports[0].axes[0].current_limit_ma);
+    assert_eq!(drives[0].settings["0x3001:02"], limit);
+    bench.write("now.json", &now);
+    assert_says(
+        &succeeds(&domain, &format!("drives compare {}", bench.file("now.json"))),
+        &["same"],
+    );
+    let mut other = drives.clone();
+    *other[1].settings.get_mut("0x3001:02").unwrap() += 1;
+    bench.write("other.json", &serde_json::to_string(&other).unwrap());
+    let named = format!("motor 1: output current limit (0x3001:02) {} -> {limit}", limit + 1);
+    let said = bench.run("drives compare other.json now.json");
+    assert_eq!((said.code, said.output.trim()), (Some(1), named.as_str()), "{}", said.error);
+
+    // As maxon's tool writes the settings of one drive of any motor.
+    let value = |entry: &Entry| drives[0].settings.get(&key(entry)).copied();
+    let row = |entry: &Entry| {
+        let kind = format!("{:?}", entry.kind).replace("Text", "STR");
+        let access = format!("{:?}", entry.access).to_lowercase();
+        let value = value(entry).unwrap_or(entry.default);
+        format!("0x{:04X},{},{kind},{access},,,,{value}\n", entry.index, entry.subindex)
+    };
+    let rows: String = objects::of_family(Family::Epos4).map(row).collect();
+    let table = format!("index,subindex,type,access,low,high,default,value\n{rows}");
+    bench.write("motor_fw0170.csv", &table);
+    assert_says(&bench.succeeds("drives compare motor_fw0170.csv now.json"), &["same: 2 drives"]);
+    let changed = table.replace("0x3001,2,U32,rw,,,,300", "0x3001,2,U32,rw,,,,301");
+    assert_ne!(table, changed, "{table}");
+    bench.write("changed_fw0170.csv", &changed);
+    let said = bench.run("drives compare changed_fw0170.csv now.json");
+    let named_both = "motor 0: output current limit (0x3001:02) 301 -> 300\nmotor 1: output";
+    assert_says(&said.output, &[named_both]);
+
+    // A model of that drive is refused, unless it is told.
+    let sample = rig.sample_model("sample.json", "rig", 1.0);
+    let mut file = ModelFile::parse(&fs::read_to_string(&sample).unwrap()).unwrap();
+    file.training.drives = other;
+    let strange = sample.with_file_name("strange.json");
+    file.write(&strange).unwrap();
+    let strange = strange.display();
+    let words = format!("model use {strange} --no-activate");
+    fails(&domain, &words, 4, &["calibrated with other settings", &named, "--other-drive"]);
+    succeeds(&domain, &format!("{words} --other-drive"));
+    succeeds(&domain, &format!("record --duration-s 0.5 --output {}", bench.file("a.mcap")));
+    assert_says(&bench.succeeds("record info a.mcap"), &["0x3001:02"]);
+
+    // Without a controller the ports are read; with that model it does not start.
+    rig.signal(Signal::SIGTERM);
+    rig.wait_for_end();
+    let config = rig.folder.path().join("robot.toml");
+    let read = bench.succeeds(&format!("drives dump --config {}", config.display()));
+    let read: Vec<DriveFingerprint> = serde_json::from_str(&read).unwrap();
+    assert_eq!(read, drives);
+    rig.config.control.model = Some(strange.to_string().into());
+    let mut child = rig.spawn_controller("strange");
+    assert_eq!(i2ris_testing::wait_for_end(&mut child).code(), Some(1));
+    assert_says(&rig.log_text("strange"), &[&named, "control.other_drive"]);
+    let log = fs::read_to_string(rig.folder.path().join("records/runs.jsonl")).unwrap();
+    let begin: Value = serde_json::from_str(log.lines().next().unwrap()).unwrap();
+    assert_eq!(begin["drives"][0]["settings"]["0x3001:02"], limit);
+    assert_eq!(run(&domain, "drives dump").code, Some(3));
+}
