@@ -19,7 +19,6 @@ use crate::clock;
 use crate::config::{Config, ControlConfig};
 use crate::core::cycle::ControlCycle;
 use crate::core::{CommandCheck, CycleEvent, Gated};
-use crate::drive::capture::Capture;
 use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
 use crate::drive::exclusive_use::WatchdogEntry;
@@ -28,7 +27,7 @@ use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server, StreamMessage};
 use crate::model::Model;
-use crate::process::black_box::{Recorder, write_start};
+use crate::process::black_box::Recorder;
 use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::ControlLoop;
 use crate::process::fixture_table::FixtureTable;
@@ -107,31 +106,18 @@ pub fn run(
     let watchdog = WatchdogEntry::default();
     let status = WatchdogStatus::read(&domain, &config.devices(), clock::now());
     watchdog.set_runs(status != WatchdogStatus::Absent);
-    let mut captures = Vec::new();
-    let drives = bring_up_ports(config, &watchdog, &mut captures);
-    let drives = drives.inspect_err(|_| {
-        if let Some(line) = write_start(&config.record_folder, &captures, &software()) {
-            write_line(log, format_args!("{line}"));
-        }
-    })?;
+    let drives = bring_up_ports(config, &watchdog)?;
     check_start_drives(config, model.as_deref(), &drives.fingerprints)?;
     let (identities, exchanges) = (drives.identities.clone(), drives.exchanges.clone());
-    let config = &config.with_exchanges(&exchanges);
-    let fingerprints = drives.fingerprints.clone();
-    let drives = (drives, captures);
+    let (config, fingerprints) = (&config.with_exchanges(&exchanges), drives.fingerprints.clone());
     let threads = start_threads(config, lock, model.as_ref(), drives, watchdog, shutdown)?;
-    if let Err(error) = domain.publish_drives(&fingerprints) {
-        write_line(log, format_args!("warning: {error}"));
-    }
+    // Without the file nobody learns the settings, and the robot runs.
+    let _ = domain.publish_drives(&fingerprints);
     service_manager::notify(service_manager::READY);
     let (name, process) = (domain.name(), std::process::id());
     write_line(log, format_args!("serves domain `{name}`, process {process}"));
     write_granted(log, &threads.granted);
-    write_limits(log, config, model.is_some(), &exchanges);
-    if model.as_ref().is_some_and(|model| model.file().training.drives.is_empty()) {
-        let line = "the model does not say with which settings of the drives it was calibrated";
-        write_line(log, format_args!("{line}"));
-    }
+    write_limits(log, config, model.as_deref(), &exchanges);
     write_ipc_granted(log, &config.control, &threads.ipc_granted);
     if let Some(delay_s) = config.command.tremor_filter_delay_s() {
         let delay_ms = delay_s * 1e3;
@@ -204,12 +190,18 @@ fn start_threads(
     config: &Config,
     lock: DomainLock,
     model: Option<&Arc<Model>>,
-    (drives, captures): (Drives, Vec<Capture>),
+    drives: Drives,
     watchdog: WatchdogEntry,
     shutdown: &Arc<AtomicBool>,
 ) -> Result<Threads, ControllerError> {
-    let (recorder, to_recorder) =
-        Recorder::new(config, model, &software(), lock.boot_id(), captures, &drives.fingerprints);
+    let (recorder, to_recorder) = Recorder::new(
+        config,
+        model,
+        &software(),
+        lock.boot_id(),
+        drives.captures,
+        &drives.fingerprints,
+    );
     let (published, log_entries) = mpsc::channel();
     let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder, log_entries);
     let (queues, workers) = request_queues();
@@ -384,13 +376,17 @@ fn write_granted(log: &mut dyn Write, granted: &Granted) {
 
 /// Says which limits do not hold: watches that the configuration has switched off, angles that
 /// nobody knows, and what the lines, as measured, cannot keep.
-fn write_limits(log: &mut dyn Write, config: &Config, has_model: bool, exchanges: &[Nanos]) {
+fn write_limits(log: &mut dyn Write, config: &Config, model: Option<&Model>, exchanges: &[Nanos]) {
     for watch in config.watches_off() {
         write_line(log, format_args!("off by configuration: {watch}"));
     }
-    if !has_model && config.joint_limits.is_any() {
+    if model.is_none() && config.joint_limits.is_any() {
         let until = "until then those of counts, speed and current hold";
         write_line(log, format_args!("no model: joint_limits hold once one is in use; {until}"));
+    }
+    if model.is_some_and(|model| model.file().training.drives.is_empty()) {
+        let line = "the model does not say with which settings of the drives it was calibrated";
+        write_line(log, format_args!("{line}"));
     }
     let (stale, lost) = (config.feedback_stale().as_seconds(), config.feedback_lost().as_seconds());
     let [stale, lost] = [stale, lost].map(|age| age * 1e3);

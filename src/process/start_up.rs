@@ -109,6 +109,8 @@ pub struct Drives {
     pub runners: Vec<PortRunner<PortLine, Gated>>,
     pub links: Vec<AxisLink<Gated>>,
     pub identities: Vec<AxisIdentity>,
+    /// What goes over the ports.
+    pub captures: Vec<Capture>,
     /// The settings of the drives.
     pub fingerprints: Vec<DriveFingerprint>,
     /// How long an exchange takes on each port.
@@ -116,13 +118,9 @@ pub struct Drives {
 }
 
 /// Opens all ports, then configures them, so that a missing port is detected before any drive is
-/// changed. What goes over the opened ports is in `captures`, also after an error.
-pub fn bring_up_ports(
-    config: &Config,
-    watchdog: &WatchdogEntry,
-    captures: &mut Vec<Capture>,
-) -> Result<Drives, DriveError> {
-    let mut opened = Vec::new();
+/// changed.
+pub fn bring_up_ports(config: &Config, watchdog: &WatchdogEntry) -> Result<Drives, DriveError> {
+    let (mut opened, mut captures) = (Vec::new(), Vec::new());
     for port in &config.ports {
         let line = SerialTransport::open_with(port, watchdog)?;
         let (line, capture) = CapturedLine::new(line, port);
@@ -133,6 +131,7 @@ pub fn bring_up_ports(
         runners: Vec::new(),
         links: Vec::new(),
         identities: Vec::new(),
+        captures,
         fingerprints: Vec::new(),
         exchanges: Vec::new(),
     };

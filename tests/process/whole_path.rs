@@ -147,7 +147,6 @@ fn a_drive_that_does_not_answer_is_named() {
         let text = rig.log_text("controller");
         let error = text.lines().last().unwrap();
         assert!(error.starts_with("error: ") && error.contains(name), "{text}");
-        assert!(!outcomes(&record(&rig, "-start.pcapng"))[0].is_empty(), "{text}");
     }
 }
 

@@ -318,19 +318,7 @@ impl Recorder {
     }
 }
 
-/// Writes what went over the serial ports of a controller that could not start. Says so.
-pub fn write_start(folder: &Path, captures: &[Capture], software: &str) -> Option<String> {
-    if captures.iter().all(|capture| capture.read().events.is_empty()) {
-        return None;
-    }
-    let path = folder.join(format!("{}-start.{CAPTURE}", wall_clock::now().compact()));
-    let written = create_folder(folder).and_then(|()| write_captures(captures, &path, software));
-    Some(match written {
-        Ok(()) => format!("what went over the serial ports is in {}", path.display()),
-        Err(error) => format!("warning: {error}"),
-    })
-}
-
+/// Writes what went over the serial ports.
 fn write_captures(captures: &[Capture], path: &Path, software: &str) -> Result<(), BlackBoxError> {
     let ports: Vec<_> = captures.iter().map(Capture::read).collect();
     let wall_offset = wall_clock::unix_time().duration_since(clock::now());
