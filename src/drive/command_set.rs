@@ -98,9 +98,9 @@ pub trait CommandSet: fmt::Debug + Sync {
     ///
     /// When the drive refused, or the frame is no reply to a read.
     fn read_reply(&self, reply: SerialFrame<'_>, object: Address) -> Result<u32, ReplyError> {
-        match after_error_code(reply)? {
-            &[a, b, c, d] => Ok(object.truncate(u32::from_le_bytes([a, b, c, d]))),
-            &[a, b] if matches!(object.size, 1 | 2) => {
+        match *after_error_code(reply)? {
+            [a, b, c, d] => Ok(object.truncate(u32::from_le_bytes([a, b, c, d]))),
+            [a, b] if matches!(object.size, 1 | 2) => {
                 Ok(object.truncate(u32::from(u16::from_le_bytes([a, b]))))
             }
             _ => Err(ReplyError::Mismatch),

@@ -159,6 +159,8 @@ pub fn differences_of_model(
 
 #[cfg(test)]
 mod tests {
+    use std::slice::from_ref;
+
     use super::*;
 
     /// A drive with the defaults of its family.
@@ -186,12 +188,12 @@ mod tests {
                 let (name, value) = (entry.name, entry.default);
                 let expected = format!("motor 1: {name} ({}) {value} -> {}", key(entry), value + 1);
                 assert_eq!(text, &expected);
-                let of_model = differences_of_model(&[before.clone()], &[after.clone()], 2);
+                let of_model = differences_of_model(from_ref(&before), from_ref(&after), 2);
                 assert_eq!(of_model.len(), usize::from(OF_MODEL.contains(&entry.index)), "{text}");
-                assert!(differences_of_model(&[before.clone()], &[after.clone()], 1).is_empty());
+                assert!(differences_of_model(from_ref(&before), from_ref(&after), 1).is_empty());
                 after.settings.remove(&key(entry));
                 assert!(differences(&before, &after, false)[0].ends_with("-> absent"));
-                assert!(differences_of_model(&[before.clone()], &[after], 2).is_empty());
+                assert!(differences_of_model(from_ref(&before), &[after], 2).is_empty());
             }
         }
         let (old, new) = (drive(Family::Epos4), drive(Family::Epos2));

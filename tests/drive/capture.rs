@@ -16,7 +16,7 @@ use super::conformance::{SETUPS, TestBench};
 /// Frames of requests and replies, and the number of outcomes that are no answer, all replayed.
 fn replayed(port: &CapturedPort) -> (u64, usize) {
     let file = from_bytes(&to_bytes(std::slice::from_ref(port), "test", Nanos::ZERO)).unwrap();
-    assert_eq!(file.ports, [port.clone()]);
+    assert_eq!(file.ports, std::slice::from_ref(port));
     let found = replay(port);
     assert!(found.differences.is_empty() && found.skipped == 0, "{found:?}");
     let outcomes = port.events.iter().filter_map(LineEvent::outcome);
@@ -52,7 +52,7 @@ fn disturbed(seed: u64) -> CapturedPort {
             Disturbance::StrayReply,
         ];
         line.disturb(disturbances.get(at % 30).copied());
-        if at % 400 == 0 {
+        if at.is_multiple_of(400) {
             line.state().hung_up = true;
             let again = line.clone();
             let mend = move || again.state().hung_up = false;

@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn a_reply_to_another_kind_of_request_is_a_mismatch() {
         let echo = SerialFrame { opcode: 0x60, data: &[0; 8] };
-        for frame in [reply(&[0; 4]), echo, reply(&[1, 0, 0, 0, 0, 0])] {
+        for frame in [reply(&[0; 4]), echo, reply(&[1, 0, 0, 0, 0, 0, 0, 0, 0, 0])] {
             let value = Epos4CommandSet.read_reply(frame, POSITION.address());
             assert_eq!(value, Err(ReplyError::Mismatch));
         }

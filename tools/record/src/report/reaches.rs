@@ -152,7 +152,7 @@ pub fn target_score(trial: &Trial) -> Option<TargetScore> {
     let ended = || trial.targets.iter().filter(|target| target.flags & ReachTarget::ENDED != 0);
     let targets: Vec<TargetReach> =
         ended().filter_map(|shown| target(trial, &samples, shown)).collect();
-    let last = ended().last()?;
+    let last = ended().next_back()?;
     let by = if last.flags & ReachTarget::BY_CAMERA != 0 { "camera" } else { "estimate" };
     let held_s: Vec<f64> = targets.iter().filter_map(|target| target.held_s).collect();
     let arrived_s = targets.iter().filter_map(|target| target.arrived_s).collect();
