@@ -171,9 +171,11 @@ impl Domain {
         let prefix = format!("{}{boot}_", self.prefix);
         let names = std::fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
         let mut memory = names.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        // One of each service, made by the controller; clients make others.
+        let is_service = |name: &str| name.starts_with(&prefix) && name.ends_with(".dynamic");
         self.file("ready").exists()
             && self.file(&boot).exists()
-            && memory.any(|name| name.starts_with(&prefix))
+            && memory.any(|name| is_service(&name))
     }
 
     /// A file in the directory of the domain.

@@ -24,6 +24,7 @@ use crate::drive::event::PortEvent;
 use crate::drive::exclusive_use::WatchdogEntry;
 use crate::drive::port_runner::PortRunner;
 use crate::ipc::heartbeat::HeartbeatWriter;
+use crate::ipc::server::check_memory;
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server, StreamMessage};
 use crate::model::Model;
@@ -102,6 +103,7 @@ pub fn run(
     // first.
     let domain = Domain::new(&config.domain)?;
     let lock = DomainLock::acquire(&domain)?;
+    check_memory()?;
     let boot_id = lock.boot_id();
     let watchdog = WatchdogEntry::default();
     let status = WatchdogStatus::read(&domain, &config.devices(), clock::now());

@@ -73,14 +73,22 @@ pub(super) struct Services {
     pub requests: RequestFactories,
 }
 
-/// Shared memory of a controller with all its clients, bytes: that of a controller alone is half.
+/// Shared memory of a controller, bytes: alone it takes 27 MB.
 const NEEDED: u64 = 32 << 20;
+
+/// Refuses to start where the shared memory is too small.
+///
+/// # Errors
+///
+/// [`IpcError::Memory`].
+pub fn check_memory() -> Result<(), IpcError> {
+    let free = free_memory().filter(|free| *free < NEEDED);
+    free.map_or(Ok(()), |free| Err(IpcError::Memory { free }))
+}
 
 /// Creates node and services; cleans up and tries once more if that fails or hangs.
 pub(super) fn create(lock: &mut DomainLock) -> Result<Services, IpcError> {
-    if let Some(free) = free_memory().filter(|free| *free < NEEDED) {
-        return Err(IpcError::Memory { free });
-    }
+    check_memory()?;
     if let Ok(services) = attempt(lock) {
         return Ok(services);
     }

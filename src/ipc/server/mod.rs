@@ -36,7 +36,7 @@ use request_server::RequestServers;
 use stream_publisher::StreamPublishers;
 
 pub use command_turns::ReceivedCommand;
-pub use creation::IpcError;
+pub use creation::{IpcError, check_memory};
 
 /// Time before each tick at which to poll servo commands, under SCHED_FIFO. With 50 us the thread
 /// sometimes wakes too late and the 99th percentile of the age of a command grows by one tick.

@@ -51,7 +51,7 @@ fn the_nodes_on_a_line_are_listed_and_nothing_is_written() {
         (&SETUPS[4], &["EPOS2"][..]),
         (&SETUPS[5], &["EPOS2", "EPOS2"]),
         (&SETUPS[7], &["EPOS4", "EPOS2"]),
-        (&SETUPS[8], &["EPOS4", "EPOS4", "EPOS4"]),
+        (&SETUPS[8], &["EPOS2", "EPOS2", "EPOS2"]),
     ] {
         let bench = TestBench::emulated(setup);
         let before = bench.drive();
