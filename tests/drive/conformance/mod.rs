@@ -12,6 +12,7 @@ mod emulated;
 mod hardware;
 mod running_axis;
 mod test_bench;
+mod unknowns;
 
 pub use test_bench::{SETUPS, TestBench};
 

@@ -99,7 +99,8 @@ impl Drive {
     }
 
     fn halt_or_continue(&mut self, before: u16) {
-        let halted = matches!(self.task, Task::Brake { .. });
+        let is_deaf = !self.config.cyclic_halt && self.task == Task::Cyclic;
+        let halted = matches!(self.task, Task::Brake { .. }) || is_deaf;
         if self.controlword & HALT != 0 && !halted {
             self.brake(self.per_second(0x6084), None);
         } else if self.controlword & HALT == 0 && before & HALT != 0 {

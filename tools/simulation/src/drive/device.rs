@@ -56,6 +56,7 @@ pub struct Drive {
     pub(super) homing: Homing,
     pub(super) setpoints: Setpoints,
     pub(super) since_setpoint_s: f64,
+    pub(super) since_request_s: f64,
     pub(super) fault: Option<Fault>,
     /// The cause of the fault is still present.
     pub(super) cause_persists: bool,
@@ -109,6 +110,7 @@ impl Drive {
             homing: Homing::Idle,
             setpoints: Setpoints::default(),
             since_setpoint_s: 0.0,
+            since_request_s: 0.0,
             fault: None,
             cause_persists: false,
             warning: false,

@@ -21,6 +21,11 @@ impl Drive {
                 self.finish_boot();
             }
         }
+        self.since_request_s += dt_s;
+        let silence_ms = self.config.silence_fault_ms.filter(|_| self.state.is_powered());
+        if silence_ms.is_some_and(|ms| self.since_request_s > ms as f64 * 1e-3) {
+            self.raise(Fault(0x8130), false);
+        }
         self.move_demand(dt_s);
         self.detect_fault(dt_s);
         self.move_motor(dt_s);
@@ -94,7 +99,8 @@ impl Drive {
     fn direct_target(&self) -> f64 {
         let target = self.stored(self.map().direct_target) + self.dictionary.get(0x60B0, 0);
         let (low, high) = self.position_limits();
-        let clamps = self.map().position_limit_fault.is_none() && low <= high;
+        let has_fault = self.map().position_limit_fault.is_some() && !self.config.clips_setpoints;
+        let clamps = !has_fault && low <= high;
         self.to_motor(if clamps { target.clamp(low, high) } else { target })
     }
 

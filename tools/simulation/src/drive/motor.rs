@@ -149,6 +149,14 @@ pub struct DriveConfig {
     /// Whether interpolation (0x60C2:01 above 0) expects setpoints in time over a serial line too:
     /// fault 0x8250.
     pub interpolation_timeout: bool,
+    /// Whether a halt acts in the modes that follow every setpoint.
+    pub cyclic_halt: bool,
+    /// A setpoint beyond the position limits is clipped to them, where the family has a fault.
+    pub clips_setpoints: bool,
+    /// The gateway forwards segmented reads.
+    pub forwards_segments: bool,
+    /// Fault 0x8130 after so long with power and without a request, milliseconds.
+    pub silence_fault_ms: Option<u64>,
 }
 
 impl Default for DriveConfig {
@@ -167,6 +175,10 @@ impl Default for DriveConfig {
             segment_bytes: 255,
             gateway_timeout_ms: 100,
             interpolation_timeout: true,
+            cyclic_halt: true,
+            clips_setpoints: false,
+            forwards_segments: false,
+            silence_fault_ms: None,
         }
     }
 }

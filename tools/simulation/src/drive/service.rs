@@ -68,7 +68,7 @@ impl Drive {
         }
         let (delay, abort) = Gateway { round_trip, timeout }.forward(asked.is_some());
         let (outcome, delay) = match (abort, asked) {
-            (None, Some(_)) if service.is_segmented() => {
+            (None, Some(_)) if service.is_segmented() && !self.config.forwards_segments => {
                 (Err(Abort::UnsupportedAccess), Nanos::ZERO)
             }
             (None, Some(other)) => (other.execute(service), delay),
@@ -110,6 +110,7 @@ impl Drive {
 
     /// Executes a service. Returns the data behind the error code of the reply.
     fn execute(&mut self, service: Service) -> Result<Vec<u8>, Abort> {
+        self.since_request_s = 0.0;
         match service {
             Service::ReadObject { index, sub } => return self.read_object(index, sub),
             Service::WriteObject { index, sub, raw } => self.write(index, sub, raw)?,
