@@ -36,14 +36,14 @@ fn subcommands(command: &Value) -> Vec<&Value> {
 }
 
 #[test]
-fn the_command_line_has_at_most_18_commands_65_leaves_and_111_options() {
+fn the_command_line_grows_by_nothing_that_is_not_counted() {
     let output = program::command(&[DESCRIBE]).output().unwrap();
     let description: Value = serde_json::from_slice(&output.stdout).unwrap();
     let mut surface = Surface::default();
     surface.add(&description, "");
     surface.leaves.remove("");
     assert_eq!(subcommands(&description).len(), 18);
-    assert!(surface.leaves.len() <= 65, "{}: {:#?}", surface.leaves.len(), surface.leaves);
+    assert!(surface.leaves.len() <= 66, "{}: {:#?}", surface.leaves.len(), surface.leaves);
     assert!(surface.options.len() <= 111, "{}: {:#?}", surface.options.len(), surface.options);
     // The programs were found and described.
     for leaf in ["record trial start", "start ros master", "vision", "bench loop", "status"] {

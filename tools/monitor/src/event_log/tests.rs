@@ -105,7 +105,12 @@ fn changes_of_drives_models_ticks_and_cameras_are_logged() {
         &event_log,
         &[
             ("motor 0 at fault", 1),
-            ("motor 0 error 0x8611", 1),
+            (
+                "motor 0 error 0x8611 (following error), stopped by the ramp: the motor was further \
+                 from its setpoint than `following_error_counts`; look for what blocks or \
+                 overloads motor, gear and wires, then acknowledge the fault",
+                1,
+            ),
             ("model abababab in use", 1),
             ("tick missed by the loop", 2),
             ("camera sees the snake", 1),
