@@ -47,6 +47,7 @@ fn files_that_are_removed_while_it_runs_are_said_by_controller_and_clients() {
     let mut rig = Rig::start();
     rig.start_controller();
     let mut client = rig.client();
+    client.version().unwrap();
     let domain = rig.domain();
     for file in files(&domain).iter().filter(|file| file.is_file()) {
         std::fs::remove_file(file).unwrap();

@@ -61,7 +61,7 @@ fn first_day(setup: usize, unknowns: u8) {
         "{case}: {events:?}"
     );
     let said: Vec<String> = events.iter().map(ToString::to_string).collect();
-    assert!(said.iter().all(|it| !it.contains('\n') && it.len() < 200), "{said:?}");
+    assert!(said.iter().all(|it| !it.contains('\n') && it.len() < 400), "{said:?}");
     for (is_said, part) in [
         (is(6), "fault 0x8120"),
         (true, "setpoint 2401 outside -2400 to 2400"),
