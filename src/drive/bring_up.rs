@@ -4,16 +4,16 @@
 //! lost axis that answers again.
 
 use super::abort_code::AbortCode;
-use super::cia402::{Controlword, DriveState, PowerGoal, PowerStep, Statusword, power_step};
-use super::error::{AxisError, LinkError};
+use super::cia402::{DriveState, PowerGoal, PowerStep, Statusword, power_step};
+use super::error::{AxisError, DriveError, LinkError};
 use super::family::{DriveFamily, FirmwareVersion};
-use super::heard::Heard;
+use super::family_selection::family_of_port;
 use super::link::{DriveLink, LOCAL_NODE, Retry};
 use super::object::{self, Address, Object, Setting, Value};
 use super::objects;
 use super::transport::Transport;
 use super::variant::{DriveModel, SettingError, SettingRefusal};
-use crate::config::AxisConfig;
+use crate::config::{AxisConfig, Family, PortConfig};
 use crate::units::Nanos;
 
 /// How long a drive may take to switch off, with its ramp.
@@ -348,112 +348,6 @@ pub(super) fn learn_constants(link: &mut DriveLink<impl Transport>) -> Result<()
     Ok(())
 }
 
-/// Why a drive could not be stopped from outside the controller.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum QuickStopError {
-    /// The port is not open.
-    #[error("the port could not be opened; cut the power of the drive")]
-    NotHeld,
-    /// Nothing answers.
-    #[error("the drive does not answer; cut its power")]
-    NoAnswer,
-    /// Something answers, and is not understood.
-    #[error("{0}; cut the power of the drive")]
-    NotUnderstood(Heard),
-    /// It refuses.
-    #[error("the drive refuses to be stopped or read: {0}; cut its power")]
-    Refused(AbortCode),
-    /// It answers, with a statusword that is no known state.
-    #[error("the drive answers with the unknown statusword 0x{0:04X}; cut its power")]
-    UnknownState(u16),
-    /// It answers, and follows its target.
-    #[error("the drive does not stop ({0:?}); cut its power")]
-    StillOn(DriveState),
-}
-
-/// Attempts to stop a drive: the first may collide with the rest of the controller's exchange.
-pub const STOP_ATTEMPTS: usize = 3;
-
-/// Stops drives with their quick-stop ramps, in any state; they then hold with power. A drive
-/// without power stays off.
-///
-/// Behind a gateway, a node that does not answer keeps the line for a whole time-out. So every
-/// drive gets the command before any is asked for its state, nodes that are `owing` an answer come
-/// last, and a node that did not answer is asked again when every other one has been asked.
-pub fn quick_stop_all<T: Transport>(
-    link: &mut DriveLink<T>,
-    nodes: &[u8],
-    owing: &[u8],
-    attempts: usize,
-) -> Vec<Result<DriveState, QuickStopError>> {
-    let _ = link.wait_for_quiet();
-    link.wait_for_gateway(true);
-    let stop = object::CONTROLWORD.set(Controlword::QUICK_STOP.0);
-    let mut last: Vec<bool> =
-        nodes.iter().map(|node| nodes.len() > 1 && owing.contains(node)).collect();
-    let mut order: Vec<usize> = (0..nodes.len()).collect();
-    order.sort_by_key(|&index| last[index]);
-    // Sent before the state is known: without power it only delays switching on.
-    let at_first: Vec<usize> = order.iter().copied().filter(|&index| !last[index]).collect();
-    for (turn, index) in at_first.into_iter().enumerate() {
-        let is_answered = link.write_unconfirmed(nodes[index], stop);
-        // The first reply may be one to the controller.
-        last[index] = turn > 0 && !is_answered;
-    }
-    order.sort_by_key(|&index| last[index]);
-    let mut outcomes = vec![Err(QuickStopError::NoAnswer); nodes.len()];
-    for _ in 0..attempts {
-        for &index in &order {
-            if outcomes[index].is_ok() {
-                continue;
-            }
-            match quick_stop(link, nodes[index], stop) {
-                Ok(outcome) => outcomes[index] = outcome,
-                // Nothing answers at all, not even the drive that the port belongs to.
-                Err(LinkError::Broken(_)) => return outcomes,
-                Err(LinkError::Lost(heard)) => {
-                    outcomes.iter_mut().for_each(|outcome| note_heard(outcome, heard));
-                    return outcomes;
-                }
-                Err(LinkError::Unanswered(heard)) => note_heard(&mut outcomes[index], heard),
-                Err(LinkError::Refused(AbortCode::NO_NODE)) => {}
-                Err(LinkError::Refused(code)) => {
-                    outcomes[index] = Err(QuickStopError::Refused(code));
-                }
-            }
-        }
-    }
-    outcomes
-}
-
-fn note_heard(outcome: &mut Result<DriveState, QuickStopError>, heard: Heard) {
-    if *outcome == Err(QuickStopError::NoAnswer) && !heard.is_silence() {
-        *outcome = Err(QuickStopError::NotUnderstood(heard));
-    }
-}
-
-/// Commands quick stop, and reads the state.
-fn quick_stop(
-    link: &mut DriveLink<impl Transport>,
-    node: u8,
-    stop: Setting,
-) -> Result<Result<DriveState, QuickStopError>, LinkError> {
-    match link.write(node, stop, link.prompt(Retry::Safe)) {
-        Ok(_) => {}
-        Err(LinkError::Refused(code)) if code != AbortCode::NO_NODE => {}
-        Err(error) => return Err(error),
-    }
-    let statusword = link.read_promptly(node, object::STATUSWORD.address())?.value;
-    let statusword = u16::from_raw(statusword);
-    let Some(state) = Statusword(statusword).state() else {
-        return Ok(Err(QuickStopError::UnknownState(statusword)));
-    };
-    Ok(match power_step(state, PowerGoal::Stopped) {
-        PowerStep::Command(_) => Err(QuickStopError::StillOn(state)),
-        PowerStep::Reached | PowerStep::Blocked | PowerStep::Wait => Ok(state),
-    })
-}
-
 /// Exchanges that are timed at start.
 const TIMED_EXCHANGES: usize = 21;
 
@@ -470,4 +364,28 @@ pub(super) fn time_exchanges(
     }
     spans.sort_unstable();
     Ok([spans[TIMED_EXCHANGES / 4], spans[TIMED_EXCHANGES / 2]])
+}
+
+/// The error of the port for an error of an axis.
+pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, error: AxisError) -> DriveError {
+    let (device, node) = (port.device.clone(), axis.node_id);
+    match error {
+        AxisError::Exchange {
+            error: LinkError::Lost(heard) | LinkError::Unanswered(heard),
+            ..
+        } => {
+            let baud = port.baud;
+            if heard.is_silence() {
+                DriveError::NoAnswer { device, baud, node }
+            } else {
+                DriveError::NotUnderstood(device, baud, heard)
+            }
+        }
+        AxisError::Exchange { error: LinkError::Refused(AbortCode::UNKNOWN_COMMAND), .. } => {
+            let family = family_of_port(port).name();
+            let other = if port.family == Family::Epos4 { "EPOS2" } else { "EPOS4" };
+            DriveError::OtherFamily(device, family, other)
+        }
+        error => DriveError::Axis { device, node, error },
+    }
 }

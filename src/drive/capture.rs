@@ -7,71 +7,17 @@
 pub mod file;
 mod ring;
 
-use std::fmt;
 use std::io;
 use std::sync::Arc;
 
-use super::abort_code::AbortCode;
 use super::handshake_frame;
 use super::serial_frame::SerialFrame;
 use super::serial_frame_parser::{FrameParser, ParserEvent};
+pub use super::transport::Outcome;
 use super::transport::Transport;
 use crate::config::{Family, Framing, PortConfig};
 use crate::units::Nanos;
 use ring::{Ring, RingWriter};
-
-/// How an attempt ended: a request, and the wait for its reply.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    /// Answered: the four bytes of a read; of a segment 1 if it is the last one; else 0.
-    Answered(u32),
-    /// The drive refused the request.
-    Refused(AbortCode),
-    /// No reply in time.
-    Timeout,
-    /// A damaged reply, or a reply to another request.
-    Disturbed,
-    /// The operating system reports the port as broken.
-    Broken,
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Answered(value) => write!(f, "answered 0x{value:08X}"),
-            Self::Refused(code) => write!(f, "refused: {code}"),
-            Self::Timeout => f.write_str("no reply in time"),
-            Self::Disturbed => f.write_str("disturbed"),
-            Self::Broken => f.write_str("the port is broken"),
-        }
-    }
-}
-
-impl Outcome {
-    fn to_bytes(self) -> [u8; 5] {
-        let (code, value) = match self {
-            Self::Answered(value) => (0, value),
-            Self::Refused(code) => (1, code.0),
-            Self::Timeout => (2, 0),
-            Self::Disturbed => (3, 0),
-            Self::Broken => (4, 0),
-        };
-        let [a, b, c, d] = value.to_le_bytes();
-        [code, a, b, c, d]
-    }
-
-    fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let (&code, value) = bytes.split_first()?;
-        let value = u32::from_le_bytes(value.try_into().ok()?);
-        Some(match code {
-            0 => Self::Answered(value),
-            1 => Self::Refused(AbortCode(value)),
-            2 => Self::Timeout,
-            3 => Self::Disturbed,
-            _ => Self::Broken,
-        })
-    }
-}
 
 /// Kinds of events, with their numbers in memory and in files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

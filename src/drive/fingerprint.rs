@@ -6,13 +6,12 @@
 use std::collections::BTreeSet;
 
 use super::abort_code::AbortCode;
-use super::bring_up::{DriveNode, learn_constants};
+use super::bring_up::{DriveNode, explain, learn_constants};
 use super::error::{AxisError, DriveError, LinkError};
 use super::family_selection::{family_of_axis, family_of_port};
 use super::link::DriveLink;
 use super::object::Address;
 use super::objects::{self, Entry};
-use super::port::explain;
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
 use crate::config::{AxisConfig, Family, PortConfig};

@@ -1,13 +1,12 @@
 //! Inspection of drives: reads their state, and writes nothing.
 
-use super::bring_up::{DriveNode, learn_constants, time_exchanges};
+use super::bring_up::{DriveNode, explain, learn_constants, time_exchanges};
 use super::cia402::{DriveState, Statusword};
 use super::drive_fault::DriveFault;
 use super::error::{AxisError, DriveError};
 use super::family_selection::{family_of_axis, family_of_port};
 use super::link::DriveLink;
 use super::object::{self, Address, Value};
-use super::port::explain;
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
 use super::variant::{DriveModel, SettingError, SettingRefusal};

@@ -20,6 +20,7 @@
 //! | `capture` | the bytes of the last minute on a line, and their file |
 //! | `heard` | what came in place of an answer, for messages |
 //! | `variant` | what a model or a firmware lacks or limits, in words |
+//! | `quick_stop` | stops drives from outside the controller |
 //! | `bring_up`, `port` | from a device file to drives that are identified, off and limited |
 //! | `saved_position` | positions of the axes between two runs of the controller |
 //! | `fingerprint` | every setting of a drive, read and compared |
@@ -55,6 +56,7 @@ pub mod object;
 pub mod objects;
 pub mod port;
 pub mod port_runner;
+pub mod quick_stop;
 mod request_watchdog;
 mod saved_position;
 pub mod serial_frame;

@@ -5,9 +5,8 @@
 //!     -split-> PortRunner + one AxisLink per axis
 //! ```
 
-use super::abort_code::AbortCode;
-use super::bring_up::{self, AxisIdentity, DriveNode};
-use super::error::{AxisError, DriveError, LinkError};
+use super::bring_up::{self, AxisIdentity, DriveNode, explain};
+use super::error::{AxisError, DriveError};
 use super::exclusive_use::WatchdogEntry;
 use super::family::DriveFamily;
 use super::family_selection::{family_of_axis, family_of_port};
@@ -17,7 +16,7 @@ use super::object::{self, Setting};
 use super::port_runner::{AxisLink, PortRequest, PortRunner};
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
-use crate::config::{AxisConfig, Family, PortConfig};
+use crate::config::{AxisConfig, PortConfig};
 use crate::robot::DriveFingerprint;
 use crate::units::{Counts, Nanos};
 
@@ -224,28 +223,4 @@ fn configure(
         left_out.push(current);
     }
     drive.read(object::POSITION)
-}
-
-/// The error of the port for an error of an axis.
-pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, error: AxisError) -> DriveError {
-    let (device, node) = (port.device.clone(), axis.node_id);
-    match error {
-        AxisError::Exchange {
-            error: LinkError::Lost(heard) | LinkError::Unanswered(heard),
-            ..
-        } => {
-            let baud = port.baud;
-            if heard.is_silence() {
-                DriveError::NoAnswer { device, baud, node }
-            } else {
-                DriveError::NotUnderstood(device, baud, heard)
-            }
-        }
-        AxisError::Exchange { error: LinkError::Refused(AbortCode::UNKNOWN_COMMAND), .. } => {
-            let family = family_of_port(port).name();
-            let other = if port.family == Family::Epos4 { "EPOS2" } else { "EPOS4" };
-            DriveError::OtherFamily(device, family, other)
-        }
-        error => DriveError::Axis { device, node, error },
-    }
 }

@@ -1,5 +1,6 @@
 //! Who answers: at which rate, and which nodes behind a port. Reads identities, and writes nothing.
 
+use super::bring_up::explain;
 use super::bring_up::{DriveNode, learn_constants};
 use super::epos2::Epos2;
 use super::epos4::Epos4;
@@ -8,7 +9,6 @@ use super::family::DriveFamily;
 use super::family_selection::family_of_port;
 use super::link::{DriveLink, GATEWAY_TIMEOUT, LOCAL_NODE};
 use super::object;
-use super::port::explain;
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
 use crate::config::PortConfig;

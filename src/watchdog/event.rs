@@ -4,8 +4,8 @@ use std::fmt;
 use std::path::PathBuf;
 
 use super::heartbeat_monitor::ControllerStatus;
-use crate::drive::bring_up::QuickStopError;
 use crate::drive::cia402::DriveState;
+use crate::drive::quick_stop::QuickStopError;
 use crate::units::Nanos;
 
 /// An event of the watchdog.

@@ -35,7 +35,7 @@ use std::thread;
 
 use crate::clock;
 use crate::config::Config;
-use crate::drive::bring_up::STOP_ATTEMPTS;
+use crate::drive::quick_stop::STOP_ATTEMPTS;
 use crate::ipc::Domain;
 use crate::ipc::heartbeat::HeartbeatReader;
 use crate::ipc::watchdog_presence::WatchdogPresence;

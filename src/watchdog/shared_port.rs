@@ -11,11 +11,11 @@ use nix::libc;
 use super::event::{AxisStop, WatchdogEvent};
 use crate::clock;
 use crate::config::{AxisConfig, PortConfig};
-use crate::drive::bring_up::{self, QuickStopError};
 use crate::drive::cia402::DriveState;
 use crate::drive::exclusive_use::{is_exclusive, set_exclusive, show_watchdog};
 use crate::drive::family_selection;
 use crate::drive::link::DriveLink;
+use crate::drive::quick_stop::{self, QuickStopError};
 use crate::drive::serial_transport;
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
@@ -128,7 +128,7 @@ impl SharedPort {
         let nodes: Vec<u8> = config.axes.iter().map(|axis| axis.node_id).collect();
         let owes = |axis: &&AxisConfig| owing >> axis.motor & 1 == 1;
         let owing: Vec<u8> = config.axes.iter().filter(owes).map(|axis| axis.node_id).collect();
-        bring_up::quick_stop_all(&mut link, &nodes, &owing, attempts)
+        quick_stop::quick_stop_all(&mut link, &nodes, &owing, attempts)
     }
 }
 
@@ -203,7 +203,7 @@ mod tests {
     use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 
     use super::*;
-    use crate::drive::bring_up::STOP_ATTEMPTS;
+    use crate::drive::quick_stop::STOP_ATTEMPTS;
 
     /// The drive's end of a line, and the device of the host's end.
     fn line() -> (PtyMaster, PathBuf) {

@@ -67,8 +67,8 @@ impl Unstopped {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::bring_up::QuickStopError;
     use crate::drive::cia402::DriveState;
+    use crate::drive::quick_stop::QuickStopError;
     use crate::watchdog::AxisStop;
 
     fn stopped(device: &str, outcome: Result<DriveState, QuickStopError>) -> WatchdogEvent {

@@ -1,10 +1,10 @@
 //! The watchdog's quick stop over a gateway that waits for a dead node, in simulated time.
 
 use i2ris::config::PortConfig;
-use i2ris::drive::bring_up::{QuickStopError, STOP_ATTEMPTS, quick_stop_all};
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::epos4::Epos4;
 use i2ris::drive::link::DriveLink;
+use i2ris::drive::quick_stop::{QuickStopError, STOP_ATTEMPTS, quick_stop_all};
 use i2ris::units::Nanos;
 use i2ris_testing::drive::{MiniDrive, OPERATION_ENABLED, SimulatedLine, port_config};
 

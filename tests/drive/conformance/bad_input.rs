@@ -8,11 +8,11 @@ use std::sync::atomic::Ordering;
 
 use i2ris::config::{Family, PortConfig};
 use i2ris::drive::Port;
-use i2ris::drive::bring_up::{STOP_ATTEMPTS, quick_stop_all};
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::inspect::inspect;
 use i2ris::drive::link::DriveLink;
+use i2ris::drive::quick_stop::{STOP_ATTEMPTS, quick_stop_all};
 use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::drive::survey::{answering_rate, nodes};
 use i2ris_simulation::drive::{Mode, State};

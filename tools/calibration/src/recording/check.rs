@@ -7,9 +7,6 @@ use super::error::{Problem, RecordingError};
 use super::steps::{glitches, wrap};
 use super::table::{ReadRow, Table};
 
-/// The least rows that a recording must have: fewer hold no motion.
-pub const MIN_ROWS: usize = 20;
-
 /// Slower and faster rows than these, Hz, are hardly in seconds.
 const RATES_HZ: (f64, f64) = (0.5, 10_000.0);
 

@@ -27,12 +27,11 @@ mod table;
 mod tests;
 mod write;
 
-pub use check::MIN_ROWS;
 pub use columns::{
     ColumnMap, OutputColumn, ParseColumnError, TimeColumn, Wanted, column_of, pitch_and_yaw,
 };
 pub use error::RecordingError;
 pub use read::{DroppedRow, ReadReport};
-pub use rows::{PathPoint, Recording, Row};
+pub use rows::{MIN_ROWS, PathPoint, Recording, Row};
 pub use table::{Rows, read_rows};
 pub use write::RecordingWriter;

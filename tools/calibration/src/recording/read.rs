@@ -4,9 +4,9 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::check::MIN_ROWS;
 use super::columns::{Column, ColumnMap, Wanted};
 use super::error::{Problem, RecordingError};
+use super::rows::MIN_ROWS;
 use super::rows::{PathPoint, Recording, Row, hash};
 use super::table::{ReadRow, Table};
 

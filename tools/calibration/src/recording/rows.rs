@@ -6,6 +6,9 @@ use i2ris::model::file::OutputSpec;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use sha2::{Digest, Sha256};
 
+/// The least rows that a recording must have: fewer hold no motion.
+pub const MIN_ROWS: usize = 20;
+
 /// Between two recordings that are fitted together, s.
 const PAUSE_S: f64 = 1.0;
 

@@ -2,7 +2,7 @@
 
 use i2ris_report::statistics::min_max;
 
-use super::check::MIN_ROWS;
+use super::rows::MIN_ROWS;
 
 /// Of counters. Not at round numbers: those are steps that people command.
 const BITS: std::ops::RangeInclusive<i32> = 10..=32;
