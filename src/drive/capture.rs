@@ -2,7 +2,7 @@
 //! and with what the driver made of them.
 //!
 //! The port thread writes into memory that was allocated before it started, and never waits. Any
-//! other thread reads it, whenever it likes, and writes it to a file ([`file`]).
+//! other thread reads it, whenever it likes, and writes it to a file ([`mod@file`]).
 
 pub mod file;
 mod ring;
