@@ -2,7 +2,8 @@
 //!
 //! A port serves the axis that needs it most (`drive/axis/schedule.rs`), within bounds in turns: as
 //! many exchanges as it has axes. A position at its bound is read before everything but a stop, so
-//! one is as old as its bound, an exchange, and one with each of the other axes that may come first.
+//! one is as old as its bound, an exchange, and one with each of the other axes that may come
+//! first.
 //!
 //! The motion should not stop because of that, nor because of a single lost reply, which costs the
 //! reply timeout. It should not stop later, either: so the limit is exactly this, from the slowest
@@ -58,16 +59,17 @@ impl PortConfig {
         Nanos(self.turn(exchange).0.saturating_mul(POSITION_BOUND_TURNS + 1))
     }
 
-    /// An exchange with every axis: also the longest time from a stop to the last drive that is told,
-    /// beside the exchange that is under way.
+    /// An exchange with every axis: also the longest time from a stop to the last drive that is
+    /// told, beside the exchange that is under way.
     #[must_use]
     pub fn turn(&self, exchange: Nanos) -> Nanos {
         let behind = self.axes.len().saturating_sub(1) as u64;
         Nanos(exchange.0.saturating_add((exchange + GATEWAY).0.saturating_mul(behind)))
     }
 
-    /// Setpoints a second that each axis gets while all of them move, beside the reads that are due:
-    /// at three quarters of the bound of the statusword, and five sixths of that of the current.
+    /// Setpoints a second that each axis gets while all of them move, beside the reads that are
+    /// due: at three quarters of the bound of the statusword, and five sixths of that of the
+    /// current.
     #[must_use]
     pub fn setpoints_per_s(&self, exchange: Nanos) -> f64 {
         let [position, status, current] =
@@ -187,8 +189,8 @@ impl Config {
         failed.map(finding).chain(narrow).collect()
     }
 
-    /// With the automatic age of feedback for lines on which exchanges take so long, in the order of
-    /// the ports: at most twice what follows from the file alone.
+    /// With the automatic age of feedback for lines on which exchanges take so long, in the order
+    /// of the ports: at most twice what follows from the file alone.
     #[must_use]
     pub fn with_exchanges(&self, exchanges: &[Nanos]) -> Self {
         let mut config = self.clone();

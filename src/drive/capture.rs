@@ -40,7 +40,8 @@ impl LineEventKind {
 /// Something that happened on a line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineEvent {
-    /// By the clock of the line, in whole microseconds. Of bytes that arrived in parts: of the first.
+    /// By the clock of the line, in whole microseconds. Of bytes that arrived in parts: of the
+    /// first.
     pub time: Nanos,
     /// What happened.
     pub kind: LineEventKind,

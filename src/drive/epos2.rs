@@ -1,7 +1,8 @@
 //! maxon EPOS2: its objects, settings and homing. No I/O.
 //!
-//! Object numbers and sizes are those of device descriptions of firmware 0x2122 and 0x2126. Bring-up
-//! compares every value that it writes, so a wrong number ends in a refusal, not in motion.
+//! Object numbers and sizes are those of device descriptions of firmware 0x2122 and 0x2126.
+//! Bring-up compares every value that it writes, so a wrong number ends in a refusal, not in
+//! motion.
 
 mod command_set;
 

@@ -100,8 +100,8 @@ fn read_axis(
     Ok(fingerprint)
 }
 
-/// All settings that differ, with both values; `of_model`: those on which a model depends, where both
-/// values are known.
+/// All settings that differ, with both values; `of_model`: those on which a model depends, where
+/// both values are known.
 #[must_use]
 pub fn differences(
     before: &DriveFingerprint,

@@ -1,5 +1,5 @@
-//! The one table of the objects in the dictionaries of the drives, `objects.md`, for the driver, the
-//! emulator, the doctor and the fingerprint. A row that cannot be read does not compile.
+//! The one table of the objects in the dictionaries of the drives, `objects.md`, for the driver,
+//! the emulator, the doctor and the fingerprint. A row that cannot be read does not compile.
 
 use crate::config::Family;
 

@@ -298,9 +298,9 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         }
     }
 
-    /// An attempt to bring lost axes up again, and a turn of exchanges. An axis that does not answer
-    /// may cost the others a time-out of the gateway: it is not asked while one of them is to be
-    /// stopped.
+    /// An attempt to bring lost axes up again, and a turn of exchanges. An axis that does not
+    /// answer may cost the others a time-out of the gateway: it is not asked while one of them is
+    /// to be stopped.
     fn serve_all(&mut self, stopping: bool, events: EventSink<'_>) {
         for index in 0..self.slots.len() {
             let is_lost = self.slots.get(index).is_some_and(|slot| slot.axis.is_lost());

@@ -1,7 +1,6 @@
 //! Who answers: at which rate, and which nodes behind a port. Reads identities, and writes nothing.
 
-use super::bring_up::explain;
-use super::bring_up::{DriveNode, learn_constants};
+use super::bring_up::{DriveNode, explain, learn_constants};
 use super::epos2::Epos2;
 use super::epos4::Epos4;
 use super::error::{AxisError, DriveError};

@@ -1,5 +1,5 @@
-//! Ports whose drives could not be stopped: a cable that comes back a second later finds drives that
-//! still hold, and they are stopped then.
+//! Ports whose drives could not be stopped: a cable that comes back a second later finds drives
+//! that still hold, and they are stopped then.
 
 use std::path::{Path, PathBuf};
 

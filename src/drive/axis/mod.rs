@@ -1,8 +1,8 @@
 //! One axis while the port thread runs: a state machine without I/O.
 //!
-//! The port thread asks every axis how urgent its next transfer is, carries the most urgent one out,
-//! and returns the outcome. The newest request of the control loop is passed in every time, so the
-//! newest setpoint is written.
+//! The port thread asks every axis how urgent its next transfer is, carries the most urgent one
+//! out, and returns the outcome. The newest request of the control loop is passed in every time, so
+//! the newest setpoint is written.
 //!
 //! After a fault, a lost line, a failed transition or interference from outside, the axis does not
 //! enable by itself: the demand must first have been something other than enabled.

@@ -32,8 +32,8 @@ const POSITION_TURNS: u64 = POSITION_BOUND_TURNS;
 const STATUS_TURNS: u64 = STATUS_BOUND_TURNS * 3 / 4;
 const SLOW_TURNS: u64 = CURRENT_BOUND_TURNS * 5 / 6;
 
-/// An axis waits no longer than so many turns for a setpoint or a step, however large the changes of
-/// the others are.
+/// An axis waits no longer than so many turns for a setpoint or a step, however large the changes
+/// of the others are.
 const COMMAND_BOUND_TURNS: u64 = 3;
 
 /// The change of a setpoint, counts, that is as urgent as a step of a transition.

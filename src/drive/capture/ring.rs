@@ -20,8 +20,8 @@ const SPAN: Nanos = Nanos::from_millis(60_000);
 /// longer there than at this one: 0.24 ms.
 const MAX_BAUD: u32 = 1_000_000;
 
-/// Bytes of this memory per byte on the wire. An exchange has at least 20 bytes, of a refusal; in the
-/// V2 framing it takes three records of 64 bytes in all, in the V1 framing eight of 128.
+/// Bytes of this memory per byte on the wire. An exchange has at least 20 bytes, of a refusal; in
+/// the V2 framing it takes three records of 64 bytes in all, in the V1 framing eight of 128.
 const fn bytes_per_byte(framing: Framing) -> usize {
     match framing {
         Framing::V2 => 4,

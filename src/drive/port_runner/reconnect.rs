@@ -42,7 +42,8 @@ impl<R: PortRequest> OtherSlots<'_, R> {
 }
 
 /// Tries periodically to reconnect a lost axis. It then holds if that is demanded and it kept its
-/// power, and is disabled otherwise. Another axis that answers never waits for more than one exchange.
+/// power, and is disabled otherwise. Another axis that answers never waits for more than one
+/// exchange.
 pub(super) fn try_reconnect<T: Transport>(
     link: &mut DriveLink<T>,
     slot: &mut AxisSlot<impl PortRequest>,

@@ -88,7 +88,6 @@ pub fn check_memory() -> Result<(), IpcError> {
 
 /// Creates node and services; cleans up and tries once more if that fails or hangs.
 pub(super) fn create(lock: &mut DomainLock) -> Result<Services, IpcError> {
-    check_memory()?;
     if let Ok(services) = attempt(lock) {
         return Ok(services);
     }

@@ -62,8 +62,8 @@ pub struct Arguments {
     /// framing, nodes, serial numbers
     #[arg(long, value_name = "FILE", conflicts_with = "line")]
     config: Option<PathBuf>,
-    /// The objects of a real drive: an EDS or DCF file of maxon's tool, or a table of one (CSV). What
-    /// it lacks or limits, the drives refuse
+    /// The objects of a real drive: an EDS or DCF file of maxon's tool, or a table of one (CSV).
+    /// What it lacks or limits, the drives refuse
     #[arg(long, value_name = "FILE")]
     device: Option<PathBuf>,
     /// What is done to drives, lines, wires and camera, and when, and how the snake ages (TOML)

@@ -16,7 +16,8 @@ use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 /// The longest record, bytes. The largest that we write are models and configurations.
 const LONGEST_RECORD: usize = 1 << 28;
 
-/// What is read at once, bytes: a length that is announced is no memory before the file has so much.
+/// What is read at once, bytes: a length that is announced is no memory before the file has so
+/// much.
 const READ_SIZE: usize = 1 << 20;
 
 /// The kinds of records that anyone here needs: no header, no index.
@@ -256,8 +257,8 @@ fn next_chunk(file: &File, from: u64) -> Option<u64> {
     }
 }
 
-/// Whether the strings of a record are in it: `parse_record` allocates as much as their lengths say,
-/// and takes it for granted that an attachment has its end.
+/// Whether the strings of a record are in it: `parse_record` allocates as much as their lengths
+/// say, and takes it for granted that an attachment has its end.
 fn has_its_strings(opcode: u8, body: &[u8]) -> Option<()> {
     let (begin, strings) = match opcode {
         op::SCHEMA => (2, 3),

@@ -104,7 +104,8 @@ pub struct Inputs {
     pub request: Option<StateRequest>,
     /// In the place of the frame of the camera.
     pub external: Option<ExternalPose>,
-    /// Periods that had passed when the tick began; [`u32::MAX`] is a fault, which stops all drives.
+    /// Periods that had passed when the tick began; [`u32::MAX`] is a fault, which stops all
+    /// drives.
     pub missed: u32,
 }
 

@@ -1,4 +1,5 @@
-//! Steps at the motor: modes of operation beside each other, in simulated time: `i2ris bench modes`.
+//! Steps at the motor: modes of operation beside each other, in simulated time: `i2ris bench
+//! modes`.
 //!
 //! One motor follows a sine by setpoints as they come over a line. How many come depends on the
 //! mode, because a line carries only so many exchanges:

@@ -22,8 +22,8 @@ pub(super) struct Wrap {
 }
 
 /// Whether counts are those of a counter that wraps: they jump from one end of its range to the
-/// other, go on there as they came, and make no large step else. A counter that is beyond all signed
-/// ones wraps without a jump.
+/// other, go on there as they came, and make no large step else. A counter that is beyond all
+/// signed ones wraps without a jump.
 pub(super) fn wrap(counts: &[f64]) -> Option<Wrap> {
     let (low, high) = min_max(counts.iter().copied());
     if low >= BEYOND && !counts.is_empty() {

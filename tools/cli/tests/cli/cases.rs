@@ -29,8 +29,8 @@ struct Table {
 
 impl Table {
     /// Runs the lines of a script: `+ COMMAND | what it says | ...`. Of the marks `+` is success,
-    /// `=` success with a model like that of the rows as they should be, `!` a refusal, and `3` that
-    /// no controller is there: the file has been read.
+    /// `=` success with a model like that of the rows as they should be, `!` a refusal, and `3`
+    /// that no controller is there: the file has been read.
     fn case(&mut self, name: &str, text: &str, script: &str) {
         let folder = WorkFolder::with("x.csv", text);
         folder.write("right.csv", &written(&rows(), ","));

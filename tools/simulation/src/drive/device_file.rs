@@ -251,7 +251,8 @@ mod tests {
             ((0x3001, 2), Kind::U32, Access::Rw, 3600, Some((0, 3600))),
             ((0x3001, 10), Kind::U8, Access::Wo, 1, Some((0, 255))),
             ((0x607F, 0), Kind::U32, Access::Rw, 12_000, Some((1, i64::MAX))),
-            // The value that was set counts. Where the file gives no range, that of the family does.
+            // The value that was set counts. Where the file gives no range, that of the family
+            // does.
             ((0x6085, 0), Kind::U32, Access::Rw, 8000, Some((1, 0xFFFF_FFFF))),
             // Signed values as their bits.
             ((0x60B2, 0), Kind::I16, Access::Rw, -1, Some((-1000, 1000))),

@@ -22,8 +22,8 @@ const OWN_NODE: u8 = 127;
 /// How drives and computer are connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum Line {
-    /// The laboratory's: three EPOS2 on one USB port, node 1 with nodes 2 and 3 behind it; the third
-    /// turns the auxiliary axis
+    /// The laboratory's: three EPOS2 on one USB port, node 1 with nodes 2 and 3 behind it; the
+    /// third turns the auxiliary axis
     #[default]
     Lab,
     /// An EPOS2 on USB for each motor

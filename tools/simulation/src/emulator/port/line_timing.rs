@@ -5,8 +5,8 @@
 //! thread, so late wake-ups do not accumulate.
 //!
 //! Behind a USB adapter a request and a reply each wait for a frame of USB, and a reply before that
-//! for the latency timer: FTDI's chips hand bytes over when 62 are there, or when the timer expires,
-//! which starts again with everything that is handed over (FTDI AN232B-04).
+//! for the latency timer: FTDI's chips hand bytes over when 62 are there, or when the timer
+//! expires, which starts again with everything that is handed over (FTDI AN232B-04).
 
 pub use i2ris::config::Framing;
 use i2ris::units::Nanos;
@@ -23,7 +23,8 @@ pub struct LineConfig {
     pub processing_us: u64,
     /// Maximum random time added to it, microseconds.
     pub jitter_us: u64,
-    /// The latency timer of the FTDI chip between line and computer, milliseconds; 0: there is none.
+    /// The latency timer of the FTDI chip between line and computer, milliseconds; 0: there is
+    /// none.
     pub latency_timer_ms: u64,
     /// How much of a late wake-up is not counted as the host's time, microseconds: bytes that are
     /// read this long after the line was free count as sent when it became free. A wake-up takes
