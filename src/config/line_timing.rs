@@ -42,6 +42,19 @@ const SHORTEST_OVER_CURRENT: Nanos = Nanos::from_millis(200);
 /// Age of feedback that is lost, in ages that stop the motion.
 const LOST: u64 = 3;
 
+/// What the slowest line of a robot allows.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct LineBounds {
+    /// An exchange with the drive of the port.
+    pub exchange: Nanos,
+    /// Longest time from a stop to the last drive that is told.
+    pub stop: Nanos,
+    /// Age of a position at which the motion stops.
+    pub stale: Nanos,
+    /// For each axis while all of them move.
+    pub setpoints_per_s: f64,
+}
+
 impl PortConfig {
     /// How long an exchange with the drive of the port takes, as far as the file tells.
     #[must_use]
@@ -88,8 +101,13 @@ impl PortConfig {
             self.setpoints_per_s(exchange),
             self.axes.len(),
             ms(self.longest_gap(exchange)),
-            ms(exchange + GATEWAY + self.turn(exchange))
+            ms(self.longest_stop(exchange))
         )
+    }
+
+    /// From a stop to the last drive that is told, with the exchange that is under way.
+    fn longest_stop(&self, exchange: Nanos) -> Nanos {
+        exchange + GATEWAY + self.turn(exchange)
     }
 
     /// The longest time between two readings of the current of an axis: others at their bounds may
@@ -115,6 +133,21 @@ impl Config {
                 stale.max().unwrap_or(LONGEST_WAIT)
             }
             ms => Nanos::from_millis(ms),
+        }
+    }
+
+    /// The worst of all ports, with exchanges that take so long, in the order of the ports.
+    #[must_use]
+    pub fn slowest_line(&self, exchanges: &[Nanos]) -> LineBounds {
+        let ports = || self.ports.iter().zip(exchanges.iter().copied());
+        let worst =
+            |of: fn(&PortConfig, Nanos) -> Nanos| ports().map(|(port, it)| of(port, it)).max();
+        let setpoints = ports().map(|(port, it)| port.setpoints_per_s(it)).reduce(f64::min);
+        LineBounds {
+            exchange: worst(|_, exchange| exchange).unwrap_or_default(),
+            stop: worst(PortConfig::longest_stop).unwrap_or_default(),
+            stale: self.feedback_stale(),
+            setpoints_per_s: setpoints.unwrap_or_default(),
         }
     }
 

@@ -226,6 +226,7 @@ fn start_threads(
         queues,
         fixtures: FixtureTable::new(&config.virtual_fixtures),
         period: config.control.period(),
+        line: config.slowest_line(&drives.exchanges),
     };
     let (to_ipc, granted) = mpsc::channel();
     let (ipc, (heartbeat, ipc_granted)) = start_ipc(config, lock, parts, granted, &quit)?;

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
+use crate::config::LineBounds;
 use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequest};
 use crate::drive::exclusive_use::WatchdogEntry;
 use crate::ipc::payload::{
@@ -64,6 +65,8 @@ pub struct IpcThreadParts {
     pub fixtures: FixtureTable,
     /// Period of the loop.
     pub period: Nanos,
+    /// What the slowest line allows.
+    pub line: LineBounds,
 }
 
 /// State of the IPC thread between two passes.
@@ -95,7 +98,12 @@ impl IpcThread {
         let model = parts.history.lock().slots.active;
         let mut thread = Self {
             server,
-            statistics: LoopStatistics::new(parts.period, STATISTICS_WINDOW, granted.clone()),
+            statistics: LoopStatistics::new(
+                parts.period,
+                STATISTICS_WINDOW,
+                granted.clone(),
+                parts.line,
+            ),
             health: Health::default(),
             adaptation: AdaptationMsg::default(),
             next_adaptation: Nanos::ZERO,

@@ -2,6 +2,7 @@
 
 use hdrhistogram::Histogram;
 
+use crate::config::LineBounds;
 use crate::ipc::payload::{PeriodStatistics, SpanSummary};
 use crate::realtime::{Granted, TickTiming};
 use crate::units::Nanos;
@@ -21,6 +22,7 @@ pub struct LoopStatistics {
     intended: Nanos,
     window: Nanos,
     granted: Granted,
+    line: LineBounds,
     opened: Option<Nanos>,
     last_start: Option<Nanos>,
     ticks: u64,
@@ -33,14 +35,15 @@ pub struct LoopStatistics {
 }
 
 impl LoopStatistics {
-    /// For a loop with this period, in windows of this length. `granted` is passed on to the
-    /// reader.
+    /// For a loop with this period, in windows of this length. `granted` and `line` are
+    /// passed on to the reader.
     #[must_use]
-    pub fn new(period: Nanos, window: Nanos, granted: Granted) -> Self {
+    pub fn new(period: Nanos, window: Nanos, granted: Granted, line: LineBounds) -> Self {
         Self {
             intended: period,
             window,
             granted,
+            line,
             opened: None,
             last_start: None,
             ticks: 0,
@@ -83,6 +86,10 @@ impl LoopStatistics {
             period: self.period.take(),
             lateness: self.lateness.take(),
             compute: self.compute.take(),
+            line_setpoints_hz: self.line.setpoints_per_s,
+            line_exchange_ns: self.line.exchange.0,
+            line_stop_ns: self.line.stop.0,
+            line_stale_ns: self.line.stale.0,
             priority: u32::from(self.granted.priority),
             cpu: self.granted.cpu.and_then(|cpu| u32::try_from(cpu).ok()).unwrap_or(u32::MAX),
             memory_locked: u32::from(self.granted.memory_locked),
@@ -136,7 +143,7 @@ mod tests {
 
     fn statistics() -> LoopStatistics {
         let granted = Granted { priority: 80, cpu: Some(1), memory_locked: true, warnings: vec![] };
-        LoopStatistics::new(PERIOD, WINDOW, granted)
+        LoopStatistics::new(PERIOD, WINDOW, granted, LineBounds::default())
     }
 
     fn timing(number: u64, late_us: u64, compute_us: u64, missed: u64) -> TickTiming {
@@ -213,7 +220,8 @@ mod tests {
 
     #[test]
     fn an_unpinned_loop_says_so() {
-        let mut statistics = LoopStatistics::new(PERIOD, WINDOW, Granted::default());
+        let mut statistics =
+            LoopStatistics::new(PERIOD, WINDOW, Granted::default(), LineBounds::default());
         statistics.record(timing(0, 1, 1, 0));
         let message = statistics.take(WINDOW).unwrap();
         assert_eq!((message.priority, message.cpu, message.memory_locked), (0, u32::MAX, 0));

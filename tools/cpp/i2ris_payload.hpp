@@ -8,7 +8,7 @@
 namespace i2ris {
 
 // The second word of the file `ready`. A controller with another one is of another release.
-constexpr int INTERFACE_VERSION = 4;
+constexpr int INTERFACE_VERSION = 5;
 // Versions of iceoryx2 refuse each other.
 constexpr const char* ICEORYX2_VERSION = "0.10.0";
 
@@ -299,7 +299,7 @@ static_assert(offsetof(ReasonMsg, text) == 72);
 static_assert(offsetof(ReasonMsg, advice) == 264);
 
 struct PeriodStatistics {
-    static constexpr const char* IOX2_TYPE_NAME = "I2risPeriodStatisticsV1";
+    static constexpr const char* IOX2_TYPE_NAME = "I2risPeriodStatisticsV2";
     std::uint64_t sequence;
     std::uint64_t stamp_ns;
     std::uint64_t boot_id;
@@ -312,12 +312,16 @@ struct PeriodStatistics {
     SpanSummary period;
     SpanSummary lateness;
     SpanSummary compute;
+    double line_setpoints_hz;
+    std::uint64_t line_exchange_ns;
+    std::uint64_t line_stop_ns;
+    std::uint64_t line_stale_ns;
     std::uint32_t priority;
     std::uint32_t cpu;
     std::uint32_t memory_locked;
     std::uint32_t reserved;
 };
-static_assert(sizeof(PeriodStatistics) == 208);
+static_assert(sizeof(PeriodStatistics) == 240);
 static_assert(offsetof(PeriodStatistics, sequence) == 0);
 static_assert(offsetof(PeriodStatistics, stamp_ns) == 8);
 static_assert(offsetof(PeriodStatistics, boot_id) == 16);
@@ -330,10 +334,14 @@ static_assert(offsetof(PeriodStatistics, total_missed) == 64);
 static_assert(offsetof(PeriodStatistics, period) == 72);
 static_assert(offsetof(PeriodStatistics, lateness) == 112);
 static_assert(offsetof(PeriodStatistics, compute) == 152);
-static_assert(offsetof(PeriodStatistics, priority) == 192);
-static_assert(offsetof(PeriodStatistics, cpu) == 196);
-static_assert(offsetof(PeriodStatistics, memory_locked) == 200);
-static_assert(offsetof(PeriodStatistics, reserved) == 204);
+static_assert(offsetof(PeriodStatistics, line_setpoints_hz) == 192);
+static_assert(offsetof(PeriodStatistics, line_exchange_ns) == 200);
+static_assert(offsetof(PeriodStatistics, line_stop_ns) == 208);
+static_assert(offsetof(PeriodStatistics, line_stale_ns) == 216);
+static_assert(offsetof(PeriodStatistics, priority) == 224);
+static_assert(offsetof(PeriodStatistics, cpu) == 228);
+static_assert(offsetof(PeriodStatistics, memory_locked) == 232);
+static_assert(offsetof(PeriodStatistics, reserved) == 236);
 
 struct ExternalPosition {
     static constexpr const char* IOX2_TYPE_NAME = "I2risExternalPositionV2";

@@ -1,4 +1,4 @@
-//! The stream `period_statistics`: timing of the control loop.
+//! The stream `period_statistics`: timing of the control loop, and of the lines to the drives.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -20,7 +20,7 @@ payload! {
     }
 
     /// `period_statistics`, out, once a second: timing of the control loop.
-    PeriodStatistics "I2risPeriodStatisticsV1": outgoing {
+    PeriodStatistics "I2risPeriodStatisticsV2": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
         /// End of the window.
@@ -45,6 +45,14 @@ payload! {
         pub lateness: SpanSummary,
         /// Time that the cycle took.
         pub compute: SpanSummary,
+        /// Setpoints a second for each axis that the slowest line allows while all axes move.
+        pub line_setpoints_hz: f64,
+        /// An exchange with a drive on the slowest line, as measured at start.
+        pub line_exchange_ns: u64,
+        /// Longest time from a stop to the last drive that is told.
+        pub line_stop_ns: u64,
+        /// Age of a position at which the motion stops.
+        pub line_stale_ns: u64,
         /// SCHED_FIFO priority as read back; 0: normal scheduling.
         pub priority: u32,
         /// CPU that the loop is pinned to, as read back; `u32::MAX`: not pinned.

@@ -152,7 +152,7 @@ fn loop_lines(control_loop: Option<&ControlLoop>) -> Vec<String> {
     let Some(it) = control_loop else {
         return vec!["loop       not received yet".to_owned()];
     };
-    let ControlLoop { hz, missed, missed_in_window, granted, .. } = it;
+    let ControlLoop { hz, missed, missed_in_window, granted, line, .. } = it;
     let spans = |span: &Span| {
         let [p50, p99, max] = span.texts();
         format!("p50 {p50}, p99 {p99}, max {max} us")
@@ -165,6 +165,7 @@ fn loop_lines(control_loop: Option<&ControlLoop>) -> Vec<String> {
             it.ticks + missed
         ),
         format!("real time  {granted}"),
+        format!("line       {line}"),
     ]
 }
 

@@ -9,7 +9,7 @@ from ctypes import c_double, c_int32, c_uint8, c_uint16, c_uint32, c_uint64
 from typing import Any
 
 #: Version of all payloads together. Client and controller have the same.
-INTERFACE_VERSION = 4
+INTERFACE_VERSION = 5
 
 
 class Payload(ctypes.Structure):
@@ -349,7 +349,7 @@ class TrialMsg(Payload):
 class PeriodStatistics(Payload):
     """``period_statistics``, out, once a second: timing of the control loop."""
 
-    NAME = "I2risPeriodStatisticsV1"
+    NAME = "I2risPeriodStatisticsV2"
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),
@@ -363,6 +363,10 @@ class PeriodStatistics(Payload):
         ("period", SpanSummary),
         ("lateness", SpanSummary),
         ("compute", SpanSummary),
+        ("line_setpoints_hz", c_double),
+        ("line_exchange_ns", c_uint64),
+        ("line_stop_ns", c_uint64),
+        ("line_stale_ns", c_uint64),
         ("priority", c_uint32),
         ("cpu", c_uint32),
         ("memory_locked", c_uint32),

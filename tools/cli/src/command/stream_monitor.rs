@@ -11,6 +11,10 @@ use i2ris_simulation::motion::trajectory_time::LONGEST_STEP_S;
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 
+/// How often in turn a stream begins again without a command that is followed. A controller that
+/// was held up reads the first commands late, and then finds the newest too far away.
+const RESTARTS: u32 = 5;
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum StopReason {
     #[error(
@@ -77,8 +81,8 @@ pub struct StreamMonitor {
     refused: u64,
     /// Why the newest commands are refused.
     refused_now: Option<Refusal>,
-    /// What had been accepted when the stream began, or began again.
-    accepted_at_start: u64,
+    /// How often the stream may begin again before a command is followed.
+    restarts_left: u32,
     reported: Option<(Refusal, Nanos)>,
 }
 
@@ -92,7 +96,7 @@ impl StreamMonitor {
             accepted_at: now,
             refused: state.refusals_of(client_id).0,
             refused_now: None,
-            accepted_at_start: state.accepted,
+            restarts_left: 0,
             reported: None,
         }
     }
@@ -100,13 +104,13 @@ impl StreamMonitor {
     /// Whether commands that were followed are refused now, because the controller stopped the
     /// snake meanwhile and they went on without it.
     pub fn has_lost_setpoint(&self) -> bool {
-        self.refused_now == Some(Refusal::Step) && self.accepted > self.accepted_at_start
+        self.refused_now == Some(Refusal::Step) && self.restarts_left > 0
     }
 
     /// Begins again with `state`, received at `now`: the next command starts at the setpoint.
     pub fn restart(&mut self, state: &OperatingStateMsg, now: Nanos) {
         self.accepted = state.accepted;
-        self.accepted_at_start = state.accepted;
+        self.restarts_left = self.restarts_left.saturating_sub(1);
         self.accepted_at = now;
         self.refused = state.refusals_of(self.client_id).0;
         self.refused_now = None;
@@ -149,6 +153,7 @@ impl StreamMonitor {
             self.accepted = state.accepted;
             self.accepted_at = now;
             self.refused_now = None;
+            self.restarts_left = RESTARTS;
         }
         // Refusals of other clients' commands are not this client's concern.
         let (refused, reason) = state.refusals_of(self.client_id);
@@ -293,12 +298,14 @@ mod tests {
         monitor.check(&refused(1, at(10), 1), at(10)).unwrap();
         assert!(!monitor.has_lost_setpoint());
         monitor.check(&refused(1, at(15), 2), at(15)).unwrap();
-        assert!(monitor.has_lost_setpoint());
-        // Refused again before anything was accepted: no third start.
-        monitor.restart(&refused(1, at(900), 4), at(900));
-        assert!(!monitor.has_lost_setpoint());
-        monitor.check(&refused(1, at(905), 5), at(905)).unwrap();
-        assert!(!monitor.has_lost_setpoint());
+        // Again and again, without a command that is followed in between: not for ever.
+        for restart in 1..=RESTARTS {
+            assert!(monitor.has_lost_setpoint());
+            monitor.restart(&refused(1, at(900), 4), at(900));
+            assert!(!monitor.has_lost_setpoint());
+            monitor.check(&refused(1, at(905), 5), at(905)).unwrap();
+            assert_eq!(monitor.has_lost_setpoint(), restart < RESTARTS);
+        }
         assert_eq!(
             monitor.check(&refused(1, at(1910), 6), at(1910)),
             Err(StopReason::Refused(Refusal::Step))

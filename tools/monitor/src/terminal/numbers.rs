@@ -117,7 +117,8 @@ fn statistics(view: &View, width: usize) -> Vec<Line<'static>> {
         Line::from(styled(format!("compute {}", spans(&statistics.compute)), is_old)),
     ];
     let adaptation = view.adaptation.iter().flat_map(|it| it.lines()).collect::<Vec<_>>();
-    for texts in [&[statistics.granted.clone()][..], view.health.as_slice(), &adaptation] {
+    let loop_texts = [statistics.granted.clone(), format!("line {}", statistics.line)];
+    for texts in [&loop_texts[..], view.health.as_slice(), &adaptation] {
         let parts = texts.iter().flat_map(|text| text.split(", "));
         lines.extend(flow(parts.map(|part| styled(part.to_owned(), is_old)), width));
     }

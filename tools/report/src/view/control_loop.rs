@@ -20,6 +20,8 @@ pub struct ControlLoop {
     pub ticks: u64,
     /// What the system granted; capitals where something is missing.
     pub granted: String,
+    /// What the slowest line to the drives allows.
+    pub line: String,
     pub real_time: bool,
     #[serde(flatten)]
     pub age: Age,
@@ -61,10 +63,22 @@ impl ControlLoop {
             missed_in_window: message.missed,
             ticks: message.total_ticks,
             granted: granted(message),
+            line: line(message),
             real_time: message.priority > 0,
             age: Age::of(message, now, STATISTICS_STALE),
         }
     }
+}
+
+fn line(message: &PeriodStatistics) -> String {
+    let ms = |nanos: u64| format!("{:.1} ms", nanos as f64 * 1e-6);
+    format!(
+        "{} an exchange, {:.0} setpoints/s an axis, motion stops at feedback {} old, a stop takes {}",
+        ms(message.line_exchange_ns),
+        message.line_setpoints_hz,
+        ms(message.line_stale_ns),
+        ms(message.line_stop_ns)
+    )
 }
 
 fn granted(message: &PeriodStatistics) -> String {

@@ -181,7 +181,7 @@ function showLoop(live) {
     line.id = 'granted';
     byId('loop').nextElementSibling.after(line);
   }
-  line.textContent = `missed ${loop.missed} of ${loop.missed + loop.ticks} ticks · ${loop.granted}`;
+  line.textContent = `missed ${loop.missed} of ${loop.missed + loop.ticks} ticks · ${loop.granted} · line ${loop.line}`;
   line.className = loop.real_time && !loop.missed_in_window ? '' : 'warn';
 }
 
