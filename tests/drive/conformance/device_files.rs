@@ -11,7 +11,7 @@ use i2ris::drive::{AxisPhase, Port, PortEventKind};
 use i2ris_simulation::drive::{DeviceFile, Family};
 
 use super::cases;
-use super::test_bench::{SETUPS, TestBench};
+use super::test_bench::{SETUPS, Setup, TestBench};
 
 const CASES: [cases::Case; 5] = [
     ("identified", cases::identified),
@@ -34,8 +34,17 @@ fn files() -> Vec<PathBuf> {
 
 /// A drive with these objects on a port of its own.
 fn bench(file: &DeviceFile) -> TestBench {
-    let setup = if file.family == Family::Epos4 { &SETUPS[0] } else { &SETUPS[3] };
-    TestBench::with(setup, |config| config.drives[0].device = Some(file.clone()))
+    bench_behind(file, 0)
+}
+
+/// The last of drives with these objects on one port.
+fn bench_behind(file: &DeviceFile, drives_before: usize) -> TestBench {
+    let setup = if file.family == Family::Epos4 { SETUPS[0] } else { SETUPS[3] };
+    TestBench::with(&Setup { drives_before, ..setup }, |config| {
+        for drive in config.drives.iter_mut().chain(&mut config.auxiliary) {
+            drive.device = Some(file.clone());
+        }
+    })
 }
 
 /// An EPOS4 of firmware 0x0110 with all known objects, changed.
@@ -101,9 +110,12 @@ fn the_table_of_objects_agrees_with_every_real_drive() {
 fn the_controller_runs_on_every_real_drive() {
     for path in files() {
         let file = DeviceFile::load(&path).unwrap();
+        // Alone, and as the third of the laboratory's line.
         for (name, case) in CASES {
-            println!("{} {name}", path.display());
-            case(&bench(&file));
+            for drives_before in [0, 2] {
+                println!("{} {name} {drives_before}", path.display());
+                case(&bench_behind(&file, drives_before));
+            }
         }
     }
 }
