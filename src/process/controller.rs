@@ -108,7 +108,7 @@ pub fn run(
     let watchdog = WatchdogEntry::default();
     let status = WatchdogStatus::read(&domain, &config.devices(), clock::now());
     watchdog.set_runs(status != WatchdogStatus::Absent);
-    let drives = bring_up_ports(config, &watchdog)?;
+    let drives = bring_up_ports(config, &watchdog, log)?;
     check_start_drives(config, model.as_deref(), &drives.fingerprints)?;
     let (identities, exchanges) = (drives.identities.clone(), drives.exchanges.clone());
     let (config, fingerprints) = (&config.with_exchanges(&exchanges), drives.fingerprints.clone());

@@ -1,5 +1,6 @@
 //! Model, ports and drives at the start of the controller.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use crate::COMMIT;
@@ -11,10 +12,12 @@ use crate::drive::capture::{Capture, CapturedLine};
 use crate::drive::error::DriveError;
 use crate::drive::exclusive_use::WatchdogEntry;
 use crate::drive::fingerprint::differences_of_model;
-use crate::drive::port::Port;
+use crate::drive::port::{Opened, Port};
 use crate::drive::port_runner::{AxisLink, PortRunner};
 use crate::drive::serial_transport::SerialTransport;
 use crate::model::{Model, ModelError};
+use crate::process::black_box::write_failed_start;
+use crate::process::main_thread::write_line;
 use crate::robot::DriveFingerprint;
 use crate::units::Nanos;
 
@@ -117,9 +120,28 @@ pub struct Drives {
     pub exchanges: Vec<Nanos>,
 }
 
+impl Drives {
+    fn bring_up(&mut self, opened: Vec<Port<Opened, PortLine>>) -> Result<(), DriveError> {
+        for port in opened {
+            let mut port = port.bring_up()?;
+            self.fingerprints.extend(port.read_fingerprints()?);
+            self.exchanges.push(port.exchange());
+            self.identities.extend_from_slice(port.axes());
+            let (runner, links) = port.split();
+            self.runners.push(runner);
+            self.links.extend(links);
+        }
+        Ok(())
+    }
+}
+
 /// Opens all ports, then configures them, so that a missing port is detected before any drive is
-/// changed.
-pub fn bring_up_ports(config: &Config, watchdog: &WatchdogEntry) -> Result<Drives, DriveError> {
+/// changed. What went over the ports is written to a file where a drive is not as it should be.
+pub fn bring_up_ports(
+    config: &Config,
+    watchdog: &WatchdogEntry,
+    log: &mut dyn Write,
+) -> Result<Drives, DriveError> {
     let (mut opened, mut captures) = (Vec::new(), Vec::new());
     for port in &config.ports {
         let line = SerialTransport::open_with(port, watchdog)?;
@@ -135,14 +157,12 @@ pub fn bring_up_ports(config: &Config, watchdog: &WatchdogEntry) -> Result<Drive
         fingerprints: Vec::new(),
         exchanges: Vec::new(),
     };
-    for port in opened {
-        let mut port = port.bring_up()?;
-        drives.fingerprints.extend(port.read_fingerprints()?);
-        drives.exchanges.push(port.exchange());
-        drives.identities.extend_from_slice(port.axes());
-        let (runner, links) = port.split();
-        drives.runners.push(runner);
-        drives.links.extend(links);
+    if let Err(error) = drives.bring_up(opened) {
+        match write_failed_start(&config.record_folder, &drives.captures, &software()) {
+            Ok(path) => write_line(log, format_args!("what the drives said: {}", path.display())),
+            Err(error) => write_line(log, format_args!("warning: {error}")),
+        }
+        return Err(error);
     }
     Ok(drives)
 }

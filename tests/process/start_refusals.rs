@@ -6,7 +6,9 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 
+use i2ris::drive::capture;
 use i2ris::ipc::random_id;
+use i2ris_testing::Rig;
 use tempfile::TempDir;
 
 /// Runs the controller and returns its one line of standard error.
@@ -101,6 +103,21 @@ fn a_wrong_configuration_port_or_model_is_refused_with_the_reason() {
         for reason in reasons {
             assert!(text.contains(reason), "{reason}: {text}");
         }
+    }
+}
+
+#[test]
+fn what_drives_said_at_a_start_that_failed_is_kept_once() {
+    let mut rig = Rig::start();
+    rig.config.ports[0].axes[1].serial_number += 10;
+    let file = rig.folder.path().join(&rig.config.record_folder).join("failed-start.pcapng");
+    for _ in 0..2 {
+        let ended = rig.spawn_controller("failed").wait().unwrap();
+        assert_eq!(ended.code(), Some(1), "{}", rig.log_text("failed"));
+        let log = rig.log_text("failed");
+        assert!(log.contains(&format!("drives said: {}", file.display())), "{log}");
+        let kept = capture::file::read(&file).unwrap();
+        assert!(kept.ports[0].attempts().len() > 10, "{kept:?}");
     }
 }
 

@@ -318,6 +318,19 @@ impl Recorder {
     }
 }
 
+/// Writes what went over the serial ports at a start that failed. There is one such file: a service
+/// that starts again and again fills no disk.
+pub fn write_failed_start(
+    folder: &Path,
+    captures: &[Capture],
+    software: &str,
+) -> Result<PathBuf, BlackBoxError> {
+    let path = folder.join("failed-start").with_extension(CAPTURE);
+    create_folder(folder)?;
+    let _ = fs::remove_file(&path);
+    write_captures(captures, &path, software).map(|()| path)
+}
+
 /// Writes what went over the serial ports.
 fn write_captures(captures: &[Capture], path: &Path, software: &str) -> Result<(), BlackBoxError> {
     let ports: Vec<_> = captures.iter().map(Capture::read).collect();
