@@ -29,10 +29,10 @@ use super::modes;
 use super::subject::record;
 use super::tracking::{Pilot, along, approach, follow};
 
-/// Ramps and sines: s, deg, deg/s and Hz.
+/// Ramps and sines: s, deg, deg/s (the limit of the template) and Hz.
 const DURATION_S: f64 = 12.0;
 const AMPLITUDE_DEG: f64 = 6.0;
-const SPEED_DEG_S: f64 = 24.0;
+const SPEED_DEG_S: f64 = 20.0;
 /// Whole periods in the duration: every motion ends where the next begins.
 const SINES_HZ: [f64; 2] = [0.5, 0.25];
 
