@@ -414,6 +414,9 @@ class Arm:
             lines.append("the drives are off: enable()")
         elif state.state == "PAUSED":
             lines.append("paused: resume()")
+        camera = self.external_jp()
+        if camera is not None and (silent_s := (time.monotonic_ns() - camera.stamp_ns) / 1e9) > 0.5:
+            lines.append(f"the camera is silent: its last frame came {silent_s:.1f} s ago")
         if state.taken and not state.lease:
             lines.append("another client holds the lease: it has to release it, or to be silent")
         causes = sorted(self.errors() + self.warnings(), key=lambda cause: cause.stamp_ns, reverse=True)

@@ -114,7 +114,9 @@ def edge(image: np.ndarray, start: np.ndarray, end: np.ndarray) -> float | None:
         )
         if np.min(outside - inside) < 25.0:
             return None
-        area = np.trapezoid((values - inside) / (outside - inside), steps, axis=1)
+        # By trapezoids. The function of numpy has another name before 2.0.
+        height = (values - inside) / (outside - inside)
+        area = (0.5 * (height[:, 1:] + height[:, :-1]) * np.diff(steps)).sum(axis=1)
         found = middle + reach - area
         keep = np.abs(found - np.median(found)) < 0.5 * reach
         for _ in range(2):

@@ -3,13 +3,14 @@
 import io
 import itertools
 
-import cv2
-import numpy as np
 import pytest
 
-import scene
-from i2ris import frames, markers
-from i2ris.joint import View, parse_view, solve
+np = pytest.importorskip("numpy", reason="the markers are not installed: pip install 'tools/python[markers]'")
+cv2 = pytest.importorskip("cv2", reason="the markers are not installed: pip install 'tools/python[markers]'")
+
+import scene  # noqa: E402
+from i2ris import frames, markers  # noqa: E402
+from i2ris.joint import View, parse_view, solve  # noqa: E402
 
 USING = markers.detector()
 

@@ -2,13 +2,14 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-np = pytest.importorskip("numpy")
+np = pytest.importorskip("numpy", reason="numpy is not installed: pip install 'tools/python[client]'")
 pytest.importorskip("i2ris_native", reason="the wheel is not installed: maturin build, pip install")
 
 from i2ris import benchmark, benchmark_table, gmr_direction, prandtl_ishlinskii, public  # noqa: E402
@@ -438,12 +439,22 @@ def test_importing_is_quick_to_write():
     assert found.stdout.strip() == "[]"
 
 
+@pytest.mark.skipif(not CLI, reason="I2RIS_CLI does not name the command line")
 def test_the_notebook_runs(tmp_path, monkeypatch):
-    """From a recording to a tracked circle: its cells, one after the other."""
+    """Record, fit, use, circle, plot: its cells, one after the other, with an emulated robot."""
+    pytest.importorskip("iceoryx2", reason="the client is not installed: pip install 'tools/python[client]'")
+    pytest.importorskip("matplotlib").use("Agg")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(Path(CLI).parent), prepend=os.pathsep)
     notebook = json.loads((Path(__file__).parents[1] / "examples" / "tracked_circle.ipynb").read_text())
-    names: dict = {"RESTARTS": 2}
-    for cell in notebook["cells"]:
-        if cell["cell_type"] == "code":
-            exec(compile("".join(cell["source"]), "tracked_circle.ipynb", "exec"), names)
-    assert names["rms_model"] < 0.6 * names["rms_linear"]
+    names: dict = {"DOMAIN": f"notebook-{os.getpid()}", "SECONDS": 60, "RESTARTS": 2}
+    words = [CLI, "start", "--no-monitor", "--folder", "robot", "--domain", names["DOMAIN"]]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as robot:
+        try:
+            assert robot.stdout.readline().startswith("ready")
+            for cell in notebook["cells"]:
+                if cell["cell_type"] == "code":
+                    exec(compile("".join(cell["source"]), "tracked_circle.ipynb", "exec"), names)
+        finally:
+            robot.send_signal(signal.SIGINT)
+    assert names["rms_deg"] < 2.0 and Path("circle.png").stat().st_size > 0
