@@ -13,6 +13,9 @@ const RATES_HZ: (f64, f64) = (0.5, 10_000.0);
 /// Below this rate, Hz, more rows than these are hardly in seconds.
 const LONG: (f64, usize) = (2.0, 5000);
 
+/// From so many points on a trajectory is asked for its rate, too.
+const POINTS: usize = 10;
+
 /// Rates of controllers and cameras, Hz.
 const USUAL_HZ: (f64, f64) = (2.0, 5000.0);
 
@@ -21,9 +24,7 @@ impl Table<'_> {
     pub fn check(&mut self) -> Result<(), RecordingError> {
         if self.wanted.rising {
             self.times_rise()?;
-            if !self.layout.counts.is_empty() {
-                self.rate_is_usual()?;
-            }
+            self.rate_is_usual()?;
         }
         (0..self.layout.counts.len()).try_for_each(|motor| self.steps_are_of_a_motor(motor))
     }
@@ -113,7 +114,9 @@ impl Table<'_> {
         let hz = steps.get(steps.len() / 2).map_or(USUAL_HZ.0, |step| 1.0 / step);
         let (unit, is_certain) = self.layout.seconds;
         let is_slow = hz < RATES_HZ.0 || hz < LONG.0 && steps.len() >= LONG.1;
-        if is_certain || !is_slow && hz <= RATES_HZ.1 {
+        // The points of a trajectory may be far apart. A table of many is a recorded one.
+        let (is_trajectory, is_short) = (self.layout.counts.is_empty(), steps.len() < POINTS);
+        if is_certain || !is_slow && hz <= RATES_HZ.1 || is_trajectory && is_short {
             return Ok(());
         }
         let in_unit = |seconds: f64| round(hz * unit / seconds);
@@ -125,14 +128,17 @@ impl Table<'_> {
             round(hz),
             in_unit(seconds)
         );
-        if self.columns.options {
-            let quote = if name.contains(' ') { "'" } else { "" };
-            return Err(self.error(Problem::Rate(format!(
+        let quote = if name.contains(' ') { "'" } else { "" };
+        let said = match self.columns.options {
+            true => format!(
                 "{said}; say its unit with --time {quote}{name}={guess}{quote} (s, ms, us or ns)"
-            ))));
+            ),
+            false => format!("{said}; call it `t_{guess}`, if that is its unit (s, ms, us, ns)"),
+        };
+        if self.columns.options && !is_trajectory {
+            return Err(self.error(Problem::Rate(said)));
         }
-        self.notes
-            .push(format!("{said}; call it `t_{guess}`, if that is its unit (s, ms, us, ns)"));
+        self.notes.push(said);
         Ok(())
     }
 

@@ -363,7 +363,7 @@ fn words(name: &str) -> Vec<String> {
 }
 
 /// A unit of time, s.
-fn unit_s(unit: &str) -> Option<f64> {
+pub(super) fn unit_s(unit: &str) -> Option<f64> {
     TIME_UNITS.iter().find(|(names, _)| names.contains(&unit)).map(|(_, seconds)| *seconds)
 }
 

@@ -19,6 +19,8 @@ pub(super) struct Sheet {
     /// Line in the file, and as many cells as the header has.
     pub rows: Vec<(u64, StringRecord)>,
     pub decimal_comma: bool,
+    /// A line of units under the header.
+    pub units: Option<(u64, StringRecord)>,
     /// What was left out, and why.
     pub notes: Vec<String>,
 }
@@ -44,6 +46,9 @@ impl Sheet {
         let header: Vec<String> = cells(header, separator).iter().map(str::to_owned).collect();
         let mut rows = records(&body, separator, header.len());
         let width = |(_, cells): &(u64, StringRecord)| cells.len();
+        let units = rows.first().filter(|row| width(row) == header.len() && is_text(&row.1));
+        let units = units.cloned();
+        rows.drain(..usize::from(units.is_some()));
         if rows.last().is_some_and(|row| width(row) < header.len()) || !ended && is_cut(&rows) {
             let line = rows.pop().map_or(0, |(line, _)| line);
             notes.push(format!("line {line}, the last one, is cut off and left out"));
@@ -60,7 +65,7 @@ impl Sheet {
         let mut cells = rows.iter().flat_map(|(_, cells)| cells);
         let has_points = cells.any(|cell| cell.contains('.') && cell.parse::<f64>().is_ok());
         let decimal_comma = separator != b',' && !has_points;
-        Ok(Self { header, rows, decimal_comma, notes })
+        Ok(Self { header, rows, decimal_comma, units, notes })
     }
 }
 
@@ -90,6 +95,12 @@ fn text<'a>(
             Err(RecordingError::new(place.line(line), Problem::NotText))
         }
     }
+}
+
+/// Whether a line has no number, and words in half of its cells.
+fn is_text(cells: &StringRecord) -> bool {
+    let words = cells.iter().filter(|cell| !is_missing(cell));
+    2 * words.clone().count() >= cells.len() && words.clone().all(|it| seconds(it, true).is_none())
 }
 
 fn uncommented(line: &str) -> &str {

@@ -9,7 +9,7 @@ use i2ris::model::file::OutputUnit;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 
 use super::cell::{is_missing, number, seconds};
-use super::columns::{Column, ColumnMap, Header, Layout, TimeColumn, Wanted};
+use super::columns::{Column, ColumnMap, Header, Layout, TimeColumn, Wanted, unit_s};
 use super::error::{Place, Problem, RecordingError};
 use super::rows::Row;
 use super::sheet::Sheet;
@@ -27,6 +27,8 @@ const POSITIONS_MM: (Range, &str) =
 
 /// Encoders have 32 bits, with a sign or without.
 const COUNTS: Range = -2_147_483_648.0..=4_294_967_295.0;
+/// What is said to be the unit of counts.
+const COUNTS_UNITS: [&str; 9] = ["", "-", "1", "count", "counts", "cts", "inc", "qc", "ticks"];
 const TIMES: Range = f64::MIN..=f64::MAX;
 
 /// All rows of a file.
@@ -69,6 +71,7 @@ impl<'a> Table<'a> {
         let layout = Header { names, map: columns, wanted, place: &place }.layout()?;
         let (rows, notes) = (Vec::new(), sheet.notes.clone());
         let mut table = Self { place, columns, wanted, layout, rows, notes };
+        table.read_units(&sheet)?;
         let comma = sheet.decimal_comma;
         let rows = sheet.rows.iter().map(|(line, cells)| table.row(*line, cells, comma));
         table.rows = rows.collect::<Result<_, _>>()?;
@@ -117,6 +120,45 @@ impl<'a> Table<'a> {
         }
         let located = time_s.iter().chain(&counts).all(|cell| cell.is_finite());
         Ok(ReadRow { line, time_s, counts, outputs, located, empty })
+    }
+
+    /// Takes the unit of time from a line of units, and refuses other ones than those of its
+    /// columns.
+    fn read_units(&mut self, sheet: &Sheet) -> Result<(), RecordingError> {
+        let Some((line, cells)) = &sheet.units else {
+            return Ok(());
+        };
+        let said = |column: &Column| {
+            let cell = cells.get(column.index).unwrap_or_default();
+            cell.trim_matches(['[', ']', '(', ')', ' ']).to_lowercase()
+        };
+        let wrong = |column: &Column, reason| {
+            let (place, value) = (self.place.line(*line).column(&column.name), said(column));
+            Err(RecordingError::new(place, Problem::Cell { value, reason }))
+        };
+        let Layout { time, counts, outputs, .. } = &self.layout;
+        if let Some(column) = counts.iter().find(|it| !COUNTS_UNITS.contains(&&*said(it))) {
+            return wrong(column, "is no unit of counts; remove the line, or name another column");
+        }
+        for (column, spec) in outputs {
+            let units = match spec.unit {
+                OutputUnit::Deg => ["", "-", "deg", "degree", "degrees", "\u{b0}"],
+                OutputUnit::Mm => ["", "-", "mm", "millimeter", "millimetre", "millimetres"],
+            };
+            if !units.contains(&&*said(column)) {
+                return wrong(column, "is another unit than that of the column; convert its cells");
+            }
+        }
+        let mut seconds = self.layout.seconds;
+        if let Some(time) = time.as_ref().filter(|it| !["", "-"].contains(&&*said(it))) {
+            seconds = match unit_s(&said(time)) {
+                Some(unit) if !seconds.1 => (unit, true),
+                Some(_) => seconds,
+                None => return wrong(time, "is no unit of time; write s, ms, us or ns"),
+            };
+        }
+        self.layout.seconds = seconds;
+        Ok(())
     }
 
     pub fn error(&self, problem: Problem) -> RecordingError {

@@ -8,7 +8,6 @@ use super::*;
 use crate::testing::{assert_contains, degrees};
 
 const COMMON: &str = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg";
-const LABORATORY: &str = "Img TS,Enc TS,Encoder counts 1,Encoder counts 0,yaws,pitches";
 
 fn read_as(text: &[u8], columns: &ColumnMap) -> Result<(Recording, ReadReport), RecordingError> {
     let folder = tempfile::tempdir().unwrap();
@@ -38,19 +37,6 @@ fn with_cell(line: usize, column: usize, cell: &str) -> String {
     lines.join("\n")
 }
 
-/// The good recording with one column replaced from top to bottom.
-fn with_column(column: usize, cell: &str) -> String {
-    let replaced = |line: &String| {
-        let mut cells: Vec<_> = line.split(',').collect();
-        cells[column] = cell;
-        cells.join(",")
-    };
-    std::iter::once(COMMON.to_owned())
-        .chain(good().iter().skip(1).map(replaced))
-        .collect::<Vec<_>>()
-        .join("\n")
-}
-
 #[track_caller]
 fn refused(text: &str, parts: &[&str]) {
     let message = read(text).unwrap_err().to_string();
@@ -61,50 +47,11 @@ fn refused(text: &str, parts: &[&str]) {
 }
 
 #[test]
-fn the_common_format_is_recognised() {
-    let (recording, report) = read(&good().join("\n")).unwrap();
-    assert_eq!((recording.motors(), recording.rows().len(), report.rows), (2, 30, 30));
-    assert_eq!(recording.name(), "rows.csv");
-    let names: Vec<_> = recording.outputs().iter().map(|output| output.name.as_str()).collect();
-    assert_eq!(names, ["pitch", "yaw"]);
-    let row = recording.rows()[3];
-    assert_eq!(
-        (row.line, row.time_s, row.counts, row.outputs),
-        (5, Some(3.5), [30.0, -91.0], [-12.25, 1.5, 0.0])
-    );
-}
-
-#[test]
-fn the_laboratorys_format_is_recognised() {
-    let rows = (0..30).map(|i| format!("{i}.0,{i}.1,{},{},{},-{i}.5", -i, 2 * i, i % 5));
-    let text = std::iter::once(LABORATORY.to_owned()).chain(rows).collect::<Vec<_>>().join("\r\n");
-    let (recording, report) = read(&format!("\u{feff}{text}\r\n")).unwrap();
-    assert_eq!(report.counts_columns, ["Encoder counts 0", "Encoder counts 1"]);
-    assert_eq!(report.output_columns, ["pitches", "yaws"]);
-    assert_eq!(report.time_column.as_deref(), Some("Enc TS"));
-    let row = recording.rows()[4];
-    assert_eq!((row.time_s, row.counts, row.outputs), (Some(4.1), [8.0, -4.0], [-4.5, 4.0, 0.0]));
-}
-
-#[test]
 fn one_motor_without_time_is_recognised() {
     let rows: Vec<_> = (0..25).map(|i| format!("{},{}.5", 1600 + i, i)).collect();
     let (recording, report) = read(&format!("q0_counts,pitch_deg\n{}", rows.join("\n"))).unwrap();
     assert_eq!((recording.motors(), recording.outputs().len(), report.time_column), (1, 1, None));
     assert_eq!(recording.rows()[0].time_s, None);
-}
-
-#[test]
-fn named_columns_take_the_place_of_known_ones() {
-    let columns = ColumnMap {
-        time: TimeColumn::Ignored,
-        counts: vec!["q1_counts".to_owned()],
-        outputs: vec!["yaw_deg=bend".parse().unwrap()],
-        ..ColumnMap::default()
-    };
-    let (recording, _) = read_as(good().join("\n").as_bytes(), &columns).unwrap();
-    assert_eq!((recording.motors(), recording.outputs()[0].name.as_str()), (1, "bend"));
-    assert_eq!((recording.rows()[1].time_s, recording.rows()[1].counts), (None, [-99.0, 0.0]));
 }
 
 #[test]
@@ -151,48 +98,6 @@ fn the_hash_is_that_of_the_bytes() {
 }
 
 #[test]
-fn a_missing_file_is_named() {
-    let message =
-        Recording::read("no/such.csv".as_ref(), &ColumnMap::default()).unwrap_err().to_string();
-    assert!(message.contains("no/such.csv") && message.contains("No such file"), "{message}");
-}
-
-/// The refusal of a good recording that is read with other columns.
-fn refused_as(columns: &ColumnMap) -> String {
-    let refused = read_as(good().join("\n").as_bytes(), columns);
-    refused.unwrap_err().to_string()
-}
-
-fn counts(names: &[&str]) -> ColumnMap {
-    ColumnMap {
-        counts: names.iter().map(|name| (*name).to_owned()).collect(),
-        options: true,
-        ..ColumnMap::default()
-    }
-}
-
-#[test]
-fn wrong_columns_are_answered_with_those_there_are() {
-    let known = ["`q0_counts` or `Encoder counts 0`", "columns are `a`, `b`", "--counts"];
-    refused("a,b\n1,2\n", &known);
-    let known = ["`pitch_deg` or `yaw_deg` or `pitches` or `yaws`", "`b`", "--angles"];
-    refused("q0_counts,b\n1,2\n", &known);
-    refused("1,2\n3,4\n", &["begins with numbers; its first line must name the columns"]);
-    let twice = "q0_counts,q0_counts,pitch_deg\n1,2,3\n";
-    refused(twice, &["two columns are named `q0_counts`"]);
-    for (names, parts) in [
-        (&["left"][..], &["no column `left`", "`q1_counts`"][..]),
-        (&["q0_counts"; 2], &["`q0_counts` is named for two purposes"]),
-        (
-            &["q0_counts", "q1_counts", "t_s"],
-            &["3 columns are named as motors; a model has at most 2"],
-        ),
-    ] {
-        assert_contains(&refused_as(&counts(names)), parts);
-    }
-}
-
-#[test]
 fn wrong_cells_are_named_with_line_and_column() {
     for (line, column, cell, message) in [
         (7, 3, "left", "line 7, column `pitch_deg`: `left` is not a number"),
@@ -213,18 +118,6 @@ fn wrong_cells_are_named_with_line_and_column() {
     // Also beside an empty cell.
     let text = with_cell(7, 1, "").replace("\n5.5,,-75,", "\n5.5,,minus,");
     refused(&text, &["line 7, column `q1_counts`: `minus`"]);
-}
-
-#[test]
-fn empty_and_constant_columns_are_named() {
-    for (column, cell, message, option) in [
-        (4, "", "`yaw_deg` is empty on every row", "--angles"),
-        (1, "", "`q0_counts` is empty on every row", "--counts"),
-        (2, "7", "`q1_counts` is 7 on every row: that motor never moved", "--counts"),
-        (3, "0.5", "`pitch_deg` is 0.5 on every row: nothing was measured", "--angles"),
-    ] {
-        refused(&with_column(column, cell), &[message, option]);
-    }
 }
 
 #[test]

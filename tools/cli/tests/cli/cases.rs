@@ -71,6 +71,7 @@ fn all_cases_are_right() {
     dialects(&mut table);
     ends(&mut table);
     times(&mut table);
+    units(&mut table);
     merges(&mut table);
     other_readers(&mut table);
     println!("{}", table.printed);
@@ -225,6 +226,12 @@ fn times(table: &mut Table) {
         ! merge | 0.02 row(s) a second as it is read, 20 if it is in ms | --time t_s=ms
         + merge --time t_s=ms | 20 pictures";
     table.case("time-not-found milliseconds", &times(1e3, "t_s"), milliseconds);
+    let asked = "+ invert | 20 if it is in ms; say its unit with --time t_s=ms
+        + invert --time t_s=ms
+        3 file | 20 if it is in ms; call it `t_ms`";
+    // Eleven points: what is asked about is played, too.
+    let points = times(1e3, "t_s").lines().take(12).collect::<Vec<_>>().join("\n") + "\n";
+    table.case("time-not-found milliseconds of a trajectory", &points, asked);
     let fast = "! fit | 20000 row(s) a second | --time t_s=\n= fit --time t_s=s";
     table.case("time-not-found 20 kHz", &times(1e-3, "t_s"), fast);
     let back = "! fit | line 52, column `t_s`: time 0.3 s goes backwards (2.45 s in line 51) | cut
@@ -251,6 +258,20 @@ fn merges(table: &mut Table) {
         + merge --counts left,right | 20 pictures";
     let odd = counts.replacen("q0_counts,q1_counts", "left,right", 1);
     table.case("merge-without-angles, other names", &odd, named);
+}
+
+/// A line of units under the one with the names.
+fn units(table: &mut Table) {
+    let times = |scale: f64| with_column(0, |time| scale * time).replacen("t_s", "time", 1);
+    let with = |text: &str, line: &str| text.replacen('\n', &format!("\n{line}\n"), 1);
+    let all = "= fit | rows 60;\n+ predict\n+ invert\n+ merge | 20 pictures\n3 file";
+    table.case("units", &with(&times(1.0), "s,counts,counts,deg,deg"), all);
+    table.case("units in brackets", &with(&times(1e3), "[ms],[],[],[\u{b0}],[\u{b0}]"), all);
+    let rad = "! fit | line 2, column `pitch_deg`: `rad` is another unit | convert
+        ! invert | `rad` is another unit\n! file | `rad` is another unit\n+ predict";
+    table.case("units, radians", &with(&times(1.0), "s,counts,counts,rad,rad"), rad);
+    let unknown = "! fit | `hours` is no unit of time; write s, ms, us or ns\n! file | `hours`";
+    table.case("units, hours", &with(&times(1.0), "hours,,,deg,deg"), unknown);
 }
 
 /// Readers that are not fit take what fit takes.
