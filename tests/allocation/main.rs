@@ -5,7 +5,6 @@
 
 mod control_loop;
 mod cycle;
-mod day;
 mod model;
 mod port_thread;
 

@@ -112,8 +112,6 @@ enum Task {
     /// Serial lines beside each other, in simulated time: what they carry, and what of it the tip
     /// shows
     Lines(models::lines::Arguments),
-    /// Steps at the motor in the modes of operation of a drive, in simulated time
-    Modes(models::modes::Arguments),
     /// Loop, inverse and e2e with their defaults, one after the other; takes two minutes
     All(Measurement),
 }
@@ -202,10 +200,6 @@ fn run(arguments: &Arguments) -> Result<(), BenchError> {
         Task::Lines(arguments) => {
             return models::lines::run(arguments).map_err(|error| error.to_string().into());
         }
-        Task::Modes(arguments) => {
-            models::modes::run(arguments);
-            return Ok(());
-        }
         Task::Loop(arguments) => (&arguments.measurement, false),
         Task::Inverse(arguments) => (&arguments.measurement, false),
         Task::E2e(arguments) => (&arguments.measurement, false),
@@ -270,7 +264,7 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
             let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
             e2e::hand::run(&benchmark, run)
         }
-        Task::Models(_) | Task::Lines(_) | Task::Modes(_) | Task::All(_) => {
+        Task::Models(_) | Task::Lines(_) | Task::All(_) => {
             Err("this is no single measurement".into())
         }
     }

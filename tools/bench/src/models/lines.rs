@@ -25,7 +25,6 @@ use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::{EmulatorConfig, Line};
 
 use super::laboratory::{config, fitted};
-use super::modes;
 use super::subject::record;
 use super::tracking::{Pilot, along, approach, follow};
 
@@ -281,8 +280,17 @@ fn ripple(control: &mut ClosedLoop<Lines>) -> Result<f64, String> {
         let at = control.motors.motors();
         positions.iter_mut().zip(at).for_each(|(positions, at)| positions.push(at));
     })?;
-    let [first, second] = positions.map(|positions| modes::ripple(&positions, SMOOTH));
+    let [first, second] = positions.map(|positions| ripple_of(&positions));
     Ok((first + second) / 2.0)
+}
+
+/// RMS of the speed beside its own mean over a short time, as a share of it.
+fn ripple_of(positions: &[f64]) -> f64 {
+    let speeds: Vec<f64> = positions.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle = |near: &[f64]| mean(near.iter().copied()).unwrap_or_default();
+    let beside = speeds.windows(SMOOTH).map(|near| near[SMOOTH / 2] - middle(near)).collect();
+    let rms = |values: Vec<f64>| root_mean_square(values).unwrap_or(f64::NAN);
+    rms(beside) / rms(speeds)
 }
 
 /// From the tick of a fault to the last drive that stops, ms.

@@ -13,14 +13,12 @@
 //! | `tracked` | a model of anybody on a snake, for Python |
 //! | `subject` | one snake that wears, with its models |
 //! | [`lines`] | the serial lines of a robot beside each other |
-//! | [`modes`] | what the motor makes of setpoints in the modes of a drive |
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command prints")]
 
 mod exact_inverse;
 mod laboratory;
 pub mod lines;
-pub mod modes;
 mod recording;
 mod subject;
 mod tracked;
