@@ -22,6 +22,7 @@
 //!         }
 //!         thread::sleep(Duration::from_millis(5)); // silence for 50 ms, and the snake holds
 //!     }
+//!     client.state_command(StateCommand::Release)?; // the end of the stream, and of the lease
 //!     Ok(())
 //! }
 //! ```

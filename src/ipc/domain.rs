@@ -6,6 +6,7 @@
 //! | `/dev/shm/i2ris-UID-NAME/ready` | boot id, interface version, process id: [`super::ready`] |
 //! | `/dev/shm/i2ris-UID-NAME/pulse` | heartbeat of the control loop, [`super::heartbeat`] |
 //! | `/dev/shm/i2ris-UID-NAME/drives` | settings of the drives at the start, as JSON |
+//! | `/dev/shm/i2ris-UID-NAME/run` | boot id, and folder of the records; an end out of order leaves it |
 //! | `/dev/shm/i2ris-UID-NAME/ticks-*` | the last ticks, for the black box of a killed controller |
 //! | `/dev/shm/i2ris-UID-NAME/BOOT/` | nodes and service descriptions of iceoryx2 |
 //! | `/dev/shm/i2ris-UID-NAME_BOOT_*` | shared memory of iceoryx2 |
@@ -195,6 +196,15 @@ impl Domain {
         let path = self.file("drives");
         let text = serde_json::to_vec(drives).unwrap_or_default();
         std::fs::write(&path, text).map_err(DomainError::io("write", &path))
+    }
+
+    /// Boot id and folder of the records of the last start of a controller that has not ended in
+    /// order; `None`: none is known.
+    #[must_use]
+    pub fn last_run(&self) -> Option<(u64, PathBuf)> {
+        let text = std::fs::read_to_string(self.file("run")).ok()?;
+        let (boot_id, folder) = text.split_once(' ')?;
+        Some((u64::from_str_radix(boot_id, 16).ok()?, PathBuf::from(folder)))
     }
 
     /// Beside the directory: a watchdog runs longer than a controller. No name contains a dot.

@@ -138,6 +138,19 @@ impl Drop for DomainLock {
     }
 }
 
+/// Writes what [`Domain::last_run`] reads, also when the lock is gone.
+pub(crate) fn publish_run(
+    domain: &Domain,
+    boot_id: u64,
+    records: &Path,
+) -> Result<(), DomainError> {
+    create_directory(domain.directory())?;
+    let path = domain.file("run");
+    let records = std::path::absolute(records);
+    let text = records.map(|records| format!("{boot_id:016x} {}", records.display()));
+    text.and_then(|text| fs::write(&path, text)).map_err(DomainError::io("write", &path))
+}
+
 /// The last ticks of a killed controller, which the black box of the next one recovers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Ticks {

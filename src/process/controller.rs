@@ -23,6 +23,7 @@ use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
 use crate::drive::exclusive_use::WatchdogEntry;
 use crate::drive::port_runner::PortRunner;
+use crate::ipc::domain_lock::publish_run;
 use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::server::check_memory;
 use crate::ipc::watchdog_presence::WatchdogStatus;
@@ -59,6 +60,7 @@ const PORT_EVENTS: usize = 1024;
 const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 /// Delay of the first tick after the start of the threads.
 const START_DELAY: Nanos = Nanos::from_millis(20);
+const IN_ORDER: &str = "in order";
 
 /// Why the controller could not start, or how it failed.
 #[derive(Debug, thiserror::Error)]
@@ -115,6 +117,8 @@ pub fn run(
     let threads = start_threads(config, lock, model.as_ref(), drives, watchdog, shutdown)?;
     // Without the file nobody learns the settings, and the robot runs.
     let _ = domain.publish_drives(&fingerprints);
+    // Nor why it ended, if it is killed.
+    let _ = publish_run(&domain, boot_id, &config.record_folder);
     service_manager::notify(service_manager::READY);
     let (name, process) = (domain.name(), std::process::id());
     write_line(log, format_args!("serves domain `{name}`, process {process}"));
@@ -161,11 +165,15 @@ pub fn run(
     }
     main.write_events();
     let outcome = match control {
-        Ok(()) if main.powered.is_empty() => "in order",
+        Ok(()) if main.powered.is_empty() => IN_ORDER,
         Ok(()) => "with drives that are not known to be off",
         Err(_) => "the control loop ended early",
     };
     let _ = main.run_log.end(outcome);
+    if outcome != IN_ORDER {
+        // The directory went with the lock.
+        let _ = publish_run(&main.domain, boot_id, &config.record_folder);
+    }
     control.and(ended)?;
     if main.powered.is_empty() {
         Ok(())

@@ -187,25 +187,6 @@ mod tests {
     }
 
     #[test]
-    fn the_next_window_starts_empty_and_the_totals_go_on() {
-        let mut statistics = statistics();
-        statistics.record(timing(0, 900, 900, 3));
-        assert!(statistics.take(WINDOW).is_some());
-        statistics.record(timing(1000, 10, 5, 1));
-        let message = statistics.take(WINDOW + WINDOW).unwrap();
-        assert_eq!(
-            (message.ticks, message.missed, message.total_ticks, message.total_missed),
-            (1, 1, 2, 4)
-        );
-        assert!(
-            near(message.lateness.max_ns, 10) && near(message.compute.max_ns, 5),
-            "{message:?}"
-        );
-        // From tick to tick the period counts across windows.
-        assert!(near(message.period.max_ns, 999_110), "{message:?}");
-    }
-
-    #[test]
     fn without_ticks_there_is_no_message() {
         assert_eq!(statistics().take(Nanos(u64::MAX)), None);
     }
@@ -216,14 +197,5 @@ mod tests {
         statistics.record(timing(0, 60_000_000, 5, 0));
         let longest = statistics.take(WINDOW).unwrap().lateness.max_ns;
         assert!((LONGEST..LONGEST + LONGEST / 50).contains(&longest), "{longest}");
-    }
-
-    #[test]
-    fn an_unpinned_loop_says_so() {
-        let mut statistics =
-            LoopStatistics::new(PERIOD, WINDOW, Granted::default(), LineBounds::default());
-        statistics.record(timing(0, 1, 1, 0));
-        let message = statistics.take(WINDOW).unwrap();
-        assert_eq!((message.priority, message.cpu, message.memory_locked), (0, u32::MAX, 0));
     }
 }

@@ -295,60 +295,6 @@ mod tests {
     }
 
     #[test]
-    fn a_distance_at_the_limit_is_no_fault() {
-        let mut monitor = moving();
-        monitor.reset();
-        for t in 400..800 {
-            monitor.record_estimates(ms(t), [[0.0; 3]; 2]);
-        }
-        for (degrees, is_fault) in [(2.0, false), (2.0 + 1e-9, true)] {
-            for (stamp, now) in [(650, 800), (700, 1100), (720, 1101)] {
-                // Every frame has a stamp of its own.
-                let stamp = stamp + u64::from(is_fault);
-                let pose = measured(stamp, degrees);
-                let found = monitor.is_implausible(Some(&pose), 2, true, ms(now));
-                assert_eq!(found, is_fault && now >= 1100, "{degrees} deg at {now} ms");
-            }
-        }
-    }
-
-    #[test]
-    fn estimates_are_stored_every_four_milliseconds_for_half_a_second() {
-        let mut monitor = moving();
-        assert_eq!(monitor.written, 100);
-        monitor.record_estimates(ms(399), Estimates::default());
-        assert_eq!(monitor.written, 100, "3 ms after the last one");
-        monitor.record_estimates(ms(400), Estimates::default());
-        assert_eq!(monitor.written, 101);
-        for (stamp, is_found) in [(0, true), (200, true), (408, true), (409, false)] {
-            let found = monitor.estimates_at(ms(stamp));
-            assert_eq!(found.is_some(), is_found, "{stamp} ms");
-        }
-        for t in 401..=512 {
-            monitor.record_estimates(ms(t), Estimates::default());
-        }
-        let oldest = monitor.estimates_at(ms(4)).unwrap();
-        assert_eq!(oldest[0][0], 0.04_f64.to_radians());
-        assert_eq!(monitor.written, 129, "the first is written over");
-        let oldest = monitor.estimates_at(ms(0)).unwrap();
-        assert_eq!(oldest[0][0], 0.04_f64.to_radians(), "its neighbour");
-        monitor.limit = 0.0;
-        monitor.record_estimates(ms(600), Estimates::default());
-        assert_eq!(monitor.written, 129, "the check is off");
-    }
-
-    #[test]
-    fn a_reset_forgets_the_estimates() {
-        let mut monitor = moving();
-        monitor.reset();
-        assert_eq!(monitor.estimates_at(ms(300)), None);
-        let now = Nanos::from_millis(3);
-        assert_eq!(monitor.estimates_at(now), None, "near the time zero");
-        monitor.checked_since = Some(Nanos::ZERO);
-        assert_eq!(monitor.check(now), PlausibilityCheck::Inactive);
-    }
-
-    #[test]
     fn a_distance_is_confirmed_only_within_half_a_second() {
         for (second, is_fault) in [(900, true), (901, false)] {
             let mut monitor = moving();

@@ -182,28 +182,6 @@ mod tests {
         goal
     }
 
-    /// Goals of a stream, its interval, the time of evaluation, and the expected goal.
-    #[test]
-    fn steady_motion_is_extrapolated_for_a_bounded_time() {
-        for (goals, interval_ms, at_ms, expected) in [
-            (&[0.0, 1.0, 2.0], 5, 13, 2.6),
-            // Two intervals after the last command.
-            (&[0.0, 1.0, 2.0], 5, 500, 4.0),
-            // 20 ms at most.
-            (&[0.0, 1.5, 3.0], 15, 500, 5.0),
-            (&[0.0, 1.0, 2.0], 20, 500, 3.0),
-            // Slow streams are not extrapolated.
-            (&[0.0, 1.0, 2.0], 25, 60, 2.0),
-            // Equal stamps do not divide by zero.
-            (&[0.0, 1.0, 2.0], 0, 1, 2.0),
-        ] {
-            let ([now], [before]) = stream(goals, interval_ms).evaluate(ms(at_ms), TICK);
-            assert!((now - expected).abs() < 1e-9, "{now} instead of {expected}");
-            let increment = if at_ms == 13 { 0.2 } else { 0.0 };
-            assert!((now - before - increment).abs() < 1e-9, "{now} {before}");
-        }
-    }
-
     #[test]
     fn steps_reversals_pauses_and_first_commands_are_not_extrapolated() {
         for goals in

@@ -5,12 +5,20 @@ use i2ris_report::view::{Age, ControlLoop, Motor, NOTHING, Pose, Span, State, Vi
 /// Why it does not move: two lines each.
 pub fn reasons(view: &View) -> Vec<String> {
     let is_free = view.state.is_some() && view.why.iter().all(|why| why.age_s.is_some());
-    let nothing = is_free.then(|| NOTHING.to_owned());
+    let state = view.state.as_ref();
+    let holder = state.and_then(|it| it.commander.as_ref().or(it.lease.as_ref()));
+    let nothing = is_free.then(|| match holder {
+        None => vec![NOTHING.to_owned()],
+        Some(holder) => vec![
+            format!("nothing keeps the robot from moving: it follows {holder}"),
+            "  do: wait for its end, or end it, before another program commands".to_owned(),
+        ],
+    });
     let lines = view.why.iter().flat_map(|Why { text, advice, age_s, .. }| {
         let age = age_s.map(|age| format!(", {age:.1} s ago")).unwrap_or_default();
         [format!("{text}{age}"), format!("  do: {advice}")]
     });
-    nothing.into_iter().chain(lines).collect()
+    nothing.into_iter().flatten().chain(lines).collect()
 }
 
 /// Everything else, in several lines.
@@ -176,8 +184,7 @@ fn mark(age: Option<&Age>) -> String {
 #[cfg(test)]
 mod tests {
     use i2ris::ipc::payload::{
-        ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
-        ReasonMsg, SpanSummary,
+        ActuatorState, JointState, OperatingStateMsg, PeriodStatistics, ReasonMsg, SpanSummary,
     };
     use i2ris::ipc::{Fault, OperatingState, Refusal};
     use i2ris::robot::{Cause, Measurement, Quantity, Reason};
@@ -297,17 +304,6 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_sees_nothing_or_fell_silent_is_reported() {
-        let camera = |stamp_ns, flags| {
-            let seen = ExternalPosition { stamp_ns, flags, count: 2, ..Default::default() };
-            text(&LatestMessages { camera: Some(seen), ..messages() }, NOW)
-        };
-        assert_has(&camera(NOW.0, 0), &["  CAMERA SEES NOTHING"]);
-        assert_has(&camera(NOW.0 - 2_000_000_000, 1), &["  CAMERA STALE 2.0 s"]);
-        assert_has(&camera(NOW.0, 1), &["+0.00"]);
-    }
-
-    #[test]
     fn what_is_not_known_is_not_invented() {
         let nothing = LatestMessages::default();
         let lines = ["state      not received yet", "loop       not received yet"];
@@ -316,33 +312,6 @@ mod tests {
         let text = text(&LatestMessages { measured: Some(invalid), ..messages() }, NOW);
         assert!(!text.contains("+5.00      +4.50      +5.00"), "{text}");
         assert!(line(&View::new(&nothing, NOW)).contains("no state"));
-    }
-
-    #[test]
-    fn what_is_missing_for_real_time_or_was_lost_stands_out() {
-        let statistics = PeriodStatistics { cpu: u32::MAX, ..PeriodStatistics::default() };
-        let good = LatestMessages {
-            statistics: Some(statistics),
-            health: Some(Health::default()),
-            ..messages()
-        };
-        let granted = "real time  NORMAL SCHEDULING, MEMORY NOT LOCKED, not pinned";
-        assert_has(&text(&good, NOW), &[granted, "health     no errors, nothing lost"]);
-        let health = Health { crc_errors: [2, 1], lost_records: 40, ..Health::default() };
-        let bad = text(&LatestMessages { health: Some(health), ..good }, NOW);
-        assert_has(&bad, &["health     CRC ERRORS 3, LOST RECORDS 40"]);
-    }
-
-    #[test]
-    fn one_line_holds_the_essentials() {
-        let line = |messages: &LatestMessages| line(&View::new(messages, NOW));
-        assert_eq!(
-            line(&messages()),
-            "ENABLED; goal +5.00 -1.00 setpoint +4.50 -1.00 measured +4.25 -1.50 deg; counts 130 \
-             -345 -> 120 -340; late p99 12 us, missed 4"
-        );
-        let fault = LatestMessages { state: Some(fault()), ..messages() };
-        assert!(line(&fault).starts_with("FAULT (a drive does not answer);"));
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! | `dashboard` | what is known, and the one view of it that everything below draws |
 //! | `history`, `event_log` | last seconds, last events |
 //! | `commander` | name of the process that commands |
+//! | `last_run` | why a controller has ended that is not there any more |
 //! | `once` | reasons with what to do, and everything else once |
 //! | `lines` | lines of text |
 //! | `terminal` | the screen with keys; only its `operator_commands` sends requests |
@@ -20,6 +21,7 @@ mod commander;
 mod dashboard;
 mod event_log;
 mod history;
+mod last_run;
 mod lines;
 mod once;
 mod subscriptions;
@@ -34,6 +36,7 @@ use i2ris::units::Nanos;
 
 use clap::Parser;
 use dashboard::Dashboard;
+use i2ris_report::exit::Coded;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, model_poller, until_closed};
 use std::process::ExitCode;
 use subscriptions::{READ_PERIOD, Subscriptions};
@@ -91,7 +94,13 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     if let Some(address) = arguments.web {
         return web::run(&domain, address, span);
     }
-    let mut client = Client::connect(&domain, CONNECT)?;
+    let mut client = Client::connect(&domain, CONNECT).map_err(|error| {
+        let last = Some(&domain).filter(|_| error.is_absent()).and_then(last_run::sentence);
+        match last {
+            Some(last) => Coded { code: 3, sentence: format!("{error}; {last}") }.into(),
+            None => Failure::from(error),
+        }
+    })?;
     let version = client.version()?;
     let title = model_poller::title(&version, domain.name(), version.model_id);
     drop(client);

@@ -5,7 +5,7 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::ReasonMsg;
 use i2ris::units::Nanos;
-use i2ris_report::view::{View, reasons};
+use i2ris_report::view::{LatestMessages, View, reasons};
 use i2ris_report::{Failure, Screen, until_closed};
 
 use super::dashboard::Dashboard;
@@ -45,11 +45,8 @@ pub fn run(
         clock::sleep(POLL_PERIOD);
     };
     let view = dashboard.view(now);
-    let messages = &dashboard.messages;
-    let (hand, trial) = (messages.hand.as_ref(), messages.trial.as_ref());
-    let why = messages.state.as_ref();
-    let why = why.map(|state| reasons(state, errors.last(), &warnings, hand, trial, now));
-    let view = View { why: why.unwrap_or_default(), ..view };
+    let messages = LatestMessages { error: errors.last().copied(), ..dashboard.messages };
+    let view = View { why: reasons(&messages, &warnings, now), ..view };
     let lines = if is_json {
         vec![serde_json::to_string(&view)?]
     } else {

@@ -6,9 +6,13 @@ use i2ris::ipc::payload::{ActuatorState, OperatingStateMsg};
 use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::ipc::{Domain, OperatingState};
 use i2ris::units::Nanos;
+use nix::sys::signal::Signal;
+
 use i2ris_testing::{Rig, TIMEOUT, has, wait_for, wait_until};
 
-use crate::bench::{assert_says, ends, expect_stalls, run, start, succeeds};
+use crate::bench::{assert_says, ends, expect_stalls, fails, run, start, succeeds};
+
+const POSE: &str = "command pose 1 1 --duration-s 0.2";
 
 /// The programs that a text tells to run.
 fn commands(text: &str) -> Vec<String> {
@@ -26,8 +30,8 @@ fn commands(text: &str) -> Vec<String> {
 fn refused_then_followed(domain: &Domain, words: &str, code: &str) {
     let said = run(domain, words);
     assert_eq!(said.code, Some(4), "{words}: {}{}", said.output, said.error);
-    assert_says(&said.error, &[&format!("{code}: ")]);
-    let advice = said.error.split("; do: ").nth(1).unwrap_or_else(|| panic!("{}", said.error));
+    assert_says(&said.error, &[code]);
+    let (_, advice) = said.error.split_once(';').unwrap_or_else(|| panic!("{}", said.error));
     let commands = commands(advice);
     assert!(!commands.is_empty(), "{advice}");
     for command in commands {
@@ -103,12 +107,14 @@ fn every_advice_that_is_followed_succeeds() {
         });
     };
     for (before, words, code) in [
-        (&[][..], "enable", "refusal 6"),
-        (&["disable"], "command state pause", "refusal 5"),
-        (&[], "command state condition --no-wait", "refusal 25"),
-        (&[], "command state condition --no-wait", "refusal 21"),
-        (&["command state hold"], "home", "refusal 27"),
-        (&["enable"], "command state unhome", "refusal 27"),
+        (&[][..], "enable", "refusal 6: "),
+        (&["disable"], POSE, "is DISABLED, not ENABLED"),
+        (&["command state pause"], POSE, "is PAUSED, not ENABLED"),
+        (&["disable"], "command state pause", "refusal 5: "),
+        (&[], "command state condition --no-wait", "refusal 25: "),
+        (&[], "command state condition --no-wait", "refusal 21: "),
+        (&["command state hold"], "home", "refusal 27: "),
+        (&["enable"], "command state unhome", "refusal 27: "),
     ] {
         before.iter().for_each(|words| follow(&domain, words));
         refused_then_followed(&domain, words, code);
@@ -119,7 +125,7 @@ fn every_advice_that_is_followed_succeeds() {
     succeeds(&domain, "command state pause");
     follow_status(&domain);
     fault(&mut client);
-    refused_then_followed(&domain, "enable", "refusal 26");
+    refused_then_followed(&domain, "enable", "refusal 26: ");
     fault(&mut client);
     let why = succeeds(&domain, "status");
     assert!(
@@ -135,9 +141,28 @@ fn every_advice_that_is_followed_succeeds() {
     // The holder of the lease has a name, and what is told to end can be ended.
     let mut first = start(&domain, "command pose");
     wait_for(&mut client, |state| state.lease_client_id != 0);
-    let said = run(&domain, "command pose 1 1 --duration-s 0.2");
+    let said = run(&domain, POSE);
     assert_says(&said.error, &["i2ris, process ", "holds the lease; end that program first"]);
+    assert_says(&succeeds(&domain, "status"), &["it follows i2ris command pose, process "]);
     first.interrupt();
     ends(first, 0, &[]);
-    succeeds(&domain, "command pose 1 1 --duration-s 0.2");
+    succeeds(&domain, POSE);
+    // Silence that stops no motion is no stop.
+    let silent = start(&domain, "command pose");
+    let is_led = |it: &OperatingStateMsg| it.lease_client_id != 0;
+    wait_for(&mut client, |it| is_led(it) && has(it, OperatingStateMsg::AT_REST));
+    drop(silent);
+    wait_for(&mut client, |it| !is_led(it));
+    assert!(!succeeds(&domain, "status").contains("stop 1"));
+}
+
+#[test]
+fn the_status_names_the_end_of_a_controller_and_its_records() {
+    let mut rig = Rig::start();
+    let domain = rig.domain();
+    rig.enabled();
+    rig.signal(Signal::SIGKILL);
+    rig.wait_for_end();
+    let parts = ["was killed or has crashed after 20", "records/runs.jsonl; the next start"];
+    fails(&domain, "status", 3, &parts);
 }

@@ -247,13 +247,11 @@ pub struct Event {
 impl View {
     /// What the messages say. Models and events are known to the monitor only.
     pub fn new(messages: &LatestMessages, now: Nanos) -> Self {
-        let LatestMessages { error, hand, trial, .. } = messages;
+        let LatestMessages { trial, .. } = messages;
         let warning = messages.warning.filter(|it| it.age(now) < WARNING_SHOWN);
         Self {
             state: messages.state.as_ref().map(|it| state(it, now)),
-            why: messages.state.as_ref().map_or_else(Vec::new, |it| {
-                reasons(it, error.as_ref(), warning.as_slice(), hand.as_ref(), trial.as_ref(), now)
-            }),
+            why: reasons(messages, warning.as_slice(), now),
             goal: messages.goal.as_ref().map(|it| pose(it, now)),
             setpoint: messages.setpoint.as_ref().map(|it| pose(it, now)),
             estimate: messages.measured.as_ref().map(|it| pose(it, now)),

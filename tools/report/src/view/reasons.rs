@@ -1,12 +1,12 @@
 //! Why the robot does not move, or not as asked, and what to do.
 
 use i2ris::ipc::Message;
-use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg, TeleopMsg, TrialMsg};
+use i2ris::ipc::payload::ReasonMsg;
 use i2ris::robot::Reason;
 use i2ris::units::Nanos;
 use serde::Serialize;
 
-use super::{Hand, Trial};
+use super::{Hand, LatestMessages, STALE, Trial};
 
 /// What is said where there is no reason.
 pub const NOTHING: &str = "nothing keeps the robot from moving: it waits for commands";
@@ -49,30 +49,26 @@ impl Why {
 }
 
 /// What keeps the robot from moving now, then the last warning of every cause, newest first.
-/// `error` is the last fault, `hand` what a person does with an input device, `trial` what is
-/// recorded; `warnings` are in the order in which they came.
-pub fn reasons(
-    state: &OperatingStateMsg,
-    error: Option<&ReasonMsg>,
-    warnings: &[ReasonMsg],
-    hand: Option<&TeleopMsg>,
-    trial: Option<&TrialMsg>,
-    now: Nanos,
-) -> Vec<Why> {
-    let latched = error.and_then(ReasonMsg::reason);
+/// `warnings` are in the order in which they came.
+pub fn reasons(messages: &LatestMessages, warnings: &[ReasonMsg], now: Nanos) -> Vec<Why> {
+    let LatestMessages { state: Some(state), error, hand, trial, .. } = messages else {
+        return Vec::new();
+    };
+    let latched = error.as_ref().and_then(ReasonMsg::reason);
     let present = state.causes().into_iter().map(|cause| {
         let measured = latched.filter(|reason| reason.cause == cause);
         Why::new(&measured.unwrap_or(Reason::from(cause)), None)
     });
     let mut all: Vec<Why> = present.collect();
-    let open = hand.and_then(|hand| Hand::new(hand, now)).and_then(|hand| hand.open);
+    let open = hand.as_ref().and_then(|hand| Hand::new(hand, now)).and_then(|hand| hand.open);
     all.extend(open.map(|why| {
         // What is wrong, and after a colon what to do about it.
         let (sentence, advice) = why.split_once(": ").unwrap_or((&why, "press it, and steer"));
         let (text, advice) = (format!("the clutch is open: {sentence}"), advice.to_owned());
         Why { sentence: text.clone(), text, advice, ..Why::default() }
     }));
-    all.extend(trial.and_then(|it| Trial::new(it, now)).and_then(|it| it.why()));
+    all.extend(trial.as_ref().and_then(|it| Trial::new(it, now)).and_then(|it| it.why()));
+    all.extend(silent_camera(messages, now));
     let mut seen = Vec::new();
     for message in warnings.iter().rev() {
         let age_s = Some(message.age(now).as_seconds());
@@ -91,11 +87,33 @@ pub fn reasons(
     all
 }
 
+/// A camera that has sent frames since the start of the controller, and sends none any more.
+fn silent_camera(messages: &LatestMessages, now: Nanos) -> Option<Why> {
+    let age = messages.camera.map(|camera| camera.age(now));
+    let frames = messages.adaptation.map_or(0, |it| {
+        let kinds = [it.frames_used, it.frames_refused, it.frames_paused];
+        kinds.iter().chain(&it.frames_dropped).sum::<u64>()
+    });
+    let is_silent = age.map_or(frames > 0, |age| age > STALE);
+    is_silent.then(|| {
+        let text = "the camera is silent: the pose is not compared, and no drift is followed";
+        let advice = "look at its cable, and start `i2ris vision` again";
+        let age_s = Some(age.unwrap_or(STALE).as_seconds());
+        let (sentence, text, advice) = (text.to_owned(), text.to_owned(), advice.to_owned());
+        Why { sentence, text, advice, age_s, ..Why::default() }
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use i2ris::ipc::payload::{AdaptationMsg, ExternalPosition, OperatingStateMsg, TeleopMsg};
     use i2ris::ipc::{Fault, OperatingState, Refusal};
     use i2ris::robot::{Cause, Measurement, Quantity};
+
+    fn all(state: OperatingStateMsg) -> LatestMessages {
+        LatestMessages { state: Some(state), ..LatestMessages::default() }
+    }
 
     fn ready() -> OperatingStateMsg {
         OperatingStateMsg {
@@ -112,7 +130,7 @@ mod tests {
 
     #[test]
     fn a_robot_that_is_ready_has_no_reason() {
-        assert_eq!(reasons(&ready(), None, &[], None, None, Nanos::ZERO), []);
+        assert_eq!(reasons(&all(ready()), &[], Nanos::ZERO), []);
     }
 
     #[test]
@@ -125,9 +143,8 @@ mod tests {
         let own = message(Cause::Fault(Fault::FollowingError), 5000);
         let other = message(Cause::Fault(Fault::Link), 4000);
         for (error, measured) in [(own, "5000 counts, limit 2000 counts"), (other, "")] {
-            let [why] = &reasons(&state, Some(&error), &[], None, None, Nanos::ZERO)[..] else {
-                panic!()
-            };
+            let messages = LatestMessages { error: Some(error), ..all(state) };
+            let [why] = &reasons(&messages, &[], Nanos::ZERO)[..] else { panic!() };
             assert_eq!((why.code.as_str(), why.measured.as_str()), ("fault 3", measured));
             assert!(why.is_fault() && why.age_s.is_none());
         }
@@ -136,10 +153,8 @@ mod tests {
     #[test]
     fn what_can_be_removed_first_comes_first() {
         let off = OperatingStateMsg { flags: OperatingStateMsg::MODEL, ..Default::default() };
-        let codes: Vec<String> = reasons(&off, None, &[], None, None, Nanos::ZERO)
-            .into_iter()
-            .map(|why| why.code)
-            .collect();
+        let codes: Vec<String> =
+            reasons(&all(off), &[], Nanos::ZERO).into_iter().map(|why| why.code).collect();
         assert_eq!(codes, ["refusal 6", "state DISABLED"], "enabling needs the zero");
     }
 
@@ -153,7 +168,7 @@ mod tests {
         let (step, lease) = (Refusal::Step, Refusal::Lease);
         let warnings = [(step, 1000), (lease, 2000), (step, 3000)];
         let warnings = warnings.map(|(cause, stamp)| message(Cause::Refusal(cause), stamp));
-        let all = reasons(&state, None, &warnings, None, None, Nanos::from_millis(4000));
+        let all = reasons(&all(state), &warnings, Nanos::from_millis(4000));
         let codes: Vec<(&str, Option<f64>)> =
             { all.iter() }.map(|why| (why.code.as_str(), why.age_s)).collect();
         let expected = [
@@ -177,7 +192,8 @@ mod tests {
             ..TeleopMsg::default()
         };
         let said = |hand: &TeleopMsg, ms| {
-            let found = reasons(&ready(), None, &[], Some(hand), None, Nanos::from_millis(ms));
+            let messages = LatestMessages { hand: Some(*hand), ..all(ready()) };
+            let found = reasons(&messages, &[], Nanos::from_millis(ms));
             found.into_iter().map(|why| (why.text, why.advice)).collect::<Vec<_>>()
         };
         let open = "the clutch is open: the dead-man is half pressed".to_owned();
@@ -185,5 +201,21 @@ mod tests {
         assert_eq!(said(&hand, 1000), [], "nobody steers any more");
         hand.flags = 0;
         assert_eq!(said(&hand, 100), []);
+    }
+
+    #[test]
+    fn a_camera_that_sends_nothing_any_more_is_a_reason_and_one_that_never_came_is_none() {
+        let camera = Some(ExternalPosition { stamp_ns: 1_000_000_000, ..Default::default() });
+        let adaptation = Some(AdaptationMsg { frames_used: 3, ..Default::default() });
+        let ages = |messages: LatestMessages, ms| {
+            let found = reasons(&messages, &[], Nanos::from_millis(ms));
+            assert!(found.iter().all(|why| why.text.starts_with("the camera is silent")));
+            found.into_iter().map(|why| why.age_s).collect::<Vec<_>>()
+        };
+        let seen = LatestMessages { camera, ..all(ready()) };
+        assert_eq!(ages(seen, 1100), []);
+        assert_eq!(ages(seen, 4000), [Some(3.0)]);
+        // Who asks later has heard no frame.
+        assert_eq!(ages(LatestMessages { adaptation, ..all(ready()) }, 4000), [Some(0.5)]);
     }
 }
