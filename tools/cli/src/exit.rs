@@ -53,22 +53,3 @@ pub fn with_code(failure: Failure) -> Failure {
     let sentence = stop.to_string();
     Coded { code, sentence }.into()
 }
-
-#[cfg(test)]
-mod tests {
-    use i2ris::ipc::Fault;
-    use i2ris_report::exit::code;
-
-    use super::*;
-
-    #[test]
-    fn a_stop_has_the_code_of_its_cause() {
-        for (stop, expected) in [
-            (StopReason::Silent, 3),
-            (StopReason::Lease(7), 4),
-            (StopReason::Fault(Fault::Drive), 5),
-        ] {
-            assert_eq!(code(&with_code(stop.into())), expected);
-        }
-    }
-}

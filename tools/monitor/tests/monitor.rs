@@ -3,8 +3,6 @@
 
 #[path = "monitor/chromium.rs"]
 mod chromium;
-#[path = "monitor/contrast.rs"]
-mod contrast;
 #[path = "monitor/http.rs"]
 mod http;
 #[path = "monitor/pages.rs"]

@@ -96,22 +96,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_circle_starts_at_its_side_and_is_closed() {
-        let circle = Trajectory::Circle { centre: [1.0, 2.0], radius: 5.0, period_s: 4.0 };
-        let near = |a: Angles, b: Angles| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9;
-        assert!(near(circle.at(0.0), [6.0, 2.0]));
-        assert!(near(circle.at(1.0), [1.0, 7.0]));
-        assert!(near(circle.at(4.0), [6.0, 2.0]));
-    }
-
-    #[test]
-    fn a_sine_starts_in_the_middle() {
-        let sine = Trajectory::Sine { centre: [0.0, 1.0], amplitude: [10.0, 0.0], period_s: 2.0 };
-        assert_eq!(sine.at(0.0), [0.0, 1.0]);
-        assert!((sine.at(0.5)[0] - 10.0).abs() < 1e-9);
-    }
-
-    #[test]
     fn rows_are_joined_by_straight_lines() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let text = "pitch_deg, t_s, note, yaw_deg\n0, 10, a, 4\n2, 11, b, 4\n2, 13, c, 0\n";

@@ -192,27 +192,6 @@ mod tests {
     }
 
     #[test]
-    fn arrows_do_nothing_before_the_space_bar() {
-        let mut keys = Keys::default();
-        assert!(press(&mut keys, Key::Up, at(0)).open.is_some());
-        assert!(press(&mut keys, Key::Space, at(10)).open.is_none());
-        let input = press(&mut keys, Key::Up, at(20));
-        assert!(input.open.is_none() && input.steps == [0.0, 1.0]);
-    }
-
-    #[test]
-    fn a_second_without_a_key_opens_the_clutch_and_keys_that_repeat_keep_it_closed() {
-        let mut keys = Keys::default();
-        press(&mut keys, Key::Space, at(0));
-        for milliseconds in (0..5000).step_by(600) {
-            assert!(press(&mut keys, Key::Left, at(milliseconds)).open.is_none());
-        }
-        assert!(keys.engaged(at(4800 + 999)) && !keys.engaged(at(4800 + 1000)));
-        let late = press(&mut keys, Key::Left, at(6000));
-        assert!(late.open.is_some(), "an arrow does not close it again");
-    }
-
-    #[test]
     fn any_other_key_opens_the_clutch_and_quit_ends() {
         let mut keys = Keys::default();
         press(&mut keys, Key::Space, at(0));

@@ -196,49 +196,12 @@ mod tests {
     }
 
     #[test]
-    fn stopping_needs_no_confirmation_and_takes_a_question_back() {
-        let mut key_handler = KeyHandler::default();
-        assert_eq!(key_handler.press(&key(' '), &models(), NOW), Some(OperatorCommand::Pause));
-        assert_eq!(key_handler.press(&key('m'), &models(), NOW), None);
-        assert_eq!(key_handler.press(&key('s'), &models(), NOW), Some(OperatorCommand::Hold));
-        assert_eq!(key_handler.press(&key('y'), &models(), NOW), None, "the question is gone");
-    }
-
-    #[test]
-    fn a_model_changes_only_after_yes_to_the_model_that_was_named() {
-        let mut key_handler = KeyHandler::default();
-        assert_eq!(key_handler.press(&key('y'), &models(), NOW), None);
-        assert_eq!(key_handler.press(&key('m'), &models(), NOW), None);
-        assert_eq!(
-            key_handler.question(NOW).unwrap().text,
-            "Activate linear 02020202, its memory unknown in place of linear 01010101?"
-        );
-        assert_eq!(
-            key_handler.press(&key('y'), &Models::default(), NOW),
-            Some(OperatorCommand::Activate(ModelId([2; 32])))
-        );
-        assert_eq!(key_handler.press(&key('b'), &models(), NOW), None);
-        assert_eq!(key_handler.press(&key('n'), &models(), NOW), None);
-        assert_eq!(key_handler.press(&key('y'), &models(), NOW), None);
-        assert!(!key_handler.quit);
-    }
-
-    #[test]
     fn a_question_does_not_wait_for_ever() {
         let mut key_handler = KeyHandler::default();
         key_handler.press(&key('b'), &models(), NOW);
         let late = NOW + TIMEOUT;
         assert!(key_handler.question(late).is_none());
         assert_eq!(key_handler.press(&key('y'), &models(), late), None);
-    }
-
-    #[test]
-    fn without_a_model_there_is_nothing_to_confirm() {
-        let mut key_handler = KeyHandler::default();
-        for character in ['m', 'b'] {
-            key_handler.press(&key(character), &Models::default(), NOW);
-            assert!(key_handler.question(NOW).is_none() && !key_handler.answer(NOW).unwrap().good);
-        }
     }
 
     #[test]

@@ -159,26 +159,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn an_answer_says_how_long_it_is_and_what_the_page_may_do() {
-        let bytes = Response::good("text/plain", "abc").bytes(true);
-        let text = String::from_utf8(bytes).unwrap();
-        assert!(text.starts_with("HTTP/1.1 200 OK\r\n") && text.ends_with("\r\n\r\nabc"), "{text}");
-        for part in [
-            "Content-Length: 3\r\n",
-            "default-src 'none'",
-            "Connection: keep-alive\r\n",
-            "no-store",
-        ] {
-            assert!(text.contains(part), "{part}: {text}");
-        }
-        let text = String::from_utf8(Response::refusal(405, "no").bytes(false)).unwrap();
-        assert!(
-            text.contains("Allow: GET\r\n") && text.contains("Connection: close\r\n"),
-            "{text}"
-        );
-    }
-
     proptest! {
         #[test]
         fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {

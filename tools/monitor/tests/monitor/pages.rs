@@ -1,34 +1,18 @@
-//! What both pages say at the moment, in a browser: reasons, commander, faults; every width, both
-//! themes, and the keyboard.
+//! What both pages say at the moment, in a browser: reasons, faults, numbers, and the sound of
+//! limits.
 
-use i2ris::clock;
-use i2ris::ipc::client::{Client, ExternalPublisher};
-use i2ris::ipc::payload::{TeleopMsg, VirtualFixturesMsg, padded_text};
+use i2ris::ipc::payload::{VirtualFixturesMsg, padded_text};
 use i2ris::ipc::{Fault, FixtureKind, OperatingState, Refusal};
 use i2ris::robot::{Cause, Clip, Measurement, Quantity, Reason};
-use i2ris::units::Nanos;
 use serde_json::json;
 
-use i2ris_testing::{Background, Controller, Rig, TIMEOUT, stream_angles, swing_angles_until};
+use i2ris_testing::{Background, Controller, Rig, stream_angles, swing_angles_until};
 use nix::sys::signal::Signal;
 
-use crate::chromium::Browser;
 use crate::http::Served;
 
 const PITCH: &str = "document.querySelectorAll('#joints td.estimate')[0].textContent";
 pub const WHY: &str = "document.getElementById('why')?.innerText";
-
-/// Does it again and again until it is true, or too late.
-fn within_timeout(mut is_true: impl FnMut() -> bool) -> bool {
-    let start = clock::now();
-    while clock::now().duration_since(start) < TIMEOUT {
-        if is_true() {
-            return true;
-        }
-        clock::sleep(Nanos::from_millis(20));
-    }
-    false
-}
 
 fn reason(cause: Cause, measurement: Measurement) -> Reason {
     Reason { cause, measurement: Some(measurement) }
@@ -84,94 +68,6 @@ fn both_pages_say_at_once_why_the_robot_does_not_follow() {
 }
 
 #[test]
-fn the_commander_has_a_name_and_a_camera_that_parts_is_alarmed() {
-    let controller = Controller::enabled();
-    let served = Served::start(&controller.domain);
-    let client = Client::connect(&controller.domain, Nanos::from_millis(20_000)).unwrap();
-    let mut commander = client.commander();
-    let mut camera = ExternalPublisher::new(&controller.domain);
-    let Some(mut page) = served.open("", [1280, 800]) else { return };
-    page.wait("the page", "document.getElementById('lease') !== null");
-    let name = std::env::current_exe().unwrap();
-    let name: String = { name.file_name().unwrap().to_str().unwrap() }.chars().take(10).collect();
-    let named = json!(format!("commander: {name}"));
-    let (pid, mut is_named, mut is_parted) = (std::process::id(), false, false);
-    for _ in 0..600 {
-        commander.servo_jp(&[0.02, -0.02]).unwrap();
-        let now = clock::now();
-        camera.publish(now, &[0.1, -0.02], &[]).unwrap();
-        let lease = "document.getElementById('lease').textContent";
-        let is_true = |script: String, page: &mut Browser| page.evaluate(&script) == json!(true);
-        is_named |= is_true(
-            format!("{lease}.startsWith({named}) && {lease}.includes('process {pid}')"),
-            &mut page,
-        );
-        is_parted |= is_true(
-            "document.body.innerText.includes('CAMERA AND ESTIMATE PART BY 4.6 deg') && \
-             document.querySelectorAll('#joints td.error')[0].textContent === '−4.58'"
-                .to_owned(),
-            &mut page,
-        );
-        if is_named && is_parted {
-            break;
-        }
-    }
-    let text = page.evaluate("document.body.innerText");
-    assert!(is_named && is_parted, "named {is_named}, parted {is_parted}: {text}");
-}
-
-#[test]
-fn the_operator_reads_from_afar_what_is_wrong_and_how_large_the_error_is() {
-    let controller = Controller::enabled();
-    controller.robot().pose = [-28.65, 3.0];
-    let served = Served::start(&controller.domain);
-    let mut camera = ExternalPublisher::new(&controller.domain);
-    let Some(mut page) = served.open("operator?limit=0.4", [1920, 1080]) else { return };
-    page.wait("no camera yet", "document.getElementById('flags')?.innerText.includes('no camera')");
-    page.wait("watchdog", "document.getElementById('flags').innerText.includes('NO WATCHDOG')");
-    let size = "parseFloat(getComputedStyle(document.getElementById('pitch')).fontSize)";
-    assert!(page.evaluate(size).as_f64().unwrap() >= 2.0 * 130.0, "{}", page.evaluate(size));
-    for ((pitch, level), width) in
-        [(-28.7_f64, "near"), (-29.2, "off"), (-30.0, "far")].into_iter().zip([1920, 1280, 360])
-    {
-        page.resize([width, width * 9 / 16 + 400]);
-        let is_shown =
-            format!("document.getElementById('error-tile').classList.contains('{level}')");
-        let shown = within_timeout(|| {
-            let angles = [pitch.to_radians(), 3.0_f64.to_radians()];
-            camera.publish(clock::now(), &angles, &[]).unwrap();
-            page.evaluate(&is_shown) == json!(true)
-                || (level == "far"
-                    && page.evaluate(
-                        "document.getElementById('error-tile').classList.contains('parted')",
-                    ) == json!(true))
-        });
-        assert!(shown, "{level}: {}", page.evaluate("document.body.innerText"));
-        let too_wide = "[...document.querySelectorAll('.angle')]
-            .filter((tile) => tile.scrollWidth > tile.clientWidth + 1).length";
-        assert_eq!(page.evaluate(too_wide), json!(0), "at {width}");
-        pictures_of(&mut page, &format!("operator-{level}"));
-    }
-    page.wait("silence", "document.getElementById('flags').innerText.includes('CAMERA SILENT')");
-    let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
-    let mut hand = client.announcer::<TeleopMsg>();
-    let has = |text: &str| format!("document.getElementById('flags').innerText.includes('{text}')");
-    for (flags, text) in [(TeleopMsg::OPEN, "CLUTCH OPEN: never centred"), (0, "FOLLOWS AT 50 %")] {
-        let shown = within_timeout(|| {
-            let (view, scale) = ([[-1.0, 0.0], [0.0, 1.0]], 0.5);
-            let why_open = padded_text("never centred");
-            let message = TeleopMsg { flags, view, scale, why_open, ..TeleopMsg::default() };
-            hand.publish(message).unwrap();
-            page.evaluate(&has(text)) == json!(true)
-                && page.evaluate(&has("+pitch ←, +yaw ↑")) == json!(true)
-        });
-        assert!(shown, "{text}: {}", page.evaluate("document.body.innerText"));
-    }
-    pictures_of(&mut page, "operator-hand");
-    pictures_of(&mut page, "operator-silent");
-}
-
-#[test]
 fn limits_sound_faster_as_they_come_nearer_and_only_when_somebody_requested() {
     let controller = Controller::enabled();
     let mut fixtures = VirtualFixturesMsg { active: 1, ..VirtualFixturesMsg::default() };
@@ -197,7 +93,6 @@ fn limits_sound_faster_as_they_come_nearer_and_only_when_somebody_requested() {
     page.press("s");
     page.wait("a beat", "beeps.length > 1 && beeps[0][0] === 880 && beeps[0][1] < 0.1");
     page.wait("words", "document.getElementById('cue').textContent === '1.7° to a fixture'");
-    pictures_of(&mut page, "operator-sound");
     at(&controller, 5.7);
     page.wait("one tone", "beeps.at(-1)[1] > 0.1");
     at(&controller, 0.0);
@@ -207,107 +102,6 @@ fn limits_sound_faster_as_they_come_nearer_and_only_when_somebody_requested() {
     page.press("s");
     page.wait("off", "audio === null && document.getElementById('cue').textContent === ''");
     assert!(page.complaints().is_empty(), "{:?}", page.complaints());
-}
-
-#[test]
-fn a_scale_has_two_ticks_an_error_its_reason_and_an_old_fault_leaves_the_list() {
-    let controller = Controller::enabled();
-    let served = Served::start(&controller.domain);
-    let Some(mut page) = served.open("", [1280, 800]) else { return };
-    page.wait(
-        "the page",
-        "typeof ticks === 'function' && typeof live === 'object' && live !== null",
-    );
-    let few = "[[-0.9, 0.9, 1], [-3, 1.2, 1], [0.1, 9, 2], [-20, 0, 2]]
-        .map(([low, high, wanted]) => ticks([low, high], wanted).length).filter((count) => count < 2).length";
-    assert_eq!(page.evaluate(few), json!(0), "one tick is no scale");
-    let notes = "(() => { const said = [];
-        const plot = { begin: () => true, scales() {}, grid() {}, curve() {}, end() {}, say() {},
-            pen: { setLineDash() {} }, note: (text) => said.push(text) };
-        drawError(plot, { samples: [], frames: [[99, 1, 1]] }, 100, '');
-        drawError(plot, { samples: [], frames: [] }, 100, '');
-        return said.join(); })()";
-    assert_eq!(page.evaluate(notes), json!("no goal: no error,no camera: no error"));
-    let lists = |name: &str| {
-        format!(
-            "(() => {{ const event = (age_ms) => ({{ age_ms, severity: 'alarm', text: 'a fault', \
-             advice: '', count: 1 }});
-            showEvents({{ state: {{ name: '{name}' }}, events: [event(1000), event(90000)] }}, 0);
-            return document.getElementById('alarms').children.length; }})()"
-        )
-    };
-    assert_eq!(page.evaluate(&lists("FAULT")), json!(2));
-    assert_eq!(page.evaluate(&lists("ENABLED")), json!(1), "an old fault that is over");
-}
-
-/// A picture, for people to look at.
-fn pictures_of(page: &mut Browser, name: &str) {
-    if std::env::var_os("I2RIS_SCREENSHOTS").is_some() {
-        page.screenshot(name);
-    }
-}
-
-/// Pictures at three widths in both themes, for people to look at.
-fn pictures(page: &mut Browser, name: &str) {
-    if std::env::var_os("I2RIS_SCREENSHOTS").is_none() {
-        return;
-    }
-    let name = if name.is_empty() { "everything" } else { name };
-    for theme in ["dark", "light"] {
-        page.evaluate(&format!("setTheme('{theme}')"));
-        for size in [[360, 1600], [800, 1400], [1920, 1080]] {
-            page.resize(size);
-            page.wait("curves", "document.fonts.status === 'loaded'");
-            std::thread::sleep(std::time::Duration::from_millis(500));
-            page.screenshot(&format!("{name}-{}-{theme}", size[0]));
-        }
-    }
-    page.evaluate("setTheme('dark')");
-    page.resize([1280, 800]);
-}
-
-#[test]
-fn every_width_and_both_themes_hold_everything_and_the_keyboard_reaches_it() {
-    let controller = Controller::enabled();
-    let served = Served::start(&controller.domain);
-    for name in ["", "operator"] {
-        let Some(mut page) = served.open(name, [1920, 1080]) else { return };
-        page.wait("the state", "document.getElementById('badge')?.textContent === 'ENABLED'");
-        for width in [360, 480, 800, 1280, 1920] {
-            page.resize([width, 900]);
-            page.wait(
-                &format!("no sideways scrolling at {width} px"),
-                "document.documentElement.scrollWidth <= window.innerWidth",
-            );
-        }
-        pictures(&mut page, name);
-        let ground = "getComputedStyle(document.documentElement).backgroundColor";
-        let before = page.evaluate(ground);
-        page.press("t");
-        page.wait("the other theme", &format!("{ground} !== {before}"));
-        let canvas = "typeof COLOURS === 'undefined' || COLOURS.text === \
-                      getComputedStyle(document.documentElement).getPropertyValue('--text').trim()";
-        page.wait("curves in its colours", canvas);
-        let mut reached = Vec::new();
-        for _ in 0..8 {
-            page.press("Tab");
-            let id = page.evaluate("document.activeElement.id");
-            reached.push(id.as_str().unwrap_or_default().to_owned());
-        }
-        for wanted in ["other", "theme"] {
-            assert!(reached.iter().any(|id| id == wanted), "{wanted}: {reached:?}");
-        }
-        // Noted and not followed: a page that changes cannot be asked.
-        page.evaluate(
-            "document.getElementById('other').addEventListener('click', (event) => { \
-             event.preventDefault(); window.went = event.currentTarget.href; })",
-        );
-        page.press("o");
-        let other = if name.is_empty() { "operator" } else { "" };
-        let expected = json!(format!("http://{}/{other}", served.address));
-        page.wait("the other page", &format!("window.went === {expected}"));
-        assert!(page.complaints().is_empty(), "{:?}", page.complaints());
-    }
 }
 
 #[test]

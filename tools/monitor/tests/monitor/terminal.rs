@@ -190,15 +190,6 @@ fn a_terminal_that_is_gone_ends_it_without_a_signal() {
 }
 
 #[test]
-fn a_window_that_is_closed_ends_it() {
-    let controller = Controller::enabled();
-    let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 24, 80);
-    terminal.wait_for("ENABLED");
-    terminal.hang_up();
-    terminal.end();
-}
-
-#[test]
 fn a_controller_that_is_absent_or_of_another_version_is_reported_before_anything_is_drawn() {
     let mut terminal = Terminal::start(&unique_domain(), &["status", "--watch"], 24, 80);
     assert_eq!(terminal.end().code(), Some(3));

@@ -276,34 +276,13 @@ pub fn overview_rows(trial: &Trial) -> impl Iterator<Item = Vec<Cell>> + '_ {
 
 #[cfg(test)]
 mod tests {
-    use i2ris::ipc::payload::{
-        JointState, OperatingStateMsg, Payload, PeriodStatistics, ReasonMsg, VirtualFixturesMsg,
-        padded_text,
-    };
+    use i2ris::ipc::payload::{JointState, Payload, PeriodStatistics, VirtualFixturesMsg};
 
     use super::*;
     use crate::messages::cdr::encode;
 
     fn angles() -> [String; 2] {
         ["pitch", "yaw"].map(str::to_owned)
-    }
-
-    /// The cell of a column of a message, as text.
-    fn text(message: &impl Payload, column: &str) -> String {
-        text_of(message, &angles(), column)
-    }
-
-    fn text_of<P: Payload>(message: &P, outputs: &[String], column: &str) -> String {
-        let columns = columns(&P::LAYOUT, outputs);
-        let index = columns.iter().position(|it| it.name == column);
-        let index = index.unwrap_or_else(|| panic!("{column}: {columns:#?}"));
-        let message = encode(message.bytes());
-        match &cells(&P::LAYOUT, outputs, 0, [0, 0], &message).unwrap()[index] {
-            Cell::Number(number) => number.to_string(),
-            Cell::Text(text) => text.clone(),
-            Cell::Seconds(seconds) => seconds.to_string(),
-            Cell::Time(ns) => ns.to_string(),
-        }
     }
 
     #[test]
@@ -329,46 +308,5 @@ mod tests {
             }
         }
         assert_eq!(cells(&JointState::LAYOUT, &angles(), 0, [0, 0], &[0, 1, 0, 0, 7]), None);
-    }
-
-    #[test]
-    fn angles_are_in_degrees_by_name_and_positions_of_the_tip_in_metres() {
-        let state = JointState {
-            boot_id: 0xb007,
-            position: [0.5, 0.25, 0.0],
-            count: 2,
-            ..JointState::default()
-        };
-        assert_eq!(text(&state, "boot_id"), "000000000000b007");
-        assert_eq!(text(&state, "pitch_deg"), 0.5_f64.to_degrees().to_string());
-        assert_eq!(text(&state, "yaw_velocity_deg_s"), "0");
-        assert_eq!(text(&state, "yaw_deviation_deg"), "0");
-        let nothing = JointState { count: 0, ..state };
-        assert_eq!(text(&nothing, "pitch_deg"), "", "what is not there is no 0");
-        let tip = JointState { count: 3, ..state };
-        let names = ["x", "y", "z"].map(str::to_owned);
-        assert_eq!(text_of(&tip, &names, "y_m"), "0.25");
-        assert_eq!(unit("measured_counts_1"), "counts");
-        assert_eq!((unit("deadline_ns"), unit("flags"), unit("t_s")), ("ns", "", "s"));
-        assert_eq!((unit("yaw_velocity_deg_s"), unit("y_m")), ("deg/s", "m"));
-    }
-
-    #[test]
-    fn texts_and_states_are_words() {
-        let reason = ReasonMsg {
-            text: padded_text("refusal 4: another client"),
-            advice: padded_text("wait"),
-            ..ReasonMsg::default()
-        };
-        assert_eq!(text(&reason, "text"), "refusal 4: another client");
-        assert_eq!(text(&reason, "advice"), "wait");
-        let mut regions = VirtualFixturesMsg::default();
-        regions.name[1] = padded_text("retina");
-        assert_eq!(text(&regions, "name_1"), "retina");
-        let state =
-            OperatingStateMsg { state: 3, fault: 2, last_refusal: 99, ..Default::default() };
-        assert_eq!(text(&state, "state"), "FAULT");
-        assert_eq!(text(&state, "fault"), "a drive does not answer");
-        assert_eq!(text(&state, "last_refusal"), "99", "of a later release");
     }
 }

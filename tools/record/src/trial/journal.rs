@@ -302,18 +302,6 @@ mod tests {
     }
 
     #[test]
-    fn a_trial_is_what_its_journal_says() {
-        let folder = tempfile::tempdir().unwrap();
-        assert_eq!(Journal::read(folder.path()).unwrap(), None);
-        journal(folder.path());
-        let state = Journal::read(folder.path()).unwrap().unwrap();
-        assert_eq!((state.participant.as_str(), state.outcome), ("P07", Some(Outcome::Success)));
-        let marks: Vec<_> =
-            state.marks.iter().map(|mark| (mark.monotonic_ns, &*mark.text)).collect();
-        assert_eq!((marks, state.note.as_str()), (vec![(5, "contact"), (9, "free")], "well"));
-    }
-
-    #[test]
     fn a_trial_is_held_as_long_as_its_recorder_lives() {
         let folder = tempfile::tempdir().unwrap();
         journal(folder.path());
@@ -322,26 +310,6 @@ mod tests {
         assert!(Journal::is_held(folder.path()) && Journal::hold(folder.path()).is_err());
         drop(held);
         assert!(!Journal::is_held(folder.path()));
-    }
-
-    #[test]
-    fn marks_that_are_set_at_once_have_numbers_of_their_own() {
-        let folder = tempfile::tempdir().unwrap();
-        journal(folder.path());
-        std::thread::scope(|scope| {
-            for hand in 0..8_u64 {
-                let folder = folder.path();
-                scope.spawn(move || {
-                    for mark in 0..10 {
-                        let at = Nanos(100 * hand + mark);
-                        Journal::open(folder).unwrap().mark(at, "press").unwrap();
-                    }
-                });
-            }
-        });
-        let marks = Journal::read(folder.path()).unwrap().unwrap().marks;
-        let numbers: Vec<u32> = marks.iter().map(|mark| mark.number).collect();
-        assert_eq!(numbers, (1..=82).collect::<Vec<_>>());
     }
 
     proptest! {

@@ -244,41 +244,6 @@ fn parquet_tables_have_every_row_with_types() {
 }
 
 #[test]
-fn a_report_is_made_of_complete_and_of_damaged_files() {
-    let (folder, whole) = recording();
-    let cut = folder.path().join("cut.mcap");
-    let report = TrialReport::read(&whole).unwrap();
-    assert!(report.cut_off.is_none() && (report.length_s - 1.999).abs() < 1e-6);
-    assert_eq!(
-        (report.about["note"].as_str(), report.outcome["dropped"].as_str()),
-        ("a test", "0")
-    );
-    assert_eq!(report.attached["robot.toml"], 14);
-    let measured = report.streams.iter().find(|stream| stream.name == "measured_js").unwrap();
-    assert_eq!((measured.messages, measured.missing), (MESSAGES, 0));
-    assert!((measured.rate_hz - 1000.0).abs() < 1e-3);
-    let page = report.page().to_string();
-    assert!(page.contains("a test") && page.contains("no camera") == report.estimate.is_some());
-
-    let bytes = fs::read(&whole).unwrap();
-    fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
-    let report = TrialReport::read(&cut).unwrap();
-    assert!(report.cut_off.is_some() && report.length_s < 1.999);
-    assert!(report.text().contains("cut.mcap"), "{}", report.text());
-    assert!(report.page().to_string().contains("cut off"));
-    fs::write(&cut, "anything else, long enough to be taken for a file of some kind").unwrap();
-    assert!(TrialReport::read(&cut).is_err());
-    for part in 0..40 {
-        let mut damaged = bytes.clone();
-        damaged[bytes.len() * part / 40] ^= 0xFF;
-        fs::write(&cut, damaged).unwrap();
-        if let Ok(report) = TrialReport::read(&cut) {
-            drop(report.page());
-        }
-    }
-}
-
-#[test]
 fn a_file_cut_off_anywhere_is_recovered() {
     let (folder, whole) = recording();
     let [cut, out] = ["cut.mcap", "out.mcap"].map(|name| folder.path().join(name));

@@ -131,16 +131,6 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_of_length_zero_is_busy_and_then_not() {
-        let mut report = enabled();
-        report.move_requested();
-        assert_eq!(busy(report.move_answered(at(10))), Some(true));
-        assert_eq!(report.state(&message(9, false)), None, "from before");
-        assert_eq!(busy(report.state(&message(11, false))), Some(false));
-        assert_eq!(report.state(&message(12, false)), None);
-    }
-
-    #[test]
     fn a_motion_that_ends_before_its_answer_is_seen_is_one_pair() {
         let mut report = enabled();
         report.move_requested();
@@ -148,17 +138,6 @@ mod tests {
         assert_eq!(report.state(&message(6, false)), None);
         assert_eq!(busy(report.move_answered(at(4))), Some(true));
         assert_eq!(busy(report.state(&message(7, false))), Some(false));
-    }
-
-    #[test]
-    fn a_long_motion_is_busy_until_it_ends() {
-        let mut report = enabled();
-        report.move_requested();
-        assert_eq!(busy(report.move_answered(at(10))), Some(true));
-        for ms in 11..500 {
-            assert_eq!(report.state(&message(ms, true)), None);
-        }
-        assert_eq!(busy(report.state(&message(500, false))), Some(false));
     }
 
     #[test]
@@ -173,16 +152,5 @@ mod tests {
         assert_eq!(report.move_answered(None), None, "busy");
         assert_eq!(report.state(&message(40, true)), None);
         assert_eq!(busy(report.state(&message(50, false))), Some(false));
-    }
-
-    #[test]
-    fn without_a_controller_the_state_is_undefined_and_nothing_is_busy() {
-        let mut report = enabled();
-        report.move_requested();
-        report.move_answered(at(10));
-        assert_eq!(report.absent(), Some(UNDEFINED));
-        assert_eq!(report.absent(), None);
-        let back = report.state(&message(11, false)).unwrap();
-        assert_eq!((back.state, back.busy), ("ENABLED", false));
     }
 }

@@ -221,29 +221,7 @@ mod tests {
         assert!(matches!(incoming[..], [Incoming::WrongCrc, Incoming::Request(_)]));
     }
 
-    #[test]
-    fn a_new_frame_start_discards_the_partial_frame() {
-        let mut wire = bytes("90 02 60 02 01");
-        wire.extend(bytes("90 02 60 02 01 64 60 00 29 5A"));
-        assert_eq!(parse(&mut Parser::default(), &wire).len(), 1);
-    }
-
-    #[test]
-    fn a_length_beyond_the_longest_frame_is_dropped() {
-        let mut parser = Parser::default();
-        assert_eq!(parse(&mut parser, &[DLE, STX, 0x60, 145]), []);
-        assert!(!parser.is_partial());
-    }
-
     proptest! {
-        #[test]
-        fn every_encoded_request_is_decoded(opcode: u8, data in vec(any::<u8>(), 0..60)) {
-            let incoming = parse(&mut Parser::default(), &encode(opcode, &data));
-            let mut padded = data.clone();
-            padded.resize(data.len().next_multiple_of(2), 0);
-            prop_assert_eq!(incoming, vec![Incoming::Request(Request { opcode, data: padded })]);
-        }
-
         #[test]
         fn noise_does_not_block_the_parser_after_a_reset(noise in vec(any::<u8>(), 0..200)) {
             let mut parser = Parser::default();

@@ -104,26 +104,6 @@ mod tests {
     }
 
     #[test]
-    fn a_frozen_camera_is_named_until_it_moves_again() {
-        let found = causes([item(1, 8, 1), item(2, 8, 1), item(3, 8, 1), item(4, 8, 2)]);
-        assert_eq!(found, [None, Some(FrameFault::Frozen), Some(FrameFault::Frozen), None]);
-    }
-
-    #[test]
-    fn another_size_is_named_and_the_first_one_stays_the_right_one() {
-        assert_eq!(
-            causes([item(1, 8, 1), item(2, 9, 2), item(3, 8, 3)]),
-            [None, Some(FrameFault::WrongSize), None]
-        );
-    }
-
-    #[test]
-    fn stamps_must_rise() {
-        let found = causes([item(5, 8, 1), item(5, 8, 2), item(4, 8, 3), item(6, 8, 4)]);
-        assert_eq!(found, [None, Some(FrameFault::OutOfOrder), Some(FrameFault::OutOfOrder), None]);
-    }
-
-    #[test]
     fn one_camera_in_both_views_is_noticed_though_each_view_misses_every_other_frame() {
         let mut duplicates = DuplicateCameraMonitor::default();
         let mut suspected = 0;

@@ -230,8 +230,6 @@ impl<W: Write> Recorder<W> {
 
 #[cfg(test)]
 mod tests {
-    use i2ris_calibration::recording::{ColumnMap, Recording};
-
     use super::*;
 
     const START: Nanos = Nanos(5_000_000_000);
@@ -297,29 +295,6 @@ mod tests {
             "{text}"
         );
         assert_eq!(text.lines().count(), recorded.rows.len() + 1);
-    }
-
-    #[test]
-    fn written_rows_are_read_unchanged() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("take.csv");
-        let file = std::fs::File::create(&path).unwrap();
-        let mut recorder = Recorder::new(file, START, 2, &outputs()).unwrap();
-        for time in (0..2000).step_by(4) {
-            recorder.positions(&positions(time));
-            if time % 40 == 0 {
-                recorder.frame(&frame(time, time as f64 / 100.0));
-            }
-            recorder.write(Nanos(ms(time.saturating_sub(500))), false).unwrap();
-        }
-        let recorded = recorder.finish().unwrap();
-        let (recording, report) = Recording::read(&path, &ColumnMap::default()).unwrap();
-        assert_eq!((recording.path().len(), report.dropped.len()), (recorded.rows.len(), 0));
-        let samples: Vec<Row> = recorded
-            .samples()
-            .map(|row| Row { outputs: [row.outputs[0], row.outputs[1], 0.0], ..*row })
-            .collect();
-        assert_eq!(recording.rows(), samples);
     }
 
     #[test]
