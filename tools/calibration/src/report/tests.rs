@@ -2,11 +2,11 @@
 
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use i2ris::model::{Hull, Model};
+use i2ris::model::Model;
 
 use super::CalibrationReport;
 use super::fit::Straight;
-use super::sweep::{Sweep, branches};
+use super::sweep::branches;
 use crate::fit::split::HoldOut;
 use crate::fit::{Choice, Components, Family, FitOptions, FitOutcome, fit};
 use crate::progress::Silent;
@@ -134,18 +134,6 @@ fn names_cannot_break_out() {
 }
 
 #[test]
-fn one_motor_and_one_output_make_a_report() {
-    let mut noise = noise(5);
-    let recording = one_motor(300, |time| {
-        let count = (400.0 * (0.7 * time).sin()).round();
-        (count, 0.02 * count + 0.05 * noise())
-    });
-    let text = gathered(&recording).html();
-    assert_valid(&text);
-    assert!(text.contains("one motor") && text.contains("q₀ (counts)") && !text.contains("q₁"));
-}
-
-#[test]
 fn empty_data_make_a_report_too() {
     assert_valid(&CalibrationReport::default().html());
     let mut data = gathered(&two_axes());
@@ -157,16 +145,6 @@ fn empty_data_make_a_report_too() {
     assert_valid(&text);
     assert!(text.contains("No rows were held out"));
     data.families.clear();
-    assert_valid(&data.html());
-}
-
-#[test]
-fn numbers_that_are_none_are_left_out() {
-    let mut data = gathered(&two_axes());
-    data.families[1].predicted[7] = [f64::NAN; 3];
-    data.families[1].predicted[300] = [f64::INFINITY; 3];
-    data.families[1].branches[0].rising[3][1] = f64::NAN;
-    data.track.measured[11][1] = f64::NEG_INFINITY;
     assert_valid(&data.html());
 }
 
@@ -213,17 +191,6 @@ fn directions_follow_the_counts_and_not_their_flicker() {
     let rising: Vec<bool> = track.rising.iter().map(|now| now[0]).collect();
     assert!(rising[..51].iter().all(|up| *up), "{rising:?}");
     assert!(rising[52..].iter().all(|up| !*up), "{rising:?}");
-}
-
-#[test]
-fn a_sweep_goes_from_end_to_end_of_the_hull() {
-    let corners = [[-100.0, -50.0], [100.0, -50.0], [100.0, 50.0], [-100.0, 50.0]];
-    let hull = Hull::from_points(2, &corners).unwrap();
-    let stroke = Sweep::new(&hull, [0.0, 1.0]);
-    let positions: Vec<_> = stroke.positions().collect();
-    let (first, last) = (positions[0], positions[positions.len() - 1]);
-    assert!((first[1] + 50.0).abs() < 1e-3 && (last[1] - 50.0).abs() < 1e-3, "{first:?} {last:?}");
-    assert!(positions.iter().all(|at| at[0].abs() < 1e-9));
 }
 
 /// A play of half-width r splits a straight line into two, 2 r counts apart.

@@ -325,23 +325,6 @@ mod tests {
     }
 
     #[test]
-    fn leaving_the_enabled_state_ends_the_stream() {
-        let fault = OperatingStateMsg {
-            state: OperatingState::Fault.number(),
-            fault: Fault::FollowingError.number(),
-            ..state(at(1))
-        };
-        assert_eq!(monitor().check(&fault, at(1)), Err(StopReason::Fault(Fault::FollowingError)));
-        let paused = OperatingStateMsg { state: OperatingState::Paused.number(), ..state(at(1)) };
-        assert_eq!(
-            monitor().check(&paused, at(1)),
-            Err(StopReason::LeftEnabled(OperatingState::Paused))
-        );
-        let newer = OperatingStateMsg { state: 77, ..state(at(1)) };
-        assert_eq!(monitor().check(&newer, at(1)), Err(StopReason::Unknown(77)));
-    }
-
-    #[test]
     fn an_old_state_and_a_restart_end_the_stream() {
         assert_eq!(monitor().check(&state(at(0)), at(1200)), Err(StopReason::Silent));
         let restarted = OperatingStateMsg { boot_id: 2, ..state(at(1)) };

@@ -1,4 +1,3 @@
-use super::groups::CAPACITY;
 use i2ris::robot::{Measurement, Quantity};
 
 use super::*;
@@ -55,24 +54,6 @@ fn every_change_is_logged_once() {
 }
 
 #[test]
-fn repeats_are_counted_and_the_oldest_event_is_dropped() {
-    let mut event_log = EventLog::default();
-    for n in 0..100 {
-        event_log.update_state(&state(10 * n, |state| {
-            (state.refused, state.last_refusal) = (3 * n, Refusal::Step.number());
-        }));
-    }
-    assert_eq!((logged(&event_log).len(), newest(&event_log).count), (1, 3 * 99));
-    for n in 0..1000 {
-        event_log.log(Nanos::from_millis(n), Severity::Info, format!("event {n}"));
-    }
-    assert_eq!(
-        (logged(&event_log).len(), newest(&event_log).text.as_str()),
-        (CAPACITY, "event 999")
-    );
-}
-
-#[test]
 fn a_restart_of_the_controller_is_no_change_of_its_counters() {
     let mut event_log = EventLog::default();
     event_log.update_state(&state(1, |state| state.refused = 50));
@@ -118,16 +99,6 @@ fn changes_of_drives_models_ticks_and_cameras_are_logged() {
             ("camera is silent", 1),
         ],
     );
-}
-
-#[test]
-fn loss_and_return_of_the_controller_are_logged() {
-    let mut event_log = EventLog::default();
-    event_log.update_connection(None, Nanos(1));
-    event_log.update_connection(Some("gone"), Nanos(2));
-    event_log.update_connection(Some("gone"), Nanos(3));
-    event_log.update_connection(None, Nanos(4));
-    assert_logged(&event_log, &[("gone", 1), ("the controller is reachable again", 1)]);
 }
 
 #[test]
