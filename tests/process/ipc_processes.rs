@@ -5,7 +5,7 @@
 use std::process::{Child, Command, Stdio};
 
 use i2ris::clock;
-use i2ris::ipc::client::{Client, Latest};
+use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{OperatingStateMsg, StateCommandReply};
 use i2ris::ipc::ready::Ready;
 use i2ris::ipc::{Domain, DomainError, DomainLock, Request, StateCommand, StreamMessage};
@@ -134,30 +134,6 @@ fn killed_commanders_never_block_the_next_one() {
         drop(commander);
     }
     assert_eq!(server.failures().0, 0, "{:?}", server.failures());
-}
-
-#[test]
-fn a_client_survives_a_killed_controller() {
-    let domain = unique_domain();
-    let first = Process::start("role_controller", &domain);
-    let mut client = Client::connect(&domain, TIMEOUT).unwrap();
-    let mut state = Latest::new(client.watcher().operating_state());
-    let before = client.version().unwrap();
-    wait_until("a state of the first controller", || state.refresh().ok().flatten().copied());
-    drop(first);
-    let mut is_absent = || state.refresh().is_err_and(|error| error.is_absent());
-    wait_until("the client detects the end", || is_absent().then_some(()));
-    assert!(!files(&domain).is_empty(), "a killed process cannot clean up");
-
-    let second = Process::start("role_controller", &domain);
-    let refreshed = || state.refresh().ok().flatten().copied();
-    let seen = wait_until("a state of the second controller", refreshed);
-    let after = client.version().unwrap();
-    assert_eq!(seen.boot_id, after.boot_id);
-    assert!(after.boot_id != before.boot_id && after.pid != before.pid);
-    drop((client, state, second));
-    drop(DomainLock::acquire(&domain).unwrap());
-    assert_no_files(&domain);
 }
 
 #[test]

@@ -31,30 +31,6 @@ fn motors_follow_counts_and_the_snake_bends() {
 }
 
 #[test]
-fn angles_commanded_by_a_client_are_reached() {
-    let mut rig = Rig::with_model();
-    let client = rig.enabled();
-    let (mut commander, start) = (client.commander(), clock::now());
-    let mut measured = client.watcher().measured_js();
-    let (goal, mut last) = ([6.0_f64, -4.0], JointState::default());
-    while (clock::now() - start).as_seconds() < 2.0 {
-        let fraction = ((clock::now() - start).as_seconds() / 1.5).min(1.0);
-        let command = goal.map(|angle| (angle * fraction).to_radians());
-        commander.servo_jp(&command).unwrap();
-        last = measured.newest().unwrap().unwrap_or(last);
-        clock::sleep(SEND_PERIOD);
-    }
-    assert!(last.flags & JointState::VALID != 0);
-    // The estimate from the encoders reaches the goal; the snake only as well as a rough model
-    // describes it.
-    for (measured, goal) in last.position.iter().zip(goal) {
-        assert!((measured.to_degrees() - goal).abs() < 0.1, "{last:?}");
-    }
-    let [pitch, yaw] = rig.emulator.snapshot().angles_deg;
-    assert!((pitch - goal[0]).hypot(yaw - goal[1]) < 5.0, "{pitch} {yaw}");
-}
-
-#[test]
 fn three_axes_on_one_line_move_and_a_fault_of_the_jaw_stops_all() {
     let mut rig = Rig::with_model();
     let client = rig.enabled();

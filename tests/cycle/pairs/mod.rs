@@ -5,7 +5,6 @@
 mod actions;
 mod drawing;
 mod expected;
-mod jaw;
 mod oracle;
 mod routes;
 mod snake;
@@ -27,7 +26,6 @@ use crate::adaptation::random::Random;
 
 use drawing::{braking, configuration, limits};
 use expected::{Angles, Expected};
-use jaw::Jaw;
 use oracle::{Limits, Oracle, SLANTED, SQUARE, Stop};
 use snake::{Snake, Wire};
 use way::Way;
@@ -115,7 +113,6 @@ struct Situation {
     wire: Wire,
     /// The camera is believed, and wrong: what comes of it is seen at the edge of a region.
     misled: Option<Random>,
-    jaw: Option<Jaw>,
 }
 
 impl Situation {
@@ -136,8 +133,7 @@ impl Situation {
         }
         let count = if is_conditioned { 0 } else { random.below(4) };
         let zones: Vec<Zone> = (0..count).map(|_| Zone::draw(&mut random, wire)).collect();
-        let config = configuration(&mut random, &limits, &zones, is_shipped);
-        let (jaw, mut config) = Jaw::draw(seed, config);
+        let mut config = configuration(&mut random, &limits, &zones, is_shipped);
         if is_conditioned {
             let jerk = limits.acceleration.map(|limit| limit / random.within(1e-3, 8e-3));
             (config.joint_limits.jerk_deg_s3, config.adaptation.enabled) = (jerk, false);
@@ -180,7 +176,6 @@ impl Situation {
             gains: [1.0; 2],
             wire,
             misled: misleads.then(|| Random::new(seed ^ 0x94D0_49BB)),
-            jaw,
             random,
             bench,
             oracle,
@@ -250,12 +245,15 @@ impl Situation {
         }
     }
 
+    /// One tick without a command.
+    fn tick(&mut self) {
+        self.bench.tick();
+        self.check();
+    }
+
     fn check(&mut self) {
         self.mover = self.mover.filter(|_| !self.bench.report().holding);
         self.oracle.check(&self.bench);
-        if let Some(jaw) = &mut self.jaw {
-            jaw.check(&self.bench);
-        }
     }
 
     fn present(&self) -> Angles {
@@ -277,12 +275,6 @@ impl Situation {
         }
         if command.only_stops() && self.bench.state() != OperatingState::Disabled {
             assert_eq!(refusal, Refusal::None, "{command:?} only stops");
-        }
-        if let Some(jaw) = &mut self.jaw
-            && command.only_stops()
-            && refusal == Refusal::None
-        {
-            jaw.stopped();
         }
         self.check();
         refusal

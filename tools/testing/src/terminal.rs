@@ -129,12 +129,6 @@ impl Terminal {
         status
     }
 
-    /// Takes the terminal away, as when its window is closed.
-    pub fn hang_up(&mut self) {
-        self.keyboard = None;
-        nix::sys::signal::kill(self.pid(), nix::sys::signal::Signal::SIGHUP).unwrap();
-    }
-
     /// That the terminal is as it was: lines and echo, the first screen, a cursor.
     pub fn assert_restored(&self) {
         assert!(!self.is_raw(), "keys are shown and come in lines");

@@ -128,26 +128,4 @@ mod tests {
         assert!((rest.angle_deg - 1.5).abs() < 0.021 && rest.spread_deg < 0.05, "{rest:?}");
         assert!((rest.length_px, rest.tip_px[0]) == (900.0, 600.0));
     }
-
-    #[test]
-    fn a_moving_snake_is_no_reference() {
-        let error = estimator((0..60).map(|i| 0.02 * f64::from(i))).finish("top").unwrap_err();
-        assert!(
-            matches!(error, RestPoseError::Moving { .. }) && error.to_string().contains("view top"),
-            "{error}"
-        );
-        assert!(matches!(
-            estimator((0..60).map(|i| f64::from(i % 7))).finish("top"),
-            Err(RestPoseError::Moving { .. })
-        ));
-    }
-
-    #[test]
-    fn doubtful_frames_do_not_count() {
-        let mut estimator = estimator([0.0; 4]);
-        (0..20).for_each(|_| estimator.add(Some(&reading(0.0, 0.4))));
-        estimator.add(None);
-        let error = estimator.finish("side").unwrap_err();
-        assert_eq!(error, RestPoseError::TooFew { view: "side".into(), good: 4, frames: 25 });
-    }
 }

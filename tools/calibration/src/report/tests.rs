@@ -1,8 +1,8 @@
 //! Properties of every report.
 
+use i2ris::model::Model;
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use i2ris::model::Model;
 
 use super::CalibrationReport;
 use super::fit::Straight;

@@ -1,14 +1,14 @@
 //! `i2ris status` on a terminal: what it shows at every size, what its keys do, and how it leaves
 //! the terminal.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::Read;
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::OpenOptionsExt;
 
 use i2ris::clock;
 use i2ris::ipc::{Fault, ModelAction, OperatingState, StateCommand};
-use i2ris_testing::{Controller, Terminal, program, serve, unique_domain, wait_for_end};
+use i2ris_testing::{Controller, Terminal, program, wait_for_end};
 use nix::fcntl::OFlag;
 use nix::pty::{grantpt, posix_openpt, ptsname_r, unlockpt};
 use nix::sys::signal::{Signal, kill};
@@ -187,28 +187,6 @@ fn a_terminal_that_is_gone_ends_it_without_a_signal() {
     screen.read_exact(&mut [0; 512]).unwrap();
     drop(screen);
     wait_for_end(&mut child);
-}
-
-#[test]
-fn a_controller_that_is_absent_or_of_another_version_is_reported_before_anything_is_drawn() {
-    let mut terminal = Terminal::start(&unique_domain(), &["status", "--watch"], 24, 80);
-    assert_eq!(terminal.end().code(), Some(3));
-    terminal.assert_restored();
-    let text = terminal.screen.screen().contents();
-    assert!(
-        text.contains("no controller serves domain") && text.contains("start i2ris-control"),
-        "{text}"
-    );
-
-    let domain = unique_domain();
-    let server = serve(&domain);
-    let other = 99;
-    fs::write(domain.directory().join("ready"), format!("{:016x} {other} 1", server.boot_id()))
-        .unwrap();
-    let mut terminal = Terminal::start(&domain, &["status", "--watch"], 24, 80);
-    assert_eq!(terminal.end().code(), Some(3));
-    let text = terminal.screen.screen().contents();
-    assert!(text.contains(&format!("interface version {other}")), "{text}");
 }
 
 #[test]

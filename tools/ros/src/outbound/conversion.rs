@@ -180,22 +180,4 @@ mod tests {
             assert_eq!(links(&snake, state, &NOW), None);
         }
     }
-
-    #[test]
-    fn the_frames_are_those_of_the_urdf() {
-        let snake = Snake::new("eye");
-        let (state, urdf) = (payload(), snake.urdf());
-        let links = links(&snake, Some(&state), &NOW).unwrap();
-        for link in &links.transforms {
-            for frame in [&link.child_frame_id, &link.header.frame_id] {
-                assert!(urdf.contains(&format!("<link name=\"{frame}\"")), "{frame}");
-            }
-        }
-        for name in JOINTS {
-            assert!(urdf.contains(&format!("<joint name=\"{name}\"")));
-        }
-        let tip = tip(&snake, Some(&state), &NOW);
-        assert_eq!(tip.header.frame_id, "eye_base");
-        assert!(tip.pose.position.y > 0.0 && tip.pose.position.x < 0.0);
-    }
 }

@@ -166,30 +166,4 @@ mod tests {
         let line = reason(Cause::Fault(Fault::Link), 0);
         assert!(line.starts_with("fault 2: ") && line.contains("; do: "), "{line}");
     }
-    #[test]
-    fn of_earlier_reports_only_the_fault_that_is_there_is_news() {
-        let s = |seconds: u64| Nanos::from_millis(1000 * seconds);
-        let reason = |cause: Cause, at| ReasonMsg::new(&cause.into(), 0, at);
-        let (late, link) = (Cause::Fault(Fault::Late), Cause::Fault(Fault::Link));
-        let refused = Cause::Refusal(Refusal::Lease);
-        let said = vec![
-            (Level::Error, reason(link, s(10))),
-            (Level::Error, reason(late, s(20))),
-            (Level::Error, reason(link, s(30))),
-            (Level::Warning, reason(refused, s(40))),
-            (Level::Warning, reason(refused, s(60))),
-        ];
-        let mut lines = Lines::new(ClientNames::default());
-        lines.state(&message(OperatingState::Disabled));
-        let news = lines.news(said.clone(), s(50));
-        assert_eq!(news, said[4..], "the faults are acknowledged");
-        let fault =
-            OperatingStateMsg { fault: Fault::Link.number(), ..message(OperatingState::Fault) };
-        lines.state(&fault);
-        let news = lines.news(said.clone(), s(50));
-        assert_eq!(news, [said[2], said[4]]);
-        let line = lines.reason(&said[2].1, s(75));
-        assert!(line.contains(" (45 s ago); do: "), "{line}");
-        assert!(!lines.reason(&said[4].1, s(61)).contains("ago"));
-    }
 }

@@ -116,27 +116,6 @@ impl Log {
 mod tests {
     use super::*;
 
-    fn setpoint(stamp: u64, counts: i32) -> Event {
-        Event { stamp: Nanos(stamp), axis: 1, kind: EventKind::Setpoint(counts) }
-    }
-
-    #[test]
-    fn events_reach_memory_and_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("log.csv");
-        let log = Log::to_file(&path).unwrap();
-        log.push(setpoint(7, -12));
-        log.push(Event { kind: EventKind::HostBug(HostBug::Opcode(0x20)), ..setpoint(9, 0) });
-        log.flush().unwrap();
-        log.push(setpoint(11, 5));
-        log.flush().unwrap();
-        assert_eq!(log.events().len(), 3);
-        let text = std::fs::read_to_string(&path).unwrap();
-        let expected = "stamp_ns,axis,event,value,text\n7,1,setpoint,-12,\n\
-                        9,1,host-bug,32,unknown opcode\n11,1,setpoint,5,\n";
-        assert_eq!(text, expected);
-    }
-
     #[test]
     fn a_file_that_cannot_be_written_is_named() {
         let message = Log::to_file(Path::new("/proc/none/log.csv")).unwrap_err().to_string();

@@ -126,17 +126,4 @@ mod tests {
         assert_eq!(handshake.push(OKAY), Action::Wait);
         assert_eq!(handshake, Handshake::Idle);
     }
-
-    #[test]
-    fn unknown_opcodes_wrong_crcs_and_early_bytes_are_detected() {
-        let mut handshake = Handshake::default();
-        let epos4_opcode = handshake.push(0x60);
-        assert_eq!(epos4_opcode, Action::Acknowledge(FAILED));
-        handshake.push(0x10);
-        let wrong_crc = [0x01, 0x41, 0x60, 0, 1, 0xAB, 0xF1].map(|byte| handshake.push(byte));
-        assert_eq!(wrong_crc.last(), Some(&Action::Acknowledge(FAILED)));
-        assert_eq!(handshake, Handshake::Idle);
-        handshake.offer(&[0; 4]);
-        assert_eq!(handshake.push(0x10), Action::Discard);
-    }
 }
