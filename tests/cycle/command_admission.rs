@@ -145,15 +145,6 @@ fn refused_commands_do_not_renew_the_lease() {
 }
 
 #[test]
-fn a_lease_that_was_given_back_is_free_at_once() {
-    let mut bench = Bench::enabled();
-    assert_eq!(refusal(&mut bench, |_| {}), Refusal::None);
-    assert_eq!(bench.ask(StateCommand::Release), Refusal::None);
-    assert_eq!(refusal(&mut bench, |c| c.client_id = 8), Refusal::None);
-    assert_eq!(bench.ask(StateCommand::Release), Refusal::Lease);
-}
-
-#[test]
 fn angles_need_a_model() {
     let mut bench = Bench::enabled_with(config(""), None);
     assert_eq!(bench.joint(0.0, 0.0), Refusal::NoModel);

@@ -262,21 +262,6 @@ fn a_stream_with_jitter_is_followed_just_as_well() {
     assert!(worst <= HALF + 0.1, "{worst} counts");
 }
 
-/// 7 deg at 0.5 Hz: 707 counts/s and 2220 counts/s^2. As a staircase it would be 7 counts behind.
-#[test]
-fn a_sine_is_followed_within_a_tick() {
-    if has_memory() {
-        // Where it turns, the gap is crossed.
-        return;
-    }
-    let goal = |time: f64| 225.0 * (std::f64::consts::PI * time).sin();
-    for (rate_hz, behind) in [(1000.0, 0.1), (200.0, 0.2), (100.0, 0.5)] {
-        let stream = Stream { rate_hz, delay_s: 0.0003, jitter_s: 0.0 };
-        let worst = stream.worst_distance(goal, 0.2, 4.0);
-        assert!(worst <= HALF + behind, "{worst} counts at {rate_hz} Hz; a tick is 0.7 counts");
-    }
-}
-
 #[test]
 fn a_steady_stream_gives_a_steady_velocity() {
     // Not of one with memory: it goes back by the half count that rounding is too far.

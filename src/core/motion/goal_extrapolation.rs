@@ -193,28 +193,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_rate_is_integrated_and_an_interpolated_goal_arrives_when_the_next_command_is_due() {
-        let moving = GoalExtrapolation::moving([1.0], [10.0], ms(0), 0.05);
-        let reaching = GoalExtrapolation::reaching([2.0], &[1.0], ms(0), Nanos::from_millis(100));
-        for (at_ms, [moved, reached]) in [
-            (0, [1.0, 1.0]),
-            (20, [1.2, 1.2]),
-            (50, [1.5, 1.5]),
-            (80, [1.5, 1.8]),
-            (900, [1.5, 2.0]),
-        ] {
-            let found = [moving.at(ms(at_ms))[0], reaching.at(ms(at_ms))[0]];
-            assert!(
-                (found[0] - moved).abs() < 1e-9 && (found[1] - reached).abs() < 1e-9,
-                "{found:?}"
-            );
-        }
-        // A stream of angles after it is not extrapolated by what was no motion of the client.
-        let next = reaching.next([2.1], ms(10));
-        assert_eq!(next.at(ms(15)), [2.1]);
-    }
-
     proptest! {
         #[test]
         fn the_goal_never_runs_ahead_by_more_than_twice_the_last_step(

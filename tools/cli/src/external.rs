@@ -80,36 +80,3 @@ fn describe(program: &Path) -> Option<Description> {
     let output = Command::new(program).arg(OsStr::new(DESCRIBE)).output().ok()?;
     serde_json::from_slice(&output.stdout).ok()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_programs_are_calls_and_everything_else_is_not() {
-        let requested = |words: &[&str]| {
-            let words: Vec<OsString> = words.iter().map(OsString::from).collect();
-            let call = Call::requested(&words)?;
-            let arguments = call.arguments.into_iter().map(|word| word.into_string().unwrap());
-            Some((call.program.name(), arguments.collect::<Vec<_>>().join(" ")))
-        };
-        for (words, expected) in [
-            (&["record", "info", "x.mcap"][..], Some(("record", "info x.mcap"))),
-            (&["record", "--help"], Some(("record", "--help"))),
-            (&["start", "ros", "--name", "eye"], Some(("ros", "--name eye"))),
-            (&["help", "record"], Some(("record", "--help"))),
-            (&["help", "record", "info"], Some(("record", "help info"))),
-            (&["help", "start", "ros"], Some(("ros", "--help"))),
-            (&["start", "--no-monitor"], None),
-            (&["model", "record"], None),
-            (&["help", "model"], None),
-            (&["help"], None),
-            (&["nonsense"], None),
-            (&["--version"], None),
-            (&[], None),
-        ] {
-            let expected = expected.map(|(name, words)| (name, words.to_owned()));
-            assert_eq!(requested(words), expected, "{words:?}");
-        }
-    }
-}

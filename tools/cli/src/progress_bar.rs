@@ -164,27 +164,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_share_grows_to_the_end_of_the_part() {
-        let mut work = Work {
-            name: "force-balance".to_owned(),
-            from: 0.2,
-            to: 1.0,
-            steps: 10,
-            ..Work::default()
-        };
-        let mut before = 0.0;
-        for pieces in 0..20 {
-            for done in 0..10 {
-                (work.pieces, work.done) = (pieces, done);
-                let share = work.share();
-                assert!(share > before && share < 1.0, "{share} after {before}");
-                before = share;
-            }
-        }
-        assert!(before > 0.99);
-    }
-
-    #[test]
     fn a_line_reports_what_is_fitted_and_how_long_it_takes() {
         let work = Work {
             name: "gmr".to_owned(),

@@ -121,25 +121,3 @@ pub fn title(version: &Version, domain: &str, model: [u8; 32]) -> String {
     let process = version.pid;
     format!("i2ris {major}.{minor}.{patch}, domain {domain}, process {process}, {model}")
 }
-
-#[cfg(test)]
-mod tests {
-    use i2ris::ipc::payload::padded_text;
-
-    use super::*;
-
-    #[test]
-    fn a_slot_without_a_model_has_no_name() {
-        let there = ModelSlot {
-            model_id: [0x5a; 32],
-            family: padded_text("gmr-play"),
-            file: padded_text("/models/a.json"),
-            flags: ModelSlot::PRESENT | ModelSlot::MEMORY_KNOWN,
-            ..ModelSlot::default()
-        };
-        let models = models(&[there, ModelSlot::default(), there]);
-        let named = models.used.unwrap();
-        assert_eq!((&*named.name, &*named.file), ("gmr-play 5a5a5a5a", "/models/a.json"));
-        assert!(named.memory_known && models.staged.is_none() && models.previous.is_some());
-    }
-}

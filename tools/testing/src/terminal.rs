@@ -25,7 +25,7 @@ fn some(length: u16) -> NonZeroU16 {
 /// A program on a terminal of its own, killed when dropped.
 pub struct Terminal {
     child: Child,
-    keyboard: Option<File>,
+    keyboard: File,
     /// Ours, so that its settings can be looked at when the program is gone.
     slave: File,
     output: Receiver<Vec<u8>>,
@@ -67,7 +67,7 @@ impl Terminal {
             }
         });
         let screen = vt100::Parser::new(some(rows), some(columns), 0);
-        Self { child, keyboard: Some(File::from(master)), slave: File::from(slave), output, screen }
+        Self { child, keyboard: File::from(master), slave: File::from(slave), output, screen }
     }
 
     pub fn pid(&self) -> nix::unistd::Pid {
@@ -76,7 +76,7 @@ impl Terminal {
 
     /// Types.
     pub fn type_keys(&mut self, keys: &str) {
-        self.keyboard.as_mut().unwrap().write_all(keys.as_bytes()).unwrap();
+        self.keyboard.write_all(keys.as_bytes()).unwrap();
     }
 
     /// Gives the terminal another size.

@@ -12,7 +12,6 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use base64::prelude::{BASE64_STANDARD, Engine as _};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -154,16 +153,6 @@ impl Browser {
             pressed["windowsVirtualKeyCode"] = json!(code);
             self.call("Input.dispatchKeyEvent", pressed);
         }
-    }
-
-    /// Writes a picture of the page into the folder of `I2RIS_SCREENSHOTS`, if that is set.
-    pub fn screenshot(&mut self, name: &str) {
-        let Some(folder) = std::env::var_os("I2RIS_SCREENSHOTS") else {
-            return;
-        };
-        let data = self.call("Page.captureScreenshot", json!({ "format": "png" }));
-        let bytes = BASE64_STANDARD.decode(data["data"].as_str().unwrap()).unwrap();
-        std::fs::write(Path::new(&folder).join(format!("{name}.png")), bytes).unwrap();
     }
 
     /// The addresses of everything that the page asked for.

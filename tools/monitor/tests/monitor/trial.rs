@@ -43,16 +43,14 @@ fn both_pages_show_the_trial_its_newest_mark_and_that_it_is_not_recorded() {
     let [Some(page), Some(operator)] = pages else { return };
     let mut pages = [page, operator];
     let shown = "document.getElementById('flags')?.innerText";
-    for (page, name) in pages.iter_mut().zip(["trial", "trial-operator"]) {
+    for page in &mut pages {
         page.wait("the trial", &format!("{shown}.includes('trial P07-joystick-02, ')"));
         page.wait("its mark", &format!("{shown}.includes('mark 2: contact, ')"));
-        page.screenshot(name);
     }
     flags.store(TrialMsg::FAILED, Ordering::Relaxed);
-    for (page, name) in pages.iter_mut().zip(["trial-failed", "trial-failed-operator"]) {
+    for page in &mut pages {
         page.wait("a recording that failed", &format!("{shown}.includes('NOT RECORDED')"));
         page.wait("what to do", &format!("{WHY}.includes('make room on the disk')"));
-        page.screenshot(name);
     }
     drop(telling);
 }

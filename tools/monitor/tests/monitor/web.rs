@@ -139,16 +139,6 @@ fn too_many_browsers_are_informed() {
 }
 
 #[test]
-fn several_browsers_see_the_same() {
-    let controller = Controller::enabled();
-    let served = Served::start(&controller.domain);
-    served.wait("numbers", |live| live["next_sample"].as_u64() > Some(20));
-    let (one, other) = (served.live(""), served.live(""));
-    let first = |live: &serde_json::Value| live["samples"].as_array().unwrap()[..20].to_vec();
-    assert_eq!(first(&one), first(&other));
-}
-
-#[test]
 fn without_a_controller_the_page_waits_for_one_and_says_when_it_goes() {
     let served = Served::start(&unique_domain());
     let live = served.wait("the reason", |live| live["problem"].is_string());

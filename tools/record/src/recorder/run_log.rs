@@ -18,19 +18,3 @@ fn select(text: &str, boot_id: u64) -> Option<Vec<u8>> {
     let lines: String = text.lines().filter(is_of_run).map(|line| format!("{line}\n")).collect();
     (!lines.is_empty()).then(|| lines.into_bytes())
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_valid_lines_of_the_run_are_taken() {
-        let begin = r#"{"run":"00000000000000ab","event":"begin"}"#;
-        let end = r#"{"run":"00000000000000ab","event":"end"}"#;
-        let others = "{\"run\":\"0000000000000001\"}\n{\"run\":\"000000000000";
-        let text = format!("{begin}\n{others}\n{end}\n");
-        let expected = format!("{begin}\n{end}\n");
-        assert_eq!(select(&text, 0xab), Some(expected.into_bytes()));
-        assert_eq!(select(&text, 7), None);
-    }
-}

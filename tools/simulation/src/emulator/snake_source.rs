@@ -93,37 +93,3 @@ impl From<DrawnSnake> for SnakeSource {
         Self::Drawn(drawn)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_name_is_a_snake() {
-        for (name, _) in EMBEDDED {
-            assert_eq!(SnakeSource::load(name).unwrap().name(), name);
-        }
-        for name in Physics::NAMES {
-            let text = format!("{name}:7");
-            assert_eq!(SnakeSource::load(&text).unwrap().name(), text);
-        }
-    }
-
-    #[test]
-    fn a_path_is_a_file() {
-        let refused = |text: &str| SnakeSource::load(text).unwrap_err().to_string();
-        for text in ["none.toml", "./steel", "/does/not/exist"] {
-            assert!(refused(text).contains("cannot read the snake"), "{text}");
-        }
-    }
-
-    #[test]
-    fn an_unknown_name_is_refused_with_those_that_exist() {
-        let message = SnakeSource::load("adder:2").unwrap_err().to_string();
-        for part in ["`adder:2` names no snake", "brass", "bouc-wen:SEED", ".toml"] {
-            assert!(message.contains(part), "{part} in {message}");
-        }
-        let message = SnakeSource::load("gear:two").unwrap_err().to_string();
-        assert!(message.contains("`two` is no seed"), "{message}");
-    }
-}

@@ -138,32 +138,6 @@ fn frames_of_the_reference_are_answered() {
 }
 
 #[test]
-fn both_axes_bend_the_snake() {
-    let (emulator, _folder) = start();
-    let mut hosts = [Host::open(&emulator, 0), Host::open(&emulator, 1)];
-    assert_eq!(hosts[0].read(0x1018, 4), 62_000_001);
-    assert_eq!(hosts[1].read(0x1018, 4), 62_000_002);
-    for host in &mut hosts {
-        host.enable_cyclic_position();
-    }
-    for target in (0..=1000).step_by(100) {
-        hosts[0].write(0x607A, 0, target);
-        hosts[1].write(0x607A, 0, target);
-    }
-    let mut has_arrived = |axis: usize| (hosts[axis].read(0x6064, 0) - 1000).abs() <= 1;
-    wait_for("motors arrive", || has_arrived(0) && has_arrived(1));
-    let snapshot = emulator.snapshot();
-    assert!(snapshot.axes.iter().all(|axis| axis.drive.state == State::OperationEnabled));
-    // Equal counts bend in yaw.
-    let [pitch, yaw] = snapshot.angles_deg;
-    assert!(pitch.abs() < 4.0 && (22.0..36.0).contains(&yaw), "{pitch} {yaw}");
-    let mut setpoints = emulator.log();
-    setpoints.retain(|event| event.axis == 1 && matches!(event.kind, EventKind::Setpoint(_)));
-    let expected = [0, 0, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000];
-    assert!(setpoints.iter().map(|event| event.kind).eq(expected.map(EventKind::Setpoint)));
-}
-
-#[test]
 fn a_host_that_does_not_wait_is_detected() {
     let (emulator, _folder) = start();
     let mut host = Host::open(&emulator, 0);
@@ -307,22 +281,6 @@ fn faults_mutes_and_power_cycles_affect_one_axis() {
 }
 
 #[test]
-fn the_camera_delivers_frames_in_order() {
-    let (mut emulator, _folder) = start();
-    let (sender, receiver) = std::sync::mpsc::channel();
-    let send = move |frame| {
-        let _ = sender.send(frame);
-    };
-    emulator.start_camera(move || send).unwrap();
-    let frames: Vec<_> = (0..5).map(|_| receiver.recv_timeout(TIMEOUT).unwrap()).collect();
-    assert!(frames.is_sorted_by(|a, b| a.stamp_ns < b.stamp_ns));
-    for frame in frames {
-        assert!(frame.position[..2].iter().all(|angle| angle.to_degrees().abs() < 1.0));
-        assert_eq!((frame.count, frame.flags), (2, 1));
-    }
-}
-
-#[test]
 fn links_and_log_file_live_as_long_as_the_emulator() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = config(folder.path());
@@ -376,16 +334,4 @@ fn a_scenario_is_played() {
     let error_code = |axis: usize| emulator.snapshot().axes[axis].drive.error_code;
     wait_for("the fault", || error_code(1) == 0x3210);
     assert_eq!(error_code(0), 0);
-}
-
-#[test]
-fn a_port_disappears_and_comes_back_under_its_name() {
-    let (emulator, _folder) = start();
-    let mut host = Host::open(&emulator, 0);
-    assert_eq!(host.read(0x1018, 1), 0xFB);
-    emulator.inject(0, i2ris_simulation::Injection::HangUp { for_ms: 100 });
-    wait_for("the host fails", || host.port.write_all(&READ_STATUSWORD).is_err());
-    drop(host);
-    wait_for("the port is back", || emulator.device(0).exists());
-    assert_eq!(Host::open(&emulator, 0).read(0x1018, 1), 0xFB);
 }
