@@ -2,10 +2,11 @@
 //! of one table, which is printed: what is right, and what happened.
 
 use std::fmt::Write as _;
+use std::fs::read_to_string;
 
 use i2ris::model::Model;
 
-use crate::bench::WorkFolder;
+use crate::bench::{WorkFolder, repository};
 
 const HEADER: &str = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg";
 
@@ -19,6 +20,60 @@ const COMMANDS: [(&str, &str); 8] = [
     ("history", "model predict m.json right.csv --history x.csv --output p.csv"),
     ("invert", "model invert m.json x.csv --no-limits --output c.csv"),
     ("file", "command file x.csv --domain nobody-serves-this"),
+];
+
+/// Cases that are no tables of numbers: the test that runs each, beside what it is about.
+const ELSEWHERE: [(&str, &str, &str); 10] = [
+    (
+        "mjpeg-bytes-between",
+        "tools/vision/src/source/mjpeg.rs",
+        "bytes_between_pictures_are_skipped_and_a_damaged_picture_is_one_gap",
+    ),
+    (
+        "video-interlaced",
+        "tools/vision/src/source/stream.rs",
+        "interlaced_pictures_are_refused_with_the_way_to_whole_ones",
+    ),
+    (
+        "mcap-one-damaged-chunk",
+        "tools/record/tests/record/files.rs",
+        "a_damaged_place_costs_one_chunk_and_is_counted",
+    ),
+    (
+        "shm-gone-while-it-runs",
+        "tests/process/ipc_processes.rs",
+        "files_that_are_removed_while_it_runs_are_said_by_controller_and_clients",
+    ),
+    (
+        "shm-too-small",
+        "tests/process/start_refusals.rs",
+        "a_shared_memory_that_is_too_small_is_refused_with_what_is_needed",
+    ),
+    (
+        "played-first-frame",
+        "tools/teleop/src/device.rs",
+        "a_frame_that_comes_with_the_head_is_read_before_anything_follows",
+    ),
+    (
+        "rt-cgroup-without-budget",
+        "src/realtime/scheduling.rs",
+        "who_has_the_right_is_sent_to_the_control_group",
+    ),
+    (
+        "serial-hex-typed-as-decimal",
+        "tests/drive/bring_up.rs",
+        "another_drive_than_the_configured_one_is_refused_with_both_numbers",
+    ),
+    (
+        "drive-answers-otherwise",
+        "tests/drive/conformance/bad_input.rs",
+        "what_answers_and_is_no_drive_is_shown_and_never_taken_for_silence",
+    ),
+    (
+        "drive-answers-otherwise, another family",
+        "tests/drive/conformance/bad_input.rs",
+        "a_drive_of_the_other_family_is_named",
+    ),
 ];
 
 #[derive(Default)]
@@ -74,8 +129,19 @@ fn all_cases_are_right() {
     units(&mut table);
     merges(&mut table);
     other_readers(&mut table);
+    elsewhere(&mut table);
     println!("{}", table.printed);
     assert_eq!(table.wrong, 0, "{}", table.printed);
+}
+
+/// The tests of the other cases run beside this one; here they are there.
+fn elsewhere(table: &mut Table) {
+    for (name, file, test) in ELSEWHERE {
+        let is_there = read_to_string(repository(file)).unwrap().contains(&format!("fn {test}()"));
+        table.wrong += usize::from(!is_there);
+        let verdict = if is_there { "right" } else { "WRONG" };
+        let _ = writeln!(table.printed, "{verdict} | {name} | {file}: {test}");
+    }
 }
 
 /// Both motors with reversals, 20 rows a second, and a straight snake.
