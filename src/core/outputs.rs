@@ -98,7 +98,7 @@ pub struct CycleReport {
     pub last_refusal: Refusal,
     /// Refused servo commands, client by client.
     pub refusals: [ClientRefusals; REFUSED_CLIENTS],
-    /// Number of stops of a motion because the followed command became stale.
+    /// Number of stops because the followed command became stale.
     pub stale_stops: u64,
     /// Loaded models.
     pub models: ModelSlots,

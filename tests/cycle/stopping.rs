@@ -48,19 +48,6 @@ fn a_silent_client_is_followed_until_its_deadline_and_two_ticks_at_most() {
 }
 
 #[test]
-fn silence_at_rest_stops_nothing_and_is_no_stop() {
-    let mut bench = Bench::enabled();
-    for _ in 0..20 {
-        assert_eq!(bench.joint(0.0, 0.0), Refusal::None);
-        bench.run(4);
-    }
-    bench.run(100);
-    assert!(bench.report().holding);
-    assert_eq!(bench.report().stale_stops, 0);
-    assert!(!bench.events.iter().any(|it| matches!(it, CycleEventKind::StaleStop { .. })));
-}
-
-#[test]
 fn a_command_may_set_its_own_deadline() {
     let mut bench = Bench::enabled();
     let mut command =

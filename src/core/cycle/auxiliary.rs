@@ -96,13 +96,12 @@ impl ControlCycle {
         if let Some(followed) = auxiliary.followed.filter(|_| can_move)
             && summary.now.duration_since(followed.stamp) >= followed.deadline
         {
+            let (client_id, age) = (followed.client_id, summary.now.duration_since(followed.stamp));
+            self.stale_stops = self.stale_stops.saturating_add(1);
+            let measurement = Measurement::of_age(age, followed.deadline);
+            let kind = CycleEventKind::StaleStop { client_id, age };
+            events.push_measured(kind, Some(measurement));
             if !auxiliary.axis.is_at_rest() {
-                let (client_id, age) =
-                    (followed.client_id, summary.now.duration_since(followed.stamp));
-                self.stale_stops = self.stale_stops.saturating_add(1);
-                let measurement = Measurement::of_age(age, followed.deadline);
-                let kind = CycleEventKind::StaleStop { client_id, age };
-                events.push_measured(kind, Some(measurement));
                 let at = collect([auxiliary.axis.setpoint()].into_iter());
                 self.admission.stopped_moving(client_id, true, &at, summary.now);
             }

@@ -336,13 +336,12 @@ impl ControlCycle {
         if let Some(followed) = self.machine.state().followed_command()
             && let Some(age) = followed.stale_age(now)
         {
-            // A stream that ends at rest is stopped by nothing.
+            let client_id = followed.client_id;
+            let measurement = Measurement::of_age(age, followed.deadline);
+            self.stale_stops = self.stale_stops.saturating_add(1);
+            let kind = CycleEventKind::StaleStop { client_id, age };
+            events.push_measured(kind, Some(measurement));
             if !self.axes.all(AxisControl::is_at_rest) {
-                let client_id = followed.client_id;
-                let measurement = Measurement::of_age(age, followed.deadline);
-                self.stale_stops = self.stale_stops.saturating_add(1);
-                let kind = CycleEventKind::StaleStop { client_id, age };
-                events.push_measured(kind, Some(measurement));
                 self.admission.stopped_moving(client_id, false, &self.axes.setpoints(), now);
             }
             self.machine.progress(HOLDING, now, events);

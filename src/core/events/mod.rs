@@ -80,7 +80,7 @@ pub enum CycleEventKind {
         /// The fault that caused the change, if any.
         fault: Fault,
     },
-    /// The followed command became stale while the robot moved, and it stopped.
+    /// The followed command became stale and the robot stopped.
     StaleStop {
         /// Client that had sent the command.
         client_id: u64,

@@ -91,7 +91,7 @@ payload! {
         pub accepted: u64,
         /// Servo commands refused since the start.
         pub refused: u64,
-        /// Number of times that a followed client exceeded its deadline in motion.
+        /// Number of times that a followed client exceeded its deadline.
         pub stale_stops: u64,
         /// [`crate::robot::OperatingState`].
         pub state: u32,

@@ -147,13 +147,6 @@ fn every_advice_that_is_followed_succeeds() {
     first.interrupt();
     ends(first, 0, &[]);
     succeeds(&domain, POSE);
-    // Silence that stops no motion is no stop.
-    let silent = start(&domain, "command pose");
-    let is_led = |it: &OperatingStateMsg| it.lease_client_id != 0;
-    wait_for(&mut client, |it| is_led(it) && has(it, OperatingStateMsg::AT_REST));
-    drop(silent);
-    wait_for(&mut client, |it| !is_led(it));
-    assert!(!succeeds(&domain, "status").contains("stop 1"));
 }
 
 #[test]
