@@ -93,18 +93,67 @@ def _is_whole(data: bytes) -> bool:
     return data.startswith(b"\xff\xd8") and data.rstrip(b"\0\r\n").endswith(b"\xff\xd9")
 
 
-def cameras(devices):
-    """Yields one frame per camera, grabbed right after each other and stamped with the monotonic clock."""
-    captures = [cv2.VideoCapture(int(device)) for device in devices]
+#: A driver's stamp that is further from the arrival of the frame is of another clock.
+OLDEST_NS = 2_000_000_000
+#: Stamps of arrivals are later than the exposures by what camera, cable and driver take.
+BY_ARRIVAL = "stamps are those of arrival, later than the exposures: a recording measures by how much (camera_late_s)"
+
+
+class CameraClock:
+    """When the frames of a camera were exposed, and how many the camera or the computer lost.
+
+    The V4L2 driver stamps every buffer with the monotonic clock, at the start of its exposure or of its transfer, and
+    OpenCV hands the stamp out as CAP_PROP_POS_MSEC. Where it does not, or the clock is another one, frames have the
+    instant of their arrival, and ``cause`` says why.
+    """
+
+    def __init__(self, capture):
+        self._capture = capture
+        self.cause = None if capture.getBackendName() == "V4L2" else f"the backend {capture.getBackendName()} has no stamps"
+        #: Frames that did not come, by the driver's stamps. The arrivals do not tell.
+        self.lost = 0
+        self._last = self._period = None
+
+    def stamp_ns(self, arrived_ns: int) -> int:
+        """The stamp of the frame that was grabbed last."""
+        stamp_ns = arrived_ns
+        if self.cause is None:
+            of_driver = round(self._capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6)
+            if 0 <= arrived_ns - of_driver <= OLDEST_NS:
+                stamp_ns = of_driver
+            else:
+                self.cause = "the stamps of the driver are of another clock"
+        if self.cause is None:
+            self._count_lost(stamp_ns)
+        return stamp_ns
+
+    def _count_lost(self, stamp_ns: int) -> None:
+        """A gap of two periods is one lost frame. The period is the shortest that was seen lately."""
+        if self._last is not None and stamp_ns > self._last:
+            gap = stamp_ns - self._last
+            self._period = gap if self._period is None else min(gap, round(1.002 * self._period) + 1)
+            self.lost += max(0, round(gap / self._period) - 1)
+        self._last = stamp_ns
+
+
+def cameras(devices, clocks=None):
+    """Yields one frame per camera, grabbed right after each other, stamped with the instant of the exposure where the
+    driver tells it. ``clocks`` takes the :class:`CameraClock` of each."""
+    # The V4L2 backend by name: another one that is installed too may come first, and has no stamps.
+    captures = [cv2.VideoCapture(int(device), cv2.CAP_V4L2) for device in devices]
+    captures = [it if it.isOpened() else cv2.VideoCapture(int(device)) for it, device in zip(captures, devices)]
     for device, capture in zip(devices, captures):
         if not capture.isOpened():
             raise ValueError(f"camera {device} cannot be opened")
+    clocks = [] if clocks is None else clocks
+    clocks += [CameraClock(capture) for capture in captures]
     number = 0
     while True:
         number += 1
         grabbed = [(capture.grab(), time.monotonic_ns()) for capture in captures]
         group = []
-        for capture, (has, stamp_ns) in zip(captures, grabbed):
+        for capture, clock, (has, arrived_ns) in zip(captures, clocks, grabbed):
+            stamp_ns = clock.stamp_ns(arrived_ns) if has else arrived_ns
             good, image = capture.retrieve() if has else (False, None)
             name = f"image {number}"
             if good:

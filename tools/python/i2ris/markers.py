@@ -11,8 +11,10 @@ Writes the columns of ``i2ris vision`` and publishes the same stream.
 
 import argparse
 import sys
+import time
 from collections import Counter
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -165,7 +167,7 @@ class Session:
         self.references: list[Reference] = []
         self.causes = Counter()
         self.good = self.rows = 0
-        self._using = detector()
+        self.using = detector()
         self._checks = [frames.FrameCheck() for _ in views]
         self._same_camera = frames.SameCameraCheck()
         self._held = []
@@ -175,7 +177,7 @@ class Session:
         frame = self._checks[view].check(frame)
         same = len(self.views) == 2 and self._same_camera.is_same_camera(view, frame)
         cause = frames.SAME_CAMERA if same else frame.cause
-        return frame.stamp_ns, cause or find(frame.image, self.ids[view], self._using)
+        return frame.stamp_ns, cause or find(frame.image, self.ids[view], self.using)
 
     def take(self, group):
         """Takes one frame per view (None: no partner) and returns the finished rows."""
@@ -267,6 +269,32 @@ def overlay(image: np.ndarray, look) -> np.ndarray:
     return canvas
 
 
+class LivePicture:
+    """The newest frames beside each other with the detection in them, as a file that any viewer shows."""
+
+    PERIOD_S = 0.5
+
+    def __init__(self, path, session: Session):
+        self._path = path and Path(path)
+        self._session = session
+        self._next = 0.0
+
+    def __call__(self, group) -> None:
+        if self._path is None or time.monotonic() < self._next:
+            return
+        self._next = time.monotonic() + self.PERIOD_S
+        ids = self._session.ids
+        shown = [overlay(frame.image, find(frame.image, marker, self._session.using))
+                 for frame, marker in zip(group, ids) if frame is not None and frame.image is not None]
+        if shown:
+            rows, columns = shown[0].shape[:2]
+            _, data = cv2.imencode(self._path.suffix or ".jpg", np.hstack([cv2.resize(it, (columns, rows)) for it in shown]))
+            # Replaced when whole: a viewer never sees half of it.
+            draft = self._path.with_name(self._path.name + ".draft")
+            draft.write_bytes(data.tobytes())
+            draft.replace(self._path)
+
+
 def parser() -> argparse.ArgumentParser:
     options = argparse.ArgumentParser(prog="python -m i2ris.markers", description=__doc__.split("\n")[0])
     options.add_argument("sources", nargs="+", help="one or two: folders of images, or numbers of cameras")
@@ -280,6 +308,7 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--rest-s", type=float, default=2.0, help="the images begin at rest for this long")
     options.add_argument("--pair-ms", type=float, default=12.0, help="stamps of a pair differ by no more")
     options.add_argument("--output", "-o", help="CSV file (default: standard output)")
+    options.add_argument("--picture", help="write the newest frames to this image twice a second, with what is found in them")
     options.add_argument("--publish", action="store_true", help="publish the angles as external/measured_jp; cameras only")
     options.add_argument("--domain", default="i2ris", help="domain of the controller")
     return options
@@ -307,19 +336,23 @@ def run(arguments) -> None:
             table.row(row)
             publish(row)
 
+    clocks, picture = [], LivePicture(arguments.picture, session)
     try:
-        for group in _frames(arguments, live):
+        for number, group in enumerate(_frames(arguments, live, clocks)):
+            if number == 0:
+                _say_clocks(session.names, clocks)
             put(session.take(group))
+            picture(group)
         put(session.finish())
     finally:
-        _report(session)
+        _report(session, clocks)
     if session.good == 0:
         raise ValueError("not one angle could be measured")
 
 
-def _frames(arguments, live: bool):
+def _frames(arguments, live: bool, clocks):
     if live:
-        return frames.cameras(arguments.sources)
+        return frames.cameras(arguments.sources, clocks)
     folders = [frames.folder(source, arguments.fps) for source in arguments.sources]
     if len(folders) == 1:
         return ([frame] for frame in folders[0])
@@ -344,7 +377,17 @@ def _publisher(domain: str):
     return publish
 
 
-def _report(session: Session) -> None:
+def _say_clocks(names, clocks) -> None:
+    for name, clock in zip(names, clocks):
+        of_driver = "stamps are those of the driver"
+        words = of_driver if clock.cause is None else f"{clock.cause}: {frames.BY_ARRIVAL}"
+        print(f"view {name}: {words}", file=sys.stderr)
+
+
+def _report(session: Session, clocks=()) -> None:
+    for name, clock in zip(session.names, clocks):
+        lost = f"{clock.lost} frames lost" if clock.cause is None else "nobody knows whether frames were lost"
+        print(f"view {name}: {lost}", file=sys.stderr)
     for name, rest in zip(session.names, session.references):
         print(f"view {name}: rest at {np.degrees(rest.angle):+.3f} deg, spread {np.degrees(rest.spread):.3f} deg",
               file=sys.stderr)

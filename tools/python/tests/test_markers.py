@@ -199,7 +199,9 @@ def test_a_folder_says_what_is_missing_and_what_is_broken(tmp_path):
 
 def test_the_command_writes_the_columns_of_the_other_tool(tmp_path, capsys):
     top, side = folder(tmp_path / "top", range(12)), folder(tmp_path / "side", range(12), 14)
-    markers.run(markers.parser().parse_args([str(top), str(side), "--rest-s", "0.2"]))
+    live = tmp_path / "live.png"
+    markers.run(markers.parser().parse_args([str(top), str(side), "--rest-s", "0.2", "--picture", str(live)]))
+    assert cv2.imread(str(live)).shape[1] == 2 * cv2.imread(str(top / "image_0000.png")).shape[1]
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "t_s,pitch_deg,yaw_deg,pitch_std_deg,yaw_std_deg,quality,tip_along_mm,tip_pitch_mm,tip_yaw_mm,cause"
     assert len(lines) == 13
@@ -222,6 +224,40 @@ def test_wrong_use_is_refused_with_a_reason(tmp_path, words, reason):
     arguments = markers.parser().parse_args([word.format(top=top) for word in words])
     with pytest.raises(ValueError, match=reason):
         markers.run(arguments)
+
+
+class Driver:
+    """A capture of OpenCV whose driver stamps buffers; each grab is a stamp, ms, or None: no such property."""
+
+    def __init__(self, backend, stamps_ms):
+        self.backend, self.stamps_ms = backend, list(stamps_ms)
+
+    def getBackendName(self):
+        return self.backend
+
+    def get(self, name):
+        assert name == cv2.CAP_PROP_POS_MSEC
+        return self.stamps_ms.pop(0)
+
+
+def test_stamps_are_those_of_the_driver_and_lost_frames_are_counted():
+    exposed = [1000.0, 1033.3, 1066.7, 1166.7, 1200.0]  # two lost between the third and the fourth
+    clock = frames.CameraClock(Driver("V4L2", exposed))
+    stamps = [clock.stamp_ns(round(1e6 * ms) + 41_000_000) for ms in exposed]
+    assert stamps == [round(1e6 * ms) for ms in exposed] and clock.cause is None and clock.lost == 2
+
+
+@pytest.mark.parametrize("backend, stamp_ms, words", [
+    ("V4L2", 1.7e12, "another clock"),  # Unix time
+    ("V4L2", 0.0, "another clock"),  # no stamps
+    ("V4L2", -1.0, "another clock"),
+    ("FFMPEG", 5000.0, "FFMPEG has no stamps"),
+])
+def test_without_stamps_of_the_driver_frames_have_those_of_arrival_and_it_is_said(backend, stamp_ms, words):
+    clock = frames.CameraClock(Driver(backend, [stamp_ms] * 3))
+    arrived = [5_000_000_000, 5_033_000_000, 5_066_000_000]
+    assert [clock.stamp_ns(at) for at in arrived] == arrived
+    assert words in clock.cause and clock.lost == 0
 
 
 def test_pairs_need_stamps_that_are_near():
