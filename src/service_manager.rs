@@ -14,6 +14,12 @@ pub const STOPPING: &str = "STOPPING=1";
 /// The service is alive, for `WatchdogSec=`.
 pub const ALIVE: &str = "WATCHDOG=1";
 
+/// Whether a service manager started this process, which waits for what is not plugged in yet.
+#[must_use]
+pub fn is_there() -> bool {
+    std::env::var_os("NOTIFY_SOCKET").is_some()
+}
+
 /// Sends a message if the service manager wants to know. Never waits.
 pub fn notify(message: &str) {
     // The service manager may have gone, or read nothing: that must not stop the robot.

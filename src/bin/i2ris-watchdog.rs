@@ -32,8 +32,9 @@ Options:
 
 The controller lets it into its ports whenever it starts, and enables nothing while it runs and does
 not hold all of them. SIGINT and SIGTERM end it without stopping the drives. It cannot act when the
-host loses power or hangs as a whole, or when a cable is pulled: that needs a hardware watchdog on
-the safe-torque-off input of the drives.
+host loses power or hangs as a whole, or when a cable is pulled: then its pulse ends ([watchdog] pulse
+of the configuration), and a relay on the safe-torque-off inputs of the drives opens. On a terminal
+it ends after 10 s without any port; as a service it waits.
 ";
 
 /// Priority under SCHED_FIFO: above everything of the controller.
@@ -87,12 +88,20 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
             for warning in &granted.warnings {
                 print(log, format_args!("warning: {warning}"));
             }
-            watchdog::run(&config, &domain, &presence, silence, &stop, &mut |event| {
-                for line in event.to_string().lines() {
-                    print(log, format_args!("{line}"));
-                }
-            });
+            let had_port =
+                watchdog::run(&config, &domain, &presence, silence, &stop, &mut |event| {
+                    for line in event.to_string().lines() {
+                        print(log, format_args!("{line}"));
+                    }
+                });
             service_manager::notify(service_manager::STOPPING);
+            if !had_port {
+                return Err(
+                    "no port could be opened, so there is nothing to watch; plug the drives \
+                            in, or correct `device`, and start it again"
+                        .into(),
+                );
+            }
             Ok(())
         }
     }

@@ -39,7 +39,7 @@ pub use line_timing::{CURRENT_BOUND_TURNS, LineBounds, POSITION_BOUND_TURNS, STA
 pub use ports::{AxisConfig, Family, Framing, HomingMethod, PortConfig, Streaming};
 pub use sections::{
     AdaptationConfig, CommandConfig, CompensationConfig, ControlConfig, JointLimitConfig,
-    LimitConfig,
+    LimitConfig, ModemLine, PulseConfig, WatchdogConfig,
 };
 pub use virtual_fixtures::{FixtureRegionConfig, FixtureShape, MAX_CORNERS, MAX_REGIONS};
 
@@ -80,6 +80,9 @@ pub struct Config {
     /// Drift of the calibration, followed by the camera.
     #[serde(default)]
     pub adaptation: AdaptationConfig,
+    /// What stops the drives when the controller cannot.
+    #[serde(default)]
+    pub watchdog: WatchdogConfig,
     /// The serial ports, each with the axes behind it.
     pub ports: Vec<PortConfig>,
 }
@@ -143,6 +146,19 @@ impl Config {
         let currents = currents.into_iter().chain(drowned);
         let overruns = (self.limits.overrun_ticks == 0).then_some(late);
         overruns.into_iter().chain(currents).collect()
+    }
+
+    /// What nothing here can stop, to be said at every start; `None`: a pulse does.
+    #[must_use]
+    pub fn if_computer_dies(&self) -> Option<String> {
+        let motors: Vec<String> = self.axes().map(|axis| axis.motor.to_string()).collect();
+        self.watchdog.pulse.is_none().then(|| {
+            format!(
+                "no [watchdog] pulse: if this computer dies, the axes of motors {} hold their last \
+                 setpoint, with power",
+                motors.join(", ")
+            )
+        })
     }
 
     /// Checks that the robot may use a model, and can keep its limits with it.

@@ -269,6 +269,42 @@ impl Default for AdaptationConfig {
     }
 }
 
+/// The watchdog.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct WatchdogConfig {
+    /// A modem line of a serial adapter that changes 50 times a second while loop and lines are
+    /// well, for a relay on the STO inputs of the drives. Absent: if the computer dies, every axis
+    /// holds its last setpoint, which is said at every start.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pulse: Option<PulseConfig>,
+}
+
+/// The pulse of the watchdog.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct PulseConfig {
+    /// The device file of the adapter; no drive is behind it.
+    pub device: PathBuf,
+    /// Which line changes.
+    #[serde(default)]
+    pub line: ModemLine,
+}
+
+/// The modem lines that a computer switches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum ModemLine {
+    /// Request to send.
+    #[default]
+    Rts,
+    /// Data terminal ready.
+    Dtr,
+}
+
 /// The length in ticks of the moving average that keeps jerk within a limit: in the mean over `n`
 /// ticks of length `T`, an acceleration between `-A` and `A` has a jerk of at most `2 A / (n T)`.
 pub(super) fn window_ticks(acceleration: f64, jerk: f64, tick: Nanos) -> u32 {

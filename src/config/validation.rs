@@ -37,6 +37,7 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     bounds::check(config, &mut findings);
     check_process(config, &mut findings);
     check_command(config, &mut findings);
+    check_watchdog(config, &mut findings);
     check_limits(config, &mut findings);
     check_joint_limits(config, &mut findings);
     virtual_fixtures::check(&config.virtual_fixtures, &mut findings);
@@ -53,6 +54,14 @@ fn check_process(config: &Config, findings: &mut Findings) {
         domain,
         "must be 1 to 32 letters, digits or `-`, because it names files",
     );
+}
+
+fn check_watchdog(config: &Config, findings: &mut Findings) {
+    if let Some(pulse) = &config.watchdog.pulse {
+        let is_free = config.ports.iter().all(|port| port.device != pulse.device);
+        let why = "is the port of a drive: the pulse needs an adapter of its own";
+        findings.require(is_free, "watchdog.pulse.device", pulse.device.display(), why);
+    }
 }
 
 fn check_command(config: &Config, findings: &mut Findings) {

@@ -4,10 +4,11 @@
 //! be late while the loop is on time, and a watchdog that used the streams would stop a healthy
 //! robot. One store into mapped memory is no I/O and cannot wait.
 //!
-//! The file `pulse` in the directory of the domain holds one 64-bit word in native byte order: the
-//! start of the last tick in nanoseconds of the monotonic clock, shifted left by four bits; above
-//! the lowest bit one for each motor whose drive owes an answer; in the lowest whether the drives
-//! are off. 0: no tick yet.
+//! The file `pulse` in the directory of the domain holds two 64-bit words in native byte order. The
+//! first is the start of the last tick in nanoseconds of the monotonic clock, shifted left by four
+//! bits; above the lowest bit one for each motor whose drive owes an answer; in the lowest whether
+//! the drives are off. 0: no tick yet. The second is when the drive that was read longest ago was
+//! read, in nanoseconds of the same clock.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -28,7 +29,10 @@ const FILE: &str = "pulse";
 /// Bits below the stamp.
 const FLAGS: usize = 1 + MAX_AXES;
 
-const SIZE: NonZeroUsize = NonZeroUsize::new(size_of::<AtomicU64>()).unwrap();
+/// Tick, and oldest answer.
+type Words = [AtomicU64; 2];
+
+const SIZE: NonZeroUsize = NonZeroUsize::new(size_of::<Words>()).unwrap();
 
 /// A tick of the loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,11 +45,13 @@ pub struct Heartbeat {
     pub off: bool,
     /// A bit for each motor whose drive has not answered the last exchange, or is in one.
     pub owing: u8,
+    /// When the position of the drive was read that was read longest ago. Zero: one never was.
+    pub answered: Nanos,
 }
 
 /// Writes the heartbeat; held by the loop.
 #[derive(Debug)]
-pub struct HeartbeatWriter(MappedWord);
+pub struct HeartbeatWriter(MappedWords);
 
 impl HeartbeatWriter {
     /// Creates the file.
@@ -56,18 +62,20 @@ impl HeartbeatWriter {
             options.read(true).write(true).create(true).truncate(true).mode(0o600);
             let file = options.open(&path)?;
             file.set_len(SIZE.get() as u64)?;
-            let word = MappedWord::map(&file, ProtFlags::PROT_READ | ProtFlags::PROT_WRITE)?;
+            let words = MappedWords::map(&file, ProtFlags::PROT_READ | ProtFlags::PROT_WRITE)?;
             // Allocates the page now, so that the loop never causes the page fault.
-            word.get().store(0, Ordering::Relaxed);
-            Ok(Self(word))
+            words.get()[0].store(0, Ordering::Relaxed);
+            Ok(Self(words))
         };
         create().map_err(DomainError::io("write", &path))
     }
 
     /// Writes the heartbeat of a tick. Wait-free.
-    pub fn write(&self, stamp: Nanos, off: bool, owing: u8) {
+    pub fn write(&self, Heartbeat { stamp, off, owing, answered, .. }: Heartbeat) {
         let word = stamp.0 << FLAGS | u64::from(owing) << 1 | u64::from(off);
-        self.0.get().store(word, Ordering::Release);
+        let [tick, oldest] = self.0.get();
+        oldest.store(answered.0, Ordering::Relaxed);
+        tick.store(word, Ordering::Release);
     }
 }
 
@@ -76,7 +84,7 @@ impl HeartbeatWriter {
 pub struct HeartbeatReader {
     domain: Domain,
     /// Boot id and word of the present start of the controller.
-    mapped: Option<(u64, MappedWord)>,
+    mapped: Option<(u64, MappedWords)>,
 }
 
 /// No controller serves the domain.
@@ -105,21 +113,21 @@ impl HeartbeatReader {
             return Err(ControllerAbsent { last });
         };
         if self.mapped.as_ref().is_none_or(|(mapped, _)| *mapped != boot_id) {
-            let word = MappedWord::open(&self.domain.file(FILE)).ok();
+            let word = MappedWords::open(&self.domain.file(FILE)).ok();
             self.mapped = word.map(|word| (boot_id, word));
         }
         Ok(self.mapped.as_ref().and_then(|(_, word)| word.heartbeat(boot_id)))
     }
 }
 
-/// A word in mapped memory.
+/// The words in mapped memory.
 #[derive(Debug)]
-struct MappedWord(NonNull<AtomicU64>);
+struct MappedWords(NonNull<Words>);
 
-// SAFETY: the word is atomic, and its memory stays mapped until the value is dropped.
-unsafe impl Send for MappedWord {}
+// SAFETY: the words are atomic, and their memory stays mapped until the value is dropped.
+unsafe impl Send for MappedWords {}
 
-impl MappedWord {
+impl MappedWords {
     fn open(path: &Path) -> io::Result<Self> {
         let file = File::open(path)?;
         // Access beyond the end of a shorter file would kill the process (SIGBUS).
@@ -131,26 +139,28 @@ impl MappedWord {
 
     fn map(file: &File, access: ProtFlags) -> io::Result<Self> {
         // SAFETY: a new mapping at an address that the kernel chooses. The file is as long as the
-        // word and is only ever removed, never truncated: only this user can access its directory.
+        // words and is only ever removed, never truncated: only this user can access its directory.
         let start = unsafe { mmap(None, SIZE, access, MapFlags::MAP_SHARED, file, 0) }?;
         Ok(Self(start.cast()))
     }
 
-    fn get(&self) -> &AtomicU64 {
+    fn get(&self) -> &Words {
         // SAFETY: mapped until drop, aligned to a page, and every bit pattern is a value.
         unsafe { self.0.as_ref() }
     }
 
     /// `None` before the first tick.
     fn heartbeat(&self, boot_id: u64) -> Option<Heartbeat> {
-        let word = self.get().load(Ordering::Acquire);
+        let [tick, oldest] = self.get();
+        let word = tick.load(Ordering::Acquire);
+        let answered = Nanos(oldest.load(Ordering::Relaxed));
         let (stamp, off) = (Nanos(word >> FLAGS), word & 1 == 1);
         let owing = (word >> 1) as u8 & ((1 << MAX_AXES) - 1);
-        (word != 0).then_some(Heartbeat { boot_id, stamp, off, owing })
+        (word != 0).then_some(Heartbeat { boot_id, stamp, off, owing, answered })
     }
 }
 
-impl Drop for MappedWord {
+impl Drop for MappedWords {
     fn drop(&mut self) {
         // SAFETY: mapped by `map` with this length, and not used any more.
         let _ = unsafe { munmap(self.0.cast(), SIZE.get()) };
@@ -173,13 +183,14 @@ mod tests {
             let writer = HeartbeatWriter::create(&lock).unwrap();
             assert_eq!(reader.read(), Ok(None));
             let boot_id = lock.boot_id();
-            let heartbeat = |off| Heartbeat { boot_id, stamp, off, owing: 0b101 };
+            let answered = Nanos(2);
+            let heartbeat = |off| Heartbeat { boot_id, stamp, off, owing: 0b101, answered };
             for off in [true, false] {
-                writer.write(stamp, off, 0b101);
+                writer.write(heartbeat(off));
                 assert_eq!(reader.read(), Ok(Some(heartbeat(off))));
             }
             // The last tick before an orderly end, which nobody looked at in time.
-            writer.write(stamp, true, 0b101);
+            writer.write(heartbeat(true));
             drop(lock);
             assert_eq!(reader.read(), Err(ControllerAbsent { last: Some(heartbeat(true)) }));
             assert_eq!(reader.read(), Err(ControllerAbsent { last: None }));

@@ -10,7 +10,7 @@ use crate::core::cycle::ControlCycle;
 use crate::core::{CycleInputs, CycleOutputs, CycleReport, Gated};
 use crate::drive::AxisFeedback;
 use crate::drive::port_runner::AxisLink;
-use crate::ipc::heartbeat::HeartbeatWriter;
+use crate::ipc::heartbeat::{Heartbeat, HeartbeatWriter};
 use crate::process::black_box::{RecorderChannels, TickRecord};
 use crate::process::channels::{LoopChannels, LostCounters, TickReport};
 use crate::realtime::{SuspendMonitor, Tick, TickTiming, Ticker};
@@ -79,7 +79,10 @@ impl ControlLoop {
             && self.links.iter().all(|link| power(link, &inputs) == DrivePower::Off);
         let owing = self.links.iter().filter(|link| link.owed.is_owed());
         let owing = owing.fold(0, |motors, link| motors | 1 << link.motor);
-        self.heartbeat.write(tick.started, off, owing);
+        let read = self.links.iter().filter_map(|link| Some(feedback(link, &inputs)?.stamp));
+        let answered = read.min().unwrap_or_default();
+        let stamp = tick.started;
+        self.heartbeat.write(Heartbeat { boot_id: 0, stamp, off, owing, answered });
         let ended = clock::now();
         let timing = TickTiming { tick, ended };
         let channels = &mut self.channels;
@@ -209,11 +212,14 @@ fn is_off(report: &CycleReport) -> bool {
     }
 }
 
-/// What a drive says of its power: one that does not answer may hold.
-fn power(link: &AxisLink<Gated>, inputs: &CycleInputs) -> DrivePower {
-    let feedback = match link.motor {
+fn feedback<'a>(link: &AxisLink<Gated>, inputs: &'a CycleInputs) -> Option<&'a AxisFeedback> {
+    match link.motor {
         AUXILIARY => Some(&inputs.auxiliary),
         motor => inputs.feedback.get(motor),
-    };
-    feedback.map_or(DrivePower::NotKnown, |feedback| feedback.phase.power())
+    }
+}
+
+/// What a drive says of its power: one that does not answer may hold.
+fn power(link: &AxisLink<Gated>, inputs: &CycleInputs) -> DrivePower {
+    feedback(link, inputs).map_or(DrivePower::NotKnown, |feedback| feedback.phase.power())
 }

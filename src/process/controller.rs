@@ -391,6 +391,9 @@ fn write_limits(log: &mut dyn Write, config: &Config, model: Option<&Model>, exc
     for watch in config.watches_off() {
         write_line(log, format_args!("off by configuration: {watch}"));
     }
+    if let Some(line) = config.if_computer_dies() {
+        write_line(log, format_args!("{line}"));
+    }
     if model.is_none() && config.joint_limits.is_any() {
         let until = "until then those of counts, speed and current hold";
         write_line(log, format_args!("no model: joint_limits hold once one is in use; {until}"));

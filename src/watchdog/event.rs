@@ -23,6 +23,8 @@ pub enum WatchdogEvent {
     Stopped(PathBuf, Vec<AxisStop>),
     /// The controller ended with its drives off.
     ControllerEnded,
+    /// The adapter of the pulse works again, or why it does not.
+    Pulse(Option<String>),
 }
 
 /// Outcome of the quick stop of one axis.
@@ -43,6 +45,10 @@ impl fmt::Display for WatchdogEvent {
                 write!(f, "cannot hold {}: {why}", device.display())
             }
             Self::Monitoring => f.write_str("watching the controller"),
+            Self::Pulse(None) => f.write_str("the adapter of the pulse works again"),
+            Self::Pulse(Some(why)) => {
+                write!(f, "no pulse: {why}; see [watchdog] pulse, tried again every 200 ms")
+            }
             Self::ControllerEnded => f.write_str("the controller ended with its drives off"),
             Self::ControllerLost(status, age) => {
                 let died = *status == ControllerStatus::Died;

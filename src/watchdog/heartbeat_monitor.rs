@@ -116,6 +116,7 @@ mod tests {
                 stamp: Nanos::from_millis(stamp),
                 off,
                 owing: 0,
+                answered: Nanos::ZERO,
             });
             let read = heartbeat.map(Some).ok_or(ControllerAbsent { last: None });
             let updated = monitor.update(read, Nanos::from_millis(*now));
@@ -147,7 +148,13 @@ mod tests {
 
     #[test]
     fn drives_that_went_off_between_two_looks_are_off() {
-        let heartbeat = |stamp, off| Heartbeat { boot_id: 7, stamp: Nanos(stamp), off, owing: 4 };
+        let heartbeat = |stamp, off| Heartbeat {
+            boot_id: 7,
+            stamp: Nanos(stamp),
+            off,
+            owing: 4,
+            answered: Nanos(stamp),
+        };
         for (off, status) in [(true, Ended), (false, Died)] {
             let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
             monitor.update(Ok(Some(heartbeat(100, false))), Nanos(101));
@@ -170,7 +177,8 @@ mod tests {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
         assert_eq!(monitor.age(Nanos::from_millis(5)), Nanos::ZERO);
         let stamp = Nanos::from_millis(100);
-        let read = Ok(Some(Heartbeat { boot_id: 7, stamp, off: false, owing: 0 }));
+        let answered = stamp;
+        let read = Ok(Some(Heartbeat { boot_id: 7, stamp, off: false, owing: 0, answered }));
         monitor.update(read, Nanos::from_millis(102));
         let age = monitor.age(Nanos::from_millis(131));
         assert_eq!(age, Nanos::from_millis(31));
@@ -181,7 +189,7 @@ mod tests {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
         for (boot_id, stamp, off) in [(7, 100, false), (8, 99, true)] {
             let stamp = Nanos::from_millis(stamp);
-            let read = Ok(Some(Heartbeat { boot_id, stamp, off, owing: 0 }));
+            let read = Ok(Some(Heartbeat { boot_id, stamp, off, owing: 0, answered: stamp }));
             assert_eq!(monitor.update(read, Nanos::from_millis(102)), Started);
         }
     }

@@ -10,6 +10,7 @@
 //! | `heartbeat_monitor` | status of the controller: a pure function of heartbeats and time |
 //! | `shared_port` | a port that is open beside the controller, and quick stop through it |
 //! | `unstopped` | ports whose drives could not be stopped, for another try |
+//! | `pulse` | a modem line that changes while all is well, for a relay on the STO inputs |
 //! | `event` | events for the log |
 //!
 //! The watchdog keeps its ports open. The controller takes a port for itself, and lets a watchdog
@@ -21,12 +22,13 @@
 //! one that does not answer, and takes nothing else meanwhile. So the heartbeat also tells which
 //! drives owe an answer, and those are stopped last.
 //!
-//! Limits: the watchdog is ineffective when the host loses power, hangs as a whole, or its cable is
-//! disconnected. That needs a hardware watchdog on the safe-torque-off input of the drives, see the
-//! README.
+//! Limits: the watchdog sends nothing when the host loses power, hangs as a whole, or its cable is
+//! disconnected. Then its `pulse` ends, and a relay on the safe-torque-off inputs of the drives
+//! opens, where there is one.
 
 mod event;
 mod heartbeat_monitor;
+mod pulse;
 mod shared_port;
 mod unstopped;
 
@@ -44,6 +46,8 @@ use crate::units::Nanos;
 
 pub use event::{AxisStop, WatchdogEvent};
 pub use heartbeat_monitor::{ControllerStatus, HeartbeatMonitor};
+use pulse::Pulse;
+pub use pulse::PulseLine;
 pub use shared_port::SharedPort;
 use unstopped::{Unstopped, is_complete_stop};
 
@@ -52,6 +56,10 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 
 /// Period of trying to open ports, and of looking for ports that were abandoned in exclusive use.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(100);
+
+/// How long a watchdog without a service manager waits for a first port: without one it watches
+/// nothing, and nobody sees that.
+const FIRST_PORT: Nanos = Nanos::from_millis(10_000);
 
 /// Stack of a thread that stops a port, bytes. All of it becomes resident where memory is locked.
 const STOP_STACK: usize = 256 * 1024;
@@ -71,7 +79,7 @@ const ALL_OWING: u8 = u8::MAX;
 pub const DEFAULT_SILENCE: Nanos = Nanos::from_millis(40);
 
 /// Monitors the controller until `stop` is set, and keeps `presence` up to date. Passes every event
-/// to `report`.
+/// to `report`. Returns whether it ever held a port: on a terminal it ends without one.
 pub fn run(
     config: &Config,
     domain: &Domain,
@@ -79,13 +87,16 @@ pub fn run(
     silence: Nanos,
     stop: &AtomicBool,
     report: &mut dyn FnMut(WatchdogEvent),
-) {
+) -> bool {
+    let first_port = clock::now() + FIRST_PORT;
+    let mut had_port = service_manager::is_there();
     let mut ports: Vec<SharedPort> = config.ports.iter().map(SharedPort::new).collect();
     let mut reader = HeartbeatReader::new(domain);
     let mut monitor = HeartbeatMonitor::new(silence);
     let mut next_open = Nanos::ZERO;
     let mut was_complete = false;
     let mut unstopped = Unstopped::default();
+    let mut pulse = start_pulse(config, report);
     let alive = |now| {
         service_manager::notify(service_manager::ALIVE);
         // If it fails, clients see a watchdog that is silent: the safe side.
@@ -101,6 +112,10 @@ pub fn run(
             for port in &ports {
                 port.release_if_abandoned();
             }
+            had_port |= ports.iter().any(SharedPort::is_open);
+            if !had_port && now > first_port {
+                return false;
+            }
             let is_complete = ports.iter().all(SharedPort::is_open);
             if std::mem::replace(&mut was_complete, is_complete) != is_complete {
                 // If the lock fails, clients see a watchdog that cannot act: the safe side.
@@ -112,6 +127,10 @@ pub fn run(
             alive(now);
         }
         let heartbeat = reader.read();
+        if let Some(pulse) = &mut pulse {
+            pulse.update(heartbeat.ok().flatten(), clock::now());
+            pulse.change().into_iter().for_each(|why| report(WatchdogEvent::Pulse(why)));
+        }
         let status = monitor.update(heartbeat, clock::now());
         match status {
             ControllerStatus::Absent | ControllerStatus::Alive => {}
@@ -141,6 +160,12 @@ pub fn run(
         }
         clock::sleep(POLL_PERIOD);
     }
+    true
+}
+
+fn start_pulse(config: &Config, report: &mut dyn FnMut(WatchdogEvent)) -> Option<Pulse> {
+    let pulse = Pulse::start(config.watchdog.pulse.as_ref()?);
+    pulse.map_err(|error| report(WatchdogEvent::Pulse(Some(error.to_string())))).ok()
 }
 
 /// Stops the axes of all ports at the same time, so often: a port that does not answer takes

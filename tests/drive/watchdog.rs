@@ -7,6 +7,7 @@
 //! Latency: `cargo test --test real_time -- --ignored --nocapture stop_latency`.
 
 mod dead_node;
+mod pulse;
 mod replug;
 
 use std::os::unix::net::UnixDatagram;

@@ -110,7 +110,8 @@ fn remembered(last_heartbeat: Option<LastHeartbeat>, silence: Nanos) -> Heartbea
 }
 
 fn heartbeat_word(is_current: bool, age: u8, off: bool) -> ReadHeartbeat {
-    ReadHeartbeat { boot_id: if is_current { 2 } else { 1 }, stamp: ago(age), off, owing: 0 }
+    let (boot_id, stamp) = (if is_current { 2 } else { 1 }, ago(age));
+    ReadHeartbeat { boot_id, stamp, off, owing: 0, answered: stamp }
 }
 
 fn stop_drive(state: &mut State) {

@@ -99,7 +99,8 @@ fn runs() -> Vec<Run> {
                 let (package, targets) = ("i2ris".to_owned(), vec![target.to_owned()]);
                 runs.push(Run { package, targets, filter: filter.to_owned() });
             } else if words.contains(&"--ignored") {
-                let lib = words.contains(&"--lib").then(|| "lib".to_owned());
+                let is_unit = words.contains(&"--lib") || words.contains(&"--bins");
+                let lib = is_unit.then(|| "lib".to_owned());
                 let targets = after("--test").chain(lib).collect();
                 let filter = words.last().filter(|word| !word.starts_with('-'));
                 let filter = filter.copied().unwrap_or_default().to_owned();

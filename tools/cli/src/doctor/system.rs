@@ -1,6 +1,7 @@
 //! The machine: real-time scheduling, memory, processors, shared memory.
 
 use std::fs;
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 use std::thread;
 
@@ -12,6 +13,8 @@ use i2ris::ipc::ready::Ready;
 use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::realtime::{self, Wanted};
 use i2ris::units::Nanos;
+use i2ris::watchdog::PulseLine;
+use nix::unistd::{AccessFlags, access};
 
 use super::report::Report;
 
@@ -22,35 +25,81 @@ pub fn check(config: &Config, report: &mut Report) {
     check_processors(config, report);
     check_memory(config, report);
     check_watchdog(config, report);
+    check_pulse(config, report);
+    check_records(&config.record_folder, report);
+}
+
+/// The first motion is in the records only if they are there before it.
+fn check_records(folder: &Path, report: &mut Report) {
+    let user = nix::unistd::geteuid();
+    let found = fs::metadata(folder).map_err(|error| error.to_string()).and_then(|found| {
+        match access(folder, AccessFlags::W_OK | AccessFlags::X_OK) {
+            _ if !found.is_dir() => Err("is no folder".to_owned()),
+            _ if found.uid() != user.as_raw() && !user.is_root() => {
+                Err("belongs to another user: there would be no black box and no run log"
+                    .to_owned())
+            }
+            outcome => outcome.map_err(|error| error.to_string()),
+        }
+    });
+    let shown = folder.display();
+    let make = format!("`sudo install -d -o $USER {shown}`, or another `record_folder`");
+    match found {
+        Ok(()) => report.pass("records", shown.to_string()),
+        Err(why) => report.fail("records", format!("{shown}: {why}"), make),
+    }
+}
+
+/// Switches the line once, which closes no relay that wants a pulse.
+fn check_pulse(config: &Config, report: &mut Report) {
+    let Some(pulse) = &config.watchdog.pulse else {
+        let found = config.if_computer_dies().unwrap_or_default();
+        return report.warn("pulse", found, "the manual: stops and faults, when the computer dies");
+    };
+    let tried = PulseLine::open(&pulse.device, pulse.line).and_then(|line| {
+        let was_on = line.is_on()?;
+        line.set(!was_on)?;
+        let is_switched = line.is_on()? != was_on;
+        line.set(was_on)?;
+        Ok(is_switched)
+    });
+    let (found, fix) = match tried {
+        Ok(true) => return report.pass("pulse", "the line switches"),
+        Ok(false) => {
+            ("the line does not follow".to_owned(), "another adapter, or the other `line`")
+        }
+        Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {
+            return report.pass("pulse", "a watchdog has the adapter");
+        }
+        Err(error) => (error.to_string(), "plug in the adapter, or correct [watchdog] pulse"),
+    };
+    report.fail("pulse", format!("{}: {found}", pulse.device.display()), fix);
 }
 
 fn check_watchdog(config: &Config, report: &mut Report) {
     let Ok(domain) = Domain::new(&config.domain) else {
         return; // Reported with the shared memory.
     };
-    match WatchdogStatus::read(&domain, &config.devices(), clock::now()) {
-        WatchdogStatus::Watching => report.pass("watchdog", "runs and holds every port"),
-        WatchdogStatus::Incomplete => report.warn(
-            "watchdog",
+    let (found, fix) = match WatchdogStatus::read(&domain, &config.devices(), clock::now()) {
+        WatchdogStatus::Watching => return report.pass("watchdog", "runs and holds every port"),
+        WatchdogStatus::Incomplete => (
             "runs, but could not open every port: it cannot stop every drive",
             "see its log, and let it open every port; nothing can be enabled until then",
         ),
-        WatchdogStatus::Silent => report.warn(
-            "watchdog",
+        WatchdogStatus::Silent => (
             "is there, but hangs or is stopped: it cannot stop any drive",
-            "end it, and start it again; nothing can be enabled until then",
+            "`pkill -KILL i2ris-watchdog`, and start it again; nothing can be enabled until then",
         ),
-        WatchdogStatus::OtherPorts => report.warn(
-            "watchdog",
+        WatchdogStatus::OtherPorts => (
             "runs for other ports: it cannot stop every drive of this configuration",
             "end it; start it with this configuration",
         ),
-        WatchdogStatus::Absent => report.warn(
-            "watchdog",
+        WatchdogStatus::Absent => (
             "does not run: nothing stops the drives if the controller dies",
-            "start `i2ris-watchdog` with the same configuration",
+            "start `i2ris-watchdog` with the same configuration, before the first motion",
         ),
-    }
+    };
+    report.warn("watchdog", found, fix);
 }
 
 fn check_kernel(report: &mut Report) {

@@ -1,0 +1,135 @@
+//! The pulse of the watchdog. Pseudo-terminals have no modem lines. So a library takes the three
+//! calls of `ioctl` about them where the watchdog issues them, and writes the instant of each edge
+//! into a file, in the process of the watchdog itself.
+//!
+//! Times: `cargo test --test real_time -- --ignored --nocapture pulse_latency`.
+
+use i2ris::config::{ModemLine, PulseConfig};
+use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
+
+use super::*;
+
+struct PulsedRig {
+    watched: WatchedRig,
+    edges: PathBuf,
+    _adapter: PtyMaster,
+}
+
+impl PulsedRig {
+    /// A watchdog with a pulse, and a controller with its drives off.
+    fn new(mut rig: Rig) -> Self {
+        let adapter =
+            posix_openpt(nix::fcntl::OFlag::O_RDWR | nix::fcntl::OFlag::O_NOCTTY).unwrap();
+        grantpt(&adapter).unwrap();
+        unlockpt(&adapter).unwrap();
+        let device = ptsname_r(&adapter).unwrap().into();
+        rig.config.watchdog.pulse = Some(PulseConfig { device, line: ModemLine::Rts });
+        let edges = rig.folder.path().join("edges");
+        let library = rig.folder.path().join("modem.so");
+        let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/drive/watchdog/modem_lines.c");
+        let mut compiler = Command::new("cc");
+        let compiled = compiler.args(["-shared", "-fPIC", source, "-o"]).arg(&library).status();
+        assert!(compiled.unwrap().success());
+        // For the watchdog alone.
+        rig.environment = [("LD_PRELOAD", &library), ("I2RIS_EDGES", &edges)]
+            .map(|(name, value)| (name.into(), value.into()))
+            .into();
+        let mut watched = WatchedRig::without_controller(rig, 3000);
+        watched.rig.environment.clear();
+        Self { watched, edges, _adapter: adapter }
+    }
+
+    fn edges(&self) -> Vec<Nanos> {
+        let bytes = fs::read(&self.edges).unwrap_or_default();
+        let stamps = bytes.chunks_exact(8).map(|it| u64::from_le_bytes(it.try_into().unwrap()));
+        stamps.map(Nanos).collect()
+    }
+
+    fn until_pulsing(&self) {
+        let before = self.edges().len();
+        wait_until("the line changes", || self.edges().len() > before + 5);
+    }
+
+    /// The last edge, when none has come for a while.
+    fn last_edge(&self) -> Nanos {
+        let mut seen = (clock::now(), self.edges().len());
+        wait_until("the line is still", || {
+            if self.edges().len() != seen.1 {
+                seen = (clock::now(), self.edges().len());
+            }
+            clock::now() - seen.0 > Nanos::from_millis(300)
+        });
+        self.edges().last().copied().unwrap()
+    }
+}
+
+#[test]
+fn h03_the_pulse_ends_with_the_controller_and_comes_back_only_with_drives_off() {
+    let name = "pulse::h03_the_pulse_ends_with_the_controller_and_comes_back_only_with_drives_off";
+    unprivileged(name, || {
+        let mut pulsed = PulsedRig::new(Rig::start());
+        assert!(pulsed.edges().is_empty(), "no pulse without a controller");
+        pulsed.watched.rig.start_controller();
+        drop(pulsed.watched.rig.client());
+        pulsed.until_pulsing();
+        pulsed.watched.rig.signal(Signal::SIGSTOP);
+        pulsed.last_edge();
+        // Its drives are off.
+        pulsed.watched.rig.signal(Signal::SIGCONT);
+        pulsed.until_pulsing();
+        pulsed.watched.rig.emulator.mute(0, true);
+        pulsed.last_edge();
+        pulsed.watched.rig.emulator.mute(0, false);
+        pulsed.watched.end_with(Signal::SIGKILL);
+        pulsed.last_edge();
+        pulsed.watched.rig.start_controller();
+        drop(pulsed.watched.rig.client());
+        pulsed.until_pulsing();
+        pulsed.watched.watchdog.kill().unwrap();
+        pulsed.last_edge();
+    });
+}
+
+/// Prints the time from what happens to the last edge, with enabled drives.
+#[test]
+#[ignore = "prints times, which depend on the machine"]
+fn pulse_latency() {
+    const TIMES: usize = 20;
+    type Act = fn(&mut PulsedRig);
+    let acts: [(&str, Act); 5] = [
+        ("SIGKILL of the controller", |it| it.watched.rig.signal(Signal::SIGKILL)),
+        ("SIGSTOP of the controller", |it| it.watched.rig.signal(Signal::SIGSTOP)),
+        ("SIGKILL of the watchdog", |it| it.watched.watchdog.kill().unwrap()),
+        ("SIGSTOP of the watchdog", |it| {
+            kill(Pid::from_raw(it.watched.watchdog.id() as i32), Signal::SIGSTOP).unwrap();
+        }),
+        ("a line that hangs", |it| it.watched.rig.emulator.mute(0, true)),
+    ];
+    for (name, act) in acts {
+        let mut spans = Vec::new();
+        let mut without = 0;
+        while spans.len() < TIMES {
+            let mut pulsed = PulsedRig::new(Rig::start());
+            pulsed.watched.enable();
+            clock::sleep(Nanos::from_millis(200));
+            let recent = pulsed.edges().last().copied().unwrap_or_default();
+            if clock::now() - recent > Nanos::from_millis(25) {
+                // The machine stalled under enabled drives: latched, as it should be.
+                without += 1;
+                continue;
+            }
+            let begin = clock::now();
+            act(&mut pulsed);
+            let last = pulsed.last_edge();
+            spans.push(if last > begin { last - begin } else { Nanos::ZERO });
+        }
+        spans.sort_unstable();
+        let within = spans.iter().filter(|span| **span <= Nanos::from_millis(60)).count();
+        println!(
+            "{name}: last edge {:.1} ms after (median), {:.1} at most; {within} of {TIMES} \
+             within 60 ms ({without} without a pulse before)",
+            spans[TIMES / 2].as_seconds() * 1e3,
+            spans[TIMES - 1].as_seconds() * 1e3
+        );
+    }
+}
