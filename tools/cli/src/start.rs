@@ -1,4 +1,5 @@
-//! `i2ris start`: emulator, controller and monitor with one command, and their end with another.
+//! `i2ris start`: emulator, controller, watchdog and monitor with one command, and their end with
+//! another.
 
 use std::fs;
 use std::io::{self, IsTerminal};
@@ -9,6 +10,7 @@ use i2ris::clock;
 use i2ris::config::{Config, PortConfig};
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
+use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::units::Nanos;
 use i2ris_report::programs::find;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
@@ -35,7 +37,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(50);
 Then, in another terminal:
   i2ris calibrate
 
-The monitor takes this terminal; q or Ctrl-C ends all three programs, the drives first.")]
+The monitor takes this terminal; q or Ctrl-C ends all four programs, the drives first.")]
 pub struct Arguments {
     /// Parameters of the snake [default: those of the steel snake]
     #[arg(long, value_name = "FILE")]
@@ -77,7 +79,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let is_default = name == "i2ris" && arguments.domain.is_default();
     let option = if is_default { String::new() } else { format!(" --domain {name}") };
     until_closed(Screen::stdout().say(&format!(
-        "ready: emulator and controller on domain {name}, logs in {logs}\n\
+        "ready: emulator, controller and watchdog on domain {name}, logs in {logs}\n\
          next, in another terminal: i2ris calibrate{option}"
     )))?;
     let outcome = watch(arguments, name, &interrupt, &mut robot);
@@ -145,16 +147,21 @@ fn device(folder: &Path, number: usize) -> PathBuf {
     folder.join(format!("ports/axis{number}"))
 }
 
-/// Emulator and controller as processes of their own. Dropping ends both.
+/// An emulated drive is as late as the machine: a watchdog that is as strict as on a robot would
+/// stop it for every stall.
+const SILENCE_MS: &str = "2000";
+
+/// Emulator, controller and watchdog as processes of their own. Dropping ends all.
 pub struct EmulatedRobot {
     pub robot_id: String,
     // The controller first: it switches the drives off in order.
     controller: Process,
+    watchdog: Process,
     emulator: Process,
 }
 
 impl EmulatedRobot {
-    /// Starts both in the folder of the file. `config`: that of the file, or written there if it is
+    /// Starts all in the folder of the file. `config`: that of the file, or written there if it is
     /// not there. `emulate`: options of `i2ris emulate`.
     pub fn start(
         file: &Path,
@@ -162,10 +169,14 @@ impl EmulatedRobot {
         emulate: &[String],
         interrupt: &Interrupt,
     ) -> Result<Self, Failure> {
-        let program = find("control").ok_or(
-            "there is no program i2ris-control beside i2ris or on PATH; build it with `cargo \
-             build --release`",
-        )?;
+        let program = |name: &str| {
+            find(name).ok_or_else(|| {
+                format!(
+                    "there is no program i2ris-{name} beside i2ris or on PATH; build it with \
+                     `cargo build --release`"
+                )
+            })
+        };
         let domain = Domain::new(&config.domain)?;
         let folder = file.parent().ok_or("the configuration lies in no folder")?;
         if !file.exists() {
@@ -179,25 +190,37 @@ impl EmulatedRobot {
         wait(interrupt, &mut [&mut emulator], "the ports", || {
             config.ports.iter().all(|port| port.device.exists())
         })?;
-        let mut command = Command::new(program);
-        // Before the one of the file.
-        command.env("I2RIS_DOMAIN", domain.name());
-        let mut controller =
-            Process::start("controller", command.arg("--config").arg(file), folder)?;
-        wait(interrupt, &mut [&mut emulator, &mut controller], "the controller", || {
+        let started = |name, program: &Path, options: &[&str]| {
+            let mut command = Command::new(program);
+            // Before the one of the file.
+            command.env("I2RIS_DOMAIN", domain.name()).args(options);
+            Process::start(name, command.arg("--config").arg(file), folder)
+        };
+        let mut watchdog =
+            started("watchdog", &program("watchdog")?, &["--silence-ms", SILENCE_MS])?;
+        wait(interrupt, &mut [&mut emulator, &mut watchdog], "the watchdog", || {
+            let status = WatchdogStatus::read(&domain, &config.devices(), clock::now());
+            status == WatchdogStatus::Watching
+        })?;
+        let mut controller = started("controller", &program("control")?, &[])?;
+        let mut all = [&mut emulator, &mut watchdog, &mut controller];
+        wait(interrupt, &mut all, "the controller", || {
             Client::connect(&domain, Nanos::ZERO).is_ok()
         })?;
-        Ok(Self { robot_id: config.robot_id.clone(), controller, emulator })
+        Ok(Self { robot_id: config.robot_id.clone(), controller, watchdog, emulator })
     }
 
     /// Fails if one of them has ended.
     pub fn check(&mut self) -> Result<(), Failure> {
         self.emulator.check()?;
+        self.watchdog.check()?;
         self.controller.check()
     }
 
     pub fn end(self) -> Result<(), Failure> {
-        self.controller.end().and_then(|()| self.emulator.end())
+        let [controller, watchdog, emulator] =
+            [self.controller, self.watchdog, self.emulator].map(Process::end);
+        controller.and(watchdog).and(emulator)
     }
 }
 

@@ -168,7 +168,7 @@ fn snakes_by_name_are_there_in_every_folder_and_it_ends_by_itself_when_requested
 }
 
 #[test]
-fn start_runs_emulator_and_controller_and_ends_both() {
+fn start_runs_emulator_controller_and_watchdog_and_ends_all() {
     let (bench, domain) = (WorkFolder::new(), nobody());
     let words = format!("start --no-monitor --folder {}", bench.file("here"));
     let running = Running::until("ready", start(&domain, &words));
@@ -176,6 +176,7 @@ fn start_runs_emulator_and_controller_and_ends_both() {
     running.end(Signal::SIGINT);
     assert!(!bench.exists("here/ports"), "the emulator has ended");
     assert_says(&bench.read("here/emulator.log"), &["ended"]);
+    assert_says(&bench.read("here/watchdog.log"), &["holding"]);
     let served = format!("serves domain `{}`", domain.name());
     assert_says(&bench.read("here/controller.log"), &[&served]);
     // The lock is free: the controller has ended.
