@@ -25,6 +25,7 @@ mod exit;
 mod external;
 mod model;
 mod numbers;
+mod preflight;
 mod process;
 mod progress_bar;
 mod start;
@@ -54,7 +55,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Start emulator, controller and monitor, and end all three
+    /// Start emulator, controller, watchdog and monitor, and end all four
     Start(start::Arguments),
     /// Run two emulated drives with a snake behind them
     Emulate(emulate::Arguments),
@@ -62,6 +63,8 @@ enum Task {
     Demo(demo::Arguments),
     /// Check ports, drives and machine before the robot moves; look at a configuration
     Doctor(doctor::Arguments),
+    /// Go or no-go in the minute before a trial: looks at everything, and moves the snake a little
+    Preflight(preflight::Arguments),
     /// Hold every client and end every motion, at once
     #[command(alias = "estop", alias = "e-stop", alias = "halt")]
     Stop(stop::Arguments),
@@ -98,6 +101,7 @@ impl Task {
             Self::Start(_)
             | Self::Emulate(_)
             | Self::Demo(_)
+            | Self::Preflight(_)
             | Self::Stop(_)
             | Self::Home(_)
             | Self::Enable(_)
@@ -113,6 +117,7 @@ impl Task {
             Self::Emulate(arguments) => emulate::run(arguments),
             Self::Demo(arguments) => demo::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
+            Self::Preflight(arguments) => preflight::run(&arguments),
             Self::Stop(arguments) => stop::run(&arguments),
             Self::Home(arguments) => state::run(&arguments, StateCommand::Home),
             Self::Enable(arguments) => state::run(&arguments, StateCommand::Enable),

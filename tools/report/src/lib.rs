@@ -37,6 +37,7 @@
 //! | [`screen`] | standard output, redrawn on a terminal; a sign of life during long work |
 //! | [`stop`] | holds every client and ends every activity |
 //! | [`tips`] | advice about a wrong command line |
+//! | [`preflight`] | what a preflight said, for the trial after it |
 //! | [`files`] | atomic replacement of files |
 //! | [`hull_outline`] | the calibrated hull in the plane of pitch and yaw |
 //! | [`model_poller`] | the models of the controller, and the hull of the one in use |
@@ -56,6 +57,7 @@ pub mod model_poller;
 pub mod number;
 pub mod page;
 pub mod plot;
+pub mod preflight;
 pub mod program;
 pub mod programs;
 pub mod screen;

@@ -55,6 +55,20 @@ impl Program {
     }
 }
 
+/// The file that a controller was started with, as the system keeps its command line.
+#[must_use]
+pub fn served_file(pid: u32) -> Option<PathBuf> {
+    let process = Path::new("/proc").join(pid.to_string());
+    let line = std::fs::read(process.join("cmdline")).ok()?;
+    let words: Vec<_> = line.split(|byte| *byte == 0).map(String::from_utf8_lossy).collect();
+    let is_option = |word: &str| word == "--config" || word == "-c";
+    let next = words.iter().skip_while(|word| !is_option(word)).nth(1);
+    let joined = words.iter().find_map(|word| word.strip_prefix("--config="));
+    let named = next.map(AsRef::as_ref).or(joined)?;
+    // It stays when the controller ends.
+    std::fs::canonicalize(process.join("cwd").join(named)).ok()
+}
+
 /// The file of `i2ris-NAME`: beside the running program, or else on PATH.
 pub fn find(name: &str) -> Option<PathBuf> {
     let file = format!("i2ris-{name}");

@@ -26,7 +26,12 @@ pub struct Robot {
 impl Robot {
     /// At rest at 0.
     pub fn new(snake: Snake) -> Self {
-        Self { config: MotorConfig::default(), motors: [Motor::default(); 2], snake }
+        Self::with_motors(snake, MotorConfig::default())
+    }
+
+    /// The same with other motors or position controllers.
+    pub fn with_motors(snake: Snake, config: MotorConfig) -> Self {
+        Self { config, motors: [Motor::default(); 2], snake }
     }
 
     /// One tick with these setpoints.

@@ -20,6 +20,7 @@ use i2ris::units::{AUXILIARY, Counts, Nanos};
 use i2ris_simulation::drive::DriveConfig;
 use i2ris_simulation::log::{Event, EventKind};
 use i2ris_simulation::physics::springs::SnakeConfig;
+use i2ris_simulation::physics::{DrawnSnake, Physics};
 use i2ris_simulation::{Emulator, EmulatorConfig, Line};
 use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
@@ -128,6 +129,18 @@ impl Rig {
     /// A robot whose controller starts with a model.
     pub fn with_model() -> Self {
         Self::start().and_model()
+    }
+
+    /// The snake on which the fitted model of the tests was recorded, and that model.
+    pub fn with_fitted_model() -> Self {
+        let snake = DrawnSnake { physics: Physics::LuGre, seed: 1 };
+        let mut rig = Self::build(Line::Lab, |emulation| emulation.snake = snake.into());
+        let fitted = root().join("tests/adaptation/force-balance.json");
+        let model = rig.folder.path().join("model.json");
+        fs::copy(fitted, &model).unwrap();
+        "i2ris-emulated".clone_into(&mut rig.config.robot_id);
+        rig.config.control.model = Some(model);
+        rig
     }
 
     fn and_model(mut self) -> Self {

@@ -32,6 +32,9 @@ impl PrepareOptions {
     /// What a person has allowed who typed yes.
     pub const ALL: Self = Self { enable: true, home: true };
 
+    /// The same where the zero stays what it is.
+    pub const ENABLE: Self = Self { enable: true, home: false };
+
     /// Either is given: a permission to move.
     pub fn is_given(self) -> bool {
         self.enable || self.home

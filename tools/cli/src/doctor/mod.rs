@@ -6,7 +6,7 @@
 mod config;
 mod devices;
 mod drives;
-mod report;
+pub mod report;
 mod system;
 mod usb;
 

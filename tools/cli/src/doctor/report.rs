@@ -72,7 +72,13 @@ impl Report {
     }
 
     pub fn failures(&self) -> usize {
-        self.checks.iter().filter(|check| check.level == Level::Fail).count()
+        self.failed().count()
+    }
+
+    /// The names of what fails.
+    pub fn failed(&self) -> impl Iterator<Item = &str> {
+        let failed = self.checks.iter().filter(|check| check.level == Level::Fail);
+        failed.map(|check| &*check.name)
     }
 
     pub fn to_json(&self) -> Result<String, serde_json::Error> {

@@ -17,6 +17,7 @@ mod model;
 mod motor;
 mod operator;
 mod played;
+mod preflight;
 mod python;
 mod python_effects;
 mod reach;

@@ -51,6 +51,11 @@ pub enum Event {
         /// Of the recorder.
         pid: i32,
     },
+    /// What the preflight before it said, or that there was none.
+    Preflight {
+        time: String,
+        said: String,
+    },
     Mark {
         time: String,
         monotonic_ns: u64,
@@ -85,6 +90,8 @@ pub struct TrialState {
     /// `None` while it runs, or was cut off and not closed yet.
     pub outcome: Option<Outcome>,
     pub note: String,
+    /// See [`Event::Preflight`].
+    pub preflight: String,
     pub marks: Vec<Mark>,
     /// Starts of the controller that were recorded.
     pub boots: Vec<String>,
@@ -114,6 +121,7 @@ impl TrialState {
                 self.boots.push(boot_id);
                 self.robot = robot;
             }
+            Event::Preflight { said, .. } => self.preflight = said,
             Event::Mark { time, monotonic_ns, number, text } => {
                 self.marks.push(Mark { number, monotonic_ns, time, text });
             }
@@ -235,6 +243,10 @@ impl Journal {
             task: task.to_owned(),
             note: note.to_owned(),
         })
+    }
+
+    pub fn preflight(&mut self, said: &str) -> Result<(), StudyError> {
+        self.append(&Event::Preflight { time: time(), said: said.to_owned() })
     }
 
     pub fn recording(

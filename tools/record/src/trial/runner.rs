@@ -32,6 +32,8 @@ pub struct Plan<'a> {
     pub condition: &'a Condition,
     pub task: &'a str,
     pub note: &'a str,
+    /// What the preflight before it said.
+    pub preflight: &'a str,
     /// The domain of the controller.
     pub domain: &'a str,
     /// The program `i2ris-record`.
@@ -55,7 +57,9 @@ impl Study {
     }
 
     fn begin(&self, plan: &Plan<'_>, folder: &Path) -> Result<(), StudyError> {
-        Journal::open(folder)?.start(plan.participant, plan.condition, plan.task, plan.note)?;
+        let mut journal = Journal::open(folder)?;
+        journal.start(plan.participant, plan.condition, plan.task, plan.note)?;
+        journal.preflight(plan.preflight)?;
         let log = folder.join(LOG);
         let output = File::create(&log).map_err(io_error(&log))?;
         let error = output.try_clone().map_err(io_error(&log))?;

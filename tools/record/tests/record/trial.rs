@@ -117,6 +117,7 @@ fn a_trial_is_recorded_with_its_marks_and_reported_to_those_who_watch() {
     let report = i2ris_record::report::TrialReport::read(&recording).unwrap();
     assert!(report.cut_off.is_none());
     assert_eq!(report.about.get("note").unwrap(), "P07 joystick reach");
+    assert!(report.text().contains("no preflight of this controller"), "{}", report.text());
     // The next one has the next number; the list has both. Marked from another folder, and ended as
     // it says.
     let said = bench.succeeds(START);
@@ -133,6 +134,7 @@ fn a_trial_is_recorded_with_its_marks_and_reported_to_those_who_watch() {
     assert_eq!(trials, 2, "{list}");
     let show = bench.succeeds("list P07-joystick-01");
     assert!(show.contains("mark   1") && show.contains("contact"), "{show}");
+    assert!(show.contains("no preflight of this controller"), "{show}");
     let json: serde_json::Value = serde_json::from_str(&bench.succeeds("list --json")).unwrap();
     assert_eq!(json["P07-joystick-01"]["marks"][1]["text"], "free");
     assert_eq!(json["P07-joystick-01"]["outcome"], "recovery");

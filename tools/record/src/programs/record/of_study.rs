@@ -26,6 +26,8 @@ pub struct OfStudy {
     boot_id: u64,
     software: String,
     robot: String,
+    /// What the preflight before it said.
+    pub preflight: String,
     _held: Flock<File>,
 }
 
@@ -46,6 +48,7 @@ impl OfStudy {
             boot_id: 0,
             software: format!("i2ris-control {major}.{minor}.{patch}"),
             robot,
+            preflight: Journal::read(folder)?.unwrap_or_default().preflight,
             _held,
         })
     }

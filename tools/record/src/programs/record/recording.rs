@@ -21,6 +21,7 @@ use i2ris_record::recorder::run_log::lines_of_run;
 use i2ris_record::recorder::{
     AttachedFile, MessageCounts, PictureCounts, RecordingHeader, TrialRecorder,
 };
+use i2ris_report::programs::served_file;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen};
 
 /// Waiting time for a controller that is starting.
@@ -81,6 +82,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     header.picture_budget = arguments.pictures_mb * 1_000_000;
     let drives = serde_json::to_string(&arguments.domain.domain()?.drives())?;
     header.about.insert("drives".to_owned(), drives);
+    let preflight = of_study.as_ref().map(|study| study.preflight.clone()).unwrap_or_default();
+    header.about.insert("preflight".to_owned(), preflight);
     let mut trial = TrialRecorder::start(output, header)?;
     let mut subscriptions = Subscriptions::new(&client.watcher(), Stream::ALL);
     let start = clock::now();
@@ -153,19 +156,6 @@ fn served_configuration(
         .into());
     }
     Ok(Some((path.to_owned(), config)))
-}
-
-/// The file that a controller was started with, as the system keeps its command line.
-fn served_file(pid: u32) -> Option<PathBuf> {
-    let process = Path::new("/proc").join(pid.to_string());
-    let line = fs::read(process.join("cmdline")).ok()?;
-    let words: Vec<_> = line.split(|byte| *byte == 0).map(String::from_utf8_lossy).collect();
-    let is_option = |word: &str| word == "--config" || word == "-c";
-    let next = words.iter().skip_while(|word| !is_option(word)).nth(1);
-    let joined = words.iter().find_map(|word| word.strip_prefix("--config="));
-    let named = next.map(AsRef::as_ref).or(joined)?;
-    // It stays when the controller ends.
-    fs::canonicalize(process.join("cwd").join(named)).ok()
 }
 
 /// The run log as an attachment, if it has lines of this run.

@@ -13,6 +13,7 @@ use i2ris_record::trial::order::order;
 use i2ris_record::trial::runner::Plan;
 use i2ris_record::trial::workload::{SCALES, Workload};
 use i2ris_record::trial::{Study, StudyError, TrialFolder};
+use i2ris_report::preflight::Preflight;
 use i2ris_report::{DomainOption, Failure};
 
 #[derive(Debug, clap::Args)]
@@ -155,12 +156,15 @@ pub fn run(task: Task) -> Result<(), Failure> {
                 println!("{name} had been cut off: closed as aborted; what was recorded is kept");
             }
             let recorder = std::env::current_exe()?;
+            let domain = domain.domain()?;
+            let (preflight, is_go) = Preflight::before_trial(&domain, now);
             let trial = study.start(&Plan {
                 participant: &participant,
                 condition: &condition,
                 task: &task,
                 note: &note,
-                domain: domain.domain()?.name(),
+                preflight: &preflight,
+                domain: domain.name(),
                 recorder: &recorder,
             })?;
             println!(
@@ -169,6 +173,9 @@ pub fn run(task: Task) -> Result<(), Failure> {
                 trial.name,
                 folder.display()
             );
+            if !is_go {
+                eprintln!("warning: {preflight}");
+            }
         }
         Task::Mark { text, study } => {
             let (name, number) = study.open()?.mark(now, &text)?;
@@ -264,6 +271,9 @@ fn show(study: &Study, name: &str) -> Result<(), Failure> {
     let trial = study.trial(name)?;
     println!("{}", line(&trial));
     println!("  recording: {}", trial.recording().display());
+    if !trial.state.preflight.is_empty() {
+        println!("  {}", trial.state.preflight);
+    }
     if let Some(why) = &trial.state.failed {
         println!("  not recorded to its end: {why}");
     }

@@ -1,0 +1,252 @@
+//! The small motion of a preflight, and what is read out of it: gain, loop width, offset and lag of
+//! what the camera sees beside what the model says. Pure.
+//!
+//! The goal swings from the present pose to one side and back, one axis after the other, slowly and
+//! then fast. Everything that is seen is fitted, by least squares, with the goal `g`, its velocity
+//! `v` and its direction `s`: `y = mean + gain g - late v - width / 2 s`. Two speeds tell a lag
+//! from a loop. The model's estimate and the counts of the motors are fitted in the same way, and
+//! the difference is the error of the model, free of what hand and drives do.
+
+use std::f64::consts::TAU;
+
+use i2ris_report::statistics::median;
+use nalgebra::{Matrix2, Matrix4, Matrix4x2, Vector2, Vector4};
+
+/// Pitch and yaw, or both motors.
+pub type Pair = Vector2<f64>;
+
+/// Half of the swing, deg. The snake goes twice this to one side of where it is.
+const HALF_SWING_DEG: f64 = 0.5;
+/// No further than this from the start, whatever the model says, deg.
+pub const FARTHEST_DEG: f64 = 1.9;
+
+/// Length of a turn, s, and how many: slow ones, the first of which only makes the memory known,
+/// and fast ones.
+const SLOW_S: f64 = 4.0;
+const SLOW_TURNS: f64 = 2.0;
+const FAST_S: f64 = 1.2;
+const FAST_TURNS: f64 = 3.0;
+const AXIS_S: f64 = SLOW_S * SLOW_TURNS + FAST_S * FAST_TURNS;
+pub const LENGTH_S: f64 = 2.0 * AXIS_S;
+
+/// Frames of the swing of an axis, at least.
+const FEWEST: usize = 20;
+
+/// Where the goal is at which time.
+#[derive(Debug, Clone, Copy)]
+pub struct Plan {
+    /// Pitch and yaw, deg.
+    pub start: Pair,
+}
+
+impl Plan {
+    /// Axis, phase, length of the turn, and whether it counts.
+    fn phase(time_s: f64) -> Option<(usize, f64, f64, bool)> {
+        let axis = if time_s < AXIS_S { 0 } else { 1 };
+        let slow_s = time_s - axis as f64 * AXIS_S;
+        let fast_s = slow_s - SLOW_S * SLOW_TURNS;
+        let (turn_s, within_s, counts) = match fast_s < 0.0 {
+            true => (SLOW_S, slow_s, slow_s >= SLOW_S),
+            false => (FAST_S, fast_s, fast_s >= 0.25 * FAST_S),
+        };
+        let is_within = (0.0..LENGTH_S).contains(&time_s);
+        is_within.then_some((axis, TAU * within_s / turn_s, turn_s, counts))
+    }
+
+    /// Half of the swing, towards the middle of the range.
+    fn half_swing(&self, axis: usize) -> f64 {
+        -HALF_SWING_DEG * if self.start[axis] > 0.0 { 1.0 } else { -1.0 }
+    }
+
+    /// Pitch and yaw, deg, at a time from the beginning; the start before and after.
+    pub fn goal(&self, time_s: f64) -> Pair {
+        let mut goal = self.start;
+        if let Some((axis, phase, ..)) = Self::phase(time_s) {
+            goal[axis] += self.half_swing(axis) * (1.0 - phase.cos());
+        }
+        goal
+    }
+
+    /// The axis that moves and the terms of the fit; `None` where nothing is judged.
+    fn terms(&self, time_s: f64) -> Option<(usize, Vector4<f64>)> {
+        let (axis, phase, turn_s, counts) = Self::phase(time_s)?;
+        let half = self.half_swing(axis);
+        let velocity = half * phase.sin() * TAU / turn_s;
+        let direction = (phase.sin() / 0.3).tanh() * half.signum();
+        counts.then_some((axis, Vector4::new(1.0, -half * phase.cos(), velocity, direction)))
+    }
+}
+
+/// What is looked at: angles in deg, motors in counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Series {
+    Estimate,
+    Setpoint,
+    Encoder,
+    Camera,
+}
+
+type Sample = (Vector4<f64>, Pair);
+
+/// A fit: the factors of the terms.
+#[derive(Debug, Clone, Copy)]
+struct Fit(Matrix4x2<f64>);
+
+impl Fit {
+    /// A few samples may be anything. `None`: too few, or all of one instant.
+    fn new(samples: &[Sample]) -> Option<Self> {
+        let mut fit = Self(Matrix4x2::zeros());
+        let mut most = f64::INFINITY;
+        for _ in 0..4 {
+            let kept: Vec<&Sample> =
+                samples.iter().filter(|sample| fit.off(sample) <= most).collect();
+            let products: Matrix4<f64> = kept.iter().map(|(at, _)| at * at.transpose()).sum();
+            let values: Matrix4x2<f64> = kept.iter().map(|(at, seen)| at * seen.transpose()).sum();
+            fit = Self(products.lu().solve(&values).filter(|_| kept.len() >= FEWEST)?);
+            let mut off: Vec<f64> = samples.iter().map(|sample| fit.off(sample)).collect();
+            most = 4.0 * median(&mut off)?.max(1e-9);
+        }
+        Some(fit)
+    }
+
+    fn off(&self, (terms, seen): &Sample) -> f64 {
+        (seen - self.0.tr_mul(terms)).norm()
+    }
+
+    fn row(&self, term: usize) -> Pair {
+        self.0.row(term).transpose()
+    }
+}
+
+/// Gathers what is seen while the goal moves.
+#[derive(Debug)]
+pub struct Observer {
+    plan: Plan,
+    /// By the axis that moves, and by series.
+    samples: [[Vec<Sample>; 4]; 2],
+    /// What the camera saw in the first three frames, and in the last three, deg.
+    first: Vec<Pair>,
+    recent: [Pair; 3],
+    seen: usize,
+    /// Where the camera saw the snake farthest from the start, in the middle of three frames, and
+    /// where the goal was then, from the start, deg.
+    pub farthest: [Pair; 2],
+}
+
+impl Observer {
+    pub fn new(plan: Plan) -> Self {
+        let (samples, first, recent, farthest) = Default::default();
+        Self { plan, samples, first, recent, seen: 0, farthest }
+    }
+
+    /// Whether the camera saw the snake further away than it may go.
+    pub fn is_too_far(&self) -> bool {
+        self.farthest[0].norm() > FARTHEST_DEG
+    }
+
+    /// What is seen at a time from the beginning of the motion.
+    pub fn see(&mut self, series: Series, time_s: f64, value: Pair) {
+        if series == Series::Camera && time_s > 0.0 {
+            self.note_place(time_s, value);
+        }
+        if let Some((axis, terms)) = self.plan.terms(time_s) {
+            self.samples[axis][series as usize].push((terms, value));
+        }
+    }
+
+    fn note_place(&mut self, time_s: f64, place: Pair) {
+        if self.first.len() < 3 {
+            self.first.push(place);
+        }
+        self.recent[self.seen % 3] = place;
+        self.seen += 1;
+        if self.seen >= 3 {
+            let middle = |frames: &[Pair], axis: usize| {
+                median(&mut frames.iter().map(|frame| frame[axis]).collect::<Vec<_>>())
+                    .unwrap_or(0.0)
+            };
+            let away =
+                [0, 1].map(|axis| middle(&self.recent, axis) - middle(&self.first, axis)).into();
+            if Pair::norm(&away) > self.farthest[0].norm() {
+                self.farthest = [away, self.plan.goal(time_s) - self.plan.start];
+            }
+        }
+    }
+
+    /// What came of the whole motion; `None`: too little was seen of motors or model.
+    pub fn finish(&self) -> Option<Motion> {
+        let fits = |series: Series| {
+            let [pitch, yaw] =
+                [0, 1].map(|axis: usize| Fit::new(&self.samples[axis][series as usize]));
+            Some([pitch?, yaw?])
+        };
+        let [estimate, setpoint, encoder] =
+            [Series::Estimate, Series::Setpoint, Series::Encoder].map(fits);
+        Motion::new(fits(Series::Camera), estimate?, setpoint?, encoder?)
+    }
+}
+
+/// The motion: what the camera saw beside what the model said. "Counts of a motor" of an angle are
+/// those that would bend the snake so, by the model.
+#[derive(Debug, Clone, Copy)]
+pub struct Motion {
+    pub seen: Option<Seen>,
+    /// The encoders behind the setpoints, s.
+    pub follow_s: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    /// What is seen per motion of each motor: the unit matrix if the model is right.
+    pub gain: Matrix2<f64>,
+    /// Seen less said, deg, and counts.
+    pub offset_deg: Pair,
+    pub offset_counts: Pair,
+    /// Lost motion that the model does not know, counts.
+    pub lost_counts: Pair,
+    /// The camera behind the model, s.
+    pub late_s: f64,
+    /// Full width of the loop of goal and camera, deg.
+    pub width_deg: Pair,
+}
+
+impl Motion {
+    fn new(
+        camera: Option<[Fit; 2]>,
+        estimate: [Fit; 2],
+        setpoint: [Fit; 2],
+        encoder: [Fit; 2],
+    ) -> Option<Self> {
+        let gain = |fits: &[Fit; 2]| Matrix2::from_columns(&[fits[0].row(1), fits[1].row(1)]);
+        let counts_per_deg = gain(&encoder);
+        let inverses = counts_per_deg.try_inverse().zip(gain(&estimate).try_inverse());
+        let follow = |axis: usize| {
+            let [set, done] =
+                [setpoint[axis], encoder[axis]].map(|fit| fit.row(2).dot(&fit.row(1)));
+            (set - done) / encoder[axis].row(1).norm_squared()
+        };
+        let seen = camera.zip(inverses).map(|(camera, (deg_per_count, said))| {
+            let less = |axis: usize, term| camera[axis].row(term) - estimate[axis].row(term);
+            let offset_deg = 0.5 * (less(0, 0) + less(1, 0));
+            // Counts that are lost at a turn of a motor, which turns with the axis or against it: in
+            // the motion that shows more.
+            let lost = |motor: usize| {
+                let in_swing = |axis: usize| {
+                    let counts = (counts_per_deg * less(axis, 3))[motor];
+                    -2.0 * counts * counts_per_deg[(motor, axis)].signum()
+                };
+                let [pitch, yaw] = [0, 1].map(in_swing);
+                if pitch.abs() > yaw.abs() { pitch } else { yaw }
+            };
+            Seen {
+                gain: counts_per_deg * gain(&camera) * said * deg_per_count,
+                offset_deg,
+                offset_counts: counts_per_deg * offset_deg,
+                lost_counts: Pair::new(lost(0), lost(1)),
+                late_s: -0.5 * (less(0, 2)[0] + less(1, 2)[1]),
+                width_deg: Pair::new(-2.0 * camera[0].row(3)[0], -2.0 * camera[1].row(3)[1]),
+            }
+        });
+        Some(Self { seen, follow_s: 0.5 * (follow(0) + follow(1)) })
+    }
+}

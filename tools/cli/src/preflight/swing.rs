@@ -1,0 +1,144 @@
+//! The small motion: permission, commands, and what is seen meanwhile.
+
+use std::io::{self, BufRead, IsTerminal};
+
+use i2ris::clock;
+use i2ris::ipc::StateCommand;
+use i2ris::ipc::client::{Client, Latest};
+use i2ris::ipc::payload::{ExternalPosition, JointState, Message};
+use i2ris::realtime::Ticker;
+use i2ris::units::Nanos;
+use i2ris_report::{Failure, Interrupt, Screen, until_closed, while_working};
+
+use super::judgement::{MOST_SCATTER_DEG, Measured, Swing};
+use super::motion::{LENGTH_S, Observer, Pair, Plan, Series};
+use crate::command::prepare::{PrepareOptions, prepare};
+use crate::command::stream::present_pose;
+use crate::command::stream_monitor::StreamMonitor;
+
+const PERIOD: Nanos = Nanos::from_millis(5);
+/// Frames of the end are still on their way.
+const LAST_FRAMES_S: f64 = 0.5;
+
+/// Moves, if that is permitted and makes sense. What stands against it is a no-go; an interrupt is
+/// an error.
+pub fn run(
+    client: &mut Client,
+    mut options: PrepareOptions,
+    measured: &Measured,
+    interrupt: &Interrupt,
+) -> Result<Swing, Failure> {
+    let none = |why: &str| Ok(Swing::None(why.to_owned()));
+    let has_person = io::stdin().is_terminal();
+    if !measured.is_memory_known {
+        return none("none: the model does not know how the wires are");
+    }
+    if measured.camera.is_some_and(|camera| camera.scatter_deg > MOST_SCATTER_DEG) {
+        return none("none: the camera could not stop it");
+    }
+    // A script has said it with `--enable` or `--home`.
+    if !options.is_given() {
+        let question = format!(
+            "The snake swings by less than 2 deg to one side and back, in pitch, then in yaw, for \
+             {LENGTH_S:.0} s. Its power is switched on. Snake out of the eye, one hand on the \
+             switch of the motor supply?"
+        );
+        if !has_person {
+            return none("none: nobody can be asked here; --enable is the permission");
+        }
+        if !is_yes(&question)? {
+            return none("none: not yes");
+        }
+        options = PrepareOptions::ENABLE;
+    }
+    let moved = swing(client, options, interrupt);
+    let end = if moved.is_ok() { StateCommand::Release } else { StateCommand::Hold };
+    let released = client.state_command(end);
+    let observer = match moved {
+        Err(failure) if interrupt.came() => return Err(failure),
+        Err(failure) => return none(&failure.to_string()),
+        Ok(observer) => observer,
+    };
+    released?;
+    match observer.finish() {
+        _ if observer.is_too_far() => Ok(Swing::TooFar(observer.farthest)),
+        None => none("the controller told too little of it"),
+        Some(motion) if motion.seen.is_some() || measured.camera.is_some() => {
+            Ok(Swing::Done(motion))
+        }
+        Some(_) if !has_person => none("nobody and no camera has seen it"),
+        Some(motion) => {
+            let question = "Did the tip swing in pitch only, then in yaw only, at once at every \
+                            turn, and is it back where it was?";
+            Ok(Swing::ByEye(motion, is_yes(question)?))
+        }
+    }
+}
+
+fn is_yes(question: &str) -> Result<bool, Failure> {
+    until_closed(Screen::stdout().say(&format!("{question} Type yes.")))?;
+    let mut typed = String::new();
+    io::stdin().lock().read_line(&mut typed)?;
+    Ok(typed.trim() == "yes")
+}
+
+fn swing(
+    client: &mut Client,
+    options: PrepareOptions,
+    interrupt: &Interrupt,
+) -> Result<Observer, Failure> {
+    let state = prepare(client, options, interrupt)?;
+    let plan = Plan { start: Pair::from(present_pose(client)?) };
+    let mut monitor = StreamMonitor::new(client.id(), &state, clock::now());
+    let (watcher, mut commander) = (client.watcher(), client.commander());
+    let (mut measured, mut motors) = (watcher.measured_js(), watcher.actuators());
+    let (mut camera, mut goal) = (watcher.external(), Latest::new(watcher.goal_js()));
+    let mut observer = Observer::new(plan);
+    let begin = clock::now();
+    let mut ticker = Ticker::new(begin, PERIOD, Nanos::ZERO);
+    let time_s = |stamp: Nanos| (stamp.0 as f64 - begin.0 as f64) * 1e-9;
+    let angles = |at: [f64; 3]| Pair::new(at[0].to_degrees(), at[1].to_degrees());
+    while_working("the snake swings", || -> Result<(), Failure> {
+        loop {
+            let now_s = time_s(ticker.wait().started);
+            measured.drain(|joint| {
+                if joint.flags & JointState::VALID != 0 {
+                    observer.see(Series::Estimate, time_s(joint.stamp()), angles(joint.position));
+                }
+            })?;
+            motors.drain(|state| {
+                for (series, counts) in [
+                    (Series::Setpoint, state.setpoint_counts),
+                    (Series::Encoder, state.measured_counts),
+                ] {
+                    observer.see(series, time_s(state.stamp()), Pair::from(counts.map(f64::from)));
+                }
+            })?;
+            camera.drain(|frame| {
+                let is_angle = frame.flags & ExternalPosition::VALID != 0 && frame.count == 2;
+                if is_angle && frame.stamp() > begin {
+                    observer.see(Series::Camera, time_s(frame.stamp()), angles(frame.position));
+                }
+            })?;
+            if observer.is_too_far() || now_s > LENGTH_S + LAST_FRAMES_S {
+                return Ok(());
+            }
+            if interrupt.came() {
+                return Err("interrupted; the snake stopped on its way and holds".into());
+            }
+            commander.servo_jp(plan.goal(now_s).map(f64::to_radians).as_slice())?;
+            if let Some(state) = client.operating_state()? {
+                monitor.check(&state, clock::now())?;
+            }
+            if monitor.has_lost_setpoint() {
+                return Err("commands came late, and the controller stopped the snake".into());
+            }
+            let short = JointState::CLIPPED | JointState::FIXTURE;
+            let goal = goal.refresh()?.filter(|goal| goal.stamp() > begin);
+            if goal.is_some_and(|goal| goal.flags & short != 0) {
+                return Err("none: out of reach here; begin nearer to the straight pose".into());
+            }
+        }
+    })?;
+    Ok(observer)
+}
