@@ -315,6 +315,37 @@ fn refusal(error: &AxisError) -> Option<AbortCode> {
     }
 }
 
+/// Writes the limits of an axis whose power stage is off, reads them back and compares. Returns the
+/// objects that the drive does not have and can do without.
+///
+/// # Errors
+///
+/// When the drive does not answer, or does not take a limit.
+pub fn configure_axis(
+    link: &mut DriveLink<impl Transport>,
+    family: &dyn DriveFamily,
+    axis: &AxisConfig,
+) -> Result<Vec<Address>, AxisError> {
+    let mut drive = DriveNode::new(link, axis.node_id);
+    let model = DriveModel {
+        family: family.name(),
+        product_code: drive.read(object::PRODUCT)?,
+        firmware: drive.read_firmware(family.object_map().firmware_version)?,
+    };
+    let mut left_out = Vec::new();
+    drive.configure(&family.settings(axis), model, &mut |object| left_out.push(object))?;
+    Ok(left_out)
+}
+
+/// Switches a drive off in order, or at once if it does not go off in order.
+///
+/// # Errors
+///
+/// When the drive does not answer, or stays on.
+pub fn switch_off(link: &mut DriveLink<impl Transport>, node: u8) -> Result<(), AxisError> {
+    DriveNode::new(link, node).switch_off()
+}
+
 /// Learns the known constants of the line and shortens the frame timeout of the drive that the port
 /// belongs to.
 pub(super) fn prepare_line(link: &mut DriveLink<impl Transport>) -> Result<(), AxisError> {

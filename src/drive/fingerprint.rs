@@ -61,8 +61,12 @@ pub fn read_over<T: Transport>(
     read_axes(&mut link, config)
 }
 
-/// Reads every setting of the drives behind a port.
-pub(super) fn read_axes(
+/// As [`read_port`], on a line whose drive is known.
+///
+/// # Errors
+///
+/// When a drive does not answer, or is another one.
+pub fn read_axes(
     link: &mut DriveLink<impl Transport>,
     config: &PortConfig,
 ) -> Result<Vec<DriveFingerprint>, DriveError> {

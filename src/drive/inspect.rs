@@ -67,16 +67,26 @@ pub fn inspect_over<T: Transport>(
     transport: T,
     config: &PortConfig,
 ) -> Result<PortInspection, DriveError> {
-    let mut link = DriveLink::new(transport, family_of_port(config), config);
+    inspect_link(&mut DriveLink::new(transport, family_of_port(config), config), config)
+}
+
+/// As [`inspect`], on a line that is used for more.
+///
+/// # Errors
+///
+/// When nothing answers.
+pub fn inspect_link(
+    link: &mut DriveLink<impl Transport>,
+    config: &PortConfig,
+) -> Result<PortInspection, DriveError> {
     let Some(first) = config.axes.first() else {
         return Ok(PortInspection { exchange: Nanos::ZERO, axes: Vec::new() });
     };
-    let [_, exchange] = learn_constants(&mut link)
-        .and_then(|()| time_exchanges(&mut link))
+    let [_, exchange] = learn_constants(link)
+        .and_then(|()| time_exchanges(link))
         .map_err(|error| explain(config, first, error))?;
     let inspect_axis = |axis: &AxisConfig| {
-        inspect_axis(&mut link, config, axis)
-            .map_err(|error| explain(config, axis, error).to_string())
+        inspect_axis(link, config, axis).map_err(|error| explain(config, axis, error).to_string())
     };
     Ok(PortInspection { exchange, axes: config.axes.iter().map(inspect_axis).collect() })
 }

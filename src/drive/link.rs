@@ -259,6 +259,22 @@ impl<T: Transport> DriveLink<T> {
         self.read_with(node, object, Retry::Safe)
     }
 
+    /// The data of the reply to a read as it came, a refusal as well as a value: for finding out how
+    /// a drive answers. Allocates.
+    ///
+    /// # Errors
+    ///
+    /// See [`LinkError`].
+    pub fn read_reply_data(&mut self, node: u8, object: Address) -> Result<Vec<u8>, LinkError> {
+        let (request, mut data) = (self.family.command_set().read(node, object), Vec::new());
+        let mut keep = |reply: SerialFrame<'_>| {
+            data = reply.data.to_vec();
+            Ok(())
+        };
+        self.exchange(&request, Retry::Safe, &mut keep)?;
+        Ok(data)
+    }
+
     /// As [`Self::read_raw`], for a line whose other nodes must not wait.
     pub(super) fn read_promptly(
         &mut self,

@@ -65,16 +65,23 @@ pub fn nodes(config: &PortConfig) -> Result<Vec<FoundNode>, DriveError> {
     let line = SerialTransport::open(&patient)?;
     let mut link = DriveLink::new(line, family_of_port(&patient), &patient);
     learn_constants(&mut link).map_err(|error| explain(config, first, error))?;
+    Ok(nodes_on(&mut link))
+}
+
+/// As [`nodes`], on a line whose drive is known.
+pub fn nodes_on(link: &mut DriveLink<impl Transport>) -> Vec<FoundNode> {
+    link.wait_for_gateway(true);
     let mut found = Vec::new();
     for node in 1..=LAST_NODE {
         if link.is_answered(node, object::SERIAL_NUMBER.address()) {
-            found.extend(identify(&mut link, node).ok());
+            found.extend(identify(link, node).ok());
         } else if !link.is_in_sync() {
             // Nothing answers any more: further nodes would each cost as much.
             break;
         }
     }
-    Ok(found)
+    link.wait_for_gateway(false);
+    found
 }
 
 /// Only an EPOS2 has its firmware version in an object of its own.

@@ -28,6 +28,9 @@ use crate::emulator::port::{LineConfig, LineTiming, REPLY_WAIT_US, REQUEST_WAIT_
 /// The first tick. Long before it every drive has been brought up.
 const BEGIN: Nanos = Nanos::from_millis(60_000);
 
+/// At most so much time passes at once without a request.
+const SLEEP_STEP: Nanos = Nanos::from_millis(1000);
+
 /// The present instant of every thread. The control loop is the first.
 #[derive(Debug, Clone)]
 struct Instants(Arc<(Mutex<Vec<Nanos>>, Condvar)>);
@@ -59,6 +62,8 @@ struct LineEnd {
     plant: Arc<Mutex<Plant>>,
     instants: Instants,
     thread: usize,
+    /// That of the drive that the port belongs to.
+    axis: usize,
     now: Nanos,
     config: LineConfig,
     timing: LineTiming,
@@ -69,6 +74,26 @@ struct LineEnd {
 }
 
 impl LineEnd {
+    fn new(
+        config: &EmulatorConfig,
+        plant: &Arc<Mutex<Plant>>,
+        instants: &Instants,
+        [thread, axis]: [usize; 2],
+    ) -> Self {
+        Self {
+            plant: Arc::clone(plant),
+            instants: instants.clone(),
+            thread,
+            axis,
+            now: Nanos::ZERO,
+            config: config.line.clone(),
+            timing: LineTiming::new(&config.line),
+            parser: Parser::default(),
+            random: Pcg64Mcg::seed_from_u64(config.seed + axis as u64),
+            reply: None,
+        }
+    }
+
     fn pass(&mut self, until: Nanos) {
         self.now = self.now.max(until);
         self.instants.wait(self.thread, self.now);
@@ -89,7 +114,7 @@ impl Transport for LineEnd {
         let Some(incoming) = incoming else { return Ok(()) };
         let arrived = self.timing.complete(read);
         self.instants.wait(self.thread, arrived);
-        let Some(reply) = lock(&self.plant).reply(self.thread - 1, &incoming, arrived) else {
+        let Some(reply) = lock(&self.plant).reply(self.axis, &incoming, arrived) else {
             return Ok(());
         };
         let jitter = self.random.random_range(0..=self.config.jitter_us);
@@ -140,29 +165,14 @@ pub struct Lines {
 impl Lines {
     /// Brings all drives up, on the ports of the controller. The error says why that fails.
     pub fn start(config: &EmulatorConfig, ports: &[PortConfig]) -> Result<Self, String> {
-        let drives = config.drives.iter().chain(&config.auxiliary);
-        let drives = drives.map(|config| Drive::new(config, 0.0)).collect();
-        let gateways = (config.ports(), Nanos::from_micros(config.gateway_us.unwrap_or_default()));
-        let (snake, log) = (config.snake.build(config.seed), Arc::new(Log::default()));
-        let plant = Plant::new(drives, snake, gateways, Arc::clone(&log), Nanos::ZERO);
-        let plant = Arc::new(Mutex::new(plant));
+        let (plant, log) = plant(config);
         let mut instants = vec![Nanos::ZERO; ports.len() + 1];
         instants[0] = BEGIN;
         let instants = Instants(Arc::new((Mutex::new(instants), Condvar::new())));
         let (stop, (ready, links)) = (Arc::new(AtomicBool::new(false)), mpsc::channel());
         let mut threads = Vec::new();
         for (index, port) in ports.iter().enumerate() {
-            let end = LineEnd {
-                plant: Arc::clone(&plant),
-                instants: instants.clone(),
-                thread: index + 1,
-                now: Nanos::ZERO,
-                config: config.line.clone(),
-                timing: LineTiming::new(&config.line),
-                parser: Parser::default(),
-                random: Pcg64Mcg::seed_from_u64(config.seed + index as u64),
-                reply: None,
-            };
+            let end = LineEnd::new(config, &plant, &instants, [index + 1, index]);
             let (port, ready, stop) = (port.clone(), ready.clone(), Arc::clone(&stop));
             threads.push(thread::spawn(move || serve(end, &port, &ready, &stop)));
         }
@@ -262,6 +272,70 @@ impl Drop for Lines {
         for thread in mem::take(&mut self.threads) {
             let _ = thread.join();
         }
+    }
+}
+
+fn plant(config: &EmulatorConfig) -> (Arc<Mutex<Plant>>, Arc<Log>) {
+    let drives = config.drives.iter().chain(&config.auxiliary);
+    let drives = drives.map(|config| Drive::new(config, 0.0)).collect();
+    let gateways = (config.ports(), Nanos::from_micros(config.gateway_us.unwrap_or_default()));
+    let (snake, log) = (config.snake.build(config.seed), Arc::new(Log::default()));
+    let plant = Plant::new(drives, snake, gateways, Arc::clone(&log), Nanos::ZERO);
+    (Arc::new(Mutex::new(plant)), log)
+}
+
+/// Lines that one thread uses in turn, as a program without port threads does. The motors are not
+/// coupled to the snake.
+#[derive(Clone)]
+pub struct Bench {
+    plant: Arc<Mutex<Plant>>,
+    config: EmulatorConfig,
+}
+
+impl Bench {
+    pub fn new(config: &EmulatorConfig) -> Self {
+        let (plant, _) = plant(config);
+        lock(&plant).wires.iter_mut().for_each(|wire| wire.break_at(0.0));
+        Self { plant, config: config.clone() }
+    }
+
+    /// The line of a port.
+    pub fn line(&self, port: usize) -> BenchLine {
+        let axis = self.config.ports().get(port).and_then(|axes| axes.first().copied());
+        let instants = Instants(Arc::new((Mutex::new(vec![Nanos::ZERO]), Condvar::new())));
+        BenchLine(LineEnd::new(&self.config, &self.plant, &instants, [0, axis.unwrap_or(port)]))
+    }
+
+    /// Looks at a drive, or does something to it.
+    pub fn with_drive<R>(&self, axis: usize, act: impl FnOnce(&mut Drive) -> R) -> R {
+        act(&mut lock(&self.plant).drives[axis])
+    }
+}
+
+/// The end of such a line. All have the time of the drives.
+pub struct BenchLine(LineEnd);
+
+impl Transport for BenchLine {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.now = self.now();
+        self.0.write(bytes)
+    }
+
+    fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
+        self.0.read(into, deadline)
+    }
+
+    fn now(&self) -> Nanos {
+        self.0.now.max(lock(&self.0.plant).time())
+    }
+
+    fn sleep_until(&mut self, until: Nanos) {
+        // In steps that the plant catches up with.
+        while self.now() + SLEEP_STEP < until {
+            self.0.now = self.now() + SLEEP_STEP;
+            lock(&self.0.plant).advance_to(self.0.now);
+        }
+        self.0.now = self.now().max(until);
     }
 }
 

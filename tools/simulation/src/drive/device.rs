@@ -67,6 +67,8 @@ pub struct Drive {
     /// It is cut off from its line, and goes on as it is.
     pub(super) silent: bool,
     pub(super) transfer: SegmentedTransfer,
+    /// The node behind its port whose segments are read.
+    pub(super) transfer_behind: Option<u8>,
     pub(super) events: Vec<EventKind>,
 }
 
@@ -118,6 +120,7 @@ impl Drive {
             boot_left_s: 0.0,
             silent: false,
             transfer: SegmentedTransfer::default(),
+            transfer_behind: None,
             events: Vec::new(),
         };
         drive.lose_position();
@@ -128,6 +131,11 @@ impl Drive {
     /// True position of the motor since the start of the emulator, counts.
     pub fn motor_counts(&self) -> f64 {
         self.motor.position
+    }
+
+    /// The lowest and the highest true position of the motor so far, counts.
+    pub fn reached(&self) -> [f64; 2] {
+        self.motor.reached
     }
 
     /// Sets the load of the wires on the motor, degrees of wire stretch.

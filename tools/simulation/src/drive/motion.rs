@@ -185,9 +185,11 @@ impl Drive {
     }
 
     fn move_motor(&mut self, dt_s: f64) {
+        // A drive limits the speed that it sees, and with the sign that it believes in.
+        let sees_speed = self.frozen.is_none() && !self.config.motor.reversed;
         let limits = Limits {
             current_ma: self.stored(self.map().current_limit) as f64,
-            speed: self.max_motor_speed(),
+            speed: if sees_speed { self.max_motor_speed() } else { f64::INFINITY },
         };
         // The error that the position controller sees. The motor may be elsewhere.
         let error = self.demand.position - self.measured();

@@ -17,6 +17,12 @@ pub struct MotorConfig {
     pub friction_ma: f64,
     /// Current that holds the load of the wires, mA per degree of wire stretch.
     pub load_ma_per_deg: f64,
+    /// Current turns it away from where its encoder counts up.
+    pub reversed: bool,
+    /// Play of its gear, counts.
+    pub gear_play: f64,
+    /// Current that overcomes the friction behind the gear, mA: only where a flank pushes.
+    pub output_friction_ma: f64,
     /// Hard stops, counts from the position of the motor at the start of the emulator.
     pub stops: [f64; 2],
 }
@@ -31,6 +37,9 @@ impl Default for MotorConfig {
             acceleration_per_ma: 33_000.0,
             friction_ma: 2.0,
             load_ma_per_deg: 4.0,
+            reversed: false,
+            gear_play: 0.0,
+            output_friction_ma: 0.0,
             stops: [-100_000.0, 100_000.0],
         }
     }
@@ -53,6 +62,10 @@ pub struct Motor {
     pub current_ma: f64,
     /// Load of the wires, degrees of wire stretch; positive: it pulls back to lower counts.
     pub load: f64,
+    /// The middle of the play of the gear, counts.
+    pub output: f64,
+    /// The lowest and the highest position so far, counts.
+    pub reached: [f64; 2],
     /// The last step met a limit.
     pub limited: bool,
 }
@@ -63,7 +76,7 @@ const STANDSTILL: f64 = 20.0;
 impl Motor {
     /// A motor at standstill at this position.
     pub fn at(position: f64) -> Self {
-        Self { position, ..Self::default() }
+        Self { position, output: position, reached: [position; 2], ..Self::default() }
     }
 
     pub fn is_at_standstill(&self) -> bool {
@@ -102,8 +115,13 @@ impl Motor {
     ) {
         self.current_ma = target_ma.clamp(-limits.current_ma, limits.current_ma);
         let before = self.velocity;
-        let driven = before + (self.current_ma - load_ma) * config.acceleration_per_ma * dt_s;
-        let friction = config.friction_ma * config.acceleration_per_ma * dt_s;
+        let turning_ma = if config.reversed { -self.current_ma } else { self.current_ma };
+        let driven = before + (turning_ma - load_ma) * config.acceleration_per_ma * dt_s;
+        let off_middle = self.position - self.output;
+        let at_flank = off_middle.abs() >= 0.5 * config.gear_play - 1e-6;
+        let pushes = at_flank && off_middle * driven >= 0.0;
+        let behind_ma = if pushes { config.output_friction_ma } else { 0.0 };
+        let friction = (config.friction_ma + behind_ma) * config.acceleration_per_ma * dt_s;
         let velocity = (driven.abs() - friction).max(0.0).copysign(driven);
         self.limited = self.current_ma != target_ma || velocity.abs() > limits.speed;
         self.velocity = velocity.clamp(-limits.speed, limits.speed);
@@ -113,6 +131,10 @@ impl Motor {
             self.position = self.position.clamp(low, high);
             self.velocity = 0.0;
         }
+        let [lowest, highest] = self.reached;
+        self.reached = [lowest.min(self.position), highest.max(self.position)];
+        let half = 0.5 * config.gear_play;
+        self.output = self.output.clamp(self.position - half, self.position + half);
     }
 
     /// One step without power. Friction brakes; the gear is self-locking.

@@ -53,6 +53,10 @@ impl Drive {
             Ok(addressed) => addressed,
             Err(abort) => return Some(self.reply(Err(abort), is_read)),
         };
+        // Segments of an EPOS2 name no node: they go where the transfer was begun.
+        let is_next = node.is_none() && service.is_segmented();
+        let node = if is_next { self.transfer_behind } else { node };
+        self.transfer_behind = node.filter(|_| service.is_segmented());
         // 0 and no node address the drive at the port.
         if node.is_none_or(|node| node == 0 || node == self.config.node_id) {
             let has_reply = service.has_reply(self.config.family);
