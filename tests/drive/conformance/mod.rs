@@ -1,15 +1,14 @@
 //! The drive layer against drives, in real time: the same cases for every family, framing and
 //! topology.
 //!
-//! The emulator has its own frame codec and state machine, written from the same reference. With a
-//! configuration of real drives named in `I2RIS_HARDWARE`, the cases that a real drive tolerates
-//! run there too: the motors move by a few counts.
+//! The emulator has its own frame codec and state machine, written from the same reference. On real
+//! drives `i2ris commission` finds what they do.
 
 mod bad_input;
 mod cases;
 mod device_files;
 mod emulated;
-mod hardware;
+mod matrix;
 mod running_axis;
 mod test_bench;
 mod unknowns;

@@ -1,9 +1,9 @@
-//! Drives in a topology: emulated or real.
+//! Emulated drives in a topology.
 
 use std::path::Path;
 use std::time::Duration;
 
-use i2ris::config::{AxisConfig, Config, Family, Framing, PortConfig, Streaming};
+use i2ris::config::{AxisConfig, Family, Framing, PortConfig, Streaming};
 use i2ris::drive::{Configured, DriveError, Port};
 use i2ris::units::Counts;
 use i2ris_simulation::drive::DriveSnapshot;
@@ -62,12 +62,12 @@ pub const SETUPS: [Setup; 9] = [
 
 /// Drives, one of them under test.
 pub struct TestBench {
-    emulator: Option<Emulator>,
+    emulator: Emulator,
     ports: Vec<PortConfig>,
     /// The axis under test.
     pub axis: usize,
     pub streaming: Streaming,
-    _folder: Option<TempDir>,
+    _folder: TempDir,
 }
 
 impl TestBench {
@@ -101,23 +101,11 @@ impl TestBench {
         change(&mut config);
         let emulator = Emulator::start(config).unwrap();
         let ports = ports(setup, &emulator);
-        Self {
-            emulator: Some(emulator),
-            ports,
-            axis,
-            streaming: setup.streaming,
-            _folder: Some(folder),
-        }
-    }
-
-    /// Real drives, the first of them under test.
-    pub fn real(config: Config) -> Self {
-        let streaming = config.ports[0].axes[0].streaming;
-        Self { emulator: None, ports: config.ports, axis: 0, streaming, _folder: None }
+        Self { emulator, ports, axis, streaming: setup.streaming, _folder: folder }
     }
 
     pub fn emulator(&self) -> &Emulator {
-        self.emulator.as_ref().expect("a case for emulated drives")
+        &self.emulator
     }
 
     /// The port with the axis under test.
@@ -169,11 +157,9 @@ impl TestBench {
 
     /// The host never sent a request before the previous reply, and never an unknown request.
     pub fn assert_no_host_bugs(&self) {
-        if let Some(emulator) = &self.emulator {
-            let mut log = emulator.log();
-            log.retain(|event| matches!(event.kind, EventKind::HostBug(_)));
-            assert!(log.is_empty(), "{log:?}");
-        }
+        let mut log = self.emulator.log();
+        log.retain(|event| matches!(event.kind, EventKind::HostBug(_)));
+        assert!(log.is_empty(), "{log:?}");
     }
 }
 

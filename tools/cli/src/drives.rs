@@ -142,7 +142,8 @@ fn load(path: &Path) -> Result<(Vec<DriveFingerprint>, bool), Failure> {
     Ok((drives.clone(), false))
 }
 
-fn of_device(file: &DeviceFile) -> DriveFingerprint {
+/// The settings of a file of a drive; it says of no motor.
+pub fn of_device(file: &DeviceFile) -> DriveFingerprint {
     let family = match file.family {
         i2ris_simulation::drive::Family::Epos4 => Family::Epos4,
         i2ris_simulation::drive::Family::Epos2 => Family::Epos2,

@@ -16,6 +16,7 @@ use i2ris_report::{Failure, tips, until_closed};
 
 mod calibrate;
 mod command;
+mod commission;
 mod csv_table;
 mod demo;
 mod doctor;
@@ -65,6 +66,8 @@ enum Task {
     Doctor(doctor::Arguments),
     /// Go or no-go in the minute before a trial: looks at everything, and moves the snake a little
     Preflight(preflight::Arguments),
+    /// Commission a robot, stage by stage: identify, power, 20 counts, gear, line, stops
+    Commission(commission::Arguments),
     /// Hold every client and end every motion, at once
     #[command(alias = "estop", alias = "e-stop", alias = "halt")]
     Stop(stop::Arguments),
@@ -102,6 +105,7 @@ impl Task {
             | Self::Emulate(_)
             | Self::Demo(_)
             | Self::Preflight(_)
+            | Self::Commission(_)
             | Self::Stop(_)
             | Self::Home(_)
             | Self::Enable(_)
@@ -118,6 +122,7 @@ impl Task {
             Self::Demo(arguments) => demo::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Preflight(arguments) => preflight::run(&arguments),
+            Self::Commission(arguments) => commission::run(&arguments),
             Self::Stop(arguments) => stop::run(&arguments),
             Self::Home(arguments) => state::run(&arguments, StateCommand::Home),
             Self::Enable(arguments) => state::run(&arguments, StateCommand::Enable),

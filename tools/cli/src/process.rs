@@ -70,6 +70,13 @@ impl Process {
         }
     }
 
+    /// Kills it: it can do nothing more.
+    pub fn kill(mut self) -> Result<(), Failure> {
+        self.child.kill()?;
+        self.child.wait()?;
+        Ok(())
+    }
+
     fn terminate(&self) {
         // It may have ended already.
         let _ = kill(Pid::from_raw(self.child.id() as i32), Signal::SIGTERM);

@@ -244,7 +244,7 @@ pub fn config(folder: &Path, domain: &str, line: Line) -> Result<Config, Failure
 }
 
 /// Waits until something is there. A child that ends, or an interrupt, ends the wait.
-fn wait(
+pub fn wait(
     interrupt: &Interrupt,
     children: &mut [&mut Process],
     what: &str,

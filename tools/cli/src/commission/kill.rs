@@ -1,0 +1,58 @@
+//! A controller that is killed while it holds the drives, and the watchdog that stops them.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use i2ris::clock;
+use i2ris::config::Config;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::{Domain, StateCommand};
+use i2ris::units::Nanos;
+use i2ris_report::programs::find;
+use i2ris_report::{Failure, Interrupt};
+
+use crate::process::Process;
+use crate::start::wait;
+
+/// How long the controller holds before it is killed.
+const HOLDS: Nanos = Nanos::from_millis(2000);
+
+/// Starts both on the configuration, has the drives switched on, and kills the controller. What the
+/// watchdog said of it.
+pub fn kill_controller(
+    config: &Config,
+    file: &Path,
+    folder: &Path,
+    interrupt: &Interrupt,
+) -> Result<String, Failure> {
+    let domain = Domain::new(&config.domain)?;
+    let start = |name: &'static str| -> Result<Process, Failure> {
+        let program = find(name).ok_or(format!("there is no program i2ris-{name}"))?;
+        let mut command = Command::new(program);
+        command.env("I2RIS_DOMAIN", domain.name());
+        let _ = fs::remove_file(folder.join(format!("{name}.log")));
+        Process::start(name, command.arg("--config").arg(file), folder)
+    };
+    let log = folder.join("watchdog.log");
+    let said = |word: &str| fs::read_to_string(&log).is_ok_and(|text| text.contains(word));
+    let mut watchdog = start("watchdog")?;
+    let mut controller = start("control")?;
+    let both = &mut [&mut watchdog, &mut controller];
+    wait(interrupt, both, "the controller", || Client::connect(&domain, Nanos::ZERO).is_ok())?;
+    wait(interrupt, both, "the watchdog", || said("watching the controller"))?;
+    let mut client = Client::connect(&domain, HOLDS)?;
+    client.carry_out(StateCommand::Home, || interrupt.came())?;
+    client.carry_out(StateCommand::Enable, || interrupt.came())?;
+    clock::sleep(HOLDS);
+    controller.kill()?;
+    let lines = config.axes().count();
+    let stopped =
+        || fs::read_to_string(&log).is_ok_and(|text| text.matches(", motor ").count() >= lines);
+    wait(interrupt, &mut [&mut watchdog], "the stop by the watchdog", stopped)?;
+    let text = fs::read_to_string(&log)?;
+    let after = text.lines().skip_while(|line| !line.contains("last heartbeat"));
+    let said: Vec<&str> = after.collect();
+    watchdog.end()?;
+    Ok(format!("the watchdog said: {}", said.join(" | ")))
+}

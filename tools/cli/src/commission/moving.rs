@@ -1,0 +1,410 @@
+//! The stages in which drives have power: every motion goes through [`Guard`].
+
+use i2ris::drive::capture::CapturedLine;
+use i2ris::drive::cia402::DriveState;
+use i2ris::drive::error::{AxisError, LinkError};
+use i2ris::drive::object::Object;
+use i2ris::drive::transport::Transport;
+use i2ris::units::Nanos;
+
+use super::guard::{Guard, How, Mode};
+use super::person::{Yes, permission};
+use super::record::{Sweep, Topic};
+use super::session::{Halt, Motor, ms};
+use super::watch::{FEW, Permit, SILENT, Seen, Trip};
+
+/// How long a drive has power before it is left alone, and how long it is.
+const QUIET: Nanos = Nanos::from_millis(1000);
+const SILENCE: Nanos = Nanos::from_millis(3000);
+/// The motor has come to its place by then, or it does not.
+const SETTLED: Nanos = Nanos::from_millis(150);
+/// Most pulses of the first permission, and of the second, mA.
+const FIRST_MA: f64 = 10.0;
+const SECOND_MA: f64 = 60.0;
+/// Where a motor may go while pulses are stronger than the first, counts.
+const SECOND_COUNTS: i32 = 200;
+/// Smallest limit of the current in the position loop, mA.
+const LEAST_LIMIT_MA: u32 = 20;
+/// Position limits with which a setpoint beyond them is tried, and that setpoint, counts.
+const LIMIT: i32 = 5;
+const BEYOND: i32 = 9;
+/// A setpoint during a halt, counts.
+const HALTED: i32 = 6;
+/// A turn of more counts is not tried.
+const MOST_TURN: i32 = 16_384;
+
+/// Encoder pulses per turn, four counts each.
+const EPOS4_PULSES: Object<u32> = Object::of(0x3010, 1);
+const EPOS2_PULSES: Object<u32> = Object::of(0x2210, 1);
+/// Period between two setpoints of an EPOS4, ms.
+const PERIOD: Object<u8> = Object::of(0x60C2, 1);
+
+pub fn power<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String, Halt> {
+    acknowledge(motor)?;
+    let mut guard = on(motor, Permit::power(yes), How::new(Mode::Current, FIRST_MA as u32))?;
+    guard.rest(QUIET)?;
+    guard.be_silent(SILENCE);
+    let value = match guard.look() {
+        Ok(_) => "stays on".to_owned(),
+        Err(Trip::Fault(code)) => fault(code),
+        Err(trip) => return Err(trip.into()),
+    };
+    guard.off()?;
+    let evidence = format!(
+        "with power and 0 mA, {} without an exchange; then 0x6041:00 and the error code were read",
+        ms(SILENCE)
+    );
+    motor.find(Topic::Silence, &value, evidence);
+    if value != "stays on" {
+        acknowledge(motor)?;
+    }
+    Ok(format!("power came on and nothing moved; left alone for 3 s it {value}"))
+}
+
+/// A fault as a value.
+pub fn fault(code: u16) -> String {
+    format!("fault 0x{code:04X}")
+}
+
+/// Acknowledges a fault, if there is one.
+pub fn acknowledge<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
+    let node = &mut motor.node;
+    if node.state()? != DriveState::Fault {
+        return Ok(());
+    }
+    let fault = node.family.fault(node.fault());
+    match node.reset_fault()? {
+        DriveState::Fault => Err(Halt::Failed(format!("{fault}; it cannot be acknowledged"))),
+        _ => Ok(()),
+    }
+}
+
+type OnGuard<'a, 'b, T> = Guard<'a, 'b, CapturedLine<T>>;
+
+/// Switches a drive on. Counts are from where the motor was first.
+fn on<'a, 'b, T: Transport>(
+    motor: &'a mut Motor<'b, T>,
+    permit: Permit,
+    how: How,
+) -> Result<OnGuard<'a, 'b, T>, Trip> {
+    let how = How { origin: *motor.origin, ..how };
+    let guard = Guard::on(&mut motor.node, permit, how)?;
+    *motor.origin = Some(guard.origin());
+    Ok(guard)
+}
+
+pub fn steps<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String, Halt> {
+    let friction_ma = find_friction(motor, yes)?;
+    let how = How::new(Mode::Position, limit_ma(friction_ma));
+    let mut guard = on(motor, Permit::few(yes), how)?;
+    for there in [FEW, -FEW, 0] {
+        guard.go(there, 1, |_| ())?;
+    }
+    guard.off()?;
+    find_halt(motor, yes, how)?;
+    find_soft_limit(motor, yes, how)?;
+    find_interpolation(motor, yes, how)?;
+    Ok(format!("turns from {friction_ma:.0} mA on, went {FEW} counts to and fro and followed"))
+}
+
+/// A limit for the position loop, above the friction of motor and gear.
+fn limit_ma(friction_ma: f64) -> u32 {
+    LEAST_LIMIT_MA.max((4.0 * friction_ma) as u32)
+}
+
+/// The current from which on the motor turns, and that its encoder counts the same way: pulses to
+/// and fro, before a loop is closed that would run away otherwise.
+fn find_friction<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<f64, Halt> {
+    let unit = motor.node.current_unit_ma()?;
+    let least = unit.max(2.0);
+    let most = f64::from(motor.node.axis.current_limit_ma);
+    let first = (1..).map(|step| f64::from(step) * least);
+    let first: Vec<f64> = first.take_while(|ma| *ma <= FIRST_MA.min(most)).collect();
+    if let Some(ma) = pulses(motor, Permit::few(yes), &first)? {
+        return Ok(ma);
+    }
+    let last = first.last().copied().unwrap_or_default();
+    let more = permission(
+        motor.person,
+        &format!(
+            "{} does not turn with {last:.0} mA: it is blocked, its encoder gives no signal, \
+             or its friction is higher. Up to {SECOND_MA:.0} mA may follow. IF ITS ENCODER GIVES NO \
+             SIGNAL, IT MAY TURN FURTHER THAN {FEW} COUNTS.",
+            motor.place
+        ),
+        "more",
+        "anything else ends here",
+    )?;
+    let still = "is blocked, its encoder gives no signal, or its friction is higher; turn it by \
+                 hand with the power off and look at 0x6064:00 (`i2ris drives dump`)";
+    let Some(more) = more else {
+        return Err(Halt::Failed(format!("it does not turn with {last:.0} mA: it {still}")));
+    };
+    let second = std::iter::successors(Some(last.max(least)), |ma| Some((1.3 * ma).max(ma + unit)));
+    let second: Vec<f64> = second.skip(1).take_while(|ma| *ma <= SECOND_MA.min(most)).collect();
+    let permit = Permit::further(yes, &more, SECOND_COUNTS);
+    let found = pulses(motor, permit, &second)?;
+    found.ok_or_else(|| Halt::Failed(format!("it does not turn with more current: it {still}")))
+}
+
+/// Pulses of rising current to and fro, until the encoder shows both. `None`: it shows nothing.
+fn pulses<T: Transport>(
+    motor: &mut Motor<'_, T>,
+    permit: Permit,
+    ladder: &[f64],
+) -> Result<Option<f64>, Halt> {
+    let Some(most) = ladder.last() else { return Ok(None) };
+    let mut guard = on(motor, permit, How::new(Mode::Current, most.ceil() as u32))?;
+    for &ma in ladder {
+        let there = guard.pulse(ma)?;
+        let back = guard.pulse(-ma)?;
+        let evidence = format!("a pulse of {ma:.0} mA: {there:+} counts, of -{ma:.0} mA: {back:+}");
+        if there - back <= -2 {
+            guard.off()?;
+            let text = format!(
+                "it turns the other way: {evidence}. A position loop would run away: swap the \
+                 direction of the encoder (0x3010:02; EPOS2 0x2210:04) or two phases of the motor"
+            );
+            motor.find(Topic::Direction, "against the current", evidence);
+            return Err(Halt::Failed(text));
+        }
+        if there - back >= 2 {
+            guard.off()?;
+            motor.find(Topic::Friction, &format!("{ma:.0} mA"), evidence);
+            return Ok(Some(ma));
+        }
+        if guard.flowed > SILENT {
+            break;
+        }
+    }
+    guard.off()?;
+    Ok(None)
+}
+
+fn find_halt<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes, how: How) -> Result<(), Halt> {
+    let mut guard = on(motor, Permit::few(yes), how)?;
+    guard.halt(true)?;
+    let seen = guard.try_place(HALTED, SETTLED)?;
+    guard.try_place(0, SETTLED)?;
+    guard.halt(false)?;
+    guard.rest(SETTLED)?;
+    guard.off()?;
+    let value = if seen.counts > HALTED / 2 { "does not act" } else { "acts" };
+    let evidence = format!(
+        "0x6040:00 = 0x010F, then a setpoint of {HALTED} counts: the encoder showed {}",
+        seen.counts
+    );
+    motor.find(Topic::Halt, value, evidence);
+    Ok(())
+}
+
+fn find_soft_limit<T: Transport>(
+    motor: &mut Motor<'_, T>,
+    yes: &Yes,
+    how: How,
+) -> Result<(), Halt> {
+    let mut guard = on(motor, Permit::few(yes), How { limits: Some(LIMIT), ..how })?;
+    let (value, shown) = match guard.try_place(BEYOND, SETTLED) {
+        Ok(seen) if seen.counts > (LIMIT + BEYOND) / 2 => ("ignored".to_owned(), seen.counts),
+        Ok(seen) => ("clipped".to_owned(), seen.counts),
+        Err(Trip::Fault(code)) => (fault(code), 0),
+        Err(trip) => return Err(trip.into()),
+    };
+    if !value.starts_with("fault") {
+        guard.try_place(0, SETTLED)?;
+    }
+    guard.off()?;
+    let evidence = format!(
+        "0x607D at {LIMIT} counts and a setpoint of {BEYOND}: the encoder showed {shown}, {value}"
+    );
+    motor.find(Topic::SoftLimit, &value, evidence);
+    acknowledge(motor)
+}
+
+fn find_interpolation<T: Transport>(
+    motor: &mut Motor<'_, T>,
+    yes: &Yes,
+    how: How,
+) -> Result<(), Halt> {
+    if motor.node.is_epos2() {
+        let why = "an EPOS2 interpolates only in its mode 7, which is not used";
+        motor.skip(Topic::Interpolation, why);
+        return Ok(());
+    }
+    let how = How { extra: Some(PERIOD.set(10)), ..how };
+    let waited = match on(motor, Permit::few(yes), how) {
+        Ok(mut guard) => guard.rest(SETTLED).and_then(|_| guard.off()),
+        Err(trip) => Err(trip),
+    };
+    let value = match waited {
+        Ok(()) => "no timeout".to_owned(),
+        Err(Trip::Fault(code)) => fault(code),
+        Err(Trip::Drive(AxisError::Exchange { object, error: LinkError::Refused(code) }))
+            if object == PERIOD.address() =>
+        {
+            let why = format!("this drive refuses 0x60C2:01: {code}");
+            motor.skip(Topic::Interpolation, &why);
+            return Ok(());
+        }
+        Err(trip) => return Err(trip.into()),
+    };
+    let evidence = format!(
+        "0x60C2:01 = 10 (ms), power on, {} without a setpoint; then the error code was read",
+        ms(SETTLED)
+    );
+    motor.find(Topic::Interpolation, &value, evidence);
+    acknowledge(motor)
+}
+
+pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String, Halt> {
+    let (object, name) = if motor.node.is_epos2() {
+        (EPOS2_PULSES, "0x2210:01")
+    } else {
+        (EPOS4_PULSES, "0x3010:01")
+    };
+    let pulses = motor.node.read(object)?;
+    let turn = i32::try_from(pulses.saturating_mul(4)).unwrap_or(i32::MAX);
+    let second = match turn {
+        FEW..=MOST_TURN => permission(
+            motor.person,
+            &format!(
+                "{} MAY GO MORE THAN {FEW} COUNTS: one turn to positive counts and back, \
+                 {turn} counts by its setting {name} = {pulses}, in some seconds each way. Put a \
+                 mark on its shaft and count its turns on the way there.",
+                motor.place
+            ),
+            "turn",
+            "anything else leaves it at 20 counts",
+        )?,
+        _ => None,
+    };
+    let limit = limit_ma(known_friction(motor));
+    let (permit, ends) = match &second {
+        Some(second) => (Permit::further(yes, second, turn + FEW), [turn, 0]),
+        None => (Permit::few(yes), [FEW, -FEW]),
+    };
+    let step = (turn / 256).clamp(1, if second.is_some() { 8 } else { 1 });
+    let back = sweep(motor, permit, How::new(Mode::Position, limit), ends, step)?;
+    note_play(motor, back);
+    let evidence = format!("{name} = {pulses}, four counts each");
+    let Some(_) = second else {
+        let unseen = format!("{evidence}; no turn was permitted, so nobody has seen one");
+        motor.find(Topic::CountsPerTurn, &turn.to_string(), unseen);
+        motor.skip(Topic::Direction, "no turn was permitted");
+        return Ok(format!("{turn} counts per turn by its setting"));
+    };
+    note_turn(motor, turn, name, &evidence)
+}
+
+/// The current found in the stage before, mA.
+fn known_friction<T>(motor: &Motor<'_, T>) -> f64 {
+    let mut found = motor.record.findings.iter();
+    let found = found.find(|it| it.topic == Topic::Friction && it.place == motor.place);
+    let ma = found.and_then(|it| it.value.split(' ').next()?.parse().ok());
+    ma.unwrap_or(FIRST_MA)
+}
+
+/// Goes to a place and back through another; the currents on the way back, in its direction.
+fn sweep<T: Transport>(
+    motor: &mut Motor<'_, T>,
+    permit: Permit,
+    how: How,
+    [there, back]: [i32; 2],
+    step: i32,
+) -> Result<Vec<(i32, i32)>, Halt> {
+    let mut currents = Vec::new();
+    let mut guard = on(motor, permit, how)?;
+    let mut note = |seen: Seen| currents.push((seen.counts, -seen.current_ma));
+    let outcome = guard
+        .go(there, step, |_| ())
+        // A small play ends soon.
+        .and_then(|_| guard.go(back.max(there - 2 * FEW), 1, &mut note))
+        .and_then(|_| guard.go(back, step, &mut note));
+    outcome.and_then(|_| guard.go(0, step, |_| ()))?;
+    guard.off()?;
+    Ok(currents)
+}
+
+fn note_play<T: Transport>(motor: &mut Motor<'_, T>, back: Vec<(i32, i32)>) {
+    let travelled = match (back.first(), back.last()) {
+        (Some((first, _)), Some((last, _))) => first - last,
+        _ => 0,
+    };
+    match play(&back) {
+        Some((counts, low, high)) => {
+            let evidence = format!(
+                "after a reversal {low} mA turn the motor for {counts} counts, and {high} mA beyond"
+            );
+            motor.find(Topic::Play, &format!("{counts} counts"), evidence);
+        }
+        None => {
+            let evidence = format!(
+                "the current did not rise within {travelled} counts after a reversal: nothing is \
+                 coupled, or the play is larger"
+            );
+            motor.find(Topic::Play, "not found", evidence);
+        }
+    }
+    motor.record.sweeps.retain(|it| it.place != motor.place);
+    motor.record.sweeps.push(Sweep { place: motor.place.clone(), back });
+}
+
+/// The play behind a reversal: counts until the current rises from one level to another, and both.
+fn play(back: &[(i32, i32)]) -> Option<(i32, i32, i32)> {
+    let median = |part: &[(i32, i32)]| {
+        let mut currents: Vec<i32> = part.iter().map(|it| it.1).collect();
+        currents.sort_unstable();
+        currents.get(currents.len() / 2).copied()
+    };
+    // The first places unload the loop.
+    let low = median(back.get(2..6)?)?;
+    let high = median(back.get(back.len() - 5..)?)?;
+    let (start, _) = *back.first()?;
+    if high < low + 2.max(low / 2) {
+        return None;
+    }
+    let is_behind = |it: &&(i32, i32)| 2 * it.1 >= low + high;
+    let (at, _) = back.get(2..)?.iter().find(is_behind)?;
+    Some((start - at, low, high))
+}
+
+/// What the person saw of a turn.
+fn note_turn<T: Transport>(
+    motor: &mut Motor<'_, T>,
+    turn: i32,
+    name: &str,
+    evidence: &str,
+) -> Result<String, Halt> {
+    let seen = motor.person.answer(&format!(
+        "How many turns did the shaft of {} make on its way there (1, 0.5, 2, ...)? Enter: not seen.",
+        motor.place
+    ))?;
+    let way = motor.person.answer(
+        "Which way did it turn on its way there, seen at the end of the shaft: c (clockwise) or a \
+         (anticlockwise)? Enter: not seen.",
+    )?;
+    match way.as_str() {
+        "c" | "a" => {
+            let value = if way == "c" { "clockwise" } else { "anticlockwise" };
+            let evidence = format!("seen by a person on a way of {turn} counts");
+            motor.find(Topic::Direction, value, evidence);
+        }
+        _ => motor.skip(Topic::Direction, "nobody saw it"),
+    }
+    let turns: Option<f64> = seen.parse().ok().filter(|turns: &f64| *turns > 0.0);
+    let (value, evidence) = match turns {
+        Some(turns) => {
+            let value = (f64::from(turn) / turns).round();
+            (value.to_string(), format!("{evidence}; {turn} counts were seen as {turns} turns"))
+        }
+        None => (turn.to_string(), format!("{evidence}; nobody saw the turn")),
+    };
+    motor.find(Topic::CountsPerTurn, &value, evidence);
+    match turns {
+        Some(turns) if (turns - 1.0).abs() > 0.1 => Err(Halt::Failed(format!(
+            "it counts at another resolution: one turn is {value} counts, and the drive takes \
+             {turn} for it; correct {name} in EPOS Studio"
+        ))),
+        _ => Ok(format!("{value} counts per turn")),
+    }
+}

@@ -1,0 +1,109 @@
+//! The page at the end: stages, what was found and by what, currents, exchanges, and the proposed
+//! configuration.
+
+use i2ris_report::mark::Line;
+use i2ris_report::page::TableRow;
+use i2ris_report::{Axis, Color, Figure, Page, Panel, Stroke, Table};
+
+use super::proposal::diff;
+use super::record::{NOT_ASKED, Outcome, Record, Stage};
+
+pub fn page(record: &Record, config_name: &str) -> Page {
+    let mut page = Page::new(format!("Commissioning of {}", record.robot_id));
+    let done = Stage::ALL.into_iter().filter(|stage| record.is_done(*stage)).count();
+    let failed = record.stages.iter().find(|it| it.outcome != Outcome::Done);
+    page.main_result(match failed {
+        Some(it) => {
+            format!("{done} of {} stages; {}: {}", Stage::ALL.len(), it.stage, it.text)
+        }
+        None => format!("{done} of {} stages are done.", Stage::ALL.len()),
+    });
+    page.section("Stages");
+    let mut table = words("Stages", ["stage", "outcome", "when", "what"]);
+    for it in &record.stages {
+        let outcome = format!("{:?}", it.outcome).to_lowercase();
+        let cells = [it.stage.to_string(), outcome, it.at.clone(), it.text.clone()];
+        table.row(TableRow::new(cells).strong(it.outcome != Outcome::Done));
+    }
+    page.table(&table);
+    page.section("What was found");
+    let mut table = words("Unknowns", ["unknown", "where", "value", "evidence"]);
+    for it in record.all_findings() {
+        let is_known = it.value != NOT_ASKED;
+        let cells = [it.topic.name().to_owned(), it.place, it.value, it.evidence];
+        table.row(TableRow::new(cells).strong(is_known));
+    }
+    page.table(&table);
+    currents(&mut page, record);
+    exchanges(&mut page, record);
+    if !record.differences.is_empty() {
+        page.section("Settings that differ");
+        record.differences.iter().for_each(|line| page.paragraph(line.clone()));
+    }
+    page.section("Proposed configuration");
+    let lines = diff(&record.config, config_name, &record.changes);
+    if lines.is_empty() {
+        page.paragraph("As it is.");
+    }
+    lines.lines().for_each(|line| page.paragraph(line));
+    page.footer(format!(
+        "i2ris commission, {}. The bytes of every stage are beside this page (.pcapng): `i2ris wire \
+         show` prints them.",
+        record.software
+    ));
+    page
+}
+
+fn words<const N: usize>(caption: &str, header: [&str; N]) -> Table {
+    (1..N).fold(Table::new(caption, header), Table::text_column)
+}
+
+fn currents(page: &mut Page, record: &Record) {
+    if record.sweeps.is_empty() {
+        return;
+    }
+    page.section("Current behind a reversal");
+    let panels = record.sweeps.iter().map(|sweep| {
+        let first = sweep.back.first().map_or(0, |it| it.0);
+        let points = sweep.back.iter().map(|(at, ma)| [f64::from(first - at), f64::from(*ma)]);
+        Panel::new(&sweep.place, Axis::linear("counts"), Axis::linear("mA").including(0.0))
+            .with(Line::new(points.collect(), Stroke::new(Color::BLUE, 1.5)))
+    });
+    let description = "Motor current over the counts behind a reversal, for every motor";
+    let figure = Figure::new("currents", "Currents", description).row(200.0, panels.collect());
+    page.figure(&figure, "A step is the end of the play of the gear.");
+}
+
+fn exchanges(page: &mut Page, record: &Record) {
+    if record.exchanges.is_empty() {
+        return;
+    }
+    page.section("Exchanges");
+    let panels = record.exchanges.iter().map(|(device, bars)| {
+        let width = super::reading::BAR_US;
+        // Gaps between bars are bars of no height.
+        let (mut edges, mut heights) = (Vec::new(), Vec::new());
+        for &(at, count) in bars {
+            if let Some(&last) = edges.last()
+                && last < f64::from(at)
+            {
+                edges.push(f64::from(at));
+                heights.push(0.0);
+            }
+            if edges.is_empty() {
+                edges.push(f64::from(at));
+            }
+            edges.push(f64::from(at + width));
+            heights.push(f64::from(count));
+        }
+        let edges: Vec<f64> = edges.iter().map(|us| us / 1000.0).collect();
+        Panel::new(device, Axis::linear("ms"), Axis::linear("exchanges")).with(Line::steps(
+            &edges,
+            &heights,
+            Stroke::new(Color::BLUE, 1.5),
+        ))
+    });
+    let description = "Histogram of the duration of exchanges, for every port";
+    let figure = Figure::new("exchanges", "Exchanges", description).row(200.0, panels.collect());
+    page.figure(&figure, "How long a request and its reply take.");
+}

@@ -1,0 +1,241 @@
+//! The stages in their order: each with its permission, none behind one that failed.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::rc::Rc;
+
+use i2ris::config::{AxisConfig, Config, PortConfig};
+use i2ris::drive::DriveError;
+use i2ris::drive::capture::file::to_bytes;
+use i2ris::drive::capture::{Capture, CapturedLine, CapturedPort};
+use i2ris::drive::error::AxisError;
+use i2ris::drive::family_selection::family_of_port;
+use i2ris::drive::link::DriveLink;
+use i2ris::drive::transport::Transport;
+use i2ris::robot::DriveFingerprint;
+use i2ris::units::Nanos;
+use i2ris::{clock, wall_clock};
+use i2ris_report::Failure;
+
+use super::node::Node;
+use super::person::{Gone, Person, Yes, permission};
+use super::record::{Outcome, Record, Stage, Topic};
+use super::watch::Trip;
+use super::{moving, reading, stopping};
+
+/// Where lines come from, and what runs beside the commissioning.
+pub trait Lines {
+    type Line: Transport;
+
+    fn open(&mut self, number: usize, port: &PortConfig) -> Result<Self::Line, DriveError>;
+
+    /// Kills a controller that holds the drives, and says what happened to them. The ports are free.
+    fn kill_controller(&mut self) -> Result<String, Failure>;
+}
+
+/// Why a stage ended before its end.
+#[derive(Debug)]
+pub enum Halt {
+    Failed(String),
+    Gone(Gone),
+}
+
+impl From<Gone> for Halt {
+    fn from(gone: Gone) -> Self {
+        Self::Gone(gone)
+    }
+}
+
+impl From<Trip> for Halt {
+    fn from(trip: Trip) -> Self {
+        match trip {
+            Trip::Interrupted => Self::Gone(Gone::Interrupted),
+            trip => Self::Failed(trip.to_string()),
+        }
+    }
+}
+
+impl From<AxisError> for Halt {
+    fn from(error: AxisError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+impl From<DriveError> for Halt {
+    fn from(error: DriveError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+impl Halt {
+    /// Of this motor.
+    pub fn at(self, place: &str) -> Self {
+        match self {
+            Self::Failed(text) => Self::Failed(format!("{place}: {text}")),
+            gone => gone,
+        }
+    }
+}
+
+/// A port with its line.
+pub struct OpenPort<T> {
+    pub config: PortConfig,
+    pub link: DriveLink<CapturedLine<T>>,
+    capture: Capture,
+}
+
+/// A motor, for a stage.
+pub struct Motor<'a, T> {
+    pub place: String,
+    pub node: Node<'a, CapturedLine<T>>,
+    pub record: &'a mut Record,
+    pub person: &'a mut dyn Person,
+    pub origin: &'a mut Option<i32>,
+}
+
+impl<T> Motor<'_, T> {
+    /// Notes what was found.
+    pub fn find(&mut self, topic: Topic, value: &str, evidence: String) {
+        self.record.find(topic, &self.place, value, evidence);
+    }
+
+    /// Notes why something was not asked.
+    pub fn skip(&mut self, topic: Topic, why: &str) {
+        self.record.skip(topic, &self.place, why);
+    }
+}
+
+pub struct Session<'a, L: Lines> {
+    pub config: &'a Config,
+    pub lines: &'a mut L,
+    pub person: &'a mut dyn Person,
+    pub interrupted: Rc<dyn Fn() -> bool>,
+    pub record: Record,
+    pub ports: Vec<OpenPort<L::Line>>,
+    /// What the drives should be set to.
+    pub device: Option<DriveFingerprint>,
+    /// Exchanges of the histogram.
+    pub exchanges: usize,
+    /// Where each motor was first.
+    pub origins: BTreeMap<usize, Option<i32>>,
+    /// Receives the captured bytes of a stage.
+    pub keep: &'a mut dyn FnMut(&Record, Stage, &[CapturedPort]) -> Result<(), Failure>,
+}
+
+impl<L: Lines> Session<'_, L> {
+    /// Goes on behind the last stage that is done. `Ok`: all are.
+    pub fn run(&mut self) -> Result<(), Failure> {
+        for stage in Stage::ALL {
+            // Drives may be others now.
+            if stage != Stage::Identify && self.record.is_done(stage) {
+                self.person.say(&format!("stage {stage}: done before"));
+                continue;
+            }
+            let (outcome, text) = match self.stage(stage) {
+                Ok(text) => (Outcome::Done, text),
+                Err(Halt::Failed(text)) => (Outcome::Failed, text),
+                Err(Halt::Gone(gone)) => (Outcome::Left, gone.to_string()),
+            };
+            self.record.end_stage(stage, outcome, text.clone());
+            let captured: Vec<_> = self.ports.iter().map(|port| port.capture.read()).collect();
+            (self.keep)(&self.record, stage, &captured)?;
+            let why = match outcome {
+                Outcome::Done => {
+                    self.person.say(&format!("stage {stage}: done. {text}"));
+                    continue;
+                }
+                Outcome::Failed => format!("stage {stage} failed: {text}"),
+                Outcome::Left => format!(
+                    "stage {stage}: {text}; the drives are off; the same command takes it up again"
+                ),
+            };
+            return Err(why.into());
+        }
+        Ok(())
+    }
+
+    fn stage(&mut self, stage: Stage) -> Result<String, Halt> {
+        let (number, all) = (stage as usize + 1, Stage::ALL.len());
+        let what = format!("== {number} of {all}: {stage}\n{}", stage.announcement());
+        let yes = permission(self.person, &what, "yes", "anything else ends here")?;
+        let Some(yes) = yes else {
+            // Not a failure of anything.
+            return Err(Halt::Gone(Gone::NotPermitted));
+        };
+        if self.ports.is_empty() {
+            self.open()?;
+        }
+        match stage {
+            Stage::Identify => reading::identify(self),
+            Stage::Settings => reading::settings(self),
+            Stage::Power => self.each_motor(&yes, moving::power),
+            Stage::Steps => self.each_motor(&yes, moving::steps),
+            Stage::Gear => self.each_motor(&yes, moving::gear),
+            Stage::Exchanges => reading::exchanges(self),
+            Stage::Stops => stopping::stops(self),
+        }
+    }
+
+    /// Opens every port, for this program only.
+    pub fn open(&mut self) -> Result<(), DriveError> {
+        for (number, config) in self.config.ports.iter().enumerate() {
+            let line = self.lines.open(number, config)?;
+            let (line, capture) = CapturedLine::new(line, config);
+            let link = DriveLink::new(line, family_of_port(config), config);
+            self.ports.push(OpenPort { config: config.clone(), link, capture });
+        }
+        Ok(())
+    }
+
+    /// Does something with every motor, one after the other.
+    fn each_motor(
+        &mut self,
+        yes: &Yes,
+        act: fn(&mut Motor<'_, L::Line>, &Yes) -> Result<String, Halt>,
+    ) -> Result<String, Halt> {
+        let mut texts = Vec::new();
+        for port in 0..self.ports.len() {
+            for axis in 0..self.ports[port].config.axes.len() {
+                let mut motor = self.motor(port, axis);
+                let text = act(&mut motor, yes).map_err(|halt| halt.at(&motor.place))?;
+                texts.push(format!("{}: {text}", motor.place));
+            }
+        }
+        Ok(texts.join("; "))
+    }
+
+    pub fn motor(&mut self, port: usize, axis: usize) -> Motor<'_, L::Line> {
+        let OpenPort { config, link, .. } = &mut self.ports[port];
+        let axis: &AxisConfig = &config.axes[axis];
+        Motor {
+            place: format!("motor {}", axis.motor),
+            node: Node::new(link, config, axis, &*self.interrupted),
+            record: &mut self.record,
+            person: self.person,
+            origin: self.origins.entry(axis.motor).or_default(),
+        }
+    }
+}
+
+/// Writes what is known, and the bytes of a stage, into the folder.
+pub fn keep(
+    folder: &Path,
+    record: &Record,
+    stage: Stage,
+    captured: &[CapturedPort],
+) -> Result<(), Failure> {
+    record.save(folder)?;
+    if captured.iter().all(|port| port.events.is_empty()) {
+        return Ok(());
+    }
+    let wall_offset = wall_clock::unix_time() - clock::now();
+    let bytes = to_bytes(captured, &record.software, wall_offset);
+    let path = folder.join(format!("{stage}.pcapng"));
+    i2ris_report::files::replace(&path, &bytes)
+        .map_err(|error| format!("cannot write {}: {error}", path.display()).into())
+}
+
+/// Milliseconds for readers.
+pub fn ms(span: Nanos) -> String {
+    format!("{:.1} ms", span.as_seconds() * 1e3)
+}

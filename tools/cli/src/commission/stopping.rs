@@ -1,0 +1,203 @@
+//! The stops: what happens when the cable is pulled, the controller is killed, or the supply is
+//! switched. Each by hand, each with a permission of its own, each timed.
+
+use i2ris::drive::cia402::DriveState;
+use i2ris::drive::error::AxisError;
+use i2ris::drive::transport::Transport;
+use i2ris::units::Nanos;
+
+use super::guard::{Guard, How, Mode};
+use super::moving::{acknowledge, fault};
+use super::person::{Gone, Yes, permission};
+use super::reading::NO_CAN;
+use super::record::Topic;
+use super::session::{Halt, Lines, Motor, Session, ms};
+use super::watch::{Permit, Trip};
+
+/// How long a drive holds with power while nobody pulls or switches.
+const PATIENCE: Nanos = Nanos::from_millis(30_000);
+/// How long a line may be away.
+const AWAY: Nanos = Nanos::from_millis(120_000);
+/// Period of trying whether it is back.
+const POLL: Nanos = Nanos::from_millis(20);
+/// Enough to hold a motor at rest, mA.
+const HOLDING_MA: u32 = 20;
+
+pub fn stops<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> {
+    for port in 0..session.ports.len() {
+        let mut motor = session.motor(port, 0);
+        cable(&mut motor).map_err(|halt| halt.at(&motor.place))?;
+    }
+    controller(session)?;
+    for port in 0..session.ports.len() {
+        let mut motor = session.motor(port, 0);
+        supply(&mut motor).map_err(|halt| halt.at(&motor.place))?;
+    }
+    let topics = [Topic::CablePulled, Topic::ControllerKilled, Topic::SupplySwitched];
+    let stops = session.record.findings.iter().filter(|it| topics.contains(&it.topic));
+    let texts: Vec<String> =
+        stops.map(|it| format!("{} ({}): {}", it.topic.name(), it.place, it.value)).collect();
+    Ok(texts.join("; "))
+}
+
+const OTHERWISE: &str = "anything else leaves it out";
+
+/// A test by hand: the drive holds with power until its line or its state says otherwise.
+struct Outage {
+    /// Between the last good reply and the notice that there is none.
+    noticed: Nanos,
+    /// Until it answered again.
+    back: Nanos,
+    state: DriveState,
+    code: u16,
+}
+
+fn cable<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
+    let what = format!(
+        "THE CABLE: {} holds with power for at most 30 s, nothing moves. When it is said, pull \
+         the cable of its port at the computer, and plug it in again when that is said.",
+        motor.place
+    );
+    let Some(yes) = permission(motor.person, &what, "cable", OTHERWISE)? else {
+        motor.skip(Topic::CablePulled, "it was not permitted");
+        return Ok(());
+    };
+    let Some(outage) = outage(motor, &yes, "pull the cable NOW", "plug it in again")? else {
+        motor.skip(Topic::CablePulled, "nobody pulled the cable within 30 s");
+        return Ok(());
+    };
+    let value = match outage.state {
+        DriveState::Fault => fault(outage.code),
+        state if state.is_off() => "power off".to_owned(),
+        _ => "holds with power".to_owned(),
+    };
+    motor.find(Topic::CablePulled, &value, times(&outage));
+    off(motor)
+}
+
+fn supply<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
+    let what = format!(
+        "THE SUPPLY: {} holds with power for at most 30 s, nothing moves. When it is said, \
+         switch the supply of the drives off, and on again when that is said. The position is lost \
+         with it.",
+        motor.place
+    );
+    let Some(yes) = permission(motor.person, &what, "supply", OTHERWISE)? else {
+        motor.skip(Topic::SupplySwitched, "it was not permitted");
+        return Ok(());
+    };
+    let on_again = "switch the supply on again";
+    let Some(outage) = outage(motor, &yes, "switch the supply off NOW", on_again)? else {
+        motor.skip(Topic::SupplySwitched, "nobody switched it within 30 s");
+        return Ok(());
+    };
+    let has_power = !outage.state.is_off() && outage.state != DriveState::Fault;
+    let value = if has_power { "ON AGAIN WITH POWER" } else { "off, and stays off" };
+    motor.find(Topic::SupplySwitched, value, times(&outage));
+    let boot = if outage.code == 0 { "no fault".to_owned() } else { fault(outage.code) };
+    let evidence = "the error code when it answered again after the supply was switched";
+    motor.find(Topic::PowerUp, &boot, evidence.to_owned());
+    off(motor)?;
+    match (has_power, outage.code) {
+        (true, _) => Err(Halt::Failed("it has power after its supply was switched".to_owned())),
+        (false, 0 | NO_CAN) => Ok(()),
+        (false, code) => {
+            let fault = motor.node.family.fault(code);
+            Err(Halt::Failed(format!("it comes up with a fault: {fault}")))
+        }
+    }
+}
+
+fn times(outage: &Outage) -> String {
+    let Outage { noticed, back, state, .. } = outage;
+    format!(
+        "noticed {} after the last good reply; it answered again after {:.1} s, in state {state:?}",
+        ms(*noticed),
+        back.as_seconds()
+    )
+}
+
+/// Holds until the person has done what is said, then waits until the drive answers again. `None`:
+/// the person did nothing.
+fn outage<T: Transport>(
+    motor: &mut Motor<'_, T>,
+    yes: &Yes,
+    now: &str,
+    then: &str,
+) -> Result<Option<Outage>, Halt> {
+    // The supply of another drive may be its own, too.
+    acknowledge(motor)?;
+    let Motor { place, node, person, .. } = motor;
+    let how = How::new(Mode::Position, HOLDING_MA);
+    let guard = Guard::on(node, Permit::power(yes), how)?;
+    person.say(&format!("{place} has power: {now}"));
+    let (good, noticed, trip) = guard.hold(PATIENCE);
+    match trip {
+        None => return Ok(None),
+        Some(Trip::Drive(_) | Trip::Switched(_)) => {}
+        Some(trip) => return Err(trip.into()),
+    }
+    person.say(then);
+    let end = noticed + AWAY;
+    loop {
+        // Whatever was sent before is not answered any more.
+        let answers = (!node.link.is_broken() || node.link.reopen().is_ok())
+            && node.link.synchronise().is_ok();
+        match node.state() {
+            Ok(state) if answers && state != DriveState::NotReady => {
+                let code = if state == DriveState::Fault { node.fault() } else { 0 };
+                let back = node.link.now() - good;
+                return Ok(Some(Outage { noticed: noticed - good, back, state, code }));
+            }
+            Err(AxisError::UnknownState { .. }) | Ok(_) | Err(_) => {}
+        }
+        if (node.is_interrupted)() || node.link.now() > end {
+            let text =
+                "it does not answer any more. IT IS NOT KNOWN WHETHER IT IS OFF: cut its supply";
+            return Err(Halt::Failed(text.to_owned()));
+        }
+        let next = node.link.now() + POLL;
+        node.link.sleep_until(next);
+    }
+}
+
+/// Switches off what may have power, and acknowledges a fault.
+fn off<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
+    let node = &mut motor.node;
+    node.cut()?;
+    let _ = node.reset_fault();
+    Ok(())
+}
+
+fn controller<L: Lines>(session: &mut Session<'_, L>) -> Result<(), Halt> {
+    let what = "THE CONTROLLER: i2ris-watchdog and i2ris-control are started on this configuration. \
+                The controller takes the present pose as the zero, switches every drive on, holds \
+                for 2 s, and is killed. The watchdog has to stop every drive. Nothing moves.";
+    let Some(_) = permission(session.person, what, "kill", OTHERWISE)? else {
+        session.record.skip(Topic::ControllerKilled, "all", "it was not permitted");
+        return Ok(());
+    };
+    session.ports.clear();
+    let killed = session.lines.kill_controller();
+    session.open()?;
+    let mut states = Vec::new();
+    for port in 0..session.ports.len() {
+        for axis in 0..session.ports[port].config.axes.len() {
+            let mut motor = session.motor(port, axis);
+            states.push(motor.node.state()?);
+            off(&mut motor)?;
+        }
+    }
+    if (session.interrupted)() {
+        return Err(Gone::Interrupted.into());
+    }
+    let evidence = match killed {
+        Ok(said) => format!("{said}; then the drives said {states:?}"),
+        Err(failure) => return Err(Halt::Failed(format!("killing a controller: {failure}"))),
+    };
+    let is_stopped = |state: &DriveState| *state != DriveState::OperationEnabled;
+    let all = states.iter().all(is_stopped);
+    let value = if all { "every drive is stopped by the watchdog" } else { "NOT STOPPED" };
+    session.record.find(Topic::ControllerKilled, "all", value, evidence);
+    if all { Ok(()) } else { Err(Halt::Failed("a killed controller leaves drives on".into())) }
+}

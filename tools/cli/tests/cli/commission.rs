@@ -1,0 +1,71 @@
+//! `i2ris commission` at a terminal. What drives and motors do is tested in simulated time, in
+//! `tools/cli/src/commission`; here it is what a person does: types ahead, leaves, comes back.
+
+use std::fs;
+
+use i2ris::clock;
+use i2ris_simulation::Line;
+use i2ris_testing::{Program, Rig, Terminal, wait_until};
+use serde_json::Value;
+
+use crate::bench::assert_says;
+
+fn is_powered(rig: &Rig) -> bool {
+    rig.emulator.snapshot().axes.iter().any(|axis| axis.drive.state.is_powered())
+}
+
+#[test]
+fn a_commissioning_is_left_at_every_moment_and_taken_up_again_and_drives_are_off() {
+    let mut rig = Rig::on(Line::Rs232);
+    let (folder, domain) = (rig.folder.path().to_owned(), rig.domain());
+    let config = folder.join("commissioned.toml");
+    fs::write(&config, toml::to_string(&rig.config).unwrap()).unwrap();
+    let result = folder.join("result");
+    let words = ["commission", "--config", config.to_str().unwrap(), "--folder"];
+    let words = [&words[..], &[result.to_str().unwrap()]].concat();
+    let (_, _, error) = Program::run(&domain, &words);
+    assert_says(&error, &["run it on a terminal"]);
+
+    let begin = clock::now();
+    // What was typed before the question permits nothing.
+    for (typed, last) in [("yes\nyes\n", "2 of 7"), ("yes\n", "2 of 7"), ("no\n", "not permitted")]
+    {
+        let mut terminal = Terminal::start(&domain, &words, 70, 120);
+        terminal.wait_for("1 of 7: identify");
+        terminal.type_keys(typed);
+        terminal.wait_for(last);
+        if last == "2 of 7" {
+            terminal.type_keys(if typed == "yes\n" { "\x04" } else { "\x03" });
+            terminal.wait_for(if typed == "yes\n" { "end of input" } else { "interrupted" });
+        }
+        terminal.wait_for("page: ");
+        assert!(!terminal.end().success());
+        assert!(!is_powered(&rig) && !rig.moved_since(begin));
+    }
+    let mut terminal = Terminal::start(&domain, &words, 70, 120);
+    for stage in ["1 of 7", "2 of 7", "3 of 7"] {
+        terminal.wait_for(stage);
+        terminal.type_keys("yes\n");
+    }
+    wait_until("a drive has power", || is_powered(&rig));
+    terminal.type_keys("\x03");
+    terminal.wait_for("stage power: interrupted; the drives are off");
+    assert!(!terminal.end().success() && !is_powered(&rig));
+    let text = fs::read_to_string(result.join("commission.json")).unwrap();
+    let record: Value = serde_json::from_str(&text).unwrap();
+    let stages = record["stages"].as_array().unwrap().iter();
+    let stages: Vec<_> = stages.map(|it| (&it["stage"], &it["outcome"])).collect();
+    let expected = [("identify", "done"), ("settings", "done"), ("power", "left")];
+    assert!(
+        stages.iter().zip(expected).all(|(is, it)| (is.0, is.1) == (&it.0.into(), &it.1.into()))
+    );
+    assert_eq!(stages.len(), 3, "{stages:?}");
+    assert!(result.join("settings.pcapng").exists() && result.join("commission.html").exists());
+
+    rig.start_controller();
+    let mut terminal = Terminal::start(&domain, &words, 70, 120);
+    terminal.wait_for("1 of 7: identify");
+    terminal.type_keys("yes\n");
+    terminal.wait_for("in use by another program");
+    assert!(!terminal.end().success());
+}
