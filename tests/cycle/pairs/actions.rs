@@ -6,6 +6,7 @@ use i2ris::units::{Counts, Nanos};
 use i2ris_testing::cycle::{CLIENT, GAIN_DEG};
 
 use super::expected::What;
+use super::jaw::Jaw;
 use super::oracle::LARGEST_GAIN;
 use super::routes::distance;
 use super::zones::Zone;
@@ -162,6 +163,7 @@ impl Situation {
         assert_eq!(self.bench.ask(StateCommand::Enable), Refusal::None);
         self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
         self.oracle.see_anew(&self.bench);
+        self.jaw.iter_mut().for_each(Jaw::begin);
         // Nobody is followed, or moves.
         self.check();
     }

@@ -167,4 +167,31 @@ mod tests {
         }
         assert_eq!(place, [1000.0, 0.0]);
     }
+
+    #[test]
+    fn a_motion_is_rejoined_from_beside_it_without_a_jump() {
+        let mut playback = Playback::new(Motion::paced([[0.0, 0.0], [1000.0, 0.0]], 500.0));
+        for _ in 0..200 {
+            playback.advance(0.005, false);
+        }
+        let [left_at, _] = playback.advance(0.0, false);
+        let mut place = [left_at - 300.0, 40.0];
+        playback.rejoin(place, 500.0);
+        assert!(playback.is_finished(true), "at rest");
+        let mut nearest = f64::INFINITY;
+        while !playback.is_finished(false) {
+            let next = playback.advance(0.005, false);
+            assert!(distance(&place, &next) <= 2.5 + 1e-9);
+            place = next;
+            nearest = nearest.min(distance(&place, &[left_at, 0.0]));
+        }
+        assert!(nearest < 1.0, "no part of the motion is left out: {nearest}");
+        assert_eq!(place, [1000.0, 0.0]);
+    }
+
+    #[test]
+    fn an_empty_motion_is_valid() {
+        assert_eq!(Motion::paced([], 100.0).position(1.0), [0.0, 0.0]);
+        assert!(Playback::new(Motion::paced([[3.0, 4.0]], 100.0)).is_finished(false));
+    }
 }
