@@ -84,6 +84,9 @@ pub struct OpenPort<T> {
     capture: Capture,
 }
 
+/// Receives what is known behind a stage, and its bytes.
+pub type Keep<'a> = dyn FnMut(&Record, Stage, &[CapturedPort]) -> Result<(), Failure> + 'a;
+
 /// A motor, for a stage.
 pub struct Motor<'a, T> {
     pub place: String,
@@ -118,8 +121,7 @@ pub struct Session<'a, L: Lines> {
     pub exchanges: usize,
     /// Where each motor was first.
     pub origins: BTreeMap<usize, Option<i32>>,
-    /// Receives the captured bytes of a stage.
-    pub keep: &'a mut dyn FnMut(&Record, Stage, &[CapturedPort]) -> Result<(), Failure>,
+    pub keep: &'a mut Keep<'a>,
 }
 
 impl<L: Lines> Session<'_, L> {

@@ -111,7 +111,7 @@ impl Case {
             Some(Wrong::Blocked) => drive.motor.stops = [0.0, 0.0],
             Some(Wrong::Reversed) => drive.motor.reversed = true,
             Some(Wrong::Resolution) => {
-                drive.motor.encoder_pulses = if self.seed % 2 == 0 { 128 } else { 512 };
+                drive.motor.encoder_pulses = if self.seed.is_multiple_of(2) { 128 } else { 512 };
             }
             _ => {}
         }
@@ -240,7 +240,8 @@ impl Person for Operator {
             *left = left.checked_sub(1).ok_or(Gone::EndOfInput)?;
         }
         let typed = |word: &str| question.contains(&format!("Type {word} "));
-        let is_turned = self.case.wrong == Some(Wrong::Resolution) || self.case.seed % 3 == 0;
+        let is_turned =
+            self.case.wrong == Some(Wrong::Resolution) || self.case.seed.is_multiple_of(3);
         self.few |= question.contains("== 4 of 7: steps");
         let answer = match () {
             () if typed("yes") => "yes",
