@@ -10,7 +10,7 @@ use super::{ROOT, read};
 #[derive(Debug)]
 struct Ignored {
     package: String,
-    /// The name of its binary; `lib` for a unit test.
+    /// The name of its binary; `lib` for a unit test, also of a program.
     target: String,
     /// With its modules.
     name: String,
@@ -99,7 +99,8 @@ fn runs() -> Vec<Run> {
                 let (package, targets) = ("i2ris".to_owned(), vec![target.to_owned()]);
                 runs.push(Run { package, targets, filter: filter.to_owned() });
             } else if words.contains(&"--ignored") {
-                let is_unit = words.contains(&"--lib") || words.contains(&"--bins");
+                let units = ["--lib", "--bin", "--bins"];
+                let is_unit = units.iter().any(|unit| words.contains(unit));
                 let lib = is_unit.then(|| "lib".to_owned());
                 let targets = after("--test").chain(lib).collect();
                 let filter = words.last().filter(|word| !word.starts_with('-'));
