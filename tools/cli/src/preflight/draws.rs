@@ -200,7 +200,7 @@ fn fail(name: &str, draw: &mut Draw, facts: &mut Measured) {
             _ => facts.camera.as_mut().unwrap().seen = draw.within(0.0, 0.7),
         },
         "disk" => facts.free_mb = Some(draw.within(0.0, 1500.0)),
-        "clock" if turn % 2 == 0 => facts.clock_step_s = sign * draw.within(3.0, 4000.0),
+        "clock" if turn.is_multiple_of(2) => facts.clock_step_s = sign * draw.within(3.0, 4000.0),
         "clock" => {
             facts.camera.as_mut().unwrap().late_s = sign * draw.within(0.7, 4000.0);
         }
