@@ -122,7 +122,7 @@ mod tests {
         assert_eq!(size_of::<ActuatorState>(), 152);
         assert_eq!(offset_of!(ActuatorState, measured_counts), 104);
         assert_eq!(size_of::<OperatingStateMsg>(), 240);
-        assert_eq!(size_of::<PeriodStatistics>(), 208);
+        assert_eq!(size_of::<PeriodStatistics>(), 240);
         assert_eq!(size_of::<ExternalPosition>(), 80);
         assert_eq!(offset_of!(ExternalPosition, quality), 64);
         assert_eq!(size_of::<StateCommandRequest>(), 16);

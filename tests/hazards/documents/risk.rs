@@ -57,6 +57,7 @@ const RATINGS: &[(&str, [u32; 3], &str)] = &[
         [3, 4, 2],
         "a network that is wrong where neither its recording nor the examination was",
     ),
+    ("H37", [4, 4, 2], "what a drive does not say of itself; no real drive was asked yet"),
 ];
 
 const HEAD: &str = "\

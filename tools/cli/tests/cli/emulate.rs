@@ -146,12 +146,12 @@ fn the_doctor_lists_the_drives_behind_a_port_to_paste() {
 }
 
 #[test]
-fn the_doctor_names_a_port_that_is_not_there() {
+fn the_doctor_names_a_port_that_is_not_there_and_records_that_cannot_be_kept() {
     let bench = WorkFolder::new();
-    write_config(&bench, |text| text);
+    write_config(&bench, |text| text.replace("../target/records", "robot.toml"));
     let said = bench.run("doctor --config robot.toml");
     assert_ne!(said.code, Some(0));
-    assert_says(&said.output, &["FAIL", "axis0", "-> plug in the drive"]);
+    assert_says(&said.output, &["FAIL", "axis0", "-> plug in the drive", "is no folder"]);
 }
 
 #[test]
