@@ -60,7 +60,6 @@ const PORT_EVENTS: usize = 1024;
 const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 /// Delay of the first tick after the start of the threads.
 const START_DELAY: Nanos = Nanos::from_millis(20);
-const IN_ORDER: &str = "in order";
 
 /// Why the controller could not start, or how it failed.
 #[derive(Debug, thiserror::Error)]
@@ -165,12 +164,12 @@ pub fn run(
     }
     main.write_events();
     let outcome = match control {
-        Ok(()) if main.powered.is_empty() => IN_ORDER,
+        Ok(()) if main.powered.is_empty() => "in order",
         Ok(()) => "with drives that are not known to be off",
         Err(_) => "the control loop ended early",
     };
     let _ = main.run_log.end(outcome);
-    if outcome != IN_ORDER {
+    if outcome != "in order" {
         // The directory went with the lock.
         let _ = publish_run(&main.domain, boot_id, &config.record_folder);
     }
@@ -388,10 +387,8 @@ fn write_granted(log: &mut dyn Write, granted: &Granted) {
 /// Says which limits do not hold: watches that the configuration has switched off, angles that
 /// nobody knows, and what the lines, as measured, cannot keep.
 fn write_limits(log: &mut dyn Write, config: &Config, model: Option<&Model>, exchanges: &[Nanos]) {
-    for watch in config.watches_off() {
-        write_line(log, format_args!("off by configuration: {watch}"));
-    }
-    if let Some(line) = config.if_computer_dies() {
+    let off = config.watches_off().into_iter().map(|it| format!("off by configuration: {it}"));
+    for line in off.chain(config.if_computer_dies()) {
         write_line(log, format_args!("{line}"));
     }
     if model.is_none() && config.joint_limits.is_any() {
