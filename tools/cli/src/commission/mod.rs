@@ -2,7 +2,8 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `session` | the stages in their order |
+//! | `order` | the stages in their order |
+//! | `session` | what they share |
 //! | `person` | what is said and asked |
 //! | `watch`, `guard`, `node` | who may move how far; a drive with power; a drive |
 //! | `reading`, `moving`, `stopping` | the stages |
@@ -13,6 +14,7 @@ mod guard;
 mod kill;
 mod moving;
 mod node;
+mod order;
 mod page;
 mod person;
 mod proposal;

@@ -1,4 +1,4 @@
-//! The stages in their order: each with its permission, none behind one that failed.
+//! What the stages share: ports, motors, person and record.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,10 +18,9 @@ use i2ris::{clock, wall_clock};
 use i2ris_report::Failure;
 
 use super::node::Node;
-use super::person::{Gone, Person, Yes, permission};
-use super::record::{Outcome, Record, Stage, Topic};
+use super::person::{Gone, Person, Yes};
+use super::record::{Record, Stage, Topic};
 use super::watch::Trip;
-use super::{moving, reading, stopping};
 
 /// Where lines come from, and what runs beside the commissioning.
 pub trait Lines {
@@ -81,7 +80,7 @@ impl Halt {
 pub struct OpenPort<T> {
     pub config: PortConfig,
     pub link: DriveLink<CapturedLine<T>>,
-    capture: Capture,
+    pub capture: Capture,
 }
 
 /// Receives what is known behind a stage, and its bytes.
@@ -125,59 +124,6 @@ pub struct Session<'a, L: Lines> {
 }
 
 impl<L: Lines> Session<'_, L> {
-    /// Goes on behind the last stage that is done. `Ok`: all are.
-    pub fn run(&mut self) -> Result<(), Failure> {
-        for stage in Stage::ALL {
-            // Drives may be others now.
-            if stage != Stage::Identify && self.record.is_done(stage) {
-                self.person.say(&format!("stage {stage}: done before"));
-                continue;
-            }
-            let (outcome, text) = match self.stage(stage) {
-                Ok(text) => (Outcome::Done, text),
-                Err(Halt::Failed(text)) => (Outcome::Failed, text),
-                Err(Halt::Gone(gone)) => (Outcome::Left, gone.to_string()),
-            };
-            self.record.end_stage(stage, outcome, text.clone());
-            let captured: Vec<_> = self.ports.iter().map(|port| port.capture.read()).collect();
-            (self.keep)(&self.record, stage, &captured)?;
-            let why = match outcome {
-                Outcome::Done => {
-                    self.person.say(&format!("stage {stage}: done. {text}"));
-                    continue;
-                }
-                Outcome::Failed => format!("stage {stage} failed: {text}"),
-                Outcome::Left => format!(
-                    "stage {stage}: {text}; the drives are off; the same command takes it up again"
-                ),
-            };
-            return Err(why.into());
-        }
-        Ok(())
-    }
-
-    fn stage(&mut self, stage: Stage) -> Result<String, Halt> {
-        let (number, all) = (stage as usize + 1, Stage::ALL.len());
-        let what = format!("== {number} of {all}: {stage}\n{}", stage.announcement());
-        let yes = permission(self.person, &what, "yes", "anything else ends here")?;
-        let Some(yes) = yes else {
-            // Not a failure of anything.
-            return Err(Halt::Gone(Gone::NotPermitted));
-        };
-        if self.ports.is_empty() {
-            self.open()?;
-        }
-        match stage {
-            Stage::Identify => reading::identify(self),
-            Stage::Settings => reading::settings(self),
-            Stage::Power => self.each_motor(&yes, moving::power),
-            Stage::Steps => self.each_motor(&yes, moving::steps),
-            Stage::Gear => self.each_motor(&yes, moving::gear),
-            Stage::Exchanges => reading::exchanges(self),
-            Stage::Stops => stopping::stops(self),
-        }
-    }
-
     /// Opens every port, for this program only.
     pub fn open(&mut self) -> Result<(), DriveError> {
         for (number, config) in self.config.ports.iter().enumerate() {
@@ -190,7 +136,7 @@ impl<L: Lines> Session<'_, L> {
     }
 
     /// Does something with every motor, one after the other.
-    fn each_motor(
+    pub fn each_motor(
         &mut self,
         yes: &Yes,
         act: fn(&mut Motor<'_, L::Line>, &Yes) -> Result<String, Halt>,
