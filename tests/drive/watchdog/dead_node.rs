@@ -1,6 +1,7 @@
 //! Three drives on one line, one of them dead behind the gateway. The log of the emulator judges:
 //! order and number of exchanges, no time.
 
+use i2ris::ipc::heartbeat::HeartbeatReader;
 use i2ris_simulation::log::LineTrouble;
 
 use super::*;
@@ -49,11 +50,16 @@ fn check_watchdog(signal: Signal) {
     let mut watched = WatchedRig::with(Rig::behind(GATEWAY_MS), 3000);
     let silent = clock::now();
     watched.rig.emulator.silence(DEAD, true);
-    wait_until("the gateway waits", || !unanswered(&watched.rig).is_empty());
+    let mut heartbeat = HeartbeatReader::new(&watched.rig.domain());
+    wait_until("the gateway waits, and a tick has told that the dead one owes an answer", || {
+        let is_waiting = !unanswered(&watched.rig).is_empty();
+        let told = heartbeat.read().ok().flatten();
+        is_waiting && told.is_some_and(|told| told.owing >> DEAD & 1 == 1)
+    });
     let since = clock::now();
     watched.rig.signal(signal);
-    // A tick may not have told yet that the dead one owes an answer. Where this test had to wait
-    // for the processor, the controller has stopped the living itself.
+    // The controller may have asked the dead one again. Where this test had to wait for the
+    // processor, it has stopped the living itself.
     check_stops(&watched.rig, silent, since, 1);
     watched.until_logged(&format!("motor {DEAD}: NOT STOPPED"));
     let text = watched.log_text();
