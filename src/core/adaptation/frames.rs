@@ -76,3 +76,50 @@ impl FrameFilter {
         now.duration_since(self.newest)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_out_of_order_duplicated_old_and_from_the_future_are_dropped_and_counted() {
+        let mut filter = FrameFilter::default();
+        let ms = |t: u64| Nanos::from_millis(1000 + t);
+        let frame = |t: u64| ExternalPose {
+            stamp: ms(t),
+            position: [0.1, 0.2, 0.0],
+            outputs: 2,
+            quality: 0.0,
+        };
+        let not_finite = ExternalPose { position: [f64::NAN; 3], ..frame(200) };
+        let poor = ExternalPose { quality: 0.1, ..frame(200) };
+        let other = ExternalPose { outputs: 1, ..frame(200) };
+        let cases = [
+            (frame(0), true),
+            (frame(0), false),
+            (frame(33), true),
+            (frame(20), false),
+            (frame(900), false),
+            (frame(38), false),
+            (not_finite, false),
+            (poor, false),
+            (other, false),
+            (frame(66), true),
+        ];
+        for (index, (frame, is_used)) in cases.iter().enumerate() {
+            let found = filter.take(frame, 2, 0.3, ms(300));
+            assert_eq!(found.is_some(), *is_used, "case {index}");
+        }
+        assert_eq!(filter.take(&frame(100), 2, 0.3, ms(500)), None);
+        let expected = FrameCounts {
+            duplicate: 1,
+            out_of_order: 1,
+            future: 1,
+            too_old: 1,
+            too_frequent: 1,
+            bad: 3,
+            ..FrameCounts::default()
+        };
+        assert_eq!(filter.counts, expected);
+    }
+}

@@ -83,3 +83,40 @@ impl Score {
         self.last
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of 30 Hz for some seconds, with errors in degrees.
+    fn run(score: &mut Score, start_s: u64, seconds: u64, errors: Pair) -> Vec<Verdict> {
+        let frames = (0..seconds * 30).map(|k| Nanos::from_millis(start_s * 1000 + k * 1000 / 30));
+        frames
+            .map(|now| score.add([errors[0] * DEG, 0.0], [0.0, errors[1] * DEG], now))
+            .filter(|verdict| *verdict == Verdict::TakeBack)
+            .collect()
+    }
+
+    #[test]
+    fn three_worse_windows_take_the_correction_back() {
+        let mut score = Score::default();
+        assert!(run(&mut score, 1, 25, [0.5, 0.6]).is_empty());
+        score.restart();
+        // A window that is not worse takes one away.
+        assert!(run(&mut score, 30, 12, [0.5, 0.4]).is_empty());
+        score.restart();
+        assert_eq!(run(&mut score, 60, 35, [0.5, 0.6]).len(), 1);
+    }
+
+    #[test]
+    fn equal_errors_and_single_outliers_take_nothing_back() {
+        let mut score = Score::default();
+        assert!(run(&mut score, 1, 100, [0.5, 0.54]).is_empty());
+        for second in 0..100 {
+            assert!(run(&mut score, 200 + second, 1, [0.5, 0.4]).is_empty());
+            let now = Nanos::from_millis((200 + second) * 1000 + 990);
+            // A wrong frame is as far from the one pose as from the other.
+            assert_eq!(score.add([1.0, 0.0], [1.0, 0.0], now), Verdict::Open);
+        }
+    }
+}

@@ -58,3 +58,31 @@ impl SlipDetector {
         Some(step)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME_S: f64 = 1.0 / 30.0;
+
+    fn found(steps: impl Iterator<Item = Pair>) -> Vec<f64> {
+        let mut slip = SlipDetector::default();
+        steps
+            .filter_map(|step| slip.add(step.map(|deg| deg * DEG), 0.2 * DEG, 1.5 * DEG, FRAME_S))
+            .collect()
+    }
+
+    #[test]
+    fn a_step_of_a_degree_is_found_within_three_seconds() {
+        let steps = found((0..90).map(|k| [0.7 + 0.1 * f64::from(k % 3), -0.7]));
+        assert!((0.5..1.2).contains(&(steps[0] / DEG)), "{steps:?}");
+    }
+
+    #[test]
+    fn a_push_of_two_degrees_and_single_outliers_are_no_slip() {
+        assert!(found((0..900).map(|_| [2.0, 0.0])).is_empty());
+        assert!(found((0..900).map(|k| [if k % 10 == 0 { 5.0 } else { 0.1 }, 0.0])).is_empty());
+        // Errors that alternate.
+        assert!(found((0..900).map(|k| [(0.1 * f64::from(k)).sin(), 0.0])).is_empty());
+    }
+}

@@ -87,3 +87,43 @@ impl Clutch {
         (coupled, next)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Nanos;
+
+    fn command(client_id: u64, angle: f64, clutched: bool) -> ServoCommand {
+        ServoCommand {
+            client_id,
+            sequence: 1,
+            stamp: Nanos::ZERO,
+            deadline: Nanos::ZERO,
+            goal: ServoGoal::Joint([angle, 0.0, 0.0], 2),
+            clutched,
+            has_unknown_flags: false,
+        }
+    }
+
+    #[test]
+    fn the_reference_is_kept_for_its_client_and_not_for_another() {
+        let snake = Some([0.5, 0.0, 0.0]);
+        let mut clutch = Clutch::new(1.0);
+        for (client_id, angle, clutched, expected) in [
+            (7, 0.1, false, 0.1),
+            (7, 0.2, true, 0.5),
+            (7, 0.3, false, 0.5),
+            (7, 0.4, false, 0.6),
+            // Another client has never opened the clutch.
+            (8, 0.2, false, 0.2),
+            (7, 0.4, false, 0.4),
+        ] {
+            let (goal, next) = clutch.couple(&command(client_id, angle, clutched), snake);
+            let ServoGoal::Joint(goal, 2) = goal else {
+                panic!("{goal:?}");
+            };
+            assert!((goal[0] - expected).abs() < 1e-12, "{client_id}: {goal:?}");
+            clutch = next;
+        }
+    }
+}

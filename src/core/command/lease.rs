@@ -59,3 +59,24 @@ impl Lease {
         self.holder.take_if(|holder| holder.client_id == client_id).is_some()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DURATION: Nanos = Nanos::from_millis(500);
+
+    #[test]
+    fn a_lease_belongs_to_one_client_until_it_expires_or_is_given_back() {
+        let ms = Nanos::from_millis;
+        let mut lease = Lease::new(DURATION);
+        assert!(lease.renew(7, ms(1000)));
+        assert!(!lease.renew(7, ms(1100)));
+        assert!(!lease.release(8) && !lease.expire(ms(1599)));
+        assert_eq!(lease.holder(), 7);
+        assert!(lease.expire(ms(1600)) && !lease.expire(ms(1601)));
+        assert_eq!(lease.holder(), 0);
+        assert!(lease.renew(8, ms(1700)));
+        assert!(lease.release(8) && !lease.release(7));
+    }
+}

@@ -31,3 +31,16 @@ impl MotionScaling {
         zip_map(snake_reference, &displacement, |snake, by| snake + by)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_snake_moves_by_the_scaled_displacement_from_its_reference() {
+        let scaling = MotionScaling::new(0.25);
+        let goal = scaling.apply(&[1.0, -2.0, 0.5], &[0.0, 2.0, 0.5], &[0.5, 0.0, -1.0]);
+        assert_eq!(goal, [0.75, -1.0, -1.0]);
+        assert!(!scaling.is_unity() && MotionScaling::new(1.0).is_unity());
+    }
+}

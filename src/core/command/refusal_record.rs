@@ -123,6 +123,31 @@ mod tests {
         Nanos::from_millis(10_000 + milliseconds)
     }
 
+    fn of(record: &RefusalRecord, client_id: u64) -> Option<(u64, Refusal)> {
+        let own = |client: &&ClientRefusals| client.count > 0 && client.client_id == client_id;
+        let clients = record.clients();
+        let found = clients.iter().find(own)?;
+        Some((found.count, found.last))
+    }
+
+    #[test]
+    fn every_client_has_its_own_refusals_and_one_event_per_reason() {
+        let mut record = RefusalRecord::default();
+        assert!(record.record(7, Refusal::Stamp, false, ms(0)));
+        assert!(record.record(0, Refusal::Malformed, false, ms(1)));
+        for tick in 2..500 {
+            record.accepted(8);
+            assert!(!record.record(7, Refusal::Stamp, false, ms(tick)));
+            assert!(!record.record(0, Refusal::Malformed, false, ms(tick)));
+        }
+        assert!(record.record(8, Refusal::Step, false, ms(500)));
+        assert_eq!(of(&record, 7), Some((499, Refusal::Stamp)));
+        assert_eq!(of(&record, 0), Some((499, Refusal::Malformed)));
+        assert_eq!(of(&record, 8), Some((1, Refusal::Step)));
+        record.accepted(7);
+        assert!(record.record(7, Refusal::Stamp, false, ms(501)));
+    }
+
     #[test]
     fn changing_reasons_and_identities_do_not_fill_the_log() {
         let mut record = RefusalRecord::default();

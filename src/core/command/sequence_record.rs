@@ -80,6 +80,25 @@ mod tests {
     use super::*;
 
     #[test]
+    fn sequences_rise_per_client_also_after_others_have_commanded() {
+        let mut record = SequenceRecord::default();
+        record.record(7, 10, Nanos(50));
+        record.record(8, 3, Nanos(50));
+        for (client, sequence, expected) in [
+            (7, 10, Err(Refusal::Sequence)),
+            (7, 9, Err(Refusal::Sequence)),
+            (7, 11, Ok(())),
+            (8, 3, Err(Refusal::Sequence)),
+            (8, 4, Ok(())),
+            (9, 0, Ok(())),
+        ] {
+            let found = record.require_newer(client, sequence, Nanos(50));
+            assert_eq!(found, expected, "{client} {sequence}");
+        }
+        assert_eq!(record.require_newer(7, 11, Nanos(49)), Err(Refusal::Stamp));
+    }
+
+    #[test]
     fn the_client_that_was_silent_for_longest_is_forgotten() {
         let mut record = SequenceRecord::default();
         for client in 1..=8 {

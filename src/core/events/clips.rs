@@ -83,10 +83,22 @@ mod tests {
     }
 
     #[test]
+    fn the_largest_distance_follows_the_beginning() {
+        let growing: Vec<f64> = (0..25).map(|tick| f64::from(tick).min(17.0)).collect();
+        assert_eq!(events(&growing), [(0, 0.0), (10, 10.0), (20, 17.0)]);
+    }
+
+    #[test]
     fn the_largest_distance_is_reported_after_the_end() {
         let mut short = [f64::NAN; 30];
         short[3..6].copy_from_slice(&[1.0, 4.0, 2.0]);
         assert_eq!(events(&short), [(3, 1.0), (13, 4.0)]);
+    }
+
+    #[test]
+    fn a_clip_that_does_not_grow_is_one_event() {
+        assert_eq!(events(&[5.0; 40]), [(0, 5.0)]);
+        assert_eq!(events(&[5.0, 5.005].repeat(20)), [(0, 5.0)]);
     }
 
     #[test]

@@ -212,6 +212,39 @@ mod tests {
     }
 
     #[test]
+    fn a_distance_that_lasts_is_a_fault_and_a_single_pose_is_not() {
+        let mut monitor = moving();
+        for (pose, is_checked, now, is_fault) in [
+            (Some(measured(300, 6.0)), true, 400, false),
+            (None, true, 450, false),
+            (Some(measured(340, 3.4)), true, 480, false),
+            (Some(measured(350, 6.0)), true, 500, false),
+            // Confirmed by a frame after the debounce time, and not by silence.
+            (None, true, 820, false),
+            (Some(measured(380, 6.0)), true, 820, true),
+            (None, true, 821, true),
+            // A robot that is off is not checked.
+            (None, false, 822, false),
+        ] {
+            let found = monitor.is_implausible(pose.as_ref(), 2, is_checked, ms(now));
+            assert_eq!(found, is_fault, "{now} ms");
+        }
+    }
+
+    #[test]
+    fn an_odd_pose_and_then_silence_is_no_fault() {
+        let mut monitor = moving();
+        let odd = measured(390, 60.0);
+        // The control loop may hand the same frame over in every tick.
+        for now in 400..3000 {
+            assert!(!monitor.is_implausible(Some(&odd), 2, true, ms(now)), "{now}");
+            monitor.record_estimates(ms(now), Estimates::default());
+        }
+        // Another odd one, long after the first.
+        assert!(!monitor.is_implausible(Some(&measured(2990, 60.0)), 2, true, ms(3000)));
+    }
+
+    #[test]
     fn a_camera_that_is_silent_or_too_late_is_reported_to_check_nothing() {
         use PlausibilityCheck::{Inactive, Silent, TooOld, Working};
         let mut monitor = moving();
@@ -259,6 +292,60 @@ mod tests {
         monitor.limit = 0.0;
         assert!(!monitor.is_on());
         assert_eq!(monitor.measurement(), None, "the check is off");
+    }
+
+    #[test]
+    fn a_distance_at_the_limit_is_no_fault() {
+        let mut monitor = moving();
+        monitor.reset();
+        for t in 400..800 {
+            monitor.record_estimates(ms(t), [[0.0; 3]; 2]);
+        }
+        for (degrees, is_fault) in [(2.0, false), (2.0 + 1e-9, true)] {
+            for (stamp, now) in [(650, 800), (700, 1100), (720, 1101)] {
+                // Every frame has a stamp of its own.
+                let stamp = stamp + u64::from(is_fault);
+                let pose = measured(stamp, degrees);
+                let found = monitor.is_implausible(Some(&pose), 2, true, ms(now));
+                assert_eq!(found, is_fault && now >= 1100, "{degrees} deg at {now} ms");
+            }
+        }
+    }
+
+    #[test]
+    fn estimates_are_stored_every_four_milliseconds_for_half_a_second() {
+        let mut monitor = moving();
+        assert_eq!(monitor.written, 100);
+        monitor.record_estimates(ms(399), Estimates::default());
+        assert_eq!(monitor.written, 100, "3 ms after the last one");
+        monitor.record_estimates(ms(400), Estimates::default());
+        assert_eq!(monitor.written, 101);
+        for (stamp, is_found) in [(0, true), (200, true), (408, true), (409, false)] {
+            let found = monitor.estimates_at(ms(stamp));
+            assert_eq!(found.is_some(), is_found, "{stamp} ms");
+        }
+        for t in 401..=512 {
+            monitor.record_estimates(ms(t), Estimates::default());
+        }
+        let oldest = monitor.estimates_at(ms(4)).unwrap();
+        assert_eq!(oldest[0][0], 0.04_f64.to_radians());
+        assert_eq!(monitor.written, 129, "the first is written over");
+        let oldest = monitor.estimates_at(ms(0)).unwrap();
+        assert_eq!(oldest[0][0], 0.04_f64.to_radians(), "its neighbour");
+        monitor.limit = 0.0;
+        monitor.record_estimates(ms(600), Estimates::default());
+        assert_eq!(monitor.written, 129, "the check is off");
+    }
+
+    #[test]
+    fn a_reset_forgets_the_estimates() {
+        let mut monitor = moving();
+        monitor.reset();
+        assert_eq!(monitor.estimates_at(ms(300)), None);
+        let now = Nanos::from_millis(3);
+        assert_eq!(monitor.estimates_at(now), None, "near the time zero");
+        monitor.checked_since = Some(Nanos::ZERO);
+        assert_eq!(monitor.check(now), PlausibilityCheck::Inactive);
     }
 
     #[test]

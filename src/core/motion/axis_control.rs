@@ -322,4 +322,24 @@ mod tests {
         (0..2).for_each(|_| axis.jerk_limiter.update(2.0));
         assert!(axis.is_at_rest() && axis.is_settled());
     }
+
+    #[test]
+    fn homings_and_fault_resets_are_done_when_the_drive_has_done_all_of_them() {
+        use AxisPhase::{Disabled, Faulted, Homing};
+        for (phase, done, is_homed, is_reset) in [
+            (Disabled, 1, true, true),
+            (Disabled, 0, false, false),
+            (Homing, 1, false, true),
+            (Faulted, 1, false, false),
+        ] {
+            let mut axis = axis();
+            axis.feedback.phase = Faulted;
+            axis.reset_fault();
+            axis.start_homing();
+            (axis.feedback.homings, axis.feedback.fault_resets) = (done, done);
+            axis.feedback.phase = phase;
+            let found = (axis.is_homing_done(), axis.is_reset_done());
+            assert_eq!(found, (is_homed, is_reset), "{phase:?} {done}");
+        }
+    }
 }

@@ -151,6 +151,33 @@ mod tests {
     }
 
     #[test]
+    fn a_goal_that_goes_on_is_followed_and_one_that_turns_back_a_little_is_held() {
+        let mut dead_band = dead_band();
+        for (goal, output) in [
+            (degrees(0.0, 0.0), degrees(0.0, 0.0)),
+            (degrees(1.5, 0.0), degrees(1.5, 0.0)),
+            (degrees(3.0, 0.0), degrees(3.0, 0.0)),
+            // The disc is at 2 deg.
+            (degrees(2.5, 0.0), degrees(3.0, 0.0)),
+            (degrees(1.1, 0.3), degrees(3.0, 0.0)),
+            (degrees(0.9, 0.0), degrees(0.9, 0.0)),
+        ] {
+            let found = dead_band.apply(&goal);
+            let is_held = goal != output;
+            assert_eq!(found, DeadBandedGoal { goal: output, is_held });
+        }
+        // Another model goes on with the goal, and not with the correction.
+        let mut next = self::dead_band();
+        next.filter_correction(&degrees(1.0, 0.0));
+        next.take_over(Some(&dead_band));
+        assert!(next.correction().is_none() && next.apply(&degrees(1.0, 0.0)).is_held);
+        next.reset();
+        assert!(!next.apply(&degrees(1.0, 0.0)).is_held);
+        dead_band.release_goal();
+        assert!(!dead_band.apply(&degrees(1.0, 0.0)).is_held);
+    }
+
+    #[test]
     fn the_correction_is_low_passed_and_small_changes_are_ignored() {
         let mut dead_band = dead_band();
         dead_band.filter_correction(&degrees(0.0, 0.0));

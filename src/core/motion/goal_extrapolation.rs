@@ -182,6 +182,28 @@ mod tests {
         goal
     }
 
+    /// Goals of a stream, its interval, the time of evaluation, and the expected goal.
+    #[test]
+    fn steady_motion_is_extrapolated_for_a_bounded_time() {
+        for (goals, interval_ms, at_ms, expected) in [
+            (&[0.0, 1.0, 2.0], 5, 13, 2.6),
+            // Two intervals after the last command.
+            (&[0.0, 1.0, 2.0], 5, 500, 4.0),
+            // 20 ms at most.
+            (&[0.0, 1.5, 3.0], 15, 500, 5.0),
+            (&[0.0, 1.0, 2.0], 20, 500, 3.0),
+            // Slow streams are not extrapolated.
+            (&[0.0, 1.0, 2.0], 25, 60, 2.0),
+            // Equal stamps do not divide by zero.
+            (&[0.0, 1.0, 2.0], 0, 1, 2.0),
+        ] {
+            let ([now], [before]) = stream(goals, interval_ms).evaluate(ms(at_ms), TICK);
+            assert!((now - expected).abs() < 1e-9, "{now} instead of {expected}");
+            let increment = if at_ms == 13 { 0.2 } else { 0.0 };
+            assert!((now - before - increment).abs() < 1e-9, "{now} {before}");
+        }
+    }
+
     #[test]
     fn steps_reversals_pauses_and_first_commands_are_not_extrapolated() {
         for goals in
@@ -191,6 +213,28 @@ mod tests {
             let found = stream(goals, 5).evaluate(ms(5 * goals.len() as u64), TICK);
             assert_eq!(found, ([last], [last]), "{goals:?}");
         }
+    }
+
+    #[test]
+    fn a_rate_is_integrated_and_an_interpolated_goal_arrives_when_the_next_command_is_due() {
+        let moving = GoalExtrapolation::moving([1.0], [10.0], ms(0), 0.05);
+        let reaching = GoalExtrapolation::reaching([2.0], &[1.0], ms(0), Nanos::from_millis(100));
+        for (at_ms, [moved, reached]) in [
+            (0, [1.0, 1.0]),
+            (20, [1.2, 1.2]),
+            (50, [1.5, 1.5]),
+            (80, [1.5, 1.8]),
+            (900, [1.5, 2.0]),
+        ] {
+            let found = [moving.at(ms(at_ms))[0], reaching.at(ms(at_ms))[0]];
+            assert!(
+                (found[0] - moved).abs() < 1e-9 && (found[1] - reached).abs() < 1e-9,
+                "{found:?}"
+            );
+        }
+        // A stream of angles after it is not extrapolated by what was no motion of the client.
+        let next = reaching.next([2.1], ms(10));
+        assert_eq!(next.at(ms(15)), [2.1]);
     }
 
     proptest! {

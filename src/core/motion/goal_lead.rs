@@ -88,4 +88,14 @@ mod tests {
         assert!((ramp[500].now[0] - ramp[500].before[0] - 0.2e-3).abs() < 1e-12);
         assert!(led(8.0, |_| 0.3).iter().all(|step| step.now == [0.3, 0.0, 0.0]));
     }
+
+    #[test]
+    fn a_goal_that_stops_at_once_is_overshot_by_the_lead_and_no_longer_than_the_filter() {
+        let stop = led(10.0, |t| 0.2 * t.min(0.5));
+        let over = |tick: usize| stop[tick].now[0] - 0.1;
+        let highest = (400..1000).map(over).fold(0.0, f64::max);
+        assert!(highest <= 0.2 * 0.01 + 1e-12, "{highest}");
+        assert!(over(499 + 20) < 0.2 * highest, "{} of {highest}", over(519));
+        assert!((over(499 + 60)).abs() < 1e-15, "at rest");
+    }
 }

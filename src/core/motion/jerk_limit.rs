@@ -132,4 +132,13 @@ mod tests {
         }
         assert_eq!(jerk_limiter.output(), 20.1);
     }
+
+    #[test]
+    fn a_window_of_one_changes_nothing() {
+        let mut jerk_limiter = JerkLimiter::new(1);
+        for value in [0.3, -7.1, 0.1 + 0.2] {
+            jerk_limiter.update(value);
+            assert_eq!(jerk_limiter.output(), value);
+        }
+    }
 }

@@ -85,6 +85,29 @@ mod tests {
     }
 
     #[test]
+    fn without_limits_and_filter_a_goal_passes_unchanged() {
+        let step = GoalStep { now: [0.3, 0.2, 0.1], before: [0.2, 0.1, 0.0] };
+        let mut filter = filter(JointLimitConfig::OFF, 0.0);
+        assert_eq!(filter.filter(step, [9.0; 3]), step);
+    }
+
+    #[test]
+    fn a_new_stream_starts_at_the_setpoint() {
+        let limits = JointLimitConfig {
+            velocity_deg_s: Some(10.0),
+            acceleration_deg_s2: Some(100.0),
+            ..JointLimitConfig::OFF
+        };
+        let mut filter = filter(limits, 0.0);
+        let goal = GoalStep { now: [0.1; 3], before: [0.1; 3] };
+        for _ in 0..2 {
+            let first = filter.filter(goal, [0.05; 3]);
+            assert!((first.now[0] - 0.05).abs() < 0.001 && first.before == [0.05; 3]);
+            filter.reset();
+        }
+    }
+
+    #[test]
     fn a_goal_is_led_without_limits_too_and_a_new_stream_starts_without_lead() {
         let mut filter = filter(JointLimitConfig::OFF, 10.0);
         let at = |tick: i32| [1e-4 * f64::from(tick), 0.0, 0.0];

@@ -193,6 +193,13 @@ mod tests {
     }
 
     #[test]
+    fn limits_on_angles_are_off_for_other_outputs() {
+        let config = JointLimitConfig { velocity_deg_s: Some(20.0), ..JointLimitConfig::OFF };
+        assert!(JointLimits::new(&config, TICK, false).is_off());
+        assert!(JointLimits::new(&JointLimitConfig::OFF, TICK, true).is_off());
+    }
+
+    #[test]
     fn a_restart_is_at_rest_where_it_starts() {
         let config = JointLimitConfig {
             velocity_deg_s: Some(20.0),
@@ -204,5 +211,29 @@ mod tests {
         let start = [0.3, -0.2, 0.0];
         joint_limits.restart(&start);
         assert_eq!(joint_limits.limit(&start, &start), start);
+    }
+
+    #[test]
+    fn lowest_and_highest_angles_are_as_configured() {
+        let config = JointLimitConfig {
+            position_min_deg: Some(vec![-4.0, -30.0]),
+            position_max_deg: Some(vec![6.0, 20.0]),
+            ..JointLimitConfig::OFF
+        };
+        let of = |output| {
+            let limits = limits(&config, output);
+            [limits.lowest, limits.highest]
+        };
+        assert_eq!(of(0), [-4.0, 6.0].map(f64::to_radians));
+        assert_eq!(of(1), [-30.0, 20.0].map(f64::to_radians));
+        assert_eq!(of(2), [-NO_LIMIT, NO_LIMIT]);
+        let bounds = JointBounds::new(&config, TICK, true).unwrap();
+        let share = |to: [f64; 3]| {
+            let from = [2.0, 5.0, 0.0].map(f64::to_radians);
+            bounds.share_of_line(&from, &to.map(f64::to_radians))
+        };
+        for (to, wanted) in [([10.0, 5.0, 0.0], 0.5), ([5.0, 35.0, 0.0], 0.5), ([3.0; 3], 1.0)] {
+            assert!((share(to) - wanted).abs() < 1e-12, "{} to {to:?}", share(to));
+        }
     }
 }

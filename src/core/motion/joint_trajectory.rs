@@ -110,6 +110,26 @@ mod tests {
     use super::*;
 
     #[test]
+    fn it_moves_on_a_straight_line_from_start_to_end() {
+        let limits = TrajectoryLimits { velocity: 10.0, acceleration: 100.0, jerk: 2000.0 };
+        let (from, to) = ([0.1, 0.2, 0.0], [0.3, 1.4, 0.0]);
+        let started = Nanos::from_millis(1000);
+        let trajectory = JointTrajectory::new(7, from, to, &limits, started);
+        assert_eq!(trajectory.position_at(started), from);
+        let mut ticks = 0;
+        let mut now = started;
+        while !trajectory.is_finished(now) {
+            let position = trajectory.position_at(now);
+            let (first, second) = (position[0] - from[0], position[1] - from[1]);
+            assert!((second - 6.0 * first).abs() < 1e-12, "{position:?}");
+            now = now + Nanos::from_millis(1);
+            ticks += 1;
+        }
+        assert_eq!(trajectory.position_at(now), to);
+        assert!((200..300).contains(&ticks), "{ticks}");
+    }
+
+    #[test]
     fn whenever_it_is_turned_it_goes_on_from_where_it_is() {
         let limits = TrajectoryLimits { velocity: 10.0, acceleration: 100.0, jerk: 2000.0 };
         let ms = |ms: u64| Nanos::from_millis(1000 + ms);

@@ -42,3 +42,25 @@ impl ModelBlend {
 fn least_jerk(s: f64) -> f64 {
     s * s * s * (10.0 + s * (6.0 * s - 15.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_offset_starts_whole_and_fades_out_without_a_step() {
+        let ms = Nanos::from_millis;
+        let blend = ModelBlend::new([1.0, -2.0, 0.0], ms(100));
+        assert_eq!(blend.offset_at(ms(100)), Some([1.0, -2.0, 0.0]));
+        assert_eq!(blend.offset_at(ms(600)), None);
+        let mut before = 1.0;
+        for tick in 1..500 {
+            let [now, ..] = blend.offset_at(ms(100 + tick)).unwrap();
+            // The steepest slope is 15/8 of the average.
+            let change = before - now;
+            assert!((0.0..=1.876 / 500.0).contains(&change), "{tick}");
+            before = now;
+        }
+        assert!(before < 1e-6);
+    }
+}

@@ -65,6 +65,7 @@ impl SetpointSource {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drive::WrittenTarget;
 
     const ENGAGING: SetpointSource = SetpointSource::Engaging { since: Nanos(5) };
     const FOLLOWING: SetpointSource = SetpointSource::Following { since: Nanos(5) };
@@ -87,5 +88,25 @@ mod tests {
         ] {
             assert_eq!(source.next(demand, &feedback(phase), Nanos(5)), next, "{source:?}");
         }
+    }
+
+    #[test]
+    fn it_starts_at_the_preloaded_target_or_at_the_encoder() {
+        let written = |stamp| WrittenTarget {
+            target: Counts(40),
+            stamp: Nanos(stamp),
+            sequence: 1,
+            command_stamp: Nanos::ZERO,
+            command_sequence: 0,
+        };
+        let mut enabled = feedback(AxisPhase::Enabled);
+        for (last, start) in [(None, 37), (Some(written(4)), 37), (Some(written(5)), 40)] {
+            enabled.written = last;
+            let found = FOLLOWING.restart_position(ENGAGING, &enabled);
+            assert_eq!(found, Some(Counts(start)), "{last:?}");
+        }
+        assert_eq!(FOLLOWING.restart_position(FOLLOWING, &enabled), None);
+        assert!(FOLLOWING.is_following() && !ENGAGING.is_following());
+        assert_eq!(ENGAGING.restart_position(FOLLOWING, &enabled), Some(Counts(37)));
     }
 }

@@ -33,3 +33,27 @@ pub(super) fn filtered_velocity(
     let velocity = zip_map(last, &raw, |velocity, raw| velocity + gain * (raw - velocity));
     velocity.map(|velocity| if velocity.abs() < MIN_VELOCITY { 0.0 } else { velocity })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_reaches_a_steady_velocity_and_loses_half_of_it_in_its_half_life() {
+        let (mut velocity, mut position) = ([0.0; 3], [0.0; 3]);
+        let mut run = |increment: f64, samples: u64| {
+            for _ in 0..samples {
+                let before = position;
+                position[0] += increment;
+                let span = Nanos::from_micros(100);
+                velocity = filtered_velocity(&velocity, &position, &before, span);
+            }
+            velocity[0]
+        };
+        // 1e-4 rad every 100 us.
+        assert!((run(1e-4, 3000) - 1.0).abs() < 1e-3);
+        // ln 2 * 20 ms = 13.9 ms.
+        assert!((run(0.0, 139) - 0.5).abs() < 0.01);
+        assert_eq!(run(0.0, 10_000), 0.0);
+    }
+}

@@ -159,4 +159,22 @@ mod tests {
             corners_deg.reverse();
         }
     }
+
+    #[test]
+    fn a_half_plane_forbids_the_side_of_its_normal() {
+        let wall = FixtureShape::HalfPlane { normal: [0.0, -3.0], offset_deg: 10.0 };
+        let wall = Region::new(&wall);
+        assert!((distance_deg(&wall, 20.0, 0.0) - 9.5).abs() < 1e-9);
+        assert!((distance_deg(&wall, 0.0, -12.0) + 2.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_ball_of_the_tip_is_in_metres() {
+        let ball = FixtureShape::Ball { centre_mm: [1.0, 0.0, 2.0], radius_mm: 0.5 };
+        let ball = Region::new(&ball);
+        let (distance, slope) = ball.distance(&[0.0, 0.0, 2e-3]);
+        assert!((distance - 0.48e-3).abs() < 1e-12);
+        assert_eq!(slope, [-1.0, 0.0, 0.0]);
+        assert_eq!(ball.distance(&[1e-3, 0.0, 2e-3]).1, [0.0; 3], "its centre");
+    }
 }
