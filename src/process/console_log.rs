@@ -129,4 +129,32 @@ mod tests {
         let expected: String = (0..100).map(|number| format!("line {number}\n")).collect();
         assert_eq!(text, expected);
     }
+
+    #[test]
+    fn a_pipe_that_nobody_reads_blocks_neither_writer_nor_end_and_the_loss_is_reported() {
+        let (mut reader, writer) = io::pipe().unwrap();
+        let mut log = ConsoleLog::start(writer).unwrap();
+        let line = "x".repeat(1000);
+        for _ in 0..10 * LINES {
+            writeln!(log, "{line}").unwrap();
+        }
+        assert!(log.lost > 0);
+        let reading = thread::spawn(move || {
+            let mut text = String::new();
+            reader.read_to_string(&mut text).unwrap();
+            text
+        });
+        while log.lost > 0 {
+            writeln!(log, "still here").unwrap();
+            thread::sleep(Duration::from_millis(1));
+        }
+        drop(log);
+        assert!(reading.join().unwrap().contains("lines of the log were lost here"));
+        let (_unread, writer) = io::pipe().unwrap();
+        let mut log = ConsoleLog::start(writer).unwrap();
+        for _ in 0..LINES {
+            writeln!(log, "{line}").unwrap();
+        }
+        drop(log);
+    }
 }
