@@ -18,7 +18,8 @@ pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
 
 /// A moment, s: a number of seconds, a date and a time of day as in ISO 8601, or the time of day
 /// alone. A date counts from 1970-01-01.
-pub(super) fn seconds(cell: &str, decimal_comma: bool) -> Option<f64> {
+#[must_use]
+pub fn seconds(cell: &str, decimal_comma: bool) -> Option<f64> {
     number(cell, decimal_comma).or_else(|| match cell.split_once(['T', 't', ' ']) {
         Some((date, clock)) => Some(86_400.0 * days(date)? + clock_s(clock)?),
         None => clock_s(cell),

@@ -27,6 +27,7 @@ mod table;
 mod tests;
 mod write;
 
+pub use cell::seconds;
 pub use columns::{
     ColumnMap, OutputColumn, ParseColumnError, TimeColumn, Wanted, column_of, pitch_and_yaw,
 };

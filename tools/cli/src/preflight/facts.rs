@@ -13,9 +13,9 @@ use i2ris::model::{Model, ModelId};
 use i2ris::process::run_log;
 use i2ris::units::Nanos;
 use i2ris::{clock, wall_clock};
+use i2ris_calibration::recording::seconds;
 use i2ris_report::statistics::median;
 use i2ris_report::{Failure, while_working};
-use nix::libc;
 use nix::sys::statvfs::statvfs;
 use nix::unistd::{AccessFlags, access};
 use serde_json::Value;
@@ -137,13 +137,5 @@ fn clock_step_s(runs: &[Value], boot_id: u64) -> f64 {
 
 /// `2026-01-31T23:59:59Z` as seconds since 1970.
 fn unix_s(text: impl AsRef<str>) -> Option<f64> {
-    let parts = text.as_ref().split(|c: char| !c.is_ascii_digit());
-    let parts: Vec<i32> = parts.filter_map(|part| part.parse().ok()).collect();
-    let [year, month, day, hour, minute, second, ..] = parts[..] else { return None };
-    // SAFETY: `tm` is plain data, for which all zeros is a valid value.
-    let mut time: libc::tm = unsafe { std::mem::zeroed() };
-    (time.tm_year, time.tm_mon, time.tm_mday) = (year - 1900, month - 1, day);
-    (time.tm_hour, time.tm_min, time.tm_sec) = (hour, minute, second);
-    // SAFETY: the pointer is to a live value of the right type.
-    Some(unsafe { libc::timegm(&raw mut time) } as f64)
+    seconds(text.as_ref(), false)
 }
