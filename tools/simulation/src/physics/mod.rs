@@ -1,4 +1,4 @@
-//! Snakes of eight physics: motor positions in, pitch and yaw of the tip out. Pure: no clock, no
+//! Snakes of eleven physics: motor positions in, pitch and yaw of the tip out. Pure: no clock, no
 //! input, no output. The same steps give the same angles to the bit.
 //!
 //! A model that was made with one emulated snake in view may have learned that snake. So there are
@@ -27,8 +27,12 @@
 //! | `lugre` | LuGre friction behind an elastic wire: depends on speed |
 //! | `wire` | a wire in pieces with capstan friction |
 //! | `gear` | a gear with lost motion and compliance |
+//! | `transmission` | an error of the gear that repeats with the turn of the motor |
+//! | `creep` | a snake that creeps under its load, behind Dahl's friction |
+//! | `vector_friction` | friction that acts on both wires as one vector |
 
 mod bouc_wen;
+mod creep;
 mod dahl;
 mod draw;
 mod drawn;
@@ -43,6 +47,8 @@ mod snake;
 pub mod springs;
 #[cfg(test)]
 mod tests;
+mod transmission;
+mod vector_friction;
 mod wire;
 
 pub use drawn::{DrawnSnake, ParseDrawnSnakeError};

@@ -36,6 +36,12 @@ pub enum Physics {
     Wire,
     /// A gear with lost motion and compliance.
     Gear,
+    /// The same gear behind a transmission error, which repeats with the turn of the motor.
+    TransmissionError,
+    /// A snake that creeps under its load: depends on time.
+    Creep,
+    /// Friction that acts on both wires as one vector.
+    VectorFriction,
 }
 
 impl Physics {
@@ -45,7 +51,7 @@ impl Physics {
 
     /// Whether the angles depend on the path of the motors alone, at whatever speed.
     pub fn is_rate_independent(self) -> bool {
-        !matches!(self, Self::Springs | Self::LuGre)
+        !matches!(self, Self::Springs | Self::LuGre | Self::Creep)
     }
 
     /// What it is, in a few words.
@@ -59,6 +65,11 @@ impl Physics {
             Self::LuGre => "bristles with the Stribeck effect; depends on speed",
             Self::Wire => "a wire in pieces with capstan friction",
             Self::Gear => "a gear with lost motion and compliance",
+            Self::TransmissionError => {
+                "such a gear, and an error that repeats with the motor's turn"
+            }
+            Self::Creep => "a snake that creeps under its load; depends on time",
+            Self::VectorFriction => "friction that acts on both wires as one vector",
         }
     }
 }

@@ -1,6 +1,7 @@
 //! A snake of any physics in time steps.
 
 use super::bouc_wen::BoucWen;
+use super::creep::Creep;
 use super::dahl::Dahl;
 use super::draw::{Draw, Pair, between, subtract};
 use super::frame::Frame;
@@ -11,6 +12,8 @@ use super::names::Physics;
 use super::prandtl_ishlinskii::PrandtlIshlinskii;
 use super::preisach::Preisach;
 use super::springs::SpringSnake;
+use super::transmission::TransmissionError;
+use super::vector_friction::VectorFriction;
 use super::wire::Wires;
 use crate::ageing::{Ageing, AgeingEffect, Change};
 
@@ -31,7 +34,8 @@ enum Kind {
 #[derive(Debug, Clone)]
 struct DrawnState {
     frame: Frame,
-    /// Counts, the last finite ones.
+    transmission: Option<TransmissionError>,
+    /// Counts behind the transmission error, the last finite ones.
     counts: Pair,
     /// Degrees, behind the play.
     travel: Pair,
@@ -61,10 +65,14 @@ impl Snake {
             Physics::Dahl => Box::new(Dahl::draw(draw, gain)),
             Physics::LuGre => Box::new(LuGre::draw(draw, gain)),
             Physics::Wire => Box::new(Wires::draw(draw, gain)),
-            Physics::Gear => Box::new(Gears::draw(draw, gain)),
+            Physics::Gear | Physics::TransmissionError => Box::new(Gears::draw(draw, gain)),
+            Physics::Creep => Box::new(Creep::draw(draw, gain)),
+            Physics::VectorFriction => Box::new(VectorFriction::draw(draw, gain)),
         };
+        let has_error = physics == Physics::TransmissionError;
         Self(Kind::Drawn(Box::new(DrawnState {
             frame,
+            transmission: has_error.then(|| TransmissionError::draw(draw)),
             counts: Pair::default(),
             travel: Pair::default(),
             hysteresis,
@@ -139,7 +147,8 @@ impl DrawnState {
 
     /// Travel of the motors, degrees, in front of the play.
     fn ahead(&mut self, motor_counts: Pair) -> Pair {
-        self.frame.travel(motor_counts, &mut self.counts, &self.effect)
+        let counts = self.transmission.map_or(motor_counts, |error| error.turned(motor_counts));
+        self.frame.travel(counts, &mut self.counts, &self.effect)
     }
 
     /// Half of the play of each motor by growth of its gap, degrees.

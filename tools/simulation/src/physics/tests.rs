@@ -106,7 +106,7 @@ fn a_minor_loop_stays_inside_the_major_one() {
 
 #[test]
 fn nothing_moves_at_rest() {
-    for drawn in all() {
+    for drawn in all().filter(|drawn| drawn.physics != Physics::Creep) {
         let mut snake = drawn.build();
         go(&mut snake, 0.0, 900.0, 500.0);
         go(&mut snake, 900.0, 700.0, 500.0);
@@ -251,5 +251,31 @@ fn the_load_follows_the_bend_and_vanishes_in_a_play() {
         go(&mut snake, 0.0, 1500.0, 500.0);
         go(&mut snake, 1500.0, 1497.0, 500.0);
         assert_eq!(snake.load(), [0.0; 2], "{drawn}");
+    }
+}
+
+#[test]
+fn time_turn_and_vector_act_where_a_physics_is_named_for_them() {
+    for seed in SEEDS {
+        let mut snake = DrawnSnake { physics: Physics::Creep, seed }.build();
+        go(&mut snake, 0.0, 1500.0, 500.0);
+        let before = snake.angles_deg()[0];
+        (0..600).for_each(|_| snake.step(0.1, pitch(1500.0)));
+        let crept = snake.angles_deg()[0] - before;
+        assert!((0.2..2.0).contains(&crept), "{seed}: {crept}");
+
+        let error = transmission::TransmissionError::draw(&mut draw::Draw::new(seed, 0));
+        let turned = |counts: f64| error.turned([counts; 2])[0] - counts;
+        assert!((turned(300.0) - turned(300.0 - 1024.0)).abs() < 1e-9);
+        assert!((turned(256.0) - turned(-256.0)).abs() > 0.1, "{seed}");
+
+        let mut draw = draw::Draw::new(seed, 0);
+        let mut disc = vector_friction::VectorFriction::draw(&mut draw, [0.025; 2]);
+        let mut go = |travel| {
+            hysteresis::Hysteresis::advance(&mut disc, 0.01, travel);
+            hysteresis::Hysteresis::bend(&disc)[0]
+        };
+        let (held, freed) = (go([10.0, 0.0]), go([10.0, 8.0]));
+        assert!(freed > held + 0.3, "{seed}: {held} {freed}");
     }
 }
