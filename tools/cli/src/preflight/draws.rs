@@ -9,11 +9,16 @@ use i2ris::core::ServoGoal;
 use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::model::Model;
 use i2ris::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
+use i2ris_bench::models::{RecordingPlan, robot};
+use i2ris_calibration::fit::{FitOptions, fit};
 use i2ris_calibration::parallel;
+use i2ris_calibration::progress::Silent;
+use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_simulation::ageing::{Change, Course, Parameter};
 use i2ris_simulation::camera::{Camera, CameraConfig};
 use i2ris_simulation::closed_loop::{ClosedLoop, Motors};
 use i2ris_simulation::drive::MotorConfig;
+use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::physics::{DrawnSnake, Physics};
 use i2ris_simulation::robot::Robot;
 use rand::{RngExt, SeedableRng};
@@ -26,6 +31,38 @@ const CONFIG: &str = include_str!("../../../../config/emulator.toml");
 /// A model of the default family, and its snake.
 const MODEL: &str = "../../tests/adaptation/force-balance.json";
 const SNAKE: DrawnSnake = DrawnSnake { physics: Physics::LuGre, seed: 1 };
+
+/// A snake and its model.
+#[derive(Clone)]
+struct Calibrated {
+    snake: DrawnSnake,
+    model: Arc<Model>,
+}
+
+impl Calibrated {
+    fn kept() -> Self {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(MODEL);
+        Self { snake: SNAKE, model: Arc::new(Model::load(&file).unwrap()) }
+    }
+
+    /// As a laboratory would calibrate it.
+    fn fitted(snake: DrawnSnake) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("recording.csv");
+        let plan = RecordingPlan {
+            protocol: Protocol::Reversals,
+            duration_s: 300.0,
+            noise_deg: 0.07,
+            latency_ms: 0,
+            seed: snake.seed,
+        };
+        plan.record(&mut robot(snake, false), &file).unwrap();
+        let (recording, _) = Recording::read(&file, &ColumnMap::default()).unwrap();
+        let options = FitOptions { robot_id: "i2ris-emulated".to_owned(), ..FitOptions::default() };
+        let outcome = fit(&recording, &options, &Silent).unwrap();
+        Self { snake, model: outcome.model }
+    }
+}
 
 /// Motors and snake; the plugs of the motors may be exchanged.
 struct Bench {
@@ -56,6 +93,7 @@ impl Motors for Bench {
 /// A robot.
 struct Draw {
     random: Pcg64Mcg,
+    model: Arc<Model>,
     snake: DrawnSnake,
     changes: Vec<Change>,
     motors: MotorConfig,
@@ -71,7 +109,7 @@ fn change(parameter: Parameter, by: f64) -> Change {
 
 impl Draw {
     /// A healthy robot: a little aged, with drives, camera and pose of its own.
-    fn healthy(seed: u64) -> Self {
+    fn healthy(seed: u64, Calibrated { snake, model }: Calibrated) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let mut within = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
         let zero = Change {
@@ -93,7 +131,7 @@ impl Draw {
         };
         let start = Pair::new(within(-8.0, 8.0), within(-8.0, 8.0));
         let is_swapped = false;
-        Self { random, snake: SNAKE, changes, motors, is_swapped, camera, start, seed }
+        Self { random, model, snake, changes, motors, is_swapped, camera, start, seed }
     }
 
     fn within(&mut self, low: f64, high: f64) -> f64 {
@@ -111,15 +149,13 @@ impl Draw {
 
     /// The motion of a preflight.
     fn observe(&self) -> Result<Observer, String> {
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(MODEL);
-        let model = Arc::new(Model::load(&file).unwrap());
         let mut config = Config::parse(CONFIG, "emulator.toml".as_ref()).unwrap();
         config.command.first_step_deg = config.command.max_step_deg;
         config.limits.plausibility_deg = 0.0;
         let mut robot = Robot::with_motors(self.snake.build(), self.motors.clone());
         self.changes.iter().for_each(|change| robot.age(*change));
         let bench = Bench { robot, is_swapped: self.is_swapped };
-        let mut control = ClosedLoop::conditioned(&config, &model, bench);
+        let mut control = ClosedLoop::conditioned(&config, &self.model, bench);
         let control = control.as_mut().map_err(|error| error.to_string())?;
         let angles = |at: [f64; 3]| Pair::new(at[0].to_degrees(), at[1].to_degrees());
         let from = angles(control.report().joint.ok_or("no model")?.setpoint);
@@ -239,8 +275,8 @@ fn facts(draw: &mut Draw) -> Measured {
 }
 
 /// What is said of a robot.
-fn named(seed: u64, failure: Option<&str>) -> Vec<String> {
-    let mut draw = Draw::healthy(seed);
+fn named(seed: u64, failure: Option<&str>, of: &Calibrated) -> Vec<String> {
+    let mut draw = Draw::healthy(seed, of.clone());
     let mut measured = facts(&mut draw);
     if let Some(name) = failure {
         fail(name, &mut draw, &mut measured);
@@ -251,13 +287,16 @@ fn named(seed: u64, failure: Option<&str>) -> Vec<String> {
 
 /// How many of so many draws are judged rightly, ten failures in turn: found and named, and healthy
 /// ones that are go.
-fn count(draws: u64) -> [usize; 2] {
+fn count(draws: u64, of: &Calibrated) -> [usize; 2] {
     let judge_one = |seed: u64| {
         let failure = FAILURES[(seed % 10) as usize];
-        let (found, alarms) = (named(1000 + seed, Some(failure)), named(seed, None));
+        let (found, alarms) = (named(1000 + seed, Some(failure), of), named(seed, None, of));
         let is_named = found.iter().any(|name| name == failure) && found.len() <= 2;
         if !is_named || !alarms.is_empty() {
-            println!("{seed}: {failure} is said to be {found:?}, healthy to be {alarms:?}");
+            println!(
+                "{}, {seed}: {failure} is said to be {found:?}, healthy to be {alarms:?}",
+                of.snake
+            );
         }
         [is_named, alarms.is_empty()]
     };
@@ -267,13 +306,27 @@ fn count(draws: u64) -> [usize; 2] {
 
 #[test]
 fn every_slow_failure_is_named_and_healthy_robots_are_go() {
-    assert_eq!(count(10), [10, 10]);
+    assert_eq!(count(10, &Calibrated::kept()), [10, 10]);
 }
 
 #[test]
 #[ignore = "minutes: for .ci/nightly"]
 fn of_a_hundred_draws_95_failures_are_named_and_98_healthy_robots_are_go() {
-    let [named, go] = count(100);
+    let [named, go] = count(100, &Calibrated::kept());
     println!("{named} of 100 failures named, {go} of 100 healthy robots go");
     assert!(named >= 95 && go >= 98);
+}
+
+/// Snakes and models that no threshold has seen.
+#[test]
+#[ignore = "minutes: for .ci/nightly"]
+fn of_a_hundred_draws_of_other_snakes() {
+    let mut right = [0, 0];
+    for physics in Physics::ALL.iter().copied() {
+        let of = Calibrated::fitted(DrawnSnake { physics, seed: 71 });
+        let [named, go] = count(10, &of);
+        println!("{}: {named} of 10 failures named, {go} of 10 healthy robots go", of.snake);
+        right = [right[0] + named, right[1] + go];
+    }
+    println!("{right:?} of {}", 10 * Physics::ALL.len());
 }

@@ -1,10 +1,12 @@
 //! `i2ris preflight` on emulated drives and a snake whose model was fitted.
 
+use std::sync::atomic::Ordering;
+
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris_report::preflight::Preflight;
 use i2ris_simulation::ageing::{Change, Course, Parameter};
-use i2ris_testing::Rig;
+use i2ris_testing::{Rig, Terminal};
 use serde_json::Value;
 
 use crate::bench::{assert_says, expect_stalls, run, succeeds};
@@ -23,6 +25,34 @@ fn no_go(domain: &Domain) -> (Vec<String>, String) {
         let names = failed.map(|check| check["name"].as_str().unwrap().to_owned());
         let of_machine = ["line", "disk"];
         return (names.filter(|name| !of_machine.contains(&&**name)).collect(), said.output);
+    }
+}
+
+#[test]
+fn without_a_camera_a_person_is_asked_what_was_seen() {
+    let mut rig = Rig::with_fitted_model();
+    expect_stalls(&mut rig);
+    rig.camera_is_shut.store(true, Ordering::Relaxed);
+    rig.start_controller();
+    drop(rig.client());
+    let domain = rig.domain();
+    for words in ["home", "enable", "command state condition"] {
+        succeeds(&domain, words);
+    }
+    let (named, said) = no_go(&domain);
+    assert_eq!(named, ["watchdog", "motion"], "{said}");
+    assert_says(&said, &["nobody and no camera has seen it"]);
+    for (answer, outcome) in
+        [("no\n", "something else than was expected"), ("yes\n", "by eye only")]
+    {
+        let mut terminal = Terminal::start(&domain, &["preflight"], 50, 160);
+        terminal.wait_for("one hand on the switch");
+        terminal.type_keys("yes\n");
+        terminal.wait_for("Did the tip swing");
+        terminal.type_keys(answer);
+        terminal.wait_for(outcome);
+        // Nothing watches the controller here.
+        assert_eq!(terminal.end().code(), Some(1));
     }
 }
 
