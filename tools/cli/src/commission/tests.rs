@@ -14,7 +14,7 @@ use i2ris::drive::cia402::Controlword;
 use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::link::{DriveLink, Retry};
 use i2ris::drive::object::CONTROLWORD;
-use i2ris::units::Counts;
+use i2ris::units::{Counts, Nanos};
 use i2ris_report::Failure;
 use i2ris_simulation::drive::{self, DriveConfig};
 use i2ris_simulation::lines::{Bench, BenchLine};
@@ -302,9 +302,17 @@ fn commission(case: Case) -> (Result<(), String>, Record) {
         record: Record::default(),
         ports: Vec::new(),
         device: None,
-        exchanges: 60,
+        exchanges: if case.unknowns == 0x0F && case.wrong.is_none() { 10_000 } else { 60 },
         origins: BTreeMap::new(),
-        keep: &mut |_, _, _| Ok(()),
+        keep: &mut |_, stage, ports| {
+            let stamps = ports.iter().flat_map(|port| &port.events).map(|event| event.time.0);
+            let ends = stamps.clone().min().zip(stamps.max());
+            // Of the lines' time, and of a person who answers at once.
+            let most = Nanos::from_millis(60_000).0;
+            let is_short = ends.is_none_or(|(first, last)| last - first < most);
+            assert!(is_short || case.wrong == Some(Wrong::NobodyActs), "{stage}: {case:?}");
+            Ok(())
+        },
     };
     let outcome = session.run().map_err(|failure| failure.to_string());
     let record = session.record;
