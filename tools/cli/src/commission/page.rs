@@ -6,7 +6,7 @@ use i2ris_report::page::TableRow;
 use i2ris_report::{Axis, Color, Figure, Page, Panel, Stroke, Table};
 
 use super::proposal::diff;
-use super::record::{NOT_ASKED, Outcome, Record, Stage};
+use super::record::{Outcome, Record, Stage};
 
 pub fn page(record: &Record, config_name: &str) -> Page {
     let mut page = Page::new(format!("Commissioning of {}", record.robot_id));
@@ -29,9 +29,7 @@ pub fn page(record: &Record, config_name: &str) -> Page {
     page.section("What was found");
     let mut table = words("Unknowns", ["unknown", "where", "value", "evidence"]);
     for it in record.all_findings() {
-        let is_known = it.value != NOT_ASKED;
-        let cells = [it.topic.name().to_owned(), it.place, it.value, it.evidence];
-        table.row(TableRow::new(cells).strong(is_known));
+        table.row(TableRow::new([it.topic.name().to_owned(), it.place, it.value, it.evidence]));
     }
     page.table(&table);
     currents(&mut page, record);
