@@ -19,10 +19,11 @@ pub fn page(record: &Record, config_name: &str) -> Page {
         None => format!("{done} of {} stages are done.", Stage::ALL.len()),
     });
     page.section("Stages");
-    let mut table = words("Stages", ["stage", "outcome", "when", "what"]);
+    let mut table = Table::new("Stages", ["stage", "when", "outcome", "what"]);
+    table = table.text_column(2).text_column(3);
     for it in &record.stages {
         let outcome = format!("{:?}", it.outcome).to_lowercase();
-        let cells = [it.stage.to_string(), outcome, it.at.clone(), it.text.clone()];
+        let cells = [it.stage.to_string(), it.at.clone(), outcome, it.text.clone()];
         table.row(TableRow::new(cells).strong(it.outcome != Outcome::Done));
     }
     page.table(&table);
