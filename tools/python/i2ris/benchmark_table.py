@@ -47,10 +47,6 @@ def judge(case: benchmark.Case, method: str, folder: Path | None) -> Row:
         row["exact"] = benchmark.geometric_mean(found["exact_deg"] / found["linear_deg"] for found in motions.values())
     except (ModelError, OSError) as error:
         row["refused"] = str(error)
-        # What the examination refuses may still predict: the training measured it.
-        note = folder / f"{case.physics}-{case.seed}.curve.json" if folder is not None else None
-        if note is not None and note.exists() and not case.aged:
-            row.update({key: value for key, value in json.loads(note.read_text()).items() if key == "forward"})
     return row
 
 
@@ -98,6 +94,7 @@ CASES = (
     ("late camera", ("reversals", "late", False)),
     ("noisy camera", ("reversals", "noisy", False)),
     ("one axis at a time", ("axes", "usual", False)),
+    ("strokes of both axes", ("joint", "usual", False)),
     ("aged, no camera", ("reversals", "usual", True)),
 )
 
@@ -124,11 +121,11 @@ def summary(rows: Iterable[Row]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def page(rows: Iterable[Row], curves: Iterable[Path] = (), note: str = "") -> str:
+def page(rows: Iterable[Row], note: str = "") -> str:
     """The tables as Markdown: geometric means over seeds, for each method and physics."""
     rows = list(rows)
     lines = [
-        "# The hysteresis benchmark, version 1",
+        "# The hysteresis benchmark, version 2",
         "",
         "Share of a straight line's error, geometric mean over the seeds; **forward** (angles from counts, after 10 s)",
         "and **inverse** (tip while the controller tracks five motions). `exact` is the inverse of the snake itself",
@@ -143,7 +140,6 @@ def page(rows: Iterable[Row], curves: Iterable[Path] = (), note: str = "") -> st
             title = f"{protocol}, {camera} camera{', the snake has aged' if aged else ''}: {task}"
             lines += ["", f"## {title[0].upper()}{title[1:]}", "", f"Seeds {', '.join(map(str, seeds))}.", ""]
             lines += table(chosen, task)
-    lines += trained(curves)
     refused = [row for row in rows if "refused" in row]
     if refused:
         lines += ["", "## Refused", ""]
@@ -151,39 +147,28 @@ def page(rows: Iterable[Row], curves: Iterable[Path] = (), note: str = "") -> st
     return "\n".join(lines) + "\n"
 
 
-def trained(curves: Iterable[Path]) -> list[str]:
-    """How networks were trained: their size, and the error on the rows held out at parts of the training."""
-    parts = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)
-    lines = []
-    for path in sorted(curves):
-        note = json.loads(path.read_text())
-        curve = note["curve"]
-        points = [curve[min(int(part * len(curve)), len(curve) - 1)][2] for part in parts]
-        points.append(min(row[2] for row in curve))
-        errors = " | ".join(f"{note['unit_deg'] * error:.3f}" for error in points)
-        name = f"{path.parent.name}, {path.name.removesuffix('.curve.json')}"
-        lines.append(f"| {name} | {note['parameters']} | {note['minutes']:g} | {curve[-1][0]} | {errors} |")
-    if not lines:
-        return []
-    head = " | ".join(f"after {100 * part:.0f} %" for part in parts)
-    return [
-        "",
-        "## How the networks were trained",
-        "",
-        "By `tools/python/examples/train_networks.py`: size, minutes of one processor, epochs, and the error on the rows held",
-        "out, deg RMS, along the training. The best epoch is kept.",
-        "",
-        f"| network | parameters | minutes | epochs | {head} | best |",
-        "|---" * (len(parts) + 5) + "|",
-        *lines,
-    ]
+#: What `best` chooses among.
+FAMILIES = ("linear", "gmr", "gmr-play", "force-balance")
+
+
+def regret(rows: Iterable[Row]) -> list[tuple[float, Row]]:
+    """Error of what `best` took over that of the family that was best in hindsight, largest first, with the row."""
+    cases: dict[tuple[Any, ...], dict[str, Row]] = {}
+    for row in rows:
+        cases.setdefault((row["physics"], row["seed"], *kind(row)), {})[row["method"]] = row
+    found = []
+    for case in cases.values():
+        families = [case[name]["inverse"] for name in FAMILIES if "inverse" in case.get(name, {})]
+        if families and "inverse" in case.get("best", {}):
+            found.append((case["best"]["inverse"] / min(families), case["best"]))
+    return sorted(found, key=lambda pair: -pair[0])
 
 
 #: Methods of the figure, what they are called there, and their colours.
 SHOWN = (
     ("linear", "straight line", "#9aa0a6"),
     ("gmr-direction", "GMR by direction, published", "#e08214"),
-    ("gru", "GRU-64, in torch", "#8073ac"),
+    ("gmr-play", "plays and GMR", "#8073ac"),
     ("best", "i2ris", "#1b9e77"),
 )
 
@@ -236,7 +221,6 @@ def main() -> None:
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--page", type=Path)
     parser.add_argument("--note", default="", help="what to say on the page of this run")
-    parser.add_argument("--curves", nargs="*", type=Path, default=(), help="folders of networks whose training is shown")
     parser.add_argument("--figure", type=Path)
     arguments = parser.parse_args()
     methods: list[tuple[str, Path | None]] = [(family, None) for family in arguments.families]
@@ -250,10 +234,10 @@ def main() -> None:
             print(f"{case.name}{' aged' * case.aged} {method}: {shown}", flush=True)
             arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
     arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
+    for share, row in regret(rows)[:5]:
+        print(f"regret {share:.2f}: {row['physics']} {row['seed']}, {' '.join(map(str, kind(row)[:2]))}, took {row['model']}")
     if arguments.page:
-        folders = [*arguments.curves, *(folder for _, folder in methods if folder)]
-        curves = [path for folder in folders for path in folder.glob("*.curve.json")]
-        arguments.page.write_text(page(rows, curves, arguments.note))
+        arguments.page.write_text(page(rows, arguments.note))
     if arguments.figure:
         arguments.figure.write_text(figure(rows))
 

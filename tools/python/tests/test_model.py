@@ -343,7 +343,7 @@ def test_the_benchmark_scores_and_its_data_are_frozen(case):
     assert frozen[case.name] == train.sha256
     kinds = len(benchmark.PROTOCOLS) * len(benchmark.CAMERAS) + 2
     assert len(frozen) == len(benchmark.PHYSICS) * len(benchmark.SEEDS) * kinds
-    with pytest.raises(ValueError, match="none of version 1"):
+    with pytest.raises(ValueError, match="none of version 2"):
         benchmark.Case("glue")
 
 
@@ -373,7 +373,7 @@ def test_the_published_method_gives_the_figure_of_the_table(case):
 def test_the_table_takes_results_of_others_and_draws_them(tmp_path, monkeypatch):
     def row(method, seed, forward):
         return {
-            "version": 1, "physics": "gear", "seed": seed, "protocol": "reversals", "camera": "usual", "method": method,
+            "version": 2, "physics": "gear", "seed": seed, "protocol": "reversals", "camera": "usual", "method": method,
             "forward": forward, "inverse": 2 * forward, "exact": 0.01 * seed**2,
         }  # fmt: skip
 
