@@ -74,15 +74,11 @@ pub fn record(
     aged: bool,
 ) -> PyResult<()> {
     let snake = drawn(physics, seed)?;
-    let protocol = match protocol {
-        "reversals" => Protocol::Reversals,
-        "axes" => Protocol::Axes,
-        other => {
-            return Err(refused(format!(
-                "`{other}` is no protocol of the benchmark: there are reversals, axes"
-            )));
-        }
-    };
+    let known = [Protocol::Reversals, Protocol::Axes, Protocol::Cycles];
+    let protocol = known.into_iter().find(|known| known.name() == protocol).ok_or_else(|| {
+        let names = known.map(Protocol::name).join(", ");
+        refused(format!("`{protocol}` is no protocol of the benchmark: there are {names}"))
+    })?;
     let seed = first_seed + seed;
     let plan = RecordingPlan { protocol, duration_s, noise_deg, latency_ms, seed };
     let made = py
