@@ -100,7 +100,8 @@ CASES = (
 
 
 def summary(rows: Iterable[Row]) -> str:
-    """One table: every method in every case, over all physics, with the physics where it is worst."""
+    """One table: every method in every case, over all physics that it was run on (`of` so many where those are fewer),
+    with the physics where it is worst."""
     rows = list(rows)
     methods = [*dict.fromkeys(row["method"] for row in rows), "exact"]
     lines = [f"| task | method | {' | '.join(name for name, _ in CASES)} |", "|---" * (len(CASES) + 2) + "|"]
@@ -110,12 +111,14 @@ def summary(rows: Iterable[Row]) -> str:
             for _, case in CASES:
                 of = [row for row in rows if kind(row) == case]
                 found = {name: shares(of, name, method, task) for name in benchmark.PHYSICS}
-                if not all(found.values()):
+                run = {row["physics"] for row in of if row["method"] == method or method == "exact"}
+                if not run or not all(found[name] for name in run):
                     cells.append("-")
                     continue
-                share, name = max((benchmark.geometric_mean(cell), name) for name, cell in found.items())
+                share, name = max((benchmark.geometric_mean(found[name]), name) for name in run)
                 whole = benchmark.geometric_mean(share for cell in found.values() for share in cell)
-                cells.append(f"{whole:.3f} ({name} {share:.3f})")
+                fewer = f" of {len(run)}" if len(run) < len(benchmark.PHYSICS) else ""
+                cells.append(f"{whole:.3f}{fewer} ({name} {share:.3f})")
             usual = [row for row in rows if kind(row) == CASES[0][1]]
             lines.append(f"| {task} | {method}{own_seeds(usual, method)} | {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
