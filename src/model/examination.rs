@@ -30,6 +30,10 @@ const FASTEST: f64 = 0.1;
 /// Share of the difference that the filtered correction takes in a step: the loop filters it, too.
 const FILTER: f64 = 0.2;
 
+/// Goals that move less than this part of those of the wide path are in backlash: then that path is
+/// followed.
+const LEAST_MOTION: f64 = 0.1;
+
 /// The error at the goals may be this part of their deviation.
 const MOST_ERROR: f64 = 0.7;
 
@@ -56,6 +60,9 @@ pub struct Examination {
     /// The least and the greatest gain of the model, relative to the straight line; `None` if the
     /// file has none.
     pub gains: Option<[f64; 2]>,
+    /// The part of the poses that the model predicts all over the hull that its inverse does not
+    /// clip, 0 to 1.
+    pub usable: f64,
     /// What backlash as wide as the memory of the model leaves of a gain, 0 to 1.
     pub left: f64,
 }
@@ -65,7 +72,8 @@ impl Examination {
     pub(in crate::model) fn of(runtime: &dyn Runtime, hull: &Hull, file: &ModelFile) -> Self {
         let subject = Subject::new(runtime, hull, file);
         let (error, travel) = subject.follow();
-        Self { error, travel, gains: subject.gains(), left: subject.left_by_backlash() }
+        let (gains, usable, left) = (subject.gains(), subject.usable(), subject.left_by_backlash());
+        Self { error, travel, gains, usable, left }
     }
 
     /// Refuses a model that commands nonsense.
@@ -112,6 +120,10 @@ impl<'a> Subject<'a> {
             wide: ExaminationPath::wide(hull, TURNING_STEPS, STEPS),
         };
         subject.goals = subject.along(&subject.path);
+        let wide = subject.along(&subject.wide);
+        if spread(&subject.goals) < LEAST_MOTION.powi(2) * spread(&wide) {
+            (subject.path, subject.goals) = (subject.wide.clone(), wide);
+        }
         subject
     }
 
@@ -164,14 +176,7 @@ impl<'a> Subject<'a> {
             squares += square(&self.runtime.predict(&next, &memory).mean, goal);
             counts = next;
         }
-        let mut mean = OutputVec::default();
-        for goal in goals {
-            for (mean, goal) in mean.iter_mut().zip(goal) {
-                *mean += goal / goals.len() as f64;
-            }
-        }
-        let size: f64 = goals.iter().map(|goal| square(goal, &mean)).sum();
-        ((squares / size).sqrt(), travel / path.travel().max(1.0))
+        ((squares / spread(goals)).sqrt(), travel / path.travel().max(1.0))
     }
 
     /// The least and the greatest gain of the model along the wide path, relative to the straight
@@ -198,6 +203,18 @@ impl<'a> Subject<'a> {
         let gram = inputs.tr_mul(&inputs).try_inverse()?;
         let gain = (gram * inputs.tr_mul(&angles)).transpose();
         relative_gains(&gain, &line)
+    }
+
+    /// See [`Examination::usable`]: along the wide path.
+    fn usable(&self) -> f64 {
+        let mut memory = self.memory_after_turns();
+        let is_reached = |counts: &&MotorVec| {
+            self.advance(&mut memory, counts);
+            let goal = self.runtime.predict(counts, &memory).mean;
+            !self.runtime.invert(&goal, &memory, self.hull, &Query::new(**counts)).clipped
+        };
+        let path = &self.wide.wander;
+        path.iter().filter(is_reached).count() as f64 / path.len().max(1) as f64
     }
 
     /// What a play, as wide as the range after which the model has forgotten earlier motion, leaves
@@ -242,6 +259,17 @@ fn relative_gains(gain: &DMatrix<f64>, line: &DMatrix<f64>) -> Option<[f64; 2]> 
     range
 }
 
+/// Sum of the squared distances from the mean.
+fn spread(goals: &[OutputVec]) -> f64 {
+    let mut mean = OutputVec::default();
+    for goal in goals {
+        for (mean, goal) in mean.iter_mut().zip(goal) {
+            *mean += goal / goals.len() as f64;
+        }
+    }
+    goals.iter().map(|goal| square(goal, &mean)).sum()
+}
+
 fn square(from: &OutputVec, to: &OutputVec) -> f64 {
     from.iter().zip(to).map(|(from, to)| (to - from).powi(2)).sum()
 }
@@ -249,6 +277,10 @@ fn square(from: &OutputVec, to: &OutputVec) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn found_with(error: f64, travel: f64, gains: Option<[f64; 2]>) -> Examination {
+        Examination { error, travel, gains, usable: 1.0, left: 1.0 }
+    }
 
     #[test]
     fn gains_are_compared_along_the_directions_of_the_line() {
@@ -261,7 +293,7 @@ mod tests {
         let strong = DMatrix::from_row_slice(2, 2, &[0.02, 0.0, 0.0, 0.02]);
         let [least, most] = relative_gains(&weak, &strong).unwrap();
         assert!((least - 0.025).abs() < 1e-9 && (most - 1.0).abs() < 1e-9);
-        let found = |gains| Examination { error: 0.0, travel: 1.0, gains: Some(gains), left: 1.0 };
+        let found = |gains| found_with(0.0, 1.0, Some(gains));
         assert!(matches!(found([least, most]).verdict(), Err(ModelError::Gain { .. })));
         assert!(found([most; 2]).verdict().is_ok());
     }
@@ -276,7 +308,7 @@ mod tests {
 
     #[test]
     fn an_inverse_that_misses_or_chatters_is_refused() {
-        let found = |error, travel| Examination { error, travel, gains: None, left: 1.0 };
+        let found = |error, travel| found_with(error, travel, None);
         assert!(found(0.01, 1.0).verdict().is_ok());
         for (error, travel) in [(0.8, 1.0), (0.01, 9.0), (0.01, f64::NAN)] {
             let refusal = found(error, travel).verdict();

@@ -118,6 +118,7 @@ fn examination(model: &Model) {
         100.0 * found.error,
         found.travel
     );
+    println!("range      the robot may use {:.1} % of the measured range", 100.0 * found.usable);
     if let Some(reason) = &model.file().worthless {
         println!("worthless  {reason}");
     }
@@ -219,6 +220,15 @@ fn balance_table(balance: &BalanceParameters) {
             counts(motor.friction),
             format!("{by_plus:.3}, {by_minus:.3}")
         );
+        let [sine, cosine, twice_sine, twice_cosine] = motor.transmission_error.map(counts);
+        if motor.transmission_error != [0.0; 4] {
+            println!(
+                "        transmission error {:.2} counts once and {:.2} twice a turn of {:.0} counts",
+                sine.hypot(cosine),
+                twice_sine.hypot(twice_cosine),
+                balance.counts_per_turn
+            );
+        }
     }
 }
 

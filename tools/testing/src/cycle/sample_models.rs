@@ -7,7 +7,9 @@ use i2ris::model::file::{
     OutputMetrics, OutputSpec, OutputUnit, PolynomialParameters, SCHEMA_VERSION, TrainingRecord,
 };
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters, BalanceStop};
+use i2ris::model::hysteresis::force_balance::{
+    BalanceMotor, BalanceParameters, BalanceStop, USUAL_TURN,
+};
 use i2ris::units::OutputVec;
 use std::process::Command;
 use std::sync::{Arc, LazyLock};
@@ -222,6 +224,9 @@ pub fn scaled_balance_model(factor: f64) -> Arc<Model> {
         friction_growth: [0.0; 2],
         friction_slope: 0.0,
         friction_asymmetry: 0.0,
+        preload_growth_by_other: 0.0,
+        hardening_by_other: 0.0,
+        transmission_error: [0.0; 4],
     };
     let gain = 1000.0 * factor * GAIN_DEG;
     let family = FamilyParameters::ForceBalance {
@@ -232,6 +237,8 @@ pub fn scaled_balance_model(factor: f64) -> Arc<Model> {
             loose_stiffness: 1e-4,
             softness: 1.0,
             friction_stays: 0.0,
+            shared_growth: 0.0,
+            counts_per_turn: USUAL_TURN,
         },
         read_out: PolynomialParameters {
             centre_counts: vec![0.0; 2],

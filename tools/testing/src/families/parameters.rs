@@ -2,7 +2,9 @@
 
 use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile, PolynomialParameters};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters, BalanceStop};
+use i2ris::model::hysteresis::force_balance::{
+    BalanceMotor, BalanceParameters, BalanceStop, USUAL_TURN,
+};
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -68,6 +70,9 @@ fn balance_of(
         friction_growth: [0.2, other(0.1)],
         friction_slope: 0.1,
         friction_asymmetry: -0.1,
+        preload_growth_by_other: other(8.0),
+        hardening_by_other: other(0.1),
+        transmission_error: [3.0, -2.0, 1.0, 0.5],
     };
     let stop = |(stiffness, share)| BalanceStop { stiffness, share, yields: stiffness == 3.0 };
     let shared = [(3.0, 0.2), (1.5, 0.3)].map(stop);
@@ -78,6 +83,8 @@ fn balance_of(
         loose_stiffness: 0.08,
         softness: 8.0,
         friction_stays: 0.3,
+        shared_growth: other(0.2),
+        counts_per_turn: USUAL_TURN,
     }
 }
 

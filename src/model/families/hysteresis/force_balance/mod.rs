@@ -12,8 +12,9 @@
 //! - **bend** `u`: the travel that the bend of the snake takes up, by motor.
 //! - **stretch** `e = x - u`. The **tension** of the two wires of a motor is `k+ c(P+ + e)` and
 //!   `k- c(P- - e)`; `c(y) = max(0, y)`, rounded over a softness `w` on both sides of 0.
+//! - **transmission error**: what the pulley is ahead of the motor, once and twice a turn.
 //! - **preload** `P`: the stretch of a wire of a straight snake at rest; below 0 it is slack. It
-//!   grows with the square of the bend: the path of a wire through a bent snake is another one.
+//!   grows with the squares of both bends: the path of a wire through a bent snake is another one.
 //! - **stop**: an elastic element of stiffness `s` that slips at a force (Maxwell slip; the
 //!   elements of A. Y. Ishlinskii 1944 and L. Prandtl 1928). An **own** stop resists the bend of one motor, a
 //!   **shared** stop the bend in the plane: its reach is a disc (return mapping, J. C. Simo and T.
@@ -22,22 +23,25 @@
 //! # Balance
 //!
 //! ```text
-//! k+ c(P+ + e) - k- c(P- - e) + eps e = s u (1 + h (u/R)^2) + sum own stops + sum shared stops
+//! k+ c(P+ + e) - k- c(P- - e) + eps e = s u (1 + h (u/R)^2 + h_other (u_other/R)^2)
+//!                                       + sum own stops + sum shared stops
 //! limit of own stop k = share_k (1 +- sense) pose (base + mu+ T+ + mu- T- + nu T_other)
-//! pose = 1 + a |u_i|/R + b |u_j|/R + c u_i/R,     limit of shared stop k = share_k (base + |(mu
-//! T)|)
+//! pose = 1 + a |u_i|/R + b |u_j|/R + c u_i/R
+//! limit of shared stop k = share_k (base + |(mu T)|) (1 + d |u|/R)
 //! ```
 //!
 //! Friction grows with the tension that presses a wire on its guides (capstan equation, L. Euler
 //! 1762, J. A. Eytelwein 1808), so loops are wide where the bend is large. Where the limit falls, a
-//! part of the friction above it may stay. Limits and preload are those of the state before a step.
+//! part of the friction above it may stay. Limits, preload and what the other motor's bend does are
+//! those of the state before a step.
 //! With them both sides are monotone functions of the bend: there is exactly one balance, and it
 //! rises with every motor. A semi-smooth Newton method with a line search finds it (L. Qi and J.
 //! Sun 1993).
 //!
 //! The inverse needs no search: a bend gives the forces that hold it, these give the stretch of the
 //! wires, the pulleys, and the motors, each across its gap in the direction of its motion. So a gap
-//! is crossed in one tick as far as the limits of the motor allow.
+//! is crossed in one tick as far as the limits of the motor allow. The transmission error is small
+//! and smooth: two steps of Newton's method take it off.
 //!
 //! **Virtual counts** are the bend in counts: as if wires were taut and there were no gap and no
 //! friction.
@@ -50,12 +54,14 @@
 //! | `wires` | the force of two wires, and its inverse |
 //! | `stops` | elastic elements that slip |
 //! | `solve` | forces, slopes and Newton's method |
+//! | `transmission` | the transmission error of the gear, and its inverse |
 
 mod parameters;
 pub mod sensitivity;
 mod solve;
 pub(in crate::model) mod state;
 mod stops;
+mod transmission;
 mod wires;
 
 use nalgebra::{SMatrix, SVector};
@@ -66,7 +72,7 @@ use crate::model::families::memory::State;
 use crate::model::maths::regression::{Local, array, vector};
 use crate::units::MotorVec;
 pub use parameters::{
-    BalanceMotor, BalanceParameters, BalanceStop, OWN_STOPS, REACH, SHARED_STOPS,
+    BalanceMotor, BalanceParameters, BalanceStop, OWN_STOPS, REACH, SHARED_STOPS, USUAL_TURN,
 };
 pub use state::BalanceState;
 use state::Limits;
@@ -103,6 +109,11 @@ pub struct ForceBalance<const D: usize> {
     motors: [BalanceMotor; D],
     own: [Stop; OWN_STOPS],
     shared: [Stop; SHARED_STOPS],
+    shared_count: usize,
+    shared_growth: f64,
+    /// Turn of a motor per count, rad, and whether any motor has a transmission error.
+    turn_per_count: f64,
+    has_transmission_error: bool,
     loose_stiffness: f64,
     softness: f64,
     stays: f64,
@@ -128,6 +139,10 @@ impl<const D: usize> ForceBalance<D> {
         Ok(Self {
             own: std::array::from_fn(|k| stops(&file.own_stops, k)),
             shared: std::array::from_fn(|k| stops(&file.shared_stops, k)),
+            shared_count: file.shared_stops.len(),
+            shared_growth: file.shared_growth,
+            turn_per_count: std::f64::consts::TAU / file.counts_per_turn,
+            has_transmission_error: motors.iter().any(|it| it.transmission_error != [0.0; 4]),
             loose_stiffness: file.loose_stiffness,
             softness: file.softness,
             stays: file.friction_stays,
@@ -175,6 +190,12 @@ impl<const D: usize> ForceBalance<D> {
         })
     }
 
+    /// The shared stops that there are.
+    #[inline]
+    fn shared_stops(&self) -> &[Stop] {
+        &self.shared[..self.shared_count]
+    }
+
     /// The bend of virtual counts.
     fn bend_of(&self, virtual_counts: &SVector<f64, D>) -> SVector<f64, D> {
         self.positions(virtual_counts).component_mul(&self.gain)
@@ -195,20 +216,23 @@ impl<const D: usize> ForceBalance<D> {
         })
     }
 
-    /// The positions of the steps of an advance.
+    /// The positions of the steps of an advance, each with its part of the way.
     fn steps(
         &self,
         state: &BalanceState,
         counts: &SVector<f64, D>,
-    ) -> impl Iterator<Item = SVector<f64, D>> + use<D> {
-        let (from, to) = (self.positions(&vector(&state.position)), self.positions(counts));
+    ) -> impl Iterator<Item = (f64, SVector<f64, D>)> + use<D> {
+        let (from, to) = (self.driven(&vector(&state.position)), self.driven(counts));
         let motion = to - from;
         let steps = (motion.amax() / STEP).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
         // The last step ends at the counts to the bit: a pulley that a rounded sum leaves beside
         // them would move again at the same counts.
         (1..=steps).map(move |step| match step {
-            last if last == steps => to,
-            _ => from + motion * (f64::from(step) / f64::from(steps)),
+            last if last == steps => (1.0, to),
+            _ => {
+                let part = f64::from(step) / f64::from(steps);
+                (part, from + motion * part)
+            }
         })
     }
 
@@ -244,7 +268,7 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
 
     /// Pulleys in the middle of their gaps, all stops centred.
     fn begin(&self, counts: &SVector<f64, D>) -> BalanceState {
-        let pulleys = self.positions(counts);
+        let pulleys = self.driven(counts);
         let travel = self.travel(&pulleys);
         let mut state = BalanceState::at(&array(counts), &array(&pulleys));
         state.bend = array(&travel.component_mul(&self.gain));
@@ -255,7 +279,7 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
     }
 
     fn advance(&self, state: &mut BalanceState, counts: &SVector<f64, D>) {
-        for position in self.steps(state, counts) {
+        for (_, position) in self.steps(state, counts) {
             let pulleys = self.drag(state, &position);
             if array(&pulleys) == state.pulley {
                 continue;
@@ -272,7 +296,7 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
     /// Computed in one step, with the present limits. This is exact for the short motion of a tick,
     /// and approximate for a long motion. Inside a gap the slope is 0.
     fn local(&self, state: &BalanceState, counts: &SVector<f64, D>) -> Local<D, D> {
-        let positions = self.positions(counts);
+        let positions = self.driven(counts);
         let pulleys = self.drag(state, &positions);
         let limits = self.limits(state);
         let travel = self.travel(&pulleys);
@@ -282,7 +306,9 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
             // The same sums as in the drag: a rounded difference would do now and then.
             let (gap, pulley) = (self.gap(state, i), state.pulley[i]);
             let is_pushed = positions[i] - gap >= pulley || positions[i] + gap <= pulley;
-            column *= if is_pushed { self.motors[i].travel_per_count } else { 0.0 };
+            let slope =
+                || self.motors[i].travel_per_count + self.transmission_error(i, counts[i])[1];
+            column *= if is_pushed { slope() } else { 0.0 };
         }
         for (i, mut row) in slope.row_iter_mut().enumerate() {
             row /= self.gain[i] * self.motors[i].travel_per_count;
@@ -291,7 +317,7 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
     }
 
     fn virtual_counts(&self, state: &BalanceState, counts: &SVector<f64, D>) -> SVector<f64, D> {
-        let pulleys = self.drag(state, &self.positions(counts));
+        let pulleys = self.drag(state, &self.driven(counts));
         if array(&pulleys) == state.pulley {
             return self.virtual_counts_at(&self.bend(state));
         }
@@ -311,7 +337,7 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
     ) -> SVector<f64, D> {
         let (state, bend) = (origin.state, self.bend_of(goal));
         let pulleys = self.pulleys_at(state, &origin.limits, &bend);
-        let mut positions = self.positions(&vector(&state.position));
+        let mut positions = self.driven(&vector(&state.position));
         for (i, position) in positions.iter_mut().enumerate() {
             let (moved, gap) = (pulleys[i] - state.pulley[i], self.gap(state, i));
             let wanted = pulleys[i] + gap.copysign(moved);
@@ -327,11 +353,11 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
             let free = self.pulleys_at(state, &origin.limits.without_friction(), &bend);
             positions = free + (positions - free) * compensation;
         }
-        self.counts(&positions)
+        self.driving(&positions)
     }
 
     fn slack(&self, origin: &BalanceOrigin<'_, D>, counts: &SVector<f64, D>) -> [MotorVec; 2] {
-        let positions = self.positions(counts);
+        let positions = self.driven(counts);
         let mut ends = [positions; 2];
         for (i, at) in positions.iter().enumerate() {
             let (gap, pulley) = (self.gap(origin.state, i), origin.state.pulley[i]);
@@ -340,7 +366,7 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
                 (ends[0][i], ends[1][i]) = (low, high);
             }
         }
-        ends.map(|end| array(&self.counts(&end)))
+        ends.map(|end| array(&self.driving(&end)))
     }
 
     /// An estimate: the gap, the slack, the change of the stretch from one direction of friction to
@@ -350,7 +376,7 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
             let counted = stops.iter().filter(|stop| stop.share > LEAST_SHARE);
             counted.map(|stop| stop.reach).fold(0.0, f64::max)
         };
-        let reach = widest(&self.own).max(if D > 1 { widest(&self.shared) } else { 0.0 });
+        let reach = widest(&self.own).max(if D > 1 { widest(self.shared_stops()) } else { 0.0 });
         let range = self.motors.each_ref().map(|motor| {
             let tension = motor.spring * 0.5 * REACH;
             let coefficient = motor.friction_by_tension[0].max(motor.friction_by_tension[1]);

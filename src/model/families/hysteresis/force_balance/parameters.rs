@@ -9,7 +9,11 @@ use crate::model::maths::matrix_checks::parameters;
 pub const OWN_STOPS: usize = 6;
 
 /// The most shared stops.
-pub const SHARED_STOPS: usize = 2;
+pub const SHARED_STOPS: usize = 4;
+
+/// The most of a motor's turn that its transmission error may be per motion: above, the position of
+/// the pulley would turn back while the motor does not.
+const MOST_TRANSMISSION: f64 = 0.5;
 
 /// The bend to which growth with the bend refers, units of travel: half the range of a calibration.
 pub const REACH: f64 = 1000.0;
@@ -31,6 +35,10 @@ pub struct BalanceParameters {
     pub own_stops: Vec<BalanceStop>,
     /// Up to [`SHARED_STOPS`]; none for one motor.
     pub shared_stops: Vec<BalanceStop>,
+    /// Relative growth of the friction of the shared stops with the length of the bend, at
+    /// [`REACH`].
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub shared_growth: f64,
     /// Stiffness while both wires are slack.
     pub loose_stiffness: f64,
     /// Half the length of the transition of a wire from slack to taut.
@@ -38,6 +46,26 @@ pub struct BalanceParameters {
     /// Part of the friction above its limit that stays while the limit falls, 0 to 1.
     #[serde(default)]
     pub friction_stays: f64,
+    /// Counts of a turn of a motor, to which its transmission error refers.
+    #[serde(default = "usual_turn", skip_serializing_if = "is_usual_turn")]
+    pub counts_per_turn: f64,
+}
+
+/// Counts per turn of the motors of this robot: encoders of 256 lines.
+pub const USUAL_TURN: f64 = 1024.0;
+
+fn usual_turn() -> f64 {
+    USUAL_TURN
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_usual_turn(counts: &f64) -> bool {
+    *counts == USUAL_TURN
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// A motor, its gear, its wires, and what resists it.
@@ -58,12 +86,18 @@ pub struct BalanceMotor {
     pub preload: [f64; 2],
     /// Growth of both with the square of the bend, at a bend of [`REACH`].
     pub preload_growth: f64,
+    /// The same with the square of the other motor's bend.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub preload_growth_by_other: f64,
     /// Of both wires.
     pub stiffness: [f64; 2],
     /// Stiffness of the bend, and its relative growth with the square of the bend at [`REACH`].
     pub spring: f64,
     /// See `spring`; not negative.
     pub hardening: f64,
+    /// The same with the square of the other motor's bend.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub hardening_by_other: f64,
     /// Friction without tension, a force, not negative.
     pub friction: f64,
     /// Friction per tension of both wires, not negative.
@@ -77,6 +111,14 @@ pub struct BalanceMotor {
     pub friction_slope: f64,
     /// Relative excess of the friction of rising over that of falling bends, halved.
     pub friction_asymmetry: f64,
+    /// Transmission error of the gear: what the pulley is ahead of the motor, by the sine and the
+    /// cosine of the turn of the motor, then by those of twice the turn.
+    #[serde(default, skip_serializing_if = "is_exact")]
+    pub transmission_error: [f64; 4],
+}
+
+fn is_exact(error: &[f64; 4]) -> bool {
+    error.iter().all(is_zero)
 }
 
 /// One stop.
@@ -121,6 +163,16 @@ impl BalanceParameters {
         within(self.loose_stiffness, LEAST, LARGEST, "loose_stiffness")?;
         within(self.softness, LEAST, LARGEST, "softness")?;
         within(self.friction_stays, 0.0, 1.0, "friction_stays")?;
+        within(self.shared_growth, -LARGEST, LARGEST, "shared_growth")?;
+        within(self.counts_per_turn, 1.0, LARGEST, "counts_per_turn")?;
+        for (index, motor) in self.motors.iter().enumerate() {
+            let [sine, cosine, twice_sine, twice_cosine] = motor.transmission_error;
+            let amplitude = sine.hypot(cosine) + 2.0 * twice_sine.hypot(twice_cosine);
+            let slope =
+                amplitude * std::f64::consts::TAU / (motor.travel_per_count * self.counts_per_turn);
+            let name = format!("motors[{index}].transmission_error");
+            within(slope, 0.0, MOST_TRANSMISSION, &name)?;
+        }
         let product: f64 = self.motors.iter().map(|motor| motor.coupling).product();
         let key = || "family.balance.motors.coupling".to_owned();
         require(motors < 2 || product < 0.5, key, product, "the motors must not be one")
@@ -148,6 +200,7 @@ impl BalanceMotor {
         let not_negative = [
             ("gap", self.gap),
             ("hardening", self.hardening),
+            ("hardening_by_other", self.hardening_by_other),
             ("friction", self.friction),
             ("friction_by_tension", self.friction_by_tension[0]),
             ("friction_by_tension", self.friction_by_tension[1]),
@@ -161,6 +214,7 @@ impl BalanceMotor {
             ("preload", self.preload[0]),
             ("preload", self.preload[1]),
             ("preload_growth", self.preload_growth),
+            ("preload_growth_by_other", self.preload_growth_by_other),
             ("friction_by_other", self.friction_by_other),
             ("friction_growth", self.friction_growth[0]),
             ("friction_growth", self.friction_growth[1]),

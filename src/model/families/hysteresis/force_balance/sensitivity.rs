@@ -7,13 +7,14 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::parameters::{OWN_STOPS, REACH, SHARED_STOPS};
-use super::state::{BalanceState, LEAST_FACTOR, Limits};
+use super::state::{BalanceState, Limits};
 use super::wires::{Force, Wires};
 use super::{BalanceParameters, ForceBalance};
 use crate::model::maths::regression::{array, vector};
+use limits::LimitSlopes;
 
 /// Parameters of a motor.
-const PER_MOTOR: usize = 18;
+const PER_MOTOR: usize = 24;
 
 /// Places of the parameters that belong to no motor.
 const OWN_STIFFNESS: usize = 2 * PER_MOTOR;
@@ -23,9 +24,10 @@ const SHARED_SHARE: usize = SHARED_STIFFNESS + SHARED_STOPS;
 const LOOSE: usize = SHARED_SHARE + SHARED_STOPS;
 const SOFTNESS: usize = LOOSE + 1;
 const STAYS: usize = SOFTNESS + 1;
+const SHARED_GROWTH: usize = STAYS + 1;
 
 /// Parameters of two motors. Those of a second motor that there is not change nothing.
-pub const NUMBERS: usize = STAYS + 1;
+pub const NUMBERS: usize = SHARED_GROWTH + 1;
 
 /// Derivatives by all parameters.
 pub type Slopes = SVector<f64, NUMBERS>;
@@ -37,6 +39,7 @@ impl BalanceParameters {
         let mut numbers = Slopes::zeros();
         for (index, motor) in self.motors.iter().enumerate().take(2) {
             let [growth, other_growth] = motor.friction_growth;
+            let [sine, cosine, twice_sine, twice_cosine] = motor.transmission_error;
             let own = [
                 motor.neutral,
                 motor.gap,
@@ -56,6 +59,12 @@ impl BalanceParameters {
                 other_growth,
                 motor.friction_slope,
                 motor.friction_asymmetry,
+                motor.preload_growth_by_other,
+                motor.hardening_by_other,
+                sine,
+                cosine,
+                twice_sine,
+                twice_cosine,
             ];
             numbers.fixed_rows_mut::<PER_MOTOR>(index * PER_MOTOR).copy_from_slice(&own);
         }
@@ -72,6 +81,7 @@ impl BalanceParameters {
         numbers[LOOSE] = self.loose_stiffness;
         numbers[SOFTNESS] = self.softness;
         numbers[STAYS] = self.friction_stays;
+        numbers[SHARED_GROWTH] = self.shared_growth;
         numbers
     }
 }
@@ -105,6 +115,9 @@ const GROWTH: usize = 14;
 const OTHER_GROWTH: usize = 15;
 const POSE_SLOPE: usize = 16;
 const ASYMMETRY: usize = 17;
+const PRELOAD_GROWTH_BY_OTHER: usize = 18;
+const HARDENING_BY_OTHER: usize = 19;
+const TRANSMISSION: usize = 20;
 
 /// A state whose derivatives are known.
 #[derive(Debug, Clone)]
@@ -115,13 +128,6 @@ pub struct SensitiveState<const D: usize> {
     tension: [[Slopes; 2]; D],
     own: [[Slopes; OWN_STOPS]; D],
     shared: [[Slopes; D]; SHARED_STOPS],
-}
-
-/// Derivatives of [`Limits`].
-struct LimitSlopes<const D: usize> {
-    preload: [[Slopes; 2]; D],
-    own: [[Slopes; 2]; D],
-    shared: Slopes,
 }
 
 impl<const D: usize> SensitiveState<D> {
@@ -142,7 +148,7 @@ impl<const D: usize> ForceBalance<D> {
     /// `Operator::begin` with derivatives.
     #[must_use]
     pub fn begin_sensitive(&self, counts: &SVector<f64, D>) -> SensitiveState<D> {
-        let pulleys = self.positions(counts);
+        let pulleys = self.driven(counts);
         let travel = self.travel(&pulleys);
         let none = Slopes::zeros();
         let mut at = SensitiveState {
@@ -154,6 +160,9 @@ impl<const D: usize> ForceBalance<D> {
             shared: [[none; D]; SHARED_STOPS],
         };
         at.state.bend = array(&travel.component_mul(&self.gain));
+        for (i, by) in at.pulley.iter_mut().enumerate() {
+            Self::add_turn(by, i, self.turn(counts[i]));
+        }
         let moved = self.travel_slopes(&at.pulley, &pulleys);
         for (i, motor) in self.motors.iter().enumerate() {
             let taut = motor.stiffness[0] + motor.stiffness[1];
@@ -174,7 +183,9 @@ impl<const D: usize> ForceBalance<D> {
 
     /// `Operator::advance` with derivatives.
     pub fn advance_sensitive(&self, at: &mut SensitiveState<D>, counts: &SVector<f64, D>) {
-        for position in self.steps(&at.state, counts) {
+        let turns: [[[f64; 4]; 2]; D] =
+            std::array::from_fn(|i| [self.turn(at.state.position[i]), self.turn(counts[i])]);
+        for (part, position) in self.steps(&at.state, counts) {
             let pulleys = self.drag(&at.state, &position);
             if array(&pulleys) == at.state.pulley {
                 continue;
@@ -184,6 +195,9 @@ impl<const D: usize> ForceBalance<D> {
                     at.pulley[i] = Slopes::zeros();
                     let sign = if pulleys[i] < position[i] { -1.0 } else { 1.0 };
                     at.pulley[i][Places::of(i).at(GAP)] = sign;
+                    let [from, to] = turns[i];
+                    let turn = std::array::from_fn(|k| from[k] + part * (to[k] - from[k]));
+                    Self::add_turn(&mut at.pulley[i], i, turn);
                 }
             }
             let moved = self.travel_slopes(&at.pulley, &pulleys);
@@ -193,6 +207,13 @@ impl<const D: usize> ForceBalance<D> {
             at.state.pulley = array(&pulleys);
         }
         at.state.position = array(counts);
+    }
+
+    /// Derivatives of a position by the transmission error of its motor.
+    fn add_turn(by: &mut Slopes, motor: usize, turn: [f64; 4]) {
+        for (k, part) in turn.into_iter().enumerate() {
+            by[Places::of(motor).at(TRANSMISSION + k)] += part;
+        }
     }
 
     /// Derivatives of the travel at pulleys.
@@ -206,75 +227,6 @@ impl<const D: usize> ForceBalance<D> {
             slopes[Places::of(i).at(NEUTRAL)] -= 1.0;
             slopes
         })
-    }
-
-    fn limit_slopes(&self, at: &SensitiveState<D>) -> LimitSlopes<D> {
-        let none = Slopes::zeros();
-        let mut found = LimitSlopes { preload: [[none; 2]; D], own: [[none; 2]; D], shared: none };
-        let (state, mut square, mut by_square) = (&at.state, 0.0, none);
-        for (i, motor) in self.motors.iter().enumerate() {
-            let places = Places::of(i);
-            let other = D - 1 - i;
-            let (own, across) =
-                (state.bend[i] / REACH, if D > 1 { state.bend[other] / REACH } else { 0.0 });
-            let mut by_growth = at.bend[i] * (2.0 * motor.preload_growth * own / REACH);
-            by_growth[places.at(PRELOAD_GROWTH)] += own * own;
-            for (side, preload) in found.preload[i].iter_mut().enumerate() {
-                *preload = by_growth;
-                preload[places.at(PRELOAD + side)] += 1.0;
-            }
-            let (mut load, mut by_load) = (0.0, none);
-            for side in 0..2 {
-                load += motor.friction_by_tension[side] * state.tension[i][side];
-                by_load += at.tension[i][side] * motor.friction_by_tension[side];
-                by_load[places.at(BY_TENSION + side)] += state.tension[i][side];
-            }
-            let mut friction = motor.friction + load;
-            let mut by_friction = by_load;
-            by_friction[places.at(FRICTION)] += 1.0;
-            if D > 1 {
-                let tension: f64 = state.tension[other].iter().sum();
-                friction += motor.friction_by_other * tension;
-                let by_tension = at.tension[other][0] + at.tension[other][1];
-                by_friction += by_tension * motor.friction_by_other;
-                by_friction[places.at(BY_OTHER)] += tension;
-            }
-            let [own_growth, other_growth] = motor.friction_growth;
-            let pose = 1.0
-                + own_growth * own.abs()
-                + other_growth * across.abs()
-                + motor.friction_slope * own;
-            let factor = pose.max(LEAST_FACTOR);
-            let mut by_factor = none;
-            if pose > LEAST_FACTOR {
-                by_factor =
-                    at.bend[i] * ((own_growth * own.signum() + motor.friction_slope) / REACH);
-                by_factor[places.at(GROWTH)] += own.abs();
-                by_factor[places.at(POSE_SLOPE)] += own;
-                if D > 1 {
-                    by_factor += at.bend[other] * (other_growth * across.signum() / REACH);
-                    by_factor[places.at(OTHER_GROWTH)] += across.abs();
-                }
-            }
-            if friction > 0.0 {
-                let by_force = by_friction * factor + by_factor * friction;
-                for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
-                    let sense = 1.0 + sign * motor.friction_asymmetry;
-                    let by_limit = &mut found.own[i][side];
-                    *by_limit = by_force * sense.max(LEAST_FACTOR);
-                    if sense > LEAST_FACTOR {
-                        by_limit[places.at(ASYMMETRY)] += sign * friction * factor;
-                    }
-                }
-            }
-            found.shared[places.at(FRICTION)] += 1.0 / D as f64;
-            square += (load * factor).powi(2);
-            by_square += (by_load * factor + by_factor * load) * (load * factor);
-        }
-        if square > 0.0 {
-            found.shared += by_square / square.sqrt();
-        }
-        found
     }
 
     /// The balance of a step, its derivatives, and the state after it.
@@ -297,7 +249,9 @@ impl<const D: usize> ForceBalance<D> {
             by_rest[LOOSE] += stretch[i];
             let (motor, places) = (&self.motors[i], Places::of(i));
             let square = (bend[i] / REACH).powi(2);
-            by_rest[places.at(SPRING)] -= bend[i] * (1.0 + motor.hardening * square);
+            let hardened = limits.hardened[i] + motor.hardening * square;
+            by_rest[places.at(SPRING)] -= bend[i] * (1.0 + hardened);
+            by_rest -= by_limits.hardened[i] * (motor.spring * bend[i]);
             by_rest[places.at(HARDENING)] -= motor.spring * bend[i] * square;
             let own = self.own_slopes(at, i, (limits, by_limits), (bend[i], &by_moved[i]));
             for (k, (deflection, slopes)) in own.iter().enumerate() {
@@ -410,5 +364,6 @@ fn tension_slopes(
     })
 }
 
+mod limits;
 #[cfg(test)]
 mod tests;

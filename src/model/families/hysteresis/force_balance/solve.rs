@@ -39,8 +39,9 @@ impl<const D: usize> ForceBalance<D> {
         for (i, motor) in self.motors.iter().enumerate() {
             let relative = bend[i] / REACH;
             let hardened = motor.hardening * relative * relative;
-            let mut force = motor.spring * bend[i] * (1.0 + hardened);
-            let mut slope = motor.spring * (1.0 + 3.0 * hardened);
+            let by_other = 1.0 + limits.hardened[i];
+            let mut force = motor.spring * bend[i] * (by_other + hardened);
+            let mut slope = motor.spring * (by_other + 3.0 * hardened);
             let moved = bend[i] - state.bend[i];
             for (deflection, stop) in state.own[i].iter().zip(&self.own) {
                 let held = stop.moved(*deflection, moved, limits.own[i], limits.stays);
@@ -65,7 +66,7 @@ impl<const D: usize> ForceBalance<D> {
     ) {
         let last = D - 1;
         let moved = [bend[0] - state.bend[0], bend[last] - state.bend[last]];
-        for (deflection, stop) in state.shared.iter().zip(&self.shared) {
+        for (deflection, stop) in state.shared.iter().zip(self.shared_stops()) {
             let held = stop.moved_in_plane(*deflection, moved, limits.shared);
             for (i, row) in [0, last].into_iter().enumerate() {
                 found.force[row] += stop.stiffness * held.deflection[i];

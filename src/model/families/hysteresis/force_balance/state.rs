@@ -50,6 +50,8 @@ pub(super) struct Limits<const D: usize> {
     pub own: [[f64; 2]; D],
     /// Force at which all shared stops would slip if they had all the friction.
     pub shared: f64,
+    /// Relative hardening of the spring of every motor by the bend of the other one.
+    pub hardened: [f64; D],
     /// Part of the friction above a limit that stays.
     pub stays: f64,
 }
@@ -65,13 +67,20 @@ impl<const D: usize> ForceBalance<D> {
     /// Preload and limits for a step from a state.
     pub(super) fn limits(&self, state: &BalanceState) -> Limits<D> {
         let relative: [f64; D] = std::array::from_fn(|i| state.bend[i] / REACH);
-        let mut limits =
-            Limits { preload: [[0.0; 2]; D], own: [[0.0; 2]; D], shared: 0.0, stays: self.stays };
+        let mut limits = Limits {
+            preload: [[0.0; 2]; D],
+            own: [[0.0; 2]; D],
+            shared: 0.0,
+            hardened: [0.0; D],
+            stays: self.stays,
+        };
         let (mut base, mut squared_load) = (0.0, 0.0);
         for (i, motor) in self.motors.iter().enumerate() {
             let (scale, own) = (state.gap_scale[i], relative[i]);
             let across = if D > 1 { relative[D - 1 - i] } else { 0.0 };
-            let growth = motor.preload_growth * own * own;
+            let growth =
+                motor.preload_growth * own * own + motor.preload_growth_by_other * across * across;
+            limits.hardened[i] = motor.hardening_by_other * across * across;
             let slack = motor.slack() * (scale - 1.0);
             limits.preload[i] = motor.preload.map(|preload| preload - slack + growth);
             let [plus, minus] = state.tension[i];
@@ -93,7 +102,9 @@ impl<const D: usize> ForceBalance<D> {
             base += scale * motor.friction / D as f64;
             squared_load += (load * factor).powi(2);
         }
-        limits.shared = base + squared_load.sqrt();
+        let length = relative.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let pose = (1.0 + self.shared_growth * length).max(LEAST_FACTOR);
+        limits.shared = (base + squared_load.sqrt()) * pose;
         limits
     }
 
@@ -125,7 +136,7 @@ impl<const D: usize> ForceBalance<D> {
             state.tension[i] = self.wires(i, limits).tensions(travel[i] - bend[i]);
         }
         if D > 1 {
-            for (deflection, stop) in state.shared.iter_mut().zip(&self.shared) {
+            for (deflection, stop) in state.shared.iter_mut().zip(self.shared_stops()) {
                 let moved = std::array::from_fn(|i| bend[i.min(D - 1)] - state.bend[i]);
                 *deflection = stop.moved_in_plane(*deflection, moved, limits.shared).deflection;
             }

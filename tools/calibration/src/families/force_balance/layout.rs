@@ -3,7 +3,7 @@
 
 use i2ris::model::hysteresis::force_balance::sensitivity::NUMBERS;
 use i2ris::model::hysteresis::force_balance::{
-    BalanceMotor, BalanceParameters, BalanceStop, OWN_STOPS, SHARED_STOPS,
+    BalanceMotor, BalanceParameters, BalanceStop, OWN_STOPS, SHARED_STOPS, USUAL_TURN,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -73,6 +73,24 @@ const DIFFERENCE: f64 = 1e-5;
 /// Number of parameters of a motor.
 const PER_MOTOR: usize = 17;
 
+/// Terms that a snake may have or not.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Terms {
+    /// What the bend of the other motor does: to preload, spring and shared stops, of which there
+    /// are more then.
+    pub other: bool,
+    /// The transmission error of the gear.
+    pub transmission: bool,
+}
+
+/// Parameters of a motor with the bend of the other one: preload growth less that by the own bend,
+/// and hardening over that. A snake bends in a plane, whatever its direction, until the recording
+/// says otherwise.
+const OTHER: [Usual; 2] = [signed(0.0, 15.0), positive(1.0, 0.7)];
+
+/// The four parameters of a transmission error.
+const TRANSMISSION: Usual = signed(0.0, 3.0);
+
 /// Places of parameters of a motor.
 pub(super) const GAP: usize = 1;
 pub(super) const PRELOAD: [usize; 2] = [3, 4];
@@ -122,7 +140,11 @@ const OWN_SHARE: [Usual; OWN_STOPS - 1] = [
 ];
 const LAST_SHARE: f64 = 0.7;
 
-const SHARED_STIFFNESS: [Usual; SHARED_STOPS] = [positive(6.0, 0.7), positive(1.5, 0.7)];
+/// Shared stops without and with the bend of the other motor.
+const FEW_STIFFNESS: [Usual; 2] = [positive(6.0, 0.7), positive(1.5, 0.7)];
+const SHARED_STIFFNESS: [Usual; SHARED_STOPS] =
+    [positive(6.0, 0.7), positive(8.0, 0.7), positive(2.0, 0.7), positive(0.5, 0.7)];
+const SHARED_GROWTH: Usual = signed(0.2, 0.3);
 const SHARED_SHARE: Usual = positive(0.2, 1.0);
 const LOOSE: Usual = positive(0.08, 0.7);
 const SOFTNESS: Usual = positive(8.0, 0.5);
@@ -133,11 +155,31 @@ const STAYS: Usual = part(0.2, 2.0);
 pub(super) struct Layout {
     /// Middle and travel per count of every motor.
     scales: Vec<(f64, f64)>,
+    pub terms: Terms,
 }
 
 impl Layout {
+    /// Without terms that not every snake has.
     pub fn new(scales: Vec<(f64, f64)>) -> Self {
-        Self { scales }
+        Self { scales, terms: Terms { other: false, transmission: false } }
+    }
+
+    /// The same parameters, with other terms.
+    pub fn with(&self, terms: Terms) -> Self {
+        Self { terms, ..self.clone() }
+    }
+
+    fn per_motor(&self) -> usize {
+        let Terms { other, transmission } = self.terms;
+        PER_MOTOR + if other { OTHER.len() } else { 0 } + if transmission { 4 } else { 0 }
+    }
+
+    fn shared_stiffness(&self) -> &'static [Usual] {
+        match (self.motors() > 1, self.terms.other) {
+            (false, _) => &[],
+            (true, false) => &FEW_STIFFNESS,
+            (true, true) => &SHARED_STIFFNESS,
+        }
     }
 
     pub fn motors(&self) -> usize {
@@ -145,13 +187,17 @@ impl Layout {
     }
 
     fn usual(&self) -> Vec<Usual> {
-        let motors = self.scales.iter().flat_map(|_| MOTOR);
-        let own = OWN_STIFFNESS.into_iter().chain(OWN_SHARE);
-        let mut usual: Vec<Usual> = motors.chain(own).collect();
-        if self.motors() > 1 {
-            usual.extend(SHARED_STIFFNESS.into_iter().chain([SHARED_SHARE; SHARED_STOPS]));
+        let mut usual = Vec::new();
+        for _ in &self.scales {
+            usual.extend(MOTOR);
+            usual.extend(OTHER.iter().filter(|_| self.terms.other));
+            usual.extend([TRANSMISSION; 4].iter().filter(|_| self.terms.transmission));
         }
+        usual.extend(OWN_STIFFNESS.into_iter().chain(OWN_SHARE));
+        let shared = self.shared_stiffness();
+        usual.extend(shared.iter().copied().chain(shared.iter().map(|_| SHARED_SHARE)));
         usual.extend([LOOSE, SOFTNESS, STAYS]);
+        usual.extend(self.terms.other.then_some(SHARED_GROWTH));
         usual
     }
 
@@ -159,7 +205,7 @@ impl Layout {
     pub fn start(&self, preload: f64, gap: f64, friction: f64) -> DVector<f64> {
         let mut at = DVector::zeros(self.usual().len());
         for motor in 0..self.motors() {
-            let first = motor * PER_MOTOR;
+            let first = motor * self.per_motor();
             at[first + GAP] = MOTOR[GAP].encode(gap);
             at[first + FRICTION] = MOTOR[FRICTION].encode(friction);
             for place in PRELOAD {
@@ -191,7 +237,17 @@ impl Layout {
                 friction_growth: [next(), next()],
                 friction_slope: next(),
                 friction_asymmetry: next(),
+                preload_growth_by_other: 0.0,
+                hardening_by_other: 0.0,
+                transmission_error: [0.0; 4],
             };
+            if self.terms.other {
+                motor.preload_growth_by_other = motor.preload_growth + next();
+                motor.hardening_by_other = motor.hardening * next();
+            }
+            if self.terms.transmission {
+                motor.transmission_error = std::array::from_fn(|_| next());
+            }
             let ratio = motor.stiffness[0].exp();
             motor.stiffness = [ratio, 1.0 / ratio];
             if self.scales.len() == 1 {
@@ -213,8 +269,8 @@ impl Layout {
         own_stops[YIELDS].yields = true;
         let mut shared_stops = Vec::new();
         if self.scales.len() > 1 {
-            let stiffness: [f64; SHARED_STOPS] = std::array::from_fn(|_| next());
-            shared_stops.extend(stiffness.map(|stiffness| stop((stiffness, next()))));
+            let stiffness: Vec<f64> = self.shared_stiffness().iter().map(|_| next()).collect();
+            shared_stops.extend(stiffness.into_iter().map(|stiffness| stop((stiffness, next()))));
             shared_stops[YIELDS].yields = true;
         }
         BalanceParameters {
@@ -224,6 +280,8 @@ impl Layout {
             loose_stiffness: next(),
             softness: next(),
             friction_stays: next(),
+            shared_growth: if self.terms.other { next() } else { 0.0 },
+            counts_per_turn: USUAL_TURN,
         }
     }
 
@@ -242,8 +300,18 @@ impl Layout {
         DMatrix::from_fn(NUMBERS, at.len(), |row, column| columns[column][row])
     }
 
-    /// The vector of parameters that [`Self::decode`] has given.
+    /// The terms that some parameters have.
+    pub fn terms_of(balance: &BalanceParameters) -> Terms {
+        Terms {
+            other: balance.shared_stops.len() > FEW_STIFFNESS.len(),
+            transmission: balance.motors.iter().any(|it| it.transmission_error != [0.0; 4]),
+        }
+    }
+
+    /// The vector of parameters that [`Self::decode`] has given. Terms that they did not have begin
+    /// as usual: a snake is alike in every direction.
     pub fn encode(&self, balance: &BalanceParameters) -> DVector<f64> {
+        let had_other = Self::terms_of(balance).other;
         let mut values = Vec::new();
         for motor in &balance.motors {
             values.extend([motor.neutral, motor.gap, motor.coupling]);
@@ -254,14 +322,32 @@ impl Layout {
             values.push(motor.friction_by_other);
             values.extend(motor.friction_growth);
             values.extend([motor.friction_slope, motor.friction_asymmetry]);
+            if self.terms.other && had_other {
+                values.push(motor.preload_growth_by_other - motor.preload_growth);
+                values.push(motor.hardening_by_other / motor.hardening);
+            } else if self.terms.other {
+                values.extend(OTHER.map(|usual| usual.value));
+            }
+            values.extend(motor.transmission_error.iter().filter(|_| self.terms.transmission));
         }
         values.extend(balance.own_stops.iter().map(|stop| stop.stiffness));
         let last = balance.own_stops.last().map_or(1.0, |stop| stop.share);
         let own = balance.own_stops.iter().map(|stop| stop.share * LAST_SHARE / last);
         values.extend(own.take(OWN_STOPS - 1));
-        values.extend(balance.shared_stops.iter().map(|stop| stop.stiffness));
-        values.extend(balance.shared_stops.iter().map(|stop| stop.share));
+        let shared = self.shared_stiffness();
+        let known = |place: usize| match had_other == self.terms.other {
+            true => balance.shared_stops.get(place),
+            false => None,
+        };
+        for (place, usual) in shared.iter().enumerate() {
+            values.push(known(place).map_or(usual.value, |stop| stop.stiffness));
+        }
+        for place in 0..shared.len() {
+            values.push(known(place).map_or(SHARED_SHARE.value, |stop| stop.share));
+        }
         values.extend([balance.loose_stiffness, balance.softness, balance.friction_stays]);
+        let growth = if had_other { balance.shared_growth } else { SHARED_GROWTH.value };
+        values.extend(self.terms.other.then_some(growth));
         let usual = self.usual();
         let numbers = usual.iter().zip(values).map(|(usual, value)| usual.encode(value));
         DVector::from_vec(numbers.collect())
@@ -274,7 +360,7 @@ impl Layout {
         at: &DVector<f64>,
         deviations: &DVector<f64>,
     ) -> (f64, f64) {
-        let index = motor * PER_MOTOR + place;
+        let index = motor * self.per_motor() + place;
         let value = MOTOR[place].decode(at[index]);
         (value, MOTOR[place].spread(value, deviations[index]))
     }
@@ -285,12 +371,13 @@ impl Layout {
 
     /// Index of a parameter of a motor.
     pub fn index(&self, motor: usize, place: usize) -> usize {
-        motor * PER_MOTOR + place
+        motor * self.per_motor() + place
     }
 
     /// Indices of the shares of the shared stops.
     pub fn shared_shares(&self) -> std::ops::Range<usize> {
-        let first = self.motors() * PER_MOTOR + 2 * OWN_STOPS - 1;
-        if self.motors() > 1 { first + SHARED_STOPS..first + 2 * SHARED_STOPS } else { 0..0 }
+        let first = self.motors() * self.per_motor() + 2 * OWN_STOPS - 1;
+        let shared = self.shared_stiffness().len();
+        first + shared..first + 2 * shared
     }
 }

@@ -14,13 +14,19 @@
 //! | `layout` | parameters as numbers of the order of 1, with what is usual |
 //! | `target` | the path, the samples along it, and the bend that parameters give there |
 //! | `read_out` | the polynomial of the outputs |
+//! | `reach` | where the recording brought the snake |
 //! | `levenberg_marquardt` | the descent from one start |
-//! | `search` | the sum of squares, and the whole fit |
+//! | `judge` | samples held out |
+//! | `objective` | the sum of squares |
+//! | `search` | the whole fit |
 //! | `mechanism` | what the parameters say of the robot |
 
+mod judge;
 mod layout;
 mod levenberg_marquardt;
 pub mod mechanism;
+mod objective;
+mod reach;
 mod read_out;
 pub mod search;
 mod target;

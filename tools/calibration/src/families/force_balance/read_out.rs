@@ -71,8 +71,30 @@ impl ReadOut {
 
     /// The polynomial of the outputs at bends.
     pub fn solve(&self, bends: &DMatrix<f64>, measured: &DMatrix<f64>) -> Option<Solved> {
-        let features = self.features(bends);
-        let penalties = self.penalties(bends.ncols());
+        self.solved(self.features(bends), measured, bends.ncols())
+    }
+
+    /// The same, where the errors of samples have weights.
+    pub fn solve_weighted(
+        &self,
+        bends: &DMatrix<f64>,
+        measured: &DMatrix<f64>,
+        weights: &DVector<f64>,
+    ) -> Option<Solved> {
+        let (mut features, mut measured) = (self.features(bends), measured.clone());
+        for mut column in features.column_iter_mut().chain(measured.column_iter_mut()) {
+            column.component_mul_assign(weights);
+        }
+        self.solved(features, &measured, bends.ncols())
+    }
+
+    fn solved(
+        &self,
+        features: DMatrix<f64>,
+        measured: &DMatrix<f64>,
+        inputs: usize,
+    ) -> Option<Solved> {
+        let penalties = self.penalties(inputs);
         let mut normal = features.tr_mul(&features);
         for (index, penalty) in penalties.iter().enumerate() {
             normal[(index, index)] += penalty * penalty;

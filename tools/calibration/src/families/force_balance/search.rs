@@ -1,4 +1,4 @@
-//! The whole fit of a balance of forces: what the search descends, and the search.
+//! The whole fit of a balance of forces: the search.
 
 use i2ris::model::file::{FamilyParameters, PolynomialParameters};
 use i2ris::model::hysteresis::force_balance::{BalanceParameters, ForceBalance, REACH};
@@ -6,14 +6,18 @@ use i2ris::model::{Hull, ModelError};
 use i2ris::units::MotorVec;
 use nalgebra::{DMatrix, DVector, SVector};
 
+use super::judge::Judge;
+use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::{LeastSquares, Minimum, StoppingRule, minimise};
 use super::mechanism::BalanceMechanism;
+use super::objective::Objective;
+use super::reach::Visited;
 use super::read_out::{ReadOut, Solved};
 use super::target::Target;
 use crate::parallel;
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 use crate::quality::{Finding, limits_of_path};
-use crate::series::{Series, blocks};
+use crate::series::Series;
 
 /// Samples and spacing of the thinned data, and of the path in the end, units of travel.
 const COARSE_SAMPLES: usize = 1500;
@@ -53,10 +57,6 @@ const ROUNDS: usize = 2;
 /// further the parameters may be from what is usual.
 const ERRORS: [f64; 5] = [0.4, 0.2, 0.1, 0.05, 0.025];
 
-/// Of so many blocks of samples one in so many is held out.
-const BLOCKS: usize = 20;
-const ONE_OF: usize = 5;
-
 /// More error is allowed where that is worse by less than this part on the blocks held out.
 const ALIKE_HELD_OUT: f64 = 0.04;
 
@@ -72,45 +72,6 @@ const MOST_ALIKE: f64 = 10.0;
 
 /// Samples per parameter.
 const LEAST_SAMPLES: usize = 2;
-
-/// The sum of squares that the search descends: errors of the outputs, the ridge of the polynomial,
-/// and the distance of the parameters from the usual ones.
-pub(super) struct Objective<'a, const D: usize> {
-    pub target: &'a Target<D>,
-    pub measured: DMatrix<f64>,
-    pub read_out: ReadOut,
-    /// One over the deviation that an error is allowed, unit of the outputs.
-    pub weight: f64,
-}
-
-impl<const D: usize> Objective<'_, D> {
-    fn weighted(&self, solved: &Solved, at: &DVector<f64>) -> Option<DVector<f64>> {
-        let errors = solved.errors.iter().chain(solved.shrinkage.iter());
-        let mut residuals: Vec<f64> = errors.map(|error| error * self.weight).collect();
-        residuals.extend(at.iter());
-        let finite = residuals.iter().all(|residual| residual.is_finite());
-        finite.then(|| DVector::from_vec(residuals))
-    }
-}
-
-impl<const D: usize> LeastSquares for Objective<'_, D> {
-    fn residuals(&self, at: &DVector<f64>) -> Option<DVector<f64>> {
-        let bends = self.target.bends(&self.target.layout.decode(at))?;
-        self.weighted(&self.read_out.solve(&bends, &self.measured)?, at)
-    }
-
-    fn slopes(&self, at: &DVector<f64>) -> Option<DMatrix<f64>> {
-        let (bends, slopes) = self.target.linearised(at)?;
-        let solved = self.read_out.solve(&bends, &self.measured)?;
-        let (errors, shrinkage) = self.read_out.slopes(&solved, &bends, &slopes);
-        let (samples, held) = (errors.nrows(), shrinkage.nrows());
-        let mut all = DMatrix::zeros(samples + held + at.len(), at.len());
-        all.rows_mut(0, samples).copy_from(&(errors * self.weight));
-        all.rows_mut(samples, held).copy_from(&(shrinkage * self.weight));
-        all.rows_mut(samples + held, at.len()).fill_with_identity();
-        Some(all)
-    }
-}
 
 /// Why a balance of forces could not be fitted.
 #[derive(Debug, thiserror::Error)]
@@ -187,7 +148,27 @@ pub fn fit_force_balance(
     }
 }
 
+/// The mean square error on samples held out where the outputs are shifted in time, over that where
+/// they are not; `None` where a balance cannot tell.
+pub fn held_out_by_shift([as_is, shifted]: [&Series; 2], plane: bool) -> Option<f64> {
+    match as_is.motors() {
+        motors if as_is.outputs() < motors => None,
+        1 => ratio::<1>([as_is, shifted], plane),
+        _ => ratio::<2>([as_is, shifted], plane),
+    }
+}
+
+fn ratio<const D: usize>(series: [&Series; 2], plane: bool) -> Option<f64> {
+    let place = Search::<D>::new(series[0], plane, &Silent).coarse()?;
+    let [as_is, shifted] = series.map(|series| {
+        let search = Search::<D>::new(series, plane, &Silent);
+        Some(search.with(&search.judge(), &place, place.terms)?.held_out)
+    });
+    Some(shifted? / as_is?)
+}
+
 struct Search<'a, const D: usize> {
+    series: &'a Series,
     target: Target<D>,
     /// Whether the series shows what both motors do together.
     plane: bool,
@@ -198,7 +179,7 @@ struct Search<'a, const D: usize> {
 }
 
 impl<'a, const D: usize> Search<'a, D> {
-    fn new(series: &Series, plane: bool, progress: &'a dyn Progress) -> Self {
+    fn new(series: &'a Series, plane: bool, progress: &'a dyn Progress) -> Self {
         let target = Target::<D>::new(series, plane).thinned(1, FINE_SPACING);
         let measured = target.measured();
         let mut counts = target.counts();
@@ -210,6 +191,7 @@ impl<'a, const D: usize> Search<'a, D> {
         let line = ReadOut { degree: 1, ridge: 0.0, plane: true }.solve(&counts, &measured);
         let ranges = measured.column_iter().map(|column| 0.5 * (column.max() - column.min()));
         Self {
+            series,
             line: line.map_or(f64::NAN, |solved| rms(&solved)),
             range: ranges.sum::<f64>() / target.outputs as f64,
             target,
@@ -229,20 +211,24 @@ impl<'a, const D: usize> Search<'a, D> {
             Some(known) => self.known(known),
             None => self.coarse(),
         };
-        self.fine(place.ok_or(BalanceError::NoModel)?)
+        let place = place.ok_or(BalanceError::NoModel)?;
+        Self { target: self.target.with_terms(place.terms), ..*self }.fine(place)
     }
 
     /// Known parameters, with the error that they leave.
     fn known(&self, known: &BalanceParameters) -> Option<Place> {
-        let at = self.target.layout.encode(known);
-        let solved = self.solved(&self.objective(&self.target, ERRORS[0] * self.line), &at)?;
-        Some(Place { at, error: rms(&solved), held_out: f64::NAN })
+        let terms = Layout::terms_of(known);
+        let target = self.target.with_terms(terms);
+        let at = target.layout.encode(known);
+        let objective = self.objective(&target, ERRORS[0] * self.line);
+        let bends = target.bends(&target.layout.decode(&at))?;
+        let solved = objective.read_out.solve(&bends, &objective.measured)?;
+        Some(Place { terms, at, error: rms(&solved), held_out: f64::NAN })
     }
 
     /// The best place on thinned data, from several starts.
     fn coarse(&self) -> Option<Place> {
-        let every = self.target.samples().div_ceil(COARSE_SAMPLES);
-        let judge = Judge::new(self.target.thinned(every, COARSE_SPACING));
+        let judge = self.judge();
         let stages = KEPT * ERRORS.len() * COARSE.iterations;
         self.progress.begin(STARTS.len() * TRY.iterations + stages);
         let kept = self.tried(&judge.seen);
@@ -251,7 +237,39 @@ impl<'a, const D: usize> Search<'a, D> {
         let places: Vec<Place> = paths.into_iter().flatten().collect();
         let least = places.iter().map(|place| place.held_out).fold(f64::INFINITY, f64::min);
         let good = places.into_iter().filter(|p| p.held_out <= least * (1.0 + ALIKE_HELD_OUT));
-        good.min_by(|a, b| b.error.total_cmp(&a.error).then(a.held_out.total_cmp(&b.held_out)))
+        let best =
+            good.min_by(|a, b| b.error.total_cmp(&a.error).then(a.held_out.total_cmp(&b.held_out)));
+        Some(self.with_terms_that_help(&judge, best?))
+    }
+
+    fn judge(&self) -> Judge<D> {
+        let every = self.target.samples().div_ceil(COARSE_SAMPLES);
+        Judge::new(self.target.thinned(every, COARSE_SPACING))
+    }
+
+    /// What the other motor's bend does, and the transmission error, each only where the samples
+    /// held out are explained better with it.
+    fn with_terms_that_help(&self, judge: &Judge<D>, mut best: Place) -> Place {
+        if D > 1 {
+            let with = self.with(judge, &best, Terms { other: true, ..best.terms });
+            // One axis at a time does not show it.
+            let most = best.held_out * if self.plane { 1.0 } else { 1.0 + ALIKE_HELD_OUT };
+            best = with.filter(|place| place.held_out < most).unwrap_or(best);
+        }
+        let with = self.with(judge, &best, Terms { transmission: true, ..best.terms });
+        let helps = |place: &Place| place.held_out < best.held_out * (1.0 - ALIKE_HELD_OUT);
+        with.filter(helps).unwrap_or(best)
+    }
+
+    /// Where other terms lead from a place.
+    fn with(&self, judge: &Judge<D>, place: &Place, terms: Terms) -> Option<Place> {
+        let known = judge.whole.layout.with(place.terms).decode(&place.at);
+        let judge = judge.with_terms(terms);
+        let objective = self.objective(&judge.seen, place.error);
+        let start = judge.whole.layout.encode(&known);
+        let at = minimise(&objective, start, COARSE, &|| ())?.at;
+        let held_out = judge.held_out(&objective.read_out, &at)?;
+        Some(Place { terms, at, error: place.error, held_out })
     }
 
     /// Where the best starts lead in some steps.
@@ -279,7 +297,8 @@ impl<'a, const D: usize> Search<'a, D> {
             let Some(found) = found else { break };
             at = found.at;
             let Some(held_out) = judge.held_out(&objective.read_out, &at) else { break };
-            places.push(Place { at: at.clone(), error, held_out });
+            let terms = judge.whole.layout.terms;
+            places.push(Place { terms, at: at.clone(), error, held_out });
         }
         places
     }
@@ -336,13 +355,20 @@ impl<'a, const D: usize> Search<'a, D> {
     ) -> Result<FamilyParameters, BalanceError> {
         let balance = self.target.layout.decode(at);
         let operator = ForceBalance::<D>::prepare(&balance)?;
-        let bends = self.target.bends(&balance).ok_or(BalanceError::NoModel)?;
-        let virtual_counts = |row: usize| -> MotorVec {
-            let bend = SVector::<f64, D>::from_fn(|i, _| REACH * bends[(row, i)]);
-            let counts = operator.virtual_counts_at(&bend);
+        let visited = Visited::new(&operator, self.series, self.target.conditioned);
+        let Visited { bends, weights, possible } = visited.ok_or(BalanceError::NoModel)?;
+        let virtual_counts = |bend: &SVector<f64, D>| -> MotorVec {
+            let counts = operator.virtual_counts_at(&(bend * REACH));
             std::array::from_fn(|i| counts.get(i).copied().unwrap_or_default())
         };
-        let visited: Vec<MotorVec> = (0..bends.nrows()).map(virtual_counts).collect();
+        let reach: Vec<MotorVec> = possible.iter().map(virtual_counts).collect();
+        // The polynomial is that of the region in which it is used.
+        let samples = self.series.samples();
+        let measured = DMatrix::from_fn(bends.nrows(), self.target.outputs, |row, output| {
+            samples[row].outputs[output]
+        });
+        let polynomial = read_out.solve_weighted(&bends, &measured, &weights);
+        let coefficients = polynomial.ok_or(BalanceError::NoModel)?.coefficients;
         let none = SVector::<f64, D>::zeros();
         let centre = operator.virtual_counts_at(&none);
         let scale = operator.virtual_counts_at(&none.add_scalar(REACH)) - centre;
@@ -353,49 +379,22 @@ impl<'a, const D: usize> Search<'a, D> {
                 centre_counts: centre.iter().copied().collect(),
                 scale_counts: scale.iter().copied().collect(),
                 degree: read_out.degree,
-                coefficients: rows(&solved.coefficients.transpose()),
+                coefficients: rows(&coefficients.transpose()),
                 covariance: rows(&covariance),
             },
-            virtual_hull: Hull::from_points(D, &visited)?.parameters(),
+            virtual_hull: Hull::from_points(D, &reach)?.parameters(),
         })
     }
 }
 
 /// A place of the search.
 struct Place {
+    terms: Terms,
     at: DVector<f64>,
     /// The error that is allowed.
     error: f64,
     /// Mean square error on the samples held out.
     held_out: f64,
-}
-
-/// Samples in blocks, of which some are held out.
-struct Judge<const D: usize> {
-    whole: Target<D>,
-    seen: Target<D>,
-    /// Rows that are seen, and those held out.
-    rows: [Vec<usize>; 2],
-}
-
-impl<const D: usize> Judge<D> {
-    fn new(whole: Target<D>) -> Self {
-        let blocks = blocks(whole.samples(), BLOCKS).into_iter().enumerate();
-        let mut rows = [Vec::new(), Vec::new()];
-        for (block, samples) in blocks {
-            rows[usize::from(block % ONE_OF == ONE_OF / 2)].extend(samples);
-        }
-        Self { seen: whole.with(&rows[0]), whole, rows }
-    }
-
-    fn held_out(&self, read_out: &ReadOut, at: &DVector<f64>) -> Option<f64> {
-        let bends = self.whole.bends(&self.whole.layout.decode(at))?;
-        let measured = self.whole.measured();
-        let [seen, held_out] = &self.rows;
-        let solved = read_out.solve(&bends.select_rows(seen), &measured.select_rows(seen))?;
-        let predicted = read_out.features(&bends.select_rows(held_out)) * solved.coefficients;
-        Some((predicted - measured.select_rows(held_out)).norm_squared() / held_out.len() as f64)
-    }
 }
 
 fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {

@@ -7,7 +7,7 @@ use i2ris::units::MAX_OUTPUTS;
 use i2ris_report::statistics::min_max;
 use nalgebra::{DMatrix, DVector, SVector};
 
-use super::layout::Layout;
+use super::layout::{Layout, Terms};
 use crate::series::Series;
 
 /// Part of the range of every motor that has to be covered before samples count: before that, the
@@ -21,6 +21,9 @@ pub(super) struct Target<const D: usize> {
     samples: Vec<(usize, [f64; MAX_OUTPUTS])>,
     pub outputs: usize,
     pub layout: Layout,
+    /// The place on the path of the series from which on the state is known, and the number of its
+    /// samples before those that count.
+    pub conditioned: (usize, usize),
 }
 
 impl<const D: usize> Target<D> {
@@ -37,16 +40,18 @@ impl<const D: usize> Target<D> {
         let samples = series.samples().iter();
         let mut samples: Vec<_> =
             samples.map(|sample| (sample.path_index, sample.outputs)).collect();
-        let first = samples.partition_point(|(place, _)| *place < from);
-        if plane && 2 * first <= samples.len() {
-            samples.drain(..first);
+        let mut first = samples.partition_point(|(place, _)| *place < from);
+        if !plane || 2 * first > samples.len() {
+            first = 0;
         }
+        samples.drain(..first);
         let vector = |counts: &[f64; 2]| SVector::from_fn(|i, _| counts[i]);
         Self {
             path: series.path().iter().map(vector).collect(),
             samples,
             outputs: series.outputs(),
             layout: Layout::new(scales),
+            conditioned: (from, first),
         }
     }
 
@@ -69,6 +74,11 @@ impl<const D: usize> Target<D> {
     /// Some of the samples, on the same path.
     pub fn with(&self, rows: &[usize]) -> Self {
         Self { samples: rows.iter().map(|row| self.samples[*row]).collect(), ..self.clone() }
+    }
+
+    /// The same for parameters with other terms.
+    pub fn with_terms(&self, terms: Terms) -> Self {
+        Self { layout: self.layout.with(terms), ..self.clone() }
     }
 
     /// Every so many-th sample, and a path of points about `spacing` units of travel apart, with

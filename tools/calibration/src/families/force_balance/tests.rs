@@ -5,10 +5,11 @@ use i2ris::model::hysteresis::Operator;
 use i2ris::model::hysteresis::force_balance::{ForceBalance, REACH};
 use nalgebra::SVector;
 
-use super::layout::Layout;
+use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::LeastSquares;
+use super::objective::Objective;
 use super::read_out::ReadOut;
-use super::search::{BalanceError, BalanceFit, Objective, fit_force_balance};
+use super::search::{BalanceError, BalanceFit, fit_force_balance};
 use super::target::Target;
 use crate::progress::Silent;
 use crate::recording::Recording;
@@ -38,13 +39,17 @@ fn snake(rows: usize) -> Recording {
 
 #[test]
 fn parameters_are_the_same_after_encoding() {
-    let layout = Layout::new(vec![(10.0, 1.5), (-20.0, 2.0)]);
-    let mut at = layout.start(-20.0, 16.0, 30.0);
-    for (index, number) in at.iter_mut().enumerate() {
-        *number += 0.1 * (index as f64).sin();
+    for terms in [(false, false), (true, false), (true, true)] {
+        let terms = Terms { other: terms.0, transmission: terms.1 };
+        let layout = Layout::new(vec![(10.0, 1.5), (-20.0, 2.0)]).with(terms);
+        let mut at = layout.start(-20.0, 16.0, 30.0);
+        for (index, number) in at.iter_mut().enumerate() {
+            *number += 0.1 * (index as f64 + 1.0).sin();
+        }
+        let balance = layout.decode(&at);
+        assert_eq!(Layout::terms_of(&balance), terms);
+        assert!((layout.encode(&balance) - at).amax() < 1e-9);
     }
-    let again = layout.encode(&layout.decode(&at));
-    assert!((again - at).amax() < 1e-9);
 }
 
 /// Only the noise of 0.02 deg is left, and the deviations of the parameters hold.
@@ -64,6 +69,32 @@ fn a_snake_of_this_kind_is_explained_to_its_noise() {
         assert!(apart < 4.0, "{measured} instead of {}", per_travel * truth);
         assert!(measured.deviation < 0.2 * per_travel * truth.abs(), "{measured}");
     }
+}
+
+/// A pinion that is not round, over four turns of the motor.
+#[test]
+fn a_transmission_error_is_found_where_there_is_one() {
+    let layout = Layout::new(vec![(0.0, REACH / 2250.0)]);
+    let mut truth = layout.decode(&layout.start(20.0, 8.0, 20.0));
+    let error = [6.0, -3.0, 2.0, 0.0];
+    truth.motors[0].transmission_error = error;
+    let operator = ForceBalance::<1>::prepare(&truth).unwrap();
+    let at = |time| SVector::from([5.0 * wander(time)[0]]);
+    let mut state = operator.begin(&at(0.0));
+    let mut noise = noise(4);
+    let recording = one_motor(1200, |time| {
+        operator.advance(&mut state, &at(time));
+        (at(time)[0], 30.0 * operator.bend(&state)[0] / REACH + 0.02 * noise())
+    });
+    let found = |recording| match fit(recording).unwrap().family {
+        FamilyParameters::ForceBalance { balance, .. } => balance.motors[0].transmission_error,
+        other => panic!("{other:?}"),
+    };
+    let with = found(&recording);
+    for (found, truth) in with.iter().zip(error) {
+        assert!((found - truth).abs() < 1.0, "{with:?}");
+    }
+    assert_eq!(found(&snake(1200)), [0.0; 4]);
 }
 
 /// The derivatives that the search uses are those of the residuals.

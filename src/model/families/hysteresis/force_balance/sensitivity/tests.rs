@@ -23,6 +23,9 @@ fn balance() -> BalanceParameters {
         friction_growth: [0.2, 0.1],
         friction_slope: 0.05,
         friction_asymmetry: 0.1,
+        preload_growth_by_other: 7.0,
+        hardening_by_other: 0.2,
+        transmission_error: [5.0, -4.0, 2.0, 1.0],
     };
     let stop = |stiffness, share| BalanceStop { stiffness, share, yields: stiffness == 3.0 };
     BalanceParameters {
@@ -30,7 +33,9 @@ fn balance() -> BalanceParameters {
         own_stops: [(10.0, 0.2), (4.0, 0.3), (1.6, 0.2), (0.6, 0.2), (0.25, 0.1), (3.0, 0.3)]
             .map(|(stiffness, share)| stop(stiffness, share))
             .to_vec(),
-        shared_stops: vec![stop(3.0, 0.2), stop(1.5, 0.1)],
+        shared_stops: vec![stop(3.0, 0.2), stop(1.5, 0.1), stop(0.5, 0.1)],
+        shared_growth: 0.3,
+        counts_per_turn: 1024.0,
         loose_stiffness: 0.05,
         softness: 8.0,
         friction_stays: 0.4,
@@ -92,6 +97,9 @@ fn with_numbers(file: &BalanceParameters, numbers: &Slopes) -> BalanceParameters
             friction_growth: [own[14], own[15]],
             friction_slope: own[16],
             friction_asymmetry: own[17],
+            preload_growth_by_other: own[18],
+            hardening_by_other: own[19],
+            transmission_error: std::array::from_fn(|k| own[20 + k]),
             ..motor.clone()
         };
     }
@@ -104,7 +112,7 @@ fn with_numbers(file: &BalanceParameters, numbers: &Slopes) -> BalanceParameters
         stop.share = numbers[SHARED_SHARE + index];
     }
     (file.loose_stiffness, file.softness) = (numbers[LOOSE], numbers[SOFTNESS]);
-    file.friction_stays = numbers[STAYS];
+    (file.friction_stays, file.shared_growth) = (numbers[STAYS], numbers[SHARED_GROWTH]);
     file
 }
 

@@ -1,0 +1,158 @@
+//! Derivatives of what stays as before during a step.
+
+use super::super::ForceBalance;
+use super::super::parameters::REACH;
+use super::super::state::LEAST_FACTOR;
+use super::{
+    ASYMMETRY, BY_OTHER, BY_TENSION, FRICTION, GROWTH, HARDENING_BY_OTHER, OTHER_GROWTH,
+    POSE_SLOPE, PRELOAD, PRELOAD_GROWTH, PRELOAD_GROWTH_BY_OTHER, Places, SHARED_GROWTH,
+    SensitiveState, Slopes,
+};
+
+/// Derivatives of the limits of a step.
+pub(super) struct LimitSlopes<const D: usize> {
+    pub preload: [[Slopes; 2]; D],
+    pub own: [[Slopes; 2]; D],
+    pub shared: Slopes,
+    pub hardened: [Slopes; D],
+}
+
+/// A number and its derivatives.
+struct Known {
+    value: f64,
+    slopes: Slopes,
+}
+
+impl Known {
+    fn nothing() -> Self {
+        Self { value: 0.0, slopes: Slopes::zeros() }
+    }
+
+    fn times(&self, other: &Self) -> Self {
+        Self {
+            value: self.value * other.value,
+            slopes: self.slopes * other.value + other.slopes * self.value,
+        }
+    }
+}
+
+impl<const D: usize> ForceBalance<D> {
+    pub(super) fn limit_slopes(&self, at: &SensitiveState<D>) -> LimitSlopes<D> {
+        let none = Slopes::zeros();
+        let mut found = LimitSlopes {
+            preload: [[none; 2]; D],
+            own: [[none; 2]; D],
+            shared: none,
+            hardened: [none; D],
+        };
+        let (mut base, mut square) = (Known::nothing(), Known::nothing());
+        for (i, motor) in self.motors.iter().enumerate() {
+            let (places, other) = (Places::of(i), D - 1 - i);
+            self.bend_slopes(at, i, &mut found);
+            let load = self.load(at, i);
+            let mut friction = Known { value: motor.friction + load.value, slopes: load.slopes };
+            friction.slopes[places.at(FRICTION)] += 1.0;
+            if D > 1 {
+                let tension: f64 = at.state.tension[other].iter().sum();
+                let by_tension = at.tension[other][0] + at.tension[other][1];
+                friction.value += motor.friction_by_other * tension;
+                friction.slopes += by_tension * motor.friction_by_other;
+                friction.slopes[places.at(BY_OTHER)] += tension;
+            }
+            let factor = self.pose(at, i);
+            let force = friction.times(&factor);
+            if friction.value > 0.0 {
+                for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
+                    let sense = 1.0 + sign * motor.friction_asymmetry;
+                    let by_limit = &mut found.own[i][side];
+                    *by_limit = force.slopes * sense.max(LEAST_FACTOR);
+                    if sense > LEAST_FACTOR {
+                        by_limit[places.at(ASYMMETRY)] += sign * force.value;
+                    }
+                }
+            }
+            base.value += motor.friction / D as f64;
+            base.slopes[places.at(FRICTION)] += 1.0 / D as f64;
+            let pressed = load.times(&factor);
+            square.value += pressed.value.powi(2);
+            square.slopes += pressed.slopes * (2.0 * pressed.value);
+        }
+        if square.value > 0.0 {
+            let length = square.value.sqrt();
+            base.value += length;
+            base.slopes += square.slopes / (2.0 * length);
+        }
+        found.shared = base.times(&self.shared_pose(at)).slopes;
+        found
+    }
+
+    /// Preload and hardening by both bends.
+    fn bend_slopes(&self, at: &SensitiveState<D>, i: usize, found: &mut LimitSlopes<D>) {
+        let (motor, places, other) = (&self.motors[i], Places::of(i), D - 1 - i);
+        let own = at.state.bend[i] / REACH;
+        let mut by_growth = at.bend[i] * (2.0 * motor.preload_growth * own / REACH);
+        by_growth[places.at(PRELOAD_GROWTH)] += own * own;
+        if D > 1 {
+            let across = at.state.bend[other] / REACH;
+            let by_across = at.bend[other] * (2.0 * across / REACH);
+            by_growth += by_across * motor.preload_growth_by_other;
+            by_growth[places.at(PRELOAD_GROWTH_BY_OTHER)] += across * across;
+            found.hardened[i] = by_across * motor.hardening_by_other;
+            found.hardened[i][places.at(HARDENING_BY_OTHER)] += across * across;
+        }
+        for (side, preload) in found.preload[i].iter_mut().enumerate() {
+            *preload = by_growth;
+            preload[places.at(PRELOAD + side)] += 1.0;
+        }
+    }
+
+    /// Friction by the tension of the wires of a motor.
+    fn load(&self, at: &SensitiveState<D>, i: usize) -> Known {
+        let mut load = Known::nothing();
+        for side in 0..2 {
+            let (tension, by) =
+                (at.state.tension[i][side], self.motors[i].friction_by_tension[side]);
+            load.value += by * tension;
+            load.slopes += at.tension[i][side] * by;
+            load.slopes[Places::of(i).at(BY_TENSION + side)] += tension;
+        }
+        load
+    }
+
+    /// The factor on the friction of a motor by both bends.
+    fn pose(&self, at: &SensitiveState<D>, i: usize) -> Known {
+        let (motor, places, other) = (&self.motors[i], Places::of(i), D - 1 - i);
+        let own = at.state.bend[i] / REACH;
+        let across = if D > 1 { at.state.bend[other] / REACH } else { 0.0 };
+        let [own_growth, other_growth] = motor.friction_growth;
+        let pose =
+            1.0 + own_growth * own.abs() + other_growth * across.abs() + motor.friction_slope * own;
+        let mut factor = Known { value: pose.max(LEAST_FACTOR), ..Known::nothing() };
+        if pose > LEAST_FACTOR {
+            factor.slopes =
+                at.bend[i] * ((own_growth * own.signum() + motor.friction_slope) / REACH);
+            factor.slopes[places.at(GROWTH)] += own.abs();
+            factor.slopes[places.at(POSE_SLOPE)] += own;
+            if D > 1 {
+                factor.slopes += at.bend[other] * (other_growth * across.signum() / REACH);
+                factor.slopes[places.at(OTHER_GROWTH)] += across.abs();
+            }
+        }
+        factor
+    }
+
+    /// The factor on the friction of the shared stops by the length of the bend.
+    fn shared_pose(&self, at: &SensitiveState<D>) -> Known {
+        let bend = &at.state.bend[..D];
+        let length = bend.iter().map(|part| part * part).sum::<f64>().sqrt() / REACH;
+        let pose = 1.0 + self.shared_growth * length;
+        let mut factor = Known { value: pose.max(LEAST_FACTOR), ..Known::nothing() };
+        if pose > LEAST_FACTOR && length > 0.0 {
+            for (by_bend, bend) in at.bend.iter().zip(bend) {
+                factor.slopes += by_bend * (self.shared_growth * bend / (REACH * REACH * length));
+            }
+            factor.slopes[SHARED_GROWTH] += length;
+        }
+        factor
+    }
+}
