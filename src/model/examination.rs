@@ -34,6 +34,9 @@ const FILTER: f64 = 0.2;
 /// followed.
 const LEAST_MOTION: f64 = 0.1;
 
+/// A pose that is missed by less than this part of their deviation is clipped by a rounding only.
+const ROUNDING: f64 = 0.005;
+
 /// The error at the goals may be this part of their deviation.
 const MOST_ERROR: f64 = 0.7;
 
@@ -205,16 +208,18 @@ impl<'a> Subject<'a> {
         relative_gains(&gain, &line)
     }
 
-    /// See [`Examination::usable`]: along the wide path.
+    /// See [`Examination::usable`]: along the wide path, whose corners lie on the hull.
     fn usable(&self) -> f64 {
-        let mut memory = self.memory_after_turns();
-        let is_reached = |counts: &&MotorVec| {
-            self.advance(&mut memory, counts);
-            let goal = self.runtime.predict(counts, &memory).mean;
-            !self.runtime.invert(&goal, &memory, self.hull, &Query::new(**counts)).clipped
-        };
         let path = &self.wide.wander;
-        path.iter().filter(is_reached).count() as f64 / path.len().max(1) as f64
+        let goals = self.along(&self.wide);
+        let rounding = ROUNDING * (spread(&goals) / goals.len() as f64).sqrt();
+        let mut memory = self.memory_after_turns();
+        let is_reached = |(counts, goal): &(&MotorVec, &OutputVec)| {
+            self.advance(&mut memory, counts);
+            let found = self.runtime.invert(goal, &memory, self.hull, &Query::new(**counts));
+            !found.clipped || found.residual <= rounding
+        };
+        path.iter().zip(&goals).filter(is_reached).count() as f64 / goals.len() as f64
     }
 
     /// What a play, as wide as the range after which the model has forgotten earlier motion, leaves

@@ -33,7 +33,8 @@
 //! Friction grows with the tension that presses a wire on its guides (capstan equation, L. Euler
 //! 1762, J. A. Eytelwein 1808), so loops are wide where the bend is large. Where the limit falls, a
 //! part of the friction above it may stay. Limits, preload and what the other motor's bend does are
-//! those of the state before a step.
+//! those of the state before a step, and in a step longer than that of a tick those of its middle.
+//! They grow with a bend no further than a calibration goes.
 //! With them both sides are monotone functions of the bend: there is exactly one balance, and it
 //! rises with every motor. A semi-smooth Newton method with a line search finds it (L. Qi and J.
 //! Sun 1993).
@@ -78,9 +79,14 @@ pub use state::BalanceState;
 use state::Limits;
 use stops::Stop;
 
-/// The longest step of an advance, in units of travel: limits and preload follow from step to
-/// step.
-const STEP: f64 = 20.0;
+/// The longest step of an advance, and of a coarse one, in units of travel: limits and preload
+/// follow from step to step.
+const STEP: f64 = 10.0;
+const COARSE_STEP: f64 = 20.0;
+
+/// A longer step takes its limits from its middle: a motion in long steps, as those of a
+/// recording, ends nearer to one in those of a tick.
+const TICK: f64 = 4.0;
 
 /// The most steps of one advance. A longer motion uses longer steps.
 const MAX_STEPS: u32 = 64;
@@ -117,6 +123,7 @@ pub struct ForceBalance<const D: usize> {
     loose_stiffness: f64,
     softness: f64,
     stays: f64,
+    is_coarse: bool,
     /// From pulleys to travel, without the neutral positions, and back.
     coupling: SMatrix<f64, D, D>,
     uncoupling: SMatrix<f64, D, D>,
@@ -146,6 +153,7 @@ impl<const D: usize> ForceBalance<D> {
             loose_stiffness: file.loose_stiffness,
             softness: file.softness,
             stays: file.friction_stays,
+            is_coarse: false,
             uncoupling: coupling.try_inverse().unwrap_or_else(SMatrix::identity),
             coupling,
             gain: SVector::from_fn(|i, _| {
@@ -154,6 +162,12 @@ impl<const D: usize> ForceBalance<D> {
             }),
             motors,
         })
+    }
+
+    /// The same with less work in long steps, and with their error: for the first part of a search.
+    #[must_use]
+    pub fn coarse(self) -> Self {
+        Self { is_coarse: true, ..self }
     }
 
     /// The bend of a state, units of travel.
@@ -224,7 +238,8 @@ impl<const D: usize> ForceBalance<D> {
     ) -> impl Iterator<Item = (f64, SVector<f64, D>)> + use<D> {
         let (from, to) = (self.driven(&vector(&state.position)), self.driven(counts));
         let motion = to - from;
-        let steps = (motion.amax() / STEP).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
+        let longest = if self.is_coarse { COARSE_STEP } else { STEP };
+        let steps = (motion.amax() / longest).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
         // The last step ends at the counts to the bit: a pulley that a rounded sum leaves beside
         // them would move again at the same counts.
         (1..=steps).map(move |step| match step {
@@ -234,6 +249,20 @@ impl<const D: usize> ForceBalance<D> {
                 (part, from + motion * part)
             }
         })
+    }
+
+    /// The pulleys in the middle of a step that is longer than those of a tick.
+    fn middle(&self, state: &BalanceState, pulleys: &SVector<f64, D>) -> Option<SVector<f64, D>> {
+        let from = vector::<D>(&state.pulley);
+        let is_long = !self.is_coarse && (pulleys - from).amax() > TICK;
+        is_long.then(|| (from + pulleys) * 0.5)
+    }
+
+    /// The bend, tension and deflections after a step.
+    fn step(&self, state: &mut BalanceState, limits: &Limits<D>, pulleys: &SVector<f64, D>) {
+        let travel = self.travel(pulleys);
+        let bend = self.solve(state, limits, &travel);
+        self.store(state, limits, &travel, &bend);
     }
 
     fn gap(&self, state: &BalanceState, motor: usize) -> f64 {
@@ -284,10 +313,13 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
             if array(&pulleys) == state.pulley {
                 continue;
             }
-            let limits = self.limits(state);
-            let travel = self.travel(&pulleys);
-            let bend = self.solve(state, &limits, &travel);
-            self.store(state, &limits, &travel, &bend);
+            let mut limits = self.limits(state);
+            if let Some(middle) = self.middle(state, &pulleys) {
+                let mut half = *state;
+                self.step(&mut half, &limits, &middle);
+                limits = self.limits(&half);
+            }
+            self.step(state, &limits, &pulleys);
             state.pulley = array(&pulleys);
         }
         state.position = array(counts);
@@ -349,11 +381,13 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
                 *position = wanted;
             }
         }
+        let mut counts = self.driving(&positions);
         if compensation < 1.0 {
             let free = self.pulleys_at(state, &origin.limits.without_friction(), &bend);
-            positions = free + (positions - free) * compensation;
+            let free = self.driving(&free);
+            counts = free + (counts - free) * compensation;
         }
-        self.driving(&positions)
+        counts
     }
 
     fn slack(&self, origin: &BalanceOrigin<'_, D>, counts: &SVector<f64, D>) -> [MotorVec; 2] {

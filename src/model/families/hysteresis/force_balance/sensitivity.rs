@@ -190,6 +190,7 @@ impl<const D: usize> ForceBalance<D> {
             if array(&pulleys) == at.state.pulley {
                 continue;
             }
+            let before = at.pulley;
             for i in 0..D {
                 if pulleys[i] != at.state.pulley[i] {
                     at.pulley[i] = Slopes::zeros();
@@ -200,13 +201,28 @@ impl<const D: usize> ForceBalance<D> {
                     Self::add_turn(&mut at.pulley[i], i, turn);
                 }
             }
-            let moved = self.travel_slopes(&at.pulley, &pulleys);
-            let (limits, by_limits) = (self.limits(&at.state), self.limit_slopes(at));
-            let travel = self.travel(&pulleys);
-            self.balance(at, (&limits, &by_limits), (&travel, &moved));
+            let (mut limits, mut by_limits) = (self.limits(&at.state), self.limit_slopes(at));
+            if let Some(middle) = self.middle(&at.state, &pulleys) {
+                let mut half = at.clone();
+                let by_middle = std::array::from_fn(|i| (before[i] + at.pulley[i]) * 0.5);
+                self.step_sensitive(&mut half, (&limits, &by_limits), (&middle, &by_middle));
+                (limits, by_limits) = (self.limits(&half.state), self.limit_slopes(&half));
+            }
+            let by_pulleys = at.pulley;
+            self.step_sensitive(at, (&limits, &by_limits), (&pulleys, &by_pulleys));
             at.state.pulley = array(&pulleys);
         }
         at.state.position = array(counts);
+    }
+
+    fn step_sensitive(
+        &self,
+        at: &mut SensitiveState<D>,
+        limits: (&Limits<D>, &LimitSlopes<D>),
+        (pulleys, by_pulleys): (&SVector<f64, D>, &[Slopes; D]),
+    ) {
+        let by_travel = self.travel_slopes(by_pulleys, pulleys);
+        self.balance(at, limits, (&self.travel(pulleys), &by_travel));
     }
 
     /// Derivatives of a position by the transmission error of its motor.

@@ -12,6 +12,16 @@ use crate::units::{MAX_MOTORS, MotorVec};
 /// Factors on friction stay above this, however far a snake is bent.
 pub(super) const LEAST_FACTOR: f64 = 0.1;
 
+/// Growth with the bend ends here, relative to [`REACH`]: no calibration goes further, and after
+/// readings that were wrong the wires must not be so tight that nothing moves any more.
+pub(super) const FARTHEST: f64 = 1.5;
+
+/// A bend relative to [`REACH`], as far as preload and friction grow with it.
+#[inline]
+pub(super) fn grown(bend: f64) -> f64 {
+    (bend / REACH).clamp(-FARTHEST, FARTHEST)
+}
+
 /// Positions of motors and pulleys, bend, tension of the wires, and deflections of all stops.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BalanceState {
@@ -66,7 +76,7 @@ impl<const D: usize> Limits<D> {
 impl<const D: usize> ForceBalance<D> {
     /// Preload and limits for a step from a state.
     pub(super) fn limits(&self, state: &BalanceState) -> Limits<D> {
-        let relative: [f64; D] = std::array::from_fn(|i| state.bend[i] / REACH);
+        let relative: [f64; D] = std::array::from_fn(|i| grown(state.bend[i]));
         let mut limits = Limits {
             preload: [[0.0; 2]; D],
             own: [[0.0; 2]; D],

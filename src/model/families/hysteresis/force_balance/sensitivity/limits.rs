@@ -2,7 +2,7 @@
 
 use super::super::ForceBalance;
 use super::super::parameters::REACH;
-use super::super::state::LEAST_FACTOR;
+use super::super::state::{FARTHEST, LEAST_FACTOR, grown};
 use super::{
     ASYMMETRY, BY_OTHER, BY_TENSION, FRICTION, GROWTH, HARDENING_BY_OTHER, OTHER_GROWTH,
     POSE_SLOPE, PRELOAD, PRELOAD_GROWTH, PRELOAD_GROWTH_BY_OTHER, Places, SHARED_GROWTH,
@@ -86,19 +86,26 @@ impl<const D: usize> ForceBalance<D> {
         found
     }
 
+    /// The bend of a motor as far as all else grows with it, relative to the reach.
+    fn grown(at: &SensitiveState<D>, i: usize) -> Known {
+        let value = grown(at.state.bend[i]);
+        let is_within = value.abs() < FARTHEST;
+        Known { value, slopes: if is_within { at.bend[i] / REACH } else { Slopes::zeros() } }
+    }
+
     /// Preload and hardening by both bends.
     fn bend_slopes(&self, at: &SensitiveState<D>, i: usize, found: &mut LimitSlopes<D>) {
-        let (motor, places, other) = (&self.motors[i], Places::of(i), D - 1 - i);
-        let own = at.state.bend[i] / REACH;
-        let mut by_growth = at.bend[i] * (2.0 * motor.preload_growth * own / REACH);
-        by_growth[places.at(PRELOAD_GROWTH)] += own * own;
+        let (motor, places) = (&self.motors[i], Places::of(i));
+        let own = Self::grown(at, i);
+        let mut by_growth = own.slopes * (2.0 * motor.preload_growth * own.value);
+        by_growth[places.at(PRELOAD_GROWTH)] += own.value.powi(2);
         if D > 1 {
-            let across = at.state.bend[other] / REACH;
-            let by_across = at.bend[other] * (2.0 * across / REACH);
-            by_growth += by_across * motor.preload_growth_by_other;
-            by_growth[places.at(PRELOAD_GROWTH_BY_OTHER)] += across * across;
-            found.hardened[i] = by_across * motor.hardening_by_other;
-            found.hardened[i][places.at(HARDENING_BY_OTHER)] += across * across;
+            let across = Self::grown(at, D - 1 - i);
+            let (square, by_square) = (across.value.powi(2), across.slopes * (2.0 * across.value));
+            by_growth += by_square * motor.preload_growth_by_other;
+            by_growth[places.at(PRELOAD_GROWTH_BY_OTHER)] += square;
+            found.hardened[i] = by_square * motor.hardening_by_other;
+            found.hardened[i][places.at(HARDENING_BY_OTHER)] += square;
         }
         for (side, preload) in found.preload[i].iter_mut().enumerate() {
             *preload = by_growth;
@@ -121,21 +128,22 @@ impl<const D: usize> ForceBalance<D> {
 
     /// The factor on the friction of a motor by both bends.
     fn pose(&self, at: &SensitiveState<D>, i: usize) -> Known {
-        let (motor, places, other) = (&self.motors[i], Places::of(i), D - 1 - i);
-        let own = at.state.bend[i] / REACH;
-        let across = if D > 1 { at.state.bend[other] / REACH } else { 0.0 };
+        let (motor, places) = (&self.motors[i], Places::of(i));
+        let own = Self::grown(at, i);
+        let across = if D > 1 { Self::grown(at, D - 1 - i) } else { Known::nothing() };
         let [own_growth, other_growth] = motor.friction_growth;
-        let pose =
-            1.0 + own_growth * own.abs() + other_growth * across.abs() + motor.friction_slope * own;
+        let pose = 1.0
+            + own_growth * own.value.abs()
+            + other_growth * across.value.abs()
+            + motor.friction_slope * own.value;
         let mut factor = Known { value: pose.max(LEAST_FACTOR), ..Known::nothing() };
         if pose > LEAST_FACTOR {
-            factor.slopes =
-                at.bend[i] * ((own_growth * own.signum() + motor.friction_slope) / REACH);
-            factor.slopes[places.at(GROWTH)] += own.abs();
-            factor.slopes[places.at(POSE_SLOPE)] += own;
+            factor.slopes = own.slopes * (own_growth * own.value.signum() + motor.friction_slope)
+                + across.slopes * (other_growth * across.value.signum());
+            factor.slopes[places.at(GROWTH)] += own.value.abs();
+            factor.slopes[places.at(POSE_SLOPE)] += own.value;
             if D > 1 {
-                factor.slopes += at.bend[other] * (other_growth * across.signum() / REACH);
-                factor.slopes[places.at(OTHER_GROWTH)] += across.abs();
+                factor.slopes[places.at(OTHER_GROWTH)] += across.value.abs();
             }
         }
         factor
@@ -143,13 +151,13 @@ impl<const D: usize> ForceBalance<D> {
 
     /// The factor on the friction of the shared stops by the length of the bend.
     fn shared_pose(&self, at: &SensitiveState<D>) -> Known {
-        let bend = &at.state.bend[..D];
-        let length = bend.iter().map(|part| part * part).sum::<f64>().sqrt() / REACH;
+        let bend: [Known; D] = std::array::from_fn(|i| Self::grown(at, i));
+        let length = bend.iter().map(|part| part.value.powi(2)).sum::<f64>().sqrt();
         let pose = 1.0 + self.shared_growth * length;
         let mut factor = Known { value: pose.max(LEAST_FACTOR), ..Known::nothing() };
         if pose > LEAST_FACTOR && length > 0.0 {
-            for (by_bend, bend) in at.bend.iter().zip(bend) {
-                factor.slopes += by_bend * (self.shared_growth * bend / (REACH * REACH * length));
+            for part in &bend {
+                factor.slopes += part.slopes * (self.shared_growth * part.value / length);
             }
             factor.slopes[SHARED_GROWTH] += length;
         }

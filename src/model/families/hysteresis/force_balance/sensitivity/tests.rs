@@ -124,3 +124,22 @@ fn the_slopes_are_the_derivatives_of_the_bend() {
     one.shared_stops.clear();
     check::<1>(&one);
 }
+
+/// A fit goes in long steps, the robot in those of a tick.
+#[test]
+fn long_steps_end_where_short_ones_do() {
+    let turns = [[0.0; 2], [420.0, 100.0], [-380.0, 300.0], [150.0, -350.0], [-60.0, -20.0]];
+    let after = |step: f64| {
+        let mut path = vec![SVector::from(turns[0])];
+        for pair in turns.windows(2) {
+            let [from, to] = [pair[0], pair[1]].map(SVector::from);
+            let steps = ((to - from).amax() / step).ceil() as u32;
+            let at = |k: u32| from + (to - from) * (f64::from(k) / f64::from(steps));
+            path.extend((1..=steps).map(at));
+        }
+        bend::<2>(&balance(), &path)
+    };
+    let apart = (after(40.0) - after(2.0)).amax();
+    // Limits from before the step leave 1.2.
+    assert!(apart < 0.5, "{apart}");
+}
