@@ -19,8 +19,10 @@
 //! | `judge` | samples held out |
 //! | `objective` | the sum of squares |
 //! | `search` | the whole fit |
+//! | `error` | why there is none |
 //! | `mechanism` | what the parameters say of the robot |
 
+pub mod error;
 mod judge;
 mod layout;
 mod levenberg_marquardt;

@@ -1,12 +1,14 @@
 //! The whole fit of a balance of forces: the search.
 
+use i2ris::model::Hull;
 use i2ris::model::file::{FamilyParameters, PolynomialParameters};
 use i2ris::model::hysteresis::force_balance::{BalanceParameters, ForceBalance, REACH};
-use i2ris::model::{Hull, ModelError};
 use i2ris::units::MotorVec;
+use i2ris_report::statistics::min_max;
 use nalgebra::{DMatrix, DVector, SVector};
 
-use super::judge::Judge;
+use super::error::BalanceError;
+use super::judge::{Judge, ONE_OF, is_better, mean};
 use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::{LeastSquares, Minimum, StoppingRule, minimise};
 use super::mechanism::BalanceMechanism;
@@ -45,10 +47,11 @@ const STARTS: [(f64, f64, f64); 15] = [
 ];
 
 /// When each part of the search ends. From all starts there are some steps, from the best a path
-/// with less and less error allowed, and from where that is best on blocks held out the last
-/// search.
+/// with less and less error allowed, and from where that is best on blocks held out, with the terms
+/// that help, the last search.
 const TRY: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
 const COARSE: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
+const TERM: StoppingRule = StoppingRule { iterations: 8, tolerance: 2e-3 };
 const FINE: StoppingRule = StoppingRule { iterations: 20, tolerance: 3e-4 };
 const KEPT: usize = 4;
 const ROUNDS: usize = 2;
@@ -60,6 +63,9 @@ const ERRORS: [f64; 5] = [0.4, 0.2, 0.1, 0.05, 0.025];
 /// More error is allowed where that is worse by less than this part on the blocks held out.
 const ALIKE_HELD_OUT: f64 = 0.04;
 
+/// The fold by whose blocks the prior is chosen.
+const FOLD: usize = ONE_OF / 2;
+
 /// The degree of the polynomial, and simpler ones for where that one folds.
 const DEGREE: usize = 6;
 const SIMPLER: [usize; 2] = [3, 1];
@@ -70,45 +76,11 @@ const HELD: f64 = 3.0;
 /// Errors of neighbouring samples count as so many at most.
 const MOST_ALIKE: f64 = 10.0;
 
+/// A motor that moves less than this part of what the other one moves holds still.
+const LEAST_MOTION: f64 = 0.01;
+
 /// Samples per parameter.
 const LEAST_SAMPLES: usize = 2;
-
-/// Why a balance of forces could not be fitted.
-#[derive(Debug, thiserror::Error)]
-pub enum BalanceError {
-    /// A bend that was not measured in full.
-    #[error(
-        "{outputs} output(s) do not show how {motors} motors bend the snake; measure at least \
-         {motors}"
-    )]
-    FewOutputs {
-        /// Of the recording.
-        motors: usize,
-        /// Of the recording.
-        outputs: usize,
-    },
-    /// Not enough samples for so many parameters.
-    #[error(
-        "{samples} sample(s) do not determine {parameters} parameters, {least} would; record more"
-    )]
-    FewSamples {
-        /// Samples that can be used.
-        samples: usize,
-        /// Of the balance.
-        parameters: usize,
-        /// The least number of samples.
-        least: usize,
-    },
-    /// A motor that hardly turns back: friction and gaps look like a shifted zero.
-    #[error("{0}")]
-    FewReversals(Finding),
-    /// No start leads to a model.
-    #[error("no balance of forces explains the recording; check its columns")]
-    NoModel,
-    /// The result is refused.
-    #[error(transparent)]
-    Refused(#[from] ModelError),
-}
 
 /// A fitted balance of forces.
 #[derive(Debug, Clone, PartialEq)]
@@ -142,6 +114,16 @@ pub fn fit_force_balance(
     if outputs < motors {
         return Err(BalanceError::FewOutputs { motors, outputs });
     }
+    let range = |motor: usize| {
+        let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
+        high - low
+    };
+    for (motor, other) in [(0, 1), (1, 0)] {
+        let (moves, other) = (range(motor), range(other));
+        if motors > 1 && moves < LEAST_MOTION * other {
+            return Err(BalanceError::HoldsStill { motor, moves, other });
+        }
+    }
     match motors {
         1 => Search::<1>::new(series, plane, progress).run(known),
         _ => Search::<2>::new(series, plane, progress).run(known),
@@ -162,7 +144,7 @@ fn ratio<const D: usize>(series: [&Series; 2], plane: bool) -> Option<f64> {
     let place = Search::<D>::new(series[0], plane, &Silent).coarse()?;
     let [as_is, shifted] = series.map(|series| {
         let search = Search::<D>::new(series, plane, &Silent);
-        Some(search.with(&search.judge(), &place, place.terms)?.held_out)
+        Some(search.with(&search.judge(FOLD), &place, place.terms)?.0.held_out)
     });
     Some(shifted? / as_is?)
 }
@@ -228,7 +210,7 @@ impl<'a, const D: usize> Search<'a, D> {
 
     /// The best place on thinned data, from several starts.
     fn coarse(&self) -> Option<Place> {
-        let judge = self.judge();
+        let judge = self.judge(FOLD);
         let stages = KEPT * ERRORS.len() * COARSE.iterations;
         self.progress.begin(STARTS.len() * TRY.iterations + stages);
         let kept = self.tried(&judge.seen);
@@ -239,37 +221,54 @@ impl<'a, const D: usize> Search<'a, D> {
         let good = places.into_iter().filter(|p| p.held_out <= least * (1.0 + ALIKE_HELD_OUT));
         let best =
             good.min_by(|a, b| b.error.total_cmp(&a.error).then(a.held_out.total_cmp(&b.held_out)));
-        Some(self.with_terms_that_help(&judge, best?))
+        Some(self.with_terms_that_help(best?))
     }
 
-    fn judge(&self) -> Judge<D> {
+    fn judge(&self, fold: usize) -> Judge<D> {
         let every = self.target.samples().div_ceil(COARSE_SAMPLES);
-        Judge::new(self.target.thinned(every, COARSE_SPACING))
+        Judge::new(self.target.thinned(every, COARSE_SPACING).coarse(), fold)
     }
 
-    /// What the other motor's bend does, and the transmission error, each only where the samples
-    /// held out are explained better with it.
-    fn with_terms_that_help(&self, judge: &Judge<D>, mut best: Place) -> Place {
-        if D > 1 {
-            let with = self.with(judge, &best, Terms { other: true, ..best.terms });
-            // One axis at a time does not show it.
-            let most = best.held_out * if self.plane { 1.0 } else { 1.0 + ALIKE_HELD_OUT };
-            best = with.filter(|place| place.held_out < most).unwrap_or(best);
+    /// What the other motor's bend does, and the transmission error, each only where blocks that
+    /// are left out, one fold after the other, are explained better with it.
+    fn with_terms_that_help(&self, mut best: Place) -> Place {
+        let folds: Vec<Judge<D>> = (0..ONE_OF).map(|fold| self.judge(fold)).collect();
+        let left_out = |place: &Place, terms: Terms| -> Option<(Place, Vec<f64>)> {
+            let with = |fold: usize| self.with(&folds[fold], place, terms);
+            let found: Option<Vec<_>> = parallel::map(ONE_OF, with).into_iter().collect();
+            let (places, errors): (Vec<Place>, Vec<Vec<f64>>) = found?.into_iter().unzip();
+            Some((places.into_iter().nth(FOLD)?, errors.concat()))
+        };
+        let Some((_, mut errors)) = left_out(&best, best.terms) else { return best };
+        for is_other in [true, false] {
+            let terms = match is_other {
+                true if D > 1 => Terms { other: true, ..best.terms },
+                true => continue,
+                false => Terms { transmission: true, ..best.terms },
+            };
+            let Some((place, with)) = left_out(&best, terms) else { continue };
+            let helps = match is_other {
+                // One axis at a time does not show it: a snake bends in a plane.
+                true if !self.plane => !is_better([&with, &errors], 0.0),
+                true => is_better([&errors, &with], 0.0),
+                false => is_better([&errors, &with], ALIKE_HELD_OUT),
+            };
+            if helps {
+                (best, errors) = (place, with);
+            }
         }
-        let with = self.with(judge, &best, Terms { transmission: true, ..best.terms });
-        let helps = |place: &Place| place.held_out < best.held_out * (1.0 - ALIKE_HELD_OUT);
-        with.filter(helps).unwrap_or(best)
+        best
     }
 
-    /// Where other terms lead from a place.
-    fn with(&self, judge: &Judge<D>, place: &Place, terms: Terms) -> Option<Place> {
+    /// Where other terms lead from a place, and the errors there on the blocks held out.
+    fn with(&self, judge: &Judge<D>, place: &Place, terms: Terms) -> Option<(Place, Vec<f64>)> {
         let known = judge.whole.layout.with(place.terms).decode(&place.at);
         let judge = judge.with_terms(terms);
         let objective = self.objective(&judge.seen, place.error);
         let start = judge.whole.layout.encode(&known);
-        let at = minimise(&objective, start, COARSE, &|| ())?.at;
-        let held_out = judge.held_out(&objective.read_out, &at)?;
-        Some(Place { terms, at, error: place.error, held_out })
+        let at = minimise(&objective, start, TERM, &|| ())?.at;
+        let errors = judge.errors(&objective.read_out, &at)?;
+        Some((Place { terms, at, error: place.error, held_out: mean(&errors) }, errors))
     }
 
     /// Where the best starts lead in some steps.
@@ -355,14 +354,17 @@ impl<'a, const D: usize> Search<'a, D> {
     ) -> Result<FamilyParameters, BalanceError> {
         let balance = self.target.layout.decode(at);
         let operator = ForceBalance::<D>::prepare(&balance)?;
-        let visited = Visited::new(&operator, self.series, self.target.conditioned);
-        let Visited { bends, weights, possible } = visited.ok_or(BalanceError::NoModel)?;
+        let visited = Visited::new(&operator, self.series).ok_or(BalanceError::NoModel)?;
+        let Visited { bends, unsure, possible } = visited;
         let virtual_counts = |bend: &SVector<f64, D>| -> MotorVec {
             let counts = operator.virtual_counts_at(&(bend * REACH));
             std::array::from_fn(|i| counts.get(i).copied().unwrap_or_default())
         };
         let reach: Vec<MotorVec> = possible.iter().map(virtual_counts).collect();
-        // The polynomial is that of the region in which it is used.
+        // The polynomial is that of the region in which it is used; where the bend is not sure, an
+        // error counts less.
+        let error = rms(solved);
+        let weights = unsure.map(|unsure| error / error.hypot(self.range * unsure));
         let samples = self.series.samples();
         let measured = DMatrix::from_fn(bends.nrows(), self.target.outputs, |row, output| {
             samples[row].outputs[output]

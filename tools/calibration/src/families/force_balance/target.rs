@@ -21,9 +21,7 @@ pub(super) struct Target<const D: usize> {
     samples: Vec<(usize, [f64; MAX_OUTPUTS])>,
     pub outputs: usize,
     pub layout: Layout,
-    /// The place on the path of the series from which on the state is known, and the number of its
-    /// samples before those that count.
-    pub conditioned: (usize, usize),
+    is_coarse: bool,
 }
 
 impl<const D: usize> Target<D> {
@@ -40,18 +38,17 @@ impl<const D: usize> Target<D> {
         let samples = series.samples().iter();
         let mut samples: Vec<_> =
             samples.map(|sample| (sample.path_index, sample.outputs)).collect();
-        let mut first = samples.partition_point(|(place, _)| *place < from);
-        if !plane || 2 * first > samples.len() {
-            first = 0;
+        let first = samples.partition_point(|(place, _)| *place < from);
+        if plane && 2 * first <= samples.len() {
+            samples.drain(..first);
         }
-        samples.drain(..first);
         let vector = |counts: &[f64; 2]| SVector::from_fn(|i, _| counts[i]);
         Self {
             path: series.path().iter().map(vector).collect(),
             samples,
             outputs: series.outputs(),
             layout: Layout::new(scales),
-            conditioned: (from, first),
+            is_coarse: false,
         }
     }
 
@@ -105,9 +102,19 @@ impl<const D: usize> Target<D> {
         Self { path, samples, ..self.clone() }
     }
 
+    /// The same, followed with less work.
+    pub fn coarse(self) -> Self {
+        Self { is_coarse: true, ..self }
+    }
+
+    fn operator(&self, balance: &BalanceParameters) -> Option<ForceBalance<D>> {
+        let operator = ForceBalance::prepare(balance).ok()?;
+        Some(if self.is_coarse { operator.coarse() } else { operator })
+    }
+
     /// The bend at every sample, relative to the reach; `None` where there is no model.
     pub fn bends(&self, balance: &BalanceParameters) -> Option<DMatrix<f64>> {
-        let operator = ForceBalance::<D>::prepare(balance).ok()?;
+        let operator = self.operator(balance)?;
         let mut state = operator.begin(self.path.first()?);
         let mut bends = DMatrix::zeros(self.samples.len(), D);
         self.follow(|row, counts| match row {
@@ -119,7 +126,7 @@ impl<const D: usize> Target<D> {
 
     /// The same with the derivatives by the numbers of a layout, one matrix per motor.
     pub fn linearised(&self, at: &DVector<f64>) -> Option<(DMatrix<f64>, [DMatrix<f64>; D])> {
-        let operator = ForceBalance::<D>::prepare(&self.layout.decode(at)).ok()?;
+        let operator = self.operator(&self.layout.decode(at))?;
         let mut state = operator.begin_sensitive(self.path.first()?);
         let mut bends = DMatrix::zeros(self.samples.len(), D);
         let mut slopes: [DMatrix<f64>; D] =

@@ -5,16 +5,18 @@ use i2ris::model::hysteresis::Operator;
 use i2ris::model::hysteresis::force_balance::{ForceBalance, REACH};
 use nalgebra::SVector;
 
+use super::error::BalanceError;
+use super::judge::is_better;
 use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::LeastSquares;
 use super::objective::Objective;
 use super::read_out::ReadOut;
-use super::search::{BalanceError, BalanceFit, fit_force_balance};
+use super::search::{BalanceFit, fit_force_balance};
 use super::target::Target;
 use crate::progress::Silent;
 use crate::recording::Recording;
 use crate::series::Series;
-use crate::testing::{noise, one_motor, wander, with_threads};
+use crate::testing::{noise, one_motor, recording, straight, wander, with_threads};
 
 fn fit(recording: &Recording) -> Result<BalanceFit, BalanceError> {
     fit_force_balance(&Series::whole(recording), true, None, &Silent)
@@ -136,4 +138,24 @@ fn recordings_without_enough_are_refused() {
     let rising = one_motor(400, |time| (10.0 * time, 0.1 * time + (0.3 * time).sin()));
     let rising = fit(&rising).unwrap_err();
     assert!(matches!(rising, BalanceError::FewReversals(_)), "{rising}");
+    // The encoder of a motor that holds still goes to and fro by a count.
+    let still = recording(400, |time| {
+        let counts = [wander(time)[0], (40.0 * time).sin().round()];
+        (counts, straight(counts))
+    });
+    let still = fit(&still).unwrap_err();
+    assert!(matches!(still, BalanceError::HoldsStill { motor: 1, .. }), "{still}");
+}
+
+/// A term that helps on one block alone is none, whatever it does to the mean.
+#[test]
+fn blocks_decide_together() {
+    let before = [1.0; 20];
+    let mut one_block = before;
+    one_block[7] = 0.1;
+    assert!(!is_better([&before, &one_block], 0.0));
+    let mut most = [0.95; 20];
+    most[3] = 1.1;
+    assert!(is_better([&before, &most], 0.0) && !is_better([&before, &most], 0.05));
+    assert!(!is_better([&most, &before], 0.0));
 }
