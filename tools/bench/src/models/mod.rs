@@ -99,7 +99,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     } else {
         println!(
             "RMS error of the tip, deg, as calibrated and on the aged snake, without -> with \
-             adaptation; `fresh`: a calibration of the aged snake. Medians over the snakes."
+             adaptation; `fresh`: a calibration of the aged snake. Medians over the snakes. `regret`: \
+             the error of the family that was chosen over the least of all; the largest."
         );
         for physics in Physics::ALL.iter().map(ToString::to_string) {
             let of: Vec<_> = judgements.iter().filter(|it| it.physics == physics).collect();
@@ -116,13 +117,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// Medians over the snakes.
-fn row(name: &str, of: &[&Judgement]) -> String {
+fn row(name: &str, judged: &[&Judgement]) -> String {
     let of = |error: &dyn Fn(&Judgement) -> f64| {
-        let mut errors: Vec<f64> = of.iter().map(|judged| error(judged)).collect();
+        let mut errors: Vec<f64> = judged.iter().map(|judged| error(judged)).collect();
         median(&mut errors).unwrap_or(f64::NAN)
     };
+    let regret = judged.iter().filter_map(|judged| judged.regret).reduce(f64::max);
+    let regret = regret.map_or_else(String::new, |regret| format!("   regret {regret:.2}"));
     format!(
-        "{name:<20} new {:.3} -> {:.3}   aged {:.3} -> {:.3}   fresh {:.3}",
+        "{name:<20} new {:.3} -> {:.3}   aged {:.3} -> {:.3}   fresh {:.3}{regret}",
         of(&|it| it.new[0]),
         of(&|it| it.new[1]),
         of(&|it| it.aged[0]),

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use i2ris::model::Model;
-use i2ris_calibration::fit::{Choice, Family};
+use i2ris_calibration::fit::{Choice, Family, FitOutcome};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_simulation::camera::CameraConfig;
 use i2ris_simulation::closed_loop::ClosedLoop;
@@ -26,6 +26,8 @@ const JUDGED_S: f64 = 40.0;
 const CAMERA_NOISE_DEG: f64 = 0.07;
 const FRAME_AGE_MS: u64 = 60;
 
+const ROBOT_ID: &str = "i2ris-emulated";
+
 /// RMS error of the tip on one snake, deg.
 #[derive(Debug, Clone, Serialize)]
 pub struct Judgement {
@@ -38,6 +40,9 @@ pub struct Judgement {
     pub aged: [f64; 2],
     /// By a calibration of the aged snake.
     pub fresh: f64,
+    /// As calibrated: the error of the family that was chosen over the least of all; `None` where
+    /// a family was asked for.
+    pub regret: Option<f64>,
 }
 
 /// A snake, and the motion on it.
@@ -58,7 +63,12 @@ impl Judgement {
         let [new, aged] = recordings.map(|it| it.map(|it| it.without_latency().0));
         let (new, aged) = (new?, aged?);
         let subject = Subject::new(snake, &*fit(&new, Choice::One(Family::Linear))?);
-        let (model, fresh) = (fit(&new, family)?, fit(&aged, family)?);
+        let outcome = fitted(&new, family, ROBOT_ID)?;
+        let (model, fresh) = (Arc::clone(&outcome.model), fit(&aged, family)?);
+        let regret = match family {
+            Choice::Best => Some(subject.regret(&outcome)?),
+            Choice::One(_) => None,
+        };
         let error = |is_aged, is_adapted| subject.error(&model, is_aged, is_adapted);
         Ok(Self {
             physics: snake.physics.to_string(),
@@ -67,6 +77,7 @@ impl Judgement {
             new: [error(false, false)?, error(false, true)?],
             aged: [error(true, false)?, error(true, true)?],
             fresh: subject.error(&fresh, true, false)?,
+            regret,
         })
     }
 }
@@ -94,7 +105,7 @@ pub(super) fn record(
 }
 
 fn fit(recording: &Recording, choice: Choice) -> Result<Arc<Model>, String> {
-    fitted(recording, choice, "i2ris-emulated").map(|outcome| outcome.model)
+    fitted(recording, choice, ROBOT_ID).map(|outcome| outcome.model)
 }
 
 impl Subject {
@@ -105,6 +116,19 @@ impl Subject {
         let (_, mut learning) = within_reach(&[(hand, path)], linear).remove(0);
         let judged = learning.split_off((LEARNING_S * RATE_HZ) as usize);
         Self { snake, motion: [(hand, learning), (hand, judged)] }
+    }
+
+    /// Families as they were judged: without the rows held out.
+    fn regret(&self, outcome: &FitOutcome) -> Result<f64, String> {
+        let (mut chosen, mut least) = (f64::NAN, f64::INFINITY);
+        for found in &outcome.families {
+            if let Ok(model) = &found.result {
+                let error = self.error(model, false, false)?;
+                least = least.min(error);
+                chosen = if found.family == outcome.family { error } else { chosen };
+            }
+        }
+        Ok(chosen / least)
     }
 
     fn error(&self, model: &Arc<Model>, is_aged: bool, is_adapted: bool) -> Result<f64, String> {

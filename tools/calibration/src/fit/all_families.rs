@@ -7,10 +7,10 @@ use i2ris::model::{Hull, Model};
 
 use super::choice::{Score, best, scores};
 use super::error::{FitError, refused};
-use super::evidence::{Evidence, judged_rows, least_noise, plays_error};
+use super::evidence::{Evidence, judged_rows, known_from};
 use super::family::{Choice, Family};
 use super::model_file::{FileContext, constant_covariance};
-use super::one_family::{FamilyFitter, LEAST_NRMSD};
+use super::one_family::FamilyFitter;
 use super::options::FitOptions;
 use super::outcome::{FamilyOutcome, FitOutcome, FitReport};
 use super::split::Split;
@@ -56,22 +56,17 @@ pub fn fit(
             fitter.attempt(family)
         })
         .collect();
-    // Where nothing shows hysteresis, plays imitate something else.
-    let judged_rows = judged_rows(recording, &split, &usable);
-    let plays = match quality.hides_hysteresis() {
-        None => plays_error(recording, fitter.context.training, &judged_rows),
-        Some(_) => None,
-    };
-    let noise = least_noise(recording, &quality);
-    let evidence = Evidence { recording, rows: &judged_rows, plays, noise };
+    let known = known_from(recording);
+    let judged_rows = judged_rows(&split, known, &usable);
+    let training: Vec<usize> = fitter.context.training.to_vec();
+    let known = &training[training.partition_point(|row| *row < known)..];
+    let known = if 2 * known.len() >= training.len() { known } else { &training };
+    let evidence = Evidence { recording, rows: &judged_rows, training: known };
     let (linear, family, judged, scores) = choose(&mut families, options.choice, &evidence)?;
-    let doubt =
-        doubt(&judged).or_else(|| missed_memory(&scores, family, plays, &families, &judged));
-    let doubt = match (doubt, options.force) {
+    let doubt = match (doubt(&judged), options.force) {
         (Some(doubt), false) => return Err(FitError::Worthless { family, doubt }),
         (doubt, _) => doubt,
     };
-    let training: Vec<usize> = fitter.context.training.to_vec();
     let all = (0..recording.rows().len()).filter(usable).step_by(every);
     parts.announce_refit(family, progress);
     let model = match refit(
@@ -96,7 +91,7 @@ pub fn fit(
         family,
         linear,
         families,
-        report: FitReport { split, quality, training, every, scores, plays },
+        report: FitReport { split, quality, training, every, scores, judged: judged_rows },
     })
 }
 
@@ -163,35 +158,6 @@ fn doubt(model: &Model) -> Option<String> {
             format!("on rows held out, R2 of `{name}` is {r2:.2}, below that of a constant")
         })
     })
-}
-
-/// That the best family misses what the robot remembers, and why there is no better one.
-pub(super) fn missed_memory(
-    scores: &[Score],
-    family: Family,
-    plays: Option<f64>,
-    families: &[FamilyOutcome],
-    model: &Model,
-) -> Option<String> {
-    let plays = plays?;
-    let chosen = scores.iter().find(|score| score.family == family)?;
-    let mut held_out = model.file().metrics.iter().filter_map(|metrics| metrics.held_out);
-    let is_visible = held_out.any(|fit| fit.nrmsd > LEAST_NRMSD);
-    if !is_visible || !chosen.misses_memory(plays) {
-        return None;
-    }
-    let unit = model.file().outputs.first()?.unit;
-    let (error, plays) = (chosen.held_out / unit.si(), plays / unit.si());
-    let failed = families.iter().filter(|outcome| outcome.family.has_memory());
-    let failed =
-        failed.filter_map(|outcome| Some((outcome.family, outcome.result.as_ref().err()?)));
-    let failed: Vec<String> =
-        failed.map(|(family, error)| format!("; {family}: {error}")).collect();
-    Some(format!(
-        "on rows held out it leaves {error:.3} {unit}, and plays with a linear read-out, which have \
-         no inverse, {plays:.3} {unit}: it misses what the robot remembers{}",
-        failed.concat()
-    ))
 }
 
 /// The model with the mark that the controller looks for.

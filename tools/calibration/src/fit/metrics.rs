@@ -1,7 +1,7 @@
 //! Errors of predictions.
 
-use i2ris::model::Model;
 use i2ris::model::file::FitMetrics;
+use i2ris::model::{Memory, Model};
 use i2ris::units::MAX_OUTPUTS;
 
 use crate::recording::Recording;
@@ -12,22 +12,29 @@ use i2ris_report::statistics::min_max;
 /// the path of the motors from the first position on.
 #[must_use]
 pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUTS]> {
-    let mut memory = model.new_memory();
-    let mut next = 0;
     let mut all = Vec::with_capacity(recording.rows().len());
-    for row in recording.rows() {
-        for position in recording.path().get(next..=row.path_index).unwrap_or_default() {
-            model.advance(&mut memory, &position.counts);
-        }
-        next = row.path_index + 1;
+    along(model, recording, |row, memory| {
         let mut values = [0.0; MAX_OUTPUTS];
-        let mean = model.predict(&row.counts, &memory).mean;
+        let mean = model.predict(&recording.rows()[row].counts, memory).mean;
         for (index, spec) in recording.outputs().iter().enumerate() {
             values[index] = mean[index] / spec.unit.si();
         }
         all.push(values);
-    }
+    });
     all
+}
+
+/// Calls with every row of a recording and the memory of a model there, which follows the path of
+/// the motors from the first position on.
+pub(super) fn along(model: &Model, recording: &Recording, mut at: impl FnMut(usize, &Memory)) {
+    let (mut memory, mut next) = (model.new_memory(), 0);
+    for (index, row) in recording.rows().iter().enumerate() {
+        for position in recording.path().get(next..=row.path_index).unwrap_or_default() {
+            model.advance(&mut memory, &position.counts);
+        }
+        next = row.path_index + 1;
+        at(index, &memory);
+    }
 }
 
 /// Metrics of one output over pairs of measured and predicted values. `None` for fewer than two

@@ -17,6 +17,7 @@
 //! | `evidence` | what families are judged by |
 //! | [`choice`] | scores of the families: errors held out, and tracking on other families |
 //! | `outcome` | models, and how they were found |
+//! | `usable_range` | the part of the measured range in which a robot may use a model |
 //! | `error` | why there is no model |
 
 mod all_families;
@@ -37,6 +38,7 @@ pub(crate) mod slow_error;
 pub mod split;
 #[cfg(test)]
 mod tests;
+pub mod usable_range;
 
 pub use all_families::fit;
 pub use error::FitError;

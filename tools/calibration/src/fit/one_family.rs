@@ -27,7 +27,7 @@ use crate::table::DataTable;
 /// The error of a family may be so many times that of a straight line, or anything below this part
 /// of the range of the outputs: of a straight snake all families are good.
 const MOST_ERROR: f64 = 1.05;
-pub(super) const LEAST_NRMSD: f64 = 0.01;
+const LEAST_NRMSD: f64 = 0.01;
 
 /// Why the parameters of a family cannot be found.
 type Reason = Box<dyn Error + Send + Sync>;

@@ -8,10 +8,13 @@ use i2ris::model::Model;
 use super::choice::{Score, held_out_error};
 use super::error::FitError;
 use super::family::Family;
+use super::metrics::predictions;
 use super::split::Split;
 use crate::families::force_balance::mechanism::BalanceMechanism;
 use crate::families::play_mechanism::PlayMechanism;
 use crate::quality::Quality;
+use crate::quality::residual_pattern::Unexplained;
+use crate::recording::Recording;
 
 /// Models, and how they were found.
 #[derive(Debug)]
@@ -71,18 +74,26 @@ pub struct FitReport {
     pub training: Vec<usize>,
     /// Every so many-th row that could be used was.
     pub every: usize,
+    /// Rows held out whose state is known, in blocks: the families are judged by them.
+    pub judged: Vec<Vec<usize>>,
     /// Scores of the families that could be fitted, the simplest first; none where a family was
     /// asked for.
     pub scores: Vec<Score>,
-    /// On the same rows, the error of plays with a linear read-out, rad (m); `None` where nothing
-    /// is held out, or the recording cannot show hysteresis.
-    pub plays: Option<f64>,
 }
 
 /// Another family explains a recording as well if its error is at most so many times as large.
 const AS_WELL: f64 = 1.25;
 
 impl FitOutcome {
+    /// What the chosen model leaves beyond the noise on rows that it had not seen.
+    #[must_use]
+    pub fn unexplained(&self, recording: &Recording) -> Option<Unexplained> {
+        let chosen = self.families.iter().find(|found| found.family == self.family)?;
+        let predicted = predictions(chosen.result.as_ref().ok()?, recording);
+        let rows = self.report.judged.concat();
+        Unexplained::find(recording, &self.report.quality, &predicted, &rows)
+    }
+
     /// What the parameters of a family say about the robot, and which other families explain the
     /// recording as well: the robot is not what one of them says while others say something else.
     #[must_use]

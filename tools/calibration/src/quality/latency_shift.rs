@@ -4,6 +4,7 @@ use i2ris::units::MotorVec;
 
 use super::identifiability::{Finding, limits_of_path};
 use super::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
+use crate::families::force_balance::search::held_out_by_shift;
 use crate::recording::{PathPoint, Recording, Row};
 use crate::series::Series;
 use i2ris_report::statistics::median;
@@ -15,6 +16,13 @@ const BIAS_S: f64 = 0.0075;
 
 /// No camera is later. What looks later is hysteresis.
 const LATEST_S: f64 = 0.1;
+
+/// Less than this is none, s: it moves the tip by less than the noise of a camera.
+const LEAST_S: f64 = 0.003;
+
+/// Without the latency a balance of forces has to leave less than this part of the mean square
+/// error on rows held out.
+const BETTER: f64 = 0.9;
 
 /// An estimate is within so many standard deviations.
 const DEVIATIONS: f64 = 2.0;
@@ -59,9 +67,9 @@ impl Recording {
     }
 
     /// The latency that hysteresis does not imitate, s. An estimate is shrunk by what it may be
-    /// off; there is no least one. Where a motor always turns back at the same two positions, being
+    /// off. Where a motor always turns back at the same two positions, being
     /// late is the same as a wider loop, and nothing is believed; nor what no camera can be, nor
-    /// what does not help on rows left out.
+    /// what does not help on rows left out, those of a balance of forces among them.
     fn believed_latency(&self) -> Option<f64> {
         let series = Series::whole(self);
         let shows = |finding: &Finding| matches!(finding, Finding::OneAxisAtATime { .. });
@@ -70,7 +78,18 @@ impl Recording {
         }
         let Latency { seconds, deviation_s, helps, .. } = self.latency()?;
         let is_camera = seconds > 0.0 && seconds - DEVIATIONS * deviation_s <= LATEST_S;
-        (helps && is_camera).then_some(shrunk(seconds, deviation_s).min(LATEST_S))
+        let believed = shrunk(seconds, deviation_s).min(LATEST_S);
+        (helps && is_camera && believed >= LEAST_S && self.is_better_at(believed))
+            .then_some(believed)
+    }
+
+    /// Whether a balance of forces explains rows held out better without a latency.
+    fn is_better_at(&self, seconds: f64) -> bool {
+        let shifted = self.shifted(seconds);
+        let series = [self, &shifted].map(Series::whole);
+        let is_axis = |finding: &Finding| matches!(finding, Finding::OneAxisAtATime { .. });
+        let plane = !limits_of_path(&series[0]).iter().any(is_axis);
+        held_out_by_shift(series.each_ref(), plane).is_none_or(|ratio| ratio < BETTER)
     }
 
     /// The recording with all outputs `seconds` earlier, at the counts that the motors had then.

@@ -10,6 +10,7 @@
 //! | [`latency`] | how late the stamps of the outputs are |
 //! | `latency_features` | hysteresis without time, for that |
 //! | `latency_shift` | a recording without that latency |
+//! | [`residual_pattern`] | what a model leaves beyond noise, and what that goes with |
 
 mod circulation;
 pub mod cycle;
@@ -18,6 +19,7 @@ pub mod latency;
 mod latency_features;
 mod latency_shift;
 mod noise;
+pub mod residual_pattern;
 mod spike;
 
 use i2ris::model::file::OutputUnit;

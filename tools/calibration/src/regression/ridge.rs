@@ -133,7 +133,7 @@ impl NormalEquations {
     }
 
     /// Sum of the squared errors of given coefficients.
-    fn error(&self, coefficients: &DMatrix<f64>) -> f64 {
+    pub(crate) fn error(&self, coefficients: &DMatrix<f64>) -> f64 {
         let explained = coefficients.dot(&(&self.features * coefficients))
             - 2.0 * coefficients.dot(&self.cross);
         (self.outputs + explained).max(0.0)

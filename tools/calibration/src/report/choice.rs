@@ -72,7 +72,7 @@ fn are_alike(scores: &[ChoiceScore]) -> bool {
 pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> {
     let chosen = scores.iter().find(|score| score.chosen)?;
     let family = &chosen.family;
-    let others = scores.iter().filter(|score| !score.chosen && !score.is_doubtful);
+    let others = scores.iter().filter(|score| !score.chosen);
     let is_alike = are_alike(scores);
     let (scored, what) = match is_alike {
         true => ("score", "The score"),
@@ -110,7 +110,7 @@ pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> 
 }
 
 /// The unit of the outputs.
-pub(super) fn unit(outcome: &FitOutcome) -> OutputUnit {
+fn unit(outcome: &FitOutcome) -> OutputUnit {
     let output = outcome.model.file().outputs.first();
     output.map_or(OutputUnit::Deg, |output| output.unit)
 }
@@ -127,7 +127,6 @@ pub(super) fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
         total: score.total() / si,
         travel: score.travel,
         chosen: score.family == outcome.family,
-        is_doubtful: score.is_doubtful,
         sentence: score.sentence(unit),
     }
 }
@@ -152,7 +151,6 @@ mod tests {
             total,
             travel: 0.0,
             chosen,
-            is_doubtful: false,
             sentence: String::new(),
         }
     }

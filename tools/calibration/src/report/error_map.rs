@@ -34,6 +34,10 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     if !held_out.is_empty() {
         visited = visited.with(Scatter::new(held_out, Color::BLUE, 1.8).label("held out"));
     }
+    let clipped: Vec<_> = data.track.clipped.iter().filter_map(|row| point(*row)).collect();
+    if !clipped.is_empty() {
+        visited = visited.with(Scatter::new(clipped, Color::VERMILION, 1.8).label("clipped"));
+    }
     let title = format!("error of {} ({})", family.name, data.unit());
     let errors = Panel::new(title, x2, y2).with(cells(data, family)).equal();
     let figure = Figure::new(
@@ -45,10 +49,14 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     )
     .row(HEIGHT, vec![visited, errors]);
     let caption = format!(
-        "The plane of {} and {}. Left: the rows of the recording. Right: root mean square length \
+        "The plane of {} and {}. Left: the rows of the recording; the robot may use \
+         {} % of them. Right: root mean square length \
          of the error of {} over all rows in a cell, training and held out; cells with fewer than \
          {LEAST_ROWS} rows are left white.",
-        first.name, second.name, family.name
+        first.name,
+        second.name,
+        fixed(data.usable_percent, 1),
+        family.name
     );
     page.figure(&figure, &caption);
 }

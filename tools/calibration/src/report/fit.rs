@@ -7,6 +7,7 @@ use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use serde::Serialize;
 
 use crate::quality::latency::Latency;
+use crate::quality::residual_pattern::Unexplained;
 use crate::quality::{NoiseFloor, Spike};
 use crate::recording::ReadReport;
 
@@ -43,9 +44,10 @@ pub struct CalibrationReport {
     pub(super) chosen_by_held_out: bool,
     /// The scores that the family was chosen by; none where it was asked for.
     pub(super) choice: Vec<ChoiceScore>,
-    /// RMS length of the error of plays with a linear read-out on the same rows; `None` where
-    /// nothing is held out or nothing shows hysteresis.
-    pub(super) plays: Option<f64>,
+    /// The part of the measured rows whose poses the robot may go to, percent.
+    pub(super) usable_percent: f64,
+    /// What the chosen model leaves beyond the noise.
+    pub(super) unexplained: Option<Unexplained>,
     /// How it was fitted: names and values.
     pub(super) settings: Vec<(String, String)>,
     /// The program that fitted the models, with its version.
@@ -98,8 +100,6 @@ pub(super) struct ChoiceScore {
     /// Travel of the motors, relative to that of `linear`.
     pub travel: f64,
     pub chosen: bool,
-    /// Whether its memory may be an imitation of something else: then it was not to be chosen.
-    pub is_doubtful: bool,
     /// All of it in a sentence.
     pub sentence: String,
 }
@@ -210,6 +210,8 @@ pub(super) struct Track {
     /// Indices of the rows used for training, in rising order.
     pub training: Vec<usize>,
     pub held_out: Vec<Range<usize>>,
+    /// Rows whose poses the chosen model clips.
+    pub clipped: Vec<usize>,
 }
 
 impl Track {

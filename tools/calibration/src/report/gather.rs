@@ -12,6 +12,7 @@ use super::sweep::branches;
 use crate::fit::metrics::predictions;
 use crate::fit::outcome::FamilyOutcome;
 use crate::fit::split::Split;
+use crate::fit::usable_range::clipped_rows;
 use crate::fit::{Choice, Components, FitOptions, FitOutcome};
 use crate::quality::{inputs, outputs};
 use crate::recording::{ReadReport, Recording};
@@ -32,7 +33,9 @@ impl CalibrationReport {
         let report = &outcome.report;
         let file = outcome.model.file();
         let facts = output_facts(recording, outcome);
-        let track = track(recording, &report.split, &report.training, &facts);
+        let mut track = track(recording, &report.split, &report.training, &facts);
+        track.clipped = clipped_rows(&outcome.model, recording);
+        let rows = recording.rows().len();
         let family = |family| family_result(family, outcome, recording, &facts, &track);
         let families: Vec<FamilyResult> = outcome.families.iter().filter_map(family).collect();
         let failure = |family: &FamilyOutcome| {
@@ -57,7 +60,8 @@ impl CalibrationReport {
                 .iter()
                 .map(|score| choice::choice_score(score, outcome))
                 .collect(),
-            plays: report.plays.map(|plays| plays / choice::unit(outcome).si()),
+            usable_percent: 100.0 * (1.0 - track.clipped.len() as f64 / rows as f64),
+            unexplained: outcome.unexplained(recording),
             settings: settings(options),
             software: file.training.software.clone(),
             outputs: facts,
@@ -199,6 +203,7 @@ fn track(recording: &Recording, split: &Split, training: &[usize], facts: &[Outp
         measured: rows.iter().map(|row| row.outputs).collect(),
         training: training.to_vec(),
         held_out: split.blocks().to_vec(),
+        clipped: Vec::new(),
     }
 }
 

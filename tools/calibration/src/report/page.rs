@@ -126,6 +126,7 @@ impl CalibrationReport {
         if let Some(family) = self.chosen() {
             notices.extend(self.findings(family));
         }
+        notices.extend(self.unexplained.iter().map(|found| sentence(&found.to_string())));
         notices
     }
 
@@ -306,6 +307,8 @@ impl CalibrationReport {
         read.time_column.iter().for_each(|column| fact("column of time", column.clone()));
         fact("rows dropped for an empty cell", read.dropped.len().to_string());
         fact("rows with positions only", read.positions.to_string());
+        let usable = format!("{} % of what was measured", fixed(self.usable_percent, 1));
+        fact("range that the robot may use", usable);
         fact("readings flagged as spikes", self.spikes.len().to_string());
         if let Some(latency) = self.latency {
             let (ms, deviation) = (1e3 * latency.seconds, 1e3 * latency.deviation_s);

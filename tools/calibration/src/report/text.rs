@@ -36,15 +36,12 @@ impl Display for CalibrationReport {
         if let Some(explanation) = explanation(&self.choice, self.unit()) {
             write!(f, "{}", Wrapped("", &explanation))?;
         }
-        if let Some(plays) = self.plays {
-            let unit = self.unit();
-            let plays = format!(
-                "plays with a linear read-out, which have no inverse, leave {plays:.3} {unit} on \
-                 the rows held out"
-            );
-            write!(f, "\n{}", Wrapped("beside", &plays))?;
+        let range = format!("the robot may use {:.1} % of what was measured", self.usable_percent);
+        write!(f, "\n{}", Wrapped("range", &range))?;
+        if let Some(unexplained) = &self.unexplained {
+            write!(f, "{}", Wrapped("warning", &unexplained.to_string()))?;
         }
-        writeln!(f, "\nmodel id   {}", self.model_id)
+        writeln!(f, "model id   {}", self.model_id)
     }
 }
 

@@ -16,11 +16,9 @@
 //! | `states` | the states of the plays at every sample |
 //! | `weights` | variable projection |
 //! | `alternation` | weights behind a mixture |
-//! | [`linear_baseline`] | plays with a linear read-out, to compare with |
 //! | [`play_fit`] | all of it in order |
 
 mod alternation;
-pub mod linear_baseline;
 pub mod play_fit;
 mod states;
 #[cfg(test)]

@@ -6,7 +6,6 @@ use nalgebra::{DVector, SVector};
 use proptest::prelude::*;
 
 use super::PlayError;
-use super::linear_baseline::LinearPlays;
 use super::play_fit::fit_play;
 use super::states::PlayStates;
 use super::thresholds::Thresholds;
@@ -19,7 +18,6 @@ use crate::series::Series;
 use crate::testing::{
     assert_near, few_starts, noise, one_motor, recording, straight, wander, with_threads,
 };
-use i2ris_report::statistics::root_mean_square;
 
 const THRESHOLDS: [f64; 5] = [0.0, 10.0, 25.0, 60.0, 120.0];
 
@@ -104,32 +102,6 @@ fn a_fit_finds_the_gap_of_the_mechanism() {
     // The axes of `straight` are turned by atan(0.015 / 0.02); the bend adds a little.
     assert_near(fit.mechanism.rotation_deg.unwrap(), 36.9, 5.0);
     assert!(fit.search_rms < 0.2, "{}", fit.search_rms);
-}
-
-#[test]
-fn a_linear_read_out_of_plays_explains_a_play_sum_on_later_rows() {
-    let recording = one_motor(600, {
-        let operator = Plays::<1>::prepare(&PlayParameters {
-            thresholds_counts: vec![vec![0.0, 40.0]],
-            weights: vec![vec![0.2, 0.8]],
-            planar_thresholds_counts: Vec::new(),
-        })
-        .unwrap();
-        let mut state = operator.begin(&SVector::from([wander(0.0)[0]]));
-        move |time| {
-            let counts = SVector::from([wander(time)[0]]);
-            operator.advance(&mut state, &counts);
-            (counts[0], 0.02 * operator.local(&state, &counts).mean[0])
-        }
-    });
-    let baseline =
-        LinearPlays::fit(&Series::new(&recording, &(0..400).collect::<Vec<_>>())).unwrap();
-    let later = Series::new(&recording, &(400..600).collect::<Vec<_>>());
-    let predicted = baseline.predict(&later).unwrap();
-    let pairs = later.samples().iter().zip(&predicted);
-    let errors = pairs.map(|(sample, predicted)| sample.outputs[0] - predicted[0]);
-    let rms = root_mean_square(errors).unwrap();
-    assert!(rms < 0.12, "{rms}; the loop is 1.28 deg wide");
 }
 
 #[test]

@@ -1,0 +1,20 @@
+//! The part of the measured range in which a robot may use a model.
+
+use i2ris::model::{Model, Query};
+
+use super::metrics::along;
+use crate::recording::Recording;
+
+/// Rows whose pose the inverse of a model clips: outside of what the robot may use.
+#[must_use]
+pub fn clipped_rows(model: &Model, recording: &Recording) -> Vec<usize> {
+    let mut clipped = Vec::new();
+    along(model, recording, |index, memory| {
+        let counts = &recording.rows()[index].counts;
+        let goal = model.predict(counts, memory).mean;
+        if model.invert(&goal, memory, &Query::new(*counts)).clipped {
+            clipped.push(index);
+        }
+    });
+    clipped
+}

@@ -1,0 +1,81 @@
+//! The choice among the families, where the recording has an input that its table does not show.
+
+#![allow(clippy::unwrap_used)]
+
+use std::f64::consts::TAU;
+use std::fmt::Write;
+
+use i2ris_calibration::fit::metrics::predictions;
+use i2ris_calibration::fit::{FitOptions, fit};
+use i2ris_calibration::progress::Silent;
+use i2ris_calibration::recording::{ColumnMap, Recording};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// A recording with the outputs of a bent, saturating curve behind plays, mm; `unseen` is the push
+/// of a third motor, as a part of its largest.
+fn recording(path: &[[f64; 2]], mut unseen: impl FnMut(usize) -> f64, noise_mm: f64) -> Recording {
+    let mut random = Pcg64::seed_from_u64(7);
+    let mut behind = [0.0; 2];
+    let mut text = "t_s,q0_counts,q1_counts,x_mm,y_mm\n".to_owned();
+    for (row, counts) in path.iter().enumerate() {
+        for (motor, reach) in [35.0, 33.0].into_iter().enumerate() {
+            behind[motor] = f64::clamp(behind[motor], counts[motor] - reach, counts[motor] + reach);
+        }
+        let mut noise = || noise_mm * (0..12).map(|_| random.random::<f64>() - 0.5).sum::<f64>();
+        let ([a, b], push) = (behind, 0.8 * unseen(row));
+        let x = -95.0 * (a / 900.0).tanh() - 2.0 * b / 800.0
+            + 4.0 * (a / 500.0).tanh() * (b / 800.0).powi(2)
+            + push * (counts[0] / 800.0 * 9.0 - 2.0);
+        let y = 95.0 * (b / 900.0).tanh() - 3.0 * a / 800.0
+            + 9.0 * (a / 800.0).powi(2)
+            + push * (counts[1] / 800.0 * 9.0 + 3.0);
+        let (time_s, [q0, q1]) = (0.1 * row as f64, counts);
+        let (x, y) = (x + noise(), y + noise());
+        writeln!(text, "{time_s:.1},{q0:.0},{q1:.0},{x:.3},{y:.3}").unwrap();
+    }
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), text).unwrap();
+    Recording::read(file.path(), &ColumnMap::default()).unwrap().0
+}
+
+/// Sines of one motor and of both, in and out of phase, all of one size, while a third motor pushes
+/// in some of them; then a smaller and faster motion without it.
+#[test]
+fn an_input_that_is_not_in_the_table_does_not_hide_memory() {
+    let trials: [([f64; 2], f64); 13] = [
+        ([1.0, 0.0], 0.0),
+        ([0.0, 1.0], 0.0),
+        ([1.0, 1.0], 0.0),
+        ([-1.0, 1.0], 0.0),
+        ([1.0, 0.0], 1.0),
+        ([1.0, 0.0], 1.0),
+        ([0.0, 1.0], -1.0),
+        ([0.0, 1.0], 1.0),
+        ([1.0, 1.0], 1.0),
+        ([-1.0, 1.0], 1.0),
+        ([1.0, -1.0], -1.0),
+        ([1.0, 1.0], -1.0),
+        ([0.0, 0.0], 1.0),
+    ];
+    let phase = |row: usize| (TAU * (row % 200) as f64 / 200.0).sin();
+    let at = |row: usize| trials[row / 200].0.map(|part| 800.0 * part * phase(row));
+    let path: Vec<[f64; 2]> = (0..200 * trials.len()).map(at).collect();
+    let train = recording(&path, |row| trials[row / 200].1 * phase(row), 0.05);
+    let unseen: Vec<[f64; 2]> = (0..200)
+        .map(|row| {
+            let phase = TAU * f64::from(row) / 200.0;
+            [480.0 * phase.sin() + 60.0 * (5.0 * phase).sin(), -330.0 * (2.0 * phase).sin()]
+        })
+        .collect();
+    let test = recording(&unseen, |_| 0.0, 0.05);
+    let outcome = fit(&train, &FitOptions::default(), &Silent).unwrap();
+    let predicted = predictions(&outcome.model, &test);
+    let squares = test.rows().iter().zip(&predicted).map(|(row, found)| {
+        (0..2).map(|output| (row.outputs[output] - found[output]).powi(2)).sum::<f64>()
+    });
+    let rms = (squares.sum::<f64>() / predicted.len() as f64).sqrt();
+    // A straight line leaves 6.1 mm, and a mixture without memory 5.8 mm.
+    assert!(outcome.family.has_memory(), "{:?}", outcome.report.scores);
+    assert!(rms <= f64::hypot(0.9, 2.0), "{} leaves {rms} mm", outcome.family);
+}
