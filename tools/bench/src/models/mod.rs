@@ -99,8 +99,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     } else {
         println!(
             "RMS error of the tip, deg, as calibrated and on the aged snake, without -> with \
-             adaptation; `fresh`: a calibration of the aged snake. Medians over the snakes. `regret`: \
-             the error of the family that was chosen over the least of all; the largest."
+             adaptation; `fresh`: a calibration of the aged snake. Medians over the snakes. \
+             `regret`: the error of the family that was chosen over the least of all; the largest."
         );
         for physics in Physics::ALL.iter().map(ToString::to_string) {
             let of: Vec<_> = judgements.iter().filter(|it| it.physics == physics).collect();

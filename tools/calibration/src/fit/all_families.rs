@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use i2ris::model::file::HullParameters;
+use i2ris::model::file::{FamilyParameters, HullParameters};
 use i2ris::model::{Hull, Model};
 
 use super::choice::{Score, best, scores};
@@ -13,9 +13,9 @@ use super::model_file::{FileContext, constant_covariance};
 use super::one_family::FamilyFitter;
 use super::options::FitOptions;
 use super::outcome::{FamilyOutcome, FitOutcome, FitReport};
-use super::split::Split;
-use crate::progress::Progress;
-use crate::quality::{Quality, inputs, outputs};
+use super::split::{HoldOut, Split};
+use crate::progress::{Progress, Silent};
+use crate::quality::{Quality, findings, inputs, outputs};
 use crate::recording::Recording;
 use crate::regression::linear::{LinearFit, fit_linear};
 use crate::series::Series;
@@ -56,12 +56,9 @@ pub fn fit(
             fitter.attempt(family)
         })
         .collect();
-    let known = known_from(recording);
-    let judged_rows = judged_rows(&split, known, &usable);
+    let judged_rows = judged_rows(&split, known_from(recording), &usable);
     let training: Vec<usize> = fitter.context.training.to_vec();
-    let known = &training[training.partition_point(|row| *row < known)..];
-    let known = if 2 * known.len() >= training.len() { known } else { &training };
-    let evidence = Evidence { recording, rows: &judged_rows, training: known };
+    let evidence = Evidence { recording, rows: &judged_rows };
     let (linear, family, judged, scores) = choose(&mut families, options.choice, &evidence)?;
     let doubt = match (doubt(&judged), options.force) {
         (Some(doubt), false) => return Err(FitError::Worthless { family, doubt }),
@@ -115,6 +112,23 @@ pub(super) fn training<T>(
     outputs_change(recording, &rows)?;
     let data = TrainingData::new(recording, rows)?;
     make(Training { context: data.context(&quality, &split, options), straight: &data.straight })
+}
+
+/// A balance of forces of some rows, for what a recording alone tells; from parameters `known` of
+/// most of the same rows without a search. `None` where that gives no model.
+pub(super) fn balance_of(
+    recording: &Recording,
+    rows: Vec<usize>,
+    known: Option<&FamilyParameters>,
+) -> Option<Arc<Model>> {
+    let (noise, spikes, warnings) = (Vec::new(), Vec::new(), findings(recording));
+    let quality = Quality { noise, spikes, latency: None, warnings };
+    let split = Split::new(recording, HoldOut::Blocks).ok()?;
+    let data = TrainingData::new(recording, rows).ok()?;
+    let options = FitOptions::default();
+    let mut fitter = data.fitter(&quality, &split, &options, &Silent);
+    fitter.known = known;
+    fitter.attempt(Family::ForceBalance).result.ok()
 }
 
 /// The parts of the work: every family, and the fit to all rows in the end.

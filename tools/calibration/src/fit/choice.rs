@@ -7,8 +7,12 @@
 //! and neither is one that no other family can follow: that would decide for whichever family is
 //! the dullest.
 //!
-//! The errors held out are those of blocks all over the recording, so that their spread tells how
-//! sure the choice is.
+//! Errors are compared piece by piece: those on a block held out together with those on a part of
+//! the trials. What the recording does not show of the robot, and noise, is alike in all families
+//! and falls out of the difference. A family is **as good as** another if it is worse by at most
+//! one standard error of that difference (L. Breiman et al., "Classification and Regression
+//! Trees", 1984, 3.4.3). Of those that are as good as the best the balance of forces is taken, for
+//! what it knows of the mechanism holds in other motion, too; otherwise the simplest.
 
 use i2ris::model::file::OutputUnit;
 use i2ris::model::{ExaminationPath, Model, Query};
@@ -17,7 +21,7 @@ use i2ris::units::OutputVec;
 use super::evidence::{Evidence, block_errors, rms};
 use super::family::Family;
 use super::metrics::predictions;
-use crate::parallel;
+use crate::{parallel, series};
 
 /// A family is credible, and a plant, if its error on the rows held out is at most so many times
 /// the least.
@@ -25,15 +29,7 @@ const CREDIBLE: f64 = 1.7;
 
 /// A family is no plant if even the best of the others leaves so many times what both of them leave
 /// of the rows held out.
-const FOLLOWED: f64 = 2.0;
-
-/// A later family has to be better by this part: the errors on five blocks held out scatter by as
-/// much.
-const LEAST_GAIN: f64 = 0.05;
-
-/// A balance of forces may be worse by this part: what others make up for it holds in motion like
-/// that of the recording, and what it knows of the mechanism also elsewhere.
-const TIE: f64 = 0.15;
+const FOLLOWED: f64 = 3.0;
 
 /// Ticks of a trial, and ticks at its start that do not count.
 const TICKS: usize = 4000;
@@ -50,14 +46,15 @@ pub struct Score {
     pub family: Family,
     /// RMS length of the error on the rows held out, rad (m).
     pub held_out: f64,
-    /// The same on the rows used for training whose state is known. A model that is worse there has
-    /// gone wrong somewhere where nothing was held out.
-    pub training: f64,
     /// Mean square length of the error in every block held out, rad^2 (m^2).
     pub blocks: Vec<f64>,
+    /// The same in as many parts of the trials; none without another plant.
+    pub parts: Vec<f64>,
     /// RMS length of the tracking error on the other families that are plants, rad (m), and the one
     /// where it is worst; `None` without another plant.
     pub tracking: Option<(f64, Family)>,
+    /// The least of these errors, and where.
+    pub nearest: Option<(f64, Family)>,
     /// Travel of the motors in the trials, relative to that of `linear`.
     pub travel: f64,
 }
@@ -66,26 +63,29 @@ impl Score {
     /// Both errors together.
     #[must_use]
     pub fn total(&self) -> f64 {
-        self.fitted().hypot(self.tracking.map_or(0.0, |(error, _)| error))
+        self.held_out.hypot(self.tracking.map_or(0.0, |(error, _)| error))
     }
 
-    /// The error on measured rows.
-    fn fitted(&self) -> f64 {
-        self.held_out.max(self.training)
-    }
-
-    /// The standard deviation of the difference between the errors of two families, by their
-    /// blocks.
+    /// How many times that of another family the error of this one is, as a logarithm, over all
+    /// pieces: the mean and its standard error. Where one of them has no other plant, only errors
+    /// on measured rows are alike.
     #[must_use]
-    pub fn uncertainty_beside(&self, other: &Self) -> f64 {
-        let differences: Vec<f64> =
-            self.blocks.iter().zip(&other.blocks).map(|(own, other)| own - other).collect();
-        let count = differences.len() as f64;
-        let mean = differences.iter().sum::<f64>() / count;
-        let squares = differences.iter().map(|difference| (difference - mean).powi(2));
-        let of_mean = (squares.sum::<f64>() / (count - 1.0) / count).sqrt();
-        let size = self.held_out + other.held_out;
-        if of_mean.is_finite() && size > 0.0 { of_mean / size } else { 0.0 }
+    pub fn beside(&self, other: &Self) -> (f64, f64) {
+        let is_alike = self.parts.is_empty() == other.parts.is_empty();
+        let pieces = |score: &Self| -> Vec<f64> {
+            let part = |piece| score.parts.get(piece).filter(|_| is_alike).copied();
+            let pieces = score.blocks.iter().enumerate();
+            let pieces = pieces.map(|(piece, block)| block + part(piece).unwrap_or_default());
+            pieces.map(|square| 0.5 * square.max(f64::MIN_POSITIVE).ln()).collect()
+        };
+        // Blocks differ in what moves: of ratios each counts the same.
+        let pairs = pieces(self).into_iter().zip(pieces(other));
+        let ratios: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
+        let count = ratios.len() as f64;
+        let mean = ratios.iter().sum::<f64>() / count;
+        let squares: f64 = ratios.iter().map(|ratio| (ratio - mean).powi(2)).sum();
+        let of_mean = (squares / (count - 1.0) / count).sqrt();
+        (mean, if of_mean.is_finite() { of_mean } else { 0.0 })
     }
 
     /// The score in a sentence, in a unit.
@@ -101,37 +101,38 @@ impl Score {
             ),
             None => "no other family is near enough to test its inverse".to_owned(),
         };
-        let worse = match self.training > self.held_out {
-            true => {
-                format!(" ({:.3} {unit} on those used for training)", self.training / unit.si())
-            }
-            false => String::new(),
-        };
-        format!("{family}: {held_out:.3} {unit} on rows held out{worse}; {tracking}")
+        format!("{family}: {held_out:.3} {unit} on rows held out; {tracking}")
     }
 }
 
 /// Scores the families, in the order given.
 pub(super) fn scores(models: &[(Family, &Model)], evidence: &Evidence<'_>) -> Vec<Score> {
-    let &Evidence { recording, rows, training } = evidence;
-    let training = [training.to_vec()];
+    let &Evidence { recording, rows } = evidence;
     let errors = parallel::map(models.len(), |index| {
-        let predicted = predictions(models[index].1, recording);
-        [rows, &training].map(|rows| block_errors(&predicted, recording, rows))
+        block_errors(&predictions(models[index].1, recording), recording, rows)
     });
-    let held_out: Vec<f64> = errors.iter().map(|[blocks, _]| rms(blocks)).collect();
+    let held_out: Vec<f64> = errors.iter().map(|blocks| rms(blocks)).collect();
     let trials = trials(models, &held_out);
     let score = |(index, (family, _)): (usize, &(Family, &Model))| {
         let trials = &trials[index];
-        let worst = trials.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error));
-        let squares: f64 = trials.iter().map(|(_, trial)| trial.error.powi(2)).sum();
-        let error = (squares / trials.len() as f64).sqrt();
+        let mut order: Vec<_> =
+            trials.iter().map(|(plant, trial)| (trial.error(), models[*plant].0)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut squares = vec![0.0; if trials.is_empty() { 0 } else { TICKS - SETTLING }];
+        for (_, trial) in trials {
+            for (sum, square) in squares.iter_mut().zip(&trial.squares) {
+                *sum += square / trials.len() as f64;
+            }
+        }
+        let mean = |squares: &[f64]| squares.iter().sum::<f64>() / squares.len() as f64;
+        let parts = series::blocks(squares.len(), rows.len()).into_iter();
         Score {
             family: *family,
             held_out: held_out[index],
-            training: rms(&errors[index][1]),
-            blocks: errors[index][0].clone(),
-            tracking: worst.map(|(plant, _)| (error, models[*plant].0)),
+            blocks: errors[index].clone(),
+            parts: parts.filter(|part| !part.is_empty()).map(|part| mean(&squares[part])).collect(),
+            tracking: order.last().map(|(_, worst)| (mean(&squares).sqrt(), *worst)),
+            nearest: order.first().copied(),
             travel: trials.iter().map(|(_, trial)| trial.travel).fold(0.0, f64::max),
         }
     };
@@ -164,28 +165,24 @@ fn followed(trials: &[Vec<(usize, Candidate)>], held_out: &[f64]) -> Vec<usize> 
     let families = trials.iter().enumerate();
     let good = families.flat_map(|(index, trials)| {
         let follows = move |(plant, trial): &&(usize, Candidate)| {
-            trial.error <= FOLLOWED * held_out[index].hypot(held_out[*plant])
+            trial.error() <= FOLLOWED * held_out[index].hypot(held_out[*plant])
         };
         trials.iter().filter(follows).map(|(plant, _)| *plant)
     });
     good.collect()
 }
 
-/// The family to take: the least score, the simpler family where the difference is small, and the
-/// balance of forces where it is hardly worse than that. Where a family has no other to try its
-/// inverse on, only the errors on measured rows are alike.
+/// The family to take. Scores are in the order of [`Family::ALL`], the simplest first.
 pub(super) fn best(scores: &[Score]) -> Option<Family> {
-    let tried = scores.iter().filter(|score| score.tracking.is_some()).count();
-    let is_alike = tried == 0 || tried == scores.len();
-    let value = |score: &Score| if is_alike { score.total() } else { score.fitted() };
-    let mut best: Option<&Score> = None;
-    for score in scores {
-        let least_gain = if score.family == Family::ForceBalance { -TIE } else { LEAST_GAIN };
-        if best.is_none_or(|best| value(score) < value(best) * (1.0 - least_gain)) {
-            best = Some(score);
-        }
-    }
-    best.map(|score| score.family)
+    let worse_than = |score: &Score, other: &Score| score.beside(other).0;
+    let least = scores.iter().reduce(|a, b| if worse_than(b, a) < 0.0 { b } else { a })?;
+    let is_as_good = |score: &&Score| {
+        let (worse, error) = score.beside(least);
+        worse <= error
+    };
+    let mut good = scores.iter().filter(is_as_good).map(|score| score.family);
+    let simplest = good.next();
+    good.find(|family| *family == Family::ForceBalance).or(simplest)
 }
 
 /// RMS over the rows held out of the length of the error, in SI units.
@@ -218,9 +215,16 @@ impl Goals {
 }
 
 struct Candidate {
-    error: f64,
+    /// Square length of the error in every tick that counts.
+    squares: Vec<f64>,
     /// Relative to the path of the goals.
     travel: f64,
+}
+
+impl Candidate {
+    fn error(&self) -> f64 {
+        (self.squares.iter().sum::<f64>() / self.squares.len() as f64).sqrt()
+    }
 }
 
 /// Tracks the goals with the inverse of a model on another one.
@@ -231,7 +235,7 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Candidate {
         plant.advance(&mut real, counts);
     }
     let mut counts = goals.path.turns.last().copied().unwrap_or_default();
-    let (mut squares, mut travel) = (0.0, 0.0);
+    let (mut squares, mut travel) = (Vec::with_capacity(TICKS), 0.0);
     for (tick, goal) in goals.goals.iter().enumerate() {
         let target = model.invert(goal, &known, &Query::new(counts)).counts;
         let mut next = counts;
@@ -245,26 +249,26 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Candidate {
         if tick >= SETTLING {
             travel += ExaminationPath::distance(&counts, &next);
             let pairs = reached.iter().zip(goal).take(goals.outputs);
-            squares += pairs.map(|(reached, goal)| (reached - goal).powi(2)).sum::<f64>();
+            squares.push(pairs.map(|(reached, goal)| (reached - goal).powi(2)).sum());
         }
         counts = next;
     }
     let straight = goals.path.travel().max(f64::MIN_POSITIVE);
-    Candidate { error: (squares / (TICKS - SETTLING) as f64).sqrt(), travel: travel / straight }
+    Candidate { squares, travel: travel / straight }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::assert_near;
 
-    fn score(family: Family, held_out: f64, on_others: f64) -> Score {
+    fn score(family: Family, held_out: [f64; 4], on_others: f64) -> Score {
         Score {
             family,
-            held_out,
-            training: held_out,
-            blocks: vec![held_out.powi(2); 5],
+            held_out: rms(&held_out.map(|error| error.powi(2))),
+            blocks: held_out.map(|error| error.powi(2)).to_vec(),
+            parts: vec![on_others.powi(2); 4],
             tracking: Some((on_others, Family::Linear)),
+            nearest: None,
             travel: 1.0,
         }
     }
@@ -272,9 +276,9 @@ mod tests {
     #[test]
     fn an_inverse_that_only_its_own_model_likes_loses() {
         let scores = [
-            score(Family::Linear, 2.0, 2.0),
-            score(Family::GmrPlay, 0.2, 0.3),
-            score(Family::ForceBalance, 0.19, 0.9),
+            score(Family::Linear, [2.0; 4], 2.0),
+            score(Family::GmrPlay, [0.2; 4], 0.3),
+            score(Family::ForceBalance, [0.19; 4], 0.9),
         ];
         assert_eq!(best(&scores), Some(Family::GmrPlay));
     }
@@ -283,53 +287,34 @@ mod tests {
     #[test]
     fn a_family_that_no_other_can_follow_does_not_vote() {
         let held_out = [2.05, 1.23, 0.97];
-        let on = |plant, error| (plant, Candidate { error, travel: 1.0 });
+        let on =
+            |plant, error: f64| (plant, Candidate { squares: vec![error.powi(2)], travel: 1.0 });
         let trials = [vec![on(1, 1.62), on(2, 14.26)], vec![on(2, 14.66)], vec![on(1, 25.71)]];
         assert_eq!(followed(&trials, &held_out), [1]);
     }
 
+    /// Of the balance the same block is the worst, but a little better: that is no chance.
+    #[test]
+    fn what_is_not_sure_goes_to_the_balance_and_what_is_sure_does_not() {
+        let plays = score(Family::GmrPlay, [0.4, 0.9, 0.5, 0.6], 0.3);
+        let chosen =
+            |balance: [f64; 4]| best(&[plays.clone(), score(Family::ForceBalance, balance, 0.3)]);
+        assert_eq!(chosen([0.5, 0.7, 0.6, 0.6]), Some(Family::ForceBalance));
+        assert_eq!(chosen([0.43, 0.98, 0.53, 0.65]), Some(Family::GmrPlay));
+        // Without the balance the simpler one is taken.
+        let gmr = score(Family::Gmr, [0.5, 0.7, 0.6, 0.6], 0.3);
+        assert_eq!(best(&[gmr, plays.clone()]), Some(Family::Gmr));
+        assert_eq!(best(&[]), None);
+    }
+
     /// The numbers of a wide instrument: the inverse of the plays was tried on no other family.
     #[test]
-    fn scores_that_are_not_alike_are_not_compared() {
-        let mut plays = score(Family::GmrPlay, 1.56, 0.0);
-        plays.tracking = None;
-        let scores = [score(Family::Gmr, 1.94, 5.4), plays, score(Family::ForceBalance, 1.7, 5.4)];
-        assert_eq!(best(&scores), Some(Family::ForceBalance));
-    }
-
-    /// A snake with a noisy camera: the balance follows three times better.
-    #[test]
-    fn of_plays_and_a_balance_of_forces_that_are_alike_the_balance_is_taken() {
-        let plays = score(Family::GmrPlay, 0.447, 0.111);
-        let balance = |held_out| [plays.clone(), score(Family::ForceBalance, held_out, 0.113)];
-        assert_eq!(best(&balance(0.429)), Some(Family::ForceBalance));
-        assert_eq!(best(&balance(0.46)), Some(Family::ForceBalance));
-        assert_eq!(best(&balance(0.6)), Some(Family::GmrPlay));
-    }
-
-    #[test]
-    fn a_model_that_is_worse_where_it_was_trained_is_judged_by_that() {
-        let mut wild = score(Family::GmrPlay, 0.2, 0.2);
-        wild.training = 5.0;
-        let scores = [score(Family::Gmr, 1.0, 0.2), wild];
-        assert_eq!(best(&scores), Some(Family::Gmr));
-        let sentence = scores[1].sentence(OutputUnit::Deg);
-        assert!(sentence.contains("on those used for training"), "{sentence}");
-    }
-
-    #[test]
-    fn the_blocks_report_how_sure_a_difference_is() {
-        let [one, mut other] = [Family::Gmr, Family::GmrPlay].map(|f| score(f, 1.0, 1.0));
-        assert_eq!(one.uncertainty_beside(&other), 0.0);
-        other.blocks = vec![0.5, 1.5, 0.5, 1.5, 1.0];
-        // Differences of squares with a variance of 0.25, five of them, over the sum of the errors.
-        assert_near(one.uncertainty_beside(&other), 0.05_f64.sqrt() / 2.0, 1e-12);
-    }
-
-    #[test]
-    fn a_small_difference_is_no_reason_for_a_more_complex_family() {
-        let scores = [score(Family::Gmr, 0.2, 0.2), score(Family::GmrPlay, 0.199, 0.199)];
-        assert_eq!(best(&scores), Some(Family::Gmr));
-        assert_eq!(best(&[]), None);
+    fn scores_that_are_not_alike_are_compared_by_the_rows_held_out() {
+        let mut plays = score(Family::GmrPlay, [1.02, 2.27, 0.68, 1.77], 0.0);
+        (plays.tracking, plays.parts) = (None, Vec::new());
+        let balance = score(Family::ForceBalance, [0.91, 2.54, 2.41, 1.0], 5.4);
+        let (worse, error) = balance.beside(&plays);
+        assert!(worse > 0.0 && worse < error, "{worse} +- {error}");
+        assert_eq!(best(&[plays, balance]), Some(Family::ForceBalance));
     }
 }

@@ -20,8 +20,6 @@ pub(super) struct Evidence<'a> {
     pub recording: &'a Recording,
     /// The rows held out, in blocks.
     pub rows: &'a [Vec<usize>],
-    /// Rows used for training whose state is known.
-    pub training: &'a [usize],
 }
 
 /// The first row whose state is known: where the motors have covered some range. Before, nobody

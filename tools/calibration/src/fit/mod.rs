@@ -7,6 +7,8 @@
 //! | `split` | training and held-out rows |
 //! | `metrics` | errors of predictions |
 //! | `flatness` | models that are flat where the robot is not |
+//! | [`beyond_model`] | whether the error in use will be above what a model states |
+//! | `late_camera` | how late the stamps of a camera are |
 //! | `slow_error` | the part of the error that a camera can follow |
 //! | `model_file` | model files with their metrics |
 //! | `gmr` | a mixture on the counts, and its number of components |
@@ -21,12 +23,14 @@
 //! | `error` | why there is no model |
 
 mod all_families;
+pub mod beyond_model;
 pub mod choice;
 pub mod error;
 mod evidence;
 pub mod family;
 pub mod flatness;
 mod gmr;
+mod late_camera;
 pub mod metrics;
 mod model_file;
 pub mod network;

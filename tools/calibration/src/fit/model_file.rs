@@ -8,6 +8,7 @@ use i2ris::model::{Model, ModelError};
 use i2ris::robot::DriveFingerprint;
 use i2ris::units::MAX_OUTPUTS;
 
+use super::evidence::known_from;
 use super::metrics::{metrics, predictions};
 use super::slow_error::slow_error;
 use super::split::Split;
@@ -126,6 +127,11 @@ impl FileContext<'_> {
         let mut rows = self.held_out_or_training();
         let flagged = |row: &usize| self.spikes.is_some_and(|quality| quality.is_flagged(*row));
         rows.retain(|row| !flagged(row));
+        // Before, nobody knows where in its loops the snake is.
+        let known = rows.partition_point(|row| *row < known_from(self.recording));
+        if 2 * known <= rows.len() {
+            rows.drain(..known);
+        }
         let outputs = self.recording.outputs().len();
         let mut covariance = vec![vec![0.0; outputs]; outputs];
         for row in &rows {

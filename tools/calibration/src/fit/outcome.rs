@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use i2ris::model::Model;
 
+use super::beyond_model::BeyondModel;
 use super::choice::{Score, held_out_error};
 use super::error::FitError;
 use super::family::Family;
@@ -85,11 +86,22 @@ pub struct FitReport {
 const AS_WELL: f64 = 1.25;
 
 impl FitOutcome {
+    /// The chosen family as it was judged: without the rows held out.
+    fn judged(&self) -> Option<&Model> {
+        let chosen = self.families.iter().find(|found| found.family == self.family)?;
+        chosen.result.as_deref().ok()
+    }
+
+    /// Why the error in use will be above what the model states, if it will.
+    #[must_use]
+    pub fn beyond_model(&self, recording: &Recording) -> Option<BeyondModel> {
+        BeyondModel::find(self, self.judged()?, recording)
+    }
+
     /// What the chosen model leaves beyond the noise on rows that it had not seen.
     #[must_use]
     pub fn unexplained(&self, recording: &Recording) -> Option<Unexplained> {
-        let chosen = self.families.iter().find(|found| found.family == self.family)?;
-        let predicted = predictions(chosen.result.as_ref().ok()?, recording);
+        let predicted = predictions(self.judged()?, recording);
         let rows = self.report.judged.concat();
         Unexplained::find(recording, &self.report.quality, &predicted, &rows)
     }

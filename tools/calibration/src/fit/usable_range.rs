@@ -5,15 +5,17 @@ use i2ris::model::{Model, Query};
 use super::metrics::along;
 use crate::recording::Recording;
 
-/// Rows whose pose the inverse of a model clips: outside of what the robot may use.
+/// Rows whose pose the inverse of a model clips, outside of what the robot may use, and how far
+/// that is, rad (m).
 #[must_use]
-pub fn clipped_rows(model: &Model, recording: &Recording) -> Vec<usize> {
+pub fn clipped_rows(model: &Model, recording: &Recording) -> Vec<(usize, f64)> {
     let mut clipped = Vec::new();
     along(model, recording, |index, memory| {
         let counts = &recording.rows()[index].counts;
         let goal = model.predict(counts, memory).mean;
-        if model.invert(&goal, memory, &Query::new(*counts)).clipped {
-            clipped.push(index);
+        let found = model.invert(&goal, memory, &Query::new(*counts));
+        if found.clipped {
+            clipped.push((index, found.residual));
         }
     });
     clipped

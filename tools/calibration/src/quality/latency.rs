@@ -96,13 +96,13 @@ pub fn estimate_latency(
     };
     let middle = search.best_shift()?;
     let around = search.around(middle)?;
-    let without = |block| lowest(errors(&around, Some(block))?);
+    let without = |block| lowest(errors(&around, Some(block))?, WIDTH_S);
     let estimates: Vec<f64> = (0..BLOCKS).map(without).collect::<Option<_>>()?;
     let whole = errors(&around, None)?;
     if !search.is_visible(middle, whole)? {
         return None;
     }
-    let seconds = middle + lowest(whole)?;
+    let seconds = middle + lowest(whole, WIDTH_S)?;
     Some(Latency {
         seconds,
         deviation_s: jackknife_deviation(&estimates),
@@ -155,7 +155,7 @@ impl Search<'_> {
         });
         let (mut best, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1))?;
         for _ in 0..STEPS {
-            let step = lowest(errors(&self.around(best)?, None)?)?;
+            let step = lowest(errors(&self.around(best)?, None)?, WIDTH_S)?;
             best += step.clamp(-COARSE_S, COARSE_S);
         }
         (EARLIEST_S..=LATEST_S).contains(&best).then_some(best)
@@ -216,14 +216,14 @@ fn total(sums: &Sums, without: Option<usize>) -> Option<NormalEquations> {
     Some(used.fold(first, |sum, block| sum.plus(&sums[block], 1.0)))
 }
 
-/// Where the parabola through three errors, [`WIDTH_S`] apart, is lowest, relative to the middle.
-fn lowest([before, here, after]: [f64; 3]) -> Option<f64> {
+/// Where the parabola through three errors, so far apart, is lowest, relative to the middle.
+pub(crate) fn lowest([before, here, after]: [f64; 3], apart: f64) -> Option<f64> {
     let curvature = before - 2.0 * here + after;
-    (curvature > 0.0).then(|| 0.5 * WIDTH_S * (before - after) / curvature)
+    (curvature > 0.0).then(|| 0.5 * apart * (before - after) / curvature)
 }
 
 /// Of an estimate, from the estimates without one block each.
-fn jackknife_deviation(estimates: &[f64]) -> f64 {
+pub(crate) fn jackknife_deviation(estimates: &[f64]) -> f64 {
     let count = estimates.len() as f64;
     let mean = estimates.iter().sum::<f64>() / count;
     let squares = estimates.iter().map(|estimate| (estimate - mean).powi(2));

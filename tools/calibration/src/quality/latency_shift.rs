@@ -2,30 +2,9 @@
 
 use i2ris::units::MotorVec;
 
-use super::identifiability::{Finding, limits_of_path};
 use super::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
-use crate::families::force_balance::search::held_out_by_shift;
 use crate::recording::{PathPoint, Recording, Row};
-use crate::series::Series;
 use i2ris_report::statistics::median;
-
-/// How far hysteresis that the estimate does not know moves it, as a standard deviation: on
-/// emulated snakes of eight physics without any latency it was up to 15 ms (the recordings of the
-/// benchmark of the Python package).
-const BIAS_S: f64 = 0.0075;
-
-/// No camera is later. What looks later is hysteresis.
-const LATEST_S: f64 = 0.1;
-
-/// Less than this is none, s: it moves the tip by less than the noise of a camera.
-const LEAST_S: f64 = 0.003;
-
-/// Without the latency a balance of forces has to leave less than this part of the mean square
-/// error on rows held out.
-const BETTER: f64 = 0.9;
-
-/// An estimate is within so many standard deviations.
-const DEVIATIONS: f64 = 2.0;
 
 /// Rows further apart in time are measured after the motors have come to rest: the path between
 /// them is not known.
@@ -55,41 +34,6 @@ impl Recording {
             measured.push(TimedOutputs { time_s, outputs });
         }
         estimate_latency(&path, &measured, self.motors())
-    }
-
-    /// The recording without what is believed of its latency, and that part, s.
-    #[must_use]
-    pub fn without_latency(self) -> (Self, Option<f64>) {
-        match self.believed_latency() {
-            Some(seconds) => (self.shifted(seconds), Some(seconds)),
-            None => (self, None),
-        }
-    }
-
-    /// The latency that hysteresis does not imitate, s. An estimate is shrunk by what it may be
-    /// off. Where a motor always turns back at the same two positions, being
-    /// late is the same as a wider loop, and nothing is believed; nor what no camera can be, nor
-    /// what does not help on rows left out, those of a balance of forces among them.
-    fn believed_latency(&self) -> Option<f64> {
-        let series = Series::whole(self);
-        let shows = |finding: &Finding| matches!(finding, Finding::OneAxisAtATime { .. });
-        if !limits_of_path(&series).iter().all(shows) {
-            return None;
-        }
-        let Latency { seconds, deviation_s, helps, .. } = self.latency()?;
-        let is_camera = seconds > 0.0 && seconds - DEVIATIONS * deviation_s <= LATEST_S;
-        let believed = shrunk(seconds, deviation_s).min(LATEST_S);
-        (helps && is_camera && believed >= LEAST_S && self.is_better_at(believed))
-            .then_some(believed)
-    }
-
-    /// Whether a balance of forces explains rows held out better without a latency.
-    fn is_better_at(&self, seconds: f64) -> bool {
-        let shifted = self.shifted(seconds);
-        let series = [self, &shifted].map(Series::whole);
-        let is_axis = |finding: &Finding| matches!(finding, Finding::OneAxisAtATime { .. });
-        let plane = !limits_of_path(&series[0]).iter().any(is_axis);
-        held_out_by_shift(series.each_ref(), plane).is_none_or(|ratio| ratio < BETTER)
     }
 
     /// The recording with all outputs `seconds` earlier, at the counts that the motors had then.
@@ -125,13 +69,6 @@ impl Recording {
     }
 }
 
-/// What is believed of an estimate: hardly less of one that is far above what it may be off by, and
-/// hardly anything of one that is below.
-fn shrunk(seconds: f64, deviation_s: f64) -> f64 {
-    let uncertain = BIAS_S.powi(2) + deviation_s.powi(2);
-    seconds.powi(3) / (seconds.powi(2) + uncertain)
-}
-
 /// The counts at an instant, on the straight line between two positions of a path in order of time
 /// (s, counts); `None` beyond its ends and where those two are more than `gap_s` apart.
 fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap_s: f64) -> Option<MotorVec> {
@@ -149,7 +86,7 @@ fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap_s: f64) -> Option<MotorV
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{assert_near, one_motor, recording, straight, wander};
+    use crate::testing::{assert_near, recording, straight, wander};
     use i2ris_report::statistics::min_max;
 
     #[test]
@@ -166,47 +103,5 @@ mod tests {
         }
         let rises = |pair: &[PathPoint]| pair[0].time_s < pair[1].time_s;
         assert!(aligned.path().windows(2).all(rises));
-    }
-
-    /// A snake of one motor behind a gap, whose tip creeps after the motor with a time constant.
-    fn creeping(counts: impl Fn(f64) -> f64, constant_s: f64) -> Recording {
-        let (mut behind, mut tip) = (0.0_f64, 0.0);
-        one_motor(1500, |time| {
-            let at = counts(time);
-            behind = behind.clamp(at - 40.0, at + 40.0);
-            tip += (behind - tip) * (0.2 / constant_s).min(1.0);
-            (at, 0.02 * tip)
-        })
-    }
-
-    #[test]
-    fn hysteresis_and_creep_are_no_camera() {
-        let strokes = |time: f64| 300.0 * (0.7 * time + 0.9 * (0.11 * time).sin()).sin();
-        let many = |time: f64| wander(time)[0];
-        for recording in [creeping(strokes, 0.5), creeping(many, 0.6)] {
-            assert_eq!(recording.without_latency().1, None);
-        }
-    }
-
-    #[test]
-    fn a_latency_is_shrunk_and_not_dropped() {
-        for (seconds, least, most) in
-            [(0.003, 0.0, 0.001), (0.012, 0.004, 0.010), (0.05, 0.045, 0.05), (0.1, 0.095, 0.1)]
-        {
-            let found = shrunk(seconds, 0.002);
-            assert!((least..most).contains(&found), "{found} of {seconds}");
-        }
-    }
-
-    #[test]
-    fn a_slow_camera_is_taken_off_and_none_is_not() {
-        let taken_off = |seconds: f64| {
-            let snake = recording(1500, |time| (wander(time), straight(wander(time - seconds))));
-            snake.without_latency().1.unwrap_or_default()
-        };
-        assert_near(taken_off(0.0), 0.0, 0.004);
-        assert_near(taken_off(0.06), 0.06, 0.01);
-        // No camera is so late: something in the snake is.
-        assert_near(taken_off(0.25), 0.0, 0.0);
     }
 }

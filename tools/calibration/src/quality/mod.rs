@@ -9,7 +9,7 @@
 //! | `cycle` | the cycles of a repeating motion |
 //! | [`latency`] | how late the stamps of the outputs are |
 //! | `latency_features` | hysteresis without time, for that |
-//! | `latency_shift` | a recording without that latency |
+//! | `latency_shift` | a recording with other stamps |
 //! | [`residual_pattern`] | what a model leaves beyond noise, and what that goes with |
 
 mod circulation;

@@ -35,8 +35,8 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
                    tracking error when the inverse of the family moves the other families as a \
                    robot, and the one where that goes worst; the score is both together, the root \
                    of the sum of squares; travel of the motors in these trials, relative to that \
-                   of linear. Where a family has no tracking, scores are no comparison, and the \
-                   error on the rows held out counts. A family whose error on the rows held out is far above the least, or \
+                   of linear. Where a family has no tracking, the error on the rows held out \
+                   counts. A family whose error on the rows held out is far above the least, or \
                    that no other can follow, is no robot to be tried on.";
     let mut table = Table::new(caption.to_owned(), header);
     for score in scores {
@@ -51,7 +51,7 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
                 fixed(score.held_out, 3),
                 worst,
                 name,
-                if are_alike(scores) { fixed(score.total, 3) } else { none() },
+                fixed(score.total, 3),
                 if score.tracking.is_some() { fixed(score.travel, 2) } else { none() },
             ],
             strong: score.chosen,
@@ -61,37 +61,22 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     page.table(&table);
 }
 
-/// Whether the scores compare the same errors: where a family has no other to try its inverse on,
-/// its score is its error on the rows held out alone, and only those are alike.
-fn are_alike(scores: &[ChoiceScore]) -> bool {
-    let tried = scores.iter().filter(|score| score.tracking.is_some()).count();
-    tried == 0 || tried == scores.len()
-}
-
 /// Why this one, and how sure that is; `None` where none was chosen.
 pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> {
     let chosen = scores.iter().find(|score| score.chosen)?;
     let family = &chosen.family;
     let others = scores.iter().filter(|score| !score.chosen);
-    let is_alike = are_alike(scores);
-    let (scored, what) = match is_alike {
-        true => ("score", "The score"),
-        false => ("error on the rows held out", "That error"),
-    };
-    let value = |score: &ChoiceScore| if is_alike { score.total } else { score.held_out };
-    let next = others.min_by(|a, b| value(a).total_cmp(&value(b)));
-    let Some(next) = next else {
+    let Some(next) = others.min_by(|a, b| a.beside.0.total_cmp(&b.beside.0)) else {
         return Some(format!("{family} is the only family that could be fitted."));
     };
-    let part = value(next) / value(chosen) - 1.0;
-    let percent = fixed(100.0 * part.abs(), 0);
-    let (other, side) = (&next.family, if part < 0.0 { "below" } else { "above" });
-    let uncertainty = fixed(next.uncertainty, 3);
+    let (worse, error) = next.beside;
+    let percent = |part: f64| fixed(100.0 * (part.abs().exp() - 1.0), 0);
+    let (other, side) = (&next.family, if worse < 0.0 { "below" } else { "above" });
     let is_balance = *family == Family::ForceBalance.to_string();
-    let sure = match part {
-        part if part < 0.0 && is_balance => "so little that the balance of forces was taken",
-        part if part < 0.0 => "so little that the simpler family was taken",
-        part if part < NEAR => "so near that another recording may turn it round",
+    let sure = match worse {
+        worse if worse < 0.0 && is_balance => "so little that the balance of forces was taken",
+        worse if worse < 0.0 => "so little that the simpler family was taken",
+        worse if worse < error.max(NEAR) => "so near that another recording may turn it round",
         _ => "a clear difference",
     };
     let held_out = fixed(chosen.held_out, 3);
@@ -102,10 +87,11 @@ pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> 
         None => "no other family is near enough to try its inverse on".to_owned(),
     };
     Some(format!(
-        "{family} was chosen for its {scored}: on the rows held out its error is {held_out} \
-         {unit}, and {tracking}. {what} of the next family, {other}, is {percent} % {side} it, {sure}. \
-         By the blocks held out, the difference of their errors has a standard deviation of \
-         {uncertainty} {unit}."
+        "{family} was chosen: on the rows held out its error is {held_out} {unit}, and {tracking}. \
+         Over the blocks, that of the next family, {other}, is {} % {side} it, with a standard \
+         error of {} %: {sure}.",
+        percent(worse),
+        percent(error)
     ))
 }
 
@@ -123,7 +109,7 @@ pub(super) fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
         family: score.family.to_string(),
         held_out: score.held_out / si,
         tracking: score.tracking.map(|(error, plant)| (error / si, plant.to_string())),
-        uncertainty: uncertainty(score, outcome) / si,
+        beside: beside(score, outcome),
         total: score.total() / si,
         travel: score.travel,
         chosen: score.family == outcome.family,
@@ -131,11 +117,11 @@ pub(super) fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
     }
 }
 
-/// How sure the difference of a family to the chosen one is.
-fn uncertainty(score: &Score, outcome: &FitOutcome) -> f64 {
+/// How many times the error of a family is that of the chosen one; see [`Score::beside`].
+fn beside(score: &Score, outcome: &FitOutcome) -> (f64, f64) {
     let mut scores = outcome.report.scores.iter();
     let chosen = scores.find(|score| score.family == outcome.family);
-    chosen.map_or(0.0, |chosen| score.uncertainty_beside(chosen))
+    chosen.map_or((0.0, 0.0), |chosen| score.beside(chosen))
 }
 
 #[cfg(test)]
@@ -147,7 +133,7 @@ mod tests {
             family: family.to_owned(),
             held_out: total,
             tracking: None,
-            uncertainty: 0.03 * total,
+            beside: (total.ln(), 0.03),
             total,
             travel: 0.0,
             chosen,
@@ -158,9 +144,12 @@ mod tests {
     #[test]
     fn the_sentence_reports_how_sure_the_choice_is() {
         for (next, part) in [
-            (1.5, "force-balance, is 50 % above it, a clear difference"),
-            (1.05, "is 5 % above it, so near that another recording may turn it round"),
-            (0.98, "is 2 % below it, so little that the simpler family was taken"),
+            (
+                1.5,
+                "force-balance, is 50 % above it, with a standard error of 3 %: a clear difference",
+            ),
+            (1.05, "is 5 % above it, with a standard error of 3 %: so near that another"),
+            (0.98, "is 2 % below it, with a standard error of 3 %: so little that the simpler"),
         ] {
             let scores = [
                 score("linear", 9.0, false),
@@ -171,25 +160,9 @@ mod tests {
             assert!(text.contains(part), "{text}");
             assert!(text.contains("no other family is near enough"), "{text}");
         }
-        let alike = [score("gmr-play", 1.0, false), score("force-balance", 1.02, true)];
+        let alike = [score("gmr-play", 0.98, false), score("force-balance", 1.0, true)];
         let text = explanation(&alike, "deg").unwrap();
         assert!(text.contains("so little that the balance of forces was taken"), "{text}");
-        // The chosen one has nobody to try its inverse on: its score has no tracking in it.
-        let tried = |score: ChoiceScore, error: f64| ChoiceScore {
-            tracking: Some((error, "gmr-play".to_owned())),
-            total: score.total.hypot(error),
-            ..score
-        };
-        let scores = [
-            tried(score("linear", 9.0, false), 5.0),
-            score("gmr-play", 1.0, true),
-            tried(score("force-balance", 1.05, false), 5.0),
-        ];
-        let text = explanation(&scores, "deg").unwrap();
-        assert!(
-            text.contains("That error of the next family, force-balance, is 5 % above it"),
-            "{text}"
-        );
         let one = [score("linear", 1.0, true)];
         assert!(explanation(&one, "deg").unwrap().contains("the only family"));
     }

@@ -46,6 +46,8 @@ pub struct CalibrationReport {
     pub(super) choice: Vec<ChoiceScore>,
     /// The part of the measured rows whose poses the robot may go to, percent.
     pub(super) usable_percent: f64,
+    /// Why the error in use will be above what the model states, if it will.
+    pub(super) beyond_model: Option<String>,
     /// What the chosen model leaves beyond the noise.
     pub(super) unexplained: Option<Unexplained>,
     /// How it was fitted: names and values.
@@ -93,8 +95,9 @@ pub(super) struct ChoiceScore {
     /// RMS length of the tracking error of its inverse on the other families, and the name of the
     /// one where it is worst; `None` without another credible one.
     pub tracking: Option<(f64, String)>,
-    /// Standard deviation of the difference between its error and that of the chosen family.
-    pub uncertainty: f64,
+    /// How many times its error is that of the chosen family, as a logarithm: the mean over the
+    /// blocks, and its standard error.
+    pub beside: (f64, f64),
     /// Both together.
     pub total: f64,
     /// Travel of the motors, relative to that of `linear`.

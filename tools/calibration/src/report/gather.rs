@@ -34,7 +34,8 @@ impl CalibrationReport {
         let file = outcome.model.file();
         let facts = output_facts(recording, outcome);
         let mut track = track(recording, &report.split, &report.training, &facts);
-        track.clipped = clipped_rows(&outcome.model, recording);
+        let clipped = clipped_rows(&outcome.model, recording);
+        track.clipped = clipped.into_iter().map(|(row, _)| row).collect();
         let rows = recording.rows().len();
         let family = |family| family_result(family, outcome, recording, &facts, &track);
         let families: Vec<FamilyResult> = outcome.families.iter().filter_map(family).collect();
@@ -62,6 +63,7 @@ impl CalibrationReport {
                 .collect(),
             usable_percent: 100.0 * (1.0 - track.clipped.len() as f64 / rows as f64),
             unexplained: outcome.unexplained(recording),
+            beyond_model: outcome.beyond_model(recording).map(|found| found.to_string()),
             settings: settings(options),
             software: file.training.software.clone(),
             outputs: facts,

@@ -126,7 +126,8 @@ impl CalibrationReport {
         if let Some(family) = self.chosen() {
             notices.extend(self.findings(family));
         }
-        notices.extend(self.unexplained.iter().map(|found| sentence(&found.to_string())));
+        let unexplained = self.unexplained.as_ref().map(ToString::to_string);
+        notices.extend(self.beyond_model.iter().chain(&unexplained).map(|words| sentence(words)));
         notices
     }
 

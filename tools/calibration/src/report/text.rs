@@ -39,7 +39,10 @@ impl Display for CalibrationReport {
         let range = format!("the robot may use {:.1} % of what was measured", self.usable_percent);
         write!(f, "\n{}", Wrapped("range", &range))?;
         if let Some(unexplained) = &self.unexplained {
-            write!(f, "{}", Wrapped("warning", &unexplained.to_string()))?;
+            write!(f, "{}", Wrapped("residual", &unexplained.to_string()))?;
+        }
+        if let Some(beyond) = &self.beyond_model {
+            write!(f, "{}", Wrapped("warning", beyond))?;
         }
         writeln!(f, "model id   {}", self.model_id)
     }

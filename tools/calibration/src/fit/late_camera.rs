@@ -1,0 +1,136 @@
+//! How late the stamps of a camera are, as far as rows held out confirm it.
+//!
+//! The estimate of [`crate::quality::latency`] knows hysteresis as plays only; what else a snake
+//! does late looks like a late camera there. So a balance of forces is fitted to the rows that are
+//! not held out at three shifts around that estimate. Of every block held out, the mean square
+//! error is a parabola of the shift; the latency is where their sum is lowest, and how far
+//! that moves without one of the blocks tells how sure it is.
+
+use i2ris::model::file::FamilyParameters;
+
+use super::all_families::balance_of;
+use super::evidence::{block_errors, known_from};
+use super::metrics::predictions;
+use super::split::{HoldOut, Split};
+use crate::quality::latency::{Latency, jackknife_deviation, lowest};
+use crate::quality::{Finding, limits_of_path};
+use crate::recording::Recording;
+use crate::series::Series;
+
+/// No camera is later: a frame of 30 Hz to expose, one to transfer and one to find the markers in.
+/// What looks later is the snake.
+const LATEST_S: f64 = 0.1;
+
+/// Less than this is none: at the usual speed of a calibration it moves the tip by less than the
+/// noise of a camera, and hysteresis that no family knows looks like as much.
+const LEAST_S: f64 = 0.01;
+
+/// An estimate is within so many standard deviations.
+const DEVIATIONS: f64 = 2.0;
+
+/// Between the three shifts: more than the estimate is off.
+const APART_S: f64 = 0.03;
+
+/// More rows add hardly anything.
+const MOST_ROWS: usize = 1500;
+
+impl Recording {
+    /// The recording without what is believed of its latency, and that part, s.
+    #[must_use]
+    pub fn without_latency(self) -> (Self, Option<f64>) {
+        match self.believed_latency() {
+            Some(seconds) => (self.shifted(seconds), Some(seconds)),
+            None => (self, None),
+        }
+    }
+
+    /// Where a motor always turns back at the same two positions, being late is the same as a wider
+    /// loop, and nothing is believed; nor what no camera can be, nor what rows held out do not
+    /// confirm.
+    fn believed_latency(&self) -> Option<f64> {
+        let shows = |finding: &Finding| matches!(finding, Finding::OneAxisAtATime { .. });
+        if !limits_of_path(&Series::whole(self)).iter().all(shows) {
+            return None;
+        }
+        let Latency { seconds, deviation_s, .. } = self.latency()?;
+        if seconds < LEAST_S || seconds - DEVIATIONS * deviation_s > LATEST_S {
+            return None;
+        }
+        let (seconds, deviation_s) = held_out_latency(self, seconds)?;
+        (seconds >= LEAST_S.max(DEVIATIONS * deviation_s)).then_some(seconds.min(LATEST_S))
+    }
+}
+
+/// The latency that explains rows held out best, near an estimate, and its standard deviation, s.
+fn held_out_latency(recording: &Recording, near: f64) -> Option<(f64, f64)> {
+    let split = Split::new(recording, HoldOut::Blocks).ok()?;
+    let line = |row: usize| recording.rows()[row].line;
+    let known = line(known_from(recording).min(recording.rows().len() - 1));
+    let blocks = split.blocks().iter().map(|block| line(block.start)..line(block.end));
+    let blocks: Vec<_> = blocks.filter(|block| block.start >= known).collect();
+    let mut found: Option<FamilyParameters> = None;
+    let mut errors = [const { Vec::new() }; 3];
+    // The first is the middle one: its parameters are the start of the others.
+    for (place, shift) in [(1, near), (0, near - APART_S), (2, near + APART_S)] {
+        let shifted = recording.shifted(shift);
+        let rows = || 0..shifted.rows().len();
+        let of = |row: &usize| shifted.rows()[*row].line;
+        let every = rows().len().div_ceil(MOST_ROWS);
+        let is_seen = |row: &usize| !blocks.iter().any(|block| block.contains(&of(row)));
+        let training = rows().filter(is_seen).step_by(every).collect();
+        let model = balance_of(&shifted, training, found.as_ref())?;
+        found.get_or_insert_with(|| model.file().family.clone());
+        let held_out = blocks.iter().map(|block| rows().filter(|row| block.contains(&of(row))));
+        let held_out: Vec<Vec<usize>> = held_out.map(Iterator::collect).collect();
+        errors[place] = block_errors(&predictions(&model, &shifted), &shifted, &held_out);
+    }
+    let without = |left_out: Option<usize>| {
+        let sum = |errors: &Vec<f64>| -> f64 {
+            let kept = errors.iter().enumerate().filter(|(block, _)| Some(*block) != left_out);
+            kept.map(|(_, error)| error).sum()
+        };
+        lowest(errors.each_ref().map(sum), APART_S)
+    };
+    let moved = without(None)?;
+    let estimates: Vec<f64> =
+        (0..blocks.len()).map(|block| without(Some(block))).collect::<Option<_>>()?;
+    (moved.abs() <= APART_S).then_some((near + moved, jackknife_deviation(&estimates)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_near, one_motor, recording, straight, wander};
+
+    /// A snake of one motor behind a gap, whose tip creeps after the motor with a time constant.
+    fn creeping(counts: impl Fn(f64) -> f64, constant_s: f64) -> Recording {
+        let (mut behind, mut tip) = (0.0_f64, 0.0);
+        one_motor(1500, |time| {
+            let at = counts(time);
+            behind = behind.clamp(at - 40.0, at + 40.0);
+            tip += (behind - tip) * (0.2 / constant_s).min(1.0);
+            (at, 0.02 * tip)
+        })
+    }
+
+    #[test]
+    fn hysteresis_and_creep_are_no_camera() {
+        let strokes = |time: f64| 300.0 * (0.7 * time + 0.9 * (0.11 * time).sin()).sin();
+        let many = |time: f64| wander(time)[0];
+        for recording in [creeping(strokes, 0.5), creeping(many, 0.6)] {
+            assert_eq!(recording.without_latency().1, None);
+        }
+    }
+
+    #[test]
+    fn a_slow_camera_is_taken_off_and_none_is_not() {
+        let taken_off = |seconds: f64| {
+            let snake = recording(1500, |time| (wander(time), straight(wander(time - seconds))));
+            snake.without_latency().1.unwrap_or_default()
+        };
+        assert_near(taken_off(0.0), 0.0, 0.004);
+        assert_near(taken_off(0.06), 0.06, 0.01);
+        // No camera is so late: something in the snake is.
+        assert_near(taken_off(0.25), 0.0, 0.0);
+    }
+}
