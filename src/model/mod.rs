@@ -44,6 +44,7 @@ pub use error::ModelError;
 pub use estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputMatrix, Query};
 pub use examination::Examination;
 pub use examination_path::ExaminationPath;
+pub use families::gap_scale::Wear;
 pub use families::memory::Memory;
 pub use families::{hysteresis, network};
 pub use history::History;

@@ -4,6 +4,7 @@ mod camera;
 mod fitted;
 pub mod random;
 mod trial;
+mod wear;
 
 mod campaign;
 mod fences;

@@ -3,9 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::settings::{Settings, length};
-use crate::core::drift::Pair;
 use crate::core::drift::geometry::{ModelGeometry, add, product};
-use crate::core::drift::{Drift, PARAMETERS};
+use crate::core::drift::{Drift, PARAMETERS, WORN};
 
 /// From this share of the budget on there is a warning.
 pub(super) const WARNING: f64 = 0.7;
@@ -26,14 +25,14 @@ impl BudgetUse {
     pub fn new(
         drift: &Drift,
         geometry: &ModelGeometry,
-        gap_reach: Pair,
+        reach: [f64; WORN],
         settings: &Settings,
     ) -> Self {
         let values = drift.to_array();
         let share =
             |index: usize| values[index].abs() / limit(settings, geometry, index, values[index]);
         let parameters = std::array::from_fn(share);
-        let total = largest_shift(drift, geometry, gap_reach) / settings.total_budget;
+        let total = largest_shift(drift, geometry, reach) / settings.total_budget;
         Self { parameters, total }
     }
 
@@ -48,7 +47,7 @@ impl BudgetUse {
 pub(super) fn inside(
     drift: &Drift,
     geometry: &ModelGeometry,
-    gap_reach: Pair,
+    reach: [f64; WORN],
     settings: &Settings,
 ) -> Drift {
     let values = drift.to_array();
@@ -57,7 +56,7 @@ pub(super) fn inside(
         values[index].max(-limit).min(limit)
     });
     let clamped = Drift::from_array(clamped);
-    let shift = largest_shift(&clamped, geometry, gap_reach);
+    let shift = largest_shift(&clamped, geometry, reach);
     if shift <= settings.total_budget {
         return clamped;
     }
@@ -79,25 +78,30 @@ fn limit(settings: &Settings, geometry: &ModelGeometry, index: usize, value: f64
         2..=5 => settings.gain_budget,
         6 | 7 if value < 0.0 => SHRINK * settings.gap_budget,
         6 | 7 => settings.gap_budget,
+        10 | 11 => settings.slack_budget,
+        12 | 13 => settings.play_budget,
         _ => settings.latency_budget_s,
     }
 }
 
 /// How far the drift moves the tip at the corner of the hull where it does most, rad.
-fn largest_shift(drift: &Drift, geometry: &ModelGeometry, gap_reach: Pair) -> f64 {
+fn largest_shift(drift: &Drift, geometry: &ModelGeometry, reach: [f64; WORN]) -> f64 {
     let direction = geometry.corrected_direction();
     let zero = add(drift.zero, direction.map(|part| part * drift.slow));
     let corners = geometry.corners.iter();
     let shift =
         corners.map(|corner| length(add(zero, product(&drift.gain, *corner)))).fold(0.0, f64::max);
-    let gaps = drift.gap.iter().zip(gap_reach);
-    shift + gaps.map(|(gap, reach)| (gap * reach).abs()).sum::<f64>()
+    let worn = [drift.gap, drift.slack, drift.play];
+    let worn = worn.as_flattened().iter().zip(reach);
+    shift + worn.map(|(growth, reach)| (growth * reach).abs()).sum::<f64>()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::core::drift::geometry::SlowError;
+
+    const REACH: [f64; WORN] = [0.02, 0.03, 0.4, 0.0, 0.0, 0.01];
 
     fn geometry() -> ModelGeometry {
         ModelGeometry {
@@ -154,17 +158,19 @@ mod tests {
             (7, -1.0, -0.2),
             (8, -1.0, -0.03),
             (9, 1.0, 0.1),
+            (11, -1.0, -0.03),
+            (12, 1.0, 0.02),
         ] {
             let geometry = ModelGeometry { slow: Some(CORRECTED), ..geometry() };
-            let found = inside(&of(index, drift), &geometry, [0.0; 2], &settings).to_array();
+            let found = inside(&of(index, drift), &geometry, [0.0; WORN], &settings).to_array();
             let name = format!("{drift} of parameter {index}");
             near(&found, &of(index, wanted).to_array(), &name);
             assert!(wanted != drift || found[index] == drift, "{name}: to the bit");
         }
         // A slow error that is not corrected has no budget.
         let geometry = geometry();
-        assert_eq!(inside(&of(9, 9.0), &geometry, [0.0; 2], &settings), of(9, 9.0));
-        let used = BudgetUse::new(&of(9, 9.0), &geometry, [0.0; 2], &settings);
+        assert_eq!(inside(&of(9, 9.0), &geometry, [0.0; WORN], &settings), of(9, 9.0));
+        let used = BudgetUse::new(&of(9, 9.0), &geometry, [0.0; WORN], &settings);
         assert_eq!(used.parameters, [0.0; PARAMETERS]);
     }
 
@@ -176,7 +182,7 @@ mod tests {
             for slow in [None, Some(CORRECTED)] {
                 let geometry = ModelGeometry { slow, ..geometry() };
                 let drift = Drift { latency_s: 0.02, ..zero(moved) };
-                let found = inside(&drift, &geometry, [0.0; 2], &settings(total));
+                let found = inside(&drift, &geometry, [0.0; WORN], &settings(total));
                 let name = format!("{moved} of {total}");
                 near(
                     &found.to_array(),
@@ -190,11 +196,12 @@ mod tests {
         geometry.corners = vec![[0.1, 0.0], [-0.2, 0.3]];
         let gain = [[0.1, 0.0], [0.0, 0.2]];
         let drift =
-            Drift { zero: [-0.01, 0.02], gain, gap: [0.1, -0.2], latency_s: 0.0, slow: 0.05 };
-        let gaps = 0.1 * 0.02 + 0.2 * 0.03;
+            Drift { zero: [-0.01, 0.02], gain, gap: [0.1, -0.2], slow: 0.05, ..Drift::default() };
+        let drift = Drift { slack: [0.01, 0.02], play: [0.01, -0.02], ..drift };
+        let gaps = 0.1 * 0.02 + 0.2 * 0.03 + 0.01 * 0.4 + 0.02 * 0.01;
         let shift = |drift: &Drift, geometry: &ModelGeometry| {
             let settings = settings(0.5);
-            let used = BudgetUse::new(drift, geometry, [0.02, 0.03], &settings);
+            let used = BudgetUse::new(drift, geometry, REACH, &settings);
             assert_eq!(used.largest(), used.parameters.iter().copied().fold(used.total, f64::max));
             used.total * 0.5
         };
@@ -202,9 +209,8 @@ mod tests {
         geometry.slow = Some(CORRECTED);
         near(&[shift(&drift, &geometry)], &[0.12 + gaps], "corrected");
         // Only the slow error that is corrected is made smaller.
-        let scaled = |geometry: &ModelGeometry| {
-            inside(&drift, geometry, [0.02, 0.03], &settings(0.064)).to_array()
-        };
+        let scaled =
+            |geometry: &ModelGeometry| inside(&drift, geometry, REACH, &settings(0.064)).to_array();
         let half = drift.to_array().map(|value| value / 2.0);
         near(&scaled(&geometry), &half, "half of all");
         geometry.slow = None;

@@ -1,7 +1,7 @@
 //! Estimator: a Kalman filter over the drift, with random walks.
 //!
 //! ```text
-//! camera = g + zero + gain g + sum_m gap_slope_m (gap_m - gap in use) + slow d - latency rate
+//! camera = g + zero + gain g + sum_i slope_i (wear_i - wear in use) + slow d - latency rate
 //! ```
 //!
 //! `g` is the gapped pose at the time of the frame. Two numbers of a frame are taken one after the
@@ -12,20 +12,21 @@
 use serde::{Deserialize, Serialize};
 
 use super::ring::Regressors;
+use super::scatter::Scatter;
 use super::settings::Settings;
 use crate::core::drift::Pair;
 use crate::core::drift::geometry::{ModelGeometry, SlowError};
-use crate::core::drift::{Drift, PARAMETERS};
+use crate::core::drift::{Drift, PARAMETERS, Parameter};
 
 type Row = [f64; PARAMETERS];
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// Deviations before the first frame: zero, gain, gap, latency.
-const FIRST: [f64; 4] = [1.0 * DEG, 0.1, 0.3, 0.02];
+/// Deviations before the first frame: zero, gain, gap, latency, slack, play.
+const FIRST: [f64; 6] = [1.0 * DEG, 0.1, 0.3, 0.02, 0.006, 0.004];
 
 /// Random walks, per root of a second.
-const WALK: [f64; 4] = [0.012 * DEG, 0.003, 0.006, 0.001];
+const WALK: [f64; 6] = [0.008 * DEG, 0.0015, 0.003, 0.001, 0.00006, 0.00004];
 
 /// The covariance stays below this many times the first one: nothing winds up at rest.
 const CAP: f64 = 9.0;
@@ -62,6 +63,7 @@ pub(super) struct Innovation {
 pub(super) struct Estimator {
     drift: Row,
     covariance: [Row; PARAMETERS],
+    scatter: Scatter,
 }
 
 impl Estimator {
@@ -70,7 +72,7 @@ impl Estimator {
         for (index, row) in covariance.iter_mut().enumerate() {
             row[index] = first_variance(index, slow);
         }
-        Self { drift: Row::default(), covariance }
+        Self { drift: Row::default(), covariance, scatter: Scatter::default() }
     }
 
     pub fn drift(&self) -> Drift {
@@ -111,7 +113,7 @@ impl Estimator {
             let variance = slow.deviation * slow.deviation;
             self.covariance[SLOW][SLOW] += variance * (1.0 - left * left);
         }
-        for index in 0..SLOW {
+        for index in (0..PARAMETERS).filter(|index| *index != SLOW) {
             let walk = WALK[group(index)];
             self.covariance[index][index] += walk * walk * seconds;
         }
@@ -133,11 +135,12 @@ impl Estimator {
         let value = [0, 1].map(|output| {
             if output < geometry.outputs { seen[output].error(&self.drift) } else { 0.0 }
         });
+        let camera = self.scatter.add(value, geometry.outputs, settings.camera);
         let taken = axes(geometry).map(|axis| (Measurement::along(axis, &seen), axis));
         let is_accepted = (0..geometry.outputs).all(|index| {
             let (along, axis) = &taken[index];
             let model = deviation(index, geometry).min(WIDEST_MODEL_GATE);
-            let spread = self.spread(&along.row) + noise(model, *axis, regressors, settings);
+            let spread = self.spread(&along.row) + noise(model, *axis, regressors, camera);
             let value = along.error(&self.drift);
             value * value <= GATE * GATE * spread
         });
@@ -147,7 +150,7 @@ impl Estimator {
                 let is_slow = geometry.slow.is_some() && index == 0;
                 let frames = if is_slow { 1.0 } else { FRAMES_PER_ERROR };
                 let model = deviation(index, geometry) * frames.sqrt();
-                let noise = noise(model, *axis, regressors, settings);
+                let noise = noise(model, *axis, regressors, camera);
                 self.take(along.error(&self.drift), &along.row, noise, excited);
             }
         }
@@ -201,6 +204,8 @@ fn group(index: usize) -> usize {
         0 | 1 => 0,
         2..=5 => 1,
         6 | 7 => 2,
+        10 | 11 => 4,
+        12 | 13 => 5,
         _ => 3,
     }
 }
@@ -225,8 +230,8 @@ impl Measurement {
     fn new(output: usize, frame: Pair, regressors: &Regressors, geometry: &ModelGeometry) -> Self {
         let moment = &regressors.moment;
         let row = row(output, regressors, geometry);
-        let known: f64 =
-            (0..2).map(|motor| moment.gap_slopes[motor][output] * moment.gap[motor]).sum();
+        let worn = moment.slopes.iter().zip(moment.wear);
+        let known: f64 = worn.map(|(slope, wear)| slope[output] * wear).sum();
         let known = known + row[LATENCY] * regressors.latency_s;
         Self { value: frame[output] - moment.gapped[output] + known, row }
     }
@@ -262,10 +267,10 @@ fn deviation(index: usize, geometry: &ModelGeometry) -> f64 {
     }
 }
 
-/// Variance of the camera's value along a direction beside the drift.
-fn noise(model: f64, [x, y]: Pair, regressors: &Regressors, settings: &Settings) -> f64 {
+/// Variance of the camera's value along a direction beside the drift, with that of its noise.
+fn noise(model: f64, [x, y]: Pair, regressors: &Regressors, camera: f64) -> f64 {
     let stamp = STAMP_S * (x * regressors.rate[0] + y * regressors.rate[1]);
-    settings.camera * settings.camera + model * model + stamp * stamp
+    camera + model * model + stamp * stamp
 }
 
 /// The derivative of an output of the camera by the parameters.
@@ -276,8 +281,8 @@ fn row(output: usize, regressors: &Regressors, geometry: &ModelGeometry) -> Row 
     for other in 0..geometry.outputs {
         row[2 + 2 * output + other] = moment.gapped[other];
     }
-    for motor in 0..2 {
-        row[6 + motor] = moment.gap_slopes[motor][output];
+    for (index, slope) in moment.slopes.iter().enumerate() {
+        row[Parameter::worn(index)] = slope[output];
     }
     row[LATENCY] = -regressors.rate[output];
     row[SLOW] = geometry.slow.as_ref().map_or(0.0, |slow| slow.direction[output]);

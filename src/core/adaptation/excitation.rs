@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ring::Regressors;
 use super::settings::length;
-use crate::core::drift::{PARAMETERS, Pair};
+use crate::core::drift::{PARAMETERS, Pair, WORN};
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
@@ -19,9 +19,9 @@ const LEAST_PATH: f64 = 2.0 * DEG;
 /// The range of an output that shows its gains, rad.
 const LEAST_RANGE: f64 = 6.0 * DEG;
 
-/// Both branches of a gap were seen this far, rad per growth of the gap: a tenth more gap would
-/// show by a hundredth of a degree.
-const LEAST_BRANCH: f64 = 0.1 * DEG;
+/// Both branches were seen this far, rad per growth: a tenth more gap, or a thousandth more slack or
+/// play, would show by a hundredth of a degree.
+const LEAST_BRANCH: [f64; 3] = [0.1 * DEG, 10.0 * DEG, 10.0 * DEG];
 
 /// The rate that shows the latency, rad/s.
 const LEAST_RATE: f64 = 3.0 * DEG;
@@ -36,8 +36,8 @@ pub(super) struct Excitation {
     high: Pair,
     /// Mean square of the rate.
     square_rate: f64,
-    /// Per motor, how far the gap has shown on the one and the other branch.
-    branches: [Pair; 2],
+    /// Of what wears, how far it has shown on the one and the other branch.
+    branches: [Pair; WORN],
 }
 
 impl Excitation {
@@ -58,7 +58,7 @@ impl Excitation {
             self.low[output] = forget(self.low[output], now, RANGE_S, seconds).min(now);
             self.high[output] = forget(self.high[output], now, RANGE_S, seconds).max(now);
         }
-        for (branches, slope) in self.branches.iter_mut().zip(moment.gap_slopes) {
+        for (branches, slope) in self.branches.iter_mut().zip(moment.slopes) {
             // The sign of the larger part of the slope is the branch.
             let part = if slope[0].abs() > slope[1].abs() { slope[0] } else { slope[1] };
             branches[0] = forget(branches[0], 0.0, RANGE_S, seconds).max(part);
@@ -70,14 +70,18 @@ impl Excitation {
     pub fn shown(&self) -> [bool; PARAMETERS] {
         let moves = self.path >= LEAST_PATH;
         let ranges = [0, 1].map(|i| moves && self.high[i] - self.low[i] >= LEAST_RANGE);
-        let gaps = self.branches.map(|[one, other]| moves && one.min(other) >= LEAST_BRANCH);
+        let worn: [bool; WORN] = std::array::from_fn(|index| {
+            let [one, other] = self.branches[index];
+            moves && one.min(other) >= LEAST_BRANCH[index / 2]
+        });
         let rate = moves && self.square_rate >= LEAST_RATE * LEAST_RATE;
         let [x, y] = ranges;
-        [moves, moves, x, y, x, y, gaps[0], gaps[1], rate, moves]
+        let [gap, gap_1, a, b, c, d] = worn;
+        [moves, moves, x, y, x, y, gap, gap_1, rate, moves, a, b, c, d]
     }
 
-    /// The largest effect of the gap of every motor, rad per growth.
-    pub fn gap_reach(&self) -> Pair {
+    /// The largest effect of what wears, rad per growth.
+    pub fn reach(&self) -> [f64; WORN] {
         self.branches.map(|[one, other]| one.max(other))
     }
 }
@@ -94,8 +98,10 @@ mod tests {
 
     fn seen(frames: impl Iterator<Item = (Pair, [Pair; 2], Pair)>) -> [bool; PARAMETERS] {
         let mut excitation = Excitation::default();
-        for (gapped, gap_slopes, rate) in frames {
-            let moment = Moment { gapped, gap_slopes, ..Moment::default() };
+        for (gapped, [gap, gap_1], rate) in frames {
+            let none = Pair::default();
+            let slopes = [gap, gap_1, none, none, none, none];
+            let moment = Moment { gapped, slopes, ..Moment::default() };
             let regressors = Regressors { moment, rate, latency_s: 0.0 };
             excitation.add(&regressors, 0.033);
         }

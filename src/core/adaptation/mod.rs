@@ -6,15 +6,17 @@
 //!
 //! # Terms
 //!
-//! - **drift**: zero of both outputs, a gain matrix, the gap scale of every motor, the latency of
-//!   the camera, and one slow state along the direction in which the model errs.
+//! - **drift**: zero of both outputs, a gain matrix, the gap scale of every motor, for wires with a
+//!   preload also slack and play ([`Wear`](crate::model::Wear)), the latency of the camera, and one
+//!   slow state along the direction in which the model errs.
 //! - **calibrated, gapped, adapted pose**: of the model as calibrated; with scaled gaps; with all
 //!   of the correction. `adapted = gapped + zero + gain gapped`.
 //! - **estimate**: of the drift, by a Kalman filter. **Correction**: the part of the estimate that
 //!   is applied to the inverse and to `measured_js`.
-//! - **shadow**: a memory with larger gaps. Its distance from the memory in use is the regressor of
-//!   the gap scale.
-//! - **excitation**: motion that shows a parameter. Without it the parameter is not learned.
+//! - **shadow**: a memory that is a little more worn in one respect. Its distance from the memory in
+//!   use is the regressor.
+//! - **excitation**: motion that shows a parameter. Without it the parameter is not learned. What
+//!   motion does not tell apart, the covariance of the filter moves together.
 //! - **budget**: the largest drift that is followed, per parameter and in total.
 //!
 //! # Fences
@@ -29,7 +31,8 @@
 //! 5. `moving_correction`: moves with the goal only, along its direction, no faster than a limit.
 //! 6. The drift is offered as a model of its own; nothing is written over a calibration.
 //! 7. `plausibility` compares the camera with the calibrated pose, too.
-//! 8. What a push of tissue can do is bounded by the budget: `slip` follows small steps only.
+//! 8. `scatter`: frames count as little as they are noisy, whatever the configuration says.
+//! 9. What a push of tissue can do is bounded by the budget: `slip` follows small steps only.
 //!
 //! A family without gaps has no regressor for them. Its zero follows the error of the camera by a
 //! slow `integral` instead, never both.
@@ -47,6 +50,7 @@ mod integral;
 mod moving_correction;
 mod report;
 mod ring;
+mod scatter;
 mod score;
 mod settings;
 mod slip;

@@ -14,7 +14,8 @@ use super::budget::BudgetUse;
 use super::settings::{Settings, length};
 use crate::core::drift::correction::Correction;
 use crate::core::drift::geometry::{ModelGeometry, add, product, subtract};
-use crate::core::drift::{Drift, Pair};
+use crate::core::drift::{Drift, Pair, WORN};
+use crate::model::Wear;
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// The correction moves a motor by at most this share of the motion of the goal.
@@ -27,6 +28,9 @@ const NEARER_PER_S: f64 = 5.0;
 /// Fastest change of the gap scale, 1/s.
 const GAP_SLEW_PER_S: f64 = 0.02;
 
+/// The same of slack and play.
+const TRAVEL_SLEW_PER_S: f64 = 0.0005;
+
 /// A gap scale changes while its motor moves at least this fast, counts/s: many times faster than
 /// the change of the scale moves it.
 const GAP_SPEED_COUNTS_S: f64 = 20.0;
@@ -35,7 +39,7 @@ const GAP_SPEED_COUNTS_S: f64 = 20.0;
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct MovingCorrection {
     rows: [MotorRow; MAX_MOTORS],
-    gap: Pair,
+    wear: Wear,
 }
 
 /// The shift of a motor: `zero + gain . pose`, counts.
@@ -53,7 +57,7 @@ impl MovingCorrection {
         drift: &Drift,
         pose: Pair,
         goal_motion: MotorVec,
-        gap_reach: Pair,
+        reach: [f64; WORN],
         geometry: &ModelGeometry,
         settings: &Settings,
     ) {
@@ -75,18 +79,25 @@ impl MovingCorrection {
         let [first, second] = tips;
         let fastest = length(add(first, second)).max(length(first)).max(length(second));
         let share = if fastest > slew { slew / fastest } else { 1.0 };
-        let mut used = self.used(gap_reach, geometry, settings);
+        let mut used = self.used(reach, geometry, settings);
         for (motor, step) in steps.iter().enumerate() {
             let before = *self;
             self.rows[motor].take(step, share);
             if goal_motion[motor].abs() >= GAP_SPEED_COUNTS_S * settings.tick_s {
-                let most = GAP_SLEW_PER_S * settings.tick_s;
-                let change = drift.gap[motor] - self.gap[motor];
-                self.gap[motor] += change.max(-most).min(most);
+                let (to, wear) = (drift.wear(), &mut self.wear);
+                let worn = [
+                    (&mut wear.gap, to.gap, GAP_SLEW_PER_S),
+                    (&mut wear.slack, to.slack, TRAVEL_SLEW_PER_S),
+                    (&mut wear.play, to.play, TRAVEL_SLEW_PER_S),
+                ];
+                for (wear, to, slew_per_s) in worn {
+                    let most = slew_per_s * settings.tick_s;
+                    wear[motor] += (to[motor] - wear[motor]).max(-most).min(most);
+                }
             }
             // The rows of the motors move at different times: together they may be more than what
             // was estimated at any time.
-            let next = self.used(gap_reach, geometry, settings);
+            let next = self.used(reach, geometry, settings);
             if next > 1.0 && next > used {
                 *self = before;
             } else {
@@ -96,9 +107,9 @@ impl MovingCorrection {
     }
 
     /// The largest share of the budget.
-    fn used(&self, gap_reach: Pair, geometry: &ModelGeometry, settings: &Settings) -> f64 {
+    fn used(&self, reach: [f64; WORN], geometry: &ModelGeometry, settings: &Settings) -> f64 {
         let drift = self.correction(geometry).drift();
-        BudgetUse::new(&drift, geometry, gap_reach, settings).largest()
+        BudgetUse::new(&drift, geometry, reach, settings).largest()
     }
 
     pub fn correction(&self, geometry: &ModelGeometry) -> Correction {
@@ -111,7 +122,7 @@ impl MovingCorrection {
         Correction {
             zero: product(&geometry.slope, zero),
             gain: [[first[0], second[0]], [first[1], second[1]]],
-            gap_scale: self.gap.map(|gap| 1.0 + gap),
+            wear: self.wear,
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::drift::Pair;
 use crate::core::drift::geometry::{add, subtract};
+use crate::core::drift::{Pair, WORN};
 use crate::units::Nanos;
 
 /// The entries are stored in rows of 32: serde has no longer arrays.
@@ -31,10 +31,9 @@ pub(super) struct Moment {
     pub gapped: Pair,
     /// With all of the correction in use.
     pub adapted: Pair,
-    /// Change of `gapped` per growth of the gap, one row per motor.
-    pub gap_slopes: [Pair; 2],
-    /// Growth of the gaps in use.
-    pub gap: Pair,
+    /// Change of `gapped` per growth of what wears, and how worn it is taken to be.
+    pub slopes: [Pair; WORN],
+    pub wear: [f64; WORN],
 }
 
 /// The poses at the time of a frame.
@@ -120,8 +119,8 @@ fn between(before: &Moment, after: &Moment, stamp: Nanos) -> Moment {
         calibrated: mix(before.calibrated, after.calibrated),
         gapped: mix(before.gapped, after.gapped),
         adapted: mix(before.adapted, after.adapted),
-        gap_slopes: [0, 1].map(|motor| mix(before.gap_slopes[motor], after.gap_slopes[motor])),
-        gap: after.gap,
+        slopes: std::array::from_fn(|index| mix(before.slopes[index], after.slopes[index])),
+        wear: after.wear,
     }
 }
 

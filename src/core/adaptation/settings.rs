@@ -10,6 +10,10 @@ const GAIN_BUDGET: f64 = 0.2;
 /// Budget of the growth of the gap of every motor, as a share of the calibrated gap. A gap may
 /// shrink by half of it.
 const GAP_BUDGET: f64 = 0.6;
+/// Budget of the preload that the wires lose beyond that, as a share of half the calibrated range.
+const SLACK_BUDGET: f64 = 0.03;
+/// Budget of the play that the gears gain beyond that, as such a share.
+const PLAY_BUDGET: f64 = 0.02;
 /// Budget of the latency of the camera beyond its stamps.
 const LATENCY_BUDGET_S: f64 = 0.06;
 /// Budget of all together: how far the correction may move the tip anywhere in the calibrated hull.
@@ -32,6 +36,8 @@ pub(in crate::core) struct Settings {
     pub zero_budget: f64,
     pub gain_budget: f64,
     pub gap_budget: f64,
+    pub slack_budget: f64,
+    pub play_budget: f64,
     pub latency_budget_s: f64,
     /// rad.
     pub total_budget: f64,
@@ -56,6 +62,8 @@ impl Settings {
             zero_budget: ZERO_BUDGET_DEG.to_radians(),
             gain_budget: GAIN_BUDGET,
             gap_budget: GAP_BUDGET,
+            slack_budget: SLACK_BUDGET,
+            play_budget: PLAY_BUDGET,
             latency_budget_s: LATENCY_BUDGET_S,
             total_budget: TOTAL_BUDGET_DEG.min(plausible).to_radians(),
             slew: SLEW_DEG_S.to_radians(),

@@ -18,7 +18,7 @@ use super::slip::SlipDetector;
 use crate::config::Config;
 use crate::core::drift::geometry::{ModelGeometry, pair, subtract};
 use crate::core::drift::memories::DriftMemories;
-use crate::core::drift::{Drift, PARAMETERS};
+use crate::core::drift::{Drift, PARAMETERS, Parameter, WORN};
 use crate::core::events::{AdaptationEvent, CycleEventKind, EventList};
 use crate::core::inputs::ExternalPose;
 use crate::core::motion::joint_model::JointModel;
@@ -197,8 +197,8 @@ impl Adaptation {
             calibrated: memories.calibrated_pose(model, &measured.position),
             gapped,
             adapted: pair(&measured.adapted),
-            gap_slopes: memories.gap_slopes(model, &measured.position, gapped),
-            gap: joints.gap_scale().map(|scale| scale - 1.0),
+            slopes: memories.slopes(model, &measured.position, gapped),
+            wear: worn(&joints.applied_drift()),
         });
     }
 
@@ -324,7 +324,7 @@ impl Adaptation {
     fn update_budget(&mut self, geometry: &ModelGeometry, events: &mut EventList) {
         let drift = self.drift(geometry);
         let (state, settings) = (&mut self.state, &self.settings);
-        let reach = state.excitation.gap_reach();
+        let reach = state.excitation.reach();
         state.used = BudgetUse::new(&drift, geometry, reach, settings);
         let used = state.used.largest();
         state.frames_beyond = if used >= USED_UP { state.frames_beyond + 1 } else { 0 };
@@ -375,7 +375,7 @@ impl Adaptation {
         let motion = geometry.counts(pair(joints.goal_motion()));
         if self.state.conditions.is_settled(now) {
             let drift = self.drift(geometry);
-            let reach = self.state.excitation.gap_reach();
+            let reach = self.state.excitation.reach();
             let inside = inside(&drift, geometry, reach, &self.settings);
             let pose = pair(&joints.setpoint().unwrap_or_default());
             self.state.correction.advance(&inside, pose, motion, reach, geometry, &self.settings);
@@ -428,4 +428,10 @@ impl Adaptation {
             taken_back: state.taken_back,
         }
     }
+}
+
+/// How worn everything is.
+fn worn(drift: &Drift) -> [f64; WORN] {
+    let values = drift.to_array();
+    std::array::from_fn(|index| values[Parameter::worn(index)])
 }

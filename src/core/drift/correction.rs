@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::geometry::{inverse, pair, product};
 use super::{Drift, Pair};
-use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
+use crate::model::Wear;
+use crate::units::OutputVec;
 
 /// What is applied to a model: `adapted = gapped + zero + gain gapped`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -12,13 +13,12 @@ pub(in crate::core) struct Correction {
     /// rad.
     pub zero: Pair,
     pub gain: [Pair; 2],
-    /// 1 as calibrated.
-    pub gap_scale: MotorVec,
+    pub wear: Wear,
 }
 
 impl Default for Correction {
     fn default() -> Self {
-        Self { zero: [0.0; 2], gain: [[0.0; 2]; 2], gap_scale: [1.0; MAX_MOTORS] }
+        Self { zero: [0.0; 2], gain: [[0.0; 2]; 2], wear: Wear::default() }
     }
 }
 
@@ -62,7 +62,9 @@ impl Correction {
         Drift {
             zero: self.zero,
             gain: self.gain,
-            gap: self.gap_scale.map(|scale| scale - 1.0),
+            gap: self.wear.gap,
+            slack: self.wear.slack,
+            play: self.wear.play,
             ..Drift::default()
         }
     }

@@ -1,27 +1,27 @@
-//! Memories beside the one in use: as calibrated, and with larger gaps.
+//! Memories beside the one in use: as calibrated, and more worn.
 
 use serde::{Deserialize, Serialize};
 
-use super::Pair;
 use super::geometry::{pair, subtract};
-use crate::model::{Memory, Model};
-use crate::units::{MAX_MOTORS, MotorVec};
+use super::{Pair, WORN};
+use crate::model::{Memory, Model, Wear};
+use crate::units::MotorVec;
 
-/// How much wider the gap of a shadow is.
-const SHADOW: f64 = 0.1;
+/// How much more worn a shadow is: its gap scale, its slack, or its play.
+const MORE: [f64; 3] = [0.1, 0.002, 0.001];
 
 /// Memories that follow the same positions as the one of the model in use.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(in crate::core) struct DriftMemories {
     calibrated: Memory,
-    /// One per motor, whose gap is wider.
-    shadows: [Memory; MAX_MOTORS],
+    /// One per motor, whose gap is wider; then more slack; then more play.
+    shadows: [Memory; WORN],
 }
 
 impl DriftMemories {
     /// Copies of the memory of a model that has just taken over.
     pub fn new(memory: &Memory) -> Self {
-        Self { calibrated: *memory, shadows: [*memory; MAX_MOTORS] }
+        Self { calibrated: *memory, shadows: [*memory; WORN] }
     }
 
     /// The memory as calibrated.
@@ -29,16 +29,18 @@ impl DriftMemories {
         &self.calibrated
     }
 
-    /// Moves on to a position. `scale` is the gap scale in use.
-    pub fn advance(&mut self, model: &Model, position: &MotorVec, scale: &MotorVec) {
+    /// Moves on to a position. `wear` is the one in use.
+    pub fn advance(&mut self, model: &Model, position: &MotorVec, wear: &Wear) {
         model.advance(&mut self.calibrated, position);
-        for (motor, shadow) in self.shadows.iter_mut().enumerate().take(model.motors()) {
-            let mut wider = *scale;
-            if let Some(scale) = wider.get_mut(motor) {
-                *scale += SHADOW;
+        let has_wires = self.calibrated.has_wires();
+        for (index, shadow) in self.shadows.iter_mut().enumerate() {
+            if is_worn(index, model, has_wires) {
+                let mut more = [wear.gap, wear.slack, wear.play];
+                more[index / 2][index % 2] += MORE[index / 2];
+                let [gap, slack, play] = more;
+                shadow.set_wear(&Wear { gap, slack, play });
+                model.advance(shadow, position);
             }
-            shadow.set_gap_scale(&wider);
-            model.advance(shadow, position);
         }
     }
 
@@ -47,14 +49,20 @@ impl DriftMemories {
         pair(&model.predict(position, &self.calibrated).mean)
     }
 
-    /// The change of the pose per growth of the gap of every motor.
-    pub fn gap_slopes(&self, model: &Model, position: &MotorVec, gapped: Pair) -> [Pair; 2] {
-        let mut slopes = [Pair::default(); MAX_MOTORS];
-        let shadows = slopes.iter_mut().zip(&self.shadows);
-        for (slope, shadow) in shadows.take(model.motors()) {
-            let wider = pair(&model.predict(position, shadow).mean);
-            *slope = subtract(wider, gapped).map(|change| change / SHADOW);
+    /// The change of the pose per growth of what wears, in the order of the shadows.
+    pub fn slopes(&self, model: &Model, position: &MotorVec, gapped: Pair) -> [Pair; WORN] {
+        let mut slopes = [Pair::default(); WORN];
+        let has_wires = self.calibrated.has_wires();
+        for (index, (slope, shadow)) in slopes.iter_mut().zip(&self.shadows).enumerate() {
+            if is_worn(index, model, has_wires) {
+                let worn = pair(&model.predict(position, shadow).mean);
+                *slope = subtract(worn, gapped).map(|change| change / MORE[index / 2]);
+            }
         }
         slopes
     }
+}
+
+fn is_worn(index: usize, model: &Model, has_wires: bool) -> bool {
+    index % 2 < model.motors() && (index < 2 || has_wires)
 }

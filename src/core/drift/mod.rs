@@ -9,11 +9,16 @@ pub(super) mod memories;
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::Wear;
+
 /// One value per output: only models of one or two angles are adapted.
 pub(super) type Pair = [f64; 2];
 
 /// Number of parameters.
-pub const PARAMETERS: usize = 10;
+pub const PARAMETERS: usize = 14;
+
+/// What wears: gap, slack and play of every motor.
+pub(super) const WORN: usize = 6;
 
 /// The drift of a robot from its calibration.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -29,6 +34,11 @@ pub struct Drift {
     pub latency_s: f64,
     /// The slow state along the direction of the model's error, rad.
     pub slow: f64,
+    /// Preload that the wires of every motor have lost beyond what the gap says, as a share of half
+    /// the calibrated range.
+    pub slack: [f64; 2],
+    /// What half the play of every gear has grown by beyond that, as such a share.
+    pub play: [f64; 2],
 }
 
 /// A group of parameters that is learned, limited and shown together.
@@ -44,6 +54,10 @@ pub enum Parameter {
     Latency,
     /// The slow state.
     Slow,
+    /// Loss of preload of a motor.
+    Slack(u8),
+    /// Growth of the play of a gear.
+    Play(u8),
 }
 
 impl Parameter {
@@ -59,7 +73,16 @@ impl Parameter {
         Self::Gap(1),
         Self::Latency,
         Self::Slow,
+        Self::Slack(0),
+        Self::Slack(1),
+        Self::Play(0),
+        Self::Play(1),
     ];
+
+    /// The place of a gap, a slack or a play among all parameters.
+    pub(super) const fn worn(index: usize) -> usize {
+        if index < 2 { 6 + index } else { 8 + index }
+    }
 }
 
 impl Drift {
@@ -68,13 +91,21 @@ impl Drift {
     pub fn to_array(&self) -> [f64; PARAMETERS] {
         let [[a, b], [c, d]] = self.gain;
         let ([x, y], [g, h]) = (self.zero, self.gap);
-        [x, y, a, b, c, d, g, h, self.latency_s, self.slow]
+        let ([k, l], [m, n]) = (self.slack, self.play);
+        [x, y, a, b, c, d, g, h, self.latency_s, self.slow, k, l, m, n]
     }
 
     /// The opposite of [`Drift::to_array`].
     #[must_use]
-    pub fn from_array([x, y, a, b, c, d, g, h, latency_s, slow]: [f64; PARAMETERS]) -> Self {
-        Self { zero: [x, y], gain: [[a, b], [c, d]], gap: [g, h], latency_s, slow }
+    pub fn from_array(values: [f64; PARAMETERS]) -> Self {
+        let [x, y, a, b, c, d, g, h, latency_s, slow, k, l, m, n] = values;
+        let (zero, gain, gap) = ([x, y], [[a, b], [c, d]], [g, h]);
+        Self { zero, gain, gap, latency_s, slow, slack: [k, l], play: [m, n] }
+    }
+
+    /// What wears.
+    pub(super) fn wear(&self) -> Wear {
+        Wear { gap: self.gap, slack: self.slack, play: self.play }
     }
 }
 
@@ -84,12 +115,14 @@ mod tests {
 
     #[test]
     fn the_order_of_the_parameters_is_that_of_the_array() {
-        let array = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0];
+        let array = std::array::from_fn(|index| 1.0 + index as f64);
         let drift = Drift::from_array(array);
         assert_eq!(drift.to_array(), array);
         let index = |parameter| Parameter::ALL.iter().position(|p| *p == parameter).unwrap();
         assert_eq!(array[index(Parameter::Gain(1, 0))], drift.gain[1][0]);
         assert_eq!(array[index(Parameter::Gap(1))], drift.gap[1]);
         assert_eq!(array[index(Parameter::Slow)], drift.slow);
+        let worn = [0, 1, 2, 3, 4, 5].map(|worn| array[Parameter::worn(worn)]);
+        assert_eq!(worn, *[drift.gap, drift.slack, drift.play].as_flattened());
     }
 }

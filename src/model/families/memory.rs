@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::families::gap_scale;
+use crate::model::families::gap_scale::{self, Wear};
 use crate::model::families::hysteresis::force_balance::state::BalanceState;
 use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::network::layers::NetworkState;
@@ -69,6 +69,21 @@ impl Memory {
             State::Plays(state) => state.gap_scale = clamped,
             State::Balance(state) => state.gap_scale = clamped,
         }
+    }
+
+    /// How the snake of this memory differs from the calibrated one, from now on. Families without
+    /// gaps ignore it, those without wires all but the gaps.
+    pub fn set_wear(&mut self, wear: &Wear) {
+        self.set_gap_scale(&wear.gap.map(|growth| 1.0 + growth));
+        if let State::Balance(state) = &mut self.state {
+            state.set_lost_travel(&wear.slack, &wear.play);
+        }
+    }
+
+    /// The memory is one of wires with a preload behind a gear: all of [`Wear`] acts on it.
+    #[must_use]
+    pub fn has_wires(&self) -> bool {
+        matches!(self.state, State::Balance(_))
     }
 
     /// Adds a position. The caller then advances the state to it.

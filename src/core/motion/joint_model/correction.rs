@@ -6,7 +6,7 @@ use crate::core::drift::correction::{CalibratedView, Correction};
 use crate::core::drift::geometry::ModelGeometry;
 use crate::core::motion::virtual_fixtures::GoalSpace;
 use crate::core::vector;
-use crate::model::Memory;
+use crate::model::{Memory, Wear};
 use crate::units::{MotorVec, OutputVec};
 
 impl JointModel {
@@ -30,9 +30,9 @@ impl JointModel {
         })
     }
 
-    /// The gap scale in use; 1 as calibrated.
-    pub fn gap_scale(&self) -> MotorVec {
-        self.state.correction.unwrap_or_default().gap_scale
+    /// What is taken to be worn.
+    pub fn wear(&self) -> Wear {
+        self.state.correction.unwrap_or_default().wear
     }
 
     /// What is applied, as a drift.

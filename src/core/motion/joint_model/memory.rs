@@ -19,7 +19,7 @@ impl JointModel {
     ) -> bool {
         let correction = self.state.correction;
         if let Some(correction) = &correction {
-            self.state.measured_memory.set_gap_scale(&correction.gap_scale);
+            self.state.measured_memory.set_wear(&correction.wear);
         }
         for replayed in 0..MAX_REPLAYED {
             match history.next_after(self.state.cursor) {
@@ -27,7 +27,7 @@ impl JointModel {
                 NextEntry::Position(position, cursor) => {
                     self.model.advance(&mut self.state.measured_memory, &position);
                     if let Some(drift) = &mut drift {
-                        drift.advance(&self.model, &position, &self.gap_scale());
+                        drift.advance(&self.model, &position, &self.wear());
                     }
                     self.state.cursor = cursor;
                 }

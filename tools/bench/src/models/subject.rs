@@ -17,14 +17,17 @@ use super::laboratory::{config, fitted, robot};
 use super::recording::RecordingPlan;
 use super::tracking::follow;
 
-/// Motion before the judged part, in which the adaptation learns, and that part, s.
-const LEARNING_S: f64 = 120.0;
-const JUDGED_S: f64 = 40.0;
+/// The judged motion, minute by minute, s.
+pub const MINUTES: usize = 4;
+const MINUTE_S: f64 = 60.0;
 
-/// Deviation of the angles of both cameras, deg, and how old the frames are that the adaptation
-/// gets.
+/// Deviation of the angles of the camera of the calibration, deg.
 const CAMERA_NOISE_DEG: f64 = 0.07;
-const FRAME_AGE_MS: u64 = 60;
+
+/// Frames a second of the cameras of the adaptation; how old their frames are, ms, and how noisy,
+/// deg.
+const FRAMES_PER_S: f64 = 20.0;
+pub const CAMERAS: [(u64, f64); 4] = [(60, 0.15), (100, 0.15), (60, 0.3), (100, 0.3)];
 
 const ROBOT_ID: &str = "i2ris-emulated";
 
@@ -34,21 +37,26 @@ pub struct Judgement {
     pub physics: String,
     pub seed: u64,
     pub family: String,
-    /// As calibrated, without and with adaptation.
-    pub new: [f64; 2],
-    /// On the aged snake, without and with adaptation.
-    pub aged: [f64; 2],
-    /// By a calibration of the aged snake.
-    pub fresh: f64,
+    /// As calibrated, without and with adaptation by the first of [`CAMERAS`].
+    pub new: [Minutes; 2],
+    /// On the aged snake, without adaptation.
+    pub aged: Minutes,
+    /// By a calibration of the aged snake: what its physics leave to adapt.
+    pub anew: Minutes,
+    /// And with it, by every one of [`CAMERAS`].
+    pub adapted: [Minutes; CAMERAS.len()],
     /// As calibrated: the error of the family that was chosen over the least of all; `None` where
     /// a family was asked for.
     pub regret: Option<f64>,
 }
 
+/// Of every minute.
+pub type Minutes = [f64; MINUTES];
+
 /// A snake, and the motion on it.
 struct Subject {
     snake: DrawnSnake,
-    motion: [(Motion, Vec<[f64; 2]>); 2],
+    motion: Vec<(Motion, Vec<[f64; 2]>)>,
 }
 
 impl Judgement {
@@ -64,19 +72,24 @@ impl Judgement {
         let (new, aged) = (new?, aged?);
         let subject = Subject::new(snake, &*fit(&new, Choice::One(Family::Linear))?);
         let outcome = fitted(&new, family, ROBOT_ID)?;
-        let (model, fresh) = (Arc::clone(&outcome.model), fit(&aged, family)?);
+        let (model, anew) = (Arc::clone(&outcome.model), fit(&aged, family)?);
         let regret = match family {
             Choice::Best => Some(subject.regret(&outcome)?),
             Choice::One(_) => None,
         };
-        let error = |is_aged, is_adapted| subject.error(&model, is_aged, is_adapted);
+        let errors = |is_aged, camera| subject.errors(&model, is_aged, camera);
+        let mut adapted = [Minutes::default(); CAMERAS.len()];
+        for (adapted, camera) in adapted.iter_mut().zip(CAMERAS) {
+            *adapted = errors(true, Some(camera))?;
+        }
         Ok(Self {
             physics: snake.physics.to_string(),
             seed: snake.seed,
             family: family.to_string(),
-            new: [error(false, false)?, error(false, true)?],
-            aged: [error(true, false)?, error(true, true)?],
-            fresh: subject.error(&fresh, true, false)?,
+            new: [errors(false, None)?, errors(false, Some(CAMERAS[0]))?],
+            aged: errors(true, None)?,
+            anew: subject.errors(&anew, true, None)?,
+            adapted,
             regret,
         })
     }
@@ -112,10 +125,10 @@ impl Subject {
     /// Moves as a hand would, within the reach of the calibration.
     fn new(snake: DrawnSnake, linear: &Model) -> Self {
         let hand = Motion::Teleoperation;
-        let path = hand.path(LEARNING_S + JUDGED_S, 5000 + 100 * snake.seed);
-        let (_, mut learning) = within_reach(&[(hand, path)], linear).remove(0);
-        let judged = learning.split_off((LEARNING_S * RATE_HZ) as usize);
-        Self { snake, motion: [(hand, learning), (hand, judged)] }
+        let path = hand.path(MINUTES as f64 * MINUTE_S, 5000 + 100 * snake.seed);
+        let (_, path) = within_reach(&[(hand, path)], linear).remove(0);
+        let minute = (MINUTE_S * RATE_HZ) as usize;
+        Self { snake, motion: path.chunks(minute).map(|part| (hand, part.to_vec())).collect() }
     }
 
     /// Families as they were judged: without the rows held out.
@@ -123,7 +136,7 @@ impl Subject {
         let (mut chosen, mut least) = (f64::NAN, f64::INFINITY);
         for found in &outcome.families {
             if let Ok(model) = &found.result {
-                let error = self.error(model, false, false)?;
+                let error = self.errors(model, false, None)?.iter().sum();
                 least = least.min(error);
                 chosen = if found.family == outcome.family { error } else { chosen };
             }
@@ -131,16 +144,22 @@ impl Subject {
         Ok(chosen / least)
     }
 
-    fn error(&self, model: &Arc<Model>, is_aged: bool, is_adapted: bool) -> Result<f64, String> {
+    fn errors(
+        &self,
+        model: &Arc<Model>,
+        is_aged: bool,
+        camera: Option<(u64, f64)>,
+    ) -> Result<Minutes, String> {
         let mut config = config().map_err(|error| error.to_string())?;
-        config.adaptation.enabled = is_adapted;
+        config.adaptation.enabled = camera.is_some();
         let control = ClosedLoop::conditioned(&config, model, robot(self.snake, is_aged));
         let mut control = control.map_err(|error| error.to_string())?;
-        if is_adapted {
-            let (noise_deg, latency_ms) = (CAMERA_NOISE_DEG, FRAME_AGE_MS);
-            let camera = CameraConfig { noise_deg, latency_ms, ..CameraConfig::default() };
+        if let Some((latency_ms, noise_deg)) = camera {
+            let (rate_hz, faults) = (FRAMES_PER_S, Vec::new());
+            let camera = CameraConfig { rate_hz, noise_deg, latency_ms, faults };
             control.watch(&camera, self.snake.seed + 77);
         }
-        Ok(follow(&mut control, &self.motion)?[1])
+        let found = follow(&mut control, &self.motion)?;
+        found.try_into().map_err(|_| "a minute is missing".to_owned())
     }
 }

@@ -1,6 +1,6 @@
 //! The adaptation in words and numbers.
 
-use i2ris::core::adaptation::{Drift, Pauses};
+use i2ris::core::adaptation::Pauses;
 use i2ris::ipc::payload::AdaptationMsg;
 use serde::Serialize;
 
@@ -13,7 +13,7 @@ const WARNING: f64 = 0.7;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Adaptation {
     pub on: bool,
-    /// In the order of [`Drift::to_array`].
+    /// In the order of [`AdaptationMsg`].
     #[serde(serialize_with = "json::drift")]
     pub estimate: [f64; 10],
     #[serde(serialize_with = "json::drift")]
@@ -66,11 +66,10 @@ impl Adaptation {
         if !self.on {
             return Vec::new();
         }
-        let drift = Drift::from_array(self.estimate);
-        let [pitch, yaw] = drift.zero.map(f64::to_degrees);
-        let [[a, b], [c, d]] = drift.gain.map(|row| row.map(|gain| 100.0 * gain));
-        let [first, second] = drift.gap.map(|gap| 100.0 * gap);
-        let latency = 1e3 * drift.latency_s;
+        let [pitch, yaw, gains @ .., latency_s, _] = self.estimate;
+        let [pitch, yaw] = [pitch, yaw].map(f64::to_degrees);
+        let [a, b, c, d, first, second] = gains.map(|gain| 100.0 * gain);
+        let latency = 1e3 * latency_s;
         let drift = format!(
             "drift zero {pitch:+.2} {yaw:+.2} deg, gain {a:+.1} {b:+.1} {c:+.1} {d:+.1} %, gap \
              {first:+.0} {second:+.0} %, camera {latency:+.0} ms"
@@ -111,15 +110,8 @@ mod tests {
 
     #[test]
     fn estimate_budget_and_reasons_are_shown_while_it_is_on() {
-        let drift = Drift {
-            zero: [0.01, -0.02],
-            gain: [[0.05, 0.0], [0.0, -0.1]],
-            gap: [0.4, 0.0],
-            latency_s: 0.012,
-            slow: 0.0,
-        };
         let message = AdaptationMsg {
-            estimate: drift.to_array(),
+            estimate: [0.01, -0.02, 0.05, 0.0, 0.0, -0.1, 0.4, 0.0, 0.012, 0.0],
             budget_used: [0.2, 0.4, 0.3, 0.0, 0.0, 0.5, 0.8, 0.0, 0.2, 0.0],
             total_used: 0.6,
             flags: AdaptationMsg::ON,

@@ -266,7 +266,7 @@ impl<const D: usize> ForceBalance<D> {
     }
 
     fn gap(&self, state: &BalanceState, motor: usize) -> f64 {
-        state.gap_scale[motor] * self.motors[motor].gap
+        (state.gap_scale[motor] * self.motors[motor].gap + state.play[motor]).max(0.0)
     }
 
     /// The pulleys that hold a bend.

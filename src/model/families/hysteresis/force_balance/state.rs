@@ -35,6 +35,9 @@ pub struct BalanceState {
     pub(super) shared: [MotorVec; SHARED_STOPS],
     /// Factor on gap, slack and friction of every motor: 1 as calibrated.
     pub(in crate::model) gap_scale: MotorVec,
+    /// On top of that: loss of preload of both wires, and growth of the gap.
+    pub(in crate::model) slack: MotorVec,
+    pub(in crate::model) play: MotorVec,
 }
 
 impl BalanceState {
@@ -48,7 +51,17 @@ impl BalanceState {
             own: [[0.0; OWN_STOPS]; MAX_MOTORS],
             shared: [MotorVec::default(); SHARED_STOPS],
             gap_scale: UNSCALED,
+            slack: MotorVec::default(),
+            play: MotorVec::default(),
         }
+    }
+}
+
+impl BalanceState {
+    /// Shares of [`REACH`]; what is no number changes nothing.
+    pub(in crate::model) fn set_lost_travel(&mut self, slack: &MotorVec, play: &MotorVec) {
+        let travel = |share: f64| if share.is_finite() { REACH * share } else { 0.0 };
+        (self.slack, self.play) = (slack.map(travel), play.map(travel));
     }
 }
 
@@ -91,7 +104,7 @@ impl<const D: usize> ForceBalance<D> {
             let growth =
                 motor.preload_growth * own * own + motor.preload_growth_by_other * across * across;
             limits.hardened[i] = motor.hardening_by_other * across * across;
-            let slack = motor.slack() * (scale - 1.0);
+            let slack = motor.slack() * (scale - 1.0) + state.slack[i];
             limits.preload[i] = motor.preload.map(|preload| preload - slack + growth);
             let [plus, minus] = state.tension[i];
             let load = motor.friction_by_tension[0] * plus + motor.friction_by_tension[1] * minus;

@@ -1,0 +1,78 @@
+//! Gap, slack and play of a robot that is the model itself, only worn.
+
+use std::sync::Arc;
+
+use i2ris::core::ServoGoal;
+use i2ris::core::adaptation::AdaptationReport;
+use i2ris::model::{Memory, Model, Wear};
+use i2ris::units::{Counts, MAX_MOTORS, MotorVec};
+use i2ris_simulation::camera::CameraConfig;
+use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Motors};
+
+use super::fitted::first_model;
+use super::trial::{ON, config};
+
+struct Worn {
+    motors: IdealMotors,
+    model: Arc<Model>,
+    memory: Memory,
+    wear: Wear,
+}
+
+impl Motors for Worn {
+    fn read(&mut self, targets: [Option<Counts>; MAX_MOTORS]) -> MotorVec {
+        let at = self.motors.read(targets);
+        self.memory.set_wear(&self.wear);
+        self.model.advance(&mut self.memory, &at);
+        at
+    }
+
+    fn angles_deg(&self) -> Option<[f64; 2]> {
+        let [pitch, yaw, _] = self.model.predict(&self.motors.0, &self.memory).mean;
+        Some([pitch.to_degrees(), yaw.to_degrees()])
+    }
+}
+
+/// What the adaptation says after some seconds of motion within a range of angles, deg.
+fn learned(wear: Wear, seconds: f64, reach_deg: f64) -> AdaptationReport {
+    let model = first_model();
+    let motors = IdealMotors::default();
+    let worn = Worn { motors, memory: model.new_memory(), model: Arc::clone(&model), wear };
+    let mut control = ClosedLoop::conditioned(&config(ON), &model, worn).unwrap();
+    let camera = CameraConfig { rate_hz: 20.0, noise_deg: 0.15, latency_ms: 60, faults: vec![] };
+    control.watch(&camera, 7);
+    for tick in 0..(1e3 * seconds) as u32 {
+        let t = 1e-3 * f64::from(tick);
+        let wave = |rate: f64, shift: f64| (rate * t + shift).sin() - shift.sin();
+        let size = reach_deg.to_radians();
+        let pitch = size * (0.6 * wave(0.73, 0.3) + 0.3 * wave(1.61, 1.1));
+        let yaw = size * (0.6 * wave(0.57, 2.0) + 0.3 * wave(1.93, 0.7));
+        control.follow(ServoGoal::Joint([pitch, yaw, 0.0], 2)).unwrap();
+    }
+    control.report().adaptation.unwrap()
+}
+
+#[test]
+fn gap_slack_and_play_are_followed_as_far_as_the_motion_tells_them_apart() {
+    let wear = Wear { gap: [0.3, 0.1], slack: [0.004, 0.006], play: [0.003, 0.006] };
+    let found = learned(wear, 120.0, 13.0);
+    println!("{found:?}");
+    let truth = [wear.gap, wear.slack, wear.play];
+    let estimate = [found.estimate.gap, found.estimate.slack, found.estimate.play];
+    let deviations = [6, 7, 10, 11, 12, 13].map(|index: usize| found.deviations[index]);
+    let errors = truth.as_flattened().iter().zip(estimate.as_flattened());
+    for ((truth, estimate), deviation) in errors.zip(deviations) {
+        assert!((truth - estimate).abs() < 3.0 * deviation, "{found:?}");
+    }
+    // The noise of the camera alone is 0.21 deg.
+    assert!(found.adapted_error.to_degrees() < 0.24, "{found:?}");
+    assert!(found.calibrated_error.to_degrees() > 0.3, "{found:?}");
+}
+
+/// A motion that goes one way only shows neither.
+#[test]
+fn what_the_motion_does_not_show_stays_as_calibrated() {
+    let wear = Wear { slack: [0.004; 2], play: [0.004; 2], ..Wear::default() };
+    let found = learned(wear, 2.0, 0.5).estimate;
+    assert_eq!((found.gap, found.slack, found.play), ([0.0; 2], [0.0; 2], [0.0; 2]));
+}
