@@ -218,7 +218,7 @@ pub fn adaptation(report: &CycleReport) -> AdaptationMsg {
     }
 }
 
-/// Parameters that the message shows: all but slack and friction beyond the gap, which the black
+/// Parameters that the message shows: all but slack and play beyond the gap, which the black
 /// box has.
 const SHOWN: usize = 10;
 

@@ -209,8 +209,9 @@ mod tests {
         geometry.slow = Some(CORRECTED);
         near(&[shift(&drift, &geometry)], &[0.12 + gaps], "corrected");
         // Only the slow error that is corrected is made smaller.
-        let scaled =
-            |geometry: &ModelGeometry| inside(&drift, geometry, REACH, &settings(0.064)).to_array();
+        let scaled = |geometry: &ModelGeometry| {
+            inside(&drift, geometry, REACH, &settings(0.06 + gaps / 2.0)).to_array()
+        };
         let half = drift.to_array().map(|value| value / 2.0);
         near(&scaled(&geometry), &half, "half of all");
         geometry.slow = None;

@@ -120,7 +120,7 @@ mod tests {
             let pitch = f64::from(k) * 0.2 * DEG;
             ([pitch, 0.0], [[-0.02, 0.0], [0.0; 2]], [6.0 * DEG, 0.0])
         });
-        let [zero, _, by_pitch, by_yaw, .., gap, _, latency, _] = seen(ramp);
+        let [zero, _, by_pitch, by_yaw, .., gap, _, latency, _, _, _, _, _] = seen(ramp);
         assert_eq!((zero, by_pitch, by_yaw), (true, true, false));
         assert_eq!((gap, latency), (false, true));
     }
