@@ -79,6 +79,9 @@ const MOST_ALIKE: f64 = 10.0;
 /// A motor that moves less than this part of what the other one moves holds still.
 const LEAST_MOTION: f64 = 0.01;
 
+/// The hull is so much wider than the bends: it has few corners, and a bend on it is no exception.
+const WIDER: f64 = 1.005;
+
 /// Samples per parameter.
 const LEAST_SAMPLES: usize = 2;
 
@@ -360,7 +363,8 @@ impl<'a, const D: usize> Search<'a, D> {
             let counts = operator.virtual_counts_at(&(bend * REACH));
             std::array::from_fn(|i| counts.get(i).copied().unwrap_or_default())
         };
-        let reach: Vec<MotorVec> = possible.iter().map(virtual_counts).collect();
+        let reach: Vec<MotorVec> =
+            possible.iter().map(|bend| virtual_counts(&(bend * WIDER))).collect();
         // The polynomial is that of the region in which it is used; where the bend is not sure, an
         // error counts less.
         let error = rms(solved);
