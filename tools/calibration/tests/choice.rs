@@ -5,8 +5,9 @@
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
+use i2ris::model::Model;
 use i2ris_calibration::fit::metrics::predictions;
-use i2ris_calibration::fit::{FitOptions, fit};
+use i2ris_calibration::fit::{Family, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use rand::{RngExt, SeedableRng};
@@ -70,12 +71,19 @@ fn an_input_that_is_not_in_the_table_does_not_hide_memory() {
         .collect();
     let test = recording(&unseen, |_| 0.0, 0.05);
     let outcome = fit(&train, &FitOptions::default(), &Silent).unwrap();
-    let predicted = predictions(&outcome.model, &test);
-    let squares = test.rows().iter().zip(&predicted).map(|(row, found)| {
-        (0..2).map(|output| (row.outputs[output] - found[output]).powi(2)).sum::<f64>()
-    });
-    let rms = (squares.sum::<f64>() / predicted.len() as f64).sqrt();
-    // A straight line leaves 6.1 mm, and a mixture without memory 5.8 mm.
+    // As the families were judged: without the rows held out.
+    let rms = |model: &Model| {
+        let predicted = predictions(model, &test);
+        let squares = test.rows().iter().zip(&predicted).map(|(row, found)| {
+            (0..2).map(|output| (row.outputs[output] - found[output]).powi(2)).sum::<f64>()
+        });
+        (squares.sum::<f64>() / predicted.len() as f64).sqrt()
+    };
+    let judged = outcome.families.iter().map(|it| (it.family, rms(it.result.as_ref().unwrap())));
+    let judged: Vec<(Family, f64)> = judged.collect();
+    let chosen = judged.iter().find(|(family, _)| *family == outcome.family).unwrap().1;
+    let least = judged.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
+    // A straight line leaves 5.9 mm, and a mixture without memory 5.6 mm.
     assert!(outcome.family.has_memory(), "{:?}", outcome.report.scores);
-    assert!(rms <= f64::hypot(0.9, 2.0), "{} leaves {rms} mm", outcome.family);
+    assert!(chosen <= f64::hypot(0.9, 2.0) && chosen <= 1.1 * least, "{judged:?}");
 }
