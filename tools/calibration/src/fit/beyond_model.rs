@@ -1,19 +1,17 @@
 //! That a snake does what its model cannot: in use the error will be above twice the deviation that
 //! the model states.
 //!
-//! The robot and the adaptation trust that deviation. Three things tell at the end of a fit that it
-//! is too small: rows held out that are further off, measured poses that the inverse does not
-//! reach, and another family that explains the recording, but on which the inverse fails.
+//! The robot and the adaptation trust that deviation. Two things tell at the end of a fit that it
+//! is too small: measured poses that the inverse does not reach, and another family that explains
+//! the recording, but on which the inverse fails.
 
 use std::fmt::{self, Display, Formatter};
 
-use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
 
 use super::choice::Score;
-use super::evidence::{block_errors, rms};
 use super::family::Family;
-use super::metrics::{along, predictions};
+use super::metrics::along;
 use super::outcome::FitOutcome;
 use super::usable_range::clipped_rows;
 use crate::recording::Recording;
@@ -27,8 +25,6 @@ pub struct BeyondModel {
     unit: OutputUnit,
     /// RMS length of the deviation that the model states.
     stated: f64,
-    /// RMS length of the error on rows held out whose state is known.
-    held_out: f64,
     /// RMS distance of the measured poses from those that the inverse reaches, and the part of them
     /// that it does not reach, percent.
     clipped: (f64, f64),
@@ -37,11 +33,7 @@ pub struct BeyondModel {
 }
 
 impl BeyondModel {
-    pub(super) fn find(
-        outcome: &FitOutcome,
-        judged: &Model,
-        recording: &Recording,
-    ) -> Option<Self> {
+    pub(super) fn find(outcome: &FitOutcome, recording: &Recording) -> Option<Self> {
         let unit = outcome.model.file().outputs.first()?.unit;
         let (rows, model) = (recording.rows().len() as f64, &*outcome.model);
         let mut variance = 0.0;
@@ -49,8 +41,6 @@ impl BeyondModel {
             let stated = model.predict(&recording.rows()[row].counts, memory).deviation();
             variance += stated.iter().map(|it| it.powi(2)).sum::<f64>() / rows;
         });
-        let blocks = &outcome.report.judged;
-        let held_out = rms(&block_errors(&predictions(judged, recording), recording, blocks));
         let clipped = clipped_rows(model, recording);
         let off = clipped.iter().map(|(_, off)| off.powi(2)).sum::<f64>() / rows;
         let score = |score: &&Score| score.family == outcome.family;
@@ -59,7 +49,6 @@ impl BeyondModel {
         let found = Self {
             unit,
             stated: variance.sqrt() / si,
-            held_out: if blocks.is_empty() { 0.0 } else { held_out / si },
             clipped: (off.sqrt() / si, 100.0 * clipped.len() as f64 / rows),
             other: other.map(|(error, family)| (error / si, family)),
         };
@@ -68,15 +57,9 @@ impl BeyondModel {
     }
 
     fn reasons(&self) -> impl Iterator<Item = String> {
-        let Self { unit, stated, held_out, clipped: (off, percent), other } = *self;
+        let Self { unit, stated, clipped: (off, percent), other } = *self;
         let most = MOST * stated;
-        let rows = (held_out > most).then(|| {
-            format!(
-                "rows held out are {held_out:.3} {unit} off: record longer, with reversals of all \
-                 sizes"
-            )
-        });
-        let range = (held_out <= most && held_out.hypot(off) > most).then(|| {
+        let range = (stated.hypot(off) > most).then(|| {
             format!(
                 "{percent:.1} % of the measured poses are beyond its reach, {off:.3} {unit} over \
                  all: record again, with both motors over all of that range from the start"
@@ -88,7 +71,7 @@ impl BeyondModel {
                  {unit} off: record longer, and compare both on a trial (i2ris calibrate compare)"
             )
         });
-        [rows, range, other].into_iter().flatten()
+        [range, other].into_iter().flatten()
     }
 }
 
@@ -111,18 +94,16 @@ mod tests {
 
     #[test]
     fn what_is_twice_the_stated_deviation_is_named_with_what_to_do() {
-        let found = |held_out, off, other| BeyondModel {
+        let found = |off, other| BeyondModel {
             unit: OutputUnit::Deg,
             stated: 0.3,
-            held_out,
             clipped: (off, 12.0),
             other: Some((other, Family::GmrPlay)),
         };
-        assert_eq!(found(0.4, 0.4, 0.5).reasons().next(), None);
+        assert_eq!(found(0.4, 0.5).reasons().next(), None);
         for (found, reason) in [
-            (found(0.7, 0.9, 0.5), "0.700 deg off: record longer"),
-            (found(0.3, 0.6, 0.5), "12.0 % of the measured poses are beyond its reach, 0.600 deg"),
-            (found(0.3, 0.0, 0.7), "if gmr-play is right, which explains the recording, too"),
+            (found(0.6, 0.5), "12.0 % of the measured poses are beyond its reach, 0.600 deg"),
+            (found(0.0, 0.7), "if gmr-play is right, which explains the recording, too"),
         ] {
             assert_eq!(found.reasons().count(), 1, "{found}");
             assert_contains(&found, &["does what the model cannot", "0.300 deg", reason]);

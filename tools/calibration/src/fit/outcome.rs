@@ -95,7 +95,7 @@ impl FitOutcome {
     /// Why the error in use will be above what the model states, if it will.
     #[must_use]
     pub fn beyond_model(&self, recording: &Recording) -> Option<BeyondModel> {
-        BeyondModel::find(self, self.judged()?, recording)
+        BeyondModel::find(self, recording)
     }
 
     /// What the chosen model leaves beyond the noise on rows that it had not seen.
