@@ -19,8 +19,8 @@ const LEAST_PATH: f64 = 2.0 * DEG;
 /// The range of an output that shows its gains, rad.
 const LEAST_RANGE: f64 = 6.0 * DEG;
 
-/// Both branches were seen this far, rad per growth: a tenth more gap, or a thousandth more slack or
-/// play, would show by a hundredth of a degree.
+/// Both branches were seen this far, rad per growth: a tenth more gap, or a thousandth more slack
+/// or play, would show by a hundredth of a degree.
 const LEAST_BRANCH: [f64; 3] = [0.1 * DEG, 10.0 * DEG, 10.0 * DEG];
 
 /// The rate that shows the latency, rad/s.

@@ -13,8 +13,8 @@
 //!   of the correction. `adapted = gapped + zero + gain gapped`.
 //! - **estimate**: of the drift, by a Kalman filter. **Correction**: the part of the estimate that
 //!   is applied to the inverse and to `measured_js`.
-//! - **shadow**: a memory that is a little more worn in one respect. Its distance from the memory in
-//!   use is the regressor.
+//! - **shadow**: a memory that is a little more worn in one respect. Its distance from the memory
+//!   in use is the regressor.
 //! - **excitation**: motion that shows a parameter. Without it the parameter is not learned. What
 //!   motion does not tell apart, the covariance of the filter moves together.
 //! - **budget**: the largest drift that is followed, per parameter and in total.
