@@ -83,7 +83,9 @@ fn an_input_that_is_not_in_the_table_does_not_hide_memory() {
     let judged: Vec<(Family, f64)> = judged.collect();
     let chosen = judged.iter().find(|(family, _)| *family == outcome.family).unwrap().1;
     let least = judged.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
+    let written = rms(&outcome.model);
     // A straight line leaves 5.9 mm, and a mixture without memory 5.6 mm.
     assert!(outcome.family.has_memory(), "{:?}", outcome.report.scores);
     assert!(chosen <= f64::hypot(0.9, 2.0) && chosen <= 1.1 * least, "{judged:?}");
+    assert!(written <= f64::hypot(0.9, 2.0), "{written} of all rows, {judged:?}");
 }

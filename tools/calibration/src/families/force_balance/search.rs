@@ -17,7 +17,7 @@ use super::reach::Visited;
 use super::read_out::{ReadOut, Solved};
 use super::target::Target;
 use crate::parallel;
-use crate::progress::{Progress, Silent};
+use crate::progress::Progress;
 use crate::quality::{Finding, limits_of_path};
 use crate::series::Series;
 
@@ -133,25 +133,6 @@ pub fn fit_force_balance(
     }
 }
 
-/// The mean square error on samples held out where the outputs are shifted in time, over that where
-/// they are not; `None` where a balance cannot tell.
-pub fn held_out_by_shift([as_is, shifted]: [&Series; 2], plane: bool) -> Option<f64> {
-    match as_is.motors() {
-        motors if as_is.outputs() < motors => None,
-        1 => ratio::<1>([as_is, shifted], plane),
-        _ => ratio::<2>([as_is, shifted], plane),
-    }
-}
-
-fn ratio<const D: usize>(series: [&Series; 2], plane: bool) -> Option<f64> {
-    let place = Search::<D>::new(series[0], plane, &Silent).coarse()?;
-    let [as_is, shifted] = series.map(|series| {
-        let search = Search::<D>::new(series, plane, &Silent);
-        Some(search.with(&search.judge(FOLD), &place, place.terms)?.0.held_out)
-    });
-    Some(shifted? / as_is?)
-}
-
 struct Search<'a, const D: usize> {
     series: &'a Series,
     target: Target<D>,
@@ -208,7 +189,7 @@ impl<'a, const D: usize> Search<'a, D> {
         let objective = self.objective(&target, ERRORS[0] * self.line);
         let bends = target.bends(&target.layout.decode(&at))?;
         let solved = objective.read_out.solve(&bends, &objective.measured)?;
-        Some(Place { terms, at, error: rms(&solved), held_out: f64::NAN })
+        Some(Place { terms, at, error: left(&solved), held_out: f64::NAN })
     }
 
     /// The best place on thinned data, from several starts.
