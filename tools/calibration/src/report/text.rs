@@ -91,7 +91,10 @@ impl CalibrationReport {
         if let Some(latency) = self.latency {
             let (ms, deviation) = (1e3 * latency.seconds, 1e3 * latency.deviation_s);
             let stands_out = ms.abs() > 4.0 * deviation.max(1.0);
-            let hint = if stands_out { "; `--latency-ms auto` takes it off" } else { "" };
+            let hint = match stands_out {
+                true => "; `--latency-ms auto` takes off what rows held out confirm",
+                false => "",
+            };
             writeln!(
                 f,
                 "latency    outputs are stamped {ms:+.1} ms late (standard deviation \

@@ -54,7 +54,7 @@ fn latency_text(latency: Option<&LatencyRecord>) -> String {
         None => "of the camera's stamps cannot be found from this motion".to_owned(),
         Some(LatencyRecord { estimate_ms, deviation_ms }) => {
             let what = if estimate_ms.abs() > SMALL_MS.max(3.0 * deviation_ms) {
-                "; `i2ris calibrate fit` takes it off"
+                "; `i2ris calibrate fit` takes off what rows held out confirm"
             } else {
                 ", as good as none"
             };
