@@ -23,7 +23,12 @@ const COMMANDS: [(&str, &str); 8] = [
 ];
 
 /// Cases that are no tables of numbers: the test that runs each, beside what it is about.
-const ELSEWHERE: [(&str, &str, &str); 10] = [
+const ELSEWHERE: [(&str, &str, &str); 11] = [
+    (
+        "choice-with-unseen-input",
+        "tools/calibration/tests/choice.rs",
+        "an_input_that_is_not_in_the_table_does_not_hide_memory",
+    ),
     (
         "mjpeg-bytes-between",
         "tools/vision/src/source/mjpeg.rs",
