@@ -180,7 +180,8 @@ def figure(rows: Iterable[Row]) -> str:
     """Bars of the inverse task by physics, as SVG that is read on light and on dark."""
     rows = [row for row in rows if kind(row) == ("reversals", "usual", False)]
     width, height, left, bottom, bar = 880, 300, 46, 250, 18
-    step = (width - left - 10) / len(benchmark.PHYSICS)
+    names = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in rows)] or benchmark.PHYSICS
+    step = (width - left - 10) / len(names)
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="13" fill="#80868b">',
         f'<text x="{left}" y="14">Error of the tip while it follows unseen motion, share of a straight line\'s</text>',
@@ -189,7 +190,7 @@ def figure(rows: Iterable[Row]) -> str:
         y = bottom - 20 * tick
         lines.append(f'<path d="M{left} {y}H{width - 10}" stroke="#80868b" stroke-opacity="0.3"/>')
         lines.append(f'<text x="{left - 6}" y="{y + 4}" text-anchor="end">{tick / 10:.1f}</text>')
-    for number, physics in enumerate(benchmark.PHYSICS):
+    for number, physics in enumerate(names):
         begin = left + number * step + (step - bar * len(SHOWN)) / 2
         lines.append(f'<text x="{left + (number + 0.5) * step:.0f}" y="{bottom + 18}" text-anchor="middle">{physics}</text>')
         for place, (method, _, colour) in enumerate(SHOWN):
@@ -238,7 +239,8 @@ def main() -> None:
             arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
     arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
     for share, row in regret(rows)[:5]:
-        print(f"regret {share:.2f}: {row['physics']} {row['seed']}, {' '.join(map(str, kind(row)[:2]))}, took {row['model']}")
+        case = f"{row['physics']} {row['seed']}, {row['protocol']}, {row['camera']} camera{', aged' * row.get('aged', False)}"
+        print(f"regret {share:.2f}: {case}, took {row['model']}")
     if arguments.page:
         arguments.page.write_text(page(rows, arguments.note))
     if arguments.figure:
