@@ -13,7 +13,7 @@ const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 
 /// How often in turn a stream begins again without a command that is followed. A controller that
 /// was held up reads the first commands late, and then finds the newest too far away.
-const RESTARTS: u32 = 5;
+const RESTARTS: u32 = 10;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum StopReason {
