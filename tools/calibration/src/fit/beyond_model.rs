@@ -33,7 +33,10 @@ pub struct BeyondModel {
 }
 
 impl BeyondModel {
-    pub(super) fn find(outcome: &FitOutcome, recording: &Recording) -> Option<Self> {
+    /// That the error in use will be above twice the deviation that the model states; `None` where
+    /// nothing tells so.
+    #[must_use]
+    pub fn find(outcome: &FitOutcome, recording: &Recording) -> Option<Self> {
         let unit = outcome.model.file().outputs.first()?.unit;
         let (rows, model) = (recording.rows().len() as f64, &*outcome.model);
         let mut variance = 0.0;

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use i2ris::model::Model;
 
-use super::beyond_model::BeyondModel;
 use super::choice::{Score, held_out_error};
 use super::error::FitError;
 use super::family::Family;
@@ -90,12 +89,6 @@ impl FitOutcome {
     fn judged(&self) -> Option<&Model> {
         let chosen = self.families.iter().find(|found| found.family == self.family)?;
         chosen.result.as_deref().ok()
-    }
-
-    /// Why the error in use will be above what the model states, if it will.
-    #[must_use]
-    pub fn beyond_model(&self, recording: &Recording) -> Option<BeyondModel> {
-        BeyondModel::find(self, recording)
     }
 
     /// What the chosen model leaves beyond the noise on rows that it had not seen.

@@ -9,6 +9,7 @@ use super::fit::{
     CalibrationReport, Errors, FamilyResult, OutputFacts, RecordingFacts, Straight, Track,
 };
 use super::sweep::branches;
+use crate::fit::beyond_model::BeyondModel;
 use crate::fit::metrics::predictions;
 use crate::fit::outcome::FamilyOutcome;
 use crate::fit::split::Split;
@@ -63,7 +64,7 @@ impl CalibrationReport {
                 .collect(),
             usable_percent: 100.0 * (1.0 - track.clipped.len() as f64 / rows as f64),
             unexplained: outcome.unexplained(recording),
-            beyond_model: outcome.beyond_model(recording).map(|found| found.to_string()),
+            beyond_model: BeyondModel::find(outcome, recording).map(|found| found.to_string()),
             settings: settings(options),
             software: file.training.software.clone(),
             outputs: facts,
