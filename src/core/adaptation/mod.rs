@@ -21,15 +21,14 @@
 //!
 //! # Fences
 //!
-//! 1. `budget`: a warning at 70 %; at 100 % nothing more is learned: calibrate. A drift that is
-//!    built into the model already is a part of it.
+//! 1. `budget`: a warning at 70 %; at 100 % nothing more is learned: calibrate.
 //! 2. `conditions`: only while goals are followed, inside the hull, with a known memory and good
 //!    frames; not within 2 s of a fault, a swap, a conditioning cycle or a command.
 //! 3. `excitation`: per parameter.
 //! 4. `score`: adapted against calibrated on the same frames; worse in three windows of 10 s takes
 //!    the correction back.
 //! 5. `moving_correction`: moves with the goal only, along its direction, no faster than a limit.
-//! 6. The drift is offered as a model of its own; nothing is written over a calibration.
+//! 6. Nothing is written over a calibration: the correction ends with the controller.
 //! 7. `plausibility` compares the camera with the calibrated pose, too.
 //! 8. `scatter`: frames count as little as they are noisy, whatever the configuration says.
 //! 9. What a push of tissue can do is bounded by the budget: `slip` follows small steps only.
