@@ -124,7 +124,7 @@ where
         if !differs(nearest, unconstrained) {
             return (Inverse { counts: nearest, ..found }, end);
         }
-        let slack = self.operator.slack(origin, &vector(&unconstrained));
+        let slack = self.operator.slack(origin, &vector(&unconstrained), &virtual_counts);
         let counts = hull.project_with_slack(&unconstrained, &slack);
         let [low, high] = slack;
         let held = std::array::from_fn(|motor| counts[motor].max(low[motor]).min(high[motor]));

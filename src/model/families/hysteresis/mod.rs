@@ -80,9 +80,14 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
     ) -> SVector<f64, D>;
 
     /// The lowest and the highest counts between which every motor may be instead of at `counts`,
-    /// with the same virtual counts: backlash that is not crossed. `counts` themselves where a
-    /// motor pulls.
-    fn slack(&self, _origin: &Self::Origin<'_>, counts: &SVector<f64, D>) -> [MotorVec; 2] {
+    /// the inverse of `goal`, with the same virtual counts: backlash that is not crossed. `counts`
+    /// themselves where a motor pulls.
+    fn slack(
+        &self,
+        _origin: &Self::Origin<'_>,
+        counts: &SVector<f64, D>,
+        _goal: &SVector<f64, D>,
+    ) -> [MotorVec; 2] {
         [array(counts); 2]
     }
 

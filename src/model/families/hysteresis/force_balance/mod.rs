@@ -49,6 +49,7 @@
 //!
 //! | file | contents |
 //! |---|---|
+//! | `inverse` | the counts of a bend |
 //! | `parameters` | parameters in a file, and their checks |
 //! | [`sensitivity`] | derivatives of the bend by the parameters, for calibration |
 //! | `state` | the state, and what a step takes from it |
@@ -57,6 +58,7 @@
 //! | `solve` | forces, slopes and Newton's method |
 //! | `transmission` | the transmission error of the gear, and its inverse |
 
+mod inverse;
 mod parameters;
 pub mod sensitivity;
 mod solve;
@@ -90,18 +92,6 @@ const TICK: f64 = 4.0;
 
 /// The most steps of one advance. A longer motion uses longer steps.
 const MAX_STEPS: u32 = 64;
-
-/// A pulley that has to move by less than this does not move, units of travel: what a search
-/// leaves beside its goal is no reason to cross a gap.
-const STILL: f64 = 1e-2;
-
-/// What is rounding in a goal, virtual counts: a drive takes whole counts, and the goal of one
-/// motor moves a little to and fro while the other one moves.
-const ROUNDING: f64 = 0.5;
-
-/// Further than that a motor does not go for a rounding, counts: it would cross a gap or the slack
-/// of its wires there and back again.
-const FAR: f64 = 2.0;
 
 /// Safety factor on the estimate of the conditioning range, which leaves out the other motor.
 const CONDITIONING_MARGIN: f64 = 1.2;
@@ -268,20 +258,6 @@ impl<const D: usize> ForceBalance<D> {
     fn gap(&self, state: &BalanceState, motor: usize) -> f64 {
         (state.gap_scale[motor] * self.motors[motor].gap + state.play[motor]).max(0.0)
     }
-
-    /// The pulleys that hold a bend.
-    fn pulleys_at(
-        &self,
-        state: &BalanceState,
-        limits: &Limits<D>,
-        bend: &SVector<f64, D>,
-    ) -> SVector<f64, D> {
-        let held = self.resistance(state, limits, bend);
-        let travel = SVector::<f64, D>::from_fn(|i, _| {
-            bend[i] + self.wires(i, limits).stretch(held.force[i]) + self.motors[i].neutral
-        });
-        self.uncoupling * travel
-    }
 }
 
 /// A state, its limits, and those without friction.
@@ -367,40 +343,16 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
         goal: &SVector<f64, D>,
         compensation: f64,
     ) -> SVector<f64, D> {
-        let (state, bend) = (origin.state, self.bend_of(goal));
-        let pulleys = self.pulleys_at(state, &origin.limits, &bend);
-        let mut positions = self.driven(&vector(&state.position));
-        for (i, position) in positions.iter_mut().enumerate() {
-            let (moved, gap) = (pulleys[i] - state.pulley[i], self.gap(state, i));
-            let wanted = pulleys[i] + gap.copysign(moved);
-            let bends = (bend[i] - state.bend[i]) / self.gain[i];
-            let count = self.motors[i].travel_per_count.abs();
-            let is_little = moved.abs().min(bends.abs()) <= ROUNDING * count;
-            let is_far = (wanted - *position).abs() > FAR * count;
-            if moved.abs() > STILL && !(is_little && is_far) {
-                *position = wanted;
-            }
-        }
-        let mut counts = self.driving(&positions);
-        if compensation < 1.0 {
-            let free = self.pulleys_at(state, &origin.limits.without_friction(), &bend);
-            let free = self.driving(&free);
-            counts = free + (counts - free) * compensation;
-        }
-        counts
+        self.inverse(origin, &self.bend_of(goal), compensation)
     }
 
-    fn slack(&self, origin: &BalanceOrigin<'_, D>, counts: &SVector<f64, D>) -> [MotorVec; 2] {
-        let positions = self.driven(counts);
-        let mut ends = [positions; 2];
-        for (i, at) in positions.iter().enumerate() {
-            let (gap, pulley) = (self.gap(origin.state, i), origin.state.pulley[i]);
-            let (low, high) = (pulley - gap, pulley + gap);
-            if low <= *at && *at <= high {
-                (ends[0][i], ends[1][i]) = (low, high);
-            }
-        }
-        ends.map(|end| array(&self.driving(&end)))
+    fn slack(
+        &self,
+        origin: &BalanceOrigin<'_, D>,
+        counts: &SVector<f64, D>,
+        goal: &SVector<f64, D>,
+    ) -> [MotorVec; 2] {
+        self.slack_of(origin, counts, &self.bend_of(goal))
     }
 
     /// An estimate: the gap, the slack, the change of the stretch from one direction of friction to

@@ -50,6 +50,10 @@ pub(super) struct HeldInPlane {
     pub by_reach: [f64; 2],
 }
 
+/// A stop of less reach holds nothing: what stays of a friction that is gone halves until it is no
+/// number that can be divided by.
+const LEAST_REACH: f64 = 1e-12;
+
 /// Exponentials of less count as 0.
 const LEAST_EXPONENT: f64 = -50.0;
 
@@ -100,7 +104,7 @@ impl Stop {
             return Held { by_moved: if is_free { 1.0 } else { 0.0 }, ..held };
         }
         let (start, end) = (within(from), end(usize::from(moved >= 0.0)));
-        if end.deflection == 0.0 {
+        if end.deflection.abs() < LEAST_REACH {
             return end;
         }
         let way = (moved / end.deflection).abs();
@@ -125,8 +129,9 @@ impl Stop {
         }
         let start = within(from, reach);
         let way = length(moved);
-        if reach <= 0.0 || way <= 0.0 {
-            return HeldInPlane { by_moved: if reach > 0.0 { IDENTITY } else { NOTHING }, ..start };
+        let holds = reach > LEAST_REACH;
+        if !holds || way <= 0.0 {
+            return HeldInPlane { by_moved: if holds { IDENTITY } else { NOTHING }, ..start };
         }
         let along = moved.map(|part| part / way);
         let left = exp_above(-way / reach, LEAST_EXPONENT);
@@ -208,6 +213,15 @@ mod tests {
                 assert_eq!(held.deflection, expected);
             }
         }
+    }
+
+    #[test]
+    fn what_is_left_of_a_friction_that_is_gone_is_a_number() {
+        let held = stop(true).moved(1e-308, 1.0, [0.0; 2], 0.1);
+        let slopes = [held.by_moved, held.by_from, held.by_ends[1], held.by_stays];
+        assert!(slopes.iter().all(|slope| slope.is_finite()), "{held:?}");
+        let held = stop(true).moved_in_plane([0.0; 2], [1.0, 0.0], 1e-200);
+        assert!(held.by_reach.iter().all(|slope| slope.is_finite()), "{held:?}");
     }
 
     proptest! {
