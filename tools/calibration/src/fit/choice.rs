@@ -9,9 +9,10 @@
 //!
 //! Errors are compared piece by piece: those on a block held out together with those on a part of
 //! the trials. What the recording does not show of the robot, and noise, is alike in all families
-//! and falls out of the difference. A family is **as good as** another if it is worse by at most
-//! one standard error of that difference (L. Breiman et al., "Classification and Regression
-//! Trees", 1984, 3.4.3). Of those that are as good as the best the balance of forces is taken, for
+//! and falls out of the difference. Where a credible family has no other plant, its inverse was not
+//! tried, and the rows held out decide alone. A family is **as good as** another if it is worse by
+//! at most one standard error of that difference (L. Breiman et al., "Classification and
+//! Regression Trees", 1984, 3.4.3). Of those that are as good as the best the balance of forces is taken, for
 //! what it knows of the mechanism holds in other motion, too; otherwise the simplest.
 
 use i2ris::model::file::OutputUnit;
@@ -48,7 +49,8 @@ pub struct Score {
     pub held_out: f64,
     /// Mean square length of the error in every block held out, rad^2 (m^2).
     pub blocks: Vec<f64>,
-    /// The same in as many parts of the trials; none without another plant.
+    /// The same in as many parts of the trials; none where not every credible family has another
+    /// plant.
     pub parts: Vec<f64>,
     /// RMS length of the tracking error on the other families that are plants, rad (m), and the one
     /// where it is worst; `None` without another plant.
@@ -67,15 +69,13 @@ impl Score {
     }
 
     /// How many times that of another family the error of this one is, as a logarithm, over all
-    /// pieces: the mean and its standard error. Where one of them has no other plant, only errors
-    /// on measured rows are alike.
+    /// pieces: the mean and its standard error.
     #[must_use]
     pub fn beside(&self, other: &Self) -> (f64, f64) {
-        let is_alike = self.parts.is_empty() == other.parts.is_empty();
         let pieces = |score: &Self| -> Vec<f64> {
-            let part = |piece| score.parts.get(piece).filter(|_| is_alike).copied();
             let pieces = score.blocks.iter().enumerate();
-            let pieces = pieces.map(|(piece, block)| block + part(piece).unwrap_or_default());
+            let part = |piece| score.parts.get(piece).copied().unwrap_or_default();
+            let pieces = pieces.map(|(piece, block)| block + part(piece));
             pieces.map(|square| 0.5 * square.max(f64::MIN_POSITIVE).ln()).collect()
         };
         // Blocks differ in what moves: of ratios each counts the same.
@@ -136,7 +136,18 @@ pub(super) fn scores(models: &[(Family, &Model)], evidence: &Evidence<'_>) -> Ve
             travel: trials.iter().map(|(_, trial)| trial.travel).fold(0.0, f64::max),
         }
     };
-    models.iter().enumerate().map(score).collect()
+    alike(models.iter().enumerate().map(score).collect())
+}
+
+/// Where a credible family has no other plant, the rows held out decide for all of them: errors in
+/// trials beside none would make three families beat each other in a ring.
+fn alike(mut scores: Vec<Score>) -> Vec<Score> {
+    let least = scores.iter().map(|score| score.held_out).fold(f64::INFINITY, f64::min);
+    let mut credible = scores.iter().filter(|score| score.held_out <= CREDIBLE * least);
+    if credible.any(|score| score.parts.is_empty()) {
+        scores.iter_mut().for_each(|score| score.parts.clear());
+    }
+    scores
 }
 
 /// Of every family, how its inverse does on the others that are plants.
@@ -307,14 +318,21 @@ mod tests {
         assert_eq!(best(&[]), None);
     }
 
-    /// The numbers of a wide instrument: the inverse of the plays was tried on no other family.
+    /// The numbers of a cable arm: the inverse of the mixture was tried on no other family.
     #[test]
-    fn scores_that_are_not_alike_are_compared_by_the_rows_held_out() {
-        let mut plays = score(Family::GmrPlay, [1.02, 2.27, 0.68, 1.77], 0.0);
-        (plays.tracking, plays.parts) = (None, Vec::new());
-        let balance = score(Family::ForceBalance, [0.91, 2.54, 2.41, 1.0], 5.4);
-        let (worse, error) = balance.beside(&plays);
-        assert!(worse > 0.0 && worse < error, "{worse} +- {error}");
-        assert_eq!(best(&[plays, balance]), Some(Family::ForceBalance));
+    fn no_three_families_beat_each_other_in_a_ring() {
+        let mut mixture = score(Family::Gmr, [1.3, 1.2, 1.1, 1.3], 0.0);
+        (mixture.tracking, mixture.parts) = (None, Vec::new());
+        let scores = vec![
+            score(Family::Linear, [2.1, 2.0, 1.9, 2.2], 1.6),
+            mixture,
+            score(Family::ForceBalance, [1.0, 0.9, 1.0, 1.1], 14.7),
+        ];
+        let scores = alike(scores);
+        let ring = [[1, 0], [2, 1], [2, 0]];
+        for [better, worse] in ring {
+            assert!(scores[better].beside(&scores[worse]).0 < 0.0, "{better} {worse}");
+        }
+        assert_eq!(best(&scores), Some(Family::ForceBalance));
     }
 }
