@@ -63,14 +63,18 @@ impl<const D: usize> Judge<D> {
 }
 
 /// Whether blocks are explained better by a second model: by more than what chance makes of the
-/// differences, and by more than a part of the error.
+/// differences, and by more than a part of the error. Of ratios every block counts the same: one in
+/// which the state is not known yet has many times the error of the others.
 pub(super) fn is_better([before, after]: [&[f64]; 2], least: f64) -> bool {
-    let gains: Vec<f64> = before.iter().zip(after).map(|(before, after)| before - after).collect();
+    let gain = |(before, after): (&f64, &f64)| {
+        before.max(f64::MIN_POSITIVE).ln() - after.max(f64::MIN_POSITIVE).ln()
+    };
+    let gains: Vec<f64> = before.iter().zip(after).map(gain).collect();
     let gain = mean(&gains);
     let spread = gains.iter().map(|it| (it - gain).powi(2)).sum::<f64>();
     let count = gains.len() as f64;
     let deviation = (spread / (count * (count - 1.0))).sqrt();
-    gain > SURE * deviation && gain > least * mean(before)
+    gain > SURE * deviation && gain > least
 }
 
 pub(super) fn mean(values: &[f64]) -> f64 {

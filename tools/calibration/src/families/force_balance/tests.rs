@@ -158,4 +158,9 @@ fn blocks_decide_together() {
     most[3] = 1.1;
     assert!(is_better([&before, &most], 0.0) && !is_better([&before, &most], 0.05));
     assert!(!is_better([&most, &before], 0.0));
+    // The first block, in which the state is not known yet, hides nothing.
+    let hidden = |blocks: [f64; 20]| [&[50.0 * blocks[0]], &blocks[1..]].concat();
+    let mut most = [0.8; 20];
+    most[0] = 0.4;
+    assert!(is_better([&hidden(before), &hidden(most)], 0.05));
 }
