@@ -68,7 +68,7 @@ pub use inputs::{
 pub use model_slots::{CandidateState, ModelCandidate, ModelSlots};
 pub use motion::auxiliary_axis::AuxiliaryReport;
 pub use motion::gate::Gated;
-pub use motion::joint_model::position_history::HistoryCursor;
+pub use motion::joint_model::position_history::{HistoryCursor, newest_stamp};
 pub use motion::joint_model::report::JointReport;
 pub use motion::velocity_limit;
 pub use outputs::{CycleOutputs, CycleReport, ModelSwapReply, StateReply};

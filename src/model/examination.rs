@@ -142,7 +142,7 @@ impl<'a> Subject<'a> {
 
     fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
         memory.note(*counts);
-        self.runtime.advance(memory, counts);
+        self.runtime.advance(memory, counts, 0.0);
     }
 
     fn memory_after_turns(&self) -> Memory {

@@ -6,7 +6,8 @@
 //! combined motion of the motors. Between two corners every motor moves in one direction only, so
 //! play operators that are advanced from corner to corner end exactly where the whole motion ends.
 //! A balance of forces ends beside it, because the friction of a step goes with the tension before
-//! it: by some counts in quick motion of both motors, and by less the more motion follows.
+//! it: by some counts in quick motion of both motors, and by less the more motion follows. With
+//! every corner goes the time since the one before, for snakes that creep.
 
 use std::collections::VecDeque;
 
@@ -23,20 +24,28 @@ const SPACING_COUNTS: f64 = 8.0;
 /// [`Self::note`] allocates nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History {
-    corners: VecDeque<MotorVec>,
+    /// Each with the time since the one before, s.
+    corners: VecDeque<(MotorVec, f64)>,
     /// The present position of the motors.
     newest: Option<MotorVec>,
+    /// Time since the last corner, s.
+    time_s: f64,
 }
 
 impl Default for History {
     fn default() -> Self {
-        Self { corners: VecDeque::with_capacity(CORNERS), newest: None }
+        Self { corners: VecDeque::with_capacity(CORNERS), newest: None, time_s: 0.0 }
     }
 }
 
 impl History {
     /// Adds a position. A position that is not finite is ignored.
     pub fn note(&mut self, counts: &MotorVec) {
+        self.note_over(counts, 0.0);
+    }
+
+    /// The same, a time after the position before.
+    pub fn note_over(&mut self, counts: &MotorVec, time_s: f64) {
         if !counts.iter().all(|c| c.is_finite()) {
             return;
         }
@@ -47,25 +56,34 @@ impl History {
             if self.corners.len() == CORNERS {
                 self.corners.pop_front();
             }
-            self.corners.push_back(newest);
+            self.corners.push_back((newest, self.time_s));
+            self.time_s = 0.0;
         }
         self.newest = Some(*counts);
+        self.time_s += time_s;
     }
 
     /// Clears the history. Call this after the zero moves: stored counts refer to the old zero.
     pub fn forget(&mut self) {
         self.corners.clear();
         self.newest = None;
+        self.time_s = 0.0;
     }
 
     /// The corners in order, followed by the present position.
     pub fn positions(&self) -> impl Iterator<Item = &MotorVec> {
-        self.corners.iter().chain(&self.newest)
+        self.steps().map(|(counts, _)| counts)
+    }
+
+    /// The same, each with the time since the one before, s.
+    pub fn steps(&self) -> impl Iterator<Item = (&MotorVec, f64)> {
+        let corners = self.corners.iter().map(|(counts, time_s)| (counts, *time_s));
+        corners.chain(self.newest.iter().map(|counts| (counts, self.time_s)))
     }
 
     /// Whether the motion reverses at `newest` before `next`, or is longer than the spacing.
     fn is_corner(&self, newest: &MotorVec, next: &MotorVec) -> bool {
-        let Some(last) = self.corners.back() else {
+        let Some((last, _)) = self.corners.back() else {
             return true;
         };
         last.iter().zip(newest).zip(next).any(|((last, newest), next)| {

@@ -156,10 +156,19 @@ impl Model {
 
     /// Updates a memory with the present position `counts`. Call this with every measured position,
     /// in order. A position that is not finite is ignored.
+    ///
+    /// No time passes: a snake that creeps is stiffer then than over time. See
+    /// [`Model::advance_over`].
     pub fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
+        self.advance_over(memory, counts, 0.0);
+    }
+
+    /// The same, `time_s` after the position before. Call it also while the motors hold still: a
+    /// snake that creeps goes on then. Models without creep ignore the time.
+    pub fn advance_over(&self, memory: &mut Memory, counts: &MotorVec, time_s: f64) {
         if counts.iter().all(|c| c.is_finite()) {
             memory.note(*counts);
-            self.runtime.advance(memory, counts);
+            self.runtime.advance(memory, counts, time_s.max(0.0));
         }
     }
 
@@ -347,8 +356,8 @@ impl Model {
     #[must_use]
     pub fn recall(&self, history: &History) -> Memory {
         let mut memory = self.new_memory();
-        for counts in history.positions() {
-            self.advance(&mut memory, counts);
+        for (counts, time_s) in history.steps() {
+            self.advance_over(&mut memory, counts, time_s);
         }
         memory
     }

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
 use crate::config::Config;
-use crate::core::HistoryCursor;
 use crate::core::{CycleReport, ModelSlots};
+use crate::core::{HistoryCursor, newest_stamp};
 use crate::model::{History, Model, ModelId};
-use crate::units::MotorVec;
+use crate::units::{MotorVec, Nanos};
 
 /// A model that the loop has or may have.
 #[derive(Debug, Clone)]
@@ -27,6 +27,8 @@ pub struct LoopHistory {
     pub history: History,
     /// Cursor in the motion history of the loop.
     pub mark: HistoryCursor,
+    /// When the last position was read.
+    stamp: Nanos,
     /// Present position of the motors, counts.
     pub position: MotorVec,
     /// The models of the loop in the newest tick.
@@ -50,7 +52,10 @@ impl LoopHistory {
         for (position, drive) in self.position.iter_mut().zip(&report.feedback) {
             *position = drive.position.as_f64();
         }
-        self.history.note(&self.position);
+        let stamp = newest_stamp(&report.feedback);
+        let time_s = stamp.duration_since(self.stamp).as_seconds();
+        self.history.note_over(&self.position, time_s);
+        self.stamp = stamp;
         self.mark = report.mark;
     }
 

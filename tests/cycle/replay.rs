@@ -9,9 +9,12 @@ use i2ris::core::ModelChange;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
+use i2ris::model::file::FamilyParameters;
 use i2ris::process::black_box::{BlackBox, BlackBoxHeader as Header, ReplayError, replay};
 use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, Recording, config, scaled_standard_model, standard_model};
+use i2ris_testing::cycle::{
+    Bench, Recording, config, scaled_balance_model, scaled_standard_model, standard_model,
+};
 
 /// A session: motion, swaps, conditioning, a fault and its acknowledgement, on a model with memory.
 fn run_session(bench: &mut Bench, second: &Arc<Model>) {
@@ -46,16 +49,32 @@ fn recorded(keep: impl Fn(usize) -> bool) -> BlackBox {
     let mut bench = Bench::new(config(""), Some(Arc::clone(&first)));
     bench.recording = Some(Recording::default());
     run_session(&mut bench, &second);
+    let mut content = recorded_by(&mut bench, &first);
+    let mut number = 0..;
+    content.snapshots.retain(|_| number.next().is_some_and(&keep));
+    content
+}
+
+fn recorded_by(bench: &mut Bench, first: &Model) -> BlackBox {
     let mut recording = bench.recording.take().unwrap();
-    recording.keep(&first);
-    let snapshots = recording.snapshots.iter().enumerate().filter(|(number, _)| keep(*number));
+    recording.keep(first);
     BlackBox {
         header: Header { software: "test".to_owned(), ..Header::default() },
         config: toml::to_string(&bench.config).unwrap(),
         models: recording.models,
         offers: recording.offers,
-        snapshots: snapshots.map(|(_, snapshot)| *snapshot).collect(),
+        snapshots: recording.snapshots,
         ticks: recording.ticks,
+    }
+}
+
+/// From every snapshot to the end, after a file.
+fn assert_replayed(content: &BlackBox) {
+    let bytes = content.to_bytes().unwrap();
+    let mut content = BlackBox::from_bytes(&bytes, Path::new("session.box")).unwrap();
+    while !content.snapshots.is_empty() {
+        assert_eq!(replay(&content).unwrap().difference, None);
+        content.snapshots.remove(0);
     }
 }
 
@@ -117,30 +136,54 @@ fn adaptation_is_replayed_to_the_bit_through_a_swap_a_rollback_and_a_fault() {
     recording.interval = 3001;
     bench.recording = Some(recording);
     run_adapting_session(&mut bench, &second);
-    let mut recording = bench.recording.take().unwrap();
-    recording.keep(&first);
-    let adapted = recording.ticks.iter().filter_map(|tick| {
+    let content = recorded_by(&mut bench, &first);
+    let adapted = content.ticks.iter().filter_map(|tick| {
         let adaptation = tick.outputs.report.adaptation?;
         (adaptation.applied.zero != [0.0; 2]).then_some(adaptation.model)
     });
     let models: BTreeSet<_> = adapted.flatten().collect();
     assert_eq!(models.len(), 2, "both models were adapted");
-    let mut content = BlackBox {
-        header: Header { software: "test".to_owned(), ..Header::default() },
-        config: toml::to_string(&bench.config).unwrap(),
-        models: recording.models,
-        offers: recording.offers,
-        snapshots: recording.snapshots,
-        ticks: recording.ticks,
+    // In motion, between models, after the fault.
+    assert_replayed(&content);
+}
+
+/// Also a model that is staged, from what the slower threads know, sees the time that has passed.
+#[test]
+fn a_snake_creeps_while_the_controller_holds_and_that_is_replayed_to_the_bit() {
+    let creeping = |factor| {
+        let mut file = scaled_balance_model(factor).file().clone();
+        let FamilyParameters::ForceBalance { balance, .. } = &mut file.family else {
+            panic!("another family")
+        };
+        balance.creep = [0.05, 0.05, 0.05];
+        Arc::new(Model::from_file(file).unwrap())
     };
-    let bytes = content.to_bytes().unwrap();
-    content = BlackBox::from_bytes(&bytes, Path::new("session.box")).unwrap();
-    // From every snapshot to the end: in motion, between models, after the fault.
-    while !content.snapshots.is_empty() {
-        let replayed = replay(&content).unwrap();
-        assert_eq!(replayed.difference, None);
-        content.snapshots.remove(0);
-    }
+    let (first, second) = (creeping(1.0), creeping(1.01));
+    let mut bench = Bench::new(config(""), Some(Arc::clone(&first)));
+    let mut recording = Recording::default();
+    recording.interval = 901;
+    bench.recording = Some(recording);
+    bench.home();
+    bench.enable();
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    bench.idle();
+    bench.pose = Some(([0.1, 0.05, 0.0], 2));
+    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+    bench.idle();
+    let (targets, measured) = (bench.targets(), bench.joints().measured[0]);
+    bench.run(2000);
+    assert_eq!(bench.targets(), targets);
+    let crept = bench.joints().measured[0];
+    assert!(crept - measured > 1e-4, "{measured} {crept}");
+    bench.offer(bench.candidate(&first));
+    bench.run(2);
+    let staged = bench.change_model(ModelChange::Activate(first.id()), false);
+    assert_eq!(staged, Refusal::None);
+    let recalled = bench.joints().measured[0];
+    assert!((recalled - crept).abs() < 0.1 * (crept - measured), "{measured} {crept} {recalled}");
+    assert_eq!(bench.swap(&second), Refusal::None);
+    bench.run(500);
+    assert_replayed(&recorded_by(&mut bench, &first));
 }
 
 #[test]

@@ -105,6 +105,36 @@ fn assert_reached(model: &Model, centre: [f64; 2], at: [f64; 2], allowed: f64) {
     assert!(missed < allowed && !found.clipped, "{missed} deg at {at:?}: {found:?}");
 }
 
+/// It goes on while the motors hold still, whether that is looked at often or once; and after any
+/// time the inverse comes back to the counts.
+#[test]
+fn a_spring_that_creeps_gives_way_and_the_inverse_knows() {
+    let mut file = some_balance(2);
+    file.creep = [0.04, 0.02, 0.03];
+    let operator = ForceBalance::<2>::prepare(&file).unwrap();
+    let here = SVector::from([600.0, -400.0]);
+    let start = state_after(&operator, &[[600.0, -400.0]], 5.0);
+    let after = |steps: u32, step_s: f64| {
+        let mut state = start;
+        (0..steps).for_each(|_| operator.advance_over(&mut state, &here, step_s));
+        state
+    };
+    assert_eq!(operator.bend(&after(3, 0.0)), operator.bend(&start));
+    let bends = [after(10, 0.5), after(1, 5.0), after(1, f64::INFINITY)]
+        .map(|state| operator.bend(&state) - operator.bend(&start));
+    assert!((bends[0] - bends[1]).amax() < 0.1 * bends[1].amax(), "{bends:?}");
+    let forth = |bend: &SVector<f64, 2>| bend[0] - bend[1];
+    assert!(forth(&bends[0]) > 5.0 && forth(&bends[2]) > 1.2 * forth(&bends[0]), "{bends:?}");
+    for state in [start, after(7, 0.3), after(1, f64::INFINITY)] {
+        for at in [[600.0, -400.0], [700.0, -420.0], [500.0, 0.0], [-800.0, 700.0]] {
+            let goal = operator.virtual_counts(&state, &SVector::from(at));
+            let found = operator.invert(&state, &goal, 1.0);
+            let missed = (operator.virtual_counts(&state, &found) - goal).amax();
+            assert!(missed < 0.51, "{missed} counts at {at:?}");
+        }
+    }
+}
+
 #[test]
 fn a_file_without_yielding_stops_is_read() {
     let mut old = some_balance(1);
@@ -112,6 +142,7 @@ fn a_file_without_yielding_stops_is_read() {
     old.own_stops.iter_mut().for_each(|stop| stop.yields = false);
     let mut text = serde_json::to_value(&old).unwrap();
     assert!(text["own_stops"][0].get("yields").is_none());
+    assert!(text.get("creep").is_none());
     text.as_object_mut().unwrap().remove("friction_stays").unwrap();
     assert_eq!(serde_json::from_value::<BalanceParameters>(text).unwrap(), old);
 }

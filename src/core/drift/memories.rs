@@ -29,9 +29,9 @@ impl DriftMemories {
         &self.calibrated
     }
 
-    /// Moves on to a position. `wear` is the one in use.
-    pub fn advance(&mut self, model: &Model, position: &MotorVec, wear: &Wear) {
-        model.advance(&mut self.calibrated, position);
+    /// Moves on to a position, some time after the one before, s. `wear` is the one in use.
+    pub fn advance(&mut self, model: &Model, (position, time_s): (&MotorVec, f64), wear: &Wear) {
+        model.advance_over(&mut self.calibrated, position, time_s);
         let has_wires = self.calibrated.has_wires();
         for (index, shadow) in self.shadows.iter_mut().enumerate() {
             if is_worn(index, model, has_wires) {
@@ -39,7 +39,7 @@ impl DriftMemories {
                 more[index / 2][index % 2] += MORE[index / 2];
                 let [gap, slack, play] = more;
                 shadow.set_wear(&Wear { gap, slack, play });
-                model.advance(shadow, position);
+                model.advance_over(shadow, position, time_s);
             }
         }
     }

@@ -14,8 +14,9 @@ use crate::units::{MotorVec, OutputVec};
 /// A family of models with its numbers of motors and outputs hidden. The provided methods suit a
 /// family without memory.
 pub(in crate::model) trait Runtime: Debug + Send + Sync {
-    /// Advances the state of a memory to `counts`. The memory already contains this position.
-    fn advance(&self, _memory: &mut Memory, _counts: &MotorVec) {}
+    /// Advances the state of a memory to `counts` in a time, s. The memory already contains this
+    /// position.
+    fn advance(&self, _memory: &mut Memory, _counts: &MotorVec, _time_s: f64) {}
 
     /// The range that every motor must cover until earlier motion is forgotten, counts.
     fn conditioning_range(&self) -> MotorVec {

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 
-use crate::recording::{PathPoint, Recording};
+use crate::recording::Recording;
 
 /// The path of the motors from the first position on, and the samples along it.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,6 +13,8 @@ pub struct Series {
     motors: usize,
     outputs: usize,
     path: Vec<MotorVec>,
+    /// Of every position, the time since the one before, s.
+    times_s: Vec<f64>,
     samples: Vec<Sample>,
 }
 
@@ -33,11 +35,12 @@ impl Series {
         let rows = rows.iter().filter_map(|row| recording.rows().get(*row));
         let samples: Vec<Sample> = rows.map(Sample::from).collect();
         let end = samples.last().map_or(0, |sample| sample.path_index + 1);
-        let counts = |position: &PathPoint| position.counts;
+        let (path, times_s) = recording.steps(0..end).unzip();
         Self {
             motors: recording.motors(),
             outputs: recording.outputs().len(),
-            path: recording.path().iter().take(end).map(counts).collect(),
+            path,
+            times_s,
             samples,
         }
     }
@@ -64,6 +67,12 @@ impl Series {
     #[must_use]
     pub fn path(&self) -> &[MotorVec] {
         &self.path
+    }
+
+    /// The positions in order, each with the time since the one before, s; 0 in a recording without
+    /// time stamps.
+    pub fn steps(&self) -> impl Iterator<Item = (&MotorVec, f64)> {
+        self.path.iter().zip(self.times_s.iter().copied())
     }
 
     /// The samples, in the order of the path.

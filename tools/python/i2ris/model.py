@@ -174,13 +174,22 @@ class Model:
         return json.loads(self._native.json())
 
     @overload
-    def predict(self, counts: ArrayLike, return_std: Literal[False] = False) -> Floats: ...
+    def predict(self, counts: ArrayLike, return_std: Literal[False] = False, t_s: ArrayLike | None = None) -> Floats: ...
     @overload
-    def predict(self, counts: ArrayLike, return_std: Literal[True]) -> tuple[Floats, Floats]: ...
-    def predict(self, counts: ArrayLike, return_std: bool = False) -> Floats | tuple[Floats, Floats]:
+    def predict(
+        self, counts: ArrayLike, return_std: Literal[True], t_s: ArrayLike | None = None
+    ) -> tuple[Floats, Floats]: ...
+    def predict(
+        self, counts: ArrayLike, return_std: bool = False, t_s: ArrayLike | None = None
+    ) -> Floats | tuple[Floats, Floats]:
         """Angles along a path of the motors, deg; with ``return_std`` their standard deviations, too, as the regressors
-        of scikit-learn that know theirs. The memory begins with the first row."""
-        angles, deviations = self._native.predict(_table("counts", counts, (self._native.motors,)))
+        of scikit-learn that know theirs. The memory begins with the first row. A snake that creeps needs the times of
+        all rows."""
+        table = _table("counts", counts, (self._native.motors,))
+        times = np.zeros(len(table)) if t_s is None else _table("t_s", t_s, (1,))[:, 0]
+        if len(times) != len(table):
+            raise ValueError(f"t_s: has {len(times)} rows, and counts has {len(table)}")
+        angles, deviations = self._native.predict(table, np.diff(times, prepend=times[:1]).tolist())
         return (angles, deviations) if return_std else angles
 
     def invert(self, angles_deg: ArrayLike, history: ArrayLike | None = None) -> Floats:
@@ -329,13 +338,17 @@ class Calibration:
         return self.model_
 
     @overload
-    def predict(self, counts: ArrayLike, return_std: Literal[False] = False) -> Floats: ...
+    def predict(self, counts: ArrayLike, return_std: Literal[False] = False, t_s: ArrayLike | None = None) -> Floats: ...
     @overload
-    def predict(self, counts: ArrayLike, return_std: Literal[True]) -> tuple[Floats, Floats]: ...
-    def predict(self, counts: ArrayLike, return_std: bool = False) -> Floats | tuple[Floats, Floats]:
+    def predict(
+        self, counts: ArrayLike, return_std: Literal[True], t_s: ArrayLike | None = None
+    ) -> tuple[Floats, Floats]: ...
+    def predict(
+        self, counts: ArrayLike, return_std: bool = False, t_s: ArrayLike | None = None
+    ) -> Floats | tuple[Floats, Floats]:
         """See :meth:`Model.predict`."""
         model = self._fitted()
-        return model.predict(counts, return_std=True) if return_std else model.predict(counts)
+        return model.predict(counts, return_std=True, t_s=t_s) if return_std else model.predict(counts, t_s=t_s)
 
     def invert(self, angles_deg: ArrayLike, history: ArrayLike | None = None) -> Floats:
         """See :meth:`Model.invert`."""

@@ -2,7 +2,9 @@
 
 use super::{JointModel, Known, MAX_REPLAYED, Measured, NotFinite};
 use crate::core::drift::memories::DriftMemories;
-use crate::core::motion::joint_model::position_history::{NextEntry, PositionHistory};
+use crate::core::motion::joint_model::position_history::{
+    Entry, NextEntry, PositionHistory, newest_stamp,
+};
 use crate::core::motion::joint_model::velocity_estimate::filtered_velocity;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
@@ -24,10 +26,11 @@ impl JointModel {
         for replayed in 0..MAX_REPLAYED {
             match history.next_after(self.state.cursor) {
                 NextEntry::End => return replayed > 0,
-                NextEntry::Position(position, cursor) => {
-                    self.model.advance(&mut self.state.measured_memory, &position);
+                NextEntry::Position(Entry { position, time_s }, cursor) => {
+                    let memory = &mut self.state.measured_memory;
+                    self.model.advance_over(memory, &position, time_s);
                     if let Some(drift) = &mut drift {
-                        drift.advance(&self.model, &position, &self.wear());
+                        drift.advance(&self.model, (&position, time_s), &self.wear());
                     }
                     self.state.cursor = cursor;
                 }
@@ -128,8 +131,7 @@ impl JointModel {
         before: Option<Measured>,
     ) -> Result<(), NotFinite> {
         let positions = vector::collect(drives.iter().map(|drive| drive.position.as_f64()));
-        let stamps = drives.iter().map(|drive| drive.stamp);
-        let stamp = stamps.max().unwrap_or_default();
+        let stamp = newest_stamp(drives);
         let estimate =
             self.model.predict_with(&positions, &self.state.measured_memory, &self.known.measured);
         let mut estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::vector;
 use crate::drive::AxisFeedback;
-use crate::units::{MAX_MOTORS, MotorVec};
+use crate::units::{MAX_MOTORS, MotorVec, Nanos};
 
 /// Number of positions: one second at one per tick, four seconds at the rate of a serial line. They
 /// are stored in rows of 32: serde has no longer arrays.
@@ -31,7 +31,16 @@ pub(crate) struct PositionHistory {
     cursor: HistoryCursor,
     /// Sequence of the last feedback of every motor, so that a position is recorded once.
     sequences: [u64; MAX_MOTORS],
-    recent: [[MotorVec; ROWS]; ROWS],
+    /// When the newest position was read.
+    stamp: Nanos,
+    recent: [[Entry; ROWS]; ROWS],
+}
+
+/// A position, and the time since the one before.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct Entry {
+    pub position: MotorVec,
+    pub time_s: f64,
 }
 
 /// The entry after a cursor.
@@ -40,7 +49,7 @@ pub(super) enum NextEntry {
     /// There is none: the cursor is at the end.
     End,
     /// The next position, and its cursor.
-    Position(MotorVec, HistoryCursor),
+    Position(Entry, HistoryCursor),
     /// It has been overwritten, or the zero has moved since.
     Lost,
 }
@@ -50,7 +59,8 @@ impl PositionHistory {
         Self {
             cursor: HistoryCursor::default(),
             sequences: Default::default(),
-            recent: [[MotorVec::default(); ROWS]; ROWS],
+            stamp: Nanos::ZERO,
+            recent: [[Entry::default(); ROWS]; ROWS],
         }
     }
 
@@ -69,10 +79,16 @@ impl PositionHistory {
         if !has_new {
             return;
         }
+        let stamp = newest_stamp(drives);
+        let before = if self.cursor.recorded == 0 { stamp } else { self.stamp };
+        self.stamp = stamp;
         self.cursor.recorded += 1;
         let (row, column) = index(self.cursor.recorded);
         if let Some(entry) = self.recent.get_mut(row).and_then(|row| row.get_mut(column)) {
-            *entry = vector::collect(drives.iter().map(|drive| drive.position.as_f64()));
+            *entry = Entry {
+                position: vector::collect(drives.iter().map(|drive| drive.position.as_f64())),
+                time_s: stamp.duration_since(before).as_seconds(),
+            };
         }
     }
 
@@ -84,7 +100,7 @@ impl PositionHistory {
     /// The newest position.
     pub(super) fn newest(&self) -> Option<MotorVec> {
         let number = self.cursor.recorded;
-        self.entry(number).filter(|_| number > 0)
+        self.entry(number).filter(|_| number > 0).map(|entry| entry.position)
     }
 
     /// The entry after a cursor.
@@ -97,14 +113,18 @@ impl PositionHistory {
             return NextEntry::End;
         }
         let next = HistoryCursor { recorded: cursor.recorded + 1, ..cursor };
-        self.entry(next.recorded)
-            .map_or(NextEntry::Lost, |position| NextEntry::Position(position, next))
+        self.entry(next.recorded).map_or(NextEntry::Lost, |entry| NextEntry::Position(entry, next))
     }
 
-    fn entry(&self, number: u64) -> Option<MotorVec> {
+    fn entry(&self, number: u64) -> Option<Entry> {
         let (row, column) = index(number);
         self.recent.get(row)?.get(column).copied()
     }
+}
+
+/// When the newest of the positions was read.
+pub fn newest_stamp(drives: &[AxisFeedback]) -> Nanos {
+    drives.iter().map(|drive| drive.stamp).max().unwrap_or_default()
 }
 
 /// Row and column of an entry.
@@ -138,8 +158,8 @@ mod tests {
             match history.next_after(cursor) {
                 NextEntry::End => return Some(positions),
                 NextEntry::Lost => return None,
-                NextEntry::Position(position, next) => {
-                    positions.push(position[0]);
+                NextEntry::Position(entry, next) => {
+                    positions.push(entry.position[0]);
                     cursor = next;
                 }
             }

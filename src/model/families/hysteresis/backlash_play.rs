@@ -232,7 +232,7 @@ impl<const D: usize> Operator<D> for Plays<D> {
         }
     }
 
-    fn advance(&self, state: &mut PlayState, counts: &SVector<f64, D>) {
+    fn advance_over(&self, state: &mut PlayState, counts: &SVector<f64, D>, _time_s: f64) {
         state.position = array(counts);
         let position = state.position;
         let motors = state.outputs.iter_mut().zip(&self.motors);

@@ -157,10 +157,10 @@ where
     O: StoredOperator<D>,
     R: Regression<D, M>,
 {
-    fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
+    fn advance(&self, memory: &mut Memory, counts: &MotorVec, time_s: f64) {
         let counts = vector(&bounded(counts));
         match O::unpack_mut(&mut memory.state) {
-            Some(state) => self.operator.advance(state, &counts),
+            Some(state) => self.operator.advance_over(state, &counts, time_s),
             None => memory.state = O::pack(self.operator.begin(&counts)),
         }
     }

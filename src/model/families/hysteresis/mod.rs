@@ -34,8 +34,8 @@ use crate::units::MotorVec;
 /// The most normalised lags of an operator; see [`Lags`].
 pub const MAX_LAGS: usize = 64;
 
-/// A hysteresis operator on D motors. It is rate-independent: its state depends on the path of the
-/// motors, not on their speed.
+/// A hysteresis operator on D motors. Its state depends on the path of the motors. Only elements
+/// that creep see the time that it takes; without them an operator is rate-independent.
 ///
 /// Every method is suitable for the control loop: bounded work, no allocation, no panic. Finite
 /// counts give finite results.
@@ -52,8 +52,13 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
     /// as possible.
     fn begin(&self, counts: &SVector<f64, D>) -> Self::State;
 
-    /// Advances the state by a straight motion to `counts`.
-    fn advance(&self, state: &mut Self::State, counts: &SVector<f64, D>);
+    /// Advances the state by a straight motion to `counts` that takes so long, s.
+    fn advance_over(&self, state: &mut Self::State, counts: &SVector<f64, D>, time_s: f64);
+
+    /// The same in no time.
+    fn advance(&self, state: &mut Self::State, counts: &SVector<f64, D>) {
+        self.advance_over(state, counts, 0.0);
+    }
 
     /// The virtual counts and their derivative after a straight motion from the state to `counts`.
     /// They increase: the principal minors of the derivative are positive, so no two positions have

@@ -210,7 +210,7 @@ impl<const D: usize, const M: usize> Regression<D, M> for At<'_, D, M> {
 }
 
 impl<const D: usize, const M: usize> Runtime for Network<D, M> {
-    fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
+    fn advance(&self, memory: &mut Memory, counts: &MotorVec, _time_s: f64) {
         let counts = bounded(counts);
         match &mut memory.state {
             State::Network(state) => self.walk(state, &counts),

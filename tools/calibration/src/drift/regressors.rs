@@ -33,14 +33,14 @@ pub(super) fn points(
     let mut shadows = [model.new_memory(); MAX_MOTORS];
     let (mut points, mut first_known, mut next) = (Vec::new(), None, 0);
     for (index, row) in recording.rows().iter().enumerate() {
-        for position in &recording.path()[next..=row.path_index] {
+        for (counts, time_s) in recording.steps(next..row.path_index + 1) {
             memory.set_gap_scale(scale);
-            model.advance(&mut memory, &position.counts);
+            model.advance_over(&mut memory, counts, time_s);
             for (motor, shadow) in shadows.iter_mut().enumerate() {
                 let mut wider = *scale;
                 wider[motor] += WIDER;
                 shadow.set_gap_scale(&wider);
-                model.advance(shadow, &position.counts);
+                model.advance_over(shadow, counts, time_s);
             }
         }
         next = row.path_index + 1;

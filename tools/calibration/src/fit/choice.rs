@@ -37,6 +37,9 @@ const TICKS: usize = 4000;
 const TURNING_TICKS: usize = 800;
 const SETTLING: usize = 400;
 
+/// The time of a tick, which snakes that creep see, s.
+const TICK_S: f64 = 0.02;
+
 /// The motors move by at most this part of the hull in a tick.
 const FASTEST: f64 = 0.02;
 
@@ -242,8 +245,8 @@ impl Candidate {
 fn track(model: &Model, plant: &Model, goals: &Goals) -> Candidate {
     let (mut known, mut real) = (model.new_memory(), plant.new_memory());
     for counts in &goals.path.turns {
-        model.advance(&mut known, counts);
-        plant.advance(&mut real, counts);
+        model.advance_over(&mut known, counts, TICK_S);
+        plant.advance_over(&mut real, counts, TICK_S);
     }
     let mut counts = goals.path.turns.last().copied().unwrap_or_default();
     let (mut squares, mut travel) = (Vec::with_capacity(TICKS), 0.0);
@@ -254,8 +257,8 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Candidate {
             let fastest = FASTEST * goals.path.half_ranges[motor];
             next[motor] += (target[motor] - counts[motor]).clamp(-fastest, fastest);
         }
-        model.advance(&mut known, &next);
-        plant.advance(&mut real, &next);
+        model.advance_over(&mut known, &next, TICK_S);
+        plant.advance_over(&mut real, &next, TICK_S);
         let reached = plant.predict(&next, &real).mean;
         if tick >= SETTLING {
             travel += ExaminationPath::distance(&counts, &next);

@@ -29,8 +29,8 @@ pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUT
 pub(super) fn along(model: &Model, recording: &Recording, mut at: impl FnMut(usize, &Memory)) {
     let (mut memory, mut next) = (model.new_memory(), 0);
     for (index, row) in recording.rows().iter().enumerate() {
-        for position in recording.path().get(next..=row.path_index).unwrap_or_default() {
-            model.advance(&mut memory, &position.counts);
+        for (counts, time_s) in recording.steps(next..row.path_index + 1) {
+            model.advance_over(&mut memory, counts, time_s);
         }
         next = row.path_index + 1;
         at(index, &memory);

@@ -1,6 +1,7 @@
 //! A recording in memory.
 
 use std::fmt::Write as _;
+use std::ops::Range;
 
 use i2ris::model::file::OutputSpec;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
@@ -92,6 +93,18 @@ impl Recording {
     #[must_use]
     pub fn path(&self) -> &[PathPoint] {
         &self.path
+    }
+
+    /// The positions at some places of the path, each with the time since the one before, s: what a
+    /// model advances over. Without time stamps that is 0.
+    pub fn steps(&self, places: Range<usize>) -> impl Iterator<Item = (&MotorVec, f64)> {
+        let before = self.path.get(places.start.wrapping_sub(1)).or(self.path.first());
+        let mut before = before.and_then(|point| point.time_s);
+        self.path.get(places).unwrap_or_default().iter().map(move |point| {
+            let span = point.time_s.zip(before).map_or(0.0, |(time, before)| time - before);
+            before = point.time_s;
+            (&point.counts, span)
+        })
     }
 
     /// The rows with outputs, in the order of the file.

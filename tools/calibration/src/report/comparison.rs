@@ -152,8 +152,8 @@ impl ComparedModel {
 fn doubts(model: &Model, recording: &Recording) -> Vec<[bool; 2]> {
     let (mut memory, mut next) = (model.new_memory(), 0);
     let mut doubt = |row: &crate::recording::Row| {
-        for point in &recording.path()[next..=row.path_index] {
-            model.advance(&mut memory, &point.counts);
+        for (counts, time_s) in recording.steps(next..row.path_index + 1) {
+            model.advance_over(&mut memory, counts, time_s);
         }
         next = row.path_index + 1;
         [!model.knows(&memory), !model.hull().contains(&row.counts)]

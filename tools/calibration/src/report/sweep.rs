@@ -9,6 +9,9 @@ use super::fit::{Branches, Straight};
 /// Positions of the rising half, and of the falling half.
 const POSITIONS: usize = 160;
 
+/// Time from one to the next, which snakes that creep see, s.
+const POSITION_S: f64 = 0.05;
+
 /// Sweeps before the one that counts: they make the memory independent of the past.
 const SWEEPS_BEFORE: usize = 3;
 
@@ -61,7 +64,7 @@ pub(super) fn branches(model: &Model, output: usize, straight: &Straight, unit: 
     let sweep = Sweep::new(model.hull(), straight.direction());
     let mut memory = model.new_memory();
     let mut point = |counts: MotorVec| {
-        model.advance(&mut memory, &counts);
+        model.advance_over(&mut memory, &counts, POSITION_S);
         let mean = model.predict(&counts, &memory).mean[output] / unit;
         [straight.along(&counts), mean, straight.at(&counts)]
     };

@@ -44,8 +44,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let (si, mut unknown) = (si(&model), 0_usize);
     let mut rows = Vec::with_capacity(table.len());
+    let mut before = table.first().and_then(|row| row.time_s);
     for row in &table {
-        model.advance(&mut memory, &row.counts);
+        let time_s = row.time_s.zip(before).map_or(0.0, |(time, before)| time - before);
+        model.advance_over(&mut memory, &row.counts, time_s);
+        before = row.time_s;
         unknown += usize::from(!model.knows(&memory));
         let angles = model.predict(&row.counts, &memory).mean;
         let angles = angles.iter().take(model.outputs()).map(|angle| angle / si);

@@ -6,7 +6,7 @@ use std::time::UNIX_EPOCH;
 use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, FitMetrics};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use i2ris::model::hysteresis::force_balance::BalanceParameters;
+use i2ris::model::hysteresis::force_balance::{BalanceParameters, CREEPING};
 use i2ris::model::hysteresis::residual::ResidualParameters;
 use i2ris::wall_clock::WallTime;
 use serde_json::json;
@@ -229,6 +229,10 @@ fn balance_table(balance: &BalanceParameters) {
                 balance.counts_per_turn
             );
         }
+    }
+    if balance.creep != [0.0; CREEPING] {
+        let parts = balance.creep.map(|part| format!("{part:.3}")).join(", ");
+        println!("creep   over 0.5, 5 and 50 s, as parts of the stiffness of a wire: {parts}");
     }
 }
 

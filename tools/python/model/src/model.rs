@@ -82,11 +82,13 @@ impl Model {
         (found.error, found.travel)
     }
 
-    /// Angles along a path of the motors, and their standard deviations, deg.
+    /// Angles along a path of the motors, and their standard deviations, deg. `times_s`: of every
+    /// row, the time since the one before.
     fn predict<'py>(
         &self,
         py: Python<'py>,
         counts: PyReadonlyArray2<'py, f64>,
+        times_s: Vec<f64>,
     ) -> (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>) {
         let counts = counts.as_array().to_owned();
         let (angles, deviations) = py.detach(|| {
@@ -95,7 +97,8 @@ impl Model {
             let (mut angles, mut deviations) = (Array2::zeros(shape), Array2::zeros(shape));
             for row in 0..counts.nrows() {
                 let at = motors(&counts.view(), row);
-                self.0.advance(&mut memory, &at);
+                let time_s = times_s.get(row).copied().unwrap_or(0.0);
+                self.0.advance_over(&mut memory, &at, time_s);
                 let found = self.0.predict(&at, &memory);
                 for (output, deviation) in found.deviation().iter().enumerate().take(shape.1) {
                     angles[(row, output)] = found.mean[output] / self.si();
@@ -190,11 +193,12 @@ fn check(name: &str, values: &[f64], wanted: usize) -> PyResult<()> {
 
 #[pymethods]
 impl Tracker {
-    /// The motors are at these counts now.
-    fn advance(&mut self, counts: Vec<f64>) -> PyResult<()> {
+    /// The motors are at these counts now, so long after the call before.
+    #[pyo3(signature = (counts, time_s=0.0))]
+    fn advance(&mut self, counts: Vec<f64>, time_s: f64) -> PyResult<()> {
         check("counts", &counts, self.model.0.motors())?;
         self.at = std::array::from_fn(|motor| counts.get(motor).copied().unwrap_or(0.0));
-        self.model.0.advance(&mut self.memory, &self.at);
+        self.model.0.advance_over(&mut self.memory, &self.at, time_s);
         Ok(())
     }
 

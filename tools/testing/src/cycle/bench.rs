@@ -222,7 +222,8 @@ impl Bench {
         }
         if mark != self.mark {
             let position = self.out.report.feedback.map(|drive| drive.position.as_f64());
-            self.history.note(&position);
+            let time_s = self.config.control.period().as_seconds();
+            self.history.note_over(&position, time_s);
             self.mark = mark;
         }
     }

@@ -8,7 +8,7 @@ use i2ris::model::file::{
 };
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::force_balance::{
-    BalanceMotor, BalanceParameters, BalanceStop, USUAL_TURN,
+    BalanceMotor, BalanceParameters, BalanceStop, CREEPING, USUAL_TURN,
 };
 use i2ris::units::OutputVec;
 use std::process::Command;
@@ -238,6 +238,7 @@ pub fn scaled_balance_model(factor: f64) -> Arc<Model> {
             softness: 1.0,
             friction_stays: 0.0,
             shared_growth: 0.0,
+            creep: [0.0; CREEPING],
             counts_per_turn: USUAL_TURN,
         },
         read_out: PolynomialParameters {

@@ -3,7 +3,7 @@
 use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile, PolynomialParameters};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::force_balance::{
-    BalanceMotor, BalanceParameters, BalanceStop, USUAL_TURN,
+    BalanceMotor, BalanceParameters, BalanceStop, CREEPING, USUAL_TURN,
 };
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
 use proptest::collection::vec;
@@ -84,6 +84,7 @@ fn balance_of(
         softness: 8.0,
         friction_stays: 0.3,
         shared_growth: other(0.2),
+        creep: [0.0; CREEPING],
         counts_per_turn: USUAL_TURN,
     }
 }

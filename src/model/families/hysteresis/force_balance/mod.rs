@@ -12,6 +12,10 @@
 //! - **bend** `u`: the travel that the bend of the snake takes up, by motor.
 //! - **stretch** `e = x - u`. The **tension** of the two wires of a motor is `k+ c(P+ + e)` and
 //!   `k- c(P- - e)`; `c(y) = max(0, y)`, rounded over a softness `w` on both sides of 0.
+//! - **creep** `a_k`: stiffness of an element of the spring that resists a bend at once and forgets
+//!   it over a time `tau_k` of 0.5, 5 or 50 s (a Maxwell element; W. N. Findley, J. S. Lai, K.
+//!   Onaran, "Creep and Relaxation of Nonlinear Viscoelastic Materials", 1976): `w_k` is the bend
+//!   that it has got used to, `w_k' = (u - w_k) / tau_k`.
 //! - **transmission error**: what the pulley is ahead of the motor, once and twice a turn.
 //! - **preload** `P`: the stretch of a wire of a straight snake at rest; below 0 it is slack. It
 //!   grows with the squares of both bends: the path of a wire through a bent snake is another one.
@@ -24,7 +28,7 @@
 //!
 //! ```text
 //! k+ c(P+ + e) - k- c(P- - e) + eps e = s u (1 + h (u/R)^2 + h_other (u_other/R)^2)
-//!                                       + sum own stops + sum shared stops
+//!                                       + sum a_k (u - w_k) + sum own stops + sum shared stops
 //! limit of own stop k = share_k (1 +- sense) pose (base + mu+ T+ + mu- T- + nu T_other)
 //! pose = 1 + a |u_i|/R + b |u_j|/R + c u_i/R
 //! limit of shared stop k = share_k (base + |(mu T)|) (1 + d |u|/R)
@@ -38,6 +42,11 @@
 //! With them both sides are monotone functions of the bend: there is exactly one balance, and it
 //! rises with every motor. A semi-smooth Newton method with a line search finds it (L. Qi and J.
 //! Sun 1993).
+//!
+//! A step takes a time. Its `w_k` are those at its end, as if the snake had been at the bend for all
+//! of it (implicit Euler): so the balance is one with less stiff elements, in a long time without
+//! them, and it changes with time also while no motor moves. A motion is taken to be uniform, and
+//! `local`, the inverse and a state that begins see no time pass.
 //!
 //! The inverse needs no search: a bend gives the forces that hold it, these give the stretch of the
 //! wires, the pulleys, and the motors, each across its gap in the direction of its motion. So a gap
@@ -69,13 +78,13 @@ mod wires;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::{Operator, StoredOperator};
+use super::Operator;
 use crate::model::error::ModelError;
-use crate::model::families::memory::State;
 use crate::model::maths::regression::{Local, array, vector};
 use crate::units::MotorVec;
 pub use parameters::{
-    BalanceMotor, BalanceParameters, BalanceStop, OWN_STOPS, REACH, SHARED_STOPS, USUAL_TURN,
+    BalanceMotor, BalanceParameters, BalanceStop, CREEPING, OWN_STOPS, REACH, SHARED_STOPS,
+    USUAL_TURN,
 };
 pub use state::BalanceState;
 use state::Limits;
@@ -89,6 +98,11 @@ const COARSE_STEP: f64 = 20.0;
 /// A longer step takes its limits from its middle: a motion in long steps, as those of a
 /// recording, ends nearer to one in those of a tick.
 const TICK: f64 = 4.0;
+
+/// The longest step of a spring that creeps, s, and the most of them: as it gives way the tension
+/// falls, and friction with it.
+const STEP_S: f64 = 0.25;
+const MAX_CREEP_STEPS: f64 = 8.0;
 
 /// The most steps of one advance. A longer motion uses longer steps.
 const MAX_STEPS: u32 = 64;
@@ -107,6 +121,8 @@ pub struct ForceBalance<const D: usize> {
     shared: [Stop; SHARED_STOPS],
     shared_count: usize,
     shared_growth: f64,
+    creep: [f64; CREEPING],
+    has_creep: bool,
     /// Turn of a motor per count, rad, and whether any motor has a transmission error.
     turn_per_count: f64,
     has_transmission_error: bool,
@@ -138,6 +154,8 @@ impl<const D: usize> ForceBalance<D> {
             shared: std::array::from_fn(|k| stops(&file.shared_stops, k)),
             shared_count: file.shared_stops.len(),
             shared_growth: file.shared_growth,
+            creep: file.creep,
+            has_creep: file.creep != [0.0; CREEPING],
             turn_per_count: std::f64::consts::TAU / file.counts_per_turn,
             has_transmission_error: motors.iter().any(|it| it.transmission_error != [0.0; 4]),
             loose_stiffness: file.loose_stiffness,
@@ -225,17 +243,21 @@ impl<const D: usize> ForceBalance<D> {
         &self,
         state: &BalanceState,
         counts: &SVector<f64, D>,
-    ) -> impl Iterator<Item = (f64, SVector<f64, D>)> + use<D> {
+        time_s: f64,
+    ) -> impl ExactSizeIterator<Item = (f64, SVector<f64, D>)> + use<D> {
         let (from, to) = (self.driven(&vector(&state.position)), self.driven(counts));
         let motion = to - from;
         let longest = if self.is_coarse { COARSE_STEP } else { STEP };
-        let steps = (motion.amax() / longest).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
+        let steps = (motion.amax() / longest).ceil().clamp(1.0, f64::from(MAX_STEPS)) as usize;
+        let crept =
+            if self.has_creep { (time_s / STEP_S).ceil().min(MAX_CREEP_STEPS) } else { 0.0 };
+        let steps = if steps > 0 { steps.max(crept as usize) } else { 0 };
         // The last step ends at the counts to the bit: a pulley that a rounded sum leaves beside
         // them would move again at the same counts.
-        (1..=steps).map(move |step| match step {
+        (0..steps).map(move |step| match step + 1 {
             last if last == steps => (1.0, to),
-            _ => {
-                let part = f64::from(step) / f64::from(steps);
+            step => {
+                let part = step as f64 / steps as f64;
                 (part, from + motion * part)
             }
         })
@@ -271,29 +293,31 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
     type State = BalanceState;
     type Origin<'a> = BalanceOrigin<'a, D>;
 
-    /// Pulleys in the middle of their gaps, all stops centred.
+    /// Pulleys in the middle of their gaps, all stops centred, all that creeps at rest.
     fn begin(&self, counts: &SVector<f64, D>) -> BalanceState {
         let pulleys = self.driven(counts);
         let travel = self.travel(&pulleys);
         let mut state = BalanceState::at(&array(counts), &array(&pulleys));
         state.bend = array(&travel.component_mul(&self.gain));
-        let limits = self.limits(&state).without_friction();
+        let limits = self.limits(&state).without_friction().over([1.0; CREEPING]);
         let bend = self.solve(&state, &limits, &travel);
         self.store(&mut state, &limits, &travel, &bend);
         state
     }
 
-    fn advance(&self, state: &mut BalanceState, counts: &SVector<f64, D>) {
-        for (_, position) in self.steps(state, counts) {
+    fn advance_over(&self, state: &mut BalanceState, counts: &SVector<f64, D>, time_s: f64) {
+        let steps = self.steps(state, counts, time_s);
+        let passed = self.passed(time_s / steps.len() as f64);
+        for (_, position) in steps {
             let pulleys = self.drag(state, &position);
-            if array(&pulleys) == state.pulley {
+            if array(&pulleys) == state.pulley && passed == [0.0; CREEPING] {
                 continue;
             }
-            let mut limits = self.limits(state);
+            let mut limits = self.limits(state).over(passed);
             if let Some(middle) = self.middle(state, &pulleys) {
                 let mut half = *state;
                 self.step(&mut half, &limits, &middle);
-                limits = self.limits(&half);
+                limits = self.limits(&half).over(passed);
             }
             self.step(state, &limits, &pulleys);
             state.pulley = array(&pulleys);
@@ -373,25 +397,5 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
             CONDITIONING_MARGIN * travel / motor.travel_per_count
         });
         array(&vector::<D>(&range))
-    }
-}
-
-impl<const D: usize> StoredOperator<D> for ForceBalance<D> {
-    fn pack(state: BalanceState) -> State {
-        State::Balance(state)
-    }
-
-    fn unpack(state: &State) -> Option<&BalanceState> {
-        match state {
-            State::Balance(state) => Some(state),
-            _ => None,
-        }
-    }
-
-    fn unpack_mut(state: &mut State) -> Option<&mut BalanceState> {
-        match state {
-            State::Balance(state) => Some(state),
-            _ => None,
-        }
     }
 }

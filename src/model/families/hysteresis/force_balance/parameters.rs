@@ -15,6 +15,10 @@ pub const SHARED_STOPS: usize = 4;
 /// the pulley would turn back while the motor does not.
 const MOST_TRANSMISSION: f64 = 0.5;
 
+/// Creeping elements, and their times, s.
+pub const CREEPING: usize = 3;
+pub(super) const TIMES_S: [f64; CREEPING] = [0.5, 5.0, 50.0];
+
 /// The bend to which growth with the bend refers, units of travel: half the range of a calibration.
 pub const REACH: f64 = 1000.0;
 
@@ -46,6 +50,10 @@ pub struct BalanceParameters {
     /// Part of the friction above its limit that stays while the limit falls, 0 to 1.
     #[serde(default)]
     pub friction_stays: f64,
+    /// Stiffnesses of the elements of the spring that creep, not negative, the quickest first: they
+    /// resist a bend at once, and forget it over 0.5, 5 and 50 s.
+    #[serde(default, skip_serializing_if = "are_zero")]
+    pub creep: [f64; CREEPING],
     /// Counts of a turn of a motor, to which its transmission error refers.
     #[serde(default = "usual_turn", skip_serializing_if = "is_usual_turn")]
     pub counts_per_turn: f64,
@@ -113,12 +121,12 @@ pub struct BalanceMotor {
     pub friction_asymmetry: f64,
     /// Transmission error of the gear: what the pulley is ahead of the motor, by the sine and the
     /// cosine of the turn of the motor, then by those of twice the turn.
-    #[serde(default, skip_serializing_if = "is_exact")]
+    #[serde(default, skip_serializing_if = "are_zero")]
     pub transmission_error: [f64; 4],
 }
 
-fn is_exact(error: &[f64; 4]) -> bool {
-    error.iter().all(is_zero)
+fn are_zero(values: &[f64]) -> bool {
+    values.iter().all(is_zero)
 }
 
 /// One stop.
@@ -164,6 +172,9 @@ impl BalanceParameters {
         within(self.softness, LEAST, LARGEST, "softness")?;
         within(self.friction_stays, 0.0, 1.0, "friction_stays")?;
         within(self.shared_growth, -LARGEST, LARGEST, "shared_growth")?;
+        for stiffness in self.creep {
+            within(stiffness, 0.0, LARGEST, "creep")?;
+        }
         within(self.counts_per_turn, 1.0, LARGEST, "counts_per_turn")?;
         for (index, motor) in self.motors.iter().enumerate() {
             let [sine, cosine, twice_sine, twice_cosine] = motor.transmission_error;

@@ -6,7 +6,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::parameters::{OWN_STOPS, REACH, SHARED_STOPS};
+use super::parameters::{CREEPING, OWN_STOPS, REACH, SHARED_STOPS};
 use super::state::{BalanceState, Limits};
 use super::wires::{Force, Wires};
 use super::{BalanceParameters, ForceBalance};
@@ -26,8 +26,10 @@ const SOFTNESS: usize = LOOSE + 1;
 const STAYS: usize = SOFTNESS + 1;
 const SHARED_GROWTH: usize = STAYS + 1;
 
+const CREEP: usize = SHARED_GROWTH + 1;
+
 /// Parameters of two motors. Those of a second motor that there is not change nothing.
-pub const NUMBERS: usize = SHARED_GROWTH + 1;
+pub const NUMBERS: usize = CREEP + CREEPING;
 
 /// Derivatives by all parameters.
 pub type Slopes = SVector<f64, NUMBERS>;
@@ -82,6 +84,7 @@ impl BalanceParameters {
         numbers[SOFTNESS] = self.softness;
         numbers[STAYS] = self.friction_stays;
         numbers[SHARED_GROWTH] = self.shared_growth;
+        numbers.fixed_rows_mut::<CREEPING>(CREEP).copy_from_slice(&self.creep);
         numbers
     }
 }
@@ -128,6 +131,7 @@ pub struct SensitiveState<const D: usize> {
     tension: [[Slopes; 2]; D],
     own: [[Slopes; OWN_STOPS]; D],
     shared: [[Slopes; D]; SHARED_STOPS],
+    crept: [[Slopes; CREEPING]; D],
 }
 
 impl<const D: usize> SensitiveState<D> {
@@ -158,6 +162,7 @@ impl<const D: usize> ForceBalance<D> {
             tension: [[none; 2]; D],
             own: [[none; OWN_STOPS]; D],
             shared: [[none; D]; SHARED_STOPS],
+            crept: [[none; CREEPING]; D],
         };
         at.state.bend = array(&travel.component_mul(&self.gain));
         for (i, by) in at.pulley.iter_mut().enumerate() {
@@ -173,7 +178,7 @@ impl<const D: usize> ForceBalance<D> {
             at.bend[i][places.at(WIRE + 1)] += by_taut;
             at.bend[i][places.at(SPRING)] -= travel[i] * taut / (taut + motor.spring).powi(2);
         }
-        let limits = self.limits(&at.state).without_friction();
+        let limits = self.limits(&at.state).without_friction().over([1.0; CREEPING]);
         let mut by_limits = self.limit_slopes(&at);
         by_limits.own = [[none; 2]; D];
         by_limits.shared = none;
@@ -181,13 +186,20 @@ impl<const D: usize> ForceBalance<D> {
         at
     }
 
-    /// `Operator::advance` with derivatives.
-    pub fn advance_sensitive(&self, at: &mut SensitiveState<D>, counts: &SVector<f64, D>) {
+    /// `Operator::advance_over` with derivatives.
+    pub fn advance_sensitive(
+        &self,
+        at: &mut SensitiveState<D>,
+        counts: &SVector<f64, D>,
+        time_s: f64,
+    ) {
         let turns: [[[f64; 4]; 2]; D] =
             std::array::from_fn(|i| [self.turn(at.state.position[i]), self.turn(counts[i])]);
-        for (part, position) in self.steps(&at.state, counts) {
+        let steps = self.steps(&at.state, counts, time_s);
+        let passed = self.passed(time_s / steps.len() as f64);
+        for (part, position) in steps {
             let pulleys = self.drag(&at.state, &position);
-            if array(&pulleys) == at.state.pulley {
+            if array(&pulleys) == at.state.pulley && passed == [0.0; CREEPING] {
                 continue;
             }
             let before = at.pulley;
@@ -201,12 +213,15 @@ impl<const D: usize> ForceBalance<D> {
                     Self::add_turn(&mut at.pulley[i], i, turn);
                 }
             }
-            let (mut limits, mut by_limits) = (self.limits(&at.state), self.limit_slopes(at));
+            let known = |at: &SensitiveState<D>| {
+                (self.limits(&at.state).over(passed), self.limit_slopes(at))
+            };
+            let (mut limits, mut by_limits) = known(at);
             if let Some(middle) = self.middle(&at.state, &pulleys) {
                 let mut half = at.clone();
                 let by_middle = std::array::from_fn(|i| (before[i] + at.pulley[i]) * 0.5);
                 self.step_sensitive(&mut half, (&limits, &by_limits), (&middle, &by_middle));
-                (limits, by_limits) = (self.limits(&half.state), self.limit_slopes(&half));
+                (limits, by_limits) = known(&half);
             }
             let by_pulleys = at.pulley;
             self.step_sensitive(at, (&limits, &by_limits), (&pulleys, &by_pulleys));
@@ -274,6 +289,13 @@ impl<const D: usize> ForceBalance<D> {
                 by_rest -= slopes * self.own[k].stiffness;
                 by_rest[OWN_STIFFNESS + k] -= deflection;
             }
+            if self.has_creep {
+                for (k, by_crept) in at.crept[i].iter().enumerate() {
+                    by_rest += by_crept * limits.late[k];
+                    by_rest[CREEP + k] -=
+                        (1.0 - limits.passed[k]) * (bend[i] - at.state.crept[i][k]);
+                }
+            }
             for (k, deflections) in shared.iter().enumerate() {
                 let (deflection, slopes) = &deflections[i];
                 by_rest -= slopes * self.shared[k].stiffness;
@@ -294,6 +316,11 @@ impl<const D: usize> ForceBalance<D> {
         for i in 0..D {
             let own = self.own_slopes(at, i, (limits, by_limits), (bend[i], &by_moved[i]));
             at.own[i] = own.map(|(_, slopes)| slopes);
+            if self.has_creep {
+                for (by_crept, passed) in at.crept[i].iter_mut().zip(limits.passed) {
+                    *by_crept += (by_bend[i] - *by_crept) * passed;
+                }
+            }
             let by_stretch = by_travel[i] - by_bend[i];
             let wires = self.wires(i, limits);
             at.tension[i] =

@@ -42,6 +42,12 @@ impl<const D: usize> ForceBalance<D> {
             let by_other = 1.0 + limits.hardened[i];
             let mut force = motor.spring * bend[i] * (by_other + hardened);
             let mut slope = motor.spring * (by_other + 3.0 * hardened);
+            if self.has_creep {
+                for (crept, late) in state.crept[i].iter().zip(limits.late) {
+                    force += late * (bend[i] - crept);
+                    slope += late;
+                }
+            }
             let moved = bend[i] - state.bend[i];
             for (deflection, stop) in state.own[i].iter().zip(&self.own) {
                 let held = stop.moved(*deflection, moved, limits.own[i], limits.stays);

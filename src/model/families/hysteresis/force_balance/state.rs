@@ -4,9 +4,11 @@ use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 use super::ForceBalance;
-use super::parameters::{OWN_STOPS, REACH, SHARED_STOPS};
+use super::parameters::{CREEPING, OWN_STOPS, REACH, SHARED_STOPS, TIMES_S};
 use super::wires::Wires;
 use crate::model::families::gap_scale::UNSCALED;
+use crate::model::families::hysteresis::StoredOperator;
+use crate::model::families::memory::State;
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// Factors on friction stay above this, however far a snake is bent.
@@ -16,13 +18,14 @@ pub(super) const LEAST_FACTOR: f64 = 0.1;
 /// readings that were wrong the wires must not be so tight that nothing moves any more.
 pub(super) const FARTHEST: f64 = 1.5;
 
-/// A bend relative to [`REACH`], as far as preload and friction grow with it.
+/// A bend relative to [`REACH`], as far as preload and friction grow with it, and spring creeps.
 #[inline]
 pub(super) fn grown(bend: f64) -> f64 {
     (bend / REACH).clamp(-FARTHEST, FARTHEST)
 }
 
-/// Positions of motors and pulleys, bend, tension of the wires, and deflections of all stops.
+/// Positions of motors and pulleys, bend, tension of the wires, deflections of all stops, and the
+/// bends that creeping elements have seen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BalanceState {
     /// Counts.
@@ -33,6 +36,7 @@ pub struct BalanceState {
     pub(super) tension: [[f64; 2]; MAX_MOTORS],
     pub(super) own: [[f64; OWN_STOPS]; MAX_MOTORS],
     pub(super) shared: [MotorVec; SHARED_STOPS],
+    pub(super) crept: [[f64; CREEPING]; MAX_MOTORS],
     /// Factor on gap, slack and friction of every motor: 1 as calibrated.
     pub(in crate::model) gap_scale: MotorVec,
     /// On top of that: loss of preload of both wires, and growth of the gap.
@@ -50,6 +54,7 @@ impl BalanceState {
             tension: [[0.0; 2]; MAX_MOTORS],
             own: [[0.0; OWN_STOPS]; MAX_MOTORS],
             shared: [MotorVec::default(); SHARED_STOPS],
+            crept: [[0.0; CREEPING]; MAX_MOTORS],
             gap_scale: UNSCALED,
             slack: MotorVec::default(),
             play: MotorVec::default(),
@@ -77,6 +82,9 @@ pub(super) struct Limits<const D: usize> {
     pub hardened: [f64; D],
     /// Part of the friction above a limit that stays.
     pub stays: f64,
+    /// What creeping elements take over of the way to the bend, and what stiffness that leaves them.
+    pub passed: [f64; CREEPING],
+    pub late: [f64; CREEPING],
 }
 
 impl<const D: usize> Limits<D> {
@@ -84,10 +92,24 @@ impl<const D: usize> Limits<D> {
     pub fn without_friction(&self) -> Self {
         Self { own: [[0.0; 2]; D], shared: 0.0, stays: 0.0, ..*self }
     }
+
+    /// In a step that takes some time.
+    pub fn over(mut self, passed: [f64; CREEPING]) -> Self {
+        for (late, passed) in self.late.iter_mut().zip(passed) {
+            *late *= 1.0 - passed;
+        }
+        Self { passed, ..self }
+    }
 }
 
 impl<const D: usize> ForceBalance<D> {
-    /// Preload and limits for a step from a state.
+    /// What creeping elements take over of the way to a bend in some time, s.
+    pub(super) fn passed(&self, time_s: f64) -> [f64; CREEPING] {
+        let is_nothing = !self.has_creep || time_s == 0.0;
+        TIMES_S.map(|all_s| if is_nothing { 0.0 } else { -(-time_s / all_s).exp_m1() })
+    }
+
+    /// Preload and limits for a step from a state, in no time.
     pub(super) fn limits(&self, state: &BalanceState) -> Limits<D> {
         let relative: [f64; D] = std::array::from_fn(|i| grown(state.bend[i]));
         let mut limits = Limits {
@@ -96,6 +118,8 @@ impl<const D: usize> ForceBalance<D> {
             shared: 0.0,
             hardened: [0.0; D],
             stays: self.stays,
+            passed: [0.0; CREEPING],
+            late: self.creep,
         };
         let (mut base, mut squared_load) = (0.0, 0.0);
         for (i, motor) in self.motors.iter().enumerate() {
@@ -157,6 +181,10 @@ impl<const D: usize> ForceBalance<D> {
                 *deflection = held.deflection;
             }
             state.tension[i] = self.wires(i, limits).tensions(travel[i] - bend[i]);
+            let used_to = REACH * grown(bend[i]);
+            for (crept, passed) in state.crept[i].iter_mut().zip(limits.passed) {
+                *crept += passed * (used_to - *crept);
+            }
         }
         if D > 1 {
             for (deflection, stop) in state.shared.iter_mut().zip(self.shared_stops()) {
@@ -166,6 +194,26 @@ impl<const D: usize> ForceBalance<D> {
         }
         for (state, bend) in state.bend.iter_mut().zip(bend.iter()) {
             *state = *bend;
+        }
+    }
+}
+
+impl<const D: usize> StoredOperator<D> for ForceBalance<D> {
+    fn pack(state: BalanceState) -> State {
+        State::Balance(state)
+    }
+
+    fn unpack(state: &State) -> Option<&BalanceState> {
+        match state {
+            State::Balance(state) => Some(state),
+            _ => None,
+        }
+    }
+
+    fn unpack_mut(state: &mut State) -> Option<&mut BalanceState> {
+        match state {
+            State::Balance(state) => Some(state),
+            _ => None,
         }
     }
 }

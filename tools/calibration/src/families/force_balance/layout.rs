@@ -3,7 +3,7 @@
 
 use i2ris::model::hysteresis::force_balance::sensitivity::NUMBERS;
 use i2ris::model::hysteresis::force_balance::{
-    BalanceMotor, BalanceParameters, BalanceStop, OWN_STOPS, SHARED_STOPS, USUAL_TURN,
+    BalanceMotor, BalanceParameters, BalanceStop, CREEPING, OWN_STOPS, SHARED_STOPS, USUAL_TURN,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -81,6 +81,8 @@ pub(super) struct Terms {
     pub other: bool,
     /// The transmission error of the gear.
     pub transmission: bool,
+    /// So many elements that creep, the quickest first.
+    pub creep: usize,
 }
 
 /// Parameters of a motor with the bend of the other one: preload growth less that by the own bend,
@@ -150,6 +152,9 @@ const LOOSE: Usual = positive(0.08, 0.7);
 const SOFTNESS: Usual = positive(8.0, 0.5);
 const STAYS: Usual = part(0.2, 2.0);
 
+/// In most snakes hardly anything: of a bend that is held by taut wires, 1 % comes late.
+const CREEP: Usual = positive(0.02, 1.0);
+
 /// The parameters of a number of motors.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
@@ -161,7 +166,7 @@ pub(super) struct Layout {
 impl Layout {
     /// Without terms that not every snake has.
     pub fn new(scales: Vec<(f64, f64)>) -> Self {
-        Self { scales, terms: Terms { other: false, transmission: false } }
+        Self { scales, terms: Terms { other: false, transmission: false, creep: 0 } }
     }
 
     /// The same parameters, with other terms.
@@ -170,7 +175,7 @@ impl Layout {
     }
 
     fn per_motor(&self) -> usize {
-        let Terms { other, transmission } = self.terms;
+        let Terms { other, transmission, .. } = self.terms;
         PER_MOTOR + if other { OTHER.len() } else { 0 } + if transmission { 4 } else { 0 }
     }
 
@@ -198,6 +203,7 @@ impl Layout {
         usual.extend(shared.iter().copied().chain(shared.iter().map(|_| SHARED_SHARE)));
         usual.extend([LOOSE, SOFTNESS, STAYS]);
         usual.extend(self.terms.other.then_some(SHARED_GROWTH));
+        usual.extend([CREEP; CREEPING].iter().take(self.terms.creep));
         usual
     }
 
@@ -281,6 +287,7 @@ impl Layout {
             softness: next(),
             friction_stays: next(),
             shared_growth: if self.terms.other { next() } else { 0.0 },
+            creep: std::array::from_fn(|k| if k < self.terms.creep { next() } else { 0.0 }),
             counts_per_turn: USUAL_TURN,
         }
     }
@@ -305,6 +312,7 @@ impl Layout {
         Terms {
             other: balance.shared_stops.len() > FEW_STIFFNESS.len(),
             transmission: balance.motors.iter().any(|it| it.transmission_error != [0.0; 4]),
+            creep: balance.creep.iter().take_while(|stiffness| **stiffness > 0.0).count(),
         }
     }
 
@@ -348,6 +356,8 @@ impl Layout {
         values.extend([balance.loose_stiffness, balance.softness, balance.friction_stays]);
         let growth = if had_other { balance.shared_growth } else { SHARED_GROWTH.value };
         values.extend(self.terms.other.then_some(growth));
+        let creep = balance.creep.iter().take(self.terms.creep);
+        values.extend(creep.map(|known| if *known > 0.0 { *known } else { CREEP.value }));
         let usual = self.usual();
         let numbers = usual.iter().zip(values).map(|(usual, value)| usual.encode(value));
         DVector::from_vec(numbers.collect())

@@ -28,11 +28,11 @@ impl<const D: usize> Visited<D> {
         let vector = |counts: &[f64; 2]| SVector::<f64, D>::from_fn(|i, _| counts[i]);
         let first = vector(series.path().first()?);
         let follow = |mut state: BalanceState| -> Vec<SVector<f64, D>> {
-            let bend = |counts: &[f64; 2]| {
-                operator.advance(&mut state, &vector(counts));
+            let bend = |(counts, time_s): (&[f64; 2], f64)| {
+                operator.advance_over(&mut state, &vector(counts), time_s);
                 operator.bend(&state) / REACH
             };
-            series.path().iter().map(bend).collect()
+            series.steps().map(bend).collect()
         };
         let along = follow(operator.begin(&first));
         let (mut apart, mut possible) = (vec![0.0; along.len()], along.clone());
@@ -41,7 +41,7 @@ impl<const D: usize> Visited<D> {
         for corner in 0..1 << D {
             let side = |i: usize| if (corner >> i) & 1 == 0 { -range[i] } else { range[i] };
             let mut state = operator.begin(&(first + SVector::from_fn(|i, _| side(i))));
-            operator.advance(&mut state, &first);
+            operator.advance_over(&mut state, &first, f64::INFINITY);
             let found = follow(state);
             for ((apart, bend), other) in apart.iter_mut().zip(&along).zip(&found) {
                 *apart = f64::max(*apart, (other - bend).norm());
@@ -52,7 +52,7 @@ impl<const D: usize> Visited<D> {
         let wide = ExaminationPath::wide(&hull, TURNING_STEPS, STEPS);
         let mut state = operator.begin(&first);
         for (step, counts) in wide.turns.iter().chain(&wide.wander).enumerate() {
-            operator.advance(&mut state, &vector(counts));
+            operator.advance_over(&mut state, &vector(counts), f64::INFINITY);
             if step >= TURNING_STEPS {
                 possible.push(operator.bend(&state) / REACH);
             }

@@ -2,7 +2,7 @@
 
 use i2ris::model::Hull;
 use i2ris::model::file::{FamilyParameters, PolynomialParameters};
-use i2ris::model::hysteresis::force_balance::{BalanceParameters, ForceBalance, REACH};
+use i2ris::model::hysteresis::force_balance::{BalanceParameters, CREEPING, ForceBalance, REACH};
 use i2ris::units::MotorVec;
 use i2ris_report::statistics::min_max;
 use nalgebra::{DMatrix, DVector, SVector};
@@ -62,6 +62,10 @@ const ERRORS: [f64; 5] = [0.4, 0.2, 0.1, 0.05, 0.025];
 
 /// More error is allowed where that is worse by less than this part on the blocks held out.
 const ALIKE_HELD_OUT: f64 = 0.04;
+
+/// In a recording of less, creep of up to 5 s looks like hysteresis, and that of 50 s like drift, s.
+const CREEP_S: f64 = 20.0;
+const SLOW_CREEP_S: f64 = 200.0;
 
 /// The fold by whose blocks the prior is chosen.
 const FOLD: usize = ONE_OF / 2;
@@ -213,8 +217,8 @@ impl<'a, const D: usize> Search<'a, D> {
         Judge::new(self.target.thinned(every, COARSE_SPACING).coarse(), fold)
     }
 
-    /// What the other motor's bend does, and the transmission error, each only where blocks that
-    /// are left out, one fold after the other, are explained better with it.
+    /// What the other motor's bend does, the transmission error, and creep, each only where blocks
+    /// that are left out, one fold after the other, are explained better with it.
     fn with_terms_that_help(&self, mut best: Place) -> Place {
         let folds: Vec<Judge<D>> = (0..ONE_OF).map(|fold| self.judge(fold)).collect();
         let left_out = |place: &Place, terms: Terms| -> Option<(Place, Vec<f64>)> {
@@ -224,18 +228,28 @@ impl<'a, const D: usize> Search<'a, D> {
             Some((places.into_iter().nth(FOLD)?, errors.concat()))
         };
         let Some((_, mut errors)) = left_out(&best, best.terms) else { return best };
-        for is_other in [true, false] {
-            let terms = match is_other {
-                true if D > 1 => Terms { other: true, ..best.terms },
-                true => continue,
-                false => Terms { transmission: true, ..best.terms },
+        let time_s = self.target.time_s();
+        for term in [Term::Other, Term::Transmission, Term::Creep(2), Term::Creep(CREEPING)] {
+            let terms = match term {
+                Term::Other if D > 1 => Terms { other: true, ..best.terms },
+                Term::Transmission => Terms { transmission: true, ..best.terms },
+                Term::Creep(2) if time_s >= CREEP_S => Terms { creep: 2, ..best.terms },
+                Term::Creep(all) if best.terms.creep == 2 && time_s >= SLOW_CREEP_S => {
+                    Terms { creep: all, ..best.terms }
+                }
+                _ => continue,
             };
+            // More steps alone are not what helps.
+            if matches!(term, Term::Creep(CREEPING)) {
+                let Some(again) = left_out(&best, best.terms) else { continue };
+                (best, errors) = again;
+            }
             let Some((place, with)) = left_out(&best, terms) else { continue };
-            let helps = match is_other {
+            let helps = match term {
                 // One axis at a time does not show it: a snake bends in a plane.
-                true if !self.plane => !is_better([&with, &errors], 0.0),
-                true => is_better([&errors, &with], 0.0),
-                false => is_better([&errors, &with], ALIKE_HELD_OUT),
+                Term::Other if !self.plane => !is_better([&with, &errors], 0.0),
+                Term::Other => is_better([&errors, &with], 0.0),
+                _ => is_better([&errors, &with], ALIKE_HELD_OUT),
             };
             if helps {
                 (best, errors) = (place, with);
@@ -372,6 +386,13 @@ impl<'a, const D: usize> Search<'a, D> {
             virtual_hull: Hull::from_points(D, &reach)?.parameters(),
         })
     }
+}
+
+/// What a snake may have or not.
+enum Term {
+    Other,
+    Transmission,
+    Creep(usize),
 }
 
 /// A place of the search.

@@ -17,7 +17,8 @@ const CONDITIONED: f64 = 0.25;
 /// A path and what was measured along it.
 #[derive(Debug, Clone)]
 pub(super) struct Target<const D: usize> {
-    path: Vec<SVector<f64, D>>,
+    /// Positions, each with the time since the one before, s.
+    path: Vec<(SVector<f64, D>, f64)>,
     samples: Vec<(usize, [f64; MAX_OUTPUTS])>,
     pub outputs: usize,
     pub layout: Layout,
@@ -43,8 +44,9 @@ impl<const D: usize> Target<D> {
             samples.drain(..first);
         }
         let vector = |counts: &[f64; 2]| SVector::from_fn(|i, _| counts[i]);
+        let steps = series.steps().map(|(counts, time_s)| (vector(counts), time_s));
         Self {
-            path: series.path().iter().map(vector).collect(),
+            path: steps.collect(),
             samples,
             outputs: series.outputs(),
             layout: Layout::new(scales),
@@ -56,6 +58,11 @@ impl<const D: usize> Target<D> {
         self.samples.len()
     }
 
+    /// How long the path takes, s; 0 where nobody knows.
+    pub fn time_s(&self) -> f64 {
+        self.path.iter().map(|(_, time_s)| time_s).sum()
+    }
+
     /// The measured outputs, one row per sample.
     pub fn measured(&self) -> DMatrix<f64> {
         DMatrix::from_fn(self.samples.len(), self.outputs, |row, output| {
@@ -65,7 +72,9 @@ impl<const D: usize> Target<D> {
 
     /// The counts of every sample.
     pub fn counts(&self) -> DMatrix<f64> {
-        DMatrix::from_fn(self.samples.len(), D, |row, motor| self.path[self.samples[row].0][motor])
+        DMatrix::from_fn(self.samples.len(), D, |row, motor| {
+            self.path[self.samples[row].0].0[motor]
+        })
     }
 
     /// Some of the samples, on the same path.
@@ -83,17 +92,18 @@ impl<const D: usize> Target<D> {
     pub fn thinned(&self, every: usize, spacing: f64) -> Self {
         let mut samples: Vec<_> = self.samples.iter().copied().step_by(every.max(1)).collect();
         let spacing: [f64; D] = std::array::from_fn(|i| spacing / self.layout.travel_per_count(i));
-        let mut path: Vec<SVector<f64, D>> = Vec::new();
+        let (mut path, mut spent_s) = (Vec::new(), 0.0);
         let mut last = SVector::<f64, D>::zeros();
         let mut wanted = samples.iter_mut().peekable();
-        for (place, counts) in self.path.iter().enumerate() {
-            let next = self.path.get(place + 1).unwrap_or(counts);
+        for (place, (counts, time_s)) in self.path.iter().enumerate() {
+            let next = self.path.get(place + 1).map_or(counts, |(next, _)| next);
+            spent_s += time_s;
             let turns = (0..D).any(|i| (counts[i] - last[i]) * (next[i] - counts[i]) < 0.0);
             let far = (0..D).any(|i| (counts[i] - last[i]).abs() >= spacing[i]);
             let is_sampled = wanted.peek().is_some_and(|sample| sample.0 == place);
             if path.is_empty() || far || turns || is_sampled {
-                path.push(*counts);
-                last = *counts;
+                path.push((*counts, spent_s));
+                (last, spent_s) = (*counts, 0.0);
             }
             while let Some(sample) = wanted.next_if(|sample| sample.0 == place) {
                 sample.0 = path.len() - 1;
@@ -115,10 +125,10 @@ impl<const D: usize> Target<D> {
     /// The bend at every sample, relative to the reach; `None` where there is no model.
     pub fn bends(&self, balance: &BalanceParameters) -> Option<DMatrix<f64>> {
         let operator = self.operator(balance)?;
-        let mut state = operator.begin(self.path.first()?);
+        let mut state = operator.begin(&self.path.first()?.0);
         let mut bends = DMatrix::zeros(self.samples.len(), D);
-        self.follow(|row, counts| match row {
-            None => operator.advance(&mut state, counts),
+        self.follow(|row, (counts, time_s)| match row {
+            None => operator.advance_over(&mut state, counts, *time_s),
             Some(row) => bends.set_row(row, &(operator.bend(&state) / REACH).transpose()),
         });
         bends.iter().all(|bend| bend.is_finite()).then_some(bends)
@@ -127,12 +137,12 @@ impl<const D: usize> Target<D> {
     /// The same with the derivatives by the numbers of a layout, one matrix per motor.
     pub fn linearised(&self, at: &DVector<f64>) -> Option<(DMatrix<f64>, [DMatrix<f64>; D])> {
         let operator = self.operator(&self.layout.decode(at))?;
-        let mut state = operator.begin_sensitive(self.path.first()?);
+        let mut state = operator.begin_sensitive(&self.path.first()?.0);
         let mut bends = DMatrix::zeros(self.samples.len(), D);
         let mut slopes: [DMatrix<f64>; D] =
             std::array::from_fn(|_| DMatrix::zeros(NUMBERS, self.samples.len()));
-        self.follow(|row, counts| match row {
-            None => operator.advance_sensitive(&mut state, counts),
+        self.follow(|row, (counts, time_s)| match row {
+            None => operator.advance_sensitive(&mut state, counts, *time_s),
             Some(row) => {
                 bends.set_row(row, &(state.bend() / REACH).transpose());
                 for (slopes, of_bend) in slopes.iter_mut().zip(state.slopes()) {
@@ -147,11 +157,11 @@ impl<const D: usize> Target<D> {
     }
 
     /// Calls with every position of the path, and after that of a sample with its row.
-    fn follow(&self, mut at: impl FnMut(Option<usize>, &SVector<f64, D>)) {
+    fn follow(&self, mut at: impl FnMut(Option<usize>, &(SVector<f64, D>, f64))) {
         let mut next = 0;
         for (row, (place, _)) in self.samples.iter().enumerate() {
-            for counts in &self.path[next..=*place] {
-                at(None, counts);
+            for step in &self.path[next..=*place] {
+                at(None, step);
             }
             next = place + 1;
             at(Some(row), &self.path[*place]);

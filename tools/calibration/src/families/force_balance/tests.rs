@@ -2,7 +2,7 @@
 
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::Operator;
-use i2ris::model::hysteresis::force_balance::{ForceBalance, REACH};
+use i2ris::model::hysteresis::force_balance::{CREEPING, ForceBalance, REACH};
 use nalgebra::SVector;
 
 use super::error::BalanceError;
@@ -22,18 +22,23 @@ fn fit(recording: &Recording) -> Result<BalanceFit, BalanceError> {
     fit_force_balance(&Series::whole(recording), true, None, &Silent)
 }
 
+fn snake(rows: usize) -> Recording {
+    creeping(rows, [0.0; CREEPING])
+}
+
 /// A snake of one motor whose parameters are not those that the search starts from: slack wires,
 /// and a gear with play. Half the range of the motor is 750 counts.
-fn snake(rows: usize) -> Recording {
+fn creeping(rows: usize, creep: [f64; CREEPING]) -> Recording {
     let layout = Layout::new(vec![(0.0, REACH / 750.0)]);
     let mut truth = layout.decode(&layout.start(-20.0, 16.0, 30.0));
     truth.motors[0].friction = 45.0;
+    truth.creep = creep;
     let operator = ForceBalance::<1>::prepare(&truth).unwrap();
     let at = |time| SVector::from([wander(time)[0]]);
     let mut state = operator.begin(&at(0.0));
     let mut noise = noise(3);
     one_motor(rows, |time| {
-        operator.advance(&mut state, &at(time));
+        operator.advance_over(&mut state, &at(time), 0.2);
         let bend = operator.bend(&state)[0] / REACH;
         (wander(time)[0], 30.0 * bend + 2.0 * bend * bend + 0.02 * noise())
     })
@@ -41,8 +46,8 @@ fn snake(rows: usize) -> Recording {
 
 #[test]
 fn parameters_are_the_same_after_encoding() {
-    for terms in [(false, false), (true, false), (true, true)] {
-        let terms = Terms { other: terms.0, transmission: terms.1 };
+    for (other, transmission, creep) in [(false, false, 2), (true, false, 0), (true, true, 3)] {
+        let terms = Terms { other, transmission, creep };
         let layout = Layout::new(vec![(10.0, 1.5), (-20.0, 2.0)]).with(terms);
         let mut at = layout.start(-20.0, 16.0, 30.0);
         for (index, number) in at.iter_mut().enumerate() {
@@ -97,6 +102,21 @@ fn a_transmission_error_is_found_where_there_is_one() {
         assert!((found - truth).abs() < 1.0, "{with:?}");
     }
     assert_eq!(found(&snake(1200)), [0.0; 4]);
+}
+
+/// Elements of 0.5 and 5 s alone, all three, and none.
+#[test]
+fn creep_is_found_where_there_is_some() {
+    for truth in [[0.08, 0.1, 0.0], [0.08, 0.1, 0.12], [0.0; CREEPING]] {
+        let FamilyParameters::ForceBalance { balance, .. } =
+            fit(&creeping(1200, truth)).unwrap().family
+        else {
+            panic!("another family")
+        };
+        for (found, truth) in balance.creep.iter().zip(truth) {
+            assert!((found - truth).abs() <= 0.3 * truth, "{:?} {truth:?}", balance.creep);
+        }
+    }
 }
 
 /// The derivatives that the search uses are those of the residuals.

@@ -35,6 +35,7 @@ fn balance() -> BalanceParameters {
             .to_vec(),
         shared_stops: vec![stop(3.0, 0.2), stop(1.5, 0.1), stop(0.5, 0.1)],
         shared_growth: 0.3,
+        creep: [0.05, 0.03, 0.04],
         counts_per_turn: 1024.0,
         loose_stiffness: 0.05,
         softness: 8.0,
@@ -42,10 +43,17 @@ fn balance() -> BalanceParameters {
     }
 }
 
-fn bend<const D: usize>(file: &BalanceParameters, path: &[SVector<f64, D>]) -> SVector<f64, D> {
+/// Time of a step of a path, s: between the times of the elements.
+const STEP_S: f64 = 0.2;
+
+fn bend<const D: usize>(
+    file: &BalanceParameters,
+    path: &[SVector<f64, D>],
+    step_s: f64,
+) -> SVector<f64, D> {
     let operator = ForceBalance::<D>::prepare(file).unwrap();
     let mut state = operator.begin(&path[0]);
-    path.iter().for_each(|counts| operator.advance(&mut state, counts));
+    path.iter().for_each(|counts| operator.advance_over(&mut state, counts, step_s));
     operator.bend(&state)
 }
 
@@ -58,8 +66,8 @@ fn check<const D: usize>(file: &BalanceParameters) {
         .collect();
     let operator = ForceBalance::<D>::prepare(file).unwrap();
     let mut at = operator.begin_sensitive(&path[0]);
-    path.iter().for_each(|counts| operator.advance_sensitive(&mut at, counts));
-    assert!((at.bend() - bend(file, &path)).amax() < 1e-9);
+    path.iter().for_each(|counts| operator.advance_sensitive(&mut at, counts, STEP_S));
+    assert!((at.bend() - bend(file, &path, STEP_S)).amax() < 1e-9);
     let numbers = file.numbers();
     for number in 0..NUMBERS {
         // Smaller than the way to the next corner of a stop.
@@ -67,7 +75,7 @@ fn check<const D: usize>(file: &BalanceParameters) {
         let moved = |by: f64| {
             let mut moved = numbers;
             moved[number] += by;
-            bend(&with_numbers(file, &moved), &path)
+            bend(&with_numbers(file, &moved), &path, STEP_S)
         };
         let found = (moved(by) - moved(-by)) / (2.0 * by);
         for i in 0..D {
@@ -114,6 +122,7 @@ fn with_numbers(file: &BalanceParameters, numbers: &Slopes) -> BalanceParameters
     }
     (file.loose_stiffness, file.softness) = (numbers[LOOSE], numbers[SOFTNESS]);
     (file.friction_stays, file.shared_growth) = (numbers[STAYS], numbers[SHARED_GROWTH]);
+    file.creep = std::array::from_fn(|k| numbers[CREEP + k]);
     file
 }
 
@@ -138,7 +147,7 @@ fn long_steps_end_where_short_ones_do() {
             let at = |k: u32| from + (to - from) * (f64::from(k) / f64::from(steps));
             path.extend((1..=steps).map(at));
         }
-        bend::<2>(&balance(), &path)
+        bend::<2>(&balance(), &path, step / 200.0)
     };
     let apart = (after(40.0) - after(2.0)).amax();
     // Limits from before the step leave 1.2.
