@@ -186,10 +186,13 @@ class Model:
         of scikit-learn that know theirs. The memory begins with the first row. A snake that creeps needs the times of
         all rows."""
         table = _table("counts", counts, (self._native.motors,))
-        times = np.zeros(len(table)) if t_s is None else _table("t_s", t_s, (1,))[:, 0]
-        if len(times) != len(table):
-            raise ValueError(f"t_s: has {len(times)} rows, and counts has {len(table)}")
-        angles, deviations = self._native.predict(table, np.diff(times, prepend=times[:1]).tolist())
+        spans = []
+        if t_s is not None:
+            times = _table("t_s", t_s, (1,))[:, 0]
+            if len(times) != len(table):
+                raise ValueError(f"t_s: has {len(times)} rows, and counts has {len(table)}")
+            spans = [np.diff(times, prepend=times[:1]).tolist()]
+        angles, deviations = self._native.predict(table, *spans)
         return (angles, deviations) if return_std else angles
 
     def invert(self, angles_deg: ArrayLike, history: ArrayLike | None = None) -> Floats:

@@ -84,11 +84,12 @@ impl Model {
 
     /// Angles along a path of the motors, and their standard deviations, deg. `times_s`: of every
     /// row, the time since the one before.
+    #[pyo3(signature = (counts, times_s=None))]
     fn predict<'py>(
         &self,
         py: Python<'py>,
         counts: PyReadonlyArray2<'py, f64>,
-        times_s: Vec<f64>,
+        times_s: Option<Vec<f64>>,
     ) -> (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>) {
         let counts = counts.as_array().to_owned();
         let (angles, deviations) = py.detach(|| {
@@ -97,7 +98,8 @@ impl Model {
             let (mut angles, mut deviations) = (Array2::zeros(shape), Array2::zeros(shape));
             for row in 0..counts.nrows() {
                 let at = motors(&counts.view(), row);
-                let time_s = times_s.get(row).copied().unwrap_or(0.0);
+                let times_s = times_s.as_ref();
+                let time_s = times_s.and_then(|times_s| times_s.get(row)).copied().unwrap_or(0.0);
                 self.0.advance_over(&mut memory, &at, time_s);
                 let found = self.0.predict(&at, &memory);
                 for (output, deviation) in found.deviation().iter().enumerate().take(shape.1) {

@@ -43,10 +43,10 @@
 //! rises with every motor. A semi-smooth Newton method with a line search finds it (L. Qi and J.
 //! Sun 1993).
 //!
-//! A step takes a time. Its `w_k` are those at its end, as if the snake had been at the bend for all
-//! of it (implicit Euler): so the balance is one with less stiff elements, in a long time without
-//! them, and it changes with time also while no motor moves. A motion is taken to be uniform, and
-//! `local`, the inverse and a state that begins see no time pass.
+//! A step takes a time. Its `w_k` are those at its end, as if the snake had been at its last bend
+//! for all of it (implicit Euler): so the balance is one with less stiff elements, in a long time
+//! without them, and it changes with time also while no motor moves. A motion is taken to be
+//! uniform, and `local`, the inverse and a state that begins see no time pass.
 //!
 //! The inverse needs no search: a bend gives the forces that hold it, these give the stretch of the
 //! wires, the pulleys, and the motors, each across its gap in the direction of its motion. So a gap

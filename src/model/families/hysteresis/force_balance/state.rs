@@ -82,7 +82,8 @@ pub(super) struct Limits<const D: usize> {
     pub hardened: [f64; D],
     /// Part of the friction above a limit that stays.
     pub stays: f64,
-    /// What creeping elements take over of the way to the bend, and what stiffness that leaves them.
+    /// What creeping elements take over of the way to the bend, and the stiffness that they have
+    /// left.
     pub passed: [f64; CREEPING],
     pub late: [f64; CREEPING],
 }

@@ -63,7 +63,7 @@ const ERRORS: [f64; 5] = [0.4, 0.2, 0.1, 0.05, 0.025];
 /// More error is allowed where that is worse by less than this part on the blocks held out.
 const ALIKE_HELD_OUT: f64 = 0.04;
 
-/// In a recording of less, creep of up to 5 s looks like hysteresis, and that of 50 s like drift, s.
+/// In a recording of less, creep of 5 s looks like hysteresis, and that of 50 s like drift, s.
 const CREEP_S: f64 = 20.0;
 const SLOW_CREEP_S: f64 = 200.0;
 
