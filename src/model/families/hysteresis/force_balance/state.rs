@@ -106,7 +106,7 @@ impl<const D: usize> Limits<D> {
 impl<const D: usize> ForceBalance<D> {
     /// What creeping elements take over of the way to a bend in some time, s.
     pub(super) fn passed(&self, time_s: f64) -> [f64; CREEPING] {
-        let is_nothing = !self.has_creep || time_s == 0.0;
+        let is_nothing = !self.has_creep || time_s <= 0.0;
         TIMES_S.map(|all_s| if is_nothing { 0.0 } else { -(-time_s / all_s).exp_m1() })
     }
 
