@@ -2,9 +2,10 @@
 
 use std::hint::black_box;
 
+use i2ris::model::file::FamilyParameters;
 use i2ris::model::network::Activation;
 use i2ris::model::{Model, Query};
-use i2ris_testing::families::{self, DEG, averages, conv, gru, network_file};
+use i2ris_testing::families::{self, DEG, averages, balance_file, conv, gru, network_file};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 
@@ -24,7 +25,7 @@ fn tick_for_a_second(model: &Model) {
         let query = Query { compensation, ..Query::new(start) };
         let inverse = black_box(model.invert(black_box(&goal), &memory, &query));
         last = model.hull().project(&inverse.counts);
-        model.advance(&mut memory, &last);
+        model.advance_over(&mut memory, &last, 0.001);
         black_box((model.knows(&memory), model.correction(&memory)));
         black_box(model.predict(&last, &memory).deviation());
         black_box(model.jacobian(&last, &memory));
@@ -47,6 +48,11 @@ fn a_tick_with_a_model_allocates_nothing() {
     let layers = [vec![gru(64), averages(64)], vec![conv(Activation::Softplus), averages(3)]];
     let mut models: Vec<_> =
         layers.map(|layers| Model::from_file(network_file(layers)).unwrap()).into();
+    let mut creeping = balance_file(2);
+    if let FamilyParameters::ForceBalance { balance, .. } = &mut creeping.family {
+        balance.creep = [0.04, 0.02, 0.03];
+    }
+    models.push(Model::from_file(creeping).unwrap());
     for family in families::all() {
         models.push(Model::from_file(family.file).unwrap());
         for (motors, outputs) in family.sizes.repeat(6) {
