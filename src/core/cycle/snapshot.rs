@@ -26,7 +26,7 @@ use crate::core::states::state_machine::StateMachine;
 use crate::model::{Model, ModelId};
 use crate::units::MAX_MOTORS;
 
-/// All values of the cycle that change from tick to tick. About 50 kB, without pointers.
+/// All values of the cycle that change from tick to tick. About 60 kB, without pointers.
 ///
 /// Order and types of the fields are part of the file format of the black box.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
