@@ -150,6 +150,17 @@ impl Subject {
         is_aged: bool,
         camera: Option<(u64, f64)>,
     ) -> Result<Minutes, String> {
+        let found = self.followed(&self.motion, model, is_aged, camera)?;
+        found.try_into().map_err(|_| "a minute is missing".to_owned())
+    }
+
+    fn followed(
+        &self,
+        motion: &[(Motion, Vec<[f64; 2]>)],
+        model: &Arc<Model>,
+        is_aged: bool,
+        camera: Option<(u64, f64)>,
+    ) -> Result<Vec<f64>, String> {
         let mut config = config().map_err(|error| error.to_string())?;
         config.adaptation.enabled = camera.is_some();
         let control = ClosedLoop::conditioned(&config, model, robot(self.snake, is_aged));
@@ -159,7 +170,36 @@ impl Subject {
             let camera = CameraConfig { rate_hz, noise_deg, latency_ms, faults };
             control.watch(&camera, self.snake.seed + 77);
         }
-        let found = follow(&mut control, &self.motion)?;
-        found.try_into().map_err(|_| "a minute is missing".to_owned())
+        follow(&mut control, motion)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris_simulation::physics::Physics;
+
+    use super::*;
+
+    const ROUNDS: usize = 90;
+
+    /// What a minute has taught must not be lost, nor drift away, in a day of use.
+    #[test]
+    #[ignore = "six simulated hours"]
+    fn six_hours_of_an_aged_snake_cost_no_accuracy() {
+        let folder = tempfile::tempdir().unwrap();
+        for physics in [Physics::Springs, Physics::Wire] {
+            let snake = DrawnSnake { physics, seed: 33 };
+            let new = record(snake, false, 1, folder.path()).unwrap();
+            let linear = fit(&new, Choice::One(Family::Linear)).unwrap();
+            let model = fit(&new, Choice::One(Family::ForceBalance)).unwrap();
+            let subject = Subject::new(snake, &linear);
+            let motion = vec![subject.motion.clone(); ROUNDS].concat();
+            let errors = subject.followed(&motion, &model, true, Some(CAMERAS[0])).unwrap();
+            let round = |at: usize| errors[at * MINUTES..][..MINUTES].iter().sum::<f64>() / 4.0;
+            let (second, last) = (round(1), round(ROUNDS - 1));
+            let worst = (1..ROUNDS).map(round).fold(0.0, f64::max);
+            println!("{physics}: {second:.3}, at worst {worst:.3}, in the end {last:.3} deg");
+            assert!(worst <= second + 0.05, "{physics}: {errors:?}");
+        }
     }
 }

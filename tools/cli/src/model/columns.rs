@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use i2ris::model::Model;
-use i2ris::units::MotorVec;
-use i2ris_calibration::recording::{ColumnMap, TimeColumn, Wanted, column_of};
+use i2ris_calibration::recording::{ColumnMap, Row, Wanted, column_of};
 use i2ris_report::Failure;
 
 use crate::csv_table;
@@ -22,18 +21,16 @@ pub fn si(model: &Model) -> f64 {
     model.file().outputs.first().map_or(1.0, |output| output.unit.si())
 }
 
-/// The path of the motors before; empty without a file.
+/// The path of the motors before, row by row; empty without a file.
 pub fn history(
     file: Option<&PathBuf>,
     columns: &ColumnMap,
     model: &Model,
-) -> Result<Vec<MotorVec>, Failure> {
+) -> Result<Vec<Row>, Failure> {
     let Some(file) = file else {
         return Ok(Vec::new());
     };
-    let columns = ColumnMap { time: TimeColumn::Ignored, ..columns.clone() };
-    let table = csv_table::read(file, &columns, &Wanted::path_of(model.motors()))?;
-    Ok(table.rows.iter().map(|row| row.counts).collect())
+    Ok(csv_table::read(file, columns, &Wanted::path_of(model.motors()))?.rows)
 }
 
 pub fn check_output(output: &Path, inputs: &[&Path]) -> Result<(), Failure> {

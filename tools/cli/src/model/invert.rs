@@ -87,7 +87,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let map = arguments.columns.map();
     let table = csv_table::read(trajectory, &map, &Wanted::trajectory(&model.file().outputs))?.rows;
     let desired = DesiredTrajectory { rows: &table, si: si(&model), outputs: model.outputs() };
-    let mut past = history(arguments.history.as_ref(), &map, &model)?;
+    let past = history(arguments.history.as_ref(), &map, &model)?;
+    let mut past: Vec<MotorVec> = past.iter().map(|row| row.counts).collect();
     if past.is_empty() {
         past.push(start_position(&model, &desired.at(desired.start_s())));
     }

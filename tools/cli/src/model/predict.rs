@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use i2ris::model::Model;
+use i2ris::model::{Memory, Model};
 
 use super::columns::{check_output, counts_columns, history, output_columns, si};
 use crate::calibrate::PathColumns;
 use crate::csv_table;
-use i2ris_calibration::recording::Wanted;
+use i2ris_calibration::recording::{Row, Wanted};
 use i2ris_report::Failure;
 
 #[derive(Debug, clap::Args)]
@@ -39,22 +39,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let columns = arguments.columns.map();
     let table = csv_table::read(counts, &columns, &Wanted::path_of(model.motors()))?.rows;
     let mut memory = model.new_memory();
-    for counts in history(arguments.history.as_ref(), &columns, &model)? {
-        model.advance(&mut memory, &counts);
-    }
+    let past = history(arguments.history.as_ref(), &columns, &model)?;
+    follow(&model, &mut memory, &past, |_, _| ());
     let (si, mut unknown) = (si(&model), 0_usize);
     let mut rows = Vec::with_capacity(table.len());
-    let mut before = table.first().and_then(|row| row.time_s);
-    for row in &table {
-        let time_s = row.time_s.zip(before).map_or(0.0, |(time, before)| time - before);
-        model.advance_over(&mut memory, &row.counts, time_s);
-        before = row.time_s;
-        unknown += usize::from(!model.knows(&memory));
-        let angles = model.predict(&row.counts, &memory).mean;
+    follow(&model, &mut memory, &table, |row, memory| {
+        unknown += usize::from(!model.knows(memory));
+        let angles = model.predict(&row.counts, memory).mean;
         let angles = angles.iter().take(model.outputs()).map(|angle| angle / si);
         let counts = row.counts.into_iter().take(model.motors());
         rows.push(row.time_s.into_iter().chain(angles).chain(counts).collect());
-    }
+    });
     let time = table.first().and_then(|row| row.time_s).map(|_| "t_s".to_owned());
     let header: Vec<String> =
         time.into_iter().chain(output_columns(&model)).chain(counts_columns(&model)).collect();
@@ -68,4 +63,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         );
     }
     Ok(())
+}
+
+/// Advances a memory along a path, over the times that it has.
+fn follow(model: &Model, memory: &mut Memory, path: &[Row], mut at: impl FnMut(&Row, &Memory)) {
+    let mut before = path.first().and_then(|row| row.time_s);
+    for row in path {
+        let time_s = row.time_s.zip(before).map_or(0.0, |(time, before)| time - before);
+        model.advance_over(memory, &row.counts, time_s);
+        before = row.time_s;
+        at(row, memory);
+    }
 }
