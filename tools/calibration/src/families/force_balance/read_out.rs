@@ -1,4 +1,8 @@
 //! The polynomial from the bend to the outputs: ridge regression with a penalty by degree.
+//!
+//! A snake bends in a plane, and nothing but the length of its bend says how stiff it is. Where
+//! samples show one bend at a time an output is `(a x + b y) (1 + c r^2 + d r^4)` with `r^2 = x^2 +
+//! ratio y^2`, and even terms of each bend.
 
 use i2ris::model::polynomial_regression::{coefficients, products};
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn};
@@ -11,8 +15,8 @@ const FIRST: f64 = 0.5;
 /// Penalty of straight terms: none but for what is not determined at all.
 const LEAST: f64 = 1e-6;
 
-/// Penalty that leaves nothing of a term.
-const MOST: f64 = 1e6;
+/// Penalty of a mixed term that the samples do not show.
+const MOST: f64 = 1e4;
 
 /// The features of samples, and how their coefficients are held.
 #[derive(Debug, Clone)]
@@ -20,15 +24,17 @@ pub(super) struct ReadOut {
     pub degree: usize,
     /// Noise of a sample over half the range of the outputs.
     pub ridge: f64,
-    /// Whether the samples show what both bends do together. Otherwise nothing is made up of it:
-    /// every output is the sum of a curve of each bend.
+    /// Whether the samples show what both bends do together. Otherwise it is what a snake does that
+    /// is alike in every direction.
     pub plane: bool,
+    /// The square of what the second bend does to the outputs, over that of the first.
+    pub ratio: f64,
 }
 
 /// A polynomial that was solved for.
 pub(super) struct Solved {
     features: DMatrix<f64>,
-    penalties: DVector<f64>,
+    held: DMatrix<f64>,
     normal: Cholesky<f64, Dyn>,
     /// One column per output.
     pub coefficients: DMatrix<f64>,
@@ -69,6 +75,28 @@ impl ReadOut {
         DVector::from_vec(each.collect())
     }
 
+    /// What of the coefficients is held, row by row.
+    fn held(&self, inputs: usize) -> DMatrix<f64> {
+        let penalties = self.penalties(inputs);
+        let mut held = DMatrix::from_diagonal(&penalties);
+        if inputs == 1 || self.plane {
+            return held;
+        }
+        // Of the degree, the square of how many of its factors are of the other bend, and how often.
+        for (degree, squares, times) in [(3, 1, 1.0), (5, 1, 2.0), (5, 2, 1.0)] {
+            if degree <= self.degree {
+                let first = degree * (degree + 1) / 2;
+                let others = 2 * squares;
+                let sides = [(0, others, 1), (degree, degree - others, -1)];
+                for (own, mixed, sign) in sides {
+                    let implied = times * self.ratio.powi(sign * squares as i32);
+                    held[(first + mixed, first + own)] = -implied * penalties[first + mixed];
+                }
+            }
+        }
+        held
+    }
+
     /// The polynomial of the outputs at bends.
     pub fn solve(&self, bends: &DMatrix<f64>, measured: &DMatrix<f64>) -> Option<Solved> {
         self.solved(self.features(bends), measured, bends.ncols())
@@ -94,16 +122,12 @@ impl ReadOut {
         measured: &DMatrix<f64>,
         inputs: usize,
     ) -> Option<Solved> {
-        let penalties = self.penalties(inputs);
-        let mut normal = features.tr_mul(&features);
-        for (index, penalty) in penalties.iter().enumerate() {
-            normal[(index, index)] += penalty * penalty;
-        }
-        let normal = normal.cholesky()?;
+        let held = self.held(inputs);
+        let normal = (features.tr_mul(&features) + held.tr_mul(&held)).cholesky()?;
         let coefficients = normal.solve(&features.tr_mul(measured));
         let errors = &features * &coefficients - measured;
-        let shrinkage = DMatrix::from_diagonal(&penalties) * &coefficients;
-        Some(Solved { features, penalties, normal, coefficients, errors, shrinkage })
+        let shrinkage = &held * &coefficients;
+        Some(Solved { features, held, normal, coefficients, errors, shrinkage })
     }
 
     /// The slopes of an output along each bend, at all samples.
@@ -146,7 +170,7 @@ impl ReadOut {
             let taken_up = solved.normal.solve(&solved.features.tr_mul(&moved));
             moved -= &solved.features * &taken_up;
             errors.rows_mut(output * samples, samples).copy_from(&moved);
-            let held = -DMatrix::from_diagonal(&solved.penalties) * taken_up;
+            let held = -&solved.held * taken_up;
             shrinkage.rows_mut(output * terms, terms).copy_from(&held);
         }
         (errors, shrinkage)

@@ -67,6 +67,9 @@ const ALIKE_HELD_OUT: f64 = 0.04;
 const CREEP_S: f64 = 20.0;
 const SLOW_CREEP_S: f64 = 200.0;
 
+/// A motor does at most so many times what the other one does, squared.
+const MOST_UNLIKE: f64 = 30.0;
+
 /// The fold by whose blocks the prior is chosen.
 const FOLD: usize = ONE_OF / 2;
 
@@ -145,6 +148,8 @@ struct Search<'a, const D: usize> {
     /// RMS error of a straight line, and half the range of the outputs, on average.
     line: f64,
     range: f64,
+    /// What the second motor does to the outputs, squared, over that of the first.
+    ratio: f64,
     progress: &'a dyn Progress,
 }
 
@@ -158,12 +163,18 @@ impl<'a, const D: usize> Search<'a, D> {
             column.add_scalar_mut(-0.5 * (low + high));
             column /= (0.5 * (high - low)).max(1.0);
         }
-        let line = ReadOut { degree: 1, ridge: 0.0, plane: true }.solve(&counts, &measured);
+        let line = ReadOut { degree: 1, ridge: 0.0, plane: true, ratio: 1.0 };
+        let line = line.solve(&counts, &measured);
+        let ratio = line.as_ref().map_or(1.0, |line| {
+            let moves = |motor: usize| line.coefficients.row(1 + motor).norm_squared();
+            (moves(D - 1) / moves(0)).clamp(1.0 / MOST_UNLIKE, MOST_UNLIKE)
+        });
         let ranges = measured.column_iter().map(|column| 0.5 * (column.max() - column.min()));
         Self {
             series,
             line: line.map_or(f64::NAN, |solved| rms(&solved)),
             range: ranges.sum::<f64>() / target.outputs as f64,
+            ratio,
             target,
             plane,
             progress,
@@ -334,7 +345,7 @@ impl<'a, const D: usize> Search<'a, D> {
         Objective {
             target,
             measured: target.measured(),
-            read_out: ReadOut { degree: DEGREE, ridge, plane: self.plane },
+            read_out: ReadOut { degree: DEGREE, ridge, plane: self.plane, ratio: self.ratio },
             weight: share.sqrt() / error,
         }
     }

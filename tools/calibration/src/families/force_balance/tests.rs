@@ -3,7 +3,7 @@
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::Operator;
 use i2ris::model::hysteresis::force_balance::{CREEPING, ForceBalance, REACH};
-use nalgebra::SVector;
+use nalgebra::{DMatrix, SVector};
 
 use super::error::BalanceError;
 use super::judge::is_better;
@@ -126,7 +126,7 @@ fn derivatives_are_those_of_the_residuals() {
     let objective = Objective {
         measured: target.measured(),
         target: &target,
-        read_out: ReadOut { degree: 3, ridge: 0.01, plane: true },
+        read_out: ReadOut { degree: 3, ridge: 0.01, plane: true, ratio: 0.8 },
         weight: 10.0,
     };
     let at = target.layout.start(-15.0, 12.0, 30.0);
@@ -183,4 +183,25 @@ fn blocks_decide_together() {
     let mut most = [0.8; 20];
     most[0] = 0.4;
     assert!(is_better([&hidden(before), &hidden(most)], 0.05));
+}
+
+/// One axis at a time shows how the shape goes with the length of a bend, and that is all there is.
+#[test]
+fn what_both_bends_do_together_is_what_each_does() {
+    let shape = |x: f64, y: f64| {
+        let softer = 1.0 / (1.0 + 0.1 * (x * x + 0.5 * y * y)).sqrt();
+        [(x - 0.3 * y) * softer, (0.3 * x + 0.6 * y) * softer]
+    };
+    let strokes = (-20..=20).map(|step| 0.05 * f64::from(step));
+    let bends: Vec<[f64; 2]> = strokes.flat_map(|at| [[at, 0.0], [0.0, at]]).collect();
+    let table = |row: &dyn Fn([f64; 2]) -> [f64; 2], of: &[[f64; 2]]| {
+        DMatrix::from_fn(of.len(), 2, |at, column| row(of[at])[column])
+    };
+    let read_out = ReadOut { degree: 6, ridge: 1e-3, plane: false, ratio: 0.5 };
+    let measured = table(&|[x, y]| shape(x, y), &bends);
+    let solved = read_out.solve(&table(&|bend| bend, &bends), &measured).unwrap();
+    let corners = [[0.7, 0.7], [-0.7, 0.7], [0.9, -0.4]];
+    let found = read_out.features(&table(&|bend| bend, &corners)) * &solved.coefficients;
+    let missed = (found - table(&|[x, y]| shape(x, y), &corners)).amax();
+    assert!(missed < 6e-3, "{missed}");
 }
