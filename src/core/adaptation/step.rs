@@ -362,7 +362,9 @@ impl Adaptation {
             state.note_refuted();
             state.estimator = Estimator::new(geometry.slow.as_ref());
             state.integral = Integral::default();
+            // With what was learned goes what it used of the budget: it is tried once more.
             state.used = BudgetUse::default();
+            (state.is_used_up, state.is_warned, state.frames_beyond) = (false, false, 0);
             events.push(CycleEventKind::Adaptation(AdaptationEvent::TakenBack));
         }
     }
