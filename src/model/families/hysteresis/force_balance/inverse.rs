@@ -19,6 +19,11 @@ const ROUNDING: f64 = 0.5;
 /// of its wires there and back again.
 const FAR: f64 = 2.0;
 
+/// A motor that goes no further than that in a tick drags the other one's bend along by what the next
+/// ticks see, units of travel. Where wear moves the balance from tick to tick a motor that answers
+/// at once crosses its gap again and again.
+const DRAGGING: f64 = 30.0;
+
 /// Steps of Newton's method to the bend of a motor that stays.
 const DRAGGING_STEPS: usize = 2;
 
@@ -39,8 +44,13 @@ impl<const D: usize> ForceBalance<D> {
             let moved = (pulleys[i] - state.pulley[i]).abs();
             let bends = (bend[i] - state.bend[i]).abs() / self.gain[i];
             let is_far = (wanted[i] - *position).abs() > FAR / ROUNDING * rounding;
-            let is_little = moved <= rounding
-                || bends <= rounding && self.left_by_staying(origin, i, bend, &pulleys) <= rounding;
+            let is_dragged = || {
+                let others = (0..D).filter(|other| *other != i);
+                let far = others.map(|other| (pulleys[other] - state.pulley[other]).abs());
+                far.fold(0.0, f64::max) > DRAGGING
+                    && self.left_by_staying(origin, i, bend, &pulleys) > rounding
+            };
+            let is_little = moved <= rounding || bends <= rounding && !is_dragged();
             if moved > STILL && !(is_far && is_little) {
                 *position = wanted[i];
             }

@@ -78,8 +78,9 @@ mod wires;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::Operator;
+use super::{Operator, StoredOperator};
 use crate::model::error::ModelError;
+use crate::model::families::memory::State;
 use crate::model::maths::regression::{Local, array, vector};
 use crate::units::MotorVec;
 pub use parameters::{
@@ -397,5 +398,25 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
             CONDITIONING_MARGIN * travel / motor.travel_per_count
         });
         array(&vector::<D>(&range))
+    }
+}
+
+impl<const D: usize> StoredOperator<D> for ForceBalance<D> {
+    fn pack(state: BalanceState) -> State {
+        State::Balance(state)
+    }
+
+    fn unpack(state: &State) -> Option<&BalanceState> {
+        match state {
+            State::Balance(state) => Some(state),
+            _ => None,
+        }
+    }
+
+    fn unpack_mut(state: &mut State) -> Option<&mut BalanceState> {
+        match state {
+            State::Balance(state) => Some(state),
+            _ => None,
+        }
     }
 }

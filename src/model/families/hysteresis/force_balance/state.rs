@@ -7,8 +7,6 @@ use super::ForceBalance;
 use super::parameters::{CREEPING, OWN_STOPS, REACH, SHARED_STOPS, TIMES_S};
 use super::wires::Wires;
 use crate::model::families::gap_scale::UNSCALED;
-use crate::model::families::hysteresis::StoredOperator;
-use crate::model::families::memory::State;
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// Factors on friction stay above this, however far a snake is bent.
@@ -195,26 +193,6 @@ impl<const D: usize> ForceBalance<D> {
         }
         for (state, bend) in state.bend.iter_mut().zip(bend.iter()) {
             *state = *bend;
-        }
-    }
-}
-
-impl<const D: usize> StoredOperator<D> for ForceBalance<D> {
-    fn pack(state: BalanceState) -> State {
-        State::Balance(state)
-    }
-
-    fn unpack(state: &State) -> Option<&BalanceState> {
-        match state {
-            State::Balance(state) => Some(state),
-            _ => None,
-        }
-    }
-
-    fn unpack_mut(state: &mut State) -> Option<&mut BalanceState> {
-        match state {
-            State::Balance(state) => Some(state),
-            _ => None,
         }
     }
 }
