@@ -338,4 +338,15 @@ mod tests {
         }
         assert_eq!(best(&scores), Some(Family::ForceBalance));
     }
+    /// The numbers of a wide instrument: the inverse of the plays was tried on no other family.
+    #[test]
+    fn scores_that_are_not_alike_are_compared_by_the_rows_held_out() {
+        let mut plays = score(Family::GmrPlay, [1.02, 2.27, 0.68, 1.77], 0.0);
+        (plays.tracking, plays.parts) = (None, Vec::new());
+        let balance = score(Family::ForceBalance, [0.91, 2.54, 2.41, 1.0], 5.4);
+        let scores = alike(vec![plays, balance]);
+        let (worse, error) = scores[1].beside(&scores[0]);
+        assert!(worse > 0.0 && worse < error, "{worse} +- {error}");
+        assert_eq!(best(&scores), Some(Family::ForceBalance));
+    }
 }

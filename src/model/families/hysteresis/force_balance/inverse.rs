@@ -19,13 +19,9 @@ const ROUNDING: f64 = 0.5;
 /// of its wires there and back again.
 const FAR: f64 = 2.0;
 
-/// A motor that goes no further than that in a tick drags the other one's bend along by what the next
-/// ticks see, units of travel. Where wear moves the balance from tick to tick a motor that answers
-/// at once crosses its gap again and again.
+/// A rounding is none while the other motor goes further than this, units of travel: it drags the
+/// bend along, by coupling and by the friction that both share. In a tick no motor goes that far.
 const DRAGGING: f64 = 30.0;
-
-/// Steps of Newton's method to the bend of a motor that stays.
-const DRAGGING_STEPS: usize = 2;
 
 impl<const D: usize> ForceBalance<D> {
     /// See [`super::Operator::invert_from`].
@@ -40,18 +36,14 @@ impl<const D: usize> ForceBalance<D> {
         let wanted = self.across_gaps(state, &pulleys);
         let mut positions = self.driven(&vector(&state.position));
         for (i, position) in positions.iter_mut().enumerate() {
-            let rounding = ROUNDING * self.motors[i].travel_per_count.abs();
+            let count = self.motors[i].travel_per_count.abs();
             let moved = (pulleys[i] - state.pulley[i]).abs();
             let bends = (bend[i] - state.bend[i]).abs() / self.gain[i];
-            let is_far = (wanted[i] - *position).abs() > FAR / ROUNDING * rounding;
-            let is_dragged = || {
-                let others = (0..D).filter(|other| *other != i);
-                let far = others.map(|other| (pulleys[other] - state.pulley[other]).abs());
-                far.fold(0.0, f64::max) > DRAGGING
-                    && self.left_by_staying(origin, i, bend, &pulleys) > rounding
-            };
-            let is_little = moved <= rounding || bends <= rounding && !is_dragged();
-            if moved > STILL && !(is_far && is_little) {
+            let is_dragged = (0..D)
+                .any(|other| other != i && (pulleys[other] - state.pulley[other]).abs() > DRAGGING);
+            let is_little = moved <= ROUNDING * count || (bends <= ROUNDING * count && !is_dragged);
+            let is_far = (wanted[i] - *position).abs() > FAR * count;
+            if moved > STILL && !(is_little && is_far) {
                 *position = wanted[i];
             }
         }
@@ -108,25 +100,5 @@ impl<const D: usize> ForceBalance<D> {
         SVector::from_fn(|i, _| {
             pulleys[i] + self.gap(state, i).copysign(pulleys[i] - state.pulley[i])
         })
-    }
-
-    /// How far from its goal a motor that stays leaves its bend when the other one goes to its
-    /// own: through coupling and the friction that they share. Units of travel.
-    fn left_by_staying(
-        &self,
-        origin: &BalanceOrigin<'_, D>,
-        motor: usize,
-        goal: &SVector<f64, D>,
-        pulleys: &SVector<f64, D>,
-    ) -> f64 {
-        let BalanceOrigin { state, limits } = origin;
-        let (mut bend, mut pulleys) = (*goal, *pulleys);
-        (bend[motor], pulleys[motor]) = (state.bend[motor], state.pulley[motor]);
-        let travel = self.travel(&pulleys);
-        for _ in 0..DRAGGING_STEPS {
-            let rest = self.rest(state, limits, &travel, &bend);
-            bend[motor] += rest.force[motor] / rest.slope[(motor, motor)];
-        }
-        (bend[motor] - goal[motor]).abs() / self.gain[motor]
     }
 }

@@ -70,6 +70,9 @@ const SLOW_CREEP_S: f64 = 200.0;
 /// A motor does at most so many times what the other one does, squared.
 const MOST_UNLIKE: f64 = 30.0;
 
+/// The slowest creep has to explain more: it learns drift, too.
+const SLOW_CREEP: f64 = 0.1;
+
 /// The fold by whose blocks the prior is chosen.
 const FOLD: usize = ONE_OF / 2;
 
@@ -260,6 +263,7 @@ impl<'a, const D: usize> Search<'a, D> {
                 // One axis at a time does not show it: a snake bends in a plane.
                 Term::Other if !self.plane => !is_better([&with, &errors], 0.0),
                 Term::Other => is_better([&errors, &with], 0.0),
+                Term::Creep(CREEPING) => is_better([&errors, &with], SLOW_CREEP),
                 _ => is_better([&errors, &with], ALIKE_HELD_OUT),
             };
             if helps {
