@@ -74,8 +74,6 @@ pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> 
     let (other, side) = (&next.family, if worse < 0.0 { "below" } else { "above" });
     let is_balance = *family == Family::ForceBalance.to_string();
     let sure = match worse {
-        // A third family has no trial, and both were compared with it by the rows held out alone.
-        worse if worse < -error => "but its error on the rows held out is larger",
         worse if worse < 0.0 && is_balance => "so little that the balance of forces was taken",
         worse if worse < 0.0 => "so little that the simpler family was taken",
         worse if worse < error.max(NEAR) => "so near that another recording may turn it round",
@@ -165,10 +163,6 @@ mod tests {
         let alike = [score("gmr-play", 0.98, false), score("force-balance", 1.0, true)];
         let text = explanation(&alike, "deg").unwrap();
         assert!(text.contains("so little that the balance of forces was taken"), "{text}");
-        let trials = [score("linear", 0.29, false), score("force-balance", 1.0, true)];
-        let text = explanation(&trials, "deg").unwrap();
-        assert!(text.contains("linear, is 71 % below it"), "{text}");
-        assert!(text.contains("but its error on the rows held out is larger"), "{text}");
         let one = [score("linear", 1.0, true)];
         assert!(explanation(&one, "deg").unwrap().contains("the only family"));
     }

@@ -8,7 +8,7 @@ use i2ris::core::ServoGoal;
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
 use i2ris::units::{Counts, MotorVec, OutputVec};
-use i2ris_calibration::recording::{Row, Wanted};
+use i2ris_calibration::recording::{ColumnMap, Row, TimeColumn, Wanted};
 use i2ris_simulation::closed_loop::{
     ClosedLoop, IdealMotors, LoopError, start_position, without_limits,
 };
@@ -87,7 +87,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let map = arguments.columns.map();
     let table = csv_table::read(trajectory, &map, &Wanted::trajectory(&model.file().outputs))?.rows;
     let desired = DesiredTrajectory { rows: &table, si: si(&model), outputs: model.outputs() };
-    let past = history(arguments.history.as_ref(), &map, &model)?;
+    // The rehearsal goes through it tick by tick: its times are not looked at.
+    let untimed = ColumnMap { time: TimeColumn::Ignored, ..map };
+    let past = history(arguments.history.as_ref(), &untimed, &model)?;
     let mut past: Vec<MotorVec> = past.iter().map(|row| row.counts).collect();
     if past.is_empty() {
         past.push(start_position(&model, &desired.at(desired.start_s())));

@@ -8,7 +8,7 @@ use i2ris_report::statistics::min_max;
 use nalgebra::{DMatrix, DVector, SVector};
 
 use super::error::BalanceError;
-use super::judge::{Judge, ONE_OF, is_better, mean};
+use super::judge::{Judge, ONE_OF, SURE, is_better, mean};
 use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::{LeastSquares, Minimum, StoppingRule, minimise};
 use super::mechanism::BalanceMechanism;
@@ -70,8 +70,8 @@ const SLOW_CREEP_S: f64 = 200.0;
 /// A motor does at most so many times what the other one does, squared.
 const MOST_UNLIKE: f64 = 30.0;
 
-/// The slowest creep has to explain more: it learns drift, too.
-const SLOW_CREEP: f64 = 0.1;
+/// The slowest creep has to be surer: it learns drift, too.
+const SURE_OF_SLOW: f64 = 2.0;
 
 /// The fold by whose blocks the prior is chosen.
 const FOLD: usize = ONE_OF / 2;
@@ -261,10 +261,10 @@ impl<'a, const D: usize> Search<'a, D> {
             let Some((place, with)) = left_out(&best, terms) else { continue };
             let helps = match term {
                 // One axis at a time does not show it: a snake bends in a plane.
-                Term::Other if !self.plane => !is_better([&with, &errors], 0.0),
-                Term::Other => is_better([&errors, &with], 0.0),
-                Term::Creep(CREEPING) => is_better([&errors, &with], SLOW_CREEP),
-                _ => is_better([&errors, &with], ALIKE_HELD_OUT),
+                Term::Other if !self.plane => !is_better([&with, &errors], SURE, 0.0),
+                Term::Other => is_better([&errors, &with], SURE, 0.0),
+                Term::Creep(CREEPING) => is_better([&errors, &with], SURE_OF_SLOW, ALIKE_HELD_OUT),
+                _ => is_better([&errors, &with], SURE, ALIKE_HELD_OUT),
             };
             if helps {
                 (best, errors) = (place, with);

@@ -6,7 +6,7 @@ use i2ris::model::hysteresis::force_balance::{CREEPING, ForceBalance, REACH};
 use nalgebra::{DMatrix, SVector};
 
 use super::error::BalanceError;
-use super::judge::is_better;
+use super::judge::{SURE, is_better};
 use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::LeastSquares;
 use super::objective::Objective;
@@ -173,16 +173,16 @@ fn blocks_decide_together() {
     let before = [1.0; 20];
     let mut one_block = before;
     one_block[7] = 0.1;
-    assert!(!is_better([&before, &one_block], 0.0));
+    assert!(!is_better([&before, &one_block], SURE, 0.0));
     let mut most = [0.95; 20];
     most[3] = 1.1;
-    assert!(is_better([&before, &most], 0.0) && !is_better([&before, &most], 0.05));
-    assert!(!is_better([&most, &before], 0.0));
+    assert!(is_better([&before, &most], SURE, 0.0) && !is_better([&before, &most], SURE, 0.05));
+    assert!(!is_better([&most, &before], SURE, 0.0));
     // The first block, in which the state is not known yet, hides nothing.
     let hidden = |blocks: [f64; 20]| [&[50.0 * blocks[0]], &blocks[1..]].concat();
     let mut most = [0.8; 20];
     most[0] = 0.4;
-    assert!(is_better([&hidden(before), &hidden(most)], 0.05));
+    assert!(is_better([&hidden(before), &hidden(most)], SURE, 0.05));
 }
 
 /// One axis at a time shows how the shape goes with the length of a bend, and that is all there is.
