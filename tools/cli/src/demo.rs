@@ -91,20 +91,19 @@ fn show(demo: &mut Demo) -> Result<(), Failure> {
     Ok(())
 }
 
-/// `cargo run` builds only the program that it starts, so the demo builds the controller. It names
-/// this package as well: with the same features nothing is compiled twice.
+/// `cargo run` builds only the program that it starts, so the demo builds controller and watchdog.
+/// It names this package as well: with the same features nothing is compiled twice.
 fn build_controller() -> Result<(), Failure> {
     let Some(cargo) = std::env::var_os("CARGO") else { return Ok(()) };
     eprintln!("build the controller");
     let mut build = Command::new(cargo);
-    build.args(["build", "--quiet", "--package", "i2ris-cli", "--package", "i2ris"]);
-    build.args(["--bin", "i2ris-control"]);
+    build.args(["build", "--quiet", "--package", "i2ris-cli", "--package", "i2ris", "--bins"]);
     if !cfg!(debug_assertions) {
         build.arg("--release");
     }
     build.current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
     match build.status()?.success() {
         true => Ok(()),
-        false => Err("cargo could not build i2ris-control".into()),
+        false => Err("cargo could not build controller and watchdog".into()),
     }
 }
