@@ -1,8 +1,10 @@
 //! The polynomial from the bend to the outputs: ridge regression with a penalty by degree.
 //!
 //! A snake bends in a plane, and nothing but the length of its bend says how stiff it is. Where
-//! samples show one bend at a time an output is `(a x + b y) (1 + c r^2 + d r^4)` with `r^2 = x^2 +
-//! ratio y^2`, and even terms of each bend.
+//! samples show one bend at a time an output is `l = a x + b y` times `1 + c r^2 + d r^4` with `r^2 =
+//! x^2 + ratio y^2`, and even terms: those of a motor, which are `a k x^n` and `b k' y^n` in every
+//! output, and those of an output, `m l^n`. Two outputs along two bends tell them apart, and so the
+//! mixed terms.
 
 use i2ris::model::polynomial_regression::{coefficients, products};
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn};
@@ -17,6 +19,10 @@ const LEAST: f64 = 1e-6;
 
 /// Penalty of a mixed term that the samples do not show.
 const MOST: f64 = 1e4;
+
+/// Part of an even term that is nobody's: where an output is the bend of one motor, it may be of
+/// either.
+const NOBODY: f64 = 1e-3;
 
 /// The features of samples, and how their coefficients are held.
 #[derive(Debug, Clone)]
@@ -97,23 +103,87 @@ impl ReadOut {
         held
     }
 
+    /// What the mixed even terms of all outputs are by the coefficients of all, output after output.
+    fn mixed(&self, coefficients: &DMatrix<f64>) -> DMatrix<f64> {
+        let (terms, outputs) = coefficients.shape();
+        let mut mixed = DMatrix::zeros(terms * outputs, terms * outputs);
+        let straight = |output: usize| {
+            let straight = coefficients.fixed_view::<2, 1>(1, output);
+            let size = straight.norm().max(f64::MIN_POSITIVE);
+            (straight / size, size)
+        };
+        for degree in (2..=self.degree).step_by(2) {
+            let first = degree * (degree + 1) / 2;
+            // Unknown are the terms of the motors, and those of the outputs; for every output there
+            // is one equation along each bend.
+            let mut parts = DMatrix::zeros(2 * outputs, 2 + outputs);
+            for output in 0..outputs {
+                let (along, size) = straight(output);
+                for motor in 0..2 {
+                    let row = 2 * output + motor;
+                    parts[(row, motor)] = size * along[motor];
+                    parts[(row, 2 + output)] = size * along[motor].powi(degree as i32);
+                }
+            }
+            let scale = NOBODY * parts.norm_squared();
+            let normal = parts.tr_mul(&parts) + DMatrix::identity(2 + outputs, 2 + outputs) * scale;
+            let Some(normal) = normal.cholesky() else { continue };
+            let found = normal.solve(&parts.transpose());
+            for output in 0..outputs {
+                let (along, size) = straight(output);
+                let mut times = size;
+                for second in 1..degree {
+                    times *= (degree + 1 - second) as f64 / second as f64;
+                    let [of_first, of_second] = [(0, degree - second), (1, second)]
+                        .map(|(motor, power)| along[motor].powi(power as i32));
+                    let row = output * terms + first + second;
+                    for (other, motor) in (0..outputs).flat_map(|it| [(it, 0), (it, 1)]) {
+                        let column = other * terms + first + motor * degree;
+                        mixed[(row, column)] =
+                            times * of_first * of_second * found[(2 + output, 2 * other + motor)];
+                    }
+                }
+            }
+        }
+        mixed
+    }
+
     /// The polynomial of the outputs at bends.
     pub fn solve(&self, bends: &DMatrix<f64>, measured: &DMatrix<f64>) -> Option<Solved> {
         self.solved(self.features(bends), measured, bends.ncols())
     }
 
-    /// The same, where the errors of samples have weights.
-    pub fn solve_weighted(
+    /// The coefficients where the errors of samples have weights, with mixed even terms.
+    pub fn coefficients(
         &self,
         bends: &DMatrix<f64>,
         measured: &DMatrix<f64>,
         weights: &DVector<f64>,
-    ) -> Option<Solved> {
+    ) -> Option<DMatrix<f64>> {
         let (mut features, mut measured) = (self.features(bends), measured.clone());
         for mut column in features.column_iter_mut().chain(measured.column_iter_mut()) {
             column.component_mul_assign(weights);
         }
-        self.solved(features, &measured, bends.ncols())
+        let inputs = bends.ncols();
+        let solved = self.solved(features, &measured, inputs)?;
+        if inputs == 1 || self.plane {
+            return Some(solved.coefficients);
+        }
+        // All outputs together. The search does without: it would be eight times the work.
+        let (terms, outputs) = solved.coefficients.shape();
+        let mut held = self.mixed(&solved.coefficients) * -MOST;
+        let mut squares = DMatrix::zeros(held.nrows(), held.nrows());
+        let own_squares = solved.features.tr_mul(&solved.features);
+        for output in 0..outputs {
+            let (at, size) = ((output * terms, output * terms), (terms, terms));
+            let mut own = held.view_mut(at, size);
+            own += &solved.held;
+            squares.view_mut(at, size).copy_from(&own_squares);
+        }
+        squares += held.tr_mul(&held);
+        let seen = solved.features.tr_mul(&measured);
+        let found = squares.cholesky()?.solve(&DVector::from_column_slice(seen.as_slice()));
+        Some(DMatrix::from_column_slice(terms, outputs, found.as_slice()))
     }
 
     fn solved(

@@ -383,8 +383,8 @@ impl<'a, const D: usize> Search<'a, D> {
         let measured = DMatrix::from_fn(bends.nrows(), self.target.outputs, |row, output| {
             samples[row].outputs[output]
         });
-        let polynomial = read_out.solve_weighted(&bends, &measured, &weights);
-        let coefficients = polynomial.ok_or(BalanceError::NoModel)?.coefficients;
+        let coefficients = read_out.coefficients(&bends, &measured, &weights);
+        let coefficients = coefficients.ok_or(BalanceError::NoModel)?;
         let none = SVector::<f64, D>::zeros();
         let centre = operator.virtual_counts_at(&none);
         let scale = operator.virtual_counts_at(&none.add_scalar(REACH)) - centre;
