@@ -113,8 +113,8 @@ impl Hull {
     }
 
     /// The smallest convex hull around positions of the motors. If it has more than [`MAX_CORNERS`]
-    /// corners, the corners that enclose the least area are removed, which only makes the hull
-    /// smaller.
+    /// corners, sides are removed and their neighbours go on to where they meet: of a circle with a
+    /// radius of 1700 counts, 2 counts further out.
     ///
     /// # Errors
     ///

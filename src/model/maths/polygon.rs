@@ -31,18 +31,33 @@ pub(in crate::model) fn convex_hull(points: &[MotorVec]) -> Vec<MotorVec> {
     lower
 }
 
-/// Removes the corner that encloses the least area until `limit` corners are left. The result lies
-/// inside the polygon.
+/// Removes the side beyond which the sides next to it meet with the least area until `limit` sides
+/// are left. The result contains the polygon: what was measured must not be lost for being round.
 pub(in crate::model) fn thin(mut corners: Vec<MotorVec>, limit: usize) -> Vec<MotorVec> {
     while corners.len() > limit.max(3) {
         let n = corners.len();
-        let area = |i: &usize| area(corners[(i + n - 1) % n], corners[*i], corners[(i + 1) % n]);
-        let Some(least) = (0..n).min_by(|a, b| area(a).total_cmp(&area(b))) else {
-            break;
+        let beyond = |side: usize| {
+            let [before, from, to, after] =
+                [n - 1, 0, 1, 2].map(|offset| corners[(side + offset) % n]);
+            let tip = tip([before, from], [after, to])?;
+            Some((side, tip, area(from, tip, to).abs()))
         };
-        corners.remove(least);
+        let least = (0..n).filter_map(beyond).min_by(|a, b| a.2.total_cmp(&b.2));
+        let Some((side, tip, _)) = least else { break };
+        corners[side] = tip;
+        corners.remove((side + 1) % n);
     }
     corners
+}
+
+/// Where two sides meet that go on beyond their ends; `None` where they do not.
+fn tip([a, b]: [MotorVec; 2], [c, d]: [MotorVec; 2]) -> Option<MotorVec> {
+    let cross = |u: MotorVec, v: MotorVec| u[0] * v[1] - u[1] * v[0];
+    let (first, second, apart) = (subtract(b, a), subtract(d, c), subtract(d, b));
+    let both = cross(first, second);
+    let [along_first, along_second] = [cross(apart, second) / both, cross(apart, first) / both];
+    let meets = along_first >= 0.0 && along_second >= 0.0 && along_first.is_finite();
+    meets.then(|| [0, 1].map(|i| b[i] + along_first * first[i]))
 }
 
 fn sorted(points: &[MotorVec]) -> Vec<MotorVec> {
