@@ -7,6 +7,7 @@ use i2ris::model::file::{
 use i2ris::model::{Model, ModelError};
 use i2ris::robot::DriveFingerprint;
 use i2ris::units::MAX_OUTPUTS;
+use i2ris_report::statistics::min_max;
 
 use super::evidence::known_from;
 use super::metrics::{metrics, predictions};
@@ -42,6 +43,10 @@ impl From<&LinearFit> for Fitted {
     }
 }
 
+/// Deviation that is added where the recording does not show the plane between the axes, as a part
+/// of the half range: what 22 emulated snakes of 11 physics had in closed loop.
+const UNSEEN: f64 = 0.005;
+
 const NO_METRICS: OutputMetrics = OutputMetrics {
     training: FitMetrics { r2: 0.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 },
     held_out: None,
@@ -54,6 +59,8 @@ pub(super) struct FileContext<'a> {
     pub split: &'a Split,
     /// Knows the spikes; `None`: they count.
     pub spikes: Option<&'a Quality>,
+    /// Whether the recording shows the plane between the axes.
+    pub shows_plane: bool,
     /// Indices of the rows used for training.
     pub training: &'a [usize],
     pub hull: &'a HullParameters,
@@ -141,6 +148,13 @@ impl FileContext<'_> {
                 for (j, entry) in line.iter_mut().enumerate() {
                     *entry += error(i) * error(j) / rows.len() as f64;
                 }
+            }
+        }
+        if !self.shows_plane {
+            for (output, line) in covariance.iter_mut().enumerate() {
+                let values = self.training.iter().map(|row| self.recording.rows()[*row].outputs);
+                let (low, high) = min_max(values.map(|values| values[output]));
+                line[output] += (UNSEEN * 0.5 * (high - low)).powi(2);
             }
         }
         covariance

@@ -268,6 +268,12 @@ fn a_recording_of_one_axis_at_a_time_is_fitted_by_separable_families_only() {
     for output in 0..2 {
         let [found, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, output));
         assert!(found < 0.5 * linear, "{found} beside {linear}");
+        // What is not shown is not sure.
+        let FamilyParameters::ForceBalance { read_out, .. } = &outcome.model.file().family else {
+            panic!("{:?}", outcome.model.file().family)
+        };
+        let deviation = read_out.covariance[output][output].sqrt();
+        assert!(deviation > 1.2 * found, "{deviation} beside {found}");
     }
     let gmr = outcome.families.iter().find(|found| found.family == Family::Gmr);
     let reason = gmr.unwrap().result.as_ref().unwrap_err();
