@@ -58,7 +58,12 @@ pub fn fit(
         .collect();
     let judged_rows = judged_rows(&split, known_from(recording), &usable);
     let training: Vec<usize> = fitter.context.training.to_vec();
-    let evidence = Evidence { recording, rows: &judged_rows };
+    let noise = quality.noise.iter().zip(recording.outputs()).map(|(noise, output)| {
+        let deviation = noise.map_or(0.0, |noise| noise.deviation);
+        (deviation * output.unit.si()).powi(2)
+    });
+    let noise = noise.sum::<f64>().sqrt();
+    let evidence = Evidence { recording, rows: &judged_rows, noise };
     let (linear, family, judged, scores) = choose(&mut families, options.choice, &evidence)?;
     let doubt = match (doubt(&judged), options.force) {
         (Some(doubt), false) => return Err(FitError::Worthless { family, doubt }),

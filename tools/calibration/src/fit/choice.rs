@@ -25,8 +25,9 @@ use super::metrics::predictions;
 use crate::{parallel, series};
 
 /// A family is credible, and a plant, if its error on the rows held out is at most so many times
-/// the least.
+/// the least: without the noise of the measurement, of which a part is not known.
 const CREDIBLE: f64 = 1.7;
+const UNKNOWN_NOISE: f64 = 0.5;
 
 /// A family is no plant if even the best of the others leaves so many times what both of them leave
 /// of the rows held out.
@@ -110,12 +111,13 @@ impl Score {
 
 /// Scores the families, in the order given.
 pub(super) fn scores(models: &[(Family, &Model)], evidence: &Evidence<'_>) -> Vec<Score> {
-    let &Evidence { recording, rows } = evidence;
+    let &Evidence { recording, rows, noise } = evidence;
     let errors = parallel::map(models.len(), |index| {
         block_errors(&predictions(models[index].1, recording), recording, rows)
     });
     let held_out: Vec<f64> = errors.iter().map(|blocks| rms(blocks)).collect();
-    let trials = trials(models, &held_out);
+    let credible = credible(&held_out, noise);
+    let trials = trials(models, &held_out, &credible);
     let score = |(index, (family, _)): (usize, &(Family, &Model))| {
         let trials = &trials[index];
         let mut order: Vec<_> =
@@ -139,25 +141,34 @@ pub(super) fn scores(models: &[(Family, &Model)], evidence: &Evidence<'_>) -> Ve
             travel: trials.iter().map(|(_, trial)| trial.travel).fold(0.0, f64::max),
         }
     };
-    alike(models.iter().enumerate().map(score).collect())
+    alike(models.iter().enumerate().map(score).collect(), &credible)
+}
+
+/// Which families explain the rows held out about as well as the best one.
+fn credible(held_out: &[f64], noise: f64) -> Vec<bool> {
+    let beyond =
+        |error: &f64| (error.powi(2) - noise.powi(2)).max((UNKNOWN_NOISE * noise).powi(2)).sqrt();
+    let least = held_out.iter().map(beyond).fold(f64::INFINITY, f64::min);
+    held_out.iter().map(|error| beyond(error) <= CREDIBLE * least).collect()
 }
 
 /// Where a credible family has no other plant, the rows held out decide for all of them: errors in
 /// trials beside none would make three families beat each other in a ring.
-fn alike(mut scores: Vec<Score>) -> Vec<Score> {
-    let least = scores.iter().map(|score| score.held_out).fold(f64::INFINITY, f64::min);
-    let mut credible = scores.iter().filter(|score| score.held_out <= CREDIBLE * least);
-    if credible.any(|score| score.parts.is_empty()) {
+fn alike(mut scores: Vec<Score>, credible: &[bool]) -> Vec<Score> {
+    let mut untried = scores.iter().zip(credible).filter(|(score, _)| score.parts.is_empty());
+    if untried.any(|(_, credible)| *credible) {
         scores.iter_mut().for_each(|score| score.parts.clear());
     }
     scores
 }
 
 /// Of every family, how its inverse does on the others that are plants.
-fn trials(models: &[(Family, &Model)], held_out: &[f64]) -> Vec<Vec<(usize, Candidate)>> {
-    let least = held_out.iter().copied().fold(f64::INFINITY, f64::min);
-    let credible = |index: &usize| held_out[*index] <= CREDIBLE * least;
-    let plants: Vec<usize> = (0..models.len()).filter(credible).collect();
+fn trials(
+    models: &[(Family, &Model)],
+    held_out: &[f64],
+    credible: &[bool],
+) -> Vec<Vec<(usize, Candidate)>> {
+    let plants: Vec<usize> = (0..models.len()).filter(|index| credible[*index]).collect();
     let goals = models.first().map(|(_, model)| Goals::new(model));
     let mut trials = parallel::map(models.len(), |index| {
         let others = plants.iter().filter(|plant| **plant != index);
@@ -331,20 +342,30 @@ mod tests {
             mixture,
             score(Family::ForceBalance, [1.0, 0.9, 1.0, 1.1], 14.7),
         ];
-        let scores = alike(scores);
+        let scores = alike(scores, &[false, true, true]);
         let ring = [[1, 0], [2, 1], [2, 0]];
         for [better, worse] in ring {
             assert!(scores[better].beside(&scores[worse]).0 < 0.0, "{better} {worse}");
         }
         assert_eq!(best(&scores), Some(Family::ForceBalance));
     }
+
+    /// The numbers of a snake of springs, by strokes of both axes, deg: plays that leave half as
+    /// much again as there is noise, and a balance that leaves hardly more than that.
+    #[test]
+    fn what_is_beyond_the_noise_makes_a_family_credible() {
+        assert_eq!(credible(&[2.745, 0.175, 0.106], 0.098), [false, false, true]);
+        assert_eq!(credible(&[2.745, 0.175, 0.106], 0.0), [false, true, true]);
+        assert_eq!(credible(&[0.11, 0.1, 0.098], 0.098), [true; 3]);
+    }
+
     /// The numbers of a wide instrument: the inverse of the plays was tried on no other family.
     #[test]
     fn scores_that_are_not_alike_are_compared_by_the_rows_held_out() {
         let mut plays = score(Family::GmrPlay, [1.02, 2.27, 0.68, 1.77], 0.0);
         (plays.tracking, plays.parts) = (None, Vec::new());
         let balance = score(Family::ForceBalance, [0.91, 2.54, 2.41, 1.0], 5.4);
-        let scores = alike(vec![plays, balance]);
+        let scores = alike(vec![plays, balance], &[true; 2]);
         let (worse, error) = scores[1].beside(&scores[0]);
         assert!(worse > 0.0 && worse < error, "{worse} +- {error}");
         assert_eq!(best(&scores), Some(Family::ForceBalance));

@@ -20,6 +20,8 @@ pub(super) struct Evidence<'a> {
     pub recording: &'a Recording,
     /// The rows held out, in blocks.
     pub rows: &'a [Vec<usize>],
+    /// RMS length of the noise of the measurement, SI units; 0 where it is not known.
+    pub noise: f64,
 }
 
 /// The first row whose state is known: where the motors have covered some range. Before, nobody
