@@ -11,7 +11,7 @@ use crate::model::examination::Examination;
 use crate::model::families::hysteresis::Operator;
 use crate::model::families::hysteresis::backlash_play::Plays;
 use crate::model::families::hysteresis::chain::Chain;
-use crate::model::families::hysteresis::force_balance::ForceBalance;
+use crate::model::families::hysteresis::force_balance::{CREEPING, ForceBalance};
 use crate::model::families::hysteresis::residual::Residual;
 use crate::model::families::linear::Linear;
 use crate::model::families::memory::Memory;
@@ -157,6 +157,13 @@ impl Model {
     /// Updates a memory with the present position `counts`. Call this with every measured position,
     /// in order. A position that is not finite is ignored.
     ///
+    /// Whether the bend depends on time, too: the snake creeps.
+    #[must_use]
+    pub fn creeps(&self) -> bool {
+        let family = &self.file().family;
+        matches!(family, FamilyParameters::ForceBalance { balance, .. } if balance.creep != [0.0; CREEPING])
+    }
+
     /// No time passes: a snake that creeps is stiffer then than over time. See
     /// [`Model::advance_over`].
     pub fn advance(&self, memory: &mut Memory, counts: &MotorVec) {

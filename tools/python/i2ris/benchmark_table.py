@@ -11,11 +11,14 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from i2ris import benchmark, gmr_direction, prandtl_ishlinskii
+from i2ris.benchmark import Floats
 from i2ris.model import Calibration, Model, ModelError
 
 Row = dict[str, Any]
@@ -40,7 +43,7 @@ def judge(case: benchmark.Case, method: str, folder: Path | None) -> Row:
             is_network = json.loads(path.read_text()).get("format") == "i2ris-network"
             model = Model.from_network(path, case.train_path(), robot_id="i2ris-emulated") if is_network else Model.load(path)
         row["model"] = model.to_dict()["family"]["kind"]
-        row["forward"] = benchmark.forward(case, model.predict)
+        row["forward"] = benchmark.forward(case, at_times(case, model))
         motions = benchmark.inverse(case, model) if isinstance(model, Model) else gmr_direction.inverse(case, model)
         row["motions"] = motions
         row["inverse"] = benchmark.geometric_mean(found["share"] for found in motions.values())
@@ -48,6 +51,13 @@ def judge(case: benchmark.Case, method: str, folder: Path | None) -> Row:
     except (ModelError, OSError) as error:
         row["refused"] = str(error)
     return row
+
+
+def at_times(case: benchmark.Case, model: Model | gmr_direction.DirectionModel) -> Callable[[Floats], ArrayLike]:
+    """Angles from the counts of the test, for a snake that creeps at their times."""
+    if isinstance(model, Model):
+        return lambda counts: model.predict(counts, t_s=case.test().t_s)
+    return model.predict
 
 
 def shares(rows: Iterable[Row], physics: str, method: str, task: str) -> list[float]:

@@ -192,6 +192,8 @@ class Model:
             if len(times) != len(table):
                 raise ValueError(f"t_s: has {len(times)} rows, and counts has {len(table)}")
             spans = [np.diff(times, prepend=times[:1]).tolist()]
+        elif any(self.to_dict()["family"].get("balance", {}).get("creep", [])):
+            warnings.warn("t_s: this snake creeps, and without times its angles are those of one that moves at once", stacklevel=2)
         angles, deviations = self._native.predict(table, *spans)
         return (angles, deviations) if return_std else angles
 
@@ -207,10 +209,10 @@ class Model:
         past = np.empty((0, self._native.motors)) if history is None else history
         return self._native.tracker(_table("history", past, (self._native.motors,)))
 
-    def score(self, counts: ArrayLike, angles_deg: ArrayLike) -> float:
+    def score(self, counts: ArrayLike, angles_deg: ArrayLike, t_s: ArrayLike | None = None) -> float:
         """R2 of the angles, as scikit-learn has it: the mean over the outputs. Rows without angles are left out."""
         truth = _table("angles_deg", angles_deg, (len(self.outputs),), missing=True)
-        found = self.predict(counts)
+        found = self.predict(counts, t_s=t_s)
         if len(found) != len(truth):
             raise ValueError(f"angles_deg: has {len(truth)} rows, and counts has {len(found)}")
         seen = np.isfinite(truth).all(axis=1)
@@ -357,9 +359,9 @@ class Calibration:
         """See :meth:`Model.invert`."""
         return self._fitted().invert(angles_deg, history)
 
-    def score(self, counts: ArrayLike, angles_deg: ArrayLike) -> float:
+    def score(self, counts: ArrayLike, angles_deg: ArrayLike, t_s: ArrayLike | None = None) -> float:
         """See :meth:`Model.score`."""
-        return self._fitted().score(counts, angles_deg)
+        return self._fitted().score(counts, angles_deg, t_s)
 
     def save(self, path: str | Path) -> None:
         """See :meth:`Model.save`."""

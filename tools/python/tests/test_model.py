@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -354,6 +355,23 @@ def test_an_aged_snake_is_judged_on_what_was_trained_before(case):
     fit = Calibration("gmr-play", restarts=2, max_components=3, robot_id="i2ris-emulated").fit(case.train_path())
     new, aged = (benchmark.inverse(each, fit.model_)["circle"] for each in (case, aged))
     assert aged["linear_deg"] > 1.05 * new["linear_deg"] and aged["exact_deg"] < 0.5 * aged["rms_deg"]
+
+
+def test_a_snake_that_creeps_asks_for_times(tmp_path):
+    content = json.loads((Path(__file__).parents[3] / "tests" / "adaptation" / "force-balance.json").read_text())
+    counts = np.column_stack([np.linspace(0, 1000, 50)] * 2)
+    angles = []
+    for creep in ([0.0, 0.0, 0.0], [0.05, 0.05, 0.0]):
+        content["family"]["balance"]["creep"] = creep
+        (tmp_path / "model.json").write_text(json.dumps(content))
+        model = Model.load(tmp_path / "model.json")
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            angles.append(model.predict(counts, t_s=np.arange(50.0)))
+            assert not said
+            model.predict(counts)
+            assert [str(each.message)[:5] for each in said] == ["t_s: "] * any(creep)
+    assert np.abs(angles[0] - angles[1]).max() > 0.1
 
 
 def test_the_textbook_operator_runs_as_a_model(case):

@@ -55,6 +55,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         time.into_iter().chain(output_columns(&model)).chain(counts_columns(&model)).collect();
     csv_table::write(output, &header, &rows)?;
     println!("wrote {} rows to {}", rows.len(), output.display());
+    if model.creeps() && table.iter().any(|row| row.time_s.is_none()) {
+        eprintln!(
+            "warning: this snake creeps, and the path has no times, so its angles are those of a snake \
+             that moves at once; give the counts with their times"
+        );
+    }
     if unknown > 0 {
         eprintln!(
             "warning: in the first {unknown} row(s) the memory is not known, so their angles may \

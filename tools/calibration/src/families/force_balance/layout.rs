@@ -120,6 +120,11 @@ const MOTOR: [Usual; PER_MOTOR] = [
     signed(0.0, 0.2),
 ];
 
+/// Where one axis at a time was recorded, coupling and a shape that is not square look nearly alike,
+/// and friction of both motors together does not.
+const COUPLING: usize = 2;
+const LITTLE_COUPLING: Usual = signed(0.0, 0.1);
+
 /// The own stop and the shared stop that yield. The others slip.
 const YIELDS: usize = 0;
 
@@ -160,13 +165,15 @@ const CREEP: Usual = positive(0.02, 1.0);
 pub(super) struct Layout {
     /// Middle and travel per count of every motor.
     scales: Vec<(f64, f64)>,
+    /// Whether the samples show what both motors do together.
+    plane: bool,
     pub terms: Terms,
 }
 
 impl Layout {
     /// Without terms that not every snake has.
-    pub fn new(scales: Vec<(f64, f64)>) -> Self {
-        Self { scales, terms: Terms { other: false, transmission: false, creep: 0 } }
+    pub fn new(scales: Vec<(f64, f64)>, plane: bool) -> Self {
+        Self { scales, plane, terms: Terms { other: false, transmission: false, creep: 0 } }
     }
 
     /// The same parameters, with other terms.
@@ -192,9 +199,12 @@ impl Layout {
     }
 
     fn usual(&self) -> Vec<Usual> {
-        let mut usual = Vec::new();
+        let (mut usual, mut motor) = (Vec::new(), MOTOR);
+        if !self.plane {
+            motor[COUPLING] = LITTLE_COUPLING;
+        }
         for _ in &self.scales {
-            usual.extend(MOTOR);
+            usual.extend(motor);
             usual.extend(OTHER.iter().filter(|_| self.terms.other));
             usual.extend([TRANSMISSION; 4].iter().filter(|_| self.terms.transmission));
         }

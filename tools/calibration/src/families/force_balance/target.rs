@@ -49,7 +49,7 @@ impl<const D: usize> Target<D> {
             path: steps.collect(),
             samples,
             outputs: series.outputs(),
-            layout: Layout::new(scales),
+            layout: Layout::new(scales, plane),
             is_coarse: false,
         }
     }

@@ -29,7 +29,7 @@ fn snake(rows: usize) -> Recording {
 /// A snake of one motor whose parameters are not those that the search starts from: slack wires,
 /// and a gear with play. Half the range of the motor is 750 counts.
 fn creeping(rows: usize, creep: [f64; CREEPING]) -> Recording {
-    let layout = Layout::new(vec![(0.0, REACH / 750.0)]);
+    let layout = Layout::new(vec![(0.0, REACH / 750.0)], true);
     let mut truth = layout.decode(&layout.start(-20.0, 16.0, 30.0));
     truth.motors[0].friction = 45.0;
     truth.creep = creep;
@@ -48,7 +48,7 @@ fn creeping(rows: usize, creep: [f64; CREEPING]) -> Recording {
 fn parameters_are_the_same_after_encoding() {
     for (other, transmission, creep) in [(false, false, 2), (true, false, 0), (true, true, 3)] {
         let terms = Terms { other, transmission, creep };
-        let layout = Layout::new(vec![(10.0, 1.5), (-20.0, 2.0)]).with(terms);
+        let layout = Layout::new(vec![(10.0, 1.5), (-20.0, 2.0)], true).with(terms);
         let mut at = layout.start(-20.0, 16.0, 30.0);
         for (index, number) in at.iter_mut().enumerate() {
             *number += 0.1 * (index as f64 + 1.0).sin();
