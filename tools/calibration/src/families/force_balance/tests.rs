@@ -81,7 +81,7 @@ fn a_snake_of_this_kind_is_explained_to_its_noise() {
 /// A pinion that is not round, over four turns of the motor.
 #[test]
 fn a_transmission_error_is_found_where_there_is_one() {
-    let layout = Layout::new(vec![(0.0, REACH / 2250.0)]);
+    let layout = Layout::new(vec![(0.0, REACH / 2250.0)], true);
     let mut truth = layout.decode(&layout.start(20.0, 8.0, 20.0));
     let error = [6.0, -3.0, 2.0, 0.0];
     truth.motors[0].transmission_error = error;
