@@ -189,7 +189,7 @@ SHOWN = (
 def figure(rows: Iterable[Row]) -> str:
     """Bars of the inverse task by physics, as SVG that is read on light and on dark."""
     rows = [row for row in rows if kind(row) == ("reversals", "usual", False)]
-    width, height, left, bottom, bar = 880, 300, 46, 250, 18
+    width, height, left, bottom, bar = 880, 314, 46, 250, 18
     names = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in rows)] or benchmark.PHYSICS
     step = (width - left - 10) / len(names)
     lines = [
@@ -202,7 +202,9 @@ def figure(rows: Iterable[Row]) -> str:
         lines.append(f'<text x="{left - 6}" y="{y + 4}" text-anchor="end">{tick / 10:.1f}</text>')
     for number, physics in enumerate(names):
         begin = left + number * step + (step - bar * len(SHOWN)) / 2
-        lines.append(f'<text x="{left + (number + 0.5) * step:.0f}" y="{bottom + 18}" text-anchor="middle">{physics}</text>')
+        for line, word in enumerate(physics.split("-", 1)):
+            x = left + (number + 0.5) * step
+            lines.append(f'<text x="{x:.0f}" y="{bottom + 18 + 14 * line}" text-anchor="middle">{word}</text>')
         for place, (method, _, colour) in enumerate(SHOWN):
             found = [1.0] if method == "linear" else shares(rows, physics, method, "inverse")
             x = begin + place * bar
