@@ -133,7 +133,8 @@ impl Stream {
             if self.player.is_finished(stop) {
                 return Ok(());
             }
-            let step_s = (now - last).as_seconds();
+            let may_go_on = self.progress.monitor().may_go_on();
+            let step_s = if may_go_on { (now - last).as_seconds() } else { 0.0 };
             let angles = self.player.advance(step_s, stop);
             self.late.record_step(step_s);
             last = now;

@@ -87,6 +87,8 @@ pub struct StreamMonitor {
     refused_now: Option<Refusal>,
     /// How often the stream may begin again before a command is followed.
     restarts_left: u32,
+    /// It has begun again, and no command has been followed since.
+    waits: bool,
     reported: Option<(Refusal, Nanos)>,
 }
 
@@ -101,6 +103,7 @@ impl StreamMonitor {
             refused: state.refusals_of(client_id).0,
             refused_now: None,
             restarts_left: 0,
+            waits: false,
             reported: None,
         }
     }
@@ -118,6 +121,13 @@ impl StreamMonitor {
         self.accepted_at = now;
         self.refused = state.refusals_of(self.client_id).0;
         self.refused_now = None;
+        self.waits = true;
+    }
+
+    /// Whether the motion may go on. After a restart it has to wait: if the controller reads late,
+    /// it finds the newest command too far away once more.
+    pub fn may_go_on(&self) -> bool {
+        !self.waits
     }
 
     /// Checks the newest state. Returns a refusal that is to be reported.
@@ -158,6 +168,7 @@ impl StreamMonitor {
             self.accepted_at = now;
             self.refused_now = None;
             self.restarts_left = RESTARTS;
+            self.waits = false;
         }
         // Refusals of other clients' commands are not this client's concern.
         let (refused, reason) = state.refusals_of(self.client_id);
@@ -284,7 +295,7 @@ mod tests {
         for restart in 1..=RESTARTS {
             assert!(monitor.has_lost_setpoint());
             monitor.restart(&refused(1, at(900), 4), at(900));
-            assert!(!monitor.has_lost_setpoint());
+            assert!(!monitor.has_lost_setpoint() && !monitor.may_go_on());
             monitor.check(&refused(1, at(905), 5), at(905)).unwrap();
             assert_eq!(monitor.has_lost_setpoint(), restart < RESTARTS);
         }
@@ -292,6 +303,9 @@ mod tests {
             monitor.check(&refused(1, at(1910), 6), at(1910)),
             Err(StopReason::Refused(Refusal::Step))
         );
+        assert!(!monitor.may_go_on());
+        monitor.check(&refused(2, at(1915), 6), at(1915)).unwrap();
+        assert!(monitor.may_go_on());
     }
 
     #[test]

@@ -254,7 +254,8 @@ impl Session<'_> {
                     Ending::Interrupted
                 });
             }
-            let place = playback.advance((now - last).as_seconds(), stop);
+            let step_s = if watch.may_go_on() { (now - last).as_seconds() } else { 0.0 };
+            let place = playback.advance(step_s, stop);
             last = now;
             let counts = place.map(|counts| counts.round() as i32);
             commander.servo_actuators(counts.get(..motors).unwrap_or(&counts))?;
@@ -264,6 +265,8 @@ impl Session<'_> {
             }
             if watch.has_lost_setpoint() {
                 let state = wait_for_rest(self.client)?;
+                // Its own silence breaks nothing off.
+                self.client.state_command(StateCommand::Hold)?;
                 playback.rejoin(self.current_setpoints(recorder)?, speed_counts_s);
                 last = clock::now();
                 watch.restart(&state, last);
