@@ -251,8 +251,8 @@ def main() -> None:
             arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
     arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
     for share, row in regret(rows)[:5]:
-        case = f"{row['physics']} {row['seed']}, {row['protocol']}, {row['camera']} camera{', aged' * row.get('aged', False)}"
-        print(f"regret {share:.2f}: {case}, took {row['model']}")
+        where = f"{row['physics']} {row['seed']}, {row['protocol']}, {row['camera']} camera{', aged' * row.get('aged', False)}"
+        print(f"regret {share:.2f}: {where}, took {row['model']}")
     if arguments.page:
         arguments.page.write_text(page(rows, arguments.note))
     if arguments.figure:
