@@ -154,16 +154,18 @@ impl Model {
         Memory::default()
     }
 
-    /// Updates a memory with the present position `counts`. Call this with every measured position,
-    /// in order. A position that is not finite is ignored.
-    ///
     /// Whether the bend depends on time, too: the snake creeps.
     #[must_use]
     pub fn creeps(&self) -> bool {
-        let family = &self.file().family;
-        matches!(family, FamilyParameters::ForceBalance { balance, .. } if balance.creep != [0.0; CREEPING])
+        match &self.file().family {
+            FamilyParameters::ForceBalance { balance, .. } => balance.creep != [0.0; CREEPING],
+            _ => false,
+        }
     }
 
+    /// Updates a memory with the present position `counts`. Call this with every measured position,
+    /// in order. A position that is not finite is ignored.
+    ///
     /// No time passes: a snake that creeps is stiffer then than over time. See
     /// [`Model::advance_over`].
     pub fn advance(&self, memory: &mut Memory, counts: &MotorVec) {

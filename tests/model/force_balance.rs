@@ -92,8 +92,9 @@ fn a_motor_goes_where_its_bend_is_not_dragged() {
         let goal = operator.virtual_counts(&state, &SVector::from([at[0], 40.0 + 3.0 * at[1]]));
         let found = operator.invert(&state, &goal, 1.0);
         let missed = (operator.virtual_counts(&state, &found) - goal).amax();
-        // What a motion drags along that is short enough to be one of a tick.
-        assert!(missed <= 1.5, "{missed} at {at:?}: {found}");
+        // A motion that is short enough to be one of a tick drags a little along.
+        let most = if at[0].abs() > 40.0 { 1.0 } else { 1.5 };
+        assert!(missed <= most, "{missed} at {at:?}: {found}");
     }
 }
 

@@ -40,7 +40,7 @@ pub(in crate::model) fn thin(mut corners: Vec<MotorVec>, limit: usize) -> Vec<Mo
             let [before, from, to, after] =
                 [n - 1, 0, 1, 2].map(|offset| corners[(side + offset) % n]);
             let tip = tip([before, from], [after, to])?;
-            Some((side, tip, area(from, tip, to).abs()))
+            Some((side, tip, area(from, tip, to)))
         };
         let least = (0..n).filter_map(beyond).min_by(|a, b| a.2.total_cmp(&b.2));
         let Some((side, tip, _)) = least else { break };

@@ -1,6 +1,7 @@
 //! What a stream of commands prints, and how it goes on after the controller stopped the snake.
 
 use i2ris::clock;
+use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
@@ -62,11 +63,16 @@ impl Progress {
 pub const LOST_SETPOINT: &str = "the controller has stopped the snake, because commands came late \
      or none were read; the motion goes on from where it is";
 
-/// Waits until no setpoint moves, or somebody else commands, which is noticed by the lease.
-pub fn wait_for_rest(client: &mut Client) -> Result<OperatingStateMsg, ClientError> {
+/// Waits until no setpoint moves, and lets the stream begin as a new one: its own silence breaks
+/// nothing off. Somebody else who commands meanwhile is left alone, and is noticed by the lease.
+pub fn begin_anew(client: &mut Client) -> Result<OperatingStateMsg, ClientError> {
     let id = client.id();
-    client.wait_for(REST_TIMEOUT, |state| {
-        let is_ours = [0, id].contains(&state.lease_client_id);
-        state.flags & OperatingStateMsg::AT_REST != 0 || !is_ours
-    })
+    let is_ours = |state: &OperatingStateMsg| [0, id].contains(&state.lease_client_id);
+    let state = client.wait_for(REST_TIMEOUT, |state| {
+        state.flags & OperatingStateMsg::AT_REST != 0 || !is_ours(state)
+    })?;
+    if is_ours(&state) {
+        client.state_command(StateCommand::Hold)?;
+    }
+    Ok(state)
 }

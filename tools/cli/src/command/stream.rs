@@ -8,7 +8,7 @@ use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
 use super::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
-use super::progress::{LOST_SETPOINT, Progress, wait_for_rest};
+use super::progress::{LOST_SETPOINT, Progress, begin_anew};
 use super::stream_monitor::{LateMonitor, StopReason, StreamMonitor};
 use super::tracking::{ClipMonitor, TrackingSummary};
 use super::trajectory::{Angles, Trajectory};
@@ -133,9 +133,9 @@ impl Stream {
             if self.player.is_finished(stop) {
                 return Ok(());
             }
+            let step_s = (now - last).as_seconds();
             let may_go_on = self.progress.monitor().may_go_on();
-            let step_s = if may_go_on { (now - last).as_seconds() } else { 0.0 };
-            let angles = self.player.advance(step_s, stop);
+            let angles = self.player.advance(if may_go_on { step_s } else { 0.0 }, stop);
             self.late.record_step(step_s);
             last = now;
             self.commander.servo_jp(&angles.map(f64::to_radians))?;
@@ -148,9 +148,7 @@ impl Stream {
 
     /// Goes on from the setpoint, where the controller stopped the snake.
     fn rejoin(&mut self, client: &mut Client) -> Result<Nanos, Failure> {
-        let state = wait_for_rest(client)?;
-        // Its own silence breaks nothing off.
-        client.state_command(StateCommand::Hold)?;
+        let state = begin_anew(client)?;
         self.player.rejoin(present_pose(client)?);
         let now = clock::now();
         self.progress.monitor().restart(&state, now);

@@ -55,7 +55,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         time.into_iter().chain(output_columns(&model)).chain(counts_columns(&model)).collect();
     csv_table::write(output, &header, &rows)?;
     println!("wrote {} rows to {}", rows.len(), output.display());
-    if model.creeps() && table.iter().any(|row| row.time_s.is_none()) {
+    if model.creeps() && past.iter().chain(&table).any(|row| row.time_s.is_none()) {
         eprintln!(
             "warning: this snake creeps, and the path has no times, so its angles are those of a snake \
              that moves at once; give the counts with their times"

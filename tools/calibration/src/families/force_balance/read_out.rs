@@ -2,9 +2,9 @@
 //!
 //! A snake bends in a plane, and nothing but the length of its bend says how stiff it is. Where
 //! samples show one bend at a time an output is `l = a x + b y` times `1 + c r^2 + d r^4` with `r^2 =
-//! x^2 + ratio y^2`, and even terms: those of a motor, which are `a k x^n` and `b k' y^n` in every
-//! output, and those of an output, `m l^n`. Two outputs along two bends tell them apart, and so the
-//! mixed terms.
+//! x^2 + ratio y^2`, and even terms: the asymmetry of a motor, `a k x^n` and `b k' y^n` in every
+//! output, and that of an output, `m l^n`. Two outputs along two bends tell them apart, and that
+//! gives the mixed terms.
 
 use i2ris::model::polynomial_regression::{coefficients, products};
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn};
@@ -20,9 +20,9 @@ const LEAST: f64 = 1e-6;
 /// Penalty of a mixed term that the samples do not show.
 const MOST: f64 = 1e4;
 
-/// Part of an even term that is nobody's: where an output is the bend of one motor, it may be of
-/// either.
-const NOBODY: f64 = 1e-3;
+/// Relative ridge on the asymmetries: where an output is the bend of one motor, an even term may be
+/// of either.
+const AMBIGUOUS: f64 = 1e-3;
 
 /// The features of samples, and how their coefficients are held.
 #[derive(Debug, Clone)]
@@ -125,7 +125,7 @@ impl ReadOut {
                     parts[(row, 2 + output)] = size * along[motor].powi(degree as i32);
                 }
             }
-            let scale = NOBODY * parts.norm_squared();
+            let scale = AMBIGUOUS * parts.norm_squared();
             let normal = parts.tr_mul(&parts) + DMatrix::identity(2 + outputs, 2 + outputs) * scale;
             let Some(normal) = normal.cholesky() else { continue };
             let found = normal.solve(&parts.transpose());

@@ -11,7 +11,7 @@ use i2ris::units::{MotorVec, Nanos};
 use indicatif::ProgressBar;
 
 use super::recorder::Recorder;
-use crate::command::progress::{LOST_SETPOINT, wait_for_rest};
+use crate::command::progress::{LOST_SETPOINT, begin_anew};
 use crate::command::stream_monitor::StreamMonitor;
 use crate::progress_bar::tenths;
 use i2ris_report::{Failure, Interrupt};
@@ -264,9 +264,7 @@ impl Session<'_> {
                 watch.check(&state, clock::now())?;
             }
             if watch.has_lost_setpoint() {
-                let state = wait_for_rest(self.client)?;
-                // Its own silence breaks nothing off.
-                self.client.state_command(StateCommand::Hold)?;
+                let state = begin_anew(self.client)?;
                 playback.rejoin(self.current_setpoints(recorder)?, speed_counts_s);
                 last = clock::now();
                 watch.restart(&state, last);
