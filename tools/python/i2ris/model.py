@@ -22,6 +22,7 @@ import tomllib
 import warnings
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, overload
 
@@ -192,10 +193,14 @@ class Model:
             if len(times) != len(table):
                 raise ValueError(f"t_s: has {len(times)} rows, and counts has {len(table)}")
             spans = [np.diff(times, prepend=times[:1]).tolist()]
-        elif any(self.to_dict()["family"].get("balance", {}).get("creep", [])):
+        elif self._creeps:
             warnings.warn("t_s: this snake creeps, and without times its angles are those of one that moves at once", stacklevel=2)
         angles, deviations = self._native.predict(table, *spans)
         return (angles, deviations) if return_std else angles
+
+    @cached_property
+    def _creeps(self) -> bool:
+        return any(self.to_dict()["family"].get("balance", {}).get("creep", []))
 
     def invert(self, angles_deg: ArrayLike, history: ArrayLike | None = None) -> Floats:
         """Whole counts that bring the angles along a trajectory, after a path of the motors. For the limits and filters
