@@ -182,6 +182,25 @@ mod tests {
 
     const ROUNDS: usize = 90;
 
+    /// Found on a draw that nothing was tuned on: 68 ms by plays, and none at all by the rest.
+    #[test]
+    fn a_late_camera_is_found_on_a_snake_of_another_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        let snake = DrawnSnake { physics: Physics::Springs, seed: 61 };
+        let file = folder.path().join("late.csv");
+        let plan = RecordingPlan {
+            protocol: Protocol::Reversals,
+            duration_s: 300.0,
+            noise_deg: CAMERA_NOISE_DEG,
+            latency_ms: 60,
+            seed: 1 + snake.seed,
+        };
+        plan.record(&mut robot(snake, false), &file).unwrap();
+        let (recording, _) = Recording::read(&file, &ColumnMap::default()).unwrap();
+        let found = recording.without_latency().1.unwrap_or_default();
+        assert!((found - 0.06).abs() < 0.005, "{found} s");
+    }
+
     /// What a minute has taught must not be lost, nor drift away, in a day of use.
     #[test]
     #[ignore = "six simulated hours"]

@@ -221,7 +221,7 @@ impl<'a> TrainingData<'a> {
             recording: self.recording,
             split,
             spikes: (!options.spikes.keep).then_some(quality),
-            shows_plane: quality.shows_one_axis_at_a_time().is_none(),
+            limits: &quality.warnings,
             training: &self.rows,
             hull: &self.hull,
             straight: &self.straight,

@@ -1,18 +1,19 @@
 //! How late the stamps of a camera are, as far as rows held out confirm it.
 //!
 //! The estimate of [`crate::quality::latency`] knows hysteresis as plays only; what else a snake
-//! does late looks like a late camera there. So a balance of forces is fitted to the rows that are
-//! not held out at three shifts around that estimate. Of every block held out, the mean square
-//! error is a parabola of the shift; the latency is where their sum is lowest, and how far
-//! that moves without one of the blocks tells how sure it is.
+//! does late looks like a late camera there. So a balance of forces is fitted from that estimate on,
+//! with the latency as one more parameter ([`crate::families::force_balance::lateness`]), and rows
+//! held out have to be explained better with what is found than without.
 
 use i2ris::model::file::FamilyParameters;
 
 use super::all_families::balance_of;
-use super::evidence::{block_errors, known_from};
+use super::evidence::{block_errors, known_from, rms};
 use super::metrics::predictions;
 use super::split::{HoldOut, Split};
-use crate::quality::latency::{Latency, jackknife_deviation, lowest};
+use crate::families::force_balance::search::fit_force_balance;
+use crate::progress::Silent;
+use crate::quality::latency::Latency;
 use crate::quality::{Finding, limits_of_path};
 use crate::recording::Recording;
 use crate::series::Series;
@@ -28,9 +29,11 @@ const LEAST_S: f64 = 0.015;
 /// An estimate is within so many standard deviations.
 const DEVIATIONS: f64 = 2.0;
 
-/// Between the three shifts. A wider gap explains a part of being late and nothing of being early:
-/// what that moves the lowest place by grows with this.
-const APART_S: f64 = 0.01;
+/// What may be further off is no camera: one is as late on every part of a recording.
+const UNSURE_S: f64 = 0.01;
+
+/// Fits, each to the recording less what the one before has found.
+const ROUNDS: usize = 2;
 
 /// The estimate is not further off than this.
 const FURTHEST_S: f64 = 0.03;
@@ -52,53 +55,60 @@ impl Recording {
     /// loop, and nothing is believed; nor what no camera can be, nor what rows held out do not
     /// confirm.
     fn believed_latency(&self) -> Option<f64> {
+        let limits = limits_of_path(&Series::whole(self));
         let shows = |finding: &Finding| matches!(finding, Finding::OneAxisAtATime { .. });
-        if !limits_of_path(&Series::whole(self)).iter().all(shows) {
+        if !limits.iter().all(shows) {
             return None;
         }
         let Latency { seconds, deviation_s, .. } = self.latency()?;
         if seconds < LEAST_S || seconds - DEVIATIONS * deviation_s > LATEST_S {
             return None;
         }
-        let (seconds, deviation_s) = held_out_latency(self, seconds)?;
-        (seconds >= LEAST_S.max(DEVIATIONS * deviation_s)).then_some(seconds.min(LATEST_S))
+        let (seconds, deviation_s) = held_out_latency(self, seconds, limits.is_empty())?;
+        let unsure_s = DEVIATIONS * deviation_s;
+        let is_camera = unsure_s <= UNSURE_S && (LEAST_S..=LATEST_S + unsure_s).contains(&seconds);
+        is_camera.then_some(seconds.min(LATEST_S))
     }
 }
 
-/// The latency that explains rows held out best, near an estimate, and its standard deviation, s.
-fn held_out_latency(recording: &Recording, near: f64) -> Option<(f64, f64)> {
+/// How late a recording is, near an estimate, and the standard deviation of that, s; `None` where
+/// the rows held out are not explained better with it.
+fn held_out_latency(recording: &Recording, near: f64, plane: bool) -> Option<(f64, f64)> {
+    let (mut found, mut deviation_s) = (near, 0.0);
+    let mut family: Option<FamilyParameters> = None;
+    for _ in 0..ROUNDS {
+        let shifted = recording.shifted(found);
+        let every = shifted.rows().len().div_ceil(MOST_ROWS);
+        let rows: Vec<usize> = (0..shifted.rows().len()).step_by(every).collect();
+        let known = match &family {
+            Some(FamilyParameters::ForceBalance { balance, .. }) => Some(balance),
+            _ => None,
+        };
+        let fit = fit_force_balance(&Series::new(&shifted, &rows), plane, known, &Silent).ok()?;
+        let late = fit.lateness?;
+        found += late.seconds.clamp(-FURTHEST_S, FURTHEST_S);
+        (deviation_s, family) = (late.deviation_s, Some(fit.family));
+    }
     let split = Split::new(recording, HoldOut::Blocks).ok()?;
     let line = |row: usize| recording.rows()[row].line;
     let known = line(known_from(recording).min(recording.rows().len() - 1));
     let blocks = split.blocks().iter().map(|block| line(block.start)..line(block.end));
     let blocks: Vec<_> = blocks.filter(|block| block.start >= known).collect();
-    let mut found: Option<FamilyParameters> = None;
-    let mut errors = [const { Vec::new() }; 3];
-    // The first is the middle one: its parameters are the start of the others.
-    for (place, shift) in [(1, near), (0, near - APART_S), (2, near + APART_S)] {
+    let left = |shift: f64, known: Option<&FamilyParameters>| {
         let shifted = recording.shifted(shift);
         let rows = || 0..shifted.rows().len();
         let of = |row: &usize| shifted.rows()[*row].line;
         let every = rows().len().div_ceil(MOST_ROWS);
         let is_seen = |row: &usize| !blocks.iter().any(|block| block.contains(&of(row)));
         let training = rows().filter(is_seen).step_by(every).collect();
-        let model = balance_of(&shifted, training, found.as_ref())?;
-        found.get_or_insert_with(|| model.file().family.clone());
+        let model = balance_of(&shifted, training, known)?;
         let held_out = blocks.iter().map(|block| rows().filter(|row| block.contains(&of(row))));
         let held_out: Vec<Vec<usize>> = held_out.map(Iterator::collect).collect();
-        errors[place] = block_errors(&predictions(&model, &shifted), &shifted, &held_out);
-    }
-    let without = |left_out: Option<usize>| {
-        let sum = |errors: &Vec<f64>| -> f64 {
-            let kept = errors.iter().enumerate().filter(|(block, _)| Some(*block) != left_out);
-            kept.map(|(_, error)| error).sum()
-        };
-        lowest(errors.each_ref().map(sum), APART_S)
+        Some(block_errors(&predictions(&model, &shifted), &shifted, &held_out))
     };
-    let moved = without(None)?;
-    let estimates: Vec<f64> =
-        (0..blocks.len()).map(|block| without(Some(block))).collect::<Option<_>>()?;
-    (moved.abs() <= FURTHEST_S).then_some((near + moved, jackknife_deviation(&estimates)))
+    // Each from where it is best: parameters found with a latency would not do without.
+    let helps = rms(&left(found, family.as_ref())?) < rms(&left(0.0, None)?);
+    (helps && (found - near).abs() <= FURTHEST_S).then_some((found, deviation_s))
 }
 
 #[cfg(test)]

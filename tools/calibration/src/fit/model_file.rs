@@ -13,7 +13,7 @@ use super::evidence::known_from;
 use super::metrics::{metrics, predictions};
 use super::slow_error::slow_error;
 use super::split::Split;
-use crate::quality::Quality;
+use crate::quality::{Finding, Quality};
 use crate::recording::Recording;
 use crate::regression::linear::LinearFit;
 
@@ -43,9 +43,11 @@ impl From<&LinearFit> for Fitted {
     }
 }
 
-/// Deviation that is added where the recording does not show the plane between the axes, as a part
-/// of the half range: what 22 emulated snakes of 11 physics had in closed loop.
-const UNSEEN: f64 = 0.005;
+/// Deviations that are added for what a recording does not show: for the plane between the axes as
+/// a part of the half range, and for small loops as a part of the error of a straight line. Emulated
+/// snakes of 11 physics had as much in closed loop.
+const UNSEEN_PLANE: f64 = 0.005;
+const UNSEEN_LOOPS: f64 = 0.06;
 
 const NO_METRICS: OutputMetrics = OutputMetrics {
     training: FitMetrics { r2: 0.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 },
@@ -59,8 +61,8 @@ pub(super) struct FileContext<'a> {
     pub split: &'a Split,
     /// Knows the spikes; `None`: they count.
     pub spikes: Option<&'a Quality>,
-    /// Whether the recording shows the plane between the axes.
-    pub shows_plane: bool,
+    /// What the recording does not show.
+    pub limits: &'a [Finding],
     /// Indices of the rows used for training.
     pub training: &'a [usize],
     pub hull: &'a HullParameters,
@@ -150,14 +152,25 @@ impl FileContext<'_> {
                 }
             }
         }
-        if !self.shows_plane {
-            for (output, line) in covariance.iter_mut().enumerate() {
-                let values = self.training.iter().map(|row| self.recording.rows()[*row].outputs);
-                let (low, high) = min_max(values.map(|values| values[output]));
-                line[output] += (UNSEEN * 0.5 * (high - low)).powi(2);
-            }
+        for (output, line) in covariance.iter_mut().enumerate() {
+            line[output] += self.unseen(output);
         }
         covariance
+    }
+
+    /// Variance of an output in motion that the recording does not show.
+    fn unseen(&self, output: usize) -> f64 {
+        let is_axes = |limit: &Finding| matches!(limit, Finding::OneAxisAtATime { .. });
+        let mut variance = 0.0;
+        if self.limits.iter().any(is_axes) {
+            let values = self.training.iter().map(|row| self.recording.rows()[*row].outputs);
+            let (low, high) = min_max(values.map(|values| values[output]));
+            variance += (UNSEEN_PLANE * 0.5 * (high - low)).powi(2);
+        }
+        if self.limits.iter().any(Finding::hides_small_loops) {
+            variance += UNSEEN_LOOPS.powi(2) * self.straight.covariance[output][output];
+        }
+        variance
     }
 
     /// Metrics on the rows used for training and on all rows held out, flagged ones included: what

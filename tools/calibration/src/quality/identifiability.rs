@@ -20,6 +20,9 @@ const LEAST_TURNING_POINTS: usize = 2;
 /// Turning points within this part of the range are the same one.
 const SAME_PART: f64 = 0.1;
 
+/// A loop is small where the motor turns back after less than this part of its range.
+const SMALL_PART: f64 = 0.5;
+
 /// Motors move together where the slower one does at least this part of what the faster one does.
 const TOGETHER_PART: f64 = 0.1;
 
@@ -46,6 +49,13 @@ pub enum Finding {
         /// Counted from 0.
         motor: usize,
     },
+    /// A motor that turns back after large strokes only.
+    LargeLoops {
+        /// Counted from 0.
+        motor: usize,
+        /// The smallest stroke, percent of the range.
+        percent: f64,
+    },
     /// The motors hardly ever move together.
     OneAxisAtATime {
         /// Part of the path on which they do, percent.
@@ -70,6 +80,12 @@ impl Finding {
     pub fn hides_hysteresis(&self) -> bool {
         matches!(self, Self::FewReversals { .. } | Self::Circulation { .. })
     }
+
+    /// Whether the recording shows nothing of the small loops inside of the large ones.
+    #[must_use]
+    pub fn hides_small_loops(&self) -> bool {
+        matches!(self, Self::OneLoop { .. } | Self::LargeLoops { .. })
+    }
 }
 
 impl fmt::Display for Finding {
@@ -91,6 +107,11 @@ impl fmt::Display for Finding {
                 f,
                 "motor {motor} always turns back at the same two positions, so the recording shows \
                  one loop and nothing of the smaller ones inside; record reversals of many sizes"
+            ),
+            Self::LargeLoops { motor, percent } => write!(
+                f,
+                "motor {motor} never turns back within {percent:.0} % of its range, so the \
+                 recording shows nothing of smaller loops; record reversals of many sizes"
             ),
             Self::OneAxisAtATime { percent } => write!(
                 f,
@@ -135,7 +156,13 @@ fn motor_finding(series: &Series, motor: usize) -> Option<Finding> {
         let (low_point, high_point) = min_max(points.iter().copied().skip(first).step_by(2));
         high_point - low_point <= SAME_PART * (high - low)
     };
-    (narrow(0) && narrow(1)).then_some(Finding::OneLoop { motor })
+    if narrow(0) && narrow(1) {
+        return Some(Finding::OneLoop { motor });
+    }
+    let strokes = points.windows(2).map(|pair| (pair[1] - pair[0]).abs() / (high - low));
+    let smallest = strokes.fold(f64::INFINITY, f64::min);
+    let percent = 100.0 * smallest;
+    (smallest >= SMALL_PART).then_some(Finding::LargeLoops { motor, percent })
 }
 
 fn plane_finding(series: &Series) -> Option<Finding> {
@@ -225,6 +252,11 @@ mod tests {
         let sweeps = findings_of_motor(300, |time| 500.0 * (0.8 * time).sin());
         assert_eq!(sweeps, [Finding::OneLoop { motor: 0 }]);
         assert!(!sweeps[0].hides_hysteresis());
+        let size = |time: f64| 0.8 + 0.2 * (0.31 * time).sin();
+        let strokes = findings_of_motor(300, |time| 500.0 * size(time) * (0.8 * time).sin());
+        let large = matches!(strokes[..], [found @ Finding::LargeLoops { motor: 0, percent }]
+            if found.hides_small_loops() && (50.0..90.0).contains(&percent));
+        assert!(large, "{strokes:?}");
         let cross = recording(600, |time| {
             let [a, b] = wander(time);
             let counts = if time < 60.0 { [a, 0.0] } else { [0.0, b] };

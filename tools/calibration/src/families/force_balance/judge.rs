@@ -8,7 +8,7 @@ use super::target::Target;
 use crate::series::blocks;
 
 /// Of so many blocks of samples one in so many is held out.
-const BLOCKS: usize = 20;
+pub(super) const BLOCKS: usize = 20;
 pub(super) const ONE_OF: usize = 5;
 
 /// A mean difference of so many of its deviations is none of chance. One block alone makes 1.

@@ -9,6 +9,7 @@ use nalgebra::{DMatrix, DVector, SVector};
 
 use super::error::BalanceError;
 use super::judge::{Judge, ONE_OF, SURE, is_better, mean};
+use super::lateness::{Lateness, lateness};
 use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::{LeastSquares, Minimum, StoppingRule, minimise};
 use super::mechanism::BalanceMechanism;
@@ -104,6 +105,8 @@ pub struct BalanceFit {
     pub simpler: Vec<FamilyParameters>,
     /// What the parameters say of the robot.
     pub mechanism: BalanceMechanism,
+    /// How late the samples are; `None` where nobody can tell.
+    pub lateness: Option<Lateness>,
 }
 
 /// Fits a balance of forces to a series. The same series gives the same bits, whatever the number
@@ -333,6 +336,7 @@ impl<'a, const D: usize> Search<'a, D> {
         objective.weight = 1.0 / left(&solved);
         let slopes = objective.slopes(&at).ok_or(BalanceError::NoModel)?;
         let mechanism = BalanceMechanism::new(&self.target.layout, &at, &slopes);
+        let lateness = lateness(&objective, &at);
         let family = self.family(&at, &objective.read_out, &solved)?;
         let mut simpler = Vec::new();
         for degree in SIMPLER {
@@ -340,7 +344,7 @@ impl<'a, const D: usize> Search<'a, D> {
             let solved = self.solved(&objective, &at).ok_or(BalanceError::NoModel)?;
             simpler.push(self.family(&at, &objective.read_out, &solved)?);
         }
-        Ok(BalanceFit { family, simpler, mechanism })
+        Ok(BalanceFit { family, simpler, mechanism, lateness })
     }
 
     fn objective<'t>(&self, target: &'t Target<D>, error: f64) -> Objective<'t, D> {

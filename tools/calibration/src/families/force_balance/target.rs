@@ -134,7 +134,28 @@ impl<const D: usize> Target<D> {
         bends.iter().all(|bend| bend.is_finite()).then_some(bends)
     }
 
-    /// The same with the derivatives by the numbers of a layout, one matrix per motor.
+    /// How fast the bend of every motor changes at every sample, 1/s: one matrix of one column per
+    /// motor; 0 where nobody knows the time.
+    pub fn speeds(&self, balance: &BalanceParameters) -> Option<[DMatrix<f64>; D]> {
+        let operator = self.operator(balance)?;
+        let mut state = operator.begin(&self.path.first()?.0);
+        let bend = |(counts, time_s): &(SVector<f64, D>, f64)| {
+            operator.advance_over(&mut state, counts, *time_s);
+            operator.bend(&state) / REACH
+        };
+        let bends: Vec<_> = self.path.iter().map(bend).collect();
+        let speed = |row: usize, motor: usize| {
+            let place = self.samples[row].0;
+            let (before, after) = (place.saturating_sub(1), (place + 1).min(bends.len() - 1));
+            let time_s: f64 = self.path[before + 1..=after].iter().map(|step| step.1).sum();
+            let moved = bends[after][motor] - bends[before][motor];
+            if time_s > 0.0 { moved / time_s } else { 0.0 }
+        };
+        let rows = self.samples.len();
+        Some(std::array::from_fn(|motor| DMatrix::from_fn(rows, 1, |row, _| speed(row, motor))))
+    }
+
+    /// The bends with their derivatives by the numbers of a layout, one matrix per motor.
     pub fn linearised(&self, at: &DVector<f64>) -> Option<(DMatrix<f64>, [DMatrix<f64>; D])> {
         let operator = self.operator(&self.layout.decode(at))?;
         let mut state = operator.begin_sensitive(&self.path.first()?.0);

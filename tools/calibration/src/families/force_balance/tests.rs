@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector, SVector};
 
 use super::error::BalanceError;
 use super::judge::{SURE, is_better};
+use super::lateness::Lateness;
 use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::LeastSquares;
 use super::objective::Objective;
@@ -23,18 +24,22 @@ fn fit(recording: &Recording) -> Result<BalanceFit, BalanceError> {
 }
 
 fn snake(rows: usize) -> Recording {
-    creeping(rows, [0.0; CREEPING])
+    late(rows, [0.0; CREEPING], 0.0)
+}
+
+fn creeping(rows: usize, creep: [f64; CREEPING]) -> Recording {
+    late(rows, creep, 0.0)
 }
 
 /// A snake of one motor whose parameters are not those that the search starts from: slack wires,
-/// and a gear with play. Half the range of the motor is 750 counts.
-fn creeping(rows: usize, creep: [f64; CREEPING]) -> Recording {
+/// and a gear with play. Half the range of the motor is 750 counts. Its angles are late.
+fn late(rows: usize, creep: [f64; CREEPING], late_s: f64) -> Recording {
     let layout = Layout::new(vec![(0.0, REACH / 750.0)], true);
     let mut truth = layout.decode(&layout.start(-20.0, 16.0, 30.0));
     truth.motors[0].friction = 45.0;
     truth.creep = creep;
     let operator = ForceBalance::<1>::prepare(&truth).unwrap();
-    let at = |time| SVector::from([wander(time)[0]]);
+    let at = |time| SVector::from([wander(time - late_s)[0]]);
     let mut state = operator.begin(&at(0.0));
     let mut noise = noise(3);
     one_motor(rows, |time| {
@@ -120,6 +125,16 @@ fn creep_is_found_where_there_is_some() {
 }
 
 /// The derivatives that the search uses are those of the residuals.
+#[test]
+fn how_late_the_samples_are_is_told_apart_from_hysteresis() {
+    for late_s in [0.0, 0.04, -0.04] {
+        let Lateness { seconds, deviation_s } =
+            fit(&late(900, [0.0; CREEPING], late_s)).unwrap().lateness.unwrap();
+        assert!((seconds - late_s).abs() < 0.008, "{seconds} +- {deviation_s}, not {late_s}");
+        assert!(deviation_s < 0.004, "{deviation_s}");
+    }
+}
+
 #[test]
 fn derivatives_are_those_of_the_residuals() {
     let target = Target::<1>::new(&Series::whole(&snake(300)), true);

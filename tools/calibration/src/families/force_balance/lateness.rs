@@ -1,0 +1,63 @@
+//! How late the stamps of the samples are, beside what the parameters explain.
+//!
+//! Being late is one more parameter, whose derivative is the speed of the outputs. At the minimum of
+//! all others the step of Gauss and Newton along it tells how late the samples are: only what of the
+//! speed no other parameter does counts. Without one block each of the samples that step tells how
+//! sure it is.
+
+use nalgebra::DVector;
+
+use super::judge::BLOCKS;
+use super::levenberg_marquardt::LeastSquares;
+use super::objective::Objective;
+use crate::quality::latency::jackknife_deviation;
+use crate::series::blocks;
+
+/// How late samples are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lateness {
+    /// Below 0: they are early.
+    pub seconds: f64,
+    /// Its standard deviation.
+    pub deviation_s: f64,
+}
+
+/// How late the samples are at a minimum; `None` where there is no model, or no time.
+pub(super) fn lateness<const D: usize>(
+    objective: &Objective<'_, D>,
+    at: &DVector<f64>,
+) -> Option<Lateness> {
+    let balance = objective.target.layout.decode(at);
+    let bends = objective.target.bends(&balance)?;
+    let speeds = objective.target.speeds(&balance)?;
+    let solved = objective.read_out.solve(&bends, &objective.measured)?;
+    // A later sample is of an earlier bend.
+    let (errors, shrinkage) = objective.read_out.slopes(&solved, &bends, &speeds);
+    let residuals = objective.residuals(at)?;
+    let mut later = DVector::zeros(residuals.len());
+    later.rows_mut(0, errors.nrows()).copy_from(&errors.column(0));
+    later.rows_mut(errors.nrows(), shrinkage.nrows()).copy_from(&shrinkage.column(0));
+    later *= -objective.weight;
+    let slopes = objective.slopes(at)?;
+    let explained = slopes.tr_mul(&slopes).cholesky()?.solve(&slopes.tr_mul(&later));
+    later -= &slopes * explained;
+    let samples = bends.nrows();
+    let parts: Vec<(f64, f64)> = blocks(samples, BLOCKS)
+        .into_iter()
+        .map(|block| {
+            let rows = (0..objective.target.outputs)
+                .flat_map(|output| block.clone().map(move |row| output * samples + row));
+            rows.fold((0.0, 0.0), |(along, square), row| {
+                (along + later[row] * residuals[row], square + later[row].powi(2))
+            })
+        })
+        .collect();
+    let step = |left_out: Option<usize>| {
+        let kept = parts.iter().enumerate().filter(|(block, _)| Some(*block) != left_out);
+        let sum = kept.fold((0.0, 0.0), |sum, (_, part)| (sum.0 + part.0, sum.1 + part.1));
+        -sum.0 / sum.1
+    };
+    let without: Vec<f64> = (0..parts.len()).map(|block| step(Some(block))).collect();
+    let found = Lateness { seconds: step(None), deviation_s: jackknife_deviation(&without) };
+    (found.seconds.is_finite() && found.deviation_s.is_finite()).then_some(found)
+}
