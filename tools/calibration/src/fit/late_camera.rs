@@ -56,7 +56,8 @@ impl Recording {
     /// confirm.
     fn believed_latency(&self) -> Option<f64> {
         let limits = limits_of_path(&Series::whole(self));
-        let shows = |finding: &Finding| matches!(finding, Finding::OneAxisAtATime { .. });
+        let is_axes = |limit: &Finding| matches!(limit, Finding::OneAxisAtATime { .. });
+        let shows = |limit: &Finding| is_axes(limit) || matches!(limit, Finding::LargeLoops { .. });
         if !limits.iter().all(shows) {
             return None;
         }
@@ -64,7 +65,7 @@ impl Recording {
         if seconds < LEAST_S || seconds - DEVIATIONS * deviation_s > LATEST_S {
             return None;
         }
-        let (seconds, deviation_s) = held_out_latency(self, seconds, limits.is_empty())?;
+        let (seconds, deviation_s) = held_out_latency(self, seconds, !limits.iter().any(is_axes))?;
         let unsure_s = DEVIATIONS * deviation_s;
         let is_camera = unsure_s <= UNSURE_S && (LEAST_S..=LATEST_S + unsure_s).contains(&seconds);
         is_camera.then_some(seconds.min(LATEST_S))
