@@ -217,7 +217,7 @@ fn total(sums: &Sums, without: Option<usize>) -> Option<NormalEquations> {
 }
 
 /// Where the parabola through three errors, so far apart, is lowest, relative to the middle.
-pub(crate) fn lowest([before, here, after]: [f64; 3], apart: f64) -> Option<f64> {
+fn lowest([before, here, after]: [f64; 3], apart: f64) -> Option<f64> {
     let curvature = before - 2.0 * here + after;
     (curvature > 0.0).then(|| 0.5 * apart * (before - after) / curvature)
 }

@@ -5,7 +5,7 @@
 //! speed no other parameter does counts. Without one block each of the samples that step tells how
 //! sure it is.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::judge::BLOCKS;
 use super::levenberg_marquardt::LeastSquares;
@@ -22,10 +22,12 @@ pub struct Lateness {
     pub deviation_s: f64,
 }
 
-/// How late the samples are at a minimum; `None` where there is no model, or no time.
+/// How late the samples are at a minimum, by the slopes of all residuals there; `None` where there
+/// is no model, or no time.
 pub(super) fn lateness<const D: usize>(
     objective: &Objective<'_, D>,
     at: &DVector<f64>,
+    slopes: &DMatrix<f64>,
 ) -> Option<Lateness> {
     let balance = objective.target.layout.decode(at);
     let bends = objective.target.bends(&balance)?;
@@ -38,9 +40,8 @@ pub(super) fn lateness<const D: usize>(
     later.rows_mut(0, errors.nrows()).copy_from(&errors.column(0));
     later.rows_mut(errors.nrows(), shrinkage.nrows()).copy_from(&shrinkage.column(0));
     later *= -objective.weight;
-    let slopes = objective.slopes(at)?;
-    let explained = slopes.tr_mul(&slopes).cholesky()?.solve(&slopes.tr_mul(&later));
-    later -= &slopes * explained;
+    let explained = slopes.tr_mul(slopes).cholesky()?.solve(&slopes.tr_mul(&later));
+    later -= slopes * explained;
     let samples = bends.nrows();
     let parts: Vec<(f64, f64)> = blocks(samples, BLOCKS)
         .into_iter()

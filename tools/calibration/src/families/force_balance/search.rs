@@ -336,7 +336,7 @@ impl<'a, const D: usize> Search<'a, D> {
         objective.weight = 1.0 / left(&solved);
         let slopes = objective.slopes(&at).ok_or(BalanceError::NoModel)?;
         let mechanism = BalanceMechanism::new(&self.target.layout, &at, &slopes);
-        let lateness = lateness(&objective, &at);
+        let lateness = lateness(&objective, &at, &slopes);
         let family = self.family(&at, &objective.read_out, &solved)?;
         let mut simpler = Vec::new();
         for degree in SIMPLER {
