@@ -164,7 +164,7 @@ struct Subject {
 
 impl Subject {
     fn calibrated(snake: DrawnSnake, duration_s: f64, folder: &Path) -> Result<Self, String> {
-        let recording = record(snake, false, snake.seed, folder)?;
+        let recording = record(snake, false, 0, snake.seed, folder)?;
         let fit = |family| fitted(&recording, Choice::One(family), "i2ris-emulated");
         let hand = Motion::Teleoperation;
         let path = (hand, hand.path(duration_s, snake.seed));

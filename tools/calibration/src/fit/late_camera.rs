@@ -2,7 +2,7 @@
 //!
 //! The estimate of [`crate::quality::latency`] knows hysteresis as plays only; what else a snake
 //! does late looks like a late camera there. So a balance of forces is fitted from that estimate on,
-//! with the latency as one more parameter ([`crate::families::force_balance::lateness`]), and rows
+//! with the latency as one more parameter ([`crate::families::force_balance::latency`]), and rows
 //! held out have to be explained better with what is found than without.
 
 use i2ris::model::file::FamilyParameters;
@@ -86,7 +86,7 @@ fn held_out_latency(recording: &Recording, near: f64, plane: bool) -> Option<(f6
             _ => None,
         };
         let fit = fit_force_balance(&Series::new(&shifted, &rows), plane, known, &Silent).ok()?;
-        let late = fit.lateness?;
+        let late = fit.latency?;
         found += late.seconds.clamp(-FURTHEST_S, FURTHEST_S);
         (deviation_s, family) = (late.deviation_s, Some(fit.family));
     }

@@ -97,6 +97,9 @@ const TRANSMISSION: Usual = signed(0.0, 3.0);
 pub(super) const GAP: usize = 1;
 pub(super) const PRELOAD: [usize; 2] = [3, 4];
 pub(super) const FRICTION: usize = 9;
+const COUPLING: usize = 2;
+const FRICTION_BY_OTHER: usize = 12;
+const FRICTION_GROWTH_BY_OTHER: usize = 14;
 
 /// In units of travel: half the range of a motor is 1000. The third, the coupling, is that of robots
 /// of all kinds: in a wrist with crossing cables it is 0.7, in a snake hardly any.
@@ -121,10 +124,13 @@ const MOTOR: [Usual; PER_MOTOR] = [
 ];
 
 /// Where one axis at a time was recorded, coupling and a shape that is not square look nearly alike,
-/// and what the other motor does to friction cannot be seen at all: its bend hardly changes, and any
-/// value would be as good as another friction. So they are held nearer to what is usual.
-const LESS_FREE: [(usize, Usual); 3] =
-    [(2, signed(0.0, 0.1)), (12, signed(0.0, 0.03)), (14, signed(0.1, 0.1))];
+/// and what the other motor does to friction looks like another friction, for its bend hardly changes.
+/// So they are held nearer to what is usual.
+const LESS_FREE: [(usize, Usual); 3] = [
+    (COUPLING, signed(0.0, 0.1)),
+    (FRICTION_BY_OTHER, signed(0.0, 0.03)),
+    (FRICTION_GROWTH_BY_OTHER, signed(0.1, 0.1)),
+];
 
 /// The own stop and the shared stop that yield. The others slip.
 const YIELDS: usize = 0;

@@ -18,14 +18,14 @@
 //! | `levenberg_marquardt` | the descent from one start |
 //! | `judge` | samples held out |
 //! | `objective` | the sum of squares |
-//! | `lateness` | how late the samples are |
+//! | `latency` | how late the samples are |
 //! | `search` | the whole fit |
 //! | `error` | why there is none |
 //! | `mechanism` | what the parameters say of the robot |
 
 pub mod error;
 mod judge;
-pub mod lateness;
+pub mod latency;
 mod layout;
 mod levenberg_marquardt;
 pub mod mechanism;

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector, SVector};
 
 use super::error::BalanceError;
 use super::judge::{Judge, ONE_OF, SURE, is_better, mean};
-use super::lateness::{Lateness, lateness};
+use super::latency::{RemainingLatency, remaining_latency};
 use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::{LeastSquares, Minimum, StoppingRule, minimise};
 use super::mechanism::BalanceMechanism;
@@ -106,7 +106,7 @@ pub struct BalanceFit {
     /// What the parameters say of the robot.
     pub mechanism: BalanceMechanism,
     /// How late the samples are; `None` where nobody can tell.
-    pub lateness: Option<Lateness>,
+    pub latency: Option<RemainingLatency>,
 }
 
 /// Fits a balance of forces to a series. The same series gives the same bits, whatever the number
@@ -336,7 +336,7 @@ impl<'a, const D: usize> Search<'a, D> {
         objective.weight = 1.0 / left(&solved);
         let slopes = objective.slopes(&at).ok_or(BalanceError::NoModel)?;
         let mechanism = BalanceMechanism::new(&self.target.layout, &at, &slopes);
-        let lateness = lateness(&objective, &at, &slopes);
+        let latency = remaining_latency(&objective, &at, &slopes);
         let family = self.family(&at, &objective.read_out, &solved)?;
         let mut simpler = Vec::new();
         for degree in SIMPLER {
@@ -344,7 +344,7 @@ impl<'a, const D: usize> Search<'a, D> {
             let solved = self.solved(&objective, &at).ok_or(BalanceError::NoModel)?;
             simpler.push(self.family(&at, &objective.read_out, &solved)?);
         }
-        Ok(BalanceFit { family, simpler, mechanism, lateness })
+        Ok(BalanceFit { family, simpler, mechanism, latency })
     }
 
     fn objective<'t>(&self, target: &'t Target<D>, error: f64) -> Objective<'t, D> {

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector, SVector};
 
 use super::error::BalanceError;
 use super::judge::{SURE, is_better};
-use super::lateness::Lateness;
+use super::latency::RemainingLatency;
 use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::LeastSquares;
 use super::objective::Objective;
@@ -25,10 +25,6 @@ fn fit(recording: &Recording) -> Result<BalanceFit, BalanceError> {
 
 fn snake(rows: usize) -> Recording {
     late(rows, [0.0; CREEPING], 0.0)
-}
-
-fn creeping(rows: usize, creep: [f64; CREEPING]) -> Recording {
-    late(rows, creep, 0.0)
 }
 
 /// A snake of one motor whose parameters are not those that the search starts from: slack wires,
@@ -114,7 +110,7 @@ fn a_transmission_error_is_found_where_there_is_one() {
 fn creep_is_found_where_there_is_some() {
     for truth in [[0.08, 0.1, 0.0], [0.08, 0.1, 0.12], [0.0; CREEPING]] {
         let FamilyParameters::ForceBalance { balance, .. } =
-            fit(&creeping(1200, truth)).unwrap().family
+            fit(&late(1200, truth, 0.0)).unwrap().family
         else {
             panic!("another family")
         };
@@ -128,8 +124,8 @@ fn creep_is_found_where_there_is_some() {
 #[test]
 fn how_late_the_samples_are_is_told_apart_from_hysteresis() {
     for late_s in [0.0, 0.04, -0.04] {
-        let Lateness { seconds, deviation_s } =
-            fit(&late(900, [0.0; CREEPING], late_s)).unwrap().lateness.unwrap();
+        let RemainingLatency { seconds, deviation_s } =
+            fit(&late(900, [0.0; CREEPING], late_s)).unwrap().latency.unwrap();
         assert!((seconds - late_s).abs() < 0.008, "{seconds} +- {deviation_s}, not {late_s}");
         assert!(deviation_s < 0.004, "{deviation_s}");
     }

@@ -1,42 +1,39 @@
-//! How late the stamps of the samples are, beside what the parameters explain.
+//! The latency of the samples: how late their stamps are, beside what the parameters explain.
 //!
-//! Being late is one more parameter, whose derivative is the speed of the outputs. At the minimum of
-//! all others the step of Gauss and Newton along it tells how late the samples are: only what of the
-//! speed no other parameter does counts. Without one block each of the samples that step tells how
-//! sure it is.
+//! The latency is one more parameter, whose derivative is the speed of the outputs. It is the step
+//! of Gauss and Newton along that derivative, at the minimum of all other parameters and without
+//! what those can do. The same step without one block of samples each gives its deviation.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::judge::BLOCKS;
-use super::levenberg_marquardt::LeastSquares;
 use super::objective::Objective;
 use crate::quality::latency::jackknife_deviation;
 use crate::series::blocks;
 
-/// How late samples are.
+/// The latency that a fit has left.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lateness {
+pub struct RemainingLatency {
     /// Below 0: they are early.
     pub seconds: f64,
     /// Its standard deviation.
     pub deviation_s: f64,
 }
 
-/// How late the samples are at a minimum, by the slopes of all residuals there; `None` where there
+/// The latency of the samples at a minimum, by the slopes of all residuals there; `None` where there
 /// is no model, or no time.
-pub(super) fn lateness<const D: usize>(
+pub(super) fn remaining_latency<const D: usize>(
     objective: &Objective<'_, D>,
     at: &DVector<f64>,
     slopes: &DMatrix<f64>,
-) -> Option<Lateness> {
+) -> Option<RemainingLatency> {
     let balance = objective.target.layout.decode(at);
     let bends = objective.target.bends(&balance)?;
     let speeds = objective.target.speeds(&balance)?;
     let solved = objective.read_out.solve(&bends, &objective.measured)?;
     // A later sample is of an earlier bend.
     let (errors, shrinkage) = objective.read_out.slopes(&solved, &bends, &speeds);
-    let residuals = objective.residuals(at)?;
-    let mut later = DVector::zeros(residuals.len());
+    let mut later = DVector::zeros(slopes.nrows());
     later.rows_mut(0, errors.nrows()).copy_from(&errors.column(0));
     later.rows_mut(errors.nrows(), shrinkage.nrows()).copy_from(&shrinkage.column(0));
     later *= -objective.weight;
@@ -49,7 +46,8 @@ pub(super) fn lateness<const D: usize>(
             let rows = (0..objective.target.outputs)
                 .flat_map(|output| block.clone().map(move |row| output * samples + row));
             rows.fold((0.0, 0.0), |(along, square), row| {
-                (along + later[row] * residuals[row], square + later[row].powi(2))
+                let residual = objective.weight * solved.errors.as_slice()[row];
+                (along + later[row] * residual, square + later[row].powi(2))
             })
         })
         .collect();
@@ -59,6 +57,7 @@ pub(super) fn lateness<const D: usize>(
         -sum.0 / sum.1
     };
     let without: Vec<f64> = (0..parts.len()).map(|block| step(Some(block))).collect();
-    let found = Lateness { seconds: step(None), deviation_s: jackknife_deviation(&without) };
+    let deviation_s = jackknife_deviation(&without);
+    let found = RemainingLatency { seconds: step(None), deviation_s };
     (found.seconds.is_finite() && found.deviation_s.is_finite()).then_some(found)
 }
