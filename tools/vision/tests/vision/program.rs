@@ -162,6 +162,30 @@ fn a_truncated_stream_keeps_what_came_and_says_where_it_ends() {
     assert!((number(&rows[7][1]) - f64::to_degrees(0.2)).abs() < 0.1);
 }
 
+/// Six frames of [`send_frames`] are at rest, however late they come.
+const AT_REST: &[&str] = &["--rest-s", "0.0055"];
+
+/// What a camera sends that takes the frames of `bytes` again and again. Every frame says when it
+/// was taken: a millisecond after the one before.
+fn send_frames(
+    to: &mut impl Write,
+    bytes: &[u8],
+    begin: Nanos,
+    times: usize,
+) -> std::io::Result<()> {
+    let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();
+    to.write_all(&bytes[..header])?;
+    let frames = bytes[header..].chunks(6 + 640 * 480);
+    let frames = std::iter::repeat_n(frames, times).flatten();
+    for (number, frame) in frames.enumerate() {
+        let Nanos(stamp) = begin + Nanos::from_millis(number as u64);
+        writeln!(to, "FRAME XT={}.{:09}", stamp / 1_000_000_000, stamp % 1_000_000_000)?;
+        to.write_all(&frame[6..])?;
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Ok(())
+}
+
 #[test]
 fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     let place = Place::new();
@@ -174,29 +198,11 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     let mut server = serve(&domain);
     let setup = place.name("one.toml");
     let before = clock::now();
-    // Every frame says when it was taken: a millisecond after the one before.
-    let command = vision(&[
-        "--setup",
-        &setup,
-        "-",
-        "--rest-s",
-        "0.0055",
-        "--publish",
-        "--domain",
-        domain.name(),
-    ]);
-    let mut child = { command }.stdin(Stdio::piped()).spawn().unwrap();
+    let command = [&["--setup", &setup, "-", "--publish", "--domain", domain.name()], AT_REST];
+    let mut child = vision(&command.concat()).stdin(Stdio::piped()).spawn().unwrap();
     let mut to = child.stdin.take().unwrap();
     let writer = std::thread::spawn(move || {
-        let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();
-        to.write_all(&bytes[..header]).unwrap();
-        for (number, frame) in bytes[header..].chunks(6 + 640 * 480).enumerate() {
-            let Nanos(stamp) = before + Nanos::from_millis(number as u64);
-            writeln!(to, "FRAME XT={}.{:09}", stamp / 1_000_000_000, stamp % 1_000_000_000)
-                .unwrap();
-            to.write_all(&frame[6..]).unwrap();
-            std::thread::sleep(Duration::from_millis(10));
-        }
+        send_frames(&mut to, &bytes, before, 1).unwrap();
         // Time for the server to see the last one before its publisher goes.
         std::thread::sleep(Duration::from_millis(500));
     });
@@ -226,28 +232,24 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
 fn it_ends_when_it_is_requested_to_while_the_camera_goes_on() {
     let place = Place::new();
     let frames = stream(&place, &rig(), 2);
-    let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();
     let (setup, csv) = (place.name("one.toml"), place.name("angles.csv"));
-    let mut child = vision(&["--setup", &setup, "-", "--rest-s", "0.05", "--output", &csv])
+    let mut child = vision(&[&["--setup", &setup, "-", "--output", &csv], AT_REST].concat())
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
-        .stderr(Stdio::null())
+        .stderr(Stdio::inherit())
         .spawn()
         .unwrap();
     let mut to = child.stdin.take().unwrap();
-    let camera = std::thread::spawn(move || {
-        let mut is_read = to.write_all(&frames[..header]).is_ok();
-        while is_read {
-            is_read = to.write_all(&frames[header..]).is_ok();
-            std::thread::sleep(Duration::from_millis(10));
-        }
-    });
+    // Until nobody reads.
+    let camera =
+        std::thread::spawn(move || send_frames(&mut to, &frames, clock::now(), usize::MAX));
     wait_until("it measures", || {
+        assert!(child.try_wait().unwrap().is_none(), "it has ended");
         fs::read_to_string(&csv).is_ok_and(|text| text.lines().count() > 5)
     });
     kill(Pid::from_raw(child.id().cast_signed()), Signal::SIGINT).unwrap();
     wait_until("it ends", || child.try_wait().unwrap().is_some());
-    camera.join().unwrap();
+    camera.join().unwrap().unwrap_err();
 }
 
 #[test]
