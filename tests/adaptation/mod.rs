@@ -2,9 +2,16 @@
 
 mod camera;
 mod fitted;
+mod hazards;
 pub mod random;
 mod trial;
 mod wear;
 
 mod campaign;
 mod fences;
+
+/// Without memory another method learns: the other tests here are about it.
+#[test]
+fn the_fitted_family_flies_too() {
+    i2ris_testing::cycle::with_family("force-balance-fitted", &["adaptation::hazards::"]);
+}

@@ -14,6 +14,7 @@ mod following;
 mod gate;
 mod goal_making;
 mod model_swap;
+mod monitors;
 mod move_and_clutch;
 mod network;
 mod pairs;

@@ -1,14 +1,10 @@
-//! H06, H10, H12: a zero that is lost, late ticks, a motor or a snake that does not do what it
-//! should.
+//! H06, H10: a zero that is lost, ticks that are missed.
 
 use i2ris::clock;
-use i2ris::core::{CycleEventKind, ExternalPose, PlausibilityCheck};
-use i2ris::drive::Demand;
 use i2ris::ipc::client::ClientError;
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, config, standard_model};
 use i2ris_testing::{Rig, has, settle_in, stream_counts, wait_for, wait_until, wait_until_holding};
 use nix::sys::signal::Signal;
 
@@ -35,40 +31,6 @@ fn h06_a_drive_that_lost_its_power_has_to_be_homed_again() {
     panic!("the drive does not restart");
 }
 
-#[test]
-fn h10_too_many_late_ticks_in_a_window_are_a_fault_and_single_ones_are_none() {
-    let limits = config("[limits]\noverrun_ticks = 40");
-    let mut bench = Bench::new(limits, None);
-    bench.home();
-    bench.enable();
-    for _ in 0..100 {
-        bench.missed = 30;
-        bench.tick();
-        bench.missed = 0;
-        bench.run(30);
-    }
-    // A late tick every 31 ms: 32 in a second.
-    assert_eq!(bench.state(), OperatingState::Enabled);
-    bench.missed = 1;
-    bench.run(45);
-    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Late));
-    bench.missed = 0;
-    bench.run(50);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    bench.idle();
-    bench.enable();
-    bench.run(100);
-    assert_eq!(bench.state(), OperatingState::Enabled);
-}
-
-#[test]
-fn h10_a_robot_that_is_off_has_no_fault_from_late_ticks() {
-    let mut bench = Bench::homed();
-    bench.missed = 5;
-    bench.run(5000);
-    assert_eq!(bench.state(), OperatingState::Disabled);
-}
-
 /// A stopped process misses about 300 ticks at once. It counts them and does not run them.
 #[test]
 fn h10_missed_ticks_are_counted_and_not_caught_up() {
@@ -84,111 +46,4 @@ fn h10_missed_ticks_are_counted_and_not_caught_up() {
         let newest = statistics.newest().unwrap();
         newest.filter(|message| message.total_missed >= 200)
     });
-}
-
-fn demands(bench: &Bench) -> [Demand; 2] {
-    bench.out.requests.map(|request| request.demand)
-}
-
-/// A bench with a camera that measures the position of the encoders with a latency, and from the
-/// second second on with an error by slack of the wire.
-fn with_camera(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
-    let limits = config("[limits]\nplausibility_deg = 2.0");
-    let mut bench = Bench::new(limits, Some(standard_model()));
-    bench.home();
-    bench.enable();
-    let mut seen = Vec::new();
-    for k in 0..ticks {
-        let t = k as f64 * 1e-3;
-        if k.is_multiple_of(5) && bench.state() == OperatingState::Enabled {
-            let refusal = bench.joint(8.0 * t.sin(), 0.0);
-            let faulted = bench.state() == OperatingState::Fault;
-            assert!(refusal == Refusal::None || faulted, "{refusal:?}");
-        } else {
-            bench.tick();
-        }
-        seen.push((bench.now, bench.joints().measured));
-        if k.is_multiple_of(33) && k > latency_ms {
-            let (stamp, mut position) = seen[(k - latency_ms) as usize];
-            if k > 2000 {
-                position[0] += slack_deg.to_radians();
-            }
-            bench.external = Some(ExternalPose { stamp, position, outputs: 2, quality: 0.0 });
-        }
-    }
-    bench
-}
-
-#[test]
-fn h12_a_snake_that_is_not_where_the_model_says_is_a_fault_and_the_drives_hold() {
-    let bench = with_camera(120, 3.0, 3000);
-    let fault = (bench.state(), bench.report().fault);
-    assert_eq!(fault, (OperatingState::Fault, Fault::Implausible));
-    assert_eq!(demands(&bench), [Demand::QuickStop; 2]);
-}
-
-#[test]
-fn h12_a_late_camera_that_agrees_is_no_fault() {
-    // 8 deg/s and 120 ms: the difference to the newest estimate would be one degree, half the
-    // limit.
-    for (latency_ms, slack_deg, ticks) in [(120, 1.0, 6000), (400, 0.0, 4000)] {
-        let bench = with_camera(latency_ms, slack_deg, ticks);
-        assert_eq!(bench.state(), OperatingState::Enabled);
-    }
-}
-
-#[test]
-fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_reported() {
-    let mut bench = with_camera(120, 0.0, 1000);
-    let odd =
-        ExternalPose { stamp: bench.now, position: [1.0, 1.0, 0.0], outputs: 2, quality: 0.0 };
-    bench.run(1);
-    bench.external = Some(odd);
-    bench.run(2000);
-    assert_ne!(bench.state(), OperatingState::Fault);
-    let said: Vec<_> = bench
-        .events
-        .iter()
-        .filter(|kind| matches!(kind, CycleEventKind::Plausibility(_)))
-        .collect();
-    let expected = [PlausibilityCheck::Working, PlausibilityCheck::Silent];
-    let expected = expected.map(CycleEventKind::Plausibility);
-    assert_eq!(said, expected.iter().collect::<Vec<_>>());
-    assert_eq!(bench.report().plausibility, PlausibilityCheck::Silent);
-}
-
-#[test]
-fn another_camera_is_reported_when_it_comes_and_as_long_as_it_publishes() {
-    let mut bench = Bench::homed();
-    for tick in 1..=25_000 {
-        bench.ignored_frames = tick / 33;
-        bench.tick();
-    }
-    let told = |kind: &CycleEventKind| match kind {
-        CycleEventKind::OtherCamera { frames } => Some(*frames),
-        _ => None,
-    };
-    let told: Vec<u64> = bench.events.iter().filter_map(told).collect();
-    assert_eq!(told, [1, 304, 607]);
-}
-
-#[test]
-fn h12_too_much_current_for_too_long_is_a_fault_and_the_motor_loses_its_power() {
-    let limits = config("[limits]\nover_current_ma = 150");
-    let long = (limits.over_current_time().0 / 1_000_000) as usize;
-    let mut bench = Bench::new(limits, None);
-    bench.home();
-    bench.enable();
-    bench.drives[1].feedback.current_ma = -200;
-    bench.run(long - 10);
-    bench.drives[1].feedback.current_ma = 20;
-    bench.run(5);
-    bench.drives[1].feedback.current_ma = 200;
-    bench.run(long - 10);
-    // A short current peak, as at the start of a motion, is no fault.
-    assert_eq!(bench.state(), OperatingState::Enabled);
-    bench.run(20);
-    let fault = (bench.state(), bench.report().fault);
-    assert_eq!(fault, (OperatingState::Fault, Fault::Current));
-    assert_eq!(demands(&bench), [Demand::QuickStop, Demand::Disabled]);
 }

@@ -5,9 +5,7 @@ use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
-use i2ris::core::ExternalPose;
-use i2ris::ipc::{OperatingState, Refusal};
-use i2ris_testing::cycle::{Bench, config, standard_model};
+use i2ris::ipc::OperatingState;
 use i2ris_testing::{Rig, enable, home, stream_angles, stream_counts, wait_until, wait_until_idle};
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::sys::signal::Signal;
@@ -79,41 +77,6 @@ fn fill(pipe: &std::io::PipeWriter) {
     while nix::unistd::write(pipe.as_fd(), &[b' '; 4096]).is_ok() {}
     while nix::unistd::write(pipe.as_fd(), b" ").is_ok() {}
     set_flags(OFlag::empty());
-}
-
-/// Five minutes of counted time with every monitor on: slow lines, a camera with noise, occasional
-/// late ticks.
-#[test]
-fn h16_five_minutes_of_ordinary_use_trip_nothing() {
-    let limits =
-        config("[limits]\nover_current_ma = 250\noverrun_ticks = 100\nplausibility_deg = 1.0");
-    let mut bench = Bench::new(limits, Some(standard_model()));
-    for drive in &mut bench.drives {
-        drive.slot = 4;
-    }
-    bench.home();
-    bench.enable();
-    for k in 0..60_000_u64 {
-        let t = k as f64 * 0.005;
-        let refusal = bench.joint(10.0 * (0.7 * t).sin(), 8.0 * (1.1 * t).sin());
-        assert_eq!(refusal, Refusal::None, "at {t} s");
-        bench.missed = u32::from(k.is_multiple_of(40));
-        bench.tick();
-        bench.missed = 0;
-        bench.run(3);
-        if k.is_multiple_of(7) {
-            let noise_deg: f64 = 0.3 * (k as f64 * 12.9898).sin();
-            let mut position = bench.joints().measured;
-            for angle in position.iter_mut().take(2) {
-                *angle += noise_deg.to_radians();
-            }
-            let (stamp, outputs) = (bench.now, 2);
-            bench.external = Some(ExternalPose { stamp, position, outputs, quality: 0.0 });
-        }
-    }
-    let report = bench.report();
-    assert_eq!(bench.state(), OperatingState::Enabled);
-    assert_eq!((report.stale_stops, report.refused), (0, 0));
 }
 
 fn soak(seconds: f64) {

@@ -328,6 +328,9 @@ pub fn wait_for_end(child: &mut Child) -> ExitStatus {
     wait_until("the program ends", || child.try_wait().unwrap())
 }
 
+/// A motor at full speed is as far from its setpoint after a second and a half, counts.
+const FAR_COUNTS: u32 = 3000;
+
 /// Nothing spins or asks for real-time scheduling, and a stall of a machine that tests share is
 /// neither a lost drive nor the end of a command.
 pub fn run_on_shared_machine(config: &mut Config) {
@@ -339,11 +342,12 @@ pub fn run_on_shared_machine(config: &mut Config) {
         // The longest that is allowed: on a loaded machine an emulated drive may answer late, five
         // silences give its line up, and a request before a late reply counts as a bug of the host.
         port.reply_timeout_ms = 1000;
-        // Drives watch the distance to their setpoint, too, and stall like everything else.
         for axis in &mut port.axes {
-            axis.following_error_counts = 3000;
+            axis.following_error_counts = FAR_COUNTS;
         }
     }
+    // An emulated drive stalls like everything else, and its motor with it: both watch the distance.
+    config.limits.following_error_counts = FAR_COUNTS as i32;
 }
 
 /// Homes and enables the robot of a controller, which may take so long to be there. For programs,
