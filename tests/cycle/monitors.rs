@@ -92,7 +92,8 @@ fn h12_a_late_camera_that_agrees_is_no_fault() {
 
 #[test]
 fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_reported() {
-    let mut bench = with_camera(120, 0.0, 1000);
+    // Until the memory of every family is known.
+    let mut bench = with_camera(120, 0.0, 3000);
     let odd =
         ExternalPose { stamp: bench.now, position: [1.0, 1.0, 0.0], outputs: 2, quality: 0.0 };
     bench.run(1);

@@ -1,28 +1,9 @@
 //! Captures of lines with disturbances: the received bytes come out the same in a replay.
 
-use i2ris::drive::capture::file::{from_bytes, to_bytes};
-use i2ris::drive::capture::{CapturedLine, CapturedPort, LineEvent, Outcome};
-use i2ris::drive::command_set::Requested;
-use i2ris::drive::family_selection::family_of_line;
-use i2ris::drive::fingerprint::read_over;
-use i2ris::drive::link::replay::replay;
-use i2ris::drive::serial_transport::SerialTransport;
+use i2ris::drive::capture::{CapturedLine, CapturedPort};
 use i2ris::drive::{AxisRequest, Demand, Port};
 use i2ris::units::{Counts, Nanos};
-use i2ris_testing::drive::{Disturbance, SimulatedLine, one_drive, port_config};
-
-use super::conformance::{SETUPS, TestBench};
-
-/// Frames of requests and replies, and the number of outcomes that are no answer, all replayed.
-fn replayed(port: &CapturedPort) -> (u64, usize) {
-    let file = from_bytes(&to_bytes(std::slice::from_ref(port), "test", Nanos::ZERO)).unwrap();
-    assert_eq!(file.ports, std::slice::from_ref(port));
-    let found = replay(port);
-    assert!(found.differences.is_empty() && found.skipped == 0, "{found:?}");
-    let outcomes = port.events.iter().filter_map(LineEvent::outcome);
-    let failures = outcomes.filter(|it| !matches!(it, Outcome::Answered(_))).count();
-    (2 * found.attempts, failures)
-}
+use i2ris_testing::drive::{Disturbance, SimulatedLine, one_drive, port_config, replayed};
 
 /// A drive that follows setpoints on a disturbed line.
 fn disturbed(seed: u64) -> CapturedPort {
@@ -74,28 +55,4 @@ fn frames_of_a_disturbed_line_are_replayed_without_a_difference() {
     }
     println!("{frames} frames of {seed} lines replayed, {failures} attempts failed: 0 differences");
     assert!(failures > 100);
-}
-
-#[test]
-fn every_family_and_framing_is_captured_and_a_fingerprint_writes_nothing() {
-    for setup in &SETUPS {
-        let bench = TestBench::emulated(setup);
-        let config = bench.port();
-        let line = || CapturedLine::new(SerialTransport::open(&config).unwrap(), &config);
-        let (captured, capture) = line();
-        let drives = read_over(captured, &config).unwrap();
-        assert_eq!(drives.len(), config.axes.len(), "{}", setup.name);
-        assert!(drives.iter().all(|drive| drive.settings.len() >= 40), "{drives:?}");
-        let port = capture.read();
-        let commands = family_of_line(port.family).command_set();
-        for attempt in port.attempts() {
-            let request = port.with_request(attempt, |frame| commands.parse(frame)).flatten();
-            assert!(matches!(request, Some(Requested::Read(..))), "{request:?}");
-        }
-        let (captured, capture) = line();
-        let brought_up = Port::over(captured, &config).bring_up().unwrap();
-        let (mut runner, _links) = brought_up.split::<AxisRequest>();
-        (0..100).for_each(|_| runner.turn(&mut |_| {}));
-        assert!(replayed(&port).0 > 100 && replayed(&capture.read()).0 > 200, "{}", setup.name);
-    }
 }

@@ -7,11 +7,8 @@ use i2ris::drive::error::LinkError;
 use i2ris::drive::heard::Heard;
 use i2ris::drive::link::{DriveLink, Retry, TimedReply};
 use i2ris::drive::object::{self, POSITION, TARGET};
-use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
-use i2ris_simulation::Line;
-use i2ris_testing::Rig;
 use i2ris_testing::drive::{Disturbance, MiniDrive, SERIAL_NUMBER, SimulatedLine, port_config};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -309,16 +306,4 @@ proptest! {
         test.line.state().disturbances.clear();
         prop_assert!(test.link.read(NODE, POSITION).is_ok());
     }
-}
-
-/// The port is healthy, so the operating system has not closed it.
-#[test]
-fn a_port_is_reopened_after_an_error_that_was_no_hang_up() {
-    let rig = Rig::on(Line::Rs232);
-    let mut port = SerialTransport::open(&rig.config.ports[0]).unwrap();
-    for _ in 0..2 {
-        port.reopen().unwrap();
-    }
-    let mut link = DriveLink::new(port, &Epos4, &rig.config.ports[0]);
-    assert_eq!(link.read(NODE, object::VENDOR), Ok(object::MAXON));
 }

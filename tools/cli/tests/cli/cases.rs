@@ -71,12 +71,12 @@ const ELSEWHERE: [(&str, &str, &str); 11] = [
     ),
     (
         "drive-answers-otherwise",
-        "tests/drive/conformance/bad_input.rs",
+        "tests/serial/conformance/bad_input.rs",
         "what_answers_and_is_no_drive_is_shown_and_never_taken_for_silence",
     ),
     (
         "drive-answers-otherwise, another family",
-        "tests/drive/conformance/bad_input.rs",
+        "tests/serial/conformance/bad_input.rs",
         "a_drive_of_the_other_family_is_named",
     ),
 ];

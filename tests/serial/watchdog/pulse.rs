@@ -26,7 +26,7 @@ impl PulsedRig {
         rig.config.watchdog.pulse = Some(PulseConfig { device, line: ModemLine::Rts });
         let edges = rig.folder.path().join("edges");
         let library = rig.folder.path().join("modem.so");
-        let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/drive/watchdog/modem_lines.c");
+        let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/serial/watchdog/modem_lines.c");
         let mut compiler = Command::new("cc");
         let compiled = compiler.args(["-shared", "-fPIC", source, "-o"]).arg(&library).status();
         assert!(compiled.unwrap().success());

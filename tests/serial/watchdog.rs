@@ -151,7 +151,7 @@ fn unprivileged(name: &str, test: fn()) {
     }
     assert!(std::env::var_os(UNPRIVILEGED).is_none(), "still root");
     let output = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", &format!("drive::watchdog::{name}"), "--nocapture", "--include-ignored"])
+        .args(["--exact", &format!("serial::watchdog::{name}"), "--nocapture", "--include-ignored"])
         .env(UNPRIVILEGED, "")
         // The folder of root's temporary files may be closed to others.
         .env("TMPDIR", "/tmp")
