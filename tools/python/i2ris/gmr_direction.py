@@ -16,7 +16,6 @@ from __future__ import annotations
 import json
 import math
 import tempfile
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +38,10 @@ _COMPONENTS = (1, 2, 3, 4, 6, 8, 10)
 _LEAST_GAIN = 0.01
 
 Directions = tuple[int, int]
+Rows = np.ndarray[Any, np.dtype[np.intp]]
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
+#: Of both motors: 0 is not known yet.
+_DIRECTIONS: list[Directions] = [(one, other) for one in (0, 1, -1) for other in (0, 1, -1)]
 
 
 class Travel:
@@ -96,7 +99,7 @@ def _ridge_error(features: Floats, angles: Floats) -> float:
     return min(errors)
 
 
-def _left_out_error(counts: Floats, seen: Floats, angles: Floats, dead_bands: Floats) -> float:
+def _left_out_error(counts: Floats, seen: Rows, angles: Floats, dead_bands: Floats) -> float:
     found = directions(counts, dead_bands)[seen]
     known = (found != 0).all(axis=1)
     x, s, y = counts[seen][known], found[known], angles[known]
@@ -108,7 +111,7 @@ def _left_out_error(counts: Floats, seen: Floats, angles: Floats, dead_bands: Fl
     return _ridge_error(features, y) if len(x) > features.shape[1] else np.inf
 
 
-def choose_dead_bands(counts: Floats, seen: Floats, angles: Floats) -> Floats:
+def choose_dead_bands(counts: Floats, seen: Rows, angles: Floats) -> Floats:
     """The best dead-band for both motors together, and then for each by itself."""
     widest = np.maximum(_WIDEST * np.ptp(counts, axis=0), DEAD_BANDS[0])
 
@@ -154,7 +157,8 @@ def regress(mixture: Any, inputs: Floats) -> Floats:
         densities.append(density)
         means.append(mean[4:] + solved @ covariance[:4, 4:])
     shares = np.exp(np.array(densities) - np.max(densities, axis=0))
-    return np.einsum("kr,kro->ro", shares / shares.sum(axis=0), np.array(means))
+    angles: Floats = np.einsum("kr,kro->ro", shares / shares.sum(axis=0), np.array(means))
+    return angles
 
 
 def _choose_components(joint: Floats, restarts: int) -> int:
@@ -208,16 +212,17 @@ class Pilot:
 
     def counts(self, goal: list[float], near: list[float]) -> list[float]:
         """Counts for a goal, deg; the search begins near some counts."""
-        present = tuple(travel.direction for travel in self._travels)
-        first = None
+        one, other = self._travels
+        present = (one.direction, other.direction)
+        first: list[float] | None = None
         for known in (present, *(known for known in self._trackers if known != present)):
             if any(before and not after for before, after in zip(present, known, strict=True)):
                 continue
             tracker = self._trackers[known]
             tracker.advance(near)
-            counts, clipped = tracker.invert(goal)
-            there = tuple(travel.advanced(at) for travel, at in zip(self._travels, counts, strict=True))
-            if not clipped and there == known:
+            found: tuple[list[float], bool] = tracker.invert(goal)
+            counts, clipped = found
+            if not clipped and (one.advanced(counts[0]), other.advanced(counts[1])) == known:
                 return counts
             first = counts if first is None else first
         return near if first is None else first
@@ -287,11 +292,11 @@ def fit(path: Path, robot_id: str, restarts: int = 20) -> DirectionModel:
     """Fits it to a recording of two motors and two angles."""
     straight = Calibration("linear", robot_id=robot_id).fit(path)
     file, recording = straight.model_.to_dict(), Recording.read(path)
-    usable = np.isfinite(recording.angles_deg).all(axis=1)
+    usable: Flags = np.asarray(np.isfinite(recording.angles_deg).all(axis=1))
     rows = np.flatnonzero(usable)
     usable[rows[[spike["row"] for spike in straight.report_["spikes"]]]] = False
 
-    def joint(rows: Floats) -> tuple[Floats, Floats]:
+    def joint(rows: Rows) -> tuple[Floats, Floats]:
         path = recording.counts[: rows[-1] + 1]
         bands = choose_dead_bands(path, rows, recording.angles_deg[rows])
         found = directions(path, bands)[rows]
@@ -302,7 +307,7 @@ def fit(path: Path, robot_id: str, restarts: int = 20) -> DirectionModel:
         while True:
             mixture = _native.fit_mixture(table, components, restarts)
             try:
-                return components, {known: _branch(file, condition(mixture, known)) for known in product((0, 1, -1), repeat=2)}
+                return components, {known: _branch(file, condition(mixture, known)) for known in _DIRECTIONS}
             except ModelError:
                 fewer = [number for number in _COMPONENTS if number < components]
                 if not fewer:
