@@ -10,7 +10,7 @@ mod wear;
 mod campaign;
 mod fences;
 
-/// Without memory another method learns: the other tests here are about it.
+/// Not the linear one: without memory another method learns, which the other tests here are about.
 #[test]
 fn the_fitted_family_flies_too() {
     i2ris_testing::cycle::with_family("force-balance-fitted", &["adaptation::hazards::"]);
