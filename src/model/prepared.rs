@@ -11,7 +11,7 @@ use crate::model::examination::Examination;
 use crate::model::families::hysteresis::Operator;
 use crate::model::families::hysteresis::backlash_play::Plays;
 use crate::model::families::hysteresis::chain::Chain;
-use crate::model::families::hysteresis::force_balance::{CREEPING, ForceBalance};
+use crate::model::families::hysteresis::force_balance::{CREEPING, ForceBalance, REACH};
 use crate::model::families::hysteresis::residual::Residual;
 use crate::model::families::linear::Linear;
 use crate::model::families::memory::Memory;
@@ -201,6 +201,20 @@ impl Model {
     #[must_use]
     pub fn has_gap(&self) -> bool {
         self.runtime.has_gap()
+    }
+
+    /// Half the play of the gear of every motor as calibrated, as a share of half the calibrated
+    /// range: [`Wear::play`](crate::model::Wear) takes no more than that away. 0 for models without
+    /// gears.
+    #[must_use]
+    pub fn gear_play(&self) -> MotorVec {
+        let mut play = MotorVec::default();
+        if let FamilyParameters::ForceBalance { balance, .. } = &self.file.family {
+            for (play, motor) in play.iter_mut().zip(&balance.motors) {
+                *play = motor.gap / REACH;
+            }
+        }
+        play
     }
 
     /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m).

@@ -76,3 +76,16 @@ fn what_the_motion_does_not_show_stays_as_calibrated() {
     let found = learned(wear, 2.0, 0.5).estimate;
     assert_eq!((found.gap, found.slack, found.play), ([0.0; 2], [0.0; 2], [0.0; 2]));
 }
+
+/// A gear has no less play than none: an estimate beyond that says nothing, and what is left of the
+/// error goes into other parameters.
+#[test]
+fn a_gear_loses_no_more_play_than_it_has() {
+    let play = first_model().gear_play();
+    let wear = Wear { gap: [0.2; 2], play: play.map(|play| -2.0 * play), ..Wear::default() };
+    let found = learned(wear, 60.0, 13.0);
+    println!("{play:?} {found:?}");
+    for (estimate, play) in found.estimate.play.into_iter().zip(play) {
+        assert!(play > 0.0 && estimate >= -play, "{found:?}");
+    }
+}

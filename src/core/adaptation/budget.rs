@@ -2,12 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::excitation::Reach;
 use super::settings::{Settings, length};
 use crate::core::drift::geometry::{ModelGeometry, add, product};
-use crate::core::drift::{Drift, PARAMETERS, WORN};
+use crate::core::drift::{Drift, PARAMETERS};
 
 /// From this share of the budget on there is a warning.
 pub(super) const WARNING: f64 = 0.7;
+
+/// The share of the budget that is as good as all of it: the estimate is kept inside.
+pub(super) const USED_UP: f64 = 0.99;
+
+/// A parameter is known once its deviation is below this share of it. Until then its estimate
+/// swings, now and then to the end of its budget and back.
+const KNOWN: f64 = 0.05;
 
 /// A gap may shrink by this share of what it may grow.
 const SHRINK: f64 = 0.5;
@@ -25,7 +33,7 @@ impl BudgetUse {
     pub fn new(
         drift: &Drift,
         geometry: &ModelGeometry,
-        reach: [f64; WORN],
+        reach: &Reach,
         settings: &Settings,
     ) -> Self {
         let values = drift.to_array();
@@ -34,6 +42,14 @@ impl BudgetUse {
         let parameters = std::array::from_fn(share);
         let total = largest_shift(drift, geometry, reach) / settings.total_budget;
         Self { parameters, total }
+    }
+
+    /// It is known that nothing is left: of the total, or of a parameter whose value is known.
+    pub fn is_known(&self, drift: &Drift, deviations: &[f64; PARAMETERS]) -> bool {
+        let known = drift.to_array().into_iter().zip(deviations);
+        let known = known.map(|(value, deviation)| *deviation <= KNOWN * value.abs());
+        let mut shares = self.parameters.iter().zip(known);
+        self.total >= USED_UP || shares.any(|(share, is_known)| is_known && *share >= USED_UP)
     }
 
     /// The largest share.
@@ -47,13 +63,17 @@ impl BudgetUse {
 pub(super) fn inside(
     drift: &Drift,
     geometry: &ModelGeometry,
-    reach: [f64; WORN],
+    reach: &Reach,
     settings: &Settings,
 ) -> Drift {
     let values = drift.to_array();
     let clamped: [f64; PARAMETERS] = std::array::from_fn(|index| {
         let limit = limit(settings, geometry, index, values[index]);
-        values[index].max(-limit).min(limit)
+        let least = match index {
+            12 | 13 => limit.min(geometry.gear_play[index - 12]),
+            _ => limit,
+        };
+        values[index].max(-least).min(limit)
     });
     let clamped = Drift::from_array(clamped);
     let shift = largest_shift(&clamped, geometry, reach);
@@ -85,23 +105,23 @@ fn limit(settings: &Settings, geometry: &ModelGeometry, index: usize, value: f64
 }
 
 /// How far the drift moves the tip at the corner of the hull where it does most, rad.
-fn largest_shift(drift: &Drift, geometry: &ModelGeometry, reach: [f64; WORN]) -> f64 {
+fn largest_shift(drift: &Drift, geometry: &ModelGeometry, reach: &Reach) -> f64 {
     let direction = geometry.corrected_direction();
     let zero = add(drift.zero, direction.map(|part| part * drift.slow));
     let corners = geometry.corners.iter();
     let shift =
         corners.map(|corner| length(add(zero, product(&drift.gain, *corner)))).fold(0.0, f64::max);
-    let worn = [drift.gap, drift.slack, drift.play];
-    let worn = worn.as_flattened().iter().zip(reach);
-    shift + worn.map(|(growth, reach)| (growth * reach).abs()).sum::<f64>()
+    shift + reach.of(drift.worn())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::core::drift::WORN;
     use crate::core::drift::geometry::SlowError;
 
-    const REACH: [f64; WORN] = [0.02, 0.03, 0.4, 0.0, 0.0, 0.01];
+    const UNMOVED: Reach = Reach { per_growth: [0.0; WORN], moved: 0.0, wear: [0.0; WORN] };
+    const REACH: Reach = Reach { per_growth: [0.02, 0.03, 0.4, 0.0, 0.0, 0.01], ..UNMOVED };
 
     fn geometry() -> ModelGeometry {
         ModelGeometry {
@@ -110,6 +130,7 @@ mod tests {
             corners: vec![[0.0; 2]],
             deviation: [1e-3; 2],
             has_gap: true,
+            gear_play: [0.005; 2],
             outputs: 2,
             slow: None,
         }
@@ -160,17 +181,18 @@ mod tests {
             (9, 1.0, 0.1),
             (11, -1.0, -0.03),
             (12, 1.0, 0.02),
+            (12, -1.0, -0.005),
         ] {
             let geometry = ModelGeometry { slow: Some(CORRECTED), ..geometry() };
-            let found = inside(&of(index, drift), &geometry, [0.0; WORN], &settings).to_array();
+            let found = inside(&of(index, drift), &geometry, &UNMOVED, &settings).to_array();
             let name = format!("{drift} of parameter {index}");
             near(&found, &of(index, wanted).to_array(), &name);
             assert!(wanted != drift || found[index] == drift, "{name}: to the bit");
         }
         // A slow error that is not corrected has no budget.
         let geometry = geometry();
-        assert_eq!(inside(&of(9, 9.0), &geometry, [0.0; WORN], &settings), of(9, 9.0));
-        let used = BudgetUse::new(&of(9, 9.0), &geometry, [0.0; WORN], &settings);
+        assert_eq!(inside(&of(9, 9.0), &geometry, &UNMOVED, &settings), of(9, 9.0));
+        let used = BudgetUse::new(&of(9, 9.0), &geometry, &UNMOVED, &settings);
         assert_eq!(used.parameters, [0.0; PARAMETERS]);
     }
 
@@ -182,7 +204,7 @@ mod tests {
             for slow in [None, Some(CORRECTED)] {
                 let geometry = ModelGeometry { slow, ..geometry() };
                 let drift = Drift { latency_s: 0.02, ..zero(moved) };
-                let found = inside(&drift, &geometry, [0.0; WORN], &settings(total));
+                let found = inside(&drift, &geometry, &UNMOVED, &settings(total));
                 let name = format!("{moved} of {total}");
                 near(
                     &found.to_array(),
@@ -193,6 +215,7 @@ mod tests {
         }
         // Zero, gain at two corners, two gaps, and the slow error along its direction.
         let mut geometry = geometry();
+        geometry.gear_play = [0.02; 2];
         geometry.corners = vec![[0.1, 0.0], [-0.2, 0.3]];
         let gain = [[0.1, 0.0], [0.0, 0.2]];
         let drift =
@@ -201,7 +224,7 @@ mod tests {
         let gaps = 0.1 * 0.02 + 0.2 * 0.03 + 0.01 * 0.4 + 0.02 * 0.01;
         let shift = |drift: &Drift, geometry: &ModelGeometry| {
             let settings = settings(0.5);
-            let used = BudgetUse::new(drift, geometry, REACH, &settings);
+            let used = BudgetUse::new(drift, geometry, &REACH, &settings);
             assert_eq!(used.largest(), used.parameters.iter().copied().fold(used.total, f64::max));
             used.total * 0.5
         };
@@ -210,11 +233,38 @@ mod tests {
         near(&[shift(&drift, &geometry)], &[0.12 + gaps], "corrected");
         // Only the slow error that is corrected is made smaller.
         let scaled = |geometry: &ModelGeometry| {
-            inside(&drift, geometry, REACH, &settings(0.06 + gaps / 2.0)).to_array()
+            inside(&drift, geometry, &REACH, &settings(0.06 + gaps / 2.0)).to_array()
         };
         let half = drift.to_array().map(|value| value / 2.0);
         near(&scaled(&geometry), &half, "half of all");
         geometry.slow = None;
         assert_eq!(scaled(&geometry)[9], 0.05);
+    }
+
+    /// The robot shows what the wear in use does; slopes only say what more of it would do.
+    #[test]
+    fn wear_counts_by_what_it_does() {
+        let wear = [0.2, 0.0, 0.01, 0.0, 0.0, 0.0];
+        let reach = Reach { moved: 0.015, wear, ..REACH };
+        let of = |gap: f64| {
+            let drift = Drift { gap: [gap, 0.0], slack: [0.01, 0.0], ..Drift::default() };
+            BudgetUse::new(&drift, &geometry(), &reach, &settings(0.03)).total * 0.03
+        };
+        near(&[of(0.2), of(0.5), of(0.1)], &[0.015, 0.021, 0.017], "gap");
+    }
+
+    #[test]
+    fn a_value_that_may_have_swung_to_its_end_is_not_known_to_be_there() {
+        let used = |gap: f64, deviation: f64, total: f64| {
+            let drift = Drift { gap: [gap, 0.0], ..Drift::default() };
+            let mut deviations = [0.0; PARAMETERS];
+            deviations[6] = deviation;
+            BudgetUse::new(&drift, &geometry(), &REACH, &settings(total))
+                .is_known(&drift, &deviations)
+        };
+        assert!(used(0.4, 0.01, f64::INFINITY));
+        assert!(!used(0.4, 0.1, f64::INFINITY));
+        assert!(!used(0.3, 0.01, f64::INFINITY));
+        assert!(used(0.4, 0.1, 0.4 * 0.02), "the total");
     }
 }

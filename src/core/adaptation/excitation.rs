@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ring::Regressors;
 use super::settings::length;
+use crate::core::drift::geometry::subtract;
 use crate::core::drift::{PARAMETERS, Pair, WORN};
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
@@ -38,6 +39,32 @@ pub(super) struct Excitation {
     square_rate: f64,
     /// Of what wears, how far it has shown on the one and the other branch.
     branches: [Pair; WORN],
+    /// How far the wear in use has moved the pose, rad, and which wear that is.
+    moved: f64,
+    wear: [f64; WORN],
+}
+
+/// How far what wears moves the pose.
+///
+/// The wear in use is seen to move it; only from there on the slopes say what more would do. A
+/// slope is that of a robot that is worn already: times all of the wear it may be six times what
+/// the wear does.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Reach {
+    /// At most, rad per growth.
+    pub per_growth: [f64; WORN],
+    /// By the wear in use, at most, rad.
+    pub moved: f64,
+    /// The wear in use.
+    pub wear: [f64; WORN],
+}
+
+impl Reach {
+    /// How far a wear moves the pose at most, rad.
+    pub fn of(&self, wear: [f64; WORN]) -> f64 {
+        let more = wear.iter().zip(self.wear).zip(self.per_growth);
+        self.moved + more.map(|((to, from), per)| ((to - from) * per).abs()).sum::<f64>()
+    }
 }
 
 impl Excitation {
@@ -64,6 +91,9 @@ impl Excitation {
             branches[0] = forget(branches[0], 0.0, RANGE_S, seconds).max(part);
             branches[1] = forget(branches[1], 0.0, RANGE_S, seconds).max(-part);
         }
+        let moved = length(subtract(moment.gapped, moment.calibrated));
+        self.moved = forget(self.moved, 0.0, RANGE_S, seconds).max(moved);
+        self.wear = moment.wear;
     }
 
     /// Whether each parameter shows.
@@ -80,9 +110,10 @@ impl Excitation {
         [moves, moves, x, y, x, y, gap, gap_1, rate, moves, a, b, c, d]
     }
 
-    /// The largest effect of what wears, rad per growth.
-    pub fn reach(&self) -> [f64; WORN] {
-        self.branches.map(|[one, other]| one.max(other))
+    /// The largest effect of what wears in the last time.
+    pub fn reach(&self) -> Reach {
+        let per_growth = self.branches.map(|[one, other]| one.max(other));
+        Reach { per_growth, moved: self.moved, wear: self.wear }
     }
 }
 

@@ -21,7 +21,8 @@
 //!
 //! # Fences
 //!
-//! 1. `budget`: a warning at 70 %; at 100 % nothing more is learned: calibrate.
+//! 1. `budget`: a warning at 70 %; at 100 %, once that is known and no swing of the filter, nothing
+//!    more is learned: calibrate. What wear takes of the total is what it is seen to do.
 //! 2. `conditions`: only while goals are followed, inside the hull, with a known memory and good
 //!    frames; not within 2 s of a fault, a swap, a conditioning cycle or a command.
 //! 3. `excitation`: per parameter.

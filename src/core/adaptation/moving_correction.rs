@@ -11,10 +11,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::budget::BudgetUse;
+use super::excitation::Reach;
 use super::settings::{Settings, length};
 use crate::core::drift::correction::Correction;
 use crate::core::drift::geometry::{ModelGeometry, add, product, subtract};
-use crate::core::drift::{Drift, Pair, WORN};
+use crate::core::drift::{Drift, Pair};
 use crate::model::Wear;
 use crate::units::{MAX_MOTORS, MotorVec};
 
@@ -57,7 +58,7 @@ impl MovingCorrection {
         drift: &Drift,
         pose: Pair,
         goal_motion: MotorVec,
-        reach: [f64; WORN],
+        reach: &Reach,
         geometry: &ModelGeometry,
         settings: &Settings,
     ) {
@@ -107,7 +108,7 @@ impl MovingCorrection {
     }
 
     /// The largest share of the budget.
-    fn used(&self, reach: [f64; WORN], geometry: &ModelGeometry, settings: &Settings) -> f64 {
+    fn used(&self, reach: &Reach, geometry: &ModelGeometry, settings: &Settings) -> f64 {
         let drift = self.correction(geometry).drift();
         BudgetUse::new(&drift, geometry, reach, settings).largest()
     }

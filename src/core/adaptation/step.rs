@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::budget::{BudgetUse, WARNING, inside};
+use super::budget::{BudgetUse, USED_UP, WARNING, inside};
 use super::conditions::Conditions;
 pub(in crate::core) use super::conditions::Surroundings;
 use super::estimator::Estimator;
@@ -18,19 +18,17 @@ use super::slip::SlipDetector;
 use crate::config::Config;
 use crate::core::drift::geometry::{ModelGeometry, pair, subtract};
 use crate::core::drift::memories::DriftMemories;
-use crate::core::drift::{Drift, PARAMETERS, Parameter, WORN};
+use crate::core::drift::{Drift, PARAMETERS};
 use crate::core::events::{AdaptationEvent, CycleEventKind, EventList};
 use crate::core::inputs::ExternalPose;
 use crate::core::motion::joint_model::JointModel;
 use crate::model::{Memory, ModelId};
 use crate::units::Nanos;
 
-/// The budget counts as used up after this many frames beyond it: the first frames of a filter
-/// swing.
-const FRAMES_BEYOND: u32 = 60;
-
-/// The share of the budget that is as good as all of it: the estimate is kept inside.
-const USED_UP: f64 = 0.99;
+/// The budget counts as used up after this long at its end, s: of a parameter whose value is known,
+/// and of one that may only have swung there and comes back.
+const BEYOND_S: f64 = 3.0;
+const BEYOND_UNKNOWN_S: f64 = 60.0;
 
 /// A correction that was taken back is tried once more after the robot was off: the camera may have
 /// been moved back. After the second time, only another model or a restart of the controller begins
@@ -59,7 +57,7 @@ pub(in crate::core) struct AdaptationState {
     conditions: Conditions,
     correction: MovingCorrection,
     used: BudgetUse,
-    frames_beyond: u32,
+    beyond_s: f64,
     is_warned: bool,
     is_used_up: bool,
     is_taken_back: bool,
@@ -84,7 +82,7 @@ impl AdaptationState {
             conditions: Conditions::default(),
             correction: MovingCorrection::default(),
             used: BudgetUse::default(),
-            frames_beyond: 0,
+            beyond_s: 0.0,
             is_warned: false,
             is_used_up: false,
             is_taken_back: false,
@@ -198,7 +196,7 @@ impl Adaptation {
             gapped,
             adapted: pair(&measured.adapted),
             slopes: memories.slopes(model, &measured.position, gapped),
-            wear: worn(&joints.applied_drift()),
+            wear: joints.applied_drift().worn(),
         });
     }
 
@@ -234,7 +232,8 @@ impl Adaptation {
             state.filter.counts.too_old += 1;
             return;
         };
-        state.excitation.add(&regressors, frame.interval_s.min(1.0));
+        let seconds = frame.interval_s.min(1.0);
+        state.excitation.add(&regressors, seconds);
         if self.state.pauses.look_away() {
             self.state.filter.counts.paused += 1;
             if self.state.pauses.contains(Pause::Settling) {
@@ -246,10 +245,10 @@ impl Adaptation {
             self.state.filter.counts.paused += 1;
         } else if geometry.has_gap {
             self.filter_frame(&frame, &regressors, geometry, events);
-            self.update_budget(geometry, events);
+            self.update_budget(seconds, geometry, events);
         } else {
             self.integrate_frame(&frame, &regressors, geometry, events);
-            self.update_budget(geometry, events);
+            self.update_budget(seconds, geometry, events);
         }
         self.judge(&frame, &regressors, geometry, now, events);
     }
@@ -321,15 +320,17 @@ impl Adaptation {
         }
     }
 
-    fn update_budget(&mut self, geometry: &ModelGeometry, events: &mut EventList) {
+    fn update_budget(&mut self, seconds: f64, geometry: &ModelGeometry, events: &mut EventList) {
         let drift = self.drift(geometry);
         let (state, settings) = (&mut self.state, &self.settings);
         let reach = state.excitation.reach();
-        state.used = BudgetUse::new(&drift, geometry, reach, settings);
+        state.used = BudgetUse::new(&drift, geometry, &reach, settings);
         let used = state.used.largest();
-        state.frames_beyond = if used >= USED_UP { state.frames_beyond + 1 } else { 0 };
+        let is_known = state.used.is_known(&drift, &state.estimator.deviations());
+        let seconds = if used >= USED_UP { seconds } else { -seconds };
+        state.beyond_s = (state.beyond_s + seconds).max(0.0);
         if geometry.has_gap {
-            let drift = inside(&drift, geometry, reach, settings);
+            let drift = inside(&drift, geometry, &reach, settings);
             state.estimator.set_drift(&drift);
         }
         let is_warned = used >= WARNING;
@@ -338,7 +339,8 @@ impl Adaptation {
         }
         // One warning, although the share goes to and fro around the limit.
         state.is_warned = is_warned || (state.is_warned && used > 0.9 * WARNING);
-        if state.frames_beyond >= FRAMES_BEYOND && !state.is_used_up {
+        let most = if is_known { BEYOND_S } else { BEYOND_UNKNOWN_S };
+        if state.beyond_s >= most && !state.is_used_up {
             state.is_used_up = true;
             events.push(CycleEventKind::Adaptation(AdaptationEvent::BudgetUsed));
         }
@@ -364,7 +366,7 @@ impl Adaptation {
             state.integral = Integral::default();
             // With what was learned goes what it used of the budget: it is tried once more.
             state.used = BudgetUse::default();
-            (state.is_used_up, state.is_warned, state.frames_beyond) = (false, false, 0);
+            (state.is_used_up, state.is_warned, state.beyond_s) = (false, false, 0.0);
             events.push(CycleEventKind::Adaptation(AdaptationEvent::TakenBack));
         }
     }
@@ -378,9 +380,9 @@ impl Adaptation {
         if self.state.conditions.is_settled(now) {
             let drift = self.drift(geometry);
             let reach = self.state.excitation.reach();
-            let inside = inside(&drift, geometry, reach, &self.settings);
+            let inside = inside(&drift, geometry, &reach, &self.settings);
             let pose = pair(&joints.setpoint().unwrap_or_default());
-            self.state.correction.advance(&inside, pose, motion, reach, geometry, &self.settings);
+            self.state.correction.advance(&inside, pose, motion, &reach, geometry, &self.settings);
         }
         let correction = self.state.correction.correction(geometry);
         joints.set_correction(correction);
@@ -430,10 +432,4 @@ impl Adaptation {
             taken_back: state.taken_back,
         }
     }
-}
-
-/// How worn everything is.
-fn worn(drift: &Drift) -> [f64; WORN] {
-    let values = drift.to_array();
-    std::array::from_fn(|index| values[Parameter::worn(index)])
 }

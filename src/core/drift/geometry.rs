@@ -21,6 +21,8 @@ pub(in crate::core) struct ModelGeometry {
     pub deviation: Pair,
     /// The family has gaps that can be scaled.
     pub has_gap: bool,
+    /// A gear has no less play than none: what there is to lose, as [`crate::model::Wear`].
+    pub gear_play: Pair,
     /// Number of outputs, 1 or 2.
     pub outputs: usize,
     /// What the fit learned of the slow part of its error.
@@ -72,6 +74,7 @@ impl ModelGeometry {
             outputs: outputs.len(),
             slow: slow_error(model),
             has_gap: model.has_gap(),
+            gear_play: pair(&model.gear_play()),
         })
     }
 

@@ -103,6 +103,12 @@ impl Drift {
         Self { zero, gain, gap, latency_s, slow, slack: [k, l], play: [m, n] }
     }
 
+    /// How worn everything is, in the order of the memories that are more worn.
+    pub(super) fn worn(&self) -> [f64; WORN] {
+        let [[a, b], [c, d], [e, f]] = [self.gap, self.slack, self.play];
+        [a, b, c, d, e, f]
+    }
+
     /// What wears.
     pub(super) fn wear(&self) -> Wear {
         Wear { gap: self.gap, slack: self.slack, play: self.play }
@@ -123,6 +129,6 @@ mod tests {
         assert_eq!(array[index(Parameter::Gap(1))], drift.gap[1]);
         assert_eq!(array[index(Parameter::Slow)], drift.slow);
         let worn = [0, 1, 2, 3, 4, 5].map(|worn| array[Parameter::worn(worn)]);
-        assert_eq!(worn, *[drift.gap, drift.slack, drift.play].as_flattened());
+        assert_eq!(worn, drift.worn());
     }
 }
