@@ -2,6 +2,7 @@
 //! imports go where the page says.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -27,6 +28,28 @@ fn imports(text: &str) -> BTreeSet<String> {
     let lines = code_lines(text).flat_map(|line| line.split("crate::").skip(1));
     let name = |rest: &str| rest.chars().take_while(|c| *c == '_' || c.is_alphanumeric()).collect();
     lines.map(name).collect()
+}
+
+/// What no module names is never compiled, and its tests never run.
+#[test]
+fn every_source_is_a_module_of_another_one() {
+    let roots = ["main", "lib", "build"].map(OsStr::new);
+    let of_programs = ["bin", "tests", "examples", "targets"].map(OsStr::new);
+    let is_named = |file: &PathBuf| {
+        let place = if file.ends_with("mod.rs") { file.parent().unwrap() } else { file };
+        let (name, folder) = (place.file_stem().unwrap(), place.parent().unwrap());
+        if roots.contains(&name) || of_programs.contains(&folder.file_name().unwrap()) {
+            return true;
+        }
+        let line = format!("mod {};", name.to_string_lossy());
+        let around = [folder, folder.parent().unwrap()].map(|it| fs::read_dir(it).unwrap());
+        let around = around.into_iter().flatten().map(|entry| entry.unwrap().path());
+        let mut sources = around.filter(|it| it.extension() == Some(OsStr::new("rs")));
+        sources.any(|it| fs::read_to_string(it).unwrap().lines().any(|it| it.ends_with(&line)))
+    };
+    let unnamed: Vec<PathBuf> =
+        sources(Path::new(ROOT)).into_iter().filter(|file| !is_named(file)).collect();
+    assert!(unnamed.is_empty(), "no module names {unnamed:?}");
 }
 
 #[test]

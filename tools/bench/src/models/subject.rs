@@ -217,7 +217,7 @@ mod tests {
     /// Estimates swing at first: on these two to the end of a budget, and to less play than none.
     #[test]
     #[ignore = "two fits, and eight minutes on each of two snakes"]
-    fn a_snake_of_another_kind_is_followed_whatever_the_first_frames_say() {
+    fn an_aged_snake_of_another_kind_is_followed_whatever_the_first_frames_say() {
         let folder = tempfile::tempdir().unwrap();
         for physics in [Physics::Creep, Physics::VectorFriction] {
             let snake = DrawnSnake { physics, seed: 66 };

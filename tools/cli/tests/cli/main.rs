@@ -15,6 +15,7 @@ mod guided;
 mod help;
 mod mistakes;
 mod model;
+mod motor;
 mod operator;
 mod played;
 mod preflight;
