@@ -60,10 +60,12 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    /// How far a wear moves the pose at most, rad.
+    /// How far a wear moves the pose at most, rad. Less than the one in use counts as that until it
+    /// is seen to do less: it must be possible to go back from beyond a budget.
     pub fn of(&self, wear: [f64; WORN]) -> f64 {
-        let more = wear.iter().zip(self.wear).zip(self.per_growth);
-        self.moved + more.map(|((to, from), per)| ((to - from) * per).abs()).sum::<f64>()
+        let more = |to: f64, from: f64| to.abs() - if to * from > 0.0 { from.abs() } else { 0.0 };
+        let changes = wear.into_iter().zip(self.wear).zip(self.per_growth);
+        self.moved + changes.map(|((to, from), per)| more(to, from).max(0.0) * per).sum::<f64>()
     }
 }
 
