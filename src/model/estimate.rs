@@ -33,6 +33,22 @@ impl Estimate {
     }
 }
 
+/// What part of the way beyond the hull a prediction may be off, as a standard deviation. Of snakes
+/// of 11 simulated physics that went beyond what they were calibrated on, it covers two of three.
+const EXTRAPOLATED: f64 = 0.12;
+
+impl Estimate {
+    /// Adds what is not known at a position so many counts beyond the hull, where the outputs change
+    /// by `slope` per count.
+    pub(in crate::model) fn extrapolate(&mut self, beyond: &MotorVec, slope: &JacobianMatrix) {
+        for (output, (line, slope)) in self.covariance.iter_mut().zip(slope).enumerate() {
+            let ways = beyond.iter().zip(slope).map(|(counts, slope)| counts * slope);
+            let square: f64 = ways.map(|way| way * way).sum();
+            line[output] += EXTRAPOLATED * EXTRAPOLATED * square;
+        }
+    }
+}
+
 /// What a memory alone determines, computed once for a memory and used in several predictions.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MemoryTerms {

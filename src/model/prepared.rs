@@ -22,6 +22,7 @@ use crate::model::history::History;
 use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::Hull;
 use crate::model::maths::polynomial_regression::PolynomialRegression;
+use crate::model::maths::regression::bounded;
 use crate::robot::ModelId;
 use crate::units::{MotorVec, OutputVec};
 
@@ -36,6 +37,8 @@ pub struct Model {
     motors: usize,
     hull: Hull,
     conditioning_range: MotorVec,
+    /// What the outputs change by per count, on the average over the hull.
+    slope: JacobianMatrix,
     runtime: Box<dyn Runtime>,
 }
 
@@ -76,7 +79,9 @@ impl Model {
         let runtime = prepare(&file, motors)?;
         runtime.check_round_trip(&hull, unit(&file))?;
         let conditioning_range = clamp_to_extent(runtime.conditioning_range(), &hull);
-        let model = Self { id: file.id()?, file, motors, hull, conditioning_range, runtime };
+        let slope = mean_slope(&*runtime, &hull);
+        let id = file.id()?;
+        let model = Self { id, file, motors, hull, conditioning_range, slope, runtime };
         model.examine().verdict()?;
         Ok(model)
     }
@@ -238,11 +243,11 @@ impl Model {
     }
 
     /// The outputs after a straight motion from the present position to `counts`. They are finite
-    /// for every finite position. Far outside the hull the model extrapolates. A NaN position gives
-    /// a NaN estimate.
+    /// for every finite position. Outside the hull the model extrapolates, and their deviation
+    /// grows. A NaN position gives a NaN estimate.
     #[must_use]
     pub fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
-        self.runtime.predict(counts, memory)
+        self.extrapolated(counts, self.runtime.predict(counts, memory))
     }
 
     /// As [`Model::predict`], with the [`Model::memory_terms`] of the memory, computed before.
@@ -253,7 +258,19 @@ impl Model {
         memory: &Memory,
         terms: &MemoryTerms,
     ) -> Estimate {
-        self.runtime.predict_with(counts, memory, terms)
+        self.extrapolated(counts, self.runtime.predict_with(counts, memory, terms))
+    }
+
+    /// An estimate with what is not known outside the hull.
+    fn extrapolated(&self, counts: &MotorVec, mut estimate: Estimate) -> Estimate {
+        let mut counts = bounded(counts);
+        counts.iter_mut().skip(self.motors).for_each(|unused| *unused = 0.0);
+        if self.hull.excess(&counts) > 0.0 {
+            let edge = self.hull.project(&counts);
+            let beyond = std::array::from_fn(|motor| counts[motor] - edge[motor]);
+            estimate.extrapolate(&beyond, &self.slope);
+        }
+        estimate
     }
 
     /// The mean of [`Model::predict`] alone, with a [`Model::correction`], rad (m).
@@ -310,15 +327,38 @@ impl Model {
     }
 }
 
+/// The extent of the hull along every motor, counts; 0 for motors that it does not have.
+fn extents(hull: &Hull) -> MotorVec {
+    std::array::from_fn(|motor| {
+        let coordinates = || hull.corners().map(|corner| corner[motor]);
+        coordinates().fold(f64::NEG_INFINITY, f64::max)
+            - coordinates().fold(f64::INFINITY, f64::min)
+    })
+}
+
 /// Clamps ranges of the motors to the extent of the hull.
 fn clamp_to_extent(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
-    for (motor, range) in ranges.iter_mut().enumerate() {
-        let coordinates = || hull.corners().map(|corner| corner[motor]);
-        let extent = coordinates().fold(f64::NEG_INFINITY, f64::max)
-            - coordinates().fold(f64::INFINITY, f64::min);
+    for (range, extent) in ranges.iter_mut().zip(extents(hull)) {
         *range = range.min(extent);
     }
     ranges
+}
+
+/// What the outputs change by per count of every motor over the extent of the hull, straight from
+/// its centre: wider than any backlash, unlike a slope at a position.
+fn mean_slope(runtime: &dyn Runtime, hull: &Hull) -> JacobianMatrix {
+    let mut slope = JacobianMatrix::default();
+    for (motor, extent) in extents(hull).into_iter().enumerate().filter(|(_, wide)| *wide > 0.0) {
+        let [low, high] = [-0.5, 0.5].map(|part| {
+            let mut counts = hull.centre();
+            counts[motor] += part * extent;
+            runtime.predict(&counts, &Memory::default()).mean
+        });
+        for (line, (low, high)) in slope.iter_mut().zip(low.into_iter().zip(high)) {
+            line[motor] = (high - low) / extent;
+        }
+    }
+    slope
 }
 
 /// The unit of all outputs. [`check::check`] makes sure that they share one unit.

@@ -24,6 +24,16 @@ fn prediction_is_the_affine_map_in_radians() {
 }
 
 #[test]
+fn beyond_the_hull_an_eighth_of_the_way_is_not_known() {
+    let model = model();
+    let deviation = model.predict(&[1100.0, -1050.0], &model.new_memory()).deviation();
+    for (deviation, way) in deviation.iter().zip([[0.02, 0.01], [-0.01, 0.02]]) {
+        let unknown = 0.12 * f64::hypot(100.0 * way[0], 50.0 * way[1]);
+        assert!((deviation - 0.5_f64.hypot(unknown) * DEG).abs() < 1e-9, "{deviation}");
+    }
+}
+
+#[test]
 fn the_inverse_solves_the_map() {
     let model = model();
     let memory = model.new_memory();

@@ -125,6 +125,23 @@ pub fn compensation(sample: &Sample) {
     });
 }
 
+/// Outside the hull the stated deviation grows with the way.
+pub fn beyond(sample: &Sample) {
+    each(sample, |it| {
+        let hull = it.model.hull();
+        let (centre, corner) = (hull.centre(), hull.corners().next().unwrap());
+        let at = |part: f64| {
+            std::array::from_fn(|motor| corner[motor] + part * (corner[motor] - centre[motor]))
+        };
+        for part in [0.2, 1.0, 5.0] {
+            let deviation = it.model.predict(&at(part), &it.memory).deviation();
+            let moved = distance(&at(part), &corner) * it.worth;
+            let stated = distance(&deviation, &[0.0; 3]);
+            assert!(stated > 0.02 * moved, "{stated} after {moved}");
+        }
+    });
+}
+
 /// What the control loop computes together is what it would compute alone.
 pub fn shared_work(sample: &Sample) {
     each(sample, |it| {

@@ -25,7 +25,7 @@ macro_rules! conformance {
                 assert_eq!((model.motors(), model.outputs()), (2, 2));
             }
 
-            tests! { $row, cases: slopes, rises, inverse, stays, any_goal, compensation,
+            tests! { $row, cases: slopes, rises, inverse, stays, any_goal, beyond, compensation,
                 shared_work, covariances, not_a_number }
             tests! { $row, memories: the_past, forgets, bounded, same_bits, tick, steps, recall,
                 gap_scale }
