@@ -23,6 +23,9 @@ const WORSE_WINDOWS: u8 = 3;
 const MARGIN: f64 = 0.02 * DEG;
 const MARGIN_SHARE: f64 = 0.05;
 
+/// In a window with this share of the error of the calibration the adapted model is better.
+const BETTER: f64 = 0.8;
+
 /// Larger errors count as this, rad: one outlier decides no window.
 const LARGEST: f64 = 3.0 * DEG;
 
@@ -42,6 +45,7 @@ pub(super) struct Score {
     /// Sums of squares: calibrated, adapted.
     sums: Pair,
     worse: u8,
+    was_better: bool,
     /// Root mean squares of the last window, rad.
     last: Pair,
 }
@@ -60,6 +64,7 @@ impl Score {
         }
         self.last = self.sums.map(|sum| (sum / f64::from(self.frames)).sqrt());
         let [calibrated, adapted] = self.last;
+        self.was_better |= adapted < BETTER * calibrated;
         self.worse = if adapted > (1.0 + MARGIN_SHARE) * calibrated + MARGIN {
             self.worse + 1
         } else {
@@ -76,6 +81,11 @@ impl Score {
     /// The present window is thrown away: it would mix two states.
     pub fn restart(&mut self) {
         (self.begun, self.frames, self.sums) = (None, 0, [0.0; 2]);
+    }
+
+    /// Whether the adapted model was better in any window.
+    pub fn was_better(&self) -> bool {
+        self.was_better
     }
 
     /// Root mean square errors of the last window: calibrated, adapted; rad.
@@ -106,6 +116,16 @@ mod tests {
         assert!(run(&mut score, 30, 12, [0.5, 0.4]).is_empty());
         score.restart();
         assert_eq!(run(&mut score, 60, 35, [0.5, 0.6]).len(), 1);
+    }
+
+    #[test]
+    fn a_window_shows_that_it_is_better_by_a_fifth() {
+        let mut score = Score::default();
+        run(&mut score, 1, 25, [0.5, 0.45]);
+        assert!(!score.was_better());
+        run(&mut score, 30, 12, [0.5, 0.3]);
+        run(&mut score, 60, 35, [0.5, 0.6]);
+        assert!(score.was_better());
     }
 
     #[test]

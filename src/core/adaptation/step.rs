@@ -10,7 +10,7 @@ use super::excitation::Excitation;
 use super::frames::{Frame, FrameFilter};
 use super::integral::Integral;
 use super::moving_correction::MovingCorrection;
-use super::report::{AdaptationReport, Method, Pause, Pauses};
+use super::report::{AdaptationReport, FrameCounts, Method, Pause, Pauses};
 use super::ring::{Moment, RegressorRing, Regressors};
 use super::score::{Score, Verdict};
 use super::settings::{Settings, length};
@@ -30,9 +30,9 @@ use crate::units::Nanos;
 const BEYOND_S: f64 = 3.0;
 const BEYOND_UNKNOWN_S: f64 = 60.0;
 
-/// A correction that was taken back is tried once more after the robot was off: the camera may have
-/// been moved back. After the second time, only another model or a restart of the controller begins
-/// anew.
+/// A correction that was taken back is tried once more: after the robot was off, for the camera may
+/// have been moved back, or at once if it was of the first frames only. After the second time, only
+/// another model or a restart of the controller begins anew.
 const MOST_TAKEN_BACK: u32 = 2;
 
 /// The adaptation of the active model.
@@ -359,7 +359,11 @@ impl Adaptation {
         let adapted = subtract(frame.pose, moment.adapted);
         if self.state.score.add(calibrated, adapted, now) == Verdict::TakeBack {
             let state = &mut self.state;
-            state.is_taken_back = true;
+            // What was never better and refuses most frames is of the first ones: it begins anew.
+            let FrameCounts { used, refused, .. } = state.filter.counts;
+            let is_misled = !state.score.was_better() && refused > used && state.taken_back == 0;
+            state.is_taken_back = !is_misled;
+            state.conditions.believe();
             state.taken_back = state.taken_back.saturating_add(1);
             state.note_refuted();
             state.estimator = Estimator::new(geometry.slow.as_ref());
