@@ -258,6 +258,14 @@ fn expected(has_former: bool) -> Refusal {
     if has_former { Refusal::None } else { Refusal::NoFormer }
 }
 
+/// What half a count of every motor moves pitch, beyond the gaps.
+fn half_a_count_deg(model: &Model) -> f64 {
+    let pitch = |counts| model.predict(&counts, &model.new_memory()).mean[0].to_degrees();
+    let ways = [[200.0, 0.0], [0.0, 200.0]]
+        .map(|[a, b]| (pitch([2.0 * a, 2.0 * b]) - pitch([a, b])).abs());
+    ways.iter().sum::<f64>() / 400.0
+}
+
 proptest! {
     #![proptest_config(i2ris_testing::cases(16))]
 
@@ -278,7 +286,7 @@ proptest! {
         let joints = bench.joints();
         let error = (joints.setpoint[0] - joints.goal[0]).to_degrees().abs();
         // And a motor crosses no gap for half a count.
-        prop_assert!(error < HELD + GAIN_DEG, "{:?}", joints);
+        prop_assert!(error < HELD + half_a_count_deg(&second), "{:?}", joints);
     }
 }
 

@@ -1,4 +1,5 @@
 //! A folder with files, and `i2ris` in it.
+#![allow(dead_code, reason = "of two binaries of tests, each uses a part")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

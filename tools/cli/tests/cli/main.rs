@@ -3,18 +3,14 @@
 
 mod advice;
 mod bench;
-mod cases;
 mod collect;
 mod command;
 mod commission;
-mod drift;
 mod emulate;
 mod external;
-mod fit;
 mod guided;
 mod help;
 mod mistakes;
-mod model;
 mod motor;
 mod operator;
 mod played;
