@@ -2,7 +2,6 @@
 //! and the server sets sequence and boot id.
 
 use crate::config::Config;
-use crate::core::adaptation::PARAMETERS;
 use crate::core::{
     CycleReport, ExternalPose, PlausibilityCheck, ServoCommand, ServoGoal, StateRequest,
 };
@@ -188,13 +187,13 @@ pub fn adaptation(report: &CycleReport) -> AdaptationMsg {
         return base;
     };
     let frames = &adaptation.frames;
-    let excited = shown(adaptation.excited).into_iter().enumerate();
+    let excited = adaptation.excited.into_iter().enumerate();
     AdaptationMsg {
         model_id: adaptation.model.unwrap_or_default().0,
-        estimate: shown(adaptation.estimate.to_array()),
-        deviation: shown(adaptation.deviations),
-        applied: shown(adaptation.applied.to_array()),
-        budget_used: shown_budget(&adaptation.budget_used),
+        estimate: adaptation.estimate.to_array(),
+        deviation: adaptation.deviations,
+        applied: adaptation.applied.to_array(),
+        budget_used: adaptation.budget_used,
         total_used: adaptation.total_used,
         calibrated_error: adaptation.calibrated_error,
         adapted_error: adaptation.adapted_error,
@@ -216,23 +215,6 @@ pub fn adaptation(report: &CycleReport) -> AdaptationMsg {
         flags: AdaptationMsg::ON,
         ..base
     }
-}
-
-/// Parameters that the message shows: all but slack and play beyond the gap, which the black
-/// box has.
-const SHOWN: usize = 10;
-
-fn shown<T: Copy>(values: [T; PARAMETERS]) -> [T; SHOWN] {
-    std::array::from_fn(|index| values[index])
-}
-
-/// What wears of a motor shows as its gap.
-fn shown_budget(used: &[f64; PARAMETERS]) -> [f64; SHOWN] {
-    let mut shown = shown(*used);
-    for motor in 0..2 {
-        shown[6 + motor] = used[6 + motor].max(used[10 + motor]).max(used[12 + motor]);
-    }
-    shown
 }
 
 /// `health` up to one tick.

@@ -9,7 +9,9 @@ use i2ris::core::{CycleEventKind, ExternalPose};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::{Memory, Model};
 use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, GAIN_DEG, HULL, config, lag_counts, standard_model};
+use i2ris_testing::cycle::{
+    Bench, GAIN_DEG, HULL, config, lag_counts, scaled_standard_model, standard_model,
+};
 
 /// Frames of the camera, ms, and their age.
 const FRAME_MS: u64 = 33;
@@ -44,11 +46,22 @@ impl Drifting {
             time_s: 0.0,
             ticks: 0,
         };
-        assert_eq!(drifting.bench.ask(StateCommand::Condition), Refusal::None);
-        while drifting.bench.report().busy {
-            drifting.tick(None);
-        }
+        drifting.condition();
         drifting
+    }
+
+    fn condition(&mut self) {
+        assert_eq!(self.bench.ask(StateCommand::Condition), Refusal::None);
+        while self.bench.report().busy {
+            self.tick(None);
+        }
+    }
+
+    /// Another model takes over, with a known memory.
+    fn swap(&mut self, model: &Arc<Model>) {
+        assert_eq!(self.bench.swap(model), Refusal::None);
+        (self.memory, self.model) = (model.new_memory(), Arc::clone(model));
+        self.condition();
     }
 
     /// Follows the hand for some seconds, while the camera shows what `see` makes of time and pose.
@@ -204,6 +217,23 @@ fn h21_a_correction_that_was_taken_back_twice_is_not_learned_again() {
     assert!(adaptation.pauses.contains(Pause::TakenBack), "{adaptation:?}");
     assert_eq!(adaptation.taken_back, 2);
     assert!(drifting.shift([0.0, 0.0]) < 0.05, "{adaptation:?}");
+}
+
+/// What misled a model says nothing about the next one.
+#[test]
+fn h21_frames_that_a_model_before_refused_bring_no_second_try_at_once() {
+    let mut drifting = Drifting::new(ON);
+    drifting.follow(300.0, wandering, |_, [pitch, yaw]| [pitch + 20.0, yaw]);
+    let before = drifting.adaptation().frames;
+    assert!(before.refused > 5 * before.used, "{before:?}");
+    drifting.swap(&scaled_standard_model(1.02));
+    while drifting.adaptation().taken_back == 0 {
+        assert!(drifting.time_s < 900.0, "{:?}", drifting.adaptation());
+        drifting.follow(10.0, wandering, swaying);
+    }
+    let adaptation = drifting.adaptation();
+    assert!(adaptation.frames.refused > adaptation.frames.used, "{adaptation:?}");
+    assert!(adaptation.pauses.contains(Pause::TakenBack), "{adaptation:?}");
 }
 
 #[test]

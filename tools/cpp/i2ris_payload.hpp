@@ -8,7 +8,7 @@
 namespace i2ris {
 
 // The second word of the file `ready`. A controller with another one is of another release.
-constexpr int INTERFACE_VERSION = 5;
+constexpr int INTERFACE_VERSION = 6;
 // Versions of iceoryx2 refuse each other.
 constexpr const char* ICEORYX2_VERSION = "0.10.0";
 
@@ -185,15 +185,15 @@ static_assert(offsetof(Health, resynchronisations) == 96);
 static_assert(offsetof(Health, retries) == 112);
 
 struct AdaptationMsg {
-    static constexpr const char* IOX2_TYPE_NAME = "I2risAdaptationV1";
+    static constexpr const char* IOX2_TYPE_NAME = "I2risAdaptationV2";
     std::uint64_t sequence;
     std::uint64_t stamp_ns;
     std::uint64_t boot_id;
     std::uint8_t model_id[32];
-    double estimate[10];
-    double deviation[10];
-    double applied[10];
-    double budget_used[10];
+    double estimate[14];
+    double deviation[14];
+    double applied[14];
+    double budget_used[14];
     double total_used;
     double calibrated_error;
     double adapted_error;
@@ -208,28 +208,28 @@ struct AdaptationMsg {
     std::uint32_t flags;
     std::uint32_t reserved;
 };
-static_assert(sizeof(AdaptationMsg) == 496);
+static_assert(sizeof(AdaptationMsg) == 624);
 static_assert(offsetof(AdaptationMsg, sequence) == 0);
 static_assert(offsetof(AdaptationMsg, stamp_ns) == 8);
 static_assert(offsetof(AdaptationMsg, boot_id) == 16);
 static_assert(offsetof(AdaptationMsg, model_id) == 24);
 static_assert(offsetof(AdaptationMsg, estimate) == 56);
-static_assert(offsetof(AdaptationMsg, deviation) == 136);
-static_assert(offsetof(AdaptationMsg, applied) == 216);
-static_assert(offsetof(AdaptationMsg, budget_used) == 296);
-static_assert(offsetof(AdaptationMsg, total_used) == 376);
-static_assert(offsetof(AdaptationMsg, calibrated_error) == 384);
-static_assert(offsetof(AdaptationMsg, adapted_error) == 392);
-static_assert(offsetof(AdaptationMsg, frames_used) == 400);
-static_assert(offsetof(AdaptationMsg, frames_refused) == 408);
-static_assert(offsetof(AdaptationMsg, frames_paused) == 416);
-static_assert(offsetof(AdaptationMsg, frames_dropped) == 424);
-static_assert(offsetof(AdaptationMsg, taken_back) == 472);
-static_assert(offsetof(AdaptationMsg, method) == 476);
-static_assert(offsetof(AdaptationMsg, pauses) == 480);
-static_assert(offsetof(AdaptationMsg, excited) == 484);
-static_assert(offsetof(AdaptationMsg, flags) == 488);
-static_assert(offsetof(AdaptationMsg, reserved) == 492);
+static_assert(offsetof(AdaptationMsg, deviation) == 168);
+static_assert(offsetof(AdaptationMsg, applied) == 280);
+static_assert(offsetof(AdaptationMsg, budget_used) == 392);
+static_assert(offsetof(AdaptationMsg, total_used) == 504);
+static_assert(offsetof(AdaptationMsg, calibrated_error) == 512);
+static_assert(offsetof(AdaptationMsg, adapted_error) == 520);
+static_assert(offsetof(AdaptationMsg, frames_used) == 528);
+static_assert(offsetof(AdaptationMsg, frames_refused) == 536);
+static_assert(offsetof(AdaptationMsg, frames_paused) == 544);
+static_assert(offsetof(AdaptationMsg, frames_dropped) == 552);
+static_assert(offsetof(AdaptationMsg, taken_back) == 600);
+static_assert(offsetof(AdaptationMsg, method) == 604);
+static_assert(offsetof(AdaptationMsg, pauses) == 608);
+static_assert(offsetof(AdaptationMsg, excited) == 612);
+static_assert(offsetof(AdaptationMsg, flags) == 616);
+static_assert(offsetof(AdaptationMsg, reserved) == 620);
 
 struct VirtualFixturesMsg {
     static constexpr const char* IOX2_TYPE_NAME = "I2risVirtualFixturesV1";

@@ -46,6 +46,9 @@ pub(super) struct Score {
     sums: Pair,
     worse: u8,
     was_better: bool,
+    /// Of all windows.
+    accepted: u32,
+    refused: u32,
     /// Root mean squares of the last window, rad.
     last: Pair,
 }
@@ -83,9 +86,16 @@ impl Score {
         (self.begun, self.frames, self.sums) = (None, 0, [0.0; 2]);
     }
 
-    /// Whether the adapted model was better in any window.
-    pub fn was_better(&self) -> bool {
-        self.was_better
+    /// Counts a frame that was learned from, or refused.
+    pub fn count(&mut self, is_accepted: bool) {
+        let count = if is_accepted { &mut self.accepted } else { &mut self.refused };
+        *count = count.saturating_add(1);
+    }
+
+    /// Whether the adapted model is of its first frames only: it was better in no window, and
+    /// refused most frames.
+    pub fn is_misled(&self) -> bool {
+        !self.was_better && self.refused > self.accepted
     }
 
     /// Root mean square errors of the last window: calibrated, adapted; rad.
@@ -119,13 +129,17 @@ mod tests {
     }
 
     #[test]
-    fn a_window_shows_that_it_is_better_by_a_fifth() {
+    fn a_model_that_was_better_by_a_fifth_or_refuses_few_frames_was_not_misled() {
         let mut score = Score::default();
         run(&mut score, 1, 25, [0.5, 0.45]);
-        assert!(!score.was_better());
+        score.count(true);
+        score.count(false);
+        assert!(!score.is_misled());
+        score.count(false);
+        assert!(score.is_misled());
         run(&mut score, 30, 12, [0.5, 0.3]);
         run(&mut score, 60, 35, [0.5, 0.6]);
-        assert!(score.was_better());
+        assert!(!score.is_misled());
     }
 
     #[test]

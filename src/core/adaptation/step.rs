@@ -10,7 +10,7 @@ use super::excitation::Excitation;
 use super::frames::{Frame, FrameFilter};
 use super::integral::Integral;
 use super::moving_correction::MovingCorrection;
-use super::report::{AdaptationReport, FrameCounts, Method, Pause, Pauses};
+use super::report::{AdaptationReport, Method, Pause, Pauses};
 use super::ring::{Moment, RegressorRing, Regressors};
 use super::score::{Score, Verdict};
 use super::settings::{Settings, length};
@@ -310,6 +310,9 @@ impl Adaptation {
             (false, _) => &mut counts.refused,
         };
         *count += 1;
+        if is_learning || !is_accepted {
+            self.state.score.count(is_accepted);
+        }
         let changed = self.state.conditions.add_frame(is_accepted, seconds);
         if let Some(is_believed) = changed {
             events.push(CycleEventKind::Adaptation(if is_believed {
@@ -359,10 +362,9 @@ impl Adaptation {
         let adapted = subtract(frame.pose, moment.adapted);
         if self.state.score.add(calibrated, adapted, now) == Verdict::TakeBack {
             let state = &mut self.state;
-            // What was never better and refuses most frames is of the first ones: it begins anew.
-            let FrameCounts { used, refused, .. } = state.filter.counts;
-            let is_misled = !state.score.was_better() && refused > used && state.taken_back == 0;
-            state.is_taken_back = !is_misled;
+            // What its first frames misled begins anew at once, the first time.
+            let is_first = state.refuted.is_none_or(|(model, _)| Some(model) != state.model);
+            state.is_taken_back = !(is_first && state.score.is_misled());
             state.conditions.believe();
             state.taken_back = state.taken_back.saturating_add(1);
             state.note_refuted();

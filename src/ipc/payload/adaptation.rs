@@ -8,10 +8,11 @@ payload! {
     /// `adaptation`, out, 50 times a second; once a second while the adaptation is off: the drift
     /// from the calibration that the camera shows.
     ///
-    /// Arrays of ten are in the order zero of both outputs (rad), gain of output 0 by outputs 0 and
+    /// Arrays of 14 are in the order zero of both outputs (rad), gain of output 0 by outputs 0 and
     /// 1, of output 1 by outputs 0 and 1, growth of the gap of both motors, latency of the camera
-    /// (s), slow state (rad).
-    AdaptationMsg "I2risAdaptationV1": outgoing {
+    /// (s), slow state (rad), loss of preload of both motors beyond the gap and growth of half the
+    /// play of both gears (shares of half the calibrated range).
+    AdaptationMsg "I2risAdaptationV2": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
         /// Time of the values.
@@ -21,13 +22,13 @@ payload! {
         /// SHA-256 of the model whose drift it is.
         pub model_id: [u8; 32],
         /// What the camera says.
-        pub estimate: [f64; 10],
+        pub estimate: [f64; 14],
         /// Standard deviation of `estimate`.
-        pub deviation: [f64; 10],
+        pub deviation: [f64; 14],
         /// What is applied. The slow state is part of the zero; the latency is not applied.
-        pub applied: [f64; 10],
+        pub applied: [f64; 14],
         /// Share of the budget that `estimate` uses.
-        pub budget_used: [f64; 10],
+        pub budget_used: [f64; 14],
         /// Share of the total budget, at the corners of the calibrated hull.
         pub total_used: f64,
         /// Root mean square distance between camera and calibrated model in the last window of

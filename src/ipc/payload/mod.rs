@@ -137,6 +137,6 @@ mod tests {
         assert_eq!(size_of::<ReachTarget>(), 96);
         assert_eq!(size_of::<ReasonMsg>(), 392);
         assert_eq!(offset_of!(ReasonMsg, text), 72);
-        assert_eq!(size_of::<AdaptationMsg>(), 496);
+        assert_eq!(size_of::<AdaptationMsg>(), 624);
     }
 }

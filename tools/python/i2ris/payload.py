@@ -9,7 +9,7 @@ from ctypes import c_double, c_int32, c_uint8, c_uint16, c_uint32, c_uint64
 from typing import Any
 
 #: Version of all payloads together. Client and controller have the same.
-INTERFACE_VERSION = 5
+INTERFACE_VERSION = 6
 
 
 class Payload(ctypes.Structure):
@@ -192,21 +192,23 @@ class Health(Payload):
 class AdaptationMsg(Payload):
     """``adaptation``, out: the drift from the calibration that the camera shows.
 
-    Arrays of ten: zero of both outputs (rad), gain of output 0 by outputs 0 and 1, of output 1 by
-    outputs 0 and 1, growth of the gap of both motors, latency of the camera (s), slow state (rad).
+    Arrays of 14: zero of both outputs (rad), gain of output 0 by outputs 0 and 1, of output 1 by
+    outputs 0 and 1, growth of the gap of both motors, latency of the camera (s), slow state (rad), loss of
+    preload of both motors beyond the gap and growth of half the play of both gears (shares of half the
+    calibrated range).
     """
 
-    NAME = "I2risAdaptationV1"
+    NAME = "I2risAdaptationV2"
     ON = 1
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),
         ("boot_id", c_uint64),
         ("model_id", c_uint8 * 32),
-        ("estimate", c_double * 10),
-        ("deviation", c_double * 10),
-        ("applied", c_double * 10),
-        ("budget_used", c_double * 10),
+        ("estimate", c_double * 14),
+        ("deviation", c_double * 14),
+        ("applied", c_double * 14),
+        ("budget_used", c_double * 14),
         ("total_used", c_double),
         ("calibrated_error", c_double),
         ("adapted_error", c_double),

@@ -184,7 +184,7 @@ const DEG: f64 = 180.0 / std::f64::consts::PI;
 /// The latency is estimated and not applied.
 const LATENCY: usize = 8;
 
-const GROUPS: [(&str, &str, &[Curve]); 4] = [
+const GROUPS: [(&str, &str, &[Curve]); 5] = [
     ("zero", "applied shift (deg)", &[("pitch", 0, DEG), ("yaw", 1, DEG)]),
     (
         "gain",
@@ -197,6 +197,16 @@ const GROUPS: [(&str, &str, &[Curve]); 4] = [
         ],
     ),
     ("gap", "applied growth (%)", &[("motor 0", 6, 100.0), ("motor 1", 7, 100.0)]),
+    (
+        "slack and play",
+        "applied growth (% of half the range)",
+        &[
+            ("slack, motor 0", 10, 100.0),
+            ("slack, motor 1", 11, 100.0),
+            ("play, motor 0", 12, 100.0),
+            ("play, motor 1", 13, 100.0),
+        ],
+    ),
     ("latency of the camera", "estimate (ms)", &[("beyond its stamps", LATENCY, 1000.0)]),
 ];
 

@@ -1,6 +1,6 @@
 //! The adaptation in words and numbers.
 
-use i2ris::core::adaptation::Pauses;
+use i2ris::core::adaptation::{PARAMETERS, Pauses};
 use i2ris::ipc::payload::AdaptationMsg;
 use serde::Serialize;
 
@@ -15,14 +15,14 @@ pub struct Adaptation {
     pub on: bool,
     /// In the order of [`AdaptationMsg`].
     #[serde(serialize_with = "json::drift")]
-    pub estimate: [f64; 10],
+    pub estimate: [f64; PARAMETERS],
     #[serde(serialize_with = "json::drift")]
-    pub applied: [f64; 10],
+    pub applied: [f64; PARAMETERS],
     #[serde(serialize_with = "json::drift")]
-    pub budget_used: [f64; 10],
+    pub budget_used: [f64; PARAMETERS],
     pub total_used: f64,
     /// Whether the motion shows the parameter.
-    pub excited: [bool; 10],
+    pub excited: [bool; PARAMETERS],
     pub pauses: Vec<&'static str>,
     pub frames: Frames,
     pub calibrated_error_deg: f64,
@@ -66,13 +66,14 @@ impl Adaptation {
         if !self.on {
             return Vec::new();
         }
-        let [pitch, yaw, gains @ .., latency_s, _] = self.estimate;
-        let [pitch, yaw] = [pitch, yaw].map(f64::to_degrees);
-        let [a, b, c, d, first, second] = gains.map(|gain| 100.0 * gain);
-        let latency = 1e3 * latency_s;
+        let [pitch, yaw] = [self.estimate[0], self.estimate[1]].map(f64::to_degrees);
+        let [_, _, a, b, c, d, first, second, _, _, slack, other, play, loose] =
+            self.estimate.map(|share| 100.0 * share);
+        let latency = 1e3 * self.estimate[8];
         let drift = format!(
             "drift zero {pitch:+.2} {yaw:+.2} deg, gain {a:+.1} {b:+.1} {c:+.1} {d:+.1} %, gap \
-             {first:+.0} {second:+.0} %, camera {latency:+.0} ms"
+             {first:+.0} {second:+.0} %, slack {slack:+.1} {other:+.1} %, play {play:+.1} \
+             {loose:+.1} %, camera {latency:+.0} ms"
         );
         vec![drift, format!("{}, {}", self.budget(), self.learning())]
     }
@@ -111,19 +112,22 @@ mod tests {
     #[test]
     fn estimate_budget_and_reasons_are_shown_while_it_is_on() {
         let message = AdaptationMsg {
-            estimate: [0.01, -0.02, 0.05, 0.0, 0.0, -0.1, 0.4, 0.0, 0.012, 0.0],
-            budget_used: [0.2, 0.4, 0.3, 0.0, 0.0, 0.5, 0.8, 0.0, 0.2, 0.0],
+            estimate: [
+                0.01, -0.02, 0.05, 0.0, 0.0, -0.1, 0.4, 0.0, 0.012, 0.0, 0.021, 0.0, 0.0, -0.003,
+            ],
+            budget_used: [0.2, 0.4, 0.3, 0.0, 0.0, 0.5, 0.8, 0.0, 0.2, 0.0, 0.7, 0.0, 0.0, 0.15],
             total_used: 0.6,
             flags: AdaptationMsg::ON,
             ..AdaptationMsg::default()
         };
         let [drift, state] = &Adaptation::new(&message).lines()[..] else { panic!("two lines") };
         assert!(drift.contains("zero +0.57 -1.15 deg"), "{drift}");
-        assert!(drift.contains("gap +40 +0 %"), "{drift}");
+        let worn = "gap +40 +0 %, slack +2.1 +0.0 %, play +0.0 -0.3 %, camera +12 ms";
+        assert!(drift.contains(worn), "{drift}");
         assert!(state.starts_with("BUDGET 80 %, learning"), "{state}");
         let paused = AdaptationMsg {
             pauses: Pause::NoMotion as u32 | Pause::BudgetUsed as u32,
-            budget_used: [1.0; 10],
+            budget_used: [1.0; PARAMETERS],
             ..message
         };
         let state = &Adaptation::new(&paused).lines()[1];

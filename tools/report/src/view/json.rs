@@ -1,5 +1,6 @@
 //! How numbers look as JSON.
 
+use i2ris::core::adaptation::PARAMETERS;
 use i2ris::units::Nanos;
 use serde::{Serialize, Serializer};
 
@@ -17,7 +18,7 @@ pub fn tenth<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Erro
 }
 
 /// Six digits.
-pub fn drift<S: Serializer>(values: &[f64; 10], serializer: S) -> Result<S::Ok, S::Error> {
+pub fn drift<S: Serializer>(values: &[f64; PARAMETERS], serializer: S) -> Result<S::Ok, S::Error> {
     values.map(|value| (1e6 * value).round() / 1e6).serialize(serializer)
 }
 

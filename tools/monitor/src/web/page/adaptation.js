@@ -7,6 +7,8 @@ const DRIFT = [
   ['gain yaw by pitch', 100, '%'], ['gain yaw', 100, '%'],
   ['gap motor 0', 100, '%'], ['gap motor 1', 100, '%'],
   ['latency of the camera', 1000, 'ms'], ['slow state', 57.29578, 'deg'],
+  ['slack motor 0', 100, '%'], ['slack motor 1', 100, '%'],
+  ['play motor 0', 100, '%'], ['play motor 1', 100, '%'],
 ];
 
 function adaptationPanel() {
