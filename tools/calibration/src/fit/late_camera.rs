@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn a_slow_camera_is_taken_off_and_none_is_not() {
         let taken_off = |seconds: f64| {
-            let snake = recording(1500, |time| (wander(time), straight(wander(time - seconds))));
+            let snake = recording(1000, |time| (wander(time), straight(wander(time - seconds))));
             snake.without_latency().1.unwrap_or_default()
         };
         assert_near(taken_off(0.0), 0.0, 0.004);
