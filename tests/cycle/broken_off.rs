@@ -68,6 +68,32 @@ fn a_stream_of_any_kind_that_broke_off_in_motion_is_not_followed_again_by_itself
 }
 
 #[test]
+fn a_second_client_that_came_and_went_does_not_let_a_stream_go_on() {
+    for (name, goal) in KINDS {
+        let mut bench = bench();
+        stream(&mut bench, goal);
+        bench.run(2_000);
+        for _ in 0..100 {
+            let command = ServoCommand { client_id: CLIENT + 1, ..here(&mut bench) };
+            assert_eq!(bench.send(command), Refusal::None, "{name}");
+            let goes_on = bench.servo(goal(1.0));
+            assert_ne!(bench.send(goes_on), Refusal::None, "{name}");
+            bench.run(8);
+        }
+        let held = bench.targets();
+        for pause in [0, 300, 3_000] {
+            bench.run(pause);
+            let goes_on = bench.servo(goal(1.0));
+            assert_ne!(bench.send(goes_on), Refusal::None, "{name}, {pause}");
+            assert_ne!(is_followed(&mut bench), Refusal::None, "{name}, {pause}");
+        }
+        assert_eq!(bench.targets(), held, "{name}");
+        assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+        assert_eq!(is_followed(&mut bench), Refusal::None, "{name}");
+    }
+}
+
+#[test]
 fn one_command_that_was_stopped_on_its_way_broke_off_too() {
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
     assert_eq!(bench.joint(4.0, 0.0), Refusal::None);

@@ -75,6 +75,15 @@ impl StudyRig {
     }
 }
 
+impl Drop for StudyRig {
+    /// The recorder of a trial that a failed test left running would wait for its controller for ever.
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            let _ = self.command("stop --outcome aborted").output();
+        }
+    }
+}
+
 pub const START: &str = "start --participant P07 --condition joystick --task reach";
 
 pub fn newest(stream: &mut Subscription<TrialMsg>) -> Option<TrialMsg> {
