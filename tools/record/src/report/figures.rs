@@ -198,8 +198,8 @@ const GROUPS: [(&str, &str, &[Curve]); 5] = [
     ),
     ("gap", "applied growth (%)", &[("motor 0", 6, 100.0), ("motor 1", 7, 100.0)]),
     (
-        "slack and play",
-        "applied growth (% of half the range)",
+        "slack and play, of half the range",
+        "applied growth (%)",
         &[
             ("slack, motor 0", 10, 100.0),
             ("slack, motor 1", 11, 100.0),
