@@ -92,8 +92,8 @@ impl Score {
         *count = count.saturating_add(1);
     }
 
-    /// Whether the adapted model is of its first frames only: it was better in no window, and
-    /// refused most frames.
+    /// Whether its first frames misled the adapted model: it was better in no window, and refused
+    /// most frames.
     pub fn is_misled(&self) -> bool {
         !self.was_better && self.refused > self.accepted
     }

@@ -18,10 +18,9 @@ pub fn encode(payload: &[u8]) -> Vec<u8> {
     [&ENCAPSULATION[..], payload].concat()
 }
 
-/// Decodes the payload of a stream; `None` if it is not such a message.
+/// Decodes the payload of a stream; `None` if it is not such a message, or of another layout.
 pub fn decode(stream: Stream, message: &[u8]) -> Option<StreamMessage> {
-    let payload = message.strip_prefix(&ENCAPSULATION)?.get(..stream.layout().size)?;
-    StreamMessage::from_bytes(stream, payload)
+    StreamMessage::from_bytes(stream, message.strip_prefix(&ENCAPSULATION)?)
 }
 
 /// Encodes messages that are not payloads.

@@ -72,6 +72,7 @@ fn notices(report: &TrialReport) -> Vec<String> {
     if missing > 0 {
         notices.push(format!("{missing} message(s) of the controller are missing."));
     }
+    notices.extend(report.trial.unread().map(|said| format!("{said}.")));
     if report.trial.is_tip {
         let tip =
             "The outputs are positions of the tip, not angles: this report does not draw them.";

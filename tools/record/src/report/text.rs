@@ -11,6 +11,7 @@ pub fn text(report: &TrialReport) -> String {
     let mut lines = vec![format!("{file}: {length_s:.1} s, recorded {recorded}")];
     let preflight = report.about.get("preflight").filter(|said| !said.is_empty());
     lines.extend(preflight.map(|said| format!("  {said}")));
+    lines.extend(report.trial.unread().map(|said| format!("  {said}")));
     let short = report.out_of_reach.as_ref();
     lines.extend(short.map(|found| format!("  {}", found.sentence())));
     lines.extend(report.camera.as_ref().map(|found| tracking("goal against camera", found)));

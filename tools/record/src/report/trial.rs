@@ -81,6 +81,8 @@ pub struct StreamStatistics {
     pub messages: u64,
     /// Missing messages between the first and the last, by their sequence numbers.
     pub missing: u64,
+    /// Messages of another layout: another release recorded them.
+    pub unread: u64,
     first_ns: u64,
     last_ns: u64,
     last_sequence: u32,
@@ -123,14 +125,7 @@ impl Trial {
                 }
                 Record::Message { header, data } => {
                     if let Some(stream) = channels.get(&header.channel_id) {
-                        let statistics = trial.streams.entry(*stream).or_default();
-                        let has_one_sender = stream.has_one_sender();
-                        statistics.add(header.publish_time, header.sequence, has_one_sender);
-                        if let Some(message) = cdr::decode(*stream, &data) {
-                            let offset = header.publish_time.wrapping_sub(message.stamp().0);
-                            trial.unix_offset_ns.get_or_insert(offset);
-                            trial.add(message);
-                        }
+                        trial.take(*stream, header.publish_time, header.sequence, &data);
                     }
                 }
                 Record::Metadata(found) if found.name == HEADER => trial.about = found.metadata,
@@ -153,6 +148,30 @@ impl Trial {
             trial.start_ns = 0;
         }
         Ok(trial)
+    }
+
+    fn take(&mut self, stream: Stream, publish_time: u64, sequence: u32, data: &[u8]) {
+        let statistics = self.streams.entry(stream).or_default();
+        statistics.add(publish_time, sequence, stream.has_one_sender());
+        let Some(message) = cdr::decode(stream, data) else {
+            statistics.unread += 1;
+            return;
+        };
+        let offset = publish_time.wrapping_sub(message.stamp().0);
+        self.unix_offset_ns.get_or_insert(offset);
+        self.add(message);
+    }
+
+    /// What is not in the report because another release recorded it.
+    pub fn unread(&self) -> impl Iterator<Item = String> {
+        let streams = self.streams.iter().filter(|(_, statistics)| statistics.unread > 0);
+        streams.map(|(stream, StreamStatistics { unread, .. })| {
+            let name = stream.name();
+            format!(
+                "{unread} message(s) of `{name}` have the layout of another release and are not \
+                 shown: report with the release that recorded them"
+            )
+        })
     }
 
     /// Every series of angles, with its name.
@@ -370,7 +389,21 @@ pub fn degrees(position: [f64; 3]) -> [f64; 2] {
 
 #[cfg(test)]
 mod tests {
+    use i2ris::ipc::payload::Payload;
+
     use super::*;
+
+    #[test]
+    fn messages_of_another_layout_are_counted_and_said() {
+        let mut trial = Trial::default();
+        let message = cdr::encode(AdaptationMsg { stamp_ns: 5, ..Default::default() }.bytes());
+        trial.take(Stream::Adaptation, 10, 1, &message);
+        assert_eq!(trial.unread().count(), 0);
+        trial.take(Stream::Adaptation, 20, 2, &message[..message.len() - 128]);
+        trial.take(Stream::Adaptation, 30, 3, &[&message[..], &[0; 8]].concat());
+        let said: Vec<String> = trial.unread().collect();
+        assert!(said.len() == 1 && said[0].starts_with("2 message(s) of `adaptation`"), "{said:?}");
+    }
 
     #[test]
     fn intervals_without_following_end_with_the_next_state_or_the_recording() {
