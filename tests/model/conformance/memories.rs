@@ -124,6 +124,41 @@ pub fn tick(sample: &Sample) {
     });
 }
 
+/// The shortest motion moves the snake least, also where it turned, after a count to and fro, while
+/// it creeps and while its gaps are scaled: no jump that no part of a step makes smaller.
+pub fn still(sample: &Sample) {
+    const SHORT: f64 = 1e-6;
+    each(sample, |it| {
+        let at = it.present();
+        let moved = |motor: usize, counts: f64| {
+            let mut moved = at;
+            moved[motor] += if motor < it.model.motors() { counts } else { 0.0 };
+            moved
+        };
+        let mut memories = [it.memory; 4];
+        it.model.advance(&mut memories[1], &moved(0, 1.0));
+        it.model.advance(&mut memories[1], &at);
+        it.model.advance_over(&mut memories[2], &at, 0.1);
+        it.model.advance_over(&mut memories[2], &at, 1e-3);
+        memories[3].set_gap_scale(&[1.2, 0.9]);
+        for (motor, side) in [(0, -SHORT), (0, SHORT), (1, -SHORT), (1, SHORT)] {
+            for memory in &memories {
+                let (to, from) = (moved(motor, side), it.pose(&at, memory));
+                let predicted = distance(&it.pose(&to, memory), &from) / it.worth;
+                it.assert_within("a step of nothing", predicted, 100.0 * SHORT);
+                let mut after = *memory;
+                if it.promise.has_gap && memory == &memories[3] {
+                    // What narrower gaps drag along is a motion.
+                    continue;
+                }
+                it.model.advance_over(&mut after, &to, 1e-9);
+                let moved = distance(&it.pose(&to, &after), &from) / it.worth;
+                it.assert_within("a motion of nothing", moved, 100.0 * SHORT);
+            }
+        }
+    });
+}
+
 /// The past is a path, and its steps do not matter.
 pub fn steps(sample: &Sample) {
     each(sample, |it| {

@@ -41,7 +41,7 @@
 //! They grow with a bend no further than a calibration goes.
 //! With them both sides are monotone functions of the bend: there is exactly one balance, and it
 //! rises with every motor. A semi-smooth Newton method with a line search finds it (L. Qi and J.
-//! Sun 1993).
+//! Sun 1993). The shortest motion moves the bend least, also where limits have changed (`still`).
 //!
 //! A step takes a time. Its `w_k` are those at its end, as if the snake had been at its last bend
 //! for all of it (implicit Euler): so the balance is one with less stiff elements, in a long time
@@ -63,6 +63,7 @@
 //! | [`sensitivity`] | derivatives of the bend by the parameters, for calibration |
 //! | `state` | the state, and what a step takes from it |
 //! | `wires` | the force of two wires, and its inverse |
+//! | `still` | the balance of a snake that hardly moves |
 //! | `stops` | elastic elements that slip |
 //! | `solve` | forces, slopes and Newton's method |
 //! | `transmission` | the transmission error of the gear, and its inverse |
@@ -72,6 +73,7 @@ mod parameters;
 pub mod sensitivity;
 mod solve;
 pub(in crate::model) mod state;
+mod still;
 mod stops;
 mod transmission;
 mod wires;
@@ -271,11 +273,16 @@ impl<const D: usize> ForceBalance<D> {
         is_long.then(|| (from + pulleys) * 0.5)
     }
 
-    /// The bend, tension and deflections after a step.
-    fn step(&self, state: &mut BalanceState, limits: &Limits<D>, pulleys: &SVector<f64, D>) {
-        let travel = self.travel(pulleys);
-        let bend = self.solve(state, limits, &travel);
-        self.store(state, limits, &travel, &bend);
+    /// The bend, tension and deflections after a step that takes a time, s.
+    fn step(
+        &self,
+        state: &mut BalanceState,
+        limits: &Limits<D>,
+        pulleys: &SVector<f64, D>,
+        time_s: f64,
+    ) {
+        let bend = self.bend_after(state, limits, pulleys, time_s);
+        self.store(state, limits, &self.travel(pulleys), &bend);
     }
 
     fn gap(&self, state: &BalanceState, motor: usize) -> f64 {
@@ -308,7 +315,8 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
 
     fn advance_over(&self, state: &mut BalanceState, counts: &SVector<f64, D>, time_s: f64) {
         let steps = self.steps(state, counts, time_s);
-        let passed = self.passed(time_s / steps.len() as f64);
+        let time_s = time_s / steps.len() as f64;
+        let passed = self.passed(time_s);
         for (_, position) in steps {
             let pulleys = self.drag(state, &position);
             if array(&pulleys) == state.pulley && passed == [0.0; CREEPING] {
@@ -317,10 +325,10 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
             let mut limits = self.limits(state).over(passed);
             if let Some(middle) = self.middle(state, &pulleys) {
                 let mut half = *state;
-                self.step(&mut half, &limits, &middle);
+                self.step(&mut half, &limits, &middle, time_s);
                 limits = self.limits(&half).over(passed);
             }
-            self.step(state, &limits, &pulleys);
+            self.step(state, &limits, &pulleys, time_s);
             state.pulley = array(&pulleys);
         }
         state.position = array(counts);
@@ -333,8 +341,12 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
         let pulleys = self.drag(state, &positions);
         let limits = self.limits(state);
         let travel = self.travel(&pulleys);
-        let (bend, slope) = self.bend_and_slope(state, &limits, &travel);
+        let (mut bend, slope) = self.bend_and_slope(state, &limits, &travel);
         let mut slope = slope * self.coupling;
+        if let Some(held) = self.held_back(state, &limits, &pulleys, 0.0) {
+            bend -= held.jump * held.part;
+            slope += held.slope();
+        }
         for (i, mut column) in slope.column_iter_mut().enumerate() {
             // The same sums as in the drag: a rounded difference would do now and then.
             let (gap, pulley) = (self.gap(state, i), state.pulley[i]);
@@ -354,8 +366,7 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
         if array(&pulleys) == state.pulley {
             return self.virtual_counts_at(&self.bend(state));
         }
-        let bend = self.solve(state, &self.limits(state), &self.travel(&pulleys));
-        self.virtual_counts_at(&bend)
+        self.virtual_counts_at(&self.bend_after(state, &self.limits(state), &pulleys, 0.0))
     }
 
     fn origin<'a>(&'a self, state: &'a BalanceState) -> BalanceOrigin<'a, D> {

@@ -8,6 +8,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::parameters::{CREEPING, OWN_STOPS, REACH, SHARED_STOPS};
 use super::state::{BalanceState, Limits};
+use super::still::SMALL;
 use super::wires::{Force, Wires};
 use super::{BalanceParameters, ForceBalance};
 use crate::model::maths::regression::{array, vector};
@@ -182,7 +183,7 @@ impl<const D: usize> ForceBalance<D> {
         let mut by_limits = self.limit_slopes(&at);
         by_limits.own = [[none; 2]; D];
         by_limits.shared = none;
-        self.balance(&mut at, (&limits, &by_limits), (&travel, &moved));
+        self.balance(&mut at, (&limits, &by_limits), (&travel, &moved), None);
         at
     }
 
@@ -196,7 +197,8 @@ impl<const D: usize> ForceBalance<D> {
         let turns: [[[f64; 4]; 2]; D] =
             std::array::from_fn(|i| [self.turn(at.state.position[i]), self.turn(counts[i])]);
         let steps = self.steps(&at.state, counts, time_s);
-        let passed = self.passed(time_s / steps.len() as f64);
+        let time_s = time_s / steps.len() as f64;
+        let passed = self.passed(time_s);
         for (part, position) in steps {
             let pulleys = self.drag(&at.state, &position);
             if array(&pulleys) == at.state.pulley && passed == [0.0; CREEPING] {
@@ -220,11 +222,14 @@ impl<const D: usize> ForceBalance<D> {
             if let Some(middle) = self.middle(&at.state, &pulleys) {
                 let mut half = at.clone();
                 let by_middle = std::array::from_fn(|i| (before[i] + at.pulley[i]) * 0.5);
-                self.step_sensitive(&mut half, (&limits, &by_limits), (&middle, &by_middle));
+                let middle = (&middle, &by_middle);
+                self.step_sensitive(&mut half, (&limits, &by_limits), middle, None);
                 (limits, by_limits) = known(&half);
             }
+            let held =
+                self.held_back_sensitive(at, (&limits, &by_limits), &pulleys, &before, time_s);
             let by_pulleys = at.pulley;
-            self.step_sensitive(at, (&limits, &by_limits), (&pulleys, &by_pulleys));
+            self.step_sensitive(at, (&limits, &by_limits), (&pulleys, &by_pulleys), held);
             at.state.pulley = array(&pulleys);
         }
         at.state.position = array(counts);
@@ -235,9 +240,32 @@ impl<const D: usize> ForceBalance<D> {
         at: &mut SensitiveState<D>,
         limits: (&Limits<D>, &LimitSlopes<D>),
         (pulleys, by_pulleys): (&SVector<f64, D>, &[Slopes; D]),
+        held: Option<(SVector<f64, D>, [Slopes; D])>,
     ) {
         let by_travel = self.travel_slopes(by_pulleys, pulleys);
-        self.balance(at, limits, (&self.travel(pulleys), &by_travel));
+        self.balance(at, limits, (&self.travel(pulleys), &by_travel), held);
+    }
+
+    /// What a step leaves of a jump of the bend, and its derivatives; see `still`. `before`: those
+    /// of the pulleys.
+    fn held_back_sensitive(
+        &self,
+        at: &SensitiveState<D>,
+        (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
+        pulleys: &SVector<f64, D>,
+        before: &[Slopes; D],
+        time_s: f64,
+    ) -> Option<(SVector<f64, D>, [Slopes; D])> {
+        let held = self.held_back(&at.state, limits, pulleys, time_s)?;
+        let mut balanced = at.clone();
+        let stayed = (&vector(&at.state.pulley), before);
+        let at_once = self.at_once(limits);
+        self.step_sensitive(&mut balanced, (&at_once, by_limits), stayed, None);
+        let by_motion = (at.pulley[held.farthest] - before[held.farthest]) * (held.sign / SMALL);
+        let by_left = std::array::from_fn(|i| {
+            (balanced.bend[i] - at.bend[i]) * held.part - by_motion * held.jump[i]
+        });
+        Some((held.jump * held.part, by_left))
     }
 
     /// Derivatives of a position by the transmission error of its motor.
@@ -266,9 +294,10 @@ impl<const D: usize> ForceBalance<D> {
         at: &mut SensitiveState<D>,
         (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
         (travel, by_travel): (&SVector<f64, D>, &[Slopes; D]),
+        held: Option<(SVector<f64, D>, [Slopes; D])>,
     ) {
-        let bend = self.solve(&at.state, limits, travel);
-        let stretch = travel - bend;
+        let mut bend = self.solve(&at.state, limits, travel);
+        let mut stretch = travel - bend;
         // First all that changes at a constant bend.
         let by_moved: [Slopes; D] = std::array::from_fn(|i| -at.bend[i]);
         let shared = self.shared_slopes(at, (limits, by_limits), (&bend, &by_moved));
@@ -305,9 +334,13 @@ impl<const D: usize> ForceBalance<D> {
         });
         let slope = self.rest(&at.state, limits, travel, &bend).slope;
         let inverse = slope.try_inverse().unwrap_or_else(SMatrix::zeros);
-        let by_bend: [Slopes; D] = std::array::from_fn(|i| {
+        let mut by_bend: [Slopes; D] = std::array::from_fn(|i| {
             (0..D).fold(Slopes::zeros(), |sum, j| sum + by_rest[j] * inverse[(i, j)])
         });
+        if let Some((left, by_left)) = held {
+            (bend, stretch) = (bend - left, stretch + left);
+            by_bend = std::array::from_fn(|i| by_bend[i] - by_left[i]);
+        }
         let by_moved: [Slopes; D] = std::array::from_fn(|i| by_bend[i] - at.bend[i]);
         let shared = self.shared_slopes(at, (limits, by_limits), (&bend, &by_moved));
         for (to, from) in at.shared.iter_mut().zip(shared) {

@@ -154,6 +154,11 @@ impl<const D: usize> ForceBalance<D> {
         limits
     }
 
+    /// The limits of a step that takes no time.
+    pub(super) fn at_once(&self, limits: &Limits<D>) -> Limits<D> {
+        Limits { passed: [0.0; CREEPING], late: self.creep, ..*limits }
+    }
+
     /// The wires of a motor in a step.
     #[inline]
     pub(super) fn wires(&self, motor: usize, limits: &Limits<D>) -> Wires {
