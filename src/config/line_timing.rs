@@ -151,6 +151,15 @@ impl Config {
         }
     }
 
+    /// The time that the slowest line takes to carry a setpoint to each of its axes while all of
+    /// them move.
+    #[must_use]
+    pub fn setpoint_interval(&self) -> Nanos {
+        let per_s = |port: &PortConfig| port.setpoints_per_s(port.nominal_exchange());
+        let slowest = self.ports.iter().map(per_s).fold(f64::INFINITY, f64::min);
+        Nanos((1e9 / slowest) as u64)
+    }
+
     /// Age of the newest position at which the robot goes to FAULT.
     #[must_use]
     pub fn feedback_lost(&self) -> Nanos {

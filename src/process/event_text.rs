@@ -30,7 +30,9 @@ impl fmt::Display for CycleEventKind {
                     _ => write!(f, ", "),
                 }
             }
-            Self::StaleStop { client_id, .. } => write!(f, "{}: ", ShownClient(*client_id)),
+            Self::StaleStop { client_id, .. } | Self::LimitStop { client_id, .. } => {
+                write!(f, "{}: ", ShownClient(*client_id))
+            }
             Self::FeedbackStop => Ok(()),
             Self::Clipped { client_id: 0 } => write!(f, "move_jp: "),
             Self::Clipped { client_id } => write!(f, "{}: ", ShownClient(*client_id)),

@@ -174,6 +174,9 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
             let silent_ms = age.as_seconds() * 1e3;
             ("stop", json!({ "client": id(client_id), "silent_ms": silent_ms }))
         }
+        CycleEventKind::LimitStop { client_id, limit } => {
+            ("stop", json!({ "client": id(client_id), "limit": limit.text() }))
+        }
         CycleEventKind::Axis { motor, to, error_code, .. } if *error_code != 0 => {
             let (phase, code) = (format!("{to:?}"), format!("{error_code:04X}"));
             ("drive", json!({ "motor": motor, "phase": phase, "error_code": code }))

@@ -60,10 +60,14 @@ numbered_enum! {
         Command = 4, "a later command broke it off";
         /// A virtual fixture came into the way.
         Fixture = 5, "a virtual fixture came into the way and broke it off";
-        /// The setpoints could not go on within their limits.
-        Limit = 6, "the limits of the motors or joints broke it off";
+        /// The setpoints could not go on within the position limits.
+        Limit = 6, "a position limit of the motors or joints broke it off";
         /// A fault.
         Fault = 7, "a fault broke it off";
+        /// The setpoints could not go on within the calibrated hull.
+        Hull = 8, "the border of the calibrated range broke it off";
+        /// The setpoints could not go on within the velocity limits of the joints.
+        Speed = 9, "the velocity or acceleration limit of the joints broke it off";
     }
 }
 

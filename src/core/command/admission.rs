@@ -295,6 +295,11 @@ impl CommandAdmission {
         record.stream_mut(id).into_iter().for_each(|it| it.stopped_moving(at, now));
     }
 
+    /// A stream could not go on: its client has to do something deliberate.
+    pub(crate) fn blocked(&mut self, id: u64) {
+        self.sequences.stream_mut(id).into_iter().for_each(StreamRecord::break_off);
+    }
+
     fn count_accepted(&mut self, client_id: u64, now: Nanos, events: &mut EventList) {
         if self.lease.renew(client_id, now) {
             events.push(CycleEventKind::Lease { client_id });

@@ -64,6 +64,10 @@ impl StreamRecord {
         }
     }
 
+    pub fn break_off(&mut self) {
+        self.is_broken_off = true;
+    }
+
     /// Its client has done something deliberate: the next stream is another one.
     pub fn begin_anew(&mut self) {
         *self = Self::default();

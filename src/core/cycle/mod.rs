@@ -57,7 +57,7 @@ use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
 use crate::drive::AxisRequest;
 use crate::model::Model;
-use crate::robot::{Fault, Measurement, Stop};
+use crate::robot::{Fault, Measurement};
 use crate::units::Nanos;
 
 /// The controller and its state from tick to tick.
@@ -113,7 +113,7 @@ impl ControlCycle {
             trajectory_limits: TrajectoryLimits::new(config.joint_limits.velocity_deg_s),
             clutch: Clutch::new(config.command.motion_scale),
             fixtures: VirtualFixtures::new(&config.virtual_fixtures, config.control.period()),
-            gate: Gate::default(),
+            gate: Gate::new(config.control.period()),
             feedback_stops: EventFold::default(),
             clips: ClipEvents::default(),
             axes: AxisGroup::new(config),
@@ -378,13 +378,18 @@ impl ControlCycle {
         };
         let mut setpoint = motion.generate(self.machine.state())?;
         let passed = self.pass_gate(&setpoint)?;
-        if passed.is_held() && self.machine.state().is_conditioning() {
-            // The cycle waits for its motors, unless they cannot go on at all.
+        if passed.is_held() && self.machine.state().is_occupied() {
+            // A cycle and a move wait for their motors.
             setpoint.next = None;
-            if passed.is_stopped() && self.axes.all(AxisControl::is_at_rest) {
-                let cause = TransitionCause::BrokenOff(Stop::Limit);
-                self.machine.change((HOLDING, cause), now, events);
+        }
+        if let Some(limit) = passed.blocked_by() {
+            let client_id = self.machine.state().owner().unwrap_or_default();
+            events.push(CycleEventKind::LimitStop { client_id, limit });
+            if self.machine.state().followed_command().is_some() {
+                self.admission.blocked(client_id);
             }
+            let cause = TransitionCause::BrokenOff(limit);
+            self.machine.change((HOLDING, cause), now, events);
         }
         if let Some(region) = self.fixtures.begun_limit(now) {
             events.push(CycleEventKind::FixtureLimit { region });

@@ -87,6 +87,14 @@ pub enum CycleEventKind {
         /// Age of the command.
         age: Nanos,
     },
+    /// Setpoints stood at a limit for a second, although they had a way to go: what moved them is
+    /// broken off.
+    LimitStop {
+        /// Client whose stream, move or conditioning cycle it was.
+        client_id: u64,
+        /// The limit.
+        limit: Stop,
+    },
     /// The motion stopped, because a drive gave no recent position. Folded to one per second.
     FeedbackStop,
     /// A goal began to be clipped to what can be reached, or more is cut off than was reported.
@@ -165,6 +173,7 @@ impl CycleEventKind {
         match self {
             Self::State { fault, .. } => (*fault != Fault::None).then_some(Cause::Fault(*fault)),
             Self::StaleStop { .. } => Some(Cause::Stop(Stop::Stale)),
+            Self::LimitStop { limit, .. } => Some(Cause::Stop(*limit)),
             Self::FeedbackStop => Some(Cause::Stop(Stop::Feedback)),
             Self::Clipped { .. } => Some(Cause::Clip(Clip::Reach)),
             Self::FixtureLimit { .. } => Some(Cause::Clip(Clip::Fixture)),
@@ -190,6 +199,7 @@ impl CycleEventKind {
     pub fn client_id(&self) -> u64 {
         match self {
             Self::StaleStop { client_id, .. }
+            | Self::LimitStop { client_id, .. }
             | Self::Clipped { client_id }
             | Self::Lease { client_id }
             | Self::Fixtures { client_id, .. }

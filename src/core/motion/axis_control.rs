@@ -211,6 +211,11 @@ impl AxisControl {
         self.limiter.rest_position()
     }
 
+    /// Ticks until then.
+    pub fn ticks_to_rest(&self) -> f64 {
+        self.limiter.ticks_to_rest()
+    }
+
     /// The setpoint on the wire is within the position limits, or no further out than `before`,
     /// one tick ago, and its step and the change of its step are within the limits.
     pub fn keeps_limits(&self, before: &Self) -> bool {

@@ -102,6 +102,22 @@ impl AxisGroup {
         vector::collect(self.0.iter().map(AxisControl::rest_position))
     }
 
+    /// The most ticks that a setpoint takes to come to rest when all of them stop from now on.
+    pub fn ticks_to_rest(&self) -> f64 {
+        self.0.iter().map(AxisControl::ticks_to_rest).fold(0.0, f64::max)
+    }
+
+    /// Any setpoint has moved in this tick.
+    pub fn is_moving(&self) -> bool {
+        self.0.iter().any(|axis| axis.increment() != 0.0)
+    }
+
+    /// Any setpoint is further than so many counts from its target.
+    pub fn is_away_from(&self, targets: &[MotorTarget; MAX_MOTORS], counts: f64) -> bool {
+        let mut pairs = self.0.iter().zip(targets);
+        pairs.any(|(axis, target)| (axis.clamp(target.position) - axis.setpoint()).abs() > counts)
+    }
+
     /// Every axis keeps its limits after a tick: [`AxisControl::keeps_limits`].
     pub fn keep_limits(&self, before: &[Option<AxisControl>; MAX_MOTORS]) -> bool {
         let mut pairs = self.0.iter().zip(before.iter().flatten());

@@ -28,18 +28,24 @@
 //! checks every limit on them:
 //!
 //! - position limits, velocity and acceleration of every motor;
-//! - position, velocity, acceleration and jerk of the angles ([`JointBounds`]);
+//! - position limits of the angles, their velocity, and the change of their velocity over the time
+//!   that a line takes to carry a setpoint ([`JointBounds`](super::joint_limits::JointBounds));
 //! - the distance to every region, as adapted and as calibrated;
 //! - the calibrated hull, while a goal in joint space is followed.
+//!
+//! Stage 5 limits acceleration and jerk of the goal. Those of the setpoints per tick are not
+//! limited: at the end of a gap the tip starts at once, however slowly the motor moves, and neither
+//! a drive nor the snake sees less than the time of a line. A motor crosses a gap as fast as it
+//! can, and reaches its end as slowly as the limit of the tip asks.
 //!
 //! Positions are those of the setpoints, and those at which the motors come to rest if they stop in
 //! the next tick: what passes can always stop in time, and motors that do not stop at the same time
 //! leave the line between both. A limit that is broken already may be broken no further. What slows
 //! down always passes: the gate never lengthens a stop.
 //!
-//! A setpoint that fails is tried again with less: slower, one motor without the other, on a
-//! straight line. If nothing passes, the motors stop. The number of trials is fixed, and so is the
-//! time of a tick.
+//! A setpoint that fails is tried again on a straight line, both as fast as the limit allows, and
+//! at a border with one motor after the other. If nothing passes that moves a motor, the motors
+//! stop; [`Passed::blocked_by`] names the limit that has kept them for [`PATIENCE`]. The number of trials is fixed, and so is the time of a tick.
 //!
 //! A request to a drive that has passed is a [`Gated`]. The port threads take nothing else, and
 //! only this file makes one.
@@ -50,23 +56,28 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::joint_limits::LONGEST_LINE;
 use crate::core::motion::joint_model::{JointModel, NotFinite};
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::{collect, difference, zip_map};
 use crate::drive::{AxisRequest, Demand};
 use crate::model::Memory;
-use crate::units::{MAX_AXES, MAX_MOTORS, MotorVec, OutputVec};
+use crate::robot::Stop;
+use crate::units::{MAX_AXES, MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
 /// What the inverse leaves, and far less than a count: rad.
 const POSE_TOLERANCE: f64 = 2e-5;
-/// The same for the change of a step, rad per tick.
-const STEP_TOLERANCE: f64 = 5e-7;
-/// A step may be longer than its limit by this factor, so that a goal at the limit is not slowed
-/// down by what the inverse leaves.
-const STEP_MARGIN: f64 = 1.01;
 /// The inverse lies in the hull, and the setpoint near it: counts.
 const HULL_TOLERANCE: f64 = 1.0;
+/// A motor nearer to its target has no way to go: counts.
+const WAY: f64 = 1.0;
+/// A motor that stands is there within this: counts.
+const STILL: f64 = 0.01;
+/// A motion is given up whose setpoints have not changed for so long.
+pub(crate) const PATIENCE: Nanos = Nanos::from_millis(1000);
+/// The share of its velocity with which a motion is tried at last that meets a border.
+const SLOWLY: f64 = 0.1;
 
 /// A request to a drive that has passed the gate.
 ///
@@ -101,19 +112,21 @@ pub(crate) enum Motion {
 /// The setpoints of a tick have passed, or were held.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Passed {
-    /// The setpoints moved less than asked.
-    is_held: bool,
-    /// They stop, although they were asked to move.
-    is_stopped: bool,
+    /// The limit that keeps setpoints from their targets.
+    held_by: Option<Stop>,
+    /// It has done so for [`PATIENCE`], without any motion.
+    is_blocked: bool,
 }
 
 impl Passed {
+    /// The setpoints moved less than asked, and have a way to go.
     pub fn is_held(self) -> bool {
-        self.is_held
+        self.held_by.is_some()
     }
 
-    pub fn is_stopped(self) -> bool {
-        self.is_stopped
+    /// The limit at which motors with a way to go have stood for [`PATIENCE`].
+    pub fn blocked_by(self) -> Option<Stop> {
+        self.held_by.filter(|_| self.is_blocked)
     }
 
     /// The requests to the drives.
@@ -135,17 +148,14 @@ pub(crate) struct JointSpace<'a> {
     pub calibrated: Option<&'a Memory>,
 }
 
-/// Ticks over which the steps of the pose of a model with memory are compared: drives take whole
-/// counts, so at half a count per tick every other step is another one.
-const STEPS: usize = 8;
-
-/// The gate, with the motion of the pose that it let through last.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+/// The gate, with the motion that it let through last.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Gate {
     /// The last steps of the pose, newest first, rad.
-    steps: [OutputVec; STEPS],
-    /// How much faster than those before it the newest one was.
-    growth: OutputVec,
+    steps: [OutputVec; LONGEST_LINE],
+    /// Ticks in which no setpoint has changed, although it has a way to go; and the most.
+    stood: u32,
+    patience: u32,
 }
 
 /// A tick at the gate.
@@ -154,8 +164,6 @@ struct GateTick<'a> {
     before: [Option<AxisControl>; MAX_MOTORS],
     /// The setpoints before, and where they come to rest in a stop, counts.
     setpoints: MotorVec,
-    /// The last motion of the setpoints, counts.
-    increments: MotorVec,
     stopped: MotorVec,
     rest: MotorVec,
     /// The setpoints may not leave the calibrated hull.
@@ -172,41 +180,45 @@ enum Verdict {
     TooFast {
         share: f64,
     },
-    Fails,
+    Fails(Stop),
 }
 
 /// Trials of a tick; the later ones only where a limit is reached. Each may come twice: as fast as
-/// the motors can, and as fast as the joint limits allow.
+/// the motors can, and slower.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Attempt {
     All,
+    Straight,
+    /// Away from a border that gaps of different width lead across: one motor crosses its gap,
+    /// which moves nothing, before the other one does.
     First,
     Second,
-    Straight,
-    Slowly,
 }
 
-const ATTEMPTS: [Attempt; 5] =
-    [Attempt::All, Attempt::First, Attempt::Second, Attempt::Straight, Attempt::Slowly];
+const ATTEMPTS: [Attempt; 4] = [Attempt::All, Attempt::Straight, Attempt::First, Attempt::Second];
 
 impl Attempt {
     /// The shares of the velocity of the motors.
     fn shares(self, axes: &AxisGroup, targets: &[MotorTarget; MAX_MOTORS]) -> MotorVec {
         match self {
             Self::All => [1.0; MAX_MOTORS],
+            Self::Straight => axes.straight_shares(targets),
             Self::First => [1.0, 0.0],
             Self::Second => [0.0, 1.0],
-            Self::Straight => axes.straight_shares(targets),
-            Self::Slowly => [0.1; MAX_MOTORS],
         }
     }
 }
 
 impl Gate {
+    pub fn new(tick: Nanos) -> Self {
+        let patience = (PATIENCE.0 / tick.0.max(1)) as u32;
+        Self { steps: [OutputVec::default(); LONGEST_LINE], stood: 0, patience }
+    }
+
     /// The motion was not followed: the setpoints have not moved.
     pub fn keep(&mut self) -> Passed {
-        *self = Self::default();
-        Passed { is_held: true, is_stopped: true }
+        self.note(OutputVec::default());
+        Passed { held_by: None, is_blocked: false }
     }
 
     /// Moves the setpoints by one tick, and lets nothing pass that breaks a limit.
@@ -217,33 +229,19 @@ impl Gate {
         space: Option<JointSpace<'_>>,
     ) -> Result<Passed, NotFinite> {
         let Motion::Track { targets, in_hull } = motion else {
-            return Ok(self.stop(axes, false));
+            self.stood = 0;
+            let step = GateTick::new(axes, false, space).stop(axes)?;
+            self.note(step);
+            return Ok(Passed { held_by: None, is_blocked: false });
         };
+        let before = axes.targets();
         let mut tick = GateTick::new(axes, *in_hull, space);
-        for attempt in ATTEMPTS {
-            let mut shares = attempt.shares(axes, targets);
-            for is_last in [false, true] {
-                axes.track(targets, &shares);
-                match tick.judge(axes, self)? {
-                    Verdict::Passes { step } => {
-                        // After a stop, in which the setpoints may still move.
-                        if self.steps == [OutputVec::default(); STEPS] {
-                            self.steps[0] = tick.last_step()?;
-                        }
-                        self.note(step, tick.compared());
-                        let is_held = is_last || attempt != Attempt::All;
-                        return Ok(Passed { is_held, is_stopped: false });
-                    }
-                    Verdict::TooFast { share } if !is_last && share > 0.0 => {
-                        shares = shares.map(|whole| share * whole);
-                        axes.take_back(&tick.before);
-                    }
-                    Verdict::TooFast { .. } | Verdict::Fails => break,
-                }
-            }
-            axes.take_back(&tick.before);
-        }
-        Ok(self.stop(axes, true))
+        let (held_by, step) = tick.attempts(axes, targets, self)?;
+        self.note(step);
+        let held_by = held_by.filter(|_| axes.is_away_from(targets, WAY));
+        let is_standing = held_by.is_some() && axes.targets() == before;
+        self.stood = if is_standing { self.stood + 1 } else { 0 };
+        Ok(Passed { held_by, is_blocked: self.stood >= self.patience })
     }
 
     /// Moves the setpoint of an axis beside the joints by one tick; `target`: `None` for a stop.
@@ -264,25 +262,9 @@ impl Gate {
         Gated(axis.request_with(demand, common))
     }
 
-    fn stop(&mut self, axes: &mut AxisGroup, is_held: bool) -> Passed {
-        *self = Self::default();
-        axes.for_each(AxisControl::stop);
-        Passed { is_held, is_stopped: is_held }
-    }
-
-    fn note(&mut self, step: OutputVec, compared: usize) {
-        let last = self.step_like(&step, compared);
-        self.growth = zip_map(&step, &last, |step, last| step.abs() - last.abs());
+    fn note(&mut self, step: OutputVec) {
         self.steps.rotate_right(1);
         self.steps[0] = step;
-    }
-
-    /// The longest of so many last steps in the direction of a step, output by output; 0: none.
-    fn step_like(&self, step: &OutputVec, compared: usize) -> OutputVec {
-        self.steps.iter().take(compared).fold(OutputVec::default(), |longest, last| {
-            let like = zip_map(last, step, |last, step| if last * step > 0.0 { last } else { 0.0 });
-            zip_map(&longest, &like, |a, b| if b.abs() > a.abs() { b } else { a })
-        })
     }
 }
 
@@ -299,7 +281,6 @@ impl<'a> GateTick<'a> {
         Self {
             before,
             setpoints: axes.setpoints(),
-            increments: axes.increments(),
             stopped: values(AxisControl::setpoint),
             rest: values(AxisControl::rest_position),
             in_hull,
@@ -307,29 +288,61 @@ impl<'a> GateTick<'a> {
         }
     }
 
-    /// The steps that are compared.
-    fn compared(&self) -> usize {
-        let joints = self.space.as_ref().map(|space| space.joints);
-        if joints.is_some_and(JointModel::has_memory) { STEPS } else { 1 }
+    /// Moves the motors as far as the limits let them. Returns the step of the pose, and the limit
+    /// that let them move less than asked.
+    fn attempts(
+        &mut self,
+        axes: &mut AxisGroup,
+        targets: &[MotorTarget; MAX_MOTORS],
+        gate: &Gate,
+    ) -> Result<(Option<Stop>, OutputVec), NotFinite> {
+        let mut held_by = None;
+        for attempt in ATTEMPTS {
+            if attempt == Attempt::First && held_by == Some(Stop::Speed) {
+                break;
+            }
+            let mut shares = attempt.shares(axes, targets);
+            for is_last in [false, true] {
+                axes.track(targets, &shares);
+                let (limit, share) = match self.judge(axes, gate)? {
+                    Verdict::Passes { step }
+                        if axes.is_moving() || !axes.is_away_from(targets, STILL) =>
+                    {
+                        return Ok((held_by, step));
+                    }
+                    Verdict::Passes { .. } => (Stop::Speed, 0.0),
+                    Verdict::TooFast { share } => (Stop::Speed, share),
+                    Verdict::Fails(limit) if attempt == Attempt::Straight => (limit, SLOWLY),
+                    Verdict::Fails(limit) => (limit, 0.0),
+                };
+                // A border counts, not the speed that was too high as well.
+                held_by = held_by.filter(|it| *it != Stop::Speed).or(Some(limit));
+                axes.take_back(&self.before);
+                if is_last || share <= 0.0 {
+                    break;
+                }
+                shares = shares.map(|whole| share * whole);
+            }
+        }
+        Ok((held_by.or(Some(Stop::Limit)), self.stop(axes)?))
     }
 
-    /// The last step of the pose; 0 where nothing limits it.
-    fn last_step(&self) -> Result<OutputVec, NotFinite> {
-        let joints = self.space.as_ref().map(|space| space.joints);
-        let joints = joints.filter(|joints| joints.bounds().is_some());
-        match joints.filter(|_| self.increments != MotorVec::default()) {
-            Some(joints) => {
-                let before = difference(&self.setpoints, &self.increments);
-                Ok(difference(&joints.pose(&self.setpoints)?, &joints.pose(&before)?))
+    /// Stops the motors. Returns the step of the pose.
+    fn stop(&self, axes: &mut AxisGroup) -> Result<OutputVec, NotFinite> {
+        axes.for_each(AxisControl::stop);
+        match &self.space {
+            Some(space) if axes.is_moving() && space.joints.bounds().is_some() => {
+                let poses = Poses::new(space.joints, &self.setpoints);
+                Ok(difference(&poses.at(&self.stopped)?, &poses.at(&self.setpoints)?))
             }
-            None => Ok(OutputVec::default()),
+            _ => Ok(OutputVec::default()),
         }
     }
 
     /// Checks the setpoints against every limit.
     fn judge(&mut self, axes: &AxisGroup, gate: &Gate) -> Result<Verdict, NotFinite> {
         if !axes.keep_limits(&self.before) {
-            return Ok(Verdict::Fails);
+            return Ok(Verdict::Fails(Stop::Limit));
         }
         // Each with where it would be in a stop.
         let (rest, here) = ((axes.rest_positions(), self.rest), (axes.setpoints(), self.stopped));
@@ -338,49 +351,75 @@ impl<'a> GateTick<'a> {
             return Ok(Verdict::Passes { step: OutputVec::default() });
         };
         if self.in_hull && !places.iter().all(|(at, stop)| space.stays_in_hull(at, stop)) {
-            return Ok(Verdict::Fails);
+            return Ok(Verdict::Fails(Stop::Hull));
         }
         let speed = self.judge_speed(axes, gate)?;
         let Some(space) = &mut self.space else { return Ok(speed) };
         if let Verdict::Passes { .. } = speed {
             for (at, stop) in &places {
-                if !space.allows(at, stop)? {
-                    return Ok(Verdict::Fails);
+                if let Some(limit) = space.forbids(at, stop)? {
+                    return Ok(Verdict::Fails(limit));
                 }
             }
         }
         Ok(speed)
     }
 
+    /// The step of this tick, and the way to rest after it: a gap that ends on that way may not
+    /// make the tip start faster than the step may be.
     fn judge_speed(&self, axes: &AxisGroup, gate: &Gate) -> Result<Verdict, NotFinite> {
         let joints = self.space.as_ref().map(|space| space.joints);
         let Some((joints, bounds)) = joints.and_then(|joints| Some((joints, joints.bounds()?)))
         else {
             return Ok(Verdict::Passes { step: OutputVec::default() });
         };
-        // Drives are at whole counts, and so is the memory. From between them the pose would rest
-        // up to the count that has been sent, and begin anew from rest beyond it, count by count.
-        let sent = self.setpoints.map(f64::round);
-        let moved_to = |setpoints: &MotorVec| {
-            let moved = difference(setpoints, &self.setpoints);
-            joints.pose(&zip_map(&sent, &moved, |sent, moved| sent + moved))
+        let poses = Poses::new(joints, &self.setpoints);
+        let (at, rest) = (axes.setpoints(), axes.rest_positions());
+        let (from, here) = (poses.at(&self.setpoints)?, poses.at(&at)?);
+        let step = difference(&here, &from);
+        let way =
+            if rest == at { OutputVec::default() } else { difference(&poses.at(&rest)?, &here) };
+        let longest = bounds.longest_step(&step, &gate.steps);
+        let farthest = bounds.longest_way(&way, &step, &gate.steps, axes.ticks_to_rest());
+        let pairs = || [(step, longest), (way, farthest)].into_iter();
+        let is_kept = |(is, most): (OutputVec, OutputVec)| {
+            is.iter().zip(&most).all(|(is, most)| is.abs() <= *most)
         };
-        let from = joints.pose(&sent)?;
-        let step = difference(&moved_to(&axes.setpoints())?, &from);
-        let last = gate.step_like(&step, self.compared());
-        let largest = bounds.largest_step(&step, &last, &gate.growth, STEP_MARGIN);
-        let largest = largest.map(|step| step + STEP_TOLERANCE);
-        if step.iter().zip(&largest).all(|(step, largest)| step.abs() <= *largest) {
+        if pairs().all(is_kept) {
             return Ok(Verdict::Passes { step });
         }
-        let slowest = difference(&moved_to(&self.stopped)?, &from);
+        let stopped = poses.at(&self.stopped)?;
+        let least = [difference(&stopped, &from), difference(&poses.at(&self.rest)?, &stopped)];
         let mut share = 1.0_f64;
-        for ((step, largest), slowest) in step.iter().zip(&largest).zip(&slowest) {
-            if step.abs() > *largest {
-                share = share.min((largest.copysign(*step) - slowest) / (step - slowest));
+        for ((is, most), least) in pairs().zip(&least) {
+            for ((is, most), least) in is.iter().zip(&most).zip(least) {
+                if is.abs() > *most {
+                    share = share.min((most.copysign(*is) - least) / (is - least));
+                }
             }
         }
         Ok(Verdict::TooFast { share: 0.999 * share })
+    }
+}
+
+/// Poses of setpoints near those before a tick.
+///
+/// Drives are at whole counts, and so is the memory. From between them the pose would rest up to
+/// the count that has been sent, and begin anew from rest beyond it, count by count.
+struct Poses<'a> {
+    joints: &'a JointModel,
+    before: &'a MotorVec,
+    sent: MotorVec,
+}
+
+impl<'a> Poses<'a> {
+    fn new(joints: &'a JointModel, before: &'a MotorVec) -> Self {
+        Self { joints, before, sent: before.map(f64::round) }
+    }
+
+    fn at(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
+        let moved = difference(setpoints, self.before);
+        self.joints.pose(&zip_map(&self.sent, &moved, |sent, moved| sent + moved))
     }
 }
 
@@ -391,23 +430,23 @@ impl JointSpace<'_> {
         hull.excess(at) <= HULL_TOLERANCE.max(hull.excess(stop))
     }
 
-    /// The poses at some counts keep the position limits and stay out of all regions, or break them
-    /// no further than a stop does.
-    fn allows(&mut self, at: &MotorVec, stop: &MotorVec) -> Result<bool, NotFinite> {
+    /// The limit that the poses at some counts break, and further than a stop does: position
+    /// limits, or a region.
+    fn forbids(&mut self, at: &MotorVec, stop: &MotorVec) -> Result<Option<Stop>, NotFinite> {
         let (joints, calibrated) = (self.joints, self.calibrated);
-        let bounds = joints.bounds();
+        let bounds = joints.bounds().filter(|bounds| bounds.has_positions());
         if bounds.is_none() && !self.fixtures.is_on() {
-            return Ok(true);
+            return Ok(None);
         }
         let adapted = joints.pose(at)?;
         if let Some(bounds) = bounds {
             let excess = bounds.excess(&adapted);
             if excess > POSE_TOLERANCE && excess > bounds.excess(&joints.pose(stop)?) {
-                return Ok(false);
+                return Ok(Some(Stop::Limit));
             }
         }
         if !self.fixtures.is_on() {
-            return Ok(true);
+            return Ok(None);
         }
         let as_calibrated = |counts, adapted| match calibrated {
             Some(memory) => joints.calibrated_pose(counts, memory),
@@ -415,9 +454,10 @@ impl JointSpace<'_> {
         };
         let poses = [adapted, as_calibrated(at, adapted)?];
         let seen = if calibrated.is_some() { &poses[..] } else { &poses[..1] };
-        self.fixtures.allow_setpoint(seen, joints.unit(), || {
+        let is_allowed = self.fixtures.allow_setpoint(seen, joints.unit(), || {
             let stopped = joints.pose(stop)?;
             Ok([stopped, as_calibrated(stop, stopped)?])
-        })
+        })?;
+        Ok((!is_allowed).then_some(Stop::Fixture))
     }
 }

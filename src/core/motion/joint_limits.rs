@@ -14,31 +14,55 @@ use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 /// Far beyond any angle, rad.
 const NO_LIMIT: f64 = 1e6;
 
+/// The longest time that a line takes to carry a setpoint, ticks, with what is averaged around it.
+pub(super) const LONGEST_LINE: usize = 32;
+/// Ticks on both sides of it over which the velocity of the pose is averaged: drives take whole
+/// counts.
+const AROUND: usize = 2;
+
+/// A step may be longer than its limit by this factor, so that a goal at the limit is not slowed
+/// down by what the inverse leaves; and by this, rad.
+const STEP_MARGIN: f64 = 1.01;
+const STEP_TOLERANCE: f64 = 5e-7;
+
 /// The limits themselves, per tick. Without one: far beyond any angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct JointBounds {
     /// rad.
     lowest: OutputVec,
     highest: OutputVec,
-    /// Largest step, its largest growth, and the largest change of that, rad.
+    has_positions: bool,
+    /// Largest step, and its largest growth, rad.
     velocity: f64,
     growth: f64,
-    jerk: f64,
+    /// The time that a line takes to carry a setpoint, ticks.
+    line: usize,
 }
 
 impl JointBounds {
-    /// `None`: off.
-    pub fn new(config: &JointLimitConfig, tick: Nanos, has_angles: bool) -> Option<Self> {
+    /// `line`: the time that the slowest line takes to carry a setpoint. `None`: off.
+    pub fn new(
+        config: &JointLimitConfig,
+        tick: Nanos,
+        line: Nanos,
+        has_angles: bool,
+    ) -> Option<Self> {
         let tick_s = tick.as_seconds();
         let of = |output| limits(config, output);
-        let jerk = config.jerk_deg_s3.map_or(NO_LIMIT, f64::to_radians);
+        let line = line.0.div_ceil(tick.0.max(1)) as usize;
         (has_angles && config.is_any()).then(|| Self {
             lowest: std::array::from_fn(|output| of(output).lowest),
             highest: std::array::from_fn(|output| of(output).highest),
+            has_positions: config.position_min_deg.is_some() || config.position_max_deg.is_some(),
             velocity: of(0).velocity * tick_s,
             growth: of(0).acceleration * tick_s * tick_s,
-            jerk: jerk * tick_s * tick_s * tick_s,
+            line: line.clamp(1, LONGEST_LINE - AROUND),
         })
+    }
+
+    /// Any angle has a position limit.
+    pub fn has_positions(&self) -> bool {
+        self.has_positions
     }
 
     /// The nearest pose within the position limits.
@@ -64,28 +88,46 @@ impl JointBounds {
         share
     }
 
-    /// The largest step of every output after a step `last`, which had grown by `growth`. What
-    /// slows down is not limited: a stop is short. `margin`: a factor on all limits.
-    pub fn largest_step(
-        &self,
-        step: &OutputVec,
-        last: &OutputVec,
-        growth: &OutputVec,
-        margin: f64,
-    ) -> OutputVec {
-        let mut largest = [0.0; MAX_OUTPUTS];
-        let outputs = largest.iter_mut().zip(step).zip(last).zip(growth);
-        for (((largest, step), last), growth) in outputs {
+    /// The largest step of a goal after a step `last`, output by output. What slows down is not
+    /// limited: a stop is short. `margin`: a factor on all limits.
+    pub fn largest_goal_step(&self, step: &OutputVec, last: &OutputVec, margin: f64) -> OutputVec {
+        zip_map(step, last, |step, last| {
             let speed = if step * last > 0.0 { last.abs() } else { 0.0 };
-            let growth = self.growth.min(growth.max(0.0) + self.jerk);
-            *largest = (speed + margin * growth).min(margin * self.velocity);
-        }
-        largest
+            (speed + margin * self.growth).min(margin * self.velocity)
+        })
     }
 
-    /// As [`JointBounds::largest_step`], without the jerk.
-    pub fn largest_goal_step(&self, step: &OutputVec, last: &OutputVec, margin: f64) -> OutputVec {
-        self.largest_step(step, last, &[NO_LIMIT; MAX_OUTPUTS], margin)
+    /// The longest step of the pose at the setpoints after others, newest first, output by output:
+    /// over the time of a line its velocity changes by no more than the acceleration allows.
+    pub fn longest_step(&self, step: &OutputVec, last: &[OutputVec; LONGEST_LINE]) -> OutputVec {
+        let around = AROUND.min(self.line - 1);
+        let then = last.get(self.line - 1 - around..self.line + around).unwrap_or_default();
+        let mut longest = OutputVec::default();
+        for (output, (longest, step)) in longest.iter_mut().zip(step).enumerate() {
+            let along = |step_before: &OutputVec| step_before[output] * step.signum();
+            let then = then.iter().map(along).sum::<f64>() / then.len() as f64;
+            let most = then + STEP_MARGIN * self.growth * self.line as f64 + STEP_TOLERANCE;
+            let most = most.max(along(&last[0])).max(0.0);
+            *longest = most.min(STEP_MARGIN * self.velocity + STEP_TOLERANCE);
+        }
+        longest
+    }
+
+    /// The longest way of the pose after a step until the motors are at rest some ticks later: as
+    /// long as that of a tip that slows down evenly, or no longer than one step may be.
+    pub fn longest_way(
+        &self,
+        way: &OutputVec,
+        step: &OutputVec,
+        last: &[OutputVec; LONGEST_LINE],
+        ticks: f64,
+    ) -> OutputVec {
+        let longest = self.longest_step(way, last);
+        let evenly = zip_map(way, step, |way, step| {
+            let along = (step * way.signum()).max(0.0);
+            0.5 * (ticks + 1.0) * STEP_MARGIN * along + STEP_TOLERANCE
+        });
+        zip_map(&longest, &evenly, f64::max)
     }
 }
 
@@ -227,7 +269,7 @@ mod tests {
         assert_eq!(of(0), [-4.0, 6.0].map(f64::to_radians));
         assert_eq!(of(1), [-30.0, 20.0].map(f64::to_radians));
         assert_eq!(of(2), [-NO_LIMIT, NO_LIMIT]);
-        let bounds = JointBounds::new(&config, TICK, true).unwrap();
+        let bounds = JointBounds::new(&config, TICK, TICK, true).unwrap();
         let share = |to: [f64; 3]| {
             let from = [2.0, 5.0, 0.0].map(f64::to_radians);
             bounds.share_of_line(&from, &to.map(f64::to_radians))

@@ -170,6 +170,12 @@ impl VelocityLimiter {
         self.position + distance.copysign(self.velocity)
     }
 
+    /// Ticks until then.
+    #[must_use]
+    pub fn ticks_to_rest(&self) -> f64 {
+        (self.velocity.abs() / self.deceleration).ceil()
+    }
+
     /// The velocity of the next tick towards a target, counts per tick.
     pub(crate) fn velocity_towards(&self, target: MotorTarget) -> f64 {
         if target.position.is_nan() || !target.increment.is_finite() {

@@ -45,7 +45,7 @@ const DEFECTS: [(&str, &[Edit]); 16] = [
         &[(
             GATE,
             "let speed = self.judge_speed(axes, gate)?;",
-            "let (speed, _) = (Verdict::Passes { step: gate.step }, self.judge_speed(axes, gate)?);",
+            "let (speed, _) = (Verdict::Passes { step: gate.steps[0] }, self.judge_speed(axes, gate)?);",
         )],
     ),
     (
@@ -94,17 +94,13 @@ const DEFECTS: [(&str, &[Edit]); 16] = [
         "the gate is as fast after a stop as before it",
         &[(
             GATE,
-            "        *self = Self::default();\n        axes.for_each(",
-            "        axes.for_each(",
+            "stop(axes)?;\n            self.note(step);",
+            "stop(axes)?;\n            self.steps[0] = zip_map(&step, &step, |_, _| 1.0);",
         )],
     ),
     (
-        "the gate checks no jerk of the angles",
-        &[(
-            BOUNDS,
-            "self.growth.min(growth.max(0.0) + self.jerk)",
-            "self.growth.min(growth.max(1.0))",
-        )],
+        "the gate checks no change of the speed of the angles",
+        &[(BOUNDS, "self.line as f64 + STEP_TOLERANCE;", "self.line as f64 + 1.0;")],
     ),
     (
         "the blend of a swap feeds back to the goal of a rate",

@@ -243,7 +243,7 @@ impl Oracle {
         let at = self.seen(bench);
         self.check_zones(at);
         self.check_angles(bench, at);
-        self.check_jerk(bench);
+        self.check_start(bench);
         self.check_hull(targets, report.busy);
         self.check_rest(bench, targets);
         self.check_motors(targets);
@@ -329,33 +329,34 @@ impl Oracle {
     }
 
     /// In a conditioning cycle, where only the gate limits it, motion speeds up from rest no faster
-    /// than the jerk lets it: as it is reported, because counts are too coarse for that. A cycle
-    /// that begins in motion begins with a stop, which only the motors limit: none speeds up.
-    fn check_jerk(&mut self, bench: &Bench) {
+    /// over the time of a line than the acceleration lets it: as it is reported, because counts are
+    /// too coarse for that. A cycle that begins in motion begins with a stop, which only the motors
+    /// limit.
+    fn check_start(&mut self, bench: &Bench) {
         let report = bench.report();
         let (Some(joint), Wire::Taut) = (report.joint, self.snake.wire) else { return };
-        self.reported.push_back(self.snake.wire.angles(joint.setpoint));
-        if self.reported.len() < 4 {
+        let line = bench.config.setpoint_interval().0.div_ceil(1_000_000) as usize;
+        let around = 2.min(line - 1);
+        self.reported.push_front(self.snake.wire.angles(joint.setpoint));
+        if self.reported.len() < line + around + 2 {
             return;
         }
-        let steps = [0, 1, 2].map(|at: usize| plus(self.reported[at + 1], self.reported[at], -1.0));
-        self.reported.pop_front();
+        self.reported.truncate(line + around + 2);
+        let steps: Vec<_> = (1..self.reported.len())
+            .map(|k| plus(self.reported[k - 1], self.reported[k], -1.0))
+            .collect();
         let is_conditioning = report.busy && matches!(self.way.expected.what, What::Counts(_));
-        let jerk = bench.config.joint_limits.jerk_deg_s3;
-        let is_at_rest = steps == [[0.0; 2]; 3];
+        let is_at_rest = steps.iter().all(|step| *step == [0.0; 2]);
         self.from_rest = is_at_rest || self.from_rest && is_conditioning;
-        let [_, last, now] = steps.map(|[pitch, yaw]| [pitch - yaw, pitch + yaw].map(f64::abs));
-        let is_stop = now[0] <= last[0] + 1e-9 && now[1] <= last[1] + 1e-9;
-        let is_judged = self.from_rest && !is_stop && report.adaptation.is_none();
-        let jerk = jerk.filter(|_| is_judged);
+        let is_judged = self.from_rest && report.adaptation.is_none();
+        let Some(acceleration) = self.limits.acceleration.filter(|_| is_judged) else { return };
         for output in 0..2 {
-            let [before, growth] = [0, 1].map(|at: usize| {
-                let [last, step] = [steps[at][output], steps[at + 1][output]];
-                step.abs() - if step * last > 0.0 { last.abs() } else { 0.0 }
-            });
-            let most = jerk.map(|jerk| 1.01 * (before.max(0.0) + 1e-9 * jerk) + STEP_DEG);
-            let is_kept = most.is_none_or(|most| growth <= most);
-            assert!(is_kept, "{growth} deg after {before}, {jerk:?}: {steps:?}");
+            let step = steps[0][output];
+            let along = |before: &[f64; 2]| before[output] * step.signum();
+            let then = &steps[line - around..=line + around];
+            let then = then.iter().map(along).sum::<f64>() / then.len() as f64;
+            let most = (then + 1.01e-6 * acceleration * line as f64).max(along(&steps[1])).max(0.0);
+            assert!(step.abs() <= most + STEP_DEG, "{step} deg, and not {most}: {steps:?}");
         }
     }
 

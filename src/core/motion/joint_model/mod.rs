@@ -37,7 +37,6 @@ const MAX_REPLAYED: usize = 8;
 pub(crate) struct JointModel {
     model: Arc<Model>,
     compensation: f64,
-    has_memory: bool,
     /// `None`: off, or outputs that are no angles.
     bounds: Option<JointBounds>,
     /// Only with the adaptation on, and for models that are adapted.
@@ -197,9 +196,13 @@ impl JointModel {
         Self {
             geometry: adapts.then(|| ModelGeometry::new(&model)).flatten(),
             model,
-            has_memory,
             compensation: config.compensation.factor,
-            bounds: JointBounds::new(&config.joint_limits, tick, has_angles),
+            bounds: JointBounds::new(
+                &config.joint_limits,
+                tick,
+                config.setpoint_interval(),
+                has_angles,
+            ),
             state,
             known: Known::default(),
         }
@@ -211,11 +214,6 @@ impl JointModel {
 
     pub fn model(&self) -> &Model {
         &self.model
-    }
-
-    /// The pose depends on where the motors have been.
-    pub fn has_memory(&self) -> bool {
-        self.has_memory
     }
 
     /// Enough motion has been seen to know the memory.
