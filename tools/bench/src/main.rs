@@ -112,6 +112,8 @@ enum Task {
     /// Serial lines beside each other, in simulated time: what they carry, and what of it the tip
     /// shows
     Lines(models::lines::Arguments),
+    /// What the joint limits cost on emulated snakes, in simulated time
+    Limits(models::limits::Arguments),
     /// Loop, inverse and e2e with their defaults, one after the other; takes two minutes
     All(Measurement),
 }
@@ -200,6 +202,9 @@ fn run(arguments: &Arguments) -> Result<(), BenchError> {
         Task::Lines(arguments) => {
             return models::lines::run(arguments).map_err(|error| error.to_string().into());
         }
+        Task::Limits(arguments) => {
+            return models::limits::run(arguments).map_err(|error| error.to_string().into());
+        }
         Task::Loop(arguments) => (&arguments.measurement, false),
         Task::Inverse(arguments) => (&arguments.measurement, false),
         Task::E2e(arguments) => (&arguments.measurement, false),
@@ -264,7 +269,7 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
             let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
             e2e::hand::run(&benchmark, run)
         }
-        Task::Models(_) | Task::Lines(_) | Task::All(_) => {
+        Task::Models(_) | Task::Lines(_) | Task::Limits(_) | Task::All(_) => {
             Err("this is no single measurement".into())
         }
     }

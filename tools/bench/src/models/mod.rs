@@ -12,12 +12,14 @@
 //! | `tracking` | following motions and measuring them |
 //! | `tracked` | a model of anybody on a snake, for Python |
 //! | `subject` | one snake that wears, with its models |
+//! | [`limits`] | what the joint limits cost |
 //! | [`lines`] | the serial lines of a robot beside each other |
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command prints")]
 
 mod exact_inverse;
 mod laboratory;
+pub mod limits;
 pub mod lines;
 mod recording;
 mod subject;

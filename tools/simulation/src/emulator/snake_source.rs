@@ -7,9 +7,10 @@ use crate::physics::springs::{SnakeConfig, SnakeConfigError, SpringSnake};
 use crate::physics::{DrawnSnake, ParseDrawnSnakeError, Physics, Snake};
 
 /// The snakes of `config/snakes`, part of the program: their names work in every folder.
-const EMBEDDED: [(&str, &str); 3] = [
+const EMBEDDED: [(&str, &str); 4] = [
     ("steel", include_str!("../../../../config/snakes/steel.toml")),
     ("brass", include_str!("../../../../config/snakes/brass.toml")),
+    ("loose", include_str!("../../../../config/snakes/loose.toml")),
     ("multi", include_str!("../../../../config/snakes/multi.toml")),
 ];
 

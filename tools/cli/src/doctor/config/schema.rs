@@ -136,6 +136,7 @@ mod tests {
             (Kind::Controller, "emulator.toml"),
             (Kind::Snake, "snakes/steel.toml"),
             (Kind::Snake, "snakes/brass.toml"),
+            (Kind::Snake, "snakes/loose.toml"),
             (Kind::Snake, "snakes/multi.toml"),
             (Kind::Vision, "vision.toml"),
         ] {
