@@ -11,6 +11,7 @@ mod effects;
 mod enabling;
 mod faults;
 mod following;
+mod gaps;
 mod gate;
 mod goal_making;
 mod model_swap;

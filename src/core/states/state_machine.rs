@@ -94,7 +94,8 @@ impl StateMachine {
         self.fault
     }
 
-    /// What broke off the last activity of a command; `None`: it goes on, or came to its end.
+    /// What broke off the last activity of a command, or a stream since then; `None`: it goes on, or
+    /// came to its end.
     pub fn broken_off(&self) -> Option<Stop> {
         self.broken_off
     }
@@ -118,6 +119,8 @@ impl StateMachine {
         let (before, after) = (self.state.activity(), next.activity());
         if after != before {
             self.broken_off = before.and_then(|_| cause.stop()).filter(|_| after.is_none());
+        } else if let TransitionCause::BrokenOff(stop) = cause {
+            self.broken_off = Some(stop);
         }
         self.state = next;
     }

@@ -15,6 +15,11 @@ use super::trajectory::{Angles, Trajectory};
 use super::trajectory_player::TrajectoryPlayer;
 use i2ris_report::{Failure, Interrupt};
 
+/// A snake within this has arrived, deg: dead-band, rounding to counts, a motor that settles.
+const ARRIVED_DEG: f64 = 0.3;
+/// Time for the motors to cross their gaps after the end of a trajectory.
+const ARRIVAL_TIMEOUT: Nanos = Nanos::from_millis(5000);
+
 /// What to do when the controller has stopped the snake because commands came late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum OnLate {
@@ -125,12 +130,12 @@ impl Stream {
         period: Nanos,
         interrupt: &Interrupt,
     ) -> Result<(), Failure> {
-        let (mut last, mut closed) = (clock::now(), false);
+        let (mut last, mut closed, mut finished) = (clock::now(), false, None);
         let mut ticker = Ticker::new(last + period, period, Nanos::ZERO);
         loop {
             let now = ticker.wait().started;
             let stop = interrupt.came() || closed;
-            if self.player.is_finished(stop) {
+            if self.player.is_finished(stop) && (stop || self.has_arrived(&mut finished, now)?) {
                 return Ok(());
             }
             let step_s = (now - last).as_seconds();
@@ -144,6 +149,23 @@ impl Stream {
                 last = self.rejoin(client)?;
             }
         }
+    }
+
+    /// The snake is where the trajectory ended; or nearest to it, where that is out of reach.
+    fn has_arrived(&self, finished: &mut Option<Nanos>, now: Nanos) -> Result<bool, Failure> {
+        let since = *finished.get_or_insert(now);
+        let away_deg = self.tracking.away_deg();
+        if away_deg <= ARRIVED_DEG || self.clips.is_clipped() {
+            return Ok(true);
+        }
+        if now.duration_since(since) < ARRIVAL_TIMEOUT {
+            return Ok(false);
+        }
+        Err(format!(
+            "the snake is {away_deg:.2} deg from where the trajectory ended; `i2ris status` says \
+             what keeps it"
+        )
+        .into())
     }
 
     /// Goes on from the setpoint, where the controller stopped the snake.

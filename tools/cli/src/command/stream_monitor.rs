@@ -2,7 +2,7 @@
 
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal, ShownClient};
-use i2ris::robot::{Cause, Reason};
+use i2ris::robot::{Cause, Reason, Stop};
 use i2ris::units::Nanos;
 
 use i2ris_simulation::motion::trajectory_time::LONGEST_STEP_S;
@@ -56,6 +56,8 @@ pub enum StopReason {
         Reason::from(Cause::Refusal(*.0))
     )]
     Refused(Refusal),
+    #[error("the controller stopped the snake: {}", Reason::from(Cause::Stop(*.0)))]
+    Stopped(Stop),
     #[error("the controller accepts no command; see its log")]
     Ignored,
     #[error("the controller has not reported its state for more than a second; see its log")]
@@ -148,6 +150,9 @@ impl StreamMonitor {
         })?;
         self.check_lease(state.lease_client_id)?;
         let refusal = self.update_counters(state, now);
+        if let (Some(Refusal::BrokenOff), Some(stop)) = (refusal, state.broken_off()) {
+            return Err(StopReason::Stopped(stop));
+        }
         self.check_progress(now)?;
         Ok(refusal.filter(|refusal| self.is_worth_reporting(*refusal, now)))
     }
@@ -336,6 +341,15 @@ mod tests {
         assert_eq!(monitor.check(&again(at(1800)), at(1800)), Ok(Some(Refusal::Step)));
         let ended = monitor.check(&again(at(1901)), at(1901));
         assert_eq!(ended, Err(StopReason::Refused(Refusal::Step)));
+    }
+
+    #[test]
+    fn a_stream_that_a_limit_broke_off_ends_with_its_name() {
+        let mut state = refused_state(at(5), ME, 1, Refusal::BrokenOff);
+        state.flags = OperatingStateMsg::broken_off_by(Some(Stop::Hull));
+        let ended = monitor().check(&state, at(5)).unwrap_err();
+        assert_eq!(ended, StopReason::Stopped(Stop::Hull));
+        assert!(ended.to_string().contains("calibrated range"), "{ended}");
     }
 
     #[test]

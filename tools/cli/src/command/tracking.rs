@@ -23,6 +23,7 @@ pub struct TrackingSummary {
     delay: DelaySum,
     estimate: ErrorSum,
     last_frame_ns: u64,
+    away_deg: f64,
 }
 
 #[derive(Debug, Default)]
@@ -75,7 +76,8 @@ impl TrackingSummary {
             self.asked.pop_front();
         }
         if measured.flags & JointState::VALID != 0 {
-            self.estimate.add(distance_deg(asked, measured.position));
+            self.away_deg = distance_deg(asked, measured.position);
+            self.estimate.add(self.away_deg);
         }
     }
 
@@ -102,6 +104,11 @@ impl TrackingSummary {
         let share = stamp.duration_since(*from_at).as_seconds() / interval_s;
         let velocity = std::array::from_fn(|axis| (to[axis] - from[axis]) / interval_s);
         Some((interpolate(from, to, share), velocity))
+    }
+
+    /// Newest distance from what is asked, deg, by the model's estimate.
+    pub fn away_deg(&self) -> f64 {
+        self.away_deg
     }
 
     pub fn summary(&self) -> Option<String> {
@@ -189,6 +196,11 @@ impl ClipMonitor {
              about {pitch:+.2} {yaw:+.2} deg",
             asked[0], asked[1]
         ))
+    }
+
+    /// The newest goal is nearer than the one that was asked for.
+    pub fn is_clipped(&self) -> bool {
+        self.is_clipped
     }
 
     pub fn outcome(&self) -> Result<(), OutOfReach> {
