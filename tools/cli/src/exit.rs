@@ -47,7 +47,8 @@ pub fn with_code(failure: Failure) -> Failure {
         | StopReason::NotHomed
         | StopReason::Lease(_)
         | StopReason::LostLease(_)
-        | StopReason::Refused(_) => 4,
+        | StopReason::Refused(_)
+        | StopReason::Stopped(_) => 4,
         StopReason::Fault(_) => 5,
     };
     let sentence = stop.to_string();

@@ -55,8 +55,10 @@ STOPS: dict[int, str] = {
     3: "no watchdog watches: nothing stops the drives if the controller dies",
     4: "a later command broke it off",
     5: "a virtual fixture came into the way and broke it off",
-    6: "the limits of the motors or joints broke it off",
+    6: "a position limit of the motors or joints broke it off",
     7: "a fault broke it off",
+    8: "the border of the calibrated range broke it off",
+    9: "the velocity or acceleration limit of the joints broke it off",
 }
 CLIPS: dict[int, str] = {
     1: "the goal is outside the calibrated hull or the position limits",
@@ -110,6 +112,8 @@ ADVICE: dict[tuple[int, int], str] = {
     (3, 5): "switch the fixtures off (`i2ris command fixture off`), then again",
     (3, 6): "begin further inside the limits, or correct them",
     (3, 7): "remove the cause (`i2ris status`), then give the command again",
+    (3, 8): "begin further inside the calibrated range, or calibrate a wider one",
+    (3, 9): "raise `joint_limits`, or calibrate again: the model jumps there",
     (4, 1): "command less, or calibrate a wider range",
     (4, 2): "go around the region (`i2ris command fixture list`)",
 }
