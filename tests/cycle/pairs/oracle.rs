@@ -348,7 +348,9 @@ impl Oracle {
         let is_conditioning = report.busy && matches!(self.way.expected.what, What::Counts(_));
         let is_at_rest = steps.iter().all(|step| *step == [0.0; 2]);
         self.from_rest = is_at_rest || self.from_rest && is_conditioning;
-        let is_judged = self.from_rest && report.adaptation.is_none();
+        // A stop of motors with a jerk limit begins late, and the gate never lengthens one.
+        let is_late = bench.config.limits.jerk_counts_s3.is_some();
+        let is_judged = self.from_rest && report.adaptation.is_none() && !is_late;
         let Some(acceleration) = self.limits.acceleration.filter(|_| is_judged) else { return };
         for output in 0..2 {
             let step = steps[0][output];
