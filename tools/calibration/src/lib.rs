@@ -20,6 +20,7 @@
 //! | [`families`] | the fit of plays and of a balance of forces |
 //! | [`fit`] | all families, their model files, metrics, and the choice among them |
 //! | [`drift`] | how far a robot is from its calibration, and a new model from an old one |
+//! | [`hand_limits`] | what hand the limits of a robot bear with a model |
 //! | [`report`] | the result on one page, with figures |
 //!
 //! # Glossary
@@ -36,6 +37,7 @@ pub mod drift;
 pub mod em;
 pub mod families;
 pub mod fit;
+pub mod hand_limits;
 pub mod parallel;
 pub mod progress;
 pub mod quality;

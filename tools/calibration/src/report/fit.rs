@@ -6,6 +6,7 @@ use i2ris::model::file::OutputMetrics;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use serde::Serialize;
 
+use crate::hand_limits::HandLimits;
 use crate::quality::latency::Latency;
 use crate::quality::residual_pattern::Unexplained;
 use crate::quality::{NoiseFloor, Spike};
@@ -46,6 +47,8 @@ pub struct CalibrationReport {
     pub(super) choice: Vec<ChoiceScore>,
     /// The part of the measured rows whose poses the robot may go to, percent.
     pub(super) usable_percent: f64,
+    /// What hand the limits bear that a configuration has by default.
+    pub(super) hand: Option<HandLimits>,
     /// Why the error in use will be above what the model states, if it will.
     pub(super) beyond_model: Option<String>,
     /// What the chosen model leaves beyond the noise.

@@ -15,6 +15,7 @@ use crate::fit::outcome::FamilyOutcome;
 use crate::fit::split::Split;
 use crate::fit::usable_range::clipped_rows;
 use crate::fit::{Choice, Components, FitOptions, FitOutcome};
+use crate::hand_limits::HandLimits;
 use crate::quality::{inputs, outputs};
 use crate::recording::{ReadReport, Recording};
 use crate::regression::linear::fit_linear;
@@ -63,6 +64,7 @@ impl CalibrationReport {
                 .map(|score| choice::choice_score(score, outcome))
                 .collect(),
             usable_percent: 100.0 * (1.0 - track.clipped.len() as f64 / rows as f64),
+            hand: Some(HandLimits::new(&outcome.model, &Default::default(), &Default::default())),
             unexplained: outcome.unexplained(recording),
             beyond_model: BeyondModel::find(outcome, recording).map(|found| found.to_string()),
             settings: settings(options),

@@ -310,6 +310,7 @@ impl CalibrationReport {
         fact("rows with positions only", read.positions.to_string());
         let usable = format!("{} % of what was measured", fixed(self.usable_percent, 1));
         fact("range that the robot may use", usable);
+        self.hand.iter().for_each(|hand| fact("limits as delivered", hand.to_string()));
         fact("readings flagged as spikes", self.spikes.len().to_string());
         if let Some(latency) = self.latency {
             let (ms, deviation) = (1e3 * latency.seconds, 1e3 * latency.deviation_s);

@@ -38,6 +38,9 @@ impl Display for CalibrationReport {
         }
         let range = format!("the robot may use {:.1} % of what was measured", self.usable_percent);
         write!(f, "\n{}", Wrapped("range", &range))?;
+        if let Some(hand) = &self.hand {
+            write!(f, "{}", Wrapped("limits", &format!("as delivered: {hand}")))?;
+        }
         if let Some(unexplained) = &self.unexplained {
             write!(f, "{}", Wrapped("residual", &unexplained.to_string()))?;
         }

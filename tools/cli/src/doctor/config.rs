@@ -7,7 +7,8 @@ use std::fs;
 use std::path::PathBuf;
 
 use i2ris::config::{Config, PortConfig};
-
+use i2ris::model::Model;
+use i2ris_calibration::hand_limits::HandLimits;
 use i2ris_report::Failure;
 use i2ris_report::exit::{Coded, NOT_READY};
 use schema::Kind;
@@ -76,6 +77,8 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
     let of_line = |port: &PortConfig| config.line_findings(port, port.nominal_exchange());
     let mut findings = as_delivered(&fs::read_to_string(&file)?, &config);
     findings.extend(config.ports.iter().flat_map(of_line).map(|finding| finding.to_string()));
+    let model = config.control.model.as_deref().map(Model::load_trusted).transpose()?;
+    let hand = model.map(|model| HandLimits::new(&model, &config.limits, &config.joint_limits));
     let [stale_ms, lost_ms] =
         [config.feedback_stale(), config.feedback_lost()].map(|age| age.as_seconds() * 1e3);
     if json {
@@ -83,7 +86,8 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
             "{}",
             serde_json::json!({
                 "file": file, "valid": true, "robot_id": robot, "motors": motors, "axes": axes,
-                "feedback_stale_ms": stale_ms, "feedback_lost_ms": lost_ms, "not_ready": findings,
+                "feedback_stale_ms": stale_ms, "feedback_lost_ms": lost_ms, "hand": hand,
+                "not_ready": findings,
             })
         );
     } else {
@@ -103,6 +107,7 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
                 delay_s * 1e3
             );
         }
+        hand.iter().for_each(|hand| println!("with its model, {hand}"));
         config.watches_off().iter().for_each(|watch| println!("off: {watch}"));
         findings.iter().for_each(|finding| println!("{finding}"));
     }

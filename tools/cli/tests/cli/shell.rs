@@ -5,6 +5,7 @@ use std::fs;
 use std::process::{Command, Stdio};
 
 use i2ris::ipc::{Domain, Fault, OperatingState, Refusal};
+use i2ris_testing::cycle::balance_model;
 use i2ris_testing::{Controller, program};
 
 use crate::bench::{WorkFolder, assert_says, nobody, repository, run};
@@ -94,6 +95,24 @@ fn a_configuration_is_judged_and_printed_with_its_defaults() {
     let said = bench.run("doctor config check bad.toml");
     assert_eq!(said.code, Some(6));
     assert_says(&said.error, &["bad.toml", "rate_herz"]);
+}
+
+/// Gaps of 60 counts and friction that stretches the wires by 20 to either side: 100 counts, from
+/// rest to rest at 500 counts/s and 5000 counts/s^2. A motor moves the tip by 0.022 deg a count.
+#[test]
+fn a_configuration_with_a_model_says_what_hand_its_limits_bear() {
+    let config = fs::read_to_string(repository("config/emulator.toml")).unwrap();
+    let config = config.replace("\"i2ris-emulated\"", "\"bench\"");
+    let bench = WorkFolder::new();
+    balance_model().file().write(&bench.path("model.json")).unwrap();
+    let model = "priority = 80\nmodel = \"model.json\"";
+    bench.write("robot.toml", &config.replace("priority = 80", model));
+    let output = bench.succeeds("doctor config check robot.toml");
+    let hand = "a reversal takes 300 ms; a hand of up to 11.0 deg/s is followed";
+    assert_says(&output, &[hand]);
+    let slow = format!("{config}\n[joint_limits]\nvelocity_deg_s = 4.0");
+    bench.write("robot.toml", &slow.replace("priority = 80", model));
+    assert_says(&bench.succeeds("doctor config check robot.toml"), &["of up to 4.0 deg/s"]);
 }
 
 #[test]
