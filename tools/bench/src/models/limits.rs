@@ -85,7 +85,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn judge(snake: &SnakeSource, folder: &Path, models: &Path, moves: u32) -> Result<String, String> {
     let name = snake.name().replace(':', "-");
     let mut shipped = config().map_err(|error| error.to_string())?;
-    // TEMPORARY
+    // As a robot is delivered: the file of the emulator has wider ones.
     shipped.joint_limits = JointLimitConfig::default();
     shipped.command = i2ris::config::CommandConfig::default();
     shipped.limits.velocity_counts_s = 500.0;
