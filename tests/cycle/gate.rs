@@ -258,6 +258,16 @@ fn counts_that_jump_keep_velocity_and_its_change_over_the_time_of_a_line() {
             let goal = 2.0 * GAIN_DEG * f64::from(counts);
             assert!((before - goal).abs() < 0.01, "{before} deg of {goal}");
         }
+        if ticks == 1000 {
+            // At full speed, and stopped.
+            for counts in (0..200).rev().step_by(2) {
+                assert_eq!(bench.actuator([counts, counts]), Refusal::None);
+            }
+            assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+            bench.run(1100);
+            before = setpoint_deg(&bench)[0];
+            steps.extend(vec![0.0; line + 3]);
+        }
     }
     assert!(fastest > 0.0195, "{fastest} deg in a tick");
 }

@@ -295,7 +295,7 @@ impl CommandAdmission {
         record.stream_mut(id).into_iter().for_each(|it| it.stopped_moving(at, now));
     }
 
-    /// A stream could not go on: its client has to do something deliberate.
+    /// A stream could not continue.
     pub(crate) fn blocked(&mut self, id: u64) {
         self.sequences.stream_mut(id).into_iter().for_each(StreamRecord::break_off);
     }
@@ -322,11 +322,8 @@ impl CommandAdmission {
 
     /// The client is not silent, unless what it sends is always too old.
     fn goes_on(record: &mut SequenceRecord, client_id: u64, refusal: Refusal, now: Nanos) {
-        if let Some(stream) = record.stream_mut(client_id)
-            && refusal != Refusal::Stale
-        {
-            stream.refused(now);
-        }
+        let stream = record.stream_mut(client_id).filter(|_| refusal != Refusal::Stale);
+        stream.into_iter().for_each(|it| it.refused(now));
     }
 
     fn count_refused(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
@@ -345,8 +342,7 @@ impl CommandAdmission {
         }
     }
 
-    /// Takes the lease from another client for good: it, and any other that commands or goes on
-    /// to, is refused until it has been silent for `BREAK`.
+    /// Refuses every other client until it has been silent for `BREAK`, and takes its lease.
     pub fn break_off(&mut self, client_id: u64, now: Nanos, events: &mut EventList) {
         let [last, before] = self.broken_off;
         // Who was held, and then holds, does not lift the hold from itself.

@@ -64,6 +64,7 @@ impl StreamRecord {
         }
     }
 
+    /// A limit ended it.
     pub fn break_off(&mut self) {
         self.is_broken_off = true;
     }

@@ -12,10 +12,20 @@ use crate::core::states::control_state::{ControlState, HOLDING};
 use crate::core::states::state_machine::TransitionCause;
 use crate::core::vector::distance;
 use crate::model::file::OutputUnit;
-use crate::robot::{Measurement, Quantity, Refusal};
+use crate::robot::{Measurement, Quantity, Refusal, Stop};
 use crate::units::Nanos;
 
 impl ControlCycle {
+    /// Setpoints stand at a limit: what moves them ends, whoever began it.
+    pub(super) fn end_at_limit(&mut self, limit: Stop, now: Nanos, events: &mut EventList) {
+        let client_id = self.machine.state().owner().unwrap_or_default();
+        events.push(CycleEventKind::LimitStop { client_id, limit });
+        if self.machine.state().followed_command().is_some() {
+            self.admission.blocked(client_id);
+        }
+        self.machine.change((HOLDING, TransitionCause::BrokenOff(limit)), now, events);
+    }
+
     /// The transition of this tick that no command asks for.
     pub(super) fn follow_transition(&mut self, summary: &DriveSummary, events: &mut EventList) {
         let Some(transition) = next_transition(self.machine.state(), summary) else {

@@ -383,13 +383,7 @@ impl ControlCycle {
             setpoint.next = None;
         }
         if let Some(limit) = passed.blocked_by() {
-            let client_id = self.machine.state().owner().unwrap_or_default();
-            events.push(CycleEventKind::LimitStop { client_id, limit });
-            if self.machine.state().followed_command().is_some() {
-                self.admission.blocked(client_id);
-            }
-            let cause = TransitionCause::BrokenOff(limit);
-            self.machine.change((HOLDING, cause), now, events);
+            self.end_at_limit(limit, now, events);
         }
         if let Some(region) = self.fixtures.begun_limit(now) {
             events.push(CycleEventKind::FixtureLimit { region });

@@ -45,10 +45,13 @@
 //!
 //! A setpoint that fails is tried again on a straight line, both as fast as the limit allows, and
 //! at a border with one motor after the other. If nothing passes that moves a motor, the motors
-//! stop; [`Passed::blocked_by`] names the limit that has kept them for [`PATIENCE`]. The number of trials is fixed, and so is the time of a tick.
+//! stop, and [`Passed::blocked_by`] names the limit that has kept them for [`BLOCKED_TIMEOUT`]. The
+//! number of trials is fixed, and so is the time of a tick.
 //!
 //! A request to a drive that has passed is a [`Gated`]. The port threads take nothing else, and
 //! only this file makes one.
+
+mod joint_space;
 
 use std::ops::Deref;
 
@@ -56,28 +59,24 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::axis_group::AxisGroup;
-use crate::core::motion::joint_limits::LONGEST_LINE;
-use crate::core::motion::joint_model::{JointModel, NotFinite};
+use crate::core::motion::joint_limits::MAX_LINE_TICKS;
+use crate::core::motion::joint_model::NotFinite;
 use crate::core::motion::velocity_limit::MotorTarget;
-use crate::core::motion::virtual_fixtures::VirtualFixtures;
-use crate::core::vector::{collect, difference, zip_map};
+use crate::core::vector::{collect, difference};
 use crate::drive::{AxisRequest, Demand};
-use crate::model::Memory;
 use crate::robot::Stop;
 use crate::units::{MAX_AXES, MAX_MOTORS, MotorVec, Nanos, OutputVec};
+pub(crate) use joint_space::JointSpace;
+use joint_space::Poses;
 
-/// What the inverse leaves, and far less than a count: rad.
-const POSE_TOLERANCE: f64 = 2e-5;
-/// The inverse lies in the hull, and the setpoint near it: counts.
-const HULL_TOLERANCE: f64 = 1.0;
-/// A motor nearer to its target has no way to go: counts.
-const WAY: f64 = 1.0;
-/// A motor that stands is there within this: counts.
-const STILL: f64 = 0.01;
-/// A motion is given up whose setpoints have not changed for so long.
-pub(crate) const PATIENCE: Nanos = Nanos::from_millis(1000);
-/// The share of its velocity with which a motion is tried at last that meets a border.
-const SLOWLY: f64 = 0.1;
+/// Distance from its target up to which a setpoint has no way to go, counts; and up to which one
+/// that does not move has arrived.
+const MAX_AWAY: f64 = 1.0;
+const MAX_ARRIVED: f64 = 0.01;
+/// Time without a change of any setpoint after which a motion at a limit ends.
+const BLOCKED_TIMEOUT: Nanos = Nanos::from_millis(1000);
+/// Share of the velocity in the last trial of a motion that meets a border.
+const SLOW_SHARE: f64 = 0.1;
 
 /// A request to a drive that has passed the gate.
 ///
@@ -114,7 +113,7 @@ pub(crate) enum Motion {
 pub(crate) struct Passed {
     /// The limit that keeps setpoints from their targets.
     held_by: Option<Stop>,
-    /// It has done so for [`PATIENCE`], without any motion.
+    /// It has done so for [`BLOCKED_TIMEOUT`], without any motion.
     is_blocked: bool,
 }
 
@@ -124,7 +123,7 @@ impl Passed {
         self.held_by.is_some()
     }
 
-    /// The limit at which motors with a way to go have stood for [`PATIENCE`].
+    /// The limit at which motors with a way to go have stood for [`BLOCKED_TIMEOUT`].
     pub fn blocked_by(self) -> Option<Stop> {
         self.held_by.filter(|_| self.is_blocked)
     }
@@ -140,22 +139,14 @@ impl Passed {
     }
 }
 
-/// The joint space of a tick.
-pub(crate) struct JointSpace<'a> {
-    pub joints: &'a JointModel,
-    pub fixtures: &'a mut VirtualFixtures,
-    /// The memory as calibrated, while the adaptation corrects the model.
-    pub calibrated: Option<&'a Memory>,
-}
-
 /// The gate, with the motion that it let through last.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Gate {
     /// The last steps of the pose, newest first, rad.
-    steps: [OutputVec; LONGEST_LINE],
-    /// Ticks in which no setpoint has changed, although it has a way to go; and the most.
+    steps: [OutputVec; MAX_LINE_TICKS],
+    /// Ticks in which no setpoint has changed, although one has a way to go; and the most of them.
     stood: u32,
-    patience: u32,
+    max_stood: u32,
 }
 
 /// A tick at the gate.
@@ -211,8 +202,8 @@ impl Attempt {
 
 impl Gate {
     pub fn new(tick: Nanos) -> Self {
-        let patience = (PATIENCE.0 / tick.0.max(1)) as u32;
-        Self { steps: [OutputVec::default(); LONGEST_LINE], stood: 0, patience }
+        let max_stood = (BLOCKED_TIMEOUT.0 / tick.0.max(1)) as u32;
+        Self { steps: [OutputVec::default(); MAX_LINE_TICKS], stood: 0, max_stood }
     }
 
     /// The motion was not followed: the setpoints have not moved.
@@ -238,10 +229,10 @@ impl Gate {
         let mut tick = GateTick::new(axes, *in_hull, space);
         let (held_by, step) = tick.attempts(axes, targets, self)?;
         self.note(step);
-        let held_by = held_by.filter(|_| axes.is_away_from(targets, WAY));
+        let held_by = held_by.filter(|_| axes.is_away_from(targets, MAX_AWAY));
         let is_standing = held_by.is_some() && axes.targets() == before;
         self.stood = if is_standing { self.stood + 1 } else { 0 };
-        Ok(Passed { held_by, is_blocked: self.stood >= self.patience })
+        Ok(Passed { held_by, is_blocked: self.stood >= self.max_stood })
     }
 
     /// Moves the setpoint of an axis beside the joints by one tick; `target`: `None` for a stop.
@@ -306,17 +297,20 @@ impl<'a> GateTick<'a> {
                 axes.track(targets, &shares);
                 let (limit, share) = match self.judge(axes, gate)? {
                     Verdict::Passes { step }
-                        if axes.is_moving() || !axes.is_away_from(targets, STILL) =>
+                        if axes.is_moving() || !axes.is_away_from(targets, MAX_ARRIVED) =>
                     {
                         return Ok((held_by, step));
                     }
-                    Verdict::Passes { .. } => (Stop::Speed, 0.0),
-                    Verdict::TooFast { share } => (Stop::Speed, share),
-                    Verdict::Fails(limit) if attempt == Attempt::Straight => (limit, SLOWLY),
-                    Verdict::Fails(limit) => (limit, 0.0),
+                    Verdict::Passes { .. } => (None, 0.0),
+                    Verdict::TooFast { share } => (Some(Stop::Speed), share),
+                    Verdict::Fails(limit) if attempt == Attempt::Straight => {
+                        (Some(limit), SLOW_SHARE)
+                    }
+                    Verdict::Fails(limit) => (Some(limit), 0.0),
                 };
-                // A border counts, not the speed that was too high as well.
-                held_by = held_by.filter(|it| *it != Stop::Speed).or(Some(limit));
+                // A border is named before the speed that was too high as well.
+                let border = held_by.filter(|it| *it != Stop::Speed);
+                held_by = border.or(limit).or(held_by);
                 axes.take_back(&self.before);
                 if is_last || share <= 0.0 {
                     break;
@@ -399,65 +393,5 @@ impl<'a> GateTick<'a> {
             }
         }
         Ok(Verdict::TooFast { share: 0.999 * share })
-    }
-}
-
-/// Poses of setpoints near those before a tick.
-///
-/// Drives are at whole counts, and so is the memory. From between them the pose would rest up to
-/// the count that has been sent, and begin anew from rest beyond it, count by count.
-struct Poses<'a> {
-    joints: &'a JointModel,
-    before: &'a MotorVec,
-    sent: MotorVec,
-}
-
-impl<'a> Poses<'a> {
-    fn new(joints: &'a JointModel, before: &'a MotorVec) -> Self {
-        Self { joints, before, sent: before.map(f64::round) }
-    }
-
-    fn at(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
-        let moved = difference(setpoints, self.before);
-        self.joints.pose(&zip_map(&self.sent, &moved, |sent, moved| sent + moved))
-    }
-}
-
-impl JointSpace<'_> {
-    /// Comparisons are written so that what is not a number fails.
-    fn stays_in_hull(&self, at: &MotorVec, stop: &MotorVec) -> bool {
-        let hull = self.joints.model().hull();
-        hull.excess(at) <= HULL_TOLERANCE.max(hull.excess(stop))
-    }
-
-    /// The limit that the poses at some counts break, and further than a stop does: position
-    /// limits, or a region.
-    fn forbids(&mut self, at: &MotorVec, stop: &MotorVec) -> Result<Option<Stop>, NotFinite> {
-        let (joints, calibrated) = (self.joints, self.calibrated);
-        let bounds = joints.bounds().filter(|bounds| bounds.has_positions());
-        if bounds.is_none() && !self.fixtures.is_on() {
-            return Ok(None);
-        }
-        let adapted = joints.pose(at)?;
-        if let Some(bounds) = bounds {
-            let excess = bounds.excess(&adapted);
-            if excess > POSE_TOLERANCE && excess > bounds.excess(&joints.pose(stop)?) {
-                return Ok(Some(Stop::Limit));
-            }
-        }
-        if !self.fixtures.is_on() {
-            return Ok(None);
-        }
-        let as_calibrated = |counts, adapted| match calibrated {
-            Some(memory) => joints.calibrated_pose(counts, memory),
-            None => Ok(adapted),
-        };
-        let poses = [adapted, as_calibrated(at, adapted)?];
-        let seen = if calibrated.is_some() { &poses[..] } else { &poses[..1] };
-        let is_allowed = self.fixtures.allow_setpoint(seen, joints.unit(), || {
-            let stopped = joints.pose(stop)?;
-            Ok([stopped, as_calibrated(stop, stopped)?])
-        })?;
-        Ok((!is_allowed).then_some(Stop::Fixture))
     }
 }

@@ -14,8 +14,8 @@ use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 /// Far beyond any angle, rad.
 const NO_LIMIT: f64 = 1e6;
 
-/// The longest time that a line takes to carry a setpoint, ticks, with what is averaged around it.
-pub(super) const LONGEST_LINE: usize = 32;
+/// Longest time of a line to carry a setpoint, ticks, including those that are averaged around it.
+pub(super) const MAX_LINE_TICKS: usize = 32;
 /// Ticks on both sides of it over which the velocity of the pose is averaged: drives take whole
 /// counts.
 const AROUND: usize = 2;
@@ -56,7 +56,7 @@ impl JointBounds {
             has_positions: config.position_min_deg.is_some() || config.position_max_deg.is_some(),
             velocity: of(0).velocity * tick_s,
             growth: of(0).acceleration * tick_s * tick_s,
-            line: line.clamp(1, LONGEST_LINE - AROUND),
+            line: line.clamp(1, MAX_LINE_TICKS - AROUND),
         })
     }
 
@@ -99,7 +99,7 @@ impl JointBounds {
 
     /// The longest step of the pose at the setpoints after others, newest first, output by output:
     /// over the time of a line its velocity changes by no more than the acceleration allows.
-    pub fn longest_step(&self, step: &OutputVec, last: &[OutputVec; LONGEST_LINE]) -> OutputVec {
+    pub fn longest_step(&self, step: &OutputVec, last: &[OutputVec; MAX_LINE_TICKS]) -> OutputVec {
         let around = AROUND.min(self.line - 1);
         let then = last.get(self.line - 1 - around..self.line + around).unwrap_or_default();
         let mut longest = OutputVec::default();
@@ -119,7 +119,7 @@ impl JointBounds {
         &self,
         way: &OutputVec,
         step: &OutputVec,
-        last: &[OutputVec; LONGEST_LINE],
+        last: &[OutputVec; MAX_LINE_TICKS],
         ticks: f64,
     ) -> OutputVec {
         let longest = self.longest_step(way, last);

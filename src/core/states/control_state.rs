@@ -62,7 +62,8 @@
 //!    joint limits less than it crosses. The
 //!    robot stops following the present command. Servo commands are refused with Busy until the
 //!    cycle has ended, where it began, and the robot holds. `pause`, `disable`, a fault, positions
-//!    that are not fresh and a lost zero end it at once, and so do fixtures that come.
+//!    that are not fresh and a lost zero end it at once, and so do fixtures that come. Setpoints
+//!    that have stood at a limit for a second end it, too, and a stream.
 //! 7. By the request `move_jp`. Refused in this order: Busy, NotHomed and DrivesNotReady as for
 //!    (6), Lease and BrokenOff, Malformed without a pose, NoModel, Malformed with a wrong number of
 //!    entries, Unsupported for a model of the tip position, NotFinite, Busy while a setpoint moves,

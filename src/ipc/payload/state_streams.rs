@@ -221,8 +221,8 @@ impl OperatingStateMsg {
     /// Place of the number of the [`Stop`] that broke off the last activity of a command.
     const BROKEN_OFF: u32 = 28;
 
-    /// What broke off the last enabling, homing, conditioning cycle or move; `None`: it goes on, or
-    /// came to its end.
+    /// What broke off the last enabling, homing, conditioning cycle or move, or a stream since then;
+    /// `None`: it goes on, or came to its end.
     #[must_use]
     pub fn broken_off(&self) -> Option<Stop> {
         Stop::from_number(self.flags >> Self::BROKEN_OFF)

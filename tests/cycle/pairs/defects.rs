@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const GATE: &str = "src/core/motion/gate.rs";
+const SPACE: &str = "src/core/motion/gate/joint_space.rs";
 const CORRECTION: &str = "src/core/motion/joint_model/correction.rs";
 const MOTORS: &str = "src/core/motion/velocity_limit.rs";
 const BOUNDS: &str = "src/core/motion/joint_limits.rs";
@@ -38,7 +39,7 @@ const DEFECTS: [(&str, &[Edit]); 16] = [
     ),
     (
         "the gate checks no region",
-        &[(GATE, "        if !self.fixtures.is_on() {", "        if bounds.is_some() || true {")],
+        &[(SPACE, "        if !self.fixtures.is_on() {", "        if bounds.is_some() || true {")],
     ),
     (
         "the gate checks no speed of the angles",
@@ -54,7 +55,7 @@ const DEFECTS: [(&str, &[Edit]); 16] = [
     ),
     (
         "the gate checks no position of the angles",
-        &[(GATE, "if excess > POSE_TOLERANCE && excess", "if excess > 9.0 && excess")],
+        &[(SPACE, "if excess > POSE_TOLERANCE && excess", "if excess > 9.0 && excess")],
     ),
     (
         "the gate looks at where the setpoints are, and not at where they come to rest",
@@ -64,7 +65,7 @@ const DEFECTS: [(&str, &[Edit]); 16] = [
         "regions are kept at the adapted pose only",
         &[
             (
-                GATE,
+                SPACE,
                 "Some(memory) => joints.calibrated_pose(counts, memory),",
                 "Some(memory) => joints.calibrated_pose(counts, memory).map(|_| adapted),",
             ),

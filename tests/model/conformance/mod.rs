@@ -27,8 +27,8 @@ macro_rules! conformance {
 
             tests! { $row, cases: slopes, rises, inverse, stays, any_goal, beyond, compensation,
                 shared_work, covariances, not_a_number }
-            tests! { $row, memories: the_past, forgets, bounded, same_bits, tick, still, steps, recall,
-                gap_scale }
+            tests! { $row, memories: the_past, forgets, bounded, same_bits, tick, still, steps,
+                recall, gap_scale }
             tests! { $row, refusals: numbers, parameters }
         })*
     };

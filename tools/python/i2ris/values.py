@@ -170,8 +170,8 @@ class OperatingState:
     at_rest: bool = False
     #: Every drive says that it has no power.
     off: bool = False
-    #: What broke off the last enabling, homing, conditioning cycle or move, see ``STOPS``; 0: it goes on, or came to
-    #: its end.
+    #: What broke off the last enabling, homing, conditioning cycle or move, or a stream since then, see ``STOPS``;
+    #: 0: it goes on, or came to its end.
     broken_off: int = 0
     #: Identifies this start of the controller.
     boot_id: int = 0

@@ -8,7 +8,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::parameters::{CREEPING, OWN_STOPS, REACH, SHARED_STOPS};
 use super::state::{BalanceState, Limits};
-use super::still::SMALL;
+use super::still::SMALL_MOTION;
 use super::wires::{Force, Wires};
 use super::{BalanceParameters, ForceBalance};
 use crate::model::maths::regression::{array, vector};
@@ -261,7 +261,8 @@ impl<const D: usize> ForceBalance<D> {
         let stayed = (&vector(&at.state.pulley), before);
         let at_once = self.at_once(limits);
         self.step_sensitive(&mut balanced, (&at_once, by_limits), stayed, None);
-        let by_motion = (at.pulley[held.farthest] - before[held.farthest]) * (held.sign / SMALL);
+        let by_motion =
+            (at.pulley[held.farthest] - before[held.farthest]) * (held.sign / SMALL_MOTION);
         let by_left = std::array::from_fn(|i| {
             (balanced.bend[i] - at.bend[i]) * held.part - by_motion * held.jump[i]
         });

@@ -2,7 +2,7 @@
 //!
 //! Preload and limits of friction follow from the state, and have changed since the step that led
 //! to it. So the same motors would balance elsewhere: a jump, however short a step is. It takes
-//! effect over a [`SMALL`] motion instead, or over a [`SMALL_S`] time.
+//! effect over a motion of [`SMALL_MOTION`] instead, or over [`SMALL_TIME_S`].
 
 use nalgebra::{SMatrix, SVector};
 
@@ -12,10 +12,10 @@ use crate::model::maths::regression::vector;
 
 /// Motion of a pulley, units of travel: about a count, so that hardly a step of a recording or of
 /// the loop is shorter.
-pub(super) const SMALL: f64 = 0.5;
-const SMALL_S: f64 = 0.01;
+pub(super) const SMALL_MOTION: f64 = 0.5;
+const SMALL_TIME_S: f64 = 0.01;
 
-/// The part of a jump that a step leaves.
+/// What a step leaves of a jump.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct HeldBack<const D: usize> {
     /// The change of the bend at the pulleys of the state.
@@ -30,7 +30,7 @@ impl<const D: usize> HeldBack<D> {
     /// Slope of what the bend has of the jump over the pulleys.
     pub fn slope(&self) -> SMatrix<f64, D, D> {
         let mut slope = SMatrix::<f64, D, D>::zeros();
-        slope.set_column(self.farthest, &(self.jump * (self.sign / SMALL)));
+        slope.set_column(self.farthest, &(self.jump * (self.sign / SMALL_MOTION)));
         slope
     }
 }
@@ -49,7 +49,7 @@ impl<const D: usize> ForceBalance<D> {
         held.map_or(bend, |held| bend - held.jump * held.part)
     }
 
-    /// `None`: all of the jump takes effect.
+    /// What a step leaves of the jump; `None` if all of it takes effect.
     pub(super) fn held_back(
         &self,
         state: &BalanceState,
@@ -59,7 +59,7 @@ impl<const D: usize> ForceBalance<D> {
     ) -> Option<HeldBack<D>> {
         let stayed = vector::<D>(&state.pulley);
         let motion = pulleys - stayed;
-        let part = 1.0 - motion.amax() / SMALL - time_s / SMALL_S;
+        let part = 1.0 - motion.amax() / SMALL_MOTION - time_s / SMALL_TIME_S;
         (part > 0.0).then(|| {
             let balance = self.solve(state, &self.at_once(limits), &self.travel(&stayed));
             let farthest = motion.iamax();
