@@ -21,8 +21,8 @@ const CORNERS: usize = 16;
 const PLACES: [f64; 3] = [0.0, 0.4, 0.8];
 
 /// Shares of the extent of the hull: motion that crosses all gaps, in steps; motion over which a
-/// slope is measured, as long as slack around the straight pose is only a part of it; and the motion
-/// whose goal turns back, so far that friction turns, too.
+/// slope is measured, of which slack around the straight pose is only a part; and motion whose goal
+/// turns back, far enough for friction to turn, too.
 const RUN_IN: f64 = 0.25;
 const RUN_IN_STEPS: u32 = 32;
 const SLOPE: f64 = 0.125;

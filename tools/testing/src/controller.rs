@@ -61,6 +61,8 @@ pub struct Robot {
     pub model_file: Option<(PathBuf, ModelId)>,
     /// Every request about models but `list`, in order.
     pub asked_of_models: Vec<ModelAction>,
+    /// Pitch that the snake lacks to its setpoint, deg.
+    pub short_deg: f64,
     /// Flags of the last accepted pose.
     pub flags: u32,
     /// Every accepted pose with its stamp.
@@ -99,6 +101,7 @@ impl Robot {
             models: [1, 0, 0],
             model_file: None,
             asked_of_models: Vec::new(),
+            short_deg: 0.0,
             flags: 0,
             poses: Vec::new(),
             places: Vec::new(),
@@ -238,6 +241,8 @@ impl Robot {
             model_id: [self.models[0]; 32],
             ..JointState::default()
         };
+        let mut measured = joint;
+        measured.position[0] -= self.short_deg.to_radians();
         let motors = ActuatorState {
             stamp_ns: now.0,
             measured_stamp_ns: [now.0; 2],
@@ -277,7 +282,7 @@ impl Robot {
         [
             Some(StreamMessage::Goal(joint)),
             Some(StreamMessage::Setpoint(joint)),
-            Some(StreamMessage::Measured(joint)),
+            Some(StreamMessage::Measured(measured)),
             Some(StreamMessage::Actuators(motors)),
             Some(StreamMessage::Statistics(statistics)),
             fixtures,

@@ -6,26 +6,24 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use i2ris::config::{Config, JointLimitConfig};
+use i2ris::config::{CommandConfig, CompensationConfig, Config, JointLimitConfig, LimitConfig};
 use i2ris::core::{ServoGoal, StateRequest};
 use i2ris::model::Model;
 use i2ris::robot::{Refusal, StateCommand};
 use i2ris_calibration::fit::{Choice, Family};
 use i2ris_calibration::parallel;
-use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_report::Failure;
 use i2ris_report::statistics::root_mean_square;
 use i2ris_simulation::SnakeSource;
 use i2ris_simulation::camera::CameraConfig;
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs, Motors, state_request};
-use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::motion::unseen_motion::RATE_HZ;
 use i2ris_simulation::robot::{Robot, TICK_S};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::RecordingPlan;
 use super::laboratory::{config, fitted};
+use super::subject::record_robot;
 use super::tracking::{Pilot, along, approach};
 
 /// Of every motion, s, after a turn that is not measured.
@@ -70,7 +68,9 @@ struct Found {
 /// A snake that cannot be calibrated.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     println!("RMS deg, with the limits as shipped | without those of the joints");
-    println!("snake, motion, deg/s         model          tip   at most     rest s");
+    println!(
+        "snake, motion, deg/s               model              tip            at most          rest s"
+    );
     let Arguments { snake, models, moves } = arguments;
     let folder = tempfile::tempdir()?;
     let models = models.as_deref().unwrap_or(folder.path());
@@ -87,11 +87,16 @@ fn judge(snake: &SnakeSource, folder: &Path, models: &Path, moves: u32) -> Resul
     let mut shipped = config().map_err(|error| error.to_string())?;
     // As a robot is delivered: the file of the emulator has wider ones.
     shipped.joint_limits = JointLimitConfig::default();
-    shipped.command = i2ris::config::CommandConfig::default();
-    shipped.limits.velocity_counts_s = 500.0;
-    shipped.limits.acceleration_counts_s2 = 5000.0;
-    shipped.limits.following_error_counts = 100;
-    shipped.compensation.conditioning_counts = Some(300);
+    shipped.command = CommandConfig::default();
+    let LimitConfig { velocity_counts_s, acceleration_counts_s2, following_error_counts, .. } =
+        LimitConfig::default();
+    shipped.limits = LimitConfig {
+        velocity_counts_s,
+        acceleration_counts_s2,
+        following_error_counts,
+        ..shipped.limits
+    };
+    shipped.compensation.conditioning_counts = CompensationConfig::default().conditioning_counts;
     let kept = models.join(format!("{name}.json"));
     let model = if kept.exists() {
         Arc::new(Model::load(&kept).map_err(|error| error.to_string())?)
@@ -116,17 +121,16 @@ fn judge(snake: &SnakeSource, folder: &Path, models: &Path, moves: u32) -> Resul
                 Ok(found)
             };
             let [a, b] = [of(&shipped)?, of(&free)?];
-            text += &format!(
-                "{name:14} {motion} {speed:4}  {:6.3} | {:6.3}  {:6.3} | {:6.3}  {:5.2} | {:5.2}  {:5.2} | {:5.2}\n",
-                a.model_deg,
-                b.model_deg,
-                a.tip_deg,
-                b.tip_deg,
-                a.farthest_deg,
-                b.farthest_deg,
-                a.rest_s,
-                b.rest_s,
-            );
+            text += &format!("{name:20} {motion} {speed:4}");
+            for (shipped, free) in [
+                (a.model_deg, b.model_deg),
+                (a.tip_deg, b.tip_deg),
+                (a.farthest_deg, b.farthest_deg),
+                (a.rest_s, b.rest_s),
+            ] {
+                text += &format!("  {shipped:6.3} | {free:6.3}");
+            }
+            text.push('\n');
         }
     }
     for adapts in [false, true] {
@@ -199,24 +203,13 @@ fn ends(
     }
     let name = snake.name();
     Ok(format!(
-        "{name:14} moves and cycles, adaptation {adapts}: {done} done (at most {slowest:.2} of the \
+        "{name:20} moves and cycles, adaptation {adapts}: {done} done (at most {slowest:.2} of the \
          time), {named} broken off by name, {silent} not\n"
     ))
 }
 
 fn calibrated(snake: &SnakeSource, file: &Path, robot_id: &str) -> Result<Arc<Model>, String> {
-    let plan = RecordingPlan {
-        protocol: Protocol::Reversals,
-        duration_s: 300.0,
-        noise_deg: 0.07,
-        latency_ms: 0,
-        seed: 1,
-    };
-    let recorded = plan.record(&mut Robot::new(snake.build(1)), file);
-    recorded.map_err(|error| error.to_string())?;
-    let (recording, _) =
-        Recording::read(file, &ColumnMap::default()).map_err(|error| error.to_string())?;
-    let recording = recording.without_latency().0;
+    let recording = record_robot(&mut Robot::new(snake.build(1)), file, 0, 1)?.without_latency().0;
     Ok(fitted(&recording, Choice::One(Family::ForceBalance), robot_id)?.model)
 }
 

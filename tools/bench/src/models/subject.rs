@@ -11,6 +11,7 @@ use i2ris_simulation::closed_loop::ClosedLoop;
 use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ, within_reach};
 use i2ris_simulation::physics::DrawnSnake;
+use i2ris_simulation::robot::Robot;
 use serde::Serialize;
 
 use super::laboratory::{config, fitted, robot};
@@ -104,16 +105,21 @@ pub(super) fn record(
     folder: &Path,
 ) -> Result<Recording, String> {
     let file = folder.join(format!("{}-{}-{is_aged}.csv", snake.physics, snake.seed));
-    let plan = RecordingPlan {
-        protocol: Protocol::Reversals,
-        duration_s: 300.0,
-        noise_deg: CAMERA_NOISE_DEG,
-        latency_ms,
-        seed: first_seed + snake.seed,
-    };
-    plan.record(&mut robot(snake, is_aged), &file)
-        .map_err(|error| format!("cannot record: {error}"))?;
-    let (recording, _) = Recording::read(&file, &ColumnMap::default())
+    record_robot(&mut robot(snake, is_aged), &file, latency_ms, first_seed + snake.seed)
+}
+
+/// The same of any robot.
+pub(super) fn record_robot(
+    robot: &mut Robot,
+    file: &Path,
+    latency_ms: u64,
+    seed: u64,
+) -> Result<Recording, String> {
+    let (protocol, duration_s) = (Protocol::Reversals, 300.0);
+    let plan =
+        RecordingPlan { protocol, duration_s, noise_deg: CAMERA_NOISE_DEG, latency_ms, seed };
+    plan.record(robot, file).map_err(|error| format!("cannot record: {error}"))?;
+    let (recording, _) = Recording::read(file, &ColumnMap::default())
         .map_err(|error| format!("cannot read the recording: {error}"))?;
     Ok(recording)
 }

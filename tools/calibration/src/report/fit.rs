@@ -47,7 +47,7 @@ pub struct CalibrationReport {
     pub(super) choice: Vec<ChoiceScore>,
     /// The part of the measured rows whose poses the robot may go to, percent.
     pub(super) usable_percent: f64,
-    /// What hand the limits bear that a configuration has by default.
+    /// Hand that the limits of a configuration bear by default.
     pub(super) hand: Option<HandLimits>,
     /// Why the error in use will be above what the model states, if it will.
     pub(super) beyond_model: Option<String>,

@@ -1,5 +1,6 @@
 //! The content of a report, computed with the code of the controller.
 
+use i2ris::config::{JointLimitConfig, LimitConfig};
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use i2ris_report::statistics::{distance, quantile_of_unsorted, root_mean_square};
@@ -64,7 +65,11 @@ impl CalibrationReport {
                 .map(|score| choice::choice_score(score, outcome))
                 .collect(),
             usable_percent: 100.0 * (1.0 - track.clipped.len() as f64 / rows as f64),
-            hand: Some(HandLimits::new(&outcome.model, &Default::default(), &Default::default())),
+            hand: Some(HandLimits::new(
+                &outcome.model,
+                &LimitConfig::default(),
+                &JointLimitConfig::default(),
+            )),
             unexplained: outcome.unexplained(recording),
             beyond_model: BeyondModel::find(outcome, recording).map(|found| found.to_string()),
             settings: settings(options),

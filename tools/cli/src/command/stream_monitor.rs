@@ -85,6 +85,8 @@ pub struct StreamMonitor {
     accepted: u64,
     accepted_at: Nanos,
     refused: u64,
+    /// What had ended an activity when a command was last followed.
+    ended: Option<Stop>,
     /// Why the newest commands are refused.
     refused_now: Option<Refusal>,
     /// How often the stream may begin again before a command is followed.
@@ -103,6 +105,7 @@ impl StreamMonitor {
             accepted: state.accepted,
             accepted_at: now,
             refused: state.refusals_of(client_id).0,
+            ended: state.broken_off(),
             refused_now: None,
             restarts_left: 0,
             waits: false,
@@ -150,7 +153,8 @@ impl StreamMonitor {
         })?;
         self.check_lease(state.lease_client_id)?;
         let refusal = self.update_counters(state, now);
-        if let (Some(Refusal::BrokenOff), Some(stop)) = (refusal, state.broken_off()) {
+        let ended = state.broken_off().filter(|stop| self.ended != Some(*stop));
+        if let (Some(Refusal::BrokenOff), Some(stop)) = (refusal, ended) {
             return Err(StopReason::Stopped(stop));
         }
         self.check_progress(now)?;
@@ -171,6 +175,7 @@ impl StreamMonitor {
         if state.accepted > self.accepted {
             self.accepted = state.accepted;
             self.accepted_at = now;
+            self.ended = state.broken_off();
             self.refused_now = None;
             self.restarts_left = RESTARTS;
             self.waits = false;
@@ -350,6 +355,15 @@ mod tests {
         let ended = monitor().check(&state, at(5)).unwrap_err();
         assert_eq!(ended, StopReason::Stopped(Stop::Hull));
         assert!(ended.to_string().contains("calibrated range"), "{ended}");
+        // What ended another motion before is not the reason.
+        let refusal = StreamMonitor::new(ME, &state, at(0)).check(
+            &OperatingStateMsg {
+                refused_commands: refused_state(at(6), ME, 2, Refusal::BrokenOff).refused_commands,
+                ..state
+            },
+            at(6),
+        );
+        assert_eq!(refusal, Ok(Some(Refusal::BrokenOff)));
     }
 
     #[test]

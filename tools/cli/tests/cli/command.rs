@@ -41,6 +41,14 @@ fn a_pose_is_reached_without_a_jump_and_the_lease_given_back() {
 }
 
 #[test]
+fn a_pose_where_the_snake_does_not_arrive_is_no_success() {
+    let controller = Controller::enabled();
+    controller.robot().short_deg = 1.01;
+    let pose = "command pose -4 3.5 --duration-s 0.2 --speed-deg-s 30";
+    fails(&controller.domain, pose, 1, &["1.01 deg from where the trajectory ended"]);
+}
+
+#[test]
 fn a_circle_is_round_and_ends_by_itself() {
     let controller = Controller::enabled();
     let circle = "command circle --radius-deg 2 --centre-deg -1 0.5 --period-s 1 --duration-s 1";
