@@ -65,6 +65,9 @@ pub struct Inverse {
     /// The goal cannot be reached inside the hull, or is not finite. `counts` is then the nearest
     /// reachable position, or the start of the search for a goal that is not finite.
     pub clipped: bool,
+    /// The nearest goal that the calibration contains, rad (m), wherever the motors have been: the
+    /// one asked for, if it is not clipped. Past motion may keep `counts` short of it.
+    pub reached: OutputVec,
     /// Distance in output space between the goal and the pose at `counts`, rad (m). Goals are
     /// clamped to 1000. The residual is infinite if the goal is not finite.
     pub residual: f64,

@@ -15,9 +15,8 @@ use crate::model::error::ModelError;
 use crate::model::estimate::Query;
 use crate::model::examination_path::ExaminationPath;
 use crate::model::families::memory::Memory;
-use crate::model::families::runtime::Runtime;
+use crate::model::families::runtime::{Reach, Runtime};
 use crate::model::file::ModelFile;
-use crate::model::maths::hull::Hull;
 use crate::units::{MotorVec, OutputVec};
 
 /// Steps of the path, and of the decaying turns before it, after which the memory is known.
@@ -72,8 +71,8 @@ pub struct Examination {
 
 impl Examination {
     /// Examines a model.
-    pub(in crate::model) fn of(runtime: &dyn Runtime, hull: &Hull, file: &ModelFile) -> Self {
-        let subject = Subject::new(runtime, hull, file);
+    pub(in crate::model) fn of(runtime: &dyn Runtime, reach: &Reach, file: &ModelFile) -> Self {
+        let subject = Subject::new(runtime, reach, file);
         let (error, travel) = subject.follow();
         let (gains, usable, left) = (subject.gains(), subject.usable(), subject.left_by_backlash());
         Self { error, travel, gains, usable, left }
@@ -101,7 +100,7 @@ impl Examination {
 /// The examination of one model.
 struct Subject<'a> {
     runtime: &'a dyn Runtime,
-    hull: &'a Hull,
+    reach: &'a Reach,
     file: &'a ModelFile,
     motors: usize,
     path: ExaminationPath,
@@ -112,10 +111,11 @@ struct Subject<'a> {
 }
 
 impl<'a> Subject<'a> {
-    fn new(runtime: &'a dyn Runtime, hull: &'a Hull, file: &'a ModelFile) -> Self {
+    fn new(runtime: &'a dyn Runtime, reach: &'a Reach, file: &'a ModelFile) -> Self {
+        let hull = &reach.counts;
         let mut subject = Self {
             runtime,
-            hull,
+            reach,
             file,
             motors: file.hull.corners.first().map_or(0, Vec::len),
             path: ExaminationPath::new(hull, TURNING_STEPS, STEPS),
@@ -163,7 +163,7 @@ impl<'a> Subject<'a> {
         let (mut squares, mut travel) = (0.0, 0.0);
         for goal in goals {
             let query = Query { correction: Some(correction), ..Query::new(counts) };
-            let target = self.runtime.invert(goal, &memory, self.hull, &query);
+            let target = self.runtime.invert(goal, &memory, self.reach, &query);
             let target = target.counts;
             let mut next = counts;
             for (motor, next) in next.iter_mut().enumerate().take(self.motors) {
@@ -216,7 +216,7 @@ impl<'a> Subject<'a> {
         let mut memory = self.memory_after_turns();
         let is_reached = |(counts, goal): &(&MotorVec, &OutputVec)| {
             self.advance(&mut memory, counts);
-            let found = self.runtime.invert(goal, &memory, self.hull, &Query::new(**counts));
+            let found = self.runtime.invert(goal, &memory, self.reach, &Query::new(**counts));
             !found.clipped || found.residual <= rounding
         };
         path.iter().zip(&goals).filter(is_reached).count() as f64 / goals.len() as f64

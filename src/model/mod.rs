@@ -46,6 +46,7 @@ pub use examination::Examination;
 pub use examination_path::ExaminationPath;
 pub use families::gap_scale::Wear;
 pub use families::memory::Memory;
+pub(crate) use families::runtime::Reach;
 pub use families::{hysteresis, network};
 pub use history::History;
 pub use maths::gaussian_mixture::MAX_COMPONENTS;

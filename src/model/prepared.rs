@@ -16,7 +16,7 @@ use crate::model::families::hysteresis::residual::Residual;
 use crate::model::families::linear::Linear;
 use crate::model::families::memory::Memory;
 use crate::model::families::network::{Network, Recording};
-use crate::model::families::runtime::{Memoryless, Runtime};
+use crate::model::families::runtime::{Memoryless, Reach, Runtime};
 use crate::model::file::{FamilyParameters, ModelFile, check};
 use crate::model::history::History;
 use crate::model::maths::gaussian_mixture_regression::Gmr;
@@ -36,6 +36,7 @@ pub struct Model {
     id: ModelId,
     motors: usize,
     hull: Hull,
+    reach: Reach,
     conditioning_range: MotorVec,
     /// What the outputs change by per count, on the average over the hull.
     slope: JacobianMatrix,
@@ -80,8 +81,8 @@ impl Model {
         runtime.check_round_trip(&hull, unit(&file))?;
         let conditioning_range = clamp_to_extent(runtime.conditioning_range(), &hull);
         let slope = mean_slope(&*runtime, &hull);
-        let id = file.id()?;
-        let model = Self { id, file, motors, hull, conditioning_range, slope, runtime };
+        let (id, reach) = (file.id()?, runtime.reach(&hull));
+        let model = Self { id, file, motors, hull, reach, conditioning_range, slope, runtime };
         model.examine().verdict()?;
         Ok(model)
     }
@@ -89,7 +90,7 @@ impl Model {
     /// How the inverse does on the model itself. [`Self::from_file`] refuses a model that fails.
     #[must_use]
     pub fn examine(&self) -> Examination {
-        Examination::of(&*self.runtime, &self.hull, &self.file)
+        Examination::of(&*self.runtime, &self.reach, &self.file)
     }
 
     /// Checks that a robot may use the model.
@@ -151,6 +152,14 @@ impl Model {
     #[must_use]
     pub fn hull(&self) -> &Hull {
         &self.hull
+    }
+
+    /// The most that an output changes by with a count of every motor, on the average over the
+    /// hull, rad (m).
+    #[must_use]
+    pub fn count_worth(&self) -> f64 {
+        let worths = self.slope.iter().map(|line| line.iter().map(|slope| slope.abs()).sum());
+        worths.fold(0.0, f64::max)
     }
 
     /// A memory without any past motion.
@@ -309,7 +318,7 @@ impl Model {
     ///   an infinite residual.
     #[must_use]
     pub fn invert(&self, goal: &OutputVec, memory: &Memory, query: &Query) -> Inverse {
-        self.runtime.invert(goal, memory, &self.hull, query)
+        self.runtime.invert(goal, memory, &self.reach, query)
     }
 
     /// The inverses of several goals near each other, with the same memory. The search for the
@@ -321,9 +330,34 @@ impl Model {
         memory: &Memory,
         query: &Query,
     ) -> [Inverse; N] {
+        self.invert_within(&self.reach, goals, memory, query)
+    }
+
+    /// As [`Model::invert_each`], with counts in a smaller hull.
+    pub(crate) fn invert_within<const N: usize>(
+        &self,
+        reach: &Reach,
+        goals: &[OutputVec; N],
+        memory: &Memory,
+        query: &Query,
+    ) -> [Inverse; N] {
         let mut found = [Inverse::default(); N];
-        self.runtime.invert_each(goals, memory, &self.hull, query, &mut found);
+        self.runtime.invert_each(goals, memory, reach, query, &mut found);
         found
+    }
+
+    /// Where the inverse may go between the lowest and the highest counts of every motor; all over
+    /// the hull if nothing of it is left there. Not for the control loop.
+    pub(crate) fn reach_between(&self, low: MotorVec, high: MotorVec) -> Reach {
+        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+        let within = Hull::from_points(self.motors, &corners).and_then(|limits| {
+            let is_inside = self.hull.corners().all(|corner| limits.contains(&corner));
+            if is_inside { Ok(self.hull.clone()) } else { self.hull.common(&limits, self.motors) }
+        });
+        match within {
+            Ok(hull) if hull != self.hull => self.runtime.reach(&hull),
+            Ok(_) | Err(_) => self.reach.clone(),
+        }
     }
 }
 

@@ -34,8 +34,8 @@ impl fmt::Display for CycleEventKind {
                 write!(f, "{}: ", ShownClient(*client_id))
             }
             Self::FeedbackStop => Ok(()),
-            Self::Clipped { client_id: 0 } => write!(f, "move_jp: "),
-            Self::Clipped { client_id } => write!(f, "{}: ", ShownClient(*client_id)),
+            Self::Clipped { client_id: 0, .. } => write!(f, "move_jp: "),
+            Self::Clipped { client_id, .. } => write!(f, "{}: ", ShownClient(*client_id)),
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
             Self::Lease { client_id } => write!(f, "lease taken by {}", ShownClient(*client_id)),
             Self::Refused { client_id, .. } => write!(f, "refused {}: ", ShownClient(*client_id)),

@@ -109,6 +109,8 @@ pub(super) fn stop_advice(stop: Stop) -> &'static str {
 pub(super) fn clip_advice(clip: Clip) -> &'static str {
     match clip {
         Clip::Reach => "command less, or calibrate a wider range",
+        Clip::Motor => "command less, or check `position_min_counts`, `position_max_counts`",
+        Clip::Joint => "command less, or check the positions in `joint_limits`",
         Clip::Fixture => "go around the region (`i2ris command fixture list`)",
     }
 }

@@ -74,9 +74,13 @@ numbered_enum! {
 numbered_enum! {
     /// The reason for following a nearer goal than the one asked for.
     Clip {
-        /// The goal is outside the hull of the calibration or the position limits.
-        Reach = 1, "the goal is outside the calibrated hull or the position limits";
+        /// The goal is outside the hull of the calibration.
+        Reach = 1, "the goal is outside the calibrated range; the snake goes to the nearest pose";
         /// A virtual fixture is near or in the way.
         Fixture = 2, "a virtual fixture slows or stops the goal";
+        /// The goal is beyond the position limits of the motors.
+        Motor = 3, "the goal is beyond a position limit of a motor; the snake goes to the nearest pose";
+        /// The goal is beyond the position limits of the joints.
+        Joint = 4, "the goal is beyond a joint limit; the snake goes to the nearest pose";
     }
 }

@@ -199,7 +199,7 @@ fn a_stream_and_a_move_that_begin_during_a_blend_begin_where_the_snake_is() {
 
 /// A hand at 10 deg/s that leaves the limit of pitch at yaw 0 and comes back at another yaw.
 #[test]
-fn a_stream_that_comes_back_from_beyond_a_limit_does_not_jump_across() {
+fn a_stream_that_comes_back_from_beyond_a_limit_has_gone_along_it() {
     let limited = "[joint_limits]\nposition_max_deg = [5.0, 9.5]\nposition_min_deg = [-9.5, -9.5]";
     let scaled = format!("[command]\nmotion_scale = 0.5\n{limited}");
     type Kind = fn(f64, f64) -> ServoGoal;
@@ -217,25 +217,15 @@ fn a_stream_that_comes_back_from_beyond_a_limit_does_not_jump_across() {
             let back = (6.0 - 10.0 * (t - 1.4)).clamp(4.6, 6.0);
             (back.min(10.0 * t), (10.0 * (t - 0.6)).clamp(0.0, 8.0))
         };
-        let mut refused = 0;
         for k in 0..400_u32 {
             let (pitch, yaw) = hand(f64::from(k) * 0.005);
             let before = pose(&bench);
-            let refusal = send(&mut bench, goal(pitch, yaw));
+            assert_eq!(send(&mut bench, goal(pitch, yaw)), Refusal::None, "{name} {k}");
             bench.run(4);
-            assert!([Refusal::None, Refusal::Step].contains(&refusal), "{name}: {refusal:?}");
-            refused += u32::from(refusal != Refusal::None);
             let gone = apart(before, pose(&bench));
             assert!(gone < 0.1, "{name}, {k}: {gone} deg, and the hand 0.05");
         }
-        assert!(refused > 50, "{name}: the hand is somewhere else, {refused}");
-        assert!(apart(pose(&bench), [5.0, 0.0]) < 0.1, "{name}: {:?}", pose(&bench));
-        // Where the snake is, it goes on; the clutch needs no place.
-        assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
-        let (back, _) = (pose(&bench), bench.run(60));
-        if name != "scaled" {
-            assert_eq!(send(&mut bench, goal(back[0] - 0.1, back[1])), Refusal::None, "{name}");
-        }
+        assert!(apart(pose(&bench), [4.6, 8.0]) < 0.1, "{name}: {:?}", pose(&bench));
     }
 }
 

@@ -89,11 +89,12 @@ fn a_snake_that_cannot_keep_up_stops_soon_after_the_rate_is_zero() {
 }
 
 #[test]
-fn a_rate_out_of_reach_ends_on_its_line_and_leads_back() {
+fn a_rate_out_of_reach_slides_along_the_border_and_leads_back() {
     let mut bench = strict("[joint_limits]\nposition_max_deg = [3.0, 9.0]");
     turn(&mut bench, [12.0, 8.0], 600);
     let [pitch, yaw] = setpoint_deg(&bench);
-    assert!((pitch - 3.0).abs() < 0.03 && (yaw - 2.0).abs() < 0.05, "{pitch} {yaw}");
+    let late = if has_memory() { 0.5 } else { 0.05 };
+    assert!((pitch - 3.0).abs() < 0.05 && (yaw - 4.8).abs() < late, "{pitch} {yaw}");
     assert!(bench.report().clipped);
     turn(&mut bench, [-12.0, 0.0], 100);
     let turns = if has_memory() { 2.9 } else { 2.2 };

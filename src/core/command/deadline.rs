@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::command::tip_goal::ON_SURFACE_M;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
-use crate::robot::{Measurement, Refusal};
+use crate::robot::{Clip, Measurement, Refusal};
 use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
 /// A tick begins before it reads the newest command, and other processors stamp the commands.
@@ -75,13 +75,15 @@ pub(crate) struct FollowedCommand {
     pub stamp: Nanos,
     /// Age at which the command is stale.
     pub deadline: Nanos,
-    /// The goal and its extrapolation. Angles are clipped to what can be reached.
+    /// The goal and its extrapolation. Angles are the nearest ones in reach.
     pub goal: ExtrapolatedGoal,
     /// The angles as commanded, rad (m); of a rate, where it leads until its deadline if it is
     /// clipped on the way.
     pub requested: OutputVec,
-    /// The goal is out of reach.
-    pub is_clipped: bool,
+    /// As in [`Reached`](crate::core::motion::reach::Reached).
+    pub border: f64,
+    /// What keeps the goal from what was commanded, and how far, rad (m).
+    pub limit: Option<(Clip, f64)>,
     /// The place of the tip that was commanded, m, and how far the tip stays away from it.
     pub place: Option<(OutputVec, f64)>,
 }
@@ -95,8 +97,10 @@ impl FollowedCommand {
         }
     }
 
-    pub fn is_clipped(&self) -> bool {
-        self.is_clipped || self.place.is_some_and(|(_, away_m)| away_m > ON_SURFACE_M)
+    /// What keeps the goal from what was commanded, in the joints or of the tip.
+    pub fn clip(&self) -> Option<Clip> {
+        let is_away = self.place.is_some_and(|(_, away_m)| away_m > ON_SURFACE_M);
+        self.limit.map(|(clip, _)| clip).or(is_away.then_some(Clip::Reach))
     }
 
     /// The age of the command, if it is stale.

@@ -5,10 +5,10 @@ use crate::core::inputs::{ServoGoal, StateRequest};
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::joint_model::JointModel;
 use crate::core::motion::joint_trajectory::JointTrajectory;
-use crate::core::motion::reach::reach;
+use crate::core::motion::reach::{WHOLE, nearest};
 use crate::core::motion::s_curve::TrajectoryLimits;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
-use crate::core::vector::{distance, first_entries, is_finite};
+use crate::core::vector::{first_entries, is_finite};
 use crate::model::file::OutputUnit;
 use crate::robot::{Measurement, Quantity, Refusal};
 use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
@@ -47,8 +47,8 @@ impl MovePlanning<'_> {
             }
             None => return Err(Refusal::Busy),
         };
-        let reached = reach(joints, self.axes, trajectory.start(), &pose);
-        if reached.map_err(|_| Refusal::BadModel)? != pose {
+        let reached = nearest(joints, self.axes, &pose, joints.bounds(), (WHOLE, 0.0));
+        if reached.map_err(|_| Refusal::BadModel)?.limit.is_some() {
             return Err(Refusal::Reach);
         }
         if !self.fixtures.allows_line(trajectory.start(), &pose, &joints.goal_space()) {
@@ -80,16 +80,12 @@ impl MovePlanning<'_> {
     pub fn measure_reach(&self, request: &StateRequest) -> Option<Measurement> {
         let joints = self.joints?;
         let pose = self.pose(request, joints).ok()?;
-        let from = match self.current {
-            Some(current) => *current.turned(pose, self.limits, self.now).start(),
-            None => joints.setpoint()?,
-        };
-        let reached = reach(joints, self.axes, &from, &pose).ok()?;
-        if let Some(away_m) = tip_away_m(request, &reached) {
+        let reached = nearest(joints, self.axes, &pose, joints.bounds(), (WHOLE, 0.0)).ok()?;
+        if let Some(away_m) = tip_away_m(request, &reached.goal) {
             return Some(Measurement::new(Quantity::Millimetres, away_m * 1e3, None));
         }
-        let apart_deg = distance(&pose, &reached).to_degrees();
-        Some(Measurement::new(Quantity::Degrees, apart_deg, None))
+        let away_deg = reached.limit.map_or(0.0, |(_, away)| away.to_degrees());
+        Some(Measurement::new(Quantity::Degrees, away_deg, None))
     }
 }
 

@@ -6,10 +6,10 @@ use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
 use crate::core::motion::joint_model::JointModel;
-use crate::core::motion::reach::reach;
-use crate::core::vector::{distance, first_entries, largest_difference, zip_map};
+use crate::core::motion::reach::{Reached, WHOLE, nearest};
+use crate::core::vector::{distance, first_entries, interpolate, largest_difference, zip_map};
 use crate::model::file::OutputUnit;
-use crate::robot::{Measurement, Quantity, Refusal};
+use crate::robot::{Clip, Measurement, Quantity, Refusal};
 use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos, OutputVec};
 
 /// Rounding of degrees to radians must not refuse a step of exactly the limit.
@@ -70,7 +70,7 @@ impl RangeCheck {
 
     /// Checks the goal of a command. Returns the goal to follow: the continuation of the followed
     /// goal if it is of the same kind, or a new one, which must begin near the present setpoints.
-    /// Angles out of reach are clipped on the line from the last goal that was in reach.
+    /// Angles out of reach become the nearest ones in reach.
     pub fn check(
         &self,
         command: &ServoCommand,
@@ -93,6 +93,7 @@ impl RangeCheck {
                     now,
                     // An open clutch asks for the present setpoint, wherever the hand is.
                     before: followed.filter(|_| !command.clutched).and_then(FollowedCommand::joint),
+                    border: followed.map_or(WHOLE, |followed| followed.border),
                     axes,
                     joints,
                 };
@@ -117,7 +118,8 @@ impl RangeCheck {
                 Ok(CheckedGoal {
                     goal: ExtrapolatedGoal::Actuator(extend(before, counts, command.stamp)),
                     requested: OutputVec::default(),
-                    is_clipped: false,
+                    border: WHOLE,
+                    limit: None,
                 })
             }
             // With a model of pitch and yaw they have become goals in joints.
@@ -149,13 +151,9 @@ impl RangeCheck {
             ServoGoal::Joint(angles, entries) | ServoGoal::Interpolated(angles, entries) => {
                 let joints = joints.filter(|joints| joints.unit() == OutputUnit::Deg)?;
                 let angles = first_entries::<MAX_OUTPUTS>(angles, entries);
-                let [first, largest] = [self.first.joint, self.followed.joint];
                 let (step, limit) = match followed.and_then(FollowedCommand::joint) {
-                    Some((goal, requested)) => match distance(&angles, requested) {
-                        hand if hand > largest * STEP_MARGIN => (hand, largest),
-                        hand => (distance(&angles, &goal.at(command.stamp)), hand + first),
-                    },
-                    None => (distance(&angles, &joints.setpoint()?), first),
+                    Some((_, requested)) => (distance(&angles, requested), self.followed.joint),
+                    None => (distance(&angles, &joints.setpoint()?), self.first.joint),
                 };
                 let limit = Some(limit.to_degrees());
                 Some(Measurement::new(Quantity::Degrees, step.to_degrees(), limit))
@@ -180,7 +178,8 @@ pub(crate) struct CheckedGoal {
     pub goal: ExtrapolatedGoal,
     /// As in [`FollowedCommand`].
     pub requested: OutputVec,
-    pub is_clipped: bool,
+    pub border: f64,
+    pub limit: Option<(Clip, f64)>,
 }
 
 /// The check of a goal in joint space.
@@ -192,38 +191,31 @@ struct JointCheck<'a> {
     now: Nanos,
     /// The followed goal, and what was requested.
     before: Option<(&'a GoalExtrapolation<MAX_OUTPUTS>, &'a OutputVec)>,
+    /// The border of the last goal.
+    border: f64,
     axes: &'a AxisGroup,
     joints: &'a JointModel,
 }
 
 impl JointCheck<'_> {
     fn angles(&self, angles: OutputVec) -> Result<CheckedGoal, Refusal> {
-        let step = self.require_step(&angles)?;
-        let from = self.before.map(|(goal, _)| *goal.goal()).or(self.joints.setpoint());
-        let clipped = self.clipped(from, &angles);
-        self.require_return(&clipped.unwrap_or(angles), step)?;
-        let goal = match clipped {
-            // A goal at the border does not run ahead across it.
-            Some(clipped) => GoalExtrapolation::first(clipped, self.stamp),
-            None => extend(self.before.map(|it| it.0), angles, self.stamp),
-        };
-        Ok(passed(goal, angles, clipped.is_some()))
+        self.require_step(&angles)?;
+        let reached = self.reached(&angles)?;
+        let goal = extend(self.before.map(|it| it.0), reached.goal, self.stamp);
+        Ok(passed(goal, angles, &reached))
     }
 
     /// The line to the goal is as long in time as the last one was.
     fn interpolated(&self, angles: OutputVec) -> Result<CheckedGoal, Refusal> {
-        let step = self.require_step(&angles)?;
-        let from = self.present()?;
-        let clipped = self.clipped(Some(from), &angles);
-        self.require_return(&clipped.unwrap_or(angles), step)?;
+        self.require_step(&angles)?;
+        let (from, reached) = (self.present()?, self.reached(&angles)?);
         let interval = match self.before {
             Some((before, _)) => self.stamp.duration_since(before.stamp()).max(SHORTEST_LINE),
             None => FIRST_LINE,
         };
         let after = interval.min(self.deadline);
-        let end = clipped.unwrap_or(angles);
-        let goal = GoalExtrapolation::reaching(end, &from, self.stamp, after);
-        Ok(passed(goal, angles, clipped.is_some()))
+        let goal = GoalExtrapolation::reaching(reached.goal, &from, self.stamp, after);
+        Ok(passed(goal, angles, &reached))
     }
 
     /// A rate is integrated until its deadline, or until the border: from when the followed one
@@ -247,14 +239,16 @@ impl JointCheck<'_> {
             let back = if ahead > most { 1.0 - most / ahead } else { 0.0 };
             from = zip_map(&from, &left, |from, left| from - back * left);
         }
-        let left_s = self.deadline.duration_since(begin.duration_since(self.stamp)).as_seconds();
-        let to = zip_map(&from, rate, |from, rate| from + rate * left_s);
-        let clipped = self.clipped(Some(from), &to);
-        // Not more than all of it, and not "not a number" where there is no way.
-        let share = |reached| (distance(&from, &reached) / distance(&from, &to)).min(1.0);
-        let share = clipped.map_or(1.0, share);
-        let goal = GoalExtrapolation::moving(from, *rate, begin, share * left_s);
-        Ok(passed(goal, if clipped.is_some() { to } else { from }, clipped.is_some()))
+        let left = self.deadline.duration_since(begin.duration_since(self.stamp)).max(Nanos(1));
+        let to = zip_map(&from, rate, |from, rate| from + rate * left.as_seconds());
+        let reached = self.reached(&to)?;
+        if reached.limit.is_none() {
+            let goal = GoalExtrapolation::moving(from, *rate, begin, left.as_seconds());
+            return Ok(passed(goal, from, &reached));
+        }
+        // Along the border, with what is left of the rate.
+        let goal = GoalExtrapolation::reaching(reached.goal, &from, begin, left);
+        Ok(passed(goal, to, &reached))
     }
 
     /// Where the followed goal is when the command is sent; the setpoint if there is none.
@@ -263,15 +257,25 @@ impl JointCheck<'_> {
         goal.or(self.joints.setpoint()).ok_or(Refusal::DrivesNotReady)
     }
 
-    /// The last pose on the line that can be reached, if it is not its end. What is not finite here
-    /// becomes a fault where it is followed.
-    fn clipped(&self, from: Option<OutputVec>, to: &OutputVec) -> Option<OutputVec> {
-        let reached = reach(self.joints, self.axes, &from?, to).ok();
-        reached.filter(|reached| reached != to)
+    /// The nearest goal in reach. It goes no further than the hand, and the first step of a stream
+    /// more: a border that is elsewhere at once, as of another model, does not take the goal along.
+    fn reached(&self, asked: &OutputVec) -> Result<Reached, Refusal> {
+        let moved = self.before.map_or(0.0, |(_, requested)| distance(asked, requested));
+        let (bounds, border) = (self.joints.bounds(), (self.border, moved));
+        let reached = nearest(self.joints, self.axes, asked, bounds, border);
+        let mut reached = reached.map_err(|_| Refusal::BadModel)?;
+        let Some((before, requested)) = self.before else { return Ok(reached) };
+        if reached.limit.is_some() || before.goal() != requested {
+            let most = self.apart(asked, requested)? + self.check.first.of(self.joints.unit());
+            let present = self.present()?;
+            let share = most / self.apart(&reached.goal, &present)?;
+            reached.goal = interpolate(&present, &reached.goal, share);
+        }
+        Ok(reached)
     }
 
     /// The step of the hand, which must be short: from the last request, or from the setpoint.
-    fn require_step(&self, goal: &OutputVec) -> Result<f64, Refusal> {
+    fn require_step(&self, goal: &OutputVec) -> Result<(), Refusal> {
         let largest = self.check.largest(self.before.is_none()).of(self.joints.unit());
         let step = match self.before {
             Some((_, requested)) => self.apart(goal, requested)?,
@@ -283,18 +287,7 @@ impl JointCheck<'_> {
             },
         };
         // A distance that is not a number is not allowed.
-        require(step <= largest * STEP_MARGIN, Refusal::Step).map(|()| step)
-    }
-
-    /// The goal as clipped may be as far from the followed one, as clipped, as the hand moved, and
-    /// the first step of a stream more: a hand that comes back from beyond a limit comes back where
-    /// the snake is.
-    fn require_return(&self, end: &OutputVec, step: f64) -> Result<(), Refusal> {
-        if self.before.is_none_or(|(goal, requested)| goal.goal() == requested) {
-            return Ok(());
-        }
-        let most = step + self.check.first.of(self.joints.unit());
-        require(self.apart(end, &self.present()?)? <= most * STEP_MARGIN, Refusal::Step)
+        require(step <= largest * STEP_MARGIN, Refusal::Step)
     }
 
     /// Angles are compared as angles. The position of a tip has no degrees, so the motor positions
@@ -314,9 +307,10 @@ impl JointCheck<'_> {
 fn passed(
     goal: GoalExtrapolation<MAX_OUTPUTS>,
     requested: OutputVec,
-    is_clipped: bool,
+    reached: &Reached,
 ) -> CheckedGoal {
-    CheckedGoal { goal: ExtrapolatedGoal::Joint(goal), requested, is_clipped }
+    let Reached { border, limit, .. } = *reached;
+    CheckedGoal { goal: ExtrapolatedGoal::Joint(goal), requested, border, limit }
 }
 
 pub(crate) fn require(is_met: bool, refusal: Refusal) -> Result<(), Refusal> {

@@ -296,7 +296,7 @@ impl ControlCycle {
             self.require_no_fixture()?;
         }
         let followed = state.followed_command();
-        let CheckedGoal { goal, requested, is_clipped } = self.range_check.check(
+        let CheckedGoal { goal, requested, border, limit } = self.range_check.check(
             command,
             deadline,
             followed,
@@ -311,7 +311,8 @@ impl ControlCycle {
             deadline,
             goal,
             requested,
-            is_clipped,
+            border,
+            limit,
             place: place.map(|place| (place, tip_goal::away_m(&place, &requested))),
         })
     }

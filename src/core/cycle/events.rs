@@ -7,12 +7,12 @@ use crate::core::cycle::setpoint_generation::GeneratedSetpoint;
 use crate::core::drive_status::DriveSummary;
 use crate::core::events::clips::ClippedGoal;
 use crate::core::events::{CycleEventKind, EventList};
+use crate::core::motion::joint_model::JointModel;
 use crate::core::states::automatic_transitions::next_transition;
 use crate::core::states::control_state::{ControlState, HOLDING};
 use crate::core::states::state_machine::TransitionCause;
-use crate::core::vector::distance;
 use crate::model::file::OutputUnit;
-use crate::robot::{Measurement, Quantity, Refusal, Stop};
+use crate::robot::{Clip, Measurement, Quantity, Refusal, Stop};
 use crate::units::Nanos;
 
 impl ControlCycle {
@@ -56,23 +56,26 @@ impl ControlCycle {
         now: Nanos,
         events: &mut EventList,
     ) {
-        let clip = setpoint.is_clipped.then(|| self.clipped_goal(setpoint));
-        if let Some(ClippedGoal { client_id, distance }) = self.clips.update(clip, now) {
+        let clip = setpoint.clip.map(|clip| self.clipped_goal(clip, setpoint));
+        if let Some(ClippedGoal { client_id, clip, distance }) = self.clips.update(clip, now) {
             let measurement = distance.map(|(far, unit)| Measurement::new(unit, far, None));
-            events.push_measured(CycleEventKind::Clipped { client_id }, measurement);
+            events.push_measured(CycleEventKind::Clipped { client_id, clip }, measurement);
         }
     }
 
-    fn clipped_goal(&self, setpoint: &GeneratedSetpoint) -> ClippedGoal {
+    fn clipped_goal(&self, clip: Clip, setpoint: &GeneratedSetpoint) -> ClippedGoal {
         let followed = self.machine.state().followed_command();
-        let is_angle = { self.models.active() }.is_some_and(|it| it.unit() == OutputUnit::Deg);
-        let requested = followed.filter(|_| is_angle).zip(setpoint.goal);
+        let unit = self.models.active().map_or(OutputUnit::Deg, JointModel::unit);
+        let away = followed.and_then(|followed| followed.limit).map(|(_, away)| match unit {
+            OutputUnit::Deg => (away.to_degrees(), Quantity::Degrees),
+            OutputUnit::Mm => (away * 1e3, Quantity::Millimetres),
+        });
+        let place = followed.and_then(|followed| followed.place).zip(setpoint.goal);
+        let from_place = place.map(|((place, _), goal)| away_m(&place, &goal) * 1e3);
         ClippedGoal {
             client_id: followed.map_or(0, |followed| followed.client_id),
-            distance: requested.map(|(followed, goal)| match followed.place {
-                Some((place, _)) => (away_m(&place, &goal) * 1e3, Quantity::Millimetres),
-                None => (distance(&followed.requested, &goal).to_degrees(), Quantity::Degrees),
-            }),
+            clip,
+            distance: from_place.map(|mm| (mm, Quantity::Millimetres)).or(away),
         }
     }
 }

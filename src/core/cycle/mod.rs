@@ -423,7 +423,7 @@ impl ControlCycle {
             off: drives.iter().flatten().all(DriveStatus::is_known_off),
             stopped: drives.iter().flatten().all(DriveStatus::is_known_stopped),
             broken_off: self.machine.broken_off(),
-            clipped: setpoint.is_clipped,
+            clipped: setpoint.clip.is_some(),
             fixtures: self.fixtures.active_bits(),
             limited_by_fixture: self.fixtures.limited_by(),
             plausibility: self.plausibility_check,

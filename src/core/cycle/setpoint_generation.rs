@@ -9,6 +9,7 @@ use crate::core::motion::inverse_setpoint::{InverseSetpoint, MotionTick};
 use crate::core::motion::joint_model::NotFinite;
 use crate::core::motion::joint_trajectory::JointTrajectory;
 use crate::core::states::control_state::{ControlState, EnabledActivity};
+use crate::robot::Clip;
 use crate::units::{Nanos, OutputVec};
 
 /// The goal that the setpoints of a tick move to.
@@ -16,7 +17,7 @@ use crate::units::{Nanos, OutputVec};
 pub(super) struct GeneratedSetpoint {
     /// rad (m); `None` where no goal in joint space is known.
     pub goal: Option<OutputVec>,
-    pub is_clipped: bool,
+    pub clip: Option<Clip>,
     /// Stamp of the followed command; zero: none.
     pub command_stamp: Nanos,
     /// Sequence of the followed command; zero: none.
@@ -68,7 +69,7 @@ impl MotionTick<'_> {
     ) -> Result<GeneratedSetpoint, NotFinite> {
         let inverse = self.follow_goal(&command.goal)?;
         Ok(GeneratedSetpoint {
-            is_clipped: command.is_clipped(),
+            clip: command.clip(),
             command_stamp: command.stamp,
             command_sequence: command.sequence,
             ..GeneratedSetpoint::from(&inverse)
@@ -98,7 +99,7 @@ impl MotionTick<'_> {
         let is_finished =
             trajectory.is_finished(self.now) && self.axes.all(AxisControl::is_settled);
         Ok(GeneratedSetpoint {
-            is_clipped: inverse.is_beyond,
+            clip: inverse.is_beyond.then_some(Clip::Reach),
             next: is_finished.then_some(EnabledActivity::Holding),
             ..GeneratedSetpoint::from(&inverse)
         })

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::robot::Quantity;
+use crate::robot::{Clip, Quantity};
 use crate::units::Nanos;
 
 /// Shortest time between two events.
@@ -15,6 +15,7 @@ const GROWTH: f64 = 0.01;
 pub(crate) struct ClippedGoal {
     /// Client whose command is followed; 0: that of a `move_jp`.
     pub client_id: u64,
+    pub clip: Clip,
     /// Distance from the request, and its unit: degrees or mm.
     pub distance: Option<(f64, Quantity)>,
 }
@@ -74,6 +75,7 @@ mod tests {
             let now = Nanos::from_millis(10_000 + 100 * index as u64);
             let clip = (!distance.is_nan()).then_some(ClippedGoal {
                 client_id: 7,
+                clip: Clip::Reach,
                 distance: Some((*distance, Quantity::Degrees)),
             });
             let event = clips.update(clip, now)?;
@@ -111,7 +113,7 @@ mod tests {
     #[test]
     fn a_clip_of_unknown_distance_is_an_event_at_its_beginning() {
         let mut clips = ClipEvents::default();
-        let clip = ClippedGoal { client_id: 0, distance: None };
+        let clip = ClippedGoal { client_id: 0, clip: Clip::Reach, distance: None };
         let found = (0..5000).filter(|ms| {
             let now = Nanos::from_millis(10_000 + ms);
             clips.update((*ms < 4000).then_some(clip), now).is_some()

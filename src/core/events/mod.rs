@@ -102,6 +102,8 @@ pub enum CycleEventKind {
     Clipped {
         /// Client whose command is followed; 0: that of a `move_jp`.
         client_id: u64,
+        /// What keeps the goal from the one that was asked for.
+        clip: Clip,
     },
     /// The lease changed its holder.
     Lease {
@@ -175,7 +177,7 @@ impl CycleEventKind {
             Self::StaleStop { .. } => Some(Cause::Stop(Stop::Stale)),
             Self::LimitStop { limit, .. } => Some(Cause::Stop(*limit)),
             Self::FeedbackStop => Some(Cause::Stop(Stop::Feedback)),
-            Self::Clipped { .. } => Some(Cause::Clip(Clip::Reach)),
+            Self::Clipped { clip, .. } => Some(Cause::Clip(*clip)),
             Self::FixtureLimit { .. } => Some(Cause::Clip(Clip::Fixture)),
             Self::Refused { refusal, .. } | Self::RequestRefused { refusal, .. } => {
                 Some(Cause::Refusal(*refusal))
@@ -200,7 +202,7 @@ impl CycleEventKind {
         match self {
             Self::StaleStop { client_id, .. }
             | Self::LimitStop { client_id, .. }
-            | Self::Clipped { client_id }
+            | Self::Clipped { client_id, .. }
             | Self::Lease { client_id }
             | Self::Fixtures { client_id, .. }
             | Self::Refused { client_id, .. }

@@ -139,6 +139,12 @@ impl AxisGroup {
         counts
     }
 
+    /// A motor is at a position limit, to a count.
+    pub fn is_at_limit(&self, counts: &MotorVec) -> bool {
+        let beyond = [1.0, -1.0].map(|by| counts.map(|counts| counts + by));
+        beyond.into_iter().any(|beyond| self.clamp(beyond) != beyond)
+    }
+
     /// Every position is within the limits of its axis.
     pub fn allow(&self, positions: &[Counts; MAX_MOTORS]) -> bool {
         let mut pairs = self.0.iter().zip(positions);

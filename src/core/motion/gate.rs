@@ -8,7 +8,7 @@
 //! |---|---|---|
 //! | 0 | `command/tip_goal` | a place or a velocity of the tip becomes one of the joints |
 //! | 1 | `command/clutch` | the goal of the master becomes one of the snake |
-//! | 2 | `motion/reach` | the goal, back on its line to what can be reached |
+//! | 2 | `motion/reach` | the goal, or the nearest pose in reach |
 //! | 3 | `motion/goal_extrapolation` | the goal between commands: extrapolated, interpolated, or a rate integrated |
 //! | 4 | `motion/tremor_filter`, `motion/goal_lead` | the goal |
 //! | 5 | `motion/joint_limits` | the goal: position, velocity, acceleration, jerk of the angles |
@@ -198,6 +198,18 @@ impl Attempt {
             Self::Second => [0.0, 1.0],
         }
     }
+
+    /// Where the motion of one motor alone ends, counts.
+    fn leads_to(self, from: &MotorVec, targets: &[MotorTarget; MAX_MOTORS]) -> Option<MotorVec> {
+        let motor = match self {
+            Self::All | Self::Straight => return None,
+            Self::First => 0,
+            Self::Second => 1,
+        };
+        let mut end = *from;
+        end[motor] = targets[motor].position;
+        Some(end)
+    }
 }
 
 impl Gate {
@@ -293,9 +305,10 @@ impl<'a> GateTick<'a> {
                 break;
             }
             let mut shares = attempt.shares(axes, targets);
+            let leads_to = attempt.leads_to(&self.setpoints, targets);
             for is_last in [false, true] {
                 axes.track(targets, &shares);
-                let (limit, share) = match self.judge(axes, gate)? {
+                let (limit, share) = match self.judge(axes, gate, leads_to.as_ref())? {
                     Verdict::Passes { step }
                         if axes.is_moving() || !axes.is_away_from(targets, MAX_ARRIVED) =>
                     {
@@ -334,7 +347,12 @@ impl<'a> GateTick<'a> {
     }
 
     /// Checks the setpoints against every limit.
-    fn judge(&mut self, axes: &AxisGroup, gate: &Gate) -> Result<Verdict, NotFinite> {
+    fn judge(
+        &mut self,
+        axes: &AxisGroup,
+        gate: &Gate,
+        leads_to: Option<&MotorVec>,
+    ) -> Result<Verdict, NotFinite> {
         if !axes.keep_limits(&self.before) {
             return Ok(Verdict::Fails(Stop::Limit));
         }
@@ -351,7 +369,7 @@ impl<'a> GateTick<'a> {
         let Some(space) = &mut self.space else { return Ok(speed) };
         if let Verdict::Passes { .. } = speed {
             for (at, stop) in &places {
-                if let Some(limit) = space.forbids(at, stop)? {
+                if let Some(limit) = space.forbids(at, stop, leads_to)? {
                     return Ok(Verdict::Fails(limit));
                 }
             }

@@ -76,18 +76,6 @@ impl JointBounds {
         largest_difference(pose, &self.clamp(pose))
     }
 
-    /// How much of a straight line keeps the position limits, 0 to 1. It begins within them.
-    pub fn share_of_line(&self, from: &OutputVec, to: &OutputVec) -> f64 {
-        let clamped = self.clamp(to);
-        let mut share = 1.0_f64;
-        for ((from, to), clamped) in from.iter().zip(to).zip(&clamped) {
-            if to != clamped {
-                share = share.min((clamped - from) / (to - from));
-            }
-        }
-        share
-    }
-
     /// The largest step of a goal after a step `last`, output by output. What slows down is not
     /// limited: a stop is short. `margin`: a factor on all limits.
     pub fn largest_goal_step(&self, step: &OutputVec, last: &OutputVec, margin: f64) -> OutputVec {
@@ -269,13 +257,5 @@ mod tests {
         assert_eq!(of(0), [-4.0, 6.0].map(f64::to_radians));
         assert_eq!(of(1), [-30.0, 20.0].map(f64::to_radians));
         assert_eq!(of(2), [-NO_LIMIT, NO_LIMIT]);
-        let bounds = JointBounds::new(&config, TICK, TICK, true).unwrap();
-        let share = |to: [f64; 3]| {
-            let from = [2.0, 5.0, 0.0].map(f64::to_radians);
-            bounds.share_of_line(&from, &to.map(f64::to_radians))
-        };
-        for (to, wanted) in [([10.0, 5.0, 0.0], 0.5), ([5.0, 35.0, 0.0], 0.5), ([3.0; 3], 1.0)] {
-            assert!((share(to) - wanted).abs() < 1e-12, "{} to {to:?}", share(to));
-        }
     }
 }

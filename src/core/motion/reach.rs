@@ -1,70 +1,128 @@
-//! Reach: how far a straight line can be followed.
+//! Reach: the nearest goal that the snake can follow.
 //!
-//! A goal outside of the calibrated hull, the position limits of the motors or the joint limits is
-//! clipped on the line that leads to it, and never to the nearest pose: that would be another
-//! direction.
+//! A goal outside of the calibrated hull, the position limits of the motors or the joint limits
+//! goes to the nearest pose of them all, as at a virtual fixture. They are convex, nearly: the
+//! nearest pose never goes further than the goal does.
 //!
-//! What a point of the line lacks is its distance from the poses that can be reached. Out of a
-//! convex region it is convex along the line, and grows no faster than the way: a step by the whole
-//! lack, and then the secant, come to the border from outside. Models do not promise that. So the
-//! border is kept between a point that can be reached and one that cannot.
+//! Which poses the hull of counts contains depends on where the motors have been, by the width of
+//! the hysteresis: more of them along the border than out to it. A goal that went to the nearest of
+//! those would jump to and fro. So the border is that of the calibrated outputs, wherever the motors
+//! have been, drawn together around its centre until the motors keep to the hull. It gives way as
+//! the goal moves on, and slowly.
 
 use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::joint_limits::JointBounds;
 use crate::core::motion::joint_model::{JointModel, NotFinite};
-use crate::core::vector::{distance, interpolate, largest_difference};
-use crate::units::OutputVec;
+use crate::core::vector::{difference, distance, largest_difference, zip_map};
+use crate::robot::Clip;
+use crate::units::{MAX_OUTPUTS, OutputVec};
 
-/// Trials on one line. The border of a hull takes four or five.
-const TRIALS: u32 = 12;
+/// Trials, of the border and of both kinds of limits. What is left after them the inverse clips.
+const TRIALS: u32 = 6;
 
-/// Part of the line between the two points that ends the search.
-const RESOLUTION: f64 = 1e-3;
+/// Joint limits are kept to this, rad: far below what the gate tolerates.
+const KEPT: f64 = 1e-7;
 
-/// Position limits of the motors that a goal exceeds by less are kept: counts.
-const CLAMPED_COUNTS: f64 = 0.05;
+/// The border gives way by this part of the motion of the goal.
+const GIVES_WAY: f64 = 0.1;
 
-/// The last pose on the line from `from` to `goal` that can be reached; `goal` itself if it can be.
-/// `from` if nothing else on the line is found.
-pub(crate) fn reach(
-    joints: &JointModel,
-    axes: &AxisGroup,
-    from: &OutputVec,
-    goal: &OutputVec,
-) -> Result<OutputVec, NotFinite> {
-    let from = joints.bounds().map_or(*from, |bounds| bounds.clamp(from));
-    let mut share = joints.bounds().map_or(1.0, |bounds| bounds.share_of_line(&from, goal));
-    let (mut inside, mut outside) = (0.0, None);
-    let mut slope = distance(&from, goal);
-    for _ in 0..TRIALS {
-        let pose = interpolate(&from, goal, share);
-        let lack = lack(joints, axes, &pose)?;
-        if lack == 0.0 {
-            let Some((nearest, _)) = outside else { return Ok(pose) };
-            let is_first = inside == 0.0;
-            inside = share;
-            share = if is_first { inside + RESOLUTION } else { (inside + nearest) / 2.0 };
-        } else {
-            if let Some((before, lacked)) = outside {
-                slope = (lacked - lack) / (before - share);
-            }
-            outside = Some((share, lack));
-            let secant = share - lack / slope;
-            share = if secant > inside && secant < share { secant } else { (inside + share) / 2.0 };
-        }
-        if outside.is_some_and(|(nearest, _)| nearest - inside <= RESOLUTION || share >= nearest) {
-            break;
-        }
-    }
-    Ok(interpolate(&from, goal, inside))
+/// The border, relative to that of the calibrated outputs.
+pub(crate) const WHOLE: f64 = 1.0;
+
+/// What is rounding, rad (m).
+const UNMOVED: f64 = 1e-9;
+
+/// A goal in reach.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Reached {
+    /// rad (m).
+    pub goal: OutputVec,
+    /// The border that was found: for the next goal.
+    pub border: f64,
+    /// What keeps the goal from the one that was asked for, and how far, rad (m).
+    pub limit: Option<(Clip, f64)>,
 }
 
-/// How far a pose is from what can be reached, rad (m).
-fn lack(joints: &JointModel, axes: &AxisGroup, pose: &OutputVec) -> Result<f64, NotFinite> {
-    let inverse = joints.solve(pose)?;
-    let counts = axes.clamp(inverse.counts);
-    let clipped = if inverse.clipped { inverse.residual } else { 0.0 };
-    if largest_difference(&counts, &inverse.counts) < CLAMPED_COUNTS {
-        return Ok(clipped);
+/// The nearest goal in reach. `border`: that of the goal before, which was so far away, rad (m).
+pub(crate) fn nearest(
+    joints: &JointModel,
+    axes: &AxisGroup,
+    asked: &OutputVec,
+    bounds: Option<&JointBounds>,
+    (mut border, moved): (f64, f64),
+) -> Result<Reached, NotFinite> {
+    let bounds = bounds.filter(|bounds| bounds.has_positions());
+    let is_allowed = bounds.is_none_or(|bounds| bounds.excess(asked) == 0.0);
+    if border == WHOLE && is_allowed && !joints.solve(asked)?.clipped {
+        return Ok(Reached { goal: *asked, border, limit: None });
     }
-    Ok(clipped.max(distance(&joints.pose(&counts)?, &joints.pose(&inverse.counts)?)))
+    let centre = joints.centre();
+    border = (border * (1.0 + GIVES_WAY * moved / distance(asked, &centre))).min(WHOLE);
+    let mut trial = 1;
+    loop {
+        let (goal, is_joint) = within_limits(joints, asked, bounds, border)?;
+        let inverse = joints.solve(&goal)?;
+        if !inverse.clipped && goal == *asked {
+            return Ok(Reached { goal, border, limit: None });
+        }
+        if !inverse.clipped || trial == TRIALS {
+            let clip = match () {
+                () if is_joint => Clip::Joint,
+                () if axes.is_at_limit(&inverse.counts) => Clip::Motor,
+                () => Clip::Reach,
+            };
+            let away = if goal == *asked { inverse.residual } else { distance(&goal, asked) };
+            return Ok(Reached { goal, border, limit: Some((clip, away)) });
+        }
+        border *= 1.0 - (inverse.residual / distance(&goal, &centre)).min(0.5);
+        trial += 1;
+    }
+}
+
+/// The nearest pose within the border and the joint limits, and whether these push the goal back:
+/// along the outputs that would exceed them, until what the border leaves of it keeps them (R. L.
+/// Dykstra 1983, with the secant of the push).
+fn within_limits(
+    joints: &JointModel,
+    asked: &OutputVec,
+    bounds: Option<&JointBounds>,
+    border: f64,
+) -> Result<(OutputVec, bool), NotFinite> {
+    let (mut push, mut slope, mut last) = (OutputVec::default(), [1.0; MAX_OUTPUTS], None);
+    let mut trial = 1;
+    loop {
+        let pose = within_border(joints, &difference(asked, &push), border)?;
+        let Some(bounds) = bounds else {
+            return Ok((pose, false));
+        };
+        let pushed = zip_map(&pose, &push, |pose, push| pose + push);
+        let more = difference(&difference(&pushed, &bounds.clamp(&pushed)), &push);
+        if largest_difference(&more, &[0.0; MAX_OUTPUTS]) < KEPT || trial == TRIALS {
+            return Ok((bounds.clamp(&pose), push != OutputVec::default()));
+        }
+        if let Some((push_before, more_before)) = last {
+            let by = difference(&push, &push_before);
+            let less = difference(&more_before, &more);
+            slope = zip_map(&less, &by, |less, by| if by == 0.0 { 1.0 } else { less / by });
+        }
+        last = Some((push, more));
+        let step = zip_map(&more, &slope, |more, slope| more / slope.clamp(0.1, 1.0));
+        push = zip_map(&push, &step, |push, step| push + step);
+        trial += 1;
+    }
+}
+
+/// The nearest pose within the border.
+fn within_border(
+    joints: &JointModel,
+    asked: &OutputVec,
+    border: f64,
+) -> Result<OutputVec, NotFinite> {
+    let centre = joints.centre();
+    let around = |pose: &OutputVec, by: f64| {
+        zip_map(&centre, pose, |centre, pose| centre + by * (pose - centre))
+    };
+    let wide = around(asked, 1.0 / border);
+    let reached = joints.solve(&wide)?.reached;
+    Ok(if distance(&reached, &wide) < UNMOVED { *asked } else { around(&reached, border) })
 }

@@ -11,6 +11,14 @@ use crate::model::maths::newton_inverse;
 use crate::model::maths::regression::{Regression, array, bounded, estimate, rows, vector};
 use crate::units::{MotorVec, OutputVec};
 
+/// Where an inverse may go.
+#[derive(Debug, Clone)]
+pub(crate) struct Reach {
+    pub(in crate::model) counts: Hull,
+    /// The virtual counts that they lead to; the counts of families without.
+    pub(in crate::model) virtual_counts: Hull,
+}
+
 /// A family of models with its numbers of motors and outputs hidden. The provided methods suit a
 /// family without memory.
 pub(in crate::model) trait Runtime: Debug + Send + Sync {
@@ -57,20 +65,25 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
     ) -> (OutputVec, JacobianMatrix);
 
     fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix;
-    fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse;
+    fn invert(&self, goal: &OutputVec, memory: &Memory, reach: &Reach, query: &Query) -> Inverse;
+
+    /// Where the inverse may go in a hull of counts, inside of that of the calibration.
+    fn reach(&self, hull: &Hull) -> Reach {
+        Reach { counts: hull.clone(), virtual_counts: hull.clone() }
+    }
 
     /// See [`crate::model::Model::invert_each`].
     fn invert_each(
         &self,
         goals: &[OutputVec],
         memory: &Memory,
-        hull: &Hull,
+        reach: &Reach,
         query: &Query,
         found: &mut [Inverse],
     ) {
         let mut query = *query;
         for (index, (goal, found)) in goals.iter().zip(found).enumerate() {
-            *found = self.invert(goal, memory, hull, &query);
+            *found = self.invert(goal, memory, reach, &query);
             if index == 0 {
                 query.start = found.counts;
             }
@@ -86,11 +99,11 @@ pub(in crate::model) fn invert_one(
     runtime: &impl Runtime,
     goal: &OutputVec,
     memory: &Memory,
-    hull: &Hull,
+    reach: &Reach,
     query: &Query,
 ) -> Inverse {
     let mut found = [Inverse::default()];
-    runtime.invert_each(std::slice::from_ref(goal), memory, hull, query, &mut found);
+    runtime.invert_each(std::slice::from_ref(goal), memory, reach, query, &mut found);
     let [found] = found;
     found
 }
@@ -124,8 +137,8 @@ impl<const D: usize, const M: usize> Runtime for Memoryless<D, M> {
         rows(&self.0.local(&vector(&bounded(counts))).jacobian)
     }
 
-    fn invert(&self, goal: &OutputVec, _memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
-        newton_inverse::invert(&*self.0, hull, goal, &query.start)
+    fn invert(&self, goal: &OutputVec, _memory: &Memory, reach: &Reach, query: &Query) -> Inverse {
+        newton_inverse::invert(&*self.0, &reach.counts, goal, &query.start)
     }
 
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {

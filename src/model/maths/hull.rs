@@ -142,6 +142,25 @@ impl Hull {
         Self::new(&HullParameters { corners }, motors)
     }
 
+    /// What two hulls have in common. Allocates: not for the control loop.
+    ///
+    /// # Errors
+    ///
+    /// As [`Hull::from_points`]: when they have next to nothing in common.
+    pub(in crate::model) fn common(&self, other: &Self, motors: usize) -> Result<Self, ModelError> {
+        let inside = |one: &Self, of: &Self| -> Vec<MotorVec> {
+            one.corners().filter(|corner| of.contains(corner)).collect()
+        };
+        let mut points = [inside(self, other), inside(other, self)].concat();
+        if let (Shape::Polygon { edges: one, .. }, Shape::Polygon { edges: two, .. }) =
+            (&self.shape, &other.shape)
+        {
+            let pairs = one.iter().flat_map(|edge| two.iter().map(move |other| (edge, other)));
+            points.extend(pairs.filter_map(|(edge, other)| edge.crossing(other)));
+        }
+        Self::from_points(motors, &points)
+    }
+
     /// The parameters of the hull in a model file.
     #[must_use]
     pub fn parameters(&self) -> HullParameters {
@@ -310,6 +329,15 @@ impl Hull {
 }
 
 impl Edge {
+    /// Where a side of another polygon crosses this one.
+    fn crossing(&self, other: &Self) -> Option<MotorVec> {
+        let share = -other.excess(self.corner) / dot(other.normal, self.along);
+        let at = add(self.corner, self.along.map(|along| share * along));
+        let along = dot(subtract(at, other.corner), other.along) / dot(other.along, other.along);
+        let is_on = |share| (0.0..=1.0).contains(&share);
+        (is_on(share) && is_on(along)).then_some(at)
+    }
+
     /// The least value of a quadratic along a side: a parabola in the fraction of the side, clamped
     /// to [0, 1].
     fn minimum(&self, quadratic: &Quadratic, origin: MotorVec) -> MotorVec {

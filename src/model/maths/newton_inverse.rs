@@ -95,6 +95,7 @@ where
         let inverse = Inverse {
             counts: start.counts,
             clipped: true,
+            reached: array(&start.local.mean),
             residual: f64::INFINITY,
             iterations: 0,
             fell_back: false,
@@ -103,7 +104,7 @@ where
     }
     let search = Search { regression, hull, goal: goal.map(|g| g.clamp(-GOAL_LIMIT, GOAL_LIMIT)) };
     let first = search.descend(start, 0);
-    if first.reached() {
+    if first.is_reached() {
         return first.into_inverse(false);
     }
     let Some(second_start) = regression.second_start(&search.goal) else {
@@ -184,16 +185,28 @@ impl<R: ?Sized, const M: usize> Search<'_, R, M> {
 }
 
 impl<const D: usize, const M: usize> Attempt<D, M> {
-    /// The minimum over the hull of the quadratic approximation of the squared error.
-    fn step(&self, hull: &Hull, damping: f64) -> Minimum {
+    /// The quadratic approximation of the squared error; `None` without any slope.
+    fn quadratic(&self, damping: f64) -> Option<Quadratic> {
         let jacobian = &self.local.jacobian;
         let gradient = jacobian.tr_mul(&self.error);
         let squared = jacobian.tr_mul(jacobian);
         let diagonal_damping = damping * squared.trace() / D as f64;
-        let quadratic = Quadratic::new(array(&gradient), rows(&squared), diagonal_damping);
+        Quadratic::new(array(&gradient), rows(&squared), diagonal_damping)
+    }
+
+    /// Its minimum over the hull.
+    fn step(&self, hull: &Hull, damping: f64) -> Minimum {
         // Without any slope there is no step.
-        quadratic.map_or(Minimum { counts: self.counts, excess: 0.0 }, |q| {
+        self.quadratic(damping).map_or(Minimum { counts: self.counts, excess: 0.0 }, |q| {
             hull.minimise(&q, self.counts)
+        })
+    }
+
+    /// The goal, less the step that the hull has cut off: what no counts would reach is left in it.
+    fn reached(&self) -> SVector<f64, M> {
+        let mean = self.local.mean;
+        self.quadratic(LEAST_DAMPING).map_or(mean, |quadratic| {
+            mean - self.error - self.local.jacobian * vector::<D>(&quadratic.minimum())
         })
     }
 
@@ -201,17 +214,18 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
         one_count(&self.local.jacobian)
     }
 
-    fn reached(&self) -> bool {
+    fn is_reached(&self) -> bool {
         self.residual <= (REACHED_COUNTS * self.one_count()).max(REACHED_FLOOR)
     }
 
     /// With more outputs than motors almost every goal is missed, so there `clipped` means that the
     /// hull limits the last step.
     fn into_inverse(self, fell_back: bool) -> (Inverse, SearchStart<D, M>) {
-        let clipped = if M > D { self.excess > REACHED_COUNTS } else { !self.reached() };
+        let clipped = if M > D { self.excess > REACHED_COUNTS } else { !self.is_reached() };
         let inverse = Inverse {
             counts: self.counts,
             clipped,
+            reached: array(&if clipped { self.reached() } else { self.local.mean - self.error }),
             residual: self.residual,
             iterations: self.iterations,
             fell_back,

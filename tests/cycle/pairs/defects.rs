@@ -55,7 +55,7 @@ const DEFECTS: [(&str, &[Edit]); 16] = [
     ),
     (
         "the gate checks no position of the angles",
-        &[(SPACE, "if excess > POSE_TOLERANCE && excess", "if excess > 9.0 && excess")],
+        &[(SPACE, "if excess > POSE_TOLERANCE {", "if excess > 9.0 {")],
     ),
     (
         "the gate looks at where the setpoints are, and not at where they come to rest",
@@ -117,8 +117,8 @@ const DEFECTS: [(&str, &[Edit]); 16] = [
         &[(GOALS, "let back = if ahead > most {", "let back = if ahead > 1e9 * most {")],
     ),
     (
-        "a goal that was cut is compared as it was requested",
-        &[(GOALS, "goal.goal() == requested) {", "goal.goal() == requested) || step >= 0.0 {")],
+        "a border that is elsewhere at once takes the goal along",
+        &[(GOALS, "&reached.goal, share);", "&reached.goal, share + 1.0);")],
     ),
     (
         "a goal is integrated from stamps that go back",

@@ -61,8 +61,10 @@ STOPS: dict[int, str] = {
     9: "the velocity or acceleration limit of the joints broke it off",
 }
 CLIPS: dict[int, str] = {
-    1: "the goal is outside the calibrated hull or the position limits",
+    1: "the goal is outside the calibrated range; the snake goes to the nearest pose",
     2: "a virtual fixture slows or stops the goal",
+    3: "the goal is beyond a position limit of a motor; the snake goes to the nearest pose",
+    4: "the goal is beyond a joint limit; the snake goes to the nearest pose",
 }
 #: What to do, by kind (1 fault, 2 refusal, 3 stop, 4 clip) and number.
 ADVICE: dict[tuple[int, int], str] = {
@@ -116,6 +118,8 @@ ADVICE: dict[tuple[int, int], str] = {
     (3, 9): "raise `joint_limits`, or calibrate again: the model jumps there",
     (4, 1): "command less, or calibrate a wider range",
     (4, 2): "go around the region (`i2ris command fixture list`)",
+    (4, 3): "command less, or check `position_min_counts`, `position_max_counts`",
+    (4, 4): "command less, or check the positions in `joint_limits`",
 }
 #: Units of measured values.
 QUANTITIES: dict[int, str] = {

@@ -28,11 +28,14 @@ impl JointSpace<'_> {
     }
 
     /// The limit that the poses at some counts break, and further than a stop does: position
-    /// limits, or a region.
+    /// limits, or a region. `leads_to`: the end of a motion of one motor, which comes back from
+    /// beyond a position limit, and may go on to it by up to a count: in its gap it moves the snake
+    /// a little outwards.
     pub(super) fn forbids(
         &mut self,
         at: &MotorVec,
         stop: &MotorVec,
+        leads_to: Option<&MotorVec>,
     ) -> Result<Option<Stop>, NotFinite> {
         let (joints, calibrated) = (self.joints, self.calibrated);
         let bounds = joints.bounds().filter(|bounds| bounds.has_positions());
@@ -42,8 +45,17 @@ impl JointSpace<'_> {
         let adapted = joints.pose(at)?;
         if let Some(bounds) = bounds {
             let excess = bounds.excess(&adapted);
-            if excess > POSE_TOLERANCE && excess > bounds.excess(&joints.pose(stop)?) {
-                return Ok(Some(Stop::Limit));
+            if excess > POSE_TOLERANCE {
+                let stopped = bounds.excess(&joints.pose(stop)?);
+                let is_detour = match leads_to {
+                    Some(end) if excess <= joints.model().count_worth() => {
+                        bounds.excess(&joints.pose(end)?) < stopped
+                    }
+                    _ => false,
+                };
+                if excess > stopped && !is_detour {
+                    return Ok(Some(Stop::Limit));
+                }
             }
         }
         if !self.fixtures.is_on() {

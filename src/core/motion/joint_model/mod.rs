@@ -24,7 +24,9 @@ use crate::core::motion::model_blend::ModelBlend;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
-use crate::model::{Estimate, History, Inverse, JacobianMatrix, Memory, MemoryTerms, Model, Query};
+use crate::model::{
+    Estimate, History, Inverse, JacobianMatrix, Memory, MemoryTerms, Model, Query, Reach,
+};
 use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
 use position_history::{HistoryCursor, PositionHistory};
 use velocity_estimate::rate;
@@ -36,6 +38,10 @@ const MAX_REPLAYED: usize = 8;
 #[derive(Debug, Clone)]
 pub(crate) struct JointModel {
     model: Arc<Model>,
+    /// The calibrated hull between the position limits of the motors.
+    reach: Reach,
+    /// The outputs at the centre of the hull without past motion, rad (m).
+    centre: OutputVec,
     compensation: f64,
     /// `None`: off, or outputs that are no angles.
     bounds: Option<JointBounds>,
@@ -193,8 +199,18 @@ impl JointModel {
             goal_motion: OutputVec::default(),
         };
         let adapts = config.adaptation.enabled;
+        let limits = |is_highest: bool| {
+            vector::collect((0..config.motors()).filter_map(|motor| config.axis(motor)).map(
+                |axis| {
+                    if is_highest { axis.position_max_counts } else { axis.position_min_counts }
+                        .as_f64()
+                },
+            ))
+        };
         Self {
             geometry: adapts.then(|| ModelGeometry::new(&model)).flatten(),
+            reach: model.reach_between(limits(false), limits(true)),
+            centre: model.predict(&model.hull().centre(), &Memory::default()).mean,
             model,
             compensation: config.compensation.factor,
             bounds: JointBounds::new(
@@ -326,7 +342,12 @@ impl JointModel {
         self.state.goal_motion = OutputVec::default();
     }
 
-    /// The counts at which the outputs are nearest to a goal.
+    /// A pose amid those in reach, rad (m).
+    pub fn centre(&self) -> OutputVec {
+        self.corrected(self.centre)
+    }
+
+    /// The counts in reach at which the outputs are nearest to a goal.
     pub fn solve(&self, goal: &OutputVec) -> Result<Inverse, NotFinite> {
         self.solve_each(&[*goal]).map(|[inverse]| inverse)
     }
@@ -348,7 +369,10 @@ impl JointModel {
             correction.map_or(*goal, |correction| correction.undo(goal))
         };
         let goals = goals.each_ref().map(uncorrected);
-        let inverses = self.model.invert_each(&goals, &state.memory, &query);
+        let mut inverses = self.model.invert_within(&self.reach, &goals, &state.memory, &query);
+        for inverse in &mut inverses {
+            inverse.reached = self.corrected(inverse.reached);
+        }
         if inverses.iter().all(|inverse| vector::is_finite(&inverse.counts)) {
             Ok(inverses)
         } else {

@@ -8,7 +8,7 @@ use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputUnit, Query};
 use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
-use crate::model::families::runtime::{Runtime, invert_one};
+use crate::model::families::runtime::{Reach, Runtime, invert_one};
 use crate::model::maths::hull::{Hull, TOLERANCE_COUNTS};
 use crate::model::maths::newton_inverse::{self, SearchStart};
 use crate::model::maths::regression::{Local, Regression, array, bounded, estimate, rows, vector};
@@ -92,11 +92,17 @@ where
         estimate(&prediction)
     }
 
+    /// The virtual counts at a position that nothing led to.
+    fn without_past(&self, counts: &MotorVec) -> MotorVec {
+        let counts = vector(counts);
+        array(&self.operator.virtual_counts(&self.operator.begin(&counts), &counts))
+    }
+
     /// Where the search of the regression starts for a query.
-    fn search_start(&self, state: &O::State, query: &Query) -> SearchStart<D, M> {
+    fn search_start(&self, state: &O::State, query: &Query, hull: &Hull) -> SearchStart<D, M> {
         let start = vector(&bounded(&query.start));
         let virtual_counts = self.operator.virtual_counts(state, &start);
-        SearchStart::new(&self.read_out, &self.virtual_hull, &array(&virtual_counts))
+        SearchStart::new(&self.read_out, hull, &array(&virtual_counts))
     }
 
     /// The inverse of a goal without the residual, and where the search of the regression ended.
@@ -104,12 +110,11 @@ where
         &self,
         goal: &OutputVec,
         (state, origin): (&O::State, &O::Origin<'_>),
-        hull: &Hull,
+        Reach { counts: hull, virtual_counts }: &Reach,
         query: &Query,
         start: &SearchStart<D, M>,
     ) -> (Inverse, SearchStart<D, M>) {
-        let (found, end) =
-            newton_inverse::invert_from(&self.read_out, &self.virtual_hull, goal, start);
+        let (found, end) = newton_inverse::invert_from(&self.read_out, virtual_counts, goal, start);
         if !found.residual.is_finite() {
             let counts = hull.project(&query.start);
             return (Inverse { counts, ..found }, end);
@@ -143,13 +148,9 @@ where
     }
 }
 
-/// A goal without the correction.
-fn without(goal: &OutputVec, correction: &OutputVec) -> OutputVec {
-    let mut goal = *goal;
-    for (output, correction) in goal.iter_mut().zip(correction) {
-        *output -= correction;
-    }
-    goal
+/// A goal with so much of the correction.
+fn with(goal: &OutputVec, share: f64, correction: &OutputVec) -> OutputVec {
+    std::array::from_fn(|output| goal[output] + share * correction[output])
 }
 
 impl<O, R, const D: usize, const M: usize> Runtime for Chain<O, R, D, M>
@@ -227,27 +228,36 @@ where
         })
     }
 
-    fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
-        invert_one(self, goal, memory, hull, query)
+    fn invert(&self, goal: &OutputVec, memory: &Memory, reach: &Reach, query: &Query) -> Inverse {
+        invert_one(self, goal, memory, reach, query)
+    }
+
+    /// The virtual counts of the calibration, and of the counts as they are without past motion.
+    fn reach(&self, hull: &Hull) -> Reach {
+        let counts: Vec<_> = hull.corners().map(|corner| self.without_past(&corner)).collect();
+        let led_to = Hull::from_points(D, &counts);
+        let common = led_to.and_then(|led_to| self.virtual_hull.common(&led_to, D));
+        let virtual_counts = common.unwrap_or_else(|_| self.virtual_hull.clone());
+        Reach { counts: hull.clone(), virtual_counts }
     }
 
     fn invert_each(
         &self,
         goals: &[OutputVec],
         memory: &Memory,
-        hull: &Hull,
+        reach: &Reach,
         query: &Query,
         found: &mut [Inverse],
     ) {
         let correction = query.correction.unwrap_or_else(|| self.memory_terms(memory).correction);
         self.with_state(memory, |state| {
             let origin = self.operator.origin(state);
-            let mut start = self.search_start(state, query);
+            let mut start = self.search_start(state, query, &reach.virtual_counts);
             for (index, (goal, found)) in goals.iter().zip(found).enumerate() {
-                let goal = without(goal, &correction);
+                let goal = with(goal, -1.0, &correction);
                 let from = (state, &origin);
-                let (inverse, end) = self.invert_from(&goal, from, hull, query, &start);
-                *found = inverse;
+                let (inverse, end) = self.invert_from(&goal, from, reach, query, &start);
+                *found = Inverse { reached: with(&inverse.reached, 1.0, &correction), ..inverse };
                 if index == 0 {
                     start = end;
                 }
@@ -261,7 +271,8 @@ where
         let state = self.operator.begin(&vector(&hull.centre()));
         let origin = self.operator.origin(&state);
         let query = Query::new(hull.centre());
-        let start = self.search_start(&state, &query);
+        let reach = Reach { counts: hull.clone(), virtual_counts: self.virtual_hull.clone() };
+        let start = self.search_start(&state, &query, &self.virtual_hull);
         let virtual_counts = |counts: &MotorVec| -> MotorVec {
             array::<D, MAX_MOTORS>(&self.operator.virtual_counts(&state, &vector(counts)))
         };
@@ -273,7 +284,7 @@ where
                     .contains(&virtual_counts(counts))
                     .then(|| self.local(&state, &vector(counts)))
             },
-            |goal| self.invert_from(goal, (&state, &origin), hull, &query, &start).0,
+            |goal| self.invert_from(goal, (&state, &origin), &reach, &query, &start).0,
         )
     }
 }

@@ -7,6 +7,7 @@ use i2ris::config::{AxisConfig, Config, JointLimitConfig, PortConfig};
 use i2ris::core::ServoGoal;
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
+use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, MotorVec, OutputVec};
 use i2ris_calibration::recording::{ColumnMap, Row, TimeColumn, Wanted};
 use i2ris_simulation::closed_loop::{
@@ -14,11 +15,11 @@ use i2ris_simulation::closed_loop::{
 };
 use serde::Serialize;
 
-use super::columns::{check_output, counts_columns, history, output_columns, si};
+use super::columns::{check_output, counts_columns, history, output_columns};
 use crate::calibrate::ColumnArguments;
 use crate::csv_table;
 use i2ris_report::Failure;
-use i2ris_report::statistics::interpolate;
+use i2ris_report::statistics::{distance, interpolate};
 
 /// Speed of the approach to the first pose, degrees (mm) per second.
 const APPROACH: f64 = 10.0;
@@ -68,8 +69,10 @@ pub struct Arguments {
 #[derive(Debug, Serialize)]
 struct Outcome {
     ticks: usize,
-    /// Ticks whose goal lay outside the hull or the position limits.
+    /// Ticks whose goal lay outside the hull, the position limits or the joint limits.
     clipped_ticks: usize,
+    /// The largest distance of such a goal from the nearest one in reach, degrees (mm).
+    clipped_farthest: f64,
     /// The memory was known when the trajectory began.
     memory_known: bool,
     /// Travel of every motor, counts.
@@ -86,7 +89,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         std::iter::once("t_s".to_owned()).chain(output_columns(&model)).collect();
     let map = arguments.columns.map();
     let table = csv_table::read(trajectory, &map, &Wanted::trajectory(&model.file().outputs))?.rows;
-    let desired = DesiredTrajectory { rows: &table, si: si(&model), outputs: model.outputs() };
+    let unit = model.file().outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
+    let desired = DesiredTrajectory { rows: &table, si: unit.si(), outputs: model.outputs() };
     // The rehearsal goes through it tick by tick: its times are not looked at.
     let untimed = ColumnMap { time: TimeColumn::Ignored, ..map };
     let past = history(arguments.history.as_ref(), &untimed, &model)?;
@@ -101,22 +105,23 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         other => other.to_string(),
     })?;
     approach(&mut rehearsal, &desired, arguments.no_limits)
-        .map_err(|error| explained(error, trajectory, desired.start_s(), &config))?;
+        .map_err(|error| explained(error, trajectory, desired.start_s(), &config, unit))?;
     let known = rehearsal.report().joint.is_some_and(|joint| joint.memory_known);
     let mut outcome = Outcome {
         ticks: 0,
         clipped_ticks: 0,
+        clipped_farthest: 0.0,
         memory_known: known,
         travel_counts: vec![0.0; model.motors()],
     };
     let rows = play(&mut rehearsal, &desired, &mut outcome)
-        .map_err(|(error, t)| explained(error, trajectory, t, &config))?;
+        .map_err(|(error, t)| explained(error, trajectory, t, &config, unit))?;
     let header: Vec<String> = columns.into_iter().chain(counts_columns(&model)).collect();
     csv_table::write(output, &header, &rows)?;
-    print(&outcome, output, arguments.json)
+    print(&outcome, output, unit, arguments.json)
 }
 
-fn print(outcome: &Outcome, output: &Path, json: bool) -> Result<(), Failure> {
+fn print(outcome: &Outcome, output: &Path, unit: OutputUnit, json: bool) -> Result<(), Failure> {
     if !outcome.memory_known {
         eprintln!(
             "warning: the memory is not known where the trajectory begins, so the counts may be \
@@ -131,8 +136,8 @@ fn print(outcome: &Outcome, output: &Path, json: bool) -> Result<(), Failure> {
     println!("wrote {} ticks to {}", outcome.ticks, output.display());
     if outcome.clipped_ticks > 0 {
         println!(
-            "{} of them could not be reached and were clipped to the nearest pose",
-            outcome.clipped_ticks
+            "{} of them are out of reach, by {:.2} {unit} at most: the nearest pose is in their place",
+            outcome.clipped_ticks, outcome.clipped_farthest
         );
     }
     Ok(())
@@ -222,7 +227,11 @@ fn play(
         let angles = desired.at(time_s);
         let report = rehearsal.follow(desired.goal(angles)).map_err(|error| (error, time_s))?;
         outcome.ticks += 1;
-        outcome.clipped_ticks += usize::from(report.clipped);
+        if let Some(joint) = report.joint.filter(|_| report.clipped) {
+            let away = distance(&joint.goal, &angles) / desired.si;
+            outcome.clipped_ticks += 1;
+            outcome.clipped_farthest = outcome.clipped_farthest.max(away);
+        }
         let counts = report.setpoints;
         for ((travel, counts), before) in outcome.travel_counts.iter_mut().zip(counts).zip(before) {
             *travel += (counts.as_f64() - before.as_f64()).abs();
@@ -235,12 +244,21 @@ fn play(
     Ok(rows)
 }
 
-fn explained(error: LoopError, file: &Path, time_s: f64, config: &Config) -> Failure {
+fn explained(
+    error: LoopError,
+    file: &Path,
+    time_s: f64,
+    config: &Config,
+    unit: OutputUnit,
+) -> Failure {
     let remedy = match error {
         LoopError::Goal(Refusal::Step) => {
+            let step = match unit {
+                OutputUnit::Deg => format!("{} deg", config.command.max_step_deg),
+                OutputUnit::Mm => format!("{} counts", config.command.max_step_counts),
+            };
             format!(
-                "; more than {} deg in one tick: smooth it, or lift the limits with --no-limits",
-                config.command.max_step_deg
+                "; more than {step} in one tick: smooth it, or lift the limits with --no-limits"
             )
         }
         _ => String::new(),
