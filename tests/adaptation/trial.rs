@@ -11,6 +11,7 @@ use i2ris_simulation::ageing::{Change, Course, Parameter};
 use i2ris_simulation::closed_loop::{ClosedLoop, Inputs, state_request};
 use i2ris_simulation::physics::{DrawnSnake, Physics};
 use i2ris_simulation::robot::Robot;
+use i2ris_testing::fast_config;
 
 use toml::{Table, Value};
 
@@ -27,15 +28,16 @@ pub const SNAKES: [DrawnSnake; 3] = [
 
 pub const ON: &str = "[adaptation]\nenabled = true";
 
-/// The configuration of the emulator with further values.
+/// The configuration of the emulator with further values. Motors are fast: what is left of the error
+/// of a hand is that of the model.
 pub fn config(table: &str) -> Config {
     let (mut all, more): (Table, Table) = (CONFIG.parse().unwrap(), table.parse().unwrap());
     for (name, values) in more {
         let table = all.entry(name).or_insert(Value::Table(Table::new()));
         table.as_table_mut().unwrap().extend(values.as_table().unwrap().clone());
     }
-    let text = toml::to_string(&all).unwrap();
-    let mut config = Config::parse(&text, "emulator.toml".as_ref()).unwrap();
+    let mut config = fast_config(&toml::to_string(&all).unwrap());
+    config.compensation.lead_ms = 10.0;
     // The goal of the hand begins anywhere.
     config.command.first_step_deg = config.command.max_step_deg;
     config

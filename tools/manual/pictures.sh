@@ -8,19 +8,13 @@ export PATH="$programs:$PATH" I2RIS_DOMAIN=manual-pictures
 images=$PWD/tools/manual/src/images
 mkdir -p "$images"
 work=$(mktemp -d)
-export I2RIS_EMULATOR_PORTS=$work/ports
 trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$work"' EXIT
 
-# With margins for a machine that is busy otherwise.
-sed -e "s#/tmp/i2ris-emulator#$work/ports#; s#domain = \"i2ris\"#domain = \"$I2RIS_DOMAIN\"#; s#../target/records#$work/records#" \
-  -e "s#feedback_stale_ms = .*#feedback_stale_ms = 2000#" \
-  -e "s#reply_timeout_ms = .*#reply_timeout_ms = 300#; s#following_error_counts = .*#following_error_counts = 3000#" \
-  config/emulator.toml > "$work/emulator.toml"
-i2ris emulate --snake config/snakes/steel.toml > "$work/emulator.log" 2>&1 &
-sleep 2
-i2ris-watchdog --config "$work/emulator.toml" > "$work/watchdog.log" 2>&1 &
-i2ris-control --config "$work/emulator.toml" > "$work/controller.log" 2>&1 &
-sleep 3
+i2ris start --snake config/snakes/steel.toml --no-monitor --folder "$work" > "$work/start.log" 2>&1 &
+until grep -q '^ready:' "$work/start.log"; do
+  kill -0 $! || { cat "$work/start.log"; exit 1; }
+  sleep 0.2
+done
 i2ris calibrate collect --home --duration-s 100 --output "$work/first.csv"
 i2ris calibrate fit "$work/first.csv" --family force-balance \
   --output "$work/first.json" --report "$work/first.html"
@@ -39,7 +33,7 @@ PYTHON
 rsvg-convert --width 900 --background-color white "$work/loop.svg" --output "$images/hysteresis-loop.png"
 
 i2ris model use "$work/first.json"
-i2ris command circle --radius-deg 10 --period-s 6 --duration-s 40 > "$work/circle.log" 2>&1 &
+i2ris command circle --radius-deg 10 --period-s 20 --duration-s 40 > "$work/circle.log" 2>&1 &
 i2ris status --web 8799 > "$work/monitor.log" 2>&1 &
 sleep 14
 python3 tools/manual/screenshot.py http://127.0.0.1:8799/?theme=dark 1280 900 "$images/monitor.png"

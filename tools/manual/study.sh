@@ -9,18 +9,13 @@ study=$(realpath -m "${1:?usage: study.sh FOLDER}")
 programs=${I2RIS_PROGRAMS:-$PWD/target/release}
 export PATH="$programs:$programs/examples:$PATH" I2RIS_DOMAIN=study-$$ I2RIS_STUDY=$study
 work=$(mktemp -d)
-export I2RIS_EMULATOR_PORTS=$work/ports
 trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 
-# With margins for a machine that is busy otherwise.
-sed -e "s#/tmp/i2ris-emulator#$work/ports#; s#domain = \"i2ris\"#domain = \"$I2RIS_DOMAIN\"#; s#../target/records#$work/records#" \
-  -e "s#feedback_stale_ms = .*#feedback_stale_ms = 2000#" \
-  -e "s#reply_timeout_ms = .*#reply_timeout_ms = 300#; s#following_error_counts = .*#following_error_counts = 3000#" \
-  config/emulator.toml > "$work/emulator.toml"
-i2ris emulate --snake config/snakes/steel.toml > "$work/emulator.log" 2>&1 &
-sleep 2
-i2ris-control --config "$work/emulator.toml" > "$work/controller.log" 2>&1 &
-sleep 3
+i2ris start --snake config/snakes/steel.toml --no-monitor --folder "$work" > "$work/start.log" 2>&1 &
+until grep -q '^ready:' "$work/start.log"; do
+  kill -0 $! || { cat "$work/start.log"; exit 1; }
+  sleep 0.2
+done
 
 # One recording, two models: with and without memory.
 i2ris calibrate collect --home --duration-s 60 --output "$work/first.csv"

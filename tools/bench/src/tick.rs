@@ -10,7 +10,7 @@ use i2ris::core::{ExternalPose, ServoGoal};
 use i2ris::model::Model;
 use i2ris::model::kinematic::tip_position;
 use i2ris::robot::StateCommand;
-use i2ris::units::Nanos;
+use i2ris::units::{Nanos, OutputVec};
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors};
 
 use crate::BenchError;
@@ -41,6 +41,8 @@ pub struct Duties {
 #[derive(Debug)]
 pub struct Cycle {
     control: ClosedLoop<IdealMotors>,
+    /// Where the conditioning cycle leaves the snake, rad.
+    start: OutputVec,
     seconds: f64,
     reach_deg: f64,
     /// Ticks in which a region limited the goal.
@@ -66,12 +68,11 @@ impl Cycle {
         let mut config = Config::parse(&text, Path::new("config/emulator.toml"))?;
         config.control.rate_hz = (1_000_000_000 / period.0.max(1)) as u32;
         config.adaptation.enabled = adapts;
-        // From where the conditioning cycle leaves the snake.
-        config.command.first_step_deg = config.command.max_step_deg;
         let mut control = ClosedLoop::new(&config, model, IdealMotors::default());
         control.command(StateCommand::Enable)?;
         control.command(StateCommand::Condition)?;
         Ok(Self {
+            start: control.report().joint.map_or([0.0; 3], |joint| joint.setpoint),
             camera: adapts.then(Camera::default),
             control,
             seconds: 0.0,
@@ -94,10 +95,11 @@ impl Cycle {
         self.limited
     }
 
-    /// Two frequencies with a long common period: both motors turn at many positions.
+    /// Two frequencies with a long common period: both motors turn at many positions. The goal is
+    /// one that the limits bear: at most 5 deg/s, or 9 at the regions.
     fn goal(&self) -> ServoGoal {
         let axis = |hz: f64| self.reach_deg.to_radians() * (TAU * hz * self.seconds).sin();
-        ServoGoal::Joint([axis(0.5), axis(0.31), 0.0], 2)
+        ServoGoal::Joint([self.start[0] + axis(0.15), self.start[1] + axis(0.093), 0.0], 2)
     }
 
     /// Frames that were learned from.

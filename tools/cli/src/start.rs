@@ -231,7 +231,8 @@ pub fn config(folder: &Path, domain: &str, line: Line) -> Result<Config, Failure
     config.record_folder = folder.join("records");
     // Emulated drives share the computer with everything else that runs there: when it stalls, so
     // do they, and that is no fault of a line. An exchange that is lost is repeated before a
-    // position is stale, and drives watch the distance to their setpoint, too.
+    // position is stale, and what a motor is behind by then is no following error, in the loop or
+    // in its drive. All other limits are those of a robot as delivered.
     (config.limits.feedback_stale_ms, config.limits.following_error_counts) = (2000, 3000);
     config.ports = line.ports(config.axes().cloned().collect(), |number| device(folder, number));
     for port in &mut config.ports {

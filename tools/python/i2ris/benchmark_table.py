@@ -60,6 +60,15 @@ def at_times(case: benchmark.Case, model: Model | gmr_direction.DirectionModel) 
     return model.predict
 
 
+def of_task(rows: Iterable[Row], task: str) -> list[Row]:
+    """The rows that judge a task as it is now; of several of the same case and method the newest."""
+    newest: dict[tuple[Any, ...], Row] = {}
+    for row in sorted(rows, key=lambda row: row["version"]):
+        if task == "forward" or row["version"] >= benchmark.INVERSE_SINCE:
+            newest[row["physics"], row["seed"], *kind(row), row["method"]] = row
+    return list(newest.values())
+
+
 def shares(rows: Iterable[Row], physics: str, method: str, task: str) -> list[float]:
     """The shares of a method on a physics; none where any of them was refused."""
     of = [row for row in rows if row["physics"] == physics]
@@ -79,6 +88,7 @@ def own_seeds(rows: list[Row], method: str) -> str:
 
 def table(rows: list[Row], task: str) -> list[str]:
     """Methods by physics; those of other seeds than the whole table say so."""
+    rows = of_task(rows, task)
     physics = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in rows)]
     methods = list(dict.fromkeys(row["method"] for row in rows)) + ["exact"] * (task == "inverse")
     lines = [f"| method | {' | '.join(physics)} | all |", "|---" * (len(physics) + 2) + "|"]
@@ -112,10 +122,11 @@ CASES = (
 def summary(rows: Iterable[Row]) -> str:
     """One table: every method in every case, over all physics that it was run on (`of` so many where those are fewer),
     with the physics where it is worst."""
-    rows = list(rows)
-    methods = [*dict.fromkeys(row["method"] for row in rows), "exact"]
+    every = list(rows)
+    methods = [*dict.fromkeys(row["method"] for row in every), "exact"]
     lines = [f"| task | method | {' | '.join(name for name, _ in CASES)} |", "|---" * (len(CASES) + 2) + "|"]
     for task in ("inverse", "forward"):
+        rows = of_task(every, task)
         for method in methods[: len(methods) - (task == "forward")]:
             cells = []
             for _, case in CASES:
@@ -138,7 +149,7 @@ def page(rows: Iterable[Row], note: str = "") -> str:
     """The tables as Markdown: geometric means over seeds, for each method and physics."""
     rows = list(rows)
     lines = [
-        "# The hysteresis benchmark, version 2",
+        "# The hysteresis benchmark, version 3",
         "",
         "Share of a straight line's error, geometric mean over the seeds; **forward** (angles from counts, after 10 s)",
         "and **inverse** (tip while the controller tracks five motions). `exact` is the inverse of the snake itself",
@@ -167,7 +178,7 @@ FAMILIES = ("linear", "gmr", "gmr-play", "force-balance")
 def regret(rows: Iterable[Row]) -> list[tuple[float, Row]]:
     """Error of what `best` took over that of the family that was best in hindsight, largest first, with the row."""
     cases: dict[tuple[Any, ...], dict[str, Row]] = {}
-    for row in rows:
+    for row in of_task(rows, "inverse"):
         cases.setdefault((row["physics"], row["seed"], *kind(row)), {})[row["method"]] = row
     found = []
     for case in cases.values():
@@ -188,7 +199,7 @@ SHOWN = (
 
 def figure(rows: Iterable[Row]) -> str:
     """Bars of the inverse task by physics, as SVG that is read on light and on dark."""
-    rows = [row for row in rows if kind(row) == ("reversals", "usual", False)]
+    rows = [row for row in of_task(rows, "inverse") if kind(row) == ("reversals", "usual", False)]
     width, height, left, bottom, bar = 880, 314, 46, 250, 18
     names = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in rows)] or benchmark.PHYSICS
     step = (width - left - 10) / len(names)

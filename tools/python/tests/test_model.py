@@ -344,7 +344,7 @@ def test_the_benchmark_scores_and_its_data_are_frozen(case):
     assert frozen[case.name] == train.sha256
     kinds = len(benchmark.PROTOCOLS) * len(benchmark.CAMERAS) + 2
     assert len(frozen) == len(benchmark.PHYSICS) * len(benchmark.SEEDS) * kinds
-    with pytest.raises(ValueError, match="none of version 2"):
+    with pytest.raises(ValueError, match="none of version 3"):
         benchmark.Case("glue")
 
 
@@ -391,19 +391,23 @@ def test_the_published_method_gives_the_figure_of_the_table(case):
 def test_the_table_takes_results_of_others_and_draws_them(tmp_path, monkeypatch):
     def row(method, seed, forward):
         return {
-            "version": 2, "physics": "gear", "seed": seed, "protocol": "reversals", "camera": "usual", "method": method,
+            "version": 3, "physics": "gear", "seed": seed, "protocol": "reversals", "camera": "usual", "method": method,
             "forward": forward, "inverse": 2 * forward, "exact": 0.01 * seed**2,
         }  # fmt: skip
 
     theirs, refused = tmp_path / "theirs.json", {**row("odd", 1, 0.3), "refused": "it folds"}
     del refused["forward"], refused["inverse"]
-    theirs.write_text(json.dumps([row("theirs", 1, 0.1), row("theirs", 2, 0.4), refused]))
+    # Limits were others then, and so was the inverse task.
+    old = {**row("theirs", 1, 0.1), "version": 2, "inverse": 0.9}
+    old_only = {**row("old", 1, 0.5), "version": 2}
+    theirs.write_text(json.dumps([row("theirs", 1, 0.1), old, row("theirs", 2, 0.4), refused, old_only]))
     files = [tmp_path / name for name in ("all.json", "page.md", "figure.svg")]
     options = ["--families", "--results", theirs, "--json", files[0], "--page", files[1], "--figure", files[2]]
     monkeypatch.setattr(sys, "argv", ["benchmark_table", *map(str, options)])
     benchmark_table.main()
     page = files[1].read_text()
     assert "| theirs | 0.200 | 0.200 |" in page and "| theirs | 0.400 | 0.400 |" in page and "| odd (seed 1) | - | - |" in page, page
+    assert "| old (seed 1) | 0.500 | 0.500 |" in page and "| old (seed 1) | 1.000" not in page, page
     assert "| exact | 0.020 |" in page and "odd, gear 1: it folds" in page
     assert files[2].read_text().startswith("<svg") and json.loads(files[0].read_text())[0]["method"] == "theirs"
 

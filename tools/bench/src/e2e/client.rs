@@ -21,9 +21,9 @@ const PAUSE_MS: [f64; 2] = [11.0, 23.0];
 /// Deadline of a command. It is long because a stall of the machine must not stop the robot.
 const DEADLINE: Nanos = Nanos::from_millis(500);
 
-/// Commands are on a circle of this radius. A step is about 20 counts, far within all limits.
+/// Commands are on a circle of this radius. A step is about 6 counts, 8 deg/s, which all limits bear.
 const RADIUS_DEG: f64 = 1.5;
-const STEP_RAD: f64 = 0.3;
+const STEP_RAD: f64 = 0.09;
 
 /// The threads that own a port have 10 less than the control loop, the client 20 less.
 const PORT_BELOW: u8 = 10;

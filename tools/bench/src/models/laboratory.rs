@@ -9,7 +9,7 @@ use i2ris_simulation::ageing::{Change, Course, Parameter};
 use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::robot::Robot;
 
-/// The configuration that goes with the emulator.
+/// The configuration that goes with the emulator, with the limits of a robot as delivered.
 const CONFIG: &str = include_str!("../../../../config/emulator.toml");
 
 /// A tick and the lag of the emulated motors at 60 Hz: lines are not simulated.
@@ -32,8 +32,6 @@ fn ageing() -> impl Iterator<Item = Change> {
 
 pub fn config() -> Result<Config, Failure> {
     let mut config = Config::parse(CONFIG, "config/emulator.toml".as_ref())?;
-    // The straight pose, where every motion begins, need not be where conditioning ends.
-    config.command.first_step_deg = config.command.max_step_deg;
     config.compensation.lead_ms = MOTOR_LAG_MS;
     Ok(config)
 }

@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use i2ris::config::{CommandConfig, CompensationConfig, Config, JointLimitConfig, LimitConfig};
+use i2ris::config::{Config, JointLimitConfig};
 use i2ris::core::{ServoGoal, StateRequest};
 use i2ris::model::Model;
 use i2ris::robot::{Refusal, StateCommand};
@@ -84,19 +84,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 fn judge(snake: &SnakeSource, folder: &Path, models: &Path, moves: u32) -> Result<String, String> {
     let name = snake.name().replace(':', "-");
-    let mut shipped = config().map_err(|error| error.to_string())?;
-    // As a robot is delivered: the file of the emulator has wider ones.
-    shipped.joint_limits = JointLimitConfig::default();
-    shipped.command = CommandConfig::default();
-    let LimitConfig { velocity_counts_s, acceleration_counts_s2, following_error_counts, .. } =
-        LimitConfig::default();
-    shipped.limits = LimitConfig {
-        velocity_counts_s,
-        acceleration_counts_s2,
-        following_error_counts,
-        ..shipped.limits
-    };
-    shipped.compensation.conditioning_counts = CompensationConfig::default().conditioning_counts;
+    let shipped = config().map_err(|error| error.to_string())?;
     let kept = models.join(format!("{name}.json"));
     let model = if kept.exists() {
         Arc::new(Model::load(&kept).map_err(|error| error.to_string())?)
@@ -243,8 +231,8 @@ fn follow<M: Motors>(
 ) -> Result<Found, String> {
     let control = ClosedLoop::conditioned(config, model, motors);
     let mut control = control.map_err(|error| error.to_string())?;
-    let at = control.report().joint.map_or([0.0; 3], |joint| joint.setpoint.map(f64::to_degrees));
-    approach(&mut control, [at[0], at[1]], path[0])?;
+    let at = control.setpoint();
+    approach(&mut control, at, path[0])?;
     let (mut model_errors, mut tip_errors) = (Vec::new(), Vec::new());
     let (mut before, mut rested, mut longest, mut ticks) = ([0; 2], 0_u32, 0_u32, 0_u32);
     along(&mut control, path, |control, goal| {

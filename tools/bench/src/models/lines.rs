@@ -28,12 +28,12 @@ use super::laboratory::{config, fitted};
 use super::subject::record;
 use super::tracking::{Pilot, along, approach, follow};
 
-/// Ramps and sines: s, deg, deg/s (the limit of the template) and Hz.
+/// Ramps and sines: s, deg, deg/s (what the limits of the motors bear) and Hz.
 const DURATION_S: f64 = 12.0;
 const AMPLITUDE_DEG: f64 = 6.0;
-const SPEED_DEG_S: f64 = 20.0;
+const SPEED_DEG_S: f64 = 6.0;
 /// Whole periods in the duration: every motion ends where the next begins.
-const SINES_HZ: [f64; 2] = [0.5, 0.25];
+const SINES_HZ: [f64; 2] = [1.0 / 6.0, 1.0 / 12.0];
 
 /// Ticks: over which the speed of a motor is smoothed, in which a delay is judged, and of the
 /// longest delay; after a command, and after a stop.
@@ -191,8 +191,6 @@ impl Plan {
         let mut axes: Vec<_> = config.axes().cloned().collect();
         axes.truncate(self.axes);
         config.limits.feedback_stale_ms = 0;
-        // A hand begins where the snake is; this one begins at zero.
-        config.command.first_step_deg = config.command.max_step_deg;
         config.compensation.lead_ms = 10.0;
         emulated.connect(self.line);
         if self.line != Line::Rs232 {

@@ -100,7 +100,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         println!("{}", serde_json::to_string_pretty(&judgements)?);
     } else {
         println!(
-            "RMS error of the tip, deg, minute by minute; aged: gaps +40 %, preload -30 %, \
+            "RMS error of the tip, deg, minute by minute, within the limits of a robot as delivered; \
+             limits off: without any; aged: gaps +40 %, preload -30 %, \
              friction +25 %; anew: by a calibration of the aged snake. Medians over the snakes. \
              `regret`: the error of the family that was chosen over the least of all; the largest."
         );
@@ -129,6 +130,7 @@ fn row(name: &str, of: &[&Judgement]) -> String {
     };
     let [new, adapted] = [0, 1].map(|at: usize| minutes(&|it| it.new[at]));
     let mut text = format!("{name}\n  new   {new}   adapted {adapted}");
+    text += &format!("\n  limits off {}", minutes(&|it| it.limits_off));
     text += &format!("\n  aged  {}   anew {}", minutes(&|it| it.aged), minutes(&|it| it.anew));
     for (index, (age_ms, noise_deg)) in CAMERAS.iter().enumerate() {
         let found = minutes(&|it| it.adapted[index]);

@@ -3,11 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use i2ris::config::Config;
 use i2ris::model::Model;
 use i2ris_calibration::fit::{Choice, Family, FitOutcome};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_simulation::camera::CameraConfig;
-use i2ris_simulation::closed_loop::ClosedLoop;
+use i2ris_simulation::closed_loop::{ClosedLoop, without_limits};
 use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ, within_reach};
 use i2ris_simulation::physics::DrawnSnake;
@@ -40,6 +41,8 @@ pub struct Judgement {
     pub family: String,
     /// As calibrated, without and with adaptation by the first of [`CAMERAS`].
     pub new: [Minutes; 2],
+    /// The same without adaptation and without limits on motion.
+    pub limits_off: Minutes,
     /// On the aged snake, without adaptation.
     pub aged: Minutes,
     /// By a calibration of the aged snake: what its physics leave to adapt.
@@ -58,6 +61,10 @@ pub type Minutes = [f64; MINUTES];
 struct Subject {
     snake: DrawnSnake,
     motion: Vec<(Motion, Vec<[f64; 2]>)>,
+}
+
+fn minutes(found: Vec<f64>) -> Result<Minutes, String> {
+    found.try_into().map_err(|_| "a minute is missing".to_owned())
 }
 
 impl Judgement {
@@ -79,6 +86,7 @@ impl Judgement {
             Choice::One(_) => None,
         };
         let errors = |is_aged, camera| subject.errors(&model, is_aged, camera);
+        let off = without_limits(&config().map_err(|error| error.to_string())?);
         let mut adapted = [Minutes::default(); CAMERAS.len()];
         for (adapted, camera) in adapted.iter_mut().zip(CAMERAS) {
             *adapted = errors(true, Some(camera))?;
@@ -88,6 +96,7 @@ impl Judgement {
             seed: snake.seed,
             family: family.to_string(),
             new: [errors(false, None)?, errors(false, Some(CAMERAS[0]))?],
+            limits_off: minutes(subject.followed(off, &subject.motion, &model, false, None)?)?,
             aged: errors(true, None)?,
             anew: subject.errors(&anew, true, None)?,
             adapted,
@@ -157,18 +166,18 @@ impl Subject {
         is_aged: bool,
         camera: Option<(u64, f64)>,
     ) -> Result<Minutes, String> {
-        let found = self.followed(&self.motion, model, is_aged, camera)?;
-        found.try_into().map_err(|_| "a minute is missing".to_owned())
+        let config = config().map_err(|error| error.to_string())?;
+        minutes(self.followed(config, &self.motion, model, is_aged, camera)?)
     }
 
     fn followed(
         &self,
+        mut config: Config,
         motion: &[(Motion, Vec<[f64; 2]>)],
         model: &Arc<Model>,
         is_aged: bool,
         camera: Option<(u64, f64)>,
     ) -> Result<Vec<f64>, String> {
-        let mut config = config().map_err(|error| error.to_string())?;
         config.adaptation.enabled = camera.is_some();
         let control = ClosedLoop::conditioned(&config, model, robot(self.snake, is_aged));
         let mut control = control.map_err(|error| error.to_string())?;
@@ -211,7 +220,9 @@ mod tests {
             let model = fit(&new, Choice::One(Family::ForceBalance)).unwrap();
             let subject = Subject::new(snake, &linear);
             let motion = vec![subject.motion.clone(); ROUNDS].concat();
-            let errors = subject.followed(&motion, &model, true, Some(CAMERAS[0])).unwrap();
+            let errors = subject
+                .followed(config().unwrap(), &motion, &model, true, Some(CAMERAS[0]))
+                .unwrap();
             let round = |at: usize| errors[at * MINUTES..][..MINUTES].iter().sum::<f64>() / 4.0;
             let (second, last) = (round(1), round(ROUNDS - 1));
             let worst = (1..ROUNDS).map(round).fold(0.0, f64::max);

@@ -15,7 +15,7 @@ use i2ris_simulation::motion::unseen_motion::{Motion, within_reach};
 use i2ris_simulation::physics::DrawnSnake;
 
 use super::laboratory::{config, fitted, robot};
-use super::tracking::{ExactPilot, follow};
+use super::tracking::{ExactPilot, Pilot, approach, follow};
 
 /// Seed of the motions: no calibration has it.
 const MOTION_SEED: u64 = 1001;
@@ -68,11 +68,13 @@ pub fn tick_times(model: &Arc<Model>, ticks: usize) -> Result<Vec<f64>, String> 
     let config = config().map_err(|error| error.to_string())?;
     let control = ClosedLoop::conditioned(&config, model, IdealMotors::default());
     let mut control = control.map_err(|error| error.to_string())?;
+    let at = control.setpoint();
+    approach(&mut control, at, [0.0; 2])?;
     let mut times = Vec::with_capacity(ticks);
     for tick in 0..ticks + WARM_UP {
         let seconds = tick as f64 * control.period().as_seconds();
         let axis = |hz: f64| 5.0_f64.to_radians() * (std::f64::consts::TAU * hz * seconds).sin();
-        let goal = ServoGoal::Joint([axis(0.5), axis(0.31), 0.0], 2);
+        let goal = ServoGoal::Joint([axis(0.15), axis(0.093), 0.0], 2);
         let inputs = Inputs { servo: Some(control.servo_command(goal)), ..Inputs::default() };
         let begun = Instant::now();
         let state = control.tick(inputs).report.state;
@@ -108,8 +110,8 @@ mod tests {
         let rows = tracked(snake, false, &linear.model, &file).unwrap();
         assert_eq!(rows.len(), Motion::ALL.len());
         for (motion, model, linear, exact) in rows {
-            // The exact inverse leaves what the limits of the motors cost.
-            assert!(exact < 0.15 && (0.3..5.0).contains(&linear), "{motion}: {linear} {exact}");
+            // The exact inverse leaves what the limits of the motors cost: it turns with every tremor.
+            assert!(exact < 0.3 && (0.3..5.0).contains(&linear), "{motion}: {linear} {exact}");
             assert_eq!(model, linear, "{motion}");
         }
     }

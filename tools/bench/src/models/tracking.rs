@@ -12,7 +12,7 @@ use super::exact_inverse::ExactInverse;
 use super::recording::condition;
 
 /// On the way to the start of a motion, deg/s, and rest there, s.
-const APPROACH_DEG_S: f64 = 15.0;
+const APPROACH_DEG_S: f64 = 6.0;
 const REST_S: f64 = 1.0;
 
 /// A larger step of the exact inverse is the crossing of a gap, not motion of the goal, counts.
@@ -22,6 +22,9 @@ const GAP_COUNTS: f64 = 2.0;
 pub trait Pilot {
     /// One tick. The error says why the robot does not follow.
     fn follow(&mut self, goal: [f64; 2]) -> Result<(), String>;
+
+    /// Pitch and yaw where a goal has to begin, deg.
+    fn setpoint(&self) -> [f64; 2];
 
     /// True pitch and yaw, deg.
     fn tip(&self) -> [f64; 2];
@@ -40,6 +43,11 @@ impl<M: Motors> Pilot for ClosedLoop<M> {
         report.map(|_| ()).map_err(|error| error.to_string())
     }
 
+    fn setpoint(&self) -> [f64; 2] {
+        let joint = self.report().joint.map_or([f64::NAN; 3], |joint| joint.setpoint);
+        [joint[0].to_degrees(), joint[1].to_degrees()]
+    }
+
     /// Motors that turn no snake have none.
     fn tip(&self) -> [f64; 2] {
         self.motors.angles_deg().unwrap_or([f64::NAN; 2])
@@ -52,7 +60,7 @@ pub fn follow(
     pilot: &mut impl Pilot,
     motions: &[(Motion, Vec<[f64; 2]>)],
 ) -> Result<Vec<f64>, String> {
-    let mut at = [0.0; 2];
+    let mut at = pilot.setpoint();
     let mut found = Vec::new();
     for (_, path) in motions {
         let to = path.first().copied().unwrap_or_default();
@@ -176,6 +184,10 @@ impl Pilot for ExactPilot {
         }
         self.robot.tick(setpoints);
         Ok(())
+    }
+
+    fn setpoint(&self) -> [f64; 2] {
+        self.tip()
     }
 
     fn tip(&self) -> [f64; 2] {

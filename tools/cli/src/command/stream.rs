@@ -190,7 +190,10 @@ impl Stream {
                 return Ok(false);
             }
         }
-        if let Some(measured) = self.measured.refresh()? {
+        // The way to the start is not what was asked.
+        if let Some(measured) = self.measured.refresh()?
+            && !self.player.is_approaching()
+        {
             self.tracking.record(clock::now(), angles, measured);
         }
         let tracking = &mut self.tracking;

@@ -9,6 +9,10 @@ const PEAK_SPEED: f64 = 1.875;
 /// Peak acceleration of [`minimum_jerk`], relative to distance by time squared: 10 / sqrt(3).
 const PEAK_ACCELERATION: f64 = 5.773_503;
 
+/// Rest after an approach, s: motors that were slower than the hand come after. What follows is
+/// judged from the start of a motion on.
+const SETTLE_S: f64 = 1.0;
+
 /// Plays a trajectory. Times below 0 are the approach to its start, or to where it was left.
 #[derive(Debug, Clone)]
 pub struct TrajectoryPlayer {
@@ -18,6 +22,7 @@ pub struct TrajectoryPlayer {
     /// Where on the trajectory the approach ends.
     start_s: f64,
     approach_s: f64,
+    settle_s: f64,
     end_s: Option<f64>,
     time: TrajectoryTime,
 }
@@ -26,20 +31,13 @@ impl TrajectoryPlayer {
     /// From the pose `from` to the start of the trajectory, at no more than `speed_deg_s`, then
     /// along it for `end_s` seconds, or to its end, or until stopped.
     pub fn new(from: Angles, trajectory: Trajectory, speed_deg_s: f64, end_s: Option<f64>) -> Self {
-        let approach_s = approach_time(from, trajectory.at(0.0), speed_deg_s);
         let end_s = [end_s, trajectory.length_s()].into_iter().flatten().reduce(f64::min);
-        // The approach starts from rest by itself. A trajectory that starts at the present pose has
-        // to come up to speed.
-        let rate = if approach_s > 0.0 { 1.0 } else { 0.0 };
-        Self {
-            from,
-            trajectory,
-            speed_deg_s,
-            start_s: 0.0,
-            approach_s,
-            end_s,
-            time: TrajectoryTime { time_s: -approach_s, rate },
-        }
+        let time = TrajectoryTime { time_s: 0.0, rate: 0.0 };
+        let (start_s, approach_s, settle_s) = (0.0, 0.0, 0.0);
+        let mut player =
+            Self { from, trajectory, speed_deg_s, start_s, approach_s, settle_s, end_s, time };
+        player.rejoin(from);
+        player
     }
 
     /// Goes on from rest at another pose: back to where the trajectory was, then along it.
@@ -49,7 +47,10 @@ impl TrajectoryPlayer {
         }
         self.from = from;
         self.approach_s = approach_time(from, self.trajectory.at(self.start_s), self.speed_deg_s);
-        self.time = TrajectoryTime { time_s: -self.approach_s, rate: 1.0 };
+        let settles = self.trajectory.is_moving() && self.approach_s > 0.0;
+        self.settle_s = if settles { SETTLE_S } else { 0.0 };
+        // The approach starts from rest by itself.
+        self.time = TrajectoryTime { time_s: -self.approach_s - self.settle_s, rate: 1.0 };
         if !self.is_approaching() {
             self.begin();
         }
@@ -97,10 +98,9 @@ impl TrajectoryPlayer {
         if self.time.time_s >= 0.0 {
             return self.trajectory.at(self.time.time_s);
         }
-        let (to, share) = (
-            self.trajectory.at(self.start_s),
-            minimum_jerk(1.0 + self.time.time_s / self.approach_s),
-        );
+        let gone_s = self.approach_s + self.settle_s + self.time.time_s;
+        let (to, share) =
+            (self.trajectory.at(self.start_s), minimum_jerk((gone_s / self.approach_s).min(1.0)));
         [
             self.from[0] + share * (to[0] - self.from[0]),
             self.from[1] + share * (to[1] - self.from[1]),
@@ -169,6 +169,18 @@ mod tests {
             f64::INFINITY,
         ));
         assert!(jump < 0.2, "{jump}");
+    }
+
+    #[test]
+    fn a_path_waits_at_its_start_for_motors_that_come_after() {
+        let mut player = TrajectoryPlayer::new([0.0, 0.0], circle(), 10.0, None);
+        let steps = (SETTLE_S / STEP_S) as usize;
+        let poses: Vec<Angles> =
+            std::iter::from_fn(|| player.is_approaching().then(|| player.advance(STEP_S, false)))
+                .collect();
+        let rest = &poses[poses.len() - steps..];
+        assert!(rest.iter().all(|pose| distance(*pose, [5.0, 0.0]) < 1e-9), "{rest:?}");
+        assert!(distance(poses[poses.len() - steps - 20], [5.0, 0.0]) > 1e-3);
     }
 
     #[test]

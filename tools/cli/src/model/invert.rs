@@ -51,8 +51,8 @@ pub struct Arguments {
     /// Where to write time, desired angles and counts
     #[arg(long, short, value_name = "COUNTS.csv")]
     output: PathBuf,
-    /// The configuration of the controller: rate, limits, filters [default: what a configuration
-    /// has by default]
+    /// The configuration of the controller: rate, limits, filters [default: those of a robot as
+    /// delivered]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Without limits on velocity, acceleration, steps and position; the calibrated hull stays
@@ -278,8 +278,8 @@ fn config(arguments: &Arguments, model: &Model) -> Result<Config, Failure> {
     Ok(if arguments.no_limits { without_limits(&config) } else { config })
 }
 
-/// A robot for a model: as fast as an emulated one, because nothing can break, without a line that
-/// delays, and with position limits around the calibrated hull.
+/// The robot of a model with the limits that it has as delivered, and position limits around the
+/// calibrated hull. Its motors are ideal: no line delays, so no goal is led.
 fn standard(model: &Model) -> Result<Config, Failure> {
     let corners: Vec<MotorVec> = model.hull().corners().collect();
     let axis = |motor: usize| {
@@ -296,9 +296,9 @@ fn standard(model: &Model) -> Result<Config, Failure> {
     let mut config: Config = toml::from_str("robot_id = \"\"\nports = []")?;
     config.robot_id.clone_from(&model.file().robot_id);
     config.ports = vec![PortConfig::new(PathBuf::new(), axes)];
-    (config.command.max_step_deg, config.command.max_step_counts) = (5.0, 250);
-    (config.limits.velocity_counts_s, config.limits.acceleration_counts_s2) = (2000.0, 40_000.0);
     config.compensation.lead_ms = 0.0;
-    config.joint_limits = JointLimitConfig::OFF;
+    if model.file().outputs.iter().any(|output| output.unit != OutputUnit::Deg) {
+        config.joint_limits = JointLimitConfig::OFF;
+    }
     Ok(config)
 }

@@ -19,8 +19,9 @@ const LEAST_SEEN: f64 = 0.8;
 pub const MOST_SCATTER_DEG: f64 = 0.2;
 /// Encoders behind their setpoints, s, beside what the line takes to write one and to read one.
 const LATEST_FOLLOW_S: f64 = 0.015;
-/// Camera behind the estimate, s.
-const LATEST_STAMP_S: f64 = 0.05;
+/// Camera behind the estimate, s. Motors within their limits cross a gap that is wider or narrower
+/// than the model's later or earlier, which looks like this.
+const LATEST_STAMP_S: f64 = 0.08;
 /// Seen per motion that the model says, of a motor.
 const RIGHT_GAIN: std::ops::RangeInclusive<f64> = 0.3..=1.6;
 /// Of a motor that the other one turns with, or in its place.

@@ -24,7 +24,7 @@ pub const FARTHEST_DEG: f64 = 1.9;
 /// and fast ones.
 const SLOW_S: f64 = 4.0;
 const SLOW_TURNS: f64 = 2.0;
-const FAST_S: f64 = 1.2;
+const FAST_S: f64 = 1.6;
 const FAST_TURNS: f64 = 3.0;
 const AXIS_S: f64 = SLOW_S * SLOW_TURNS + FAST_S * FAST_TURNS;
 pub const LENGTH_S: f64 = 2.0 * AXIS_S;

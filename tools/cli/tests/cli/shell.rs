@@ -103,8 +103,6 @@ fn a_configuration_is_judged_and_printed_with_its_defaults() {
 fn a_configuration_with_a_model_says_what_hand_its_limits_bear() {
     let config = fs::read_to_string(repository("config/emulator.toml")).unwrap();
     let config = config.replace("\"i2ris-emulated\"", "\"bench\"");
-    let config = config.replace("velocity_counts_s = 2000.0", "velocity_counts_s = 500.0");
-    let config = config.replace("counts_s2 = 160000.0", "counts_s2 = 5000.0");
     let bench = WorkFolder::new();
     balance_model().file().write(&bench.path("model.json")).unwrap();
     let model = "priority = 80\nmodel = \"model.json\"";
@@ -112,7 +110,7 @@ fn a_configuration_with_a_model_says_what_hand_its_limits_bear() {
     let output = bench.succeeds("doctor config check robot.toml");
     let hand = "a reversal takes 300 ms; a hand of up to 11.0 deg/s is followed";
     assert_says(&output, &[hand]);
-    let slow = config.replace("velocity_deg_s = 0.0", "velocity_deg_s = 4.0");
+    let slow = format!("{config}\n[joint_limits]\nvelocity_deg_s = 4.0");
     bench.write("robot.toml", &slow.replace("priority = 80", model));
     assert_says(&bench.succeeds("doctor config check robot.toml"), &["of up to 4.0 deg/s"]);
 }

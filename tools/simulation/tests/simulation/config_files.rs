@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use i2ris::config::{Config, PortConfig};
+use i2ris::config::{AxisConfig, Config, LimitConfig, PortConfig};
 use i2ris_simulation::physics::springs::{SnakeConfig, SpringSnake};
 use i2ris_simulation::{DEFAULT_FOLDER, EmulatorConfig, Line};
 
@@ -43,19 +43,36 @@ fn the_limits_allow_the_full_bend_of_the_snakes() {
     }
 }
 
+/// All but ports, and watches of time that a shared machine breaks.
 #[test]
-fn the_robot_templates_are_valid_and_have_tighter_limits() {
+fn the_emulator_has_the_limits_of_the_templates_and_of_a_file_that_names_none() {
+    let limits = |name: &str| {
+        let Config { command, mut limits, joint_limits, compensation, .. } =
+            Config::load(&file(name)).unwrap();
+        (limits.feedback_stale_ms, limits.overrun_ticks) = Default::default();
+        (command, limits, joint_limits, compensation)
+    };
+    let default = LimitConfig { overrun_ticks: 0, ..LimitConfig::default() };
+    let expected = (Default::default(), default, Default::default(), Default::default());
+    for name in ["emulator.toml", "robot.toml", "robot-rs232.toml"] {
+        assert_eq!(limits(name), expected, "{name}");
+    }
+}
+
+#[test]
+fn the_robot_templates_are_valid_and_have_a_smaller_range() {
     let emulator = Config::load(&file("emulator.toml")).unwrap();
     for (name, axes) in [("robot.toml", 3), ("robot-rs232.toml", 2)] {
         let robot = Config::load(&file(name)).unwrap();
-        assert!(robot.limits.velocity_counts_s < emulator.limits.velocity_counts_s);
-        assert!(robot.limits.following_error_counts < emulator.limits.following_error_counts);
         assert!(robot.control.model.is_none());
         assert_eq!(robot.axes().count(), axes, "{name}");
         for axis in robot.axes() {
-            let fast = emulator.axis(axis.motor).unwrap();
-            assert!(axis.current_limit_ma < fast.current_limit_ma);
-            assert!(axis.position_max_counts < fast.position_max_counts);
+            let wide = emulator.axis(axis.motor).unwrap();
+            assert!(axis.position_max_counts < wide.position_max_counts);
+            let template = [axis.position_min_counts, axis.position_max_counts];
+            let same = AxisConfig::new(axis.motor, 0, template);
+            let of = |axis: &AxisConfig| (axis.current_limit_ma, axis.motor_speed_rpm);
+            assert_eq!((of(axis), of(wide)), (of(&same), of(&same)), "{name}");
         }
     }
 }

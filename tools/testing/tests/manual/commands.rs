@@ -33,14 +33,15 @@ impl Session {
         for name in ["emulator.toml", "robot.toml", "vision.toml", "snakes/steel.toml"] {
             let text = fs::read_to_string(root().join("config").join(name)).unwrap();
             let ports = folder.path().join("ports");
+            let far = "following_error_counts = 3000";
+            let [stale, highest] = ["feedback_stale_ms = 120", "position_max_counts = 2400"];
             let text = text
                 .replace("/tmp/i2ris-emulator", ports.to_str().unwrap())
                 .replace("domain = \"i2ris\"", &format!("domain = \"{domain}\""))
                 .replace("../target/records", "records")
                 // A loaded machine stalls the emulated drives.
-                .replace("feedback_stale_ms = 120", "feedback_stale_ms = 2000")
-                .replace("following_error_counts = 300", "following_error_counts = 3000")
-                .replace("following_error_counts = 400", "following_error_counts = 3000")
+                .replace(stale, &format!("feedback_stale_ms = 2000\n{far}"))
+                .replace(highest, &format!("{highest}\n{far}"))
                 .replace("reply_timeout_ms = 100", "reply_timeout_ms = 1000");
             fs::write(config.join(name), text).unwrap();
         }
