@@ -2,26 +2,17 @@
 
 use std::path::Path;
 
-use nalgebra::SVector;
-
 use crate::file_permissions::{LONGEST_MODEL, read_trusted};
 use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputUnit, Query};
 use crate::model::examination::Examination;
-use crate::model::families::hysteresis::Operator;
-use crate::model::families::hysteresis::backlash_play::Plays;
-use crate::model::families::hysteresis::chain::Chain;
-use crate::model::families::hysteresis::force_balance::{CREEPING, ForceBalance, REACH};
-use crate::model::families::hysteresis::residual::Residual;
-use crate::model::families::linear::Linear;
+use crate::model::families::hysteresis::force_balance::{CREEPING, REACH};
 use crate::model::families::memory::Memory;
-use crate::model::families::network::{Network, Recording};
-use crate::model::families::runtime::{Memoryless, Reach, Runtime};
+use crate::model::families::runtime::{Reach, Runtime};
+use crate::model::families::sized::prepare;
 use crate::model::file::{FamilyParameters, ModelFile, check};
 use crate::model::history::History;
-use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::Hull;
-use crate::model::maths::polynomial_regression::PolynomialRegression;
 use crate::model::maths::regression::bounded;
 use crate::robot::ModelId;
 use crate::units::{MotorVec, OutputVec};
@@ -77,7 +68,7 @@ impl Model {
     pub fn from_file(file: ModelFile) -> Result<Self, ModelError> {
         let motors = check::check(&file)?;
         let hull = Hull::new(&file.hull, motors)?;
-        let runtime = prepare(&file, motors)?;
+        let runtime = prepare(&file.family, [motors, file.outputs.len()], unit(&file))?;
         runtime.check_round_trip(&hull, unit(&file))?;
         let conditioning_range = clamp_to_extent(runtime.conditioning_range(), &hull);
         let slope = mean_slope(&*runtime, &hull);
@@ -398,53 +389,6 @@ fn mean_slope(runtime: &dyn Runtime, hull: &Hull) -> JacobianMatrix {
 /// The unit of all outputs. [`check::check`] makes sure that they share one unit.
 fn unit(file: &ModelFile) -> OutputUnit {
     file.outputs.first().map_or(OutputUnit::Deg, |output| output.unit)
-}
-
-/// Selects the type for the numbers of motors and outputs.
-fn prepare(file: &ModelFile, motors: usize) -> Result<Box<dyn Runtime>, ModelError> {
-    match (motors, file.outputs.len()) {
-        (1, 1) => prepare_sized::<1, 1>(file),
-        (1, 2) => prepare_sized::<1, 2>(file),
-        (1, _) => prepare_sized::<1, 3>(file),
-        (_, 1) => prepare_sized::<2, 1>(file),
-        (_, 2) => prepare_sized::<2, 2>(file),
-        (_, _) => prepare_sized::<2, 3>(file),
-    }
-}
-
-fn prepare_sized<const D: usize, const M: usize>(
-    file: &ModelFile,
-) -> Result<Box<dyn Runtime>, ModelError> {
-    let si = unit(file).si();
-    Ok(match &file.family {
-        FamilyParameters::Linear { gain, offset, covariance } => {
-            Box::new(Memoryless(Box::new(Linear::<D, M>::prepare(gain, offset, covariance, si)?)))
-        }
-        FamilyParameters::Gmr { mixture } => {
-            Box::new(Memoryless(Box::new(Gmr::<D, M>::prepare(mixture, si)?)))
-        }
-        FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
-            let operator = Plays::<D>::prepare(plays)?;
-            let lags = operator.lags(&operator.begin(&SVector::zeros())).as_slice().len();
-            let prepared = |residual| Residual::prepare(residual, lags, si);
-            Box::new(Chain {
-                operator,
-                read_out: Gmr::<D, M>::prepare(mixture, si)?,
-                residual: residual.as_ref().map(prepared).transpose()?,
-                virtual_hull: Hull::new(virtual_hull, D)?,
-            })
-        }
-        FamilyParameters::ForceBalance { balance, read_out, virtual_hull } => Box::new(Chain {
-            operator: ForceBalance::<D>::prepare(balance)?,
-            read_out: PolynomialRegression::<D, M>::prepare(read_out, virtual_hull, si)?,
-            residual: None,
-            virtual_hull: Hull::new(virtual_hull, D)?,
-        }),
-        FamilyParameters::Network { network, memory_counts, gain, covariance } => {
-            let recording = Recording { memory_counts, gain, covariance };
-            Box::new(Network::<D, M>::prepare(network, recording, si)?)
-        }
-    })
 }
 
 impl Model {

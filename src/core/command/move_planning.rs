@@ -47,7 +47,7 @@ impl MovePlanning<'_> {
             }
             None => return Err(Refusal::Busy),
         };
-        let reached = nearest(joints, self.axes, &pose, joints.bounds(), (WHOLE, 0.0));
+        let reached = nearest(joints, self.axes, &pose, (WHOLE, 0.0));
         if reached.map_err(|_| Refusal::BadModel)?.limit.is_some() {
             return Err(Refusal::Reach);
         }
@@ -80,7 +80,7 @@ impl MovePlanning<'_> {
     pub fn measure_reach(&self, request: &StateRequest) -> Option<Measurement> {
         let joints = self.joints?;
         let pose = self.pose(request, joints).ok()?;
-        let reached = nearest(joints, self.axes, &pose, joints.bounds(), (WHOLE, 0.0)).ok()?;
+        let reached = nearest(joints, self.axes, &pose, (WHOLE, 0.0)).ok()?;
         if let Some(away_m) = tip_away_m(request, &reached.goal) {
             return Some(Measurement::new(Quantity::Millimetres, away_m * 1e3, None));
         }

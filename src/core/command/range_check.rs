@@ -261,8 +261,7 @@ impl JointCheck<'_> {
     /// more: a border that is elsewhere at once, as of another model, does not take the goal along.
     fn reached(&self, asked: &OutputVec) -> Result<Reached, Refusal> {
         let moved = self.before.map_or(0.0, |(_, requested)| distance(asked, requested));
-        let (bounds, border) = (self.joints.bounds(), (self.border, moved));
-        let reached = nearest(self.joints, self.axes, asked, bounds, border);
+        let reached = nearest(self.joints, self.axes, asked, (self.border, moved));
         let mut reached = reached.map_err(|_| Refusal::BadModel)?;
         let Some((before, requested)) = self.before else { return Ok(reached) };
         if reached.limit.is_some() || before.goal() != requested {

@@ -48,10 +48,9 @@ pub(crate) fn nearest(
     joints: &JointModel,
     axes: &AxisGroup,
     asked: &OutputVec,
-    bounds: Option<&JointBounds>,
     (mut border, moved): (f64, f64),
 ) -> Result<Reached, NotFinite> {
-    let bounds = bounds.filter(|bounds| bounds.has_positions());
+    let bounds = joints.bounds().filter(|bounds| bounds.has_positions());
     let is_allowed = bounds.is_none_or(|bounds| bounds.excess(asked) == 0.0);
     if border == WHOLE && is_allowed && !joints.solve(asked)?.clipped {
         return Ok(Reached { goal: *asked, border, limit: None });

@@ -7,3 +7,4 @@ pub(in crate::model) mod memory;
 pub mod network;
 pub(in crate::model) mod round_trip;
 pub(in crate::model) mod runtime;
+pub(in crate::model) mod sized;

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::Config;
+use crate::config::{AxisConfig, Config};
 use crate::core::drift::correction::Correction;
 use crate::core::drift::geometry::ModelGeometry;
 use crate::core::motion::GoalStep;
@@ -27,7 +27,7 @@ use crate::model::file::OutputUnit;
 use crate::model::{
     Estimate, History, Inverse, JacobianMatrix, Memory, MemoryTerms, Model, Query, Reach,
 };
-use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
+use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
 use position_history::{HistoryCursor, PositionHistory};
 use velocity_estimate::rate;
 
@@ -199,17 +199,15 @@ impl JointModel {
             goal_motion: OutputVec::default(),
         };
         let adapts = config.adaptation.enabled;
-        let limits = |is_highest: bool| {
-            vector::collect((0..config.motors()).filter_map(|motor| config.axis(motor)).map(
-                |axis| {
-                    if is_highest { axis.position_max_counts } else { axis.position_min_counts }
-                        .as_f64()
-                },
-            ))
+        let limits = |of: fn(&AxisConfig) -> Counts| {
+            let axes = (0..config.motors()).filter_map(|motor| config.axis(motor));
+            vector::collect(axes.map(|axis| of(axis).as_f64()))
         };
+        let [low, high] =
+            [limits(|axis| axis.position_min_counts), limits(|axis| axis.position_max_counts)];
         Self {
             geometry: adapts.then(|| ModelGeometry::new(&model)).flatten(),
-            reach: model.reach_between(limits(false), limits(true)),
+            reach: model.reach_between(low, high),
             centre: model.predict(&model.hull().centre(), &Memory::default()).mean,
             model,
             compensation: config.compensation.factor,
