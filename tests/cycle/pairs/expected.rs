@@ -173,9 +173,15 @@ impl Expected {
     }
 
     /// The goal goes on by a step, or begins where the snake is. One that comes back from behind
-    /// what cut it goes no further than the hand, but for the first step of a stream.
+    /// what cut it goes no further than the hand, but for the first step of a stream. A place of
+    /// the tip is compared in counts: what of it no counts reach is no step.
     fn require_step(&self, next: &Goal, snake: Angles) {
+        let is_place = matches!(self.wire, Wire::Place);
+        let next = if is_place { &Goal { expected: next.end, ..*next } } else { next };
         let (step, most) = match self.what {
+            What::Goal(before) if is_place && before.expected != before.end => {
+                (distance(next.end, before.end), self.step + self.first_step)
+            }
             What::Goal(before) if before.expected == before.end => {
                 (distance(next.expected, before.expected), self.step)
             }

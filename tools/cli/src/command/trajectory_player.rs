@@ -13,6 +13,10 @@ const PEAK_ACCELERATION: f64 = 5.773_503;
 /// judged from the start of a motion on.
 const SETTLE_S: f64 = 1.0;
 
+/// Time in which a trajectory comes up to speed, s. Its first tangent can ask a motor to cross a
+/// gap of 180 counts at 500 counts/s, and meanwhile the hand should not have gone far.
+const START_S: f64 = 2.0;
+
 /// Plays a trajectory. Times below 0 are the approach to its start, or to where it was left.
 #[derive(Debug, Clone)]
 pub struct TrajectoryPlayer {
@@ -59,7 +63,7 @@ impl TrajectoryPlayer {
     /// Advances by `step_s` seconds and returns the pose; `stop` asks to come to rest.
     pub fn advance(&mut self, step_s: f64, stop: bool) -> Angles {
         let was_approaching = self.is_approaching();
-        self.time.advance(step_s, stop || self.is_over());
+        self.time.advance(step_s, stop || self.is_over(), START_S);
         if was_approaching && !self.is_approaching() {
             self.begin();
         }

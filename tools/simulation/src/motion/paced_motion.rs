@@ -2,7 +2,7 @@
 
 use i2ris::units::MotorVec;
 
-use super::trajectory_time::TrajectoryTime;
+use super::trajectory_time::{RAMP_S, TrajectoryTime};
 
 /// Time between two positions of a motion, s.
 pub const STEP_S: f64 = 0.01;
@@ -95,7 +95,7 @@ impl Playback {
             }
             return position;
         }
-        self.time.advance(step_s, stop);
+        self.time.advance(step_s, stop, RAMP_S);
         self.motion.position(self.time.time_s)
     }
 

@@ -1,6 +1,6 @@
 //! Soft starts and stops, shared by everything that moves the snake along a trajectory. Pure.
 
-/// Time in which a motion comes up to speed, and comes to rest again, s.
+/// Time in which a motion comes to rest, and comes up to speed where nothing asks for longer, s.
 pub const RAMP_S: f64 = 0.3;
 
 /// Longest step of time, s. A program that was delayed continues where it was; it does not jump
@@ -18,10 +18,11 @@ pub struct TrajectoryTime {
 }
 
 impl TrajectoryTime {
-    /// Advances by `step_s` seconds; `stop` asks to come to rest.
-    pub fn advance(&mut self, step_s: f64, stop: bool) {
+    /// Advances by `step_s` seconds, and comes up to speed in `start_s`; `stop` asks to come to
+    /// rest.
+    pub fn advance(&mut self, step_s: f64, stop: bool, start_s: f64) {
         let step_s = step_s.clamp(0.0, LONGEST_STEP_S);
-        let ramp = if stop { -step_s } else { step_s } / RAMP_S;
+        let ramp = if stop { -step_s / RAMP_S } else { step_s / start_s };
         self.rate = (self.rate + ramp).clamp(0.0, 1.0);
         self.time_s += self.rate * step_s;
     }
