@@ -261,12 +261,10 @@ fn model_slots(history: &LoopHistory) -> [ModelSlot; 3] {
 
 fn model_slot(loaded: &LoadedModel, memory_known: bool) -> ModelSlot {
     let file = loaded.model.file();
-    let family = serde_json::to_value(&file.family).unwrap_or_default();
-    let kind = family.get("kind").and_then(|kind| kind.as_str()).unwrap_or_default();
     let known = if memory_known { ModelSlot::MEMORY_KNOWN } else { 0 };
     let mut slot = ModelSlot {
         model_id: loaded.model.id().0,
-        family: padded_text(kind),
+        family: padded_text(&file.family.title()),
         file: padded_text(tail(&loaded.file.to_string_lossy(), 120)),
         outputs: file.outputs.len() as u32,
         flags: ModelSlot::PRESENT | known,

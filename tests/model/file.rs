@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use i2ris::model::file::{FamilyParameters, ModelFile};
+use i2ris::model::file::{FamilyParameters, Mixture, ModelFile};
 use i2ris::model::{Model, ModelId};
 use proptest::prelude::*;
 
@@ -53,11 +53,17 @@ fn every_value_changes_the_identity() {
         |file| file.metrics[0].training.max = 1.25,
         |file| file.metrics[0].held_out = Some(file.metrics[0].training),
         |file| {
-            let FamilyParameters::Gmr { mixture } = &mut file.family else { panic!() };
+            let FamilyParameters::Gmr { mixture: Mixture::Joint(mixture) } = &mut file.family
+            else {
+                panic!()
+            };
             mixture.weights[0] = mixture.weights[0].next_up();
         },
         |file| {
-            let FamilyParameters::Gmr { mixture } = &mut file.family else { panic!() };
+            let FamilyParameters::Gmr { mixture: Mixture::Joint(mixture) } = &mut file.family
+            else {
+                panic!()
+            };
             mixture.covariances[1][0][0] = mixture.covariances[1][0][0].next_down();
         },
     ];

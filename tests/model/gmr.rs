@@ -1,7 +1,7 @@
 //! Gaussian mixture regression against closed forms and independent programs.
 
-use i2ris::model::file::{FamilyParameters, MixtureParameters};
-use i2ris::model::{Estimate, Model};
+use i2ris::model::file::{FamilyParameters, Mixture, MixtureParameters, ModelFile};
+use i2ris::model::{Estimate, Model, Query};
 use i2ris::units::MotorVec;
 
 use i2ris_testing::families::{DEG, file, region, square, two_by_two, two_components};
@@ -21,7 +21,7 @@ fn one_component_gives_linear_regression() {
     let covariances = vec![vec![vec![2500.0, 60.0], vec![60.0, 4.0]]];
     let mixture =
         MixtureParameters { weights: vec![1.0], means: vec![vec![-100.0, -2.0]], covariances };
-    let family = FamilyParameters::Gmr { mixture };
+    let family = FamilyParameters::Gmr { mixture: mixture.into() };
     let model = Model::from_file(file(1, family, region(1, 300.0))).unwrap();
     for counts in [-300.0, -100.0, 250.0, 1e6] {
         let estimate = predict(&model, [counts, 0.0]);
@@ -100,4 +100,67 @@ fn two_motors_and_two_angles_match_the_python_package_gmr() {
             }
         }
     }
+}
+
+/// The mixture of a motor that bends the snake along a direction, more at large counts.
+fn along(direction: [f64; 2]) -> MixtureParameters {
+    let [pitch, yaw] = direction;
+    let component = |slope: f64| {
+        let bend = |part: f64| 1600.0 * slope * part;
+        let spread = |a: f64, b: f64| 1600.0 * slope * slope * a * b;
+        vec![
+            vec![1600.0, bend(pitch), bend(yaw)],
+            vec![bend(pitch), spread(pitch, pitch) + 1.0, spread(pitch, yaw)],
+            vec![bend(yaw), spread(pitch, yaw), spread(yaw, yaw) + 1.0],
+        ]
+    };
+    MixtureParameters {
+        weights: vec![0.5, 0.5],
+        means: vec![vec![-60.0, -3.0 * pitch, -3.0 * yaw], vec![60.0, 3.0 * pitch, 3.0 * yaw]],
+        covariances: vec![component(0.04), component(0.06)],
+    }
+}
+
+fn superposed(mixtures: Vec<MixtureParameters>) -> ModelFile {
+    let family = FamilyParameters::Gmr { mixture: Mixture::PerMotor(mixtures) };
+    file(2, family, square(100.0))
+}
+
+#[test]
+fn mixtures_of_every_motor_add_up_and_have_an_inverse_far_from_the_axes() {
+    let directions = [[0.8, 0.6], [-0.6, 0.8]];
+    let file = superposed(directions.map(along).into());
+    let text = serde_json::to_string(&file).unwrap();
+    let model = Model::from_file(serde_json::from_str(&text).unwrap()).unwrap();
+    let memory = model.new_memory();
+    let at = |counts: MotorVec| model.predict(&counts, &memory);
+    let counts = [70.0, -45.0];
+    let sum = [0, 1].map(|output| {
+        at([70.0, 0.0]).mean[output] + at([0.0, -45.0]).mean[output] - at([0.0; 2]).mean[output]
+    });
+    let estimate = at(counts);
+    for (output, sum) in sum.into_iter().enumerate() {
+        near(estimate.mean[output], sum, 1e-12);
+        assert!(estimate.covariance[output][output] > 2.0 * DEG * DEG);
+        for motor in 0..2 {
+            let mut beside = [counts; 2];
+            (beside[0][motor], beside[1][motor]) = (counts[motor] - 0.01, counts[motor] + 0.01);
+            let [low, high] = beside.map(|counts| at(counts).mean[output]);
+            near(model.jacobian(&counts, &memory)[output][motor], (high - low) / 0.02, 1e-8);
+        }
+    }
+    let found = model.invert(&estimate.mean, &memory, &Query::new([0.0; 2]));
+    assert!(!found.clipped, "{found:?}");
+    near(found.counts[0], 70.0, 1e-3);
+    near(found.counts[1], -45.0, 1e-3);
+}
+
+#[test]
+fn there_is_one_mixture_per_motor() {
+    let one = Model::from_file(superposed(vec![along([1.0, 0.0])])).unwrap_err().to_string();
+    assert!(one.contains("family.mixture = 1 mixtures") && one.contains("one per motor"), "{one}");
+    let mut second = along([0.0, 1.0]);
+    second.weights[0] = 0.9;
+    let sum = Model::from_file(superposed(vec![along([1.0, 0.0]), second])).unwrap_err();
+    assert!(sum.to_string().contains("family.mixture[1].weights"), "{sum}");
 }

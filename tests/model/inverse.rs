@@ -78,7 +78,8 @@ fn valley() -> Model {
             vec![vec![40_000.0, 800.0], vec![800.0, 16.5]],
         ],
     };
-    Model::from_file(file(1, FamilyParameters::Gmr { mixture }, region(1, 500.0))).unwrap()
+    Model::from_file(file(1, FamilyParameters::Gmr { mixture: mixture.into() }, region(1, 500.0)))
+        .unwrap()
 }
 
 #[test]

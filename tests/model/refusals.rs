@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use i2ris::model::file::{
-    FAMILIES, FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit,
+    FAMILIES, FamilyParameters, HullParameters, Mixture, MixtureParameters, ModelFile, OutputUnit,
 };
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{Model, ModelError};
@@ -21,7 +21,9 @@ fn refused(file: ModelFile) -> String {
 #[track_caller]
 fn with_mixture(change: impl FnOnce(&mut MixtureParameters), parts: &[&str]) {
     let mut file = file(1, two_components(), region(1, 300.0));
-    let FamilyParameters::Gmr { mixture } = &mut file.family else { panic!() };
+    let FamilyParameters::Gmr { mixture: Mixture::Joint(mixture) } = &mut file.family else {
+        panic!()
+    };
     change(mixture);
     assert_mentions(&refused(file), parts);
 }
@@ -195,7 +197,7 @@ fn a_model_that_fails_the_round_trip_is_refused_with_the_position() {
     .into_iter()
     .unzip();
     let mixture = MixtureParameters { weights: vec![0.25; 4], means, covariances };
-    let bad = file(1, FamilyParameters::Gmr { mixture }, region(1, 440.0));
+    let bad = file(1, FamilyParameters::Gmr { mixture: mixture.into() }, region(1, 440.0));
     let error = Model::from_file(bad).unwrap_err();
     assert!(matches!(
         &error,
@@ -268,7 +270,8 @@ fn wide_backlash_is_no_nonsense_and_a_wild_gain_is() {
         planar_thresholds_counts: Vec::new(),
     };
     let virtual_hull = HullParameters { corners: region(1, 400.0) };
-    let family = FamilyParameters::GmrPlay { plays, mixture, residual: None, virtual_hull };
+    let family =
+        FamilyParameters::GmrPlay { plays, mixture: mixture.into(), residual: None, virtual_hull };
     let mut file = file(1, family, region(1, 400.0));
     let model = Model::from_file(file.clone()).unwrap();
     let mut memory = model.new_memory();

@@ -13,8 +13,8 @@ use crate::model::families::linear::Linear;
 use crate::model::families::network::{Network, Recording};
 use crate::model::families::runtime::{Memoryless, Runtime};
 use crate::model::file::FamilyParameters;
-use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::Hull;
+use crate::model::maths::mixture_regression::MixtureGmr;
 use crate::model::maths::polynomial_regression::PolynomialRegression;
 
 /// Selects the type for the numbers of motors and outputs.
@@ -47,7 +47,7 @@ fn prepare_sized<const D: usize, const M: usize>(
             Box::new(Memoryless(Box::new(Linear::<D, M>::prepare(gain, offset, covariance, si)?)))
         }
         FamilyParameters::Gmr { mixture } => {
-            Box::new(Memoryless(Box::new(Gmr::<D, M>::prepare(mixture, si)?)))
+            Box::new(Memoryless(Box::new(MixtureGmr::<D, M>::prepare(mixture, si)?)))
         }
         FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
             let operator = Plays::<D>::prepare(plays)?;
@@ -55,7 +55,7 @@ fn prepare_sized<const D: usize, const M: usize>(
             let prepared = |residual| Residual::prepare(residual, lags, si);
             Box::new(Chain {
                 operator,
-                read_out: Gmr::<D, M>::prepare(mixture, si)?,
+                read_out: MixtureGmr::<D, M>::prepare(mixture, si)?,
                 residual: residual.as_ref().map(prepared).transpose()?,
                 virtual_hull: Hull::new(virtual_hull, D)?,
             })

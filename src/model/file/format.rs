@@ -12,7 +12,7 @@ use crate::model::families::network::NetworkParameters;
 use crate::robot::DriveFingerprint;
 
 pub use crate::model::estimate::OutputUnit;
-pub use crate::model::maths::gaussian_mixture::MixtureParameters;
+pub use crate::model::maths::gaussian_mixture::{Mixture, MixtureParameters};
 pub use crate::model::maths::hull::HullParameters;
 pub use crate::model::maths::polynomial_regression::PolynomialParameters;
 pub use crate::model::schema_version::{FAMILIES, FORMAT, SCHEMA_VERSION};
@@ -89,15 +89,15 @@ pub enum FamilyParameters {
     },
     /// Gaussian mixture regression on the counts, without memory.
     Gmr {
-        /// Mixture over `[counts; outputs]`.
-        mixture: MixtureParameters,
+        /// Over `[counts; outputs]`, or one per motor.
+        mixture: Mixture,
     },
     /// Play operators, then Gaussian mixture regression on the virtual counts, then a residual.
     GmrPlay {
         /// From counts to virtual counts.
         plays: PlayParameters,
-        /// Mixture over `[virtual counts; outputs]`.
-        mixture: MixtureParameters,
+        /// Over `[virtual counts; outputs]`, or one per motor.
+        mixture: Mixture,
         /// The remaining error; absent without a residual.
         residual: Option<ResidualParameters>,
         /// The region of virtual counts that calibration visited.
@@ -125,6 +125,33 @@ pub enum FamilyParameters {
         /// Covariance of the errors on the rows held out, m rows of m.
         covariance: Vec<Vec<f64>>,
     },
+}
+
+impl FamilyParameters {
+    /// The name of the family, with the components of a mixture: `gmr (K = 5)`.
+    #[must_use]
+    pub fn title(&self) -> String {
+        let name = match self {
+            Self::Linear { .. } => "linear",
+            Self::Gmr { .. } => "gmr",
+            Self::GmrPlay { .. } => "gmr-play",
+            Self::ForceBalance { .. } => "force-balance",
+            Self::Network { .. } => "network",
+        };
+        match self.mixture() {
+            Some(mixture) => format!("{name} ({mixture})"),
+            None => name.to_owned(),
+        }
+    }
+
+    /// The mixture of a family that has one.
+    #[must_use]
+    pub fn mixture(&self) -> Option<&Mixture> {
+        match self {
+            Self::Gmr { mixture } | Self::GmrPlay { mixture, .. } => Some(mixture),
+            _ => None,
+        }
+    }
 }
 
 /// The origin of a model.

@@ -1,7 +1,10 @@
 //! The Gaussian mixture of a model file: its checks, and scaling to rad (m) and counts.
 
-use nalgebra::{DMatrix, DVector};
+use std::fmt;
 
+use nalgebra::{DMatrix, DVector};
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use crate::model::error::{ModelError, require};
@@ -19,6 +22,74 @@ pub struct MixtureParameters {
     pub covariances: Vec<Vec<Vec<f64>>>,
 }
 
+/// What a regression is conditioned on: one mixture of all motors, or of every motor its own.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Mixture {
+    /// Over `[counts; outputs]`: of a recording in which the motors move together.
+    Joint(MixtureParameters),
+    /// One per motor, over `[its counts; outputs]`: of a recording in which one motor moves at a
+    /// time, which shows nothing of the plane between the axes. The outputs are the sum of all
+    /// regressions; what they are at rest is divided among the mixtures.
+    PerMotor(Vec<MixtureParameters>),
+}
+
+impl From<MixtureParameters> for Mixture {
+    fn from(mixture: MixtureParameters) -> Self {
+        Self::Joint(mixture)
+    }
+}
+
+impl Mixture {
+    /// The mixtures: one, or one per motor.
+    #[must_use]
+    pub fn parts(&self) -> &[MixtureParameters] {
+        match self {
+            Self::Joint(mixture) => std::slice::from_ref(mixture),
+            Self::PerMotor(mixtures) => mixtures,
+        }
+    }
+
+    /// The number of components: of several mixtures the largest.
+    #[must_use]
+    pub fn components(&self) -> usize {
+        self.parts().iter().map(|mixture| mixture.weights.len()).max().unwrap_or_default()
+    }
+}
+
+/// The number of components, as it is printed: `K = 5`.
+impl fmt::Display for Mixture {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let counts = self.parts().iter().map(|mixture| mixture.weights.len());
+        let mut counts: Vec<String> = counts.map(|count| count.to_string()).collect();
+        counts.dedup();
+        write!(f, "K = {}", counts.join(" and "))
+    }
+}
+
+/// An object is one mixture, a list is one per motor.
+impl<'de> Deserialize<'de> for Mixture {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Form;
+        impl<'de> Visitor<'de> for Form {
+            type Value = Mixture;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a mixture, or a list of one per motor")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Mixture, A::Error> {
+                Deserialize::deserialize(MapAccessDeserializer::new(map)).map(Mixture::Joint)
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Mixture, A::Error> {
+                Deserialize::deserialize(SeqAccessDeserializer::new(list)).map(Mixture::PerMotor)
+            }
+        }
+        deserializer.deserialize_any(Form)
+    }
+}
+
 /// The most components of a mixture. It bounds the work of every tick.
 pub const MAX_COMPONENTS: usize = 64;
 
@@ -34,7 +105,7 @@ pub(in crate::model) struct Component {
 }
 
 /// Checks a mixture over as many variables as `scale` has entries, and multiplies each variable by
-/// its scale.
+/// its scale. `name` is that of the mixture in the file.
 ///
 /// # Errors
 ///
@@ -43,15 +114,16 @@ pub(in crate::model) struct Component {
 pub(in crate::model) fn components(
     mixture: &MixtureParameters,
     scale: &[f64],
+    name: &str,
 ) -> Result<Vec<Component>, ModelError> {
-    check_weights(mixture)?;
+    check_weights(mixture, name)?;
     let (weights, means, covariances) = (&mixture.weights, &mixture.means, &mixture.covariances);
     let total: f64 = weights.iter().sum();
     let scale = DVector::from_column_slice(scale);
     let each = weights.iter().zip(means).zip(covariances).enumerate().map(
         |(k, ((weight, mean), covariance))| {
-            let mean = checked_mean(k, mean, scale.len())?;
-            let key = || format!("family.mixture.covariances[{k}]");
+            let mean = checked_mean(mean, scale.len(), || format!("{name}.means[{k}]"))?;
+            let key = || format!("{name}.covariances[{k}]");
             let covariance = square(covariance, scale.len(), key)?;
             positive_definite(&covariance, key)?;
             Ok(Component {
@@ -64,17 +136,17 @@ pub(in crate::model) fn components(
     each.collect()
 }
 
-fn check_weights(mixture: &MixtureParameters) -> Result<(), ModelError> {
-    let key = || "family.mixture.weights".to_owned();
+fn check_weights(mixture: &MixtureParameters, name: &str) -> Result<(), ModelError> {
+    let key = || format!("{name}.weights");
     let count = mixture.weights.len();
     let shown = format!("{count} components");
     require((1..=MAX_COMPONENTS).contains(&count), key, &shown, "there must be 1 to 64")?;
-    for (name, entries) in
+    for (list, entries) in
         [("means", mixture.means.len()), ("covariances", mixture.covariances.len())]
     {
         require(
             entries == count,
-            || format!("family.mixture.{name}"),
+            || format!("{name}.{list}"),
             entries,
             "must have one entry per weight",
         )?;
@@ -83,7 +155,7 @@ fn check_weights(mixture: &MixtureParameters) -> Result<(), ModelError> {
         let positive = weight.is_finite() && *weight > 0.0;
         require(
             positive,
-            || format!("family.mixture.weights[{k}]"),
+            || format!("{name}.weights[{k}]"),
             weight,
             "must be a finite number above 0",
         )?;
@@ -97,8 +169,11 @@ fn check_weights(mixture: &MixtureParameters) -> Result<(), ModelError> {
     )
 }
 
-fn checked_mean(k: usize, mean: &[f64], variables: usize) -> Result<DVector<f64>, ModelError> {
-    let key = || format!("family.mixture.means[{k}]");
+fn checked_mean(
+    mean: &[f64],
+    variables: usize,
+    key: impl Fn() -> String + Copy,
+) -> Result<DVector<f64>, ModelError> {
     let reason = "must have one number per motor and output";
     require(mean.len() == variables, key, format!("{} numbers", mean.len()), reason)?;
     parameters(mean, key)?;

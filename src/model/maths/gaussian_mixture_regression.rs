@@ -42,8 +42,7 @@ use crate::model::maths::gaussian_mixture::{
 };
 use crate::model::maths::lanes::{LANES, Lanes};
 use crate::model::maths::mixture_part::Part;
-use crate::model::maths::regression::{Local, Prediction, Regression, array, vector};
-use crate::units::OutputVec;
+use crate::model::maths::regression::{Local, Prediction, Regression};
 
 /// The most blocks of components, and those of mixtures as they are fitted: for these the arrays
 /// of an evaluation are short.
@@ -63,7 +62,8 @@ pub(in crate::model) struct Gmr<const D: usize, const M: usize> {
 }
 
 impl<const D: usize, const M: usize> Gmr<D, M> {
-    /// Checks a mixture over `[counts; outputs]` and scales its outputs by `si`.
+    /// Checks a mixture over `[counts; outputs]` and scales its outputs by `si`. `name` is that of
+    /// the mixture in the file.
     ///
     /// # Errors
     ///
@@ -71,20 +71,13 @@ impl<const D: usize, const M: usize> Gmr<D, M> {
     pub(in crate::model) fn prepare(
         mixture: &MixtureParameters,
         si: f64,
+        name: &str,
     ) -> Result<Self, ModelError> {
         let scale: Vec<f64> = (0..D).map(|_| 1.0).chain((0..M).map(|_| si)).collect();
-        Self::new(&components(mixture, &scale)?)
-    }
-
-    /// Prepares checked and scaled components over `[counts; outputs]`.
-    ///
-    /// # Errors
-    ///
-    /// When a component is too narrow for the arithmetic.
-    pub(in crate::model) fn new(components: &[Component]) -> Result<Self, ModelError> {
+        let components = components(mixture, &scale, name)?;
         Ok(Self {
-            forward: Conditional::new(components, 0, D)?,
-            backward: Conditional::new(components, D, 0)?,
+            forward: Conditional::new(&components, 0, D, name)?,
+            backward: Conditional::new(&components, D, 0, name)?,
         })
     }
 }
@@ -236,11 +229,16 @@ fn share(log_density: Lanes, highest: f64) -> Lanes {
 }
 
 impl<const I: usize, const O: usize> Conditional<I, O> {
-    fn new(components: &[Component], input: usize, output: usize) -> Result<Self, ModelError> {
+    fn new(
+        components: &[Component],
+        input: usize,
+        output: usize,
+        name: &str,
+    ) -> Result<Self, ModelError> {
         let parts = components
             .iter()
             .enumerate()
-            .map(|(k, component)| Part::new(k, component, input, output))
+            .map(|(k, component)| Part::new(k, component, input, output, name))
             .collect::<Result<Vec<_>, _>>()?;
         Ok(Self { blocks: parts.chunks(LANES).map(Block::new).collect() })
     }
@@ -380,46 +378,5 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         }
         let covariance = SMatrix::from_fn(|o, p| total_spread[o.max(p)][o.min(p)].sum());
         Prediction { mean, covariance }
-    }
-}
-
-type Predict = dyn Fn(&[f64]) -> OutputVec + Send + Sync;
-
-/// The regression of a mixture over `[inputs; outputs]` in the units of the file, of any size:
-/// calibration runs the code of the controller.
-pub struct MixtureRegression(Box<Predict>);
-
-impl MixtureRegression {
-    /// Of a mixture with 1 or 2 inputs and 1 to 3 outputs.
-    ///
-    /// # Errors
-    ///
-    /// When the mixture is refused.
-    pub fn prepare(
-        mixture: &MixtureParameters,
-        inputs: usize,
-        outputs: usize,
-    ) -> Result<Self, ModelError> {
-        match (inputs, outputs) {
-            (1, 1) => Self::sized::<1, 1>(mixture),
-            (1, 2) => Self::sized::<1, 2>(mixture),
-            (1, _) => Self::sized::<1, 3>(mixture),
-            (_, 1) => Self::sized::<2, 1>(mixture),
-            (_, 2) => Self::sized::<2, 2>(mixture),
-            (_, _) => Self::sized::<2, 3>(mixture),
-        }
-    }
-
-    fn sized<const D: usize, const M: usize>(
-        mixture: &MixtureParameters,
-    ) -> Result<Self, ModelError> {
-        let gmr = Gmr::<D, M>::prepare(mixture, 1.0)?;
-        Ok(Self(Box::new(move |inputs| array(&gmr.mean(&vector(inputs))))))
-    }
-
-    /// The outputs. `inputs` may be longer than the inputs of the mixture.
-    #[must_use]
-    pub fn predict(&self, inputs: &[f64]) -> OutputVec {
-        (self.0)(inputs)
     }
 }

@@ -29,18 +29,19 @@ pub(super) struct Part<const I: usize, const O: usize> {
 
 impl<const I: usize, const O: usize> Part<I, O> {
     /// Conditions on the I variables from `input` on, and predicts the O variables from `output`
-    /// on.
+    /// on. `name` is that of the mixture in the file.
     pub fn new(
         k: usize,
         component: &Component,
         input: usize,
         output: usize,
+        name: &str,
     ) -> Result<Self, ModelError> {
         let block = |row, column, height, width| {
             component.covariance.view((row, column), (height, width)).into_owned()
         };
         let refused = |shown: String| ModelError::Value {
-            key: format!("family.mixture.covariances[{k}]"),
+            key: format!("{name}.covariances[{k}]"),
             value: shown,
             reason: "the component is too narrow to compute with: fit with more regularisation or \
              fewer components",
@@ -56,7 +57,7 @@ impl<const I: usize, const O: usize> Part<I, O> {
         let log_height = component.weight.ln() + whitening.diagonal().map(f64::ln).sum();
         require(
             log_height.is_finite(),
-            || format!("family.mixture.weights[{k}]"),
+            || format!("{name}.weights[{k}]"),
             component.weight,
             "is too small",
         )?;

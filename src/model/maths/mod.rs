@@ -6,6 +6,7 @@ pub(in crate::model) mod hull;
 pub(in crate::model) mod lanes;
 pub(in crate::model) mod matrix_checks;
 mod mixture_part;
+pub(in crate::model) mod mixture_regression;
 pub(in crate::model) mod newton_inverse;
 pub(in crate::model) mod polygon;
 pub mod polynomial_regression;

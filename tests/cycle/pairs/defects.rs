@@ -96,7 +96,7 @@ const DEFECTS: [(&str, &[Edit]); 16] = [
         &[(
             GATE,
             "stop(axes)?;\n            self.note(step);",
-            "stop(axes)?;\n            self.steps[0] = zip_map(&step, &step, |_, _| 1.0);",
+            "stop(axes)?;\n            self.steps[0] = step.map(|_| 1.0);",
         )],
     ),
     (

@@ -12,7 +12,7 @@ use crate::BenchError;
 use crate::inverse::two_clock_readings;
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::{Run, in_thread};
-use crate::sample_models::fitted;
+use crate::sample_models::subject;
 use crate::tick::{Cycle, Duties};
 
 /// Duration of one turn of a variant. Short turns give all variants the same load of the machine.
@@ -44,17 +44,6 @@ pub struct LoopBenchmark {
     pub turns: u32,
     /// The model of the controller; one of the program's own if absent.
     pub model: Option<PathBuf>,
-}
-
-impl LoopBenchmark {
-    /// The model, and what it is.
-    fn model(&self) -> Result<(Arc<Model>, String), BenchError> {
-        let (model, name) = match &self.model {
-            Some(path) => (Model::load(path)?, path.display().to_string()),
-            None => (fitted()?, "force-balance, fitted to an emulated snake".to_owned()),
-        };
-        Ok((Arc::new(model), format!("The model of the controller: {name}.")))
-    }
 }
 
 /// Runs the ticker of the controller with its cycle, without and with adaptation, and a bare timer,
@@ -161,7 +150,8 @@ impl Rate {
 
 fn measure(benchmark: &LoopBenchmark, run: Run) -> Result<Found, BenchError> {
     let scheduling = vec![run.placement.apply("loop", 0)];
-    let (model, note) = benchmark.model()?;
+    let (model, name) = subject(benchmark.model.as_deref())?;
+    let (model, note) = (Arc::new(model), format!("The model of the controller: {name}."));
     let rates = benchmark.periods.iter().map(|period| Rate::new(*period, &model));
     let mut rates = rates.collect::<Result<Vec<_>, _>>()?;
     for _ in 0..benchmark.turns {

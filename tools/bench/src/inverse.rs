@@ -15,12 +15,11 @@ use crate::sample_models::model;
 /// Calls that do not count.
 const WARM_UP: u64 = 1000;
 
-/// Components, plays per motor, name, role.
-const MODELS: [(usize, usize, &str, Role); 4] = [
-    (10, 0, "gmr, no memory, K = 10 (the published method)", Role::Peer),
-    (3, 4, "gmr-play, K = 3, 4 plays per motor", Role::Ours),
-    (10, 8, "gmr-play, K = 10, 8 plays per motor", Role::Ours),
-    (20, 12, "gmr-play, K = 20, 12 plays per motor", Role::Ours),
+/// Components, plays per motor, name: of models beside the one of the controller.
+const PEERS: [(usize, usize, &str); 3] = [
+    (3, 0, "gmr, K = 3, no memory (the published method)"),
+    (3, 4, "gmr-play, K = 3, 4 plays per motor"),
+    (20, 12, "gmr-play, K = 20, 12 plays per motor"),
 ];
 
 /// Ticks of 1 ms of a workload.
@@ -60,6 +59,8 @@ fn workload(model: &Model) -> Vec<QueryTick> {
 }
 
 struct MeasuredModel {
+    name: String,
+    role: Role,
     model: Model,
     ticks: Vec<QueryTick>,
     inverse: Durations,
@@ -67,17 +68,20 @@ struct MeasuredModel {
 }
 
 /// Calls every model along a motion that turns both motors often, `rounds` times, the models in
-/// turns.
-pub fn run(rounds: u32, run: Run) -> Result<Outcome, BenchError> {
+/// turns. `subject`: the model of the controller, and its name.
+pub fn run(rounds: u32, subject: (Model, String), run: Run) -> Result<Outcome, BenchError> {
     let about = "One call of a model: desired angles to counts (inverse), counts to angles with \
                  covariance (forward)";
-    Outcome::of("inverse", about, || in_thread(|| measure(rounds, run)))
+    Outcome::of("inverse", about, || in_thread(|| measure(rounds, subject, run)))
 }
 
-fn measure(rounds: u32, run: Run) -> Result<Found, BenchError> {
+fn measure(rounds: u32, (subject, name): (Model, String), run: Run) -> Result<Found, BenchError> {
     let scheduling = vec![run.placement.apply("calling thread", 0)];
-    let models = MODELS.map(|(components, plays, ..)| MeasuredModel::new(components, plays));
-    let mut models = models.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let mut models = vec![MeasuredModel::new(subject, name, Role::Ours)];
+    for (components, plays, name) in PEERS {
+        let peer = model(components, plays)?;
+        models.push(MeasuredModel::new(peer, name.to_owned(), Role::Peer));
+    }
     let mut floor = Durations::new(WARM_UP);
     for _ in 0..rounds {
         for _ in 0..TICKS {
@@ -92,9 +96,9 @@ fn measure(rounds: u32, run: Run) -> Result<Found, BenchError> {
     for group in ["inverse", "forward"] {
         let name = "two readings of the clock";
         variants.push(Variant::new(name, group, Role::Floor, floor.clone()));
-        for ((.., name, role), measured) in MODELS.iter().zip(&models) {
+        for measured in &models {
             let durations = if group == "inverse" { &measured.inverse } else { &measured.forward };
-            variants.push(Variant::new(name, group, *role, durations.clone()));
+            variants.push(Variant::new(&measured.name, group, measured.role, durations.clone()));
         }
     }
     let note = "Each duration is one call with the readings of the clock around it; subtract the \
@@ -116,10 +120,9 @@ fn inverse_time(model: &Model, tick: &QueryTick) -> Nanos {
 }
 
 impl MeasuredModel {
-    fn new(components: usize, plays: usize) -> Result<Self, BenchError> {
-        let model = model(components, plays)?;
+    fn new(model: Model, name: String, role: Role) -> Self {
         let [inverse, forward] = [WARM_UP; 2].map(Durations::new);
-        Ok(Self { ticks: workload(&model), model, inverse, forward })
+        Self { ticks: workload(&model), name, role, model, inverse, forward }
     }
 
     fn call_all(&mut self) {

@@ -38,6 +38,7 @@ use indicatif::ProgressBar;
 
 use outcome::Outcome;
 use placement::{Placement, Run};
+use sample_models::subject;
 
 /// The ticker wakes so long before each tick and reads the clock until then.
 const SPIN: Nanos = Nanos::from_micros(100);
@@ -141,6 +142,9 @@ struct InverseArguments {
     #[arg(long, value_name = "N", default_value_t = 50,
           value_parser = value_parser!(u32).range(1..))]
     turns: u32,
+    /// The model of the controller; without, a fitted balance of forces
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
     #[command(flatten)]
     measurement: Measurement,
 }
@@ -256,7 +260,9 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
             };
             control_loop::run(&benchmark, run)
         }
-        Task::Inverse(InverseArguments { turns, .. }) => inverse::run(*turns, run),
+        Task::Inverse(InverseArguments { turns, model, .. }) => {
+            inverse::run(*turns, subject(model.as_deref())?, run)
+        }
         Task::E2e(arguments) => {
             let controller = controller()?;
             let EndToEndArguments { commands, seed, turns, busy, .. } = *arguments;

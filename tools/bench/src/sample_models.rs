@@ -1,6 +1,8 @@
 //! The model of the measurements, of the default family; and synthetic ones of any size: two motors
 //! that bend two planes by about 40 degrees in both directions.
 
+use std::path::Path;
+
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
     OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
@@ -8,6 +10,8 @@ use i2ris::model::file::{
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
 use i2ris::model::{Model, ModelError};
+
+use crate::BenchError;
 
 /// Half the width of the hull, counts.
 const REACH: f64 = 1500.0;
@@ -19,17 +23,27 @@ const GAIN_DEG: f64 = 0.022;
 const WIDEST: f64 = 120.0;
 
 /// A balance of forces as calibration fits it to a recording of an emulated snake.
-pub fn fitted() -> Result<Model, ModelError> {
+fn fitted() -> Result<Model, ModelError> {
     let text = include_str!("../../../tests/adaptation/force-balance.json");
     let mut file = ModelFile::parse(text)?;
     "bench".clone_into(&mut file.robot_id);
     Model::from_file(file)
 }
 
+/// The model of the controller, from a file or of the default family, and what it is.
+pub fn subject(file: Option<&Path>) -> Result<(Model, String), BenchError> {
+    let Some(file) = file else {
+        return Ok((fitted()?, "force-balance, fitted to an emulated snake".to_owned()));
+    };
+    let model = Model::load(file)?;
+    let title = model.file().family.title();
+    Ok((model, format!("{title}, {}", file.display())))
+}
+
 /// A model with a mixture of `components`, and so many plays per motor beside the one of threshold
 /// 0: `gmr-play`; without any, `gmr`.
 pub fn model(components: usize, plays: usize) -> Result<Model, ModelError> {
-    let mixture = mixture(components);
+    let mixture = mixture(components).into();
     let corners: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
     let hull = HullParameters {
         corners: corners.map(|corner| corner.map(|c| c * REACH).to_vec()).to_vec(),

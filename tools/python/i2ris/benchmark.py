@@ -49,6 +49,8 @@ PHYSICS = (
     "creep",
     "vector-friction",
 )
+#: Snakes of ``config/snakes`` by name: no part of the benchmark, and the same with every seed.
+NAMED = ("steel", "brass", "multi", "loose")
 SEEDS = (1, 2, 3, 4, 5)
 #: Name: motion of the calibration, and how long it takes, s.
 PROTOCOLS = {
@@ -121,7 +123,7 @@ class Case:
 
     def __post_init__(self) -> None:
         for what, value, known in (
-            ("physics", self.physics, PHYSICS),
+            ("physics", self.physics, (*PHYSICS, *NAMED)),
             ("seed", self.seed, SEEDS),
             ("protocol", self.protocol, PROTOCOLS),
             ("camera", self.camera, CAMERAS),

@@ -288,8 +288,9 @@ def inverse(case: Case, model: DirectionModel) -> dict[str, dict[str, float]]:
     return peers
 
 
-def fit(path: Path, robot_id: str, restarts: int = 20) -> DirectionModel:
-    """Fits it to a recording of two motors and two angles."""
+def fit(path: str | Path, robot_id: str = "i2ris", restarts: int = 20, components: int | None = None) -> DirectionModel:
+    """Fits it to a recording of two motors and two angles in the common format, also one of your own; with so many
+    components, or a number that is chosen."""
     straight = Calibration("linear", robot_id=robot_id).fit(path)
     file, recording = straight.model_.to_dict(), Recording.read(path)
     usable: Flags = np.asarray(np.isfinite(recording.angles_deg).all(axis=1))
@@ -309,10 +310,9 @@ def fit(path: Path, robot_id: str, restarts: int = 20) -> DirectionModel:
             try:
                 return components, {known: _branch(file, condition(mixture, known)) for known in _DIRECTIONS}
             except ModelError:
-                fewer = [number for number in _COMPONENTS if number < components]
-                if not fewer:
+                if components == 1:
                     raise
-                components = fewer[-1]
+                components = max(number for number in (*_COMPONENTS, 12, 20) if number < components)
 
     # As the families are fitted: components chosen on three quarters of the rows, the rest fitted to all of them.
     held_out = np.zeros(len(rows), dtype=bool)
@@ -320,8 +320,9 @@ def fit(path: Path, robot_id: str, restarts: int = 20) -> DirectionModel:
         size = round(0.25 * (part.stop - part.start))
         first = part.start + (part.stop - part.start - size) // 2
         held_out[first : first + size] = True
-    _, table = joint(rows[~held_out & usable[rows]])
-    components, _ = branches(table, _choose_components(table, restarts))
+    if components is None:
+        _, table = joint(rows[~held_out & usable[rows]])
+        components, _ = branches(table, _choose_components(table, restarts))
     bands, table = joint(rows[usable[rows]])
     return DirectionModel(bands, branches(table, components)[1])
 

@@ -256,9 +256,8 @@ class Calibration:
         *,
         components: int | None = None,
         max_components: int = 12,
-        restarts: int = 20,
+        restarts: int = 60,
         seed: int = 1,
-        shrinkage: float = 0.01,
         hold_out: str = "blocks",
         keep_spikes: bool = False,
         force: bool = False,
@@ -271,7 +270,6 @@ class Calibration:
         self.max_components = max_components
         self.restarts = restarts
         self.seed = seed
-        self.shrinkage = shrinkage
         self.hold_out = hold_out
         self.keep_spikes = keep_spikes
         self.force = force
@@ -280,7 +278,7 @@ class Calibration:
         self.progress = progress
 
     _NAMES = (
-        "family components max_components restarts seed shrinkage hold_out keep_spikes force robot_id remove_latency progress"
+        "family components max_components restarts seed hold_out keep_spikes force robot_id remove_latency progress"
     ).split()
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
@@ -325,7 +323,6 @@ class Calibration:
                 max_components=self.max_components,
                 restarts=self.restarts,
                 seed=self.seed,
-                shrinkage=self.shrinkage,
                 hold_out=self.hold_out,
                 keep_spikes=self.keep_spikes,
                 force=self.force,

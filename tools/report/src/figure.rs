@@ -46,7 +46,6 @@ pub struct Panel {
     x: Axis,
     y: Axis,
     marks: Vec<Box<dyn Mark>>,
-    is_equal: bool,
 }
 
 /// A rectangle of the figure.
@@ -61,7 +60,7 @@ struct Rectangle {
 impl Panel {
     /// An empty panel. The title may be empty.
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
-        Self { title: title.into(), x, y, marks: Vec::new(), is_equal: false }
+        Self { title: title.into(), x, y, marks: Vec::new() }
     }
 
     /// Adds a mark, drawn over the others.
@@ -71,11 +70,6 @@ impl Panel {
     }
     pub fn with_all<M: Mark + 'static>(self, marks: impl IntoIterator<Item = M>) -> Self {
         marks.into_iter().fold(self, Self::with)
-    }
-
-    /// Gives both axes the same scale: a circle stays a circle.
-    pub fn equal(self) -> Self {
-        Self { is_equal: true, ..self }
     }
 
     fn extent(&self) -> Extent {
@@ -116,15 +110,7 @@ impl Panel {
 
     fn scales(&self, frame: Rectangle) -> [Scale; 2] {
         let extent = self.extent();
-        let (mut x, mut y) = (self.x.range_for(extent.x), self.y.range_for(extent.y));
-        if self.is_equal {
-            let unit = ((x.1 - x.0) / frame.width).max((y.1 - y.0) / frame.height);
-            let widened = |range: (f64, f64), length: f64| {
-                let (middle, half) = (0.5 * (range.0 + range.1), 0.5 * unit * length);
-                (middle - half, middle + half)
-            };
-            (x, y) = (widened(x, frame.width), widened(y, frame.height));
-        }
+        let (x, y) = (self.x.range_for(extent.x), self.y.range_for(extent.y));
         [self.x_scale(x, frame.width), self.y_scale(y, frame.height)]
     }
 

@@ -72,7 +72,7 @@ pub mod view;
 
 pub use axis::Axis;
 pub use figure::{Figure, Panel};
-pub use mark::{Heatmap, Line, Mark, ReferenceLine, Scatter, ShadedInterval};
+pub use mark::{Line, Mark, ReferenceLine, Scatter, ShadedInterval};
 pub use page::{Page, Table};
 pub use program::{DomainOption, Interrupt};
 pub use screen::{Screen, until_closed, while_working};

@@ -40,10 +40,6 @@ impl Color {
     pub const SKY: Self = Self(0x56_b4e9);
     pub const WHITE: Self = Self(0xff_ffff);
 
-    /// A sequential scale of one hue from light to dark. It keeps its order in grey.
-    pub(crate) const SEQUENTIAL: [Self; 5] =
-        [Self(0xe8_eef4), Self(0xb9_cfe2), Self(0x7f_a6c9), Self(0x41_719f), Self(0x12_3b63)];
-
     pub(crate) fn rgb(self) -> RGBColor {
         let [_, red, green, blue] = self.0.to_be_bytes();
         RGBColor(red, green, blue)

@@ -16,18 +16,15 @@ fn panel() -> Panel {
 fn everything(points: &[[f64; 2]], name: &str) -> Figure {
     let [x, y] = points.first().copied().unwrap_or_default();
     let all = || points.to_vec();
-    let cells = points.iter().map(|point| (*point, point[1])).collect();
-    let labels = ["1", "2", "3", "4", "5"].map(str::to_owned);
     let numbers = Panel::new(name, Axis::linear(name), Axis::linear(name))
         .with(ShadedInterval::new(x, y, Color::FAINT).label(name))
-        .with(Heatmap::new(cells, [1.0, 1.0], [0.0, 1.0, 2.0, 3.0], labels))
         .with(Line::new(all(), STROKE).marker(Marker::Diamond).label(name))
         .with(Scatter::new(all(), Color::PALE, 2.0).label(name))
         .with(Scatter::markers(all(), Color::BLACK, Marker::Cross).label(name))
         .with(ReferenceLine::horizontal(y, STROKE))
         .with(ReferenceLine::vertical(x, STROKE));
     let logs = Panel::new(name, Axis::log(name), Axis::log(name));
-    let logs = logs.with(Line::new(all(), STROKE)).equal();
+    let logs = logs.with(Line::new(all(), STROKE));
     let names = Axis::names("", vec![name.to_owned()]);
     let names = Panel::new(name, Axis::linear(name).including(0.0), names);
     let names = names.with(Scatter::new(vec![[x, 0.0]], Color::SKY, 2.0).label(name));

@@ -5,8 +5,8 @@ use i2ris_calibration::fit::{Choice, FitOptions, FitOutcome, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::Recording;
 use i2ris_report::Failure;
+use i2ris_simulation::SnakeSource;
 use i2ris_simulation::ageing::{Change, Course, Parameter};
-use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::robot::Robot;
 
 /// The configuration that goes with the emulator, with the limits of a robot as delivered.
@@ -43,8 +43,8 @@ pub fn fitted(recording: &Recording, choice: Choice, robot_id: &str) -> Result<F
 
 /// A snake as it was calibrated, or aged since then.
 #[must_use]
-pub fn robot(snake: DrawnSnake, is_aged: bool) -> Robot {
-    let mut robot = Robot::new(snake.build());
+pub fn robot(snake: &SnakeSource, is_aged: bool) -> Robot {
+    let mut robot = Robot::new(snake.build(1));
     if is_aged {
         ageing().for_each(|change| robot.age(change));
         // What changes at once has changed before anything moves.

@@ -114,7 +114,7 @@ pub(super) fn record(
     folder: &Path,
 ) -> Result<Recording, String> {
     let file = folder.join(format!("{}-{}-{is_aged}.csv", snake.physics, snake.seed));
-    record_robot(&mut robot(snake, is_aged), &file, latency_ms, first_seed + snake.seed)
+    record_robot(&mut robot(&snake.into(), is_aged), &file, latency_ms, first_seed + snake.seed)
 }
 
 /// The same of any robot.
@@ -179,7 +179,7 @@ impl Subject {
         camera: Option<(u64, f64)>,
     ) -> Result<Vec<f64>, String> {
         config.adaptation.enabled = camera.is_some();
-        let control = ClosedLoop::conditioned(&config, model, robot(self.snake, is_aged));
+        let control = ClosedLoop::conditioned(&config, model, robot(&self.snake.into(), is_aged));
         let mut control = control.map_err(|error| error.to_string())?;
         if let Some((latency_ms, noise_deg)) = camera {
             let (rate_hz, faults) = (FRAMES_PER_S, Vec::new());

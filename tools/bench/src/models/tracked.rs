@@ -10,9 +10,9 @@ use i2ris::model::Model;
 use i2ris::robot::OperatingState;
 use i2ris_calibration::fit::{Choice, Family};
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_simulation::SnakeSource;
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs};
 use i2ris_simulation::motion::unseen_motion::{Motion, within_reach};
-use i2ris_simulation::physics::DrawnSnake;
 
 use super::laboratory::{config, fitted, robot};
 use super::tracking::{ExactPilot, Pilot, approach, follow};
@@ -33,7 +33,7 @@ const WARM_UP: usize = 10_000;
 ///
 /// Why it cannot be followed.
 pub fn tracked(
-    snake: DrawnSnake,
+    snake: &SnakeSource,
     is_aged: bool,
     model: &Arc<Model>,
     recording: &Path,
@@ -100,14 +100,14 @@ mod tests {
     fn a_model_is_judged_beside_linear_and_the_exact_inverse() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("preisach-4.csv");
-        let snake: DrawnSnake = "preisach:4".parse().unwrap();
+        let snake = SnakeSource::load("preisach:4").unwrap();
         let (protocol, duration_s) = (Protocol::Reversals, 60.0);
         let plan = RecordingPlan { protocol, duration_s, noise_deg: 0.07, latency_ms: 0, seed: 5 };
-        plan.record(&mut robot(snake, false), &file).unwrap();
+        plan.record(&mut robot(&snake, false), &file).unwrap();
         let (recording, _) = Recording::read(&file, &ColumnMap::default()).unwrap();
         let recording = recording.without_latency().0;
         let linear = fitted(&recording, Choice::One(Family::Linear), "i2ris-emulated").unwrap();
-        let rows = tracked(snake, false, &linear.model, &file).unwrap();
+        let rows = tracked(&snake, false, &linear.model, &file).unwrap();
         assert_eq!(rows.len(), Motion::ALL.len());
         for (motion, model, linear, exact) in rows {
             // The exact inverse leaves what the limits of the motors cost: it turns with every tremor.

@@ -12,11 +12,14 @@
 //! adds `P N/K` to the scatter of every component, so a component of average weight gets `P` added
 //! to its covariance, and the objective never falls, as it could if the covariances were only
 //! propped up after the step.
+//!
+//! A component with fewer rows than span a shape **starves**: it would describe the prior. It
+//! starts again as one half of the component with the most rows, as often as there are components,
+//! and is left out after that.
 
 use nalgebra::SMatrix;
 
 use super::component::{Component, Prepared};
-use super::error::StartFailure;
 use super::pass::Pass;
 use super::samples::Samples;
 
@@ -37,107 +40,98 @@ pub(super) struct EmResult<const N: usize> {
     pub mixture: Vec<Component<N>>,
     /// Mean log-likelihood per row, nats, in standardised variables, without the penalty.
     pub log_likelihood: f64,
-    /// The objective after every iteration.
+    /// The objective after every iteration since a component last started again.
     pub history: Vec<f64>,
     pub converged: bool,
-    /// Rows of the smallest component.
-    least_rows: f64,
+    /// Iterations in all.
+    iterations: usize,
+    /// How often components may still start again.
+    fresh_starts: usize,
 }
 
 impl<const N: usize> EmResult<N> {
     pub fn objective(&self) -> f64 {
         self.history.last().copied().unwrap_or(f64::NEG_INFINITY)
     }
-
-    /// The same start with as many iterations as it takes.
-    ///
-    /// # Errors
-    ///
-    /// As [`iterate`].
-    pub fn carried_on(
-        &self,
-        samples: &Samples<N>,
-        rules: &EmRules<N>,
-    ) -> Result<Self, StartFailure> {
-        if self.converged || self.history.len() >= rules.max_iterations {
-            return self.clone().with_shapes();
-        }
-        let rest =
-            EmRules { max_iterations: rules.max_iterations - self.history.len(), ..rules.clone() };
-        let mut result = iterate(samples, self.mixture.clone(), &rest)?;
-        // The first pass looks again at where the last one ended.
-        result.history.splice(0..1, self.history.iter().copied());
-        Ok(result)
-    }
-
-    /// Fewer than N + 1 points span no N-dimensional shape: such a component describes the prior.
-    fn with_shapes(self) -> Result<Self, StartFailure> {
-        match self.least_rows < N as f64 + 1.0 {
-            true => Err(StartFailure::Starved),
-            false => Ok(self),
-        }
-    }
 }
 
-/// Iterates from a start.
-///
-/// # Errors
-///
-/// When a covariance loses positive definiteness, the likelihood is not finite, or a component ends
-/// with fewer rows than it takes to span a covariance.
+/// Iterates from a start; `None` if no component is left, or the likelihood is not finite.
 pub(super) fn iterate<const N: usize>(
     samples: &Samples<N>,
     start: Vec<Component<N>>,
     rules: &EmRules<N>,
-) -> Result<EmResult<N>, StartFailure> {
-    begin(samples, start, rules)?.with_shapes()
-}
-
-/// The same for iterations that end early: a small component may still grow.
-///
-/// # Errors
-///
-/// As [`iterate`].
-pub(super) fn begin<const N: usize>(
-    samples: &Samples<N>,
-    start: Vec<Component<N>>,
-    rules: &EmRules<N>,
-) -> Result<EmResult<N>, StartFailure> {
-    let rows = samples.rows as f64;
+) -> Option<EmResult<N>> {
     let mut result = EmResult {
+        fresh_starts: start.len(),
         mixture: start,
         log_likelihood: f64::NAN,
         history: Vec::new(),
         converged: false,
-        least_rows: 0.0,
+        iterations: 0,
     };
+    let rows = samples.rows as f64;
     let mut pass = Pass::new(result.mixture.len());
-    let prior = rules.prior * (rows / result.mixture.len() as f64);
-    loop {
-        let prepared = prepare(&result.mixture)?;
-        let before = result.objective();
-        result.log_likelihood = pass.run(samples, &prepared) / rows;
-        let objective = result.log_likelihood - penalty(&prepared, &rules.prior);
-        if !objective.is_finite() {
-            return Err(StartFailure::NotFinite);
+    while !result.converged {
+        let prepared: Vec<_> = result.mixture.iter().map(Prepared::new).collect();
+        let without_density = prepared.iter().position(Option::is_none);
+        let prepared: Vec<_> = prepared.into_iter().flatten().collect();
+        let mut starved = without_density;
+        if starved.is_none() {
+            let before = result.objective();
+            result.log_likelihood = pass.run(samples, &prepared) / rows;
+            let objective = result.log_likelihood - penalty(&prepared, &rules.prior);
+            if !objective.is_finite() {
+                return None;
+            }
+            result.iterations += 1;
+            let is_last = result.iterations >= rules.max_iterations;
+            let is_steady = objective - before < rules.tolerance;
+            // Until then a small component may still grow.
+            let least = if is_steady || is_last { N as f64 + 1.0 } else { 1.0 };
+            starved = pass.weights().position(|rows| rows < least);
+            if starved.is_none() {
+                // The first pass after others looks again at where the last one ended.
+                result.history.push(objective);
+                result.converged = is_steady;
+                if is_steady || is_last {
+                    break;
+                }
+                let prior = rules.prior * (rows / prepared.len() as f64);
+                pass.maximise(&prepared, rows, &prior, &mut result.mixture);
+            }
         }
-        result.least_rows = pass.weights().fold(f64::INFINITY, f64::min);
-        if result.least_rows < 1.0 {
-            return Err(StartFailure::Starved);
+        if let Some(starved) = starved {
+            result.start_again(starved, rules)?;
+            pass = Pass::new(result.mixture.len());
         }
-        result.history.push(objective);
-        result.converged = objective - before < rules.tolerance;
-        if result.converged || result.history.len() >= rules.max_iterations {
-            break;
-        }
-        pass.maximise(&prepared, rows, &prior, &mut result.mixture);
     }
-    Ok(result)
+    Some(result)
 }
 
-fn prepare<const N: usize>(mixture: &[Component<N>]) -> Result<Vec<Prepared<N>>, StartFailure> {
-    let prepared: Option<Vec<_>> = mixture.iter().map(Prepared::new).collect();
-    prepared.ok_or(StartFailure::NotPositiveDefinite)
+impl<const N: usize> EmResult<N> {
+    /// The component starts again as half of the heaviest one, or is left out. `None` if it is the
+    /// last.
+    fn start_again(&mut self, starved: usize, rules: &EmRules<N>) -> Option<()> {
+        self.mixture.swap_remove(starved);
+        self.history.clear();
+        let may_split = self.fresh_starts > 0 && self.iterations < rules.max_iterations;
+        let heaviest = self.mixture.iter_mut().max_by(|a, b| a.weight.total_cmp(&b.weight))?;
+        if may_split {
+            self.fresh_starts -= 1;
+            heaviest.weight *= 0.5;
+            let mut half = heaviest.clone();
+            // A point of its ellipse: where the variable that varies most is largest.
+            let widest = heaviest.covariance.diagonal().imax();
+            let width = heaviest.covariance[(widest, widest)].sqrt();
+            let apart = heaviest.covariance.column(widest) * (0.5 / width);
+            heaviest.mean += apart;
+            half.mean -= apart;
+            self.mixture.push(half);
+        }
+        let total: f64 = self.mixture.iter().map(|component| component.weight).sum();
+        self.mixture.iter_mut().for_each(|component| component.weight /= total);
+        Some(())
+    }
 }
 
 fn penalty<const N: usize>(mixture: &[Prepared<N>], shape: &SMatrix<f64, N, N>) -> f64 {

@@ -36,5 +36,5 @@ mod properties;
 pub mod restarts;
 mod samples;
 
-pub use error::{EmError, StartFailure};
+pub use error::EmError;
 pub use restarts::{EmOptions, fit_mixture};

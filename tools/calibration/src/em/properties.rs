@@ -16,14 +16,8 @@ use crate::table::DataTable;
 use crate::testing::{assert_near, few_starts, with_threads};
 
 /// The plain maximum of the likelihood.
-pub(super) const PLAIN: EmOptions = EmOptions {
-    restarts: 3,
-    seed: 7,
-    tolerance: 1e-9,
-    max_iterations: 200,
-    regularisation: 0.0,
-    shrinkage: 0.0,
-};
+pub(super) const PLAIN: EmOptions =
+    EmOptions { restarts: 3, seed: 7, tolerance: 1e-9, max_iterations: 200, regularisation: 0.0 };
 
 /// Sixty rows on a bent curve, two clusters.
 pub(super) fn plane() -> DataTable {
@@ -54,16 +48,30 @@ fn the_best_of_the_restarts_wins() {
 }
 
 #[test]
-fn a_collapse_fails_its_start_and_not_the_process() {
+fn rows_without_a_density_are_refused_and_a_little_regularisation_gives_them_one() {
     // Points on a line have no density in the plane.
     let data = DataTable::from_rows(2, (0..50).map(|i| [f64::from(i), 2.0 * f64::from(i)]));
     let error = fit_mixture(&data, 2, &PLAIN, &Silent).unwrap_err();
-    assert!(
-        matches!(&error, EmError::NoStartSucceeded { failures, .. } if failures.len() == 3),
-        "{error}"
-    );
+    assert_eq!(error, EmError::NoStartSucceeded);
     let propped_up = EmOptions { regularisation: 1e-6, ..PLAIN };
     assert!(fit_mixture(&data, 2, &propped_up, &Silent).is_ok());
+}
+
+/// Three clusters of which two have two rows each: no shape in the plane.
+#[test]
+fn a_component_that_starves_starts_again_or_is_left_out_and_the_start_goes_on() {
+    let spread = |i: u32| [f64::from(i % 10), f64::from(i / 10)];
+    let far = [[100.0, 0.0], [100.1, 0.0], [0.0, 100.0], [0.1, 100.0]];
+    let data = DataTable::from_rows(2, (0..100).map(spread).chain(far));
+    for components in [3, 5, 12] {
+        let fit = fit_mixture(&data, components, &EmOptions::default(), &Silent).unwrap();
+        let weights = &fit.parameters.weights;
+        assert!((1..=components).contains(&weights.len()), "{weights:?}");
+        assert!(weights.iter().all(|weight| weight * 104.0 > 2.9), "{weights:?}");
+    }
+    let same = DataTable::from_rows(2, [[1.0, 2.0], [2.0, 1.0]].repeat(50));
+    let fit = fit_mixture(&same, 5, &EmOptions::default(), &Silent).unwrap();
+    assert_eq!(fit.parameters.weights.len(), 2);
 }
 
 #[test]
@@ -73,13 +81,11 @@ fn data_that_cannot_be_fitted_are_refused_with_the_reason() {
     };
     let wide = DataTable::from_rows(8, [[0.0; 8]; 100]);
     let hole = DataTable::from_rows(2, [[0.0, 1.0], [1.0, f64::NAN]]);
-    let same = DataTable::from_rows(2, [[1.0, 2.0]; 100]);
     for (data, components, reason) in [
         (&plane(), 11, "60 rows of 2 variables carry at most 10 component(s), and 11 are"),
         (&plane(), 0, "carry at most 10 component(s), and 0 are"),
         (&wide, 1, "2 to 6 variables, and the data have 8"),
         (&hole, 1, "row 1 of the data holds a number that is not finite"),
-        (&same, 2, "fewer distinct rows than components"),
     ] {
         let text = refusal(data, components);
         assert!(text.contains(reason), "{text}");
@@ -120,15 +126,13 @@ proptest! {
         rows in rows(),
         components in 1_usize..5,
         seed in any::<u64>(),
-        shrinkage in 0.0..0.1,
     ) {
         let samples = Samples::<3>::new(&DataTable::from_rows(3, rows));
-        let prior = SMatrix::identity() * 1e-6 + samples.correlation * shrinkage;
+        let prior = SMatrix::identity() * 1e-6;
         let mut random = Pcg64::new(u128::from(seed), 0);
-        let start = random_start(&samples, components, &prior, &mut random).unwrap();
+        let start = random_start(&samples, components, &prior, &mut random);
         let rules = EmRules { tolerance: -1.0, max_iterations: 100, prior };
-        if let Ok(result) = iterate(&samples, start, &rules) {
-            prop_assert_eq!(result.history.len(), 100);
+        if let Some(result) = iterate(&samples, start, &rules) {
             for step in result.history.windows(2) {
                 prop_assert!(step[1] >= step[0] - 1e-11, "{} after {}", step[1], step[0]);
             }

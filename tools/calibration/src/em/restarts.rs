@@ -1,10 +1,9 @@
 //! All starts of a mixture on all cores, and the best of them.
 //!
-//! A start gets a few iterations; only the best go on until they converge (C. Biernacki, G. Celeux,
-//! G. Govaert, "Choosing starting values for the EM algorithm for getting the highest likelihood in
-//! multivariate Gaussian mixture models", Computational Statistics & Data Analysis, 2003). Every
-//! start has its own stream of random numbers and is computed by one thread, and starts are
-//! compared in a fixed order: the result does not depend on the number of threads.
+//! Every start goes on until it converges: after a few iterations it cannot be told which of them
+//! ends best, on rows where the motors rest for long least of all. Every start has its own stream of
+//! random numbers and is computed by one thread, and starts are compared in a fixed order: the result
+//! does not depend on the number of threads.
 
 use i2ris::model::MAX_COMPONENTS;
 use i2ris::model::file::MixtureParameters;
@@ -12,20 +11,14 @@ use nalgebra::SMatrix;
 use rand_pcg::Pcg64;
 
 use super::component::Component;
-use super::error::{EmError, StartFailure};
-use super::iteration::{EmResult, EmRules, begin};
+use super::error::EmError;
+use super::iteration::{EmResult, EmRules, iterate};
 use super::k_means::random_start;
 use super::mixture::{MixtureFit, bic, most_components};
 use super::samples::{Samples, Scaling};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::table::DataTable;
-
-/// Iterations that every start gets.
-const FIRST_ITERATIONS: usize = 8;
-
-/// One of so many starts goes on.
-const STARTS_PER_FINALIST: usize = 6;
 
 /// How to fit a mixture.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,27 +35,15 @@ pub struct EmOptions {
     /// Part of the variance of each variable that a component of average weight gets added to its
     /// covariance. It keeps covariances positive definite.
     pub regularisation: f64,
-    /// Part of the covariance of all rows that a component of average weight gets added to its
-    /// covariance. Where the motors moved along a line only, this gives it the
-    /// slope of the whole recording across that line instead of one made of noise. 0 for the plain
-    /// maximum of the likelihood.
-    pub shrinkage: f64,
 }
 
 impl Default for EmOptions {
     fn default() -> Self {
-        Self {
-            restarts: 20,
-            seed: 1,
-            tolerance: 1e-5,
-            max_iterations: 500,
-            regularisation: 1e-6,
-            shrinkage: 0.01,
-        }
+        Self { restarts: 60, seed: 1, tolerance: 1e-5, max_iterations: 500, regularisation: 1e-6 }
     }
 }
 
-/// Fits a mixture of `components` Gaussians to the rows of `data`.
+/// Fits a mixture of `components` Gaussians to the rows of `data`, or of as many as find rows.
 ///
 /// # Errors
 ///
@@ -101,62 +82,25 @@ fn sized_fit<const N: usize>(
     progress: &dyn Progress,
 ) -> Result<MixtureFit, EmError> {
     let samples = Samples::<N>::new(data);
-    let rules = rules(&samples, options);
+    let rules = rules(options);
     let restarts = options.restarts.max(1);
-    let finalists = restarts.div_ceil(STARTS_PER_FINALIST);
-    progress.begin(restarts + finalists);
-    let short =
-        EmRules { max_iterations: FIRST_ITERATIONS.min(rules.max_iterations), ..rules.clone() };
-    let begun = parallel::map(restarts, |number| {
+    progress.begin(restarts);
+    let results = parallel::map(restarts, |number| {
         let random = &mut stream(options.seed, components, number);
         let start = random_start(&samples, components, &rules.prior, random);
-        let result = start.and_then(|start| begin(&samples, start, &short));
+        let result = iterate(&samples, start, &rules);
         progress.step();
         result
     });
-    let field = Field::new(&begun);
-    let mut results: Vec<_> = parallel::map(finalists, |number| {
-        let begun = field.ranked.get(number);
-        let result = begun.map(|begun| begun.carried_on(&samples, &rules));
-        progress.step();
-        result
-    })
-    .into_iter()
-    .flatten()
-    .collect();
     progress.end();
-    // A start that was among the best may still collapse: then the next one has its turn.
-    let mut others = field.ranked.iter().skip(finalists);
-    while results.iter().all(Result::is_err)
-        && let Some(next) = others.next()
-    {
-        results.push(next.carried_on(&samples, &rules));
-    }
-    best(&samples, components, &results, &field)
+    best(&samples, results.into_iter().flatten()).ok_or(EmError::NoStartSucceeded)
 }
 
-/// All starts after their first iterations.
-struct Field<'a, const N: usize> {
-    /// The highest objective first.
-    ranked: Vec<&'a EmResult<N>>,
-    failures: Vec<StartFailure>,
-}
-
-impl<'a, const N: usize> Field<'a, N> {
-    fn new(begun: &'a [Result<EmResult<N>, StartFailure>]) -> Self {
-        let mut ranked: Vec<_> = begun.iter().flatten().collect();
-        ranked.sort_by(|a, b| b.objective().total_cmp(&a.objective()));
-        let failures = begun.iter().filter_map(|result| result.as_ref().err());
-        Self { failures: failures.copied().collect(), ranked }
-    }
-}
-
-fn rules<const N: usize>(samples: &Samples<N>, options: &EmOptions) -> EmRules<N> {
+fn rules<const N: usize>(options: &EmOptions) -> EmRules<N> {
     EmRules {
         tolerance: options.tolerance,
         max_iterations: options.max_iterations.max(1),
-        prior: SMatrix::identity() * options.regularisation
-            + samples.correlation * options.shrinkage,
+        prior: SMatrix::identity() * options.regularisation,
     }
 }
 
@@ -169,31 +113,14 @@ fn stream(seed: u64, components: usize, number: usize) -> Pcg64 {
 /// The result with the highest objective, the first of equals.
 fn best<const N: usize>(
     samples: &Samples<N>,
-    components: usize,
-    results: &[Result<EmResult<N>, StartFailure>],
-    field: &Field<N>,
-) -> Result<MixtureFit, EmError> {
-    let mut failures = field.failures.clone();
-    let mut best: Option<&EmResult<N>> = None;
-    for result in results {
-        match result {
-            Ok(result) => {
-                let beats = |best: &EmResult<N>| result.objective() > best.objective();
-                if best.is_none_or(beats) {
-                    best = Some(result);
-                }
-            }
-            Err(failure) => failures.push(*failure),
-        }
-    }
-    let Some(result) = best else {
-        return Err(EmError::NoStartSucceeded { components, failures });
-    };
+    results: impl Iterator<Item = EmResult<N>>,
+) -> Option<MixtureFit> {
+    let result = results.reduce(|a, b| if b.objective() > a.objective() { b } else { a })?;
     let log_likelihood = result.log_likelihood + samples.scaling.log_jacobian();
-    Ok(MixtureFit {
+    Some(MixtureFit {
         parameters: parameters(&result.mixture, &samples.scaling),
         log_likelihood,
-        bic: bic(log_likelihood, samples.rows, components, N),
+        bic: bic(log_likelihood, samples.rows, result.mixture.len(), N),
     })
 }
 

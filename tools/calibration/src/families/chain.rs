@@ -7,7 +7,7 @@
 //!    leaving out contiguous blocks.
 //! 3. A residual is fitted to the rest, if that lowers the error on blocks left out.
 
-use i2ris::model::file::{HullParameters, MixtureParameters};
+use i2ris::model::file::{HullParameters, Mixture};
 use i2ris::model::hysteresis::residual::ResidualParameters;
 use i2ris::model::{Hull, MixtureRegression, ModelError};
 use i2ris::units::MotorVec;
@@ -15,13 +15,16 @@ use nalgebra::DMatrix;
 
 use super::operator_trace::{TracePoint, feature_matrix, shape_features};
 use crate::em::error::EmError;
-use crate::em::mixture::MixtureFit;
-use crate::em::restarts::{EmOptions, fit_mixture};
+use crate::em::restarts::EmOptions;
 use crate::progress::Progress;
-use crate::regression::component_choice::{choose_components, fewer, residuals};
+use crate::regression::component_choice::choose_components;
+use crate::regression::mixture::{RegressionData, residuals};
 use crate::regression::ridge::{RidgeFit, ridge};
 use crate::series::Series;
 use crate::table::DataTable;
+
+/// Components that are tried behind an operator, which leaves them little to bend: often nothing.
+const TRIED: [usize; 7] = [1, 2, 3, 4, 6, 8, 10];
 
 /// Shape and lag degrees of the residuals that are tried.
 const DEGREES: [(usize, usize); 6] = [(5, 2), (5, 1), (5, 0), (3, 1), (3, 0), (1, 0)];
@@ -32,8 +35,10 @@ const LEAST_GAIN: f64 = 0.01;
 /// How to fit the chain behind an operator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainOptions {
-    /// The most components of the mixture; chosen by leaving out blocks if `None`.
+    /// The components of the mixture; chosen by leaving out blocks if `None`.
     pub components: Option<usize>,
+    /// The part of the covariance of all rows that every component is given.
+    pub smoothing: f64,
     /// Whether to look for a residual.
     pub residual: bool,
     /// How to fit the mixture.
@@ -42,15 +47,15 @@ pub struct ChainOptions {
 
 impl Default for ChainOptions {
     fn default() -> Self {
-        Self { components: None, residual: true, em: EmOptions::default() }
+        Self { components: None, smoothing: 0.0, residual: true, em: EmOptions::default() }
     }
 }
 
 /// The chain behind an operator, in the units of the recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainFit {
-    /// Mixture over `[virtual counts; outputs]`.
-    pub mixture: MixtureParameters,
+    /// Over `[virtual counts; outputs]`.
+    pub mixture: Mixture,
     /// The residual, if it lowers the error.
     pub residual: Option<ResidualParameters>,
     /// The region of virtual counts that the samples visited.
@@ -94,44 +99,29 @@ pub fn fit_chain(
     let data = ChainData::new(series, points);
     let virtual_hull = Hull::from_points(data.motors, &data.virtual_counts)?.parameters();
     // Without a residual nothing may be left to it.
-    let joint = match options.residual {
-        true => data.joint(&data.without_lags()?),
-        false => data.joint(&data.measured),
+    let rows = match options.residual {
+        true => data.rows(&data.without_lags()?),
+        false => data.rows(&data.measured),
     };
     let components = options
         .components
-        .unwrap_or_else(|| choose_components(&joint, data.motors, &options.em, progress));
-    let mixture = mixture(&joint, components, &options.em, progress)?;
-    let regression =
-        MixtureRegression::prepare(&mixture.parameters, data.motors, series.outputs())?;
+        .unwrap_or_else(|| choose_components(&rows, &TRIED, &options.em, progress));
+    let fit = rows.fit(components.min(rows.most_components()), &options.em, progress)?;
+    let mixture = rows.smoothed(&fit.mixture, options.smoothing);
+    let regression = MixtureRegression::prepare(&mixture, data.motors, series.outputs())?;
     let rest = residuals(&regression, &data.virtual_counts, &data.measured);
     let (residual, error) = match options.residual {
         true => data.residual(&rest),
         false => (None, mean_square(&rest)),
     };
     Ok(ChainFit {
-        mixture: mixture.parameters,
+        mixture,
         residual,
         virtual_hull,
-        log_likelihood: mixture.log_likelihood,
-        bic: mixture.bic,
+        log_likelihood: fit.log_likelihood,
+        bic: fit.bic,
         cross_validated_rms: error.sqrt(),
     })
-}
-
-/// A mixture of so many components, or of fewer where some of them starve.
-fn mixture(
-    joint: &DataTable,
-    mut components: usize,
-    em: &EmOptions,
-    progress: &dyn Progress,
-) -> Result<MixtureFit, EmError> {
-    loop {
-        match (fit_mixture(joint, components, em, progress), fewer(components)) {
-            (Err(EmError::NoStartSucceeded { .. }), Some(fewer)) => components = fewer,
-            (fit, _) => return fit,
-        }
-    }
 }
 
 struct ChainData<'a> {
@@ -174,12 +164,12 @@ impl<'a> ChainData<'a> {
         Ok(&self.measured - features * fit.coefficients)
     }
 
-    fn joint(&self, outputs: &DMatrix<f64>) -> DataTable {
-        let row = |row: usize| {
-            let inputs = self.virtual_counts[row].into_iter().take(self.motors);
-            inputs.chain((0..outputs.ncols()).map(move |output| outputs[(row, output)]))
-        };
-        DataTable::from_rows(self.motors + outputs.ncols(), (0..self.points.len()).map(row))
+    fn rows(&self, outputs: &DMatrix<f64>) -> RegressionData {
+        let inputs = self.virtual_counts.iter().copied();
+        RegressionData::joint(
+            DataTable::from_rows(self.motors, inputs),
+            DataTable::from_matrix(outputs),
+        )
     }
 
     /// The residual with the least error on blocks left out, and the mean square of that error.
@@ -246,7 +236,12 @@ mod tests {
     fn fit(recording: &Recording, residual: bool) -> ChainFit {
         let series = Series::whole(recording);
         let points = trace_plays(&series, &plays(), UnknownMemory::LeaveOut).unwrap();
-        let options = ChainOptions { components: Some(1), residual, em: few_starts(2) };
+        let options = ChainOptions {
+            components: Some(1),
+            residual,
+            em: few_starts(2),
+            ..ChainOptions::default()
+        };
         fit_chain(&series, &points, &options, &Silent).unwrap()
     }
 

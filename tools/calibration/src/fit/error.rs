@@ -44,22 +44,12 @@ pub enum FitError {
         /// Why.
         source: Box<dyn Error + Send + Sync>,
     },
-    /// Every mixture is flat somewhere.
-    #[error(
-        "the mixture of {components} component(s) is refused: {spot}; record more of that region"
-    )]
-    TooFlat {
-        /// How many.
-        components: usize,
-        /// Where.
-        spot: FlatSpot,
-    },
+    /// The mixture is flat somewhere.
+    #[error("the mixture is refused: {0}; record more of that region")]
+    TooFlat(FlatSpot),
     /// The recording cannot show hysteresis, and the family needs it.
     #[error("{0}")]
     NoHysteresis(Finding),
-    /// The recording does not show the plane between the axes, and the family needs it.
-    #[error("{0}")]
-    OneAxisAtATime(Finding),
     /// On the rows it was fitted to, the model is worse than a straight line.
     #[error(
         "on the rows used for training its error is {rms:.3} where a straight line has \

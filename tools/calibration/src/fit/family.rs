@@ -41,13 +41,6 @@ impl Family {
         }
     }
 
-    /// Whether a recording of one axis at a time determines the family: it has no free shape in the
-    /// plane between the axes.
-    #[must_use]
-    pub fn is_separable(self) -> bool {
-        matches!(self, Self::Linear | Self::ForceBalance)
-    }
-
     /// Whether models of the family have memory.
     #[must_use]
     pub fn has_memory(self) -> bool {

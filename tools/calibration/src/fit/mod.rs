@@ -11,7 +11,6 @@
 //! | `late_camera` | how late the stamps of a camera are |
 //! | `slow_error` | the part of the error that a camera can follow |
 //! | `model_file` | model files with their metrics |
-//! | `gmr` | a mixture on the counts, and its number of components |
 //! | [`network`] | networks that were trained elsewhere |
 //! | `network_error` | why such a network is refused |
 //! | `one_family` | the fit of each family |
@@ -29,7 +28,6 @@ pub mod error;
 mod evidence;
 pub mod family;
 pub mod flatness;
-mod gmr;
 mod late_camera;
 pub mod metrics;
 mod model_file;

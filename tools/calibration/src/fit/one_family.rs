@@ -4,23 +4,24 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
-use i2ris::model::file::{FamilyParameters, OutputMetrics};
-use i2ris::model::{Model, ModelError};
+use i2ris::model::Model;
+use i2ris::model::file::{FamilyParameters, Mixture, OutputMetrics};
 
 use super::error::{FitError, refused};
-use super::family::{Choice, Family};
+use super::family::Family;
 use super::flatness::flat_spot;
-use super::gmr::{self, GmrData};
 use super::model_file::{FileContext, Fitted};
 use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, Mechanism};
+use crate::em::error::EmError;
 use crate::families::chain::ChainOptions;
 use crate::families::force_balance::search::fit_force_balance;
 use crate::families::play::play_fit::fit_play;
 use crate::progress::Progress;
 use crate::quality::Finding;
-use crate::regression::component_choice::fewer;
+use crate::regression::component_choice::choose_components;
 use crate::regression::linear::LinearFit;
+use crate::regression::mixture::{RegressionData, SMOOTHING};
 use crate::series::Series;
 use crate::table::DataTable;
 
@@ -29,8 +30,15 @@ use crate::table::DataTable;
 const MOST_ERROR: f64 = 1.05;
 const LEAST_NRMSD: f64 = 0.01;
 
-/// Why the parameters of a family cannot be found.
-type Reason = Box<dyn Error + Send + Sync>;
+/// The components of the published mixtures, at least.
+const PUBLISHED: usize = 3;
+
+/// What is said of a fit beside its model.
+#[derive(Default)]
+struct Said {
+    mechanism: Option<Mechanism>,
+    note: Option<String>,
+}
 
 /// The data of all families.
 pub(super) struct FamilyFitter<'a> {
@@ -53,30 +61,25 @@ impl FamilyFitter<'_> {
     /// Fits a family and measures the time.
     pub fn attempt(&self, family: Family) -> FamilyOutcome {
         let begin = Instant::now();
-        let mut mechanism = None;
-        let result = self.fit(family, &mut mechanism);
+        let mut said = Said::default();
+        let result = self.fit(family, &mut said);
         let result = result.and_then(|model| self.not_worse_than_linear(family, model));
         let result = result.map(Arc::new);
-        FamilyOutcome { family, result, mechanism, seconds: begin.elapsed().as_secs_f64() }
+        let Said { mechanism, note } = said;
+        FamilyOutcome { family, result, mechanism, note, seconds: begin.elapsed().as_secs_f64() }
     }
 
-    fn fit(&self, family: Family, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
+    fn fit(&self, family: Family, said: &mut Said) -> Result<Model, FitError> {
         if family.has_memory()
             && let Some(reason) = self.hidden
         {
             return Err(FitError::NoHysteresis(reason));
         }
-        if let Some(reason) = self.one_axis
-            && self.options.choice == Choice::Best
-            && !family.is_separable()
-        {
-            return Err(FitError::OneAxisAtATime(reason));
-        }
         match family {
             Family::Linear => self.checked(family, &Fitted::from(self.straight)),
-            Family::Gmr => self.gmr(),
-            Family::GmrPlay => self.play(mechanism),
-            Family::ForceBalance => self.force_balance(mechanism),
+            Family::Gmr => self.gmr(said),
+            Family::GmrPlay => self.play(said),
+            Family::ForceBalance => self.force_balance(said),
         }
     }
 
@@ -98,111 +101,128 @@ impl FamilyFitter<'_> {
         self.context.model(fitted).map_err(|source| refused(family, source))
     }
 
-    /// Fits with as many components as do best, and with fewer for as long as the model has no
-    /// inverse: the more there are, the more easily the regression folds where the recording has
-    /// few rows.
-    fn with_inverse(
+    /// Smooths a mixture until its model passes: where its rows are few, a regression folds. A
+    /// mixture on the counts must not be flat, either, where the robot is not.
+    fn smooth(
         &self,
         family: Family,
-        fit: &dyn Fn(Option<usize>) -> Result<MixtureModel, Reason>,
+        note: &mut Option<String>,
+        mut fit: impl FnMut(f64) -> Result<Fitted, FitError>,
     ) -> Result<Model, FitError> {
-        let mut components = self.known_components();
-        loop {
-            let candidate =
-                fit(components).map_err(|source| FitError::Family { family, source })?;
-            match self.context.model(&candidate.fitted) {
-                Err(
-                    ModelError::NotInvertible { .. }
-                    | ModelError::Gain { .. }
-                    | ModelError::Rehearsal { .. },
-                ) if candidate.components > 1 => {
-                    components = fewer(candidate.components);
+        let mut refusal = None;
+        for part in SMOOTHING {
+            let fitted = self.checked(family, &fit(part)?);
+            let fitted = fitted.and_then(|model| self.not_worse_than_linear(family, model));
+            let passed = fitted.and_then(|model| {
+                let spot = match family.has_memory() {
+                    true => None,
+                    false => flat_spot(&model, self.inputs, self.outputs, self.straight),
+                };
+                spot.map_or(Ok(model), |spot| Err(FitError::TooFlat(spot)))
+            });
+            match passed {
+                Ok(model) if part == 0.0 => return Ok(model),
+                Ok(model) => {
+                    let words = format!(
+                        "every component was given {part} of the covariance of all rows: with less, \
+                         its inverse did not pass, or a straight line was better"
+                    );
+                    *note =
+                        Some(note.take().map_or(words.clone(), |note| format!("{note}; {words}")));
+                    return Ok(model);
                 }
-                checked => return checked.map_err(|source| refused(family, source)),
+                Err(error) => refusal = refusal.or(Some(error)),
             }
         }
+        Err(refusal.unwrap_or(FitError::Mixture(EmError::NoStartSucceeded)))
     }
 
-    /// The number of components of the mixture of [`Self::known`].
+    /// The components of the mixture of [`Self::known`].
     fn known_components(&self) -> Option<usize> {
-        match self.known? {
-            FamilyParameters::Gmr { mixture } | FamilyParameters::GmrPlay { mixture, .. } => {
-                Some(mixture.weights.len())
+        self.known?.mixture().map(Mixture::components)
+    }
+
+    fn gmr(&self, said: &mut Said) -> Result<Model, FitError> {
+        let em = &self.options.em;
+        let data = RegressionData::new(self.inputs.clone(), self.outputs.clone());
+        let asked = match (self.known_components(), self.options.components) {
+            (Some(known), _) => known,
+            (None, Components::Exactly(components)) => components,
+            (None, Components::UpTo(most)) => {
+                choose_components(&data, &tried(most), em, self.progress)
             }
-            _ => None,
-        }
-    }
-
-    fn gmr(&self) -> Result<Model, FitError> {
-        let data = GmrData { inputs: self.inputs, outputs: self.outputs, straight: self.straight };
-        let components = match self.known_components() {
-            Some(components) => Components::Exactly(components),
-            None => self.options.components,
         };
-        let options = FitOptions { components, ..self.options.clone() };
-        let model = gmr::fit(&self.context, data, &options, self.progress)?;
-        if self.known.is_some()
-            && let Some(spot) = flat_spot(&model, self.inputs, self.outputs, self.straight)
-        {
-            let components = self.known_components().unwrap_or_default();
-            return Err(FitError::TooFlat { components, spot });
-        }
-        Ok(model)
-    }
-
-    fn play(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
-        let family = Family::GmrPlay;
-        let first = fit_play(&self.series, &self.chain(self.known_components()), self.progress);
-        let first = first.map_err(|source| failed(family, source))?;
-        *mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
-        self.with_inverse(family, &|components| {
-            let fit = match components {
-                same if same == self.known_components() => first.clone(),
-                fewer => first.refit(&self.series, &self.chain(fewer), self.progress)?,
-            };
-            let quality = (fit.chain.log_likelihood, fit.chain.bic);
-            Ok(self.mixture_model(fit.family(), fit.chain.mixture.weights.len(), quality))
+        let fit = data.fit(asked, em, self.progress)?;
+        said.note = fewer(asked, &fit.mixture, data.most_components());
+        self.smooth(Family::Gmr, &mut said.note, |part| {
+            let mixture = data.smoothed(&fit.mixture, part);
+            Ok(self.fitted(FamilyParameters::Gmr { mixture }, (fit.log_likelihood, fit.bic)))
         })
     }
 
-    fn force_balance(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
+    fn play(&self, said: &mut Said) -> Result<Model, FitError> {
+        let family = Family::GmrPlay;
+        let options = |smoothing| ChainOptions {
+            components: self.known_components(),
+            smoothing,
+            em: self.options.em.clone(),
+            ..ChainOptions::default()
+        };
+        let first = fit_play(&self.series, &options(0.0), self.progress);
+        let first = first.map_err(|source| failed(family, source))?;
+        said.mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
+        let few = first.chain.mixture.components() < PUBLISHED;
+        said.note =
+            few.then(|| "behind the plays fewer than three components do as well".to_owned());
+        self.smooth(family, &mut said.note, |part| {
+            let fit = match part {
+                0.0 => first.clone(),
+                part => first
+                    .refit(&self.series, &options(part), self.progress)
+                    .map_err(|source| failed(family, source))?,
+            };
+            Ok(self.fitted(fit.family(), (fit.chain.log_likelihood, fit.chain.bic)))
+        })
+    }
+
+    fn force_balance(&self, said: &mut Said) -> Result<Model, FitError> {
         let known = match self.known {
             Some(FamilyParameters::ForceBalance { balance, .. }) => Some(balance),
             _ => None,
         };
         let fit = fit_force_balance(&self.series, self.one_axis.is_none(), known, self.progress);
         let fit = fit.map_err(|source| failed(Family::ForceBalance, source))?;
-        *mechanism = Some(Mechanism::Balance(fit.mechanism));
+        said.mechanism = Some(Mechanism::Balance(fit.mechanism));
         let checked = |parameters| self.checked(Family::ForceBalance, &Fitted::plain(parameters));
         checked(fit.family).or_else(|refused| {
             fit.simpler.into_iter().find_map(|simpler| checked(simpler).ok()).ok_or(refused)
         })
     }
 
-    fn chain(&self, components: Option<usize>) -> ChainOptions {
-        ChainOptions { components, em: self.options.em.clone(), ..ChainOptions::default() }
-    }
-
-    fn mixture_model(
-        &self,
-        family: FamilyParameters,
-        components: usize,
-        (log_likelihood, bic): (f64, f64),
-    ) -> MixtureModel {
-        let fitted = Fitted {
+    fn fitted(&self, family: FamilyParameters, (log_likelihood, bic): (f64, f64)) -> Fitted {
+        Fitted {
             family,
             log_likelihood: Some(log_likelihood),
             bic: Some(bic),
             restarts: self.options.em.restarts,
-        };
-        MixtureModel { fitted, components }
+        }
     }
 }
 
-/// A family with a mixture of so many components.
-struct MixtureModel {
-    fitted: Fitted,
-    components: usize,
+/// Numbers of components that are tried.
+fn tried(most: usize) -> Vec<usize> {
+    let few = most.min(PUBLISHED)..=most.min(6);
+    few.chain([8, 10, 12].into_iter().filter(|number| *number <= most)).collect()
+}
+
+/// A word where there are fewer components than were asked for, or than are published.
+fn fewer(asked: usize, mixture: &Mixture, most: usize) -> Option<String> {
+    let left = mixture.components();
+    if left < asked {
+        return Some(format!("{asked} components asked, {left} left: the others found no rows"));
+    }
+    let few = asked < PUBLISHED && most < PUBLISHED;
+    few.then(|| format!("the rows carry only {most} component(s)"))
 }
 
 fn failed(family: Family, source: impl Error + Send + Sync + 'static) -> FitError {

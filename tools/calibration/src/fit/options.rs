@@ -54,7 +54,7 @@ const MAX_COMPONENTS_TRIED: usize = 12;
 pub enum Components {
     /// So many.
     Exactly(usize),
-    /// From one to so many, or as many as the rows can carry: the least number that comes near the
-    /// least error on blocks left out, among those whose model can be inverted all over the hull.
+    /// From three to so many, or as many as the rows can carry: the least number whose inverse comes
+    /// near the least error on blocks left out.
     UpTo(usize),
 }

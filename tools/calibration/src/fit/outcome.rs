@@ -41,6 +41,8 @@ pub struct FamilyOutcome {
     pub result: Result<Arc<Model>, FitError>,
     /// Properties of the mechanism, of families that show them.
     pub mechanism: Option<Mechanism>,
+    /// What it took beside that: components that were left, smoothing.
+    pub note: Option<String>,
     /// How long it took, s; the only thing here that is not the same in every run.
     pub seconds: f64,
 }

@@ -1,5 +1,5 @@
-//! The number of components of a mixture, by the error of its regression on rows that it has not
-//! seen.
+//! The number of components of a mixture, by the error of the inverse of its regression on rows
+//! that it has not seen: the controller inverts it.
 //!
 //! Contiguous blocks are left out one at a time, because neighbouring rows are nearly the same.
 //! The likelihood, and so the BIC, would reward components that describe where the motors happened
@@ -7,18 +7,15 @@
 
 use std::ops::Range;
 
-use i2ris::model::MixtureRegression;
-use i2ris::units::MotorVec;
-use nalgebra::DMatrix;
+use i2ris::model::{Hull, MixtureRegression};
+use i2ris::units::{MotorVec, OutputVec};
 
-use crate::em::restarts::{EmOptions, fit_mixture};
+use super::linear::{LinearFit, fit_linear};
+use super::mixture::RegressionData;
+use crate::em::restarts::EmOptions;
 use crate::parallel;
 use crate::progress::{Progress, Silent};
 use crate::series::blocks;
-use crate::table::DataTable;
-
-/// Numbers of components that are tried behind an operator.
-const USUAL: [usize; 7] = [1, 2, 3, 4, 6, 8, 10];
 
 /// Blocks left out one at a time.
 const BLOCKS: usize = 5;
@@ -30,28 +27,31 @@ const ROWS: usize = 3000;
 const RESTARTS: usize = 4;
 
 /// More components have to lower the mean square of the error by this part.
-const LEAST_GAIN: f64 = 0.01;
+const LEAST_GAIN: f64 = 0.02;
 
 /// For every number of components, the mean over the rows of the squared length of the error of
-/// the regression of the other columns on the first `inputs` columns, each row left out with its
-/// block. Infinite where a mixture could not be fitted.
+/// the inverse, in outputs by the gain of a straight line, each row left out with its block.
+/// Infinite where a mixture could not be fitted.
 pub(crate) fn left_out_errors(
-    joint: &DataTable,
-    inputs: usize,
+    data: &RegressionData,
     components: &[usize],
     em: &EmOptions,
     progress: &dyn Progress,
 ) -> Vec<f64> {
-    let step = joint.len().div_ceil(ROWS).max(1);
-    let rows = joint.rows().step_by(step).map(|row| row.iter().copied());
-    let thinned = DataTable::from_rows(joint.width(), rows);
-    let restarts = em.restarts.min(RESTARTS);
-    let em = EmOptions { restarts, ..em.clone() };
+    let thinned = data.thinned(data.len().div_ceil(ROWS).max(1));
+    let em = EmOptions { restarts: em.restarts.min(RESTARTS), ..em.clone() };
     let blocks = blocks(thinned.len(), BLOCKS);
     let many = blocks.len().max(1);
+    let motors = thinned.inputs.width();
+    let positions: Vec<MotorVec> = thinned.inputs.rows().map(filled).collect();
+    let straight = fit_linear(&thinned.inputs, &thinned.outputs).ok();
+    let judge = straight.zip(Hull::from_points(motors, &positions).ok());
     progress.begin(components.len() * many);
     let squares = parallel::map(components.len() * many, |job| {
-        let error = block_error(&thinned, &blocks[job % many], components[job / many], inputs, &em);
+        let judge = judge.as_ref();
+        let error = judge.and_then(|(straight, hull)| {
+            block_error(&thinned, &blocks[job % many], components[job / many], straight, hull, &em)
+        });
         progress.step();
         error.unwrap_or(f64::INFINITY)
     });
@@ -60,20 +60,24 @@ pub(crate) fn left_out_errors(
     squares.chunks(many).map(mean).collect()
 }
 
-/// The least of the usual numbers of components that comes near the least error.
+/// The least of some numbers of components that comes near the least error; as many as the rows can
+/// carry where those are fewer.
 pub(crate) fn choose_components(
-    joint: &DataTable,
-    inputs: usize,
+    data: &RegressionData,
+    tried: &[usize],
     em: &EmOptions,
     progress: &dyn Progress,
 ) -> usize {
-    let errors = left_out_errors(joint, inputs, &USUAL, em, progress);
-    first_near_least(&errors).map_or(1, |index| USUAL[index])
-}
-
-/// The next lower number of those that are tried.
-pub(crate) fn fewer(components: usize) -> Option<usize> {
-    USUAL.into_iter().rev().find(|usual| *usual < components)
+    let most = data.most_components().max(1);
+    let tried: Vec<usize> = tried.iter().copied().filter(|tried| *tried <= most).collect();
+    match tried[..] {
+        [] => most,
+        [only] => only,
+        _ => {
+            let errors = left_out_errors(data, &tried, em, progress);
+            first_near_least(&errors).map_or(tried[0], |index| tried[index])
+        }
+    }
 }
 
 /// Index of the first error that is hardly above the least one.
@@ -83,55 +87,57 @@ pub(crate) fn first_near_least(errors: &[f64]) -> Option<usize> {
     errors.iter().position(near)
 }
 
-/// Outputs (a row per sample) less their predictions.
-pub(crate) fn residuals(
-    regression: &MixtureRegression,
-    inputs: &[MotorVec],
-    outputs: &DMatrix<f64>,
-) -> DMatrix<f64> {
-    let mut residuals = outputs.clone();
-    for (mut row, input) in residuals.row_iter_mut().zip(inputs) {
-        for (residual, predicted) in row.iter_mut().zip(regression.predict(input)) {
-            *residual -= predicted;
-        }
-    }
-    residuals
-}
-
 /// Sum of squared errors on a block, of a mixture that has not seen it.
 fn block_error(
-    data: &DataTable,
+    data: &RegressionData,
     block: &Range<usize>,
     components: usize,
-    inputs: usize,
+    straight: &LinearFit,
+    hull: &Hull,
     em: &EmOptions,
 ) -> Option<f64> {
-    let others = data.rows().enumerate().filter(|(row, _)| !block.contains(row));
-    let others = others.map(|(_, row)| row.iter().copied());
-    let training = DataTable::from_rows(data.width(), others);
-    let mixture = fit_mixture(&training, components, em, &Silent).ok()?.parameters;
-    let regression = MixtureRegression::prepare(&mixture, inputs, data.width() - inputs).ok()?;
-    let error = |row: &[f64]| {
-        let pairs = row[inputs..].iter().zip(regression.predict(row));
-        pairs.map(|(measured, predicted)| (measured - predicted).powi(2)).sum::<f64>()
+    let mixture = data.without(block).fit(components, em, &Silent).ok()?.mixture;
+    let (motors, outputs) = (data.inputs.width(), data.outputs.width());
+    let regression = MixtureRegression::prepare(&mixture, motors, outputs).ok()?;
+    let error = |(counts, measured): (&[f64], &[f64])| {
+        let mut goal = OutputVec::default();
+        goal.iter_mut().zip(measured).for_each(|(goal, measured)| *goal = *measured);
+        let found = regression.invert(&goal, hull, &filled(counts));
+        let moved = |gain: &Vec<f64>| -> f64 {
+            gain.iter()
+                .zip(counts.iter().zip(found))
+                .map(|(gain, (at, found))| gain * (at - found))
+                .sum()
+        };
+        straight.gain.iter().map(|gain| moved(gain).powi(2)).sum::<f64>()
     };
-    Some(data.rows().skip(block.start).take(block.len()).map(error).sum())
+    let rows = data.inputs.rows().zip(data.outputs.rows());
+    Some(rows.skip(block.start).take(block.len()).map(error).sum())
+}
+
+fn filled(counts: &[f64]) -> MotorVec {
+    let mut position = MotorVec::default();
+    position.iter_mut().zip(counts).for_each(|(position, counts)| *position = *counts);
+    position
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::table::DataTable;
     use crate::testing::{assert_near, noise, straight, wander};
 
     fn errors(bend: f64) -> Vec<f64> {
         let mut noise = noise(1);
-        let row = |time: f64| {
-            let bent = |angle: f64| bend * (angle / bend).tanh() + 0.05 * noise();
-            wander(time).into_iter().chain(straight(wander(time)).map(bent))
-        };
-        let joint = DataTable::from_rows(4, (0..600).map(|i| 0.2 * f64::from(i)).map(row));
+        let times = || (0..600).map(|i| 0.2 * f64::from(i));
+        let bent = |angle: f64| bend * (angle / bend).tanh();
+        let row = |time: f64| straight(wander(time)).map(|angle| bent(angle) + 0.05 * noise());
+        let data = RegressionData::new(
+            DataTable::from_rows(2, times().map(wander)),
+            DataTable::from_rows(2, times().map(row)),
+        );
         let em = EmOptions { max_iterations: 50, ..EmOptions::default() };
-        left_out_errors(&joint, 2, &[1, 2, 4, 300], &em, &Silent)
+        left_out_errors(&data, &[1, 2, 4, 300], &em, &Silent)
     }
 
     #[test]

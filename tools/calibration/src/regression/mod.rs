@@ -6,10 +6,12 @@
 //! | `ridge` | ridge regression, its penalty chosen on blocks left out |
 //! | [`nnls`] | least squares with unknowns that must not be negative |
 //! | `polynomial` | a smooth substitute for a mixture regression |
-//! | `component_choice` | the number of components, by the error on blocks left out |
+//! | `mixture` | mixtures of all motors or one per motor, and their smoothing |
+//! | `component_choice` | the number of components, by the inverse on blocks left out |
 
 pub(crate) mod component_choice;
 pub mod linear;
+pub(crate) mod mixture;
 pub mod nnls;
 pub(crate) mod polynomial;
 pub(crate) mod ridge;

@@ -6,6 +6,7 @@ use i2ris::model::file::OutputMetrics;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use serde::Serialize;
 
+use super::mixture_figure::PlanarMixture;
 use crate::hand_limits::HandLimits;
 use crate::quality::latency::Latency;
 use crate::quality::residual_pattern::Unexplained;
@@ -114,6 +115,10 @@ pub(super) struct ChoiceScore {
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub(super) struct FamilyResult {
     pub name: String,
+    /// Its name, with the components of a mixture: `gmr (K = 5)`.
+    pub title: String,
+    /// What the fit took beside that: components that found no rows, smoothing.
+    pub note: Option<String>,
     /// Whether this is the model that was written.
     pub chosen: bool,
     pub model_id: String,
@@ -124,12 +129,11 @@ pub(super) struct FamilyResult {
     pub held_out: Option<Errors>,
     /// What its parameters say about the robot, in lines.
     pub reading: Option<String>,
-    /// At every row.
-    #[serde(skip)]
-    pub predicted: Vec<[f64; MAX_OUTPUTS]>,
     /// Of every output.
     #[serde(skip)]
     pub branches: Vec<Branches>,
+    #[serde(skip)]
+    pub mixtures: Vec<PlanarMixture>,
 }
 
 /// Errors on a set of rows beyond those in the file.

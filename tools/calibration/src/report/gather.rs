@@ -9,6 +9,7 @@ use super::choice;
 use super::fit::{
     CalibrationReport, Errors, FamilyResult, OutputFacts, RecordingFacts, Straight, Track,
 };
+use super::mixture_figure::planar;
 use super::sweep::branches;
 use crate::fit::beyond_model::BeyondModel;
 use crate::fit::metrics::predictions;
@@ -148,6 +149,8 @@ fn family_result(
     let held_out: Vec<usize> = track.held_out().collect();
     Some(FamilyResult {
         name: family.family.to_string(),
+        title: file.family.title(),
+        note: family.note.clone(),
         chosen,
         model_id: if chosen { outcome.model.id() } else { model.id() }.to_string(),
         fit_seconds: family.seconds,
@@ -156,7 +159,10 @@ fn family_result(
         held_out: errors(track, &predicted, facts.len(), &held_out),
         reading: outcome.reading(family),
         branches: facts.iter().enumerate().map(branch).collect(),
-        predicted,
+        mixtures: file.family.mixture().map_or_else(Vec::new, |mixture| {
+            let straight: Vec<Straight> = facts.iter().map(|output| output.straight).collect();
+            planar(mixture, &straight, recording.motors())
+        }),
     })
 }
 
@@ -190,7 +196,6 @@ fn settings(options: &FitOptions) -> Vec<(String, String)> {
         ("components of gmr", components),
         ("starts per mixture", options.em.restarts.to_string()),
         ("seed", options.em.seed.to_string()),
-        ("shrinkage", options.em.shrinkage.to_string()),
         ("hold out", options.hold_out.to_string()),
         ("train on spikes", spikes.to_owned()),
     ]

@@ -19,20 +19,18 @@
 //! | `gather`, `sweep` | that, from the fit |
 //! | `text` | as it is printed |
 //! | `page`, `choice` | as a page |
-//! | `hysteresis_loops`, `error_map` | figures of the model |
-//! | `residual_times` | the residuals over time |
+//! | `hysteresis_loops`, `mixture_figure` | figures of the models |
 //! | `labels` | numbers and names in the form of the page |
 
 mod choice;
 mod comparison;
 mod drift;
-mod error_map;
 mod fit;
 mod gather;
 mod hysteresis_loops;
 mod labels;
+mod mixture_figure;
 mod page;
-mod residual_times;
 mod sweep;
 #[cfg(test)]
 mod tests;

@@ -7,7 +7,7 @@ use i2ris_report::{Axis, Color, Figure, Marker, Page, Panel, ReferenceLine, Scat
 use super::choice::{self, NONE};
 use super::fit::{BASELINE, CalibrationReport, Errors, FamilyResult, OutputFacts};
 use super::labels::{NOISE, error, list, with_unit};
-use super::{error_map, hysteresis_loops, residual_times};
+use super::{hysteresis_loops, mixture_figure};
 
 /// A model whose error on unseen rows is this much larger than in training has learned what does
 /// not carry over.
@@ -44,9 +44,7 @@ impl CalibrationReport {
         }
         page.section("Hysteresis");
         hysteresis_loops::write(&mut page, self);
-        page.section("What is left over");
-        residual_times::write(&mut page, self);
-        error_map::write(&mut page, self);
+        mixture_figure::write(&mut page, self);
         page.section("Where it comes from");
         page.facts(self.facts());
         page.paragraph(
@@ -63,7 +61,7 @@ impl CalibrationReport {
     fn main_result(&self, family: &FamilyResult) -> String {
         let held_out = family.held_out.is_some();
         let rows = if held_out { "rows held out" } else { "rows used for training" };
-        let name = &family.name;
+        let name = &family.title;
         let Some(judged) = family.judged() else {
             return format!("The model is of the family {name}.");
         };
@@ -242,7 +240,7 @@ impl CalibrationReport {
             });
             let seconds = family.fit_seconds;
             let cells = vec![
-                format!("{}{}", family.name, if family.chosen { " (chosen)" } else { "" }),
+                format!("{}{}", family.title, if family.chosen { " (chosen)" } else { "" }),
                 rms(&family.training),
                 rms(&family.held_out),
                 or_none(below),
@@ -277,7 +275,7 @@ impl CalibrationReport {
                 .into_iter()
                 .filter_map(|(rows, fit, errors)| Some((rows, fit, errors.as_ref()?)));
             for (place, (rows, metrics, errors)) in sets.enumerate() {
-                let name = if place == 0 { family.name.clone() } else { String::new() };
+                let name = if place == 0 { family.title.clone() } else { String::new() };
                 let mut cells = vec![name, rows.to_owned()];
                 match metrics.zip(errors.p99.get(index)) {
                     Some((of, p99)) => {

@@ -141,7 +141,7 @@ impl CalibrationReport {
             let mut name = format!("{} ({})", output.name, output.unit);
             for family in &self.families {
                 let Some(metrics) = family.metrics.get(index) else { continue };
-                let family = format!("{}{}", family.name, if family.chosen { "*" } else { "" });
+                let family = format!("{}{}", family.title, if family.chosen { "*" } else { "" });
                 let line = format!("{name:<12}{family:<24}training");
                 metrics_line(f, &line, Some(&metrics.training))?;
                 if self.recording.held_out > 0 {
@@ -150,6 +150,10 @@ impl CalibrationReport {
                 }
                 name.clear();
             }
+        }
+        for family in &self.families {
+            let note = family.note.iter().map(|note| format!("`{}`: {note}.", family.name));
+            note.into_iter().try_for_each(|note| write!(f, "{}", Wrapped("", &note)))?;
         }
         for (family, reason) in &self.failures {
             write!(f, "{}", Wrapped("", &format!("No `{family}`: {reason}.")))?;

@@ -90,13 +90,12 @@ struct ModelArguments {
     /// out is written
     #[arg(long, default_value_t = Choice::Best)]
     family: Choice,
-    /// Components of the mixture of `gmr`, 1 to 64; ..K: up to K, chosen by the error on blocks
-    /// left out
+    /// Components of the mixture of `gmr`, 1 to 64; ..K: three up to K, chosen by the error of the
+    /// inverse on blocks left out
     #[arg(long, value_name = "K|..K", default_value = "..12", value_parser = components)]
     components: Components,
     /// Random starts per number of components
-    #[arg(long, value_name = " \
-     N", default_value_t = 20, value_parser = value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = value_parser!(u16).range(1..))]
     restarts: u16,
     /// Seed of the random starts: the same seed gives the same model
     #[arg(long, default_value_t = 1)]

@@ -61,12 +61,11 @@ fn written(file: &Path) -> Option<String> {
 
 fn header(path: &Path, model: &Model) {
     let file = model.file();
-    let kind = serde_json::to_value(&file.family).unwrap_or_default();
     let outputs: Vec<String> =
         file.outputs.iter().map(|output| format!("{} ({})", output.name, output.unit)).collect();
     println!("model      {}", model.id());
     println!("file of    {}", written(path).unwrap_or_else(|| "unknown".to_owned()));
-    println!("family     {}", kind.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?"));
+    println!("family     {}", file.family.title());
     println!("robot      {}, {} motor(s)", file.robot_id, model.motors());
     println!("outputs    {}", outputs.join(", "));
     let corners: Vec<_> = model.hull().corners().collect();
@@ -147,10 +146,8 @@ fn rotation_deg(model: &Model) -> Option<f64> {
 fn family(model: &Model) {
     let gains = gains(model);
     match &model.file().family {
-        FamilyParameters::Linear { .. } => {}
-        FamilyParameters::Gmr { mixture } => println!("mixture    K = {}", mixture.weights.len()),
-        FamilyParameters::GmrPlay { plays, mixture, residual, .. } => {
-            println!("mixture    K = {} on virtual counts", mixture.weights.len());
+        FamilyParameters::Linear { .. } | FamilyParameters::Gmr { .. } => {}
+        FamilyParameters::GmrPlay { plays, residual, .. } => {
             residual_line(residual.as_ref());
             play_table(plays, &gains);
         }

@@ -56,7 +56,7 @@ impl Calibrated {
             latency_ms: 0,
             seed: snake.seed,
         };
-        plan.record(&mut robot(snake, false), &file).unwrap();
+        plan.record(&mut robot(&snake.into(), false), &file).unwrap();
         let (recording, _) = Recording::read(&file, &ColumnMap::default()).unwrap();
         let options = FitOptions { robot_id: "i2ris-emulated".to_owned(), ..FitOptions::default() };
         let outcome = fit(&recording, &options, &Silent).unwrap();

@@ -6,9 +6,9 @@ use i2ris_bench::models::{RecordingPlan, robot, tracked};
 use i2ris_calibration::fit::{Choice, Family, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_simulation::SnakeSource;
 use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::motion::unseen_motion::{Motion, within_reach};
-use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::robot::Robot;
 use pyo3::prelude::*;
 
@@ -19,8 +19,11 @@ use crate::refused;
 const MOTION_S: f64 = 30.0;
 const MOTION_SEED: u64 = 1001;
 
-fn drawn(physics: &str, seed: u64) -> PyResult<DrawnSnake> {
-    format!("{physics}:{seed}").parse().map_err(refused)
+/// A physics with a seed, or a snake by its name, which has none.
+fn source(physics: &str, seed: u64) -> PyResult<SnakeSource> {
+    SnakeSource::load(physics)
+        .or_else(|_| SnakeSource::load(&format!("{physics}:{seed}")))
+        .map_err(refused)
 }
 
 /// An emulated snake with motors in front of it.
@@ -32,7 +35,7 @@ impl Snake {
     #[new]
     #[pyo3(signature = (physics, seed, aged=false))]
     fn new(physics: &str, seed: u64, aged: bool) -> PyResult<Self> {
-        Ok(Self(robot(drawn(physics, seed)?, aged)))
+        Ok(Self(robot(&source(physics, seed)?, aged)))
     }
 
     /// So many ticks of a millisecond with these setpoints, counts; the true angles, deg.
@@ -73,7 +76,7 @@ pub fn record(
     first_seed: u64,
     aged: bool,
 ) -> PyResult<()> {
-    let snake = drawn(physics, seed)?;
+    let snake = source(physics, seed)?;
     let known = [Protocol::Reversals, Protocol::Axes, Protocol::Cycles];
     let protocol = known.into_iter().find(|known| known.name() == protocol).ok_or_else(|| {
         let names = known.map(Protocol::name).join(", ");
@@ -82,7 +85,7 @@ pub fn record(
     let seed = first_seed + seed;
     let plan = RecordingPlan { protocol, duration_s, noise_deg, latency_ms, seed };
     let made = py
-        .detach(|| plan.record(&mut robot(snake, aged), &path).map_err(|error| error.to_string()));
+        .detach(|| plan.record(&mut robot(&snake, aged), &path).map_err(|error| error.to_string()));
     made.map_err(refused)
 }
 
@@ -121,6 +124,6 @@ pub fn track(
     aged: bool,
     recording: PathBuf,
 ) -> PyResult<Vec<(String, f64, f64, f64)>> {
-    let snake = drawn(physics, seed)?;
-    py.detach(|| tracked(snake, aged, &model.0, &recording)).map_err(refused)
+    let snake = source(physics, seed)?;
+    py.detach(|| tracked(&snake, aged, &model.0, &recording)).map_err(refused)
 }

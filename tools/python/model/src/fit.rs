@@ -124,7 +124,7 @@ fn watched<T: Send>(
 /// Fits a model to a recording, as `i2ris calibrate fit` does. Returns the model, the report as
 /// JSON, as text and as a page.
 #[pyfunction]
-#[pyo3(signature = (path, *, family, components, max_components, restarts, seed, shrinkage,
+#[pyo3(signature = (path, *, family, components, max_components, restarts, seed,
                     hold_out, keep_spikes, force, robot_id, recorded_at, latency, progress))]
 #[allow(clippy::too_many_arguments, reason = "the options of the command line")]
 pub fn fit(
@@ -135,7 +135,6 @@ pub fn fit(
     max_components: usize,
     restarts: usize,
     seed: u64,
-    shrinkage: f64,
     hold_out: &str,
     keep_spikes: bool,
     force: bool,
@@ -149,7 +148,7 @@ pub fn fit(
         recorded_at,
         choice: family.parse().map_err(refused)?,
         components: components.map_or(Components::UpTo(max_components), Components::Exactly),
-        em: EmOptions { restarts, seed, shrinkage, ..EmOptions::default() },
+        em: EmOptions { restarts, seed, ..EmOptions::default() },
         hold_out: hold_out.parse().map_err(refused)?,
         spikes: SpikeOptions { keep: keep_spikes, ..SpikeOptions::default() },
         force,

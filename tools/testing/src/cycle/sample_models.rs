@@ -192,8 +192,12 @@ pub fn scaled_play_model(factor: f64) -> Arc<Model> {
             vec![-cross, cross, 0.0, out],
         ]],
     };
-    let family =
-        FamilyParameters::GmrPlay { plays, mixture, residual: None, virtual_hull: square() };
+    let family = FamilyParameters::GmrPlay {
+        plays,
+        mixture: mixture.into(),
+        residual: None,
+        virtual_hull: square(),
+    };
     Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
 }
 

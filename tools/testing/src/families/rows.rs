@@ -71,7 +71,7 @@ pub fn gmr_play() -> Sample {
                 + 2 * plays.planar_thresholds_counts.len();
             let residual = Some(residual(motors, lags, outputs, size));
             let virtual_hull = hull(motors, REACH);
-            let mixture = map.mixture();
+            let mixture = map.mixture().into();
             let family = FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull };
             file(outputs, family, region(motors, REACH))
         });
@@ -83,7 +83,7 @@ pub fn gmr_play() -> Sample {
             weights: vec![vec![0.4, 0.3, 0.3]; 2],
             planar_thresholds_counts: vec![],
         },
-        mixture: snake().mixture(),
+        mixture: snake().mixture().into(),
         residual: None,
         virtual_hull: hull(2, HULL),
     };

@@ -65,7 +65,7 @@ pub fn two_components() -> FamilyParameters {
             vec![vec![10000.0, 200.0], vec![200.0, 9.0]],
         ],
     };
-    FamilyParameters::Gmr { mixture }
+    FamilyParameters::Gmr { mixture: mixture.into() }
 }
 
 /// A Gaussian mixture of two components over two motors and two angles.
@@ -89,7 +89,7 @@ pub fn two_by_two() -> FamilyParameters {
             ]),
         ],
     };
-    FamilyParameters::Gmr { mixture }
+    FamilyParameters::Gmr { mixture: mixture.into() }
 }
 
 /// A square of motor space around 0.
@@ -152,7 +152,7 @@ impl SmoothMap {
     }
 
     pub fn family(&self) -> FamilyParameters {
-        FamilyParameters::Gmr { mixture: self.mixture() }
+        FamilyParameters::Gmr { mixture: self.mixture().into() }
     }
 
     pub fn mixture(&self) -> MixtureParameters {

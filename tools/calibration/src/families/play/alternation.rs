@@ -7,11 +7,10 @@ use nalgebra::DMatrix;
 use super::states::{PlayStates, motor_vectors};
 use super::threshold_search::{BLOCKS, ROWS};
 use super::weights::{Linearised, Weights, fit_weights};
-use crate::em::mixture::most_components;
-use crate::em::restarts::{EmOptions, fit_mixture};
+use crate::em::restarts::EmOptions;
 use crate::parallel;
 use crate::progress::{Progress, Silent};
-use crate::regression::component_choice::residuals;
+use crate::regression::mixture::{RegressionData, residuals};
 use crate::regression::polynomial::Polynomial;
 use crate::series::blocks;
 use crate::table::DataTable;
@@ -82,17 +81,11 @@ fn best_pass(blocks: &[Vec<f64>]) -> usize {
 }
 
 fn regression(states: &PlayStates, weights: &Weights, em: &EmOptions) -> Option<MixtureRegression> {
-    let virtual_counts = states.virtual_counts(weights);
-    let (inputs, outputs) = (virtual_counts.ncols(), states.outputs.ncols());
-    let row = |row: usize| {
-        let virtual_counts = &virtual_counts;
-        let cells = (0..inputs).map(move |motor| virtual_counts[(row, motor)]);
-        cells.chain((0..outputs).map(move |output| states.outputs[(row, output)]))
-    };
-    let joint = DataTable::from_rows(inputs + outputs, (0..states.rows()).map(row));
-    let components = COMPONENTS.min(most_components(joint.len(), joint.width()));
-    let fit = fit_mixture(&joint, components, em, &Silent).ok()?;
-    MixtureRegression::prepare(&fit.parameters, inputs, outputs).ok()
+    let inputs = DataTable::from_matrix(&states.virtual_counts(weights));
+    let data = RegressionData::joint(inputs, DataTable::from_matrix(&states.outputs));
+    let components = COMPONENTS.min(data.most_components());
+    let fit = data.fit(components, em, &Silent).ok()?;
+    MixtureRegression::prepare(&fit.mixture, data.inputs.width(), data.outputs.width()).ok()
 }
 
 fn behind_mixture(

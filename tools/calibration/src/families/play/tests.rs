@@ -50,7 +50,7 @@ fn snake(rows: usize, weights: [&[f64]; 2], deviation: f64) -> Recording {
 
 fn options() -> ChainOptions {
     let em = EmOptions { max_iterations: 50, ..few_starts(2) };
-    ChainOptions { components: Some(3), residual: true, em }
+    ChainOptions { components: Some(3), em, ..ChainOptions::default() }
 }
 
 fn states(series: &Series, some: &[f64]) -> PlayStates {

@@ -1,0 +1,191 @@
+//! The mixtures of `gmr` and `gmr-play` over the loop: Gaussians as ellipses, mean and band.
+
+use i2ris::model::file::{Mixture, MixtureParameters};
+use i2ris::units::MotorVec;
+use i2ris_report::statistics::min_max;
+use i2ris_report::{Axis, Color, Dash, Figure, Line, Page, Panel, Scatter, Stroke};
+
+use super::fit::{CalibrationReport, FamilyResult, OutputFacts, Straight};
+use super::labels::{CHOSEN, along, with_unit};
+
+const HEIGHT: f64 = 250.0;
+
+/// Of the ellipses and of the band.
+const DEVIATIONS: f64 = 2.0;
+
+/// Points of an ellipse and of a mean, and the most rows that are drawn.
+const POINTS: usize = 90;
+const ROWS: usize = 3000;
+
+const ELLIPSE: Stroke = Stroke::new(Color::VERMILION, 1.0);
+const BAND: Stroke = Stroke::new(Color::BLUE, 1.0).dash(Dash::Dashed);
+
+/// A mixture over counts in a direction of the motors and one output.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PlanarMixture {
+    output: usize,
+    /// Of the counts, of length 1.
+    direction: MotorVec,
+    /// Weight, mean, and the variances of counts and output with their covariance between them.
+    components: Vec<(f64, [f64; 2], [f64; 3])>,
+}
+
+/// Those of a family: along every output, or of one mixture per motor along every motor.
+pub(super) fn planar(
+    mixture: &Mixture,
+    straight: &[Straight],
+    motors: usize,
+) -> Vec<PlanarMixture> {
+    let each = |part: &MixtureParameters,
+                direction: &MotorVec,
+                counts: &MotorVec,
+                output: usize| {
+        let inputs = part.means.first().map_or(0, Vec::len).saturating_sub(straight.len());
+        let along = |of: &dyn Fn(usize) -> f64| (0..inputs).map(|i| counts[i] * of(i)).sum::<f64>();
+        let parts = part.weights.iter().zip(&part.means).zip(&part.covariances);
+        let component = |((weight, mean), covariance): ((&f64, &Vec<f64>), &Vec<Vec<f64>>)| {
+            let at = inputs + output;
+            let across = along(&|i| along(&|j| covariance[i][j]));
+            let between = along(&|i| covariance[i][at]);
+            (*weight, [along(&|i| mean[i]), mean[at]], [across, between, covariance[at][at]])
+        };
+        PlanarMixture { output, direction: *direction, components: parts.map(component).collect() }
+    };
+    let mut found = Vec::new();
+    for (output, line) in straight.iter().enumerate() {
+        match mixture {
+            Mixture::Joint(joint) => {
+                found.push(each(joint, &line.direction(), &line.direction(), output));
+            }
+            Mixture::PerMotor(parts) => {
+                found.extend(parts.iter().take(motors).enumerate().map(|(motor, part)| {
+                    let mut direction = MotorVec::default();
+                    direction[motor] = 1.0;
+                    each(part, &direction, &[1.0, 0.0], output)
+                }))
+            }
+        }
+    }
+    found
+}
+
+impl PlanarMixture {
+    /// Mean and standard deviation of the output at counts in the direction.
+    fn at(&self, counts: f64) -> [f64; 2] {
+        let [mut total, mut mean, mut square] = [0.0; 3];
+        let away = |of: &(f64, [f64; 2], [f64; 3])| (counts - of.1[0]).powi(2) / of.2[0];
+        let nearest = self.components.iter().map(away).fold(f64::INFINITY, f64::min);
+        for of @ (weight, centre, [across, between, output]) in &self.components {
+            let share = weight * (0.5 * (nearest - away(of))).exp() / across.sqrt();
+            let predicted = centre[1] + between / across * (counts - centre[0]);
+            let variance = output - between * between / across;
+            total += share;
+            mean += share * predicted;
+            square += share * (variance + predicted * predicted);
+        }
+        let mean = mean / total;
+        [mean, (square / total - mean * mean).max(0.0).sqrt()]
+    }
+
+    fn along(&self, counts: &MotorVec) -> f64 {
+        self.direction.iter().zip(counts).map(|(part, at)| part * at).sum()
+    }
+}
+
+fn ellipse((_, mean, [across, between, output]): &(f64, [f64; 2], [f64; 3])) -> Line {
+    let width = across.sqrt();
+    let (slope, left) = (between / width, (output - between * between / across).max(0.0).sqrt());
+    let point = |step: usize| {
+        let (sin, cos) = (std::f64::consts::TAU * step as f64 / POINTS as f64).sin_cos();
+        let [x, y] = [width * cos, slope * cos + left * sin].map(|part| DEVIATIONS * part);
+        [mean[0] + x, mean[1] + y]
+    };
+    Line::new((0..=POINTS).map(point).collect(), ELLIPSE)
+}
+
+/// A figure for every family that has a mixture.
+pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
+    for family in data.families.iter().filter(|family| !family.mixtures.is_empty()) {
+        let mut figure = Figure::new(
+            &format!("mixture-{}", family.name),
+            format!("The mixture of {}", family.title),
+            "The components of the mixture as ellipses over the measured loop, with the mean of the \
+             regression and its band.",
+        );
+        for (index, output) in data.outputs.iter().enumerate() {
+            let of_output = |at: &&PlanarMixture| at.output == index;
+            let panels = family.mixtures.iter().filter(of_output);
+            figure = figure
+                .row(HEIGHT, panels.map(|mixture| panel(data, family, mixture, output)).collect());
+        }
+        let less = "With one mixture per motor, what the other motor contributes is taken off.";
+        let caption = format!(
+            "{}: components as ellipses of two standard deviations, the mean of the regression \
+             (solid) and two standard deviations around it (dashed), over the measured rows. {less} \
+             What the loop is wider than the mean, the mixture does not know{}.",
+            family.title,
+            if family.name == "gmr" { "" } else { ": the plays in front of it do" }
+        );
+        page.figure(&figure, &caption);
+    }
+}
+
+fn panel(
+    data: &CalibrationReport,
+    family: &FamilyResult,
+    mixture: &PlanarMixture,
+    output: &OutputFacts,
+) -> Panel {
+    let track = &data.track;
+    let is_other = |other: &&PlanarMixture| {
+        other.output == mixture.output && other.direction != mixture.direction
+    };
+    let others: Vec<_> = family.mixtures.iter().filter(is_other).collect();
+    let step = track.counts.len().div_ceil(ROWS).max(1);
+    let rows = track.counts.iter().zip(&track.measured).step_by(step);
+    let rows: Vec<[f64; 2]> = rows
+        .map(|(counts, measured)| {
+            let less: f64 = others.iter().map(|other| other.at(other.along(counts))[0]).sum();
+            [mixture.along(counts), measured[mixture.output] - less]
+        })
+        .collect();
+    let (low, high) = min_max(rows.iter().map(|row| row[0]));
+    let curve = |deviations: f64, stroke: Stroke| {
+        let point = |step: usize| {
+            let counts = low + (high - low) * step as f64 / POINTS as f64;
+            let [mean, deviation] = mixture.at(counts);
+            [counts, mean + deviations * deviation]
+        };
+        Line::new((0..=POINTS).map(point).collect(), stroke)
+    };
+    let x = Axis::linear(format!("{} (counts)", along(&mixture.direction, data.recording.motors)));
+    Panel::new("", x, Axis::linear(with_unit(output)))
+        .with(Scatter::new(rows, Color::PALE, 1.5))
+        .with_all(mixture.components.iter().map(ellipse))
+        .with(curve(0.0, CHOSEN))
+        .with_all([-DEVIATIONS, DEVIATIONS].map(|deviations| curve(deviations, BAND)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_and_its_band_are_those_of_the_gaussians() {
+        let part = MixtureParameters {
+            weights: vec![0.5, 0.5],
+            means: vec![vec![-10.0, 0.0, -1.0], vec![10.0, 0.0, 1.0]],
+            covariances: vec![
+                vec![vec![4.0, 0.0, 0.8], vec![0.0, 1.0, 0.0], vec![0.8, 0.0, 0.25]];
+                2
+            ],
+        };
+        let straight = Straight { gain: [0.2, 0.0], offset: 0.0 };
+        let found = planar(&Mixture::Joint(part), &[straight], 2);
+        let [mean, deviation] = found[0].at(10.0);
+        assert!((mean - 1.0).abs() < 1e-9, "{mean}");
+        assert!((deviation - (0.25 - 0.8 * 0.8 / 4.0_f64).sqrt()).abs() < 1e-6, "{deviation}");
+        let [middle, wide] = found[0].at(0.0);
+        assert!(middle.abs() < 1e-9 && wide > deviation, "{middle} {wide}");
+    }
+}
