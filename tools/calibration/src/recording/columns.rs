@@ -190,6 +190,8 @@ pub(super) struct Layout {
     pub seconds: (f64, bool),
     pub counts: Vec<Column>,
     pub outputs: Vec<(Column, OutputSpec)>,
+    /// Known columns of outputs in another unit.
+    pub left_out: Vec<&'static str>,
 }
 
 impl Layout {
@@ -211,7 +213,8 @@ impl Header<'_> {
     pub fn layout(&self) -> Result<Layout, RecordingError> {
         let (time, seconds) = self.time()?;
         let (counts, outputs) = (self.counts()?, self.outputs()?);
-        let layout = Layout { time, seconds, counts, outputs };
+        let left_out = self.left_out(&outputs);
+        let layout = Layout { time, seconds, counts, outputs, left_out };
         for (what, found, most) in [
             ("motors", layout.counts.len(), *self.wanted.motors.end()),
             ("outputs", layout.outputs.len(), MAX_OUTPUTS),
@@ -312,6 +315,12 @@ impl Header<'_> {
             Ok((self.named(column, "--angles")?, output(name, *unit)))
         };
         of_one_unit.map(column).collect()
+    }
+
+    fn left_out(&self, outputs: &[(Column, OutputSpec)]) -> Vec<&'static str> {
+        let is_other = |unit: OutputUnit| outputs.iter().all(|(_, output)| output.unit != unit);
+        let known = OUTPUTS.iter().filter(|(name, _, unit)| is_other(*unit) && self.has(name));
+        if outputs.is_empty() { Vec::new() } else { known.map(|(name, ..)| *name).collect() }
     }
 
     fn has(&self, name: &str) -> bool {

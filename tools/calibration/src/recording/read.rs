@@ -57,6 +57,14 @@ impl Recording {
         }
         table.check()?;
         let layout = &table.layout;
+        if columns.options && !layout.left_out.is_empty() {
+            let left_out = layout.left_out.join(",");
+            table.notes.push(format!(
+                "a model has outputs of one unit, so {left_out} are left out; a second model has \
+                 them: `i2ris calibrate fit {name} --angles {left_out} --output FILE`",
+                name = path.display()
+            ));
+        }
         let mut recording = Self {
             name: name.to_string_lossy().into_owned(),
             sha256: hash(&bytes),

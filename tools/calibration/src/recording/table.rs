@@ -99,7 +99,7 @@ impl<'a> Table<'a> {
             let (place, value) = (self.place.line(line).column(&column.name), text.escape_debug());
             Err(RecordingError::new(place, Problem::Cell { value: value.to_string(), reason }))
         };
-        let Layout { time, seconds: (unit, _), counts: motors, outputs: specs } = &self.layout;
+        let Layout { time, seconds: (unit, _), counts: motors, outputs: specs, .. } = &self.layout;
         let no_time = "is not a time; write seconds, or a date and a time as in \
                        2026-01-31T23:59:59.5, or leave the cell empty";
         let time_s = time.as_ref().map(|it| cell(it, seconds, no_time, TIMES, "")).transpose()?;

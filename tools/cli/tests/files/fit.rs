@@ -117,6 +117,22 @@ fn a_report_with_figures_is_written_beside_the_model() {
 }
 
 #[test]
+fn angles_and_millimetres_in_one_file_are_two_models() {
+    let both = good(300).lines().enumerate().fold(String::new(), |text, (number, line)| {
+        let yaw = line.rsplit(',').next().and_then(|cell| cell.parse::<f64>().ok());
+        let x = yaw.map_or(String::new(), |yaw| (0.1 * yaw).to_string());
+        format!("{text}{line},{}\n", if number == 0 { "x_mm" } else { &x })
+    });
+    let bench = WorkFolder::with("rows.csv", &both);
+    let said = bench.run(&format!("{FIT} --family linear"));
+    let command = "`i2ris calibrate fit rows.csv --angles x_mm --output FILE`";
+    assert_says(&said.error, &["x_mm are left out", command]);
+    let said = bench.run("calibrate fit rows.csv --angles x_mm --family linear --output tip.json");
+    assert_eq!(said.code, Some(0), "{}", said.error);
+    assert_eq!(Model::load(&bench.path("tip.json")).unwrap().file().outputs[0].name, "x");
+}
+
+#[test]
 fn a_file_that_cannot_be_written_is_found_before_the_work() {
     let bench = WorkFolder::good(100);
     for (options, part) in [
