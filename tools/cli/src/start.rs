@@ -37,7 +37,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(50);
 Then, in another terminal:
   i2ris calibrate
 
-The monitor takes this terminal; q or Ctrl-C ends all four programs, the drives first.")]
+The monitor takes this terminal; Ctrl-C ends all four programs, the drives first.")]
 pub struct Arguments {
     /// Parameters of the snake [default: those of the steel snake]
     #[arg(long, value_name = "FILE")]
@@ -298,7 +298,7 @@ fn watch(
     outcome
 }
 
-/// It puts the terminal back before it ends.
+/// Its last line comes before the first one of the end.
 fn end_monitor(monitor: &mut std::process::Child) -> Result<(), Failure> {
     if monitor.try_wait()?.is_none() {
         let process = nix::unistd::Pid::from_raw(monitor.id().try_into()?);

@@ -1,5 +1,6 @@
 //! Everything that the monitor knows: filled by [`super::subscriptions::Subscriptions`].
 
+use i2ris::ipc::payload::ReasonMsg;
 use i2ris::units::Nanos;
 use i2ris_report::model_poller::Known;
 use i2ris_report::view::{LatestMessages, State, View};
@@ -7,11 +8,13 @@ use i2ris_report::view::{LatestMessages, State, View};
 use super::event_log::EventLog;
 use super::history::History;
 
-/// What terminal and web page show.
+/// What text and web page show.
 #[derive(Debug, Clone, Default)]
 pub struct Dashboard {
     /// Kept when the controller ends, and stale then.
     pub messages: LatestMessages,
+    /// The last refusals, stops and clips, in the order in which they came.
+    pub warnings: Vec<ReasonMsg>,
     /// The process that holds the lease, if it is known.
     pub commander: Option<String>,
     /// Why the controller is not reachable, if it is not.

@@ -1,4 +1,4 @@
-//! The robot as lines of text, for files, pipes and terminals without keys.
+//! The robot as lines of text.
 
 use i2ris_report::view::{Age, ControlLoop, Motor, NOTHING, Pose, Span, State, View, Why};
 
@@ -41,40 +41,6 @@ pub fn page(view: &View) -> Vec<String> {
         lines.push(format!("fixtures   {}", fixtures.join(", ")));
     }
     lines
-}
-
-/// The essentials, in one line.
-pub fn line(view: &View) -> String {
-    let state = view.state.as_ref();
-    let fault = state.and_then(|it| it.fault).map(|fault| format!(" ({fault})"));
-    let deg = |pose: Option<Pose>| pose.and_then(|pose| pose.deg);
-    let pair = |pose| {
-        deg(pose).map_or_else(|| "- -".to_owned(), |[pitch, yaw]| format!("{pitch:+.2} {yaw:+.2}"))
-    };
-    let counts = view.motors.as_ref().map(|motors| {
-        let shown = |value: fn(&Motor) -> i32| {
-            let counts: Vec<String> = motors.iter().map(|it| value(it).to_string()).collect();
-            counts.join(" ")
-        };
-        format!("; counts {} -> {}", shown(|it| it.setpoint_counts), shown(|it| it.measured_counts))
-    });
-    let late = view.control_loop.as_ref().map(|it| {
-        let [_, p99, _] = it.late.texts();
-        format!("; late p99 {p99} us, missed {}", it.missed)
-    });
-    let camera = deg(view.camera).map(|[pitch, yaw]| format!(" camera {pitch:+.2} {yaw:+.2}"));
-    format!(
-        "{}{}{}; goal {} setpoint {} measured {}{} deg{}{}",
-        state.map_or("no state", |state| state.name),
-        fault.unwrap_or_default(),
-        mark(state.map(|state| &state.age)),
-        pair(view.goal),
-        pair(view.setpoint),
-        pair(view.estimate),
-        camera.unwrap_or_default(),
-        counts.unwrap_or_default(),
-        late.unwrap_or_default(),
-    )
 }
 
 fn state_line(state: Option<&State>) -> String {
@@ -311,7 +277,6 @@ mod tests {
         let invalid = JointState { flags: 0, ..joint(5.0, 5.0) };
         let text = text(&LatestMessages { measured: Some(invalid), ..messages() }, NOW);
         assert!(!text.contains("+5.00      +4.50      +5.00"), "{text}");
-        assert!(line(&View::new(&nothing, NOW)).contains("no state"));
     }
 
     #[test]

@@ -11,8 +11,8 @@ use super::dashboard::Dashboard;
 
 /// How often streams are read: their buffers hold 128 messages.
 pub const READ_PERIOD: Nanos = Nanos::from_millis(20);
-/// Time between two screens.
-pub const DRAW_PERIOD: Nanos = Nanos::from_millis(100);
+/// Warnings that are kept: as many as a controller sends to a new subscriber.
+const WARNINGS: usize = 16;
 /// Time over which counters become rates; the first rate comes early, from fewer exchanges.
 const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);
@@ -70,13 +70,14 @@ impl Subscriptions {
     }
 
     fn read(&mut self, dashboard: &mut Dashboard) -> Result<bool, ClientError> {
-        let Dashboard { messages: view, history, event_log, .. } = dashboard;
+        let Dashboard { messages: view, warnings, history, event_log, .. } = dashboard;
         let mut states = Vec::new();
         self.state.drain(|message| states.push(message))?;
         let is_restarted = self.boot_id != self.state.boot_id();
         if is_restarted {
             // Messages from before the restart are invalid.
             (self.boot_id, *view) = (self.state.boot_id(), LatestMessages::default());
+            warnings.clear();
         }
         for message in &states {
             event_log.update_state(message);
@@ -100,6 +101,8 @@ impl Subscriptions {
             StreamMessage::Warning(message) => {
                 event_log.update_reason(&message);
                 view.warning = Some(message);
+                warnings.push(message);
+                warnings.drain(..warnings.len().saturating_sub(WARNINGS));
             }
             StreamMessage::Health(message) => view.health = Some(message),
             StreamMessage::Adaptation(message) => view.adaptation = Some(message),

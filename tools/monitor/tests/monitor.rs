@@ -7,16 +7,21 @@ mod chromium;
 mod http;
 #[path = "monitor/pages.rs"]
 mod pages;
-#[path = "monitor/terminal.rs"]
-mod terminal;
 #[path = "monitor/trial.rs"]
 mod trial;
 #[path = "monitor/web.rs"]
 mod web;
 
-use std::io::{BufRead, BufReader};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::OpenOptionsExt;
 
-use i2ris_testing::{Controller, Program, unique_domain};
+use i2ris::ipc::OperatingState;
+use i2ris_testing::{Controller, Program, Terminal, program, unique_domain, wait_for_end};
+use nix::fcntl::OFlag;
+use nix::pty::{grantpt, posix_openpt, ptsname_r, unlockpt};
+use nix::sys::signal::{Signal, kill};
 
 #[test]
 fn without_a_controller_it_says_so() {
@@ -45,44 +50,92 @@ fn without_options_it_shows_everything_once() {
 }
 
 #[test]
-fn into_a_file_goes_one_line_a_second_until_the_time_is_over() {
+fn watching_prints_the_same_text_every_second_until_the_time_is_over() {
     let controller = Controller::enabled();
-    let (success, output, error) =
-        Program::run(&controller.domain, &["status", "--watch", "--duration-s", "1.5"]);
+    let (success, once, error) = Program::run(&controller.domain, &["status"]);
     assert!(success, "{error}");
-    let lines: Vec<&str> = output.lines().collect();
-    assert!((1..=3).contains(&lines.len()), "{output}");
-    assert!(
-        lines.iter().all(|line| line.starts_with("ENABLED; goal +1.00 -1.00 setpoint")),
-        "{output}"
-    );
+    let watch = ["status", "--watch", "--duration-s", "3.5"];
+    let (success, output, error) = Program::run(&controller.domain, &watch);
+    assert!(success, "{error}");
+    let prints = output.matches("state      ENABLED").count();
+    assert!((2..=4).contains(&prints), "{output}");
+    // Numbers change from one to the next, words do not.
+    let words = |text: &str| text.replace(|c: char| !c.is_ascii_alphabetic(), "");
+    assert_eq!(words(&output), words(&once).repeat(prints));
+    assert!(!output.contains('\u{1b}'), "no control characters into a file");
 }
 
 #[test]
-fn it_ends_well_with_ctrl_c_and_with_its_reader() {
+fn watching_ends_well_with_ctrl_c_and_with_its_reader() {
     let controller = Controller::enabled();
     let mut interrupted = Program::start(&controller.domain, &["status", "--watch"]);
-    let mut first = String::new();
-    let mut reader = BufReader::new(interrupted.child().stdout.take().unwrap());
-    reader.read_line(&mut first).unwrap();
+    let mut lines = BufReader::new(interrupted.child().stdout.take().unwrap()).lines();
+    for _ in 0..2 {
+        assert!(lines.any(|line| line.unwrap().starts_with("state      ENABLED")));
+    }
     interrupted.interrupt();
-    let (success, _, error) = interrupted.end();
-    assert!(success && error.is_empty(), "{error}");
+    let (code, _, error) = interrupted.code();
+    assert!(code == Some(0) && error.is_empty(), "{code:?} {error}");
 
     let mut deserted = Program::start(&controller.domain, &["status", "--watch"]);
     drop(deserted.child().stdout.take());
     let (success, _, error) = deserted.end();
     assert!(success && error.is_empty(), "{error}");
+    assert!(controller.robot().asked.is_empty(), "looking asks for nothing");
 }
 
 #[test]
-fn a_controller_that_went_away_is_reported_not_hidden() {
+fn watching_outlives_a_controller_and_follows_the_next_one() {
     let controller = Controller::enabled();
-    let mut program = Program::start(&controller.domain, &["status", "--watch"]);
+    let domain = controller.domain.clone();
+    let mut program = Program::start(&domain, &["status", "--watch"]);
     let mut lines = BufReader::new(program.child().stdout.take().unwrap()).lines();
-    assert!(lines.next().unwrap().unwrap().starts_with("ENABLED"));
-    drop(controller);
-    assert!(lines.any(|line| line.unwrap().contains("no controller serves domain")));
+    let mut wait_for = |start: &str| assert!(lines.any(|it| it.unwrap().starts_with(start)));
+    wait_for("state      ENABLED");
+    let controller = controller.restart_after(|| {
+        let (_, _, error) = Program::run(&domain, &["status"]);
+        wait_for(error.trim_start_matches("error: ").trim_end());
+    });
+    controller.robot().state = OperatingState::Paused;
+    wait_for("i2ris 0.");
+    wait_for("state      PAUSED");
     program.interrupt();
     assert!(program.end().0);
+}
+
+#[test]
+fn on_a_terminal_every_print_takes_the_place_of_the_one_before() {
+    let controller = Controller::enabled();
+    let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 40, 100);
+    terminal.wait_for("ENABLED");
+    controller.robot().state = OperatingState::Paused;
+    let text = terminal.wait_for("PAUSED");
+    assert!(!text.contains("ENABLED") && text.matches("commander ").count() == 1, "{text}");
+    kill(terminal.pid(), Signal::SIGINT).unwrap();
+    assert!(terminal.end().success());
+    terminal.assert_restored();
+}
+
+/// Nobody types there any more, and nobody sends a signal.
+#[test]
+fn a_terminal_that_is_gone_ends_it_without_a_signal() {
+    let controller = Controller::enabled();
+    // Closed in every child: one that had it would keep the terminal there.
+    let flags = OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_CLOEXEC;
+    let master = posix_openpt(flags).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let mut options = File::options();
+    options.read(true).write(true).custom_flags(OFlag::O_NOCTTY.bits());
+    let slave = options.open(ptsname_r(&master).unwrap()).unwrap();
+    let mut command = program::command(&["status", "--watch"]);
+    command.env("I2RIS_DOMAIN", controller.domain.name());
+    command.stdin(slave.try_clone().unwrap()).stdout(slave.try_clone().unwrap());
+    let mut child = command.stderr(slave).spawn().unwrap();
+    drop(command);
+    let mut screen = File::from(OwnedFd::from(master));
+    // It prints, so it has the terminal.
+    screen.read_exact(&mut [0; 64]).unwrap();
+    drop(screen);
+    wait_for_end(&mut child);
 }

@@ -29,12 +29,7 @@ impl Default for Outline {
 }
 
 impl Outline {
-    /// The bend of the motor's own, degrees.
-    pub fn bend(&self, motor: usize, angles: [f64; 2]) -> f64 {
-        self.along.get(motor).map_or(0.0, |weights| weights[0] * angles[0] + weights[1] * angles[1])
-    }
-
-    /// The name of `bend` on the screen.
+    /// The name of the bend of the motor's own on the page.
     pub fn name(&self, motor: usize) -> &'static str {
         match (*self == Self { points: self.points.clone(), ..Self::default() }, motor) {
             (true, 0) => "pitch",
@@ -164,8 +159,9 @@ mod tests {
         let along = own_directions(&with_gain(OutputUnit::Deg, gain)).unwrap();
         let outline = Outline { along, ..Outline::default() };
         let angles = |q: [f64; 2]| gain.map(|row| row[0] * q[0] + row[1] * q[1]);
-        let bend = outline.bend(0, angles([300.0, 50.0]));
-        assert!((bend - outline.bend(0, angles([300.0, -200.0]))).abs() < 1e-9);
+        let own = |[pitch, yaw]: [f64; 2]| along[0][0] * pitch + along[0][1] * yaw;
+        let bend = own(angles([300.0, 50.0]));
+        assert!((bend - own(angles([300.0, -200.0]))).abs() < 1e-9);
         assert!((bend - 300.0 * 0.02_f64.hypot(0.01)).abs() < 1e-9, "in degrees: {bend}");
         assert_eq!((outline.name(0), Outline::default().name(1)), ("own bend", "yaw"));
         assert!(

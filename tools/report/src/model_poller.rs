@@ -10,7 +10,7 @@ use crate::hull_outline::{Outline, outline_of};
 use crate::view::{LoadedModel, Models, short_id};
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Client, ClientError};
-use i2ris::ipc::payload::{ModelSlot, Version, unpadded_text};
+use i2ris::ipc::payload::{ModelSlot, unpadded_text};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 
@@ -25,8 +25,6 @@ pub struct Known {
     pub models: Models,
     /// The hull of the model in use.
     pub outline: Arc<Outline>,
-    /// Software and process of the controller, and its model, in one line.
-    pub title: Option<String>,
 }
 
 fn loaded(slot: &ModelSlot) -> Option<LoadedModel> {
@@ -83,13 +81,10 @@ fn poll_until_disconnected(domain: &Domain, requests: &Receiver<()>, known: &Mut
         let answer = ask(domain);
         let mut new = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let hull_problem = new.models.hull_problem.take();
-        (new.models, new.title) = match answer {
-            Ok((models, title)) => (models, Some(title)),
-            Err(error) => {
-                let problem = Some(format!("models not known: {error}"));
-                (Models { problem, ..Models::default() }, None)
-            }
-        };
+        new.models = answer.unwrap_or_else(|error| {
+            let problem = Some(format!("models not known: {error}"));
+            Models { problem, ..Models::default() }
+        });
         new.models.hull_problem = hull_problem;
         let used = new.models.used.as_ref();
         if used.map(|used| used.id) != drawn {
@@ -102,22 +97,6 @@ fn poll_until_disconnected(domain: &Domain, requests: &Receiver<()>, known: &Mut
     }
 }
 
-fn ask(domain: &Domain) -> Result<(Models, String), ClientError> {
-    let mut client = Client::connect(domain, CONNECT)?;
-    let slots = client.models()?.slots;
-    let version = client.version()?;
-    let [used, ..] = &slots;
-    Ok((models(&slots), title(&version, domain.name(), used.model_id)))
-}
-
-/// Software and process of the controller, and its model, in one line.
-pub fn title(version: &Version, domain: &str, model: [u8; 32]) -> String {
-    let [major, minor, patch] = version.software;
-    let model = if model == [0; 32] {
-        "no model".to_owned()
-    } else {
-        format!("model {}", short_id(ModelId(model)))
-    };
-    let process = version.pid;
-    format!("i2ris {major}.{minor}.{patch}, domain {domain}, process {process}, {model}")
+fn ask(domain: &Domain) -> Result<Models, ClientError> {
+    Ok(models(&Client::connect(domain, CONNECT)?.models()?.slots))
 }

@@ -1,16 +1,12 @@
 //! Standard output, redrawn on a terminal.
 
 use std::io::{self, ErrorKind, IsTerminal, Write};
-use std::os::fd::AsFd;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
 use i2ris::process::console_log::ConsoleLog;
-use i2ris::units::Nanos;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use nix::errno::Errno;
-use nix::poll::{PollFd, PollFlags, poll};
 
 /// Standard output: a block of lines that is redrawn in place on a terminal, and appended
 /// elsewhere.
@@ -36,26 +32,6 @@ impl Screen {
     /// When the system gives no thread.
     pub fn never_blocking() -> io::Result<Self> {
         Ok(Self { log: Some(ConsoleLog::start(io::stdout())?), ..Self::stdout() })
-    }
-
-    /// Waits a moment for keys.
-    ///
-    /// # Errors
-    ///
-    /// When the terminal behind standard input is gone.
-    pub fn is_typed(span: Nanos) -> io::Result<bool> {
-        let input = io::stdin();
-        let mut inputs = [PollFd::new(input.as_fd(), PollFlags::POLLIN)];
-        let span_ms = u16::try_from(span.0 / 1_000_000).unwrap_or(u16::MAX);
-        match poll(&mut inputs, span_ms) {
-            Err(Errno::EINTR) => return Ok(false),
-            outcome => outcome?,
-        };
-        let found = inputs[0].revents().unwrap_or(PollFlags::empty());
-        if found.intersects(PollFlags::POLLHUP | PollFlags::POLLERR | PollFlags::POLLNVAL) {
-            return Err(io::Error::other("the terminal is gone"));
-        }
-        Ok(found.contains(PollFlags::POLLIN))
     }
 
     /// Whether it is a terminal.
@@ -84,6 +60,13 @@ impl Screen {
         }
         self.drawn = lines.len();
         self.write(&text)
+    }
+
+    /// Shows these lines alone on a terminal, and appends them elsewhere.
+    pub fn print_anew(&mut self, lines: &[String]) -> io::Result<()> {
+        let clear = if self.terminal { "\x1b[H\x1b[2J" } else { "" };
+        self.drawn = 0;
+        self.write(&format!("{clear}{}\n", lines.join("\n")))
     }
 
     /// Keeps what is shown and prints a line below it.

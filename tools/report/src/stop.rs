@@ -1,4 +1,4 @@
-//! Stops the robot, whoever commands it: `i2ris stop`, and the key `s` of every screen.
+//! Stops the robot, whoever commands it: `i2ris stop`, and the key `s` of `teleop --keyboard`.
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError};

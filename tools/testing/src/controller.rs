@@ -309,8 +309,14 @@ impl Controller {
 
     /// Ends, and serves the same robot again, as after a restart.
     pub fn restart(self) -> Self {
+        self.restart_after(|| ())
+    }
+
+    /// The same, and does something while nobody serves.
+    pub fn restart_after(self, meanwhile: impl FnOnce()) -> Self {
         let Self { domain, robot, _thread } = self;
         drop(_thread);
+        meanwhile();
         Self::serve(domain, robot)
     }
 

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{Read, Write};
 use std::num::NonZeroU16;
-use std::os::fd::{AsFd, AsRawFd};
+use std::os::fd::AsFd;
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -79,17 +79,6 @@ impl Terminal {
         self.keyboard.write_all(keys.as_bytes()).unwrap();
     }
 
-    /// Gives the terminal another size.
-    pub fn resize(&mut self, rows: u16, columns: u16) {
-        let size = Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
-        // SAFETY: the descriptor is open, and the call only reads the structure.
-        let done = unsafe {
-            nix::libc::ioctl(self.slave.as_raw_fd(), nix::libc::TIOCSWINSZ, &raw const size)
-        };
-        nix::errno::Errno::result(done).unwrap();
-        self.screen.set_size(some(rows), some(columns));
-    }
-
     /// Waits until the screen shows something, and returns all of it.
     pub fn wait(&mut self, what: &str, shown: impl Fn(&str) -> bool) -> String {
         let end = clock::now() + TIMEOUT;
@@ -113,7 +102,7 @@ impl Terminal {
     }
 
     /// Whether keys come one by one and are not shown, as a full screen wants them.
-    pub fn is_raw(&self) -> bool {
+    fn is_raw(&self) -> bool {
         !tcgetattr(self.slave.as_fd())
             .unwrap()
             .local_flags

@@ -33,7 +33,7 @@ pub struct UseArguments {
     model: PathBuf,
     #[command(flatten)]
     prepare: PrepareOptions,
-    /// Only have it checked and kept ready: the key m of `i2ris status --watch` takes it into use
+    /// Only have it checked and kept ready; the same command without this takes it into use
     #[arg(long, conflicts_with_all = ["no_condition", "enable", "home"])]
     no_activate: bool,
     /// Also a model that was calibrated with other settings of the drives: another gear, encoder,

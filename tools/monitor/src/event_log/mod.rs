@@ -34,8 +34,8 @@ impl EventLog {
         self.events.iter().rev().map(|group| group.event(now)).collect()
     }
 
-    /// Adds an event of the monitor itself.
-    pub fn log(&mut self, stamp: Nanos, severity: Severity, text: impl Into<String>) {
+    /// Adds an event that happened once.
+    fn log(&mut self, stamp: Nanos, severity: Severity, text: impl Into<String>) {
         self.events.add(Group::new(stamp, severity, text));
     }
 

@@ -1,5 +1,5 @@
-//! The robot as people see it: one value, made from the last message of every stream. Terminal,
-//! lines, web page and `i2ris status` draw it. Pure.
+//! The robot as people see it: one value, made from the last message of every stream. Text,
+//! JSON and web page show it. Pure.
 //!
 //! Degrees, counts, milliampere, seconds. As JSON, angles have three digits (a thousandth of a
 //! degree; more is noise, and bytes), and ages are in milliseconds.

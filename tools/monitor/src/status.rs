@@ -1,0 +1,153 @@
+//! `i2ris status` as text: why the robot does not move, what to do, and everything else; once, or
+//! every second.
+
+use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::Version;
+use i2ris::model::ModelId;
+use i2ris::units::Nanos;
+use i2ris_report::exit::Coded;
+use i2ris_report::view::{View, reasons, short_id};
+use i2ris_report::{Failure, Interrupt, Screen, until_closed};
+
+use super::dashboard::Dashboard;
+use super::subscriptions::{READ_PERIOD, Subscriptions};
+use super::{last_run, lines};
+
+/// Time to wait for a controller that is starting; and while one is watched that was there.
+const CONNECT: Nanos = Nanos::from_millis(2000);
+const CONNECT_AGAIN: Nanos = Nanos::from_millis(200);
+/// Time limit for the first messages. Statistics come once a second.
+const FIRST_MESSAGES: Nanos = Nanos::from_millis(1500);
+/// Time for the last messages of `error` and `warning`, which a controller sends to new
+/// subscribers every 50 ms, and for what a recorder says of its trial, twice a second.
+const LAST_REASONS: Nanos = Nanos::from_millis(700);
+/// From one print to the next.
+const PRINT_PERIOD: Nanos = Nanos::from_millis(1000);
+
+/// Waits for a message of every stream that a controller always publishes, then prints.
+pub fn once(domain: &Domain, is_json: bool) -> Result<(), Failure> {
+    let title = title(domain, CONNECT)?;
+    let mut status = Status::new(domain, title);
+    let now = loop {
+        let now = clock::now();
+        status.refresh(now);
+        if let Some(problem) = status.dashboard.problem {
+            return Err(problem.into());
+        }
+        if status.is_ready(now) {
+            break now;
+        }
+        clock::sleep(READ_PERIOD);
+    };
+    let lines =
+        if is_json { vec![serde_json::to_string(&status.view(now))?] } else { status.lines(now) };
+    until_closed(Screen::stdout().draw(&lines))?;
+    Ok(())
+}
+
+/// Prints the same every second, until a signal, the end of `span`, or the end of its reader. While
+/// the controller is away it says what [`once`] would fail with.
+pub fn watch(domain: &Domain, span: Option<Nanos>) -> Result<(), Failure> {
+    let interrupt = Interrupt::catch()?;
+    let title = title(domain, CONNECT)?;
+    let (mut status, mut screen) = (Status::new(domain, title), Screen::stdout());
+    let start = clock::now();
+    let mut next = start;
+    while !interrupt.came() && span.is_none_or(|span| clock::now().duration_since(start) < span) {
+        let now = clock::now();
+        status.refresh(now);
+        if now >= next && status.is_ready(now) {
+            next = now + PRINT_PERIOD;
+            if !until_closed(screen.print_anew(&status.lines(now)))? {
+                break;
+            }
+        }
+        clock::sleep(READ_PERIOD);
+    }
+    Ok(())
+}
+
+/// Software and process of the controller, and its model, in one line.
+fn title(domain: &Domain, timeout: Nanos) -> Result<String, Failure> {
+    let mut client = Client::connect(domain, timeout).map_err(|error| {
+        let last = Some(domain).filter(|_| error.is_absent()).and_then(last_run::sentence);
+        match last {
+            Some(last) => Coded { code: 3, sentence: format!("{error}; {last}") }.into(),
+            None => Failure::from(error),
+        }
+    })?;
+    let Version { software: [major, minor, patch], pid, model_id, .. } = client.version()?;
+    let model = match model_id {
+        id if id == [0; 32] => "no model".to_owned(),
+        id => format!("model {}", short_id(ModelId(id))),
+    };
+    let domain = domain.name();
+    Ok(format!("i2ris {major}.{minor}.{patch}, domain {domain}, process {pid}, {model}"))
+}
+
+/// What is known, and since when messages come.
+struct Status {
+    domain: Domain,
+    subscriptions: Subscriptions,
+    dashboard: Dashboard,
+    reachable_since: Nanos,
+    /// `None`: of another controller, or of another model.
+    title: Option<String>,
+}
+
+impl Status {
+    fn new(domain: &Domain, title: String) -> Self {
+        Self {
+            domain: domain.clone(),
+            subscriptions: Subscriptions::new(domain),
+            dashboard: Dashboard::default(),
+            reachable_since: clock::now(),
+            title: Some(title),
+        }
+    }
+
+    fn refresh(&mut self, now: Nanos) {
+        let is_first = self.dashboard.messages.measured.is_none();
+        let is_other = self.subscriptions.refresh(&mut self.dashboard, now);
+        if self.dashboard.problem.is_some() {
+            self.reachable_since = now;
+        }
+        if self.dashboard.problem.is_some() || (is_other && !is_first) {
+            self.title = None;
+        }
+    }
+
+    /// Whether the first messages are there, or will not come.
+    fn is_ready(&self, now: Nanos) -> bool {
+        let waited = now.duration_since(self.reachable_since);
+        self.dashboard.problem.is_some()
+            || waited > FIRST_MESSAGES
+            || self.dashboard.messages.is_complete() && waited > LAST_REASONS
+    }
+
+    fn view(&self, now: Nanos) -> View {
+        let Dashboard { messages, warnings, .. } = &self.dashboard;
+        View { why: reasons(messages, warnings, now), ..self.dashboard.view(now) }
+    }
+
+    /// Everything; or why there is nothing to say.
+    fn lines(&mut self, now: Nanos) -> Vec<String> {
+        let title = match self.title.take() {
+            Some(title) => title,
+            None => match title(&self.domain, CONNECT_AGAIN) {
+                Ok(title) => title,
+                Err(failure) => return vec![failure.to_string()],
+            },
+        };
+        let view = self.view(now);
+        let lines = match &view.problem {
+            Some(problem) => vec![problem.clone()],
+            None => [lines::reasons(&view), vec![String::new(), title.clone()], lines::page(&view)]
+                .concat(),
+        };
+        self.title = Some(title);
+        lines
+    }
+}
