@@ -1,13 +1,13 @@
 """Data sets for those who train policies, by LeRobot's own writer: v2.1 with LeRobot 0.3, v3.0 with 0.4 and newer.
 
-    i2ris record export STUDY --output tables --format parquet --pictures
+    i2ris record export STUDY --output tables --pictures
     python -m i2ris.lerobot tables --output set --repo-id lab/reach
 
 An episode is a trial, or the part of one between two gaps. A row is at the exposure of its picture, the state
 interpolated to it; without pictures rows come ``--rate-hz`` times a second. LeRobot takes index / fps for the time of a
 row: ``observation.meta.jitter_s`` is what that is off by. Splits are outcomes.
 
-Only writing needs LeRobot (``pip install lerobot``), and only tables in Parquet need ``pyarrow``, which it brings.
+Only writing needs LeRobot (``pip install lerobot``).
 """
 
 from __future__ import annotations
@@ -93,13 +93,6 @@ def table(folder: Path, name: str) -> Iterator[dict[str, Any]]:
     if (text := folder / f"{name}.csv").exists():
         with text.open(newline="", encoding="utf-8") as file:
             yield from csv.DictReader(file)
-    elif (binary := folder / f"{name}.parquet").exists():
-        try:
-            from pyarrow.parquet import ParquetFile
-        except ImportError as error:
-            raise DatasetError(f"{binary}: needs pyarrow (pip install pyarrow), or an export as CSV") from error
-        for batch in ParquetFile(binary).iter_batches():
-            yield from batch.to_pylist()
 
 
 def stamped(folder: Path, name: str) -> Iterator[tuple[float, dict[str, Any]]]:
@@ -378,7 +371,7 @@ def write(found: Plan, output: Path, repo_id: str, images: bool = False) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m i2ris.lerobot", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("export", type=Path, help="folder of `i2ris record export`, as CSV or Parquet")
+    parser.add_argument("export", type=Path, help="folder of `i2ris record export`")
     parser.add_argument("--output", type=Path, required=True, help="folder of the data set; must not be there yet")
     parser.add_argument("--repo-id", default="i2ris/trials", help="its name on the hub (default: %(default)s)")
     parser.add_argument("--rate-hz", type=int, default=30, help="rows per second where there are no pictures (default: %(default)s)")

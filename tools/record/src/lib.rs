@@ -5,7 +5,7 @@
 //! | `recorder` | writes messages into a file that survives its writer |
 //! | `recovery` | makes a complete file of one that was cut off |
 //! | `trial` | the trials of a study on disk, and what differs between its conditions |
-//! | `export` | tables as CSV and Parquet, pictures, attachments and commands as files |
+//! | `export` | tables as CSV, pictures, attachments and commands as files |
 //! | `pictures` | pictures of cameras as messages, and how late their stamps are |
 //! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
 //! | `messages` | payloads and standard messages, their encoding, definitions and topics |

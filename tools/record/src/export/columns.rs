@@ -7,30 +7,6 @@ use i2ris::units::MAX_OUTPUTS;
 use crate::messages::cdr::{Number, numbers};
 use crate::report::Trial;
 
-/// The type of a column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ColumnType {
-    /// An instant of the wall clock, UTC.
-    Time,
-    /// `f64`, seconds with nine decimals.
-    Seconds,
-    /// `f64`.
-    Float,
-    /// An unsigned integer with a number of bits.
-    Unsigned(u8),
-    /// `i32`.
-    Signed,
-    /// Texts, names, and identities as hexadecimal digits.
-    Text,
-}
-
-/// One column.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Column {
-    pub name: String,
-    pub kind: ColumnType,
-}
-
 /// One cell.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
@@ -39,14 +15,6 @@ pub enum Cell {
     Seconds(f64),
     Number(Number),
     Text(String),
-}
-
-/// A file that takes rows.
-pub trait TableWriter {
-    /// Writes a row: a cell for every column.
-    fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), String>;
-    /// Writes the end of the file.
-    fn finish(self: Box<Self>) -> Result<(), String>;
 }
 
 /// What the entries of a field are in a table.
@@ -86,15 +54,6 @@ impl Meaning {
             _ => Self::Numbers,
         }
     }
-
-    fn column_type(self, field: &Field) -> ColumnType {
-        match (self, field.kind) {
-            (Self::Hash | Self::Texts(_) | Self::Identity | Self::Name(_), _) => ColumnType::Text,
-            (_, FieldType::F64) => ColumnType::Float,
-            (_, FieldType::I32) => ColumnType::Signed,
-            (_, unsigned) => ColumnType::Unsigned(8 * unsigned.size() as u8),
-        }
-    }
 }
 
 /// Models of two outputs give angles, which are in degrees in tables; those of the tip positions.
@@ -102,18 +61,15 @@ pub fn unit_of(outputs: &[String]) -> &'static str {
     if outputs.len() < MAX_OUTPUTS { "deg" } else { "m" }
 }
 
-/// All columns of a payload, for a model with outputs of these names.
-pub fn columns(layout: &PayloadLayout, outputs: &[String]) -> Vec<Column> {
-    let mut columns = vec![Column { name: "time".to_owned(), kind: ColumnType::Time }];
-    let seconds = ["t_s", "received_s"].map(str::to_owned);
-    columns.extend(seconds.map(|name| Column { name, kind: ColumnType::Seconds }));
+/// The names of all columns of a payload, for a model with outputs of these names.
+pub fn columns(layout: &PayloadLayout, outputs: &[String]) -> Vec<String> {
+    let mut columns = ["time", "t_s", "received_s"].map(str::to_owned).to_vec();
     for (name, field) in &layout.numbers() {
         let numbered = |count| match count {
             1 => vec![name.clone()],
             count => (0..count).map(|index| format!("{name}_{index}")).collect(),
         };
-        let meaning = Meaning::of(field);
-        let names = match meaning {
+        columns.extend(match Meaning::of(field) {
             Meaning::Hash => numbered(1),
             Meaning::Texts(count) => numbered(count),
             Meaning::Outputs(quantity, per) => {
@@ -121,9 +77,7 @@ pub fn columns(layout: &PayloadLayout, outputs: &[String]) -> Vec<Column> {
                 outputs.iter().map(|output| format!("{output}{quantity}_{unit}{per}")).collect()
             }
             _ => numbered(field.count),
-        };
-        let kind = meaning.column_type(field);
-        columns.extend(names.into_iter().map(|name| Column { name, kind }));
+        });
     }
     columns
 }
@@ -242,16 +196,11 @@ pub fn has_angles(trial: &Trial) -> bool {
 }
 
 /// The columns of the table for people: goal, setpoint, estimate, camera and state on one grid.
-pub fn overview_columns() -> Vec<Column> {
-    let column = |name: &str, kind| Column { name: name.to_owned(), kind };
-    let mut columns = vec![
-        column("time", ColumnType::Time),
-        column("t_s", ColumnType::Seconds),
-        column("state", ColumnType::Text),
-    ];
+pub fn overview_columns() -> Vec<String> {
+    let mut columns = ["time", "t_s", "state"].map(str::to_owned).to_vec();
     for (name, _) in Trial::default().angles() {
         for axis in ["pitch", "yaw"] {
-            columns.push(column(&format!("{name}_{axis}_deg"), ColumnType::Float));
+            columns.push(format!("{name}_{axis}_deg"));
         }
     }
     columns
@@ -286,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn every_column_has_a_cell_of_its_type() {
+    fn every_column_has_a_cell() {
         let joints = (JointState::LAYOUT, encode(JointState::default().bytes()));
         let windows = (PeriodStatistics::LAYOUT, encode(PeriodStatistics::default().bytes()));
         let regions = (VirtualFixturesMsg::LAYOUT, encode(VirtualFixturesMsg::default().bytes()));
@@ -294,18 +243,12 @@ mod tests {
             let columns = columns(&layout, &angles());
             let cells = cells(&layout, &angles(), 5, [7, 9], &message).unwrap();
             assert_eq!(columns.len(), cells.len(), "{}", layout.name);
-            for (column, cell) in columns.iter().zip(&cells) {
-                let is_same = matches!(
-                    (column.kind, cell),
-                    (ColumnType::Time, Cell::Time(7))
-                        | (ColumnType::Seconds, Cell::Seconds(_))
-                        | (ColumnType::Float, Cell::Number(Number::Float(_)))
-                        | (ColumnType::Unsigned(_), Cell::Number(Number::Unsigned(_)))
-                        | (ColumnType::Signed, Cell::Number(Number::Signed(_)))
-                        | (ColumnType::Text, Cell::Text(_))
-                );
-                assert!(is_same, "{}: {cell:?}", column.name);
-            }
+            assert_eq!(cells[..2], [Cell::Time(7), seconds(7, 5)], "{}", layout.name);
+            let named = |name: &str| Some(&cells[columns.iter().position(|it| it == name)?]);
+            let [boot, sequence, model] = ["boot_id", "sequence", "model_id"].map(named);
+            assert!(matches!(boot, Some(Cell::Text(digits)) if digits.len() == 16));
+            assert!(matches!(sequence, Some(Cell::Number(Number::Unsigned(0)))));
+            assert!(model.is_none_or(|it| *it == Cell::Text("00".repeat(32))));
         }
         assert_eq!(cells(&JointState::LAYOUT, &angles(), 0, [0, 0], &[0, 1, 0, 0, 7]), None);
     }

@@ -1,4 +1,4 @@
-//! Tables for MATLAB, pandas and spreadsheets: one CSV or Parquet file for each topic of payloads.
+//! Tables for MATLAB, pandas and spreadsheets: one CSV file for each topic of payloads.
 //!
 //! Columns are the fields of the payload: angles as `pitch_deg`, `yaw_deg`, states by name, other
 //! arrays as `NAME_0`, `NAME_1`, ..., members of spans as `NAME_p50_ns`, hashes as hexadecimal
@@ -12,13 +12,11 @@
 //! |---|---|
 //! | `columns` | the columns of a payload and the cells of a message; all angles and the state on one grid |
 //! | [`extract`] | attachments and commands as files |
-//! | `parquet` | tables as Parquet: columns with types, a tenth of the size |
 //! | [`source`] | which recordings go into an export |
 //! | [`staged`] | a folder that is written whole or not at all |
 
 mod columns;
 pub mod extract;
-mod parquet;
 pub mod source;
 pub mod staged;
 
@@ -38,18 +36,7 @@ use crate::pictures::{self, Picture};
 use crate::read::{ReadError, Records};
 use crate::recorder::{ALIGNMENT, HEADER, JOINTS, OUTCOME};
 use crate::report::Trial;
-use columns::{Cell, Column, TableWriter};
-
-/// The file format of tables.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
-pub enum TableFormat {
-    /// Comma-separated text
-    #[default]
-    Csv,
-    /// Apache Parquet: columns with types, compressed
-    // With Snappy. pandas, MATLAB, DuckDB and Julia read it.
-    Parquet,
-}
+use columns::Cell;
 
 /// Why tables cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -79,8 +66,8 @@ struct OpenTable {
     path: PathBuf,
     layout: PayloadLayout,
     outputs: Vec<String>,
-    columns: Vec<Column>,
-    writer: Box<dyn TableWriter>,
+    columns: Vec<String>,
+    writer: CsvTable,
 }
 
 /// Writes tables into a folder, which is created if necessary, and pictures if asked to. A
@@ -88,7 +75,6 @@ struct OpenTable {
 pub fn export(
     recording: &Path,
     folder: &Path,
-    format: TableFormat,
     with_pictures: bool,
 ) -> Result<ExportedTables, ExportError> {
     let mut records = Records::open(recording)?;
@@ -113,7 +99,7 @@ pub fn export(
                 if let Some(view) = pictures::view(&channel.topic).filter(|_| with_pictures) {
                     views.insert(channel.id, picture_folder(folder, view)?);
                 } else if let Some(stream) = Topic::payload_stream(&channel.topic) {
-                    let table = OpenTable::of_stream(folder, stream, &outputs, format)?;
+                    let table = OpenTable::of_stream(folder, stream, &outputs)?;
                     tables.insert(channel.id, table);
                 }
             }
@@ -132,7 +118,7 @@ pub fn export(
         }
     }
     exported.stopped_by = records.stopped_by();
-    let joined = joined_table(recording, folder, format, &mut exported)?;
+    let joined = joined_table(recording, folder, &mut exported)?;
     let tables: Vec<OpenTable> = joined.into_iter().chain(tables.into_values()).collect();
     let units = units(&tables);
     for OpenTable { path, writer, .. } in tables {
@@ -164,7 +150,6 @@ fn write_picture(view: &Path, start: u64, message: &[u8]) -> Result<(), ExportEr
 fn joined_table(
     recording: &Path,
     folder: &Path,
-    format: TableFormat,
     exported: &mut ExportedTables,
 ) -> Result<Option<OpenTable>, ExportError> {
     let trial = Trial::read(recording)?;
@@ -172,8 +157,7 @@ fn joined_table(
         return Ok(None);
     }
     let layout = Stream::Measured.layout();
-    let mut table =
-        OpenTable::create(folder, "overview", layout, columns::overview_columns(), format)?;
+    let mut table = OpenTable::create(folder, "overview", layout, columns::overview_columns())?;
     for row in columns::overview_rows(&trial) {
         table.write_row(row)?;
         *exported.rows.entry(table.name.clone()).or_default() += 1;
@@ -187,23 +171,17 @@ fn units(tables: &[OpenTable]) -> String {
     for table in tables {
         let name = table.path.file_stem().unwrap_or_default().to_string_lossy();
         for column in &table.columns {
-            let unit = columns::unit(&column.name);
-            text.push_str(&format!("{name},{},{unit}\n", column.name));
+            text.push_str(&format!("{name},{column},{}\n", columns::unit(column)));
         }
     }
     text
 }
 
 impl OpenTable {
-    fn of_stream(
-        folder: &Path,
-        stream: Stream,
-        outputs: &[String],
-        format: TableFormat,
-    ) -> Result<Self, ExportError> {
+    fn of_stream(folder: &Path, stream: Stream, outputs: &[String]) -> Result<Self, ExportError> {
         let (name, layout) = (stream.name().replace('/', "_"), stream.layout());
         let columns = columns::columns(&layout, outputs);
-        let table = Self::create(folder, &name, layout, columns, format)?;
+        let table = Self::create(folder, &name, layout, columns)?;
         Ok(Self { outputs: outputs.to_vec(), ..table })
     }
 
@@ -211,22 +189,11 @@ impl OpenTable {
         folder: &Path,
         name: &str,
         layout: PayloadLayout,
-        columns: Vec<Column>,
-        format: TableFormat,
+        columns: Vec<String>,
     ) -> Result<Self, ExportError> {
-        let extension = match format {
-            TableFormat::Csv => "csv",
-            TableFormat::Parquet => "parquet",
-        };
-        let name = format!("{name}.{extension}");
+        let name = format!("{name}.csv");
         let path = folder.join(&name);
-        let writer: Result<Box<dyn TableWriter>, String> = match format {
-            TableFormat::Csv => CsvTable::create(&path, &columns).map(|table| Box::new(table) as _),
-            TableFormat::Parquet => {
-                parquet::ParquetTable::create(&path, &columns).map(|table| Box::new(table) as _)
-            }
-        };
-        match writer {
+        match CsvTable::create(&path, &columns) {
             Ok(writer) => Ok(Self { name, path, layout, outputs: Vec::new(), columns, writer }),
             Err(reason) => Err(ExportError::Write { path, reason }),
         }
@@ -262,16 +229,13 @@ fn iso(unix_ns: u64) -> String {
 struct CsvTable(csv::Writer<BufWriter<File>>);
 
 impl CsvTable {
-    fn create(path: &Path, columns: &[Column]) -> Result<Self, String> {
+    fn create(path: &Path, columns: &[String]) -> Result<Self, String> {
         let file = File::create(path).map_err(|error| error.to_string())?;
         let mut writer = csv::Writer::from_writer(BufWriter::new(file));
-        let names = columns.iter().map(|column| &column.name);
-        writer.write_record(names).map_err(|error| error.to_string())?;
+        writer.write_record(columns).map_err(|error| error.to_string())?;
         Ok(Self(writer))
     }
-}
 
-impl TableWriter for CsvTable {
     fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), String> {
         let texts = cells.into_iter().map(|cell| match cell {
             Cell::Time(ns) => iso(ns),
@@ -282,7 +246,7 @@ impl TableWriter for CsvTable {
         self.0.write_record(texts).map_err(|error| error.to_string())
     }
 
-    fn finish(mut self: Box<Self>) -> Result<(), String> {
+    fn finish(mut self) -> Result<(), String> {
         self.0.flush().map_err(|error| error.to_string())
     }
 }

@@ -10,14 +10,12 @@ use i2ris::ipc::payload::{
 };
 use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::units::Nanos;
-use i2ris_record::export::{TableFormat, export};
+use i2ris_record::export::export;
 use i2ris_record::recorder::{AttachedFile, RecordingHeader, TrialRecorder};
 use i2ris_record::recovery::recover;
 use i2ris_record::report::TrialReport;
 use i2ris_testing::{program, run_python};
 use mcap::records::op;
-use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::record::RowAccessor;
 use tempfile::TempDir;
 
 const UNIX: u64 = 1_700_000_000_000_000_000;
@@ -84,20 +82,30 @@ fn recording() -> (TempDir, PathBuf) {
 #[test]
 fn csv_tables_have_every_row() {
     let (folder, file) = recording();
-    let exported = export(&file, &folder.path().join("tables"), TableFormat::Csv, false).unwrap();
+    let exported = export(&file, &folder.path().join("tables"), false).unwrap();
     assert!(exported.stopped_by.is_none());
-    assert_eq!(exported.rows["measured_js.csv"], MESSAGES);
+    let rows = ["measured_js.csv", "period_statistics.csv"].map(|name| exported.rows[name]);
+    assert_eq!(rows, [MESSAGES, 2]);
     let mut reader =
         csv::Reader::from_path(folder.path().join("tables/actuators_measured_js.csv")).unwrap();
     let header = reader.headers().unwrap().clone();
     let column = |name: &str| header.iter().position(|h| h == name).unwrap();
-    let (time, second) = (column("t_s"), column("measured_counts_1"));
+    let [time, sequence, second] = ["t_s", "sequence", "measured_counts_1"].map(column);
+    let mut rows = 0;
     for (number, row) in reader.records().map(Result::unwrap).enumerate() {
+        rows += 1;
+        assert_eq!(row[sequence].parse::<u64>().unwrap(), rows);
         assert_eq!(row[second].parse::<i64>().unwrap(), -(number as i64 + 1));
         assert!((row[time].parse::<f64>().unwrap() - number as f64 * 1e-3).abs() < 1e-6);
     }
+    assert_eq!(rows, MESSAGES);
     let table = fs::read_to_string(folder.path().join("tables/measured_js.csv")).unwrap();
-    assert!(table.lines().nth(1).unwrap().contains(&"ab".repeat(32)));
+    let cells = |line: usize| table.lines().nth(line).unwrap().split(',');
+    let model = cells(0).position(|name| name == "model_id").unwrap();
+    assert_eq!(cells(1).nth(model), Some(&*"ab".repeat(32)));
+    // The table of a stream without messages has no rows.
+    let table = fs::read_to_string(folder.path().join("tables/goal_js.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1);
     let table = fs::read_to_string(folder.path().join("tables/period_statistics.csv")).unwrap();
     assert!(table.lines().next().unwrap().contains("lateness_p99_ns") && table.contains("4321"));
 }
@@ -143,7 +151,7 @@ fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
     }
     trial.finish(BTreeMap::new(), &[]).unwrap();
     let tables = folder.path().join("tables");
-    let exported = export(&file, &tables, TableFormat::Csv, false).unwrap();
+    let exported = export(&file, &tables, false).unwrap();
     assert_eq!(exported.rows["overview.csv"], 101);
     let table = fs::read_to_string(tables.join("overview.csv")).unwrap();
     let rows: Vec<&str> = table.lines().collect();
@@ -163,8 +171,6 @@ fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
     let units = fs::read_to_string(tables.join("units.csv")).unwrap();
     assert!(units.contains("overview,camera_yaw_deg,deg\n"), "{units}");
     assert!(tables.join("overview.csv").exists());
-    let again = export(&file, &tables, TableFormat::Parquet, false).unwrap();
-    assert_eq!(again.rows["overview.parquet"], 101);
     let report = TrialReport::read(&file).unwrap();
     assert_eq!(report.recorded.as_deref(), Some("2023-11-14T22:13:20Z"));
     assert!(report.text().contains("recorded 2023-11-14T22:13:20Z"), "{}", report.text());
@@ -208,39 +214,6 @@ fn a_trial_that_ends_short_of_what_was_requested_says_so_first() {
     let short = page.find("asked for pitch, yaw +60.0 +0.0 deg").unwrap();
     assert!(short < page.find("deg from the nearest goal in reach").unwrap());
     assert!(!page.contains("from its goal"));
-}
-
-#[test]
-fn parquet_tables_have_every_row_with_types() {
-    let (folder, file) = recording();
-    let tables = folder.path().join("tables");
-    let exported = export(&file, &tables, TableFormat::Parquet, false).unwrap();
-    assert_eq!(
-        (exported.rows["measured_js.parquet"], exported.rows["period_statistics.parquet"]),
-        (MESSAGES, 2)
-    );
-    let open =
-        |name: &str| SerializedFileReader::new(fs::File::open(tables.join(name)).unwrap()).unwrap();
-    let reader = open("actuators_measured_js.parquet");
-    let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    let column = |name: &str| schema.columns().iter().position(|column| column.name() == name);
-    let [time, sequence, second] =
-        ["t_s", "sequence", "measured_counts_1"].map(|name| column(name).unwrap());
-    let mut number = 0;
-    for row in reader.get_row_iter(None).unwrap().map(Result::unwrap) {
-        assert!((row.get_double(time).unwrap() - f64::from(number) * 1e-3).abs() < 1e-6);
-        number += 1;
-        assert_eq!(row.get_ulong(sequence).unwrap(), number as u64);
-        assert_eq!(row.get_int(second).unwrap(), -number);
-    }
-    assert_eq!(number as u64, MESSAGES);
-    let reader = open("measured_js.parquet");
-    let row = reader.get_row_iter(None).unwrap().next().unwrap().unwrap();
-    let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    let model = schema.columns().iter().position(|column| column.name() == "model_id");
-    assert_eq!(row.get_string(model.unwrap()).unwrap(), &"ab".repeat(32));
-    // The table of a stream without messages has no rows.
-    assert_eq!(open("goal_js.parquet").metadata().file_metadata().num_rows(), 0);
 }
 
 #[test]
@@ -322,7 +295,7 @@ fn damaged_bytes_cause_no_panic() {
         let place = bytes.len() * step / 60;
         damaged[place] ^= 0xFF;
         fs::write(&bad, damaged).unwrap();
-        let _ = export(&bad, &folder.path().join("tables"), TableFormat::Csv, false);
+        let _ = export(&bad, &folder.path().join("tables"), false);
     }
 }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use i2ris_record::export::source::{Source, Sources};
 use i2ris_record::export::staged::{MADE_OF, staged};
-use i2ris_record::export::{ExportError, TableFormat, export};
+use i2ris_record::export::{ExportError, export};
 use i2ris_report::Failure;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
@@ -22,9 +22,6 @@ pub struct Arguments {
     /// Folder to write; of several recordings, each has its tables in a folder of its own
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// The file format of the tables
-    #[arg(long, value_enum, default_value_t)]
-    format: TableFormat,
     /// Write the pictures of cameras, too: pictures/VIEW/SECONDS.jpg
     #[arg(long)]
     pictures: bool,
@@ -66,7 +63,7 @@ fn tables(arguments: &Arguments, sources: &Sources) -> Result<(), Failure> {
             bar.set_message(source.name.clone());
             let within = if taken.len() > 1 { Path::new(&source.name) } else { Path::new("") };
             let (folder, recording) = (folder.join(within), &source.recording);
-            let exported = export(recording, &folder, arguments.format, arguments.pictures)?;
+            let exported = export(recording, &folder, arguments.pictures)?;
             rows.extend(exported.rows.iter().map(|(name, rows)| (within.join(name), *rows)));
             incomplete.extend(exported.stopped_by);
             recordings.push(about(source, within, exported.camera_late_s));

@@ -25,8 +25,7 @@ use i2ris_report::Failure;
   i2ris record report trial.mcap
   i2ris record info trial.mcap --output parts
   i2ris record export trial.mcap --output tables
-  i2ris record export trial.mcap --output parquet --format parquet
-  i2ris record export reach-study --output reach --format parquet --pictures
+  i2ris record export reach-study --output reach --pictures
   i2ris record recover killed.mcap --output whole.mcap
   i2ris record trial start --study reach-study --participant P07 --condition joystick
   i2ris record replay $(i2ris record dump)
@@ -45,7 +44,7 @@ struct Arguments {
 enum Task {
     /// Make a complete file of one that was cut off: messages, metadata, attachments
     Recover(existing::RecoverArguments),
-    /// Write recordings, or the trials of a study, as tables (CSV or Parquet)
+    /// Write recordings, or the trials of a study, as CSV tables
     Export(export::Arguments),
     /// Print the content of a recording, and take out what is in it
     Info(existing::InfoArguments),
