@@ -16,7 +16,7 @@ use super::outcome::{FamilyOutcome, Mechanism};
 use crate::em::error::EmError;
 use crate::families::chain::ChainOptions;
 use crate::families::force_balance::search::fit_force_balance;
-use crate::families::play::play_fit::fit_play;
+use crate::families::play::play_fit::{PlayFit, fit_play};
 use crate::progress::Progress;
 use crate::quality::Finding;
 use crate::regression::component_choice::choose_components;
@@ -174,14 +174,26 @@ impl FamilyFitter<'_> {
         let few = first.chain.mixture.components() < PUBLISHED;
         said.note =
             few.then(|| "behind the plays fewer than three components do as well".to_owned());
-        self.smooth(family, &mut said.note, |part| {
-            let fit = match part {
-                0.0 => first.clone(),
-                part => first
-                    .refit(&self.series, &options(part), self.progress)
-                    .map_err(|source| failed(family, source))?,
-            };
-            Ok(self.fitted(fit.family(), (fit.chain.log_likelihood, fit.chain.bic)))
+        let refit = |options: &ChainOptions| {
+            let fit = first.refit(&self.series, options, self.progress);
+            fit.map_err(|source| failed(family, source))
+        };
+        let fitted =
+            |fit: &PlayFit| self.fitted(fit.family(), (fit.chain.log_likelihood, fit.chain.bic));
+        let smooth = self.smooth(family, &mut said.note, |part| match part {
+            0.0 => Ok(fitted(&first)),
+            part => refit(&options(part)).map(|fit| fitted(&fit)),
+        });
+        smooth.or_else(|refused| {
+            // Rows of one motor at a time can be explained by what folds between the axes.
+            let straight = ChainOptions { components: Some(1), residual: false, ..options(0.0) };
+            let model = self.checked(family, &fitted(&refit(&straight)?));
+            let model = model.and_then(|model| self.not_worse_than_linear(family, model));
+            said.note = Some(
+                "behind the plays there is a straight line: with more its inverse did not pass"
+                    .to_owned(),
+            );
+            model.map_err(|_| refused)
         })
     }
 
