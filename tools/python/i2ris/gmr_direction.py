@@ -290,7 +290,8 @@ def inverse(case: Case, model: DirectionModel) -> dict[str, dict[str, float]]:
 
 def fit(path: str | Path, robot_id: str = "i2ris", restarts: int = 20, components: int | None = None) -> DirectionModel:
     """Fits it to a recording of two motors and two angles in the common format, also one of your own; with so many
-    components, or a number that is chosen."""
+    components, or a number that is chosen. Where one motor moves at a time, as published, every motor has a mixture for
+    each direction, and the angles are their sum."""
     straight = Calibration("linear", robot_id=robot_id).fit(path)
     file, recording = straight.model_.to_dict(), Recording.read(path)
     usable: Flags = np.asarray(np.isfinite(recording.angles_deg).all(axis=1))
@@ -304,15 +305,25 @@ def fit(path: str | Path, robot_id: str = "i2ris", restarts: int = 20, component
         known = (found != 0).all(axis=1)
         return bands, np.column_stack([recording.counts[rows], found, recording.angles_deg[rows]])[known]
 
-    def branches(table: Floats, components: int) -> tuple[int, dict[Directions, Model]]:
+    def model(bands: Floats, table: Floats, components: int) -> DirectionModel:
+        mixture = _native.fit_mixture(table, components, restarts)
+        return DirectionModel(bands, {known: _branch(file, condition(mixture, known)) for known in _DIRECTIONS})
+
+    if _one_at_a_time(recording.counts):
+        return _of_strokes(recording, np.flatnonzero(usable), file, restarts, components or _STROKES)
+
+    def flying(bands: Floats, table: Floats, components: int) -> tuple[int, DirectionModel]:
         while True:
-            mixture = _native.fit_mixture(table, components, restarts)
             try:
-                return components, {known: _branch(file, condition(mixture, known)) for known in _DIRECTIONS}
+                return components, model(bands, table, components)
             except ModelError:
-                if components == 1:
+                fewer = [number for number in _COMPONENTS if number < components]
+                if not fewer:
                     raise
-                components = max(number for number in (*_COMPONENTS, 12, 20) if number < components)
+                components = fewer[-1]
+
+    if components is not None:
+        return model(*joint(rows[usable[rows]]), components)
 
     # As the families are fitted: components chosen on three quarters of the rows, the rest fitted to all of them.
     held_out = np.zeros(len(rows), dtype=bool)
@@ -320,14 +331,75 @@ def fit(path: str | Path, robot_id: str = "i2ris", restarts: int = 20, component
         size = round(0.25 * (part.stop - part.start))
         first = part.start + (part.stop - part.start - size) // 2
         held_out[first : first + size] = True
-    if components is None:
-        _, table = joint(rows[~held_out & usable[rows]])
-        components, _ = branches(table, _choose_components(table, restarts))
-    bands, table = joint(rows[usable[rows]])
-    return DirectionModel(bands, branches(table, components)[1])
+    bands, table = joint(rows[~held_out & usable[rows]])
+    components, _ = flying(bands, table, _choose_components(table, restarts))
+    return flying(*joint(rows[usable[rows]]), components)[1]
 
 
-def _branch(file: dict[str, Any], mixture: dict[str, Any]) -> Model:
+#: Components where one motor moves at a time, unless so many are asked for.
+_STROKES = 12
+
+
+def _moving(counts: Floats) -> Flags:
+    """Which motors move in a row: encoders of those that rest flicker."""
+    window = np.ones(11)
+    ways = [np.convolve(np.abs(np.gradient(column)), window, "same") for column in counts.T]
+    return np.column_stack(ways) > 0.1 * np.maximum(*ways)[:, np.newaxis]
+
+
+def _one_at_a_time(counts: Floats) -> bool:
+    return bool(_moving(counts).all(axis=1).mean() < 0.5)
+
+
+def _of_strokes(recording: Recording, rows: Rows, file: dict[str, Any], restarts: int, components: int) -> DirectionModel:
+    counts, angles, moving = recording.counts, recording.angles_deg, _moving(recording.counts)
+    bands = choose_dead_bands(counts[: rows[-1] + 1], rows, angles[rows])
+    along = directions(counts, bands)
+    #: What the other motor gives, by direction: at first where it rests.
+    given = {motor: np.zeros((len(counts), 2)) for motor in (0, 1)}
+    parts: dict[tuple[int, int], Any] = {}
+    for _ in range(3):
+        for motor in (0, 1):
+            own = rows[moving[rows, motor] & ~moving[rows, 1 - motor]]
+            other = given[1 - motor] - given[1 - motor][own].mean(axis=0)
+            for way in (1, -1):
+                branch = own[along[own, motor] == way]
+                table = np.column_stack([counts[branch, motor], (angles - other)[branch]])
+                weights, means, covariances = _native.fit_mixture(table, components, restarts)
+                parts[motor, way] = {"weights": weights, "means": means, "covariances": covariances}
+            for way in (1, 0, -1):
+                at = along[:, motor] == way
+                found = [_stroke(parts[motor, known], counts[at, motor]) for known in ((way,) if way else (1, -1))]
+                given[motor][at] = np.mean(found, axis=0)
+    # The sum of both, level with the rows.
+    left = (angles - given[0] - given[1])[rows].mean(axis=0)
+    for way in (1, -1):
+        parts[1, way]["means"] = [[at, *(np.array(outputs) + left)] for at, *outputs in parts[1, way]["means"]]
+
+    def of(motor: int, way: int) -> dict[str, Any]:
+        """The mixture of a branch, or of both together."""
+        if way:
+            return parts[motor, way]
+        both = [parts[motor, known] for known in (1, -1)]
+        joined = {name: [entry for part in both for entry in part[name]] for name in ("weights", "means", "covariances")}
+        return {**joined, "weights": [weight / 2 for weight in joined["weights"]]}
+
+    return DirectionModel(bands, {known: _branch(file, [of(0, known[0]), of(1, known[1])]) for known in _DIRECTIONS})
+
+
+def _stroke(mixture: dict[str, Any], counts: Floats) -> Floats:
+    """The regression of a motor: angles, deg."""
+    means, covariances = np.array(mixture["means"]), np.array(mixture["covariances"])
+    away = counts[:, np.newaxis] - means[:, 0]
+    density = np.log(np.array(mixture["weights"])) - 0.5 * (away**2 / covariances[:, 0, 0] + np.log(covariances[:, 0, 0]))
+    shares = np.exp(density - density.max(axis=1, keepdims=True))
+    slopes = covariances[:, 0, 1:] / covariances[:, :1, 0]
+    each = means[:, 1:] + slopes * away[..., np.newaxis]
+    found: Floats = np.einsum("rk,rko->ro", shares / shares.sum(axis=1, keepdims=True), each)
+    return found
+
+
+def _branch(file: dict[str, Any], mixture: Any) -> Model:
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder, "model.json")
         target.write_text(json.dumps({**file, "family": {"kind": "gmr", "mixture": mixture}}))

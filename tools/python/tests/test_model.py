@@ -461,6 +461,22 @@ def test_importing_is_quick_to_write():
     assert found.stdout.strip() == "[]"
 
 
+def test_the_notebook_of_the_published_method_runs(tmp_path, capsys):
+    """On one snake, and without the default family, which takes the time of all others."""
+    pytest.importorskip("matplotlib").use("Agg")
+    notebook = json.loads((Path(__file__).parents[1] / "examples" / "published_method.ipynb").read_text())
+    names: dict = {"SNAKES": ("steel",), "FOLDER": str(tmp_path), "RESTARTS": 4}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            source = "".join(cell["source"]).replace(', ("i2ris (best)", "best", None)', "")
+            exec(compile(source, "published_method.ipynb", "exec"), names)
+    rows = [line.split(" | ") for line in capsys.readouterr().out.splitlines() if line.count("|") == 10]
+    error = {row[1]: float(row[6]) for row in rows if row[0] == "| `steel`"}
+    assert len(error) == 8 and error["gmr-play"] < 0.5 * error["linear"] < 1.0
+    assert error["gmr by direction, K = 3"] < 0.5 * error["gmr, K = 3"]
+    assert all((tmp_path / f"published-{name}.png").stat().st_size > 0 for name in ("loops", "mixture"))
+
+
 @pytest.mark.skipif(not CLI, reason="I2RIS_CLI does not name the command line")
 def test_the_notebook_runs(tmp_path, monkeypatch):
     """Record, fit, use, circle, plot: its cells, one after the other, with an emulated robot."""

@@ -130,13 +130,13 @@ fn the_first_hour_runs_as_printed() {
 }
 
 #[test]
-fn the_configuration_chapter_runs_as_printed() {
-    run_chapter("configuration.md");
+fn the_commands_of_the_configuration_run_as_printed() {
+    run_chapter("bring-up.md");
 }
 
 #[test]
 fn chapters_with_commands_to_run_are_run() {
-    let run = ["first-hour.md", "configuration.md"];
+    let run = ["first-hour.md", "bring-up.md"];
     for document in Document::all() {
         let name = document.path.file_name().unwrap().to_str().unwrap();
         let has_commands = document.blocks.iter().any(|block| block.info == "sh run");
