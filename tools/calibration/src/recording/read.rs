@@ -60,8 +60,8 @@ impl Recording {
         if columns.options && !layout.left_out.is_empty() {
             let left_out = layout.left_out.join(",");
             table.notes.push(format!(
-                "a model has outputs of one unit, so {left_out} are left out; a second model has \
-                 them: `i2ris calibrate fit {name} --angles {left_out} --output FILE`",
+                "a model has outputs of one unit, and this one is without {left_out}; a second \
+                 one has them: `i2ris calibrate fit {name} --angles {left_out} --output FILE`",
                 name = path.display()
             ));
         }
