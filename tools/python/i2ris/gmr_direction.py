@@ -9,6 +9,7 @@ could run. The memory is the last reversal of every motor, and nothing of the lo
    angles: by the error on blocks left out of a ridge regression on cubic monomials of the counts and on every direction times
    the linear ones.
 2. The number of components is chosen by leaving out blocks, and lowered while a branch has no inverse.
+3. Where one motor moves at a time, every motor has a mixture for each of its directions, and the angles are their sum.
 """
 
 from __future__ import annotations

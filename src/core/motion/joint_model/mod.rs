@@ -51,8 +51,7 @@ pub(crate) struct JointModel {
     known: Known,
 }
 
-/// What has been computed from the state and holds until the state changes. Computed again it has
-/// the same bits, so it is no part of the state.
+/// What follows from the state, to the same bits whenever it is computed: no part of the state.
 #[derive(Debug, Clone, Copy, Default)]
 struct Known {
     /// The setpoints that `memory` contains after the positions, motor by motor; `None`: to be

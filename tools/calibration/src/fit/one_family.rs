@@ -189,11 +189,11 @@ impl FamilyFitter<'_> {
             let straight = ChainOptions { components: Some(1), residual: false, ..options(0.0) };
             let model = self.checked(family, &fitted(&refit(&straight)?));
             let model = model.and_then(|model| self.not_worse_than_linear(family, model));
-            said.note = Some(
-                "behind the plays there is a straight line: with more its inverse did not pass"
-                    .to_owned(),
-            );
-            model.map_err(|_| refused)
+            let model = model.map_err(|_| refused)?;
+            let words = "behind the plays there is a straight line: with more its inverse did not \
+                         pass";
+            said.note = Some(words.to_owned());
+            Ok(model)
         })
     }
 

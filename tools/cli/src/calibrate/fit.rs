@@ -95,7 +95,8 @@ struct ModelArguments {
     #[arg(long, value_name = "K|..K", default_value = "..12", value_parser = components)]
     components: Components,
     /// Random starts per number of components
-    #[arg(long, value_name = "N", default_value_t = 60, value_parser = value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 60,
+          value_parser = value_parser!(u16).range(1..))]
     restarts: u16,
     /// Seed of the random starts: the same seed gives the same model
     #[arg(long, default_value_t = 1)]
