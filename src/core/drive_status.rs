@@ -21,6 +21,8 @@ pub(crate) struct DriveStatus {
     pub phase: AxisPhase,
     /// Age of the newest position.
     pub age: Nanos,
+    /// For how long the drive has had another setpoint, and was given none; zero: it has it.
+    pub unwritten: Nanos,
     /// The drive follows setpoints, and the last setpoint written to it is too far from the
     /// encoder.
     pub has_following_error: bool,
@@ -84,8 +86,13 @@ impl DriveSummary {
     }
 
     /// Every position is recent enough to move on.
-    pub fn is_fresh(&self) -> bool {
+    pub fn has_positions(&self) -> bool {
         self.drives().all(|drive| drive.age < self.stale_after)
+    }
+
+    /// So it is, and every drive takes its setpoints.
+    pub fn is_fresh(&self) -> bool {
+        self.has_positions() && self.drives().all(|drive| drive.unwritten < self.stale_after)
     }
 
     /// Enabling and homing start from drives that are off and report a recent position.

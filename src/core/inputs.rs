@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::command::deadline::{FUTURE_MARGIN, stale_age};
 use crate::core::fixture_change::FixtureChange;
 use crate::drive::AxisFeedback;
 use crate::model::ModelId;
-use crate::robot::StateCommand;
+use crate::robot::{Measurement, Refusal, StateCommand};
 use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 
 /// Inputs of one tick.
@@ -71,6 +72,33 @@ pub enum ServoGoal {
     TipRate(OutputVec, u32),
 }
 
+/// Until when a request may be carried out: its client waits no longer. What only stops is good at
+/// any age.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Validity {
+    /// Time of sending.
+    pub stamp: Nanos,
+    /// How long it is valid.
+    pub span: Nanos,
+}
+
+impl Validity {
+    /// Of what is asked for and carried out in the same tick.
+    pub const ALWAYS: Self = Self { stamp: Nanos::ZERO, span: Nanos(u64::MAX) };
+
+    /// As old as it may be, or stamped in the future.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal::Stale`], [`Refusal::Stamp`].
+    pub fn require_young(&self, now: Nanos) -> Result<(), Refusal> {
+        if self.stamp.duration_since(now) > FUTURE_MARGIN {
+            return Err(Refusal::Stamp);
+        }
+        stale_age(self.stamp, self.span, now).map_or(Ok(()), |_| Err(Refusal::Stale))
+    }
+}
+
 /// A state command.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StateRequest {
@@ -78,12 +106,26 @@ pub struct StateRequest {
     pub id: u64,
     /// The client that sent it.
     pub client_id: u64,
+    /// Until when it may be carried out.
+    pub validity: Validity,
     /// The requested command.
     pub command: StateCommand,
     /// Goal pose, in angles or as a place of the tip. Only for [`StateCommand::Move`].
     pub pose: Option<ServoGoal>,
     /// Only for [`StateCommand::Fixture`].
     pub fixture: Option<FixtureChange>,
+}
+
+impl StateRequest {
+    /// Refuses what may move or power and is older than its client waits.
+    pub(crate) fn require_young(&self, now: Nanos) -> Result<(), Refusal> {
+        if self.command.only_stops() { Ok(()) } else { self.validity.require_young(now) }
+    }
+
+    /// Its age, and how old it may be.
+    pub(crate) fn age_measurement(&self, now: Nanos) -> Measurement {
+        Measurement::of_age(now.duration_since(self.validity.stamp), self.validity.span)
+    }
 }
 
 /// A request to change the active model.
@@ -93,6 +135,8 @@ pub struct ModelSwapRequest {
     pub id: u64,
     /// The client that sent it.
     pub client_id: u64,
+    /// Until when it may be carried out.
+    pub validity: Validity,
     /// The requested change.
     pub change: ModelChange,
     /// Swap even if the hysteresis memory of the next model is not known.

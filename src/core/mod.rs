@@ -22,8 +22,8 @@
 //!   the only way to a drive.
 //! - [`adaptation`]: follows the drift of a calibration by the camera, inside fences.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
-//! - `command`: `authority`, who may do what; `admission` of servo commands, `refusal_record`,
-//!   `sequence_record`, `lease`, `deadline`, `range_check`, `clutch`, `motion_scaling`.
+//! - `command`: `authority`, who may do what; `sessions`, who may move; `admission` of servo commands,
+//!   `client_stream`, `refusal_record`, `deadline`, `range_check`, `clutch`, `motion_scaling`.
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
 //! - `outputs`: what the cycle writes.
@@ -59,11 +59,13 @@ pub use command::admission::{AdmissionContext, CommandAdmission, CommandCheck};
 pub use command::deadline::stale_age;
 pub use command::move_planning::LONGEST_MOVE;
 pub use command::refusal_record::ClientRefusals;
+pub use command::sessions::StreamOf;
 pub use cycle::snapshot::CycleSnapshot;
 pub use events::{CycleEvent, CycleEventKind, EventList, PlausibilityCheck};
 pub use fixture_change::{FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 pub use inputs::{
-    CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest,
+    CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal,
+    StateRequest, Validity,
 };
 pub use model_slots::{CandidateState, ModelCandidate, ModelSlots};
 pub use motion::auxiliary_axis::AuxiliaryReport;

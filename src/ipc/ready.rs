@@ -13,7 +13,7 @@ use super::domain::{Domain, DomainError, SHARED_MEMORY};
 use super::domain_lock::{DomainLock, is_served};
 
 /// Version of the payloads and services. A client of another version gets an error.
-pub const INTERFACE_VERSION: u32 = 6;
+pub const INTERFACE_VERSION: u32 = 7;
 
 /// Version of iceoryx2. Versions of it refuse each other, so a change needs a new
 /// [`INTERFACE_VERSION`].

@@ -14,7 +14,13 @@ use super::streams::{COMMANDERS, RequestService, Stream, WATCHERS};
 /// second.
 pub(super) const BUFFER: usize = 128;
 /// Maximum number of processes.
-const NODES: usize = 48;
+const NODES: usize = 64;
+
+/// Places for clients that stop the robot, and look whether it stands still: however many watch
+/// and ask, `stop`, `disable` and `pause` are heard.
+pub(super) const RESERVED: usize = 4;
+/// Clients that ask for anything, but for these places.
+pub(super) const ASKERS: usize = COMMANDERS + WATCHERS;
 
 /// A call into iceoryx2 failed: the step, the service, the reason that iceoryx2 gives, and what it
 /// comes from.
@@ -83,6 +89,12 @@ fn service_name(name: &'static str) -> Result<ServiceName, TransportError> {
 }
 
 impl Stream {
+    /// Subscribers that there may be; `urgent`: with those of clients that command.
+    pub(super) fn places(self, urgent: bool) -> usize {
+        let reserved = if urgent && self == Self::State { RESERVED } else { 0 };
+        self.properties().subscribers + reserved
+    }
+
     /// The controller's side.
     pub(super) fn create<S: Service, T: ZeroCopySend + fmt::Debug>(
         self,
@@ -92,7 +104,7 @@ impl Stream {
         node.service_builder(&service_name(properties.service)?)
             .publish_subscribe::<T>()
             .max_publishers(properties.publishers)
-            .max_subscribers(properties.subscribers)
+            .max_subscribers(self.places(true))
             .max_nodes(NODES)
             .subscriber_max_buffer_size(BUFFER)
             // A garbage-collected language may still hold the last one or two messages.
@@ -130,7 +142,7 @@ impl RequestService {
         node.service_builder(&service_name(self.service())?)
             .request_response::<Q, R>()
             .max_servers(1)
-            .max_clients(COMMANDERS + WATCHERS)
+            .max_clients(ASKERS + RESERVED)
             .max_nodes(NODES)
             .max_active_requests_per_client(2)
             .create()

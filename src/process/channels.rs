@@ -217,6 +217,7 @@ pub fn request_queues() -> (RequestQueues, WorkerQueues) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::core::Validity;
     use crate::robot::StateCommand;
 
     #[test]
@@ -225,8 +226,10 @@ mod tests {
         let (snapshots, _snapshots) = RingBuffer::new(1);
         let recorder = RecorderChannels { ticks, snapshots };
         let (mut ends, mut ipc, ..) = loop_channels(recorder, channel().1);
-        let request =
-            |command| StateRequest { id: 0, client_id: 7, command, pose: None, fixture: None };
+        let request = |command| {
+            let (id, client_id, validity) = (0, 7, Validity::ALWAYS);
+            StateRequest { id, client_id, validity, command, pose: None, fixture: None }
+        };
         while ipc.ask(request(StateCommand::Acknowledge)).is_ok() {}
         for stop in [StateCommand::Disable, StateCommand::Pause, StateCommand::Hold] {
             assert_eq!(ipc.ask(request(stop)), Ok(()));

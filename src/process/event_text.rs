@@ -33,7 +33,7 @@ impl fmt::Display for CycleEventKind {
             Self::StaleStop { client_id, .. } | Self::LimitStop { client_id, .. } => {
                 write!(f, "{}: ", ShownClient(*client_id))
             }
-            Self::FeedbackStop => Ok(()),
+            Self::FeedbackStop(_) => Ok(()),
             Self::Clipped { client_id: 0, .. } => write!(f, "move_jp: "),
             Self::Clipped { client_id, .. } => write!(f, "{}: ", ShownClient(*client_id)),
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
@@ -69,9 +69,6 @@ impl fmt::Display for CycleEventKind {
                 "warning: another camera publishes, too; {frames} of its frames were not followed"
             ),
             Self::Adaptation(event) => f.write_str(match event {
-                AdaptationEvent::BudgetWarning => {
-                    "warning: adaptation: 70 % of the budget are used; calibrate soon"
-                }
                 AdaptationEvent::BudgetUsed => {
                     "warning: adaptation: the budget is used up, nothing more is learned; calibrate"
                 }
@@ -80,6 +77,10 @@ impl fmt::Display for CycleEventKind {
                      30 s; the correction is taken back"
                 }
                 AdaptationEvent::Slip => "adaptation: the zero has slipped; it is found anew",
+                AdaptationEvent::SlipAgain => {
+                    "warning: adaptation: the zero has slipped again; nothing more is learned until \
+                     the robot was off: look at the camera and at the wires"
+                }
                 AdaptationEvent::CameraDisbelieved => {
                     "warning: adaptation: most frames of the camera are far from what is expected; \
                      nothing is learned from them"

@@ -169,7 +169,7 @@ mod tests {
     use crate::config::FixtureRegionConfig;
 
     fn request(action: u32, kind: u32, values: [f64; 4]) -> VirtualFixtureRequest {
-        VirtualFixtureRequest { client_id: 7, action, kind, values }
+        VirtualFixtureRequest { client_id: 7, action, kind, values, ..Default::default() }
     }
 
     #[test]

@@ -20,6 +20,7 @@ use crate::process::black_box::{OfferRecord, RecorderRequest};
 use crate::process::channels::{ModelChannels, ModelOffer, Tokened};
 use crate::process::loop_history::{LoadedModel, LoopHistory, SharedLoopHistory};
 use crate::process::model_comparison::{ModelState, difference};
+use crate::process::payload_conversion::validity;
 use crate::process::start_up::check_drives;
 use crate::robot::{DriveFingerprint, ModelAction, Refusal};
 use crate::units::Nanos;
@@ -131,7 +132,9 @@ impl ModelManager {
             ModelAction::Activate => ModelChange::Activate(ModelId(request.model_id)),
             ModelAction::Rollback => ModelChange::Rollback,
         };
-        self.change(request.client_id, change, forced).map(|()| None)
+        let validity = validity(request.stamp_ns, request.valid_ns);
+        let (id, client_id) = (0, request.client_id);
+        self.change(ModelSwapRequest { id, client_id, validity, change, forced }).map(|()| None)
     }
 
     fn stage(
@@ -188,15 +191,17 @@ impl ModelManager {
         })
     }
 
-    fn change(&mut self, client_id: u64, change: ModelChange, forced: bool) -> Result<(), Refused> {
+    fn change(&mut self, request: ModelSwapRequest) -> Result<(), Refused> {
         self.requests += 1;
         let id = self.requests;
-        let to = match change {
+        let to = match request.change {
             ModelChange::Activate(to) => Some(to),
             ModelChange::Rollback => self.history.lock().slots.previous,
         };
-        let request = ModelSwapRequest { id, client_id, change, forced };
-        self.channels.requests.push(request).map_err(|_| Refusal::Busy)?;
+        self.channels
+            .requests
+            .push(ModelSwapRequest { id, ..request })
+            .map_err(|_| Refusal::Busy)?;
         let refusal = self.wait_for(|manager| {
             let reply = manager.channels.replies.pop().ok()?;
             (reply.id == id).then_some(reply.refusal)

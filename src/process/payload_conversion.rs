@@ -3,7 +3,7 @@
 
 use crate::config::Config;
 use crate::core::{
-    CycleReport, ExternalPose, PlausibilityCheck, ServoCommand, ServoGoal, StateRequest,
+    CycleReport, ExternalPose, PlausibilityCheck, ServoCommand, ServoGoal, StateRequest, Validity,
 };
 use crate::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, MoveRequest,
@@ -64,6 +64,12 @@ impl From<&ServoActuator> for ServoCommand {
     }
 }
 
+/// Until when a request may be carried out.
+#[must_use]
+pub fn validity(stamp_ns: u64, valid_ns: u64) -> Validity {
+    Validity { stamp: Nanos(stamp_ns), span: Nanos(valid_ns) }
+}
+
 /// `state_command` as a request for the loop.
 pub fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Refusal> {
     let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
@@ -71,7 +77,9 @@ pub fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest,
     if raw.client_id == 0 || raw.reserved != 0 {
         return Err(Refusal::Malformed);
     }
-    Ok(StateRequest { id, client_id: raw.client_id, command, pose: None, fixture: None })
+    let validity = validity(raw.stamp_ns, raw.valid_ns);
+    let client_id = raw.client_id;
+    Ok(StateRequest { id, client_id, validity, command, pose: None, fixture: None })
 }
 
 /// `move_jp` as a request for the loop.
@@ -79,6 +87,7 @@ pub fn move_request(id: u64, raw: &MoveRequest) -> Result<StateRequest, Refusal>
     let request = StateRequest {
         id,
         client_id: raw.client_id,
+        validity: validity(raw.stamp_ns, raw.valid_ns),
         command: StateCommand::Move,
         pose: Some(match raw.flags {
             MoveRequest::TIP => ServoGoal::Tip(raw.position, raw.count),
@@ -94,6 +103,7 @@ pub fn fixture_request(id: u64, raw: &VirtualFixtureRequest) -> Result<StateRequ
     FixtureTable::parse(raw).map(|change| StateRequest {
         id,
         client_id: raw.client_id,
+        validity: validity(raw.stamp_ns, raw.valid_ns),
         command: StateCommand::Fixture,
         pose: None,
         fixture: Some(change),

@@ -193,7 +193,7 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
         CycleEventKind::Adaptation(event) => {
             ("adaptation", json!({ "event": format!("{event:?}") }))
         }
-        CycleEventKind::FeedbackStop => ("stop", json!({})),
+        CycleEventKind::FeedbackStop(_) => ("stop", json!({})),
         CycleEventKind::Axis { .. }
         | CycleEventKind::Clipped { .. }
         | CycleEventKind::FixtureLimit { .. }

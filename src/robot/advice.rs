@@ -101,6 +101,7 @@ pub(super) fn stop_advice(stop: Stop) -> &'static str {
         Stop::Fixture => "switch the fixtures off (`i2ris command fixture off`), then again",
         Stop::Limit => "begin further inside the limits, or correct them",
         Stop::Hull => "begin further inside the calibrated range, or calibrate a wider one",
+        Stop::Setpoint => "read which object the drive refuses in the log, then `i2ris disable`",
         Stop::Speed => "raise `joint_limits`, or calibrate again: the model jumps there",
         Stop::Fault => "remove the cause (`i2ris status`), then give the command again",
     }

@@ -68,6 +68,8 @@ numbered_enum! {
         Hull = 8, "the border of the calibrated range broke it off";
         /// The setpoints could not go on within the velocity limits of the joints.
         Speed = 9, "the velocity or acceleration limit of the joints broke it off";
+        /// A drive was not given its setpoint in time, or refused it.
+        Setpoint = 10, "a drive did not take its setpoints, and the motion stopped";
     }
 }
 

@@ -57,9 +57,9 @@ numbered_enum! {
         Fixture = 22, "a virtual fixture is in the way";
         /// The pose is outside the calibrated hull, the position limits or the joint limits.
         Reach = 23, "the pose is out of reach";
-        /// Another client has stopped the stream with `hold`, or it fell silent while it moved the
-        /// snake.
-        BrokenOff = 24, "broken off: held by another client, or the stream fell silent in motion";
+        /// The client has no session: the robot was stopped since it began, or its stream fell silent
+        /// while it moved the snake; or another client stopped the robot while it was sending.
+        BrokenOff = 24, "broken off: the robot was stopped meanwhile, or the stream fell silent in motion";
         /// The state is PAUSED.
         Paused = 25, "paused: the robot holds until it is resumed";
         /// The state is FAULT.

@@ -121,7 +121,6 @@ fn a_drift_beyond_the_budget_is_not_followed_further_and_is_reported() {
     trial.move_for(60.0);
     let found = trial.adaptation();
     println!("{found:?}");
-    assert!(has_event(&trial, AdaptationEvent::BudgetWarning));
     assert!(has_event(&trial, AdaptationEvent::BudgetUsed));
     assert!(found.pauses.contains(Pause::BudgetUsed));
     for gain in found.applied.gain.as_flattened() {

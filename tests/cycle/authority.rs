@@ -254,18 +254,19 @@ fn a_hold_holds_every_client_lease_or_not_until_it_pauses() {
         if ["`home`", "`unhome`"].contains(&name) {
             switch_off(&mut bench);
         }
-        for _ in 0..10 {
+        for k in 1..=10 {
             assert_eq!(act(&mut bench, CLIENT), Refusal::BrokenOff, "{name}");
             // A stop that it gives itself does not free it.
             assert_eq!(state(&mut bench, CLIENT, StateCommand::Disable), Refusal::None);
             bench.run(298);
-            assert_eq!(state(&mut bench, CLIENT, StateCommand::Enable), Refusal::None);
+            assert_eq!(state(&mut bench, THIRD + k, StateCommand::Enable), Refusal::None);
             bench.run(100);
             if ["`home`", "`unhome`"].contains(&name) {
                 switch_off(&mut bench);
             }
         }
         bench.run(1000);
+        assert_eq!(state(&mut bench, CLIENT, StateCommand::Release), Refusal::None);
         assert_ne!(act(&mut bench, CLIENT), Refusal::BrokenOff, "{name}");
     }
 }

@@ -9,9 +9,9 @@ use i2ris::units::{Counts, Nanos};
 use i2ris_testing::cycle::{Bench, CLIENT, config, model, rad, strict_config, with_jaw};
 
 /// A goal of every kind that moves with the time in s, slowly.
-type Kind = fn(f64) -> ServoGoal;
+pub type Kind = fn(f64) -> ServoGoal;
 
-const KINDS: [(&str, Kind); 6] = [
+pub const KINDS: [(&str, Kind); 6] = [
     ("angles", |t| ServoGoal::Joint(rad(6.0 * t, 0.0), 2)),
     ("interpolated", |t| ServoGoal::Interpolated(rad(6.0 * t, 0.0), 2)),
     ("rate", |_| ServoGoal::Rate(rad(6.0, 0.0), 2)),
@@ -20,12 +20,12 @@ const KINDS: [(&str, Kind); 6] = [
     ("counts", |t| ServoGoal::Actuator([Counts((200.0 * t) as i32), Counts(0)], 2)),
 ];
 
-fn bench() -> Bench {
+pub fn bench() -> Bench {
     Bench::enabled_with(with_jaw(strict_config("")), Some(model(OutputUnit::Deg)))
 }
 
 /// At 100 Hz for a second; the end of the way for the next command.
-fn stream(bench: &mut Bench, goal: Kind) {
+pub fn stream(bench: &mut Bench, goal: Kind) {
     for k in 0..100 {
         let command = bench.servo(goal(f64::from(k) * 0.01));
         assert_eq!(bench.send(command), Refusal::None, "{k}");
@@ -34,12 +34,12 @@ fn stream(bench: &mut Bench, goal: Kind) {
 }
 
 /// One command where the snake is.
-fn here(bench: &mut Bench) -> ServoCommand {
+pub fn here(bench: &mut Bench) -> ServoCommand {
     let setpoint = bench.joints().setpoint;
     bench.servo(ServoGoal::Joint(setpoint, 2))
 }
 
-fn is_followed(bench: &mut Bench) -> Refusal {
+pub fn is_followed(bench: &mut Bench) -> Refusal {
     let command = here(bench);
     bench.send(command)
 }
@@ -62,7 +62,7 @@ fn a_stream_of_any_kind_that_broke_off_in_motion_is_not_followed_again_by_itself
         assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Enable).refusal, Refusal::None);
         assert_eq!(is_followed(&mut bench), Refusal::BrokenOff, "{name}");
         assert_eq!(bench.targets(), held, "{name}");
-        assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+        assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
         assert_eq!(is_followed(&mut bench), Refusal::None, "{name}");
     }
 }
@@ -88,7 +88,7 @@ fn a_second_client_that_came_and_went_does_not_let_a_stream_go_on() {
             assert_ne!(is_followed(&mut bench), Refusal::None, "{name}, {pause}");
         }
         assert_eq!(bench.targets(), held, "{name}");
-        assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+        assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
         assert_eq!(is_followed(&mut bench), Refusal::None, "{name}");
     }
 }
@@ -128,7 +128,10 @@ fn a_gap_is_no_end_and_a_stream_that_stood_still_goes_on() {
 fn every_command_of_its_client_and_an_open_clutch_let_it_begin_anew() {
     type Act = fn(&mut Bench) -> Refusal;
     let acts: [(&str, Act); 5] = [
-        ("hold", |bench| bench.ask(StateCommand::Hold)),
+        ("hold", |bench| {
+            bench.run(1000);
+            bench.ask(StateCommand::Hold)
+        }),
         ("release", |bench| bench.ask(StateCommand::Release)),
         ("move", |bench| {
             bench.pose = Some((rad(1.0, 1.0), 2));
@@ -190,6 +193,6 @@ fn the_jaw_that_broke_off_in_motion_waits_too_and_the_joints_do_not() {
     }
     assert_eq!(bench.jaw.feedback.position, held);
     assert_eq!(is_followed(&mut bench), Refusal::None);
-    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
     assert!(turn(&mut bench, 9.9));
 }

@@ -265,6 +265,7 @@ fn counts_that_jump_keep_velocity_and_its_change_over_the_time_of_a_line() {
             }
             assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
             bench.run(1100);
+            assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
             before = setpoint_deg(&bench)[0];
             steps.extend(vec![0.0; line + 3]);
         }
@@ -342,6 +343,7 @@ fn a_stream_begins_where_the_snake_is_also_after_a_pause_a_stop_and_a_fault() {
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
     bench.idle();
     bench.enable();
+    bench.run(1000);
     begins(&mut bench, "after a fault");
     bench.run(100);
     let [a, b] = bench.targets();

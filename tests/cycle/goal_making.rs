@@ -4,6 +4,7 @@
 use i2ris::config::Config;
 use i2ris::core::{
     FixtureChange, FixtureSpace, ModelChange, ServoGoal, SimpleRegion, SimpleShape, StateRequest,
+    Validity,
 };
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
@@ -168,15 +169,17 @@ fn a_stream_and_a_move_that_begin_during_a_blend_begin_where_the_snake_is() {
         let [pitch, yaw] = from;
         match kind {
             "stream" => {
-                let hold = StateRequest {
+                let (client_id, validity) = (CLIENT, Validity::ALWAYS);
+                let release = StateRequest {
                     id: 99,
-                    client_id: CLIENT,
-                    command: StateCommand::Hold,
+                    client_id,
+                    validity,
+                    command: StateCommand::Release,
                     pose: None,
                     fixture: None,
                 };
                 let command = bench.servo(angles(pitch, yaw));
-                bench.step(Some(command), Some(hold));
+                bench.step(Some(command), Some(release));
             }
             "move" => {
                 bench.pose = Some((rad(pitch, yaw), 2));

@@ -26,6 +26,7 @@ mod reasons;
 mod rehearsal;
 mod replay;
 mod report;
+mod sessions;
 mod shutdown;
 mod stopping;
 mod virtual_fixtures;

@@ -124,7 +124,7 @@ fn a_model_can_take_over_during_a_trajectory() {
 }
 
 #[test]
-fn hold_stops_following_and_the_next_command_is_followed_again() {
+fn hold_stops_following_and_a_command_is_followed_again_after_something_deliberate() {
     let mut bench = Bench::moving();
     assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
     bench.run(5);
@@ -132,6 +132,8 @@ fn hold_stops_following_and_the_next_command_is_followed_again() {
     assert!(bench.report().holding && bench.state() == OperatingState::Enabled);
     bench.run(20);
     assert_eq!(bench.targets(), before);
+    assert_eq!(bench.actuator([before[0] + 3, before[1]]), Refusal::BrokenOff);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
     assert_eq!(bench.actuator([before[0] + 3, before[1]]), Refusal::None);
 }
 
@@ -298,6 +300,7 @@ fn a_hold_of_another_client_holds_against_every_stream_until_it_pauses() {
     bench.run(900);
     assert_eq!(bench.joint(pitch(&bench), 0.0), Refusal::BrokenOff);
     bench.run(1000);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
     assert_eq!(bench.joint(pitch(&bench), 0.0), Refusal::None);
     assert_eq!(bench.report().lease_client_id, CLIENT);
 }
@@ -308,6 +311,7 @@ fn the_client_that_holds_may_go_on_itself_with_the_lease_that_it_has() {
     assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
     assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
     assert_eq!(bench.report().lease_client_id, CLIENT);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
     assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
     // Until the first hold is over, which was for the other one.
     bench.run(1000);

@@ -130,7 +130,7 @@ fn rates_and_places_are_refused_for_what_is_wrong_with_them() {
         (ServoGoal::Tip(tip_at(0.0, 12.0), 3), Refusal::Step),
     ] {
         bench.run(600);
-        assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+        assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
         assert_eq!(send(&mut bench, goal), expected, "{goal:?}");
     }
     let here = ServoGoal::Tip(tip_at(0.0, 0.0), 3);

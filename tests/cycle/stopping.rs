@@ -3,6 +3,7 @@
 use i2ris::core::CycleEventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::robot::Stop;
 use i2ris::units::Nanos;
 use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config};
 
@@ -212,4 +213,25 @@ fn after_a_gap_in_time_no_step_is_larger() {
     bench.skip(Nanos::from_millis(30));
     bench.tick();
     assert!(bench.report().holding, "the command is 60 ms old by now");
+}
+
+/// Positions are read, and no setpoint is taken: what is refused is not made up for in one write.
+#[test]
+fn a_drive_that_takes_no_setpoint_stops_the_motion_and_gets_no_jump() {
+    let mut bench = Bench::enabled();
+    let stream = |bench: &mut Bench, from: i32, ticks: i32| {
+        (0..ticks).map(|tick| bench.actuator([from + tick / 10, 0])).collect::<Vec<_>>()
+    };
+    assert!(stream(&mut bench, 0, 500).iter().all(|it| *it == Refusal::None));
+    let written = |bench: &Bench| bench.drives[0].feedback.written.unwrap().target.0;
+    bench.quirk(0, Quirk::Deaf);
+    let before = written(&bench);
+    let answers = stream(&mut bench, 50, 555);
+    assert_eq!(bench.report().broken_off, Some(Stop::Setpoint));
+    assert!(bench.events.contains(&CycleEventKind::FeedbackStop(Stop::Setpoint)));
+    assert_eq!(answers.last(), Some(&Refusal::DrivesNotReady));
+    bench.quirk(0, Quirk::None);
+    bench.run(20);
+    assert!((written(&bench) - before).abs() <= 6, "{before} to {}", written(&bench));
+    assert!(bench.report().holding);
 }

@@ -4,7 +4,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
-use i2ris::ipc::client::Client;
+use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState, StateCommand};
 use i2ris::units::Nanos;
@@ -120,6 +120,28 @@ fn h03_a_controller_that_hung_continues_by_holding() {
     let (first, last) = (setpoints[before - 1].1, setpoints.last().unwrap().1);
     // At most the motion of the ticks between its last write and the tick that sees the deadline.
     assert!((last - first).abs() <= 60, "{first} {last}");
+}
+
+/// Whoever asked has given up, and does not expect it any more.
+#[test]
+fn h29_what_its_client_gave_up_is_not_carried_out_when_a_hang_ends() {
+    let mut rig = Rig::start();
+    let mut client = rig.enabled();
+    client.carry_out(StateCommand::Disable, || false).unwrap();
+    rig.signal(Signal::SIGSTOP);
+    let asked = client.state_command(StateCommand::Enable);
+    assert!(matches!(asked, Err(ClientError::NoReply { .. })), "{asked:?}");
+    rig.signal(Signal::SIGCONT);
+    clock::sleep(Nanos::from_millis(700));
+    let state = wait_until_idle(&mut client);
+    assert_eq!(state.state, OperatingState::Disabled.number());
+    enable(&mut client);
+    // What only stops is good at any age.
+    rig.signal(Signal::SIGSTOP);
+    let asked = client.state_command(StateCommand::Disable);
+    assert!(matches!(asked, Err(ClientError::NoReply { .. })), "{asked:?}");
+    rig.signal(Signal::SIGCONT);
+    wait_for(&mut client, |state| state.state == OperatingState::Disabled.number());
 }
 
 /// Starts a second controller on a domain and returns the text of its refusal. The first controller

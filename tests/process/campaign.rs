@@ -382,7 +382,7 @@ fn a_flood_on_every_inlet_keeps_no_stop_waiting() {
             }),
             Box::new(move |_| {
                 let command = StateCommand::Acknowledge.number();
-                let request = StateCommandRequest { client_id: 6, command, reserved: 0 };
+                let request = StateCommandRequest { client_id: 6, command, ..Default::default() };
                 let _ = requests.state_command(request);
             }),
             Box::new(move |_| {

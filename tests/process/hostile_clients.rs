@@ -130,8 +130,8 @@ fn forger_process() {
     let client_id = std::env::var("RIG_CLIENT").unwrap().parse().unwrap();
     let domain = Domain::new(&domain).unwrap();
     let (mut forwarder, mut requests) = (Forwarder::new(&domain), RequestForwarder::new(&domain));
-    let release =
-        StateCommandRequest { client_id, command: StateCommand::Release.number(), reserved: 0 };
+    let command = StateCommand::Release.number();
+    let release = StateCommandRequest { client_id, command, ..StateCommandRequest::default() };
     loop {
         for sequence in [1_000_000, u64::MAX - 1, u64::MAX] {
             let stamp_ns = clock::now().0;

@@ -2,7 +2,7 @@
 
 use i2ris::config::CommandConfig;
 use i2ris::core::{
-    AdmissionContext, CommandAdmission, EventList, ServoCommand, ServoGoal, stale_age,
+    AdmissionContext, CommandAdmission, EventList, ServoCommand, ServoGoal, StreamOf, stale_age,
 };
 use i2ris::robot::OperatingState;
 use i2ris::units::{MAX_MOTORS, Nanos};
@@ -64,7 +64,8 @@ fn accept_command(
     events: &mut EventList,
 ) {
     let command = Command { stamp_age: FORGOTTEN + 1, ..Command::new(behind) };
-    admission.accept(&servo_command(client, command), &[0.0; MAX_MOTORS], at, events);
+    let command = servo_command(client, command);
+    admission.accept(StreamOf::Joints, &command, &[0.0; MAX_MOTORS], at, events);
 }
 
 fn give_back(admission: &mut CommandAdmission, client: Client) {
@@ -160,7 +161,8 @@ fn admit(state: &mut State, guards: Guards, client: Client, command: Command) {
         is_homed: true,
         is_fresh: state.position_age == 0 || !guards.has(Guard::Freshness),
     };
-    let checked = admission(&known).check(&servo_command(client, command), &context);
+    let servo = servo_command(client, command);
+    let checked = admission(&known).check(StreamOf::Joints, &servo, &context);
     if checked.is_ok() {
         accept(state, client, command);
     }

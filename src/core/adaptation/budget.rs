@@ -7,9 +7,6 @@ use super::settings::{Settings, length};
 use crate::core::drift::geometry::{ModelGeometry, add, product};
 use crate::core::drift::{Drift, PARAMETERS};
 
-/// From this share of the budget on there is a warning.
-pub(super) const WARNING: f64 = 0.7;
-
 /// The share of the budget that is as good as all of it: the estimate is kept inside.
 pub(super) const USED_UP: f64 = 0.99;
 
@@ -37,8 +34,10 @@ impl BudgetUse {
         settings: &Settings,
     ) -> Self {
         let values = drift.to_array();
-        let share =
-            |index: usize| values[index].abs() / limit(settings, geometry, index, values[index]);
+        let share = |index: usize| {
+            let value = if index < 2 { length(drift.zero) } else { values[index].abs() };
+            value / limit(settings, geometry, index, values[index])
+        };
         let parameters = std::array::from_fn(share);
         let total = largest_shift(drift, geometry, reach) / settings.total_budget;
         Self { parameters, total }
@@ -75,7 +74,11 @@ pub(super) fn inside(
         };
         values[index].max(-least).min(limit)
     });
-    let clamped = Drift::from_array(clamped);
+    let mut clamped = Drift::from_array(clamped);
+    let share = settings.zero_budget / length(clamped.zero);
+    if share < 1.0 {
+        clamped.zero = clamped.zero.map(|zero| share * zero);
+    }
     let shift = largest_shift(&clamped, geometry, reach);
     if shift <= settings.total_budget {
         return clamped;

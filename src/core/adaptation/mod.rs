@@ -21,7 +21,7 @@
 //!
 //! # Fences
 //!
-//! 1. `budget`: a warning at 70 %; at 100 %, once that is known and no swing of the filter, nothing
+//! 1. `budget`: at 100 %, once that is known and no swing of the filter, nothing
 //!    more is learned: calibrate. What wear takes of the total is what it is seen to do.
 //! 2. `conditions`: only while goals are followed, inside the hull, with a known memory and good
 //!    frames; not within 2 s of a fault, a swap, a conditioning cycle or a command.
@@ -32,7 +32,8 @@
 //! 6. Nothing is written over a calibration: the correction ends with the controller.
 //! 7. `plausibility` compares the camera with the calibrated pose, too.
 //! 8. `scatter`: frames count as little as they are noisy, whatever the configuration says.
-//! 9. What a push of tissue can do is bounded by the budget: `slip` follows small steps only.
+//! 9. What a push of tissue can do is bounded by the budget: `slip` follows small steps only, and
+//!    one of them until somebody has had the robot off.
 //!
 //! A family without gaps has no regressor for them. Its zero follows the error of the camera by a
 //! slow `integral` instead, never both.

@@ -70,11 +70,13 @@ pub enum Pause {
     TakenBack = 128,
     /// Too little motion.
     NoMotion = 256,
+    /// The zero has slipped twice since the robot was off: something else than the snake moves.
+    SlippedAgain = 512,
 }
 
 impl Pause {
     /// All reasons.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::NotFollowing,
         Self::Settling,
         Self::MemoryUnknown,
@@ -84,6 +86,7 @@ impl Pause {
         Self::BudgetUsed,
         Self::TakenBack,
         Self::NoMotion,
+        Self::SlippedAgain,
     ];
 
     /// In words.
@@ -99,6 +102,7 @@ impl Pause {
             Self::BudgetUsed => "budget used up: calibrate",
             Self::TakenBack => "correction taken back",
             Self::NoMotion => "too little motion",
+            Self::SlippedAgain => "the zero slipped twice: look at camera and wires, switch off",
         }
     }
 }

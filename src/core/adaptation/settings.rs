@@ -3,8 +3,8 @@
 use crate::core::drift::Pair;
 use crate::units::Nanos;
 
-/// Budget of the zero of every angle.
-const ZERO_BUDGET_DEG: f64 = 3.0;
+/// Budget of the zero, of both angles together: a view that creeps leads the tip no further.
+const ZERO_BUDGET_DEG: f64 = 1.5;
 /// Budget of every entry of the gain matrix, as a share of the calibrated gain.
 const GAIN_BUDGET: f64 = 0.2;
 /// Budget of the growth of the gap of every motor, as a share of the calibrated gap. A gap may

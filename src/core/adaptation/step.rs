@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::budget::{BudgetUse, USED_UP, WARNING, inside};
+use super::budget::{BudgetUse, USED_UP, inside};
 use super::conditions::Conditions;
 pub(in crate::core) use super::conditions::Surroundings;
 use super::estimator::Estimator;
@@ -35,6 +35,9 @@ const BEYOND_UNKNOWN_S: f64 = 60.0;
 /// another model or a restart of the controller begins anew.
 const MOST_TAKEN_BACK: u32 = 2;
 
+/// A wire slips once; what slips again and again is the view of the camera.
+const MOST_SLIPS: u32 = 1;
+
 /// The adaptation of the active model.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::core) struct Adaptation {
@@ -58,8 +61,9 @@ pub(in crate::core) struct AdaptationState {
     correction: MovingCorrection,
     used: BudgetUse,
     beyond_s: f64,
-    is_warned: bool,
     is_used_up: bool,
+    /// Slips since the robot was off, or since another model.
+    slips: u32,
     is_taken_back: bool,
     taken_back: u32,
     /// The model whose correction was taken back last, and how often.
@@ -83,8 +87,8 @@ impl AdaptationState {
             correction: MovingCorrection::default(),
             used: BudgetUse::default(),
             beyond_s: 0.0,
-            is_warned: false,
             is_used_up: false,
+            slips: 0,
             is_taken_back: false,
             taken_back: 0,
             refuted: None,
@@ -166,7 +170,9 @@ impl Adaptation {
             self.state.conditions.unsettle(now);
         }
         if surroundings.is_disabled {
+            // Somebody has looked at it.
             self.state.is_taken_back = self.state.is_refuted();
+            self.state.slips = 0;
         }
         if joints.geometry().is_none() {
             return;
@@ -212,6 +218,7 @@ impl Adaptation {
             .pauses(surroundings, joints.is_memory_known(), in_hull, silence)
             .with(Pause::BudgetUsed, state.is_used_up)
             .with(Pause::TakenBack, state.is_taken_back)
+            .with(Pause::SlippedAgain, state.slips > MOST_SLIPS)
             .with(Pause::NoMotion, !moves);
     }
 
@@ -241,7 +248,8 @@ impl Adaptation {
             }
             return;
         }
-        if self.state.is_used_up || self.state.is_taken_back {
+        let has_slipped = self.state.slips > MOST_SLIPS;
+        if self.state.is_used_up || self.state.is_taken_back || has_slipped {
             self.state.filter.counts.paused += 1;
         } else if geometry.has_gap {
             self.filter_frame(&frame, &regressors, geometry, events);
@@ -270,9 +278,14 @@ impl Adaptation {
         let model = length(geometry.deviation);
         let slip = state.slip.add(found.value, model, settings.largest_step, seconds);
         if let Some(step) = slip {
-            state.estimator.open_zero(step);
-            state.conditions.believe();
-            events.push(CycleEventKind::Adaptation(AdaptationEvent::Slip));
+            state.slips = state.slips.saturating_add(1);
+            let is_followed = state.slips <= MOST_SLIPS;
+            if is_followed {
+                state.estimator.open_zero(step);
+                state.conditions.believe();
+            }
+            let (slip, again) = (AdaptationEvent::Slip, AdaptationEvent::SlipAgain);
+            events.push(CycleEventKind::Adaptation(if is_followed { slip } else { again }));
         }
         self.count(found.is_accepted, is_learning, seconds, events);
     }
@@ -336,12 +349,6 @@ impl Adaptation {
             let drift = inside(&drift, geometry, &reach, settings);
             state.estimator.set_drift(&drift);
         }
-        let is_warned = used >= WARNING;
-        if is_warned && !state.is_warned {
-            events.push(CycleEventKind::Adaptation(AdaptationEvent::BudgetWarning));
-        }
-        // One warning, although the share goes to and fro around the limit.
-        state.is_warned = is_warned || (state.is_warned && used > 0.9 * WARNING);
         let most = if is_known { BEYOND_S } else { BEYOND_UNKNOWN_S };
         if state.beyond_s >= most && !state.is_used_up {
             state.is_used_up = true;
@@ -372,7 +379,7 @@ impl Adaptation {
             state.integral = Integral::default();
             // With what was learned goes what it used of the budget: it is tried once more.
             state.used = BudgetUse::default();
-            (state.is_used_up, state.is_warned, state.beyond_s) = (false, false, 0.0);
+            (state.is_used_up, state.beyond_s) = (false, 0.0);
             events.push(CycleEventKind::Adaptation(AdaptationEvent::TakenBack));
         }
     }

@@ -14,10 +14,10 @@
 //! | 6 | every axis homed | `NotHomed` | `admission` |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | `admission` |
 //! | 8 | no other client commands | `Lease` | `authority` |
-//! | 9 | no other client holds the robot, | `BrokenOff` | `authority` |
-//! |   | and no silence in motion, unless the clutch is open | `BrokenOff` | `stream_record` |
-//! | 10 | sequence above the client's last accepted one, | `Sequence` | `sequence_record` |
-//! |   | and stamp not before it | `Stamp` | `sequence_record` |
+//! | 9 | the client has a session or begins one, | `BrokenOff` | `sessions` |
+//! |   | and is not held | `BrokenOff` | `authority` |
+//! | 10 | sequence above the client's last accepted one, | `Sequence` | `client_stream` |
+//! |   | and stamp not before it | `Stamp` | `client_stream` |
 //! | 11 | angles: a model is loaded; rates and places of the tip: of angles | `NoModel`, `Unsupported` | `range_check` |
 //! | 12 | number of entries as the model or the motors have | `Malformed` | `range_check` |
 //! | 13 | counts: within the position limits of the axes | `Range` | `range_check` |
@@ -34,23 +34,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::CommandConfig;
 use crate::core::command::authority::Access;
+use crate::core::command::client_stream::ClientStream;
 use crate::core::command::deadline::DeadlineCheck;
-use crate::core::command::lease::Lease;
 use crate::core::command::refusal_record::{ClientRefusals, RefusalRecord};
-use crate::core::command::sequence_record::SequenceRecord;
-use crate::core::command::stream_record::StreamRecord;
+use crate::core::command::sessions::{Sessions, StreamOf};
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::inputs::{ServoCommand, ServoGoal};
-use crate::core::vector::collect;
-use crate::robot::{Measurement, OperatingState, Quantity, REFUSED_CLIENTS, Refusal};
+use crate::robot::{Measurement, OperatingState, Quantity, REFUSED_CLIENTS, Refusal, StateCommand};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos, OutputVec};
 
 /// Deadline of `interpolate_jp`, unless the client asks for another one: a stream of 10 Hz may miss
 /// a command. Without the next one the goal comes to rest where it was asked to, long before.
 const INTERPOLATED_DEADLINE: Nanos = Nanos::from_millis(250);
-
-/// Silence after which a client that was held may command again.
-const BREAK: Nanos = Nanos::from_millis(1000);
 
 /// What admission needs to know of the robot.
 #[derive(Debug, Clone, Copy)]
@@ -93,23 +88,17 @@ impl CommandCheck {
     }
 }
 
-/// Checks 1 to 10, the lease, and the counters.
+/// Checks 1 to 10, and the counters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CommandAdmission {
     check: CommandCheck,
-    lease: Lease,
-    /// Kept when the lease ends, so that a replayed command is recognised.
-    sequences: SequenceRecord,
-    /// Of the stream of the auxiliary axis, which overtakes the other one and is overtaken by it.
-    beside: SequenceRecord,
+    sessions: Sessions,
     refusals: RefusalRecord,
     /// Of state commands, to fold their events.
     request_refusals: RefusalRecord,
     accepted: u64,
     refused: u64,
     last_refusal: Refusal,
-    /// Who holds all others, and since when; newest first.
-    broken_off: [Option<(u64, Nanos)>; 2],
 }
 
 impl CommandAdmission {
@@ -118,15 +107,12 @@ impl CommandAdmission {
     pub fn new(config: &CommandConfig) -> Self {
         Self {
             check: CommandCheck::new(config),
-            lease: Lease::new(Nanos::from_millis(config.lease_timeout_ms)),
-            sequences: SequenceRecord::default(),
-            beside: SequenceRecord::default(),
+            sessions: Sessions::new(Nanos::from_millis(config.lease_timeout_ms)),
             refusals: RefusalRecord::default(),
             request_refusals: RefusalRecord::default(),
             accepted: 0,
             refused: 0,
             last_refusal: Refusal::None,
-            broken_off: [None; 2],
         }
     }
 
@@ -154,27 +140,29 @@ impl CommandAdmission {
         self.refusals.clients()
     }
 
-    /// Records the refusal of a state command. Returns whether it is an event: repeats are folded.
+    /// A state command came, whatever becomes of it.
+    pub(crate) fn asked(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
+        self.sessions.asked(command, client_id, now);
+    }
+
+    /// Records the refusal of a request. Returns whether it is an event: repeats are folded.
     pub fn refuse_request(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
         self.last_refusal = refusal;
-        let goes_on = self.is_broken_off(client_id, now);
-        self.request_refusals.record(client_id, refusal, goes_on, now)
+        self.sessions.request_refused(client_id, now);
+        self.request_refusals.record(client_id, refusal, now)
     }
 
     /// Records an accepted state command.
-    pub fn accept_request(&mut self, client_id: u64) {
+    pub fn accept_request(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
         self.request_refusals.accepted(client_id);
-        // It is deliberate, so that a stream that broke off may begin anew.
-        for record in [&mut self.sequences, &mut self.beside] {
-            record.stream_mut(client_id).into_iter().for_each(StreamRecord::begin_anew);
-        }
+        self.sessions.carried_out(command, client_id, now);
     }
 
     /// The client that commands, as the owner of the activity in progress or the holder of the
     /// lease; 0: none.
     #[must_use]
     pub fn commander(&self, owner: Option<u64>) -> u64 {
-        owner.unwrap_or(self.lease.holder())
+        owner.unwrap_or(self.sessions.holder())
     }
 
     /// The table of `authority`.
@@ -185,25 +173,19 @@ impl CommandAdmission {
         owner: Option<u64>,
         now: Nanos,
     ) -> Result<(), Refusal> {
-        let is_free = [0, client_id].contains(&self.commander(owner));
-        match access {
-            Access::Everybody => Ok(()),
-            Access::Own | Access::Alone if !is_free => Err(Refusal::Lease),
-            Access::Alone if self.is_broken_off(client_id, now) => Err(Refusal::BrokenOff),
-            Access::Own | Access::Alone => Ok(()),
-        }
+        self.sessions.require(access, client_id, self.commander(owner), now)
     }
 
     /// The age at which a command that was checked becomes stale: at most the duration of the
     /// lease, because a client that has lost its lease is not followed.
     pub fn deadline(&self, command: &ServoCommand) -> Nanos {
-        self.check.deadline.of(deadline(command)).min(self.lease.duration())
+        self.check.deadline.of(deadline(command)).min(self.sessions.lease_duration())
     }
 
     /// What makes a command stale or wrongly stamped.
     pub fn deadline_measurement(&self, command: &ServoCommand, now: Nanos) -> Option<Measurement> {
         let check = &self.check.deadline;
-        if let Some((_, last)) = self.sequences.last(command.client_id)
+        if let Some((_, last)) = self.sessions.last(command.client_id)
             && check.check(command.stamp, deadline(command), now).is_ok()
         {
             return Some(Measurement::of_age(last.duration_since(command.stamp), Nanos::ZERO));
@@ -213,7 +195,7 @@ impl CommandAdmission {
 
     /// The sequence number of a command, and the last one.
     pub fn sequence_measurement(&self, command: &ServoCommand) -> Option<Measurement> {
-        let last = self.sequences.last(command.client_id);
+        let last = self.sessions.last(command.client_id);
         let last = last.map(|(last, _)| last as f64);
         let number = command.sequence as f64;
         Some(Measurement::new(Quantity::Sequence, number, last))
@@ -226,144 +208,95 @@ impl CommandAdmission {
     /// The first check that fails.
     pub fn check(
         &self,
-        command: &ServoCommand,
-        context: &AdmissionContext,
-    ) -> Result<Nanos, Refusal> {
-        self.check_with(&self.sequences, command, context)
-    }
-
-    /// As [`CommandAdmission::check`], for the auxiliary axis.
-    ///
-    /// # Errors
-    ///
-    /// The first check that fails.
-    pub fn check_beside(
-        &self,
-        command: &ServoCommand,
-        context: &AdmissionContext,
-    ) -> Result<Nanos, Refusal> {
-        self.check_with(&self.beside, command, context)
-    }
-
-    fn check_with(
-        &self,
-        sequences: &SequenceRecord,
+        of: StreamOf,
         command: &ServoCommand,
         context: &AdmissionContext,
     ) -> Result<Nanos, Refusal> {
         self.check.check(command, context.now)?;
         require_ready(context)?;
         self.require(Access::Alone, command.client_id, context.owner, context.now)?;
-        if sequences.is_broken_off(command.client_id, context.now) && !command.clutched {
-            return Err(Refusal::BrokenOff);
-        }
-        sequences.require_newer(command.client_id, command.sequence, command.stamp)?;
+        self.sessions.require_stream(of, command, context.now)?;
         Ok(self.deadline(command))
     }
 
     /// Records an accepted command, with the setpoints where they are, counts.
     pub fn accept(
         &mut self,
+        of: StreamOf,
         command: &ServoCommand,
         setpoints: &MotorVec,
         now: Nanos,
         events: &mut EventList,
     ) {
-        let deadline = self.deadline(command);
-        let stream = self.sequences.record(command.client_id, command.sequence, command.stamp);
-        stream.accepted(setpoints, deadline, now);
-        self.count_accepted(command.client_id, now, events);
-    }
-
-    /// Records an accepted command of the auxiliary axis.
-    pub fn accept_beside(
-        &mut self,
-        command: &ServoCommand,
-        setpoint: f64,
-        now: Nanos,
-        events: &mut EventList,
-    ) {
-        let deadline = self.deadline(command);
-        let stream = self.beside.record(command.client_id, command.sequence, command.stamp);
-        stream.accepted(&collect([setpoint].into_iter()), deadline, now);
-        self.count_accepted(command.client_id, now, events);
-    }
-
-    /// A stream was stopped as stale while the setpoints moved; `is_beside`: of the auxiliary axis.
-    pub(crate) fn stopped_moving(&mut self, id: u64, is_beside: bool, at: &MotorVec, now: Nanos) {
-        let record = if is_beside { &mut self.beside } else { &mut self.sequences };
-        record.stream_mut(id).into_iter().for_each(|it| it.stopped_moving(at, now));
-    }
-
-    /// A stream could not continue.
-    pub(crate) fn blocked(&mut self, id: u64) {
-        self.sequences.stream_mut(id).into_iter().for_each(StreamRecord::break_off);
-    }
-
-    fn count_accepted(&mut self, client_id: u64, now: Nanos, events: &mut EventList) {
-        if self.lease.renew(client_id, now) {
+        let (client_id, deadline) = (command.client_id, self.deadline(command));
+        self.sessions.accepted(of, command, setpoints, deadline, now);
+        if self.sessions.renew_lease(client_id, now) {
             events.push(CycleEventKind::Lease { client_id });
         }
         self.refusals.accepted(client_id);
         self.accepted = self.accepted.saturating_add(1);
     }
 
+    /// A stream was stopped as stale while the setpoints moved.
+    pub(crate) fn stopped_moving(&mut self, of: StreamOf, id: u64, at: &MotorVec, now: Nanos) {
+        self.sessions.stream_mut(of, id).into_iter().for_each(|it| it.stopped_moving(at, now));
+    }
+
+    /// A stream could not continue.
+    pub(crate) fn blocked(&mut self, id: u64) {
+        let stream = self.sessions.stream_mut(StreamOf::Joints, id);
+        stream.into_iter().for_each(ClientStream::break_off);
+    }
+
     /// Records a refused command. Returns whether it is an event: repeats are folded.
-    pub fn refuse(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
-        Self::goes_on(&mut self.sequences, client_id, refusal, now);
-        self.count_refused(client_id, refusal, now)
-    }
-
-    /// The same for the auxiliary axis.
-    pub fn refuse_beside(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
-        Self::goes_on(&mut self.beside, client_id, refusal, now);
-        self.count_refused(client_id, refusal, now)
-    }
-
-    /// The client is not silent, unless what it sends is always too old.
-    fn goes_on(record: &mut SequenceRecord, client_id: u64, refusal: Refusal, now: Nanos) {
-        let stream = record.stream_mut(client_id).filter(|_| refusal != Refusal::Stale);
-        stream.into_iter().for_each(|it| it.refused(now));
-    }
-
-    fn count_refused(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
+    pub(crate) fn refuse(
+        &mut self,
+        of: StreamOf,
+        command: &ServoCommand,
+        refusal: Refusal,
+        now: Nanos,
+    ) -> bool {
         self.refused = self.refused.saturating_add(1);
         self.last_refusal = refusal;
-        // Whatever it is refused for, it is not silent.
-        let goes_on = self.is_broken_off(client_id, now);
-        self.refusals.record(client_id, refusal, goes_on, now)
+        self.sessions.refused(of, command, refusal, now);
+        self.refusals.record(command.client_id, refusal, now)
     }
 
     /// Frees the lease of a client that has been silent for too long, unless a move or a
     /// conditioning cycle is in progress, which is its own.
     pub fn expire_lease(&mut self, is_occupied: bool, now: Nanos, events: &mut EventList) {
-        if !is_occupied && self.lease.expire(now) {
+        if !is_occupied && self.sessions.expire_lease(now) {
             events.push(CycleEventKind::Lease { client_id: 0 });
         }
     }
 
-    /// Refuses every other client until it has been silent for `BREAK`, and takes its lease.
-    pub fn break_off(&mut self, client_id: u64, now: Nanos, events: &mut EventList) {
-        let [last, before] = self.broken_off;
-        // Who was held, and then holds, does not lift the hold from itself.
-        let last = last.filter(|(by, _)| *by != client_id).or(before);
-        self.broken_off = [Some((client_id, now)), last];
-        let holder = self.lease.holder();
-        if holder != client_id && self.lease.release(holder) {
-            events.push(CycleEventKind::Lease { client_id: 0 });
+    /// A client stopped the robot: every session ends. With a `hold` the lease of others does, too.
+    pub(crate) fn stopped(
+        &mut self,
+        client_id: u64,
+        is_hold: bool,
+        now: Nanos,
+        events: &mut EventList,
+    ) {
+        self.sessions.stopped(client_id, is_hold, now);
+        let holder = self.sessions.holder();
+        if is_hold && holder != client_id {
+            self.release_lease(holder, events);
         }
     }
 
-    fn is_broken_off(&self, client_id: u64, now: Nanos) -> bool {
-        let is_just = |(by, at): (u64, Nanos)| by != client_id && now.duration_since(at) < BREAK;
-        self.broken_off.into_iter().flatten().any(is_just)
-            || self.refusals.is_broken_off(client_id, now)
-            || self.request_refusals.is_broken_off(client_id, now)
+    /// The robot has left ENABLED, or has a new fault: every session ends.
+    pub(crate) fn left_enabled(&mut self, is_fault: bool, now: Nanos) {
+        if is_fault {
+            self.sessions.stopped(0, false, now);
+        } else {
+            self.sessions.end_all();
+        }
     }
 
-    /// Gives the lease of a client back, if it has it.
+    /// Gives the lease of a client back.
     pub fn release_lease(&mut self, client_id: u64, events: &mut EventList) {
-        if self.lease.release(client_id) {
+        if self.sessions.release_lease(client_id) {
             events.push(CycleEventKind::Lease { client_id: 0 });
         }
     }
@@ -431,9 +364,9 @@ mod tests {
         let mut admission = CommandAdmission::new(&CommandConfig::default());
         assert!(admission.refuse_request(7, Refusal::Busy, NOW));
         assert!(!admission.refuse_request(7, Refusal::Busy, NOW));
-        admission.accept_request(8);
+        admission.accept_request(StateCommand::Release, 8, NOW);
         assert!(!admission.refuse_request(7, Refusal::Busy, NOW));
-        admission.accept_request(7);
+        admission.accept_request(StateCommand::Release, 7, NOW);
         assert!(admission.refuse_request(7, Refusal::Busy, NOW));
         assert_eq!(admission.last_refusal(), Refusal::Busy);
     }
@@ -443,7 +376,8 @@ mod tests {
         let mut admission = CommandAdmission::new(&CommandConfig::default());
         let first = admission.sequence_measurement(&command(7, 4)).unwrap();
         assert_eq!(first, Measurement::new(Quantity::Sequence, 4.0, None));
-        admission.accept(&command(7, 9), &[0.0; 2], NOW, &mut EventList::new(NOW));
+        let events = &mut EventList::new(NOW);
+        admission.accept(StreamOf::Joints, &command(7, 9), &[0.0; 2], NOW, events);
         let old = admission.sequence_measurement(&command(7, 4)).unwrap();
         assert_eq!(old, Measurement::new(Quantity::Sequence, 4.0, Some(9.0)));
     }

@@ -3,7 +3,8 @@
 //! One client commands at a time. It is the one that holds the lease, by a stream of the joints or
 //! of the auxiliary axis, or the one that began the activity in progress: a move, a conditioning
 //! cycle or a homing belongs to its client until it ends. A `hold` is an activity, too: it belongs
-//! to nobody, and whoever did not give it is held until it has been silent for a second.
+//! to nobody, and whoever did not give it is held until it has been silent for a second. Whoever was
+//! sending when another client gave `pause` or `disable`, or at a fault, is held so, too.
 //!
 //! Every check of a client goes through this table:
 //!
@@ -20,8 +21,10 @@
 //!
 //! What stops, and what makes motion less, is open to everybody. So is what moves nothing and ends
 //! nothing: the states in which `enable`, `resume` and `acknowledge` do something have no activity
-//! but homing, and that refuses them. Yes means that other conditions decide, those of the state
-//! first.
+//! but homing, and that refuses them. Only a client that asks for `enable` or `resume` again and
+//! again undoes no `disable` and no `pause` of another one: BrokenOff, until it has not asked for a
+//! second. Yes means that other conditions decide, those of the state first; a servo command needs a
+//! session, too (`sessions`).
 
 use crate::core::fixture_change::FixtureChange;
 use crate::core::inputs::StateRequest;
@@ -32,6 +35,8 @@ use crate::robot::StateCommand;
 pub(crate) enum Access {
     /// Everybody, at any time.
     Everybody,
+    /// Everybody who does not ask again and again.
+    Power,
     /// Whoever commands, or everybody while nobody does.
     Own,
     /// As [`Access::Own`], and not while another client holds.
@@ -41,12 +46,11 @@ pub(crate) enum Access {
 impl Access {
     pub fn of(request: &StateRequest) -> Self {
         match request.command {
-            StateCommand::Enable
-            | StateCommand::Disable
+            StateCommand::Disable
             | StateCommand::Pause
-            | StateCommand::Resume
             | StateCommand::Acknowledge
             | StateCommand::Hold => Self::Everybody,
+            StateCommand::Enable | StateCommand::Resume => Self::Power,
             StateCommand::Release => Self::Own,
             StateCommand::Home
             | StateCommand::Unhome

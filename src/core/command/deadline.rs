@@ -9,7 +9,7 @@ use crate::robot::{Clip, Measurement, Refusal};
 use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
 /// A tick begins before it reads the newest command, and other processors stamp the commands.
-const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
+pub const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
 
 /// A robot that moves for more than a second after its client has died is out of control.
 const LONGEST_DEADLINE: Nanos = Nanos::from_millis(1000);

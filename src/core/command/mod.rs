@@ -2,13 +2,12 @@
 
 pub(super) mod admission;
 pub(super) mod authority;
+mod client_stream;
 pub(super) mod clutch;
 pub(super) mod deadline;
-mod lease;
 mod motion_scaling;
 pub(super) mod move_planning;
 pub(super) mod range_check;
 pub(super) mod refusal_record;
-mod sequence_record;
-mod stream_record;
+pub(super) mod sessions;
 pub(super) mod tip_goal;

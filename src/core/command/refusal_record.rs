@@ -36,8 +36,6 @@ struct Entry {
     refused: Nanos,
     /// The last refusal is an event already.
     folded: bool,
-    /// The client was held, and goes on.
-    broken_off: bool,
     /// Start and number of events of the present second.
     window: Nanos,
     events: u8,
@@ -55,17 +53,14 @@ impl RefusalRecord {
     ///
     /// A client that finds all entries in use by others is only counted in the total: identities
     /// that change with every command fill neither the log nor the memory.
-    ///
-    /// `goes_on`: the client is held, and not silent.
-    pub fn record(&mut self, client_id: u64, refusal: Refusal, goes_on: bool, now: Nanos) -> bool {
+    pub fn record(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
         let Some(entry) = self.entry(client_id, now) else {
             return false;
         };
         let is_repeat = entry.folded && entry.refusals.last == refusal;
         entry.refusals.count = entry.refusals.count.saturating_add(1);
         entry.refusals.last = refusal;
-        (entry.broken_off, entry.refused) = (goes_on, now);
-        entry.folded = true;
+        (entry.folded, entry.refused) = (true, now);
         if now.duration_since(entry.window) >= ENTRY_AGE {
             (entry.window, entry.events) = (now, 0);
         }
@@ -81,13 +76,6 @@ impl RefusalRecord {
                 entry.folded = false;
             }
         }
-    }
-
-    /// The client was held, and has not been silent since then for as long as an entry lasts.
-    pub fn is_broken_off(&self, client_id: u64, now: Nanos) -> bool {
-        let is_own = |entry: &Entry| entry.broken_off && entry.refusals.client_id == client_id;
-        let own = self.entries.iter().find(|entry| is_own(entry));
-        own.is_some_and(|entry| now.duration_since(entry.refused) < ENTRY_AGE)
     }
 
     /// All entries.
@@ -133,32 +121,30 @@ mod tests {
     #[test]
     fn every_client_has_its_own_refusals_and_one_event_per_reason() {
         let mut record = RefusalRecord::default();
-        assert!(record.record(7, Refusal::Stamp, false, ms(0)));
-        assert!(record.record(0, Refusal::Malformed, false, ms(1)));
+        assert!(record.record(7, Refusal::Stamp, ms(0)));
+        assert!(record.record(0, Refusal::Malformed, ms(1)));
         for tick in 2..500 {
             record.accepted(8);
-            assert!(!record.record(7, Refusal::Stamp, false, ms(tick)));
-            assert!(!record.record(0, Refusal::Malformed, false, ms(tick)));
+            assert!(!record.record(7, Refusal::Stamp, ms(tick)));
+            assert!(!record.record(0, Refusal::Malformed, ms(tick)));
         }
-        assert!(record.record(8, Refusal::Step, false, ms(500)));
+        assert!(record.record(8, Refusal::Step, ms(500)));
         assert_eq!(of(&record, 7), Some((499, Refusal::Stamp)));
         assert_eq!(of(&record, 0), Some((499, Refusal::Malformed)));
         assert_eq!(of(&record, 8), Some((1, Refusal::Step)));
         record.accepted(7);
-        assert!(record.record(7, Refusal::Stamp, false, ms(501)));
+        assert!(record.record(7, Refusal::Stamp, ms(501)));
     }
 
     #[test]
     fn changing_reasons_and_identities_do_not_fill_the_log() {
         let mut record = RefusalRecord::default();
         let reasons = [Refusal::Stamp, Refusal::Step];
-        let events =
-            (0..1000).filter(|tick| record.record(7, reasons[tick % 2], false, ms(*tick as u64)));
+        let events = (0..1000).filter(|tick| record.record(7, reasons[tick % 2], ms(*tick as u64)));
         assert_eq!(events.count(), usize::from(MAX_EVENTS));
-        let events =
-            (0..1000).filter(|tick| record.record(100 + tick, Refusal::Step, false, ms(1000)));
+        let events = (0..1000).filter(|tick| record.record(100 + tick, Refusal::Step, ms(1000)));
         assert_eq!(events.count(), REFUSED_CLIENTS - 1);
-        assert!(record.record(9, Refusal::Step, false, ms(2000)), "an old entry is free");
+        assert!(record.record(9, Refusal::Step, ms(2000)), "an old entry is free");
     }
 
     #[test]
@@ -167,7 +153,7 @@ mod tests {
         let reasons = [Refusal::Malformed, Refusal::NotFinite];
         let events = (600..1500).filter(|tick| {
             let now = Nanos::from_millis(*tick as u64);
-            record.record(0, reasons[tick % 2], false, now)
+            record.record(0, reasons[tick % 2], now)
         });
         assert_eq!(events.count(), usize::from(MAX_EVENTS));
     }

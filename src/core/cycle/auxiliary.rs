@@ -3,6 +3,7 @@
 
 use crate::core::command::admission::AdmissionContext;
 use crate::core::command::range_check::require;
+use crate::core::command::sessions::StreamOf;
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::{DriveStatus, DriveSummary};
 use crate::core::events::{CycleEventKind, EventList};
@@ -84,7 +85,7 @@ impl ControlCycle {
             && let Err(refusal) = self.follow_angle(command, summary, events)
         {
             let client_id = command.client_id;
-            if self.admission.refuse_beside(client_id, refusal, summary.now) {
+            if self.admission.refuse(StreamOf::Jaw, command, refusal, summary.now) {
                 let kind = CycleEventKind::Refused { client_id, refusal };
                 events.push_measured(kind, self.request_measurement(refusal, summary));
             }
@@ -103,7 +104,7 @@ impl ControlCycle {
             events.push_measured(kind, Some(measurement));
             if !auxiliary.axis.is_at_rest() {
                 let at = collect([auxiliary.axis.setpoint()].into_iter());
-                self.admission.stopped_moving(client_id, true, &at, summary.now);
+                self.admission.stopped_moving(StreamOf::Jaw, client_id, &at, summary.now);
             }
             auxiliary.followed = None;
         }
@@ -136,7 +137,7 @@ impl ControlCycle {
             is_homed: summary.is_homed,
             is_fresh: summary.is_fresh(),
         };
-        let deadline = self.admission.check_beside(command, &context)?;
+        let deadline = self.admission.check(StreamOf::Jaw, command, &context)?;
         let ServoGoal::Joint([angle, ..], 1) = command.goal else {
             return Err(Refusal::Malformed);
         };
@@ -151,8 +152,8 @@ impl ControlCycle {
             Some(before) => before.next([counts], command.stamp),
             None => GoalExtrapolation::first([counts], command.stamp),
         };
-        let setpoint = auxiliary.axis.setpoint();
-        self.admission.accept_beside(command, setpoint, summary.now, events);
+        let setpoint = collect([auxiliary.axis.setpoint()].into_iter());
+        self.admission.accept(StreamOf::Jaw, command, &setpoint, summary.now, events);
         if let Some(auxiliary) = &mut self.auxiliary {
             auxiliary.followed = Some(FollowedAngle {
                 client_id: command.client_id,

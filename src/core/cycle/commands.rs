@@ -6,6 +6,7 @@ use crate::core::command::authority::Access;
 use crate::core::command::deadline::FollowedCommand;
 use crate::core::command::move_planning::MovePlanning;
 use crate::core::command::range_check::{CheckedGoal, require};
+use crate::core::command::sessions::StreamOf;
 use crate::core::command::tip_goal;
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::DriveSummary;
@@ -24,7 +25,7 @@ use crate::core::states::control_state::{
     ControlState, DisabledActivity, EnabledActivity, HOLDING,
 };
 use crate::core::states::state_machine::TransitionCause;
-use crate::robot::{Measurement, Refusal, Stop};
+use crate::robot::{Measurement, OperatingState, Refusal, StateCommand, Stop};
 use crate::units::{Nanos, OutputVec};
 
 impl ControlCycle {
@@ -37,11 +38,13 @@ impl ControlCycle {
         events: &mut EventList,
     ) -> (Refusal, Option<Measurement>) {
         let (client_id, command) = (request.client_id, request.command);
+        self.admission.asked(command, client_id, summary.now);
         let Err(refusal) = self.try_command(request, summary, events) else {
-            self.admission.accept_request(client_id);
+            self.admission.accept_request(command, client_id, summary.now);
             return (Refusal::None, None);
         };
         let measurement = match refusal {
+            Refusal::Stale => Some(request.age_measurement(summary.now)),
             Refusal::Reach => self.move_planning(summary).measure_reach(request),
             _ => self.request_measurement(refusal, summary),
         };
@@ -61,6 +64,7 @@ impl ControlCycle {
         if request.client_id == 0 {
             return Err(Refusal::Malformed);
         }
+        request.require_young(summary.now)?;
         self.shutdown.require_allowed(request.command)?;
         let (client_id, state) = (request.client_id, self.machine.state());
         let effect = command_effect(request.command, state, summary)?;
@@ -69,7 +73,12 @@ impl ControlCycle {
         }
         let next = match effect {
             CommandEffect::NoChange => return Ok(()),
-            CommandEffect::Change(next) => next,
+            CommandEffect::Change(next) => {
+                if matches!(request.command, StateCommand::Disable | StateCommand::Pause) {
+                    self.admission.stopped(client_id, false, summary.now, events);
+                }
+                next
+            }
             CommandEffect::Home => {
                 // A search for a hard stop moves the motors by itself.
                 if self.homing_moves {
@@ -101,7 +110,7 @@ impl ControlCycle {
                 ControlState::Enabled(EnabledActivity::Conditioning(cycle))
             }
             CommandEffect::Hold(next) => {
-                self.admission.break_off(client_id, summary.now, events);
+                self.admission.stopped(client_id, true, summary.now, events);
                 self.release_auxiliary(None);
                 let Some(next) = next else { return Ok(()) };
                 next
@@ -187,6 +196,14 @@ impl ControlCycle {
         }
     }
 
+    /// Nobody has a session in a robot that has left ENABLED in this tick.
+    pub(super) fn end_sessions(&mut self, before: OperatingState, now: Nanos) {
+        let state = self.machine.state().operating_state();
+        if state != before && state != OperatingState::Enabled {
+            self.admission.left_enabled(state == OperatingState::Fault, now);
+        }
+    }
+
     pub(super) fn swap_model(
         &mut self,
         request: &ModelSwapRequest,
@@ -210,7 +227,8 @@ impl ControlCycle {
         // Another model moves the snake differently under the hand of its commander.
         let client_id = request.client_id;
         let access = self.admission.require(Access::Alone, client_id, state.owner(), now);
-        let result = access.and_then(|()| match request.change {
+        let allowed = request.validity.require_young(now).and(access);
+        let result = allowed.and_then(|()| match request.change {
             ModelChange::Activate(id) => activate(&mut self.models, id, &context),
             ModelChange::Rollback => roll_back(&mut self.models, &context),
         });
@@ -244,7 +262,8 @@ impl ControlCycle {
         let command = &ServoCommand { goal, ..*command };
         match self.check_servo_command(command, place, summary) {
             Ok(followed) => {
-                self.admission.accept(command, &self.axes.setpoints(), summary.now, events);
+                let setpoints = self.axes.setpoints();
+                self.admission.accept(StreamOf::Joints, command, &setpoints, summary.now, events);
                 let before = self.machine.state().followed_command();
                 if before.and_then(FollowedCommand::joint).is_none() {
                     self.release_goal();
@@ -259,7 +278,7 @@ impl ControlCycle {
             }
             Err(refusal) => {
                 let client_id = command.client_id;
-                if self.admission.refuse(client_id, refusal, summary.now) {
+                if self.admission.refuse(StreamOf::Joints, command, refusal, summary.now) {
                     let measurement = self.servo_measurement(refusal, command, summary);
                     let kind = CycleEventKind::Refused { client_id, refusal };
                     events.push_measured(kind, measurement);
@@ -291,7 +310,7 @@ impl ControlCycle {
             is_homed: summary.is_homed,
             is_fresh: summary.is_fresh(),
         };
-        let deadline = self.admission.check(command, &context)?;
+        let deadline = self.admission.check(StreamOf::Joints, command, &context)?;
         if matches!(command.goal, ServoGoal::Actuator(..)) {
             self.require_no_fixture()?;
         }

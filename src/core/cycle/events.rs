@@ -39,7 +39,11 @@ impl ControlCycle {
             && next == HOLDING;
         if self.feedback_stops.update(is_stop, summary.now) {
             let measurement = self.request_measurement(Refusal::DrivesNotReady, summary);
-            events.push_measured(CycleEventKind::FeedbackStop, measurement);
+            let stop = match cause {
+                TransitionCause::BrokenOff(stop) => stop,
+                _ => Stop::Feedback,
+            };
+            events.push_measured(CycleEventKind::FeedbackStop(stop), measurement);
         }
         let measurement = match cause {
             TransitionCause::Fault(fault) => self.fault_measurement(fault, summary),

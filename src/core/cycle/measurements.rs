@@ -67,7 +67,8 @@ impl ControlCycle {
     ) -> Option<Measurement> {
         match refusal {
             Refusal::DrivesNotReady => self.first_axis(|axis| {
-                let age = summary.now.duration_since(axis.feedback().stamp);
+                let status = axis.status(summary.now);
+                let age = status.age.max(status.unwritten);
                 let is_old = axis.feedback().stamp > Nanos::ZERO && age >= summary.stale_after;
                 is_old.then(|| Measurement::of_age(age, summary.stale_after))
             }),

@@ -29,6 +29,7 @@ use crate::core::adaptation::{Adaptation, Surroundings};
 use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
 use crate::core::command::range_check::RangeCheck;
+use crate::core::command::sessions::StreamOf;
 use crate::core::drive_status::{DriveStatus, DriveSummary, ExpectedPower};
 use crate::core::events::PlausibilityCheck;
 use crate::core::events::clips::ClipEvents;
@@ -170,6 +171,7 @@ impl ControlCycle {
         if self.ticks == 1 {
             self.machine.start(now);
         }
+        let before = self.machine.state().operating_state();
         let summary = self.update_feedback(now, inputs, events);
         self.follow_transition(&summary, events);
         if inputs.shutdown {
@@ -188,6 +190,7 @@ impl ControlCycle {
         let (setpoint, passed) = self.move_setpoints(&summary, events);
         self.report_clip(&setpoint, now, events);
         let auxiliary = self.move_auxiliary(inputs.jaw.as_ref(), &summary, events);
+        self.end_sessions(before, now);
         let (events, lost_events) = list.finish();
         self.lost_events = self.lost_events.saturating_add(lost_events);
         let state = self.machine.state();
@@ -342,7 +345,8 @@ impl ControlCycle {
             let kind = CycleEventKind::StaleStop { client_id, age };
             events.push_measured(kind, Some(measurement));
             if !self.axes.all(AxisControl::is_at_rest) {
-                self.admission.stopped_moving(client_id, false, &self.axes.setpoints(), now);
+                let at = self.axes.setpoints();
+                self.admission.stopped_moving(StreamOf::Joints, client_id, &at, now);
             }
             self.machine.progress(HOLDING, now, events);
         }

@@ -36,14 +36,14 @@ impl CycleEvent {
 /// An event of the adaptation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum AdaptationEvent {
-    /// 70 % of the budget of a parameter or of the total are used.
-    BudgetWarning,
     /// The budget is used up; nothing more is learned.
     BudgetUsed,
     /// The adapted model was worse than the calibration in three windows of 10 s.
     TakenBack,
     /// The zero has slipped; the filter was opened.
     Slip,
+    /// It has slipped again; nothing more is learned.
+    SlipAgain,
     /// Most frames are refused; the camera is not believed.
     CameraDisbelieved,
     /// The camera is believed again.
@@ -96,7 +96,7 @@ pub enum CycleEventKind {
         limit: Stop,
     },
     /// The motion stopped, because a drive gave no recent position. Folded to one per second.
-    FeedbackStop,
+    FeedbackStop(Stop),
     /// A goal began to be clipped to what can be reached, or more is cut off than was reported.
     /// Folded to one per second.
     Clipped {
@@ -176,7 +176,7 @@ impl CycleEventKind {
             Self::State { fault, .. } => (*fault != Fault::None).then_some(Cause::Fault(*fault)),
             Self::StaleStop { .. } => Some(Cause::Stop(Stop::Stale)),
             Self::LimitStop { limit, .. } => Some(Cause::Stop(*limit)),
-            Self::FeedbackStop => Some(Cause::Stop(Stop::Feedback)),
+            Self::FeedbackStop(stop) => Some(Cause::Stop(*stop)),
             Self::Clipped { clip, .. } => Some(Cause::Clip(*clip)),
             Self::FixtureLimit { .. } => Some(Cause::Clip(Clip::Fixture)),
             Self::Refused { refusal, .. } | Self::RequestRefused { refusal, .. } => {
@@ -208,7 +208,7 @@ impl CycleEventKind {
             | Self::Refused { client_id, .. }
             | Self::RequestRefused { client_id, .. } => *client_id,
             Self::State { .. }
-            | Self::FeedbackStop
+            | Self::FeedbackStop(_)
             | Self::FixtureLimit { .. }
             | Self::Model { .. }
             | Self::Plausibility(_)

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::{AxisConfig, Config};
 use crate::core::drive_status::{DriveStatus, position_age};
 use crate::core::events::{CycleEventKind, EventList};
-use crate::core::faults::following_error::FollowingErrorLimit;
+use crate::core::faults::following_error::{FollowingErrorLimit, written_after};
 use crate::core::faults::over_current::OverCurrentMonitor;
 use crate::core::motion::jerk_limit::JerkLimiter;
 use crate::core::motion::setpoint_source::SetpointSource;
@@ -32,6 +32,8 @@ pub(crate) struct AxisControl {
     /// The zero is valid only if it comes from this homing or a later one.
     valid_homing: u32,
     feedback: AxisFeedback,
+    /// Since when the drive has another setpoint than this one, while it follows.
+    unwritten: Option<Nanos>,
 }
 
 impl AxisControl {
@@ -61,6 +63,7 @@ impl AxisControl {
             homings: 0,
             valid_homing: 0,
             feedback: AxisFeedback::default(),
+            unwritten: None,
         }
     }
 
@@ -83,7 +86,18 @@ impl AxisControl {
             events.push_measured(event, Some(code.of_motor(motor)));
         }
         self.feedback = *feedback;
+        self.unwritten = self.written().filter(|it| *it != Some(self.target())).map(|written| {
+            // What is written counts from then on, also while it lags behind.
+            let last = written.and(feedback.written).map_or(Nanos::ZERO, |it| it.stamp);
+            self.unwritten.unwrap_or(now).max(last)
+        });
         self.over_current.update(feedback.current_ma, self.source.is_following(), now);
+    }
+
+    /// The setpoint that the drive has; `None` unless it follows.
+    fn written(&self) -> Option<Option<Counts>> {
+        let since = self.source.following_since()?;
+        Some(written_after(&self.feedback, since).map(|written| written.target))
     }
 
     /// The last feedback.
@@ -99,6 +113,7 @@ impl AxisControl {
         DriveStatus {
             phase: self.feedback.phase,
             age: position_age(&self.feedback, now),
+            unwritten: self.unwritten.map_or(Nanos::ZERO, |since| now.duration_since(since)),
             has_following_error,
             has_over_current: self.over_current.is_tripped(),
         }

@@ -39,7 +39,9 @@ pub(crate) fn next_transition(state: &ControlState, summary: &DriveSummary) -> O
         ControlState::Disabled(activity) => update_disabled(activity, summary),
         ControlState::Enabled(activity) if !can_move && *activity != EnabledActivity::Holding => {
             let holding = ControlState::Enabled(EnabledActivity::Holding);
-            Some((holding, TransitionCause::BrokenOff(Stop::Feedback)))
+            let is_seen = summary.has_positions() && summary.is_homed;
+            let stop = if is_seen { Stop::Setpoint } else { Stop::Feedback };
+            Some((holding, TransitionCause::BrokenOff(stop)))
         }
         ControlState::Enabled(_) | ControlState::Paused | ControlState::Fault(_) => None,
     }

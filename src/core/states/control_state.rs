@@ -84,9 +84,9 @@
 //! 10. It ends every activity of every client, and the lease of another one. What others ask for
 //!     then is refused with BrokenOff, until they have been silent for a second.
 //!
-//! Any command of this table that is carried out is deliberate: a stream of its client that fell
-//! silent for half a second while it moved the snake is refused with BrokenOff until then, or until
-//! its client opens the clutch. One that had been at rest for 0.3 s goes on.
+//! Servo commands need a session, which begins by something deliberate and ends whenever the robot
+//! leaves ENABLED or is held: `command/sessions.rs`. A request that may move or power is refused
+//! with Stale when it is older than its client waits for the reply.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,8 @@
 //! Input from the control loop: the demand starts transitions, deadlines abort them, and the state
 //! gives the next transfer.
 
+use std::ops::RangeInclusive;
+
 use super::enabling::{EnablingStep, PowerSequence};
 use super::homing::HomingStep;
 use super::interface::{AxisRequest, Demand};
@@ -40,7 +42,8 @@ impl AxisStateMachine {
         }
         self.start_transition(request, now, events);
         self.acknowledge_counters(request, events);
-        if self.state == AxisState::Enabled && !self.limits.contains(&request.target.0) {
+        let is_out = !self.writable().contains(&request.target.0);
+        if self.state == AxisState::Enabled && is_out {
             self.report_target(request.target, events);
         }
     }
@@ -89,7 +92,7 @@ impl AxisStateMachine {
             return transfer.or(self.trigger.transfer()).map(|_| CommandNeed::STEP);
         }
         // Not clamped: that would move the motor to a position that was never requested.
-        if !self.limits.contains(&request.target.0) {
+        if !self.writable().contains(&request.target.0) {
             return None;
         }
         let is_new = request.command_sequence != self.schedule.command_sequence;
@@ -123,8 +126,21 @@ impl AxisStateMachine {
         self.schedule.has_waited(line)
     }
 
+    /// What is written: within the limits, and no further from the setpoint that the drive has than
+    /// the motor may lag behind it. What came in between was not written.
+    fn writable(&self) -> RangeInclusive<i32> {
+        let (lowest, highest) = (*self.limits.start(), *self.limits.end());
+        let far = self.max_unseen_motion;
+        self.feedback.written.map_or(lowest..=highest, |written| {
+            let at = written.target.0;
+            lowest.max(at.saturating_sub_unsigned(far))
+                ..=highest.min(at.saturating_add_unsigned(far))
+        })
+    }
+
     fn report_target(&mut self, target: Counts, events: EventSink<'_>) {
-        let (min, max) = (Counts(*self.limits.start()), Counts(*self.limits.end()));
+        let writable = self.writable();
+        let (min, max) = (Counts(*writable.start()), Counts(*writable.end()));
         if !std::mem::replace(&mut self.reported.target, true) {
             self.report(PortEventKind::TargetRefused { target, min, max }, events);
         }

@@ -35,6 +35,10 @@ const FINEST_ENCODER: f64 = 4096.0;
 /// What a position may change by at once: the instant at which the drive samples it is not known.
 const POSITION_JITTER: f64 = 32.0;
 
+/// What a motor without power that stood still moves between two readings at most: it is turned by
+/// hand, through its gear.
+const TURNED_BY_HAND: f64 = 20.0;
+
 /// The states, finer than the phases that the control loop sees. Instants are deadlines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum AxisState {
@@ -127,7 +131,7 @@ pub(in crate::drive) struct AxisStateMachine {
     pub(super) limits: RangeInclusive<i32>,
     /// The most that the position can change while it is not read, counts: the distance to the last
     /// setpoint.
-    max_unseen_motion: u32,
+    pub(super) max_unseen_motion: u32,
     /// The fastest that the motor may turn, counts/s.
     max_speed: f64,
     /// When the last position was asked for; `None` after what moves the zero.
@@ -318,8 +322,12 @@ impl AxisStateMachine {
         let Some(asked) = self.position_asked.replace(reply.sent).filter(|_| !is_moved) else {
             return;
         };
-        let most =
-            POSITION_JITTER + self.max_speed * reply.received.duration_since(asked).as_seconds();
+        let is_still = self.state == AxisState::Disabled && self.at_standstill;
+        let most = if is_still {
+            TURNED_BY_HAND
+        } else {
+            POSITION_JITTER + self.max_speed * reply.received.duration_since(asked).as_seconds()
+        };
         if self.feedback.homed && f64::from(before.0.abs_diff(position.0)) > most {
             self.position_mismatch = true;
             self.feedback.homed = false;

@@ -51,7 +51,7 @@ impl Client {
             clock::sleep(POLL_PERIOD);
         }
         Ok(Self {
-            operating_state: Latest::new(Watcher::with_link(&link).operating_state()),
+            operating_state: Latest::new(Watcher::with_link(&link).own_state()),
             requests: RequestForwarder::with_link(&link),
             setpoint: None,
             goal: None,
@@ -82,8 +82,12 @@ impl Client {
     /// [`ClientError::Refused`] with the reason; [`ClientError::NoController`],
     /// [`ClientError::NoReply`], [`ClientError::Transport`].
     pub fn state_command(&mut self, command: StateCommand) -> Result<OperatingState, ClientError> {
-        let request =
-            StateCommandRequest { client_id: self.id(), command: command.number(), reserved: 0 };
+        let (client_id, command_number) = (self.id(), command.number());
+        let request = StateCommandRequest {
+            client_id,
+            command: command_number,
+            ..StateCommandRequest::default()
+        };
         let reply = self.requests.state_command(request)?;
         check_reply(command, reply)
     }
@@ -115,7 +119,8 @@ impl Client {
         flags: u32,
     ) -> Result<OperatingState, ClientError> {
         let (position, count) = padded(position)?;
-        let request = MoveRequest { client_id: self.id(), position, count, flags };
+        let client_id = self.id();
+        let request = MoveRequest { client_id, position, count, flags, ..MoveRequest::default() };
         self.goal = (flags == 0).then_some(position);
         let reply = self.requests.move_jp(request)?;
         check_reply(StateCommand::Move, reply)
@@ -138,6 +143,7 @@ impl Client {
             action: action.number(),
             kind: kind.number(),
             values,
+            ..VirtualFixtureRequest::default()
         };
         let reply = self.requests.virtual_fixture(request)?;
         check_reply(StateCommand::Fixture, reply)

@@ -3,13 +3,16 @@
 use std::sync::Arc;
 
 use iceoryx2::port::client;
+use iceoryx2::service::port_factory::PortFactory;
+use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use super::controller_link::{ClientService, ControllerLink, SessionPort};
 use super::error::ClientError;
 use crate::clock;
 use crate::ipc::domain::Domain;
+use crate::ipc::payload::requests::Dated;
 use crate::ipc::payload::*;
-use crate::ipc::service::failed;
+use crate::ipc::service::{ASKERS, RESERVED, failed};
 use crate::ipc::streams::{ReplySpeed, RequestService, for_each_request};
 use crate::units::Nanos;
 
@@ -23,6 +26,9 @@ struct RequestClient<Q: Payload, R: Payload> {
     service: RequestService,
 }
 
+/// Time for the reply to a request that was carried out at the last moment.
+const MARGIN: Nanos = Nanos::from_millis(50);
+
 /// How long to wait for a reply.
 const fn timeout(service: RequestService) -> Nanos {
     match service.speed() {
@@ -31,17 +37,24 @@ const fn timeout(service: RequestService) -> Nanos {
     }
 }
 
-impl<Q: Payload, R: Payload> RequestClient<Q, R> {
+impl<Q: Dated, R: Payload> RequestClient<Q, R> {
     fn new(service: RequestService) -> Self {
         Self { port: SessionPort::default(), service }
     }
 
     /// Sends a request and waits for its reply.
-    fn request(&mut self, link: &ControllerLink, request: Q) -> Result<R, ClientError> {
+    fn request(&mut self, link: &ControllerLink, mut request: Q) -> Result<R, ClientError> {
         let (service, start) = (self.service, clock::now());
         let (name, timeout) = (service.service(), timeout(service));
+        let only_stops = request.only_stops();
+        // The reply comes before the client gives up.
+        request.set_validity(start, Nanos(timeout.0 - MARGIN.0));
         let port = self.port.get(link, start, |session| {
             let factory = service.open::<ClientService, Q, R>(&session.node)?;
+            let places = if only_stops { ASKERS + RESERVED } else { ASKERS };
+            if factory.dynamic_config().number_of_clients() >= places {
+                return Err(failed("ask", name)(ClientCreateError::ExceedsMaxSupportedClients));
+            }
             factory.client_builder().create().map_err(failed("ask", name))
         })?;
         let pending = port.send_copy(request).map_err(failed("ask", name))?;
@@ -66,8 +79,8 @@ macro_rules! request_clients {
     };
     ($($(#[$doc:meta])* $service:ident $function:ident $name:literal
         $request:ident $reply:ident $speed:ident;)*) => {
-        /// Sends requests as they are and waits for the replies: 1 s, for models and black boxes
-        /// 30 s. The reply may be a refusal.
+        /// Sends requests and waits for the replies: 1 s, for models and black boxes 30 s. Time of
+        /// sending and validity are added where they are 0. The reply may be a refusal.
         #[derive(Debug)]
         pub struct RequestForwarder {
             link: Arc<ControllerLink>,

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
+use iceoryx2::service::port_factory::PortFactory;
 
 use super::controller_link::{ClientService, ControllerLink, ControllerSession, SessionPort};
 use super::error::ClientError;
@@ -40,7 +41,13 @@ impl Watcher {
             port: SessionPort::default(),
             last: None,
             missed: 0,
+            places: stream.places(false),
         }
+    }
+
+    /// The stream in which a client sees what its commands do, with a place that is kept for it.
+    pub(super) fn own_state(&self) -> Subscription<OperatingStateMsg> {
+        Subscription { places: Stream::State.places(true), ..self.operating_state() }
     }
 }
 
@@ -128,6 +135,8 @@ pub struct Subscription<T: Message> {
     port: SessionPort<Subscriber<ClientService, T, ()>>,
     last: Option<u64>,
     missed: u64,
+    /// Subscribers that there may be with this one.
+    places: usize,
 }
 
 impl<T: Message> Subscription<T> {
@@ -186,8 +195,8 @@ impl<T: Message> Subscription<T> {
     }
 
     fn read_at(&mut self, now: Nanos) -> Result<Option<T>, ClientError> {
-        let (stream, previous) = (self.stream, self.port.boot_id());
-        let port = self.port.get(&self.link, now, |session| open(session, stream))?;
+        let (stream, places, previous) = (self.stream, self.places, self.port.boot_id());
+        let port = self.port.get(&self.link, now, |session| open(session, stream, places))?;
         let received = port.receive().map_err(failed("receive", stream.properties().service))?;
         let message = received.map(|sample| *sample);
         if self.port.boot_id() != previous {
@@ -211,10 +220,15 @@ impl<T: Message> Subscription<T> {
 fn open<T: Message>(
     session: &ControllerSession,
     stream: Stream,
+    places: usize,
 ) -> Result<Subscriber<ClientService, T, ()>, TransportError> {
+    let (step, service) = ("subscribe to", stream.properties().service);
     let factory = stream.open::<ClientService, T>(&session.node)?;
-    let created = factory.subscriber_builder().create();
-    created.map_err(failed("subscribe to", stream.properties().service))
+    if factory.dynamic_config().number_of_subscribers() >= places {
+        let full = SubscriberCreateError::ExceedsMaxSupportedSubscribers;
+        return Err(failed(step, service)(full));
+    }
+    factory.subscriber_builder().create().map_err(failed(step, service))
 }
 
 /// Keeps the last message of a stream.

@@ -20,7 +20,7 @@ mod model_requests;
 mod period_statistics;
 mod reach_target;
 mod reason;
-mod requests;
+pub(super) mod requests;
 mod state_streams;
 
 pub use adaptation::AdaptationMsg;
@@ -125,7 +125,7 @@ mod tests {
         assert_eq!(size_of::<PeriodStatistics>(), 240);
         assert_eq!(size_of::<ExternalPosition>(), 80);
         assert_eq!(offset_of!(ExternalPosition, quality), 64);
-        assert_eq!(size_of::<StateCommandRequest>(), 16);
+        assert_eq!(size_of::<StateCommandRequest>(), 32);
         assert_eq!(size_of::<StateCommandReply>(), 40);
         assert_eq!(size_of::<Version>(), 200);
         assert_eq!(size_of::<ModelRequest>(), 1072);

@@ -7,9 +7,13 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
     /// `model`, request. The reply takes one or two ticks; for `stage` it can take seconds.
-    ModelRequest "I2risModelRequestV1" {
+    ModelRequest "I2risModelRequestV2" {
         /// Identity of the client. Not 0.
         pub client_id: u64,
+        /// As in [`StateCommandRequest`](super::StateCommandRequest).
+        pub stamp_ns: u64,
+        /// As in [`StateCommandRequest`](super::StateCommandRequest).
+        pub valid_ns: u64,
         /// [`crate::robot::ModelAction`].
         pub action: u32,
         /// Sum of [`ModelRequest::FORCE`] and [`ModelRequest::OTHER_DRIVE`].

@@ -2,16 +2,23 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::definition::{payload, unpadded_text};
+use super::definition::{Payload, payload, unpadded_text};
+use super::model_requests::ModelRequest;
 use super::reason::MeasurementFields;
-use crate::robot::{Measurement, OperatingState, Refusal};
-use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
+use crate::robot::{Measurement, OperatingState, Refusal, StateCommand};
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
 payload! {
     /// `state_command`, request.
-    StateCommandRequest "I2risStateCommandV1" {
+    StateCommandRequest "I2risStateCommandV2" {
         /// Identity of the client. Not 0.
         pub client_id: u64,
+        /// Time of sending, CLOCK_MONOTONIC. What may move or power is refused when it is older
+        /// than `valid_ns`; what only stops is good at any age.
+        pub stamp_ns: u64,
+        /// How long the client waits for the reply. The client of this library sets both where they
+        /// are 0.
+        pub valid_ns: u64,
         /// [`crate::robot::StateCommand`].
         pub command: u32,
         /// 0.
@@ -41,9 +48,13 @@ payload! {
 
     /// `move_jp`, and `move_cp` by its flag, request: go to a pose, from rest to rest with limited
     /// jerk. The reply is [`StateCommandReply`].
-    MoveRequest "I2risMoveRequestV1" {
+    MoveRequest "I2risMoveRequestV2" {
         /// Identity of the client. Not 0.
         pub client_id: u64,
+        /// As in [`StateCommandRequest`].
+        pub stamp_ns: u64,
+        /// As in [`StateCommandRequest`].
+        pub valid_ns: u64,
         /// Desired pitch and yaw, rad; a place of the tip, m, with [`MoveRequest::TIP`].
         pub position: [f64; MAX_OUTPUTS],
         /// Number of valid entries in `position`.
@@ -100,6 +111,46 @@ payload! {
         pub text: [u8; 1024],
     }
 }
+
+/// A request, with the time of its sending where it has one.
+pub(in crate::ipc) trait Dated: Payload {
+    /// Sets time of sending and validity where the sender has not.
+    fn set_validity(&mut self, _now: Nanos, _span: Nanos) {}
+
+    /// A place is kept for it.
+    fn only_stops(&self) -> bool {
+        false
+    }
+}
+
+macro_rules! dated {
+    ($($name:ident ($only_stops:expr))*) => {$(
+        impl Dated for $name {
+            fn only_stops(&self) -> bool {
+                $only_stops(self)
+            }
+
+            fn set_validity(&mut self, now: Nanos, span: Nanos) {
+                if self.stamp_ns == 0 {
+                    (self.stamp_ns, self.valid_ns) = (now.0, span.0);
+                }
+            }
+        }
+    )*};
+}
+
+dated! {
+    StateCommandRequest(|it: &Self| {
+        StateCommand::from_number(it.command).is_some_and(StateCommand::only_stops)
+    })
+    MoveRequest(|_| false)
+    VirtualFixtureRequest(|_| false)
+    ModelRequest(|_| false)
+}
+
+impl Dated for BlackBoxRequest {}
+
+impl Dated for VersionRequest {}
 
 impl MoveRequest {
     /// Flag: `move_cp`: `position` is a place of the tip at the base of the snake. Refused if the
@@ -173,9 +224,13 @@ impl Version {
 
 payload! {
     /// `virtual_fixture`, request. The reply is [`super::StateCommandReply`].
-    VirtualFixtureRequest "I2risVirtualFixtureRequestV1" {
+    VirtualFixtureRequest "I2risVirtualFixtureRequestV2" {
         /// Identity of the client. Not 0.
         pub client_id: u64,
+        /// As in [`StateCommandRequest`].
+        pub stamp_ns: u64,
+        /// As in [`StateCommandRequest`].
+        pub valid_ns: u64,
         /// [`crate::robot::FixtureAction`].
         pub action: u32,
         /// [`crate::robot::FixtureKind`] of the region to add; otherwise 0.

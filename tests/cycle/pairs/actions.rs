@@ -10,7 +10,7 @@ use super::jaw::Jaw;
 use super::oracle::LARGEST_GAIN;
 use super::routes::distance;
 use super::zones::Zone;
-use super::{OTHER, Situation};
+use super::{OTHER, Situation, THIRD};
 
 /// The stroke of conditioning to both sides of the start, counts, where the hull is no wider.
 const CONDITIONING: f64 = 300.0;
@@ -59,6 +59,7 @@ impl Situation {
         let client_id = if self.random.one_in(2) { CLIENT } else { OTHER };
         self.bench.fixture = Some(change);
         if self.bench.ask_as(client_id, StateCommand::Fixture).refusal == Refusal::None {
+            self.note_session(client_id, StateCommand::Fixture);
             match change {
                 FixtureChange::Add(_) => {
                     self.zones.push(new);
@@ -150,6 +151,7 @@ impl Situation {
         let refusal = self.bench.ask_as(client_id, command).refusal;
         self.judge_motion(client_id, refusal);
         if refusal == Refusal::None {
+            self.note_session(client_id, command);
             self.oracle.way.expected.what = what;
             self.mover = Some(client_id);
         }
@@ -157,10 +159,36 @@ impl Situation {
         refusal
     }
 
+    /// Somebody else stops the robot and lets it move again, while the hand goes on.
+    pub(super) fn go_on_through_a_stop(&mut self) {
+        let by = if self.random.one_in(2) { OTHER } else { THIRD };
+        let (stop, start) = match self.random.below(2) {
+            0 => (StateCommand::Pause, StateCommand::Resume),
+            _ => (StateCommand::Disable, StateCommand::Enable),
+        };
+        let _ = self.ask(by, stop);
+        for tick in 0..self.random.below(200) {
+            self.see();
+            if tick.is_multiple_of(5) { self.stream() } else { self.tick() }
+        }
+        self.bench.idle();
+        // Of one that asked again and again, it is refused.
+        if self.ask(by, start) != Refusal::None {
+            assert_eq!(self.ask(THIRD + 1, start), Refusal::None);
+        }
+        self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
+        self.oracle.see_anew(&self.bench);
+        self.jaw.iter_mut().for_each(Jaw::begin);
+        self.check();
+    }
+
     pub(super) fn begin_anew(&mut self) {
         let _ = self.ask(CLIENT, StateCommand::Disable);
         self.bench.idle();
-        assert_eq!(self.bench.ask(StateCommand::Enable), Refusal::None);
+        // Of one that asked again and again, it is refused.
+        if self.ask(CLIENT, StateCommand::Enable) != Refusal::None {
+            assert_eq!(self.ask(THIRD + 1, StateCommand::Enable), Refusal::None);
+        }
         self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
         self.oracle.see_anew(&self.bench);
         self.jaw.iter_mut().for_each(Jaw::begin);

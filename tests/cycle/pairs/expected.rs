@@ -188,7 +188,10 @@ impl Expected {
             What::Goal(before) => {
                 let age_s = next.at.duration_since(before.at).as_seconds();
                 let most = distance(next.expected, before.expected) + self.first_step;
-                (distance(next.end, before.after(age_s)), most + before.unsure_after(age_s))
+                // On its way to where it was cut, and asked for the same place again.
+                let step = distance(next.end, before.after(age_s));
+                let step = step.min(distance(next.end, before.end));
+                (step, most + before.unsure_after(age_s))
             }
             What::Rate { rate, deadline_s, .. } => {
                 (distance(next.expected, snake), self.step + self.led(rate, deadline_s))

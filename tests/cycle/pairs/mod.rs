@@ -37,6 +37,8 @@ use way::Way;
 use zones::Zone;
 
 const OTHER: u64 = CLIENT + 1;
+/// Only stops the robot and lets it move again.
+const THIRD: u64 = CLIENT + 2;
 /// `command.lease_timeout_ms` by default.
 const LEASE: Nanos = Nanos::from_millis(500);
 /// Silence after which a stream may begin anew that another client has held.
@@ -107,6 +109,8 @@ struct Situation {
     /// When each client was last held by the other one, and when it last sent.
     held: [Option<Nanos>; 2],
     sent: [Nanos; 2],
+    /// Whether each client has begun since the last stop; `None`: nothing is known of it.
+    begun: [Option<bool>; 2],
     /// Who began the move or the conditioning in progress.
     mover: Option<u64>,
     hull: &'static [[f64; 2]],
@@ -176,6 +180,7 @@ impl Situation {
             leader: None,
             held: [None; 2],
             sent: [Nanos::ZERO; 2],
+            begun: [Some(true), None],
             mover: None,
             hull,
             camera: None,
@@ -273,6 +278,9 @@ impl Situation {
     fn ask(&mut self, client_id: u64, command: StateCommand) -> Refusal {
         let is_enabled = self.bench.state() == OperatingState::Enabled;
         let refusal = self.bench.ask_as(client_id, command).refusal;
+        if refusal == Refusal::None {
+            self.note_session(client_id, command);
+        }
         if (command, refusal) == (StateCommand::Hold, Refusal::None) {
             self.leader = self.leader.filter(|(leader, _)| *leader == client_id);
             let other = usize::from(client_id == CLIENT);
@@ -313,6 +321,7 @@ impl Situation {
             20 if self.random.one_in(3) => {
                 let _ = self.ask(OTHER, StateCommand::Hold);
             }
+            20 => self.go_on_through_a_stop(),
             4 => self.is_streaming = !self.is_streaming || self.random.one_in(2),
             5 => self.clutched = !self.clutched,
             6 => self.compete(),

@@ -1,12 +1,12 @@
 //! What is streamed, and what the camera sees meanwhile.
 
 use i2ris::core::{ExternalPose, ServoCommand, ServoGoal};
-use i2ris::ipc::Refusal;
+use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::kinematic::{TipPosition, tip_position};
 use i2ris::units::Nanos;
 use i2ris_testing::cycle::CLIENT;
 
-use super::{BREAK, KINDS, Kind, LEASE, RATES, Situation};
+use super::{BREAK, KINDS, Kind, LEASE, RATES, Situation, THIRD};
 
 /// How old every other command is whose stamps go back.
 const DISORDER_MS: u64 = 40;
@@ -113,13 +113,38 @@ impl Situation {
     pub(super) fn judge(&mut self, command: &ServoCommand, refusal: Refusal) {
         let now = self.bench.now;
         self.judge_motion(command.client_id, refusal);
-        self.sent[usize::from(command.client_id != CLIENT)] = now;
+        let at = usize::from(command.client_id != CLIENT);
+        let goes_on = self.begun[at] == Some(false) && !command.clutched;
+        assert!(refusal != Refusal::None || !goes_on, "nobody moves who has not begun");
+        let of_state = [Refusal::NotEnabled, Refusal::Paused, Refusal::InFault].contains(&refusal);
+        if of_state || refusal == Refusal::None {
+            self.begun[at] = Some(!of_state);
+        }
+        // An open clutch is a silence that is said.
+        if !command.clutched {
+            self.sent[at] = now;
+        }
         if refusal == Refusal::None {
             let has_lease = |(client_id, renewed): (u64, Nanos)| {
                 client_id == command.client_id || now.duration_since(renewed) >= LEASE
             };
             assert!(self.leader.is_none_or(has_lease), "two commanders");
             self.leader = Some((command.client_id, now));
+        }
+    }
+
+    /// Whoever is known has to begin anew after a stop. What its own client streamed goes on after
+    /// its `hold` only if it was silent.
+    pub(super) fn note_session(&mut self, client_id: u64, command: StateCommand) {
+        let now = self.bench.now;
+        if command.only_stops() {
+            self.begun = self.begun.map(|begun| begun.map(|_| false));
+        }
+        if client_id < THIRD {
+            let at = usize::from(client_id != CLIENT);
+            let is_silent = now.duration_since(self.sent[at]) >= BREAK;
+            let may = !command.only_stops() || command == StateCommand::Hold && is_silent;
+            self.begun[at] = Some(may);
         }
     }
 

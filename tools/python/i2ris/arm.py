@@ -59,7 +59,7 @@ from .payload import (
 )
 from .reasons import FAULTS
 from .recording import Recording
-from .requests import POLL_S, REPLY_TIMEOUT_S
+from .requests import MARGIN_S, POLL_S, REPLY_TIMEOUT_S
 from .slots import ModelArm
 from .values import (
     FAULT_KIND,
@@ -564,6 +564,9 @@ class Arm:
 
     def _request(self, service: str, request: Payload, reply: type[P], timeout_s: float = REPLY_TIMEOUT_S) -> P:
         port = client(self._link, service, type(request), reply)
+        if hasattr(request, "valid_ns"):
+            # What is read later is not carried out: whoever asked has given up.
+            request.stamp_ns, request.valid_ns = time.monotonic_ns(), int((timeout_s - MARGIN_S) * 1e9)
         pending = port.send_copy(request)
         end = time.monotonic() + timeout_s
         while time.monotonic() < end:

@@ -9,7 +9,7 @@ from ctypes import c_double, c_int32, c_uint8, c_uint16, c_uint32, c_uint64
 from typing import Any
 
 #: Version of all payloads together. Client and controller have the same.
-INTERFACE_VERSION = 6
+INTERFACE_VERSION = 7
 
 
 class Payload(ctypes.Structure):
@@ -395,8 +395,14 @@ class ExternalPosition(Payload):
 class StateCommandRequest(Payload):
     """``state_command``, request."""
 
-    NAME = "I2risStateCommandV1"
-    _fields_ = [("client_id", c_uint64), ("command", c_uint32), ("reserved", c_uint32)]
+    NAME = "I2risStateCommandV2"
+    _fields_ = [
+        ("client_id", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("valid_ns", c_uint64),
+        ("command", c_uint32),
+        ("reserved", c_uint32),
+    ]
 
 
 class StateCommandReply(Payload):
@@ -418,10 +424,12 @@ class StateCommandReply(Payload):
 class MoveRequest(Payload):
     """``move_jp``, and ``move_cp`` by its flag, request; the reply is a ``StateCommandReply``."""
 
-    NAME = "I2risMoveRequestV1"
+    NAME = "I2risMoveRequestV2"
     TIP = 1
     _fields_ = [
         ("client_id", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("valid_ns", c_uint64),
         ("position", c_double * 3),
         ("count", c_uint32),
         ("flags", c_uint32),
@@ -435,8 +443,15 @@ class VirtualFixtureRequest(Payload):
     (normal, normal, offset), rad; 3 ball (x, y, z, radius), 4 half-space (normal of 3, offset), m.
     """
 
-    NAME = "I2risVirtualFixtureRequestV1"
-    _fields_ = [("client_id", c_uint64), ("action", c_uint32), ("kind", c_uint32), ("values", c_double * 4)]
+    NAME = "I2risVirtualFixtureRequestV2"
+    _fields_ = [
+        ("client_id", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("valid_ns", c_uint64),
+        ("action", c_uint32),
+        ("kind", c_uint32),
+        ("values", c_double * 4),
+    ]
 
 
 class VersionRequest(Payload):
@@ -469,11 +484,13 @@ class Version(Payload):
 class ModelRequest(Payload):
     """``model``, request."""
 
-    NAME = "I2risModelRequestV1"
+    NAME = "I2risModelRequestV2"
     FORCE = 1
     OTHER_DRIVE = 2
     _fields_ = [
         ("client_id", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("valid_ns", c_uint64),
         ("action", c_uint32),
         ("flags", c_uint32),
         ("model_id", c_uint8 * 32),

@@ -10,6 +10,9 @@ from .values import Fault, Joints, OperatingState
 P = TypeVar("P", bound=Payload)
 #: Timeout for a reply, s.
 REPLY_TIMEOUT_S = 1.0
+
+#: Time for the reply to a request that was carried out at the last moment.
+MARGIN_S = 0.05
 #: Polling period, s.
 POLL_S = 0.001
 

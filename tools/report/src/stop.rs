@@ -27,7 +27,8 @@ pub struct Stopped {
 ///
 /// As [`Client::carry_out`].
 pub fn stop(client: &mut Client, domain: &Domain) -> Result<Stopped, ClientError> {
-    let before = newest(client, LOOK)?;
+    // A stop that cannot look is a stop.
+    let before = newest(client, LOOK).ok().flatten();
     let mut what = before.map_or("what moved".to_owned(), |state| activity(&state, domain));
     let held = match client.state_command(StateCommand::Hold) {
         Ok(_) => match client.wait_until_done(StateCommand::Hold, || false) {

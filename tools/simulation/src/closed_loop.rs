@@ -11,7 +11,7 @@ use i2ris::config::{Config, JointLimitConfig};
 use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
     CycleInputs, CycleOutputs, CycleReport, ExternalPose, Gated, ServoCommand, ServoGoal,
-    StateRequest,
+    StateRequest, Validity,
 };
 use i2ris::drive::{AxisFeedback, AxisPhase, Demand, WrittenTarget};
 use i2ris::model::{Model, Query};
@@ -372,7 +372,8 @@ impl ClosedLoop<IdealMotors> {
 
 /// A state command of the client of all commands.
 pub fn state_request(command: StateCommand) -> StateRequest {
-    StateRequest { id: 0, client_id: CLIENT, command, pose: None, fixture: None }
+    let (id, client_id, validity) = (0, CLIENT, Validity::ALWAYS);
+    StateRequest { id, client_id, validity, command, pose: None, fixture: None }
 }
 
 /// The counts at which a model starts to follow a goal when its memory is unknown.

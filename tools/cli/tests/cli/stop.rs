@@ -1,7 +1,7 @@
 //! Stopping by name and by key, and what is said of a command that something else has ended.
 
 use i2ris::clock;
-use i2ris::ipc::client::Client;
+use i2ris::ipc::client::{Client, Watcher};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::units::Nanos;
@@ -108,6 +108,27 @@ fn stop_holds_every_client_ends_every_motion_and_says_so() {
     succeeds(&domain, "disable");
     assert_says(&succeeds(&domain, "stop"), &["DISABLED, every drive is off"]);
     fails(&nobody(), "stop", 3, &["NOT KNOWN to be stopped: no controller serves domain"]);
+}
+
+#[test]
+fn a_stop_is_sent_and_seen_however_many_watch() {
+    let (rig, mut client) = robot(|_| ());
+    let domain = rig.domain();
+    let circle = start(&domain, "command circle --radius-deg 4 --period-s 3");
+    wait_for(&mut client, |state| state.lease_client_id != 0 && state.accepted > 50);
+    let watchers: Vec<_> = (0..64)
+        .map_while(|_| {
+            let mut states = Watcher::new(&domain).operating_state();
+            states.newest().map(|_| states).inspect_err(|error| println!("{error}")).ok()
+        })
+        .collect();
+    assert!((20..40).contains(&watchers.len()), "{}", watchers.len());
+    assert_says(&succeeds(&domain, "stop"), &["the robot is ENABLED, holds still"]);
+    assert_eq!(end(circle).code, Some(4));
+    succeeds(&domain, "command state pause");
+    succeeds(&domain, "disable");
+    let state = client.wait_for(TIMEOUT, |_| true).unwrap().state;
+    assert_eq!(state, OperatingState::Disabled.number());
 }
 
 #[test]

@@ -170,7 +170,7 @@ impl Asker {
         let reply = self.controller.state_command(StateCommandRequest {
             client_id,
             command: command.number(),
-            reserved: 0,
+            ..StateCommandRequest::default()
         });
         let done = self.check(client_id, "state_command", command, reply);
         if let Some(state) = done {
@@ -190,6 +190,7 @@ impl Asker {
             position: pose.position,
             count: pose.count,
             flags: if topic == Topic::MoveCp { MoveRequest::TIP } else { 0 },
+            ..MoveRequest::default()
         });
         let answered = clock::now();
         let moves = self.check(client_id, topic.name(), StateCommand::Move, reply);

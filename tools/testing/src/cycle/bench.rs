@@ -9,7 +9,7 @@ use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
     CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose, FixtureChange,
     HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand,
-    ServoGoal, StateReply, StateRequest,
+    ServoGoal, StateReply, StateRequest, Validity,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
@@ -43,6 +43,8 @@ pub struct Bench {
     /// Where to go, in the next request.
     pub pose: Option<(OutputVec, u32)>,
     pub fixture: Option<FixtureChange>,
+    /// How old requests are that are valid for a second.
+    pub request_age: Nanos,
     /// Seen by a camera, in the next tick.
     pub external: Option<ExternalPose>,
     /// A camera that sees the estimate and this shift, rad, 30 times a second and 20 ms late.
@@ -136,6 +138,7 @@ impl Bench {
             clutched: false,
             pose: None,
             fixture: None,
+            request_age: Nanos::ZERO,
             external: None,
             camera: None,
             ignored_frames: 0,
@@ -256,7 +259,8 @@ impl Bench {
         forced: bool,
     ) -> Refusal {
         self.request_id += 1;
-        let request = ModelSwapRequest { id: self.request_id, client_id, change, forced };
+        let (id, validity) = (self.request_id, self.validity());
+        let request = ModelSwapRequest { id, client_id, validity, change, forced };
         self.model_request = Some(request);
         self.tick();
         let reply = self.out.model_reply.expect("a change of the model is answered in its tick");
@@ -296,6 +300,11 @@ impl Bench {
         self.now = self.now + span;
     }
 
+    fn validity(&self) -> Validity {
+        let (stamp, span) = (self.now - self.request_age, Nanos::from_millis(1000));
+        Validity { stamp, span }
+    }
+
     /// One tick with a state command.
     pub fn ask_as(&mut self, client_id: u64, command: StateCommand) -> StateReply {
         let pose = self.pose.take().map(|(pose, entries)| ServoGoal::Joint(pose, entries));
@@ -312,7 +321,9 @@ impl Bench {
         self.request_id += 1;
         let id = self.request_id;
         let fixture = self.fixture.take();
-        self.step(None, Some(StateRequest { id, client_id, command, pose, fixture }));
+        let validity = self.validity();
+        let request = StateRequest { id, client_id, validity, command, pose, fixture };
+        self.step(None, Some(request));
         let reply = self.out.reply.expect("a state command is answered in its tick");
         assert_eq!(reply.id, id);
         assert_eq!(reply.state, self.out.report.state);

@@ -1,0 +1,121 @@
+//! The stream of one client: its newest command, and whether it broke off in motion.
+//!
+//! A network may deliver a command late or twice. Its sequence number shows that, also after the
+//! lease went to another client and back; its stamp shows it if its client counts wrongly: a goal
+//! that is integrated from an old stamp, again and again, runs away.
+//!
+//! A client that was stopped in motion, or cut off, and continues is as good as new: near the
+//! present pose the snake would move on by itself. So a stream that fell silent while it moved the
+//! snake has broken off. One that had come to rest goes on: a pedal that is released ends it so.
+
+use serde::{Deserialize, Serialize};
+
+use crate::core::vector::largest_difference;
+use crate::robot::Refusal;
+use crate::units::{MotorVec, Nanos};
+
+/// Silence after which a stream has ended. A client that stumbles is not one that was stopped.
+const SILENCE: Nanos = Nanos::from_millis(500);
+
+/// A stream that moved no motor for so long is at rest.
+const REST: Nanos = Nanos::from_millis(300);
+
+/// Motors within this are where they were, counts: 0.05 deg.
+const REST_COUNTS: f64 = 3.0;
+
+/// The accepted commands of a client, of the joints or of the auxiliary axis.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct ClientStream {
+    /// Number and time of sending of the newest command.
+    pub sequence: u64,
+    pub stamp: Nanos,
+    /// Arrival of the last command, and the end of the silence that may follow it.
+    last: Nanos,
+    alive_until: Nanos,
+    /// The setpoints that it began at, or moved the motors to; counts.
+    rest: MotorVec,
+    /// When it moved the motors last.
+    moved: Option<Nanos>,
+    is_broken_off: bool,
+}
+
+impl ClientStream {
+    /// Of the first command, with the setpoints where they are.
+    pub fn new(setpoints: &MotorVec) -> Self {
+        let (last, alive_until) = (Nanos::ZERO, Nanos::ZERO);
+        let rest = *setpoints;
+        let (sequence, stamp) = (0, Nanos::ZERO);
+        Self { sequence, stamp, last, alive_until, rest, moved: None, is_broken_off: false }
+    }
+
+    /// Refuses a command that is not newer than the last accepted one.
+    pub fn require_newer(&self, sequence: u64, stamp: Nanos) -> Result<(), Refusal> {
+        if sequence <= self.sequence {
+            Err(Refusal::Sequence)
+        } else if stamp < self.stamp {
+            Err(Refusal::Stamp)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Its client has to do something deliberate.
+    pub fn is_broken_off(&self, now: Nanos) -> bool {
+        let was_moving = self.moved.is_some_and(|moved| self.last.duration_since(moved) < REST);
+        self.is_broken_off || was_moving && now > self.alive_until
+    }
+
+    /// A command was accepted, with the setpoints where they are.
+    pub fn accepted(&mut self, setpoints: &MotorVec, deadline: Nanos, now: Nanos) {
+        if now > self.alive_until || self.is_broken_off {
+            self.begin_anew();
+            self.rest = *setpoints;
+        } else if largest_difference(setpoints, &self.rest) > REST_COUNTS {
+            (self.rest, self.moved) = (*setpoints, Some(now));
+        }
+        (self.last, self.alive_until) = (now, now + deadline.max(SILENCE));
+    }
+
+    /// A command came that is not followed.
+    pub fn refused(&mut self, now: Nanos) {
+        self.is_broken_off = self.is_broken_off(now);
+        (self.last, self.alive_until) = (now, now + SILENCE);
+    }
+
+    /// It was stopped as stale, with the setpoints in motion. A motor that only goes to and fro
+    /// between two counts moves nothing.
+    pub fn stopped_moving(&mut self, setpoints: &MotorVec, now: Nanos) {
+        if largest_difference(setpoints, &self.rest) > REST_COUNTS {
+            self.moved = Some(now);
+        }
+    }
+
+    /// A limit ended it.
+    pub fn break_off(&mut self) {
+        self.is_broken_off = true;
+    }
+
+    /// Its client has done something deliberate: what comes next is another stream.
+    pub fn begin_anew(&mut self) {
+        *self = Self { sequence: self.sequence, stamp: self.stamp, ..Self::new(&self.rest) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sequences_and_stamps_rise() {
+        let stream =
+            ClientStream { sequence: 10, stamp: Nanos(50), ..ClientStream::new(&[0.0; 2]) };
+        for (sequence, stamp, expected) in [
+            (10, 60, Err(Refusal::Sequence)),
+            (9, 60, Err(Refusal::Sequence)),
+            (11, 49, Err(Refusal::Stamp)),
+            (11, 50, Ok(())),
+        ] {
+            assert_eq!(stream.require_newer(sequence, Nanos(stamp)), expected, "{sequence}");
+        }
+    }
+}

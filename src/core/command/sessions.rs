@@ -1,0 +1,343 @@
+//! Sessions: who may move the snake.
+//!
+//! A client has a session or none. It begins by something deliberate:
+//!
+//! - the first command of a client that nothing is known of: a person has just started a program;
+//! - a request that is carried out and does more than stop. `hold` counts, too, of a client that has
+//!   sent no servo command for a second: it stops what its own client streams;
+//! - an open clutch.
+//!
+//! It ends, for every client, when the robot leaves ENABLED (by `disable`, `pause`, a fault or the
+//! end of the controller) and with a `hold`; for one client, when its stream falls silent in motion
+//! or is ended by a limit, and when it sends a servo command to a robot that is off, paused or in
+//! fault. A client that never stopped sending moves nothing after somebody else has enabled,
+//! resumed or acknowledged.
+//!
+//! Who was sending when somebody else stopped the robot is *held*: it begins nothing before it has
+//! been silent for a second, so that no program undoes a stop in a loop. After a `hold` this is so
+//! for every other client, for a second.
+//!
+//! One client commands at a time. The first accepted command takes the free lease, and every
+//! accepted command renews it. It expires after `command.lease_timeout_ms`; `release` gives it back
+//! at once.
+
+use serde::{Deserialize, Serialize};
+
+use crate::core::command::authority::Access;
+use crate::core::command::client_stream::ClientStream;
+use crate::core::inputs::ServoCommand;
+use crate::robot::{Refusal, StateCommand};
+use crate::units::{MotorVec, Nanos};
+
+/// Clients that are remembered: twice as many as can send at a time.
+const CLIENTS: usize = 16;
+
+/// Clients whose stops are remembered.
+const STOPS: usize = 4;
+
+/// Silence that shows a program that has stopped sending.
+const BREAK: Nanos = Nanos::from_millis(1000);
+
+/// Asked so often without a pause, it is a loop and no person.
+const AGAIN: u32 = 3;
+
+/// The two streams of a client: they overtake each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StreamOf {
+    /// `servo_jp` and `actuators/servo_jp`.
+    Joints,
+    /// `jaw/servo_jp`.
+    Jaw,
+}
+
+/// What comes without a pause of [`BREAK`].
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+struct Run {
+    since: Nanos,
+    last: Nanos,
+    /// How often it came.
+    count: u32,
+}
+
+impl Run {
+    fn add(&mut self, now: Nanos) {
+        if !self.goes_on(now) {
+            *self = Self { since: now, ..Self::default() };
+        }
+        (self.last, self.count) = (now, self.count.saturating_add(1));
+    }
+
+    fn goes_on(&self, now: Nanos) -> bool {
+        self.count > 0 && now.duration_since(self.last) < BREAK
+    }
+
+    /// It goes on, and began before this time.
+    fn goes_on_from(&self, before: Nanos, now: Nanos) -> bool {
+        self.goes_on(now) && self.since < before
+    }
+}
+
+/// What is known of a client.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Client {
+    id: u64,
+    /// Its session is over: it has to do something deliberate.
+    has_ended: bool,
+    /// Servo commands, but for an open clutch; and requests that were refused.
+    sending: Run,
+    /// `enable`, `resume`.
+    asking: Run,
+    streams: [Option<ClientStream>; 2],
+    /// Order of the clients.
+    heard: Nanos,
+}
+
+/// The last stop by a client (0: a fault), and its last `hold`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Stop {
+    by: u64,
+    at: Nanos,
+    is_hold: bool,
+    hold: Option<Nanos>,
+}
+
+impl Stop {
+    /// Whether a client that sends so begins nothing.
+    fn holds(&self, sending: Run, now: Nanos) -> bool {
+        let hold = self.hold.map(|hold| hold + BREAK);
+        sending.goes_on_from(self.at, now)
+            || hold.is_some_and(|end| now < end || sending.goes_on_from(end, now))
+    }
+}
+
+/// The sessions of all clients, and the lease.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Sessions {
+    clients: [Option<Client>; CLIENTS],
+    /// Those of the clients that stopped it last, newest first.
+    stops: [Option<Stop>; STOPS],
+    lease_duration: Nanos,
+    /// The client that commands, and when it took or last renewed the lease.
+    lease: Option<(u64, Nanos)>,
+}
+
+impl Sessions {
+    /// A free lease, and no client yet.
+    pub fn new(lease_duration: Nanos) -> Self {
+        Self { clients: [None; CLIENTS], stops: [None; STOPS], lease_duration, lease: None }
+    }
+
+    pub fn lease_duration(&self) -> Nanos {
+        self.lease_duration
+    }
+
+    /// The client that holds the lease; 0: none.
+    pub fn holder(&self) -> u64 {
+        self.lease.map_or(0, |(client_id, _)| client_id)
+    }
+
+    /// Takes or renews the lease. Returns whether the holder changes.
+    pub fn renew_lease(&mut self, client_id: u64, now: Nanos) -> bool {
+        let is_new = self.holder() != client_id;
+        self.lease = Some((client_id, now));
+        is_new
+    }
+
+    /// Frees the lease if it has expired. Returns whether it has.
+    pub fn expire_lease(&mut self, now: Nanos) -> bool {
+        let duration = self.lease_duration;
+        self.lease.take_if(|(_, renewed)| now.duration_since(*renewed) >= duration).is_some()
+    }
+
+    /// Gives the lease of a client back. Returns whether the client had it.
+    pub fn release_lease(&mut self, client_id: u64) -> bool {
+        self.lease.take_if(|(holder, _)| *holder == client_id).is_some()
+    }
+
+    /// The table of `authority`. `commander`: who commands; 0: nobody.
+    pub fn require(
+        &self,
+        access: Access,
+        client_id: u64,
+        commander: u64,
+        now: Nanos,
+    ) -> Result<(), Refusal> {
+        let is_free = [0, client_id].contains(&commander);
+        match access {
+            Access::Own | Access::Alone if !is_free => Err(Refusal::Lease),
+            Access::Alone if self.is_held(client_id, now) => Err(Refusal::BrokenOff),
+            Access::Power if self.undoes_a_stop(client_id, now) => Err(Refusal::BrokenOff),
+            Access::Everybody | Access::Power | Access::Own | Access::Alone => Ok(()),
+        }
+    }
+
+    /// Refuses a servo command of a client without a session, and one that is not newer than the
+    /// last one of its stream.
+    pub fn require_stream(
+        &self,
+        of: StreamOf,
+        command: &ServoCommand,
+        now: Nanos,
+    ) -> Result<(), Refusal> {
+        let client = self.client(command.client_id);
+        let stream = client.and_then(|client| client.streams[of as usize]);
+        let has_session = match client {
+            Some(client) => !client.has_ended && !stream.is_some_and(|it| it.is_broken_off(now)),
+            // Who is not remembered could be anybody.
+            None => self.place(now, false).is_some(),
+        };
+        if !has_session && !command.clutched {
+            return Err(Refusal::BrokenOff);
+        }
+        stream.map_or(Ok(()), |it| it.require_newer(command.sequence, command.stamp))
+    }
+
+    /// Sequence and stamp of the last accepted command of the joints.
+    pub fn last(&self, client_id: u64) -> Option<(u64, Nanos)> {
+        let stream = self.client(client_id)?.streams[StreamOf::Joints as usize]?;
+        Some((stream.sequence, stream.stamp))
+    }
+
+    /// A servo command was accepted, with the setpoints where they are.
+    pub fn accepted(
+        &mut self,
+        of: StreamOf,
+        command: &ServoCommand,
+        setpoints: &MotorVec,
+        deadline: Nanos,
+        now: Nanos,
+    ) {
+        let Some(client) = self.remember(command.client_id, now, true) else { return };
+        client.has_ended = false;
+        if !command.clutched {
+            client.sending.add(now);
+        }
+        let stream = client.streams[of as usize].get_or_insert(ClientStream::new(setpoints));
+        (stream.sequence, stream.stamp) = (command.sequence, command.stamp);
+        stream.accepted(setpoints, deadline, now);
+    }
+
+    /// A servo command was refused. What always comes too late keeps no stream alive, and what is no
+    /// command is remembered of nobody.
+    pub fn refused(&mut self, of: StreamOf, command: &ServoCommand, refusal: Refusal, now: Nanos) {
+        let no_command = [Refusal::Malformed, Refusal::NotFinite, Refusal::Stamp, Refusal::Stale];
+        if no_command.contains(&refusal) && self.client(command.client_id).is_none() {
+            return;
+        }
+        let Some(client) = self.remember(command.client_id, now, false) else { return };
+        if !command.clutched {
+            client.sending.add(now);
+        }
+        if let Some(stream) = &mut client.streams[of as usize]
+            && refusal != Refusal::Stale
+        {
+            stream.refused(now);
+        }
+        let of_state = [Refusal::NotEnabled, Refusal::Paused, Refusal::InFault];
+        client.has_ended |= of_state.contains(&refusal);
+    }
+
+    /// `enable` or `resume` was asked for.
+    pub fn asked(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
+        if matches!(command, StateCommand::Enable | StateCommand::Resume)
+            && let Some(client) = self.remember(client_id, now, true)
+        {
+            client.asking.add(now);
+        }
+    }
+
+    /// A request was carried out.
+    pub fn carried_out(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
+        let is_held = self.is_held_by(|stop| stop.by != 0, client_id, now);
+        let Some(client) = self.remember(client_id, now, true) else { return };
+        let begins = match command {
+            StateCommand::Disable | StateCommand::Pause => false,
+            StateCommand::Hold => !client.sending.goes_on(now),
+            _ => true,
+        };
+        client.has_ended = !begins || client.has_ended && is_held;
+        if !client.has_ended {
+            client.streams.iter_mut().flatten().for_each(ClientStream::begin_anew);
+        }
+    }
+
+    /// A request was refused: its client is not silent.
+    pub fn request_refused(&mut self, client_id: u64, now: Nanos) {
+        if let Some(client) = self.remember(client_id, now, false) {
+            client.sending.add(now);
+        }
+    }
+
+    /// The robot was stopped by a client; 0: by a fault.
+    pub fn stopped(&mut self, by: u64, is_hold: bool, now: Nanos) {
+        let own = self.stops.iter().position(|stop| stop.is_some_and(|stop| stop.by == by));
+        let before = own.and_then(|index| self.stops.get(index).copied().flatten());
+        // Who was held, and then stops, does not free itself.
+        if let Some(stops) = self.stops.get_mut(..=own.unwrap_or(STOPS - 1)) {
+            stops.rotate_right(1);
+        }
+        let hold = if is_hold { Some(now) } else { before.and_then(|stop| stop.hold) };
+        let [first, ..] = &mut self.stops;
+        *first = Some(Stop { by, at: now, is_hold, hold });
+        self.end_all();
+    }
+
+    /// Ends every session.
+    pub fn end_all(&mut self) {
+        self.clients.iter_mut().flatten().for_each(|client| client.has_ended = true);
+    }
+
+    /// The stream of a client, if one of its commands was accepted.
+    pub fn stream_mut(&mut self, of: StreamOf, client_id: u64) -> Option<&mut ClientStream> {
+        let mut clients = self.clients.iter_mut().flatten();
+        clients.find(|client| client.id == client_id)?.streams[of as usize].as_mut()
+    }
+
+    fn is_held(&self, client_id: u64, now: Nanos) -> bool {
+        self.is_held_by(|_| true, client_id, now)
+    }
+
+    fn is_held_by(&self, counts: impl Fn(&Stop) -> bool, client_id: u64, now: Nanos) -> bool {
+        let sending = self.client(client_id).map(|client| client.sending).unwrap_or_default();
+        let mut stops = self.stops_of_others(client_id).filter(|stop| counts(stop));
+        stops.any(|stop| stop.holds(sending, now))
+    }
+
+    fn undoes_a_stop(&self, client_id: u64, now: Nanos) -> bool {
+        let asking = self.client(client_id).map(|client| client.asking).unwrap_or_default();
+        let mut stops = self.stops_of_others(client_id).filter(|_| asking.count >= AGAIN);
+        stops.any(|stop| stop.by != 0 && !stop.is_hold && asking.goes_on_from(stop.at, now))
+    }
+
+    fn stops_of_others(&self, client_id: u64) -> impl Iterator<Item = &Stop> {
+        self.stops.iter().flatten().filter(move |stop| stop.by != client_id)
+    }
+
+    fn client(&self, client_id: u64) -> Option<&Client> {
+        self.clients.iter().flatten().find(|client| client.id == client_id)
+    }
+
+    /// Where the next client is remembered: in place of the one that was silent for longest, for at
+    /// least [`BREAK`] unless it has to be.
+    fn place(&self, now: Nanos, has_to_be: bool) -> Option<usize> {
+        let age = |client: &Option<Client>| client.map(|client| client.heard);
+        let (index, oldest) = self.clients.iter().map(age).enumerate().min_by_key(|it| it.1)?;
+        let is_silent = |heard| now.duration_since(heard) >= BREAK;
+        (has_to_be || oldest.is_none_or(is_silent)).then_some(index)
+    }
+
+    fn remember(&mut self, id: u64, now: Nanos, has_to_be: bool) -> Option<&mut Client> {
+        let known = self.clients.iter().position(|it| it.is_some_and(|client| client.id == id));
+        let index = known.or_else(|| self.place(now, has_to_be))?;
+        let slot = self.clients.get_mut(index)?;
+        if known.is_none() {
+            let (has_ended, streams, heard) = (false, [None; 2], now);
+            let (sending, asking) = (Run::default(), Run::default());
+            *slot = Some(Client { id, has_ended, sending, asking, streams, heard });
+        }
+        slot.as_mut().map(|client| {
+            client.heard = now;
+            client
+        })
+    }
+}

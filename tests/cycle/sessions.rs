@@ -1,0 +1,178 @@
+//! Sessions: who may move the snake after somebody has stopped it, and how old a request may be.
+
+use i2ris::core::ServoCommand;
+use i2ris::drive::AxisPhase;
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::units::Nanos;
+use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, rad, standard_model};
+
+use super::broken_off::{KINDS, bench, here, is_followed, stream};
+
+const OTHER: u64 = CLIENT + 1;
+
+/// What another client does to stop the robot, and to let it move again.
+const STOPS: [(&str, fn(&mut Bench), &[StateCommand]); 4] = [
+    ("disable", |bench| give(bench, OTHER, StateCommand::Disable), &[StateCommand::Enable]),
+    ("pause", |bench| give(bench, OTHER, StateCommand::Pause), &[StateCommand::Resume]),
+    ("hold", |bench| give(bench, OTHER, StateCommand::Hold), &[]),
+    (
+        "fault",
+        |bench| {
+            bench.drives[1].feedback.phase = AxisPhase::Faulted;
+            bench.drives[1].feedback.error_code = 0x8611;
+            bench.tick();
+            bench.quirk(1, Quirk::None);
+        },
+        &[StateCommand::Acknowledge, StateCommand::Enable],
+    ),
+];
+
+fn give(bench: &mut Bench, client: u64, command: StateCommand) {
+    assert_eq!(bench.ask_as(client, command).refusal, Refusal::None, "{command}");
+}
+
+/// Ticks with a command where the snake is in every tenth of them. Whether one was followed.
+fn go_on(bench: &mut Bench, ticks: usize) -> bool {
+    let accepted = bench.report().accepted;
+    for _ in 0..ticks / 10 {
+        is_followed(bench);
+        bench.run(9);
+    }
+    bench.report().accepted > accepted
+}
+
+#[test]
+fn a_client_that_never_stopped_sending_moves_nothing_after_a_stop() {
+    for (stop, act, start) in STOPS {
+        for (name, goal) in KINDS {
+            let what = format!("{name}, {stop}");
+            let mut bench = bench();
+            stream(&mut bench, goal);
+            act(&mut bench);
+            assert!(!go_on(&mut bench, 500), "{what}");
+            for command in start {
+                bench.until("its turn", |bench| !bench.report().busy);
+                give(&mut bench, OTHER, *command);
+                assert!(!go_on(&mut bench, 1000), "{what}, {command}");
+            }
+            assert_eq!(bench.state(), OperatingState::Enabled, "{what}");
+            let held = bench.targets();
+            assert!(!go_on(&mut bench, 5000), "{what}");
+            // Silence alone is no session either.
+            bench.run(5000);
+            let same = bench.servo(goal(1.0));
+            assert_eq!(bench.send(same), Refusal::BrokenOff, "{what}");
+            assert_eq!(bench.targets(), held, "{what}");
+            bench.run(1000);
+            give(&mut bench, CLIENT, StateCommand::Resume);
+            assert_eq!(is_followed(&mut bench), Refusal::None, "{what}");
+        }
+    }
+}
+
+#[test]
+fn a_program_that_was_just_started_may_begin_and_one_that_was_refused_for_the_state_may_not() {
+    let mut bench = bench();
+    stream(&mut bench, KINDS[0].1);
+    give(&mut bench, OTHER, StateCommand::Pause);
+    let early = ServoCommand { client_id: CLIENT + 2, ..here(&mut bench) };
+    assert_eq!(bench.send(early), Refusal::Paused);
+    give(&mut bench, OTHER, StateCommand::Resume);
+    bench.run(600);
+    for client_id in [CLIENT + 2, CLIENT] {
+        let goes_on = ServoCommand { client_id, sequence: 9999, ..here(&mut bench) };
+        assert_eq!(bench.send(goes_on), Refusal::BrokenOff, "{client_id}");
+    }
+    // Killed in motion, and started again.
+    let started = ServoCommand { client_id: CLIENT + 3, ..here(&mut bench) };
+    assert_eq!(bench.send(started), Refusal::None);
+}
+
+#[test]
+fn a_hold_holds_the_stream_of_its_own_client_too() {
+    let mut bench = bench();
+    stream(&mut bench, KINDS[0].1);
+    give(&mut bench, CLIENT, StateCommand::Hold);
+    assert!(!go_on(&mut bench, 3000));
+    // Who presses it twice means it.
+    give(&mut bench, CLIENT, StateCommand::Hold);
+    assert!(!go_on(&mut bench, 1000));
+    bench.run(1000);
+    give(&mut bench, CLIENT, StateCommand::Hold);
+    assert!(go_on(&mut bench, 100));
+}
+
+#[test]
+fn no_loop_of_requests_undoes_a_stop() {
+    for (stop, again) in [
+        (StateCommand::Disable, StateCommand::Enable),
+        (StateCommand::Pause, StateCommand::Resume),
+        (StateCommand::Pause, StateCommand::Move),
+        (StateCommand::Disable, StateCommand::Move),
+    ] {
+        let mut bench = Bench::enabled_with(config(""), Some(standard_model()));
+        let ask = |bench: &mut Bench, ticks: usize| {
+            for k in 0..ticks / 300 {
+                let to = rad((k % 2) as f64, 0.0);
+                bench.pose = (again == StateCommand::Move).then_some((to, 2));
+                bench.ask_as(CLIENT, again);
+                bench.run(299);
+            }
+        };
+        ask(&mut bench, 3000);
+        give(&mut bench, OTHER, stop);
+        ask(&mut bench, 3000);
+        assert_ne!(bench.state(), OperatingState::Enabled, "{again} undid {stop}");
+        // Somebody else may, and the loop still moves nothing.
+        let is_pause = stop == StateCommand::Pause;
+        let start = if is_pause { StateCommand::Resume } else { StateCommand::Enable };
+        give(&mut bench, OTHER, start);
+        bench.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
+        let held = bench.targets();
+        ask(&mut bench, 3000);
+        assert_eq!(bench.targets(), held, "{again} after {start}");
+    }
+}
+
+#[test]
+fn what_moves_or_powers_is_refused_when_it_is_older_than_its_client_waits() {
+    use StateCommand::{Acknowledge, Condition, Enable, Home, Move, Release, Resume, Unhome};
+    let late = Nanos::from_millis(1000);
+    for command in [Enable, Home, Unhome, Acknowledge, Condition, Move, Resume, Release] {
+        for robot in [Bench::homed, Bench::enabled, Bench::faulted] {
+            let mut bench = robot();
+            let before = (bench.state(), bench.report().busy, bench.targets());
+            bench.request_age = late;
+            bench.pose = (command == Move).then_some((rad(5.0, 0.0), 2));
+            assert_eq!(bench.ask(command), Refusal::Stale, "{command}");
+            bench.run(500);
+            assert_eq!((bench.state(), bench.report().busy, bench.targets()), before, "{command}");
+        }
+    }
+    for stop in [StateCommand::Hold, StateCommand::Pause, StateCommand::Disable] {
+        let mut bench = Bench::enabled();
+        assert_eq!(bench.actuator([20, 0]), Refusal::None);
+        bench.request_age = Nanos::from_millis(100_000);
+        assert_eq!(bench.ask(stop), Refusal::None, "{stop}");
+    }
+}
+
+/// Ids that change with every command push nobody out who has to begin anew.
+#[test]
+fn a_flood_of_clients_makes_nobody_forgotten() {
+    let mut bench = bench();
+    stream(&mut bench, KINDS[0].1);
+    give(&mut bench, OTHER, StateCommand::Hold);
+    for k in 0..90 {
+        let flood = ServoCommand { client_id: 1000 + k, ..here(&mut bench) };
+        assert_eq!(bench.send(flood), Refusal::BrokenOff);
+        if k % 20 == 0 {
+            assert_eq!(is_followed(&mut bench), Refusal::BrokenOff, "{k}");
+        }
+        bench.run(9);
+    }
+    bench.run(1000);
+    let new = ServoCommand { client_id: CLIENT + 4, ..here(&mut bench) };
+    assert_eq!(bench.send(new), Refusal::None);
+    assert_eq!(is_followed(&mut bench), Refusal::Lease);
+}
