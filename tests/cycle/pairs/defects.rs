@@ -17,7 +17,8 @@ const MOTORS: &str = "src/core/motion/velocity_limit.rs";
 const BOUNDS: &str = "src/core/motion/joint_limits.rs";
 const REGIONS: &str = "src/core/motion/virtual_fixtures/distances.rs";
 const GOALS: &str = "src/core/command/range_check.rs";
-const STAMPS: &str = "src/core/command/sequence_record.rs";
+const STAMPS: &str = "src/core/command/client_stream.rs";
+const SESSIONS: &str = "src/core/command/sessions.rs";
 
 /// The gate without the limits of the motors.
 const NO_MOTORS: Edit =
@@ -26,7 +27,7 @@ const NO_MOTORS: Edit =
 /// What is replaced by what, in which file.
 type Edit = (&'static str, &'static str, &'static str);
 
-const DEFECTS: [(&str, &[Edit]); 16] = [
+const DEFECTS: [(&str, &[Edit]); 18] = [
     (
         "the gate checks nothing",
         &[(
@@ -123,9 +124,17 @@ const DEFECTS: [(&str, &[Edit]); 16] = [
     (
         "a goal is integrated from stamps that go back",
         &[
-            (STAMPS, "if stamp < last.stamp =>", "if stamp < last.stamp && sequence == 0 =>"),
+            (STAMPS, "if stamp < self.stamp {", "if stamp < self.stamp && sequence == 0 {"),
             (GOALS, "begin = self.stamp.max(before.stamp());", "begin = self.stamp;"),
         ],
+    ),
+    (
+        "a stop ends no session",
+        &[(SESSIONS, "|client| client.has_ended = true", "|client| client.has_ended |= false")],
+    ),
+    (
+        "a stream through a pause is no refusal for the state",
+        &[(SESSIONS, "|= of_state.contains(&refusal)", "|= of_state.is_empty()")],
     ),
     (
         "nothing checks regions of the tip",
