@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use i2ris::clock;
-use i2ris::config::Config;
+use i2ris::config::{Config, HomingMethod};
 use i2ris::ipc::client::Client;
 use i2ris::ipc::{Domain, StateCommand};
 use i2ris::units::Nanos;
@@ -18,21 +18,27 @@ use crate::start::wait;
 /// How long the controller holds before it is killed.
 const HOLDS: Nanos = Nanos::from_millis(2000);
 
-/// Starts both on the configuration, has the drives switched on, and kills the controller. What the
-/// watchdog said of it.
+/// Starts both, has the drives switched on, and kills the controller. What the watchdog said of it.
+///
+/// Nothing moves: whatever the homing of the configuration is, the present pose becomes the zero.
 pub fn kill_controller(
     config: &Config,
-    file: &Path,
     folder: &Path,
     interrupt: &Interrupt,
 ) -> Result<String, Failure> {
+    let mut config = config.clone();
+    let axes = config.ports.iter_mut().flat_map(|port| &mut port.axes);
+    axes.for_each(|axis| axis.homing = HomingMethod::Here);
+    let file = folder.join("kill.toml");
+    fs::write(&file, toml::to_string(&config)?)
+        .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
     let domain = Domain::new(&config.domain)?;
     let start = |name: &'static str| -> Result<Process, Failure> {
         let program = find(name).ok_or(format!("there is no program i2ris-{name}"))?;
         let mut command = Command::new(program);
         command.env("I2RIS_DOMAIN", domain.name());
         let _ = fs::remove_file(folder.join(format!("{name}.log")));
-        Process::start(name, command.arg("--config").arg(file), folder)
+        Process::start(name, command.arg("--config").arg(&file), folder)
     };
     let log = folder.join("watchdog.log");
     let said = |word: &str| fs::read_to_string(&log).is_ok_and(|text| text.contains(word));

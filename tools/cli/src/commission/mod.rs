@@ -72,7 +72,6 @@ pub struct Arguments {
 
 struct SerialLines<'a> {
     config: &'a Config,
-    file: &'a Path,
     folder: &'a Path,
     interrupt: &'a Interrupt,
 }
@@ -85,7 +84,7 @@ impl Lines for SerialLines<'_> {
     }
 
     fn kill_controller(&mut self) -> Result<String, Failure> {
-        kill::kill_controller(self.config, self.file, self.folder, self.interrupt)
+        kill::kill_controller(self.config, self.folder, self.interrupt)
     }
 }
 
@@ -93,13 +92,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let interrupt = Interrupt::catch_with(|| clock::sleep(SWITCHES_OFF))?;
     let mut person = Terminal::new(interrupt.clone())?;
     let Arguments { config: file, folder, device } = arguments;
-    let config = Config::load(file)?;
+    // Its files are those beside it, also for a copy in the folder.
+    let config = Config::load(&fs::canonicalize(file).unwrap_or_else(|_| file.clone()))?;
     let device = device.as_deref().map(DeviceFile::load).transpose()?;
     fs::create_dir_all(folder)
         .map_err(|error| format!("--folder {}: {error}", folder.display()))?;
     let record = taken_up(&config, fs::read_to_string(file)?, folder, &mut person)?;
     let caught = interrupt.clone();
-    let mut lines = SerialLines { config: &config, file, folder, interrupt: &interrupt };
+    let mut lines = SerialLines { config: &config, folder, interrupt: &interrupt };
     let mut session = Session {
         config: &config,
         lines: &mut lines,

@@ -4,14 +4,17 @@
 use std::fs;
 
 use i2ris::clock;
+use i2ris::config::HomingMethod;
 use i2ris_simulation::Line;
 use i2ris_testing::{Program, Rig, Terminal, wait_until};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::bench::assert_says;
 
 fn is_powered(rig: &Rig) -> bool {
-    rig.emulator.snapshot().axes.iter().any(|axis| axis.drive.state.is_powered())
+    let seen = rig.emulator.snapshot();
+    let drives = seen.axes.map(|axis| axis.drive).into_iter().chain(seen.auxiliary);
+    drives.into_iter().any(|drive| drive.state.is_powered())
 }
 
 #[test]
@@ -68,4 +71,60 @@ fn a_commissioning_is_left_at_every_moment_and_taken_up_again_and_drives_are_off
     terminal.type_keys("yes\n");
     terminal.wait_for("in use by another program");
     assert!(!terminal.end().success());
+}
+
+/// A robot whose commissioning has come to a stage, and the words that take it up there.
+fn at_stage(rig: &Rig, next: usize) -> Vec<String> {
+    let (config, result) = (rig.folder.path().join("day.toml"), rig.folder.path().join("result"));
+    let text = toml::to_string(&rig.config).unwrap();
+    fs::write(&config, &text).unwrap();
+    fs::create_dir(&result).unwrap();
+    let names = ["identify", "settings", "power", "steps", "gear", "exchanges", "stops"];
+    let done = |stage| json!({ "stage": stage, "outcome": "done", "at": "", "text": "" });
+    let stages: Vec<Value> = names.iter().take(next - 1).map(done).collect();
+    let record = json!({
+        "robot_id": "rig", "software": "", "config": text, "stages": stages, "findings": [],
+        "differences": [], "exchanges": [], "sweeps": [], "changes": []
+    });
+    fs::write(result.join("commission.json"), record.to_string()).unwrap();
+    let [config, result] = [config, result].map(|path| path.to_str().unwrap().to_owned());
+    ["commission".to_owned(), "--config".to_owned(), config, "--folder".to_owned(), result].into()
+}
+
+/// Where the motors are, counts, whatever their zero is.
+fn motors(rig: &Rig) -> Vec<f64> {
+    let seen = rig.emulator.snapshot();
+    let axes = seen.axes.map(|axis| axis.drive.motor_counts);
+    axes.into_iter().chain(seen.auxiliary.map(|drive| drive.motor_counts)).collect()
+}
+
+fn farthest(now: &[f64], before: &[f64]) -> f64 {
+    now.iter().zip(before).map(|(now, before)| (now - before).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn h12_no_motor_moves_while_a_controller_is_killed_whatever_its_homing() {
+    let mut rig = Rig::start();
+    let methods = [HomingMethod::StopPositive, HomingMethod::StopNegative, HomingMethod::Here];
+    for (axis, homing) in rig.config.ports.iter_mut().flat_map(|it| &mut it.axes).zip(methods) {
+        axis.homing = homing;
+    }
+    let words = at_stage(&rig, 7);
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let mut terminal = Terminal::start(&rig.domain(), &words, 70, 120);
+    let before = motors(&rig);
+    for (question, answer) in [
+        ("1 of 7", "yes\n"),
+        ("7 of 7", "yes\n"),
+        ("THE CABLE", "no\n"),
+        ("THE CONTROLLER", "kill\n"),
+        ("THE SUPPLY", "no\n"),
+    ] {
+        terminal.wait_for(question);
+        terminal.type_keys(answer);
+    }
+    terminal.wait_for("every drive is stopped by the watchdog");
+    assert!(terminal.end().success() && !is_powered(&rig));
+    let now = motors(&rig);
+    assert!(farthest(&now, &before) < 3.0, "from {before:?} to {now:?}");
 }
