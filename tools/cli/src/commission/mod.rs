@@ -8,9 +8,11 @@
 //! | `watch`, `guard`, `node` | who may move how far; a drive with power; a drive |
 //! | `reading`, `moving`, `stopping` | the stages |
 //! | `record`, `page`, `proposal` | what was found, in a file and on a page; the configuration |
+//! | `held_port` | a process that cuts the power when this one ends or is suspended |
 //! | `kill` | a controller that is killed |
 
 mod guard;
+mod held_port;
 mod kill;
 mod moving;
 mod node;
@@ -34,12 +36,12 @@ use std::{fs, iter};
 use i2ris::clock;
 use i2ris::config::{Config, PortConfig};
 use i2ris::drive::DriveError;
-use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::units::Nanos;
 use i2ris_report::files::replace;
 use i2ris_report::{Failure, Interrupt};
 use i2ris_simulation::drive::DeviceFile;
 
+use held_port::HeldPort;
 use person::{Person, Terminal};
 use record::Record;
 use session::{Lines, Session, keep};
@@ -56,8 +58,9 @@ const SWITCHES_OFF: Nanos = Nanos::from_millis(5000);
   i2ris commission --config my-robot.toml --device motor.dcf
 
 Every stage says what will move and how to stop it, and waits for a word. Nothing moves before, and
-no motor goes more than 20 counts without a second permission. It can be left at any time: the drives
-are switched off, and the same command takes it up again. No controller may run meanwhile.")]
+no motor goes more than 20 counts without a second permission. It can be left at any time, also killed or
+suspended: the drives are switched off, and the same command takes it up again. No controller may run
+meanwhile.")]
 pub struct Arguments {
     /// The configuration of the controller
     #[arg(long, value_name = "FILE")]
@@ -77,10 +80,10 @@ struct SerialLines<'a> {
 }
 
 impl Lines for SerialLines<'_> {
-    type Line = SerialTransport;
+    type Line = HeldPort;
 
-    fn open(&mut self, _number: usize, port: &PortConfig) -> Result<SerialTransport, DriveError> {
-        SerialTransport::open(port)
+    fn open(&mut self, _number: usize, port: &PortConfig) -> Result<HeldPort, DriveError> {
+        HeldPort::open(port)
     }
 
     fn kill_controller(&mut self) -> Result<String, Failure> {

@@ -7,6 +7,7 @@ use i2ris::clock;
 use i2ris::config::HomingMethod;
 use i2ris_simulation::Line;
 use i2ris_testing::{Program, Rig, Terminal, wait_until};
+use nix::sys::signal::{Signal, kill};
 use serde_json::{Value, json};
 
 use crate::bench::assert_says;
@@ -100,6 +101,31 @@ fn motors(rig: &Rig) -> Vec<f64> {
 
 fn farthest(now: &[f64], before: &[f64]) -> f64 {
     now.iter().zip(before).map(|(now, before)| (now - before).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_commissioning_that_is_killed_or_suspended_in_a_pulse_leaves_no_drive_with_power() {
+    for signal in [Signal::SIGKILL, Signal::SIGSTOP] {
+        let rig = Rig::start();
+        let words = at_stage(&rig, 4);
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let mut terminal = Terminal::start(&rig.domain(), &words, 70, 120);
+        for stage in ["1 of 7", "4 of 7"] {
+            terminal.wait_for(stage);
+            terminal.type_keys("yes\n");
+        }
+        let before = motors(&rig);
+        wait_until("a pulse turns a motor", || farthest(&motors(&rig), &before) > 0.5);
+        kill(terminal.pid(), signal).unwrap();
+        wait_until("no drive has power", || !is_powered(&rig));
+        let now = motors(&rig);
+        assert!(farthest(&now, &before) < 100.0, "{signal}: from {before:?} to {now:?}");
+        kill(terminal.pid(), Signal::SIGCONT).unwrap();
+        assert!(!terminal.end().success() && !is_powered(&rig), "{signal}");
+        let dump = ["drives", "dump", "--config", words[2]];
+        let (is_free, _, error) = Program::run(&rig.domain(), &dump);
+        assert!(is_free, "{signal}: {error}");
+    }
 }
 
 #[test]
