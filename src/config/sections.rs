@@ -26,7 +26,7 @@ pub struct ControlConfig {
     /// which is what calibration needs.
     pub model: Option<PathBuf>,
     /// Start also with a model that was calibrated with other settings of the drives: gear,
-    /// encoder, gains, limits of current and position.
+    /// encoder, motor, gains.
     pub other_drive: bool,
 }
 

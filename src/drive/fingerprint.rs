@@ -1,14 +1,14 @@
 //! The fingerprint of a drive: every setting that it has, and the comparison of two of them.
 //!
-//! Reads only. A model belongs to the settings of its calibration: with another gear, encoder, gain
-//! or limit, the same counts bend the snake otherwise, or are not reached.
+//! Reads only. A model belongs to the settings of its calibration: with another gear, encoder or
+//! gain, the same counts bend the snake otherwise.
 
 use std::collections::BTreeSet;
 
 use super::abort_code::AbortCode;
 use super::bring_up::{DriveNode, explain, learn_constants};
 use super::error::{AxisError, DriveError, LinkError};
-use super::family_selection::{family_of_axis, family_of_port};
+use super::family_selection::{family_of_axis, family_of_line, family_of_port};
 use super::link::DriveLink;
 use super::object::Address;
 use super::objects::{self, Entry};
@@ -16,12 +16,13 @@ use super::serial_transport::SerialTransport;
 use super::transport::Transport;
 use crate::config::{AxisConfig, Family, PortConfig};
 use crate::robot::DriveFingerprint;
+use crate::units::Counts;
 
-/// Objects, all subindices, on which a model depends: encoder, gear, gains, limits of current and
-/// position.
-const OF_MODEL: [u16; 14] = [
-    0x2210, 0x2230, 0x3000, 0x3001, 0x3003, 0x3010, 0x30A0, 0x30A1, 0x30A2, 0x607D, 0x60F6, 0x60F9,
-    0x60FB, 0x6410,
+/// Objects, all subindices, on which a model depends: encoder, gear, motor, gains. What the
+/// configuration writes of them does not count: a raised limit makes no other drive.
+const OF_MODEL: [u16; 13] = [
+    0x2210, 0x2230, 0x3000, 0x3001, 0x3003, 0x3010, 0x30A0, 0x30A1, 0x30A2, 0x60F6, 0x60F9, 0x60FB,
+    0x6410,
 ];
 
 /// The object as a key of a fingerprint.
@@ -125,9 +126,17 @@ pub fn differences(
     keys.into_iter().filter_map(difference).collect()
 }
 
+/// Keys of what the configuration writes into a drive.
+fn settings_written(family: Family) -> impl Iterator<Item = String> {
+    let written = family_of_line(family).settings(&AxisConfig::new(0, 0, [Counts(0); 2]));
+    written.into_iter().map(|it| format!("0x{:04X}:{:02X}", it.object.index, it.object.subindex))
+}
+
 fn is_of_model(key: &str) -> bool {
     let index = key.get(2..6).and_then(|index| u16::from_str_radix(index, 16).ok());
+    let is_written = |family| settings_written(family).any(|it| key == it);
     index.is_some_and(|index| OF_MODEL.contains(&index))
+        && ![Family::Epos4, Family::Epos2].into_iter().any(is_written)
 }
 
 fn name(drive: &DriveFingerprint, key: &str) -> &'static str {
@@ -192,7 +201,10 @@ mod tests {
                 let expected = format!("motor 1: {name} ({}) {value} -> {}", key(entry), value + 1);
                 assert_eq!(text, &expected);
                 let of_model = differences_of_model(from_ref(&before), from_ref(&after), 2);
-                assert_eq!(of_model.len(), usize::from(OF_MODEL.contains(&entry.index)), "{text}");
+                let is_limit = [(0x3001, 2), (0x6410, 2), (0x6410, 4)]
+                    .contains(&(entry.index, entry.subindex));
+                let counts = OF_MODEL.contains(&entry.index) && !is_limit;
+                assert_eq!(of_model.len(), usize::from(counts), "{text}");
                 assert!(differences_of_model(from_ref(&before), from_ref(&after), 1).is_empty());
                 after.settings.remove(&key(entry));
                 assert!(differences(&before, &after, false)[0].ends_with("-> absent"));

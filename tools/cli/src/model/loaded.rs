@@ -36,8 +36,8 @@ pub struct UseArguments {
     /// Only have it checked and kept ready; the same command without this takes it into use
     #[arg(long, conflicts_with_all = ["no_condition", "enable", "home"])]
     no_activate: bool,
-    /// Also a model that was calibrated with other settings of the drives: another gear, encoder,
-    /// gain or limit
+    /// Also a model that was calibrated with other settings of the drives: another gear, encoder
+    /// or gain
     #[arg(long)]
     other_drive: bool,
     /// Condition nothing, so that nothing moves; a model whose memory is unknown is then refused

@@ -75,9 +75,10 @@ fn settings_of_drives_are_dumped_compared_and_kept_by_models_and_recordings() {
         &["same"],
     );
     let mut other = drives.clone();
-    *other[1].settings.get_mut("0x3001:02").unwrap() += 1;
+    *other[1].settings.get_mut("0x3010:01").unwrap() += 1;
+    let pulses = drives[1].settings["0x3010:01"];
     bench.write("other.json", &serde_json::to_string(&other).unwrap());
-    let named = format!("motor 1: output current limit (0x3001:02) {} -> {limit}", limit + 1);
+    let named = format!("motor 1: encoder pulses (0x3010:01) {} -> {pulses}", pulses + 1);
     let said = bench.run("drives compare other.json now.json");
     assert_eq!((said.code, said.output.trim()), (Some(1), named.as_str()), "{}", said.error);
 
@@ -100,9 +101,18 @@ fn settings_of_drives_are_dumped_compared_and_kept_by_models_and_recordings() {
     let named_both = "motor 0: output current limit (0x3001:02) 301 -> 300\nmotor 1: output";
     assert_says(&said.output, &[named_both]);
 
-    // A model of that drive is refused, unless it is told.
+    // A model of that drive is refused, unless it is told; one of other limits of the configuration
+    // is of the same drive.
     let sample = rig.sample_model("sample.json", "rig", 1.0);
     let mut file = ModelFile::parse(&fs::read_to_string(&sample).unwrap()).unwrap();
+    let mut limited = drives.clone();
+    for key in ["0x3001:02", "0x607D:01", "0x607D:02"] {
+        *limited[1].settings.get_mut(key).unwrap() -= 1;
+    }
+    file.training.drives = limited;
+    let same = sample.with_file_name("same.json");
+    file.write(&same).unwrap();
+    succeeds(&domain, &format!("model use {} --no-activate", same.display()));
     file.training.drives = other;
     let strange = sample.with_file_name("strange.json");
     file.write(&strange).unwrap();
