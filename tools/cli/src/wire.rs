@@ -10,6 +10,7 @@ use i2ris::drive::family_selection::family_of_line;
 use i2ris::drive::link::replay::replay;
 use i2ris::drive::objects::{Entry, find};
 use i2ris_report::Failure;
+use i2ris_report::exit::{Coded, INCOMPLETE};
 
 /// Differences of a port that are printed.
 const MOST_SHOWN: usize = 5;
@@ -79,7 +80,8 @@ fn whole(file: &Path, capture: &CaptureFile) -> Result<(), Failure> {
     }
     let events: usize = capture.ports.iter().map(|port| port.events.len()).sum();
     let file = file.display();
-    Err(format!("{file} is cut: these are the {events} events in front of the cut").into())
+    let sentence = format!("{file} is cut: these are the {events} events in front of the cut");
+    Err(Coded { code: INCOMPLETE, sentence }.into())
 }
 
 fn header(port: &CapturedPort) -> String {
