@@ -39,6 +39,30 @@ pub enum DrivePower {
     NotKnown,
 }
 
+/// What is known of the power of all drives, by what they say of themselves and not by what they were
+/// asked for. Every text about it is from here: a person puts a hand there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum KnownPower {
+    /// Every drive says that it has none.
+    Off,
+    /// Every drive says that it has none, or that it is in quick stop.
+    Stopped,
+    /// A drive has power, or says nothing.
+    NotOff,
+}
+
+impl KnownPower {
+    /// As a part of a sentence.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Off => "every drive is off",
+            Self::Stopped => "every drive is in quick stop or off",
+            Self::NotOff => "not every drive says that it is off",
+        }
+    }
+}
+
 impl AxisPhase {
     /// What the phase says of the power.
     #[must_use]

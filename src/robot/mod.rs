@@ -11,7 +11,7 @@ mod reason;
 mod refusal;
 mod requests;
 
-pub use axis_phase::{AxisPhase, DrivePower};
+pub use axis_phase::{AxisPhase, DrivePower, KnownPower};
 pub use drive_fingerprint::DriveFingerprint;
 pub use measurement::{Measurement, Quantity};
 pub use operating_state::{Clip, Fault, OperatingState, Stop};

@@ -17,7 +17,7 @@ use super::error::ClientError;
 use super::subscription::Latest;
 use crate::clock;
 use crate::ipc::payload::{JointState, OperatingStateMsg};
-use crate::robot::{Cause, Fault, OperatingState, Refusal, StateCommand};
+use crate::robot::{Cause, Fault, KnownPower, OperatingState, Refusal, StateCommand};
 use crate::units::Nanos;
 
 /// Polling period.
@@ -30,12 +30,15 @@ const DRIVES_TIMEOUT: Nanos = Nanos::from_millis(15_000);
 const MOTION_TIMEOUT: Nanos = Nanos::from_millis(300_000);
 /// A robot that is not busy any more shows the effect after so long, or not at all: the encoders
 /// are read after the last setpoint was sent.
-const SETTLE: Nanos = Nanos::from_millis(1000);
+pub const SETTLE: Nanos = Nanos::from_millis(1000);
+/// The same of drives that are switched off in FAULT: they report it after some exchanges, and a
+/// quick stop.
+pub const SETTLE_OFF: Nanos = Nanos::from_millis(5000);
 /// A controller that has not reported its state for so long hangs.
-const SILENCE: Nanos = Nanos::from_millis(3000);
+pub const SILENCE: Nanos = Nanos::from_millis(3000);
 /// Distance of the setpoint from the goal at which a motion has arrived, rad (m): rounding to
 /// counts, and the dead-band.
-const ARRIVAL: f64 = 0.009;
+pub const ARRIVAL: f64 = 0.009;
 
 /// What a state says about a command that was accepted before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,7 +82,7 @@ impl OperatingStateMsg {
             }
             StateCommand::Disable if is_busy && !is_fault => otherwise(state == Some(Disabled)),
             StateCommand::Disable if is_fault || state == Some(Disabled) => {
-                done(has(Self::OFF), Progress::Ended)
+                done(self.power() == KnownPower::Off, Progress::Ended)
             }
             StateCommand::Disable => Progress::BrokenOff(why()),
             _ if is_fault && command == StateCommand::Acknowledge => otherwise(is_busy),
@@ -179,7 +182,8 @@ impl Client {
                     Progress::Busy => {}
                     Progress::Done | Progress::Ended => {
                         let since = *ended.get_or_insert(now);
-                        if now.duration_since(since) > SETTLE.max(limit_of_drives(command)) {
+                        let is_power = command == StateCommand::Disable;
+                        if now.duration_since(since) > if is_power { SETTLE_OFF } else { SETTLE } {
                             return Err(ClientError::NoEffect { command });
                         }
                     }
@@ -217,9 +221,4 @@ impl Client {
         let away = goal.iter().zip(&joint.position).map(|(goal, is)| (goal - is).powi(2));
         Ok(away.sum::<f64>().sqrt() < ARRIVAL)
     }
-}
-
-/// Drives that are switched off in FAULT report it after some exchanges, and a quick stop.
-fn limit_of_drives(command: StateCommand) -> Nanos {
-    if command == StateCommand::Disable { Nanos::from_millis(5000) } else { Nanos::ZERO }
 }

@@ -6,7 +6,7 @@ use crate::ipc::domain::DomainError;
 use crate::ipc::ready::{INTERFACE_VERSION, served_domains};
 use crate::ipc::service::TransportError;
 use crate::robot::{
-    Cause, Measurement, ModelAction, OperatingState, Reason, Refusal, StateCommand,
+    Cause, KnownPower, Measurement, ModelAction, OperatingState, Reason, Refusal, StateCommand,
 };
 use crate::units::Nanos;
 
@@ -136,12 +136,12 @@ pub enum ClientError {
 }
 
 /// What to do about a command whose effect is not known to be there.
-fn see(command: StateCommand) -> &'static str {
+fn see(command: StateCommand) -> String {
     match command {
         // A drive may still have power, and a person puts a hand there.
-        StateCommand::Disable => "not every drive says that it is off: cut the power",
-        StateCommand::Condition => "the hysteresis memory is unknown: condition again",
-        _ => "see the controller's log",
+        StateCommand::Disable => format!("{}: cut the power", KnownPower::NotOff.text()),
+        StateCommand::Condition => "the hysteresis memory is unknown: condition again".to_owned(),
+        _ => "see the controller's log".to_owned(),
     }
 }
 

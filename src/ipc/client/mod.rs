@@ -33,7 +33,7 @@ mod announcer;
 mod commander;
 mod controller_client;
 mod controller_link;
-mod effect;
+pub mod effect;
 mod error;
 mod external_publisher;
 mod forwarder;

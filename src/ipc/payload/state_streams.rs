@@ -3,7 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
-use crate::robot::{AxisPhase, REFUSED_CLIENTS, Refusal, Stop};
+use crate::robot::{AxisPhase, KnownPower, REFUSED_CLIENTS, Refusal, Stop};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
@@ -186,6 +186,16 @@ impl OperatingStateMsg {
             .find(own)
             .and_then(|((_, count), reason)| Some((*count, Refusal::from_number(*reason)?)))
             .unwrap_or((0, Refusal::None))
+    }
+
+    /// What the drives say of their power.
+    #[must_use]
+    pub fn power(&self) -> KnownPower {
+        match self.flags & (Self::OFF | Self::STOPPED) {
+            0 => KnownPower::NotOff,
+            Self::STOPPED => KnownPower::Stopped,
+            _ => KnownPower::Off,
+        }
     }
 
     /// Flag: every axis is homed.

@@ -3,7 +3,7 @@
 use i2ris::ipc::{Domain, OperatingState, StateCommand};
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
-use crate::command::prepare::carry_out;
+use crate::command::prepare::{FIRST_MESSAGE_TIMEOUT, carry_out};
 use crate::command::stream_monitor::StopReason;
 use crate::exit::name_holder;
 
@@ -31,11 +31,15 @@ pub fn run(arguments: &Arguments, command: StateCommand) -> Result<(), Failure> 
 
 fn change(domain: &Domain, arguments: &Arguments, command: StateCommand) -> Result<(), Failure> {
     let (mut client, interrupt) = (crate::command::prepare::connect(domain)?, Interrupt::catch()?);
-    let state = if arguments.no_wait {
-        client.state_command(command)?
+    let (state, message) = if arguments.no_wait {
+        let state = client.state_command(command)?;
+        // One that does not come says nothing of the power.
+        let newest = client.wait_for(FIRST_MESSAGE_TIMEOUT, |_| true);
+        (state, newest.unwrap_or_default())
     } else {
-        let state = carry_out(&mut client, command, &interrupt)?.state;
-        OperatingState::from_number(state).ok_or(StopReason::Unknown(state))?
+        let message = carry_out(&mut client, command, &interrupt)?;
+        let state = OperatingState::from_number(message.state);
+        (state.ok_or(StopReason::Unknown(message.state))?, message)
     };
     let report = if arguments.json {
         serde_json::json!({
@@ -44,13 +48,15 @@ fn change(domain: &Domain, arguments: &Arguments, command: StateCommand) -> Resu
         .to_string()
     } else {
         let how = if arguments.no_wait { "accepted" } else { "done" };
-        let stays = match (command, state) {
-            (StateCommand::Disable, OperatingState::Fault) => {
-                " until `i2ris command state acknowledge`; its drives are switched off"
-            }
+        let stays = match state {
+            OperatingState::Fault => " until `i2ris command state acknowledge`",
             _ => "",
         };
-        format!("{how}: {command}; the controller is {state}{stays}")
+        let power = match command {
+            StateCommand::Disable => format!("{stays}; {}", message.power().text()),
+            _ => String::new(),
+        };
+        format!("{how}: {command}; the controller is {state}{power}")
     };
     until_closed(Screen::stdout().say(&report))?;
     Ok(())

@@ -4,6 +4,7 @@ use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand, find_client_process};
+use i2ris::robot::KnownPower;
 use i2ris::units::Nanos;
 
 /// How long to wait for what there is to stop. The stop comes before the talk.
@@ -60,9 +61,8 @@ pub fn stop(client: &mut Client, domain: &Domain) -> Result<Stopped, ClientError
     let name = OperatingState::from_number(state.state).map_or("?", OperatingState::text);
     let how = match is_known {
         false => "NOT KNOWN to be still: a drive does not say so",
-        _ if state.flags & OperatingStateMsg::OFF != 0 => "every drive is off",
-        _ if state.flags & OperatingStateMsg::STOPPED != 0 => "every drive is in quick stop or off",
-        _ => "holds still",
+        true if state.power() == KnownPower::NotOff => "holds still",
+        true => state.power().text(),
     };
     Ok(Stopped { text: format!("the robot is {name}, {how}; stopped: {what}"), is_known })
 }

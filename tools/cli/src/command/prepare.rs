@@ -11,7 +11,7 @@ use super::stream_monitor::{StopReason, enabled};
 
 /// How long to wait for a controller that is just starting.
 pub const CONNECT: Nanos = Nanos::from_millis(2000);
-pub(super) const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
+pub const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 /// Time limit for what somebody else began.
 const MOTION_TIMEOUT: Nanos = Nanos::from_millis(300_000);
 

@@ -77,6 +77,9 @@ fn drives_that_do_not_answer_are_not_reported_to_be_off() {
     let parts = ["effect of `disable` is not known to be there", "cut the power"];
     fails(&rig.domain(), "disable", 8, &parts);
     fails(&rig.domain(), "stop", 8, &["FAULT, NOT KNOWN to be still"]);
+    let said = succeeds(&rig.domain(), "disable --no-wait");
+    let power = "until `i2ris command state acknowledge`; not every drive says that it is off";
+    assert_says(&said, &["accepted: disable; the controller is FAULT", power]);
     rig.emulator.mute(1, false);
 }
 
@@ -105,7 +108,7 @@ fn stop_holds_every_client_ends_every_motion_and_says_so() {
     let state = wait_until_holding(&mut client);
     assert!(has(&state, OperatingStateMsg::AT_REST) && !is_busy(&state));
     assert_says(&succeeds(&domain, "stop"), &["holds still; stopped: nobody"]);
-    succeeds(&domain, "disable");
+    assert_says(&succeeds(&domain, "disable"), &["the controller is DISABLED; every drive is off"]);
     assert_says(&succeeds(&domain, "stop"), &["DISABLED, every drive is off"]);
     fails(&nobody(), "stop", 3, &["NOT KNOWN to be stopped: no controller serves domain"]);
 }
