@@ -57,7 +57,7 @@ from .payload import (
     Version,
     VersionRequest,
 )
-from .reasons import FAULTS
+from .reasons import FAULTS, POWER
 from .recording import Recording
 from .requests import MARGIN_S, POLL_S, REPLY_TIMEOUT_S
 from .slots import ModelArm
@@ -411,7 +411,7 @@ class Arm:
         if not state.homed:
             lines.append("not homed: straighten the snake, then home(straightened=True)")
         elif state.state == "DISABLED":
-            lines.append("the drives are off: enable()")
+            lines.append(f"{POWER[state.off]}: enable()")
         elif state.state == "PAUSED":
             lines.append("paused: resume()")
         camera = self.external_jp()

@@ -6,51 +6,34 @@ import time
 
 import numpy as np
 
-from .reasons import ADVICE, STOPS
+from .reasons import (
+    ADVICE,
+    ARRIVAL_DEG,
+    DRIVES_S,
+    PROGRESS,
+    PROGRESS_FLAGS,
+    PROGRESS_STATES,
+    SETTLE_S,
+    SILENCE_S,
+    STOPS,
+)
 from .requests import POLL_S, Requests
 from .values import STOP_KIND, NoReply, OperatingState, Stopped
 
-#: Distance of the setpoint from the goal at which a motion has arrived, deg: rounding to counts, and the dead-band.
-ARRIVAL_DEG = 0.5
-#: The effect is there so long after the robot is no longer busy, or not at all, s. Drives go off by some exchanges.
-SETTLE_S, DRIVES_S = 1.0, 5.0
-#: A controller that has not reported its state for so long hangs, s.
-SILENCE_S = 3.0
 BUSY, ENDED, DONE, BROKEN_OFF = "busy", "ended", "done", "broken off"
+LETTERS = {"b": BUSY, "e": ENDED, "d": DONE, "x": BROKEN_OFF}
 
 
 def progress(command: str, state: OperatingState) -> str:
-    """What a state says about a command that was accepted before: the table of ``src/ipc/client/effect.rs``. ``ENDED``:
-    nothing goes on any more, and the effect is not there.
+    """What a state says about a command that was accepted before. ``ENDED``: nothing goes on any more, and the effect
+    is not there.
     """
-    is_fault, is_off = state.state == "FAULT", state.state == "DISABLED"
-
-    def otherwise(goes_on: bool) -> str:
-        return BUSY if goes_on else BROKEN_OFF
-
-    if command in ("enable", "resume"):
-        return DONE if state.state == "ENABLED" else otherwise(state.busy and not is_fault)
-    if command == "disable":
-        if state.busy and not is_fault:
-            return otherwise(is_off)
-        return (DONE if state.off else ENDED) if is_fault or is_off else BROKEN_OFF
-    if command == "acknowledge":
-        return otherwise(state.busy) if is_fault else BUSY if is_off and state.busy else DONE
-    if is_fault:
+    if state.state not in PROGRESS_STATES:
         return BROKEN_OFF
-    if command == "home":
-        return BROKEN_OFF if state.broken_off else BUSY if state.busy else DONE if state.homed else ENDED
-    if command == "unhome":
-        return ENDED if state.homed else DONE
-    if command == "pause":
-        return DONE if state.state == "PAUSED" and state.at_rest else otherwise(state.state == "PAUSED")
-    if command == "hold":
-        is_on = state.state in ("ENABLED", "PAUSED")
-        return DONE if is_on and state.holding and state.at_rest else otherwise(is_on and state.holding)
-    if state.broken_off or state.state != "ENABLED":
-        return BROKEN_OFF
-    is_there = command != "condition" or state.memory_known or not state.model
-    return BUSY if state.busy else DONE if is_there else ENDED
+    number = PROGRESS_STATES.index(state.state)
+    for flag in PROGRESS_FLAGS:
+        number = 2 * number + bool(getattr(state, flag))
+    return LETTERS[PROGRESS[command][number]]
 
 
 class Operation:

@@ -1,11 +1,15 @@
-//! What other languages get, written from the code: the payloads as a C++ header, and sentence and
-//! advice of every cause as a Python module.
+//! What other languages get, written from the code: the payloads as a C++ header; sentence and
+//! advice of every cause, and the effects of commands, as a Python module.
 
 use std::fmt::Write as _;
 
-use i2ris::ipc::payload::{Field, FieldType, LAYOUTS, Payload, PayloadLayout, SpanSummary};
+use i2ris::ipc::client::Progress;
+use i2ris::ipc::client::effect::{ARRIVAL, SETTLE, SETTLE_OFF, SILENCE};
+use i2ris::ipc::payload::{
+    Field, FieldType, LAYOUTS, OperatingStateMsg, Payload, PayloadLayout, SpanSummary,
+};
 use i2ris::ipc::ready::{ICEORYX2_VERSION, INTERFACE_VERSION};
-use i2ris::robot::{Cause, Quantity};
+use i2ris::robot::{Cause, KnownPower, OperatingState, Quantity, StateCommand, Stop};
 
 /// The complete module: sentences and advice by kind and number, and the units.
 pub fn python_reasons() -> String {
@@ -30,7 +34,67 @@ pub fn python_reasons() -> String {
         let _ = writeln!(text, "    {}: {:?},", quantity.number(), quantity.text());
     }
     text.push_str("}\n");
+    effects(&mut text);
     text
+}
+
+/// What the operating state says about a command: a letter for every state and all flags.
+fn effects(text: &mut String) {
+    const FLAGS: [(&str, u32); 7] = [
+        ("homed", OperatingStateMsg::HOMED),
+        ("busy", OperatingStateMsg::BUSY),
+        ("model", OperatingStateMsg::MODEL),
+        ("memory_known", OperatingStateMsg::MEMORY_KNOWN),
+        ("holding", OperatingStateMsg::HOLDING),
+        ("at_rest", OperatingStateMsg::AT_REST),
+        ("off", OperatingStateMsg::OFF),
+    ];
+    let letter = |command: StateCommand, number: usize| {
+        let (state, flags) = (number >> (FLAGS.len() + 1), number >> 1);
+        let set = FLAGS.iter().rev().enumerate().filter(|(bit, _)| flags >> bit & 1 == 1);
+        let stop = (number & 1 == 1).then_some(Stop::Command);
+        let flags = set.fold(OperatingStateMsg::broken_off_by(stop), |sum, (_, flag)| sum | flag.1);
+        let state = OperatingState::ALL.get(state).map_or(0, |state| state.number());
+        match (OperatingStateMsg { state, flags, ..Default::default() }).progress(command, 0) {
+            Progress::Busy => 'b',
+            Progress::Ended => 'e',
+            Progress::Done => 'd',
+            Progress::BrokenOff(_) => 'x',
+        }
+    };
+    let names = FLAGS.map(|(name, _)| format!("{name:?}")).join(", ");
+    let states = OperatingState::ALL.iter().map(|it| format!("{:?}", it.text()));
+    let _ = write!(
+        text,
+        "#: What a state says about a command that was accepted before, as in \
+         ``src/ipc/client/effect.rs``: busy, ended\n#: without its effect, done, or broken off (x). A \
+         letter for each state and all combinations of flags, the last\n#: one fastest.\n\
+         PROGRESS_STATES = ({})\nPROGRESS_FLAGS = ({names}, \"broken_off\")\nPROGRESS: dict[str, str] = {{\n",
+        states.collect::<Vec<_>>().join(", ")
+    );
+    let waits = |it: &&StateCommand| !matches!(it, StateCommand::Release | StateCommand::Fixture);
+    for command in StateCommand::ALL.iter().filter(waits) {
+        let all = 0..OperatingState::ALL.len() << (FLAGS.len() + 1);
+        let letters: Vec<char> = all.map(|number| letter(*command, number)).collect();
+        let lines = letters.chunks(102).map(|line| line.iter().collect::<String>());
+        let lines: String = lines.map(|line| format!("        {line:?}\n")).collect();
+        let _ = writeln!(text, "    {:?}: (\n{lines}    ),", command.text());
+    }
+    let _ = writeln!(
+        text,
+        "}}\n#: What is known of the power of the drives, by the flag ``off``.\nPOWER = ({:?}, {:?})\n\
+         #: Distance of the setpoint from the goal at which a motion has arrived, deg.\n\
+         ARRIVAL_DEG = {:.3}\n\
+         #: The effect is there so long after the robot is no longer busy, or not at all, s; that of \
+         drives that go off.\nSETTLE_S, DRIVES_S = {:?}, {:?}\n\
+         #: A controller that has not reported its state for so long hangs, s.\nSILENCE_S = {:?}",
+        KnownPower::NotOff.text(),
+        KnownPower::Off.text(),
+        ARRIVAL.to_degrees(),
+        SETTLE.as_seconds(),
+        SETTLE_OFF.as_seconds(),
+        SILENCE.as_seconds()
+    );
 }
 
 fn table(text: &mut String, name: &str, kind: u32, value: impl Fn(Cause) -> &'static str) {
