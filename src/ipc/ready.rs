@@ -5,12 +5,12 @@
 //! there, the lock is free or its successor does not serve yet), and one that was restarted
 //! (another boot id).
 
-use std::fs::{self, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::OpenOptionsExt;
 
 use super::domain::{Domain, DomainError, SHARED_MEMORY};
-use super::domain_lock::{DomainLock, is_served};
+use super::domain_lock::{DomainLock, LockedByte, is_locked, is_served};
 
 /// Version of the payloads and services. A client of another version gets an error.
 pub const INTERFACE_VERSION: u32 = 7;
@@ -81,9 +81,44 @@ pub fn served_domains() -> Vec<String> {
     names
 }
 
+/// User id and domain of the controllers of other users: root sees them all.
+#[must_use]
+pub fn served_by_others() -> Vec<(u32, String)> {
+    let own = nix::unistd::geteuid().as_raw();
+    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+    let served = entries.filter_map(|entry| {
+        let name = entry.file_name().into_string().ok()?;
+        let (user, domain) = name.strip_prefix("i2ris-")?.split_once('-')?;
+        let user = user.parse().ok().filter(|user| *user != own)?;
+        let lock = entry.path().join("lock");
+        // A pipe in its place would keep this process waiting.
+        let is_file = fs::symlink_metadata(&lock).is_ok_and(|it| it.is_file());
+        let is_served = |file: File| is_locked(&file, LockedByte::Serves);
+        (is_file && File::open(lock).is_ok_and(is_served)).then(|| (user, domain.to_owned()))
+    });
+    served.collect()
+}
+
 #[cfg(test)]
 mod tests {
+    use nix::libc;
+
     use super::*;
+    use crate::ipc::domain_lock::set_lock;
+
+    #[test]
+    fn the_controllers_of_other_users_are_named_while_they_serve() {
+        let (user, name) = (nix::unistd::geteuid().as_raw() + 1, std::process::id().to_string());
+        let folder = std::path::Path::new(SHARED_MEMORY).join(format!("i2ris-{user}-{name}"));
+        fs::create_dir(&folder).unwrap();
+        let lock = File::create(folder.join("lock")).unwrap();
+        let is_seen = || served_by_others().contains(&(user, name.clone()));
+        let was_seen = is_seen();
+        set_lock(&lock, LockedByte::Serves, libc::F_WRLCK).unwrap();
+        let (serves, own) = (is_seen(), served_domains());
+        fs::remove_dir_all(folder).unwrap();
+        assert!(!was_seen && serves && !own.contains(&name));
+    }
 
     #[test]
     fn the_version_of_iceoryx2_is_that_of_the_build() {

@@ -4,7 +4,7 @@ use std::thread;
 
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
-use i2ris::ipc::ready::served_domains;
+use i2ris::ipc::ready::{served_by_others, served_domains};
 use i2ris::units::Nanos;
 use i2ris_report::exit::{self, Coded, NOT_KNOWN};
 use i2ris_report::stop::stop;
@@ -19,7 +19,8 @@ const CONNECT: Nanos = Nanos::from_millis(500);
 nothing moves. Says what it stopped and the state after. The drives stay on: `i2ris disable` \
 switches them off. It is no substitute for a switch that cuts the power.
 
-Without --domain it stops every robot of this user: who is in a hurry does not choose."
+Without --domain it stops every robot of this user: who is in a hurry does not choose. Of robots of
+other users, which root sees, it says how to stop them."
 )]
 pub struct Arguments {
     /// Stop the robot of this domain only
@@ -33,9 +34,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         None => served_domains(),
     };
     if domains.is_empty() {
-        let sentence = "no controller of this user runs: nothing was stopped; if something moves, \
-                        cut the power"
-            .to_owned();
+        let others: String = others(&served_by_others()).map(|line| line + "; ").collect();
+        let sentence = format!(
+            "no controller of this user runs: nothing was stopped; {others}if something moves, cut the \
+             power"
+        );
         return Err(Coded { code: 3, sentence }.into());
     }
     // All at once: one that hangs keeps no other waiting.
@@ -53,7 +56,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             worst = worst.filter(|it| it.code >= coded.code).or(Some(coded));
         }
     }
+    // Those that can be stopped come first.
+    for line in others(&served_by_others()).filter(|_| arguments.domain.is_none()) {
+        until_closed(Screen::stdout().say(&line))?;
+    }
     worst.map_or(Ok(()), |worst| Err(worst.into()))
+}
+
+/// What to do about the robots of other users.
+fn others(served: &[(u32, String)]) -> impl Iterator<Item = String> {
+    served.iter().map(|(user, domain)| {
+        format!(
+            "domain {domain} of user {user} was NOT stopped: `sudo -u '#{user}' i2ris stop --domain \
+             {domain}`"
+        )
+    })
 }
 
 fn stop_one(name: &str) -> Result<String, Coded> {
@@ -71,5 +88,17 @@ fn stop_one(name: &str) -> Result<String, Coded> {
             let sentence = format!("NOT KNOWN to be stopped: {failure}; cut the power if in doubt");
             Err(Coded { code: exit::code(&failure), sentence })
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_that_stops_the_robot_of_another_user_is_named() {
+        let said: Vec<String> = others(&[(1001, "eye".to_owned())]).collect();
+        let command = "`sudo -u '#1001' i2ris stop --domain eye`";
+        assert_eq!(said, [format!("domain eye of user 1001 was NOT stopped: {command}")]);
     }
 }
