@@ -71,6 +71,20 @@ impl WatchdogStatus {
     }
 }
 
+/// The process of the watchdog of a domain, which has the file open, also if it hangs.
+#[must_use]
+pub fn watchdog_process(domain: &Domain) -> Option<u32> {
+    let (file, entries) = (domain.watchdog_file(), fs::read_dir("/proc").into_iter());
+    let is_it = |process: &PathBuf| {
+        let name = fs::read_to_string(process.join("comm")).unwrap_or_default();
+        let open = fs::read_dir(process.join("fd")).into_iter().flatten().flatten();
+        let mut open = open.filter_map(|it| fs::read_link(it.path()).ok());
+        name.trim_end() == "i2ris-watchdog" && open.any(|it| it == file)
+    };
+    let process = entries.flatten().flatten().map(|entry| entry.path()).find(is_it)?;
+    process.file_name()?.to_str()?.parse().ok()
+}
+
 /// Which ports these are, whatever their order.
 fn digest(devices: &[PathBuf]) -> [u8; 32] {
     let mut devices: Vec<&[u8]> =

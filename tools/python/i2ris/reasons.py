@@ -106,7 +106,7 @@ ADVICE: dict[tuple[int, int], str] = {
     (2, 26): "remove the cause of the fault (`i2ris status`), then `i2ris command state acknowledge`",
     (2, 27): "`i2ris disable`",
     (2, 28): "go on: nothing is to be done",
-    (2, 29): "read the log of `i2ris-watchdog`; let it hold every port, or `pkill -KILL i2ris-watchdog`",
+    (2, 29): "read the log of `i2ris-watchdog`; let it hold every port, or end the process that `i2ris doctor` names",
     (3, 1): "send faster, or with a longer deadline; look at the load of the computer",
     (3, 2): "check cable and supply (`i2ris doctor`)",
     (3, 3): "start `i2ris-watchdog --config FILE` again, and read its log",

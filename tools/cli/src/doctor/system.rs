@@ -10,7 +10,7 @@ use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::ready::Ready;
-use i2ris::ipc::watchdog_presence::WatchdogStatus;
+use i2ris::ipc::watchdog_presence::{WatchdogStatus, watchdog_process};
 use i2ris::realtime::{self, Wanted};
 use i2ris::units::Nanos;
 use i2ris::watchdog::PulseLine;
@@ -95,7 +95,7 @@ fn check_watchdog(config: &Config, report: &mut Report) {
         ),
         WatchdogStatus::Silent => (
             "is there, but hangs or is stopped: it cannot stop any drive",
-            "`pkill -KILL i2ris-watchdog`, and start it again; nothing can be enabled until then",
+            "`kill -KILL` this process, and start it again; nothing can be enabled until then",
         ),
         WatchdogStatus::OtherPorts => (
             "runs for other ports: it cannot stop every drive of this configuration",
@@ -106,7 +106,8 @@ fn check_watchdog(config: &Config, report: &mut Report) {
             "start `i2ris-watchdog` with the same configuration, before the first motion",
         ),
     };
-    report.warn("watchdog", found, fix);
+    let process = watchdog_process(&domain).map(|process| format!("process {process} "));
+    report.warn("watchdog", process.unwrap_or_default() + found, fix);
 }
 
 fn check_kernel(report: &mut Report) {

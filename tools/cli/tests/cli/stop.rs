@@ -1,14 +1,21 @@
 //! Stopping by name and by key, and what is said of a command that something else has ended.
 
+use std::fs;
+use std::process::{Command, Stdio};
+
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Watcher};
 use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_simulation::Injection;
 use i2ris_testing::{
-    Controller, Rig, TIMEOUT, Terminal, has, home_and_enable, wait_for, wait_until_holding,
+    Controller, Rig, TIMEOUT, Terminal, has, home_and_enable, program, wait_for, wait_until,
+    wait_until_holding,
 };
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 
 use crate::bench::{assert_says, end, ends, expect_stalls, fails, nobody, run, start, succeeds};
 
@@ -132,6 +139,25 @@ fn a_stop_is_sent_and_seen_however_many_watch() {
     succeeds(&domain, "disable");
     let state = client.wait_for(TIMEOUT, |_| true).unwrap().state;
     assert_eq!(state, OperatingState::Disabled.number());
+}
+
+#[test]
+fn a_watchdog_that_hangs_is_named_by_its_process() {
+    let rig = Rig::start();
+    let (domain, file) = (rig.domain(), rig.folder.path().join("watched.toml"));
+    fs::write(&file, toml::to_string(&rig.config).unwrap()).unwrap();
+    let mut command = Command::new(program::path("i2ris-watchdog"));
+    let mut watchdog = command.arg("--config").arg(&file).stderr(Stdio::null()).spawn().unwrap();
+    let status = || WatchdogStatus::read(&domain, &rig.config.devices(), clock::now());
+    wait_until("it watches", || status() == WatchdogStatus::Watching);
+    let pid = Pid::from_raw(watchdog.id().cast_signed());
+    kill(pid, Signal::SIGSTOP).unwrap();
+    wait_until("it hangs", || status() == WatchdogStatus::Silent);
+    let said = run(&domain, &format!("doctor --no-drives --config {}", file.display()));
+    watchdog.kill().unwrap();
+    watchdog.wait().unwrap();
+    let named = format!("process {pid} is there, but hangs or is stopped");
+    assert_says(&said.output, &[&named, "`kill -KILL` this process"]);
 }
 
 #[test]
