@@ -3,22 +3,24 @@
 use std::io::{self, BufRead, IsTerminal};
 
 use i2ris::clock;
-use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::{Client, Latest};
 use i2ris::ipc::payload::{ExternalPosition, JointState, Message};
+use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 use i2ris_report::{Failure, Interrupt, Screen, until_closed, while_working};
 
 use super::judgement::{MOST_SCATTER_DEG, Measured, Swing};
 use super::motion::{LENGTH_S, Observer, Pair, Plan, Series};
-use crate::command::prepare::{PrepareOptions, prepare};
+use crate::command::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
 use crate::command::stream::present_pose;
-use crate::command::stream_monitor::StreamMonitor;
+use crate::command::stream_monitor::{StopReason, StreamMonitor};
 
 const PERIOD: Nanos = Nanos::from_millis(5);
 /// Frames of the end are still on their way.
 const LAST_FRAMES_S: f64 = 0.5;
+/// A camera that shows no angle for so long cannot stop the motion.
+const BLIND: Nanos = Nanos::from_millis(1000);
 
 /// Moves, if that is permitted and makes sense. What stands against it is a no-go; an interrupt is
 /// an error.
@@ -51,9 +53,24 @@ pub fn run(
         }
         options = PrepareOptions::ENABLE;
     }
-    let moved = swing(client, options, interrupt);
-    let end = if moved.is_ok() { StateCommand::Release } else { StateCommand::Hold };
-    let released = client.state_command(end);
+    // The permission is one for a robot that nobody uses: it ends no stream, and no pause.
+    let state = client.wait_for(FIRST_MESSAGE_TIMEOUT, |_| true)?;
+    let holder = state.lease_client_id;
+    if ![0, client.id()].contains(&holder) {
+        return none(&format!("none: {}", StopReason::Lease(holder)));
+    }
+    if state.state == OperatingState::Paused.number() {
+        return none("none: somebody has paused the robot: `i2ris command state resume` first");
+    }
+    let moved = swing(client, options, measured.camera.is_some(), interrupt);
+    let state = client.operating_state().ok().flatten();
+    let holder = state.map_or(0, |state| state.lease_client_id);
+    let released = match moved {
+        // Somebody was quicker.
+        Err(_) if ![0, client.id()].contains(&holder) => Ok(()),
+        Err(_) => client.state_command(StateCommand::Hold).map(drop),
+        Ok(_) => client.state_command(StateCommand::Release).map(drop),
+    };
     let observer = match moved {
         Err(failure) if interrupt.came() => return Err(failure),
         Err(failure) => return none(&failure.to_string()),
@@ -85,6 +102,7 @@ fn is_yes(question: &str) -> Result<bool, Failure> {
 fn swing(
     client: &mut Client,
     options: PrepareOptions,
+    has_camera: bool,
     interrupt: &Interrupt,
 ) -> Result<Observer, Failure> {
     let state = prepare(client, options, interrupt)?;
@@ -95,6 +113,7 @@ fn swing(
     let (mut camera, mut goal) = (watcher.external(), Latest::new(watcher.goal_js()));
     let mut observer = Observer::new(plan);
     let begin = clock::now();
+    let mut shown = begin;
     let mut ticker = Ticker::new(begin, PERIOD, Nanos::ZERO);
     let time_s = |stamp: Nanos| (stamp.0 as f64 - begin.0 as f64) * 1e-9;
     let angles = |at: [f64; 3]| Pair::new(at[0].to_degrees(), at[1].to_degrees());
@@ -117,11 +136,15 @@ fn swing(
             camera.drain(|frame| {
                 let is_angle = frame.flags & ExternalPosition::VALID != 0 && frame.count == 2;
                 if is_angle && frame.stamp() > begin {
+                    shown = clock::now();
                     observer.see(Series::Camera, time_s(frame.stamp()), angles(frame.position));
                 }
             })?;
             if observer.is_too_far() || now_s > LENGTH_S + LAST_FRAMES_S {
                 return Ok(());
+            }
+            if has_camera && clock::now().duration_since(shown) > BLIND {
+                return Err("the camera has shown no angle for 1 s, and could not stop it".into());
             }
             if interrupt.came() {
                 return Err("interrupted; the snake stopped on its way and holds".into());
