@@ -40,41 +40,41 @@ pub fn python_reasons() -> String {
 
 /// What the operating state says about a command: a letter for every state and all flags.
 fn effects(text: &mut String) {
-    const FLAGS: [(&str, u32); 7] = [
-        ("homed", OperatingStateMsg::HOMED),
-        ("busy", OperatingStateMsg::BUSY),
-        ("model", OperatingStateMsg::MODEL),
-        ("memory_known", OperatingStateMsg::MEMORY_KNOWN),
-        ("holding", OperatingStateMsg::HOLDING),
-        ("at_rest", OperatingStateMsg::AT_REST),
-        ("off", OperatingStateMsg::OFF),
+    use OperatingStateMsg as Msg;
+    let all_flags = [
+        ("homed", Msg::HOMED),
+        ("busy", Msg::BUSY),
+        ("model", Msg::MODEL),
+        ("memory_known", Msg::MEMORY_KNOWN),
+        ("holding", Msg::HOLDING),
+        ("at_rest", Msg::AT_REST),
+        ("off", Msg::OFF),
+        ("broken_off", Msg::broken_off_by(Some(Stop::Command))),
     ];
     let letter = |command: StateCommand, number: usize| {
-        let (state, flags) = (number >> (FLAGS.len() + 1), number >> 1);
-        let set = FLAGS.iter().rev().enumerate().filter(|(bit, _)| flags >> bit & 1 == 1);
-        let stop = (number & 1 == 1).then_some(Stop::Command);
-        let flags = set.fold(OperatingStateMsg::broken_off_by(stop), |sum, (_, flag)| sum | flag.1);
-        let state = OperatingState::ALL.get(state).map_or(0, |state| state.number());
-        match (OperatingStateMsg { state, flags, ..Default::default() }).progress(command, 0) {
+        let set = all_flags.iter().rev().enumerate().filter(|(bit, _)| number >> bit & 1 == 1);
+        let flags = set.map(|(_, flag)| flag.1).sum();
+        let state = OperatingState::ALL[number >> all_flags.len()].number();
+        match (Msg { state, flags, ..Msg::default() }).progress(command, 0) {
             Progress::Busy => 'b',
             Progress::Ended => 'e',
             Progress::Done => 'd',
             Progress::BrokenOff(_) => 'x',
         }
     };
-    let names = FLAGS.map(|(name, _)| format!("{name:?}")).join(", ");
+    let names = all_flags.map(|(name, _)| format!("{name:?}")).join(", ");
     let states = OperatingState::ALL.iter().map(|it| format!("{:?}", it.text()));
     let _ = write!(
         text,
         "#: What a state says about a command that was accepted before, as in \
          ``src/ipc/client/effect.rs``: busy, ended\n#: without its effect, done, or broken off (x). A \
          letter for each state and all combinations of flags, the last\n#: one fastest.\n\
-         PROGRESS_STATES = ({})\nPROGRESS_FLAGS = ({names}, \"broken_off\")\nPROGRESS: dict[str, str] = {{\n",
+         PROGRESS_STATES = ({})\nPROGRESS_FLAGS = ({names})\nPROGRESS: dict[str, str] = {{\n",
         states.collect::<Vec<_>>().join(", ")
     );
     let waits = |it: &&StateCommand| !matches!(it, StateCommand::Release | StateCommand::Fixture);
     for command in StateCommand::ALL.iter().filter(waits) {
-        let all = 0..OperatingState::ALL.len() << (FLAGS.len() + 1);
+        let all = 0..OperatingState::ALL.len() << all_flags.len();
         let letters: Vec<char> = all.map(|number| letter(*command, number)).collect();
         let lines = letters.chunks(102).map(|line| line.iter().collect::<String>());
         let lines: String = lines.map(|line| format!("        {line:?}\n")).collect();
