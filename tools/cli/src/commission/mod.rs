@@ -33,10 +33,8 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::{fs, iter};
 
-use i2ris::clock;
 use i2ris::config::{Config, PortConfig};
 use i2ris::drive::DriveError;
-use i2ris::units::Nanos;
 use i2ris_report::files::replace;
 use i2ris_report::{Failure, Interrupt};
 use i2ris_simulation::drive::DeviceFile;
@@ -48,9 +46,6 @@ use session::{Lines, Session, keep};
 
 /// Exchanges of the histogram.
 const EXCHANGES: usize = 10_000;
-
-/// A second Ctrl-C ends the program after so long: the first one switches the drives off.
-const SWITCHES_OFF: Nanos = Nanos::from_millis(5000);
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -92,7 +87,7 @@ impl Lines for SerialLines<'_> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let interrupt = Interrupt::catch_with(|| clock::sleep(SWITCHES_OFF))?;
+    let interrupt = Interrupt::catch()?;
     let mut person = Terminal::new(interrupt.clone())?;
     let Arguments { config: file, folder, device } = arguments;
     // Its files are those beside it, also for a copy in the folder.
