@@ -59,7 +59,8 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         Refusal::NotDisabled => "`i2ris disable`",
         Refusal::NoFault => "go on: nothing is to be done",
         Refusal::Unwatched => {
-            "read the log of `i2ris-watchdog`; let it hold every port, or end the process that `i2ris doctor` names"
+            "read the log of `i2ris-watchdog`; let it hold every port, or end the process \
+             that `i2ris doctor` names"
         }
         Refusal::NotHomed => "straighten the snake, then `i2ris home`",
         Refusal::NoModel => {

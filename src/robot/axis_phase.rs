@@ -39,8 +39,8 @@ pub enum DrivePower {
     NotKnown,
 }
 
-/// What is known of the power of all drives, by what they say of themselves and not by what they were
-/// asked for. Every text about it is from here: a person puts a hand there.
+/// What is known of the power of all drives, by what they say of themselves and not by what they
+/// were asked for. Every text about it is from here: a person puts a hand there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum KnownPower {
     /// Every drive says that it has none.

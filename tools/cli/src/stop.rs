@@ -36,8 +36,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if domains.is_empty() {
         let others: String = others(&served_by_others()).map(|line| line + "; ").collect();
         let sentence = format!(
-            "no controller of this user runs: nothing was stopped; {others}if something moves, cut the \
-             power"
+            "no controller of this user runs: nothing was stopped; {others}if something moves, cut \
+             the power"
         );
         return Err(Coded { code: 3, sentence }.into());
     }
@@ -67,8 +67,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn others(served: &[(u32, String)]) -> impl Iterator<Item = String> {
     served.iter().map(|(user, domain)| {
         format!(
-            "domain {domain} of user {user} was NOT stopped: `sudo -u '#{user}' i2ris stop --domain \
-             {domain}`"
+            "domain {domain} of user {user} was NOT stopped: `sudo -u '#{user}' i2ris stop \
+             --domain {domain}`"
         )
     })
 }

@@ -67,8 +67,8 @@ fn effects(text: &mut String) {
     let _ = write!(
         text,
         "#: What a state says about a command that was accepted before, as in \
-         ``src/ipc/client/effect.rs``: busy, ended\n#: without its effect, done, or broken off (x). A \
-         letter for each state and all combinations of flags, the last\n#: one fastest.\n\
+         ``src/ipc/client/effect.rs``: busy, ended\n#: without its effect, done, or broken off (x). \
+         A letter for each state and all combinations of flags, the last\n#: one fastest.\n\
          PROGRESS_STATES = ({})\nPROGRESS_FLAGS = ({names})\nPROGRESS: dict[str, str] = {{\n",
         states.collect::<Vec<_>>().join(", ")
     );
@@ -82,11 +82,12 @@ fn effects(text: &mut String) {
     }
     let _ = writeln!(
         text,
-        "}}\n#: What is known of the power of the drives, by the flag ``off``.\nPOWER = ({:?}, {:?})\n\
+        "}}\n#: What is known of the power of the drives, by the flag ``off``.\n\
+         POWER = ({:?}, {:?})\n\
          #: Distance of the setpoint from the goal at which a motion has arrived, deg.\n\
          ARRIVAL_DEG = {:.3}\n\
-         #: The effect is there so long after the robot is no longer busy, or not at all, s; that of \
-         drives that go off.\nSETTLE_S, DRIVES_S = {:?}, {:?}\n\
+         #: The effect is there so long after the robot is no longer busy, or not at all, s; that \
+         of drives that go off.\nSETTLE_S, DRIVES_S = {:?}, {:?}\n\
          #: A controller that has not reported its state for so long hangs, s.\nSILENCE_S = {:?}",
         KnownPower::NotOff.text(),
         KnownPower::Off.text(),

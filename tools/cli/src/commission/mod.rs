@@ -53,9 +53,9 @@ const EXCHANGES: usize = 10_000;
   i2ris commission --config my-robot.toml --device motor.dcf
 
 Every stage says what will move and how to stop it, and waits for a word. Nothing moves before, and
-no motor goes more than 20 counts without a second permission. It can be left at any time, also killed or
-suspended: the drives are switched off, and the same command takes it up again. No controller may run
-meanwhile.")]
+no motor goes more than 20 counts without a second permission. It can be left at any time, also
+killed or suspended: the drives are switched off, and the same command takes it up again. No
+controller may run meanwhile.")]
 pub struct Arguments {
     /// The configuration of the controller
     #[arg(long, value_name = "FILE")]
