@@ -2,12 +2,21 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::command::deadline::{FUTURE_MARGIN, stale_age};
 use crate::core::fixture_change::FixtureChange;
 use crate::drive::AxisFeedback;
 use crate::model::ModelId;
 use crate::robot::{Measurement, Refusal, StateCommand};
 use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
+
+/// A tick begins before it reads the newest command, and other processors stamp the commands.
+pub const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
+
+/// The age of a command that was sent at `stamp`, if it is stale: as old as its deadline, or older.
+#[must_use]
+pub fn stale_age(stamp: Nanos, deadline: Nanos, now: Nanos) -> Option<Nanos> {
+    let age = now.duration_since(stamp);
+    (age >= deadline).then_some(age)
+}
 
 /// Inputs of one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

@@ -56,7 +56,6 @@ mod states;
 mod vector;
 
 pub use command::admission::{AdmissionContext, CommandAdmission, CommandCheck};
-pub use command::deadline::stale_age;
 pub use command::move_planning::LONGEST_MOVE;
 pub use command::refusal_record::ClientRefusals;
 pub use command::sessions::StreamOf;
@@ -65,7 +64,7 @@ pub use events::{CycleEvent, CycleEventKind, EventList, PlausibilityCheck};
 pub use fixture_change::{FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 pub use inputs::{
     CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal,
-    StateRequest, Validity,
+    StateRequest, Validity, stale_age,
 };
 pub use model_slots::{CandidateState, ModelCandidate, ModelSlots};
 pub use motion::auxiliary_axis::AuxiliaryReport;

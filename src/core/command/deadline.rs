@@ -4,22 +4,13 @@
 use serde::{Deserialize, Serialize};
 
 use crate::core::command::tip_goal::ON_SURFACE_M;
+use crate::core::inputs::{FUTURE_MARGIN, stale_age};
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
 use crate::robot::{Clip, Measurement, Refusal};
 use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
-/// A tick begins before it reads the newest command, and other processors stamp the commands.
-pub const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
-
 /// A robot that moves for more than a second after its client has died is out of control.
 const LONGEST_DEADLINE: Nanos = Nanos::from_millis(1000);
-
-/// The age of a command that was sent at `stamp`, if it is stale: as old as its deadline, or older.
-#[must_use]
-pub fn stale_age(stamp: Nanos, deadline: Nanos, now: Nanos) -> Option<Nanos> {
-    let age = now.duration_since(stamp);
-    (age >= deadline).then_some(age)
-}
 
 /// The configured deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

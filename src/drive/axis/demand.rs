@@ -139,8 +139,9 @@ impl AxisStateMachine {
     }
 
     fn report_target(&mut self, target: Counts, events: EventSink<'_>) {
-        let writable = self.writable();
-        let (min, max) = (Counts(*writable.start()), Counts(*writable.end()));
+        let is_out = !self.limits.contains(&target.0);
+        let range = if is_out { self.limits.clone() } else { self.writable() };
+        let (min, max) = (Counts(*range.start()), Counts(*range.end()));
         if !std::mem::replace(&mut self.reported.target, true) {
             self.report(PortEventKind::TargetRefused { target, min, max }, events);
         }

@@ -64,7 +64,7 @@ pub const LOST_SETPOINT: &str = "the controller has stopped the snake, because c
      or none were read; the motion goes on from where it is";
 
 /// Waits until no setpoint moves, and lets the stream begin as a new one: its own silence breaks
-/// nothing off. Somebody else who commands meanwhile is left alone, and is noticed by the lease.
+/// nothing off. `release` is deliberate in every state, and never switches on or resumes. Somebody else who commands meanwhile is left alone, and is noticed by the lease.
 pub fn begin_anew(client: &mut Client) -> Result<OperatingStateMsg, ClientError> {
     let id = client.id();
     let is_ours = |state: &OperatingStateMsg| [0, id].contains(&state.lease_client_id);
@@ -72,7 +72,7 @@ pub fn begin_anew(client: &mut Client) -> Result<OperatingStateMsg, ClientError>
         state.flags & OperatingStateMsg::AT_REST != 0 || !is_ours(state)
     })?;
     if is_ours(&state) {
-        client.state_command(StateCommand::Hold)?;
+        client.state_command(StateCommand::Release)?;
     }
     Ok(state)
 }
