@@ -8,7 +8,7 @@
 namespace i2ris {
 
 // The second word of the file `ready`. A controller with another one is of another release.
-constexpr int INTERFACE_VERSION = 6;
+constexpr int INTERFACE_VERSION = 7;
 // Versions of iceoryx2 refuse each other.
 constexpr const char* ICEORYX2_VERSION = "0.10.0";
 
@@ -444,19 +444,23 @@ static_assert(offsetof(TrialMsg, trial) == 48);
 static_assert(offsetof(TrialMsg, mark) == 112);
 
 struct ModelRequest {
-    static constexpr const char* IOX2_TYPE_NAME = "I2risModelRequestV1";
+    static constexpr const char* IOX2_TYPE_NAME = "I2risModelRequestV2";
     std::uint64_t client_id;
+    std::uint64_t stamp_ns;
+    std::uint64_t valid_ns;
     std::uint32_t action;
     std::uint32_t flags;
     std::uint8_t model_id[32];
     std::uint8_t path[1024];
 };
-static_assert(sizeof(ModelRequest) == 1072);
+static_assert(sizeof(ModelRequest) == 1088);
 static_assert(offsetof(ModelRequest, client_id) == 0);
-static_assert(offsetof(ModelRequest, action) == 8);
-static_assert(offsetof(ModelRequest, flags) == 12);
-static_assert(offsetof(ModelRequest, model_id) == 16);
-static_assert(offsetof(ModelRequest, path) == 48);
+static_assert(offsetof(ModelRequest, stamp_ns) == 8);
+static_assert(offsetof(ModelRequest, valid_ns) == 16);
+static_assert(offsetof(ModelRequest, action) == 24);
+static_assert(offsetof(ModelRequest, flags) == 28);
+static_assert(offsetof(ModelRequest, model_id) == 32);
+static_assert(offsetof(ModelRequest, path) == 64);
 
 struct ModelSlot {
     static constexpr const char* IOX2_TYPE_NAME = "I2risModelSlotV1";
@@ -511,15 +515,19 @@ static_assert(offsetof(BlackBoxReply, ticks) == 0);
 static_assert(offsetof(BlackBoxReply, text) == 8);
 
 struct StateCommandRequest {
-    static constexpr const char* IOX2_TYPE_NAME = "I2risStateCommandV1";
+    static constexpr const char* IOX2_TYPE_NAME = "I2risStateCommandV2";
     std::uint64_t client_id;
+    std::uint64_t stamp_ns;
+    std::uint64_t valid_ns;
     std::uint32_t command;
     std::uint32_t reserved;
 };
-static_assert(sizeof(StateCommandRequest) == 16);
+static_assert(sizeof(StateCommandRequest) == 32);
 static_assert(offsetof(StateCommandRequest, client_id) == 0);
-static_assert(offsetof(StateCommandRequest, command) == 8);
-static_assert(offsetof(StateCommandRequest, reserved) == 12);
+static_assert(offsetof(StateCommandRequest, stamp_ns) == 8);
+static_assert(offsetof(StateCommandRequest, valid_ns) == 16);
+static_assert(offsetof(StateCommandRequest, command) == 24);
+static_assert(offsetof(StateCommandRequest, reserved) == 28);
 
 struct StateCommandReply {
     static constexpr const char* IOX2_TYPE_NAME = "I2risStateCommandReplyV2";
@@ -543,30 +551,38 @@ static_assert(offsetof(StateCommandReply, flags) == 32);
 static_assert(offsetof(StateCommandReply, reserved) == 36);
 
 struct MoveRequest {
-    static constexpr const char* IOX2_TYPE_NAME = "I2risMoveRequestV1";
+    static constexpr const char* IOX2_TYPE_NAME = "I2risMoveRequestV2";
     std::uint64_t client_id;
+    std::uint64_t stamp_ns;
+    std::uint64_t valid_ns;
     double position[3];
     std::uint32_t count;
     std::uint32_t flags;
 };
-static_assert(sizeof(MoveRequest) == 40);
+static_assert(sizeof(MoveRequest) == 56);
 static_assert(offsetof(MoveRequest, client_id) == 0);
-static_assert(offsetof(MoveRequest, position) == 8);
-static_assert(offsetof(MoveRequest, count) == 32);
-static_assert(offsetof(MoveRequest, flags) == 36);
+static_assert(offsetof(MoveRequest, stamp_ns) == 8);
+static_assert(offsetof(MoveRequest, valid_ns) == 16);
+static_assert(offsetof(MoveRequest, position) == 24);
+static_assert(offsetof(MoveRequest, count) == 48);
+static_assert(offsetof(MoveRequest, flags) == 52);
 
 struct VirtualFixtureRequest {
-    static constexpr const char* IOX2_TYPE_NAME = "I2risVirtualFixtureRequestV1";
+    static constexpr const char* IOX2_TYPE_NAME = "I2risVirtualFixtureRequestV2";
     std::uint64_t client_id;
+    std::uint64_t stamp_ns;
+    std::uint64_t valid_ns;
     std::uint32_t action;
     std::uint32_t kind;
     double values[4];
 };
-static_assert(sizeof(VirtualFixtureRequest) == 48);
+static_assert(sizeof(VirtualFixtureRequest) == 64);
 static_assert(offsetof(VirtualFixtureRequest, client_id) == 0);
-static_assert(offsetof(VirtualFixtureRequest, action) == 8);
-static_assert(offsetof(VirtualFixtureRequest, kind) == 12);
-static_assert(offsetof(VirtualFixtureRequest, values) == 16);
+static_assert(offsetof(VirtualFixtureRequest, stamp_ns) == 8);
+static_assert(offsetof(VirtualFixtureRequest, valid_ns) == 16);
+static_assert(offsetof(VirtualFixtureRequest, action) == 24);
+static_assert(offsetof(VirtualFixtureRequest, kind) == 28);
+static_assert(offsetof(VirtualFixtureRequest, values) == 32);
 
 struct VersionRequest {
     static constexpr const char* IOX2_TYPE_NAME = "I2risVersionRequestV1";
