@@ -26,12 +26,12 @@ Usage: i2ris-watchdog --config FILE [--silence-ms N]
 
 Options:
   --config FILE    The configuration of the controller
-  --silence-ms N   Age of the last heartbeat at which quick stop is sent, 10 to 10000 [default: 40]
+  --silence-ms N   Age of the last heartbeat at which quick stop is sent, 50 to 10000 [default: 50]
   --version        Print the version
   --help           Print this
 
-The controller lets it into its ports whenever it starts, and enables nothing while it runs and does
-not hold all of them. SIGINT and SIGTERM end it without stopping the drives. It cannot act when the
+It keeps every port open beside the controller, which enables nothing while it runs and does not hold
+all of them, or has other ports and axes in its configuration. SIGINT and SIGTERM end it without stopping the drives. It cannot act when the
 host loses power or hangs as a whole, or when a cable is pulled: then its pulse ends ([watchdog] pulse
 of the configuration), and a relay on the safe-torque-off inputs of the drives opens. On a terminal
 it ends after 10 s without any port; as a service it waits.
@@ -78,7 +78,7 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
         Request::Run(path, silence) => {
             let config = Config::load_for_process(&path)?;
             let domain = Domain::new(&config.domain)?;
-            let presence = WatchdogPresence::announce(&domain, &config.devices())?;
+            let presence = WatchdogPresence::announce(&domain, &config.ports_digest())?;
             let stop = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&stop);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
@@ -122,8 +122,8 @@ fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Request, lexop
             Short('c') | Long("config") => config = Some(PathBuf::from(parser.value()?)),
             Long("silence-ms") => {
                 let text = parser.value()?.string()?;
-                let milliseconds = text.parse().ok().filter(|ms| (10..=10_000).contains(ms));
-                let refusal = || format!("--silence-ms {text}: must be 10 to 10000");
+                let milliseconds = text.parse().ok().filter(|ms| (50..=10_000).contains(ms));
+                let refusal = || format!("--silence-ms {text}: must be 50 to 10000");
                 silence = Nanos::from_millis(milliseconds.ok_or_else(refusal)?);
             }
             other => return Err(other.unexpected()),

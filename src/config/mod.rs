@@ -29,6 +29,7 @@ mod zero_is_off;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use crate::file_permissions::{LONGEST_CONFIG, UntrustedFile, read_trusted};
 use crate::model::file::{OutputSpec, OutputUnit};
@@ -253,10 +254,12 @@ impl Config {
         Err(ConfigError::Values { path, findings })
     }
 
-    /// The devices of the ports.
+    /// A digest of ports and axes with all their keys, in their order: a watchdog with another one
+    /// could not stop every drive.
     #[must_use]
-    pub fn devices(&self) -> Vec<PathBuf> {
-        self.ports.iter().map(|port| port.device.clone()).collect()
+    pub fn ports_digest(&self) -> [u8; 32] {
+        // Nothing in it can fail: no map, and no key that is no text.
+        Sha256::digest(serde_json::to_vec(&self.ports).unwrap_or_default()).into()
     }
 
     /// The number of motors of the snake.

@@ -179,8 +179,8 @@ impl<T: Transport> Transport for CapturedLine<T> {
         self.line.reopen()
     }
 
-    fn maintain(&mut self) {
-        self.line.maintain();
+    fn is_our_turn(&mut self) -> bool {
+        self.line.is_our_turn()
     }
 
     fn now(&self) -> Nanos {

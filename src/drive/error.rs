@@ -8,6 +8,7 @@ use super::cia402::DriveState;
 use super::heard::Heard;
 use super::latency_timer;
 use super::object::Address;
+use super::transport::NOT_OUR_TURN;
 use super::variant::SettingError;
 use crate::units::Nanos;
 
@@ -118,6 +119,9 @@ pub enum LinkError {
     /// The operating system reports the port as broken.
     #[error("the port is broken ({0}); check the cable")]
     Broken(io::ErrorKind),
+    /// The control loop or this thread was silent, and the line is the watchdog's.
+    #[error("the line is the watchdog's")]
+    NotOurTurn,
 }
 
 /// What came, behind another clause.
@@ -127,7 +131,10 @@ fn said(heard: &Heard) -> String {
 
 impl LinkError {
     pub(super) fn broken(error: io::Error) -> Self {
-        Self::Broken(error.kind())
+        match error.kind() {
+            NOT_OUR_TURN => Self::NotOurTurn,
+            kind => Self::Broken(kind),
+        }
     }
 }
 

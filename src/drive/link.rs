@@ -26,7 +26,7 @@ use super::heard::Heard;
 use super::object::{Address, Object, Setting, Value};
 use super::serial_frame::{FrameEncoder, SerialFrame};
 use super::serial_frame_parser::FrameParser;
-use super::transport::Transport;
+use super::transport::{NOT_OUR_TURN, Transport};
 use crate::config::{Framing, PortConfig};
 use crate::units::Nanos;
 use transfer::Raw;
@@ -90,11 +90,16 @@ enum TransferError {
     Disturbed,
     /// The port is broken.
     Broken(io::ErrorKind),
+    /// The line is somebody else's now.
+    NotOurTurn,
 }
 
 impl From<io::Error> for TransferError {
     fn from(error: io::Error) -> Self {
-        Self::Broken(error.kind())
+        match error.kind() {
+            NOT_OUR_TURN => Self::NotOurTurn,
+            kind => Self::Broken(kind),
+        }
     }
 }
 
@@ -197,9 +202,9 @@ impl<T: Transport> DriveLink<T> {
         Ok(())
     }
 
-    /// Lets the port do what has to be done from time to time.
-    pub fn maintain(&mut self) {
-        self.transport.maintain();
+    /// Whether an exchange may begin.
+    pub fn is_our_turn(&mut self) -> bool {
+        self.transport.is_our_turn()
     }
 
     /// Waits for replies as long as a gateway may wait for a node, or for the usual time again.
@@ -207,6 +212,11 @@ impl<T: Transport> DriveLink<T> {
         let usual = self.usual_reply_timeout;
         self.reply_timeout =
             if waits && self.has_gateway { usual.max(GATEWAY_TIMEOUT) } else { usual };
+    }
+
+    /// Waits for replies for no longer than this, until [`Self::wait_for_gateway`].
+    pub(super) fn wait_at_most(&mut self, longest: Nanos) {
+        self.reply_timeout = self.usual_reply_timeout.min(longest);
     }
 
     /// How a request is repeated that must not keep the other nodes waiting.
@@ -333,7 +343,7 @@ impl<T: Transport> DriveLink<T> {
         let timeouts = self.counters.timeouts;
         let outcome =
             self.attempt(&commands.write(node, setting), &mut |reply| commands.write_reply(reply));
-        if self.counters.timeouts != timeouts {
+        if self.counters.timeouts != timeouts && self.reply_timeout >= GATEWAY_TIMEOUT {
             // Nothing answers for as long as a gateway waits: it does not wait now.
             self.wait_for_gateway(false);
         }
@@ -382,7 +392,7 @@ impl<T: Transport> DriveLink<T> {
         };
         // A request that arrived damaged was not carried out.
         let may_retry = !matches!(error, TransferError::Refused(code) if code != AbortCode::CRC)
-            && !matches!(error, TransferError::Broken(_));
+            && !matches!(error, TransferError::Broken(_) | TransferError::NotOurTurn);
         let is_late = retry == Retry::IfDamaged && error == TransferError::Timeout;
         if retry == Retry::Never || is_late || !may_retry {
             return self.fail(error);
@@ -397,6 +407,7 @@ impl<T: Transport> DriveLink<T> {
         match error {
             TransferError::Refused(code) => Err(LinkError::Refused(code)),
             TransferError::Broken(kind) => Err(LinkError::Broken(kind)),
+            TransferError::NotOurTurn => Err(LinkError::NotOurTurn),
             TransferError::Timeout | TransferError::Disturbed => {
                 self.synchronise()?;
                 Err(LinkError::Unanswered(self.heard()))

@@ -14,7 +14,7 @@
 //! | `epos4`, `epos2` | the families: command set, objects, settings |
 //! | `drive_fault`, `homing_plan` | meaning of error codes (`error_codes.md`); method and settings of homing |
 //! | `transport`, `serial_transport` | the line and its clock; a serial port as a line |
-//! | `exclusive_use` | who may open the port, and the watchdog that has to get in |
+//! | `line_turn` | whose turn it is on a line: that of the controller or of the watchdog |
 //! | `latency_timer` | the timer of FTDI adapters that delays replies |
 //! | `link` | one request, one reply, retries, and synchronising the line; its replay |
 //! | `capture` | the bytes of the last minute on a line, and their file |
@@ -42,7 +42,6 @@ pub mod epos2;
 pub mod epos4;
 pub mod error;
 pub mod event;
-pub mod exclusive_use;
 pub mod family;
 pub mod family_selection;
 pub mod fingerprint;
@@ -51,6 +50,7 @@ pub mod heard;
 pub mod homing_plan;
 pub mod inspect;
 pub mod latency_timer;
+pub mod line_turn;
 pub mod link;
 pub mod object;
 pub mod objects;

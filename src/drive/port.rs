@@ -7,7 +7,6 @@
 
 use super::bring_up::{self, AxisIdentity, DriveNode, explain};
 use super::error::{AxisError, DriveError};
-use super::exclusive_use::WatchdogEntry;
 use super::family::DriveFamily;
 use super::family_selection::{family_of_axis, family_of_port};
 use super::fingerprint;
@@ -48,22 +47,13 @@ pub struct Configured {
 }
 
 impl Port<Opened> {
-    /// Opens the serial port exclusively.
+    /// Opens the serial port, locked against other programs.
     ///
     /// # Errors
     ///
     /// When the device does not exist, may not be opened, is in use, or is no serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
-        Self::open_with(config, &WatchdogEntry::default())
-    }
-
-    /// The same; a watchdog that runs is let in at every opening.
-    ///
-    /// # Errors
-    ///
-    /// As [`Port::open`].
-    pub fn open_with(config: &PortConfig, watchdog: &WatchdogEntry) -> Result<Self, DriveError> {
-        Ok(Self::over(SerialTransport::open_with(config, watchdog)?, config))
+        Ok(Self::over(SerialTransport::open(config)?, config))
     }
 }
 

@@ -270,7 +270,6 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
     /// As many exchanges as there are axes, each with the one that needs it most.
     pub fn turn(&mut self, events: EventSink<'_>) {
         let begin = self.link.now();
-        self.link.maintain();
         self.serve_all(false, events);
         let all_lost = self.slots.iter().all(|slot| slot.axis.is_lost());
         let turn = if all_lost { LOST_TURN } else { MIN_TURN };
@@ -361,7 +360,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         let (link, line) = (&mut self.link, &mut self.line);
         let request = slot.take_request();
         slot.axis.acknowledge_counters(&request, events);
-        if !stopping {
+        if !stopping && link.is_our_turn() {
             let others = OtherSlots { before, after, line };
             try_reconnect(link, slot, others, events);
         }
@@ -377,8 +376,14 @@ fn exchange(
     stopping: bool,
     events: EventSink<'_>,
 ) {
+    if !link.is_our_turn() {
+        let next = link.now() + MIN_TURN;
+        return link.sleep_until(next);
+    }
     if let Err(error) = link.synchronise() {
-        slot.axis.set_lost(error, events);
+        if error != LinkError::NotOurTurn {
+            slot.axis.set_lost(error, events);
+        }
     } else {
         // Read as late as possible before the setpoint is encoded.
         let begin = link.now();

@@ -7,6 +7,7 @@ use super::heard::Heard;
 use super::link::{DriveLink, Retry};
 use super::object::{self, Setting, Value};
 use super::transport::Transport;
+use crate::units::Nanos;
 
 /// Why a drive could not be stopped from outside the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -14,6 +15,9 @@ pub enum QuickStopError {
     /// The port is not open.
     #[error("the port could not be opened; cut the power of the drive")]
     NotHeld,
+    /// The controller goes on before the drive has answered.
+    #[error("the controller goes on, and has the drive again")]
+    TakenBack,
     /// Nothing answers.
     #[error("the drive does not answer; cut its power")]
     NoAnswer,
@@ -34,12 +38,16 @@ pub enum QuickStopError {
 /// Attempts to stop a drive: the first may collide with the rest of the controller's exchange.
 pub const STOP_ATTEMPTS: usize = 3;
 
+/// The wait for a reply while every drive is told once: far more than an exchange takes.
+const BLIND: Nanos = Nanos::from_millis(12);
+
 /// Stops drives with their quick-stop ramps, in any state; they then hold with power. A drive
 /// without power stays off.
 ///
-/// Behind a gateway, a node that does not answer keeps the line for a whole time-out. So every
-/// drive gets the command before any is asked for its state, nodes that are `owing` an answer come
-/// last, and a node that did not answer is asked again when every other one has been asked.
+/// Behind a gateway, a node that does not answer keeps the line for a whole time-out, and what is
+/// said meanwhile may be lost. So nodes that are `owing` an answer come last. Every other one is told
+/// once before anything waits for a lost reply, and once more where one was missing, before any is
+/// asked for its state; a node that did not answer is asked again when every other one has been.
 pub fn quick_stop_all<T: Transport>(
     link: &mut DriveLink<T>,
     nodes: &[u8],
@@ -47,14 +55,22 @@ pub fn quick_stop_all<T: Transport>(
     attempts: usize,
 ) -> Vec<Result<DriveState, QuickStopError>> {
     let _ = link.wait_for_quiet();
-    link.wait_for_gateway(true);
     let stop = object::CONTROLWORD.set(Controlword::QUICK_STOP.0);
     let mut last: Vec<bool> =
         nodes.iter().map(|node| nodes.len() > 1 && owing.contains(node)).collect();
     let mut order: Vec<usize> = (0..nodes.len()).collect();
     order.sort_by_key(|&index| last[index]);
+    let mut at_first: Vec<usize> = order.iter().copied().filter(|&index| !last[index]).collect();
     // Sent before the state is known: without power it only delays switching on.
-    let at_first: Vec<usize> = order.iter().copied().filter(|&index| !last[index]).collect();
+    link.wait_at_most(BLIND);
+    let mut are_told = true;
+    for &index in &at_first {
+        are_told &= link.write_unconfirmed(nodes[index], stop);
+    }
+    link.wait_for_gateway(true);
+    if are_told {
+        at_first.clear();
+    }
     for (turn, index) in at_first.into_iter().enumerate() {
         let is_answered = link.write_unconfirmed(nodes[index], stop);
         // The first reply may be one to the controller.
@@ -71,6 +87,11 @@ pub fn quick_stop_all<T: Transport>(
                 Ok(outcome) => outcomes[index] = outcome,
                 // Nothing answers at all, not even the drive that the port belongs to.
                 Err(LinkError::Broken(_)) => return outcomes,
+                Err(LinkError::NotOurTurn) => {
+                    let open = outcomes.iter_mut().filter(|outcome| outcome.is_err());
+                    open.for_each(|outcome| *outcome = Err(QuickStopError::TakenBack));
+                    return outcomes;
+                }
                 Err(LinkError::Lost(heard)) => {
                     outcomes.iter_mut().for_each(|outcome| note_heard(outcome, heard));
                     return outcomes;

@@ -14,59 +14,58 @@ use crate::config::PortConfig;
 use crate::units::Nanos;
 
 use super::error::DriveError;
-use super::exclusive_use::{self, PortAccess, WatchdogEntry};
 use super::latency_timer;
-use super::transport::Transport;
+use super::line_turn::{self, PortTurn};
+use super::transport::{NOT_OUR_TURN, Transport};
 
 /// How long a write may wait for space in the buffer of the operating system. It holds thousands of
 /// bytes and a request has tens, so waiting means that the port hangs.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// How long a port may stay in exclusive use after its user was killed: the watchdog ends that, and
-/// looks for it every 100 ms.
-const RELEASE_TIMEOUT: Nanos = Nanos::from_millis(500);
+/// How long a port may stay locked after its user was killed: the watchdog stops the drives, and may
+/// have to wait for those that do not answer.
+const RELEASE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
 /// Period of trying to open a port in use.
 const BUSY_PERIOD: Nanos = Nanos::from_millis(20);
 
-/// Period of looking whether the watchdog is in.
-const LOOK_PERIOD: Nanos = Nanos::from_millis(50);
+/// The longest wait without a look at whose turn it is.
+const LOOK_PERIOD: Nanos = Nanos::from_millis(5);
 
-/// A serial port, opened exclusively; see [`exclusive_use`].
+/// A serial port, locked against other programs.
 #[derive(Debug)]
 pub struct SerialTransport {
     /// `None`: it was closed, and could not be opened again.
     port: Option<TTYPort>,
     config: PortConfig,
-    access: PortAccess,
-    next_look: Nanos,
+    turn: PortTurn,
 }
 
 impl SerialTransport {
-    /// Opens the device exclusively, raw, 8 data bits, no parity, 1 stop bit, and discards bytes
+    /// Opens and locks the device, raw, 8 data bits, no parity, 1 stop bit, and discards bytes
     /// that arrived before.
     ///
     /// # Errors
     ///
     /// When the device does not exist, may not be opened, is in use, or is no serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
-        Self::open_with(config, &WatchdogEntry::default())
+        Self::open_with(config, PortTurn::default())
     }
 
-    /// The same; a watchdog that runs is let in at every opening.
+    /// The same for a controller: its port thread talks when it is its turn.
     ///
     /// # Errors
     ///
     /// As [`SerialTransport::open`].
-    pub fn open_with(config: &PortConfig, watchdog: &WatchdogEntry) -> Result<Self, DriveError> {
+    pub fn open_with(config: &PortConfig, turn: PortTurn) -> Result<Self, DriveError> {
         let end = clock::now() + RELEASE_TIMEOUT;
-        let mut access = PortAccess::new(watchdog);
         loop {
-            match open(config, &mut access) {
+            match open(config) {
                 Err(DriveError::Busy { .. }) if clock::now() < end => clock::sleep(BUSY_PERIOD),
                 opened => {
-                    let (port, config) = (Some(opened?), config.clone());
-                    return Ok(Self { port, config, access, next_look: Nanos::ZERO });
+                    let port = Some(opened?);
+                    turn.note_opened(clock::now());
+                    return Ok(Self { port, config: config.clone(), turn });
                 }
             }
         }
@@ -77,7 +76,7 @@ impl SerialTransport {
     }
 }
 
-fn open(config: &PortConfig, access: &mut PortAccess) -> Result<TTYPort, DriveError> {
+fn open(config: &PortConfig) -> Result<TTYPort, DriveError> {
     let device = &config.device;
     let path = device.to_str().ok_or_else(|| DriveError::NotFound { device: device.clone() })?;
     let port = serialport::new(path, config.baud)
@@ -85,9 +84,8 @@ fn open(config: &PortConfig, access: &mut PortAccess) -> Result<TTYPort, DriveEr
         .exclusive(false)
         .open_native()
         .map_err(|source| explain(device, source))?;
-    let descriptor = descriptor(&port);
-    exclusive_use::lock(&descriptor).map_err(|_| DriveError::Busy { device: device.clone() })?;
-    access.update(&descriptor).map_err(|error| explain(device, error.into()))?;
+    let locked = line_turn::lock(&descriptor(&port));
+    locked.map_err(|_| DriveError::Busy { device: device.clone() })?;
     // Before any traffic: changing a running timer stalls the line. Without permission the timer
     // stays, and bring-up reports slow exchanges.
     latency_timer::shorten(device);
@@ -122,14 +120,21 @@ pub(crate) fn wait(descriptor: BorrowedFd<'_>, deadline: Nanos) -> io::Result<bo
 
 impl Transport for SerialTransport {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        if !self.turn.may_write(clock::now()) {
+            return Err(NOT_OUR_TURN.into());
+        }
         self.port()?.write_all(bytes)
     }
 
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
-        let port = self.port()?;
         loop {
+            let now = clock::now();
+            if !self.turn.may_read(now) {
+                return Err(NOT_OUR_TURN.into());
+            }
+            let port = self.port()?;
             // Not by the timeout of `TTYPort`, which allocates its error every time.
-            if wait(descriptor(port), deadline)? {
+            if wait(descriptor(port), deadline.min(now + LOOK_PERIOD))? {
                 // Ready but empty: the line was hung up.
                 return match port.read(into)? {
                     0 => Err(io::ErrorKind::BrokenPipe.into()),
@@ -143,21 +148,15 @@ impl Transport for SerialTransport {
     }
 
     fn reopen(&mut self) -> io::Result<()> {
-        // Closed first: after an error that was no hang-up, its own exclusive use would refuse it.
+        // Closed first: after an error that was no hang-up, its own lock would refuse it.
         self.port = None;
-        self.port = Some(open(&self.config, &mut self.access).map_err(io::Error::other)?);
+        self.port = Some(open(&self.config).map_err(io::Error::other)?);
+        self.turn.note_opened(clock::now());
         Ok(())
     }
 
-    fn maintain(&mut self) {
-        let now = clock::now();
-        if let Some(port) = &self.port
-            && now >= self.next_look
-        {
-            self.next_look = now + LOOK_PERIOD;
-            // A port that is broken says so at the next exchange.
-            let _ = self.access.update(&descriptor(port));
-        }
+    fn is_our_turn(&mut self) -> bool {
+        self.turn.may_write(clock::now())
     }
 
     fn now(&self) -> Nanos {
@@ -165,7 +164,12 @@ impl Transport for SerialTransport {
     }
 
     fn sleep_until(&mut self, until: Nanos) {
-        clock::sleep_until(until);
+        let mut now = clock::now();
+        while now < until {
+            clock::sleep_until(until.min(now + LOOK_PERIOD));
+            now = clock::now();
+            self.turn.may_write(now);
+        }
     }
 }
 

@@ -58,6 +58,9 @@ impl Outcome {
     }
 }
 
+/// The error of a line that is somebody else's now.
+pub const NOT_OUR_TURN: io::ErrorKind = io::ErrorKind::PermissionDenied;
+
 /// A line that carries bytes both ways, with its clock.
 ///
 /// The clock belongs to the line so that a simulated line can run in simulated time: tests are then
@@ -88,8 +91,11 @@ pub trait Transport {
         Ok(())
     }
 
-    /// Does what has to be done from time to time between exchanges. Must not block.
-    fn maintain(&mut self) {}
+    /// Whether an exchange may begin: the line may be that of somebody else now, and every request
+    /// then fails with [`NOT_OUR_TURN`].
+    fn is_our_turn(&mut self) -> bool {
+        true
+    }
 
     /// Takes note of how an attempt ended, if somebody wants to know.
     fn note(&mut self, _outcome: Outcome) {}

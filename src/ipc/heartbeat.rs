@@ -4,11 +4,11 @@
 //! be late while the loop is on time, and a watchdog that used the streams would stop a healthy
 //! robot. One store into mapped memory is no I/O and cannot wait.
 //!
-//! The file `pulse` in the directory of the domain holds two 64-bit words in native byte order. The
+//! The file `pulse` in the directory of the domain holds 64-bit words in native byte order. The
 //! first is the start of the last tick in nanoseconds of the monotonic clock, shifted left by four
 //! bits; above the lowest bit one for each motor whose drive owes an answer; in the lowest whether
-//! the drives are off. 0: no tick yet. The second is when the drive that was read longest ago was
-//! read, in nanoseconds of the same clock.
+//! the drives are off. 0: no tick yet. The others are instants of the same clock: until when the
+//! positions of the drives are good, and the last sign of life of the thread of each port.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -29,13 +29,13 @@ const FILE: &str = "pulse";
 /// Bits below the stamp.
 const FLAGS: usize = 1 + MAX_AXES;
 
-/// Tick, and oldest answer.
-type Words = [AtomicU64; 2];
+/// Tick, end of the positions, and a sign of life of each port.
+type Words = [AtomicU64; 2 + MAX_AXES];
 
 const SIZE: NonZeroUsize = NonZeroUsize::new(size_of::<Words>()).unwrap();
 
 /// A tick of the loop.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Heartbeat {
     /// Identifies the start of the controller.
     pub boot_id: u64,
@@ -45,8 +45,11 @@ pub struct Heartbeat {
     pub off: bool,
     /// A bit for each motor whose drive has not answered the last exchange, or is in one.
     pub owing: u8,
-    /// When the position of the drive was read that was read longest ago. Zero: one never was.
-    pub answered: Nanos,
+    /// Until when the position is good that was read longest ago: then it is a fault.
+    pub good_until: Nanos,
+    /// The last sign of life of the thread of each port, in the order of the configuration. Zero:
+    /// there is none.
+    pub alive: [Nanos; MAX_AXES],
 }
 
 /// Writes the heartbeat; held by the loop.
@@ -71,10 +74,13 @@ impl HeartbeatWriter {
     }
 
     /// Writes the heartbeat of a tick. Wait-free.
-    pub fn write(&self, Heartbeat { stamp, off, owing, answered, .. }: Heartbeat) {
+    pub fn write(&self, Heartbeat { stamp, off, owing, good_until, alive, .. }: Heartbeat) {
         let word = stamp.0 << FLAGS | u64::from(owing) << 1 | u64::from(off);
-        let [tick, oldest] = self.0.get();
-        oldest.store(answered.0, Ordering::Relaxed);
+        let [tick, good, ports @ ..] = self.0.get();
+        good.store(good_until.0, Ordering::Relaxed);
+        for (port, alive) in ports.iter().zip(alive) {
+            port.store(alive.0, Ordering::Relaxed);
+        }
         tick.store(word, Ordering::Release);
     }
 }
@@ -126,6 +132,8 @@ struct MappedWords(NonNull<Words>);
 
 // SAFETY: the words are atomic, and their memory stays mapped until the value is dropped.
 unsafe impl Send for MappedWords {}
+// SAFETY: as above.
+unsafe impl Sync for MappedWords {}
 
 impl MappedWords {
     fn open(path: &Path) -> io::Result<Self> {
@@ -151,12 +159,13 @@ impl MappedWords {
 
     /// `None` before the first tick.
     fn heartbeat(&self, boot_id: u64) -> Option<Heartbeat> {
-        let [tick, oldest] = self.get();
+        let [tick, good, ports @ ..] = self.get();
         let word = tick.load(Ordering::Acquire);
-        let answered = Nanos(oldest.load(Ordering::Relaxed));
+        let instant = |word: &AtomicU64| Nanos(word.load(Ordering::Relaxed));
+        let (good_until, alive) = (instant(good), ports.each_ref().map(instant));
         let (stamp, off) = (Nanos(word >> FLAGS), word & 1 == 1);
         let owing = (word >> 1) as u8 & ((1 << MAX_AXES) - 1);
-        (word != 0).then_some(Heartbeat { boot_id, stamp, off, owing, answered })
+        (word != 0).then_some(Heartbeat { boot_id, stamp, off, owing, good_until, alive })
     }
 }
 
@@ -183,8 +192,9 @@ mod tests {
             let writer = HeartbeatWriter::create(&lock).unwrap();
             assert_eq!(reader.read(), Ok(None));
             let boot_id = lock.boot_id();
-            let answered = Nanos(2);
-            let heartbeat = |off| Heartbeat { boot_id, stamp, off, owing: 0b101, answered };
+            let (good_until, alive) = (Nanos(2), [7, 8, 9].map(Nanos));
+            let beat = Heartbeat { boot_id, stamp, off: false, owing: 0b101, good_until, alive };
+            let heartbeat = |off| Heartbeat { off, ..beat };
             for off in [true, false] {
                 writer.write(heartbeat(off));
                 assert_eq!(reader.read(), Ok(Some(heartbeat(off))));

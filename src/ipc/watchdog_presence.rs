@@ -1,8 +1,9 @@
 //! Presence of a watchdog: whether something would stop the drives if the controller died now.
 //!
 //! It does if it runs, lives and holds the ports of this controller: a watchdog that is stopped or
-//! hangs keeps its locks, and one with another configuration holds other ports. So the file also
-//! holds which ports they are, and a sign of life that the watchdog renews ten times a second.
+//! hangs keeps its locks, and one with another configuration stops other drives, or none behind the
+//! same port. So the file also holds a digest of all that the configuration says of ports and axes,
+//! and a sign of life that the watchdog renews ten times a second, when it has looked at its ports.
 //!
 //! The watchdog locks a file beside the directory of the domain, which comes and goes with the
 //! controller. The kernel releases the locks when it ends for any reason. One byte says that it
@@ -11,10 +12,8 @@
 use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
-use std::path::PathBuf;
 
 use nix::libc;
-use sha2::{Digest, Sha256};
 
 use super::domain::{Domain, DomainError};
 use super::domain_lock::{LockedByte, is_locked, set_lock};
@@ -22,6 +21,9 @@ use crate::units::Nanos;
 
 /// A sign of life older than this is none: ten times as long as between two of them.
 const SILENCE: Nanos = Nanos::from_millis(1000);
+
+/// A digest of the ports of a configuration, see `Config::ports_digest`.
+pub type PortsDigest = [u8; 32];
 
 /// The content of the file: the last sign of life, ns, and the ports. Little-endian.
 const CONTENT: usize = 8 + 32;
@@ -44,7 +46,14 @@ pub enum WatchdogStatus {
 impl WatchdogStatus {
     /// The watchdog of a domain whose controller has these ports, at `now`.
     #[must_use]
-    pub fn read(domain: &Domain, devices: &[PathBuf], now: Nanos) -> Self {
+    pub fn read(domain: &Domain, ports: &PortsDigest, now: Nanos) -> Self {
+        Self::read_since(domain, ports, Nanos::ZERO, now)
+    }
+
+    /// The same for a controller that has `opened` a port then: a watchdog that has not looked at
+    /// its ports since may not hold that one.
+    #[must_use]
+    pub fn read_since(domain: &Domain, ports: &PortsDigest, opened: Nanos, now: Nanos) -> Self {
         let mut options = OpenOptions::new();
         options.read(true).custom_flags(libc::O_NOFOLLOW);
         let Ok(file) = options.open(domain.watchdog_file()) else {
@@ -55,15 +64,15 @@ impl WatchdogStatus {
         let is_held = file.metadata().is_ok_and(is_ours) && is_locked(&file, LockedByte::Held);
         let mut content = [0; CONTENT];
         let is_read = file.read_exact_at(&mut content, 0).is_ok();
-        let (alive, ports) = content.split_at(8);
+        let (alive, watched) = content.split_at(8);
         let alive = Nanos(u64::from_le_bytes(alive.try_into().unwrap_or_default()));
         if !is_held {
             Self::Absent
         } else if !is_read || now.duration_since(alive) > SILENCE {
             Self::Silent
-        } else if ports != digest(devices) {
+        } else if watched != ports {
             Self::OtherPorts
-        } else if is_locked(&file, LockedByte::Serves) {
+        } else if alive >= opened && is_locked(&file, LockedByte::Serves) {
             Self::Watching
         } else {
             Self::Incomplete
@@ -85,12 +94,15 @@ pub fn watchdog_process(domain: &Domain) -> Option<u32> {
     process.file_name()?.to_str()?.parse().ok()
 }
 
-/// Which ports these are, whatever their order.
-fn digest(devices: &[PathBuf]) -> [u8; 32] {
-    let mut devices: Vec<&[u8]> =
-        devices.iter().map(|device| device.as_os_str().as_encoded_bytes()).collect();
-    devices.sort_unstable();
-    Sha256::digest(devices.join(&0)).into()
+impl WatchdogStatus {
+    /// Whether a watchdog runs that would take a line over, as far as it can.
+    #[must_use]
+    pub fn acts(self) -> bool {
+        match self {
+            Self::Absent | Self::Silent => false,
+            Self::Incomplete | Self::OtherPorts | Self::Watching => true,
+        }
+    }
 }
 
 /// The announcement of a watchdog; held by it. Drop withdraws it.
@@ -106,7 +118,7 @@ impl WatchdogPresence {
     /// # Errors
     ///
     /// When the domain has a watchdog already, or the file cannot be created.
-    pub fn announce(domain: &Domain, devices: &[PathBuf]) -> Result<Self, DomainError> {
+    pub fn announce(domain: &Domain, ports: &PortsDigest) -> Result<Self, DomainError> {
         let path = domain.watchdog_file();
         let mut options = OpenOptions::new();
         options.write(true).read(true).create(true).truncate(false);
@@ -114,7 +126,7 @@ impl WatchdogPresence {
         let file = options.open(&path).map_err(DomainError::io("write", &path))?;
         set_lock(&file, LockedByte::Held, libc::F_WRLCK)
             .map_err(|_| DomainError::Watched { name: domain.name().to_owned() })?;
-        file.write_all_at(&[&[0; 8][..], &digest(devices)].concat(), 0)
+        file.write_all_at(&[&[0; 8][..], ports].concat(), 0)
             .map_err(DomainError::io("write", &path))?;
         Ok(Self { domain: domain.clone(), file })
     }
@@ -153,14 +165,13 @@ mod tests {
     #[test]
     fn a_watchdog_is_seen_from_its_start_to_its_end() {
         let domain = Domain::new(&format!("watched-{}", std::process::id())).unwrap();
-        let devices = ["/dev/ttyUSB0", "/dev/ttyUSB1"].map(PathBuf::from);
-        let now = Nanos::from_millis(7000);
-        let status = || WatchdogStatus::read(&domain, &devices, now);
+        let (ports, now) = ([7; 32], Nanos::from_millis(7000));
+        let status = || WatchdogStatus::read(&domain, &ports, now);
         assert_eq!(status(), WatchdogStatus::Absent);
-        let presence = WatchdogPresence::announce(&domain, &devices).unwrap();
+        let presence = WatchdogPresence::announce(&domain, &ports).unwrap();
         assert_eq!(status(), WatchdogStatus::Silent);
         presence.alive(now).unwrap();
-        let second = WatchdogPresence::announce(&domain, &devices);
+        let second = WatchdogPresence::announce(&domain, &ports);
         assert!(matches!(second, Err(DomainError::Watched { .. })));
         for (is_complete, expected) in [
             (false, WatchdogStatus::Incomplete),
@@ -171,16 +182,17 @@ mod tests {
             presence.set_complete(is_complete).unwrap();
             assert_eq!(status(), expected);
         }
-        let swapped = [devices[1].clone(), devices[0].clone()];
-        assert_eq!(WatchdogStatus::read(&domain, &swapped, now), WatchdogStatus::Watching);
+        let opened = |at| WatchdogStatus::read_since(&domain, &ports, at, now);
+        assert_eq!(opened(now), WatchdogStatus::Watching);
+        assert_eq!(opened(now + Nanos(1)), WatchdogStatus::Incomplete, "it may hold another one");
         assert_eq!(
-            WatchdogStatus::read(&domain, &devices[..1], now),
+            WatchdogStatus::read(&domain, &[8; 32], now),
             WatchdogStatus::OtherPorts,
             "a watchdog of another configuration cannot stop these drives"
         );
         let later = now + SILENCE + Nanos(1);
         assert_eq!(
-            WatchdogStatus::read(&domain, &devices, later),
+            WatchdogStatus::read(&domain, &ports, later),
             WatchdogStatus::Silent,
             "one that is stopped keeps its locks"
         );
@@ -189,6 +201,6 @@ mod tests {
         // The file of a killed watchdog is not locked.
         fs::write(domain.watchdog_file(), "").unwrap();
         assert_eq!(status(), WatchdogStatus::Absent);
-        drop(WatchdogPresence::announce(&domain, &devices).unwrap());
+        drop(WatchdogPresence::announce(&domain, &ports).unwrap());
     }
 }

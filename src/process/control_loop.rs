@@ -2,6 +2,7 @@
 //!
 //! No allocation, no lock, no I/O: only [`ControlCycle::step`] and wait-free channels.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
@@ -9,6 +10,7 @@ use crate::config::ControlConfig;
 use crate::core::cycle::ControlCycle;
 use crate::core::{CycleInputs, CycleOutputs, CycleReport, Gated};
 use crate::drive::AxisFeedback;
+use crate::drive::line_turn::{LoopBeat, PortLife};
 use crate::drive::port_runner::AxisLink;
 use crate::ipc::heartbeat::{Heartbeat, HeartbeatWriter};
 use crate::process::black_box::{RecorderChannels, TickRecord};
@@ -25,7 +27,29 @@ pub struct ControlLoop {
     pub cycle: ControlCycle,
     pub channels: LoopChannels,
     pub links: Vec<AxisLink<Gated>>,
+    pub beats: Arc<Beats>,
+    /// Age of a position that is a fault.
+    pub lost_after: Nanos,
+}
+
+/// Who waits for the beats of the loop: the watchdog, and the threads of the ports.
+pub struct Beats {
     pub heartbeat: HeartbeatWriter,
+    pub line: LoopBeat,
+    pub lives: Vec<PortLife>,
+}
+
+impl Beats {
+    /// One beat. Wait-free.
+    pub fn write(&self, beat: Heartbeat) {
+        let mut alive = [Nanos::ZERO; MAX_AXES];
+        for (alive, life) in alive.iter_mut().zip(&self.lives) {
+            *alive = life.seen();
+        }
+        self.heartbeat.write(Heartbeat { alive, ..beat });
+        // Behind the other: a port thread never thinks that a beat is younger than the watchdog does.
+        self.line.set(beat.stamp);
+    }
 }
 
 impl ControlLoop {
@@ -76,13 +100,19 @@ impl ControlLoop {
         self.pass_on(&outputs, lost);
         let report = outputs.report;
         let off = is_off(&report)
-            && self.links.iter().all(|link| power(link, &inputs) == DrivePower::Off);
+            && self.links.iter().all(|link| {
+                // Only what a drive said lately counts.
+                let oldest = Nanos(tick.started.0.saturating_sub(self.lost_after.0));
+                let said = feedback(link, &inputs).map(|feedback| feedback.power(oldest));
+                said == Some(DrivePower::Off)
+            });
         let owing = self.links.iter().filter(|link| link.owed.is_owed());
         let owing = owing.fold(0, |motors, link| motors | 1 << link.motor);
         let read = self.links.iter().filter_map(|link| Some(feedback(link, &inputs)?.stamp));
-        let answered = read.min().unwrap_or_default();
-        let stamp = tick.started;
-        self.heartbeat.write(Heartbeat { boot_id: 0, stamp, off, owing, answered });
+        let good_until = read.min().unwrap_or_default() + self.lost_after;
+        let beat =
+            Heartbeat { stamp: tick.started, off, owing, good_until, ..Heartbeat::default() };
+        self.beats.write(beat);
         let ended = clock::now();
         let timing = TickTiming { tick, ended };
         let channels = &mut self.channels;
@@ -217,9 +247,4 @@ fn feedback<'a>(link: &AxisLink<Gated>, inputs: &'a CycleInputs) -> Option<&'a A
         AUXILIARY => Some(&inputs.auxiliary),
         motor => inputs.feedback.get(motor),
     }
-}
-
-/// What a drive says of its power: one that does not answer may hold.
-fn power(link: &AxisLink<Gated>, inputs: &CycleInputs) -> DrivePower {
-    feedback(link, inputs).map_or(DrivePower::NotKnown, |feedback| feedback.phase.power())
 }

@@ -10,7 +10,7 @@
 //! | main | normal | the log, and waiting for the end |
 
 use std::io::Write;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, mpsc};
 
 use rtrb::Consumer;
@@ -19,19 +19,20 @@ use crate::clock;
 use crate::config::{Config, ControlConfig};
 use crate::core::cycle::ControlCycle;
 use crate::core::{CommandCheck, CycleEvent, Gated};
-use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
-use crate::drive::exclusive_use::WatchdogEntry;
+use crate::drive::line_turn::LoopBeat;
 use crate::drive::port_runner::PortRunner;
 use crate::ipc::domain_lock::publish_run;
 use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::server::check_memory;
 use crate::ipc::watchdog_presence::WatchdogStatus;
-use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server, StreamMessage};
+use crate::ipc::{Domain, DomainLock, Server, StreamMessage};
 use crate::model::Model;
 use crate::process::black_box::Recorder;
 use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
-use crate::process::control_loop::ControlLoop;
+use crate::process::control_loop::{Beats, ControlLoop};
+pub use crate::process::ending::ControllerError;
+use crate::process::ending::{self, Threads};
 use crate::process::fixture_table::FixtureTable;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
@@ -40,8 +41,7 @@ use crate::process::model_manager::ModelManager;
 use crate::process::payload_conversion::robot_description;
 use crate::process::run_log::{RunHeader, RunLog};
 use crate::process::start_up::{
-    Drives, PortLine, StartModelError, bring_up_ports, check_start_drives, load_model, software,
-    wait_for_positions,
+    Drives, PortLine, bring_up_ports, check_start_drives, load_model, software, wait_for_positions,
 };
 use crate::process::threads::{NamedThread, ThreadError};
 use crate::realtime::{self, Granted, Wanted};
@@ -56,36 +56,8 @@ const PORT_PRIORITY_DISTANCE: u8 = 10;
 const IPC_PRIORITY_DISTANCE: u8 = 20;
 /// Events of the drives that the log may lag.
 const PORT_EVENTS: usize = 1024;
-/// Time for the other threads to end after the loop. The black box is written meanwhile.
-const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 /// Delay of the first tick after the start of the threads.
 const START_DELAY: Nanos = Nanos::from_millis(20);
-
-/// Why the controller could not start, or how it failed.
-#[derive(Debug, thiserror::Error)]
-pub enum ControllerError {
-    /// The model of the configuration cannot be used.
-    #[error(transparent)]
-    Model(#[from] StartModelError),
-    /// The domain is taken or cannot be used.
-    #[error(transparent)]
-    Domain(#[from] DomainError),
-    /// Shared memory cannot be created.
-    #[error(transparent)]
-    Ipc(#[from] IpcError),
-    /// A port or a drive cannot be brought up.
-    #[error(transparent)]
-    Drive(#[from] DriveError),
-    /// A thread did not start, or ended early.
-    #[error(transparent)]
-    Thread(#[from] ThreadError),
-    /// The controller ended, and did not see every drive off.
-    #[error("ended, and the drives of motors {motors:?} are not known to be off: cut their power")]
-    Powered {
-        /// These motors.
-        motors: Vec<usize>,
-    },
-}
 
 /// Runs the controller until `shutdown` is set and the drives are off. `note` goes to the run log;
 /// lines for the operator go to `log`.
@@ -106,14 +78,13 @@ pub fn run(
     let lock = DomainLock::acquire(&domain)?;
     check_memory()?;
     let boot_id = lock.boot_id();
-    let watchdog = WatchdogEntry::default();
-    let status = WatchdogStatus::read(&domain, &config.devices(), clock::now());
-    watchdog.set_runs(status != WatchdogStatus::Absent);
-    let drives = bring_up_ports(config, &watchdog, log)?;
+    let (beat, ports) = (LoopBeat::default(), config.ports_digest());
+    beat.set_watched(WatchdogStatus::read(&domain, &ports, clock::now()).acts());
+    let drives = bring_up_ports(config, &beat, log)?;
     check_start_drives(config, model.as_deref(), &drives.fingerprints)?;
     let (identities, exchanges) = (drives.identities.clone(), drives.exchanges.clone());
     let (config, fingerprints) = (&config.with_exchanges(&exchanges), drives.fingerprints.clone());
-    let threads = start_threads(config, lock, model.as_ref(), drives, watchdog, shutdown)?;
+    let threads = start_threads(config, lock, model.as_ref(), drives, beat, shutdown)?;
     // Without the file nobody learns the settings, and the robot runs.
     let _ = domain.publish_drives(&fingerprints);
     // Nor why it ended, if it is killed.
@@ -147,46 +118,27 @@ pub fn run(
         recorder_lines: threads.recorder_lines,
         run_log,
         domain,
-        devices: config.devices(),
+        ports,
         was_watched: false,
-        powered: Vec::new(),
+        powered: config.axes().map(|axis| axis.motor).collect(),
         boot_id,
         log,
         published: threads.published,
     };
-    main.run(&threads.control, &threads.others, shutdown);
+    main.run(&threads.running, shutdown);
     service_manager::notify(service_manager::STOPPING);
-    let control = threads.control.join();
-    threads.quit.store(true, Ordering::Release);
-    let (mut ended, end) = (Ok(()), clock::now() + END_TIMEOUT);
-    for thread in threads.others {
-        ended = ended.and(thread.join_until(end));
-    }
-    main.write_events();
-    let outcome = match control {
-        Ok(()) if main.powered.is_empty() => "in order",
-        Ok(()) => "with drives that are not known to be off",
-        Err(_) => "the control loop ended early",
-    };
+    let (ended, outcome) = threads.running.end(&mut main);
     let _ = main.run_log.end(outcome);
     if outcome != "in order" {
         // The directory went with the lock.
         let _ = publish_run(&main.domain, boot_id, &config.record_folder);
     }
-    control.and(ended)?;
-    if main.powered.is_empty() {
-        Ok(())
-    } else {
-        Err(ControllerError::Powered { motors: std::mem::take(&mut main.powered) })
-    }
+    ending::outcome(main.powered, ended)
 }
 
 /// All threads but the main thread, and what they send to it.
-struct Threads {
-    control: NamedThread,
-    others: Vec<NamedThread>,
-    /// Ends all threads but the control loop.
-    quit: Arc<AtomicBool>,
+struct Started {
+    running: Threads,
     granted: Granted,
     ipc_granted: Granted,
     events: Consumer<CycleEvent>,
@@ -200,9 +152,9 @@ fn start_threads(
     lock: DomainLock,
     model: Option<&Arc<Model>>,
     drives: Drives,
-    watchdog: WatchdogEntry,
+    beat: LoopBeat,
     shutdown: &Arc<AtomicBool>,
-) -> Result<Threads, ControllerError> {
+) -> Result<Started, ControllerError> {
     let (recorder, to_recorder) = Recorder::new(
         config,
         model,
@@ -226,8 +178,8 @@ fn start_threads(
         channels: ipc_channels,
         robot: robot_description(config),
         motors: config.motors() as u32,
-        devices: config.devices(),
-        watchdog,
+        ports: config.ports_digest(),
+        beat: beat.clone(),
         command_check: CommandCheck::new(&config.command),
         history,
         queues,
@@ -239,21 +191,22 @@ fn start_threads(
     let (ipc, (heartbeat, ipc_granted)) = start_ipc(config, lock, parts, granted, &quit)?;
     others.push(ipc);
     let (to_main, port_events) = mpsc::sync_channel(PORT_EVENTS);
-    for runner in drives.runners {
-        others.push(start_port(&config.control, runner, to_main.clone(), &quit)?);
-    }
+    let quit_ports = Arc::new(AtomicBool::new(false));
+    let start = |runner| start_port(&config.control, runner, to_main.clone(), &quit_ports);
+    let ports = drives.runners.into_iter().map(start).collect::<Result<_, _>>()?;
     let mut links = drives.links;
     wait_for_positions(&mut links);
     let first = clock::now() + START_DELAY;
     let cycle = ControlCycle::new(config, model.cloned());
-    let control_loop = ControlLoop { cycle, channels, links, heartbeat };
+    let beats = Arc::new(Beats { heartbeat, line: beat, lives: drives.lives });
+    let lost_after = config.feedback_lost();
+    let control_loop =
+        ControlLoop { cycle, channels, links, beats: Arc::clone(&beats), lost_after };
     let (control, granted) = start_control(&config.control, control_loop, first, shutdown)?;
     // If the IPC thread has ended already, the main thread detects it.
     let _ = to_ipc.send((granted.clone(), first));
-    Ok(Threads {
-        control,
-        others,
-        quit,
+    Ok(Started {
+        running: Threads { control, ports, others, quit_ports, quit, beats },
         granted,
         ipc_granted,
         events,

@@ -5,19 +5,18 @@
 //! goes, so they are here and not in the loop.
 
 use std::collections::VecDeque;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
 use crate::config::LineBounds;
 use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequest};
-use crate::drive::exclusive_use::WatchdogEntry;
+use crate::drive::line_turn::LoopBeat;
 use crate::ipc::payload::{
     AdaptationMsg, BlackBoxReply, Health, OperatingStateMsg, StateCommandReply, Version,
     VirtualFixturesMsg, padded_text,
 };
 use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
-use crate::ipc::watchdog_presence::WatchdogStatus;
+use crate::ipc::watchdog_presence::{PortsDigest, WatchdogStatus};
 use crate::ipc::{Request, Server, StreamMessage};
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
@@ -56,9 +55,9 @@ pub struct IpcThreadParts {
     pub robot: Version,
     pub motors: u32,
     /// The ports, which a watchdog has to hold.
-    pub devices: Vec<PathBuf>,
-    /// Lets a watchdog that runs into the ports.
-    pub watchdog: WatchdogEntry,
+    pub ports: PortsDigest,
+    /// Knows when a port was opened, and whether a watchdog takes the lines over.
+    pub beat: LoopBeat,
     pub command_check: CommandCheck,
     pub history: SharedLoopHistory,
     pub queues: RequestQueues,
@@ -168,8 +167,10 @@ impl IpcThread {
     }
 
     fn look_for_watchdog(&mut self, now: Nanos) {
-        self.watchdog = WatchdogStatus::read(self.server.domain(), &self.parts.devices, now);
-        self.parts.watchdog.set_runs(self.watchdog != WatchdogStatus::Absent);
+        let IpcThreadParts { ports, beat, .. } = &self.parts;
+        let opened = beat.opened();
+        self.watchdog = WatchdogStatus::read_since(self.server.domain(), ports, opened, now);
+        beat.set_watched(self.watchdog.acts());
     }
 
     /// Nothing is powered while a watchdog runs that could not stop it: a person relies on it.
@@ -183,8 +184,7 @@ impl IpcThread {
         }
         self.look_for_watchdog(now);
         match self.watchdog {
-            WatchdogStatus::Absent => Ok(request),
-            WatchdogStatus::Watching if !self.parts.watchdog.is_missing() => Ok(request),
+            WatchdogStatus::Absent | WatchdogStatus::Watching => Ok(request),
             _ => Err(Refusal::Unwatched),
         }
     }

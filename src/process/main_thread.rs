@@ -2,7 +2,6 @@
 
 use std::fmt;
 use std::io::Write;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
 
@@ -12,10 +11,10 @@ use crate::clock;
 use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::event::{PortEvent, PortEventKind};
 use crate::ipc::payload::{EventMsg, padded_text};
-use crate::ipc::watchdog_presence::WatchdogStatus;
+use crate::ipc::watchdog_presence::{PortsDigest, WatchdogStatus};
 use crate::ipc::{Domain, StreamMessage, find_client_process};
+use crate::process::ending::Threads;
 use crate::process::run_log::RunLog;
-use crate::process::threads::NamedThread;
 use crate::realtime::SuspendMonitor;
 use crate::robot::{Cause, DrivePower, Reason, Stop};
 use crate::units::Nanos;
@@ -35,9 +34,9 @@ pub struct MainThread<'a> {
     pub run_log: RunLog,
     pub domain: Domain,
     /// The ports that a watchdog has to hold.
-    pub devices: Vec<PathBuf>,
+    pub ports: PortsDigest,
     pub was_watched: bool,
-    /// Motors whose drives are not known to be off at the end.
+    /// Motors whose drives have not said at the end that they are off.
     pub powered: Vec<usize>,
     pub boot_id: u64,
     pub log: &'a mut dyn Write,
@@ -47,11 +46,11 @@ pub struct MainThread<'a> {
 
 impl MainThread<'_> {
     /// Writes the log until the loop has ended. If another thread ends early, the loop shuts down.
-    pub fn run(&mut self, control: &NamedThread, others: &[NamedThread], shutdown: &AtomicBool) {
+    pub fn run(&mut self, threads: &Threads, shutdown: &AtomicBool) {
         let mut suspends = SuspendMonitor::new();
         let (mut next_watchdog, mut had_files) = (Nanos::ZERO, true);
-        while !control.is_finished() {
-            if others.iter().any(NamedThread::is_finished) {
+        while !threads.control.is_finished() {
+            if threads.has_lost_one() {
                 shutdown.store(true, Ordering::Release);
             }
             if let Some(slept) = suspends.update(clock::suspended()) {
@@ -80,14 +79,14 @@ impl MainThread<'_> {
     /// A watchdog that ends, hangs or loses a port is no state of the robot, and nothing moves
     /// differently: it is told once.
     fn report_lost_watchdog(&mut self, now: Nanos) {
-        let status = WatchdogStatus::read(&self.domain, &self.devices, now);
+        let status = WatchdogStatus::read(&self.domain, &self.ports, now);
         let is_watched = status == WatchdogStatus::Watching;
         if std::mem::replace(&mut self.was_watched, is_watched) && !is_watched {
             let reason = Reason::from(Cause::Stop(Stop::Watchdog));
             let what = match status {
                 WatchdogStatus::Absent | WatchdogStatus::Watching => "it has ended",
                 WatchdogStatus::Silent => "it hangs or is stopped",
-                WatchdogStatus::OtherPorts => "it has another configuration, with other ports",
+                WatchdogStatus::OtherPorts => "it has another configuration of ports and axes",
                 WatchdogStatus::Incomplete => "it does not hold every port",
             };
             self.write_text(stamped_line(now, format_args!("{reason}: {what}")));
@@ -100,9 +99,9 @@ impl MainThread<'_> {
         let mut lines: Vec<(Nanos, String)> = Vec::new();
         while let Ok((stamp, event)) = self.port_events.try_recv() {
             if let PortEventKind::Ended { power } = event.kind
-                && power != DrivePower::Off
+                && power == DrivePower::Off
             {
-                self.powered.push(event.motor);
+                self.powered.retain(|motor| *motor != event.motor);
             }
             // The loop reports phases, too, at the tick that acts on them.
             if !matches!(event.kind, PortEventKind::Phase { .. }) {

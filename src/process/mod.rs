@@ -3,6 +3,7 @@
 //! | file | content |
 //! |---|---|
 //! | `controller` | start and end of the process, in order |
+//! | `ending` | the end of the threads, and what is known of the drives then |
 //! | `start_up` | model, ports and drives at the start |
 //! | `threads` | starting, naming and joining threads |
 //! | `control_loop` | the real-time loop thread; the only place that runs the cycle |
@@ -27,6 +28,7 @@ mod channels;
 pub mod console_log;
 mod control_loop;
 pub mod controller;
+mod ending;
 mod event_text;
 mod fixture_table;
 mod ipc_thread;

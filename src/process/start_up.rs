@@ -10,8 +10,8 @@ use crate::core::Gated;
 use crate::drive::AxisIdentity;
 use crate::drive::capture::{Capture, CapturedLine};
 use crate::drive::error::DriveError;
-use crate::drive::exclusive_use::WatchdogEntry;
 use crate::drive::fingerprint::differences_of_model;
+use crate::drive::line_turn::{LoopBeat, PortLife, PortTurn};
 use crate::drive::port::{Opened, Port};
 use crate::drive::port_runner::{AxisLink, PortRunner};
 use crate::drive::serial_transport::SerialTransport;
@@ -118,6 +118,8 @@ pub struct Drives {
     pub fingerprints: Vec<DriveFingerprint>,
     /// How long an exchange takes on each port.
     pub exchanges: Vec<Nanos>,
+    /// The signs of life of the port threads.
+    pub lives: Vec<PortLife>,
 }
 
 impl Drives {
@@ -139,12 +141,14 @@ impl Drives {
 /// changed. What went over the ports is written to a file where a drive is not as it should be.
 pub fn bring_up_ports(
     config: &Config,
-    watchdog: &WatchdogEntry,
+    beat: &LoopBeat,
     log: &mut dyn Write,
 ) -> Result<Drives, DriveError> {
-    let (mut opened, mut captures) = (Vec::new(), Vec::new());
+    let (mut opened, mut captures, mut lives) = (Vec::new(), Vec::new(), Vec::new());
     for port in &config.ports {
-        let line = SerialTransport::open_with(port, watchdog)?;
+        let turn = PortTurn::new(beat);
+        lives.push(turn.life());
+        let line = SerialTransport::open_with(port, turn)?;
         let (line, capture) = CapturedLine::new(line, port);
         captures.push(capture);
         opened.push(Port::over(line, port));
@@ -156,6 +160,7 @@ pub fn bring_up_ports(
         captures,
         fingerprints: Vec::new(),
         exchanges: Vec::new(),
+        lives,
     };
     if let Err(error) = drives.bring_up(opened) {
         match write_failed_start(&config.record_folder, &drives.captures, &software()) {

@@ -23,15 +23,17 @@ pub enum ThreadError {
         /// Cause.
         source: io::Error,
     },
-    /// A thread panicked. The drives were stopped as far as their own threads still ran.
-    #[error("internal error: the thread {0} ended early; the robot was stopped")]
+    /// A thread panicked.
+    #[error("internal error: the thread {0} ended early")]
     Died(&'static str),
     /// A thread does not end, for example because a disk does not answer.
-    #[error(
-        "the thread {0} did not end in time and was abandoned; the drives are off; check the disk \
-         of the records"
-    )]
+    #[error("the thread {0} did not end in time and was abandoned{advice}", advice = advice(.0))]
     Hangs(&'static str),
+}
+
+/// What a thread that hangs waits for: only those of records wait for a disk.
+fn advice(name: &str) -> &'static str {
+    if name == "black box" { "; check the disk of the records" } else { "" }
 }
 
 /// A running thread, with the name for its errors.
@@ -61,16 +63,19 @@ impl NamedThread {
         self.handle.is_finished()
     }
 
-    /// Waits for the end of the thread, at most until `end`.
+    /// Waits for the end of the thread, at most until `end`, and does something `meanwhile` again and
+    /// again.
     ///
     /// # Errors
     ///
     /// [`ThreadError::Died`], [`ThreadError::Hangs`].
-    pub fn join_until(self, end: Nanos) -> Result<(), ThreadError> {
+    pub fn join_until(self, end: Nanos, meanwhile: impl Fn(Nanos)) -> Result<(), ThreadError> {
         while !self.is_finished() {
-            if clock::now() >= end {
+            let now = clock::now();
+            if now >= end {
                 return Err(ThreadError::Hangs(self.name));
             }
+            meanwhile(now);
             clock::sleep(POLL_PERIOD);
         }
         self.join()
@@ -95,15 +100,15 @@ mod tests {
     #[test]
     fn a_thread_that_hangs_is_abandoned_and_named() {
         let (release, released) = mpsc::channel::<()>();
-        let thread = NamedThread::spawn("stuck", move || {
+        let thread = NamedThread::spawn("black box", move || {
             let _ = released.recv();
         })
         .unwrap();
-        let error = thread.join_until(clock::now()).unwrap_err().to_string();
-        assert!(error.contains("stuck") && error.contains("disk"), "{error}");
+        let error = thread.join_until(clock::now(), |_| ()).unwrap_err().to_string();
+        assert!(error.contains("black box did not") && error.contains("disk"), "{error}");
         drop(release);
         let thread = NamedThread::spawn("short", || {}).unwrap();
         let end = clock::now() + Nanos::from_millis(60_000);
-        assert!(thread.join_until(end).is_ok());
+        assert!(thread.join_until(end, |_| ()).is_ok());
     }
 }

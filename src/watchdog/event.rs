@@ -19,6 +19,8 @@ pub enum WatchdogEvent {
     Monitoring,
     /// The controller died or hangs; age of the last heartbeat.
     ControllerLost(ControllerStatus, Nanos),
+    /// The thread of a port hangs, in a controller whose loop lives; age of its last sign of life.
+    PortLost(PathBuf, Nanos),
     /// Outcome of the quick stop on a port.
     Stopped(PathBuf, Vec<AxisStop>),
     /// The controller ended with its drives off.
@@ -55,6 +57,10 @@ impl fmt::Display for WatchdogEvent {
                 let what = if died { "is gone" } else { "hangs" };
                 let ms = age.as_seconds() * 1e3;
                 write!(f, "the controller {what}; its last heartbeat was {ms:.1} ms ago")
+            }
+            Self::PortLost(device, age) => {
+                let (device, ms) = (device.display(), age.as_seconds() * 1e3);
+                write!(f, "the thread of {device} hangs; its last sign of life was {ms:.1} ms ago")
             }
             Self::Stopped(device, axes) => {
                 for (index, AxisStop { motor, outcome }) in axes.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Status of the controller, from its heartbeat.
 
 use crate::ipc::heartbeat::{ControllerAbsent, Heartbeat};
-use crate::units::Nanos;
+use crate::units::{MAX_AXES, Nanos};
 
 /// Status of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,6 +27,8 @@ pub struct HeartbeatMonitor {
     last: Option<LastHeartbeat>,
     /// See [`Heartbeat::owing`], of the last one.
     owing: u8,
+    /// Ports whose thread was silent at the last look.
+    silent: [bool; MAX_AXES],
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +42,7 @@ impl HeartbeatMonitor {
     /// A controller that is silent for longer than `silence` hangs.
     #[must_use]
     pub fn new(silence: Nanos) -> Self {
-        Self { silence, last: None, owing: 0 }
+        Self { silence, last: None, owing: 0, silent: [false; MAX_AXES] }
     }
 
     /// Age of the last heartbeat.
@@ -53,6 +55,29 @@ impl HeartbeatMonitor {
     #[must_use]
     pub fn owing(&self) -> u8 {
         self.owing
+    }
+
+    /// Whether a port is the controller's own now: its loop and the thread of the port live.
+    #[must_use]
+    pub fn has_port(&self, port: usize, heartbeat: &Heartbeat, now: Nanos) -> bool {
+        let alive = heartbeat.alive.get(port).copied().unwrap_or_default();
+        let is_young = |stamp| now.duration_since(stamp) <= self.silence;
+        is_young(heartbeat.stamp) && (alive == Nanos::ZERO || is_young(alive))
+    }
+
+    /// The ports whose threads have become silent since the last look, and how old their last signs
+    /// of life are, while the loop lives and drives may have power.
+    pub fn lost_ports(&mut self, now: Nanos) -> [Option<Nanos>; MAX_AXES] {
+        let beat = self.last.map(|last| last.heartbeat);
+        let is_watched = |beat: &Heartbeat| !beat.off && now - beat.stamp <= self.silence;
+        let Some(beat) = beat.filter(is_watched) else {
+            return [None; MAX_AXES];
+        };
+        let has_port: [bool; MAX_AXES] =
+            std::array::from_fn(|port| self.has_port(port, &beat, now));
+        let silent = has_port.map(|has_port| !has_port);
+        let before = std::mem::replace(&mut self.silent, silent);
+        std::array::from_fn(|port| (silent[port] && !before[port]).then(|| now - beat.alive[port]))
     }
 
     /// Updates the status with the heartbeat that is read at `now`.
@@ -115,8 +140,7 @@ mod tests {
                 boot_id: 7,
                 stamp: Nanos::from_millis(stamp),
                 off,
-                owing: 0,
-                answered: Nanos::ZERO,
+                ..Heartbeat::default()
             });
             let read = heartbeat.map(Some).ok_or(ControllerAbsent { last: None });
             let updated = monitor.update(read, Nanos::from_millis(*now));
@@ -148,12 +172,9 @@ mod tests {
 
     #[test]
     fn drives_that_went_off_between_two_looks_are_off() {
-        let heartbeat = |stamp, off| Heartbeat {
-            boot_id: 7,
-            stamp: Nanos(stamp),
-            off,
-            owing: 4,
-            answered: Nanos(stamp),
+        let heartbeat = |stamp, off| {
+            let stamp = Nanos(stamp);
+            Heartbeat { boot_id: 7, stamp, off, owing: 4, ..Heartbeat::default() }
         };
         for (off, status) in [(true, Ended), (false, Died)] {
             let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
@@ -177,11 +198,36 @@ mod tests {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
         assert_eq!(monitor.age(Nanos::from_millis(5)), Nanos::ZERO);
         let stamp = Nanos::from_millis(100);
-        let answered = stamp;
-        let read = Ok(Some(Heartbeat { boot_id: 7, stamp, off: false, owing: 0, answered }));
+        let read = Ok(Some(Heartbeat { boot_id: 7, stamp, ..Heartbeat::default() }));
         monitor.update(read, Nanos::from_millis(102));
         let age = monitor.age(Nanos::from_millis(131));
         assert_eq!(age, Nanos::from_millis(31));
+    }
+
+    #[test]
+    fn a_port_thread_that_is_silent_is_lost_once_while_drives_may_have_power() {
+        let ms = Nanos::from_millis;
+        let mut monitor = HeartbeatMonitor::new(ms(50));
+        // Time, last beat, sign of life of the second of two ports, drives off, lost.
+        for (now, stamp, alive, off, lost) in [
+            (100, 99, 60, false, false),
+            (111, 110, 60, true, false),
+            (112, 111, 60, false, true),
+            (113, 112, 60, false, false),
+            (114, 113, 113, false, false),
+            (164, 163, 113, false, true),
+            (165, 164, 164, false, false),
+            // The loop hangs, and with it all that it tells of the ports.
+            (300, 164, 164, false, false),
+            (301, 300, 300, false, false),
+        ] {
+            let alive = [ms(stamp), ms(alive), Nanos::ZERO];
+            let stamp = ms(stamp);
+            let beat = Heartbeat { boot_id: 7, stamp, off, alive, ..Heartbeat::default() };
+            monitor.update(Ok(Some(beat)), ms(now));
+            let expected = [None, lost.then(|| ms(now) - alive[1]), None];
+            assert_eq!(monitor.lost_ports(ms(now)), expected, "at {now} ms");
+        }
     }
 
     #[test]
@@ -189,7 +235,7 @@ mod tests {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
         for (boot_id, stamp, off) in [(7, 100, false), (8, 99, true)] {
             let stamp = Nanos::from_millis(stamp);
-            let read = Ok(Some(Heartbeat { boot_id, stamp, off, owing: 0, answered: stamp }));
+            let read = Ok(Some(Heartbeat { boot_id, stamp, off, ..Heartbeat::default() }));
             assert_eq!(monitor.update(read, Nanos::from_millis(102)), Started);
         }
     }

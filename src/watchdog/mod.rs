@@ -13,10 +13,9 @@
 //! | `pulse` | a modem line that changes while all is well, for a relay on the STO inputs |
 //! | `event` | events for the log |
 //!
-//! The watchdog keeps its ports open. The controller takes a port for itself, and lets a watchdog
-//! that runs in first, at its start and after every replug ([`crate::drive::exclusive_use`]). So it
-//! does not matter who is first. While the watchdog keeps a port open, the kernel does not end the
-//! exclusive use by a killed controller, so the watchdog does.
+//! The watchdog keeps its ports open beside the controller. Ages decide who talks on a line
+//! ([`crate::drive::line_turn`]): the watchdog takes over a line whose port thread hangs, and all of
+//! them when the loop hangs, and lets go as soon as both live again.
 //!
 //! Behind one port may be several drives, and the first is a gateway to the others. It waits for
 //! one that does not answer, and takes nothing else meanwhile. So the heartbeat also tells which
@@ -37,6 +36,7 @@ use std::thread;
 
 use crate::clock;
 use crate::config::Config;
+use crate::drive::line_turn::TAKE_OVER;
 use crate::drive::quick_stop::STOP_ATTEMPTS;
 use crate::ipc::Domain;
 use crate::ipc::heartbeat::HeartbeatReader;
@@ -54,7 +54,7 @@ use unstopped::{Unstopped, is_complete_stop};
 /// Period of reading the heartbeat.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 
-/// Period of trying to open ports, and of looking for ports that were abandoned in exclusive use.
+/// Period of trying to open ports.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(100);
 
 /// How long a watchdog without a service manager waits for a first port: without one it watches
@@ -67,16 +67,9 @@ const STOP_STACK: usize = 256 * 1024;
 /// Nobody knows any more which drives answer.
 const ALL_OWING: u8 = u8::MAX;
 
-/// Default silence of the loop after which the watchdog acts.
-///
-/// The port threads of the controller have a time-out for a silent loop, too: `LOOP_TIMEOUT`,
-/// 1000 ms by default. The two differ on purpose. The watchdog runs above everything of the
-/// controller, so 40 missed ticks are not its own delay, and it acts before the operator notices.
-/// The port thread is the second line, for a controller without a watchdog. It also runs where the
-/// machine grants no real time, and where stalls of a hundred milliseconds are normal and harmless:
-/// a drive without new setpoints holds the last one. A quick stop there would end work for nothing.
-/// If both acted at the same time, their exchanges would collide on the line.
-pub const DEFAULT_SILENCE: Nanos = Nanos::from_millis(40);
+/// Default silence of the loop, or of the thread of a port, after which the watchdog acts. The
+/// watchdog runs above everything of the controller, so 50 missed ticks are not its own delay.
+pub const DEFAULT_SILENCE: Nanos = TAKE_OVER;
 
 /// Monitors the controller until `stop` is set, and keeps `presence` up to date. Passes every event
 /// to `report`. Returns whether it ever held a port: on a terminal it ends without one.
@@ -90,33 +83,22 @@ pub fn run(
 ) -> bool {
     let first_port = clock::now() + FIRST_PORT;
     let mut had_port = service_manager::is_there();
-    let mut ports: Vec<SharedPort> = config.ports.iter().map(SharedPort::new).collect();
-    let mut reader = HeartbeatReader::new(domain);
-    let mut monitor = HeartbeatMonitor::new(silence);
-    let mut next_open = Nanos::ZERO;
-    let mut was_complete = false;
+    let mut watch = Watch::new(config, domain, presence, silence);
+    let (mut next_open, mut was_complete) = (Nanos::ZERO, false);
     let mut unstopped = Unstopped::default();
-    let mut pulse = start_pulse(config, report);
-    let alive = |now| {
-        service_manager::notify(service_manager::ALIVE);
-        // If it fails, clients see a watchdog that is silent: the safe side.
-        let _ = presence.alive(now);
-    };
+    let mut pulse = start_pulse(config, silence, report);
     while !stop.load(Ordering::Acquire) {
         let now = clock::now();
         if now >= next_open {
             next_open = now + OPEN_PERIOD;
-            for event in ports.iter_mut().filter_map(SharedPort::open) {
+            for event in watch.ports.iter_mut().filter_map(SharedPort::open) {
                 report(event);
             }
-            for port in &ports {
-                port.release_if_abandoned();
-            }
-            had_port |= ports.iter().any(SharedPort::is_open);
+            had_port |= watch.ports.iter().any(SharedPort::is_open);
             if !had_port && now > first_port {
                 return false;
             }
-            let is_complete = ports.iter().all(SharedPort::is_open);
+            let is_complete = watch.ports.iter().all(SharedPort::is_open);
             if std::mem::replace(&mut was_complete, is_complete) != is_complete {
                 // If the lock fails, clients see a watchdog that cannot act: the safe side.
                 let _ = presence.set_complete(is_complete);
@@ -124,38 +106,35 @@ pub fn run(
             if is_complete {
                 service_manager::notify(service_manager::READY);
             }
-            alive(now);
+            watch.show_life(now);
         }
-        let heartbeat = reader.read();
+        let heartbeat = watch.reader.read();
         if let Some(pulse) = &mut pulse {
             pulse.update(heartbeat.ok().flatten(), clock::now());
             pulse.change().into_iter().for_each(|why| report(WatchdogEvent::Pulse(why)));
         }
-        let status = monitor.update(heartbeat, clock::now());
+        let status = watch.monitor.update(heartbeat, clock::now());
         match status {
-            ControllerStatus::Absent | ControllerStatus::Alive => {}
+            ControllerStatus::Absent => {}
+            ControllerStatus::Alive => watch.stop_lost_ports(&mut unstopped, report),
             ControllerStatus::Started => {
                 unstopped.clear();
                 report(WatchdogEvent::Monitoring);
             }
             ControllerStatus::Ended => report(WatchdogEvent::ControllerEnded),
             ControllerStatus::Died | ControllerStatus::Hangs => {
-                let age = monitor.age(clock::now());
-                // Sends quick stop to every axis before it reports.
-                let all = ports.iter().collect::<Vec<_>>();
-                let stopped = quick_stop_all(&all, monitor.owing(), STOP_ATTEMPTS, alive);
-                report(WatchdogEvent::ControllerLost(status, age));
-                unstopped.note(&stopped, clock::now());
-                stopped.into_iter().for_each(&mut *report);
+                let lost = WatchdogEvent::ControllerLost(status, watch.monitor.age(clock::now()));
+                let all = (0..watch.ports.len()).collect::<Vec<_>>();
+                watch.stop(&all, vec![lost], &mut unstopped, report);
             }
         }
         if unstopped.is_due(now) {
-            // A controller that has opened a port again stops its drives itself.
-            let due = ports.iter().filter(|port| {
-                unstopped.contains(port.device()) && port.is_open() && !port.is_in_use()
+            let due = (0..watch.ports.len()).filter(|&port| {
+                unstopped.contains(watch.ports[port].device()) && watch.may_retry(port)
             });
-            let stopped = quick_stop_all(&due.collect::<Vec<_>>(), ALL_OWING, 1, alive);
-            unstopped.note_again(&stopped);
+            let due: Vec<usize> = due.collect();
+            let stopped = watch.quick_stop(&due, ALL_OWING, 1);
+            unstopped.note(&stopped, clock::now());
             stopped.into_iter().filter(is_complete_stop).for_each(&mut *report);
         }
         clock::sleep(POLL_PERIOD);
@@ -163,42 +142,123 @@ pub fn run(
     true
 }
 
-fn start_pulse(config: &Config, report: &mut dyn FnMut(WatchdogEvent)) -> Option<Pulse> {
-    let pulse = Pulse::start(config.watchdog.pulse.as_ref()?);
+fn start_pulse(
+    config: &Config,
+    silence: Nanos,
+    report: &mut dyn FnMut(WatchdogEvent),
+) -> Option<Pulse> {
+    let pulse = Pulse::start(config.watchdog.pulse.as_ref()?, silence);
     pulse.map_err(|error| report(WatchdogEvent::Pulse(Some(error.to_string())))).ok()
 }
 
-/// Stops the axes of all ports at the same time, so often: a port that does not answer takes
-/// seconds. `alive` is called meanwhile.
-fn quick_stop_all(
-    ports: &[&SharedPort],
-    owing: u8,
-    attempts: usize,
-    alive: impl Fn(Nanos),
-) -> Vec<WatchdogEvent> {
-    thread::scope(|scope| {
-        let stopping: Vec<_> = ports
-            .iter()
-            .map(|port| {
-                let thread = thread::Builder::new().stack_size(STOP_STACK);
-                let stop = || port.quick_stop(owing, attempts);
-                // Without memory for a thread, one port after the other.
-                thread.spawn_scoped(scope, stop).map_err(|_| stop())
-            })
-            .collect();
-        let mut next_alive = clock::now() + OPEN_PERIOD;
-        while stopping.iter().flatten().any(|thread| !thread.is_finished()) {
-            clock::sleep(POLL_PERIOD);
-            let now = clock::now();
-            if now >= next_alive {
-                next_alive = now + OPEN_PERIOD;
-                alive(now);
+/// The ports, and what is known of their controller.
+struct Watch<'a> {
+    ports: Vec<SharedPort>,
+    reader: HeartbeatReader,
+    monitor: HeartbeatMonitor,
+    presence: &'a WatchdogPresence,
+}
+
+impl<'a> Watch<'a> {
+    fn new(
+        config: &Config,
+        domain: &Domain,
+        presence: &'a WatchdogPresence,
+        silence: Nanos,
+    ) -> Self {
+        Self {
+            ports: config.ports.iter().map(SharedPort::new).collect(),
+            reader: HeartbeatReader::new(domain),
+            monitor: HeartbeatMonitor::new(silence),
+            presence,
+        }
+    }
+
+    fn show_life(&self, now: Nanos) {
+        service_manager::notify(service_manager::ALIVE);
+        // If it fails, clients see a watchdog that is silent: the safe side.
+        let _ = self.presence.alive(now);
+    }
+
+    /// Another try may talk on a port: it is no controller's, and none that starts.
+    fn may_retry(&mut self, port: usize) -> bool {
+        match self.reader.read() {
+            Ok(Some(beat)) => !self.monitor.has_port(port, &beat, clock::now()),
+            Ok(None) => false,
+            // As it is not, if the port is not open.
+            Err(_) => self.ports[port].try_lock(),
+        }
+    }
+
+    /// Stops the drives of the ports whose threads hang while the loop lives.
+    fn stop_lost_ports(
+        &mut self,
+        unstopped: &mut Unstopped,
+        report: &mut dyn FnMut(WatchdogEvent),
+    ) {
+        let lost = self.monitor.lost_ports(clock::now());
+        let (mut ports, mut events) = (Vec::new(), Vec::new());
+        for (port, (shared, age)) in self.ports.iter().zip(lost).enumerate() {
+            if let Some(age) = age {
+                ports.push(port);
+                events.push(WatchdogEvent::PortLost(shared.device().to_owned(), age));
             }
         }
-        let events = stopping.into_iter().map(|stopping| match stopping {
-            Ok(thread) => thread.join().ok(),
-            Err(event) => Some(event),
-        });
-        events.flatten().collect()
-    })
+        if !ports.is_empty() {
+            self.stop(&ports, events, unstopped, report);
+        }
+    }
+
+    /// Sends quick stop to every axis of these ports before it reports.
+    fn stop(
+        &mut self,
+        ports: &[usize],
+        why: Vec<WatchdogEvent>,
+        unstopped: &mut Unstopped,
+        report: &mut dyn FnMut(WatchdogEvent),
+    ) {
+        let stopped = self.quick_stop(ports, self.monitor.owing(), STOP_ATTEMPTS);
+        unstopped.note(&stopped, clock::now());
+        why.into_iter().chain(stopped).for_each(report);
+    }
+
+    /// Stops the axes of ports at the same time, so often: a port that does not answer takes
+    /// seconds. Ends on a port that is the controller's again.
+    fn quick_stop(&mut self, which: &[usize], owing: u8, attempts: usize) -> Vec<WatchdogEvent> {
+        let ports: Vec<(usize, &SharedPort, AtomicBool)> =
+            which.iter().map(|&port| (port, &self.ports[port], AtomicBool::new(false))).collect();
+        let reader = &mut self.reader;
+        let (monitor, presence) = (&self.monitor, self.presence);
+        thread::scope(|scope| {
+            let stopping: Vec<_> = ports
+                .iter()
+                .map(|(_, port, is_over)| {
+                    let thread = thread::Builder::new().stack_size(STOP_STACK);
+                    let stop = || port.quick_stop(owing, attempts, is_over);
+                    // Without memory for a thread, one port after the other.
+                    thread.spawn_scoped(scope, stop).map_err(|_| stop())
+                })
+                .collect();
+            let mut next_alive = clock::now() + OPEN_PERIOD;
+            while stopping.iter().flatten().any(|thread| !thread.is_finished()) {
+                clock::sleep(POLL_PERIOD);
+                let now = clock::now();
+                if let Ok(Some(beat)) = reader.read() {
+                    for (port, _, is_over) in &ports {
+                        is_over.fetch_or(monitor.has_port(*port, &beat, now), Ordering::AcqRel);
+                    }
+                }
+                if now >= next_alive {
+                    next_alive = now + OPEN_PERIOD;
+                    service_manager::notify(service_manager::ALIVE);
+                    let _ = presence.alive(now);
+                }
+            }
+            let events = stopping.into_iter().map(|stopping| match stopping {
+                Ok(thread) => thread.join().ok(),
+                Err(event) => Some(event),
+            });
+            events.flatten().collect()
+        })
+    }
 }

@@ -2,7 +2,8 @@
 //! keeps closed opens the STO inputs of the drives when the computer dies, which no program can do
 //! then. The circuit is in the manual.
 //!
-//! The line changes every [`HALF_PERIOD`] while the control loop ticks and every drive answers. A
+//! The line changes every [`HALF_PERIOD`] while the control loop ticks and every drive answers: what
+//! the robot bears, down to the age that is a fault, the pulse bears, too, and the loop says it. A
 //! thread of its own changes it, because a system call on a dead adapter may last; the thread has a
 //! permission that ends by itself [`PERMISSION`] after the last look of the watchdog.
 //!
@@ -32,10 +33,9 @@ pub const HALF_PERIOD: Nanos = Nanos::from_millis(20);
 /// The watchdog looks every 2 ms; it may be late by ten times that.
 const PERMISSION: Nanos = Nanos::from_millis(20);
 
-/// Age of the last tick, and of the position of a drive, at which the pulse ends: with the half
-/// period and the looks of the watchdog, the last edge is within 60 ms of what happened.
-const OLDEST_TICK: Nanos = Nanos::from_millis(40);
-const OLDEST_POSITION: Nanos = Nanos::from_millis(50);
+/// Age of the last tick at which the pulse ends, in tenths of the silence that the watchdog bears.
+/// With the half period and the looks of the watchdog, the last edge is within 60 ms of what happened.
+const OLDEST_TICK: u64 = 8;
 
 /// Between two tries to open an adapter that is gone.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(200);
@@ -97,14 +97,18 @@ impl PulseLine {
 struct PulseGate {
     /// The pulse has ended, and the drives may have power; as before the watchdog began.
     is_latched: bool,
+    oldest_tick: Nanos,
 }
 
 impl PulseGate {
+    fn new(silence: Nanos) -> Self {
+        Self { is_latched: true, oldest_tick: Nanos(silence.0 / 10 * OLDEST_TICK) }
+    }
+
     /// `heartbeat`: the last one of a controller that serves.
     fn is_open(&mut self, heartbeat: Option<Heartbeat>, now: Nanos) -> bool {
         let is_well = |beat: &Heartbeat| {
-            now.duration_since(beat.stamp) <= OLDEST_TICK
-                && now.duration_since(beat.answered) <= OLDEST_POSITION
+            now.duration_since(beat.stamp) <= self.oldest_tick && now <= beat.good_until
         };
         let well = heartbeat.filter(is_well);
         self.is_latched = match well {
@@ -133,11 +137,11 @@ struct Shared {
 
 impl Pulse {
     /// Starts the thread, which ends with the process.
-    pub fn start(config: &PulseConfig) -> io::Result<Self> {
+    pub fn start(config: &PulseConfig, silence: Nanos) -> io::Result<Self> {
         let shared = Arc::new(Shared::default());
         let (theirs, config) = (Arc::clone(&shared), config.clone());
         thread::Builder::new().spawn(move || run(&config, &theirs))?;
-        Ok(Self { gate: PulseGate { is_latched: true }, shared, reported: 0 })
+        Ok(Self { gate: PulseGate::new(silence), shared, reported: 0 })
     }
 
     /// Permits or ends the pulse.
@@ -186,10 +190,10 @@ mod tests {
     fn the_pulse_ends_with_loop_and_line_and_begins_again_only_with_drives_off() {
         let ms = Nanos::from_millis;
         let beat = |stamp, answered, off| {
-            let (stamp, answered) = (ms(stamp), ms(answered));
-            Some(Heartbeat { boot_id: 7, stamp, answered, off, owing: 0 })
+            let (stamp, good_until) = (ms(stamp), ms(answered + 50));
+            Some(Heartbeat { boot_id: 7, stamp, good_until, off, ..Heartbeat::default() })
         };
-        let mut gate = PulseGate { is_latched: true };
+        let mut gate = PulseGate::new(ms(50));
         for (heartbeat, now, is_open, why) in [
             (beat(1000, 999, false), 1000, false, "a watchdog that starts under power"),
             (beat(1001, 1000, true), 1002, true, "drives off"),

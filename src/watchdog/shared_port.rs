@@ -5,6 +5,7 @@ use std::io::{self, Read, Write};
 use std::os::fd::AsFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use nix::libc;
 
@@ -12,12 +13,11 @@ use super::event::{AxisStop, WatchdogEvent};
 use crate::clock;
 use crate::config::{AxisConfig, PortConfig};
 use crate::drive::cia402::DriveState;
-use crate::drive::exclusive_use::{is_exclusive, set_exclusive, show_watchdog};
 use crate::drive::family_selection;
 use crate::drive::link::DriveLink;
 use crate::drive::quick_stop::{self, QuickStopError};
 use crate::drive::serial_transport;
-use crate::drive::transport::Transport;
+use crate::drive::transport::{NOT_OUR_TURN, Transport};
 use crate::units::Nanos;
 
 /// Maximum time to wait for a reply, ms. Trying again is faster than waiting longer, except for a
@@ -26,6 +26,9 @@ const MAX_REPLY_TIMEOUT_MS: u64 = 50;
 
 /// The frame timeout that the controller sets in its drives.
 const FRAME_TIMEOUT: Nanos = Nanos::from_millis(50);
+
+/// The longest wait for a reply without a look at whether the controller is back.
+const LOOK_PERIOD: Nanos = Nanos::from_millis(2);
 
 /// A port of the controller's configuration, open in this process, too.
 #[derive(Debug)]
@@ -57,7 +60,8 @@ impl SharedPort {
                 Some(WatchdogEvent::PortOpened(device))
             }
             Err(error) if !std::mem::replace(&mut self.refusal_reported, true) => {
-                Some(WatchdogEvent::PortRefused(device, explain(&error)))
+                let why = format!("{error}; tried again every 100 ms");
+                Some(WatchdogEvent::PortRefused(device, why))
             }
             Err(_) => None,
         }
@@ -75,46 +79,34 @@ impl SharedPort {
         &self.config.device
     }
 
-    /// Whether another process has opened the port for itself, as a controller does.
+    /// Locks the port against other programs until the next stop has ended. `false`: one has it.
     #[must_use]
-    pub fn is_in_use(&self) -> bool {
-        self.file.as_ref().is_some_and(is_exclusive)
+    pub fn try_lock(&self) -> bool {
+        self.file.as_ref().is_some_and(|file| file.try_lock().is_ok())
     }
 
-    /// Sends quick stop to every axis that may be powered, so often. Then other processes may open
-    /// the port. `owing`: a bit for each motor whose drive owed the controller an answer.
-    pub fn quick_stop(&self, owing: u8, attempts: usize) -> WatchdogEvent {
+    /// Sends quick stop to every axis that may be powered, so often, until it `is_over`: the
+    /// controller has the port again. `owing`: a bit for each motor whose drive owed the controller
+    /// an answer.
+    pub fn quick_stop(&self, owing: u8, attempts: usize, is_over: &AtomicBool) -> WatchdogEvent {
+        // The lock of a controller goes with it; that of one that hangs keeps others away as well.
+        let is_locked = self.try_lock();
         let file = self.file.as_ref().and_then(|file| file.try_clone().ok());
         let outcomes = match file {
-            Some(file) => self.stop_axes(file, owing, attempts),
+            Some(file) => self.stop_axes(OpenPort { file, is_over }, owing, attempts),
             None => vec![Err(QuickStopError::NotHeld); self.config.axes.len()],
         };
-        if let Some(file) = &self.file {
-            let _ = set_exclusive(file, false);
+        if let Some(file) = self.file.as_ref().filter(|_| is_locked) {
+            let _ = file.unlock();
         }
         let axes = self.config.axes.iter().zip(outcomes);
         let stopped = axes.map(|(axis, outcome)| AxisStop { motor: axis.motor, outcome });
         WatchdogEvent::Stopped(self.config.device.clone(), stopped.collect())
     }
 
-    /// Ends the exclusive use of the port by a process that was killed. The kernel does so only
-    /// when no descriptor of the port is open any more, and this one is.
-    ///
-    /// A controller also locks the file, and the kernel releases that lock with the process. One
-    /// that tries to lock the file at this moment tries again.
-    pub fn release_if_abandoned(&self) {
-        if let Some(file) = &self.file
-            && is_exclusive(file)
-            && file.try_lock_shared().is_ok()
-        {
-            let _ = set_exclusive(file, false);
-            let _ = file.unlock();
-        }
-    }
-
     fn stop_axes(
         &self,
-        file: File,
+        port: OpenPort<'_>,
         owing: u8,
         attempts: usize,
     ) -> Vec<Result<DriveState, QuickStopError>> {
@@ -122,8 +114,7 @@ impl SharedPort {
             reply_timeout_ms: self.config.reply_timeout_ms.min(MAX_REPLY_TIMEOUT_MS),
             ..self.config.clone()
         };
-        let mut link =
-            DriveLink::new(OpenPort(file), family_selection::family_of_port(&config), &config);
+        let mut link = DriveLink::new(port, family_selection::family_of_port(&config), &config);
         link.set_frame_timeout(FRAME_TIMEOUT);
         let nodes: Vec<u8> = config.axes.iter().map(|axis| axis.node_id).collect();
         let owes = |axis: &&AxisConfig| owing >> axis.motor & 1 == 1;
@@ -134,21 +125,7 @@ impl SharedPort {
 
 fn open(device: &Path) -> io::Result<File> {
     let flags = libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC;
-    let file = OpenOptions::new().read(true).write(true).custom_flags(flags).open(device)?;
-    // The controller waits for it before it keeps others out.
-    show_watchdog(&file)?;
-    Ok(file)
-}
-
-fn explain(error: &io::Error) -> String {
-    match error.raw_os_error() {
-        Some(libc::EBUSY) => {
-            "another program has it for itself; a controller lets the watchdog in, so close any \
-             other program; tried again every 100 ms"
-                .to_owned()
-        }
-        _ => format!("{error}; tried again every 100 ms"),
-    }
+    OpenOptions::new().read(true).write(true).custom_flags(flags).open(device)
 }
 
 /// Whether the device of a descriptor has been disconnected.
@@ -163,17 +140,30 @@ fn is_hung_up(file: &File) -> bool {
 
 /// A port with the settings of the controller.
 #[derive(Debug)]
-struct OpenPort(File);
+struct OpenPort<'a> {
+    file: File,
+    /// The controller has it again.
+    is_over: &'a AtomicBool,
+}
 
-impl Transport for OpenPort {
+impl OpenPort<'_> {
+    fn check(&self) -> io::Result<()> {
+        if self.is_over.load(Ordering::Acquire) { Err(NOT_OUR_TURN.into()) } else { Ok(()) }
+    }
+}
+
+impl Transport for OpenPort<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.0.write_all(bytes)
+        self.check()?;
+        self.file.write_all(bytes)
     }
 
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
         loop {
-            if serial_transport::wait(self.0.as_fd(), deadline)? {
-                return match self.0.read(into) {
+            self.check()?;
+            let now = clock::now();
+            if serial_transport::wait(self.file.as_fd(), deadline.min(now + LOOK_PERIOD))? {
+                return match self.file.read(into) {
                     Ok(0) => Err(io::ErrorKind::BrokenPipe.into()),
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(0),
                     outcome => outcome,
@@ -222,13 +212,6 @@ mod tests {
         SharedPort::new(&toml::from_str(&text).unwrap())
     }
 
-    /// A descriptor of the port in exclusive use.
-    fn exclusive(device: &Path) -> File {
-        let file = open(device).unwrap();
-        set_exclusive(&file, true).unwrap();
-        file
-    }
-
     #[test]
     fn a_port_is_opened_when_it_appears_and_again_after_a_hang_up() {
         let folder = tempfile::tempdir().unwrap();
@@ -252,39 +235,34 @@ mod tests {
     }
 
     #[test]
-    fn a_locked_port_is_explained() {
-        let busy = io::Error::from_raw_os_error(libc::EBUSY);
-        assert!(explain(&busy).contains("another program has it for itself"));
-    }
-
-    #[test]
-    fn only_abandoned_exclusive_use_is_ended() {
+    fn a_stop_locks_the_port_against_others_only_until_it_has_ended() {
         let (_master, device) = line();
         let mut port = port(&device);
         port.open();
-        let file = port.file.as_ref().unwrap().try_clone().unwrap();
-        assert!(!is_exclusive(&file));
-        let controller = exclusive(&device);
-        controller.lock().unwrap();
-        port.release_if_abandoned();
-        assert!(is_exclusive(&file), "a living process has it locked");
-        drop(controller);
-        assert!(is_exclusive(&file), "the kernel leaves the flag");
-        port.release_if_abandoned();
-        assert!(!is_exclusive(&file));
-        // The lock is free for the next controller.
-        exclusive(&device).try_lock().unwrap();
+        let other = open(&device).unwrap();
+        other.lock().unwrap();
+        assert!(!port.try_lock(), "a controller has it");
+        other.unlock().unwrap();
+        assert!(port.try_lock());
+        assert!(other.try_lock().is_err());
+        port.quick_stop(0, STOP_ATTEMPTS, &AtomicBool::new(false));
+        other.try_lock().unwrap();
     }
 
     #[test]
-    fn a_quick_stop_ends_the_exclusive_use() {
-        let (_master, device) = line();
-        let mut port = port(&device);
+    fn a_controller_that_is_back_ends_the_stop_before_anything_is_written() {
+        let (master, device) = line();
+        let text = format!(
+            "device = {device:?}\n[[axes]]\nmotor = 0\nnode_id = 1\nserial_number = 1\n\
+             position_min_counts = 0\nposition_max_counts = 1"
+        );
+        let mut port = SharedPort::new(&toml::from_str(&text).unwrap());
         port.open();
-        let file = port.file.as_ref().unwrap().try_clone().unwrap();
-        let _controller = exclusive(&device);
-        port.quick_stop(0, STOP_ATTEMPTS);
-        assert!(!is_exclusive(&file));
+        let taken = AxisStop { motor: 0, outcome: Err(QuickStopError::TakenBack) };
+        let event = port.quick_stop(0, STOP_ATTEMPTS, &AtomicBool::new(true));
+        assert_eq!(event, WatchdogEvent::Stopped(device, vec![taken]));
+        fcntl(&master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).unwrap();
+        assert!(nix::unistd::read(&master, &mut [0; 8]).is_err(), "nothing was written");
     }
 
     #[test]
@@ -293,7 +271,7 @@ mod tests {
         let file = open(&device).unwrap();
         let flags = OFlag::from_bits_retain(fcntl(&file, FcntlArg::F_GETFL).unwrap());
         assert!(flags.contains(OFlag::O_NONBLOCK));
-        let mut port = OpenPort(file);
+        let mut port = OpenPort { file, is_over: &AtomicBool::new(false) };
         let mut bytes = [0; 8];
         let deadline = port.now() + Nanos::from_millis(20);
         assert_eq!(port.read(&mut bytes, deadline).unwrap(), 0);

@@ -26,21 +26,17 @@ pub(super) fn is_complete_stop(event: &WatchdogEvent) -> bool {
 }
 
 impl Unstopped {
-    /// Takes note of the first try on all ports.
+    /// Takes note of a try. The time for more begins with the first one that fails on a port.
     pub fn note(&mut self, stopped: &[WatchdogEvent], now: Nanos) {
-        let device = |event: &WatchdogEvent| match event {
-            WatchdogEvent::Stopped(device, _) if !is_complete_stop(event) => Some(device.clone()),
-            _ => None,
-        };
-        self.ports = stopped.iter().filter_map(device).collect();
-        (self.next, self.end) = (now + PERIOD, now + LONGEST);
-    }
-
-    /// Takes note of another try.
-    pub fn note_again(&mut self, stopped: &[WatchdogEvent]) {
-        for event in stopped.iter().filter(|event| is_complete_stop(event)) {
-            if let WatchdogEvent::Stopped(done, _) = event {
-                self.ports.retain(|device| device != done);
+        for event in stopped {
+            let WatchdogEvent::Stopped(device, _) = event else { continue };
+            let is_known = self.contains(device);
+            self.ports.retain(|port| port != device);
+            if !is_complete_stop(event) {
+                self.ports.push(device.clone());
+                if !is_known {
+                    (self.next, self.end) = (now + PERIOD, now + LONGEST);
+                }
             }
         }
     }
@@ -85,9 +81,9 @@ mod tests {
         assert!(unstopped.contains(Path::new("b")) && !unstopped.contains(Path::new("a")));
         let due: Vec<u64> = (1000..3000).filter(|now| unstopped.is_due(ms(*now))).collect();
         assert_eq!(due, [1500, 2000, 2500]);
-        unstopped.note_again(&[stopped("b", Err(QuickStopError::NotHeld))]);
+        unstopped.note(&[stopped("b", Err(QuickStopError::NotHeld))], ms(2500));
         assert!(unstopped.is_due(ms(3000)));
-        unstopped.note_again(&[stopped("b", stop)]);
+        unstopped.note(&[stopped("b", stop)], ms(3000));
         assert!(!unstopped.is_due(ms(4000)), "stopped");
         unstopped.note(&first, ms(1000));
         assert!(!unstopped.is_due(ms(1000) + LONGEST), "not for ever");

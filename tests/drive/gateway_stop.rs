@@ -6,7 +6,7 @@ use i2ris::drive::epos4::Epos4;
 use i2ris::drive::link::DriveLink;
 use i2ris::drive::quick_stop::{QuickStopError, STOP_ATTEMPTS, quick_stop_all};
 use i2ris::units::Nanos;
-use i2ris_testing::drive::{MiniDrive, OPERATION_ENABLED, SimulatedLine, port_config};
+use i2ris_testing::drive::{Disturbance, MiniDrive, OPERATION_ENABLED, SimulatedLine, port_config};
 
 const NODES: [u8; 3] = [1, 2, 3];
 
@@ -100,6 +100,20 @@ fn h03_the_watchdog_stops_the_living_after_one_time_out_of_the_gateway() {
                 }
             }
         }
+    }
+}
+
+/// Every drive is told once before anything waits for a reply for as long as a gateway may take.
+#[test]
+fn h03_a_lost_reply_keeps_no_stop_of_the_watchdog_from_the_others() {
+    for lost in 0..6 {
+        let (line, config) = powered(500, 0);
+        let before = std::iter::repeat_n(Disturbance::Nothing, lost);
+        line.disturb(before.chain([Disturbance::LoseReply]));
+        let (outcomes, taken, _) = stop(&line, &config, None, &[]);
+        assert_eq!(outcomes, [Ok(DriveState::QuickStopActive); 3], "reply {lost} lost");
+        let last = taken.map(|it| it.expect("told")).into_iter().max();
+        assert!(last <= Some(Nanos::from_millis(60)), "reply {lost} lost: {last:?}");
     }
 }
 

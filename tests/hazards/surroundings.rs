@@ -3,7 +3,7 @@
 use std::fs;
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use i2ris::ipc::OperatingState;
 use i2ris_testing::{Rig, enable, home, stream_angles, stream_counts, wait_until, wait_until_idle};
@@ -69,6 +69,30 @@ fn h13_a_blocked_log_does_not_stop_the_end_of_a_start_that_failed() {
     fill(&writer);
     rig.start_controller_with(Stdio::from(writer));
     assert_eq!(rig.wait_for_end().code(), Some(1));
+}
+
+/// The black box waits for its disk for ever, and the drives do not answer any more: the end says
+/// what is known of them, and no more.
+#[test]
+fn h13_a_disk_that_hangs_makes_no_drive_known_to_be_off() {
+    let mut rig = Rig::start();
+    let library = rig.folder.path().join("disk.so");
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/hazards/hanging_disk.c");
+    let mut compiler = Command::new("cc");
+    let compiled = compiler.args(["-shared", "-fPIC", source, "-o"]).arg(&library).status();
+    assert!(compiled.unwrap().success());
+    rig.environment = vec![("LD_PRELOAD".into(), library.into())];
+    for port in &mut rig.config.ports {
+        port.reply_timeout_ms = 300;
+    }
+    let _client = rig.enabled();
+    rig.emulator.mute(0, true);
+    rig.signal(Signal::SIGTERM);
+    let (status, log) = (rig.wait_for_end(), rig.log_text("controller"));
+    assert!(!log.contains("the drives are off"), "{log}");
+    assert!(log.contains("are not known to be off"), "{log}");
+    assert!(log.contains("the thread black box did not end in time"), "{log}");
+    assert_eq!(status.code(), Some(8), "{log}");
 }
 
 fn fill(pipe: &std::io::PipeWriter) {

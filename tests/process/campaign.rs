@@ -143,9 +143,9 @@ impl Scene {
         let arguments =
             ["--config", file.to_str().unwrap(), "--silence-ms", &SILENCE_MS.to_string()];
         let watchdog = Process::start(&rig, "i2ris-watchdog", &arguments, &watchdog_output);
-        let devices = rig.config.devices();
+        let ports = rig.config.ports_digest();
         wait_until("the watchdog holds every port", || {
-            let status = WatchdogStatus::read(&rig.domain(), &devices, clock::now());
+            let status = WatchdogStatus::read(&rig.domain(), &ports, clock::now());
             status == WatchdogStatus::Watching
         });
         match subject {

@@ -54,7 +54,7 @@ fn controller_and_watchdog_take_the_domain_of_the_environment_and_it_is_named_to
     watchdog.env("I2RIS_DOMAIN", other.name()).stderr(Stdio::null());
     let mut watchdog = watchdog.spawn().unwrap();
     wait_until("it watches there", || {
-        let status = WatchdogStatus::read(&other, &rig.config.devices(), clock::now());
+        let status = WatchdogStatus::read(&other, &rig.config.ports_digest(), clock::now());
         status != WatchdogStatus::Absent
     });
     watchdog.kill().unwrap();

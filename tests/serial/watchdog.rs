@@ -1,31 +1,32 @@
 //! The watchdog and the controller as real processes: if the controller dies or hangs, the watchdog
 //! stops the drives.
 //!
-//! Exclusive use of a port does not bind root. So these tests run as another user if root starts
-//! them.
+//! A robot is run by a plain user, whom the kernel refuses what it grants to root. So these tests
+//! run as another user if root starts them.
 //!
 //! Latency: `cargo test --test real_time -- --ignored --nocapture stop_latency`.
 
 mod dead_node;
+mod hangs;
 mod pulse;
 mod replug;
 
+use std::fs;
 use std::os::unix::net::UnixDatagram;
 use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, PoisonError};
-use std::{fs, io};
 
 use i2ris::clock;
-use i2ris::ipc::OperatingState;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_simulation::Line;
 use i2ris_simulation::drive::State;
 use i2ris_simulation::log::EventKind;
-use i2ris_testing::{Rig, TIMEOUT, has, wait_for, wait_until};
+use i2ris_testing::{Rig, TIMEOUT, has, swing, wait_for, wait_until};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::{Pid, geteuid};
 
@@ -131,6 +132,11 @@ impl Drop for WatchedRig {
         }
         let _ = self.watchdog.wait();
     }
+}
+
+/// Whether a program has a port for itself, as a controller does.
+fn is_locked(device: &Path) -> bool {
+    fs::File::open(device).is_ok_and(|file| file.try_lock().is_err())
 }
 
 const UNPRIVILEGED: &str = "I2RIS_TEST_UNPRIVILEGED";
@@ -253,10 +259,7 @@ fn h03_a_controller_killed_before_it_serves_starts_again() {
         watched.rig.emulator.mute(0, true);
         watched.rig.start_controller();
         let device = watched.rig.config.ports[0].device.clone();
-        wait_until("the controller has opened its port", || {
-            let opened = fs::File::open(&device);
-            opened.is_err_and(|error| error.kind() == io::ErrorKind::ResourceBusy)
-        });
+        wait_until("the controller has opened its port", || is_locked(&device));
         watched.end_with(Signal::SIGKILL);
         watched.rig.emulator.mute(0, false);
         watched.enable();
@@ -330,7 +333,7 @@ fn stop_latency() {
             let mut rig = Rig::start();
             // As on a robot, if the system permits it.
             rig.config.control.priority = 80;
-            let mut watched = WatchedRig::with(rig, 40);
+            let mut watched = WatchedRig::with(rig, 50);
             let begin = clock::now();
             watched.rig.signal(signal);
             watched.until_stopped();

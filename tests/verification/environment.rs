@@ -111,7 +111,7 @@ fn remembered(last_heartbeat: Option<LastHeartbeat>, silence: Nanos) -> Heartbea
 
 fn heartbeat_word(is_current: bool, age: u8, off: bool) -> ReadHeartbeat {
     let (boot_id, stamp) = (if is_current { 2 } else { 1 }, ago(age));
-    ReadHeartbeat { boot_id, stamp, off, owing: 0, answered: stamp }
+    ReadHeartbeat { boot_id, stamp, off, ..ReadHeartbeat::default() }
 }
 
 fn stop_drive(state: &mut State) {

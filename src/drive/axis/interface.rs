@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::drive::cia402::{DriveState, Statusword};
 use crate::drive::link::LinkCounters;
-use crate::robot::AxisPhase;
+use crate::robot::{AxisPhase, DrivePower};
 use crate::units::{Counts, Nanos};
 
 /// Request of the control loop to one drive. The newest request replaces earlier ones; there is no
@@ -69,6 +70,25 @@ pub struct AxisFeedback {
     pub homings: u32,
     /// Lifetime counters of the line.
     pub counters: LinkCounters,
+}
+
+impl AxisFeedback {
+    /// What is known of the power stage. A drive that said nothing since `oldest` may have power.
+    #[must_use]
+    pub fn power(&self, oldest: Nanos) -> DrivePower {
+        match self.phase.power() {
+            _ if self.stamp < oldest => DrivePower::NotKnown,
+            // It may still ramp down.
+            DrivePower::Off if self.phase == AxisPhase::Faulted && !self.is_at_fault() => {
+                DrivePower::On
+            }
+            power => power,
+        }
+    }
+
+    fn is_at_fault(&self) -> bool {
+        Statusword(self.statusword).state() == Some(DriveState::Fault)
+    }
 }
 
 /// A setpoint that reached the drive.

@@ -59,6 +59,12 @@ impl AxisStateMachine {
                 self.schedule.repeat(transfer);
                 self.handle_unanswered(heard, now, events);
             }
+            // The watchdog may have stopped the drive: as after a time-out.
+            Err(LinkError::NotOurTurn) => {
+                self.schedule.repeat(transfer);
+                self.trigger.handle_failure();
+                self.handle_timeout(now, events);
+            }
             Err(LinkError::Refused(code)) => {
                 self.unanswered = 0;
                 self.handle_refusal(transfer, code, now, events);

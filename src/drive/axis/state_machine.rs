@@ -247,11 +247,9 @@ impl AxisStateMachine {
         matches!(self.state, Disabled | Faulted(_) | Lost)
     }
 
-    /// What is known of the power stage.
+    /// What is known of the power stage, if the drive answers now.
     pub(in crate::drive) fn power(&self) -> DrivePower {
-        let phase = self.feedback.phase;
-        let is_at_fault = self.drive_state() == Some(DriveState::Fault);
-        if is_at_fault { DrivePower::Off } else { phase.power() }
+        if self.answers() { self.feedback.power(Nanos::ZERO) } else { DrivePower::NotKnown }
     }
 
     /// The state of the drive as last read.

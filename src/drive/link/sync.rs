@@ -54,9 +54,9 @@ impl<T: Transport> DriveLink<T> {
     /// Bytes without a request mean that the line is out of sync.
     pub(super) fn detect_stray_bytes(&mut self) -> Result<(), LinkError> {
         let now = self.transport.now();
-        let stray = self.discard(now);
-        self.broken |= stray.is_err();
-        if stray.map_err(LinkError::broken)? {
+        let stray = self.discard(now).map_err(LinkError::broken);
+        self.broken |= matches!(stray, Err(LinkError::Broken(_)));
+        if stray? {
             self.counters.resynchronisations += 1;
             self.lose_sync(0);
         }
@@ -107,6 +107,7 @@ impl<T: Transport> DriveLink<T> {
             Ok(false) | Err(TransferError::Refused(_) | TransferError::Disturbed) => {}
             Err(TransferError::Timeout) if self.framing == Framing::V1 => {}
             Err(TransferError::Timeout) => self.wait_for_frame_timeout()?,
+            Err(TransferError::NotOurTurn) => return Err(LinkError::NotOurTurn),
             Err(TransferError::Broken(kind)) => {
                 self.broken = true;
                 return Err(LinkError::Broken(kind));

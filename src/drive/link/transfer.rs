@@ -83,6 +83,8 @@ impl<T: Transport> DriveLink<T> {
                 self.counters.timeouts += 1;
                 self.lose_sync(1);
             }
+            // A request may be on its way, or none.
+            Err(TransferError::NotOurTurn) => self.lose_sync(1),
             Err(TransferError::Disturbed) => self.lose_sync(0),
             Err(TransferError::Broken(_)) => {
                 self.broken = true;
@@ -92,7 +94,7 @@ impl<T: Transport> DriveLink<T> {
         self.transport.note(match &outcome {
             Ok((_, value)) => Outcome::Answered(value.raw()),
             Err(TransferError::Refused(code)) => Outcome::Refused(*code),
-            Err(TransferError::Timeout) => Outcome::Timeout,
+            Err(TransferError::Timeout | TransferError::NotOurTurn) => Outcome::Timeout,
             Err(TransferError::Disturbed) => Outcome::Disturbed,
             Err(TransferError::Broken(_)) => Outcome::Broken,
         });

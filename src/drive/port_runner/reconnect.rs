@@ -82,7 +82,11 @@ pub(super) fn try_reconnect<T: Transport>(
         Ok((position, holds)) => slot.axis.reconnect(position, holds, link.now(), events),
         // Lost again; the next attempt follows.
         Err(AxisError::Exchange {
-            error: LinkError::Lost(_) | LinkError::Unanswered(_) | LinkError::Broken(_),
+            error:
+                LinkError::Lost(_)
+                | LinkError::Unanswered(_)
+                | LinkError::Broken(_)
+                | LinkError::NotOurTurn,
             ..
         }) => {}
         Err(error) => slot.axis.report_unusable(error, events),

@@ -5,6 +5,7 @@
 //! Times: `cargo test --test real_time -- --ignored --nocapture pulse_latency`.
 
 use i2ris::config::{ModemLine, PulseConfig};
+use i2ris_simulation::Injection;
 use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
 
 use super::*;
@@ -16,8 +17,8 @@ struct PulsedRig {
 }
 
 impl PulsedRig {
-    /// A watchdog with a pulse, and a controller with its drives off.
-    fn new(mut rig: Rig) -> Self {
+    /// A watchdog with a pulse, and no controller.
+    fn new(mut rig: Rig, silence_ms: u64) -> Self {
         let adapter =
             posix_openpt(nix::fcntl::OFlag::O_RDWR | nix::fcntl::OFlag::O_NOCTTY).unwrap();
         grantpt(&adapter).unwrap();
@@ -34,7 +35,7 @@ impl PulsedRig {
         rig.environment = [("LD_PRELOAD", &library), ("I2RIS_EDGES", &edges)]
             .map(|(name, value)| (name.into(), value.into()))
             .into();
-        let mut watched = WatchedRig::without_controller(rig, 3000);
+        let mut watched = WatchedRig::without_controller(rig, silence_ms);
         watched.rig.environment.clear();
         Self { watched, edges, _adapter: adapter }
     }
@@ -67,7 +68,7 @@ impl PulsedRig {
 fn h03_the_pulse_ends_with_the_controller_and_comes_back_only_with_drives_off() {
     let name = "pulse::h03_the_pulse_ends_with_the_controller_and_comes_back_only_with_drives_off";
     unprivileged(name, || {
-        let mut pulsed = PulsedRig::new(Rig::start());
+        let mut pulsed = PulsedRig::new(Rig::start(), 3000);
         assert!(pulsed.edges().is_empty(), "no pulse without a controller");
         pulsed.watched.rig.start_controller();
         drop(pulsed.watched.rig.client());
@@ -90,6 +91,25 @@ fn h03_the_pulse_ends_with_the_controller_and_comes_back_only_with_drives_off() 
     });
 }
 
+/// A reply that is lost costs its time-out: the robot does not even hold for good, so the relay must
+/// not take the power away.
+#[test]
+fn h16_a_lost_reply_ends_no_pulse() {
+    unprivileged("pulse::h16_a_lost_reply_ends_no_pulse", || {
+        let mut rig = Rig::start();
+        rig.config.limits.feedback_stale_ms = 300;
+        rig.config.ports[0].reply_timeout_ms = 600;
+        let mut pulsed = PulsedRig::new(rig, 3000);
+        pulsed.watched.enable();
+        pulsed.until_pulsing();
+        for _ in 0..3 {
+            pulsed.watched.rig.emulator.inject(0, Injection::LoseReply);
+            clock::sleep(Nanos::from_millis(1500));
+            pulsed.until_pulsing();
+        }
+    });
+}
+
 /// Prints the time from what happens to the last edge, with enabled drives.
 #[test]
 #[ignore = "prints times, which depend on the machine"]
@@ -109,7 +129,7 @@ fn pulse_latency() {
         let mut spans = Vec::new();
         let mut without = 0;
         while spans.len() < TIMES {
-            let mut pulsed = PulsedRig::new(Rig::start());
+            let mut pulsed = PulsedRig::new(Rig::start(), 50);
             pulsed.watched.enable();
             clock::sleep(Nanos::from_millis(200));
             let recent = pulsed.edges().last().copied().unwrap_or_default();

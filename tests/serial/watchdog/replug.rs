@@ -1,7 +1,6 @@
 //! After a replug controller and watchdog open the port again, in any order: the watchdog gets in,
 //! or the robot cannot be enabled and says so.
 
-use i2ris::ipc::StateCommand;
 use i2ris_simulation::Injection;
 use i2ris_testing::{settle, wait_until_idle};
 
@@ -44,10 +43,7 @@ impl WatchedRig {
         let enabled = OperatingState::Enabled.number();
         settle(&mut client, |state| state.state == enabled);
         // To others it is as closed as ever.
-        wait_until("the port is in exclusive use", || {
-            let opened = fs::File::open(&self.rig.config.ports[0].device);
-            opened.is_err_and(|error| error.kind() == io::ErrorKind::ResourceBusy)
-        });
+        assert!(is_locked(&self.rig.config.ports[0].device));
         self.client = Some(client);
     }
 

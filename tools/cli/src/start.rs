@@ -199,7 +199,7 @@ impl EmulatedRobot {
         let mut watchdog =
             started("watchdog", &program("watchdog")?, &["--silence-ms", SILENCE_MS])?;
         wait(interrupt, &mut [&mut emulator, &mut watchdog], "the watchdog", || {
-            let status = WatchdogStatus::read(&domain, &config.devices(), clock::now());
+            let status = WatchdogStatus::read(&domain, &config.ports_digest(), clock::now());
             status == WatchdogStatus::Watching
         })?;
         let mut controller = started("controller", &program("control")?, &[])?;

@@ -53,7 +53,7 @@ struct CleanUp(Domain);
 
 impl Drop for CleanUp {
     fn drop(&mut self) {
-        drop(WatchdogPresence::announce(&self.0, &[]));
+        drop(WatchdogPresence::announce(&self.0, &[0; 32]));
         drop(DomainLock::acquire(&self.0));
         // A watchdog that was killed a moment ago still holds its own.
         let _ = fs::remove_file(self.0.directory().with_extension("watchdog"));
@@ -265,10 +265,14 @@ impl Rig {
         client
     }
 
+    /// The process of the controller.
+    pub fn controller_id(&self) -> u32 {
+        self.controller.as_ref().expect("a controller runs").id()
+    }
+
     /// Sends a signal to the controller.
     pub fn signal(&self, signal: Signal) {
-        let id = self.controller.as_ref().expect("a controller runs").id();
-        kill(nix::unistd::Pid::from_raw(id as i32), signal).unwrap();
+        kill(nix::unistd::Pid::from_raw(self.controller_id() as i32), signal).unwrap();
     }
 
     /// Waits until the controller has ended.

@@ -87,7 +87,7 @@ fn check_watchdog(config: &Config, report: &mut Report) {
     let Ok(domain) = Domain::new(&config.domain) else {
         return; // Reported with the shared memory.
     };
-    let (found, fix) = match WatchdogStatus::read(&domain, &config.devices(), clock::now()) {
+    let (found, fix) = match WatchdogStatus::read(&domain, &config.ports_digest(), clock::now()) {
         WatchdogStatus::Watching => return report.pass("watchdog", "runs and holds every port"),
         WatchdogStatus::Incomplete => (
             "runs, but could not open every port: it cannot stop every drive",

@@ -57,7 +57,7 @@ pub fn gather(
         free_mb: free_mb(&config.record_folder),
         clock_step_s: clock_step_s(&runs, version.boot_id),
         priority: [u32::from(config.control.priority), 0],
-        watchdog: WatchdogStatus::read(domain, &config.devices(), clock::now()),
+        watchdog: WatchdogStatus::read(domain, &config.ports_digest(), clock::now()),
         swing: Swing::None("not yet".to_owned()),
     };
     while_working("looking at drives, camera and clock", || look(client, config, &mut measured))?;

@@ -68,7 +68,7 @@ fn a_watchdog_that_ends_is_reported_in_the_log_and_by_the_status() {
     let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     let domain = rig.domain();
-    let presence = WatchdogPresence::announce(&domain, &rig.config.devices()).unwrap();
+    let presence = WatchdogPresence::announce(&domain, &rig.config.ports_digest()).unwrap();
     presence.set_complete(true).unwrap();
     wait_until("it is watched", || {
         presence.alive(clock::now()).unwrap();

@@ -213,7 +213,7 @@ fn a_rehearsal_puts_emulated_drives_under_the_file_of_a_robot() {
         assert_eq!((&copy.limits, &copy.control), (&robot.limits, &robot.control));
         let of_axes = |config: &Config| config.axes().cloned().collect::<Vec<_>>();
         assert_eq!(of_axes(&copy), of_axes(&robot));
-        assert!(copy.devices().iter().all(|device| device.starts_with(bench.path("here"))));
+        assert!(copy.ports.iter().all(|port| port.device.starts_with(bench.path("here"))));
         assert!(bench.exists("here/positions0.toml") && !bench.exists("positions.toml"));
         assert!(!bench.exists("records") && bench.read("robot.toml") == before);
     }

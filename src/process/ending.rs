@@ -1,0 +1,142 @@
+//! The end of the controller: its threads in order, and what is known of the drives then.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::clock;
+use crate::drive::error::DriveError;
+use crate::ipc::heartbeat::Heartbeat;
+use crate::ipc::{DomainError, IpcError};
+use crate::process::control_loop::Beats;
+use crate::process::main_thread::MainThread;
+use crate::process::start_up::StartModelError;
+use crate::process::threads::{NamedThread, ThreadError};
+use crate::units::Nanos;
+
+/// Time for the other threads to end after the loop. The black box is written meanwhile.
+const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
+
+/// Why the controller could not start, or how it failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ControllerError {
+    /// The model of the configuration cannot be used.
+    #[error(transparent)]
+    Model(#[from] StartModelError),
+    /// The domain is taken or cannot be used.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// Shared memory cannot be created.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// A port or a drive cannot be brought up.
+    #[error(transparent)]
+    Drive(#[from] DriveError),
+    /// A thread did not start.
+    #[error(transparent)]
+    Thread(#[from] ThreadError),
+    /// A thread ended early or hangs, and every drive has said that it is off.
+    #[error("{0}; {power}", power = power_at_end(&[]))]
+    Off(ThreadError),
+    /// The controller ended, and did not see every drive off.
+    #[error("{}, and {}", what_ended(.thread.as_ref()), power_at_end(.motors))]
+    Powered {
+        /// These motors.
+        motors: Vec<usize>,
+        /// What happened to a thread.
+        thread: Option<ThreadError>,
+    },
+}
+
+fn what_ended(thread: Option<&ThreadError>) -> String {
+    thread.map_or_else(|| "ended".to_owned(), ThreadError::to_string)
+}
+
+/// What is known of the power when the controller ends: all that it says of that is said here.
+/// `powered`: the motors whose drives have not said, at the end, that they are off.
+fn power_at_end(powered: &[usize]) -> String {
+    if powered.is_empty() {
+        return "every drive has said that it is off".to_owned();
+    }
+    format!("the drives of motors {powered:?} are not known to be off: cut their power")
+}
+
+/// All threads but the main thread.
+pub struct Threads {
+    pub control: NamedThread,
+    pub ports: Vec<NamedThread>,
+    pub others: Vec<NamedThread>,
+    /// Ends the threads of the ports.
+    pub quit_ports: Arc<AtomicBool>,
+    /// Ends the others: clients and watchdog see a controller until the drives are off.
+    pub quit: Arc<AtomicBool>,
+    pub beats: Arc<Beats>,
+}
+
+impl Threads {
+    /// A thread other than the loop has ended.
+    pub fn has_lost_one(&self) -> bool {
+        self.ports.iter().chain(&self.others).any(NamedThread::is_finished)
+    }
+
+    /// Waits for the loop, then ends the others, and writes what they say. Returns what happened to a
+    /// thread, and the outcome for the run log.
+    pub fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, &'static str) {
+        let mut ended = self.control.join();
+        let (is_early, end) = (ended.is_err(), clock::now() + END_TIMEOUT);
+        self.quit_ports.store(true, Ordering::Release);
+        // The port threads may talk only while somebody beats, and the loop does not any more.
+        let beat = |stamp| self.beats.write(Heartbeat { stamp, ..Heartbeat::default() });
+        for port in self.ports {
+            ended = ended.and(port.join_until(end, beat));
+        }
+        main.write_events();
+        if main.powered.is_empty() {
+            let last = Heartbeat { stamp: clock::now(), off: true, ..Heartbeat::default() };
+            self.beats.write(last);
+        }
+        self.quit.store(true, Ordering::Release);
+        for thread in self.others {
+            ended = ended.and(thread.join_until(end, |_| ()));
+        }
+        main.write_events();
+        let outcome = match (main.powered.is_empty(), is_early) {
+            (true, false) => "in order",
+            (true, true) => "the control loop ended early",
+            (false, _) => "with drives that are not known to be off",
+        };
+        (ended, outcome)
+    }
+}
+
+/// The error of an end at which these drives have not said that they are off.
+pub fn outcome(powered: Vec<usize>, ended: Result<(), ThreadError>) -> Result<(), ControllerError> {
+    if powered.is_empty() {
+        return ended.map_err(ControllerError::Off);
+    }
+    Err(ControllerError::Powered { motors: powered, thread: ended.err() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drives_are_off_only_if_every_one_has_said_so() {
+        let text = |powered: &[usize], ended| {
+            outcome(powered.to_vec(), ended).map_err(|error| error.to_string())
+        };
+        assert_eq!(text(&[], Ok(())), Ok(()));
+        let hangs = |name| Err(ThreadError::Hangs(name));
+        let said = text(&[], hangs("black box")).unwrap_err();
+        assert!(
+            said.ends_with("check the disk of the records; every drive has said that it is off")
+        );
+        for (ended, begin) in [(Ok(()), "ended, and "), (hangs("port"), "the thread port did not")]
+        {
+            let said = text(&[0, 2], ended).unwrap_err();
+            assert!(said.starts_with(begin), "{said}");
+            let end = "the drives of motors [0, 2] are not known to be off: cut their power";
+            assert!(said.ends_with(end), "{said}");
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! One thread of the controller hangs, and the others go on. A tracer stops it: a signal would stop
+//! the whole process.
+//!
+//! Times: `cargo test --test real_time -- --ignored --nocapture hangs_of_one_thread_a_hundred_times`.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use i2ris_testing::SetOnDrop;
+use nix::errno::Errno;
+use nix::libc;
+
+use super::*;
+
+/// Shorter than that after which a port thread stops its drives itself, where no watchdog runs.
+const SILENCE: Nanos = Nanos::from_millis(500);
+
+/// For what is measured from outside, on a machine that tests share.
+const TOLERANCE: Nanos = Nanos::from_millis(1000);
+
+/// A thread that hangs until this is dropped, by the thread that has made it.
+struct HungThread(i32);
+
+impl HungThread {
+    fn of(rig: &Rig, name: &str) -> Self {
+        let tasks = fs::read_dir(format!("/proc/{}/task", rig.controller_id())).unwrap();
+        let is_it = |task: &fs::DirEntry| {
+            fs::read_to_string(task.path().join("comm")).is_ok_and(|comm| comm.trim() == name)
+        };
+        let task = tasks.flatten().find(is_it).expect(name);
+        let id: i32 = task.file_name().to_str().unwrap().parse().unwrap();
+        // SAFETY: neither request reads or writes memory, and `waitpid` writes no status.
+        unsafe {
+            Errno::result(libc::ptrace(libc::PTRACE_SEIZE, id, 0, 0)).unwrap();
+            Errno::result(libc::ptrace(libc::PTRACE_INTERRUPT, id, 0, 0)).unwrap();
+            Errno::result(libc::waitpid(id, std::ptr::null_mut(), libc::__WALL)).unwrap();
+        }
+        Self(id)
+    }
+}
+
+impl Drop for HungThread {
+    fn drop(&mut self) {
+        // SAFETY: the request reads and writes no memory. A process that has ended is no tracee.
+        unsafe { libc::ptrace(libc::PTRACE_DETACH, self.0, 0, 0) };
+    }
+}
+
+impl WatchedRig {
+    /// Does something while a client moves both motors of the snake.
+    fn while_moving<R>(&self, act: impl FnOnce(&Self) -> R) -> R {
+        let done = AtomicBool::new(false);
+        let client = self.client.as_ref().unwrap();
+        std::thread::scope(|scope| {
+            let _end = SetOnDrop(&done);
+            scope.spawn(|| {
+                let (mut commander, start) = (client.commander(), clock::now());
+                while !done.load(Ordering::Relaxed) {
+                    // Fails when the robot does not follow any more.
+                    let _ = commander.servo_actuators(&swing((clock::now() - start).as_seconds()));
+                    clock::sleep(Nanos::from_millis(5));
+                }
+            });
+            let begin = clock::now();
+            wait_until("it moves", || self.rig.moved_since(begin));
+            act(self)
+        })
+    }
+
+    fn violations(&self) -> usize {
+        let log = self.rig.emulator.log();
+        log.iter().filter(|it| matches!(it.kind, EventKind::HostBug(_))).count()
+    }
+
+    /// From `since` to the quick stop of each drive.
+    fn until_all_stopped(&self, since: Nanos) -> Nanos {
+        let stop = |axis: usize| {
+            let log = self.rig.emulator.log().into_iter();
+            let is_stop = |it: &i2ris_simulation::log::Event| {
+                let stopped = State::QuickStopActive;
+                let is_it = matches!(it.kind, EventKind::State { to, .. } if to == stopped);
+                is_it && it.axis == axis && it.stamp >= since
+            };
+            log.filter(is_stop).map(|it| it.stamp).next()
+        };
+        let stops = wait_until("every drive is stopped", || {
+            [0, 1, 2].map(stop).into_iter().collect::<Option<Vec<_>>>()
+        });
+        stops.into_iter().max().unwrap() - since
+    }
+}
+
+fn check_stops(name: &str) {
+    let watched = WatchedRig::new(SILENCE.0 / 1_000_000);
+    let took = watched.while_moving(|watched| {
+        let since = clock::now();
+        let _hung = HungThread::of(&watched.rig, name);
+        let took = watched.until_all_stopped(since);
+        // Whoever might join in has the time to.
+        clock::sleep(Nanos::from_millis(1500));
+        took
+    });
+    assert!(took <= SILENCE + TOLERANCE, "{name}: after {:.0} ms", took.as_seconds() * 1e3);
+    // It goes on, and must not enable the drives again.
+    clock::sleep(Nanos::from_millis(500));
+    let enabled = |state: &State| *state == State::OperationEnabled;
+    assert!(!watched.states().iter().any(enabled), "{name}: {:?}", watched.states());
+    assert_eq!(watched.violations(), 0, "{name}: two talked on one line at once");
+    let text = watched.log_text();
+    assert!(!text.contains("NOT STOPPED"), "{name}: {text}");
+}
+
+#[test]
+fn h03_the_drives_are_stopped_when_only_the_loop_hangs_in_motion() {
+    unprivileged("hangs::h03_the_drives_are_stopped_when_only_the_loop_hangs_in_motion", || {
+        check_stops("control");
+    });
+}
+
+#[test]
+fn h03_the_drives_of_a_port_are_stopped_when_only_its_thread_hangs_in_motion() {
+    let name = "hangs::h03_the_drives_of_a_port_are_stopped_when_only_its_thread_hangs_in_motion";
+    unprivileged(name, || check_stops("port"));
+}
+
+#[test]
+fn h03_a_thread_of_commands_that_hangs_ends_the_motion_and_one_of_records_does_not() {
+    let name =
+        "hangs::h03_a_thread_of_commands_that_hangs_ends_the_motion_and_one_of_records_does_not";
+    unprivileged(name, || {
+        let watched = WatchedRig::new(3000);
+        watched.while_moving(|watched| {
+            let hung = HungThread::of(&watched.rig, "black box");
+            let begin = clock::now() + Nanos::from_millis(1000);
+            wait_until("it goes on", || watched.rig.moved_since(begin));
+            drop(hung);
+            let _hung = HungThread::of(&watched.rig, "ipc");
+            watched.rig.wait_until_still();
+        });
+        assert_eq!(watched.stops(), [None; 2], "the loop holds");
+        assert_eq!(watched.violations(), 0);
+    });
+}
+
+/// Two drives behind one port, and a watchdog that knows the first alone: it would leave the other.
+#[test]
+fn h28_a_watchdog_that_knows_other_nodes_is_none() {
+    unprivileged("hangs::h28_a_watchdog_that_knows_other_nodes_is_none", || {
+        let mut rig = Rig::start();
+        let ports = rig.config.ports.clone();
+        rig.config.ports[0].axes.pop();
+        let mut watched = WatchedRig::without_controller(rig, 3000);
+        watched.rig.config.ports = ports;
+        watched.rig.start_controller();
+        let mut client = watched.rig.client();
+        watched.until_logged("watching");
+        wait_for(&mut client, |state| !has(state, OperatingStateMsg::BUSY));
+        let refused = client.state_command(StateCommand::Home).unwrap_err().to_string();
+        assert!(refused.contains("the watchdog runs, but could not stop"), "{refused}");
+        wait_for(&mut client, |state| !has(state, OperatingStateMsg::WATCHED));
+    });
+}
+
+/// Prints the time from a hang to the last quick stop, and what the emulated line counted.
+#[test]
+#[ignore = "minutes"]
+fn hangs_of_one_thread_a_hundred_times() {
+    unprivileged("hangs::hangs_of_one_thread_a_hundred_times", || {
+        for name in ["control", "port"] {
+            let (mut spans, mut violations) = (Vec::new(), 0);
+            for _ in 0..100 {
+                let mut rig = Rig::start();
+                // As on a robot, if the system permits it.
+                rig.config.control.priority = 80;
+                let watched = WatchedRig::with(rig, 50);
+                spans.push(watched.while_moving(|watched| {
+                    let since = clock::now();
+                    let _hung = HungThread::of(&watched.rig, name);
+                    watched.until_all_stopped(since)
+                }));
+                violations += watched.violations();
+            }
+            spans.sort_unstable();
+            let ms = |index: usize| spans[index].as_seconds() * 1e3;
+            // The emulated gateway waits for 100 ms.
+            let within = spans.iter().filter(|it| **it <= Nanos::from_millis(160)).count();
+            println!(
+                "{name} hangs: every drive stopped after {:.0} ms (median), {:.0} at most; \
+                 {within} of {} within 160 ms; {violations} protocol violations",
+                ms(spans.len() / 2),
+                ms(spans.len() - 1),
+                spans.len()
+            );
+        }
+    });
+}
