@@ -254,12 +254,14 @@ impl Config {
         Err(ConfigError::Values { path, findings })
     }
 
-    /// A digest of ports and axes with all their keys, in their order: a watchdog with another one
-    /// could not stop every drive.
+    /// A digest of ports and axes, in their order: a watchdog with another one could not stop every
+    /// drive. Without the files of positions, whose names depend on where the program was started.
     #[must_use]
     pub fn ports_digest(&self) -> [u8; 32] {
+        let mut ports = self.ports.clone();
+        ports.iter_mut().for_each(|port| port.positions_file = None);
         // Nothing in it can fail: no map, and no key that is no text.
-        Sha256::digest(serde_json::to_vec(&self.ports).unwrap_or_default()).into()
+        Sha256::digest(serde_json::to_vec(&ports).unwrap_or_default()).into()
     }
 
     /// The number of motors of the snake.

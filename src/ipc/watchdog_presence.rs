@@ -78,6 +78,15 @@ impl WatchdogStatus {
             Self::Incomplete
         }
     }
+
+    /// Whether a watchdog runs that would take a line over, as far as it can.
+    #[must_use]
+    pub fn acts(self) -> bool {
+        match self {
+            Self::Absent | Self::Silent => false,
+            Self::Incomplete | Self::OtherPorts | Self::Watching => true,
+        }
+    }
 }
 
 /// The process of the watchdog of a domain, which has the file open, also if it hangs.
@@ -92,17 +101,6 @@ pub fn watchdog_process(domain: &Domain) -> Option<u32> {
     };
     let process = entries.flatten().flatten().map(|entry| entry.path()).find(is_it)?;
     process.file_name()?.to_str()?.parse().ok()
-}
-
-impl WatchdogStatus {
-    /// Whether a watchdog runs that would take a line over, as far as it can.
-    #[must_use]
-    pub fn acts(self) -> bool {
-        match self {
-            Self::Absent | Self::Silent => false,
-            Self::Incomplete | Self::OtherPorts | Self::Watching => true,
-        }
-    }
 }
 
 /// The announcement of a watchdog; held by it. Drop withdraws it.

@@ -83,10 +83,18 @@ pub fn run(
 ) -> bool {
     let first_port = clock::now() + FIRST_PORT;
     let mut had_port = service_manager::is_there();
-    let mut watch = Watch::new(config, domain, presence, silence);
+    let mut watch = Watch {
+        ports: config.ports.iter().map(SharedPort::new).collect(),
+        reader: HeartbeatReader::new(domain),
+        monitor: HeartbeatMonitor::new(silence),
+        presence,
+    };
     let (mut next_open, mut was_complete) = (Nanos::ZERO, false);
     let mut unstopped = Unstopped::default();
-    let mut pulse = start_pulse(config, silence, report);
+    let pulse = config.watchdog.pulse.as_ref().map(|pulse| Pulse::start(pulse, silence));
+    let mut pulse = pulse.and_then(|pulse| {
+        pulse.map_err(|error| report(WatchdogEvent::Pulse(Some(error.to_string())))).ok()
+    });
     while !stop.load(Ordering::Acquire) {
         let now = clock::now();
         if now >= next_open {
@@ -142,15 +150,6 @@ pub fn run(
     true
 }
 
-fn start_pulse(
-    config: &Config,
-    silence: Nanos,
-    report: &mut dyn FnMut(WatchdogEvent),
-) -> Option<Pulse> {
-    let pulse = Pulse::start(config.watchdog.pulse.as_ref()?, silence);
-    pulse.map_err(|error| report(WatchdogEvent::Pulse(Some(error.to_string())))).ok()
-}
-
 /// The ports, and what is known of their controller.
 struct Watch<'a> {
     ports: Vec<SharedPort>,
@@ -159,21 +158,7 @@ struct Watch<'a> {
     presence: &'a WatchdogPresence,
 }
 
-impl<'a> Watch<'a> {
-    fn new(
-        config: &Config,
-        domain: &Domain,
-        presence: &'a WatchdogPresence,
-        silence: Nanos,
-    ) -> Self {
-        Self {
-            ports: config.ports.iter().map(SharedPort::new).collect(),
-            reader: HeartbeatReader::new(domain),
-            monitor: HeartbeatMonitor::new(silence),
-            presence,
-        }
-    }
-
+impl Watch<'_> {
     fn show_life(&self, now: Nanos) {
         service_manager::notify(service_manager::ALIVE);
         // If it fails, clients see a watchdog that is silent: the safe side.

@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn the_pulse_ends_with_loop_and_line_and_begins_again_only_with_drives_off() {
         let ms = Nanos::from_millis;
-        let beat = |stamp, answered, off| {
+        let beat = |stamp, answered: u64, off| {
             let (stamp, good_until) = (ms(stamp), ms(answered + 50));
             Some(Heartbeat { boot_id: 7, stamp, good_until, off, ..Heartbeat::default() })
         };

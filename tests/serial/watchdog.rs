@@ -1,9 +1,6 @@
 //! The watchdog and the controller as real processes: if the controller dies or hangs, the watchdog
 //! stops the drives.
 //!
-//! A robot is run by a plain user, whom the kernel refuses what it grants to root. So these tests
-//! run as another user if root starts them.
-//!
 //! Latency: `cargo test --test real_time -- --ignored --nocapture stop_latency`.
 
 mod dead_node;
@@ -13,11 +10,11 @@ mod replug;
 
 use std::fs;
 use std::os::unix::net::UnixDatagram;
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use hangs::HungThread;
 use i2ris::clock;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
@@ -28,7 +25,7 @@ use i2ris_simulation::drive::State;
 use i2ris_simulation::log::EventKind;
 use i2ris_testing::{Rig, TIMEOUT, has, swing, wait_for, wait_until};
 use nix::sys::signal::{Signal, kill};
-use nix::unistd::{Pid, geteuid};
+use nix::unistd::Pid;
 
 /// A rig whose watchdog was started first, with an enabled robot.
 struct WatchedRig {
@@ -139,214 +136,196 @@ fn is_locked(device: &Path) -> bool {
     fs::File::open(device).is_ok_and(|file| file.try_lock().is_err())
 }
 
-const UNPRIVILEGED: &str = "I2RIS_TEST_UNPRIVILEGED";
-
-/// The user and group "nobody".
-const NOBODY: u32 = 65534;
-
-/// Runs a test of this file in a process of an unprivileged user. A process that is not root runs
-/// it itself.
-///
 /// One after the other: a rig has some twenty threads, and a drive that is emulated by a thread of
 /// ordinary priority must answer in time.
-fn unprivileged(name: &str, test: fn()) {
+fn alone() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
-    let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
-    if !geteuid().is_root() {
-        return test();
-    }
-    assert!(std::env::var_os(UNPRIVILEGED).is_none(), "still root");
-    let output = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", &format!("serial::watchdog::{name}"), "--nocapture", "--include-ignored"])
-        .env(UNPRIVILEGED, "")
-        // The folder of root's temporary files may be closed to others.
-        .env("TMPDIR", "/tmp")
-        .current_dir("/")
-        .uid(NOBODY)
-        .gid(NOBODY)
-        .output()
-        .expect("the user nobody can execute the test");
-    let (text, errors) =
-        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    // Once more at the end: a log that is cut keeps it.
-    let why: Vec<&str> = errors.lines().skip_while(|it| !it.contains("panicked")).take(6).collect();
-    assert!(
-        output.status.success() && text.contains("1 passed"),
-        "as nobody:\n{text}\n{errors}\n{}",
-        why.join("\n")
-    );
+    ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[test]
 fn h03_the_drives_of_a_killed_controller_are_stopped() {
-    unprivileged("h03_the_drives_of_a_killed_controller_are_stopped", || {
-        let mut watched = WatchedRig::new(3000);
-        watched.end_with(Signal::SIGKILL);
-        watched.until_stopped();
-        watched.until_logged("the controller is gone");
-        // The watchdog releases the ports, and watches the next controller.
-        watched.enable();
-        watched.until_watching_again();
-    });
+    let _alone = alone();
+    let mut watched = WatchedRig::new(3000);
+    watched.end_with(Signal::SIGKILL);
+    watched.until_stopped();
+    watched.until_logged("the controller is gone");
+    // The watchdog releases the ports, and watches the next controller.
+    watched.enable();
+    watched.until_watching_again();
 }
 
 #[test]
 fn h03_the_drives_of_a_hanging_controller_are_stopped() {
-    unprivileged("h03_the_drives_of_a_hanging_controller_are_stopped", || {
-        let watched = WatchedRig::new(3000);
-        watched.rig.signal(Signal::SIGSTOP);
-        watched.until_stopped();
-        watched.until_logged("the controller hangs");
-        // It continues: it must not enable the drives again.
-        watched.rig.signal(Signal::SIGCONT);
-        clock::sleep(Nanos::from_millis(500));
-        assert!(
-            watched.states().iter().all(|state| *state != State::OperationEnabled),
-            "{:?}",
-            watched.states()
-        );
-    });
+    let _alone = alone();
+    let watched = WatchedRig::new(3000);
+    watched.rig.signal(Signal::SIGSTOP);
+    watched.until_stopped();
+    watched.until_logged("the controller hangs");
+    // It continues: it must not enable the drives again.
+    watched.rig.signal(Signal::SIGCONT);
+    clock::sleep(Nanos::from_millis(500));
+    assert!(
+        watched.states().iter().all(|state| *state != State::OperationEnabled),
+        "{:?}",
+        watched.states()
+    );
 }
 
 /// A drive that does not answer is not off, also when the controller is in a fault for it.
 #[test]
 fn h03_a_lost_drive_is_stopped_when_the_controller_is_killed_in_its_fault() {
-    unprivileged("h03_a_lost_drive_is_stopped_when_the_controller_is_killed_in_its_fault", || {
-        let mut rig = Rig::start();
-        rig.config.limits.feedback_stale_ms = 1000;
-        let mut watched = WatchedRig::with(rig, 3000);
-        watched.rig.emulator.silence(0, true);
-        let mut client = watched.client.take().unwrap();
-        wait_for(&mut client, |state| state.state == OperatingState::Fault.number());
-        assert_eq!(watched.states()[0], State::OperationEnabled);
-        watched.rig.signal(Signal::SIGKILL);
-        watched.rig.emulator.silence(0, false);
-        wait_until("it is stopped", || watched.states()[0] == State::QuickStopActive);
-        watched.rig.wait_for_end();
-    });
+    let _alone = alone();
+    let mut rig = Rig::start();
+    rig.config.limits.feedback_stale_ms = 1000;
+    let mut watched = WatchedRig::with(rig, 3000);
+    watched.rig.emulator.silence(0, true);
+    let mut client = watched.client.take().unwrap();
+    wait_for(&mut client, |state| state.state == OperatingState::Fault.number());
+    assert_eq!(watched.states()[0], State::OperationEnabled);
+    watched.rig.signal(Signal::SIGKILL);
+    watched.rig.emulator.silence(0, false);
+    wait_until("it is stopped", || watched.states()[0] == State::QuickStopActive);
+    watched.rig.wait_for_end();
 }
 
 #[test]
 fn an_orderly_end_of_the_controller_stops_nothing() {
-    unprivileged("an_orderly_end_of_the_controller_stops_nothing", || {
-        let mut watched = WatchedRig::new(3000);
-        watched.end_with(Signal::SIGTERM);
-        watched.until_logged("ended with its drives off");
-        assert_eq!(watched.stops(), [None; 2]);
-        assert_eq!(watched.states(), [State::ReadyToSwitchOn; 2]);
-        watched.enable();
-    });
+    let _alone = alone();
+    let mut watched = WatchedRig::new(3000);
+    watched.end_with(Signal::SIGTERM);
+    watched.until_logged("ended with its drives off");
+    assert_eq!(watched.stops(), [None; 2]);
+    assert_eq!(watched.states(), [State::ReadyToSwitchOn; 2]);
+    watched.enable();
 }
 
 #[test]
 fn h03_a_controller_killed_while_disabled_starts_again() {
-    unprivileged("h03_a_controller_killed_while_disabled_starts_again", || {
-        let mut watched = WatchedRig::without_controller(Rig::start(), 3000);
-        watched.rig.start_controller();
-        drop(watched.rig.client());
-        watched.until_logged("watching");
-        watched.end_with(Signal::SIGKILL);
-        watched.enable();
-        watched.until_watching_again();
-    });
+    let _alone = alone();
+    let mut watched = WatchedRig::without_controller(Rig::start(), 3000);
+    watched.rig.start_controller();
+    drop(watched.rig.client());
+    watched.until_logged("watching");
+    watched.end_with(Signal::SIGKILL);
+    watched.enable();
+    watched.until_watching_again();
 }
 
 #[test]
 fn h03_a_controller_killed_before_it_serves_starts_again() {
-    unprivileged("h03_a_controller_killed_before_it_serves_starts_again", || {
-        let mut watched = WatchedRig::without_controller(Rig::start(), 3000);
-        // It waits for replies with its ports open.
-        watched.rig.emulator.mute(0, true);
-        watched.rig.start_controller();
-        let device = watched.rig.config.ports[0].device.clone();
-        wait_until("the controller has opened its port", || is_locked(&device));
-        watched.end_with(Signal::SIGKILL);
-        watched.rig.emulator.mute(0, false);
-        watched.enable();
-    });
+    let _alone = alone();
+    let mut watched = WatchedRig::without_controller(Rig::start(), 3000);
+    // It waits for replies with its ports open.
+    watched.rig.emulator.mute(0, true);
+    watched.rig.start_controller();
+    let device = watched.rig.config.ports[0].device.clone();
+    wait_until("the controller has opened its port", || is_locked(&device));
+    watched.end_with(Signal::SIGKILL);
+    watched.rig.emulator.mute(0, false);
+    watched.enable();
 }
 
 #[test]
 fn h03_a_silent_port_does_not_delay_the_stop_of_the_other() {
-    unprivileged("h03_a_silent_port_does_not_delay_the_stop_of_the_other", || {
-        let mut watched = WatchedRig::with(Rig::on(Line::UsbEach), 3000);
-        watched.rig.emulator.mute(0, true);
-        watched.end_with(Signal::SIGKILL);
-        wait_until("the drive that answers is stopped", || {
-            watched.states()[1] == State::QuickStopActive
-        });
-        // It is written when the attempts with the silent drive have ended.
-        assert_eq!(watched.log_text().matches("is gone").count(), 0);
-        watched.until_logged("NOT STOPPED");
+    let _alone = alone();
+    let mut watched = WatchedRig::with(Rig::on(Line::UsbEach), 3000);
+    watched.rig.emulator.mute(0, true);
+    watched.end_with(Signal::SIGKILL);
+    wait_until("the drive that answers is stopped", || {
+        watched.states()[1] == State::QuickStopActive
     });
+    // It is written when the attempts with the silent drive have ended.
+    assert_eq!(watched.log_text().matches("is gone").count(), 0);
+    watched.until_logged("NOT STOPPED");
 }
 
 #[test]
 fn h03_the_operating_state_says_whether_a_watchdog_holds_every_port() {
-    unprivileged("h03_the_operating_state_says_whether_a_watchdog_holds_every_port", || {
-        let mut watched = WatchedRig::new(3000);
-        let mut client = watched.client.take().unwrap();
-        wait_for(&mut client, |state| has(state, OperatingStateMsg::WATCHED));
-        watched.watchdog.kill().unwrap();
-        wait_for(&mut client, |state| !has(state, OperatingStateMsg::WATCHED));
-    });
+    let _alone = alone();
+    let mut watched = WatchedRig::new(3000);
+    let mut client = watched.client.take().unwrap();
+    wait_for(&mut client, |state| has(state, OperatingStateMsg::WATCHED));
+    watched.watchdog.kill().unwrap();
+    wait_for(&mut client, |state| !has(state, OperatingStateMsg::WATCHED));
 }
 
 #[test]
 fn the_service_manager_expect_state_when_watchdog_and_controller_are_ready() {
-    unprivileged("the_service_manager_expect_state_when_watchdog_and_controller_are_ready", || {
-        let mut rig = Rig::start();
-        let address = rig.folder.path().join("notify");
-        let manager = UnixDatagram::bind(&address).unwrap();
-        let timeout = std::time::Duration::from_nanos(TIMEOUT.0);
-        manager.set_read_timeout(Some(timeout)).unwrap();
-        let expect_state = |expected: &str| loop {
-            let mut message = [0; 64];
-            let count = manager.recv(&mut message).expect(expected);
-            if message[..count] == *expected.as_bytes() {
-                break;
-            }
-        };
-        rig.environment = vec![("NOTIFY_SOCKET".into(), address.clone().into())];
-        rig.start_controller();
-        drop(rig.client());
-        expect_state("READY=1");
-        rig.signal(Signal::SIGTERM);
-        rig.wait_for_end();
-        expect_state("STOPPING=1");
-        let watched = WatchedRig::without_controller(rig, 3000);
-        expect_state("READY=1");
-        expect_state("WATCHDOG=1");
-        drop(watched);
-    });
+    let _alone = alone();
+    let mut rig = Rig::start();
+    let address = rig.folder.path().join("notify");
+    let manager = UnixDatagram::bind(&address).unwrap();
+    let timeout = std::time::Duration::from_nanos(TIMEOUT.0);
+    manager.set_read_timeout(Some(timeout)).unwrap();
+    let expect_state = |expected: &str| loop {
+        let mut message = [0; 64];
+        let count = manager.recv(&mut message).expect(expected);
+        if message[..count] == *expected.as_bytes() {
+            break;
+        }
+    };
+    rig.environment = vec![("NOTIFY_SOCKET".into(), address.clone().into())];
+    rig.start_controller();
+    drop(rig.client());
+    expect_state("READY=1");
+    rig.signal(Signal::SIGTERM);
+    rig.wait_for_end();
+    expect_state("STOPPING=1");
+    let watched = WatchedRig::without_controller(rig, 3000);
+    expect_state("READY=1");
+    expect_state("WATCHDOG=1");
+    drop(watched);
 }
 
-/// Prints the time from the signal to the quick stop in the drives, with the default silence of the
-/// watchdog.
+/// What ends or hangs in motion.
+enum Loss {
+    Process(Signal),
+    Thread(&'static str),
+}
+
+/// Prints the time to the last quick stop in motion with the default silence of the watchdog, and
+/// what the emulated line counted. `I2RIS_TIMES`: how often, 15 by default.
 #[test]
 #[ignore = "prints times, which depend on the machine"]
 fn stop_latency() {
-    const TIMES: usize = 15;
-    for (name, signal) in [("SIGKILL", Signal::SIGKILL), ("SIGSTOP", Signal::SIGSTOP)] {
-        let mut spans: Vec<Nanos> = Vec::new();
-        for _ in 0..TIMES {
+    let _alone = alone();
+    let times = std::env::var("I2RIS_TIMES").map_or(15, |times| times.parse().unwrap());
+    for (name, loss) in [
+        ("SIGKILL", Loss::Process(Signal::SIGKILL)),
+        ("SIGSTOP", Loss::Process(Signal::SIGSTOP)),
+        ("a hang of the loop", Loss::Thread("control")),
+        ("a hang of the port thread", Loss::Thread("port")),
+    ] {
+        let (mut spans, mut violations) = (Vec::new(), 0);
+        for _ in 0..times {
             let mut rig = Rig::start();
             // As on a robot, if the system permits it.
             rig.config.control.priority = 80;
             let mut watched = WatchedRig::with(rig, 50);
-            let begin = clock::now();
-            watched.rig.signal(signal);
-            watched.until_stopped();
-            spans.extend(watched.stops().into_iter().flatten().map(|stamp| stamp - begin));
+            spans.push(watched.while_moving(|watched| {
+                let begin = clock::now();
+                let _hung = match loss {
+                    Loss::Process(signal) => {
+                        watched.rig.signal(signal);
+                        None
+                    }
+                    Loss::Thread(name) => Some(HungThread::of(&watched.rig, name)),
+                };
+                watched.until_all_stopped(begin)
+            }));
+            violations += watched.violations();
             watched.end_with(Signal::SIGKILL);
         }
         spans.sort_unstable();
         let ms = |quantile: f64| {
             spans[((spans.len() - 1) as f64 * quantile) as usize].as_seconds() * 1e3
         };
+        // The emulated gateway waits for 100 ms.
+        let within = spans.iter().filter(|span| **span <= Nanos::from_millis(160)).count();
         println!(
-            "{name}: {} stops, ms: min {:.0}, median {:.0}, p90 {:.0}, max {:.0}",
-            spans.len(),
+            "{name}: {within} of {times} within 160 ms; ms: min {:.0}, median {:.0}, p90 {:.0}, \
+             max {:.0}; {violations} protocol violations",
             ms(0.0),
             ms(0.5),
             ms(0.9),

@@ -138,8 +138,8 @@ fn a_drive_of_the_other_family_is_named() {
 fn a_drive_left_running_in_another_mode_is_switched_off_and_configured() {
     let bench = TestBench::emulated(&SETUPS[0]);
     {
-        let mut host =
-            serialport::new(bench.port().device.to_string_lossy(), 115_200).open_native().unwrap();
+        let host = serialport::new(bench.port().device.to_string_lossy(), 115_200);
+        let mut host = host.exclusive(false).open_native().unwrap();
         host.set_timeout(std::time::Duration::from_secs(5)).unwrap();
         let writes = [(0x6060u16, 3u8), (0x60FF, 20), (0x6040, 0x06), (0x6040, 0x0F)];
         for (index, value) in writes {

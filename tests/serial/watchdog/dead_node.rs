@@ -74,13 +74,9 @@ fn check_watchdog(signal: Signal) {
 
 #[test]
 fn h03_a_dead_node_keeps_no_stop_of_the_watchdog_from_the_living() {
-    unprivileged(
-        "dead_node::h03_a_dead_node_keeps_no_stop_of_the_watchdog_from_the_living",
-        || {
-            check_watchdog(Signal::SIGKILL);
-            check_watchdog(Signal::SIGSTOP);
-        },
-    );
+    let _alone = alone();
+    check_watchdog(Signal::SIGKILL);
+    check_watchdog(Signal::SIGSTOP);
 }
 
 /// The controller gives the dead one up after three exchanges, and that is a fault.

@@ -1,7 +1,5 @@
 //! One thread of the controller hangs, and the others go on. A tracer stops it: a signal would stop
 //! the whole process.
-//!
-//! Times: `cargo test --test real_time -- --ignored --nocapture hangs_of_one_thread_a_hundred_times`.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,10 +16,10 @@ const SILENCE: Nanos = Nanos::from_millis(500);
 const TOLERANCE: Nanos = Nanos::from_millis(1000);
 
 /// A thread that hangs until this is dropped, by the thread that has made it.
-struct HungThread(i32);
+pub(super) struct HungThread(i32);
 
 impl HungThread {
-    fn of(rig: &Rig, name: &str) -> Self {
+    pub(super) fn of(rig: &Rig, name: &str) -> Self {
         let tasks = fs::read_dir(format!("/proc/{}/task", rig.controller_id())).unwrap();
         let is_it = |task: &fs::DirEntry| {
             fs::read_to_string(task.path().join("comm")).is_ok_and(|comm| comm.trim() == name)
@@ -47,7 +45,7 @@ impl Drop for HungThread {
 
 impl WatchedRig {
     /// Does something while a client moves both motors of the snake.
-    fn while_moving<R>(&self, act: impl FnOnce(&Self) -> R) -> R {
+    pub(super) fn while_moving<R>(&self, act: impl FnOnce(&Self) -> R) -> R {
         let done = AtomicBool::new(false);
         let client = self.client.as_ref().unwrap();
         std::thread::scope(|scope| {
@@ -66,13 +64,13 @@ impl WatchedRig {
         })
     }
 
-    fn violations(&self) -> usize {
+    pub(super) fn violations(&self) -> usize {
         let log = self.rig.emulator.log();
         log.iter().filter(|it| matches!(it.kind, EventKind::HostBug(_))).count()
     }
 
     /// From `since` to the quick stop of each drive.
-    fn until_all_stopped(&self, since: Nanos) -> Nanos {
+    pub(super) fn until_all_stopped(&self, since: Nanos) -> Nanos {
         let stop = |axis: usize| {
             let log = self.rig.emulator.log().into_iter();
             let is_stop = |it: &i2ris_simulation::log::Event| {
@@ -111,85 +109,46 @@ fn check_stops(name: &str) {
 
 #[test]
 fn h03_the_drives_are_stopped_when_only_the_loop_hangs_in_motion() {
-    unprivileged("hangs::h03_the_drives_are_stopped_when_only_the_loop_hangs_in_motion", || {
-        check_stops("control");
-    });
+    let _alone = alone();
+    check_stops("control");
 }
 
 #[test]
 fn h03_the_drives_of_a_port_are_stopped_when_only_its_thread_hangs_in_motion() {
-    let name = "hangs::h03_the_drives_of_a_port_are_stopped_when_only_its_thread_hangs_in_motion";
-    unprivileged(name, || check_stops("port"));
+    let _alone = alone();
+    check_stops("port");
 }
 
 #[test]
 fn h03_a_thread_of_commands_that_hangs_ends_the_motion_and_one_of_records_does_not() {
-    let name =
-        "hangs::h03_a_thread_of_commands_that_hangs_ends_the_motion_and_one_of_records_does_not";
-    unprivileged(name, || {
-        let watched = WatchedRig::new(3000);
-        watched.while_moving(|watched| {
-            let hung = HungThread::of(&watched.rig, "black box");
-            let begin = clock::now() + Nanos::from_millis(1000);
-            wait_until("it goes on", || watched.rig.moved_since(begin));
-            drop(hung);
-            let _hung = HungThread::of(&watched.rig, "ipc");
-            watched.rig.wait_until_still();
-        });
-        assert_eq!(watched.stops(), [None; 2], "the loop holds");
-        assert_eq!(watched.violations(), 0);
+    let _alone = alone();
+    let watched = WatchedRig::new(3000);
+    watched.while_moving(|watched| {
+        let hung = HungThread::of(&watched.rig, "black box");
+        let begin = clock::now() + Nanos::from_millis(1000);
+        wait_until("it goes on", || watched.rig.moved_since(begin));
+        drop(hung);
+        let _hung = HungThread::of(&watched.rig, "ipc");
+        watched.rig.wait_until_still();
     });
+    assert_eq!(watched.stops(), [None; 2], "the loop holds");
+    assert_eq!(watched.violations(), 0);
 }
 
 /// Two drives behind one port, and a watchdog that knows the first alone: it would leave the other.
 #[test]
 fn h28_a_watchdog_that_knows_other_nodes_is_none() {
-    unprivileged("hangs::h28_a_watchdog_that_knows_other_nodes_is_none", || {
-        let mut rig = Rig::start();
-        let ports = rig.config.ports.clone();
-        rig.config.ports[0].axes.pop();
-        let mut watched = WatchedRig::without_controller(rig, 3000);
-        watched.rig.config.ports = ports;
-        watched.rig.start_controller();
-        let mut client = watched.rig.client();
-        watched.until_logged("watching");
-        wait_for(&mut client, |state| !has(state, OperatingStateMsg::BUSY));
-        let refused = client.state_command(StateCommand::Home).unwrap_err().to_string();
-        assert!(refused.contains("the watchdog runs, but could not stop"), "{refused}");
-        wait_for(&mut client, |state| !has(state, OperatingStateMsg::WATCHED));
-    });
-}
-
-/// Prints the time from a hang to the last quick stop, and what the emulated line counted.
-#[test]
-#[ignore = "minutes"]
-fn hangs_of_one_thread_a_hundred_times() {
-    unprivileged("hangs::hangs_of_one_thread_a_hundred_times", || {
-        for name in ["control", "port"] {
-            let (mut spans, mut violations) = (Vec::new(), 0);
-            for _ in 0..100 {
-                let mut rig = Rig::start();
-                // As on a robot, if the system permits it.
-                rig.config.control.priority = 80;
-                let watched = WatchedRig::with(rig, 50);
-                spans.push(watched.while_moving(|watched| {
-                    let since = clock::now();
-                    let _hung = HungThread::of(&watched.rig, name);
-                    watched.until_all_stopped(since)
-                }));
-                violations += watched.violations();
-            }
-            spans.sort_unstable();
-            let ms = |index: usize| spans[index].as_seconds() * 1e3;
-            // The emulated gateway waits for 100 ms.
-            let within = spans.iter().filter(|it| **it <= Nanos::from_millis(160)).count();
-            println!(
-                "{name} hangs: every drive stopped after {:.0} ms (median), {:.0} at most; \
-                 {within} of {} within 160 ms; {violations} protocol violations",
-                ms(spans.len() / 2),
-                ms(spans.len() - 1),
-                spans.len()
-            );
-        }
-    });
+    let _alone = alone();
+    let mut rig = Rig::start();
+    let ports = rig.config.ports.clone();
+    rig.config.ports[0].axes.pop();
+    let mut watched = WatchedRig::without_controller(rig, 3000);
+    watched.rig.config.ports = ports;
+    watched.rig.start_controller();
+    let mut client = watched.rig.client();
+    watched.until_logged("watching");
+    wait_for(&mut client, |state| !has(state, OperatingStateMsg::BUSY));
+    let refused = client.state_command(StateCommand::Home).unwrap_err().to_string();
+    assert!(refused.contains("the watchdog runs, but could not stop"), "{refused}");
+    wait_for(&mut client, |state| !has(state, OperatingStateMsg::WATCHED));
 }

@@ -66,48 +66,45 @@ impl PulsedRig {
 
 #[test]
 fn h03_the_pulse_ends_with_the_controller_and_comes_back_only_with_drives_off() {
-    let name = "pulse::h03_the_pulse_ends_with_the_controller_and_comes_back_only_with_drives_off";
-    unprivileged(name, || {
-        let mut pulsed = PulsedRig::new(Rig::start(), 3000);
-        assert!(pulsed.edges().is_empty(), "no pulse without a controller");
-        pulsed.watched.rig.start_controller();
-        drop(pulsed.watched.rig.client());
-        pulsed.until_pulsing();
-        pulsed.watched.rig.signal(Signal::SIGSTOP);
-        pulsed.last_edge();
-        // Its drives are off.
-        pulsed.watched.rig.signal(Signal::SIGCONT);
-        pulsed.until_pulsing();
-        pulsed.watched.rig.emulator.mute(0, true);
-        pulsed.last_edge();
-        pulsed.watched.rig.emulator.mute(0, false);
-        pulsed.watched.end_with(Signal::SIGKILL);
-        pulsed.last_edge();
-        pulsed.watched.rig.start_controller();
-        drop(pulsed.watched.rig.client());
-        pulsed.until_pulsing();
-        pulsed.watched.watchdog.kill().unwrap();
-        pulsed.last_edge();
-    });
+    let _alone = alone();
+    let mut pulsed = PulsedRig::new(Rig::start(), 3000);
+    assert!(pulsed.edges().is_empty(), "no pulse without a controller");
+    pulsed.watched.rig.start_controller();
+    drop(pulsed.watched.rig.client());
+    pulsed.until_pulsing();
+    pulsed.watched.rig.signal(Signal::SIGSTOP);
+    pulsed.last_edge();
+    // Its drives are off.
+    pulsed.watched.rig.signal(Signal::SIGCONT);
+    pulsed.until_pulsing();
+    pulsed.watched.rig.emulator.mute(0, true);
+    pulsed.last_edge();
+    pulsed.watched.rig.emulator.mute(0, false);
+    pulsed.watched.end_with(Signal::SIGKILL);
+    pulsed.last_edge();
+    pulsed.watched.rig.start_controller();
+    drop(pulsed.watched.rig.client());
+    pulsed.until_pulsing();
+    pulsed.watched.watchdog.kill().unwrap();
+    pulsed.last_edge();
 }
 
 /// A reply that is lost costs its time-out: the robot does not even hold for good, so the relay must
 /// not take the power away.
 #[test]
 fn h16_a_lost_reply_ends_no_pulse() {
-    unprivileged("pulse::h16_a_lost_reply_ends_no_pulse", || {
-        let mut rig = Rig::start();
-        rig.config.limits.feedback_stale_ms = 300;
-        rig.config.ports[0].reply_timeout_ms = 600;
-        let mut pulsed = PulsedRig::new(rig, 3000);
-        pulsed.watched.enable();
+    let _alone = alone();
+    let mut rig = Rig::start();
+    rig.config.limits.feedback_stale_ms = 300;
+    rig.config.ports[0].reply_timeout_ms = 600;
+    let mut pulsed = PulsedRig::new(rig, 3000);
+    pulsed.watched.enable();
+    pulsed.until_pulsing();
+    for _ in 0..3 {
+        pulsed.watched.rig.emulator.inject(0, Injection::LoseReply);
+        clock::sleep(Nanos::from_millis(1500));
         pulsed.until_pulsing();
-        for _ in 0..3 {
-            pulsed.watched.rig.emulator.inject(0, Injection::LoseReply);
-            clock::sleep(Nanos::from_millis(1500));
-            pulsed.until_pulsing();
-        }
-    });
+    }
 }
 
 /// Prints the time from what happens to the last edge, with enabled drives.

@@ -59,28 +59,25 @@ impl WatchedRig {
 
 #[test]
 fn h03_after_a_replug_the_watchdog_is_in_again_whoever_is_first() {
-    unprivileged("replug::h03_after_a_replug_the_watchdog_is_in_again_whoever_is_first", || {
-        WatchedRig::new(3000).replug_often(4);
-    });
+    let _alone = alone();
+    WatchedRig::new(3000).replug_often(4);
 }
 
 #[test]
 #[ignore = "minutes"]
 fn h03_the_watchdog_is_in_again_after_a_hundred_replugs() {
-    unprivileged("replug::h03_the_watchdog_is_in_again_after_a_hundred_replugs", || {
-        WatchedRig::new(3000).replug_often(100);
-    });
+    let _alone = alone();
+    WatchedRig::new(3000).replug_often(100);
 }
 
 #[test]
 fn h03_a_watchdog_that_starts_after_the_controller_gets_in() {
-    unprivileged("replug::h03_a_watchdog_that_starts_after_the_controller_gets_in", || {
-        let mut rig = Rig::start();
-        let client = rig.enabled();
-        let mut watched = WatchedRig::without_controller(rig, 3000);
-        watched.until_logged("watching");
-        watched.client = Some(client);
-        watched.end_with(Signal::SIGKILL);
-        watched.until_stopped();
-    });
+    let _alone = alone();
+    let mut rig = Rig::start();
+    let client = rig.enabled();
+    let mut watched = WatchedRig::without_controller(rig, 3000);
+    watched.until_logged("watching");
+    watched.client = Some(client);
+    watched.end_with(Signal::SIGKILL);
+    watched.until_stopped();
 }

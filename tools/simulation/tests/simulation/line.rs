@@ -1,9 +1,6 @@
 //! The emulator through its serial ports, as a host sees it.
 
-use std::fs::File;
 use std::io::{Read, Write};
-use std::os::fd::AsRawFd;
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -51,7 +48,8 @@ struct Host {
 impl Host {
     fn open(emulator: &Emulator, axis: usize) -> Self {
         let builder = serialport::new(emulator.device(axis).to_string_lossy(), 115_200);
-        let port = builder.timeout(TIMEOUT).open_native().unwrap();
+        // A pseudo-terminal would stay in exclusive use.
+        let port = builder.exclusive(false).timeout(TIMEOUT).open_native().unwrap();
         Self { port }
     }
 
@@ -201,63 +199,6 @@ fn set_points_follow_each_other_no_faster_than_the_line() {
         earliest = earliest + exchange;
     }
     assert_eq!(earliest - before, Nanos(6 * exchange.0));
-}
-
-#[test]
-fn a_port_is_for_one_host_and_can_be_opened_again() {
-    let (emulator, _folder) = start();
-    let path = emulator.device(0).to_string_lossy().into_owned();
-    for _ in 0..2 {
-        let mut host = Host::open(&emulator, 0);
-        assert!(serialport::new(&path, 115_200).open_native().is_err());
-        assert_eq!(host.read(0x1018, 1), 0xFB);
-    }
-}
-
-fn open_shared(emulator: &Emulator) -> File {
-    let mut options = File::options();
-    options.read(true).write(true).custom_flags(libc::O_NOCTTY);
-    options.open(emulator.device(0)).unwrap()
-}
-
-/// Whether the port is in exclusive use. Asks the kernel, since root may open it anyway.
-fn is_exclusive(file: &File) -> bool {
-    let mut flag: libc::c_int = 0;
-    // SAFETY: the request writes an `int`, and the descriptor is open.
-    let answer = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCGEXCL, &raw mut flag) };
-    assert_eq!(answer, 0);
-    flag != 0
-}
-
-#[test]
-fn exclusive_use_ends_with_the_last_open_descriptor() {
-    let (emulator, _folder) = start();
-    let (killed, beside) = (open_shared(&emulator), open_shared(&emulator));
-    // SAFETY: the request takes no argument, and the descriptor is open.
-    unsafe { libc::ioctl(killed.as_raw_fd(), libc::TIOCEXCL) };
-    // As at the end of a killed process: nothing clears the flag.
-    drop(killed);
-    std::thread::sleep(Duration::from_millis(500));
-    assert!(is_exclusive(&beside));
-    drop(beside);
-    wait_for("a new port", || {
-        let options = File::options().read(true).open(emulator.device(0));
-        options.is_ok_and(|file| !is_exclusive(&file))
-    });
-    Host::open(&emulator, 0).send(&READ_STATUSWORD);
-}
-
-#[test]
-fn a_host_that_read_the_link_before_the_port_was_replaced_gets_the_port() {
-    let (emulator, _folder) = start();
-    let link = || std::fs::read_link(emulator.device(0)).unwrap();
-    let first = link();
-    drop(open_shared(&emulator));
-    wait_for("a new port", || link() != first);
-    let late = File::options().read(true).open(&first).unwrap();
-    wait_for("the first port again", || link() == first);
-    assert_eq!(Host::open(&emulator, 0).read(0x1018, 1), 0xFB);
-    drop(late);
 }
 
 #[test]

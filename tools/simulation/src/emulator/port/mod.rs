@@ -48,19 +48,11 @@ pub(crate) const REPLY_WAIT_US: u64 = 500;
 /// A thread that slept longer than this was delayed by the machine.
 const STALL: Nanos = Nanos::from_millis(30);
 
-/// A replaced pseudo-terminal stays this long for a host that read the link before.
-const REPLACED: Nanos = Nanos::from_millis(5_000);
-
-/// Maximum sleep while a replaced pseudo-terminal stays.
-const REPLACED_POLL: Nanos = Nanos::from_millis(1);
-
 /// A port.
 pub(crate) struct Port {
     /// That of the drive that it belongs to.
     axis: usize,
     pty: Pty,
-    /// The pseudo-terminal before the present one, and when it goes.
-    replaced: Option<(Pty, Nanos)>,
     config: LineConfig,
     timing: LineTiming,
     parser: Parser,
@@ -86,7 +78,6 @@ impl Port {
         Ok(Self {
             axis,
             pty: Pty::open()?,
-            replaced: None,
             config: config.clone(),
             timing: LineTiming::new(config),
             parser: Parser::default(),
@@ -117,10 +108,8 @@ impl Port {
             if let Some(span) = self.line().take_hang_up() {
                 self.hang_up(span);
             }
-            self.check_replaced();
             let before = clock::now();
-            let span = self.replaced.as_ref().map_or(POLL, |_| REPLACED_POLL);
-            if self.pty.wait(span) {
+            if self.pty.wait(POLL) {
                 let count = self.pty.read(&mut buffer);
                 let read = clock::now();
                 self.receive(buffer[..count].to_vec(), read, read - before > STALL);
@@ -137,7 +126,6 @@ impl Port {
             let _ = std::fs::remove_file(link);
         }
         self.pty.hang_up();
-        self.replaced = None;
         self.reset_line();
         while clock::now() < until && !self.shared.is_stopping() {
             clock::sleep_until(until.min(clock::now() + POLL));
@@ -331,34 +319,7 @@ impl Port {
     fn on_silence(&mut self, now: Nanos) {
         self.drop_stale_frame(now);
         if self.pty.is_closed() {
-            self.renew();
-        }
-    }
-
-    /// Replaces the pseudo-terminal after its last host closed it. The kernel ends the exclusive
-    /// use of a serial port with its last descriptor, but that of a pseudo-terminal with the pair.
-    fn renew(&mut self) {
-        let (Some(link), Ok(pty)) = (&self.link, Pty::open()) else {
-            return clock::sleep(POLL);
-        };
-        let _ = port_folder::redirect(link, pty.path());
-        let old = std::mem::replace(&mut self.pty, pty);
-        self.replaced = Some((old, clock::now() + REPLACED));
-    }
-
-    /// Goes back to the replaced pseudo-terminal when a host opened it after all: it had read the
-    /// link before it was redirected. A real port is never away in between.
-    fn check_replaced(&mut self) {
-        let Some((old, until)) = self.replaced.take() else {
-            return;
-        };
-        if !old.is_closed() {
-            if let Some(link) = &self.link {
-                let _ = port_folder::redirect(link, old.path());
-            }
-            self.pty = old;
-        } else if clock::now() < until {
-            self.replaced = Some((old, until));
+            clock::sleep(POLL);
         }
     }
 

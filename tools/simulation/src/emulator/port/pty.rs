@@ -15,9 +15,6 @@ use nix::sys::time::TimeSpec;
 use nix::unistd::{read, write};
 
 /// The drive's end of the line.
-///
-/// It never opens the host's end itself: the rules of the kernel for exclusive use depend on who
-/// has that open.
 #[derive(Debug)]
 pub(super) struct Pty {
     /// `None`: hung up.
