@@ -46,8 +46,8 @@ const BLIND: Nanos = Nanos::from_millis(12);
 ///
 /// Behind a gateway, a node that does not answer keeps the line for a whole time-out, and what is
 /// said meanwhile may be lost. So nodes that are `owing` an answer come last. Every other one is told
-/// once before anything waits for a lost reply, and once more where one was missing, before any is
-/// asked for its state; a node that did not answer is asked again when every other one has been.
+/// once before anything waits for a lost reply. Those that did not answer are told again before any
+/// is asked for its state, the first of them last: the gateway may have waited for that one.
 pub fn quick_stop_all<T: Transport>(
     link: &mut DriveLink<T>,
     nodes: &[u8],
@@ -60,21 +60,21 @@ pub fn quick_stop_all<T: Transport>(
         nodes.iter().map(|node| nodes.len() > 1 && owing.contains(node)).collect();
     let mut order: Vec<usize> = (0..nodes.len()).collect();
     order.sort_by_key(|&index| last[index]);
-    let mut at_first: Vec<usize> = order.iter().copied().filter(|&index| !last[index]).collect();
+    let at_first: Vec<usize> = order.iter().copied().filter(|&index| !last[index]).collect();
     // Sent before the state is known: without power it only delays switching on.
     link.wait_at_most(BLIND);
-    let mut are_told = true;
-    for &index in &at_first {
-        are_told &= link.write_unconfirmed(nodes[index], stop);
-    }
-    link.wait_for_gateway(true);
-    if are_told {
-        at_first.clear();
-    }
-    for (turn, index) in at_first.into_iter().enumerate() {
-        let is_answered = link.write_unconfirmed(nodes[index], stop);
-        // The first reply may be one to the controller.
-        last[index] = turn > 0 && !is_answered;
+    let (mut untold, mut is_silent) = (at_first, false);
+    untold.retain(|&index| {
+        let timeouts = link.counters().timeouts;
+        let is_told = link.write_unconfirmed(nodes[index], stop);
+        is_silent = link.counters().timeouts != timeouts;
+        !is_told
+    });
+    // Where nothing came at last, a gateway may wait for the first of these.
+    let waits = !is_silent || link.is_answered_by_gateway();
+    link.wait_for_gateway(waits);
+    for index in untold.into_iter().rev() {
+        last[index] = !link.write_unconfirmed(nodes[index], stop);
     }
     order.sort_by_key(|&index| last[index]);
     let mut outcomes = vec![Err(QuickStopError::NoAnswer); nodes.len()];

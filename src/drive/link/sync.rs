@@ -72,6 +72,12 @@ impl<T: Transport> DriveLink<T> {
         self.drain().map(|_| ()).map_err(LinkError::broken)
     }
 
+    /// Waits for what a gateway says in the place of a node; `false` if that is nothing.
+    pub(in crate::drive) fn is_answered_by_gateway(&mut self) -> bool {
+        let end = self.transport.now() + GATEWAY_TIMEOUT;
+        self.has_gateway && self.discard(end).unwrap_or(false) && self.drain().is_ok()
+    }
+
     /// Makes sure that the next reply belongs to the next request. Does nothing on a line in sync.
     ///
     /// # Errors
