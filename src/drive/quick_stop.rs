@@ -45,9 +45,9 @@ const BLIND: Nanos = Nanos::from_millis(12);
 /// without power stays off.
 ///
 /// Behind a gateway, a node that does not answer keeps the line for a whole time-out, and what is
-/// said meanwhile may be lost. So nodes that are `owing` an answer come last. Every other one is told
-/// once before anything waits for a lost reply. Those that did not answer are told again before any
-/// is asked for its state, the first of them last: the gateway may have waited for that one.
+/// said meanwhile may be lost. So nodes that are `owing` an answer come last. Every other one is
+/// told once before anything waits for a lost reply. Those that did not answer are told again before
+/// any is asked for its state, the first of them last: the gateway may have waited for that one.
 pub fn quick_stop_all<T: Transport>(
     link: &mut DriveLink<T>,
     nodes: &[u8],

@@ -22,8 +22,8 @@ use super::transport::{NOT_OUR_TURN, Transport};
 /// bytes and a request has tens, so waiting means that the port hangs.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// How long a port may stay locked after its user was killed: the watchdog stops the drives, and may
-/// have to wait for those that do not answer.
+/// How long a port may stay locked after its user was killed: the watchdog stops the drives, and
+/// may have to wait for those that do not answer.
 const RELEASE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
 /// Period of trying to open a port in use.

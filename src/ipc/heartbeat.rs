@@ -194,7 +194,10 @@ mod tests {
             let boot_id = lock.boot_id();
             let (good_until, alive) = (Nanos(2), [7, 8, 9].map(Nanos));
             let beat = Heartbeat { boot_id, stamp, off: false, owing: 0b101, good_until, alive };
-            let heartbeat = |off| Heartbeat { off, ..beat };
+            let heartbeat = |off| {
+                let whole = beat;
+                Heartbeat { off, ..whole }
+            };
             for off in [true, false] {
                 writer.write(heartbeat(off));
                 assert_eq!(reader.read(), Ok(Some(heartbeat(off))));

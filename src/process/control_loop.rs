@@ -47,7 +47,7 @@ impl Beats {
             *alive = life.seen();
         }
         self.heartbeat.write(Heartbeat { alive, ..beat });
-        // Behind the other: a port thread never thinks that a beat is younger than the watchdog does.
+        // Behind the other: no port thread takes a beat for younger than the watchdog does.
         self.line.set(beat.stamp);
     }
 }

@@ -78,8 +78,8 @@ impl Threads {
         self.ports.iter().chain(&self.others).any(NamedThread::is_finished)
     }
 
-    /// Waits for the loop, then ends the others, and writes what they say. Returns what happened to a
-    /// thread, and the outcome for the run log.
+    /// Waits for the loop, then ends the others, and writes what they say. Returns what happened to
+    /// a thread, and the outcome for the run log.
     pub fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, &'static str) {
         let mut ended = self.control.join();
         let (is_early, end) = (ended.is_err(), clock::now() + END_TIMEOUT);

@@ -63,8 +63,8 @@ impl NamedThread {
         self.handle.is_finished()
     }
 
-    /// Waits for the end of the thread, at most until `end`, and does something `meanwhile` again and
-    /// again.
+    /// Waits for the end of the thread, at most until `end`, and does something again and again
+    /// `meanwhile`.
     ///
     /// # Errors
     ///

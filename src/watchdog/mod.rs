@@ -14,8 +14,8 @@
 //! | `event` | events for the log |
 //!
 //! The watchdog keeps its ports open beside the controller. Ages decide who talks on a line
-//! ([`crate::drive::line_turn`]): the watchdog takes over a line whose port thread hangs, and all of
-//! them when the loop hangs, and lets go as soon as both live again.
+//! ([`crate::drive::line_turn`]): the watchdog takes over a line whose port thread hangs, and all
+//! of them when the loop hangs, and lets go as soon as both live again.
 //!
 //! Behind one port may be several drives, and the first is a gateway to the others. It waits for
 //! one that does not answer, and takes nothing else meanwhile. So the heartbeat also tells which

@@ -2,8 +2,8 @@
 //! keeps closed opens the STO inputs of the drives when the computer dies, which no program can do
 //! then. The circuit is in the manual.
 //!
-//! The line changes every [`HALF_PERIOD`] while the control loop ticks and every drive answers: what
-//! the robot bears, down to the age that is a fault, the pulse bears, too, and the loop says it. A
+//! The line changes every [`HALF_PERIOD`] while the control loop ticks and every drive answers. A
+//! position may be as old as the robot bears, down to the age that is a fault: the loop says it. A
 //! thread of its own changes it, because a system call on a dead adapter may last; the thread has a
 //! permission that ends by itself [`PERMISSION`] after the last look of the watchdog.
 //!
@@ -34,7 +34,8 @@ pub const HALF_PERIOD: Nanos = Nanos::from_millis(20);
 const PERMISSION: Nanos = Nanos::from_millis(20);
 
 /// Age of the last tick at which the pulse ends, in tenths of the silence that the watchdog bears.
-/// With the half period and the looks of the watchdog, the last edge is within 60 ms of what happened.
+/// With the half period and the looks of the watchdog, the last edge is within 60 ms of what
+/// happened.
 const OLDEST_TICK: u64 = 8;
 
 /// Between two tries to open an adapter that is gone.

@@ -1,4 +1,4 @@
-/* A disk that hangs: loaded before libc, whoever waits for it with a file of the records waits for ever. */
+/* A disk that hangs, loaded before libc: who waits for a file of the records waits for ever. */
 #include <limits.h>
 #include <stdio.h>
 #include <string.h>

@@ -89,8 +89,7 @@ fn h03_the_pulse_ends_with_the_controller_and_comes_back_only_with_drives_off() 
     pulsed.last_edge();
 }
 
-/// A reply that is lost costs its time-out: the robot does not even hold for good, so the relay must
-/// not take the power away.
+/// A reply that is lost costs its time-out, and is no fault: the relay must not take the power away.
 #[test]
 fn h16_a_lost_reply_ends_no_pulse() {
     let _alone = alone();
