@@ -19,7 +19,6 @@ mod monitors;
 mod move_and_clutch;
 mod network;
 mod pairs;
-mod random_inputs;
 mod rates_and_tip;
 mod reach;
 mod reasons;

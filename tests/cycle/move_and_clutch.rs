@@ -1,6 +1,6 @@
 //! `move_jp`, `hold`, clutch, motion scaling, tremor filter and joint limits.
 
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris_testing::cycle::{
     Bench, CLIENT, GAIN_DEG, config, flying, has_memory, lag_counts, model, rad,
@@ -121,20 +121,6 @@ fn a_model_can_take_over_during_a_trajectory() {
     );
     bench.idle();
     assert!((pitch(&bench) - 8.0).abs() < 0.12, "{}", pitch(&bench));
-}
-
-#[test]
-fn hold_stops_following_and_a_command_is_followed_again_after_something_deliberate() {
-    let mut bench = Bench::moving();
-    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
-    bench.run(5);
-    let before = bench.targets();
-    assert!(bench.report().holding && bench.state() == OperatingState::Enabled);
-    bench.run(20);
-    assert_eq!(bench.targets(), before);
-    assert_eq!(bench.actuator([before[0] + 3, before[1]]), Refusal::BrokenOff);
-    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
-    assert_eq!(bench.actuator([before[0] + 3, before[1]]), Refusal::None);
 }
 
 /// Moves the master, one command every 5 ticks.
@@ -267,81 +253,4 @@ fn a_move_that_is_refused_leaves_the_one_in_progress() {
     bench.idle();
     // A motor crosses no gap for half a count.
     assert!((pitch(&bench) - 8.0).abs() < GAIN_DEG);
-}
-
-/// The tick of a stream of two clients, each of which moves the snake where it may.
-fn both_stream(bench: &mut Bench, sequence: &mut u64) -> [Refusal; 2] {
-    let here = pitch(bench);
-    let mut command = bench.servo(i2ris::core::ServoGoal::Joint(rad(here + 0.05, 0.0), 2));
-    let first = bench.send(command);
-    *sequence += 1;
-    command = bench.servo(command.goal);
-    (command.client_id, command.sequence) = (CLIENT + 2, *sequence);
-    [first, bench.send(command)]
-}
-
-#[test]
-fn a_hold_of_another_client_holds_against_every_stream_until_it_pauses() {
-    let mut bench = enabled("");
-    let mut sequence = 0;
-    for _ in 0..200 {
-        assert_eq!(both_stream(&mut bench, &mut sequence), [Refusal::None, Refusal::Lease]);
-    }
-    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Hold).refusal, Refusal::None);
-    assert_eq!(bench.report().lease_client_id, 0);
-    bench.run(5);
-    let held = bench.targets();
-    for _ in 0..2000 {
-        let refused = both_stream(&mut bench, &mut sequence);
-        assert_eq!(refused, [Refusal::BrokenOff; 2]);
-        assert_eq!(bench.targets(), held);
-    }
-    // A pause that is too short, and one that is not.
-    bench.run(900);
-    assert_eq!(bench.joint(pitch(&bench), 0.0), Refusal::BrokenOff);
-    bench.run(1000);
-    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
-    assert_eq!(bench.joint(pitch(&bench), 0.0), Refusal::None);
-    assert_eq!(bench.report().lease_client_id, CLIENT);
-}
-
-#[test]
-fn the_client_that_holds_may_go_on_itself_with_the_lease_that_it_has() {
-    let mut bench = enabled("");
-    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
-    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
-    assert_eq!(bench.report().lease_client_id, CLIENT);
-    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
-    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
-    // Until the first hold is over, which was for the other one.
-    bench.run(1000);
-    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Hold).refusal, Refusal::None);
-    let mut command = bench.servo(i2ris::core::ServoGoal::Joint(rad(0.1, 0.0), 2));
-    command.client_id = CLIENT + 1;
-    assert_eq!(bench.send(command), Refusal::None);
-}
-
-#[test]
-fn who_was_held_and_holds_in_turn_is_still_held() {
-    let mut bench = enabled("");
-    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
-    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Hold).refusal, Refusal::None);
-    let mut command = bench.servo(i2ris::core::ServoGoal::Joint(rad(0.1, 0.0), 2));
-    command.client_id = CLIENT + 1;
-    assert_eq!(bench.send(command), Refusal::None);
-    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
-    assert_eq!(bench.joint(0.1, 0.0), Refusal::BrokenOff);
-}
-
-#[test]
-fn a_stream_that_is_refused_for_another_reason_is_not_silent() {
-    let mut bench = enabled("");
-    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
-    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Hold).refusal, Refusal::None);
-    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Pause).refusal, Refusal::None);
-    for _ in 0..1500 {
-        assert_eq!(bench.joint(0.1, 0.0), Refusal::Paused);
-    }
-    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Resume).refusal, Refusal::None);
-    assert_eq!(bench.joint(0.1, 0.0), Refusal::BrokenOff);
 }

@@ -34,7 +34,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::CommandConfig;
 use crate::core::command::authority::Access;
-use crate::core::command::client_stream::ClientStream;
 use crate::core::command::deadline::DeadlineCheck;
 use crate::core::command::refusal_record::{ClientRefusals, RefusalRecord};
 use crate::core::command::sessions::{Sessions, StreamOf};
@@ -92,7 +91,7 @@ impl CommandCheck {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CommandAdmission {
     check: CommandCheck,
-    sessions: Sessions,
+    pub(in crate::core) sessions: Sessions,
     refusals: RefusalRecord,
     /// Of state commands, to fold their events.
     request_refusals: RefusalRecord,
@@ -138,11 +137,6 @@ impl CommandAdmission {
     #[must_use]
     pub fn refusals(&self) -> [ClientRefusals; REFUSED_CLIENTS] {
         self.refusals.clients()
-    }
-
-    /// A state command came, whatever becomes of it.
-    pub(crate) fn asked(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
-        self.sessions.asked(command, client_id, now);
     }
 
     /// Records the refusal of a request. Returns whether it is an event: repeats are folded.
@@ -237,17 +231,6 @@ impl CommandAdmission {
         self.accepted = self.accepted.saturating_add(1);
     }
 
-    /// A stream was stopped as stale while the setpoints moved.
-    pub(crate) fn stopped_moving(&mut self, of: StreamOf, id: u64, at: &MotorVec, now: Nanos) {
-        self.sessions.stream_mut(of, id).into_iter().for_each(|it| it.stopped_moving(at, now));
-    }
-
-    /// A stream could not continue.
-    pub(crate) fn blocked(&mut self, id: u64) {
-        let stream = self.sessions.stream_mut(StreamOf::Joints, id);
-        stream.into_iter().for_each(ClientStream::break_off);
-    }
-
     /// Records a refused command. Returns whether it is an event: repeats are folded.
     pub(crate) fn refuse(
         &mut self,
@@ -282,15 +265,6 @@ impl CommandAdmission {
         let holder = self.sessions.holder();
         if is_hold && holder != client_id {
             self.release_lease(holder, events);
-        }
-    }
-
-    /// The robot has left ENABLED, or has a new fault: every session ends.
-    pub(crate) fn left_enabled(&mut self, is_fault: bool, now: Nanos) {
-        if is_fault {
-            self.sessions.stopped(0, false, now);
-        } else {
-            self.sessions.end_all();
         }
     }
 

@@ -112,7 +112,7 @@ impl Stop {
 
 /// The sessions of all clients, and the lease.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct Sessions {
+pub(in crate::core) struct Sessions {
     clients: [Option<Client>; CLIENTS],
     /// Those of the clients that stopped it last, newest first.
     stops: [Option<Stop>; STOPS],
@@ -287,8 +287,18 @@ impl Sessions {
         self.clients.iter_mut().flatten().for_each(|client| client.has_ended = true);
     }
 
-    /// The stream of a client, if one of its commands was accepted.
-    pub fn stream_mut(&mut self, of: StreamOf, client_id: u64) -> Option<&mut ClientStream> {
+    /// A stream was stopped as stale while the setpoints moved.
+    pub fn stopped_moving(&mut self, of: StreamOf, client_id: u64, at: &MotorVec, now: Nanos) {
+        self.stream_mut(of, client_id).into_iter().for_each(|it| it.stopped_moving(at, now));
+    }
+
+    /// A limit ended the stream of the joints.
+    pub fn blocked(&mut self, client_id: u64) {
+        let stream = self.stream_mut(StreamOf::Joints, client_id);
+        stream.into_iter().for_each(ClientStream::break_off);
+    }
+
+    fn stream_mut(&mut self, of: StreamOf, client_id: u64) -> Option<&mut ClientStream> {
         let mut clients = self.clients.iter_mut().flatten();
         clients.find(|client| client.id == client_id)?.streams[of as usize].as_mut()
     }

@@ -104,7 +104,7 @@ impl ControlCycle {
             events.push_measured(kind, Some(measurement));
             if !auxiliary.axis.is_at_rest() {
                 let at = collect([auxiliary.axis.setpoint()].into_iter());
-                self.admission.stopped_moving(StreamOf::Jaw, client_id, &at, summary.now);
+                self.admission.sessions.stopped_moving(StreamOf::Jaw, client_id, &at, summary.now);
             }
             auxiliary.followed = None;
         }

@@ -38,7 +38,7 @@ impl ControlCycle {
         events: &mut EventList,
     ) -> (Refusal, Option<Measurement>) {
         let (client_id, command) = (request.client_id, request.command);
-        self.admission.asked(command, client_id, summary.now);
+        self.admission.sessions.asked(command, client_id, summary.now);
         let Err(refusal) = self.try_command(request, summary, events) else {
             self.admission.accept_request(command, client_id, summary.now);
             return (Refusal::None, None);
@@ -200,7 +200,11 @@ impl ControlCycle {
     pub(super) fn end_sessions(&mut self, before: OperatingState, now: Nanos) {
         let state = self.machine.state().operating_state();
         if state != before && state != OperatingState::Enabled {
-            self.admission.left_enabled(state == OperatingState::Fault, now);
+            let sessions = &mut self.admission.sessions;
+            match state {
+                OperatingState::Fault => sessions.stopped(0, false, now),
+                _ => sessions.end_all(),
+            }
         }
     }
 

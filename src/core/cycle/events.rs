@@ -21,7 +21,7 @@ impl ControlCycle {
         let client_id = self.machine.state().owner().unwrap_or_default();
         events.push(CycleEventKind::LimitStop { client_id, limit });
         if self.machine.state().followed_command().is_some() {
-            self.admission.blocked(client_id);
+            self.admission.sessions.blocked(client_id);
         }
         self.machine.change((HOLDING, TransitionCause::BrokenOff(limit)), now, events);
     }

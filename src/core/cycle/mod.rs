@@ -346,7 +346,7 @@ impl ControlCycle {
             events.push_measured(kind, Some(measurement));
             if !self.axes.all(AxisControl::is_at_rest) {
                 let at = self.axes.setpoints();
-                self.admission.stopped_moving(StreamOf::Joints, client_id, &at, now);
+                self.admission.sessions.stopped_moving(StreamOf::Joints, client_id, &at, now);
             }
             self.machine.progress(HOLDING, now, events);
         }

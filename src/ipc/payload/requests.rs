@@ -124,29 +124,22 @@ pub(in crate::ipc) trait Dated: Payload {
 }
 
 macro_rules! dated {
-    ($($name:ident ($only_stops:expr))*) => {$(
+    ($($name:ident $($only_stops:ident)?),*) => {$(
         impl Dated for $name {
-            fn only_stops(&self) -> bool {
-                $only_stops(self)
-            }
-
             fn set_validity(&mut self, now: Nanos, span: Nanos) {
                 if self.stamp_ns == 0 {
                     (self.stamp_ns, self.valid_ns) = (now.0, span.0);
                 }
             }
+
+            $(fn only_stops(&self) -> bool {
+                StateCommand::from_number(self.command).is_some_and(StateCommand::$only_stops)
+            })?
         }
     )*};
 }
 
-dated! {
-    StateCommandRequest(|it: &Self| {
-        StateCommand::from_number(it.command).is_some_and(StateCommand::only_stops)
-    })
-    MoveRequest(|_| false)
-    VirtualFixtureRequest(|_| false)
-    ModelRequest(|_| false)
-}
+dated! { StateCommandRequest only_stops, MoveRequest, VirtualFixtureRequest, ModelRequest }
 
 impl Dated for BlackBoxRequest {}
 

@@ -4,6 +4,7 @@ use std::sync::atomic::Ordering;
 
 use i2ris::clock;
 use i2ris::ipc::Domain;
+use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 use i2ris_report::preflight::Preflight;
 use i2ris_simulation::ageing::{Change, Course, Parameter};
@@ -57,19 +58,25 @@ fn without_a_camera_a_person_is_asked_what_was_seen() {
     }
 }
 
-#[test]
-fn a_preflight_moves_by_permission_names_what_is_wrong_and_is_kept_for_the_trial() {
+/// A robot with a model whose memory is known, ENABLED, and nothing that compares it with a camera.
+fn conditioned() -> (Rig, Client) {
     let mut rig = Rig::with_fitted_model();
     expect_stalls(&mut rig);
     rig.config.limits.plausibility_deg = 0.0;
     rig.start_controller();
-    let mut client = rig.client();
+    let client = rig.client();
+    for words in ["home", "enable", "command state condition"] {
+        succeeds(&rig.domain(), words);
+    }
+    (rig, client)
+}
+
+#[test]
+fn a_preflight_moves_by_permission_names_what_is_wrong_and_is_kept_for_the_trial() {
+    let (rig, mut client) = conditioned();
     let domain = rig.domain();
     let (said, is_go) = Preflight::before_trial(&domain, clock::now());
     assert!(!is_go && said.contains("no preflight"), "{said}");
-    for words in ["home", "enable", "command state condition"] {
-        succeeds(&domain, words);
-    }
     let begin = clock::now();
     let refused = run(&domain, "preflight");
     assert_eq!(refused.code, Some(1));
@@ -106,15 +113,8 @@ fn a_preflight_moves_by_permission_names_what_is_wrong_and_is_kept_for_the_trial
 
 #[test]
 fn a_camera_that_dies_in_the_swing_ends_it() {
-    let mut rig = Rig::with_fitted_model();
-    expect_stalls(&mut rig);
-    rig.config.limits.plausibility_deg = 0.0;
-    rig.start_controller();
-    let mut client = rig.client();
+    let (rig, mut client) = conditioned();
     let domain = rig.domain();
-    for words in ["home", "enable", "command state condition"] {
-        succeeds(&domain, words);
-    }
     let accepted = client.wait_for(TIMEOUT, |_| true).unwrap().accepted;
     let program = start(&domain, "preflight --enable");
     wait_for(&mut client, |state| state.accepted > accepted + 50);

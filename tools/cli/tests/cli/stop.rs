@@ -148,7 +148,7 @@ fn a_watchdog_that_hangs_is_named_by_its_process() {
     fs::write(&file, toml::to_string(&rig.config).unwrap()).unwrap();
     let mut command = Command::new(program::path("i2ris-watchdog"));
     let mut watchdog = command.arg("--config").arg(&file).stderr(Stdio::null()).spawn().unwrap();
-    let status = || WatchdogStatus::read(&domain, &rig.config.devices(), clock::now());
+    let status = || WatchdogStatus::read(&domain, &rig.config.ports_digest(), clock::now());
     wait_until("it watches", || status() == WatchdogStatus::Watching);
     let pid = Pid::from_raw(watchdog.id().cast_signed());
     kill(pid, Signal::SIGSTOP).unwrap();
