@@ -262,11 +262,11 @@ fn h21_a_loose_wire_is_a_fault_although_most_of_it_was_followed() {
     let on = "[adaptation]\nenabled = true\n[limits]\nplausibility_deg = 3.0";
     let mut drifting = Drifting::new(on);
     drifting.follow(10.0, wandering, truth);
-    // 1.5 of 2 deg have been followed: the adapted pose is near the camera.
+    // Most of 2 deg has been followed: the adapted pose is near the camera.
     drifting.follow(60.0, wandering, |t, [pitch, yaw]| [pitch + (0.05 * (t - 10.0)).min(2.0), yaw]);
-    assert!(drifting.adaptation().applied.zero[0].to_degrees() > 1.3);
+    assert!(drifting.adaptation().applied.zero[0].to_degrees() > 1.0);
     assert_eq!(drifting.bench.state(), OperatingState::Enabled);
-    // 3.2 deg from the calibration, 1.7 deg from the adapted pose.
+    // 3.2 deg from the calibration, 2 deg from the adapted pose.
     let start = drifting.time_s;
     let run = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
         drifting

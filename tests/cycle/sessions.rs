@@ -10,7 +10,7 @@ use super::broken_off::{KINDS, bench, here, is_followed, stream};
 
 const OTHER: u64 = CLIENT + 1;
 
-/// What another client does to stop the robot, and to let it move again.
+/// What stops the robot, and what lets it move again.
 const STOPS: [(&str, fn(&mut Bench), &[StateCommand]); 4] = [
     ("disable", |bench| give(bench, OTHER, StateCommand::Disable), &[StateCommand::Enable]),
     ("pause", |bench| give(bench, OTHER, StateCommand::Pause), &[StateCommand::Resume]),
@@ -31,7 +31,7 @@ fn give(bench: &mut Bench, client: u64, command: StateCommand) {
     assert_eq!(bench.ask_as(client, command).refusal, Refusal::None, "{command}");
 }
 
-/// Ticks with a command where the snake is in every tenth of them. Whether one was followed.
+/// Sends where the snake is, every 10 ms. Whether a command was followed.
 fn go_on(bench: &mut Bench, ticks: usize) -> bool {
     let accepted = bench.report().accepted;
     for _ in 0..ticks / 10 {
@@ -58,7 +58,6 @@ fn a_client_that_never_stopped_sending_moves_nothing_after_a_stop() {
             assert_eq!(bench.state(), OperatingState::Enabled, "{what}");
             let held = bench.targets();
             assert!(!go_on(&mut bench, 5000), "{what}");
-            // Silence alone is no session either.
             bench.run(5000);
             let same = bench.servo(goal(1.0));
             assert_eq!(bench.send(same), Refusal::BrokenOff, "{what}");
@@ -94,7 +93,6 @@ fn a_hold_holds_the_stream_of_its_own_client_too() {
     stream(&mut bench, KINDS[0].1);
     give(&mut bench, CLIENT, StateCommand::Hold);
     assert!(!go_on(&mut bench, 3000));
-    // Who presses it twice means it.
     give(&mut bench, CLIENT, StateCommand::Hold);
     assert!(!go_on(&mut bench, 1000));
     bench.run(1000);

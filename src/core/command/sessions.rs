@@ -10,16 +10,14 @@
 //! It ends, for every client, when the robot leaves ENABLED (by `disable`, `pause`, a fault or the
 //! end of the controller) and with a `hold`; for one client, when its stream falls silent in motion
 //! or is ended by a limit, and when it sends a servo command to a robot that is off, paused or in
-//! fault. A client that never stopped sending moves nothing after somebody else has enabled,
-//! resumed or acknowledged.
+//! fault: what never stopped sending moves nothing after somebody else has enabled.
 //!
 //! Who was sending when somebody else stopped the robot is *held*: it begins nothing before it has
 //! been silent for a second, so that no program undoes a stop in a loop. After a `hold` this is so
 //! for every other client, for a second.
 //!
-//! One client commands at a time. The first accepted command takes the free lease, and every
-//! accepted command renews it. It expires after `command.lease_timeout_ms`; `release` gives it back
-//! at once.
+//! One client commands at a time: accepted commands take a free lease and renew it, until it expires
+//! after `command.lease_timeout_ms` or is released.
 
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +30,6 @@ use crate::units::{MotorVec, Nanos};
 /// Clients that are remembered: twice as many as can send at a time.
 const CLIENTS: usize = 16;
 
-/// Clients whose stops are remembered.
 const STOPS: usize = 4;
 
 /// Silence that shows a program that has stopped sending.
@@ -55,7 +52,6 @@ pub enum StreamOf {
 struct Run {
     since: Nanos,
     last: Nanos,
-    /// How often it came.
     count: u32,
 }
 
@@ -83,12 +79,12 @@ struct Client {
     id: u64,
     /// Its session is over: it has to do something deliberate.
     has_ended: bool,
-    /// Servo commands, but for an open clutch; and requests that were refused.
+    /// Servo commands, but for an open clutch; the same, and requests that were refused.
+    streaming: Run,
     sending: Run,
     /// `enable`, `resume`.
     asking: Run,
     streams: [Option<ClientStream>; 2],
-    /// Order of the clients.
     heard: Nanos,
 }
 
@@ -210,6 +206,7 @@ impl Sessions {
         let Some(client) = self.remember(command.client_id, now, true) else { return };
         client.has_ended = false;
         if !command.clutched {
+            client.streaming.add(now);
             client.sending.add(now);
         }
         let stream = client.streams[of as usize].get_or_insert(ClientStream::new(setpoints));
@@ -226,6 +223,7 @@ impl Sessions {
         }
         let Some(client) = self.remember(command.client_id, now, false) else { return };
         if !command.clutched {
+            client.streaming.add(now);
             client.sending.add(now);
         }
         if let Some(stream) = &mut client.streams[of as usize]
@@ -252,10 +250,14 @@ impl Sessions {
         let Some(client) = self.remember(client_id, now, true) else { return };
         let begins = match command {
             StateCommand::Disable | StateCommand::Pause => false,
-            StateCommand::Hold => !client.sending.goes_on(now),
+            StateCommand::Hold => !client.streaming.goes_on(now),
             _ => true,
         };
         client.has_ended = !begins || client.has_ended && is_held;
+        if begins && !is_held {
+            // Nothing of what was sent before goes on.
+            client.sending = Run::default();
+        }
         if !client.has_ended {
             client.streams.iter_mut().flatten().for_each(ClientStream::begin_anew);
         }
@@ -342,8 +344,8 @@ impl Sessions {
         let slot = self.clients.get_mut(index)?;
         if known.is_none() {
             let (has_ended, streams, heard) = (false, [None; 2], now);
-            let (sending, asking) = (Run::default(), Run::default());
-            *slot = Some(Client { id, has_ended, sending, asking, streams, heard });
+            let [streaming, sending, asking] = [Run::default(); 3];
+            *slot = Some(Client { id, has_ended, streaming, sending, asking, streams, heard });
         }
         slot.as_mut().map(|client| {
             client.heard = now;

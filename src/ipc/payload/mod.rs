@@ -128,11 +128,11 @@ mod tests {
         assert_eq!(size_of::<StateCommandRequest>(), 32);
         assert_eq!(size_of::<StateCommandReply>(), 40);
         assert_eq!(size_of::<Version>(), 200);
-        assert_eq!(size_of::<ModelRequest>(), 1072);
+        assert_eq!(size_of::<ModelRequest>(), 1088);
         assert_eq!(size_of::<ModelSlot>(), 240);
         assert_eq!(size_of::<ModelReply>(), 1304);
         assert_eq!(size_of::<BlackBoxReply>(), 1032);
-        assert_eq!(size_of::<VirtualFixtureRequest>(), 48);
+        assert_eq!(size_of::<VirtualFixtureRequest>(), 64);
         assert_eq!(size_of::<VirtualFixturesMsg>(), 1344);
         assert_eq!(size_of::<ReachTarget>(), 96);
         assert_eq!(size_of::<ReasonMsg>(), 392);

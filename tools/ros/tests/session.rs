@@ -44,6 +44,8 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     assert!(robot.moved_since(from), "{:?}", bridge.lines());
     peer.hold();
     robot.wait_until_still();
+    // It holds its own client, too, until that begins anew.
+    peer.command_until("enable", |state| state.state == "ENABLED");
     // Steps of differences.
     let [before, _] = peer.setpoint_degrees();
     for _ in 0..50 {
