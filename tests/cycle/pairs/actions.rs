@@ -174,7 +174,7 @@ impl Situation {
         self.bench.idle();
         // Of one that asked again and again, it is refused.
         if self.ask(by, start) != Refusal::None {
-            assert_eq!(self.ask(THIRD + 1, start), Refusal::None);
+            assert_eq!(self.ask(THIRD + self.bench.now.0, start), Refusal::None);
         }
         self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
         self.oracle.see_anew(&self.bench);
@@ -187,7 +187,7 @@ impl Situation {
         self.bench.idle();
         // Of one that asked again and again, it is refused.
         if self.ask(CLIENT, StateCommand::Enable) != Refusal::None {
-            assert_eq!(self.ask(THIRD + 1, StateCommand::Enable), Refusal::None);
+            assert_eq!(self.ask(THIRD + self.bench.now.0, StateCommand::Enable), Refusal::None);
         }
         self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
         self.oracle.see_anew(&self.bench);
