@@ -11,7 +11,9 @@ use super::broken_off::{KINDS, bench, here, is_followed, stream};
 const OTHER: u64 = CLIENT + 1;
 
 /// What stops the robot, and what lets it move again.
-const STOPS: [(&str, fn(&mut Bench), &[StateCommand]); 4] = [
+type Stopping = (&'static str, fn(&mut Bench), &'static [StateCommand]);
+
+const STOPS: [Stopping; 4] = [
     ("disable", |bench| give(bench, OTHER, StateCommand::Disable), &[StateCommand::Enable]),
     ("pause", |bench| give(bench, OTHER, StateCommand::Pause), &[StateCommand::Resume]),
     ("hold", |bench| give(bench, OTHER, StateCommand::Hold), &[]),

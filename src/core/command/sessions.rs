@@ -347,9 +347,8 @@ impl Sessions {
             let [streaming, sending, asking] = [Run::default(); 3];
             *slot = Some(Client { id, has_ended, streaming, sending, asking, streams, heard });
         }
-        slot.as_mut().map(|client| {
-            client.heard = now;
-            client
-        })
+        let client = slot.as_mut()?;
+        client.heard = now;
+        Some(client)
     }
 }
