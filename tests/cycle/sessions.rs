@@ -84,7 +84,6 @@ fn a_program_that_was_just_started_may_begin_and_one_that_was_refused_for_the_st
         let goes_on = ServoCommand { client_id, sequence: 9999, ..here(&mut bench) };
         assert_eq!(bench.send(goes_on), Refusal::BrokenOff, "{client_id}");
     }
-    // Killed in motion, and started again.
     let started = ServoCommand { client_id: CLIENT + 3, ..here(&mut bench) };
     assert_eq!(bench.send(started), Refusal::None);
 }
@@ -157,7 +156,6 @@ fn what_moves_or_powers_is_refused_when_it_is_older_than_its_client_waits() {
     }
 }
 
-/// Ids that change with every command push nobody out who has to begin anew.
 #[test]
 fn a_flood_of_clients_makes_nobody_forgotten() {
     let mut bench = bench();

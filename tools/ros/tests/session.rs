@@ -45,7 +45,9 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     peer.hold();
     robot.wait_until_still();
     // It holds its own client, too, until that begins anew.
-    peer.command_until("enable", |state| state.state == "ENABLED");
+    clock::sleep(Nanos::from_millis(1100));
+    peer.hold();
+    clock::sleep(Nanos::from_millis(200));
     // Steps of differences.
     let [before, _] = peer.setpoint_degrees();
     for _ in 0..50 {
