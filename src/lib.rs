@@ -85,7 +85,7 @@
 //!                   core/cycle/mod.rs:
 //!                     adaptation/     drift of the calibration, by the camera
 //!                     states/         drive status, faults, state transitions
-//!                     command/        admission: lease, deadline, range; goal extrapolation
+//!                     command/        admission: session, lease, range; goal extrapolation
 //!                     motion/         tremor filter, joint limits, backlash dead-band
 //!                     model_slots/ -> model/prepared.rs: angles to counts
 //!                     motion/         velocity and jerk limits, rounding to counts
@@ -113,6 +113,7 @@
 //! - **residual**: the part of the model that is linear in the state of the operators.
 //! - **dead-band**: reversals of the goal below it do not cross the backlash.
 //! - **commander, lease**: the one client whose commands are followed; its right to do so.
+//! - **session**: begins with something deliberate, ends with every stop; no motion without one.
 //! - **deadline, stale**: the age at which a command is stale, and the robot holds.
 //! - **clutch, motion scaling**: the master moves without the snake; the snake moves less than the
 //!   master.

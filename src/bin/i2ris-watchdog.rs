@@ -31,9 +31,9 @@ Options:
   --help           Print this
 
 It keeps every port open beside the controller, which enables nothing while it runs and does not
-hold all of them, or has other ports and axes in its configuration. SIGINT and SIGTERM end it without
-stopping the drives. It cannot act when the host loses power or hangs as a whole, or when a cable is
-pulled: then its pulse ends ([watchdog] pulse of the configuration), and a relay on the
+hold all of them, or has other ports and axes in its configuration. SIGINT and SIGTERM end it
+without stopping the drives. It cannot act when the host loses power or hangs as a whole, or when a
+cable is pulled: then its pulse ends ([watchdog] pulse of the configuration), and a relay on the
 safe-torque-off inputs of the drives opens. On a terminal it ends after 10 s without any port; as a
 service it waits.
 ";

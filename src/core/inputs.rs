@@ -106,6 +106,10 @@ impl Validity {
         }
         stale_age(self.stamp, self.span, now).map_or(Ok(()), |_| Err(Refusal::Stale))
     }
+
+    pub(crate) fn measurement(&self, now: Nanos) -> Measurement {
+        Measurement::of_age(now.duration_since(self.stamp), self.span)
+    }
 }
 
 /// A state command.
@@ -123,18 +127,6 @@ pub struct StateRequest {
     pub pose: Option<ServoGoal>,
     /// Only for [`StateCommand::Fixture`].
     pub fixture: Option<FixtureChange>,
-}
-
-impl StateRequest {
-    /// Refuses what may move or power and is older than its client waits.
-    pub(crate) fn require_young(&self, now: Nanos) -> Result<(), Refusal> {
-        if self.command.only_stops() { Ok(()) } else { self.validity.require_young(now) }
-    }
-
-    /// Its age, and how old it may be.
-    pub(crate) fn age_measurement(&self, now: Nanos) -> Measurement {
-        Measurement::of_age(now.duration_since(self.validity.stamp), self.validity.span)
-    }
 }
 
 /// A request to change the active model.

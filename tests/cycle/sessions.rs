@@ -157,20 +157,20 @@ fn what_moves_or_powers_is_refused_when_it_is_older_than_its_client_waits() {
 }
 
 #[test]
-fn a_flood_of_clients_makes_nobody_forgotten() {
+fn one_of_too_many_that_went_on_through_a_pause_moves_nothing_afterwards() {
     let mut bench = bench();
-    stream(&mut bench, KINDS[0].1);
-    give(&mut bench, OTHER, StateCommand::Hold);
-    for k in 0..90 {
-        let flood = ServoCommand { client_id: 1000 + k, ..here(&mut bench) };
-        assert_eq!(bench.send(flood), Refusal::BrokenOff);
-        if k % 20 == 0 {
-            assert_eq!(is_followed(&mut bench), Refusal::BrokenOff, "{k}");
-        }
-        bench.run(9);
+    give(&mut bench, OTHER, StateCommand::Pause);
+    let send = |bench: &mut Bench, client_id: u64| {
+        let command = ServoCommand { client_id, ..here(bench) };
+        bench.send(command)
+    };
+    for k in 0..400 {
+        assert_eq!(send(&mut bench, 1000 + k % 20), Refusal::Paused);
+    }
+    give(&mut bench, OTHER, StateCommand::Resume);
+    for k in 0..4000 {
+        assert_eq!(send(&mut bench, 1000 + k.min(19)), Refusal::BrokenOff, "{k}");
     }
     bench.run(1000);
-    let new = ServoCommand { client_id: CLIENT + 4, ..here(&mut bench) };
-    assert_eq!(bench.send(new), Refusal::None);
-    assert_eq!(is_followed(&mut bench), Refusal::Lease);
+    assert_eq!(send(&mut bench, 99), Refusal::None, "a program that was just started");
 }

@@ -3,8 +3,8 @@
 //! One client commands at a time. It is the one that holds the lease, by a stream of the joints or
 //! of the auxiliary axis, or the one that began the activity in progress: a move, a conditioning
 //! cycle or a homing belongs to its client until it ends. A `hold` is an activity, too: it belongs
-//! to nobody, and whoever did not give it is held until it has been silent for a second. Whoever was
-//! sending when another client gave `pause` or `disable`, or at a fault, is held so, too.
+//! to nobody, and whoever did not give it is held until it has been silent for a second. So is
+//! whoever was sending when another client gave `pause` or `disable`, or at a fault.
 //!
 //! Every check of a client goes through this table:
 //!
@@ -23,8 +23,8 @@
 //! nothing: the states in which `enable`, `resume` and `acknowledge` do something have no activity
 //! but homing, and that refuses them. Only a client that asks for `enable` or `resume` again and
 //! again undoes no `disable` and no `pause` of another one: BrokenOff, until it has not asked for a
-//! second. Yes means that other conditions decide, those of the state first; a servo command needs a
-//! session, too (`sessions`).
+//! second. Yes means that other conditions decide, those of the state first; a servo command needs
+//! a session, too (`sessions`).
 
 use crate::core::fixture_change::FixtureChange;
 use crate::core::inputs::StateRequest;

@@ -24,7 +24,7 @@ const REST: Nanos = Nanos::from_millis(300);
 const REST_COUNTS: f64 = 3.0;
 
 /// The accepted commands of a client, of the joints or of the auxiliary axis.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct ClientStream {
     /// Number and time of sending of the newest command.
     pub sequence: u64,
@@ -42,10 +42,7 @@ pub(super) struct ClientStream {
 impl ClientStream {
     /// Of the first command, with the setpoints where they are.
     pub fn new(setpoints: &MotorVec) -> Self {
-        let (last, alive_until) = (Nanos::ZERO, Nanos::ZERO);
-        let rest = *setpoints;
-        let (sequence, stamp) = (0, Nanos::ZERO);
-        Self { sequence, stamp, last, alive_until, rest, moved: None, is_broken_off: false }
+        Self { rest: *setpoints, ..Self::default() }
     }
 
     /// Refuses a command that is not newer than the last accepted one.

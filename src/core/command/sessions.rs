@@ -93,7 +93,6 @@ struct Client {
 struct Stop {
     by: u64,
     at: Nanos,
-    is_hold: bool,
     hold: Option<Nanos>,
 }
 
@@ -110,6 +109,8 @@ impl Stop {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(in crate::core) struct Sessions {
     clients: [Option<Client>; CLIENTS],
+    /// When a client was heard last for whom there was no place: who is unknown may be that one.
+    crowded: Option<Nanos>,
     /// Those of the clients that stopped it last, newest first.
     stops: [Option<Stop>; STOPS],
     lease_duration: Nanos,
@@ -120,7 +121,8 @@ pub(in crate::core) struct Sessions {
 impl Sessions {
     /// A free lease, and no client yet.
     pub fn new(lease_duration: Nanos) -> Self {
-        Self { clients: [None; CLIENTS], stops: [None; STOPS], lease_duration, lease: None }
+        let (clients, stops) = ([None; CLIENTS], [None; STOPS]);
+        Self { clients, crowded: None, stops, lease_duration, lease: None }
     }
 
     pub fn lease_duration(&self) -> Nanos {
@@ -161,7 +163,7 @@ impl Sessions {
         let is_free = [0, client_id].contains(&commander);
         match access {
             Access::Own | Access::Alone if !is_free => Err(Refusal::Lease),
-            Access::Alone if self.is_held(client_id, now) => Err(Refusal::BrokenOff),
+            Access::Alone if self.is_held(|_| true, client_id, now) => Err(Refusal::BrokenOff),
             Access::Power if self.undoes_a_stop(client_id, now) => Err(Refusal::BrokenOff),
             Access::Everybody | Access::Power | Access::Own | Access::Alone => Ok(()),
         }
@@ -179,8 +181,7 @@ impl Sessions {
         let stream = client.and_then(|client| client.streams[of as usize]);
         let has_session = match client {
             Some(client) => !client.has_ended && !stream.is_some_and(|it| it.is_broken_off(now)),
-            // Who is not remembered could be anybody.
-            None => self.place(now, false).is_some(),
+            None => !self.is_crowded(now) && self.place(now, false).is_some(),
         };
         if !has_session && !command.clutched {
             return Err(Refusal::BrokenOff);
@@ -221,7 +222,12 @@ impl Sessions {
         if no_command.contains(&refusal) && self.client(command.client_id).is_none() {
             return;
         }
-        let Some(client) = self.remember(command.client_id, now, false) else { return };
+        let is_late = self.is_crowded(now) && self.client(command.client_id).is_none();
+        let Some(client) = self.remember(command.client_id, now, false) else {
+            self.crowded = Some(now);
+            return;
+        };
+        client.has_ended |= is_late;
         if !command.clutched {
             client.streaming.add(now);
             client.sending.add(now);
@@ -246,7 +252,7 @@ impl Sessions {
 
     /// A request was carried out.
     pub fn carried_out(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
-        let is_held = self.is_held_by(|stop| stop.by != 0, client_id, now);
+        let is_held = self.is_held(|stop| stop.by != 0, client_id, now);
         let Some(client) = self.remember(client_id, now, true) else { return };
         let begins = match command {
             StateCommand::Disable | StateCommand::Pause => false,
@@ -280,7 +286,7 @@ impl Sessions {
         }
         let hold = if is_hold { Some(now) } else { before.and_then(|stop| stop.hold) };
         let [first, ..] = &mut self.stops;
-        *first = Some(Stop { by, at: now, is_hold, hold });
+        *first = Some(Stop { by, at: now, hold });
         self.end_all();
     }
 
@@ -305,20 +311,23 @@ impl Sessions {
         clients.find(|client| client.id == client_id)?.streams[of as usize].as_mut()
     }
 
-    fn is_held(&self, client_id: u64, now: Nanos) -> bool {
-        self.is_held_by(|_| true, client_id, now)
-    }
-
-    fn is_held_by(&self, counts: impl Fn(&Stop) -> bool, client_id: u64, now: Nanos) -> bool {
+    /// Whether a stop holds the client, of those that count.
+    fn is_held(&self, counts: impl Fn(&Stop) -> bool, client_id: u64, now: Nanos) -> bool {
         let sending = self.client(client_id).map(|client| client.sending).unwrap_or_default();
         let mut stops = self.stops_of_others(client_id).filter(|stop| counts(stop));
         stops.any(|stop| stop.holds(sending, now))
     }
 
+    fn is_crowded(&self, now: Nanos) -> bool {
+        self.crowded.is_some_and(|heard| now.duration_since(heard) < BREAK)
+    }
+
     fn undoes_a_stop(&self, client_id: u64, now: Nanos) -> bool {
         let asking = self.client(client_id).map(|client| client.asking).unwrap_or_default();
         let mut stops = self.stops_of_others(client_id).filter(|_| asking.count >= AGAIN);
-        stops.any(|stop| stop.by != 0 && !stop.is_hold && asking.goes_on_from(stop.at, now))
+        stops.any(|stop| {
+            stop.by != 0 && stop.hold != Some(stop.at) && asking.goes_on_from(stop.at, now)
+        })
     }
 
     fn stops_of_others(&self, client_id: u64) -> impl Iterator<Item = &Stop> {

@@ -44,7 +44,7 @@ impl ControlCycle {
             return (Refusal::None, None);
         };
         let measurement = match refusal {
-            Refusal::Stale => Some(request.age_measurement(summary.now)),
+            Refusal::Stale => Some(request.validity.measurement(summary.now)),
             Refusal::Reach => self.move_planning(summary).measure_reach(request),
             _ => self.request_measurement(refusal, summary),
         };
@@ -64,7 +64,9 @@ impl ControlCycle {
         if request.client_id == 0 {
             return Err(Refusal::Malformed);
         }
-        request.require_young(summary.now)?;
+        if !request.command.only_stops() {
+            request.validity.require_young(summary.now)?;
+        }
         self.shutdown.require_allowed(request.command)?;
         let (client_id, state) = (request.client_id, self.machine.state());
         let effect = command_effect(request.command, state, summary)?;
