@@ -317,7 +317,8 @@ fn a_reader_that_is_stopped_does_not_stop_the_others() {
     let from = clock::now();
     let [pitch, yaw] = peer.setpoint_degrees();
     peer.hold();
-    // It is followed, and served, all the time.
+    // What came before the hold would end with it. The rest is followed, and served, all the time.
+    clock::sleep(Nanos::from_millis(200));
     let end = clock::now() + Nanos::from_millis(15_000);
     while clock::now() < end {
         let before = clock::now();

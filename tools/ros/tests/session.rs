@@ -48,7 +48,6 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     clock::sleep(Nanos::from_millis(1100));
     peer.hold();
     clock::sleep(Nanos::from_millis(200));
-    // Steps of differences.
     let [before, _] = peer.setpoint_degrees();
     for _ in 0..50 {
         peer.send_degrees("servo_jr", [0.02, 0.0]);
