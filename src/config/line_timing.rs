@@ -9,7 +9,7 @@
 //! reply timeout. It should not stop later, either: so the limit is exactly this, from the slowest
 //! port, and no more than [`LONGEST_WAIT`] is granted to a reply, however long the line may wait.
 
-use super::{Config, Finding, Framing, PortConfig};
+use super::{Config, Finding, PortConfig};
 use crate::units::Nanos;
 
 /// Turns in which every axis is asked for its position.
@@ -21,8 +21,8 @@ pub const STATUS_BOUND_TURNS: u64 = 12;
 /// Turns in which every axis is asked for its current, and for its error code.
 pub const CURRENT_BOUND_TURNS: u64 = 72;
 
-/// Bits on the line for a request and its reply: 24 bytes; 33 with a handshake for every part.
-const BITS: [u64; 2] = [240, 330];
+/// Bits on the line for a request and its reply: 24 bytes.
+const BITS: u64 = 240;
 
 /// What a drive takes to answer.
 const DRIVE: Nanos = Nanos::from_micros(300);
@@ -60,8 +60,7 @@ impl PortConfig {
     #[must_use]
     pub fn nominal_exchange(&self) -> Nanos {
         let baud = u64::from(self.baud.max(1));
-        let [v2, v1] = BITS.map(|bits| Nanos(bits * 1_000_000_000 / baud) + DRIVE);
-        if self.framing == Framing::V1 { v1.max(USB + USB) } else { v2.max(USB) }
+        (Nanos(BITS * 1_000_000_000 / baud) + DRIVE).max(USB)
     }
 
     /// The greatest age of the newest position of an axis while every reply arrives.

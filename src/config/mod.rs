@@ -37,7 +37,7 @@ use crate::model::{Model, ModelError};
 
 pub use finding::Finding;
 pub use line_timing::{CURRENT_BOUND_TURNS, LineBounds, POSITION_BOUND_TURNS, STATUS_BOUND_TURNS};
-pub use ports::{AxisConfig, Family, Framing, HomingMethod, PortConfig, Streaming};
+pub use ports::{AxisConfig, Family, HomingMethod, PortConfig, Streaming};
 pub use sections::{
     AdaptationConfig, CommandConfig, CompensationConfig, ControlConfig, JointLimitConfig,
     LimitConfig, ModemLine, PulseConfig, WatchdogConfig,
@@ -175,7 +175,8 @@ impl Config {
         if is_kept { Ok(()) } else { Err(ModelError::NoAngles) }
     }
 
-    /// Reads and checks a file. Paths in it become relative to the folder of the file.
+    /// Reads and checks a file. Paths in it become relative to the folder of the file, of the real
+    /// one where `path` is a link.
     ///
     /// # Errors
     ///
@@ -183,9 +184,7 @@ impl Config {
     /// value out of range.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let mut config = Self::parse(&read(path)?, path)?;
-        if let Some(folder) = path.parent() {
-            config.resolve_paths(folder);
-        }
+        config.resolve_paths(path);
         Ok(config)
     }
 
@@ -211,15 +210,15 @@ impl Config {
     pub fn load_and_check_files(path: &Path) -> Result<Self, ConfigError> {
         let mut config = Self::from_toml(&read(path)?, path)?;
         let mut findings = validation::validate(&config);
-        if let Some(folder) = path.parent() {
-            config.resolve_paths(folder);
-        }
+        config.resolve_paths(path);
         findings.extend(validation::check_model_file(&config));
         config.with_findings(findings, path)
     }
 
-    /// Makes paths relative to a folder.
-    fn resolve_paths(&mut self, folder: &Path) {
+    /// Makes paths relative to the folder of a file.
+    fn resolve_paths(&mut self, file: &Path) {
+        let real = file.is_symlink().then(|| file.canonicalize().ok()).flatten();
+        let Some(folder) = real.as_deref().unwrap_or(file).parent() else { return };
         let files = self.ports.iter_mut();
         let files = files.filter_map(|port| port.positions_file.as_mut());
         let paths = files.chain(&mut self.control.model);

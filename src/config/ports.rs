@@ -19,9 +19,6 @@ pub struct PortConfig {
     /// The family of the drive that the port belongs to: it decides the command set on the line.
     #[serde(default)]
     pub family: Family,
-    /// The framing of bytes on the line.
-    #[serde(default)]
-    pub framing: Framing,
     /// Timeout for a reply, in milliseconds. Behind a gateway: longer than the gateway's
     /// own timeout for a node.
     #[serde(default = "default_reply_timeout_ms")]
@@ -44,7 +41,6 @@ impl PortConfig {
             device,
             baud: default_baud(),
             family: Family::default(),
-            framing: Framing::default(),
             reply_timeout_ms: default_reply_timeout_ms(),
             positions_file: None,
             axes,
@@ -62,18 +58,6 @@ pub enum Family {
     Epos4,
     /// maxon EPOS2.
     Epos2,
-}
-
-/// The framing of bytes on a line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(rename_all = "lowercase")]
-pub enum Framing {
-    /// With sync bytes and stuffing: EPOS4 on RS232 and USB, EPOS2 on USB.
-    #[default]
-    V2,
-    /// With a handshake for every part of a frame: EPOS2 on RS232.
-    V1,
 }
 
 /// How setpoints act in the drive.
@@ -262,7 +246,7 @@ mod tests {
     #[test]
     fn a_port_without_a_family_is_an_epos4_with_stuffed_frames() {
         let config = parse("", "").unwrap();
-        assert_eq!((config.ports[0].family, config.ports[0].framing), (Family::Epos4, Framing::V2));
+        assert_eq!(config.ports[0].family, Family::Epos4);
         assert_eq!(config.axis(0).unwrap().homing, HomingMethod::Here);
         assert_eq!(
             PortConfig::new("/dev/null".into(), config.ports[0].axes.clone()),
@@ -273,10 +257,7 @@ mod tests {
 
     #[test]
     fn what_a_family_does_not_have_is_refused() {
-        assert!(parse("family = \"epos2\"\nframing = \"v1\"", "").is_ok());
-        assert!(
-            parse("framing = \"v1\"", "").unwrap_err().contains("ports[0].framing = v1: is for")
-        );
+        assert!(parse("family = \"epos2\"", "").is_ok());
         assert!(
             parse("family = \"epos2\"", "streaming = \"profile\"")
                 .unwrap_err()

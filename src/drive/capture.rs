@@ -10,12 +10,11 @@ mod ring;
 use std::io;
 use std::sync::Arc;
 
-use super::handshake_frame;
 use super::serial_frame::SerialFrame;
 use super::serial_frame_parser::{FrameParser, ParserEvent};
 pub use super::transport::Outcome;
 use super::transport::Transport;
-use crate::config::{Family, Framing, PortConfig};
+use crate::config::{Family, PortConfig};
 use crate::units::Nanos;
 use ring::{Ring, RingWriter};
 
@@ -70,8 +69,6 @@ pub struct CapturedPort {
     pub device: String,
     /// The family of the drive that the port belongs to.
     pub family: Family,
-    /// The framing of bytes.
-    pub framing: Framing,
     /// Bits per second.
     pub baud: u32,
     /// What happened, oldest first.
@@ -98,22 +95,14 @@ impl CapturedPort {
         parts
     }
 
-    /// Calls `use_frame` with the frame of a request. `None`: not enough of it was sent. In the V1
-    /// framing a drive may never ask for more than the opcode: then there is no data.
+    /// Calls `use_frame` with the frame of a request. `None`: not enough of it was sent.
     pub fn with_request<R>(
         &self,
         attempt: &[LineEvent],
         use_frame: impl FnOnce(SerialFrame<'_>) -> R,
     ) -> Option<R> {
-        let mut sent = attempt.iter().filter(|event| event.kind == LineEventKind::Sent);
-        let first = &sent.next()?.bytes;
-        if self.framing == Framing::V1 {
-            let &opcode = first.first()?;
-            return Some(match sent.next() {
-                None => use_frame(SerialFrame { opcode, data: &[] }),
-                Some(body) => use_frame(handshake_frame::decode(opcode, &body.bytes)?),
-            });
-        }
+        let sent = |event: &&LineEvent| event.kind == LineEventKind::Sent;
+        let first = &attempt.iter().find(sent)?.bytes;
         let mut parser = FrameParser::default();
         for &byte in first {
             if let ParserEvent::Frame(frame) = parser.push(byte) {
@@ -150,10 +139,10 @@ pub struct CapturedLine<T> {
 impl<T: Transport> CapturedLine<T> {
     /// Captures a line. Allocates the memory for a minute at its highest rate, see `ring`.
     pub fn new(line: T, config: &PortConfig) -> (Self, Capture) {
-        let PortConfig { family, framing, baud, .. } = *config;
-        let (writer, ring) = ring::ring(baud, framing);
+        let PortConfig { family, baud, .. } = *config;
+        let (writer, ring) = ring::ring(baud);
         let (device, events) = (config.device.display().to_string(), Vec::new());
-        let port = CapturedPort { device, family, framing, baud, events };
+        let port = CapturedPort { device, family, baud, events };
         (Self { line, writer }, Capture { ring, port })
     }
 }

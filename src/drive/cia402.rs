@@ -23,23 +23,25 @@ pub const HOMING_MODE: i8 = 6;
 pub struct Statusword(pub u16);
 
 impl Statusword {
-    /// The bits of the state.
-    const STATE: u16 = 0x006F;
+    /// The bits of the state, without and with bit 5, which says nothing in the first four states
+    /// (CiA 402): some drives set it there.
+    const STATE: [u16; 2] = [0x004F, 0x006F];
 
     /// The state; `None` for a pattern that is no state.
     ///
     /// Bit 9 (remote) is ignored: a drive on a serial line need not be operational on CAN.
     #[must_use]
     pub const fn state(self) -> Option<DriveState> {
-        match self.0 & Self::STATE {
-            0x00 => Some(DriveState::NotReady),
-            0x40 => Some(DriveState::SwitchOnDisabled),
-            0x21 => Some(DriveState::Ready),
-            0x23 => Some(DriveState::SwitchedOn),
-            0x27 => Some(DriveState::OperationEnabled),
-            0x07 => Some(DriveState::QuickStopActive),
-            0x0F => Some(DriveState::FaultReaction),
-            0x08 => Some(DriveState::Fault),
+        let [without, with] = Self::STATE;
+        match [self.0 & without, self.0 & with] {
+            [0x00, _] => Some(DriveState::NotReady),
+            [0x40, _] => Some(DriveState::SwitchOnDisabled),
+            [0x0F, _] => Some(DriveState::FaultReaction),
+            [0x08, _] => Some(DriveState::Fault),
+            [_, 0x21] => Some(DriveState::Ready),
+            [_, 0x23] => Some(DriveState::SwitchedOn),
+            [_, 0x27] => Some(DriveState::OperationEnabled),
+            [_, 0x07] => Some(DriveState::QuickStopActive),
             _ => None,
         }
     }
@@ -229,6 +231,9 @@ mod tests {
             (0x0217, DriveState::QuickStopActive),
             (0x021F, DriveState::FaultReaction),
             (0x0218, DriveState::Fault),
+            (0x0060, DriveState::SwitchOnDisabled),
+            (0x003F, DriveState::FaultReaction),
+            (0x0038, DriveState::Fault),
         ] {
             assert_eq!(Statusword(word).state(), Some(state), "0x{word:04X}");
         }

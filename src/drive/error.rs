@@ -68,7 +68,7 @@ pub enum DriveError {
     },
     /// Something arrives, and is not understood: on this device, at this rate.
     #[error(
-        "{0} at {1} baud: {2}; check `device`, `baud`, `family` and `framing`, and that nothing else \
+        "{0} at {1} baud: {2}; check `device`, `baud` and `family`, and that nothing else \
          is on the line"
     )]
     NotUnderstood(PathBuf, u32, Heard),

@@ -27,7 +27,7 @@ use super::object::{Address, Object, Setting, Value};
 use super::serial_frame::{FrameEncoder, SerialFrame};
 use super::serial_frame_parser::FrameParser;
 use super::transport::{NOT_OUR_TURN, Transport};
-use crate::config::{Framing, PortConfig};
+use crate::config::PortConfig;
 use crate::units::Nanos;
 use transfer::Raw;
 
@@ -129,7 +129,6 @@ enum SyncState {
 pub struct DriveLink<T> {
     transport: T,
     family: &'static dyn DriveFamily,
-    framing: Framing,
     encoder: FrameEncoder,
     parser: FrameParser,
     sync: SyncState,
@@ -155,7 +154,6 @@ impl<T: Transport> DriveLink<T> {
         Self {
             transport,
             family,
-            framing: config.framing,
             encoder: FrameEncoder::default(),
             parser: FrameParser::default(),
             sync: SyncState::InSync,

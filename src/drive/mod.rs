@@ -5,7 +5,6 @@
 //! | file | contents |
 //! |---|---|
 //! | `serial_frame`, `serial_frame_parser` | the V2 frame: stuffing, CRC, encoder; its parser |
-//! | `handshake_frame` | the V1 frame of EPOS2 on RS232: a handshake byte for every part |
 //! | `objects` | the one table of the objects of the dictionaries: type, access, range, firmware |
 //! | `object` | the objects that the driver uses, with their types in Rust |
 //! | `command_set`, `abort_code` | requests and replies; reasons of a refusal |
@@ -45,7 +44,6 @@ pub mod event;
 pub mod family;
 pub mod family_selection;
 pub mod fingerprint;
-pub mod handshake_frame;
 pub mod heard;
 pub mod homing_plan;
 pub mod inspect;

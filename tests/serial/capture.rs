@@ -1,4 +1,4 @@
-//! Captures of every family and framing.
+//! Captures of every family.
 
 use i2ris::drive::capture::CapturedLine;
 use i2ris::drive::command_set::Requested;
@@ -11,7 +11,7 @@ use i2ris_testing::drive::replayed;
 use super::conformance::{SETUPS, TestBench};
 
 #[test]
-fn every_family_and_framing_is_captured_and_a_fingerprint_writes_nothing() {
+fn every_family_is_captured_and_a_fingerprint_writes_nothing() {
     for setup in &SETUPS {
         let bench = TestBench::emulated(setup);
         let config = bench.port();

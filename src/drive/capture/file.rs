@@ -1,6 +1,6 @@
 //! The file of a capture: pcapng with the link type of serial lines, which Wireshark opens.
 //!
-//! A port is an interface, with family, framing, bits per second and device as its description. A
+//! A port is an interface, with family, frame, bits per second and device as its description. A
 //! packet is an event. It begins with the twelve bytes of `LINKTYPE_RTAC_SERIAL`: seconds and
 //! microseconds of the monotonic clock, kind of event, control lines (0), footer (0); big-endian.
 //! The time of its block is that of the wall clock. Outcomes are changes of status, and comments
@@ -11,7 +11,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{CapturedPort, LineEvent, LineEventKind};
-use crate::config::{Family, Framing};
+use crate::config::Family;
 use crate::units::Nanos;
 
 const SECTION: u32 = 0x0A0D_0D0A;
@@ -26,6 +26,9 @@ const CAPTURE_COMPLETE: u8 = 6;
 const COMMENT: u16 = 1;
 const DESCRIPTION: u16 = 3;
 const SOFTWARE: u16 = 4;
+
+/// The frame of maxon's serial protocol. V1, of EPOS2 on RS232, is not spoken.
+const FRAME_KIND: &str = "V2";
 
 /// Bytes of a block beside its content: kind, and its length twice.
 const FRAME: usize = 12;
@@ -68,9 +71,9 @@ pub fn to_bytes(ports: &[CapturedPort], software: &str, wall_offset: Nanos) -> V
     let section = [&BYTE_ORDER.to_le_bytes()[..], &[1, 0, 0, 0], &(-1_i64).to_le_bytes()].concat();
     push_block(&mut file, SECTION, section, SOFTWARE, software);
     for port in ports {
-        let CapturedPort { device, family, framing, baud, .. } = port;
+        let CapturedPort { device, family, baud, .. } = port;
         let link = [&RTAC_SERIAL.to_le_bytes()[..], &[0; 6]].concat();
-        let description = format!("{family:?} {framing:?} {baud} {device}");
+        let description = format!("{family:?} {FRAME_KIND} {baud} {device}");
         push_block(&mut file, INTERFACE, link, DESCRIPTION, &description);
     }
     let numbered = ports.iter().zip(0..);
@@ -178,12 +181,11 @@ fn interface(body: &[u8]) -> Option<CapturedPort> {
     let length = (word(body, 8)? >> 16) as usize;
     let description = std::str::from_utf8(body.get(12..12 + length)?).ok()?;
     let mut words = description.splitn(4, ' ');
-    let (family, framing) = (words.next()?, words.next()?);
-    body.starts_with(&RTAC_SERIAL.to_le_bytes()).then_some(CapturedPort {
+    let (family, frame) = (words.next()?, words.next()?);
+    (body.starts_with(&RTAC_SERIAL.to_le_bytes()) && frame == FRAME_KIND).then_some(CapturedPort {
         family: [Family::Epos4, Family::Epos2]
             .into_iter()
             .find(|it| format!("{it:?}") == family)?,
-        framing: [Framing::V2, Framing::V1].into_iter().find(|it| format!("{it:?}") == framing)?,
         baud: words.next()?.parse().ok()?,
         device: words.next()?.to_owned(),
         events: Vec::new(),
@@ -218,7 +220,6 @@ mod tests {
         CapturedPort {
             device: "/dev/tty USB0".to_owned(),
             family: Family::Epos2,
-            framing: Framing::V1,
             baud: 1_000_000,
             events: events.collect(),
         }

@@ -10,7 +10,6 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU64, fence};
 
 use super::{LineEvent, LineEventKind};
-use crate::config::Framing;
 use crate::units::Nanos;
 
 /// What is kept of a line.
@@ -20,14 +19,9 @@ const SPAN: Nanos = Nanos::from_millis(60_000);
 /// longer there than at this one: 0.24 ms.
 const MAX_BAUD: u32 = 1_000_000;
 
-/// Bytes of this memory per byte on the wire. An exchange has at least 20 bytes, of a refusal; in
-/// the V2 framing it takes three records of 64 bytes in all, in the V1 framing eight of 128.
-const fn bytes_per_byte(framing: Framing) -> usize {
-    match framing {
-        Framing::V2 => 4,
-        Framing::V1 => 7,
-    }
-}
+/// Bytes of this memory per byte on the wire. An exchange has at least 20 bytes, of a refusal, and
+/// takes three records of 64 bytes in all.
+const BYTES_PER_BYTE: usize = 4;
 
 /// The most bytes of a record of received ones: as many as the driver reads at once.
 const CHUNK: usize = 64;
@@ -50,11 +44,11 @@ pub(super) struct Ring {
     head: AtomicU64,
 }
 
-/// A ring for a minute of a line: 24 MB at 1 Mbaud, 2.8 MB at 115,200 baud (V1: 4.8 MB).
-pub(super) fn ring(baud: u32, framing: Framing) -> (RingWriter, Arc<Ring>) {
+/// A ring for a minute of a line: 24 MB at 1 Mbaud, 2.8 MB at 115,200 baud.
+pub(super) fn ring(baud: u32) -> (RingWriter, Arc<Ring>) {
     // Ten bits a byte.
     let bytes_per_s = baud.min(MAX_BAUD) as usize / 10;
-    let bytes = bytes_per_s * bytes_per_byte(framing) * SPAN.0 as usize / 1_000_000_000;
+    let bytes = bytes_per_s * BYTES_PER_BYTE * SPAN.0 as usize / 1_000_000_000;
     of_words(bytes / WORD + MAX_LENGTH)
 }
 
@@ -221,22 +215,14 @@ mod tests {
 
     #[test]
     fn a_minute_of_the_busiest_line_fits_and_older_events_are_left_out() {
-        // The shortest exchanges: a refused read, whose parts arrive byte by byte.
-        let (v2, v1) = (vec![(10, 10)], vec![(1, 1), (7, 2), (1, 7), (1, 0)]);
-        for (baud, framing, parts) in [
-            (1_000_000, Framing::V2, &v2),
-            (115_200, Framing::V2, &v2),
-            (115_200, Framing::V1, &v1),
-        ] {
-            let (mut writer, ring) = ring(baud, framing);
-            let wire: u64 = parts.iter().map(|(sent, received)| sent + received).sum();
-            let period = 1_000_000_000 * 10 * wire / u64::from(baud);
+        // The shortest exchange, a refused read: ten bytes there, and ten back one by one.
+        for baud in [1_000_000, 115_200] {
+            let (mut writer, ring) = ring(baud);
+            let period = 1_000_000_000 * 10 * 20 / u64::from(baud);
             for number in 0..70_000_000_000 / period {
                 let time = Nanos(number * period);
-                for &(sent, received) in parts {
-                    writer.write(time, LineEventKind::Sent, &[0; 10][..sent as usize]);
-                    (0..received).for_each(|_| writer.receive(time, &[0]));
-                }
+                writer.write(time, LineEventKind::Sent, &[0; 10]);
+                (0..10).for_each(|_| writer.receive(time, &[0]));
                 writer.write(time, END, &[0; 5]);
             }
             let events = ring.read();

@@ -29,7 +29,6 @@ pub struct LineReplay {
 pub fn replay(port: &CapturedPort) -> LineReplay {
     let config = PortConfig {
         family: port.family,
-        framing: port.framing,
         ..PortConfig::new(port.device.as_str().into(), Vec::new())
     };
     let commands = family_of_port(&config).command_set();

@@ -11,7 +11,6 @@
 use std::io;
 
 use super::{DriveLink, GATEWAY_TIMEOUT, LOCAL_NODE, SyncState, TransferError};
-use crate::config::Framing;
 use crate::drive::error::LinkError;
 use crate::drive::object::{self, Object};
 use crate::drive::transport::Transport;
@@ -104,14 +103,9 @@ impl<T: Transport> DriveLink<T> {
     /// [`LinkError::Broken`] only.
     pub fn try_to_synchronise(&mut self) -> Result<(), LinkError> {
         self.lose_sync(0);
-        if self.framing == Framing::V1 {
-            // The drive may wait for any part of an exchange, and would take an opcode for it.
-            self.wait_for_frame_timeout()?;
-        }
         match self.probe() {
             Ok(true) => self.sync = SyncState::InSync,
             Ok(false) | Err(TransferError::Refused(_) | TransferError::Disturbed) => {}
-            Err(TransferError::Timeout) if self.framing == Framing::V1 => {}
             Err(TransferError::Timeout) => self.wait_for_frame_timeout()?,
             Err(TransferError::NotOurTurn) => return Err(LinkError::NotOurTurn),
             Err(TransferError::Broken(kind)) => {

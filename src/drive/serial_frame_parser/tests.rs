@@ -2,7 +2,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 
 use super::*;
-use crate::config::{Family, Framing};
+use crate::config::Family;
 use crate::drive::abort_code::AbortCode;
 use crate::drive::capture::file::{CaptureFile, from_bytes, to_bytes};
 use crate::drive::capture::{CapturedPort, LineEvent, LineEventKind, Outcome};
@@ -352,8 +352,8 @@ fn public_frames_are_captures_that_replay_to_the_same_outcomes() {
                 ]
             })
         });
-        let (device, framing, events) = (String::new(), Framing::V2, attempts.collect());
-        CapturedPort { device, family, framing, baud: 115_200, events }
+        let (device, events) = (String::new(), attempts.collect());
+        CapturedPort { device, family, baud: 115_200, events }
     };
     let ports = vec![port(Family::Epos4, [0x60, 0x68]), port(Family::Epos2, [0x10, 0x11])];
     let file = to_bytes(&ports, "test", Nanos(0));

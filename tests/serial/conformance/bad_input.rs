@@ -48,10 +48,10 @@ fn a_wrong_bit_rate_is_reported_with_the_remedy() {
 #[test]
 fn the_nodes_on_a_line_are_listed_and_nothing_is_written() {
     for (setup, families) in [
-        (&SETUPS[4], &["EPOS2"][..]),
-        (&SETUPS[5], &["EPOS2", "EPOS2"]),
-        (&SETUPS[7], &["EPOS4", "EPOS2"]),
-        (&SETUPS[8], &["EPOS2", "EPOS2", "EPOS2"]),
+        (&SETUPS[3], &["EPOS2"][..]),
+        (&SETUPS[4], &["EPOS2", "EPOS2"]),
+        (&SETUPS[5], &["EPOS4", "EPOS2"]),
+        (&SETUPS[6], &["EPOS2", "EPOS2", "EPOS2"]),
     ] {
         let bench = TestBench::emulated(setup);
         let before = bench.drive();
@@ -67,7 +67,7 @@ fn the_nodes_on_a_line_are_listed_and_nothing_is_written() {
 
 #[test]
 fn a_missing_node_is_named() {
-    for setup in [&SETUPS[2], &SETUPS[5], &SETUPS[6]] {
+    for setup in [&SETUPS[2], &SETUPS[4]] {
         let bench = TestBench::emulated(setup);
         let text = refusal(&bench.port_with(|axis| axis.node_id = 9));
         assert!(text.contains("node 9"), "{text}");
@@ -160,7 +160,7 @@ fn a_drive_left_running_in_another_mode_is_switched_off_and_configured() {
 
 #[test]
 fn with_one_axis_refused_the_other_is_left_safe() {
-    let bench = TestBench::emulated(&SETUPS[5]);
+    let bench = TestBench::emulated(&SETUPS[4]);
     let mut running = bench.run();
     running.enable();
     // At the next start the axis behind the gateway is still enabled.

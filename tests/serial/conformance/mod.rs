@@ -1,4 +1,4 @@
-//! The drive layer against drives, in real time: the same cases for every family, framing and
+//! The drive layer against drives, in real time: the same cases for every family and
 //! topology.
 //!
 //! The emulator has its own frame codec and state machine, written from the same reference. On real
@@ -40,8 +40,6 @@ conformance!(epos4 = 0, all);
 conformance!(epos4_profile = 1);
 conformance!(epos4_gateway = 2);
 conformance!(epos2_usb = 3);
-conformance!(epos2_rs232 = 4);
-conformance!(epos2_usb_gateway = 5);
-conformance!(epos2_rs232_gateway = 6, all);
-conformance!(epos2_behind_epos4 = 7);
-conformance!(third_on_a_line = 8, all);
+conformance!(epos2_usb_gateway = 4, all);
+conformance!(epos2_behind_epos4 = 5);
+conformance!(third_on_a_line = 6, all);

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use i2ris::config::{AxisConfig, Family, Framing, PortConfig, Streaming};
+use i2ris::config::{AxisConfig, Family, PortConfig, Streaming};
 use i2ris::drive::{Configured, DriveError, Port};
 use i2ris::units::Counts;
 use i2ris_simulation::drive::DriveSnapshot;
@@ -21,13 +21,12 @@ pub const PATIENCE: Duration = Duration::from_secs(30);
 /// Serial numbers of the emulated drives.
 pub const SERIAL_NUMBERS: [u32; 3] = [62_000_001, 62_000_002, 62_000_003];
 
-/// Family, framing and topology of the drive under test.
+/// Family and topology of the drive under test.
 #[derive(Debug, Clone, Copy)]
 pub struct Setup {
     pub name: &'static str,
     /// The family of the drive that the port belongs to.
     pub port: Family,
-    pub framing: Framing,
     /// The family of the drive under test.
     pub drive: Family,
     pub streaming: Streaming,
@@ -36,28 +35,24 @@ pub struct Setup {
 }
 
 const EPOS4: Setup = Setup {
-    name: "EPOS4, V2",
+    name: "EPOS4",
     port: Family::Epos4,
-    framing: Framing::V2,
     drive: Family::Epos4,
     streaming: Streaming::Cyclic,
     drives_before: 0,
 };
 
-const EPOS2: Setup =
-    Setup { name: "EPOS2, V2 (USB)", port: Family::Epos2, drive: Family::Epos2, ..EPOS4 };
+const EPOS2: Setup = Setup { name: "EPOS2", port: Family::Epos2, drive: Family::Epos2, ..EPOS4 };
 
-pub const SETUPS: [Setup; 9] = [
+pub const SETUPS: [Setup; 7] = [
     EPOS4,
-    Setup { name: "EPOS4, V2, profile", streaming: Streaming::Profile, ..EPOS4 },
-    Setup { name: "EPOS4, V2, gateway", drives_before: 1, ..EPOS4 },
+    Setup { name: "EPOS4, profile", streaming: Streaming::Profile, ..EPOS4 },
+    Setup { name: "EPOS4, gateway", drives_before: 1, ..EPOS4 },
     EPOS2,
-    Setup { name: "EPOS2, V1 (RS232)", framing: Framing::V1, ..EPOS2 },
-    Setup { name: "EPOS2, V2 (USB), gateway", drives_before: 1, ..EPOS2 },
-    Setup { name: "EPOS2, V1 (RS232), gateway", framing: Framing::V1, drives_before: 1, ..EPOS2 },
-    Setup { name: "EPOS2 behind EPOS4, V2", drive: Family::Epos2, drives_before: 1, ..EPOS4 },
+    Setup { name: "EPOS2, gateway", drives_before: 1, ..EPOS2 },
+    Setup { name: "EPOS2 behind EPOS4", drive: Family::Epos2, drives_before: 1, ..EPOS4 },
     // The auxiliary axis, on the laboratory's line.
-    Setup { name: "EPOS2, V2 (USB), third on a line", drives_before: 2, ..EPOS2 },
+    Setup { name: "EPOS2, third on a line", drives_before: 2, ..EPOS2 },
 ];
 
 /// Drives, one of them under test.
@@ -82,7 +77,7 @@ impl TestBench {
             EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
         let axis = setup.drives_before;
         config.drives.iter_mut().for_each(|drive| drive.family = emulated_family(setup.port));
-        if (setup.port, setup.framing) == (Family::Epos2, Framing::V2) {
+        if setup.port == Family::Epos2 {
             config.line = LineConfig::usb();
         }
         match axis {
@@ -97,7 +92,6 @@ impl TestBench {
         tested.family = emulated_family(setup.drive);
         // A hard stop for homing, reached within a second.
         tested.motor.stops = [-400.0, 100_000.0];
-        config.line.framing = setup.framing;
         change(&mut config);
         let emulator = Emulator::start(config).unwrap();
         let ports = ports(setup, &emulator);
@@ -183,7 +177,6 @@ fn ports(setup: &Setup, emulator: &Emulator) -> Vec<PortConfig> {
     let axes = (0..setup.drives_before).map(axis).chain([tested]).collect();
     vec![PortConfig {
         family: setup.port,
-        framing: setup.framing,
         // A real drive answers within 5 ms. A test machine stalls for 100 ms, and an early retry
         // would count as an error of the host.
         reply_timeout_ms: 1000,

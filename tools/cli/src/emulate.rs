@@ -59,7 +59,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t)]
     line: Line,
     /// Emulate the drives and ports of this configuration of a controller instead: families, rate,
-    /// framing, nodes, serial numbers
+    /// nodes, serial numbers
     #[arg(long, value_name = "FILE", conflicts_with = "line")]
     config: Option<PathBuf>,
     /// The objects of a real drive: an EDS or DCF file of maxon's tool, or a table of one (CSV).

@@ -103,7 +103,7 @@ fn kept_config(folder: &Path, domain: &str, line: Option<Line>) -> Result<Config
         )
         .into());
     }
-    let kind = |port: &PortConfig| (port.family, port.framing, port.baud);
+    let kind = |port: &PortConfig| (port.family, port.baud);
     if line.is_some() && !config.ports.iter().map(kind).eq(new.ports.iter().map(kind)) {
         return Err(
             format!("{file} is of another --line: leave it out, or use another --folder").into()

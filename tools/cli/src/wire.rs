@@ -85,10 +85,10 @@ fn whole(file: &Path, capture: &CaptureFile) -> Result<(), Failure> {
 }
 
 fn header(port: &CapturedPort) -> String {
-    let CapturedPort { device, family, framing, baud, events } = port;
+    let CapturedPort { device, family, baud, events } = port;
     let times = events.first().zip(events.last());
     let span = times.map_or(0.0, |(first, last)| (last.time - first.time).as_seconds());
-    format!("{device}, {family:?}, {framing:?}, {baud} baud: {span:.3} s")
+    format!("{device}, {family:?}, {baud} baud: {span:.3} s")
 }
 
 fn replay_port(port: &CapturedPort) -> usize {

@@ -109,22 +109,21 @@ impl EmulatorConfig {
         }
     }
 
-    /// Takes drives and lines from the configuration of a controller: families, framing, rate,
-    /// nodes and serial numbers.
+    /// Takes drives and lines from the configuration of a controller: families, rate, nodes
+    ///  and serial numbers.
     ///
     /// # Errors
     ///
     /// When its ports differ in what all emulated ones have in common.
     pub fn rehearse(&mut self, ports: &[PortConfig]) -> Result<(), &'static str> {
         let [first, ..] = ports else { return Err("there is no port to emulate") };
-        let line = |port: &PortConfig| (port.baud, port.framing);
-        if ports.iter().any(|port| line(port) != line(first)) {
-            return Err("ports that differ in `baud` or `framing` are not emulated together");
+        if ports.iter().any(|port| port.baud != first.baud) {
+            return Err("ports that differ in `baud` are not emulated together");
         }
         let usb = LineConfig::usb();
         // Nobody runs RS232 at such a rate.
         self.line = if first.baud >= usb.baud { usb } else { LineConfig::default() };
-        (self.line.baud, self.line.framing) = line(first);
+        self.line.baud = first.baud;
         self.gateway_us = Some(GATEWAY_US);
         let motors = |port: &PortConfig| port.axes.iter().map(|axis| axis.motor).collect();
         self.layout = Some(ports.iter().map(motors).collect());

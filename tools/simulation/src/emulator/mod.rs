@@ -6,7 +6,7 @@
 //! | `config`, `snake_source` | what to emulate; snakes by name, by physics and seed, or from a file |
 //! | `plant`, `wire` | drives, wires and snake in time steps; pure |
 //! | [`injection`], [`scenario`], `scenario_player` | injected faults, and files with their times |
-//! | `port` | pseudo-terminals, line timing, V1 handshake, damaged bytes |
+//! | `port` | pseudo-terminals, line timing, damaged bytes |
 //! | [`log`] | events in memory and in a file |
 //! | `shared`, `control_socket` | the state of the threads; commands while it runs |
 

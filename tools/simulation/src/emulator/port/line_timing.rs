@@ -8,12 +8,10 @@
 //! for the latency timer: FTDI's chips hand bytes over when 62 are there, or when the timer
 //! expires, which starts again with everything that is handed over (FTDI AN232B-04).
 
-pub use i2ris::config::Framing;
 use i2ris::units::Nanos;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct LineConfig {
-    pub framing: Framing,
     /// Bits per second; ten bits a byte.
     pub baud: u32,
     /// A host at another bit rate sends garbage, as on a real line. A pseudo-terminal ignores the
@@ -35,7 +33,6 @@ pub struct LineConfig {
 impl Default for LineConfig {
     fn default() -> Self {
         Self {
-            framing: Framing::default(),
             baud: 115_200,
             strict_baud: false,
             processing_us: 400,

@@ -5,11 +5,9 @@
 //! | `pty` | the pseudo-terminal |
 //! | `port_folder` | links of stable names to the pseudo-terminals |
 //! | `line_timing` | when bytes arrive and replies are complete |
-//! | `handshake` | the V1 frame |
 //! | `fault_injection` | damage to the bytes of one exchange |
 
 mod fault_injection;
-mod handshake;
 mod line_timing;
 mod port_folder;
 mod pty;
@@ -24,7 +22,7 @@ use i2ris::units::Nanos;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-pub use line_timing::{Framing, LineConfig};
+pub use line_timing::LineConfig;
 pub use port_folder::FolderError;
 pub(crate) use port_folder::PortFolder;
 
@@ -33,7 +31,6 @@ use crate::drive::event::{EventKind, HostBug, LineTrouble};
 use crate::drive::frame::{self, Incoming, Parser};
 use crate::emulator::shared::{Line, Shared};
 use fault_injection::ExchangeFault;
-use handshake::{Action, FAILED, Handshake, OKAY};
 pub(crate) use line_timing::LineTiming;
 use pty::Pty;
 
@@ -56,7 +53,6 @@ pub(crate) struct Port {
     config: LineConfig,
     timing: LineTiming,
     parser: Parser,
-    handshake: Handshake,
     fault: ExchangeFault,
     /// The link of a stable name to the device.
     link: Option<PathBuf>,
@@ -81,7 +77,6 @@ impl Port {
             config: config.clone(),
             timing: LineTiming::new(config),
             parser: Parser::default(),
-            handshake: Handshake::default(),
             fault: ExchangeFault::default(),
             link: None,
             random: Pcg64Mcg::seed_from_u64(seed),
@@ -145,7 +140,6 @@ impl Port {
 
     fn reset_line(&mut self) {
         self.parser.reset();
-        self.handshake = Handshake::default();
         self.early_byte_logged = false;
     }
 
@@ -166,20 +160,8 @@ impl Port {
                 *byte = byte.wrapping_mul(73).rotate_left(3) | 1;
             }
         }
-        match self.config.framing {
-            Framing::V2 => {
-                self.fault.damage_request(&mut bytes);
-                self.receive_frame(&bytes, read, stalled);
-            }
-            Framing::V1 => {
-                // The fault of a request damages the part behind its opcode, which comes in one
-                // piece.
-                if matches!(self.handshake, Handshake::Body { .. }) {
-                    self.fault.damage_request(&mut bytes);
-                }
-                self.receive_parts(&bytes, read);
-            }
-        }
+        self.fault.damage_request(&mut bytes);
+        self.receive_frame(&bytes, read, stalled);
     }
 
     fn receive_frame(&mut self, bytes: &[u8], read: Nanos, stalled: bool) {
@@ -198,50 +180,12 @@ impl Port {
         }
     }
 
-    fn receive_parts(&mut self, bytes: &[u8], read: Nanos) {
-        for byte in bytes {
-            self.last_byte = self.timing.arrive(read);
-            // A booting drive receives nothing.
-            if self.shared.plant().drives[self.axis].is_booting() {
-                self.handshake = Handshake::default();
-                continue;
-            }
-            match self.handshake.push(*byte) {
-                Action::Wait => {}
-                Action::Acknowledge(byte) => {
-                    if byte == FAILED {
-                        self.log(self.last_byte, EventKind::Line(LineTrouble::Crc));
-                    }
-                    self.send(vec![byte], self.last_byte);
-                }
-                Action::Discard => self.log_early_byte(self.last_byte),
-                Action::Send(mut reply) => {
-                    self.fault.damage_reply(&mut reply);
-                    self.send(reply, self.last_byte + self.fault.delay());
-                    self.line().replies.fetch_add(1, Ordering::Relaxed);
-                }
-                Action::Execute(incoming) => {
-                    self.last_byte = self.timing.complete(read);
-                    self.send(vec![OKAY], self.last_byte);
-                    if let Some((reply, ready)) = self.execute(&incoming, self.last_byte) {
-                        self.handshake.offer(&reply.data);
-                        self.send(vec![0x00], ready);
-                    }
-                    self.early_byte_logged = false;
-                }
-            }
-        }
-    }
-
     fn up_to(&mut self, longest_us: u64) -> Nanos {
         Nanos::from_micros(self.random.random_range(0..=longest_us))
     }
 
     fn is_between_frames(&self) -> bool {
-        match self.config.framing {
-            Framing::V2 => !self.parser.is_partial(),
-            Framing::V1 => self.handshake == Handshake::Idle,
-        }
+        !self.parser.is_partial()
     }
 
     /// Executes a request. Returns the reply and when it is ready, if the host gets one.
