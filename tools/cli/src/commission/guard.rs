@@ -31,6 +31,9 @@ const STEP: Nanos = Nanos::from_millis(8);
 const PULSE: Nanos = Nanos::from_millis(3);
 const COAST: Nanos = Nanos::from_millis(8);
 
+/// So many replies in a row may be lost on a line that answers otherwise.
+const MOST_MISSED: u32 = 2;
+
 /// What the motor follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
@@ -282,13 +285,13 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
     /// Then the power may still be on.
     pub fn hold(mut self, span: Nanos) -> (Nanos, Nanos, Option<Trip>) {
         let mut good = self.node.link.now();
-        let end = good + span;
+        let (end, mut missed) = (good + span, 0);
         loop {
             let looked = self.see().and_then(|seen| self.judge(seen).map(|()| seen));
             let now = self.node.link.now();
             match looked {
                 Ok(seen) if seen.state == DriveState::OperationEnabled && seen.at < end => {
-                    good = seen.at;
+                    (good, missed) = (seen.at, 0);
                 }
                 Ok(seen) if seen.state == DriveState::OperationEnabled => {
                     return (good, now, self.off().err());
@@ -296,6 +299,12 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
                 Ok(seen) => {
                     self.is_off = true;
                     return (good, now, Some(Trip::Switched(seen.state)));
+                }
+                // The line was synchronised behind it: a reply was lost, and the cable is in.
+                Err(Trip::Drive(AxisError::Exchange {
+                    error: LinkError::Unanswered(_), ..
+                })) if missed < MOST_MISSED => {
+                    missed += 1;
                 }
                 Err(trip @ Trip::Drive(_)) => {
                     // Nothing reaches it now.

@@ -215,6 +215,10 @@ fn motor_of(text: &str) -> usize {
 impl Person for Operator {
     fn say(&mut self, text: &str) {
         if self.case.wrong == Some(Wrong::NobodyActs) {
+            if text.contains("pull the cable NOW") {
+                // A read, and its repetition behind the two of the synchronisation.
+                self.bench.with_drive(motor_of(text), |drive| drive.lose(0b1001));
+            }
             return;
         }
         let act = |act: fn(&mut drive::Drive)| {
@@ -328,6 +332,8 @@ fn check_findings(case: Case, record: &Record, is_whole: bool) {
         for it in found {
             let motor = it.place.strip_prefix("motor ").map_or(0, |it| it.parse().unwrap());
             let is_asked = it.value != NOT_ASKED;
+            let is_pulled = topic == Topic::CablePulled && case.wrong == Some(Wrong::NobodyActs);
+            assert!(!is_asked || !is_pulled, "nobody pulled a cable: {it:?}: {case:?}");
             if is_asked && let Some(truth) = case.truth(topic, motor) {
                 assert_eq!(it.value, truth, "{topic:?}, {}: {case:?}", it.evidence);
             }

@@ -66,6 +66,8 @@ pub struct Drive {
     pub(super) boot_left_s: f64,
     /// It is cut off from its line, and goes on as it is.
     pub(super) silent: bool,
+    /// See [`Drive::lose`].
+    pub(super) lost: u16,
     pub(super) transfer: SegmentedTransfer,
     /// The node behind its port whose segments are read.
     pub(super) transfer_behind: Option<u8>,
@@ -119,6 +121,7 @@ impl Drive {
             operational: false,
             boot_left_s: 0.0,
             silent: false,
+            lost: 0,
             transfer: SegmentedTransfer::default(),
             transfer_behind: None,
             events: Vec::new(),
@@ -206,6 +209,11 @@ impl Drive {
     /// Cuts it off from its line, or connects it again.
     pub fn set_silent(&mut self, silent: bool) {
         self.silent = silent;
+    }
+
+    /// Which of the next requests are lost on the way, a bit for each, the first the lowest.
+    pub fn lose(&mut self, requests: u16) {
+        self.lost = requests;
     }
 
     /// Stops the encoder, or lets it count again from where it stopped, as an incremental one does.

@@ -40,7 +40,9 @@ impl Drive {
         incoming: &Incoming,
         behind: Option<(Vec<&mut Self>, Nanos)>,
     ) -> Option<Reply> {
-        if self.is_booting() || self.silent {
+        let is_lost = self.lost & 1 == 1;
+        self.lost >>= 1;
+        if self.is_booting() || self.silent || is_lost {
             return None;
         }
         // The error reply to a read may have the length of its data.
