@@ -91,6 +91,8 @@ pub struct HeartbeatReader {
     domain: Domain,
     /// Boot id and word of the present start of the controller.
     mapped: Option<(u64, MappedWords)>,
+    /// The stamp that was read last.
+    seen: Option<Nanos>,
 }
 
 /// No controller serves the domain.
@@ -105,24 +107,32 @@ impl HeartbeatReader {
     /// A reader of this domain. The controller may start later.
     #[must_use]
     pub fn new(domain: &Domain) -> Self {
-        Self { domain: domain.clone(), mapped: None }
+        Self { domain: domain.clone(), mapped: None, seen: None }
     }
 
-    /// The last heartbeat; `None` before the first tick.
+    /// The last heartbeat; `None` before the first tick. A controller whose files were removed, and
+    /// that goes on, is no absent one.
     ///
     /// # Errors
     ///
     /// [`ControllerAbsent`] when no controller serves the domain.
     pub fn read(&mut self) -> Result<Option<Heartbeat>, ControllerAbsent> {
         let Some(Ready { boot_id, .. }) = Ready::read(&self.domain) else {
-            let last = self.mapped.take().and_then(|(boot_id, word)| word.heartbeat(boot_id));
+            let last = self.mapped.as_ref().and_then(|(boot_id, word)| word.heartbeat(*boot_id));
+            let stamp = last.map(|last| last.stamp);
+            if stamp.is_some() && std::mem::replace(&mut self.seen, stamp) != stamp {
+                return Ok(last);
+            }
+            self.mapped = None;
             return Err(ControllerAbsent { last });
         };
         if self.mapped.as_ref().is_none_or(|(mapped, _)| *mapped != boot_id) {
             let word = MappedWords::open(&self.domain.file(FILE)).ok();
             self.mapped = word.map(|word| (boot_id, word));
         }
-        Ok(self.mapped.as_ref().and_then(|(_, word)| word.heartbeat(boot_id)))
+        let last = self.mapped.as_ref().and_then(|(_, word)| word.heartbeat(boot_id));
+        self.seen = last.map(|last| last.stamp);
+        Ok(last)
     }
 }
 
@@ -202,10 +212,16 @@ mod tests {
                 writer.write(heartbeat(off));
                 assert_eq!(reader.read(), Ok(Some(heartbeat(off))));
             }
+            // Somebody removed its files, and it goes on.
+            std::fs::remove_file(domain.file("ready")).unwrap();
+            let later = Heartbeat { stamp: stamp + Nanos(1), ..heartbeat(true) };
+            writer.write(later);
+            assert_eq!(reader.read(), Ok(Some(later)));
             // The last tick before an orderly end, which nobody looked at in time.
-            writer.write(heartbeat(true));
+            let last = Heartbeat { off: true, ..later };
+            writer.write(last);
             drop(lock);
-            assert_eq!(reader.read(), Err(ControllerAbsent { last: Some(heartbeat(true)) }));
+            assert_eq!(reader.read(), Err(ControllerAbsent { last: Some(last) }));
             assert_eq!(reader.read(), Err(ControllerAbsent { last: None }));
         }
     }
