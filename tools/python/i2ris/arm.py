@@ -39,7 +39,7 @@ from typing import Any, Callable, Sequence, TypeVar
 import numpy as np
 
 from .fixtures import FixtureArm
-from .link import Link, NoController, OtherInterface, client, publisher, subscriber
+from .link import Link, NoController, OtherInterface, client, of_this_process, publisher, subscriber
 from .motors import ActuatorArm, JawArm
 from .operation import Operation
 from .payload import (
@@ -59,7 +59,7 @@ from .payload import (
 )
 from .reasons import FAULTS, POWER
 from .recording import Recording
-from .requests import MARGIN_S, POLL_S, REPLY_TIMEOUT_S
+from .requests import MARGIN_S, POLL_S, REPLY_TIMEOUT_S, Pending
 from .slots import ModelArm
 from .values import (
     FAULT_KIND,
@@ -162,6 +162,13 @@ class Arm:
         self._connect()
         # A notebook has no end of a `with` block: the robot holds, and the lease is free, at the end of Python.
         atexit.register(_close, weakref.ref(self))
+        of_this_process.add(self)
+
+    def after_fork(self) -> None:
+        """In a child of a fork: another client, that has commanded nothing."""
+        self._client_id = secrets.randbits(63) | 1
+        self._link.after_fork(self._client_id)
+        self._sequence, self._commanded, self._latest, self._kept = 0, False, {}, {}
 
     def _connect(self) -> None:
         """Opens the streams, so that the getters see every message from now on."""
@@ -563,19 +570,14 @@ class Arm:
         return int(command.sequence)
 
     def _request(self, service: str, request: Payload, reply: type[P], timeout_s: float = REPLY_TIMEOUT_S) -> P:
+        return self._begin(service, request, reply, timeout_s).wait()
+
+    def _begin(self, service: str, request: Payload, reply: type[P], timeout_s: float) -> Pending[P]:
         port = client(self._link, service, type(request), reply)
         if hasattr(request, "valid_ns"):
             # What is read later is not carried out: whoever asked has given up.
             request.stamp_ns, request.valid_ns = time.monotonic_ns(), int((timeout_s - MARGIN_S) * 1e9)
-        pending = port.send_copy(request)
-        end = time.monotonic() + timeout_s
-        while time.monotonic() < end:
-            response = pending.receive()
-            if response is not None:
-                return reply.from_buffer_copy(response.payload().contents)
-            self._link.refresh()
-            time.sleep(POLL_S)
-        raise NoReply(f"{service} does not answer within {timeout_s} s")
+        return Pending(port.send_copy(request), self._link.refresh, service, reply, timeout_s)
 
     def _newest(self, service: str, payload: type[P]) -> P | None:
         boot = self._link.refresh()

@@ -4,12 +4,14 @@
 shared memory; ports of an old one are opened again.
 """
 
+import ctypes
 import fcntl
 import importlib.metadata
 import os
 import re
 import struct
 import time
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -22,6 +24,18 @@ from .payload import INTERFACE_VERSION, Payload
 ICEORYX2_VERSION = "0.10.0"
 #: Period of reading the announcement of the controller, s.
 PROBE_S = 0.02
+
+
+#: What a child of a fork must not use: it belongs to its parent.
+of_this_process: weakref.WeakSet[Any] = weakref.WeakSet()
+
+
+def _after_fork() -> None:
+    for it in of_this_process:
+        it.after_fork()
+
+
+os.register_at_fork(after_in_child=_after_fork)
 
 
 class NoController(Exception):
@@ -48,6 +62,7 @@ class Link:
         self._node: Any = None
         self._ports: dict[tuple[str, str], list[Any]] = {}
         self._next_probe = 0.0
+        of_this_process.add(self)
 
     def port(self, key: tuple[str, str], opened: Callable[[Any], list[Any]]) -> Any:
         """The port of this key; ``opened(node)`` creates it, again after a restart of the controller."""
@@ -90,6 +105,15 @@ class Link:
         if self._pid_file is not None:
             self._pid_file.unlink(missing_ok=True)
             self._pid_file = None
+
+    def after_fork(self, client_id: int | None = None) -> None:
+        """In a child of a fork: the next use connects anew, with an identity of its own. What was open stays the
+        parent's; it is never freed here, because that would remove the parent's shared memory.
+        """
+        for inherited in (self._ports, self._node):
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(inherited))
+        self._ports, self._node, self._boot, self._pid_file = {}, None, None, None
+        self._client_id, self._next_probe = client_id, 0.0
 
     def _write_pid_file(self, boot: str) -> None:
         """Writes the process id of this client, as ``src/ipc/client_process.rs`` documents."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Protocol, TypeVar
+import time
+from typing import Any, Callable, Generic, Protocol, TypeVar
 
 from .payload import Payload, StateCommandReply
-from .values import Fault, Joints, OperatingState
+from .values import Fault, Joints, NoReply, OperatingState
 
 P = TypeVar("P", bound=Payload)
 #: Timeout for a reply, s.
@@ -17,6 +18,30 @@ MARGIN_S = 0.05
 POLL_S = 0.001
 
 
+class Pending(Generic[P]):
+    """A request that was sent just now."""
+
+    def __init__(self, sent: Any, refresh: Callable[[], Any], service: str, reply: type[P], timeout_s: float):
+        self._sent, self._refresh, self._service, self._reply = sent, refresh, service, reply
+        self._timeout_s, self._end = timeout_s, time.monotonic() + timeout_s
+
+    def poll(self) -> P | None:
+        """Its reply; None: not yet. Does not wait. Raises ``NoReply``, and ``NoController`` when that has ended."""
+        response = self._sent.receive()
+        if response is not None:
+            return self._reply.from_buffer_copy(response.payload().contents)
+        self._refresh()
+        if time.monotonic() > self._end:
+            raise NoReply(f"{self._service} does not answer within {self._timeout_s} s")
+        return None
+
+    def wait(self) -> P:
+        """Waits for its reply."""
+        while (reply := self.poll()) is None:
+            time.sleep(POLL_S)
+        return reply
+
+
 class Requests(Protocol):
     """Streams, requests and state of an arm."""
 
@@ -25,6 +50,8 @@ class Requests(Protocol):
     def _first(self, service: str, payload: type[P]) -> P: ...
 
     def _request(self, service: str, request: Payload, reply: type[P], timeout_s: float = REPLY_TIMEOUT_S) -> P: ...
+
+    def _begin(self, service: str, request: Payload, reply: type[P], timeout_s: float) -> Pending[P]: ...
 
     def _accepted(self, command: str, reply: StateCommandReply) -> str: ...
 

@@ -26,9 +26,10 @@ pub fn runs(command: &mut Command) -> String {
 const SCRIPT: &str = "
 import math, sys, time
 from i2ris.arm import Arm, NoController, Refused
+from i2ris.payload import INTERFACE_VERSION
 
 with Arm(sys.argv[1], deadline_s=0.5) as arm:
-    assert arm.version().interface == 4
+    assert arm.version().interface == INTERFACE_VERSION
     try:
         arm.state_command('enable')
         raise AssertionError('it is not homed')
@@ -136,6 +137,39 @@ time.sleep(0.1)
 assert abs(arm.setpoint_js().position - held).max() < 0.01
 ";
 
+/// The children of a fork that end as Python does, without and with use of what they inherited.
+const FORK: &str = "
+import os, sys, time
+from i2ris.arm import Arm
+
+arm = Arm(sys.argv[1], deadline_s=0.5)
+arm.state_command('home')
+arm.enable().wait()
+for uses in (False, True):
+    accepted = arm.operating_state().accepted
+    arm.servo_jp([0.0, 0.0])
+    child = os.fork()
+    if child == 0:
+        if uses:
+            assert arm.operating_state().state == 'ENABLED'
+        sys.exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+    time.sleep(0.1)
+    first = arm.measured_js().stamp_ns
+    arm.servo_jp([0.0, 0.0])
+    state = arm.wait_for(lambda state: state.accepted >= accepted + 2)
+    assert arm.measured_js().stamp_ns > first and state.lease, state
+";
+
+#[test]
+fn a_child_of_a_fork_leaves_the_connection_to_its_parent() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let controller = Controller::start();
+    runs(command.args(["-c", FORK, controller.domain.name()]));
+}
+
 #[test]
 fn a_notebook_has_values_at_once_and_gives_the_lease_back_at_its_end() {
     let Some(mut command) = python("iceoryx2, numpy") else {
@@ -146,7 +180,9 @@ fn a_notebook_has_values_at_once_and_gives_the_lease_back_at_its_end() {
     let mut client = rig.enabled();
     let recording = rig.folder.path().join("notebook.mcap");
     let programs = Path::new(env!("CARGO_BIN_EXE_i2ris")).parent().unwrap();
-    command.args(["-c", NOTEBOOK, rig.domain().name()]).arg(&recording).env("PATH", programs);
+    let path = std::env::var("PATH").unwrap_or_default();
+    let path = format!("{}:{path}", programs.display());
+    command.args(["-c", NOTEBOOK, rig.domain().name()]).arg(&recording).env("PATH", path);
     runs(&mut command);
     wait_for(&mut client, |state| state.lease_client_id == 0);
 }
@@ -194,9 +230,10 @@ fn who_commands_from_python_is_known_by_name() {
 const ENVIRONMENT: &str = "
 import os, time
 from i2ris.arm import Arm, Refused
+from i2ris.payload import INTERFACE_VERSION
 
 with Arm(deadline_s=0.5) as arm:
-    assert arm.version().interface == 4
+    assert arm.version().interface == INTERFACE_VERSION
     end = time.monotonic() + 20.0
     try:
         while time.monotonic() < end:
@@ -220,20 +257,21 @@ fn the_domain_is_that_of_the_environment_and_a_refused_stream_raises() {
 const FOREIGN: &str = "
 import sys
 from i2ris.arm import Arm, OtherInterface
+from i2ris.payload import INTERFACE_VERSION
 
 try:
     with Arm(sys.argv[1]):
         pass
     raise AssertionError('it speaks another version')
 except OtherInterface as error:
-    assert 'interface version 99, this package 4: take both from one release' in str(error), error
+    assert 'interface version 99, this package %d: take both from one release' % INTERFACE_VERSION in str(error), error
 from i2ris.link import Link
 try:
     Link.check_iceoryx2('0.9.1')
     raise AssertionError('another wheel')
 except OtherInterface as error:
-    assert str(error) == 'iceoryx2 0.9.1 is installed, and interface version 4 speaks with ' \\
-        'iceoryx2 0.10.0: pip install iceoryx2==0.10.0', error
+    assert str(error) == 'iceoryx2 0.9.1 is installed, and interface version %d speaks with ' \\
+        'iceoryx2 0.10.0: pip install iceoryx2==0.10.0' % INTERFACE_VERSION, error
 ";
 
 #[test]
@@ -312,10 +350,10 @@ mover.start()
 try:
     arm.wait_for(lambda state: state.accepted > 50)
     first = arm.model.list()
-    assert first.active.family == 'linear', first
+    assert first.active.family == 'force-balance', first
     assert first.staged is None and first.previous is None, first
     try:
-        arm.model.stage(broken)
+        arm.model.stage(broken).wait()
         raise AssertionError('a broken model')
     except Refused as refused:
         assert 'broken.json' in str(refused), refused
@@ -324,7 +362,12 @@ try:
         raise AssertionError('nothing to go back to')
     except Refused as refused:
         assert 'no model was in use before' in str(refused), refused
-    staged = arm.model.stage(second)
+    staging, looks = arm.model.stage(second), 0
+    while not staging.is_done():
+        looks += 1
+        time.sleep(0.001)
+    assert looks > 0, 'a stream would have waited'
+    staged = staging.wait()
     assert staged.active.id == first.active.id and staged.staged.id != first.active.id, staged
     try:
         lead.model.activate('0' * 64, force=True)
