@@ -10,6 +10,7 @@ pub mod tracking;
 pub mod trajectory;
 mod trajectory_player;
 
+use std::io::{self, IsTerminal as _};
 use std::path::PathBuf;
 
 use i2ris::ipc::{Domain, StateCommand};
@@ -27,7 +28,7 @@ use trajectory::{Trajectory, Waypoints};
 #[command(
     arg_required_else_help = true,
     after_help = "Examples:
-  i2ris command pose 5 -3 --duration-s 2 --enable
+  i2ris command pose 5 -3 --enable               in a script it ends there; --hold: with Ctrl-C
   i2ris command pose                             hold the present pose
   i2ris command circle --radius-deg 5 --period-s 6 --duration-s 30 --enable
   i2ris command motor 0 20                       the first motion of a motor
@@ -73,6 +74,9 @@ enum What {
         /// End so long after arriving instead of with Ctrl-C
         #[arg(long, value_name = "S", value_parser = positive)]
         duration_s: Option<f64>,
+        /// Hold the pose until Ctrl-C also in a script, where it ends as soon as it has arrived
+        #[arg(long, conflicts_with = "duration_s")]
+        hold: bool,
         #[command(flatten)]
         stream: StreamOptions,
     },
@@ -169,8 +173,10 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             return motor::run(&arguments, &mut prepare::connect(&domain)?)
                 .map_err(|failure| name_holder(failure, &domain));
         }
-        What::Pose { pitch_deg, yaw_deg, duration_s, stream } => {
+        What::Pose { pitch_deg, yaw_deg, duration_s, hold, stream } => {
             let pose = pitch_deg.zip(yaw_deg);
+            let ends = pose.is_some() && !hold && !io::stdout().is_terminal();
+            let duration_s = duration_s.or(ends.then_some(0.0));
             let pose = pose.map(|(pitch, yaw)| Trajectory::Point([pitch, yaw]));
             (if pose.is_some() { "pose" } else { "hold" }, pose, duration_s, stream)
         }

@@ -7,7 +7,7 @@
 //! | `tracking` | the tracking error, and what is printed at the end |
 
 mod commands;
-mod tracking;
+pub mod tracking;
 
 use std::path::PathBuf;
 use std::process::Command;

@@ -1,6 +1,7 @@
 //! `i2ris calibrate` without a command: from a straight snake to a checked model, step by step.
 //! Every step is a command of its own, is printed before it runs, and is left out if it was done.
 
+mod check;
 mod in_use;
 mod progress;
 mod steps;
@@ -14,7 +15,7 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState};
 use i2ris_calibration::fit::Choice;
-use i2ris_report::exit::Coded;
+use i2ris_report::exit::{Coded, NOT_KNOWN};
 use i2ris_report::stop::stop;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
@@ -74,7 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let mut progress = Progress::read(&guided.folder, &mut guided.client)?;
     let steps = guided.steps();
-    let total = steps.len();
+    let (total, mut doubt) = (steps.len(), None);
     for (number, step) in (1..).zip(steps.iter().copied()) {
         if progress.is_done(step) {
             say(&format!("step {number} of {total}: {step}: done before"))?;
@@ -87,17 +88,29 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         say(&format!("step {number} of {total}: {step}: {purpose}; about {left} to go"))?;
         match step {
             Step::Refine => guided.refine(&interrupt)?,
+            Step::Check => doubt = guided.check(&progress, &interrupt)?,
             _ => guided.perform(step, &progress, &interrupt)?,
         }
-        progress.done(step)?;
+        match doubt.as_ref().filter(|_| step == Step::Check) {
+            Some(doubt) => say(&format!("step {number} of {total} done with a doubt: {doubt}"))?,
+            None => progress.done(step)?,
+        }
         if let Some(next) = steps.get(number) {
             let left = guided.time_left(&progress);
-            say(&format!("step {number} of {total} done; next: {next}; about {left} to go"))?;
+            let is_done = if progress.is_done(step) { "done" } else { "not done" };
+            say(&format!("step {number} of {total} {is_done}; next: {next}; about {left} to go"))?;
         }
     }
     let [model, report] = [progress.model_file(), "report.html"].map(|name| guided.file(name));
     let state = guided.client.wait_for(CONNECT, |_| true)?;
     let state = OperatingState::from_number(state.state).map_or("?", OperatingState::text);
+    if let Some(doubt) = doubt {
+        let sentence = format!(
+            "done with a doubt: the robot is {state} and runs with {model}; the report is {report}; \
+             {doubt}; then run `i2ris calibrate` again: it checks once more"
+        );
+        return Err(Coded { code: NOT_KNOWN, sentence }.into());
+    }
     say(&format!(
         "done: the robot is {state} and runs with {model}; the report is {report}\nafter a \
          restart: run `i2ris calibrate` again, it goes on from here, or set control.model in the \

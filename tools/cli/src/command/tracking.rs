@@ -23,7 +23,7 @@ pub struct TrackingSummary {
     delay: DelaySum,
     estimate: ErrorSum,
     last_frame_ns: u64,
-    away_deg: f64,
+    away_deg: Option<f64>,
 }
 
 #[derive(Debug, Default)]
@@ -76,8 +76,9 @@ impl TrackingSummary {
             self.asked.pop_front();
         }
         if measured.flags & JointState::VALID != 0 {
-            self.away_deg = distance_deg(asked, measured.position);
-            self.estimate.add(self.away_deg);
+            let away_deg = distance_deg(asked, measured.position);
+            self.away_deg = Some(away_deg);
+            self.estimate.add(away_deg);
         }
     }
 
@@ -106,9 +107,9 @@ impl TrackingSummary {
         Some((interpolate(from, to, share), velocity))
     }
 
-    /// Newest distance from what is asked, deg, by the model's estimate.
+    /// Newest distance from what is asked, deg, by the model's estimate; infinite before there is one.
     pub fn away_deg(&self) -> f64 {
-        self.away_deg
+        self.away_deg.unwrap_or(f64::INFINITY)
     }
 
     pub fn summary(&self) -> Option<String> {

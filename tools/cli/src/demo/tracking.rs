@@ -18,7 +18,8 @@ pub struct MotionRun {
     pub errors_deg: Vec<[f64; 2]>,
 }
 
-fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
+/// Of pitch, yaw and their length; NaN without frames.
+pub fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
     let mean = |square: fn(&[f64; 2]) -> f64| {
         (errors_deg.iter().map(square).sum::<f64>() / errors_deg.len() as f64).sqrt()
     };
@@ -67,13 +68,17 @@ impl TrackingRecorder {
         let near = |goal: &[f64; 2]| goal[0].hypot(goal[1]) < NEAR_DEG;
         let started =
             self.goals.iter().find(|(_, goal)| near(goal)).map_or(u64::MAX, |(stamp, _)| *stamp);
+        self.run.errors_deg = self.errors_since(started);
+        self.run
+    }
+
+    /// The difference for every frame from an instant on, ns.
+    pub fn errors_since(&self, started: u64) -> Vec<[f64; 2]> {
         let error = |&(stamp, seen): &(u64, [f64; 2])| {
             let goal = self.goals.value_at(stamp, GAP_NS)?;
             Some([seen[0] - goal[0], seen[1] - goal[1]])
         };
-        self.run.errors_deg =
-            self.frames.iter().filter(|(stamp, _)| *stamp >= started).filter_map(error).collect();
-        self.run
+        self.frames.iter().filter(|(stamp, _)| *stamp >= started).filter_map(error).collect()
     }
 }
 

@@ -102,7 +102,8 @@ pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
         return print_outcome(&reply, &reply, false, arguments.json);
     }
     let conditions = staged.flags & ModelSlot::MEMORY_KNOWN == 0 && !arguments.no_condition;
-    if conditions {
+    // A permission to enable is an order to do so, also where nothing has to move.
+    if conditions || arguments.prepare.is_given() {
         prepare(&mut client, arguments.prepare, &interrupt).map_err(stays)?;
     }
     let id = ModelId(staged.model_id);

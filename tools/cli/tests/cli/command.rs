@@ -29,7 +29,7 @@ pub fn assert_near(pose: [f64; 2], target: [f64; 2]) {
 #[test]
 fn a_pose_is_reached_without_a_jump_and_the_lease_given_back() {
     let controller = Controller::start();
-    let pose = "command pose -4 3.5 --home --duration-s 0.2 --speed-deg-s 30";
+    let pose = "command pose -4 3.5 --home --speed-deg-s 30";
     let output = succeeds(&controller.domain, pose);
     let robot = controller.robot();
     let (enable, home) = (StateCommand::Enable, StateCommand::Home);

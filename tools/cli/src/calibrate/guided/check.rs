@@ -1,0 +1,61 @@
+//! The circle of the check, judged by the camera: to have gone round is not to have followed.
+
+use i2ris::clock;
+use i2ris::model::Model;
+use i2ris::units::Nanos;
+use i2ris_report::{Failure, Interrupt};
+
+use super::progress::Progress;
+use super::{Guided, Step, stopped};
+use crate::demo::tracking::{TrackingRecorder, rms_deg};
+
+/// What camera and line add on a circle of 5 deg/s, deg: frames that are 60 ms late, and noise.
+const ADDED_DEG: f64 = 0.5;
+
+const POLL: Nanos = Nanos::from_millis(5);
+
+impl Guided {
+    /// Follows the circle. `Some`: what is doubtful about it.
+    pub fn check(
+        &mut self,
+        progress: &Progress,
+        interrupt: &Interrupt,
+    ) -> Result<Option<String>, Failure> {
+        let mut doubt = None;
+        for words in self.commands(Step::Check, progress)? {
+            let mut recorder = TrackingRecorder::new(&self.client);
+            let mut circle = self.command(&words)?.spawn()?;
+            let status = loop {
+                recorder.read()?;
+                if let Some(status) = circle.try_wait()? {
+                    break status;
+                }
+                clock::sleep(POLL);
+            };
+            if !status.success() || interrupt.came() {
+                return Err(stopped(Step::Check, status, interrupt.came()).into());
+            }
+            let [.., error] = rms_deg(&recorder.errors_since(0));
+            let stated = stated_deg(&Model::load(&self.folder.join(progress.model_file()))?);
+            let limit = 2.0 * stated + ADDED_DEG;
+            doubt = (error.is_nan() || error > limit).then(|| {
+                let seen = match error.is_nan() {
+                    true => "the camera has not seen the circle".to_owned(),
+                    false => format!("by the camera the circle was followed within {error:.2} deg RMS"),
+                };
+                format!(
+                    "{seen}, and the limit is {limit:.2} (twice what the model states, and {ADDED_DEG} \
+                     for camera and line): the zero, the wires or the camera are not as they were; \
+                     `i2ris preflight` says which"
+                )
+            });
+        }
+        Ok(doubt)
+    }
+}
+
+/// What is left of the fit on rows that it has not seen, both outputs together, deg.
+fn stated_deg(model: &Model) -> f64 {
+    let fits = model.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training).rmsd);
+    fits.map(|rmsd| rmsd * rmsd).sum::<f64>().sqrt()
+}
