@@ -112,7 +112,8 @@ pub fn read_trusted(path: &Path, limit: u64) -> Result<String, UntrustedFile> {
     // Behind symbolic links: the folder of the file itself decides who can exchange it.
     let real = path.canonicalize().map_err(io)?;
     for folder in real.ancestors().skip(1) {
-        let opened = open(folder, libc::O_DIRECTORY).map_err(io)?;
+        // Nothing is read in it: whoever may only pass through may look at it, too.
+        let opened = open(folder, libc::O_DIRECTORY | libc::O_PATH).map_err(io)?;
         check_access(folder, &opened.metadata().map_err(io)?, true)?;
     }
     // A FIFO without a writer would block without O_NONBLOCK.
@@ -194,6 +195,20 @@ mod tests {
             set_mode(folder.path(), mode);
             assert_eq!(read_trusted(&file, LIMIT).is_ok(), is_accepted, "{mode:o}");
         }
+    }
+
+    /// As on machines where a home may be passed through and not listed.
+    #[test]
+    fn a_folder_that_may_only_be_passed_through_is_no_obstacle() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("robot.toml");
+        fs::write(&file, "text").unwrap();
+        set_mode(&file, 0o644);
+        set_mode(folder.path(), 0o311);
+        // Root may read everything: as nobody, this thread alone.
+        // SAFETY: passes a number.
+        unsafe { libc::setfsuid(65_534) };
+        assert_eq!(read_trusted(&file, LIMIT).unwrap(), "text");
     }
 
     #[test]

@@ -45,6 +45,7 @@ enum Request {
 type Failure = Box<dyn std::error::Error>;
 
 fn main() -> ExitCode {
+    i2ris::process::survive_file_size_limit();
     let mut log = match ConsoleLog::start(io::stderr()) {
         Ok(log) => log,
         Err(failure) => {

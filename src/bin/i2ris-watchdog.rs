@@ -50,6 +50,7 @@ enum Request {
 }
 
 fn main() -> ExitCode {
+    i2ris::process::survive_file_size_limit();
     // Its own thread writes it: a terminal that blocks must not keep the drives from being stopped.
     let mut log = match ConsoleLog::start(io::stderr()) {
         Ok(log) => log,

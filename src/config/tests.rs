@@ -212,3 +212,19 @@ fn limits_of_time_follow_from_the_slowest_line() {
         ["limits.feedback_stale_ms", "limits.feedback_stale_ms", "duration of an over-current, ms"];
     assert_eq!(found(&alone, 17), [&late[..], &["reply_timeout_ms"]].concat());
 }
+
+#[test]
+fn paths_are_relative_to_the_real_file_and_no_shell_reads_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let (real, link) = (folder.path().join("rig/robot.toml"), folder.path().join("robot.toml"));
+    std::fs::create_dir_all(real.parent().unwrap()).unwrap();
+    std::fs::write(&real, format!("record_folder = \"records\"\n{AXIS}")).unwrap();
+    std::os::unix::fs::symlink(&real, &link).unwrap();
+    let records = real.canonicalize().unwrap().with_file_name("records");
+    assert_eq!(Config::load(&link).unwrap().record_folder, records);
+    for path in ["~/records", "$HOME/records"] {
+        let text = format!("record_folder = \"{path}\"\n{AXIS}");
+        let error = Config::parse(&text, Path::new("robot.toml")).unwrap_err().to_string();
+        assert!(error.contains("record_folder") && error.contains("write the path out"), "{error}");
+    }
+}

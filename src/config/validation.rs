@@ -7,9 +7,7 @@ use std::path::Path;
 
 use super::bounds;
 use super::finding::{Finding, Findings};
-use super::{
-    AxisConfig, Config, Family, Framing, HomingMethod, PortConfig, Streaming, virtual_fixtures,
-};
+use super::{AxisConfig, Config, Family, HomingMethod, PortConfig, Streaming, virtual_fixtures};
 use crate::model::Model;
 use crate::units::{AUXILIARY, LONGEST_WINDOW, MAX_MOTORS};
 
@@ -42,6 +40,7 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     check_joint_limits(config, &mut findings);
     virtual_fixtures::check(&config.virtual_fixtures, &mut findings);
     check_ports(config, &mut findings);
+    check_paths(config, &mut findings);
     findings.into_list()
 }
 
@@ -54,6 +53,25 @@ fn check_process(config: &Config, findings: &mut Findings) {
         domain,
         "must be 1 to 32 letters, digits or `-`, because it names files",
     );
+}
+
+/// No shell reads the file.
+fn check_paths(config: &Config, findings: &mut Findings) {
+    let of_port = |(index, port): (usize, &PortConfig)| {
+        let key = |name: &str| format!("ports[{index}].{name}");
+        let positions = port.positions_file.clone().unwrap_or_default();
+        [(key("device"), port.device.clone()), (key("positions_file"), positions)]
+    };
+    let model = config.control.model.clone().unwrap_or_default();
+    let own = [
+        ("record_folder".to_owned(), config.record_folder.clone()),
+        ("control.model".to_owned(), model),
+    ];
+    for (key, path) in own.into_iter().chain(config.ports.iter().enumerate().flat_map(of_port)) {
+        let text = path.to_string_lossy();
+        let is_plain = !text.starts_with('~') && !text.contains('$');
+        findings.require(is_plain, key, text, "no shell reads this: write the path out");
+    }
 }
 
 fn check_watchdog(config: &Config, findings: &mut Findings) {
@@ -210,12 +228,6 @@ fn check_port(port: &PortConfig, index: usize, is_repeated: bool, findings: &mut
         key("device"),
         port.device.display(),
         "is named by another port already",
-    );
-    findings.require(
-        (port.family, port.framing) != (Family::Epos4, Framing::V1),
-        key("framing"),
-        "v1",
-        "is for `family = \"epos2\"` on RS232 only",
     );
     for (position, axis) in port.axes.iter().enumerate() {
         let family = axis.family.unwrap_or(port.family);

@@ -43,3 +43,10 @@ mod start_up;
 mod threads;
 
 pub use payload_conversion::{operating_state, robot_description};
+
+/// A write beyond the limit on the size of files fails from now on, as on a full disk. By default it
+/// kills the process.
+pub fn survive_file_size_limit() {
+    // SAFETY: no handler is replaced.
+    let _ = unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::{Shell, generate};
 use i2ris::ipc::StateCommand;
-use i2ris_report::program::{DESCRIBE, PARSE, describe, end_with_reader, finish, parsed};
+use i2ris_report::program::{DESCRIBE, PARSE, describe, end_with_reader, finish, parsed, perform};
 use i2ris_report::{Failure, tips, until_closed};
 
 mod calibrate;
@@ -163,7 +163,7 @@ fn main() -> ExitCode {
             if task.only_prints() {
                 end_with_reader();
             }
-            task.run()
+            perform(|| task.run())
         }
         // Without an argument there is help.
         (None, None) => Ok(()),

@@ -21,7 +21,7 @@ pub const HELP: &str = "Exit codes:
   9    a configuration is valid, and not ready for a robot: lines that nobody has checked, or limits
        that its serial lines do not keep
   10   a file is damaged or cut off: what is whole was taken, and what is not is said
-  130  interrupted twice";
+  130  interrupted twice, or the terminal was closed";
 
 /// Exit code of a run that was asked for a pose out of reach.
 pub const OUT_OF_REACH: u8 = 7;
@@ -34,6 +34,9 @@ pub const NOT_READY: u8 = 9;
 
 /// Exit code for a file of which only a part could be taken.
 pub const INCOMPLETE: u8 = 10;
+
+/// Exit code when somebody ended the program.
+pub const INTERRUPTED: u8 = 130;
 
 /// A failure that names its exit code.
 #[derive(Debug)]

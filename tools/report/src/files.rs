@@ -1,12 +1,28 @@
 //! Atomic replacement of files.
+//!
+//! What is no file of its own (a device, a pipe, `-` for the standard output) is written into: to
+//! rename a file over /dev/null would take it from everybody.
 
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-/// Refuses to write over a file, unless `overwrite`. `option` names the option that names it.
+use nix::unistd::{dup, dup2_stdout};
+
+/// The standard output, once `-` is a file.
+static STANDARD_OUTPUT: OnceLock<fs::File> = OnceLock::new();
+
+/// Refuses to write over a file, unless `overwrite`. `option` names the option that names it. Where
+/// it is `-`, what the program prints goes to standard error from now on.
 pub fn check_not_there(option: &str, path: &Path, overwrite: bool) -> Result<(), String> {
-    if overwrite || !path.exists() {
+    if path == Path::new("-") && STANDARD_OUTPUT.get().is_none() {
+        let own = dup(io::stdout()).map_err(|error| format!("{option} -: {error}"))?;
+        dup2_stdout(io::stderr()).map_err(|error| format!("{option} -: {error}"))?;
+        let _ = STANDARD_OUTPUT.set(fs::File::from(own));
+        return Ok(());
+    }
+    if overwrite || !path.exists() || !is_own_file(path) {
         return Ok(());
     }
     Err(format!("{option} {}: exists; name another file, or add --overwrite", path.display()))
@@ -22,8 +38,24 @@ pub fn make_folder_of(option: &str, path: &Path) -> Result<(), String> {
     })
 }
 
-/// Replaces the file at `path` atomically. After an error the old file is unchanged.
+/// Whether there may be a file of its own at a path: not a device or a pipe, and not behind the
+/// descriptors of a process, as /dev/stdout is.
+fn is_own_file(path: &Path) -> bool {
+    let is_file = path.metadata().map_or(true, |it| it.is_file());
+    let target = fs::read_link(path).unwrap_or_default();
+    is_file && ![path, &target].iter().any(|it| it.starts_with("/dev") || it.starts_with("/proc"))
+}
+
+/// Replaces the file at `path` atomically, or the one that a link names. After an error the old file
+/// is unchanged.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    if let Some(mut output) = STANDARD_OUTPUT.get().filter(|_| path == Path::new("-")) {
+        return output.write_all(bytes);
+    }
+    if !is_own_file(path) {
+        return fs::OpenOptions::new().write(true).open(path)?.write_all(bytes);
+    }
+    let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let mut name = path.as_os_str().to_owned();
     name.push(".part");
     let part = PathBuf::from(name);
@@ -34,4 +66,35 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
         let _ = fs::remove_file(&part);
     }
     done
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::{FileTypeExt as _, symlink};
+
+    use nix::sys::stat::Mode;
+    use nix::unistd::mkfifo;
+
+    use super::*;
+
+    #[test]
+    fn what_is_no_file_of_its_own_is_written_into_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let [fifo, file, link] = ["fifo", "file", "link"].map(|name| folder.path().join(name));
+        mkfifo(&fifo, Mode::S_IRWXU).unwrap();
+        let read = std::thread::spawn({
+            let fifo = fifo.clone();
+            move || fs::read(fifo).unwrap()
+        });
+        assert_eq!(check_not_there("--output", &fifo, false), Ok(()));
+        replace(&fifo, b"text").unwrap();
+        assert!(fifo.metadata().unwrap().file_type().is_fifo());
+        assert_eq!(read.join().unwrap(), b"text");
+        fs::write(&file, "old").unwrap();
+        symlink(&file, &link).unwrap();
+        assert!(check_not_there("--output", &link, false).is_err());
+        replace(&link, b"new").unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+    }
 }

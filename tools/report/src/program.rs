@@ -2,6 +2,9 @@
 //! ask it to end.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
+use std::any::Any;
+use std::io::Write as _;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind, set_hook, take_hook};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -46,7 +49,30 @@ pub fn run<Arguments: Parser>(
     if only_prints(&arguments) {
         end_with_reader();
     }
-    finish(work(arguments))
+    finish(perform(|| work(arguments)))
+}
+
+/// Does the work of a program. Output that goes nowhere any more, to a terminal that was closed or a
+/// disk that is full, ends it as any failure does: in order, and with a sentence.
+pub fn perform(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
+    i2ris::process::survive_file_size_limit();
+    let usual = take_hook();
+    set_hook(Box::new(move |info| {
+        if cannot_print(info.payload()).is_none() {
+            usual(info);
+        }
+    }));
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let Some(text) = cannot_print(&*panic) else { resume_unwind(panic) };
+        let is_closed = text.contains("Input/output error");
+        let code = if is_closed { exit::INTERRUPTED } else { 1 };
+        Err(exit::Coded { code, sentence: format!("cannot write to {text}") }.into())
+    })
+}
+
+/// What `println!` says where it cannot.
+fn cannot_print(panic: &(dyn Any + Send)) -> Option<&str> {
+    panic.downcast_ref::<String>()?.strip_prefix("failed printing to ")
 }
 
 /// The outcome of [`PARSE`]: prints what kind of mistake was made.
@@ -96,7 +122,7 @@ pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {failure}");
+            let _ = writeln!(std::io::stderr(), "error: {failure}");
             ExitCode::from(exit::code(&failure))
         }
     }

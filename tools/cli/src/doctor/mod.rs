@@ -10,9 +10,13 @@ pub mod report;
 mod system;
 mod usb;
 
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 
 use i2ris::config::Config;
+use i2ris::ipc::Domain;
+use i2ris::ipc::ready::Ready;
 
 use config::as_delivered;
 use i2ris_report::Failure;
@@ -30,9 +34,10 @@ use report::Report;
 pub struct Arguments {
     #[command(subcommand)]
     other: Option<Other>,
-    /// The configuration of the controller
-    #[arg(long, value_name = "FILE", default_value = "config/emulator.toml")]
-    config: PathBuf,
+    /// The configuration of the controller [default: that of the controller that runs in the domain,
+    /// or config/emulator.toml]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     /// Print JSON instead of lines
     #[arg(long)]
     json: bool,
@@ -54,10 +59,12 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         return config::run(command);
     }
     let mut report = Report::default();
-    match Config::load(&arguments.config) {
+    let file = arguments.config.clone().or_else(running);
+    let file = file.unwrap_or_else(|| "config/emulator.toml".into());
+    match Config::load_for_process(&file) {
         Ok(config) => {
-            report.pass("configuration", arguments.config.display().to_string());
-            let text = std::fs::read_to_string(&arguments.config)?;
+            report.pass("configuration", file.display().to_string());
+            let text = std::fs::read_to_string(&file)?;
             for line in as_delivered(&text, &config) {
                 report.warn("configuration", line, "go through the lines marked CHECK");
             }
@@ -83,4 +90,16 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         0 => Ok(()),
         failures => Err(format!("{failures} checks failed").into()),
     }
+}
+
+/// The file that the controller of the domain was started with.
+fn running() -> Option<PathBuf> {
+    let name = std::env::var("I2RIS_DOMAIN");
+    let domain = Domain::new(name.as_deref().unwrap_or("i2ris")).ok()?;
+    let process = Path::new("/proc").join(Ready::read(&domain)?.pid.to_string());
+    let words = std::fs::read(process.join("cmdline")).ok()?;
+    let mut words = words.split(|byte| *byte == 0);
+    words.find(|word| [&b"--config"[..], b"-c"].contains(word))?;
+    let file = OsStr::from_bytes(words.next()?);
+    Some(process.join("cwd").read_link().ok()?.join(file))
 }

@@ -46,6 +46,30 @@ fn the_exit_code_reports_what_kind_of_failure_it_was() {
     assert_eq!(code(domain, "command pose"), Some(5));
 }
 
+/// A full disk, a limit on the size of files, and a terminal that was closed.
+#[test]
+fn output_that_goes_nowhere_ends_in_order_and_is_said() {
+    let config = repository("config/robot.toml");
+    let print =
+        format!("{} doctor config print {}", program::path("i2ris").display(), config.display());
+    let bench = WorkFolder::new();
+    let printed = fs::File::create(bench.file("printed")).unwrap();
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let closed = nix::pty::openpty(None, None).unwrap().slave;
+    for (output, code, said) in [
+        (Stdio::from(full), 1, "No space left on device"),
+        (Stdio::from(printed), 1, "File too large"),
+        (Stdio::from(closed), 130, "Input/output error"),
+    ] {
+        let mut command = Command::new("sh");
+        command.args(["-c", &format!("ulimit -f 1; exec {print}")]).stdout(output);
+        let ended = command.stderr(Stdio::piped()).spawn().unwrap().wait_with_output().unwrap();
+        let error = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(code), "{said}: {error}");
+        assert!(error.contains(said) && !error.contains("panicked"), "{error}");
+    }
+}
+
 /// `| head -0`: nobody reads any of it.
 #[test]
 fn a_reader_that_goes_away_is_no_error() {

@@ -1,8 +1,8 @@
 //! Why the robot does not move, or not as asked, and what to do.
 
 use i2ris::ipc::Message;
-use i2ris::ipc::payload::ReasonMsg;
-use i2ris::robot::Reason;
+use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
+use i2ris::robot::{Cause, Reason, Stop};
 use i2ris::units::Nanos;
 use serde::Serialize;
 
@@ -77,6 +77,12 @@ pub fn reasons(messages: &LatestMessages, warnings: &[ReasonMsg], now: Nanos) ->
         }
         seen.push((message.kind, message.number));
         all.push(match message.reason() {
+            // It watches again: there is nothing to start.
+            Some(Reason { cause: Cause::Stop(Stop::Watchdog), .. })
+                if state.flags & OperatingStateMsg::WATCHED != 0 =>
+            {
+                continue;
+            }
             Some(reason) => Why::new(&reason, age_s),
             None => {
                 let (text, advice) = (message.text(), message.advice());

@@ -66,9 +66,8 @@ pub struct Arguments {
     #[arg(long, value_name = "COUNTS", value_parser = above_zero)]
     range_counts: Option<f64>,
     /// The centre, motor by motor [default: 0,0]
-    #[arg(long, value_name = " \
-     COUNTS,..", value_delimiter = ',', num_args = 1, allow_negative_numbers = true,
-          value_parser = value_parser!(i32))]
+    #[arg(long, value_name = "COUNTS,..", value_delimiter = ',', num_args = 1,
+          allow_negative_numbers = true, value_parser = value_parser!(i32))]
     centre_counts: Vec<i32>,
     /// Speed limit of the motors
     #[arg(long, value_name = "COUNTS_PER_S", default_value_t = 450.0, value_parser = above_zero)]
