@@ -31,6 +31,10 @@ pub fn page(view: &View) -> Vec<String> {
             lines.extend(motors.iter().enumerate().map(|(index, it)| motor_line(index, it)));
         }
     }
+    lines.extend(view.jaw.iter().map(|jaw| {
+        let deg = jaw.deg.map_or_else(|| "unknown".to_owned(), |[deg, _]| format!("{deg:+.2} deg"));
+        format!("auxiliary  {deg}{}", mark(Some(&jaw.age)))
+    }));
     lines.extend(loop_lines(view.control_loop.as_ref()));
     lines.extend(view.trial.iter().map(|trial| format!("study      {}", trial.line())));
     lines.extend(view.health.iter().map(|health| format!("health     {health}")));

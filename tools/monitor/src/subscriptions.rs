@@ -18,8 +18,9 @@ const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 
 /// All but the operating state, in the order in which the event log has what comes together.
-const STREAMS: [Stream; 14] = [
+const STREAMS: [Stream; 15] = [
     Stream::Actuators,
+    Stream::Jaw,
     Stream::Goal,
     Stream::Setpoint,
     Stream::Measured,
@@ -88,6 +89,7 @@ impl Subscriptions {
                 event_log.update_motors(&message);
                 view.actuators = Some(message);
             }
+            StreamMessage::Jaw(message) => view.jaw = Some(message),
             StreamMessage::Goal(message) => view.goal = Some(message),
             StreamMessage::Setpoint(message) => view.setpoint = Some(message),
             StreamMessage::Measured(message) => {

@@ -42,6 +42,10 @@ class NoController(Exception):
     """No controller serves the domain now; it may start later."""
 
 
+class TooManyClients(Exception):
+    """A stream has as many clients as it can have."""
+
+
 class OtherInterface(Exception):
     """The controller has another version; install the package of its release."""
 
@@ -68,7 +72,14 @@ class Link:
         """The port of this key; ``opened(node)`` creates it, again after a restart of the controller."""
         self.refresh()
         if key not in self._ports:
-            self._ports[key] = opened(self._node)
+            try:
+                self._ports[key] = opened(self._node)
+            except Exception as error:
+                if "ExceedsMax" not in str(error):
+                    raise
+                raise TooManyClients(
+                    f"all places of {key[1]} in domain {self.domain} are taken: end other clients, or share one Arm"
+                ) from error
         return self._ports[key][-1]
 
     @staticmethod

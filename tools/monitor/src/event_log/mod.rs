@@ -31,7 +31,10 @@ pub struct EventLog {
 impl EventLog {
     /// The newest first.
     pub fn newest(&self, now: Nanos) -> Vec<view::Event> {
-        self.events.iter().rev().map(|group| group.event(now)).collect()
+        let mut events: Vec<_> = self.events.iter().rev().map(|group| group.event(now)).collect();
+        // A group that was seen again stays in its place, and its time is that of the last.
+        events.sort_by_key(|event| event.age_ms);
+        events
     }
 
     /// Adds an event that happened once.

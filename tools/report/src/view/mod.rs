@@ -47,6 +47,8 @@ pub struct LatestMessages {
     pub measured: Option<JointState>,
     pub camera: Option<ExternalPosition>,
     pub actuators: Option<ActuatorState>,
+    /// The auxiliary axis, if there is one.
+    pub jaw: Option<JointState>,
     pub statistics: Option<PeriodStatistics>,
     pub health: Option<Health>,
     pub adaptation: Option<AdaptationMsg>,
@@ -88,6 +90,8 @@ pub struct View {
     pub estimate: Option<Pose>,
     pub camera: Option<Pose>,
     pub motors: Option<Vec<Motor>>,
+    /// The auxiliary axis: the first angle.
+    pub jaw: Option<Pose>,
     #[serde(rename = "loop")]
     pub control_loop: Option<ControlLoop>,
     /// What failed or was lost since the start of the controller; in capitals if anything did.
@@ -257,6 +261,7 @@ impl View {
             estimate: messages.measured.as_ref().map(|it| pose(it, now)),
             camera: messages.camera.as_ref().map(|it| seen(it, now)),
             motors: messages.actuators.as_ref().map(|it| motors(it, messages.exchange_rates, now)),
+            jaw: messages.jaw.as_ref().map(|it| jaw(it, now)),
             control_loop: messages.statistics.as_ref().map(|it| ControlLoop::new(it, now)),
             health: messages.health.as_ref().map(health),
             adaptation: messages.adaptation.as_ref().map(Adaptation::new),
@@ -306,6 +311,12 @@ fn pose(joint: &JointState, now: Nanos) -> Pose {
         is_position: joint.count == 3,
         age: Age::of(joint, now, STALE),
     }
+}
+
+fn jaw(joint: &JointState, now: Nanos) -> Pose {
+    let is_valid = joint.flags & JointState::VALID != 0;
+    let deg = is_valid.then_some([joint.position[0].to_degrees(), 0.0]);
+    Pose { deg, deviation_deg: None, is_position: false, age: Age::of(joint, now, STALE) }
 }
 
 fn seen(camera: &ExternalPosition, now: Nanos) -> Pose {

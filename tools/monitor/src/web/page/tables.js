@@ -155,7 +155,8 @@ function showMotors(live) {
       [String(motor.current_ma), style], [motor.exchanges_per_s === null ? '–' : String(motor.exchanges_per_s), style],
       [drive, motor.bad || motor.error ? 'warn' : style], [motor.status, 'stale']];
   };
-  fill(byId('motors'), [head('', 'setpt.', 'encoder', 'mA', 'bus/s', 'drive', 'status'), ...motors.map(row)]);
+  const jaw = live.jaw && [['aux.', ''], ['', ''], [signed(live.jaw.deg && live.jaw.deg[0]) + '°', live.jaw.stale ? 'stale' : '']];
+  fill(byId('motors'), [head('', 'setpt.', 'encoder', 'mA', 'bus/s', 'drive', 'status'), ...motors.map(row), ...(jaw ? [jaw] : [])]);
   const marks = motors.length ? [] : ['motors not received yet'];
   motors.forEach((motor, number) => {
     if (motor.age_ms === null) marks.push(`motor ${number} NEVER READ`);
