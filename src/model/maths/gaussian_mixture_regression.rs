@@ -31,8 +31,7 @@
 //! logarithms relative to the largest one. Far from all components the nearest one therefore has
 //! the whole responsibility, instead of 0 / 0.
 //!
-//! The terms of two components are side by side ([`Lanes`]), so that one instruction works on
-//! both. Every component is whitened once per evaluation.
+//! Every component is whitened once per evaluation.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -40,14 +39,9 @@ use crate::model::error::ModelError;
 use crate::model::maths::gaussian_mixture::{
     Component, MAX_COMPONENTS, MixtureParameters, components,
 };
-use crate::model::maths::lanes::{LANES, Lanes};
 use crate::model::maths::mixture_part::Part;
 use crate::model::maths::regression::{Local, Prediction, Regression};
-
-/// The most blocks of components, and those of mixtures as they are fitted: for these the arrays
-/// of an evaluation are short.
-const MAX_BLOCKS: usize = MAX_COMPONENTS / LANES;
-const FEW_BLOCKS: usize = 8;
+use crate::model::maths::wide::exp_above;
 
 /// A component whose log-density is this far below the likeliest is ignored: its share of 4e-18 is
 /// below the rounding error.
@@ -104,128 +98,17 @@ impl<const D: usize, const M: usize> Regression<D, M> for Gmr<D, M> {
 /// The distribution of the outputs given the inputs. Both are blocks of variables of a mixture.
 #[derive(Debug, Clone, PartialEq)]
 struct Conditional<const I: usize, const O: usize> {
-    blocks: Vec<Block<I, O>>,
+    parts: Vec<Part<I, O>>,
 }
 
-/// The precomputed terms of as many components as there are lanes. The module documentation defines
-/// the symbols.
-#[derive(Debug, Clone, PartialEq)]
-struct Block<const I: usize, const O: usize> {
-    /// log w_k + log det W_k, without the constant that all components share. A lane without a
-    /// component has minus infinity.
-    log_height: Lanes,
-    input_mean: [Lanes; I],
-    /// W_k: its lower triangle.
-    whitening: [[Lanes; I]; I],
-    output_mean: [Lanes; O],
-    /// B_k.
-    gain: [[Lanes; I]; O],
-    /// A_k.
-    slope: [[Lanes; I]; O],
-    /// C_k.
-    covariance: [[Lanes; O]; O],
-}
-
-#[allow(clippy::needless_range_loop, reason = "indices as in the formulas")]
-impl<const I: usize, const O: usize> Block<I, O> {
-    fn new(parts: &[Part<I, O>]) -> Self {
-        let lanes = |value: &dyn Fn(&Part<I, O>) -> f64| Lanes::of(parts, value);
-        let log_height = parts.iter().map(|part| part.log_height);
-        let mut heights = [f64::NEG_INFINITY; LANES];
-        for (height, value) in heights.iter_mut().zip(log_height) {
-            *height = value;
-        }
-        let from_fn = std::array::from_fn::<_, I, _>;
-        Self {
-            log_height: Lanes(heights),
-            input_mean: from_fn(|i| lanes(&|part| part.input_mean[i])),
-            whitening: std::array::from_fn(|i| {
-                std::array::from_fn(|j| lanes(&|part| part.whitening[(i, j)]))
-            }),
-            output_mean: std::array::from_fn(|o| lanes(&|part| part.output_mean[o])),
-            gain: std::array::from_fn(|o| {
-                std::array::from_fn(|i| lanes(&|part| part.gain[(o, i)]))
-            }),
-            slope: std::array::from_fn(|o| {
-                std::array::from_fn(|i| lanes(&|part| part.slope[(o, i)]))
-            }),
-            covariance: std::array::from_fn(|o| {
-                std::array::from_fn(|p| lanes(&|part| part.covariance[(o, p)]))
-            }),
-        }
-    }
-
+/// The components at a point.
+struct Weighted<const I: usize, const O: usize> {
+    /// Of every component: its responsibility relative to the likeliest one, whose share is 1.
+    shares: [f64; MAX_COMPONENTS],
     /// z_k.
-    #[inline(always)]
-    fn whiten(&self, input: &SVector<f64, I>) -> [Lanes; I] {
-        let mut distance = [Lanes::ZERO; I];
-        for i in 0..I {
-            distance[i] = Lanes::splat(input[i]) - self.input_mean[i];
-        }
-        let mut whitened = [Lanes::ZERO; I];
-        for i in 0..I {
-            whitened[i] = self.whitening[i][0] * distance[0];
-            for j in 1..=i {
-                whitened[i] = whitened[i] + self.whitening[i][j] * distance[j];
-            }
-        }
-        whitened
-    }
-
-    /// y_k minus the origin.
-    #[inline(always)]
-    fn difference(&self, whitened: &[Lanes; I], origin: &SVector<f64, O>) -> [Lanes; O] {
-        let mut difference = [Lanes::ZERO; O];
-        for o in 0..O {
-            difference[o] = self.output_mean[o] - Lanes::splat(origin[o]);
-            for i in 0..I {
-                difference[o] = difference[o] + self.gain[o][i] * whitened[i];
-            }
-        }
-        difference
-    }
-
-    /// W_k^T z_k.
-    #[inline(always)]
-    fn unwhiten(&self, whitened: &[Lanes; I]) -> [Lanes; I] {
-        let mut result = [Lanes::ZERO; I];
-        for j in 0..I {
-            result[j] = self.whitening[j][j] * whitened[j];
-            for i in j + 1..I {
-                result[j] = result[j] + self.whitening[i][j] * whitened[i];
-            }
-        }
-        result
-    }
-}
-
-/// The components at a point, in at most B blocks.
-struct Weighted<const I: usize, const B: usize> {
-    /// The log-density of every component; then its share: its responsibility relative to the
-    /// likeliest one, whose share is 1.
-    shares: [Lanes; B],
-    whitened: [[Lanes; I]; B],
-}
-
-impl<const I: usize, const B: usize> Weighted<I, B> {
-    #[inline(always)]
-    fn none() -> Self {
-        Self { shares: [Lanes::ZERO; B], whitened: [[Lanes::ZERO; I]; B] }
-    }
-}
-
-/// The likeliest component at a point.
-struct Likeliest<const O: usize> {
-    log_density: f64,
-    /// Its conditional mean.
-    mean: SVector<f64, O>,
-}
-
-/// The share of every component. Shares that are not numbers are kept, so that a NaN input gives a
-/// NaN result.
-#[inline(always)]
-fn share(log_density: Lanes, highest: f64) -> Lanes {
-    (log_density - Lanes::splat(highest)).exp_above(NEGLIGIBLE)
+    whitened: [SVector<f64, I>; MAX_COMPONENTS],
+    /// The conditional mean of the likeliest component: the origin.
+    origin: SVector<f64, O>,
 }
 
 impl<const I: usize, const O: usize> Conditional<I, O> {
@@ -235,148 +118,85 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         output: usize,
         name: &str,
     ) -> Result<Self, ModelError> {
-        let parts = components
-            .iter()
-            .enumerate()
-            .map(|(k, component)| Part::new(k, component, input, output, name))
-            .collect::<Result<Vec<_>, _>>()?;
-        Ok(Self { blocks: parts.chunks(LANES).map(Block::new).collect() })
+        let part = |(k, component)| Part::new(k, component, input, output, name);
+        let parts = components.iter().enumerate().map(part).collect::<Result<_, _>>()?;
+        Ok(Self { parts })
     }
 
-    /// Whitens all components, and finds the likeliest one.
-    #[inline(always)]
-    fn weigh<const B: usize>(
-        &self,
-        input: &SVector<f64, I>,
-        weighted: &mut Weighted<I, B>,
-    ) -> Likeliest<O> {
-        let mut highest = Lanes::splat(f64::NEG_INFINITY);
+    /// Whitens all components, and finds the likeliest one. A NaN input gives shares of NaN.
+    fn weigh(&self, input: &SVector<f64, I>) -> Weighted<I, O> {
+        let mut weighted = Weighted {
+            shares: [0.0; MAX_COMPONENTS],
+            whitened: [SVector::zeros(); MAX_COMPONENTS],
+            origin: SVector::zeros(),
+        };
+        let mut highest = f64::NEG_INFINITY;
         let entries = weighted.shares.iter_mut().zip(&mut weighted.whitened);
-        for ((log, whitened), block) in entries.zip(&self.blocks) {
-            *whitened = block.whiten(input);
-            let mut squared = whitened[0] * whitened[0];
-            for z in &whitened[1..] {
-                squared = squared + *z * *z;
-            }
-            *log = block.log_height - squared * Lanes::splat(0.5);
-            highest = highest.max(*log);
-        }
-        let mut likeliest = Likeliest { log_density: highest.highest(), mean: SVector::zeros() };
-        let entries = weighted.shares.iter().zip(&weighted.whitened);
-        for ((log, whitened), block) in entries.zip(&self.blocks) {
-            if let Some(lane) = log.position(likeliest.log_density) {
-                let output = block.difference(whitened, &SVector::zeros());
-                likeliest.mean = SVector::from_fn(|o, _| output[o].0[lane]);
+        for ((log, whitened), part) in entries.zip(&self.parts) {
+            *whitened = part.whitening * (input - part.input_mean);
+            *log = part.log_height - 0.5 * whitened.norm_squared();
+            if *log > highest {
+                highest = *log;
+                weighted.origin = part.output_mean + part.gain * *whitened;
             }
         }
-        likeliest
+        for (share, _) in weighted.shares.iter_mut().zip(&self.parts) {
+            *share = exp_above(*share - highest, NEGLIGIBLE);
+        }
+        weighted
     }
 
-    fn has_few(&self) -> bool {
-        self.blocks.len() <= FEW_BLOCKS
+    /// Share, whitened distance and prepared terms of every component.
+    fn terms<'a>(
+        &'a self,
+        weighted: &'a Weighted<I, O>,
+    ) -> impl Iterator<Item = (f64, &'a SVector<f64, I>, &'a Part<I, O>)> {
+        let entries = weighted.shares.iter().zip(&weighted.whitened).zip(&self.parts);
+        entries.map(|((share, whitened), part)| (*share, whitened, part))
     }
 
     fn local(&self, input: &SVector<f64, I>) -> Local<I, O> {
-        if self.has_few() {
-            self.local_of::<FEW_BLOCKS>(input)
-        } else {
-            self.local_of::<MAX_BLOCKS>(input)
+        let weighted = self.weigh(input);
+        let (mut total, mut difference) = (0.0, SVector::<f64, O>::zeros());
+        let mut log_slope = SVector::<f64, I>::zeros();
+        let mut slope = SMatrix::<f64, O, I>::zeros();
+        for (share, whitened, part) in self.terms(&weighted) {
+            let from_origin = share * (part.output_mean + part.gain * whitened - weighted.origin);
+            let back = part.whitening.tr_mul(whitened);
+            total += share;
+            difference += from_origin;
+            log_slope -= back * share;
+            slope += part.slope * share - from_origin * back.transpose();
         }
-    }
-
-    fn mean(&self, input: &SVector<f64, I>) -> SVector<f64, O> {
-        if self.has_few() {
-            self.mean_of::<FEW_BLOCKS>(input, &mut Weighted::none()).0
-        } else {
-            self.mean_of::<MAX_BLOCKS>(input, &mut Weighted::none()).0
-        }
-    }
-
-    fn predict(&self, input: &SVector<f64, I>) -> Prediction<O> {
-        if self.has_few() {
-            self.predict_of::<FEW_BLOCKS>(input)
-        } else {
-            self.predict_of::<MAX_BLOCKS>(input)
-        }
-    }
-
-    fn local_of<const B: usize>(&self, input: &SVector<f64, I>) -> Local<I, O> {
-        let mut weighted = Weighted::<I, B>::none();
-        let likeliest = self.weigh(input, &mut weighted);
-        let mut total = Lanes::ZERO;
-        let mut differences = [Lanes::ZERO; O];
-        let mut log_slopes = [Lanes::ZERO; I];
-        let mut slopes = [[Lanes::ZERO; I]; O];
-        let entries = weighted.shares.iter().zip(&weighted.whitened);
-        for ((log, whitened), block) in entries.zip(&self.blocks) {
-            let share = share(*log, likeliest.log_density);
-            total = total + share;
-            let difference = block.difference(whitened, &likeliest.mean);
-            let back = block.unwhiten(whitened);
-            for i in 0..I {
-                log_slopes[i] = log_slopes[i] - back[i] * share;
-            }
-            for o in 0..O {
-                let weighted_difference = difference[o] * share;
-                differences[o] = differences[o] + weighted_difference;
-                for i in 0..I {
-                    slopes[o][i] =
-                        slopes[o][i] + (block.slope[o][i] * share - weighted_difference * back[i]);
-                }
-            }
-        }
-        let total = total.sum();
-        let difference = SVector::<f64, O>::from_fn(|o, _| differences[o].sum() / total);
-        let log_slope = SVector::<f64, I>::from_fn(|i, _| log_slopes[i].sum());
-        let slope = SMatrix::<f64, O, I>::from_fn(|o, i| slopes[o][i].sum());
+        let difference = difference / total;
         Local {
-            mean: likeliest.mean + difference,
+            mean: weighted.origin + difference,
             jacobian: (slope - difference * log_slope.transpose()) / total,
         }
     }
 
-    /// The mean, and the sum of the shares: at least 1.
-    #[inline(always)]
-    fn mean_of<const B: usize>(
-        &self,
-        input: &SVector<f64, I>,
-        weighted: &mut Weighted<I, B>,
-    ) -> (SVector<f64, O>, f64) {
-        let likeliest = self.weigh(input, weighted);
-        let mut total = Lanes::ZERO;
-        let mut differences = [Lanes::ZERO; O];
-        let entries = weighted.shares.iter_mut().zip(&weighted.whitened);
-        for ((entry, whitened), block) in entries.zip(&self.blocks) {
-            let share = share(*entry, likeliest.log_density);
-            *entry = share;
-            total = total + share;
-            let difference = block.difference(whitened, &likeliest.mean);
-            for o in 0..O {
-                differences[o] = differences[o] + difference[o] * share;
-            }
-        }
-        let total = total.sum();
-        let difference = SVector::<f64, O>::from_fn(|o, _| differences[o].sum() / total);
-        (likeliest.mean + difference, total)
+    fn mean(&self, input: &SVector<f64, I>) -> SVector<f64, O> {
+        self.mean_of(&self.weigh(input)).0
     }
 
-    fn predict_of<const B: usize>(&self, input: &SVector<f64, I>) -> Prediction<O> {
-        let mut weighted = Weighted::<I, B>::none();
-        let (mean, total) = self.mean_of(input, &mut weighted);
-        let mut total_spread = [[Lanes::ZERO; O]; O];
-        let normal = Lanes::splat(1.0 / total);
-        let entries = weighted.shares.iter().zip(&weighted.whitened);
-        for ((share, whitened), block) in entries.zip(&self.blocks) {
-            let share = *share * normal;
-            let difference = block.difference(whitened, &mean);
-            for o in 0..O {
-                for p in 0..=o {
-                    let spread = block.covariance[o][p] + difference[o] * difference[p];
-                    total_spread[o][p] = total_spread[o][p] + spread * share;
-                }
-            }
+    /// The mean, and the sum of the shares: at least 1.
+    fn mean_of(&self, weighted: &Weighted<I, O>) -> (SVector<f64, O>, f64) {
+        let (mut total, mut difference) = (0.0, SVector::<f64, O>::zeros());
+        for (share, whitened, part) in self.terms(weighted) {
+            total += share;
+            difference += share * (part.output_mean + part.gain * whitened - weighted.origin);
         }
-        let covariance = SMatrix::from_fn(|o, p| total_spread[o.max(p)][o.min(p)].sum());
+        (weighted.origin + difference / total, total)
+    }
+
+    fn predict(&self, input: &SVector<f64, I>) -> Prediction<O> {
+        let weighted = self.weigh(input);
+        let (mean, total) = self.mean_of(&weighted);
+        let mut covariance = SMatrix::<f64, O, O>::zeros();
+        for (share, whitened, part) in self.terms(&weighted) {
+            let difference = part.output_mean + part.gain * whitened - mean;
+            covariance += (part.covariance + difference * difference.transpose()) * (share / total);
+        }
         Prediction { mean, covariance }
     }
 }

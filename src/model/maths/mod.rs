@@ -3,7 +3,6 @@
 pub(in crate::model) mod gaussian_mixture;
 pub(in crate::model) mod gaussian_mixture_regression;
 pub(in crate::model) mod hull;
-pub(in crate::model) mod lanes;
 pub(in crate::model) mod matrix_checks;
 mod mixture_part;
 pub(in crate::model) mod mixture_regression;
@@ -12,3 +11,4 @@ pub(in crate::model) mod polygon;
 pub mod polynomial_regression;
 pub(in crate::model) mod quadratic;
 pub(in crate::model) mod regression;
+pub(in crate::model) mod wide;

@@ -1,7 +1,7 @@
 //! Activations and their slopes.
 
 use super::parameters::Activation;
-use crate::model::maths::lanes::{exp_above, wide};
+use crate::model::maths::wide::{exp_above, wide};
 
 /// Below this an exponential adds nothing to 1.
 const LEAST_EXPONENT: f64 = -40.0;

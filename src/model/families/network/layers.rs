@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::matrix::Matrix;
 use super::parameters::{Activation, Layer, MAX_STATE, MAX_WIDTH};
-use crate::model::maths::lanes::wide;
+use crate::model::maths::wide::wide;
 use crate::units::MotorVec;
 
 /// Numbers per row: serialisation knows arrays of so many.

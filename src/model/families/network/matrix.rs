@@ -1,6 +1,6 @@
 //! Weights, laid out for wide instructions. The order of every sum is fixed.
 
-use crate::model::maths::lanes::wide;
+use crate::model::maths::wide::wide;
 
 /// Partial sums of a row side by side. Matrices with fewer rows lie row by row.
 const PARTS: usize = 8;
