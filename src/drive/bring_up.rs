@@ -73,12 +73,14 @@ impl<'a, T: Transport> DriveNode<'a, T> {
 
     /// Checks that this is the configured drive. Of its number, the lower half counts.
     pub(super) fn check_identity(&mut self, expected: u64) -> Result<(), AxisError> {
-        self.check_vendor()?;
-        let found = self.read(object::SERIAL_NUMBER)?;
-        if found == expected as u32 {
-            Ok(())
-        } else {
-            Err(AxisError::SerialNumber { expected, found })
+        // A gateway answers in the place of a node that is off, but only after a time-out of its
+        // own. While other axes are served, nobody waits for that.
+        self.link.wait_for_gateway(self.interlude.is_none());
+        let found = self.check_vendor().and_then(|()| self.read(object::SERIAL_NUMBER));
+        self.link.wait_for_gateway(false);
+        match found? {
+            found if found == expected as u32 => Ok(()),
+            found => Err(AxisError::SerialNumber { expected, found }),
         }
     }
 
@@ -411,6 +413,9 @@ pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, error: AxisError) ->
             } else {
                 DriveError::NotUnderstood(device, baud, heard)
             }
+        }
+        AxisError::Exchange { object, error: LinkError::Refused(AbortCode::NO_NODE) } => {
+            DriveError::NoNode { device, node, object }
         }
         AxisError::Exchange { error: LinkError::Refused(AbortCode::UNKNOWN_COMMAND), .. } => {
             let family = family_of_port(port).name();

@@ -7,7 +7,7 @@ use super::abort_code::AbortCode;
 use super::cia402::DriveState;
 use super::heard::Heard;
 use super::latency_timer;
-use super::object::Address;
+use super::object::{self, Address};
 use super::transport::NOT_OUR_TURN;
 use super::variant::SettingError;
 use crate::units::Nanos;
@@ -65,6 +65,16 @@ pub enum DriveError {
         baud: u32,
         /// Node id.
         node: u8,
+    },
+    /// The drive at this port answers for a node behind it: the node does not, or not any more.
+    #[error("node {node} behind {device} {}", missing_node(*node, *object))]
+    NoNode {
+        /// The device.
+        device: PathBuf,
+        /// Node id.
+        node: u8,
+        /// What was asked.
+        object: Address,
     },
     /// Something arrives, and is not understood: on this device, at this rate.
     #[error(
@@ -161,10 +171,7 @@ pub enum AxisError {
         found: u32,
     },
     /// Another drive than the one configured.
-    #[error(
-        "serial number {found} (0x{found:08X}) instead of {expected} (0x{expected:08X}); {}",
-        serial_number_remedy(*expected, *found)
-    )]
+    #[error("{}", other_serial_number(*expected, *found))]
     SerialNumber {
         /// As configured.
         expected: u64,
@@ -192,14 +199,43 @@ pub enum AxisError {
     },
 }
 
-/// What to do about another serial number. Tools print it in hexadecimal, mostly without `0x`.
-fn serial_number_remedy(expected: u64, found: u32) -> String {
-    match u64::from_str_radix(&expected.to_string(), 16) {
+/// What a gateway that waits in vain means, and what to do. Two drives of one number answer the same to
+/// the first read, the vendor.
+fn missing_node(node: u8, object: Address) -> String {
+    if object != object::VENDOR.address() {
+        return format!(
+            "answered, and not when asked for {object} (0x05040000), as where two drives have node \
+             {node} or a plug of CAN is loose; give every drive DIP switches of its own, and press \
+             the plugs in"
+        );
+    }
+    format!(
+        "does not answer: the gateway waited for it in vain (0x05040000); check that its drive has \
+         power, that its DIP switches and `node_id` say {node} and no other drive's do, and the plugs \
+         of CAN"
+    )
+}
+
+/// What another serial number means, and what to do. Tools print it in hexadecimal, mostly without
+/// `0x`.
+fn other_serial_number(expected: u64, found: u32) -> String {
+    let write = format!("write `serial_number = {found}`");
+    if expected == 0 {
+        return format!(
+            "`serial_number` is not filled in: this drive is {found} (0x{found:08X}); {write}, or \
+             let `i2ris commission --apply` do it"
+        );
+    }
+    let remedy = match u64::from_str_radix(&expected.to_string(), 16) {
         Ok(number) if number as u32 == found => {
             format!("read as hexadecimal it is this drive: write 0x{expected}")
         }
-        _ => {
-            "cables are swapped, or `serial_number` in the configuration names another drive".into()
-        }
-    }
+        _ => format!(
+            "if {found} is in the configuration as another motor's, they are swapped: swap the \
+             cables back; if this drive takes the place of the old one, {write}"
+        ),
+    };
+    format!(
+        "serial number {found} (0x{found:08X}) instead of {expected} (0x{expected:08X}); {remedy}"
+    )
 }

@@ -96,7 +96,10 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
 pub(super) fn stop_advice(stop: Stop) -> &'static str {
     match stop {
         Stop::Stale => "send faster, or with a longer deadline; look at the load of the computer",
-        Stop::Feedback => "check cable and supply (`i2ris doctor`)",
+        Stop::Feedback => {
+            "take load off the computer if ticks are missed (`i2ris status`), else check cable and \
+             supply (`i2ris doctor`)"
+        }
         Stop::Watchdog => "start `i2ris-watchdog --config FILE` again, and read its log",
         Stop::Command => "ask who gave it (`i2ris status`), then give the command again",
         Stop::Fixture => "switch the fixtures off (`i2ris command fixture off`), then again",

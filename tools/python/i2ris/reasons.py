@@ -109,7 +109,7 @@ ADVICE: dict[tuple[int, int], str] = {
     (2, 28): "go on: nothing is to be done",
     (2, 29): "read the log of `i2ris-watchdog`; let it hold every port, or end the process that `i2ris doctor` names",
     (3, 1): "send faster, or with a longer deadline; look at the load of the computer",
-    (3, 2): "check cable and supply (`i2ris doctor`)",
+    (3, 2): "take load off the computer if ticks are missed (`i2ris status`), else check cable and supply (`i2ris doctor`)",
     (3, 3): "start `i2ris-watchdog --config FILE` again, and read its log",
     (3, 4): "ask who gave it (`i2ris status`), then give the command again",
     (3, 5): "switch the fixtures off (`i2ris command fixture off`), then again",

@@ -1,13 +1,14 @@
 //! Ports and the drives behind them.
 
-use i2ris::config::{Config, PortConfig};
+use std::collections::BTreeMap;
+
+use i2ris::config::{AxisConfig, Config, PortConfig};
 use i2ris::drive::DriveError;
 use i2ris::drive::cia402::DriveState;
-use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::inspect::{Inspection, inspect};
 use i2ris::drive::latency_timer;
-use i2ris::drive::survey::{FoundNode, answering_rate, nodes};
-use i2ris::units::Nanos;
+use i2ris::drive::survey::{FoundNode, answering, nodes};
+use i2ris::units::{AUXILIARY, MAX_AXES, Nanos};
 
 use super::report::Report;
 
@@ -47,11 +48,7 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
                 let name = format!("motor {}", axis.motor);
                 match seen {
                     Ok(seen) => check_drive(&name, &seen, report),
-                    Err(why) => report.fail(
-                        name,
-                        why,
-                        "correct `serial_number` and `node_id`, or swap the cables back",
-                    ),
+                    Err(why) => fail(name, &why, report),
                 }
             }
             // What answered a moment ago answers.
@@ -63,17 +60,43 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
         Err(error) => {
             let is_garbled =
                 matches!(&error, DriveError::NotUnderstood(.., heard) if !heard.is_frame());
-            let may_be_rate = is_garbled || matches!(error, DriveError::NoAnswer { .. });
-            if let Some(rate) = may_be_rate.then(|| answering_rate(port)).flatten() {
-                let found = format!("nothing at {} baud; a drive answers at {rate}", port.baud);
-                return report.fail(name, found, format!("set `baud = {rate}`"));
+            let is_silent = matches!(error, DriveError::NoAnswer { .. });
+            match (is_garbled || is_silent).then(|| answering(port)).flatten() {
+                Some(other) => say_other(port, &other, report),
+                None if is_silent => report.fail(
+                    name,
+                    "nothing answers, at any rate from 9600 to 1000000 baud, in either framing",
+                    "switch on the power of the drives, press in the cable at both ends, and check \
+                     that `device` is the port of the drives",
+                ),
+                None => fail(name, &error.to_string(), report),
             }
-            let text = error.to_string();
-            // A sentence of what, and how to mend it.
-            let (found, fix) = text.split_once("; ").unwrap_or((&text, "check the drive"));
-            report.fail(name, found, fix);
         }
     }
+}
+
+/// A sentence of what, and how to mend it.
+fn fail(name: String, text: &str, report: &mut Report) {
+    let (found, fix) = text.split_once("; ").unwrap_or((text, "check the drive"));
+    report.fail(name, found, fix);
+}
+
+/// A drive answers, but not as it is written.
+fn say_other(port: &PortConfig, other: &PortConfig, report: &mut Report) {
+    let framing = |port: &PortConfig| format!("{:?}", port.framing).to_lowercase();
+    let (baud, [is, other_is]) = (other.baud, [port, other].map(framing));
+    let behind = nodes(other).unwrap_or_default();
+    let behind: Vec<String> = behind
+        .iter()
+        .map(|it| format!("; node {} is an {} {}", it.node_id, it.family, it.serial_number))
+        .collect();
+    let found = format!(
+        "nothing at {} baud in framing {is}; a drive answers at {baud} in framing {other_is}{}",
+        port.baud,
+        behind.concat()
+    );
+    let fix = format!("set `baud = {baud}` and `framing = \"{other_is}\"`");
+    report.fail(port.device.display().to_string(), found, fix);
 }
 
 /// The drives on a port, and a table of those that the configuration does not name.
@@ -85,23 +108,48 @@ fn list_nodes(port: &PortConfig, found: &[FoundNode], report: &mut Report) {
         })
     };
     let device = port.device.display();
-    let (baud, family) = (port.baud, family_of_port(port).name().to_lowercase());
-    let mut table =
-        format!("\n[[ports]]\ndevice = \"{device}\"\nbaud = {baud}\nfamily = \"{family}\"\n");
-    for (index, node) in found.iter().enumerate() {
-        let FoundNode { node_id, family, firmware, serial_number } = node;
-        let motor = port.axes.get(index).map_or(index, |axis| axis.motor);
-        let what = format!("{family}, firmware 0x{firmware:04X}");
-        let found = format!("{what}, serial number {serial_number}");
-        report.pass(format!("{device} node {node_id}"), found);
-        table += &format!(
-            "\n[[ports.axes]] # {what}\nmotor = {motor}\nfamily = \"{}\"\nnode_id = {node_id}\n\
-             serial_number = {serial_number}\n",
-            family.to_lowercase()
-        );
+    for FoundNode { node_id, family, firmware, serial_number } in found {
+        let what = format!("{family}, firmware 0x{firmware:04X}, serial number {serial_number}");
+        report.pass(format!("{device} node {node_id}"), what);
     }
     if !found.iter().all(is_known) {
-        report.paste(table);
+        // Whole, with the limits of the configuration: what is pasted has to be a valid file.
+        let mut port = port.clone();
+        rename_axes(&mut port, found);
+        let table = BTreeMap::from([("ports", [port])]);
+        report.paste(toml::to_string(&table).unwrap_or_default());
+    }
+}
+
+/// Gives the axes the nodes and serial numbers of the drives that were found: those of their node,
+/// and to what is left what is left. More drives are more axes.
+pub fn rename_axes(port: &mut PortConfig, found: &[FoundNode]) {
+    let mut left: Vec<&FoundNode> = found.iter().collect();
+    let mut rest = Vec::new();
+    for (index, axis) in port.axes.iter_mut().enumerate() {
+        let is_it =
+            |node: &&FoundNode| axis.node_id == node.node_id || axis.node_id == 0 && index == 0;
+        match left.iter().position(is_it) {
+            Some(found) => axis.serial_number = left.remove(found).serial_number.into(),
+            None => rest.push(axis),
+        }
+    }
+    let mut left = left.into_iter();
+    for (axis, node) in rest.into_iter().zip(&mut left) {
+        (axis.node_id, axis.serial_number) = (node.node_id, node.serial_number.into());
+    }
+    for node in left.take(MAX_AXES.saturating_sub(port.axes.len())) {
+        let motor = port.axes.len();
+        let (node_id, serial_number) = (node.node_id, node.serial_number.into());
+        let auxiliary_counts_per_deg = (motor == AUXILIARY).then_some(20.0);
+        let like = port.axes.first().cloned();
+        port.axes.extend(like.map(|like| AxisConfig {
+            motor,
+            node_id,
+            serial_number,
+            auxiliary_counts_per_deg,
+            ..like
+        }));
     }
 }
 
@@ -137,9 +185,10 @@ fn check_state(name: &str, seen: &Inspection, report: &mut Report) {
     let homed = if seen.homed { "homed" } else { "not homed" };
     match seen.state {
         Some(DriveState::Fault | DriveState::FaultReaction) => {
+            let newest = seen.errors.first().map(|error| format!(" ({error})")).unwrap_or_default();
             report.fail(
                 name,
-                format!("fault, {homed}"),
+                format!("fault{newest}, {homed}"),
                 "remove the cause, then acknowledge: `i2ris command state acknowledge`",
             );
         }

@@ -5,7 +5,7 @@
 
 mod config;
 mod devices;
-mod drives;
+pub mod drives;
 pub mod report;
 mod system;
 mod usb;

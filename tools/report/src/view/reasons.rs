@@ -90,7 +90,27 @@ pub fn reasons(messages: &LatestMessages, warnings: &[ReasonMsg], now: Nanos) ->
             }
         });
     }
+    if let Some(missed) = missed_ticks(messages) {
+        // A computer that comes too late reads and writes too late: nothing is wrong with the line.
+        let late = |why: &&mut Why| ["fault 2", "stop 2"].contains(&&*why.code);
+        all.iter_mut().filter(late).for_each(|why| {
+            why.text += &format!("; the loop has {missed}");
+            why.advice =
+                "take load off the computer, or give it real-time permission; if it comes \
+                          again without missed ticks, check cable and supply (`i2ris doctor`)"
+                    .to_owned();
+        });
+    }
     all
+}
+
+/// What the loop misses of its ticks, where that is more than a hundredth.
+fn missed_ticks(messages: &LatestMessages) -> Option<String> {
+    let it = messages.statistics.as_ref()?;
+    let all = [(it.missed, it.ticks), (it.total_missed, it.total_ticks)];
+    let is_late = all.iter().any(|(missed, ticks)| 100 * missed > missed + ticks);
+    let (missed, ticks) = (it.total_missed, it.total_ticks + it.total_missed);
+    is_late.then(|| format!("{missed} missed ticks of {ticks}"))
 }
 
 /// A camera that has sent frames since the start of the controller, and sends none any more.

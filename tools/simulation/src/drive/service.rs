@@ -68,16 +68,24 @@ impl Drive {
         let timeout = Nanos::from_millis(self.config.gateway_timeout_ms);
         let (others, round_trip) = behind.unwrap_or_default();
         let is_asked = |other: &&mut Self| Some(other.config.node_id) == node;
-        let mut asked = others.into_iter().find(is_asked);
-        if let Some(other) = asked.take_if(|other| other.is_booting() || other.silent) {
+        let is_mute = |other: &&mut Self| other.is_booting() || other.silent;
+        let (mute, mut asked): (Vec<_>, Vec<_>) =
+            others.into_iter().filter(is_asked).partition(is_mute);
+        for other in mute {
             other.events.push(EventKind::Line(LineTrouble::NoAnswer));
         }
-        let (delay, abort) = Gateway { round_trip, timeout }.forward(asked.is_some());
-        let (outcome, delay) = match (abort, asked) {
+        let (delay, abort) = Gateway { round_trip, timeout }.forward(!asked.is_empty());
+        let (outcome, delay) = match (abort, asked.split_first_mut()) {
             (None, Some(_)) if service.is_segmented() && !self.config.forwards_segments => {
                 (Err(Abort::UnsupportedAccess), Nanos::ZERO)
             }
-            (None, Some(other)) => (other.execute(service), delay),
+            (None, Some((first, more))) => {
+                let outcome = first.execute(service.clone());
+                // Two nodes with one id send at once: what differs destroys both frames.
+                let is_same =
+                    more.iter_mut().all(|other| other.execute(service.clone()) == outcome);
+                if is_same { (outcome, delay) } else { (Err(Abort::SdoTimeout), timeout) }
+            }
             (abort, _) => (Err(abort.unwrap_or(Abort::SdoTimeout)), delay),
         };
         let reply = self.reply(outcome, is_read);
