@@ -1,7 +1,7 @@
 //! `i2ris preflight`: go or no-go, in the minute before each trial.
 
 #[cfg(test)]
-mod draws;
+pub mod draws;
 mod facts;
 mod judgement;
 mod motion;

@@ -81,6 +81,15 @@ impl Report {
         failed.map(|check| &*check.name)
     }
 
+    /// What is named first, and what to do about it, without what holds on a busy computer only.
+    #[cfg(test)]
+    pub fn first(&self, but: &str) -> Option<[String; 2]> {
+        let is_it = |check: &Check| !format!("{} {}", check.found, check.fix).contains(but);
+        let of = |level| self.checks.iter().find(|it| it.level == level && is_it(it));
+        let Check { name, found, fix, .. } = of(Level::Fail).or_else(|| of(Level::Warn))?;
+        Some([format!("{name}: {found}"), fix.clone()])
+    }
+
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
         serde_json::to_string_pretty(self)
     }
@@ -103,7 +112,10 @@ impl fmt::Display for Report {
             }
         }
         self.found_tables.iter().try_for_each(|table| {
-            write!(f, "\nfound, to paste into the configuration (limits as before):\n{table}")
+            write!(
+                f,
+                "\nfound, to paste into the configuration in the place of this port:\n\n{table}"
+            )
         })
     }
 }

@@ -15,7 +15,7 @@ use i2ris_calibration::parallel;
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_simulation::ageing::{Change, Course, Parameter};
-use i2ris_simulation::camera::{Camera, CameraConfig};
+use i2ris_simulation::camera::{Camera, CameraConfig, CameraFault, TimedCameraFault};
 use i2ris_simulation::closed_loop::{ClosedLoop, Motors};
 use i2ris_simulation::drive::MotorConfig;
 use i2ris_simulation::motion::protocol::Protocol;
@@ -26,6 +26,8 @@ use rand_pcg::Pcg64Mcg;
 
 use super::judgement::{CameraFacts, Measured, Swing, judge};
 use super::motion::{LENGTH_S, Observer, Pair, Plan, Series};
+use super::swing::{NOBODY, PAUSED};
+use crate::doctor::report::Report;
 
 const CONFIG: &str = include_str!("../../../../config/emulator.toml");
 /// A model of the default family, and its snake.
@@ -99,6 +101,8 @@ struct Draw {
     motors: MotorConfig,
     is_swapped: bool,
     camera: CameraConfig,
+    /// What the camera makes of an angle.
+    zoom: f64,
     start: Pair,
     seed: u64,
 }
@@ -130,20 +134,24 @@ impl Draw {
             faults: Vec::new(),
         };
         let start = Pair::new(within(-8.0, 8.0), within(-8.0, 8.0));
-        let is_swapped = false;
-        Self { random, model, snake, changes, motors, is_swapped, camera, start, seed }
+        let (is_swapped, zoom) = (false, 1.0);
+        Self { random, model, snake, changes, motors, is_swapped, camera, zoom, start, seed }
     }
 
     fn within(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.random.random::<f64>()
     }
 
+    fn camera_fault(&mut self, fault: CameraFault) {
+        self.camera.faults.push(TimedCameraFault { start_s: 0.0, for_s: None, fault });
+    }
+
     fn swing(&self) -> Swing {
         match self.observe().map(|observer| (observer.is_too_far(), observer.finish(), observer)) {
-            Err(why) => Swing::None(why),
+            Err(why) => Swing::None([why, String::new()]),
             Ok((true, _, observer)) => Swing::TooFar(observer.farthest),
             Ok((false, Some(motion), _)) => Swing::Done(motion),
-            Ok((false, None, _)) => Swing::None("too little was seen".to_owned()),
+            Ok((false, None, _)) => Swing::None(["too little was seen".to_owned(), String::new()]),
         }
     }
 
@@ -184,52 +192,61 @@ impl Draw {
                 break;
             }
             if camera.is_exposure_due(control.now()) {
-                camera.capture(control.now(), control.motors.robot.angles_deg());
+                let seen = control.motors.robot.angles_deg().map(|it| it * self.zoom);
+                camera.capture(control.now(), seen);
             }
             while let Some(frame) = camera.deliver(Nanos(u64::MAX)) {
-                observer.see(Series::Camera, time_s, angles(frame.position));
+                let stamp_s = (frame.stamp_ns as f64 - control.now().0 as f64) * 1e-9;
+                observer.see(Series::Camera, time_s + stamp_s, angles(frame.position));
             }
         }
         Ok(observer)
     }
 }
 
-/// The slow failures, by the name that the judgement has for them.
-const FAILURES: [&str; 10] = [
-    "wire",
-    "coupling",
-    "snake",
-    "motors",
-    "model",
-    "camera",
-    "disk",
-    "clock",
-    "drive gains",
-    "line",
+/// What goes slowly wrong, and the name that the judgement has for it.
+const FAILURES: [(&str, &str); 17] = [
+    ("slack wire", "wire"),
+    ("slipped coupling", "zero"),
+    ("another snake", "snake"),
+    ("motors are swapped", "motors"),
+    ("old model", "model"),
+    ("dull picture", "camera"),
+    ("disk", "disk"),
+    ("clock", "clock"),
+    ("slow position loop", "drive gains"),
+    ("line", "line"),
+    ("frozen picture", "camera"),
+    ("camera clock", "clock"),
+    ("magnification", "camera"),
+    ("play of the gears", "gear"),
+    ("mirrored picture", "motors"),
+    ("torn wire", "wire"),
+    ("homed while bent", "zero"),
 ];
 
 /// Goes wrong.
 fn fail(name: &str, draw: &mut Draw, facts: &mut Measured) {
-    let turn = (draw.seed / 10) as usize;
+    let turn = draw.seed as usize / FAILURES.len();
     let (motor, sign) = (turn % 2, if turn % 4 < 2 { 1.0 } else { -1.0 });
     let on_motor = |parameter, by| Change { motor: Some(motor), ..change(parameter, by) };
     match name {
-        "wire" => {
+        "slack wire" => {
             let (gap, preload) = (draw.within(1.0, 4.0), draw.within(-0.9, -0.5));
             draw.changes.push(on_motor(Parameter::Gap, gap));
             draw.changes.push(on_motor(Parameter::Preload, preload));
         }
-        "coupling" => {
+        "slipped coupling" => {
             let slip_deg = sign * draw.within(1.5, 4.0);
             draw.changes.push(on_motor(Parameter::Zero, slip_deg));
         }
-        "snake" => {
+        "another snake" => {
             let physics = Physics::ALL[turn % Physics::ALL.len()];
             draw.snake = DrawnSnake { physics, seed: 2 + draw.seed };
         }
-        "motors" => draw.is_swapped = true,
-        "model" => facts.model_days = Some(draw.within(40.0, 400.0)),
-        "camera" => match turn % 3 {
+        "motors are swapped" => draw.is_swapped = true,
+        "old model" => facts.model_days = Some(draw.within(40.0, 400.0)),
+        "dull picture" => match turn % 3 {
             0 => facts.camera.as_mut().unwrap().scatter_deg = draw.within(0.25, 1.0),
             1 => facts.camera.as_mut().unwrap().frames_per_s = draw.within(1.0, 6.0),
             _ => facts.camera.as_mut().unwrap().seen = draw.within(0.0, 0.7),
@@ -240,11 +257,36 @@ fn fail(name: &str, draw: &mut Draw, facts: &mut Measured) {
             facts.camera.as_mut().unwrap().late_s = sign * draw.within(0.7, 4000.0);
         }
         // Below that the following error ends the motion.
-        "drive gains" => draw.motors.bandwidth_hz = draw.within(6.0, 15.0),
+        "slow position loop" => draw.motors.bandwidth_hz = draw.within(6.0, 15.0),
         "line" => {
             // Two axes behind an adapter that holds every reply for 16 ms.
             let exchange_s = draw.within(0.016, 0.018);
             facts.lines[0].1[0] = draw.within(0.9, 4.0) * 2.0 * exchange_s;
+        }
+        "frozen picture" => {
+            draw.camera_fault(CameraFault::Frozen {});
+            facts.camera.as_mut().unwrap().scatter_deg = 0.0;
+        }
+        "camera clock" => {
+            let ms = sign * draw.within(150.0, 400.0);
+            draw.camera_fault(CameraFault::LateStamps { ms });
+            facts.camera.as_mut().unwrap().late_s -= 1e-3 * ms;
+        }
+        "magnification" if sign > 0.0 => draw.zoom = draw.within(1.25, 1.5),
+        "magnification" => draw.zoom = draw.within(0.6, 0.8),
+        "play of the gears" => {
+            let by = draw.within(8.0, 11.0);
+            draw.changes.push(change(Parameter::Gap, by));
+        }
+        "mirrored picture" => {
+            let axes = [0, 1].map(|axis| axis == motor || sign < 0.0);
+            draw.camera_fault(CameraFault::Mirrored { axes });
+        }
+        "torn wire" => draw.changes.push(on_motor(Parameter::Gain, -0.97)),
+        "homed while bent" => {
+            let (direction, by) = ([sign, draw.within(-1.0, 1.0)], draw.within(2.0, 4.0));
+            let direction = Some(direction);
+            draw.changes.push(Change { direction, ..change(Parameter::Zero, by) });
         }
         other => panic!("{other}"),
     }
@@ -270,28 +312,42 @@ fn facts(draw: &mut Draw) -> Measured {
         clock_step_s: draw.within(-1.0, 1.0),
         priority: [80, 80],
         watchdog: WatchdogStatus::Watching,
-        swing: Swing::None(String::new()),
+        swing: Swing::None(Default::default()),
     }
 }
 
 /// What is said of a robot.
-fn named(seed: u64, failure: Option<&str>, of: &Calibrated) -> Vec<String> {
+fn said(seed: u64, failure: Option<&str>, of: &Calibrated) -> Report {
     let mut draw = Draw::healthy(seed, of.clone());
     let mut measured = facts(&mut draw);
     if let Some(name) = failure {
         fail(name, &mut draw, &mut measured);
     }
     measured.swing = draw.swing();
-    judge(&measured).failed().map(str::to_owned).collect()
+    judge(&measured)
 }
 
-/// How many of so many draws are judged rightly, ten failures in turn: found and named, and healthy
-/// ones that are go.
-fn count(draws: u64, of: &Calibrated) -> [usize; 2] {
-    let judge_one = |seed: u64| {
-        let failure = FAILURES[(seed % 10) as usize];
-        let (found, alarms) = (named(1000 + seed, Some(failure), of), named(seed, None, of));
-        let is_named = found.iter().any(|name| name == failure) && found.len() <= 2;
+/// Of a wrong bench.
+pub fn said_of(bench: &str) -> Report {
+    let swing = match bench {
+        "nobody can be asked" => NOBODY,
+        "robot is paused" => PAUSED,
+        _ => return said(1021, Some(bench), &Calibrated::kept()),
+    };
+    let mut measured = facts(&mut Draw::healthy(1, Calibrated::kept()));
+    measured.swing = Swing::None(swing.map(str::to_owned));
+    judge(&measured)
+}
+
+/// How many of so many draws are judged rightly, all failures in turn: named first, and healthy ones
+/// that are go.
+fn count(draws: usize, of: &Calibrated) -> [usize; 2] {
+    let judge_one = |seed: usize| {
+        let (failure, name) = FAILURES[seed % FAILURES.len()];
+        let names = |report: Report| report.failed().map(str::to_owned).collect::<Vec<String>>();
+        let found = names(said(1000 + seed as u64, Some(failure), of));
+        let alarms = names(said(seed as u64, None, of));
+        let is_named = found.first().is_some_and(|it| it == name);
         if !is_named || !alarms.is_empty() {
             println!(
                 "{}, {seed}: {failure} is said to be {found:?}, healthy to be {alarms:?}",
@@ -300,33 +356,28 @@ fn count(draws: u64, of: &Calibrated) -> [usize; 2] {
         }
         [is_named, alarms.is_empty()]
     };
-    let judged = parallel::map(draws as usize, |seed| judge_one(seed as u64));
+    let judged = parallel::map(draws, judge_one);
     [0, 1].map(|which| judged.iter().filter(|right| right[which]).count())
 }
 
 #[test]
-fn every_slow_failure_is_named_and_healthy_robots_are_go() {
-    assert_eq!(count(10, &Calibrated::kept()), [10, 10]);
+fn every_slow_failure_is_named_first_and_healthy_robots_are_go() {
+    assert_eq!(count(FAILURES.len(), &Calibrated::kept()), [FAILURES.len(); 2]);
 }
 
+/// Snakes of all physics; of all but one neither snake nor model has been seen by a threshold.
 #[test]
 #[ignore = "minutes: for .ci/nightly"]
-fn of_a_hundred_draws_95_failures_are_named_and_98_healthy_robots_are_go() {
-    let [named, go] = count(100, &Calibrated::kept());
-    println!("{named} of 100 failures named, {go} of 100 healthy robots go");
-    assert!(named >= 95 && go >= 98);
-}
-
-/// Snakes and models that no threshold has seen.
-#[test]
-#[ignore = "minutes: for .ci/nightly"]
-fn of_a_hundred_draws_of_other_snakes() {
-    let mut right = [0, 0];
+fn of_two_hundred_draws_95_of_100_failures_are_named_and_98_healthy_robots_are_go() {
+    let mut right = count(60, &Calibrated::kept());
+    let draws = 140 / Physics::ALL.len();
     for physics in Physics::ALL.iter().copied() {
         let of = Calibrated::fitted(DrawnSnake { physics, seed: 71 });
-        let [named, go] = count(10, &of);
-        println!("{}: {named} of 10 failures named, {go} of 10 healthy robots go", of.snake);
+        let [named, go] = count(draws, &of);
+        println!("{}: {named} of {draws} failures named, {go} healthy robots go", of.snake);
         right = [right[0] + named, right[1] + go];
     }
-    println!("{right:?} of {}", 10 * Physics::ALL.len());
+    let all = 60 + draws * Physics::ALL.len();
+    println!("{right:?} of {all}");
+    assert!(100 * right[0] >= 95 * all && 100 * right[1] >= 98 * all, "{right:?} of {all}");
 }

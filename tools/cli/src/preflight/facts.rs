@@ -58,7 +58,7 @@ pub fn gather(
         clock_step_s: clock_step_s(&runs, version.boot_id),
         priority: [u32::from(config.control.priority), 0],
         watchdog: WatchdogStatus::read(domain, &config.ports_digest(), clock::now()),
-        swing: Swing::None("not yet".to_owned()),
+        swing: Swing::None(Default::default()),
     };
     while_working("looking at drives, camera and clock", || look(client, config, &mut measured))?;
     Ok(measured)
@@ -105,7 +105,11 @@ fn look(client: &Client, config: &Config, measured: &mut Measured) -> Result<(),
         frames_per_s: late.len() as f64 / LOOK.as_seconds(),
         seen: places.len() as f64 / late.len() as f64,
         late_s: median(&mut late).unwrap_or(f64::INFINITY),
-        scatter_deg: median(&mut steps).unwrap_or(0.0),
+        // 0 is a picture that stands still, and not one that is rounded.
+        scatter_deg: match steps.iter().any(|step| *step > 0.0) {
+            true => median(&mut steps).unwrap_or(0.0).max(f64::MIN_POSITIVE),
+            false => 0.0,
+        },
     });
     let mut line = |port: &PortConfig| {
         let motors = port.axes.iter().map(|axis| axis.motor);

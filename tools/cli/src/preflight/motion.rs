@@ -191,14 +191,17 @@ impl Observer {
 #[derive(Debug, Clone, Copy)]
 pub struct Motion {
     pub seen: Option<Seen>,
-    /// The encoders behind the setpoints, s.
+    /// The encoders behind the setpoints, s, and what they show of the motion, at least.
     pub follow_s: f64,
+    pub followed: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
 pub struct Seen {
     /// What is seen per motion of each motor: the unit matrix if the model is right.
     pub gain: Matrix2<f64>,
+    /// Where it is by the model, deg.
+    pub place_deg: Pair,
     /// Seen less said, deg, and counts.
     pub offset_deg: Pair,
     pub offset_counts: Pair,
@@ -226,6 +229,11 @@ impl Motion {
             (set - done) / encoder[axis].row(1).norm_squared()
         };
         let seen = camera.zip(inverses).map(|(camera, (deg_per_count, said))| {
+            // Of a motion that is seen larger or smaller the lag is the same.
+            let lag = |fits: &[Fit; 2]| -> f64 {
+                let of = |axis: usize| fits[axis].row(2)[axis] / fits[axis].row(1)[axis];
+                0.5 * (of(0) + of(1))
+            };
             let less = |axis: usize, term| camera[axis].row(term) - estimate[axis].row(term);
             let offset_deg = 0.5 * (less(0, 0) + less(1, 0));
             // Counts that are lost at a turn of a motor, which turns with the axis or against it: in
@@ -240,13 +248,16 @@ impl Motion {
             };
             Seen {
                 gain: counts_per_deg * gain(&camera) * said * deg_per_count,
+                place_deg: 0.5 * (estimate[0].row(0) + estimate[1].row(0)),
                 offset_deg,
                 offset_counts: counts_per_deg * offset_deg,
                 lost_counts: Pair::new(lost(0), lost(1)),
-                late_s: -0.5 * (less(0, 2)[0] + less(1, 2)[1]),
+                late_s: lag(&estimate) - lag(&camera),
                 width_deg: Pair::new(-2.0 * camera[0].row(3)[0], -2.0 * camera[1].row(3)[1]),
             }
         });
-        Some(Self { seen, follow_s: 0.5 * (follow(0) + follow(1)) })
+        let part = |axis: usize| encoder[axis].row(1).norm() / setpoint[axis].row(1).norm();
+        let followed = part(0).min(part(1));
+        Some(Self { seen, follow_s: 0.5 * (follow(0) + follow(1)), followed })
     }
 }

@@ -10,7 +10,7 @@ use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 use i2ris_report::{Failure, Interrupt, Screen, until_closed, while_working};
 
-use super::judgement::{MOST_SCATTER_DEG, Measured, Swing};
+use super::judgement::{CAMERA, CONDITION, Measured, PICTURE, Swing};
 use super::motion::{LENGTH_S, Observer, Pair, Plan, Series};
 use crate::command::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
 use crate::command::stream::present_pose;
@@ -22,6 +22,13 @@ const LAST_FRAMES_S: f64 = 0.5;
 /// A camera that shows no angle for so long cannot stop the motion.
 const BLIND: Nanos = Nanos::from_millis(1000);
 
+/// Why there is no motion, and what to do.
+pub const NOBODY: [&str; 2] =
+    ["none: nobody can be asked here", "run it at a terminal, or give the permission by --enable"];
+pub const PAUSED: [&str; 2] =
+    ["none: somebody has paused the robot", "`i2ris command state resume`, then run it again"];
+const AGAIN: &str = "mend what `i2ris status` shows (load of the computer, too), then run it again";
+
 /// Moves, if that is permitted and makes sense. What stands against it is a no-go; an interrupt is
 /// an error.
 pub fn run(
@@ -30,13 +37,13 @@ pub fn run(
     measured: &Measured,
     interrupt: &Interrupt,
 ) -> Result<Swing, Failure> {
-    let none = |why: &str| Ok(Swing::None(why.to_owned()));
+    let none = |[why, fix]: [&str; 2]| Ok(Swing::None([why.to_owned(), fix.to_owned()]));
     let has_person = io::stdin().is_terminal();
     if !measured.is_memory_known {
-        return none("none: the model does not know how the wires are");
+        return none(["none: the model does not know how the wires are", CONDITION]);
     }
-    if measured.camera.is_some_and(|camera| camera.scatter_deg > MOST_SCATTER_DEG) {
-        return none("none: the camera could not stop it");
+    if measured.camera.is_some_and(|camera| !camera.is_alive() || !camera.is_sharp()) {
+        return none(["none: the camera could not stop it", PICTURE]);
     }
     // A script has said it with `--enable` or `--home`.
     if !options.is_given() {
@@ -46,10 +53,10 @@ pub fn run(
              switch of the motor supply?"
         );
         if !has_person {
-            return none("none: nobody can be asked here; --enable is the permission");
+            return none(NOBODY);
         }
         if !is_yes(&question)? {
-            return none("none: not yes");
+            return none(["none: not yes", "run it again, and type yes when the snake may move"]);
         }
         options = PrepareOptions::ENABLE;
     }
@@ -57,10 +64,11 @@ pub fn run(
     let state = client.wait_for(FIRST_MESSAGE_TIMEOUT, |_| true)?;
     let holder = state.lease_client_id;
     if ![0, client.id()].contains(&holder) {
-        return none(&format!("none: {}", StopReason::Lease(holder)));
+        let fix = "end that client (`i2ris status` names it), then run it again";
+        return none([&format!("none: {}", StopReason::Lease(holder)), fix]);
     }
     if state.state == OperatingState::Paused.number() {
-        return none("none: somebody has paused the robot: `i2ris command state resume` first");
+        return none(PAUSED);
     }
     let moved = swing(client, options, measured.camera.is_some(), interrupt);
     let state = client.operating_state().ok().flatten();
@@ -73,17 +81,17 @@ pub fn run(
     };
     let observer = match moved {
         Err(failure) if interrupt.came() => return Err(failure),
-        Err(failure) => return none(&failure.to_string()),
+        Err(failure) => return none([&failure.to_string(), AGAIN]),
         Ok(observer) => observer,
     };
     released?;
     match observer.finish() {
         _ if observer.is_too_far() => Ok(Swing::TooFar(observer.farthest)),
-        None => none("the controller told too little of it"),
+        None => none(["the controller told too little of it", AGAIN]),
         Some(motion) if motion.seen.is_some() || measured.camera.is_some() => {
             Ok(Swing::Done(motion))
         }
-        Some(_) if !has_person => none("nobody and no camera has seen it"),
+        Some(_) if !has_person => none(["nobody and no camera has seen it", CAMERA]),
         Some(motion) => {
             let question = "Did the tip swing in pitch only, then in yaw only, at once at every \
                             turn, and is it back where it was?";
