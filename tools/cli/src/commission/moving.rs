@@ -9,7 +9,7 @@ use i2ris::units::Nanos;
 
 use super::guard::{Guard, How, Mode};
 use super::person::{Yes, permission};
-use super::record::{Sweep, Topic};
+use super::record::{NOT_THERE, Sweep, Topic};
 use super::session::{Halt, Motor, ms};
 use super::watch::{FEW, Permit, SILENT, Seen, Trip};
 
@@ -227,8 +227,8 @@ fn find_interpolation<T: Transport>(
     how: How,
 ) -> Result<(), Halt> {
     if motor.node.is_epos2() {
-        let why = "an EPOS2 interpolates only in its mode 7, which is not used";
-        motor.skip(Topic::Interpolation, why);
+        let why = "an EPOS2 interpolates only in its mode 7, which is not used".to_owned();
+        motor.find(Topic::Interpolation, NOT_THERE, why);
         return Ok(());
     }
     let how = How { extra: Some(PERIOD.set(10)), ..how };
@@ -243,7 +243,7 @@ fn find_interpolation<T: Transport>(
             if object == PERIOD.address() =>
         {
             let why = format!("this drive refuses 0x60C2:01: {code}");
-            motor.skip(Topic::Interpolation, &why);
+            motor.find(Topic::Interpolation, NOT_THERE, why);
             return Ok(());
         }
         Err(trip) => return Err(trip.into()),
@@ -262,7 +262,10 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String,
     } else {
         (EPOS4_PULSES, "0x3010:01")
     };
-    let pulses = motor.node.read(object)?;
+    let pulses = match motor.node.read(object) {
+        Err(AxisError::Exchange { error: LinkError::Refused(code), .. }) if code.is_missing() => 0,
+        pulses => pulses?,
+    };
     let turn = i32::try_from(pulses.saturating_mul(4)).unwrap_or(i32::MAX);
     let second = match turn {
         FEW..=MOST_TURN => permission(
@@ -286,6 +289,17 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String,
     let step = (turn / 256).clamp(1, if second.is_some() { 8 } else { 1 });
     let back = sweep(motor, permit, How::new(Mode::Position, limit), ends, step)?;
     note_play(motor, back);
+    if pulses == 0 {
+        // The play was looked for all the same.
+        let text = format!(
+            "counts per turn are not known, for this drive has no {name}: take four times the pulses \
+             in the data sheet of the encoder, and compare with 0x6064:00 before and after a turn by \
+             hand (`i2ris drives dump`)"
+        );
+        motor.find(Topic::CountsPerTurn, "not known", text.clone());
+        motor.find(Topic::Direction, NOT_THERE, format!("without {name} no turn is made"));
+        return Ok(text);
+    }
     let evidence = format!("{name} = {pulses}, four counts each");
     let Some(_) = second else {
         let unseen = format!("{evidence}; no turn was permitted, so nobody has seen one");

@@ -17,16 +17,24 @@ impl<L: Lines> Session<'_, L> {
                 continue;
             }
             let (outcome, text) = match self.stage(stage) {
-                Ok(text) => (Outcome::Done, text),
+                Ok(text) => match &self.record.not_asked(stage)[..] {
+                    [] => (Outcome::Done, text),
+                    open => (Outcome::Partly, format!("not asked: {}; {text}", open.join(", "))),
+                },
                 Err(Halt::Failed(text)) => (Outcome::Failed, text),
                 Err(Halt::Gone(gone)) => (Outcome::Left, gone.to_string()),
             };
             self.record.end_stage(stage, outcome, text.clone());
-            let captured: Vec<_> = self.ports.iter().map(|port| port.capture.read()).collect();
+            let captured = self.take_captured();
             (self.keep)(&self.record, stage, &captured)?;
             let why = match outcome {
                 Outcome::Done => {
                     self.person.say(&format!("stage {stage}: done. {text}"));
+                    continue;
+                }
+                Outcome::Partly => {
+                    let again = "the same command asks again";
+                    self.person.say(&format!("stage {stage}: done in part, {again}. {text}"));
                     continue;
                 }
                 Outcome::Failed => format!("stage {stage} failed: {text}"),

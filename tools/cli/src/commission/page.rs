@@ -5,19 +5,12 @@ use i2ris_report::mark::Line;
 use i2ris_report::page::TableRow;
 use i2ris_report::{Axis, Color, Figure, Page, Panel, Stroke, Table};
 
-use super::proposal::diff;
-use super::record::{Outcome, Record, Stage};
+use super::proposal::change;
+use super::record::{Outcome, Record};
 
 pub fn page(record: &Record, config_name: &str) -> Page {
     let mut page = Page::new(format!("Commissioning of {}", record.robot_id));
-    let done = Stage::ALL.into_iter().filter(|stage| record.is_done(*stage)).count();
-    let failed = record.stages.iter().find(|it| it.outcome != Outcome::Done);
-    page.main_result(match failed {
-        Some(it) => {
-            format!("{done} of {} stages; {}: {}", Stage::ALL.len(), it.stage, it.text)
-        }
-        None => format!("{done} of {} stages are done.", Stage::ALL.len()),
-    });
+    page.main_result(record.sum());
     page.section("Stages");
     let mut table = Table::new("Stages", ["stage", "when", "outcome", "what"]);
     table = table.text_column(2).text_column(3);
@@ -40,7 +33,7 @@ pub fn page(record: &Record, config_name: &str) -> Page {
         record.differences.iter().for_each(|line| page.paragraph(line.clone()));
     }
     page.section("Proposed configuration");
-    let lines = diff(&record.config, config_name, &record.changes);
+    let (_, lines) = change(&record.config, config_name, &record.changes);
     if lines.is_empty() {
         page.paragraph("As it is.");
     }

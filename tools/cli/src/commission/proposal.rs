@@ -16,12 +16,13 @@ pub struct Change {
     pub value: String,
 }
 
-/// The lines that differ, as `diff` prints them; empty where nothing does.
-pub fn diff(text: &str, name: &str, changes: &[Change]) -> String {
+/// The changed text, and the lines that differ as `diff` prints them; empty where nothing does.
+pub fn change(text: &str, name: &str, changes: &[Change]) -> (String, String) {
     let (mut port, mut axis) = (None, None);
-    let mut out = String::new();
+    let (mut new, mut out) = (String::new(), String::new());
     let mut open: Vec<&Change> = changes.iter().collect();
     for (number, line) in (1..).zip(text.lines()) {
+        let mut changed = line.to_owned();
         match line.split('#').next().unwrap_or_default().trim() {
             "[[ports]]" => (port, axis) = (Some(port.map_or(0, |it: usize| it + 1)), None),
             "[[ports.axes]]" => axis = Some(axis.map_or(0, |it: usize| it + 1)),
@@ -29,19 +30,30 @@ pub fn diff(text: &str, name: &str, changes: &[Change]) -> String {
                 let key = rest.split('=').next().unwrap_or_default().trim();
                 let is_it =
                     |it: &&Change| (Some(it.port), it.axis) == (port, axis) && it.key == key;
-                let Some(found) = open.iter().position(is_it) else { continue };
-                let Change { key, value, .. } = open.remove(found);
-                let comment = line.find('#').and_then(|at| line.get(at..)).unwrap_or_default();
-                let new = format!("{key} = {value} {comment}");
-                let _ = writeln!(out, "@@ -{number} +{number} @@\n-{line}\n+{}", new.trim_end());
+                if let Some(found) = open.iter().position(is_it) {
+                    let Change { key, value, .. } = open.remove(found);
+                    let comment = line.find('#').and_then(|at| line.get(at..)).unwrap_or_default();
+                    changed = format!("{key} = {value} {comment}").trim_end().to_owned();
+                    let _ = writeln!(out, "@@ -{number} +{number} @@\n-{line}\n+{changed}");
+                }
             }
         }
+        new += &(changed + "\n");
+        // Of a block that has no such line: below its heading.
+        let is_heading = line.trim_start().starts_with("[[ports");
+        let is_absent = |it: &&Change| is_heading && (Some(it.port), it.axis) == (port, axis);
+        let block = text.lines().skip(number).take_while(|line| !line.trim().starts_with('['));
+        let keys = block.filter_map(|line| line.split_once('=')).map(|(key, _)| key.trim());
+        let keys: Vec<&str> = keys.collect();
+        for Change { key, value, .. } in
+            open.extract_if(.., |it| is_absent(it) && !keys.contains(&&*it.key))
+        {
+            let _ = writeln!(out, "@@ -{number} +{number} @@\n+{key} = {value}");
+            let _ = writeln!(new, "{key} = {value}");
+        }
     }
-    for Change { port, axis, key, value } in open {
-        let where_ = axis.map_or(String::new(), |axis| format!(", axis {}", axis + 1));
-        let _ = writeln!(out, "@@ port {}{where_} @@\n+{key} = {value}", port + 1);
-    }
-    if out.is_empty() { out } else { format!("--- {name}\n+++ {name}, proposed\n{out}") }
+    let head = format!("--- {name}\n+++ {name}, proposed\n");
+    (new, if out.is_empty() { out } else { head + &out })
 }
 
 #[cfg(test)]
@@ -51,24 +63,27 @@ mod tests {
     #[test]
     fn changed_keys_of_ports_and_axes_are_lines_of_a_diff() {
         let text = include_str!("../../../../config/robot.toml");
-        let change = |axis, key: &str, value: &str| {
+        let of = |axis, key: &str, value: &str| {
             let (key, value) = (key.to_owned(), value.to_owned());
             Change { port: 0, axis, key, value }
         };
         let changes = [
-            change(None, "family", "\"epos4\""),
-            change(Some(1), "serial_number", "0x42"),
-            change(Some(2), "streaming", "\"profile\""),
+            of(None, "family", "\"epos4\""),
+            of(Some(1), "serial_number", "0x42"),
+            of(Some(2), "streaming", "\"profile\""),
         ];
-        let text = diff(text, "robot.toml", &changes);
+        let (new, text) = change(text, "robot.toml", &changes);
+        let found: toml::Table = new.parse().unwrap();
+        assert_eq!(found["ports"][0]["axes"][1]["serial_number"].as_integer(), Some(0x42));
+        assert_eq!(found["ports"][0]["axes"][2]["streaming"].as_str(), Some("profile"));
         for part in [
             "-family = \"epos2\" # CHECK\n+family = \"epos4\" # CHECK\n",
             "-serial_number = 0 # CHECK\n+serial_number = 0x42 # CHECK\n",
-            "@@ port 1, axis 3 @@\n+streaming = \"profile\"",
+            " @@\n+streaming = \"profile\"",
         ] {
             assert!(text.contains(part), "{text}");
         }
         assert_eq!(text.matches("\n-").count(), 2, "{text}");
-        assert_eq!(diff("[[ports]]", "robot.toml", &[]), "");
+        assert_eq!(change("[[ports]]", "robot.toml", &[]).1, "");
     }
 }

@@ -14,8 +14,10 @@ use i2ris::drive::transport::Transport;
 use i2ris::robot::DriveFingerprint;
 use i2ris::units::Nanos;
 
+use crate::doctor::drives::rename_axes;
+
 use super::proposal::Change;
-use super::record::{Record, Topic};
+use super::record::{NOT_THERE, Record, Topic};
 use super::session::{Halt, Lines, OpenPort, Session, ms};
 
 /// No drive has it.
@@ -120,12 +122,14 @@ fn propose_serial_numbers<T: Transport>(
     number: usize,
     record: &mut Record,
 ) {
-    let nodes = nodes_on(&mut port.link);
-    for (index, axis) in port.config.axes.iter().enumerate() {
-        let is_it = |node: u8| axis.node_id == node || axis.node_id == 0 && index == 0;
-        let Some(node) = nodes.iter().find(|it| is_it(it.node_id)) else { continue };
-        if node.serial_number != axis.short_serial_number() {
-            let value = node.serial_number.to_string();
+    let mut found = port.config.clone();
+    rename_axes(&mut found, &nodes_on(&mut port.link));
+    for (index, (axis, found)) in port.config.axes.iter().zip(&found.axes).enumerate() {
+        if found.node_id != axis.node_id {
+            propose(record, number, Some(index), "node_id", found.node_id.to_string());
+        }
+        if found.short_serial_number() != axis.short_serial_number() {
+            let value = found.serial_number.to_string();
             propose(record, number, Some(index), "serial_number", value);
         }
     }
@@ -158,8 +162,8 @@ fn find_replies<T: Transport>(
         let evidence = format!("the data of the reply to a read of 0x6041:00: {}", hex(&data));
         record.find(Topic::UpperBytes, &place, value, evidence);
         if index == 0 {
-            let why = "its drive is the one at the port";
-            record.skip(Topic::SegmentsBehindGateway, &place, why);
+            let why = "its drive is the one at the port".to_owned();
+            record.find(Topic::SegmentsBehindGateway, &place, NOT_THERE, why);
             continue;
         }
         let (value, evidence) = match link.read_segmented(*node_id, object::DEVICE_NAME) {

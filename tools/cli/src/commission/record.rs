@@ -80,6 +80,8 @@ impl fmt::Display for Stage {
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     Done,
+    /// So is the stage, but for what a person did not permit or see.
+    Partly,
     Failed,
     /// Nobody permitted it, or it was interrupted.
     Left,
@@ -153,6 +155,8 @@ pub struct Finding {
 
 /// The value of what was not asked; the evidence says why.
 pub const NOT_ASKED: &str = "not asked";
+/// The value of what this drive does not have.
+pub const NOT_THERE: &str = "does not apply";
 
 /// Currents along a way and back: counts from the start, and mA in the direction of the motion.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -201,8 +205,8 @@ impl Record {
     /// Notes how a stage ended. What comes behind it has to be done again.
     pub fn end_stage(&mut self, stage: Stage, outcome: Outcome, text: String) {
         let at = wall_clock::now().to_string();
-        let is_valid =
-            |it: &StageRecord| it.stage < stage || it.stage > stage && outcome == Outcome::Done;
+        let goes_on = matches!(outcome, Outcome::Done | Outcome::Partly);
+        let is_valid = |it: &StageRecord| it.stage < stage || it.stage > stage && goes_on;
         self.stages.retain(is_valid);
         self.stages.push(StageRecord { stage, outcome, at, text });
         self.stages.sort_by_key(|it| it.stage);
@@ -218,6 +222,22 @@ impl Record {
 
     pub fn skip(&mut self, topic: Topic, place: &str, why: &str) {
         self.find(topic, place, NOT_ASKED, format!("because {why}"));
+    }
+
+    /// How many stages are done, and what stands against the others.
+    pub fn sum(&self) -> String {
+        let done = Stage::ALL.into_iter().filter(|stage| self.is_done(*stage)).count();
+        let open = self.stages.iter().filter(|it| it.outcome != Outcome::Done);
+        let open: Vec<String> = open.map(|it| format!("; {}: {}", it.stage, it.text)).collect();
+        let again = if open.is_empty() { "" } else { "; the same command asks again" };
+        format!("{done} of {} stages are done{}{again}.", Stage::ALL.len(), open.concat())
+    }
+
+    /// What a stage did not ask, with the places.
+    pub fn not_asked(&self, stage: Stage) -> Vec<String> {
+        let is_of = |topic| Topic::ALL.iter().any(|it| (it.0, it.1) == (topic, stage));
+        let open = self.findings.iter().filter(|it| it.value == NOT_ASKED && is_of(it.topic));
+        open.map(|it| format!("{} ({})", it.topic.name(), it.place)).collect()
     }
 
     /// What was found, and what was not, with the reason.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::rc::Rc;
+use std::{fs, mem};
 
 use i2ris::config::{AxisConfig, Config, PortConfig};
 use i2ris::drive::DriveError;
@@ -121,9 +122,27 @@ pub struct Session<'a, L: Lines> {
     /// Where each motor was first.
     pub origins: BTreeMap<usize, Option<i32>>,
     pub keep: &'a mut Keep<'a>,
+    /// What went over lines that were closed since, and until when all of it was kept.
+    pub closed: Vec<CapturedPort>,
+    pub kept: Nanos,
 }
 
 impl<L: Lines> Session<'_, L> {
+    /// Closes every port; what went over it is not lost.
+    pub fn close(&mut self) {
+        self.closed.extend(self.ports.drain(..).map(|port| port.capture.read()));
+    }
+
+    /// What went over the lines since the last call.
+    pub fn take_captured(&mut self) -> Vec<CapturedPort> {
+        let mut all = mem::take(&mut self.closed);
+        all.extend(self.ports.iter().map(|port| port.capture.read()));
+        let (kept, events) = (self.kept, all.iter().flat_map(|port| &port.events));
+        self.kept = events.map(|event| event.time).max().unwrap_or(kept);
+        all.iter_mut().for_each(|port| port.events.retain(|event| event.time > kept));
+        all
+    }
+
     /// Opens every port, for this program only.
     pub fn open(&mut self) -> Result<(), DriveError> {
         for (number, config) in self.config.ports.iter().enumerate() {
@@ -173,12 +192,14 @@ pub fn keep(
     captured: &[CapturedPort],
 ) -> Result<(), Failure> {
     record.save(folder)?;
+    let path = folder.join(format!("{stage}.pcapng"));
     if captured.iter().all(|port| port.events.is_empty()) {
+        // That of another day is not what happened now.
+        let _ = fs::remove_file(path);
         return Ok(());
     }
     let wall_offset = wall_clock::unix_time() - clock::now();
     let bytes = to_bytes(captured, &record.software, wall_offset);
-    let path = folder.join(format!("{stage}.pcapng"));
     i2ris_report::files::replace(&path, &bytes)
         .map_err(|error| format!("cannot write {}: {error}", path.display()).into())
 }

@@ -177,7 +177,7 @@ fn controller<L: Lines>(session: &mut Session<'_, L>) -> Result<(), Halt> {
         session.record.skip(Topic::ControllerKilled, "all", "it was not permitted");
         return Ok(());
     };
-    session.ports.clear();
+    session.close();
     let killed = session.lines.kill_controller();
     session.open()?;
     let mut states = Vec::new();

@@ -14,9 +14,10 @@ use i2ris::drive::cia402::Controlword;
 use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::link::{DriveLink, Retry};
 use i2ris::drive::object::CONTROLWORD;
+use i2ris::drive::objects;
 use i2ris::units::{Counts, Nanos};
 use i2ris_report::Failure;
-use i2ris_simulation::drive::{self, DriveConfig};
+use i2ris_simulation::drive::{self, DeviceFile, DriveConfig};
 use i2ris_simulation::lines::{Bench, BenchLine};
 use i2ris_simulation::{EmulatorConfig, Line, SnakeSource};
 use rand::{RngExt, SeedableRng};
@@ -43,6 +44,8 @@ enum Wrong {
     EndOfInput,
     CtrlC,
     NobodyActs,
+    NoPulses,
+    NotPermitted,
 }
 
 const WRONG: [Wrong; 10] = {
@@ -108,6 +111,10 @@ impl Case {
             (drive.motor.gear_play, drive.motor.output_friction_ma) = (f64::from(self.play), 4.0);
         }
         match self.wrong.filter(|_| motor == self.bad) {
+            Some(Wrong::NoPulses) => {
+                let objects = objects::of_family(Family::Epos2).filter(|it| it.index != 0x2210);
+                drive.device = Some(DeviceFile { family, objects: objects.cloned().collect() });
+            }
             Some(Wrong::Blocked) => drive.motor.stops = [0.0, 0.0],
             Some(Wrong::Reversed) => drive.motor.reversed = true,
             Some(Wrong::Resolution) => {
@@ -248,6 +255,7 @@ impl Person for Operator {
             self.case.wrong == Some(Wrong::Resolution) || self.case.seed.is_multiple_of(3);
         self.few |= question.contains("== 4 of 7: steps");
         let answer = match () {
+            () if self.case.wrong == Some(Wrong::NotPermitted) => "no",
             () if typed("yes") => "yes",
             () if typed("cable") => "cable",
             () if typed("supply") => "supply",
@@ -294,6 +302,7 @@ fn commission(case: Case) -> (Result<(), String>, Record) {
         few: false,
         further: vec![false; case.motors()],
     };
+    let mut until = 0;
     let mut session = Session {
         config: &config,
         lines: &mut BenchLines(bench),
@@ -311,12 +320,16 @@ fn commission(case: Case) -> (Result<(), String>, Record) {
         keep: &mut |_, stage, ports| {
             let stamps = ports.iter().flat_map(|port| &port.events).map(|event| event.time.0);
             let ends = stamps.clone().min().zip(stamps.max());
+            assert!(ends.is_none_or(|(first, _)| first > until), "{stage}: of another: {case:?}");
+            until = ends.map_or(until, |(_, last)| last);
             // Of the lines' time, and of a person who answers at once.
             let most = Nanos::from_millis(60_000).0;
             let is_short = ends.is_none_or(|(first, last)| last - first < most);
             assert!(is_short || case.wrong == Some(Wrong::NobodyActs), "{stage}: {case:?}");
             Ok(())
         },
+        closed: Vec::new(),
+        kept: Nanos::ZERO,
     };
     let outcome = session.run().map_err(|failure| failure.to_string());
     let record = session.record;
@@ -365,6 +378,7 @@ fn run(case: Case) {
         // It may come behind the end.
         Some(Wrong::CtrlC) if outcome.is_ok() => &[],
         Some(Wrong::CtrlC) => &["interrupted"],
+        Some(Wrong::NoPulses | Wrong::NotPermitted) => unreachable!("they are told of below"),
     };
     assert_eq!(outcome.is_ok(), parts.is_empty(), "{said}: {case:?}");
     parts.iter().for_each(|part| assert!(said.contains(part), "{part}: {said}: {case:?}"));
@@ -373,6 +387,24 @@ fn run(case: Case) {
     assert_eq!(record.changes.is_empty(), !proposes, "{:?}: {case:?}", record.changes);
     let html = page(&record, "robot.toml").to_string();
     assert!(html.contains("Proposed configuration") && html.ends_with("</html>\n"), "{html}");
+}
+
+/// What is said at the end on a bench with this mistake, on the laboratory's line.
+pub fn said_of(bench: &str) -> String {
+    let wrong = match bench {
+        "encoder has no object for its pulses" => Wrong::NoPulses,
+        "encoder of another resolution" => Wrong::Resolution,
+        "encoder counts the other way" => Wrong::Reversed,
+        "encoder without signal" => Wrong::NoSignal,
+        "motor is blocked" => Wrong::Blocked,
+        "nobody pulls and switches" => Wrong::NobodyActs,
+        "no permission" => Wrong::NotPermitted,
+        other => panic!("{other}"),
+    };
+    let (family, line) = (Family::Epos2, Line::Lab);
+    let case = Case { family, line, unknowns: 0, play: 12, wrong: Some(wrong), bad: 1, seed: 2 };
+    let (outcome, record) = commission(case);
+    outcome.err().unwrap_or_else(|| record.sum())
 }
 
 fn draw(number: u64, unknowns: u8, wrong: Option<Wrong>) -> Case {

@@ -4,7 +4,7 @@
 use std::fs;
 
 use i2ris::clock;
-use i2ris::config::HomingMethod;
+use i2ris::config::{Config, HomingMethod};
 use i2ris_simulation::Line;
 use i2ris_testing::{Program, Rig, Terminal, wait_until};
 use nix::sys::signal::{Signal, kill};
@@ -72,6 +72,30 @@ fn a_commissioning_is_left_at_every_moment_and_taken_up_again_and_drives_are_off
     terminal.type_keys("yes\n");
     terminal.wait_for("in use by another program");
     assert!(!terminal.end().success());
+}
+
+#[test]
+fn what_was_found_is_written_into_the_file_by_a_word_and_the_old_file_is_kept() {
+    let mut rig = Rig::start();
+    rig.config.ports[0].axes[1].serial_number = 0;
+    let [config, result] = ["day.toml", "result"].map(|name| rig.folder.path().join(name));
+    let old = toml::to_string(&rig.config).unwrap();
+    fs::write(&config, &old).unwrap();
+    let [file, folder] = [&config, &result].map(|path| path.to_str().unwrap());
+    let words = ["commission", "--apply", "--config", file, "--folder", folder];
+    for word in ["no", "apply"] {
+        let mut terminal = Terminal::start(&rig.domain(), &words, 70, 120);
+        terminal.wait_for("1 of 7: identify");
+        terminal.type_keys("yes\n");
+        terminal.wait_for("Type apply");
+        terminal.type_keys(&format!("{word}\n"));
+        assert!(!terminal.end().success());
+        let is_as_it_was = fs::read_to_string(&config).unwrap() == old;
+        assert_eq!(is_as_it_was, word == "no");
+    }
+    let found = Config::load(&config).unwrap().ports[0].axes[1].serial_number;
+    assert_eq!(found, 62_000_002);
+    assert_eq!(fs::read_to_string(config.with_extension("toml.1")).unwrap(), old);
 }
 
 /// A robot whose commissioning has come to a stage, and the words that take it up there.
