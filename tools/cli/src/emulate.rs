@@ -1,10 +1,12 @@
 //! `i2ris emulate`.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use i2ris::clock;
-use i2ris::config::Config;
+use i2ris::config::{Config, PortConfig};
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
 use i2ris_simulation::camera::CameraConfig;
@@ -59,7 +61,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t)]
     line: Line,
     /// Emulate the drives and ports of this configuration of a controller instead: families, rate,
-    /// nodes, serial numbers
+    /// nodes, serial numbers, and its devices, where they do not exist
     #[arg(long, value_name = "FILE", conflicts_with = "line")]
     config: Option<PathBuf>,
     /// The objects of a real drive: an EDS or DCF file of maxon's tool, or a table of one (CSV).
@@ -101,13 +103,24 @@ pub fn snake_help() -> String {
 }
 
 impl Arguments {
+    /// The ports of a configuration. A number that is not filled in is that of a new drive, but in a
+    /// rehearsal, whose devices are those of the emulator.
+    fn named_ports(&self, file: &Path) -> Result<Vec<PortConfig>, Failure> {
+        let mut ports = Config::load(file)?.ports;
+        let real = ports.iter_mut().filter(|port| !port.device.starts_with(&self.ports));
+        for axis in real.flat_map(|port| &mut port.axes).filter(|it| it.serial_number == 0) {
+            axis.serial_number = 62_000_001 + axis.motor as u64;
+        }
+        Ok(ports)
+    }
+
     fn config(&self) -> Result<EmulatorConfig, Failure> {
         let mut config = EmulatorConfig::new(SnakeSource::load(&self.snake)?, &self.ports);
         config.seed = self.seed;
         config.camera.noise_deg = self.camera_noise_deg;
         config.log.clone_from(&self.log);
         match &self.config {
-            Some(file) => config.rehearse(&Config::load(file)?.ports)?,
+            Some(file) => config.rehearse(&self.named_ports(file)?)?,
             None => config.connect(self.line),
         }
         if let Some(file) = &self.device {
@@ -138,6 +151,14 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     // Whoever closed the other end of the pipe does not want to know more.
     let mut screen = Screen::stdout();
     let mut say = |line: &str| drop(screen.say(line));
+    let mut made = Vec::new();
+    for port in arguments.config.as_ref().map_or(Ok(Vec::new()), |it| arguments.named_ports(it))? {
+        let axis = port.axes.first().map_or(0, |axis| axis.motor);
+        match make_device(&port.device, emulator.device(axis)) {
+            Ok(device) => made.extend(device),
+            Err(why) => say(&format!("{}: {why}; name that of below", port.device.display())),
+        }
+    }
     for (axis, (family, serial_number)) in drives.iter().enumerate() {
         let device = emulator.device(axis).display();
         say(&format!("axis {axis}: {device} ({family:?}, serial number {serial_number})"));
@@ -149,8 +170,22 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     };
     say(&format!("ready: snake {name}, {camera}; Ctrl-C ends"));
     watch(&emulator, &interrupt, arguments.duration_s);
+    made.iter().for_each(|device: &PathBuf| drop(fs::remove_file(device)));
     say(&format!("ended: {} rules broken by the host", emulator.host_bugs()));
     Ok(())
+}
+
+/// Makes the device that a configuration names, a link to an emulated port. `None`: it is the port.
+fn make_device(device: &Path, port: &Path) -> io::Result<Option<PathBuf>> {
+    if fs::canonicalize(device).ok() == fs::canonicalize(port).ok() {
+        return Ok(None);
+    }
+    // A link that leads nowhere is that of an emulator that was killed.
+    if device.is_symlink() && !device.exists() {
+        fs::remove_file(device)?;
+    }
+    device.parent().map_or(Ok(()), fs::create_dir_all)?;
+    symlink(port, device).map(|()| Some(device.to_owned()))
 }
 
 /// Shows the status on a terminal until it is time to end.

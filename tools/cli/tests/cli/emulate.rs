@@ -144,6 +144,21 @@ fn the_doctor_lists_the_drives_behind_a_port_to_paste() {
 }
 
 #[test]
+fn the_devices_that_a_file_names_are_made_with_drives_of_other_numbers_and_removed() {
+    let bench = WorkFolder::new();
+    let text = std::fs::read_to_string(repository("config/robot.toml")).unwrap();
+    let device = "/dev/serial/by-id/usb-maxon-drive-of-the-snake";
+    bench.write("robot.toml", &text.replace(device, &bench.file("dev/drive")));
+    let options = format!("--ports {} --config {}", bench.file("ports"), bench.file("robot.toml"));
+    let emulate = format!("emulate --no-camera {options}");
+    let running = Running::until("ready", start(&nobody(), &emulate));
+    let found = bench.run("doctor --config robot.toml");
+    assert_says(&found.output, &["is not filled in: this drive is 62000003", "commission --apply"]);
+    running.end(Signal::SIGINT);
+    assert!(!bench.path("dev/drive").is_symlink());
+}
+
+#[test]
 fn the_doctor_names_a_port_that_is_not_there_and_records_that_cannot_be_kept() {
     let bench = WorkFolder::new();
     write_config(&bench, |text| text.replace("../target/records", "robot.toml"));
