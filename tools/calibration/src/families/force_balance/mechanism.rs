@@ -9,6 +9,12 @@ use super::layout::{FRICTION, GAP, Layout, PRELOAD};
 /// A parameter whose deviation is above this part of what is usual was not shown by the recording.
 const NOT_SHOWN: f64 = 0.8;
 
+/// Units of travel of half the range of a motor.
+const HALF_RANGE: f64 = 1000.0;
+/// The usual gap, in half ranges, and the most that nothing is said about.
+const USUAL_GAP: f64 = 0.02;
+const MOST_GAP: f64 = 0.2;
+
 /// Properties of the mechanism.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BalanceMechanism {
@@ -32,6 +38,8 @@ pub struct Measured {
 pub struct BalanceMotorFound {
     /// Play of the gear, from flank to flank.
     pub gap: Measured,
+    /// Half the range of the recording.
+    pub half_range: f64,
     /// Mean preload of both wires; below 0 they are slack.
     pub preload: Measured,
     /// Stretch of a wire that overcomes the friction without tension.
@@ -74,6 +82,7 @@ impl BalanceMechanism {
                 + 2.0 * together * of_plus.deviation * of_minus.deviation;
             BalanceMotorFound {
                 gap: spread(GAP, 2.0),
+                half_range: HALF_RANGE / per_count,
                 preload: Measured {
                     value: of_plus.value + of_minus.value,
                     deviation: variance.max(0.0).sqrt(),
@@ -102,6 +111,16 @@ impl fmt::Display for BalanceMechanism {
                  stretch without tension",
                 found.gap, found.friction
             )?;
+            let share = found.gap.value / found.half_range;
+            if share > MOST_GAP {
+                writeln!(
+                    f,
+                    "motor {motor}: a gap of {:.0} % of the half range is {:.0} times what is usual: \
+                     look for play in its gear and coupling before this model is used",
+                    100.0 * share,
+                    share / USUAL_GAP
+                )?;
+            }
         }
         if !self.not_shown.is_empty() {
             writeln!(f, "not shown by this recording: {}", self.not_shown.join(", "))?;

@@ -77,6 +77,10 @@ fn a_snake_of_this_kind_is_explained_to_its_noise() {
         assert!(apart < 4.0, "{measured} instead of {}", per_travel * truth);
         assert!(measured.deviation < 0.2 * per_travel * truth.abs(), "{measured}");
     }
+    assert!(!found.mechanism.to_string().contains("usual"));
+    let mut loose = found.mechanism.clone();
+    loose.motors[0].gap.value = 0.4 * motor.half_range;
+    assert!(loose.to_string().contains("40 % of the half range is 20 times what is usual"));
 }
 
 /// A pinion that is not round, over four turns of the motor.
