@@ -34,6 +34,8 @@ mod state;
 mod stop;
 mod teleop;
 mod wire;
+#[cfg(test)]
+mod wrong_benches;
 
 /// Calibrate, emulate, command and watch the I2RIS snake robot.
 #[derive(Debug, Parser)]
