@@ -44,7 +44,8 @@ const MOST_LOST: f64 = 60.0;
 /// Between camera and model, deg.
 const MOST_OFFSET_DEG: f64 = 1.0;
 
-const SWAPPED: &str = "motors, wires or views are swapped, or turned the other way";
+const SWAPPED: &str = "find what is swapped (plugs of motors, wires, views of the camera) or turns the \
+                       other way: move one motor, `i2ris command motor 0 20`, and change it back";
 const CALIBRATE: &str = "calibrate this snake: `i2ris calibrate`";
 pub const CAMERA: &str = "start a camera: `python -m i2ris.markers --publish`";
 pub const CONDITION: &str = "`i2ris command state condition`";
@@ -286,7 +287,9 @@ fn judge_motion(motion: &Motion, line_s: f64, report: &mut Report) -> bool {
     };
     let fault = fault(seen);
     if let Some((name, found, fix)) = &fault {
-        report.fail(*name, format!("{found}; {}", describe(motion)), *fix);
+        // Of no motion no lag is known.
+        let more = if *name == "gear" { String::new() } else { format!("; {}", describe(motion)) };
+        report.fail(*name, format!("{found}{more}"), *fix);
     }
     fault.is_some()
 }
