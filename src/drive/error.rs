@@ -199,8 +199,8 @@ pub enum AxisError {
     },
 }
 
-/// What a gateway that waits in vain means, and what to do. Two drives of one number answer the same to
-/// the first read, the vendor.
+/// What a gateway that waits in vain means, and what to do. Two drives of one number answer the
+/// same to the first read, the vendor.
 fn missing_node(node: u8, object: Address) -> String {
     if object != object::VENDOR.address() {
         return format!(
@@ -211,8 +211,8 @@ fn missing_node(node: u8, object: Address) -> String {
     }
     format!(
         "does not answer: the gateway waited for it in vain (0x05040000); check that its drive has \
-         power, that its DIP switches and `node_id` say {node} and no other drive's do, and the plugs \
-         of CAN"
+         power, that its DIP switches and `node_id` say {node} and no other drive's do, and the \
+         plugs of CAN"
     )
 }
 

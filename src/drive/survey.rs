@@ -36,8 +36,8 @@ pub struct FoundNode {
     pub serial_number: u32,
 }
 
-/// The port as a drive of any family answers on it: at another rate, in another framing. `None`: none
-/// does, at any rate. Takes some seconds.
+/// The port as a drive of any family answers on it: at another rate, in another framing. `None`:
+/// none does, at any rate. Takes some seconds.
 #[must_use]
 pub fn answering(config: &PortConfig) -> Option<PortConfig> {
     let other = match config.framing {

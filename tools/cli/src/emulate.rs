@@ -103,8 +103,8 @@ pub fn snake_help() -> String {
 }
 
 impl Arguments {
-    /// The ports of a configuration. A number that is not filled in is that of a new drive, but in a
-    /// rehearsal, whose devices are those of the emulator.
+    /// The ports of a configuration. A number that is not filled in is that of a new drive, but in
+    /// a rehearsal, whose devices are those of the emulator.
     fn named_ports(&self, file: &Path) -> Result<Vec<PortConfig>, Failure> {
         let mut ports = Config::load(file)?.ports;
         let real = ports.iter_mut().filter(|port| !port.device.starts_with(&self.ports));

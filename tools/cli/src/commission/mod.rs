@@ -52,7 +52,7 @@ const EXCHANGES: usize = 10_000;
 #[command(after_help = "Examples:
   i2ris commission --config my-robot.toml
   i2ris commission --config my-robot.toml --device motor.dcf
-  i2ris commission --config my-robot.toml --apply       writes serial numbers and nodes into the file
+  i2ris commission --config my-robot.toml --apply       writes what was found into the file
 
 Every stage says what will move and how to stop it, and waits for a word. Nothing moves before, and
 no motor goes more than 20 counts without a second permission. It can be left at any time, also

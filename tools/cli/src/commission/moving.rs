@@ -292,9 +292,9 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String,
     if pulses == 0 {
         // The play was looked for all the same.
         let text = format!(
-            "counts per turn are not known, for this drive has no {name}: take four times the pulses \
-             in the data sheet of the encoder, and compare with 0x6064:00 before and after a turn by \
-             hand (`i2ris drives dump`)"
+            "counts per turn are not known, for this drive has no {name}: take four times the \
+             pulses in the data sheet of the encoder, and compare with 0x6064:00 before and after \
+             a turn by hand (`i2ris drives dump`)"
         );
         motor.find(Topic::CountsPerTurn, "not known", text.clone());
         motor.find(Topic::Direction, NOT_THERE, format!("without {name} no turn is made"));

@@ -339,8 +339,8 @@ pub fn said_of(bench: &str) -> Report {
     judge(&measured)
 }
 
-/// How many of so many draws are judged rightly, all failures in turn: named first, and healthy ones
-/// that are go.
+/// How many of so many draws are judged rightly, all failures in turn: named first, and healthy
+/// ones that are go.
 fn count(draws: usize, of: &Calibrated) -> [usize; 2] {
     let judge_one = |seed: usize| {
         let (failure, name) = FAILURES[seed % FAILURES.len()];

@@ -30,7 +30,8 @@ const MOST_GAIN: f64 = 1.6;
 /// One motor beside the other: with less of it a wire is slack; with less, the snake is another.
 const WEAK: f64 = 0.6;
 const EQUAL: f64 = 0.75;
-/// Seen per motion of a camera whose scale is right; of any that is near where all scales meet, deg.
+/// Seen per motion of a camera whose scale is right; of any that is near where all scales meet,
+/// deg.
 const RIGHT_SCALE: std::ops::RangeInclusive<f64> = 0.92..=1.2;
 const SCALE_OF_ANY: std::ops::RangeInclusive<f64> = 0.8..=1.45;
 const FAR_DEG: f64 = 2.0;
@@ -44,14 +45,14 @@ const MOST_LOST: f64 = 60.0;
 /// Between camera and model, deg.
 const MOST_OFFSET_DEG: f64 = 1.0;
 
-const SWAPPED: &str = "find what is swapped (plugs of motors, wires, views of the camera) or turns the \
-                       other way: move one motor, `i2ris command motor 0 20`, and change it back";
+const SWAPPED: &str = "find what is swapped (plugs of motors, wires, views of the camera) or turns \
+                       the other way: move one motor (`i2ris command motor 0 20`), change it back";
 const CALIBRATE: &str = "calibrate this snake: `i2ris calibrate`";
 pub const CAMERA: &str = "start a camera: `python -m i2ris.markers --publish`";
 pub const CONDITION: &str = "`i2ris command state condition`";
 pub const PICTURE: &str = "light, focus and marker: look at its picture";
-const LOOSE: &str = "look for play: turn the shaft of each motor by hand, and feel where gear, coupling \
-                     and wires follow late; mend that, then calibrate";
+const LOOSE: &str = "look for play: turn the shaft of each motor by hand, and feel where gear, \
+                     coupling and wires follow late; mend that, then calibrate";
 const SCALE: &str = "look at magnification, distance and scale of the camera; if they are right, \
                      calibrate this snake";
 const STRAIGHTEN: &str = "straighten the snake, then `i2ris home`; if it is off again, tighten the \
@@ -294,8 +295,8 @@ fn judge_motion(motion: &Motion, line_s: f64, report: &mut Report) -> bool {
     fault.is_some()
 }
 
-/// Whether a camera of this scale would explain what is seen. It makes an offset, too: as much more of
-/// where the snake is.
+/// Whether a camera of this scale would explain what is seen. It makes an offset, too: as much more
+/// of where the snake is.
 fn is_scaled(seen: &Seen, scale: f64) -> bool {
     let (place, offset) = (seen.place_deg, seen.offset_deg);
     if place.norm() < FAR_DEG {
@@ -307,9 +308,9 @@ fn is_scaled(seen: &Seen, scale: f64) -> bool {
     !RIGHT_SCALE.contains(&scale) && is_along && is_more
 }
 
-/// What is wrong between motors and picture. First what makes the rest meaningless: nothing moves, axes
-/// or signs are others, the scale is another, the stamps are late; the last only where the motion has
-/// its size. Then the motors of which the model is not right.
+/// What is wrong between motors and picture. First what makes the rest meaningless: nothing moves,
+/// axes or signs are others, the scale is another, the stamps are late; the last only where the
+/// motion has its size. Then the motors of which the model is not right.
 fn fault(seen: &Seen) -> Option<(&'static str, String, &'static str)> {
     let (gain, lost) = (seen.gain, seen.lost_counts);
     let (motors, cross) = (gain.diagonal(), gain[(0, 1)].abs().max(gain[(1, 0)].abs()));

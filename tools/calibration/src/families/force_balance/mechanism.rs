@@ -115,8 +115,8 @@ impl fmt::Display for BalanceMechanism {
             if share > MOST_GAP {
                 writeln!(
                     f,
-                    "motor {motor}: a gap of {:.0} % of the half range is {:.0} times what is usual: \
-                     look for play in its gear and coupling before this model is used",
+                    "motor {motor}: a gap of {:.0} % of the half range is {:.0} times what is \
+                     usual: look for play in its gear and coupling before this model is used",
                     100.0 * share,
                     share / USUAL_GAP
                 )?;
