@@ -10,7 +10,7 @@ use super::link::{DriveLink, GATEWAY_TIMEOUT, LOCAL_NODE};
 use super::object;
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
-use crate::config::{Framing, PortConfig};
+use crate::config::PortConfig;
 use crate::units::Nanos;
 
 /// The rates that drives are used at, the most frequent first.
@@ -36,23 +36,16 @@ pub struct FoundNode {
     pub serial_number: u32,
 }
 
-/// The port as a drive of any family answers on it: at another rate, in another framing. `None`:
-/// none does, at any rate. Takes some seconds.
+/// Another rate at which a drive of any family answers on a port. Takes some seconds.
 #[must_use]
-pub fn answering(config: &PortConfig) -> Option<PortConfig> {
-    let other = match config.framing {
-        Framing::V1 => Framing::V2,
-        Framing::V2 => Framing::V1,
-    };
-    let rates = || RATES.into_iter().filter(|rate| *rate != config.baud);
-    let with = |framing| rates().map(move |baud| (baud, framing));
-    let all = [(config.baud, other)].into_iter().chain(with(config.framing)).chain(with(other));
-    all.map(|(baud, framing)| PortConfig { baud, framing, ..config.clone() }).find(|config| {
-        let Ok(mut line) = SerialTransport::open(config) else {
+pub fn answering_rate(config: &PortConfig) -> Option<u32> {
+    RATES.into_iter().filter(|rate| *rate != config.baud).find(|&baud| {
+        let config = PortConfig { baud, ..config.clone() };
+        let Ok(mut line) = SerialTransport::open(&config) else {
             return false;
         };
         line.sleep_until(line.now() + FORGETS);
-        DriveLink::new(line, family_of_port(config), config)
+        DriveLink::new(line, family_of_port(&config), &config)
             .is_understood(LOCAL_NODE, object::VENDOR.address())
     })
 }

@@ -14,7 +14,7 @@ use i2ris::drive::inspect::inspect;
 use i2ris::drive::link::DriveLink;
 use i2ris::drive::quick_stop::{STOP_ATTEMPTS, quick_stop_all};
 use i2ris::drive::serial_transport::SerialTransport;
-use i2ris::drive::survey::nodes;
+use i2ris::drive::survey::{answering_rate, nodes};
 use i2ris_simulation::drive::{Mode, State};
 use i2ris_testing::Background;
 use nix::unistd::{Uid, setfsuid};
@@ -31,6 +31,18 @@ fn refusal(port: &PortConfig) -> String {
 
 fn quick(port: PortConfig) -> PortConfig {
     PortConfig { reply_timeout_ms: 100, ..port }
+}
+
+#[test]
+fn a_wrong_bit_rate_is_reported_with_the_remedy() {
+    let bench = TestBench::with(&SETUPS[0], |config| config.line.strict_baud = true);
+    let text = refusal(&quick(PortConfig { baud: 38_400, ..bench.port() }));
+    for part in ["no drive answers", "38400 baud", "check"] {
+        assert!(text.contains(part), "{text}");
+    }
+    let wrong = quick(PortConfig { baud: 38_400, ..bench.port() });
+    assert_eq!(answering_rate(&wrong), Some(115_200), "asked at the others");
+    assert!(bench.bring_up().is_ok(), "at the correct bit rate it answers");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::fs;
 use std::thread;
 
-use i2ris::config::{AxisConfig, Config, Family, Framing, PortConfig};
+use i2ris::config::{AxisConfig, Config, Family, PortConfig};
 use i2ris::drive::cia402::Controlword;
 use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::link::{DriveLink, Retry};
@@ -61,7 +61,7 @@ fn doctor(bench: &str) -> Report {
         "no drive has power" => (0..3).for_each(|it| emulator.silence(it, true)),
         "line at another rate" => port.baud = 115_200,
         "family of the drives is the other one" => port.family = Family::Epos4,
-        "framing is the other one" => port.framing = Framing::V1,
+        "a node number that no drive has" => port.axes[2].node_id = 7,
         "serial number is still 0" => port.axes[0].serial_number = 0,
         "serial number typed without 0x" => port.axes[0].serial_number = 60_003_005,
         "device is unplugged" => port.device = folder.path().join("usb-maxon"),

@@ -7,7 +7,7 @@ use i2ris::drive::DriveError;
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::inspect::{Inspection, inspect};
 use i2ris::drive::latency_timer;
-use i2ris::drive::survey::{FoundNode, answering, nodes};
+use i2ris::drive::survey::{FoundNode, answering_rate, nodes};
 use i2ris::units::{AUXILIARY, MAX_AXES, Nanos};
 
 use super::report::Report;
@@ -61,13 +61,13 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
             let is_garbled =
                 matches!(&error, DriveError::NotUnderstood(.., heard) if !heard.is_frame());
             let is_silent = matches!(error, DriveError::NoAnswer { .. });
-            match (is_garbled || is_silent).then(|| answering(port)).flatten() {
-                Some(other) => say_other(port, &other, report),
+            match (is_garbled || is_silent).then(|| answering_rate(port)).flatten() {
+                Some(baud) => say_other(port, baud, report),
                 None if is_silent => report.fail(
                     name,
-                    "nothing answers, at any rate from 9600 to 1000000 baud, in either framing",
+                    "nothing answers, at any rate from 9600 to 1000000 baud",
                     "switch on the power of the drives, press in the cable at both ends, and check \
-                     that `device` is the port of the drives",
+                     that `device` is the port of the drives; an EPOS2 is driven over USB, not RS232",
                 ),
                 None => fail(name, &error.to_string(), report),
             }
@@ -82,20 +82,15 @@ fn fail(name: String, text: &str, report: &mut Report) {
 }
 
 /// A drive answers, but not as it is written.
-fn say_other(port: &PortConfig, other: &PortConfig, report: &mut Report) {
-    let framing = |port: &PortConfig| format!("{:?}", port.framing).to_lowercase();
-    let (baud, [is, other_is]) = (other.baud, [port, other].map(framing));
-    let behind = nodes(other).unwrap_or_default();
+fn say_other(port: &PortConfig, baud: u32, report: &mut Report) {
+    let behind = nodes(&PortConfig { baud, ..port.clone() }).unwrap_or_default();
     let behind: Vec<String> = behind
         .iter()
         .map(|it| format!("; node {} is an {} {}", it.node_id, it.family, it.serial_number))
         .collect();
-    let found = format!(
-        "nothing at {} baud in framing {is}; a drive answers at {baud} in framing {other_is}{}",
-        port.baud,
-        behind.concat()
-    );
-    let fix = format!("set `baud = {baud}` and `framing = \"{other_is}\"`");
+    let found =
+        format!("nothing at {} baud; a drive answers at {baud}{}", port.baud, behind.concat());
+    let fix = format!("set `baud = {baud}`");
     report.fail(port.device.display().to_string(), found, fix);
 }
 
