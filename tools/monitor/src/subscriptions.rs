@@ -1,5 +1,6 @@
 //! The subscriptions to all streams of a controller. They only read, so they cannot move the robot.
 
+use i2ris::clock;
 use i2ris::ipc::client::{self, ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{ActuatorState, OperatingStateMsg};
 use i2ris::ipc::{Domain, Message, Stream, StreamMessage};
@@ -18,12 +19,13 @@ const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 
 /// All but the operating state, in the order in which the event log has what comes together.
-const STREAMS: [Stream; 15] = [
+const STREAMS: [Stream; 16] = [
     Stream::Actuators,
     Stream::Jaw,
     Stream::Goal,
     Stream::Setpoint,
     Stream::Measured,
+    Stream::Events,
     Stream::Error,
     Stream::Warning,
     Stream::Health,
@@ -74,28 +76,24 @@ impl Subscriptions {
         let Dashboard { messages: view, warnings, history, event_log, .. } = dashboard;
         let mut states = Vec::new();
         self.state.drain(|message| states.push(message))?;
-        let is_restarted = self.boot_id != self.state.boot_id();
+        let (is_restarted, was_known) =
+            (self.boot_id != self.state.boot_id(), self.boot_id.is_some());
         if is_restarted {
             // Messages from before the restart are invalid.
             (self.boot_id, *view) = (self.state.boot_id(), LatestMessages::default());
             warnings.clear();
-        }
-        for message in &states {
-            event_log.update_state(message);
-            view.state = Some(*message);
-        }
-        self.others.drain(|message| match message {
-            StreamMessage::Actuators(message) => {
-                event_log.update_motors(&message);
-                view.actuators = Some(message);
+            if was_known {
+                event_log.restart(clock::now());
             }
+        }
+        view.state = states.last().copied().or(view.state);
+        self.others.drain(|message| match message {
+            StreamMessage::Actuators(message) => view.actuators = Some(message),
+            StreamMessage::Events(message) => event_log.update_line(&message),
             StreamMessage::Jaw(message) => view.jaw = Some(message),
             StreamMessage::Goal(message) => view.goal = Some(message),
             StreamMessage::Setpoint(message) => view.setpoint = Some(message),
-            StreamMessage::Measured(message) => {
-                event_log.update_model(&message);
-                view.measured = Some(message);
-            }
+            StreamMessage::Measured(message) => view.measured = Some(message),
             StreamMessage::Error(message) => {
                 event_log.update_reason(&message);
                 view.error = Some(message);
@@ -122,6 +120,7 @@ impl Subscriptions {
             }
             _ => {}
         })?;
+        event_log.end_of_lines();
         view.exchange_rates =
             view.actuators.as_ref().and_then(|message| self.exchanges.rates(message));
         Ok(is_restarted)

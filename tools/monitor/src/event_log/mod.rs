@@ -1,18 +1,15 @@
-//! The last events: every change in the streams of the controller. Bounded; repeats are counted.
+//! The last events: the lines of the controller's log, the causes that it gives, and what only a
+//! client sees: connection, camera, missed ticks. Bounded; repeats are counted.
 
 mod groups;
 #[cfg(test)]
 mod tests;
 
-use i2ris::drive::drive_fault::DriveFault;
-use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ReasonMsg,
-};
-use i2ris::ipc::{Fault, Message, OperatingState, Refusal, ShownClient};
-use i2ris::model::ModelId;
-use i2ris::robot::{Cause, Reason, Stop};
-use i2ris::units::{MAX_MOTORS, Nanos};
-use i2ris_report::view::{self, LatestMessages, STALE, Severity, short_id, state_name};
+use i2ris::ipc::Message;
+use i2ris::ipc::payload::{EventMsg, ExternalPosition, PeriodStatistics, ReasonMsg, unpadded_text};
+use i2ris::robot::Cause;
+use i2ris::units::Nanos;
+use i2ris_report::view::{self, LatestMessages, STALE, Severity};
 
 use groups::{EventGroups, Group};
 
@@ -20,9 +17,8 @@ use groups::{EventGroups, Group};
 #[derive(Debug, Clone, Default)]
 pub struct EventLog {
     events: EventGroups,
-    state: Option<OperatingStateMsg>,
-    motors: Option<ActuatorState>,
-    model: Option<[u8; 32]>,
+    /// The last line, of which the next one may be the advice.
+    line: Option<Group>,
     missed: Option<u64>,
     problem: Option<String>,
     camera: Option<(Severity, &'static str)>,
@@ -54,110 +50,36 @@ impl EventLog {
         self.problem = problem.map(str::to_owned);
     }
 
-    /// A state of the controller: what is new in it.
-    pub fn update_state(&mut self, new: &OperatingStateMsg) {
-        let Some(old) = self.state.replace(*new) else {
-            return;
+    /// The controller was restarted: what is known of it is that of another one.
+    pub fn restart(&mut self, now: Nanos) {
+        let events = std::mem::take(&mut self.events);
+        *self = Self { events, ..Self::default() };
+        self.log(now, Severity::Warning, "the controller was restarted");
+    }
+
+    /// A line of the controller's log. What it explains with a cause comes by itself, with its
+    /// advice: [`EventLog::update_reason`].
+    pub fn update_line(&mut self, message: &EventMsg) {
+        let text = unpadded_text(&message.text);
+        let text = text.split_once("] ").map_or(&*text, |(_, text)| text);
+        if text.starts_with("do: ") {
+            // Of a fault also how the state changed.
+            return self.line = self.line.take().filter(|line| line.severity == Severity::Alarm);
+        }
+        self.end_of_lines();
+        let is_bad = [" -> FAULT", "-> Faulted", "-> Lost"].iter().any(|end| text.contains(end));
+        let (severity, text) = match text.strip_prefix("warning: ") {
+            Some(text) => (Severity::Warning, text),
+            None if is_bad => (Severity::Alarm, text),
+            None => (Severity::Info, text),
         };
-        let stamp = new.stamp();
-        if old.boot_id != new.boot_id {
-            let events = std::mem::take(&mut self.events);
-            *self = Self { events, state: Some(*new), ..Self::default() };
-            return self.log(stamp, Severity::Warning, "the controller was restarted");
-        }
-        if old.state != new.state {
-            let is_fault = new.state == OperatingState::Fault.number();
-            let reason = Fault::from_number(new.fault).filter(|_| is_fault);
-            let reason = reason.map(|reason| format!(": {reason}")).unwrap_or_default();
-            let severity = if is_fault { Severity::Alarm } else { Severity::Info };
-            let text = format!("{} to {}{reason}", state_name(&old), state_name(new));
-            self.log(stamp, severity, text);
-        }
-        self.flags_changed(&old, new);
-        self.counters_rose(&old, new);
-        if old.lease_client_id != new.lease_client_id {
-            let text = match new.lease_client_id {
-                0 => format!("{} gave up the lease", ShownClient(old.lease_client_id)),
-                client => format!("{} has the lease", ShownClient(client)),
-            };
-            self.log(stamp, Severity::Info, text);
-        }
+        self.line = Some(Group::new(message.stamp(), severity, text));
     }
 
-    fn flags_changed(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
-        use Severity::{Info, Warning};
-        const NO_WATCHDOG: &str = "NO WATCHDOG: nothing stops the drives if the controller dies";
-        for (flag, set, cleared) in [
-            (OperatingStateMsg::HOMED, (Info, "homed"), (Warning, "zero lost: not homed")),
-            (OperatingStateMsg::MEMORY_KNOWN, (Info, "memory known"), (Warning, "memory unknown")),
-            (
-                OperatingStateMsg::CLIPPED,
-                (Warning, "goal clipped to the hull"),
-                (Info, "goal inside the hull"),
-            ),
-            (
-                OperatingStateMsg::WATCHED,
-                (Info, "a watchdog holds every port"),
-                (Warning, NO_WATCHDOG),
-            ),
-            (
-                OperatingStateMsg::COMPARED,
-                (Info, "pose compared with the camera"),
-                (Warning, "pose not compared with the camera"),
-            ),
-        ] {
-            if (old.flags ^ new.flags) & flag != 0 {
-                let (severity, text) = if new.flags & flag != 0 { set } else { cleared };
-                self.log(new.stamp(), severity, text);
-            }
-        }
-    }
-
-    fn counters_rose(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
-        let stamp = new.stamp();
-        if let Some(count @ 1..) = new.refused.checked_sub(old.refused) {
-            match Refusal::from_number(new.last_refusal) {
-                Some(refusal) => self.add_cause(stamp, Cause::Refusal(refusal), count),
-                None => {
-                    let text = "a command was refused for an unknown reason";
-                    self.events.add(Group { count, ..Group::new(stamp, Severity::Warning, text) });
-                }
-            }
-        }
-        if let Some(count @ 1..) = new.stale_stops.checked_sub(old.stale_stops) {
-            self.add_cause(stamp, Cause::Stop(Stop::Stale), count);
-        }
-    }
-
-    /// The motors: what is new.
-    pub fn update_motors(&mut self, new: &ActuatorState) {
-        let Some(old) = self.motors.replace(*new).filter(|old| old.boot_id == new.boot_id) else {
-            return;
-        };
-        for motor in 0..MAX_MOTORS {
-            if old.phase[motor] != new.phase[motor] {
-                let text = new.phase_text(motor);
-                let is_bad = matches!(text, "lost" | "at fault");
-                let severity = if is_bad { Severity::Alarm } else { Severity::Info };
-                self.log(new.stamp(), severity, format!("motor {motor} {text}"));
-            }
-            let code = new.error_code[motor];
-            if old.error_code[motor] != code && code != 0 {
-                let fault = DriveFault::look_up_any(code);
-                self.log(new.stamp(), Severity::Alarm, format!("motor {motor} error {fault}"));
-            }
-        }
-    }
-
-    /// Which model computes the estimate.
-    pub fn update_model(&mut self, estimate: &JointState) {
-        let before = self.model.replace(estimate.model_id);
-        if before.is_some_and(|before| before != estimate.model_id) {
-            let text = match estimate.model_id {
-                id if id == [0; 32] => "no model in use".to_owned(),
-                id => format!("model {} in use", short_id(ModelId(id))),
-            };
-            self.log(estimate.stamp(), Severity::Info, text);
+    /// All lines that have come were read.
+    pub fn end_of_lines(&mut self) {
+        if let Some(line) = self.line.take() {
+            self.events.add(line);
         }
     }
 
@@ -194,15 +116,6 @@ impl EventLog {
             key: cause.map_or_else(|| message.text(), |cause| cause.to_string()),
             advice: message.advice(),
             ..Group::new(message.stamp(), severity, message.text())
-        });
-    }
-
-    fn add_cause(&mut self, stamp: Nanos, cause: Cause, count: u64) {
-        self.events.add(Group {
-            key: cause.to_string(),
-            advice: cause.advice().to_owned(),
-            count,
-            ..Group::new(stamp, Severity::Warning, Reason::from(cause).text())
         });
     }
 }

@@ -1,17 +1,12 @@
-use i2ris::robot::{Measurement, Quantity};
+use i2ris::ipc::payload::padded_text;
+use i2ris::ipc::{Fault, Refusal};
+use i2ris::robot::{Measurement, Quantity, Reason};
 
 use super::*;
 
-fn state(milliseconds: u64, change: impl FnOnce(&mut OperatingStateMsg)) -> OperatingStateMsg {
-    let mut message = OperatingStateMsg {
-        stamp_ns: Nanos::from_millis(milliseconds).0,
-        boot_id: 1,
-        state: OperatingState::Enabled.number(),
-        flags: OperatingStateMsg::HOMED,
-        ..OperatingStateMsg::default()
-    };
-    change(&mut message);
-    message
+fn line(milliseconds: u64, text: &str) -> EventMsg {
+    let stamp_ns = Nanos::from_millis(milliseconds).0;
+    EventMsg { stamp_ns, text: padded_text(text), ..EventMsg::default() }
 }
 
 /// The oldest first.
@@ -31,48 +26,35 @@ fn assert_logged(event_log: &EventLog, expected: &[(&str, u64)]) {
 }
 
 #[test]
-fn every_change_is_logged_once() {
+fn lines_of_the_log_are_events_and_what_has_a_cause_comes_with_it() {
     let mut event_log = EventLog::default();
-    event_log.update_state(&state(1, |_| ()));
-    event_log.update_state(&state(2, |_| ()));
-    assert_logged(&event_log, &[]);
-    event_log.update_state(&state(3, |state| state.lease_client_id = 0xab));
-    event_log.update_state(&state(4, |state| {
-        state.lease_client_id = 0xab;
-        (state.state, state.fault) = (OperatingState::Fault.number(), Fault::Link.number());
-        state.flags = 0;
-    }));
-    assert_logged(
-        &event_log,
-        &[
-            (&*format!("{} has the lease", ShownClient(0xab)), 1),
-            ("ENABLED to FAULT: a drive does not answer", 1),
-            ("zero lost: not homed", 1),
-        ],
-    );
-    assert_eq!(event_log.newest(Nanos::ZERO)[1].severity, Severity::Alarm);
+    for (ms, text) in [
+        (1, "2026-11-28T22:28:08Z [76268.952404] DISABLED -> ENABLED by command enable"),
+        (2, "2026-11-28T22:28:08Z [76268.952404] refused client 00000000000000ab: step too large"),
+        (3, "2026-11-28T22:28:08Z [76268.952404] do: start at `setpoint_js`"),
+        (4, "2026-11-28T22:28:08Z [76268.952404] warning: the camera is silent"),
+        (5, "2026-11-28T22:28:08Z [76268.952404] ENABLED -> FAULT, fault 3: too far apart"),
+        (6, "2026-11-28T22:28:08Z [76268.952404] do: free the mechanism"),
+        (7, "2026-11-28T22:28:08Z [76268.952404] motor 0: homed"),
+    ] {
+        event_log.update_line(&line(ms, text));
+    }
+    event_log.end_of_lines();
+    let events = [
+        ("DISABLED -> ENABLED by command enable", 1),
+        ("the camera is silent", 1),
+        ("ENABLED -> FAULT, fault 3: too far apart", 1),
+        ("motor 0: homed", 1),
+    ];
+    assert_logged(&event_log, &events);
+    let severities = event_log.newest(Nanos::ZERO).into_iter().map(|it| it.severity);
+    use Severity::{Alarm, Info, Warning};
+    assert!(severities.eq([Info, Alarm, Warning, Info]));
 }
 
 #[test]
-fn a_restart_of_the_controller_is_no_change_of_its_counters() {
+fn missed_ticks_and_cameras_are_logged() {
     let mut event_log = EventLog::default();
-    event_log.update_state(&state(1, |state| state.refused = 50));
-    event_log.update_state(&state(2, |state| (state.refused, state.boot_id) = (99, 2)));
-    assert_logged(&event_log, &[("the controller was restarted", 1)]);
-}
-
-#[test]
-fn changes_of_drives_models_ticks_and_cameras_are_logged() {
-    let mut event_log = EventLog::default();
-    let motors = |phase, code| ActuatorState {
-        phase: [phase, 1],
-        error_code: [code, 0],
-        ..Default::default()
-    };
-    event_log.update_motors(&motors(3, 0));
-    event_log.update_motors(&motors(7, 0x8611));
-    event_log.update_model(&JointState::default());
-    event_log.update_model(&JointState { model_id: [0xab; 32], ..JointState::default() });
     event_log.update_ticks(&PeriodStatistics { total_missed: 4, ..PeriodStatistics::default() });
     event_log.update_ticks(&PeriodStatistics { total_missed: 6, ..PeriodStatistics::default() });
     let seen = |flags| LatestMessages {
@@ -85,14 +67,6 @@ fn changes_of_drives_models_ticks_and_cameras_are_logged() {
     assert_logged(
         &event_log,
         &[
-            ("motor 0 at fault", 1),
-            (
-                "motor 0 error 0x8611 (following error), stopped by the ramp: the motor was further \
-                 from its setpoint than `following_error_counts`; look for what blocks or \
-                 overloads motor, gear and wires, then acknowledge the fault",
-                1,
-            ),
-            ("model abababab in use", 1),
             ("tick missed by the loop", 2),
             ("camera sees the snake", 1),
             ("camera sees nothing", 1),
@@ -102,20 +76,18 @@ fn changes_of_drives_models_ticks_and_cameras_are_logged() {
 }
 
 #[test]
-fn a_reason_explains_what_the_counters_reported_and_late_ones_stand_alone() {
+fn causes_are_counted_and_stand_with_their_advice() {
     let mut event_log = EventLog::default();
     let step = Reason {
         cause: Cause::Refusal(Refusal::Step),
         measurement: Some(Measurement::new(Quantity::Degrees, 9.0, Some(2.0))),
     };
-    event_log.update_state(&state(1, |_| ()));
-    event_log.update_state(&state(2, |state| {
-        (state.refused, state.last_refusal) = (40, Refusal::Step.number());
-    }));
-    event_log.update_reason(&ReasonMsg::new(&step, 7, Nanos::from_millis(20)));
-    assert_logged(&event_log, &[(step.text().as_str(), 40)]);
+    for ms in [20, 2_100, 4_200] {
+        event_log.update_reason(&ReasonMsg::new(&step, 7, Nanos::from_millis(ms)));
+    }
+    assert_logged(&event_log, &[(step.text().as_str(), 3)]);
     let fault = Reason::from(Cause::Fault(Fault::Late));
-    event_log.update_reason(&ReasonMsg::new(&fault, 0, Nanos::from_millis(30)));
+    event_log.update_reason(&ReasonMsg::new(&fault, 0, Nanos::from_millis(4_300)));
     let newest = newest(&event_log);
     assert_eq!(newest.severity, Severity::Alarm);
     assert_eq!(newest.advice, fault.cause.advice());
