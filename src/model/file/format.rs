@@ -155,7 +155,7 @@ impl FamilyParameters {
 }
 
 /// The origin of a model.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingRecord {
     /// Name of the recording, without folders.
@@ -198,7 +198,7 @@ pub struct OutputMetrics {
 }
 
 /// Metrics of one output on one set of rows.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FitMetrics {
     /// Coefficient of determination.

@@ -36,12 +36,12 @@
 use nalgebra::{SMatrix, SVector};
 
 use crate::model::error::ModelError;
+use crate::model::maths::exp_above;
 use crate::model::maths::gaussian_mixture::{
     Component, MAX_COMPONENTS, MixtureParameters, components,
 };
 use crate::model::maths::mixture_part::Part;
 use crate::model::maths::regression::{Local, Prediction, Regression};
-use crate::model::maths::wide::exp_above;
 
 /// A component whose log-density is this far below the likeliest is ignored: its share of 4e-18 is
 /// below the rounding error.

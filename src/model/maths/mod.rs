@@ -11,4 +11,9 @@ pub(in crate::model) mod polygon;
 pub mod polynomial_regression;
 pub(in crate::model) mod quadratic;
 pub(in crate::model) mod regression;
-pub(in crate::model) mod wide;
+
+/// The exponential of a number up to 0; 0 below `least`. NaN stays. By `libm`, and not by the
+/// library of the system: it gives the same bits everywhere.
+pub(in crate::model) fn exp_above(x: f64, least: f64) -> f64 {
+    if x < least { 0.0 } else { libm::exp(x) }
+}

@@ -121,31 +121,19 @@ fn residual(lags: usize) -> ResidualParameters {
 }
 
 fn file(family: FamilyParameters, hull: HullParameters) -> ModelFile {
-    let fit = FitMetrics { r2: 1.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 };
+    let output = |name: &str| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg };
+    let training = TrainingRecord { data_sha256: "0".repeat(64), ..TrainingRecord::default() };
+    let metrics = OutputMetrics { training: FitMetrics::default(), held_out: None };
     ModelFile {
         slow_error: None,
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),
-        outputs: ["pitch", "yaw"]
-            .map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg })
-            .to_vec(),
+        outputs: ["pitch", "yaw"].map(output).to_vec(),
         family,
         hull,
-        training: TrainingRecord {
-            data_file: "none".to_owned(),
-            data_sha256: "0".repeat(64),
-            rows: 0,
-            seed: 0,
-            restarts: 0,
-            log_likelihood: None,
-            bic: None,
-            software: "i2ris-bench".to_owned(),
-            recorded_at: None,
-            drives: Vec::new(),
-            linear_gain: None,
-        },
+        training,
         worthless: None,
-        metrics: vec![OutputMetrics { training: fit, held_out: None }; 2],
+        metrics: vec![metrics; 2],
     }
 }

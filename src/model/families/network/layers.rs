@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 use super::matrix::Matrix;
 use super::parameters::{Activation, Layer, MAX_STATE, MAX_WIDTH};
-use crate::model::maths::wide::wide;
 use crate::units::MotorVec;
 
 /// Numbers per row: serialisation knows arrays of so many.
@@ -285,30 +284,27 @@ impl PreparedLayer {
     }
 }
 
-wide! {
-    /// Slopes of the units of a GRU from those of their sums. `gates`: reset, then update.
-    fn gru_slopes(
-        output: &mut [f64],
-        sums: &[f64],
-        gates: &[f64],
-        new: &[f64],
-        hidden: &[f64],
-        recurrent_new: &[f64],
-    ) {
-        let units = output.len();
-        let (reset, update) = (&gates[..units], &gates[units..2 * units]);
-        let (sums, update_sums) = sums.split_at(units);
-        let (update_sums, new_sums) = update_sums.split_at(units);
-        let (new_sums, new) = (&new_sums[..units], &new[..units]);
-        let (hidden, recurrent_new) = (&hidden[..units], &recurrent_new[..units]);
-        for unit in 0..units {
-            let reset_slope = reset[unit] * (1.0 - reset[unit]) * sums[unit];
-            let update_slope = update[unit] * (1.0 - update[unit]) * update_sums[unit];
-            let sum_slope = new_sums[unit] + reset_slope * recurrent_new[unit];
-            let new_slope = (1.0 - new[unit] * new[unit]) * sum_slope;
-            output[unit] =
-                (1.0 - update[unit]) * new_slope + update_slope * (hidden[unit] - new[unit]);
-        }
+/// Slopes of the units of a GRU from those of their sums. `gates`: reset, then update.
+fn gru_slopes(
+    output: &mut [f64],
+    sums: &[f64],
+    gates: &[f64],
+    new: &[f64],
+    hidden: &[f64],
+    recurrent_new: &[f64],
+) {
+    let units = output.len();
+    let (reset, update) = (&gates[..units], &gates[units..2 * units]);
+    let (sums, update_sums) = sums.split_at(units);
+    let (update_sums, new_sums) = update_sums.split_at(units);
+    let (new_sums, new) = (&new_sums[..units], &new[..units]);
+    let (hidden, recurrent_new) = (&hidden[..units], &recurrent_new[..units]);
+    for unit in 0..units {
+        let reset_slope = reset[unit] * (1.0 - reset[unit]) * sums[unit];
+        let update_slope = update[unit] * (1.0 - update[unit]) * update_sums[unit];
+        let sum_slope = new_sums[unit] + reset_slope * recurrent_new[unit];
+        let new_slope = (1.0 - new[unit] * new[unit]) * sum_slope;
+        output[unit] = (1.0 - update[unit]) * new_slope + update_slope * (hidden[unit] - new[unit]);
     }
 }
 

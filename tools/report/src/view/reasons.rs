@@ -1,5 +1,6 @@
 //! Why the robot does not move, or not as asked, and what to do.
 
+use i2ris::drive::drive_fault::DriveFault;
 use i2ris::ipc::Message;
 use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
 use i2ris::robot::{Cause, Reason, Stop};
@@ -90,6 +91,14 @@ pub fn reasons(messages: &LatestMessages, warnings: &[ReasonMsg], now: Nanos) ->
             }
         });
     }
+    if let Some(actuators) = &messages.actuators
+        && let Some(code) = actuators.error_code.into_iter().find(|code| *code != 0)
+    {
+        let own = all.iter_mut().filter(|why| why.code == "fault 1");
+        let advice =
+            format!("{}: `i2ris command state acknowledge`", DriveFault::look_up_any(code));
+        own.for_each(|why| why.advice.clone_from(&advice));
+    }
     if let Some(missed) = missed_ticks(messages) {
         // A computer that comes too late reads and writes too late: nothing is wrong with the line.
         let late = |why: &&mut Why| ["fault 2", "stop 2"].contains(&&*why.code);
@@ -133,7 +142,9 @@ fn silent_camera(messages: &LatestMessages, now: Nanos) -> Option<Why> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use i2ris::ipc::payload::{AdaptationMsg, ExternalPosition, OperatingStateMsg, TeleopMsg};
+    use i2ris::ipc::payload::{
+        ActuatorState, AdaptationMsg, ExternalPosition, OperatingStateMsg, TeleopMsg,
+    };
     use i2ris::ipc::{Fault, OperatingState, Refusal};
     use i2ris::robot::{Cause, Measurement, Quantity};
 
@@ -174,6 +185,15 @@ mod tests {
             assert_eq!((why.code.as_str(), why.measured.as_str()), ("fault 3", measured));
             assert!(why.is_fault() && why.age_s.is_none());
         }
+    }
+
+    #[test]
+    fn the_code_of_a_drive_is_explained() {
+        let (fault, state) = (Fault::Drive.number(), OperatingState::Fault.number());
+        let actuators = Some(ActuatorState { error_code: [0, 0x2310], ..Default::default() });
+        let state = OperatingStateMsg { state, fault, ..ready() };
+        let found = reasons(&LatestMessages { actuators, ..all(state) }, &[], Nanos::ZERO);
+        assert!(found[0].advice.contains("overcurrent") && !found[0].advice.contains("manual"));
     }
 
     #[test]

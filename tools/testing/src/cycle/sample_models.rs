@@ -3,8 +3,8 @@
 use i2ris::config::Config;
 use i2ris::model::Model;
 use i2ris::model::file::{
-    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
-    OutputMetrics, OutputSpec, OutputUnit, PolynomialParameters, SCHEMA_VERSION, TrainingRecord,
+    FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputUnit,
+    PolynomialParameters,
 };
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::force_balance::{
@@ -64,10 +64,6 @@ pub fn with_jaw(mut config: Config) -> Config {
     config.ports[0].axes.push(jaw);
     let text = toml::to_string(&config).unwrap();
     Config::parse(&text, "bench.toml".as_ref()).unwrap()
-}
-
-fn output(name: &str, unit: OutputUnit) -> OutputSpec {
-    OutputSpec { name: name.to_owned(), unit }
 }
 
 /// A model whose motor axes are turned by 45 deg against pitch and yaw.
@@ -271,31 +267,12 @@ fn square() -> HullParameters {
 }
 
 fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
-    let metrics = FitMetrics { r2: 1.0, rmsd: 0.1, nrmsd: 0.001, mae: 0.1, max: 0.2 };
-    ModelFile {
-        slow_error: None,
-        format: FORMAT.to_owned(),
-        schema_version: SCHEMA_VERSION,
-        robot_id: "bench".to_owned(),
-        outputs: vec![output("pitch", unit), output("yaw", unit)],
-        family,
-        hull: square(),
-        training: TrainingRecord {
-            data_file: "none".to_owned(),
-            data_sha256: "0".repeat(64),
-            rows: 100,
-            seed: 1,
-            restarts: 1,
-            log_likelihood: None,
-            bic: None,
-            software: "test".to_owned(),
-            recorded_at: None,
-            drives: Vec::new(),
-            linear_gain: None,
-        },
-        worthless: None,
-        metrics: vec![OutputMetrics { training: metrics, held_out: None }; 2],
+    let mut file = families::file(2, family, square().corners);
+    file.outputs.iter_mut().for_each(|output| output.unit = unit);
+    for metrics in &mut file.metrics {
+        metrics.training = FitMetrics { r2: 1.0, rmsd: 0.1, nrmsd: 0.001, mae: 0.1, max: 0.2 };
     }
+    file
 }
 
 /// Angles in rad for angles in deg.

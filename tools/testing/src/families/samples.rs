@@ -31,11 +31,8 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
             seed: 1,
             restarts: 1,
             log_likelihood: Some(-4.25),
-            bic: None,
             software: "i2ris 0.1.0".to_owned(),
-            recorded_at: None,
-            drives: Vec::new(),
-            linear_gain: None,
+            ..TrainingRecord::default()
         },
         worthless: None,
         metrics: vec![OutputMetrics { training: fit, held_out: None }; outputs],

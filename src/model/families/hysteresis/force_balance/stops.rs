@@ -9,7 +9,7 @@
 //! symmetric part of the slope is positive definite), so there is still exactly one balance.
 
 use super::parameters::BalanceStop;
-use crate::model::maths::wide::exp_above;
+use crate::model::maths::exp_above;
 
 /// A prepared stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
