@@ -38,7 +38,7 @@ fn a_capture_is_shown_replayed_and_compared_and_a_cut_one_as_far_as_it_is_whole(
     let names = ["read statusword (0x6041:00)", "read actual position (0x6064:00)"];
     assert_says(&shown, &names);
     let says = [
-        "axis0, Epos4, V2, 115200 baud",
+        "axis0, Epos4, 115200 baud",
         "write lowest position limit (0x607D:01) = -",
         "done",
         "90 02 ",
