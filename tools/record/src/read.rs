@@ -48,6 +48,12 @@ pub enum ReadError {
          is there"
     )]
     Format { path: PathBuf, source: McapError },
+    /// Its chunks are compressed with zstd, which is not built in.
+    #[error(
+        "{path}: nothing is damaged, but its chunks are compressed with zstd, which this program \
+         cannot read; `mcap decompress {path} -o NEW.mcap` writes a file that it can"
+    )]
+    Compressed { path: PathBuf },
     /// Some of its content is damaged, and all else was read.
     #[error(
         "{path}: {places} damaged place(s), the first at byte {first} ({source}): {bytes} bytes are \
@@ -67,7 +73,10 @@ impl ReadError {
 
     /// The failure of a command that took what is there.
     pub fn incomplete(&self) -> Failure {
-        let sentence = format!("the recording is not complete: {self}");
+        let sentence = match self {
+            Self::Compressed { .. } => self.to_string(),
+            _ => format!("the recording is not complete: {self}"),
+        };
         Coded { code: INCOMPLETE, sentence }.into()
     }
 }
@@ -149,6 +158,10 @@ impl Records {
                     };
                     match records {
                         Ok(records) => self.queue.extend(records),
+                        // Another name may be a damaged one.
+                        Err(McapError::UnsupportedCompression(name)) if name == "zstd" => {
+                            return Err(ReadError::Compressed { path: self.path.clone() });
+                        }
                         Err(error) => self.leave_out(place, length, error),
                     }
                 }

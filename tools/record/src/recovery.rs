@@ -47,6 +47,12 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
     }
     copy.recovered.stopped_by = records.stopped_by();
     copy.to.finish().map_err(write)?;
+    if let Some(error @ ReadError::Compressed { .. }) = copy.recovered.stopped_by {
+        // Nothing is to be recovered of a whole file.
+        std::fs::remove_file(to)
+            .map_err(|source| RecordError::Create { path: to.to_owned(), source })?;
+        return Err(error.into());
+    }
     Ok(copy.recovered)
 }
 

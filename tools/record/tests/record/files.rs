@@ -285,6 +285,33 @@ fn a_damaged_place_costs_one_chunk_and_is_counted() {
     }
 }
 
+/// The default of the `mcap` tools.
+#[test]
+fn chunks_of_zstd_are_no_damage_and_nothing_is_made_of_them() {
+    let (folder, whole) = recording();
+    let mut bytes = fs::read(&whole).unwrap();
+    let mut at = mcap::MAGIC.len();
+    while bytes[at] != op::CHUNK {
+        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
+    }
+    let name = at + 9 + 28;
+    assert_eq!(&bytes[name..name + 7], b"\x03\0\0\0lz4");
+    bytes.splice(name..name + 7, *b"\x04\0\0\0zstd");
+    let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) + 1;
+    bytes[at + 1..at + 9].copy_from_slice(&length.to_le_bytes());
+    fs::write(&whole, bytes).unwrap();
+    let out = folder.path().join("out.mcap");
+    let error = recover(&whole, &out).unwrap_err().to_string();
+    assert!(
+        error.contains("nothing is damaged, but its chunks are compressed with zstd"),
+        "{error}"
+    );
+    assert!(!out.exists());
+    let exported = export(&whole, &folder.path().join("tables"), false).unwrap();
+    let said = exported.stopped_by.unwrap().incomplete().to_string();
+    assert!(said.contains("zstd") && !said.contains("not complete"), "{said}");
+}
+
 #[test]
 fn damaged_bytes_cause_no_panic() {
     let (folder, whole) = recording();

@@ -84,7 +84,8 @@ impl FrameSource for ImageFolder {
 
 fn is_image(name: &str) -> bool {
     let ending = name.rsplit_once('.').map_or("", |(_, ending)| ending).to_ascii_lowercase();
-    matches!(ending.as_str(), "png" | "jpg" | "jpeg")
+    // macOS writes a `._img.png` beside an `img.png` on foreign disks.
+    !name.starts_with('.') && matches!(ending.as_str(), "png" | "jpg" | "jpeg")
 }
 
 /// Stamps from names, if all names carry one.

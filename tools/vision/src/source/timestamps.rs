@@ -28,8 +28,20 @@ pub fn number(name: &str) -> Option<u64> {
     stem[start..end].parse().ok()
 }
 
-/// The time in a file name, in seconds behind `t`: `top_t12.345678.png` is 12.345678 s.
+/// A number that is a time since 1970: as many digits as ms, us or ns have from 2001 to 2286.
+fn since_1970(number: u64) -> Option<Nanos> {
+    let digits = number.checked_ilog10()? + 1;
+    let nanos = [(13, 1_000_000), (16, 1000), (19, 1)].into_iter().find(|it| it.0 == digits)?.1;
+    number.checked_mul(nanos).map(Nanos)
+}
+
+/// The time in a file name, in seconds behind `t`: `top_t12.345678.png` is 12.345678 s; or the
+/// number in it, if it is a time since 1970.
 pub fn time_in(name: &str) -> Option<Nanos> {
+    behind_t(name).or_else(|| since_1970(number(name)?))
+}
+
+fn behind_t(name: &str) -> Option<Nanos> {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let (before, time) = stem.rsplit_once('t')?;
     let stands_alone = before.chars().last().is_none_or(|c| !c.is_ascii_alphanumeric());
@@ -67,6 +79,10 @@ mod tests {
         assert_eq!(time_in("top_t12.3456789.png"), Some(Nanos(12_345_678_900)));
         assert_eq!(time_in("shot12.5.png"), None, "the t must stand alone");
         assert_eq!(time_in("top_t12.png"), None, "a number, not a time");
+        for name in ["1769853000100000000.png", "v0_1769853000100000.png", "1769853000100.jpg"] {
+            assert_eq!(time_in(name), Some(Nanos(1_769_853_000_100_000_000)), "{name}");
+        }
+        assert_eq!(time_in("202601310001.png"), None, "a date is a number");
     }
 
     #[test]
