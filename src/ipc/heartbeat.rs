@@ -22,10 +22,15 @@ use nix::sys::mman::{MapFlags, ProtFlags, mmap, munmap};
 
 use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
-use super::ready::Ready;
+use super::ready::{FILE as READY, Ready};
+use crate::clock;
 use crate::units::{MAX_AXES, Nanos};
 
 const FILE: &str = "pulse";
+
+/// A beat that is not older is that of a loop that lives, as for a watchdog.
+const YOUNG: Nanos = Nanos::from_millis(50);
+
 /// Bits below the stamp.
 const FLAGS: usize = 1 + MAX_AXES;
 
@@ -91,8 +96,6 @@ pub struct HeartbeatReader {
     domain: Domain,
     /// Boot id and word of the present start of the controller.
     mapped: Option<(u64, MappedWords)>,
-    /// The stamp that was read last.
-    seen: Option<Nanos>,
 }
 
 /// No controller serves the domain.
@@ -107,7 +110,7 @@ impl HeartbeatReader {
     /// A reader of this domain. The controller may start later.
     #[must_use]
     pub fn new(domain: &Domain) -> Self {
-        Self { domain: domain.clone(), mapped: None, seen: None }
+        Self { domain: domain.clone(), mapped: None }
     }
 
     /// The last heartbeat; `None` before the first tick. A controller whose files were removed, and
@@ -119,8 +122,9 @@ impl HeartbeatReader {
     pub fn read(&mut self) -> Result<Option<Heartbeat>, ControllerAbsent> {
         let Some(Ready { boot_id, .. }) = Ready::read(&self.domain) else {
             let last = self.mapped.as_ref().and_then(|(boot_id, word)| word.heartbeat(*boot_id));
-            let stamp = last.map(|last| last.stamp);
-            if stamp.is_some() && std::mem::replace(&mut self.seen, stamp) != stamp {
+            // Of a killed one they stay.
+            let is_removed = !self.domain.file(READY).exists();
+            if is_removed && last.is_some_and(|last| clock::now() - last.stamp <= YOUNG) {
                 return Ok(last);
             }
             self.mapped = None;
@@ -130,9 +134,7 @@ impl HeartbeatReader {
             let word = MappedWords::open(&self.domain.file(FILE)).ok();
             self.mapped = word.map(|word| (boot_id, word));
         }
-        let last = self.mapped.as_ref().and_then(|(_, word)| word.heartbeat(boot_id));
-        self.seen = last.map(|last| last.stamp);
-        Ok(last)
+        Ok(self.mapped.as_ref().and_then(|(_, word)| word.heartbeat(boot_id)))
     }
 }
 
@@ -214,11 +216,11 @@ mod tests {
             }
             // Somebody removed its files, and it goes on.
             std::fs::remove_file(domain.file("ready")).unwrap();
-            let later = Heartbeat { stamp: stamp + Nanos(1), ..heartbeat(true) };
+            let later = Heartbeat { stamp: clock::now(), ..heartbeat(true) };
             writer.write(later);
             assert_eq!(reader.read(), Ok(Some(later)));
             // The last tick before an orderly end, which nobody looked at in time.
-            let last = Heartbeat { off: true, ..later };
+            let last = heartbeat(true);
             writer.write(last);
             drop(lock);
             assert_eq!(reader.read(), Err(ControllerAbsent { last: Some(last) }));

@@ -30,7 +30,7 @@ pub struct Ready {
     pub pid: u32,
 }
 
-const FILE: &str = "ready";
+pub(super) const FILE: &str = "ready";
 
 impl Ready {
     /// Tells clients that all services exist. The rename makes it one step: no client reads half of

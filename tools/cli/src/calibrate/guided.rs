@@ -91,14 +91,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             Step::Check => doubt = guided.check(&progress, &interrupt)?,
             _ => guided.perform(step, &progress, &interrupt)?,
         }
-        match doubt.as_ref().filter(|_| step == Step::Check) {
-            Some(doubt) => say(&format!("step {number} of {total} done with a doubt: {doubt}"))?,
-            None => progress.done(step)?,
-        }
+        let outcome = match doubt.as_ref().filter(|_| step == Step::Check) {
+            Some(doubt) => format!("done with a doubt: {doubt}"),
+            None => progress.done(step).map(|()| "done".to_owned())?,
+        };
         if let Some(next) = steps.get(number) {
             let left = guided.time_left(&progress);
-            let is_done = if progress.is_done(step) { "done" } else { "not done" };
-            say(&format!("step {number} of {total} {is_done}; next: {next}; about {left} to go"))?;
+            say(&format!("step {number} of {total} {outcome}; next: {next}; about {left} to go"))?;
         }
     }
     let [model, report] = [progress.model_file(), "report.html"].map(|name| guided.file(name));

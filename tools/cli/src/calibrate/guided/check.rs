@@ -25,8 +25,10 @@ impl Guided {
         for words in self.commands(Step::Check, progress)? {
             let mut recorder = TrackingRecorder::new(&self.client);
             let mut circle = self.command(&words)?.spawn()?;
+            let mut read = Ok(());
             let status = loop {
-                recorder.read()?;
+                // The circle is not left alone, whatever happens here.
+                read = read.and_then(|()| recorder.read());
                 if let Some(status) = circle.try_wait()? {
                     break status;
                 }
@@ -35,18 +37,18 @@ impl Guided {
             if !status.success() || interrupt.came() {
                 return Err(stopped(Step::Check, status, interrupt.came()).into());
             }
+            read?;
             let [.., error] = rms_deg(&recorder.errors_since(0));
             let stated = stated_deg(&Model::load(&self.folder.join(progress.model_file()))?);
             let limit = 2.0 * stated + ADDED_DEG;
             doubt = (error.is_nan() || error > limit).then(|| {
                 let seen = match error.is_nan() {
                     true => "the camera has not seen the circle".to_owned(),
-                    false => format!("by the camera the circle was followed within {error:.2} deg RMS"),
+                    false => format!("the camera saw it followed within {error:.2} deg RMS"),
                 };
                 format!(
-                    "{seen}, and the limit is {limit:.2} (twice what the model states, and {ADDED_DEG} \
-                     for camera and line): the zero, the wires or the camera are not as they were; \
-                     `i2ris preflight` says which"
+                    "{seen}, and the limit is {limit:.2} (twice what the model states, and \
+                     {ADDED_DEG} for camera and line); `i2ris preflight` says what is wrong"
                 )
             });
         }
