@@ -33,21 +33,28 @@ impl Motors for Worn {
     }
 }
 
-/// What the adaptation says after some seconds of motion within a range of angles, deg.
-fn learned(wear: Wear, seconds: f64, reach_deg: f64) -> AdaptationReport {
+/// What the adaptation says after motions, each some seconds long within a range of angles, deg.
+fn learned(wear: Wear, motions: &[(f64, f64)]) -> AdaptationReport {
     let model = first_model();
     let motors = IdealMotors::default();
     let worn = Worn { motors, memory: model.new_memory(), model: Arc::clone(&model), wear };
     let mut control = ClosedLoop::conditioned(&config(ON), &model, worn).unwrap();
     let camera = CameraConfig { rate_hz: 20.0, noise_deg: 0.15, latency_ms: 60, faults: vec![] };
     control.watch(&camera, 7);
-    for tick in 0..(1e3 * seconds) as u32 {
-        let t = 1e-3 * f64::from(tick);
-        let wave = |rate: f64, shift: f64| (rate * t + shift).sin() - shift.sin();
-        let size = reach_deg.to_radians();
-        let pitch = size * (0.6 * wave(0.73, 0.3) + 0.3 * wave(1.61, 1.1));
-        let yaw = size * (0.6 * wave(0.57, 2.0) + 0.3 * wave(1.93, 0.7));
-        control.follow(ServoGoal::Joint([pitch, yaw, 0.0], 2)).unwrap();
+    let mut goal = [0.0_f64; 2];
+    for (seconds, reach_deg) in motions {
+        for tick in 0..(1e3 * seconds) as u32 {
+            let t = 1e-3 * f64::from(tick);
+            let wave = |rate: f64, shift: f64| (rate * t + shift).sin() - shift.sin();
+            let size = reach_deg.to_radians();
+            let pitch = size * (0.6 * wave(0.73, 0.3) + 0.3 * wave(1.61, 1.1));
+            let yaw = size * (0.6 * wave(0.57, 2.0) + 0.3 * wave(1.93, 0.7));
+            for (goal, to) in goal.iter_mut().zip([pitch, yaw]) {
+                // From one motion into the next at 40 deg/s.
+                *goal += (to - *goal).clamp(-7e-4, 7e-4);
+            }
+            control.follow(ServoGoal::Joint([goal[0], goal[1], 0.0], 2)).unwrap();
+        }
     }
     control.report().adaptation.unwrap()
 }
@@ -55,7 +62,7 @@ fn learned(wear: Wear, seconds: f64, reach_deg: f64) -> AdaptationReport {
 #[test]
 fn gap_slack_and_play_are_followed_as_far_as_the_motion_tells_them_apart() {
     let wear = Wear { gap: [0.3, 0.1], slack: [0.004, 0.006], play: [0.003, 0.006] };
-    let found = learned(wear, 120.0, 13.0);
+    let found = learned(wear, &[(120.0, 13.0)]);
     println!("{found:?}");
     let truth = [wear.gap, wear.slack, wear.play];
     let estimate = [found.estimate.gap, found.estimate.slack, found.estimate.play];
@@ -73,7 +80,7 @@ fn gap_slack_and_play_are_followed_as_far_as_the_motion_tells_them_apart() {
 #[test]
 fn what_the_motion_does_not_show_stays_as_calibrated() {
     let wear = Wear { slack: [0.004; 2], play: [0.004; 2], ..Wear::default() };
-    let found = learned(wear, 2.0, 0.5).estimate;
+    let found = learned(wear, &[(2.0, 0.5)]).estimate;
     assert_eq!((found.gap, found.slack, found.play), ([0.0; 2], [0.0; 2], [0.0; 2]));
 }
 
@@ -83,9 +90,21 @@ fn what_the_motion_does_not_show_stays_as_calibrated() {
 fn a_gear_loses_no_more_play_than_it_has() {
     let play = first_model().gear_play();
     let wear = Wear { gap: [0.2; 2], play: play.map(|play| -2.0 * play), ..Wear::default() };
-    let found = learned(wear, 60.0, 13.0);
+    let found = learned(wear, &[(60.0, 13.0)]);
     println!("{play:?} {found:?}");
     for (estimate, play) in found.estimate.play.into_iter().zip(play) {
         assert!(play > 0.0 && estimate >= -play, "{found:?}");
     }
+}
+
+/// Wear counts as what it does at the corners of the hull, where the snake may be led next, however
+/// little the motion of the last minute shows of it.
+#[test]
+fn wear_uses_the_budget_while_the_snake_hardly_moves() {
+    let wear = Wear { gap: [0.3, 0.1], ..Wear::default() };
+    let [moved, rested] = [0.0, 240.0].map(|rest| learned(wear, &[(60.0, 13.0), (rest, 0.3)]));
+    let change = [0, 1].map(|motor: usize| moved.estimate.gap[motor] - rested.estimate.gap[motor]);
+    println!("{} {} {change:?}", moved.total_used, rested.total_used);
+    assert!(change.iter().all(|change| change.abs() < 0.05), "{moved:?}\n{rested:?}");
+    assert!(rested.total_used > 0.8 * moved.total_used, "{moved:?}\n{rested:?}");
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::excitation::Reach;
 use super::settings::{Settings, length};
 use crate::core::drift::geometry::{ModelGeometry, add, product};
-use crate::core::drift::{Drift, PARAMETERS};
+use crate::core::drift::{Drift, PARAMETERS, Pair, WORN};
 
 /// The share of the budget that is as good as all of it: the estimate is kept inside.
 pub(super) const USED_UP: f64 = 0.99;
@@ -114,13 +114,19 @@ fn largest_shift(drift: &Drift, geometry: &ModelGeometry, reach: &Reach) -> f64 
     let corners = geometry.corners.iter();
     let shift =
         corners.map(|corner| length(add(zero, product(&drift.gain, *corner)))).fold(0.0, f64::max);
-    shift + reach.of(drift.worn())
+    // The motion of the last minute may have been a small one.
+    let worn = drift.worn();
+    let at_corner = |secants: &[Pair; WORN]| {
+        let moved = secants.iter().zip(worn).map(|(secant, worn)| secant.map(|part| worn * part));
+        length(moved.fold([0.0; 2], add))
+    };
+    let at_corners = geometry.wear_at_corners.iter().map(at_corner).fold(0.0, f64::max);
+    shift + reach.of(worn).max(at_corners)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::drift::WORN;
     use crate::core::drift::geometry::SlowError;
 
     const UNMOVED: Reach = Reach { per_growth: [0.0; WORN], moved: 0.0, wear: [0.0; WORN] };
@@ -131,6 +137,7 @@ mod tests {
             slope: [[1e-3, 0.0], [0.0, 1e-3]],
             inverse_slope: [[1e3, 0.0], [0.0, 1e3]],
             corners: vec![[0.0; 2]],
+            wear_at_corners: vec![],
             deviation: [1e-3; 2],
             has_gap: true,
             gear_play: [0.005; 2],
@@ -254,6 +261,14 @@ mod tests {
             BudgetUse::new(&drift, &geometry(), &reach, &settings(0.03)).total * 0.03
         };
         near(&[of(0.2), of(0.5), of(0.1), of(-0.1)], &[0.015, 0.021, 0.015, 0.017], "gap");
+        // The motion was small: at a corner of the hull the same wear does more.
+        let mut geometry = geometry();
+        let mut secants = [[0.0; 2]; WORN];
+        (secants[0], secants[2]) = ([0.2, 0.0], [-1.0, 0.0]);
+        geometry.wear_at_corners = vec![[[0.0; 2]; WORN], secants];
+        let drift = Drift { gap: [0.2, 0.0], slack: [0.01, 0.0], ..Drift::default() };
+        let total = BudgetUse::new(&drift, &geometry, &reach, &settings(0.03)).total;
+        near(&[total * 0.03], &[0.2 * 0.2 - 0.01], "at a corner");
     }
 
     #[test]

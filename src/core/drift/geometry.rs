@@ -1,8 +1,8 @@
 //! What the adaptation needs to know of a model: slopes, reach, and how wrong the model is.
 
-use super::Pair;
+use super::{Pair, WORN};
 use crate::model::file::OutputUnit;
-use crate::model::{MAX_CORNERS, Model};
+use crate::model::{MAX_CORNERS, Model, Wear};
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// The least deviation of a model, rad: no model is better than that on a robot.
@@ -17,6 +17,9 @@ pub(in crate::core) struct ModelGeometry {
     pub inverse_slope: [Pair; 2],
     /// The poses at the corners of the hull as calibrated, rad.
     pub corners: Vec<Pair>,
+    /// What wears moves the pose there, rad per growth, in the order of [`super::Drift::worn`];
+    /// empty for a model without gaps.
+    pub wear_at_corners: Vec<[Pair; WORN]>,
     /// What the fit left of every output, rad.
     pub deviation: Pair,
     /// The family has gaps that can be scaled.
@@ -74,6 +77,7 @@ impl ModelGeometry {
             outputs: outputs.len(),
             slow: slow_error(model),
             has_gap: model.has_gap(),
+            wear_at_corners: wear_at_corners(model),
             gear_play: pair(&model.gear_play()),
         })
     }
@@ -107,6 +111,53 @@ pub(in crate::core) fn inverse([[a, b], [c, d]]: &[Pair; 2]) -> Option<[Pair; 2]
     let largest = [a, b, c, d].map(|x| x.abs()).into_iter().fold(0.0, f64::max);
     let inverse = [[d / determinant, -b / determinant], [-c / determinant, a / determinant]];
     (determinant.abs() > 1e-6 * largest * largest).then_some(inverse)
+}
+
+/// A wear as it comes to be: gap, slack and play. Secants to there, and not slopes, because what
+/// wires do that hang is not what they do that are about to.
+const WHOLE: [f64; 3] = [0.3, 0.015, 0.01];
+
+/// Corners whose wear is looked at, and positions on the way to each of them.
+const WORN_CORNERS: usize = 8;
+const WAY: u8 = 100;
+
+/// The secants of wear at corners of the hull, each reached from its opposite.
+#[allow(
+    clippy::disallowed_methods,
+    clippy::disallowed_types,
+    reason = "built with the model, by a slower thread"
+)]
+fn wear_at_corners(model: &Model) -> Vec<[Pair; WORN]> {
+    if !model.has_gap() {
+        return Vec::new();
+    }
+    let corners: Vec<MotorVec> = model.hull().corners().collect();
+    let centre = corners.iter().fold(MotorVec::default(), |sum, corner| add(sum, *corner));
+    let centre = centre.map(|sum| sum / corners.len() as f64);
+    let arrive = |corner: &MotorVec, wear: &Wear| {
+        let mut memory = model.new_memory();
+        let there = subtract(*corner, centre);
+        for step in 0..=WAY {
+            let share = 2.0 * f64::from(step) / f64::from(WAY) - 1.0;
+            let at = add(centre, there.map(|part| share * part));
+            // The first position makes the memory.
+            memory.set_wear(wear);
+            model.advance_over(&mut memory, &at, 0.1);
+        }
+        pair(&model.predict(corner, &memory).mean)
+    };
+    let every = corners.len().div_ceil(WORN_CORNERS);
+    let secants = |corner: &MotorVec| {
+        let new = arrive(corner, &Wear::default());
+        std::array::from_fn(|index| {
+            let mut worn = [[0.0; 2]; 3];
+            worn[index / 2][index % 2] = WHOLE[index / 2];
+            let [gap, slack, play] = worn;
+            let change = subtract(arrive(corner, &Wear { gap, slack, play }), new);
+            change.map(|change| change / WHOLE[index / 2])
+        })
+    };
+    corners.iter().step_by(every).map(secants).collect()
 }
 
 /// Least squares through the corners.
