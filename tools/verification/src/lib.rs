@@ -15,6 +15,8 @@
 //! Time passes in steps. In one step the watchdog looks once and the loop runs once; between two
 //! steps anything else may happen, in any order. All times are ages, and ages beyond every limit
 //! are the same, so the states do not depend on how long the model has run.
+#![cfg(test)]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test may")]
 
 mod controller;
 mod environment;
@@ -55,7 +57,7 @@ fn every_property_fails_without_its_guard() {
 
 /// So many transitions in `I2RIS_TRANSITIONS`.
 #[test]
-#[ignore = "minutes and a gigabyte: for .ci/nightly"]
+#[ignore = "minutes and a gigabyte"]
 fn no_property_fails_further_out() {
     let transitions = std::env::var("I2RIS_TRANSITIONS");
     check_first(transitions.map_or(30_000_000, |number| number.parse().unwrap()));
