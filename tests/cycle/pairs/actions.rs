@@ -10,7 +10,7 @@ use super::jaw::Jaw;
 use super::oracle::LARGEST_GAIN;
 use super::routes::distance;
 use super::zones::Zone;
-use super::{OTHER, Situation, THIRD};
+use super::{LEASE, OTHER, Situation, THIRD};
 
 /// The stroke of conditioning to both sides of the start, counts, where the hull is no wider.
 const CONDITIONING: f64 = 300.0;
@@ -167,11 +167,19 @@ impl Situation {
             _ => (StateCommand::Disable, StateCommand::Enable),
         };
         let _ = self.ask(by, stop);
-        for tick in 0..self.random.below(200) {
+        // Another one, of whom nothing may be known, sends into the stop and goes on after it.
+        let joins = self.random.one_in(3);
+        let ticks = if joins { LEASE.0 / 1_000_000 } else { self.random.below(200) };
+        for tick in 0..ticks {
             self.see();
-            if tick.is_multiple_of(5) { self.stream() } else { self.tick() }
+            match tick % 5 {
+                0 => self.stream(),
+                1 if joins => self.send_from_here(),
+                _ => self.tick(),
+            }
         }
         self.bench.idle();
+        self.jaw.iter_mut().for_each(Jaw::begin);
         // Of one that asked again and again, it is refused.
         if self.ask(by, start) != Refusal::None {
             assert_eq!(self.ask(THIRD + self.bench.now.0, start), Refusal::None);
@@ -180,6 +188,18 @@ impl Situation {
         self.oracle.see_anew(&self.bench);
         self.jaw.iter_mut().for_each(Jaw::begin);
         self.check();
+        if joins {
+            self.send_from_here();
+        }
+    }
+
+    /// Another client asks for where the snake is: nothing but its session speaks against it.
+    fn send_from_here(&mut self) {
+        self.sequence += 1;
+        let goal = ServoGoal::Joint(self.output(self.present()), 2);
+        let (client_id, sequence) = (OTHER, self.sequence);
+        let command = self.bench.servo(goal);
+        self.send(ServoCommand { client_id, sequence, clutched: false, ..command });
     }
 
     pub(super) fn begin_anew(&mut self) {

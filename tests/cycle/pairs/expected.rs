@@ -244,14 +244,19 @@ impl Expected {
 
     /// What cut a goal is looked at by others; here it counts what is left of it.
     fn clipped(&self, goal: Goal, report: &CycleReport, is_slow: bool) -> Goal {
-        let Some(joint) =
-            report.joint.filter(|_| report.clipped && report.limited_by_fixture.is_none())
-        else {
-            return goal;
-        };
+        // One that comes back from there goes step by step.
+        let was_cut = matches!(&self.what, What::Goal(before) if before.expected != before.end);
+        let is_cut = (report.clipped || was_cut) && report.limited_by_fixture.is_none();
+        let Some(joint) = report.joint.filter(|_| is_cut) else { return goal };
         let end = self.wire.angles(joint.goal);
         if !is_slow {
-            return Goal { expected: goal.expected, ..Goal::still(end, goal.at) };
+            // It may go on between two commands as it went to this one.
+            let unsure = match &self.what {
+                What::Goal(before) if was_cut => distance(end, before.end),
+                _ => 0.0,
+            };
+            let still = Goal { for_s: LONGEST_S, unsure, ..Goal::still(end, goal.at) };
+            return Goal { expected: goal.expected, ..still };
         }
         let rate = plus(end, goal.from, -1.0).map(|way| way / goal.for_s);
         Goal { end, rate, ..goal }
