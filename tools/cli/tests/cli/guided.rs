@@ -4,6 +4,7 @@
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::Command;
+use std::sync::atomic::Ordering;
 
 use i2ris::ipc::client::Client;
 use i2ris::ipc::{OperatingState, StateCommand};
@@ -71,6 +72,15 @@ fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
         &said.output,
         &["$ i2ris enable", "$ i2ris command state condition", "done: the robot is ENABLED"],
     );
+
+    // To have gone round is not to have followed.
+    rig.camera_is_shut.store(true, Ordering::Relaxed);
+    fs::remove_file(bench.path("here/check.done")).unwrap();
+    let said = end(start(&domain, &words));
+    assert_eq!(said.code, Some(8), "{}{}", said.output, said.error);
+    let doubt =
+        ["done with a doubt: ", "the camera has not seen the circle", "it checks once more"];
+    assert_says(&format!("{}{}", said.output, said.error), &doubt);
 }
 
 #[test]
