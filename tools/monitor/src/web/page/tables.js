@@ -22,7 +22,12 @@ function fill(place, rows) {
   }));
 }
 
-const signed = (value, digits = 2) => (value === null || value === undefined ? '–' : (value < 0 ? '−' : '+') + Math.abs(value).toFixed(digits));
+/** What rounds to zero has no sign: an error within the noise of the camera would flicker. */
+const signed = (value, digits = 2) => {
+  if (value === null || value === undefined) return '–';
+  const size = Math.abs(value).toFixed(digits);
+  return (Number(size) === 0 ? '' : value < 0 ? '−' : '+') + size;
+};
 const age = (ms) => (ms < 10000 ? (ms / 1000).toFixed(1) + ' s' : Math.round(ms / 1000) + ' s');
 const head = (...texts) => texts.map((text) => [text, '', 'th']);
 
