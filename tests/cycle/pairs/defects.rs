@@ -1,6 +1,6 @@
 //! Deliberate defects in the order of filters, one at a time, each of which the pairs have to find.
 //!
-//! A copy of the sources gets the defect, is built, and draws until it is found, at most a million
+//! A copy of the sources gets the defect, is built, and draws until it is found, at most two million
 //! ticks. Where two stages hold
 //! the same limit, a defect in one of them changes no setpoint, so the limit is taken from both:
 //! the limits of the motors from stage 10 and the gate, the calibrated pose from stage 6 and the
@@ -180,14 +180,14 @@ fn copy(to: &Path) {
     }
 }
 
-/// Draws up to a million ticks in a copy of the sources: what the test said, if it was built.
+/// Draws up to two million ticks in a copy of the sources: what the test said, if it was built.
 fn draw(folder: &Path) -> (bool, String) {
     let (found, text) = output(
         Command::new(env!("CARGO"))
             .args(["test", "--locked", "-p", "i2ris", "--test", "simulated", "--"])
             .args(["--ignored", "--nocapture", "pairs_of_a_million"])
             .env("CARGO_TARGET_DIR", folder.join("target"))
-            .env("I2RIS_TICKS", "1000000")
+            .env("I2RIS_TICKS", "2000000")
             .env("I2RIS_FIRST", "")
             .env_remove("I2RIS_SEED")
             .current_dir(folder.join("source")),
