@@ -1,6 +1,5 @@
 //! The command set of a family: requests and replies. No I/O.
 
-use std::fmt;
 
 use super::abort_code::AbortCode;
 use super::object::{Address, Setting};
@@ -76,19 +75,64 @@ pub(super) const MAX_SEGMENTED: usize = 1024;
 
 /// The requests of a family: opcodes and order of the parameters. A line has one command set, that
 /// of the drive that the port belongs to: it forwards requests to drives of other families.
-pub trait CommandSet: fmt::Debug + Sync {
+#[derive(Debug)]
+pub struct CommandSet {
+    pub(super) read: u8,
+    pub(super) write: u8,
+    pub(super) first_segment: u8,
+    pub(super) next_segment: u8,
+    /// Every object request starts with node, index and subindex; else the node is the last.
+    pub(super) node_first: bool,
+    pub(super) segmented: fn(u8, Address) -> Box<dyn SegmentedRead>,
+}
+
+impl CommandSet {
     /// Reads an object of at most four bytes.
-    fn read(&self, node: u8, object: Address) -> DriveRequest;
+    #[must_use]
+    pub fn read(&self, node: u8, object: Address) -> DriveRequest {
+        DriveRequest::new(self.read, self.selector(node, object), READ_REPLY_WORDS)
+    }
 
     /// Writes an object of at most four bytes.
-    fn write(&self, node: u8, setting: Setting) -> DriveRequest;
+    #[must_use]
+    pub fn write(&self, node: u8, setting: Setting) -> DriveRequest {
+        let [a, b, c, d] = self.selector(node, setting.object);
+        let [e, f, g, h] = setting.raw.to_le_bytes();
+        DriveRequest::new(self.write, [a, b, c, d, e, f, g, h], WRITE_REPLY_WORDS)
+    }
 
     /// Starts to read an object of any length. Allocates; for bring-up only.
-    fn read_segmented(&self, node: u8, object: Address) -> Box<dyn SegmentedRead>;
+    #[must_use]
+    pub fn read_segmented(&self, node: u8, object: Address) -> Box<dyn SegmentedRead> {
+        (self.segmented)(node, object)
+    }
+
+    /// As every object request starts.
+    pub(super) const fn selector(&self, node: u8, object: Address) -> [u8; 4] {
+        let ([low, high], subindex) = (object.index.to_le_bytes(), object.subindex);
+        if self.node_first { [node, low, high, subindex] } else { [low, high, subindex, node] }
+    }
 
     /// What a captured request asks for; `None`: nothing that this software asks for. Data that is
     /// missing counts as zeros.
-    fn parse(&self, request: SerialFrame<'_>) -> Option<Requested>;
+    #[must_use]
+    pub fn parse(&self, request: SerialFrame<'_>) -> Option<Requested> {
+        let mut data = request.data.iter().copied().chain(std::iter::repeat(0));
+        let mut next = || std::array::from_fn::<u8, 4, _>(|_| data.next().unwrap_or_default());
+        let (mut place, raw) = (next(), u32::from_le_bytes(next()));
+        place.rotate_left(usize::from(self.node_first));
+        let [low, high, subindex, node] = place;
+        let index = u16::from_le_bytes([low, high]);
+        match request.opcode {
+            code if code == self.read => Some(Requested::Read(node, index, subindex)),
+            code if code == self.write => Some(Requested::Write(node, index, subindex, raw)),
+            code if code == self.first_segment => {
+                Some(Requested::FirstSegment(node, index, subindex))
+            }
+            code if code == self.next_segment => Some(Requested::NextSegment),
+            _ => None,
+        }
+    }
 
     /// The value in the reply to [`CommandSet::read`], truncated to the size of the object. It
     /// comes in four bytes, whose upper ones are undefined; some hosts have read two for a short
@@ -97,7 +141,7 @@ pub trait CommandSet: fmt::Debug + Sync {
     /// # Errors
     ///
     /// When the drive refused, or the frame is no reply to a read.
-    fn read_reply(&self, reply: SerialFrame<'_>, object: Address) -> Result<u32, ReplyError> {
+    pub fn read_reply(&self, reply: SerialFrame<'_>, object: Address) -> Result<u32, ReplyError> {
         match *after_error_code(reply)? {
             [a, b, c, d] => Ok(object.truncate(u32::from_le_bytes([a, b, c, d]))),
             [a, b] if matches!(object.size, 1 | 2) => {
@@ -112,7 +156,7 @@ pub trait CommandSet: fmt::Debug + Sync {
     /// # Errors
     ///
     /// When the drive refused, or the frame is no reply to a write.
-    fn write_reply(&self, reply: SerialFrame<'_>) -> Result<(), ReplyError> {
+    pub fn write_reply(&self, reply: SerialFrame<'_>) -> Result<(), ReplyError> {
         if after_error_code(reply)?.is_empty() { Ok(()) } else { Err(ReplyError::Mismatch) }
     }
 }
@@ -131,13 +175,6 @@ pub trait SegmentedRead {
 
     /// The bytes read so far.
     fn bytes(&self) -> &[u8];
-}
-
-/// The selector and the value of a captured request; what is missing is zero.
-pub(super) fn request_data(request: SerialFrame<'_>) -> ([u8; 4], u32) {
-    let mut data = request.data.iter().copied().chain(std::iter::repeat(0));
-    let mut next = || std::array::from_fn(|_| data.next().unwrap_or_default());
-    (next(), u32::from_le_bytes(next()))
 }
 
 /// The data of a reply after its error code, if that is 0.

@@ -6,7 +6,7 @@
 
 mod command_set;
 
-use command_set::Epos2CommandSet;
+use command_set::COMMANDS;
 
 use super::command_set::CommandSet;
 use super::drive_fault::DriveFault;
@@ -55,8 +55,8 @@ impl DriveFamily for Epos2 {
         "EPOS2"
     }
 
-    fn command_set(&self) -> &'static dyn CommandSet {
-        &Epos2CommandSet
+    fn command_set(&self) -> &'static CommandSet {
+        COMMANDS
     }
 
     fn object_map(&self) -> &'static ObjectMap {

@@ -4,7 +4,7 @@
 
 mod command_set;
 
-use command_set::Epos4CommandSet;
+use command_set::COMMANDS;
 
 use super::command_set::CommandSet;
 use super::drive_fault::DriveFault;
@@ -67,8 +67,8 @@ impl DriveFamily for Epos4 {
         "EPOS4"
     }
 
-    fn command_set(&self) -> &'static dyn CommandSet {
-        &Epos4CommandSet
+    fn command_set(&self) -> &'static CommandSet {
+        COMMANDS
     }
 
     fn object_map(&self) -> &'static ObjectMap {
@@ -108,7 +108,7 @@ impl DriveFamily for Epos4Profile {
         Epos4.name()
     }
 
-    fn command_set(&self) -> &'static dyn CommandSet {
+    fn command_set(&self) -> &'static CommandSet {
         Epos4.command_set()
     }
 

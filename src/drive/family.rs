@@ -16,7 +16,7 @@ pub trait DriveFamily: fmt::Debug + Sync {
     fn name(&self) -> &'static str;
 
     /// The command set, for a port that belongs to a drive of this family.
-    fn command_set(&self) -> &'static dyn CommandSet;
+    fn command_set(&self) -> &'static CommandSet;
 
     /// The objects and modes that differ between families.
     fn object_map(&self) -> &'static ObjectMap;

@@ -8,17 +8,10 @@
 //! University of Osnabrueck, which sends the same requests in V2 frames.
 
 use crate::drive::command_set::{
-    CommandSet, DriveRequest, MAX_SEGMENTED, READ_REPLY_WORDS, ReplyError, Requested,
-    SegmentedRead, WRITE_REPLY_WORDS, after_error_code, request_data,
+    CommandSet, DriveRequest, MAX_SEGMENTED, ReplyError, SegmentedRead, after_error_code,
 };
-use crate::drive::object::{Address, Setting};
+use crate::drive::object::Address;
 use crate::drive::serial_frame::SerialFrame;
-
-const READ_OBJECT: u8 = 0x10;
-const WRITE_OBJECT: u8 = 0x11;
-
-const INITIATE_SEGMENTED_READ: u8 = 0x12;
-const SEGMENT_READ: u8 = 0x14;
 
 /// Words of data in the longest reply: error code, control byte, 63 bytes.
 const REPLY_WORDS: u8 = 34;
@@ -28,42 +21,14 @@ const TOGGLE: u8 = 1 << 6;
 const MORE: u8 = 1 << 7;
 
 /// The command set of the EPOS2.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Epos2CommandSet;
-
-impl CommandSet for Epos2CommandSet {
-    fn read(&self, node: u8, object: Address) -> DriveRequest {
-        DriveRequest::new(READ_OBJECT, object_selector(node, object), READ_REPLY_WORDS)
-    }
-
-    fn write(&self, node: u8, setting: Setting) -> DriveRequest {
-        let [a, b, c, d] = object_selector(node, setting.object);
-        let [e, f, g, h] = setting.raw.to_le_bytes();
-        DriveRequest::new(WRITE_OBJECT, [a, b, c, d, e, f, g, h], WRITE_REPLY_WORDS)
-    }
-
-    fn read_segmented(&self, node: u8, object: Address) -> Box<dyn SegmentedRead> {
-        Box::new(Epos2SegmentedRead::new(node, object))
-    }
-
-    fn parse(&self, request: SerialFrame<'_>) -> Option<Requested> {
-        let ([low, high, subindex, node], raw) = request_data(request);
-        let index = u16::from_le_bytes([low, high]);
-        match request.opcode {
-            READ_OBJECT => Some(Requested::Read(node, index, subindex)),
-            WRITE_OBJECT => Some(Requested::Write(node, index, subindex, raw)),
-            INITIATE_SEGMENTED_READ => Some(Requested::FirstSegment(node, index, subindex)),
-            SEGMENT_READ => Some(Requested::NextSegment),
-            _ => None,
-        }
-    }
-}
-
-/// Index, subindex and node, as every object request starts.
-const fn object_selector(node: u8, object: Address) -> [u8; 4] {
-    let [low, high] = object.index.to_le_bytes();
-    [low, high, object.subindex, node]
-}
+pub(super) const COMMANDS: &CommandSet = &CommandSet {
+    read: 0x10,
+    write: 0x11,
+    first_segment: 0x12,
+    next_segment: 0x14,
+    node_first: false,
+    segmented: |node, object| Box::new(Epos2SegmentedRead::new(node, object)),
+};
 
 /// A segmented read in progress.
 #[derive(Debug)]
@@ -103,12 +68,12 @@ impl SegmentedRead for Epos2SegmentedRead {
     fn request(&self) -> DriveRequest {
         match self.state {
             SegmentState::First => DriveRequest::new(
-                INITIATE_SEGMENTED_READ,
-                object_selector(self.node, self.object),
+                COMMANDS.first_segment,
+                COMMANDS.selector(self.node, self.object),
                 REPLY_WORDS,
             ),
             SegmentState::Next { toggle } => {
-                DriveRequest::new(SEGMENT_READ, [toggle, 0], REPLY_WORDS)
+                DriveRequest::new(COMMANDS.next_segment, [toggle, 0], REPLY_WORDS)
             }
         }
     }
@@ -148,7 +113,7 @@ mod tests {
     #[test]
     fn frames_on_usb_match_the_reference() {
         let mut encoder = FrameEncoder::default();
-        let commands = Epos2CommandSet;
+        let commands = COMMANDS;
         for (request, wire) in [
             (commands.read(1, STATUSWORD.address()), "90 02 10 02 41 60 00 01 64 CF"),
             (commands.read(1, POSITION.address()), "90 02 10 02 64 60 00 01 52 A2"),
@@ -171,10 +136,10 @@ mod tests {
     #[test]
     fn a_short_value_comes_in_one_word_or_with_a_word_of_no_meaning() {
         for data in [&[0, 0, 0, 0, 0x37, 0x02][..], &[0, 0, 0, 0, 0x37, 0x02, 0x90, 0x80]] {
-            let value = Epos2CommandSet.read_reply(reply(data), STATUSWORD.address());
+            let value = COMMANDS.read_reply(reply(data), STATUSWORD.address());
             assert_eq!(value, Ok(0x0237));
         }
-        let short = Epos2CommandSet.read_reply(reply(&[0, 0, 0, 0, 6, 0]), POSITION.address());
+        let short = COMMANDS.read_reply(reply(&[0, 0, 0, 0, 6, 0]), POSITION.address());
         assert_eq!(short, Err(ReplyError::Mismatch));
     }
 

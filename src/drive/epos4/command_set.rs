@@ -3,17 +3,10 @@
 //! Source: maxon's EPOS4 Communication Guide (2019-11).
 
 use crate::drive::command_set::{
-    CommandSet, DriveRequest, MAX_SEGMENTED, READ_REPLY_WORDS, ReplyError, Requested,
-    SegmentedRead, WRITE_REPLY_WORDS, after_error_code, request_data,
+    CommandSet, DriveRequest, MAX_SEGMENTED, ReplyError, SegmentedRead, after_error_code,
 };
-use crate::drive::object::{Address, Setting};
+use crate::drive::object::Address;
 use crate::drive::serial_frame::SerialFrame;
-
-const READ_OBJECT: u8 = 0x60;
-const WRITE_OBJECT: u8 = 0x68;
-
-const INITIATE_SEGMENTED_READ: u8 = 0x81;
-const SEGMENT_READ: u8 = 0x62;
 
 /// Words of data in the longest reply to the first request: error code, total length, length, 255
 /// bytes.
@@ -26,42 +19,14 @@ const TOGGLE: u8 = 1 << 0;
 const LAST: u8 = 1 << 1;
 
 /// The command set of the EPOS4.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Epos4CommandSet;
-
-impl CommandSet for Epos4CommandSet {
-    fn read(&self, node: u8, object: Address) -> DriveRequest {
-        DriveRequest::new(READ_OBJECT, object_selector(node, object), READ_REPLY_WORDS)
-    }
-
-    fn write(&self, node: u8, setting: Setting) -> DriveRequest {
-        let [a, b, c, d] = object_selector(node, setting.object);
-        let [e, f, g, h] = setting.raw.to_le_bytes();
-        DriveRequest::new(WRITE_OBJECT, [a, b, c, d, e, f, g, h], WRITE_REPLY_WORDS)
-    }
-
-    fn read_segmented(&self, node: u8, object: Address) -> Box<dyn SegmentedRead> {
-        Box::new(Epos4SegmentedRead::new(node, object))
-    }
-
-    fn parse(&self, request: SerialFrame<'_>) -> Option<Requested> {
-        let ([node, low, high, subindex], raw) = request_data(request);
-        let index = u16::from_le_bytes([low, high]);
-        match request.opcode {
-            READ_OBJECT => Some(Requested::Read(node, index, subindex)),
-            WRITE_OBJECT => Some(Requested::Write(node, index, subindex, raw)),
-            INITIATE_SEGMENTED_READ => Some(Requested::FirstSegment(node, index, subindex)),
-            SEGMENT_READ => Some(Requested::NextSegment),
-            _ => None,
-        }
-    }
-}
-
-/// Node, index and subindex, as every object request starts.
-const fn object_selector(node: u8, object: Address) -> [u8; 4] {
-    let [low, high] = object.index.to_le_bytes();
-    [node, low, high, object.subindex]
-}
+pub(super) const COMMANDS: &CommandSet = &CommandSet {
+    read: 0x60,
+    write: 0x68,
+    first_segment: 0x81,
+    next_segment: 0x62,
+    node_first: true,
+    segmented: |node, object| Box::new(Epos4SegmentedRead::new(node, object)),
+};
 
 /// A segmented read in progress.
 #[derive(Debug)]
@@ -127,12 +92,12 @@ impl SegmentedRead for Epos4SegmentedRead {
     fn request(&self) -> DriveRequest {
         match self.state {
             SegmentState::First => DriveRequest::new(
-                INITIATE_SEGMENTED_READ,
-                object_selector(self.node, self.object),
+                COMMANDS.first_segment,
+                COMMANDS.selector(self.node, self.object),
                 FIRST_REPLY_WORDS,
             ),
             SegmentState::Next { toggle, .. } => {
-                DriveRequest::new(SEGMENT_READ, [toggle, 0], NEXT_REPLY_WORDS)
+                DriveRequest::new(COMMANDS.next_segment, [toggle, 0], NEXT_REPLY_WORDS)
             }
         }
     }
@@ -168,18 +133,18 @@ mod tests {
 
     #[test]
     fn requests_have_the_layout_of_the_reference() {
-        let read = Epos4CommandSet.read(1, POSITION.address());
+        let read = COMMANDS.read(1, POSITION.address());
         assert_eq!(request_bytes(read), [0x60, 0x01, 0x64, 0x60, 0x00]);
-        let write = Epos4CommandSet.write(2, TARGET.set(-3988));
+        let write = COMMANDS.write(2, TARGET.set(-3988));
         assert_eq!(request_bytes(write), [0x68, 0x02, 0x7A, 0x60, 0x00, 0x6C, 0xF0, 0xFF, 0xFF]);
     }
 
     #[test]
     fn values_follow_an_error_code_of_zero() {
         let data = [0, 0, 0, 0, 0xC7, 0xCF, 0xFF, 0xFF];
-        let value = Epos4CommandSet.read_reply(reply(&data), POSITION.address());
+        let value = COMMANDS.read_reply(reply(&data), POSITION.address());
         assert_eq!(value, Ok(-12345_i32 as u32));
-        assert_eq!(Epos4CommandSet.write_reply(reply(&[0; 4])), Ok(()));
+        assert_eq!(COMMANDS.write_reply(reply(&[0; 4])), Ok(()));
     }
 
     #[test]
@@ -187,8 +152,8 @@ mod tests {
         let refused = ReplyError::Refused(AbortCode(0x0602_0000));
         for data in [&[0, 0, 2, 6][..], &[0, 0, 2, 6, 0, 0, 0, 0]] {
             let position = POSITION.address();
-            assert_eq!(Epos4CommandSet.read_reply(reply(data), position), Err(refused));
-            assert_eq!(Epos4CommandSet.write_reply(reply(data)), Err(refused));
+            assert_eq!(COMMANDS.read_reply(reply(data), position), Err(refused));
+            assert_eq!(COMMANDS.write_reply(reply(data)), Err(refused));
         }
     }
 
@@ -196,11 +161,11 @@ mod tests {
     fn a_reply_to_another_kind_of_request_is_a_mismatch() {
         let echo = SerialFrame { opcode: 0x60, data: &[0; 8] };
         for frame in [reply(&[0; 4]), echo, reply(&[1, 0, 0, 0, 0, 0, 0, 0, 0, 0])] {
-            let value = Epos4CommandSet.read_reply(frame, POSITION.address());
+            let value = COMMANDS.read_reply(frame, POSITION.address());
             assert_eq!(value, Err(ReplyError::Mismatch));
         }
         for frame in [reply(&[0; 8]), reply(&[])] {
-            assert_eq!(Epos4CommandSet.write_reply(frame), Err(ReplyError::Mismatch));
+            assert_eq!(COMMANDS.write_reply(frame), Err(ReplyError::Mismatch));
         }
     }
 
