@@ -45,22 +45,7 @@ enum Request {
 type Failure = Box<dyn std::error::Error>;
 
 fn main() -> ExitCode {
-    i2ris::process::survive_file_size_limit();
-    let mut log = match ConsoleLog::start(io::stderr()) {
-        Ok(log) => log,
-        Err(failure) => {
-            let _ = writeln!(io::stderr(), "error: cannot start a thread: {failure}");
-            return ExitCode::FAILURE;
-        }
-    };
-    log.take_panic_messages();
-    match start(&mut log) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            let _ = writeln!(log, "error: {failure}");
-            ExitCode::from(code(&failure))
-        }
-    }
+    i2ris::process::run_process(start, code)
 }
 
 /// The same codes as those of `i2ris`.

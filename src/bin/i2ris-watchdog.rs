@@ -50,23 +50,7 @@ enum Request {
 }
 
 fn main() -> ExitCode {
-    i2ris::process::survive_file_size_limit();
-    // Its own thread writes it: a terminal that blocks must not keep the drives from being stopped.
-    let mut log = match ConsoleLog::start(io::stderr()) {
-        Ok(log) => log,
-        Err(failure) => {
-            let _ = writeln!(io::stderr(), "error: cannot start a thread: {failure}");
-            return ExitCode::FAILURE;
-        }
-    };
-    log.take_panic_messages();
-    match start(&mut log) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            let _ = writeln!(log, "error: {failure}");
-            ExitCode::FAILURE
-        }
-    }
+    i2ris::process::run_process(start, |_| 1)
 }
 
 fn start(log: &mut ConsoleLog) -> Result<(), Failure> {

@@ -42,6 +42,11 @@ pub mod run_log;
 mod start_up;
 mod threads;
 
+use std::fmt::Display;
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+use console_log::ConsoleLog;
 pub use payload_conversion::{operating_state, robot_description};
 
 /// A write beyond the limit on the size of files fails from now on, as on a full disk. By default it
@@ -49,4 +54,29 @@ pub use payload_conversion::{operating_state, robot_description};
 pub fn survive_file_size_limit() {
     // SAFETY: no handler is replaced.
     let _ = unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}
+
+/// The main function of a process: it starts the log, which a thread of its own writes, because a
+/// terminal that blocks must not keep drives from being stopped; and prints why it ended. `code`:
+/// the exit code of a failure.
+pub fn run_process<E: Display>(
+    start: impl FnOnce(&mut ConsoleLog) -> Result<(), E>,
+    code: impl FnOnce(&E) -> u8,
+) -> ExitCode {
+    survive_file_size_limit();
+    let mut log = match ConsoleLog::start(io::stderr()) {
+        Ok(log) => log,
+        Err(failure) => {
+            let _ = writeln!(io::stderr(), "error: cannot start a thread: {failure}");
+            return ExitCode::FAILURE;
+        }
+    };
+    log.take_panic_messages();
+    match start(&mut log) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            let _ = writeln!(log, "error: {failure}");
+            ExitCode::from(code(&failure))
+        }
+    }
 }
