@@ -18,19 +18,17 @@ const CONDITIONING: f64 = 300.0;
 impl Situation {
     /// Another client commands, with a clock or a step of its own.
     pub(super) fn compete(&mut self) {
-        self.sequence += 1;
         let goal = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
         let age = Nanos::from_millis(self.random.below(80));
-        let command = ServoCommand {
-            client_id: OTHER,
-            sequence: self.sequence,
-            stamp: self.bench.now - age,
-            deadline: Nanos::ZERO,
-            goal: ServoGoal::Joint(self.output(goal), 2),
-            clutched: false,
-            has_unknown_flags: false,
-        };
-        self.send(command);
+        self.send_as_other(goal, age);
+    }
+
+    fn send_as_other(&mut self, goal: [f64; 2], age: Nanos) {
+        self.sequence += 1;
+        let goal = ServoGoal::Joint(self.output(goal), 2);
+        let (client_id, sequence, stamp) = (OTHER, self.sequence, self.bench.now - age);
+        let command = self.bench.servo(goal);
+        self.send(ServoCommand { client_id, sequence, stamp, clutched: false, ..command });
     }
 
     pub(super) fn begin_in_counts(&mut self) {
@@ -174,7 +172,10 @@ impl Situation {
             self.see();
             match tick % 5 {
                 0 => self.stream(),
-                1 if joins => self.send_from_here(),
+                1 if joins => {
+                    let here = self.present();
+                    self.send_as_other(here, Nanos::ZERO);
+                }
                 _ => self.tick(),
             }
         }
@@ -188,18 +189,11 @@ impl Situation {
         self.oracle.see_anew(&self.bench);
         self.jaw.iter_mut().for_each(Jaw::begin);
         self.check();
+        // Asked for where the snake is, nothing but its session speaks against it.
         if joins {
-            self.send_from_here();
+            let here = self.present();
+            self.send_as_other(here, Nanos::ZERO);
         }
-    }
-
-    /// Another client asks for where the snake is: nothing but its session speaks against it.
-    fn send_from_here(&mut self) {
-        self.sequence += 1;
-        let goal = ServoGoal::Joint(self.output(self.present()), 2);
-        let (client_id, sequence) = (OTHER, self.sequence);
-        let command = self.bench.servo(goal);
-        self.send(ServoCommand { client_id, sequence, clutched: false, ..command });
     }
 
     pub(super) fn begin_anew(&mut self) {
