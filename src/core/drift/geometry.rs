@@ -17,8 +17,8 @@ pub(in crate::core) struct ModelGeometry {
     pub inverse_slope: [Pair; 2],
     /// The poses at the corners of the hull as calibrated, rad.
     pub corners: Vec<Pair>,
-    /// What wears moves the pose there, rad per growth, in the order of [`super::Drift::worn`];
-    /// empty for a model without gaps.
+    /// How far wear moves the pose at some of them, rad per growth, in the order of
+    /// [`super::Drift::worn`]; empty for a model without gaps.
     pub wear_at_corners: Vec<[Pair; WORN]>,
     /// What the fit left of every output, rad.
     pub deviation: Pair,
@@ -113,15 +113,15 @@ pub(in crate::core) fn inverse([[a, b], [c, d]]: &[Pair; 2]) -> Option<[Pair; 2]
     (determinant.abs() > 1e-6 * largest * largest).then_some(inverse)
 }
 
-/// A wear as it comes to be: gap, slack and play. Secants to there, and not slopes, because what
-/// wires do that hang is not what they do that are about to.
+/// Typical wear of gap, slack and play. What wires do changes as they get slack, so the slopes of a
+/// new robot do not say what wear does: the secants to here do.
 const WHOLE: [f64; 3] = [0.3, 0.015, 0.01];
 
-/// Corners whose wear is looked at, and positions on the way to each of them.
+/// The most corners that are looked at, and the steps on the way to each of them.
 const WORN_CORNERS: usize = 8;
 const WAY: u8 = 100;
 
-/// The secants of wear at corners of the hull, each reached from its opposite.
+/// The secants of wear at corners of the hull, each reached from the opposite side.
 #[allow(
     clippy::disallowed_methods,
     clippy::disallowed_types,
@@ -132,8 +132,7 @@ fn wear_at_corners(model: &Model) -> Vec<[Pair; WORN]> {
         return Vec::new();
     }
     let corners: Vec<MotorVec> = model.hull().corners().collect();
-    let centre = corners.iter().fold(MotorVec::default(), |sum, corner| add(sum, *corner));
-    let centre = centre.map(|sum| sum / corners.len() as f64);
+    let centre = model.hull().centre();
     let arrive = |corner: &MotorVec, wear: &Wear| {
         let mut memory = model.new_memory();
         let there = subtract(*corner, centre);
