@@ -7,6 +7,7 @@ mod map;
 mod nightly;
 mod packages;
 mod risk;
+mod sizes;
 mod versions;
 
 use std::collections::BTreeSet;

@@ -13,6 +13,7 @@
 //! | [`drive`] | a drive, its line and its port in simulated time, byte by byte |
 //! | `properties` | [`cases`]: how many random cases a property is tried with |
 //! | [`program`] | the programs of this build |
+//! | [`sizes`] | ceilings on lines, files and commands |
 //! | `terminal` | [`Terminal`]: a program on a terminal of any size |
 //! | `python` | a Python with the modules of a test |
 #![allow(
@@ -35,6 +36,7 @@ mod properties;
 mod python;
 mod rig;
 mod server;
+pub mod sizes;
 mod terminal;
 mod waiting;
 
