@@ -133,23 +133,32 @@
 //!   to the bit.
 //! - **run log**: one line of JSON per change of state, fault and run.
 #![warn(missing_docs)]
+// A client holds no domain and serves nothing.
+#![cfg_attr(not(feature = "controller"), allow(dead_code, unused_imports))]
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 // Only for `.ci/realtime`, with a nightly compiler.
 #![cfg_attr(realtime_sanitizer, feature(sanitize))]
 
 pub mod clock;
+#[cfg(feature = "controller")]
 pub mod config;
+#[cfg(feature = "controller")]
 pub mod core;
+#[cfg(feature = "controller")]
 pub mod drive;
 pub mod file_permissions;
 pub mod ipc;
 pub mod model;
+#[cfg(feature = "controller")]
 pub mod process;
+#[cfg(feature = "controller")]
 pub mod realtime;
 pub mod robot;
+#[cfg(feature = "controller")]
 pub mod service_manager;
 pub mod units;
 pub mod wall_clock;
+#[cfg(feature = "controller")]
 pub mod watchdog;
 
 /// The commit that this software is made of, as far as a release knows it.

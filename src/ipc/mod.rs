@@ -22,14 +22,17 @@
 pub mod client;
 mod client_process;
 pub mod domain;
-pub mod domain_lock;
+pub(crate) mod domain_lock;
+#[cfg(feature = "controller")]
 pub mod heartbeat;
 mod identities;
 pub mod payload;
 pub mod ready;
+#[cfg(feature = "controller")]
 pub mod server;
 mod service;
 mod streams;
+#[cfg(feature = "controller")]
 pub mod watchdog_presence;
 
 pub use crate::robot::{
@@ -37,9 +40,11 @@ pub use crate::robot::{
 };
 pub use client_process::{ClientProcess, find_client_process};
 pub use domain::{Domain, DomainError, random_id};
+#[cfg(feature = "controller")]
 pub use domain_lock::DomainLock;
 pub use identities::ShownClient;
 pub use payload::{Message, Payload};
+#[cfg(feature = "controller")]
 pub use server::{IpcError, Server};
 pub use service::TransportError;
 pub use streams::{
