@@ -1,6 +1,5 @@
 //! The command set of a family: requests and replies. No I/O.
 
-
 use super::abort_code::AbortCode;
 use super::object::{Address, Setting};
 use super::serial_frame::SerialFrame;
