@@ -97,4 +97,18 @@ pub(super) enum Problem {
          motor makes (line {lines}); empty the cell, or remove the line"
     )]
     Glitch { value: f64, usual: f64, lines: String },
+    #[error(
+        "the order of the rows is not a path of a motor (median step {step} counts); give them in \
+         the order of time, with a column of time"
+    )]
+    Order { step: f64 },
+    #[error("angle {to} after {from}: it wraps from one end of its scale to the other; unwrap it")]
+    AngleWrap { from: f64, to: f64 },
+    #[error("spans {span:.3} mm over all rows; if these are metres, multiply them by 1000")]
+    Metres { span: f64 },
+    #[error(
+        "counts step by {step} after line {before} and the outputs do not: homed, restarted or \
+         slipped there; cut the recording there"
+    )]
+    Zero { step: f64, before: u64 },
 }

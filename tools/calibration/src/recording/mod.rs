@@ -10,6 +10,7 @@
 //! | `table` | from cells to rows of numbers |
 //! | `check` | requirements that tables fulfil |
 //! | `steps` | counters that wrap, and single wrong counts |
+//! | `plausible` | rows that no motor and no sensor makes |
 //! | `read` | a recording of a table |
 //! | `write` | the common format, written row by row |
 //! | `error` | what is wrong with a file, where, and what to do |
@@ -18,6 +19,9 @@ mod cell;
 mod check;
 mod columns;
 mod error;
+#[cfg(test)]
+mod nonsense;
+mod plausible;
 mod read;
 mod rows;
 mod sheet;

@@ -56,6 +56,7 @@ impl Recording {
             return Err(table.error(Problem::TooFewRows { rows: complete, least: MIN_ROWS }));
         }
         table.check()?;
+        table.check_plausible()?;
         let layout = &table.layout;
         if columns.options && !layout.left_out.is_empty() {
             let left_out = layout.left_out.join(",");
