@@ -18,8 +18,8 @@ pub fn now() -> Nanos {
         .map_or(Nanos::ZERO, |t| Nanos(t.tv_sec() as u64 * 1_000_000_000 + t.tv_nsec() as u64))
 }
 
-/// How long the computer slept since it started, at least: `CLOCK_BOOTTIME` goes on in a suspend.
-/// An interruption between the two reads makes it less, never more.
+/// Minimum time that the computer was suspended since it started: `CLOCK_BOOTTIME` also counts
+/// during suspend. An interruption between the two reads reduces it, never increases it.
 #[must_use]
 pub fn suspended() -> Nanos {
     let boot_time = clock_gettime(ClockId::CLOCK_BOOTTIME)

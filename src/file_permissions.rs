@@ -1,9 +1,9 @@
 //! Trust in files: configurations and models decide how the robot moves, so the controller reads
-//! only what nobody else may have written.
+//! only files that no other user may have written.
 //!
-//! Everything is checked on the open descriptor, so that a file that is exchanged meanwhile is not
-//! read. Only regular files of a limited length are read: a FIFO or a device could block the reader
-//! for ever.
+//! Everything is checked on the open descriptor, so that a file replaced in between is not read.
+//! Only regular files of a limited length are read: a FIFO or a device could block the reader
+//! forever.
 
 use std::fs::{File, Metadata, OpenOptions};
 use std::io::{self, Read};
@@ -12,11 +12,11 @@ use std::path::{Path, PathBuf};
 
 use nix::libc;
 
-/// Longest configuration, bytes.
-pub const LONGEST_CONFIG: u64 = 1 << 20;
+/// Maximum length of a configuration, bytes.
+pub const MAX_CONFIG_BYTES: u64 = 1 << 20;
 
-/// Longest model file, bytes: a hundred times as long as those of the families here.
-pub const LONGEST_MODEL: u64 = 64 << 20;
+/// Maximum length of a model file, bytes: a hundred times that of the families here.
+pub const MAX_MODEL_BYTES: u64 = 64 << 20;
 
 /// Write access for everyone, in a mode.
 const WRITABLE_BY_ALL: u32 = 0o002;
@@ -35,7 +35,7 @@ pub enum UntrustedFile {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: io::Error,
     },
     /// A folder, FIFO, device or socket.
@@ -54,8 +54,8 @@ pub enum UntrustedFile {
     },
     /// It belongs to another user.
     #[error(
-        "{path} belongs to user {owner}, who may change it at any time; look through it, then make \
-         it yours with `chown {user} {path}`"
+        "{path} belongs to user {owner}, who may change it at any time; review it, then take \
+         ownership with `chown {user} {path}`"
     )]
     Owner {
         /// The file or its folder.
@@ -67,8 +67,8 @@ pub enum UntrustedFile {
     },
     /// Every user of the machine may write it.
     #[error(
-        "{path}: every user of this machine may write it; take that away with `chmod o-w {path}`, \
-         and look through it first"
+        "{path}: every user of this machine may write it; review it, then run \
+         `chmod o-w {path}`"
     )]
     WritableByAll {
         /// The file or its folder.
@@ -76,8 +76,8 @@ pub enum UntrustedFile {
     },
     /// A group may write it that is not this user's own.
     #[error(
-        "{path}: everybody in group {group} may write it; take that away with `chmod g-w {path}`, \
-         and look through it first"
+        "{path}: every member of group {group} may write it; review it, then run \
+         `chmod g-w {path}`"
     )]
     WritableByGroup {
         /// The file or its folder.
@@ -109,10 +109,10 @@ impl UntrustedFile {
 /// [`UntrustedFile`].
 pub fn read_trusted(path: &Path, limit: u64) -> Result<String, UntrustedFile> {
     let io = |source| UntrustedFile::Io { path: path.to_owned(), source };
-    // Behind symbolic links: the folder of the file itself decides who can exchange it.
+    // Resolves symbolic links: the folder of the file itself decides who can replace it.
     let real = path.canonicalize().map_err(io)?;
     for folder in real.ancestors().skip(1) {
-        // Nothing is read in it: whoever may only pass through may look at it, too.
+        // The folder is not read: search permission is enough.
         let opened = open(folder, libc::O_DIRECTORY | libc::O_PATH).map_err(io)?;
         check_access(folder, &opened.metadata().map_err(io)?, true)?;
     }
@@ -197,23 +197,22 @@ mod tests {
         }
     }
 
-    /// As on machines where a home may be passed through and not listed.
+    /// As on machines where a home folder can be traversed but not listed.
     #[test]
-    fn a_folder_that_may_only_be_passed_through_is_no_obstacle() {
+    fn search_only_folder_is_accepted() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("robot.toml");
         fs::write(&file, "text").unwrap();
         set_mode(&file, 0o644);
         set_mode(folder.path(), 0o311);
-        // Root may read everything: as nobody, this thread alone.
-        // SAFETY: passes a number.
+        // Root may read everything: only this thread runs as another user. SAFETY: passes a number.
         unsafe { libc::setfsuid(65_534) };
         assert_eq!(read_trusted(&file, LIMIT).unwrap(), "text");
     }
 
     #[test]
     #[ignore = "needs root, which alone can give a file to a group of others: for .ci/nightly"]
-    fn what_another_group_may_write_is_refused_up_to_the_root() {
+    fn file_or_folder_writable_by_another_group_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let parent = folder.path().join("parent");
         let file = parent.join("folder/robot.toml");
@@ -226,10 +225,10 @@ mod tests {
         give(&file, 0o640);
         assert!(read_trusted(&file, LIMIT).is_ok(), "they may read it");
         give(&file, 0o660);
-        assert!(error(&file).contains("everybody in group 12345"));
+        assert!(error(&file).contains("every member of group 12345"));
         give(&file, 0o640);
         give(&parent, 0o770);
-        assert!(error(&file).contains("everybody in group 12345"), "the folder of its folder");
+        assert!(error(&file).contains("every member of group 12345"), "the folder of its folder");
         give(&parent, 0o1770);
         assert!(read_trusted(&file, LIMIT).is_ok());
         set_mode(&parent, 0o777);
@@ -256,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_regular_file_or_too_long_is_refused_without_blocking() {
+    fn special_or_long_file_is_refused_without_blocking() {
         let folder = tempfile::tempdir().unwrap();
         let fifo = folder.path().join("fifo");
         mkfifo(&fifo, Mode::S_IRWXU).unwrap();

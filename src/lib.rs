@@ -3,21 +3,19 @@
 //! A whole client; `i2ris start` and `i2ris calibrate` give it an emulated robot to command:
 //!
 //! ```no_run
-//! use i2ris::ipc::client::{Client, Latest};
+//! use i2ris::ipc::client::Client;
 //! use i2ris::ipc::Domain;
 //! use i2ris::robot::StateCommand;
-//! use i2ris::units::Nanos;
 //! use std::{error::Error, thread, time::Duration};
 //!
 //! fn main() -> Result<(), Box<dyn Error>> {
-//!     let mut client = Client::connect(&Domain::new("i2ris")?, Nanos::from_millis(1000))?;
-//!     client.carry_out(StateCommand::Enable, || false)?;
-//!     let mut measured = Latest::new(client.watcher().measured_js());
+//!     let mut client = Client::connect(&Domain::new("i2ris")?, Duration::from_secs(1))?;
+//!     client.enable(Duration::from_secs(10))?;
 //!     let mut commander = client.commander();
 //!     for step in 0..2000 {
 //!         let pitch_rad = 0.1 * (0.01 * f64::from(step)).sin();
 //!         commander.servo_jp(&[pitch_rad, 0.0])?;
-//!         if let Some(joints) = measured.refresh()? {
+//!         if let Some(joints) = client.measured_js()? {
 //!             println!("pitch {:.2} deg", joints.position[0].to_degrees());
 //!         }
 //!         thread::sleep(Duration::from_millis(5)); // silence for 50 ms, and the snake holds
@@ -32,7 +30,7 @@
 //! desired angles into encoder counts by inverting a calibrated model, streams them to the motor
 //! drives over serial lines, and takes its commands from other processes through shared memory.
 //!
-//! The default model is a balance of forces (`force-balance`) with a polynomial read-out. Gaussian
+//! The default model is a force balance (`force-balance`) with a polynomial read-out. Gaussian
 //! mixture regression (GMR) is the method of the paper: `gmr` is the baseline, and `gmr-play`, with
 //! play operators before the mixture, its version with memory.
 //!
@@ -59,7 +57,7 @@
 //! | [`units`] | counts, nanoseconds, sizes of the robot | |
 //! | [`robot`] | the vocabulary: operating states, state commands, refusals, faults | `units` |
 //! | [`clock`], [`wall_clock`] | the monotonic clock; the wall clock, for file names only | `units` |
-//! | [`file_permissions`] | reads files that nobody else may have written | |
+//! | [`file_permissions`] | reads files that no other user may have written | |
 //! | [`service_manager`] | readiness and life signs for systemd | |
 //! | [`realtime`] | real-time scheduling, the tick grid | `units`, `clock` |
 //! | [`model`] | forward model and inverse, model files | `units`, `robot`, `file_permissions` |
@@ -101,7 +99,7 @@
 //! - **counts**: encoder counts of a motor, in quadrature.
 //! - **joint**: a bending angle, pitch or yaw; rad in code and payloads, deg in files and on
 //!   screens.
-//! - **goal, setpoint, measured**: what the client asked; what the controller sends after all
+//! - **goal, setpoint, measured**: what the client requests; what the controller sends after all
 //!   limits; what the encoders report.
 //! - **play, stop operator**: the elements of hysteresis: a play has a backlash, a stop a friction.
 //! - **memory**: the outputs of the hysteresis operators: what the model keeps of past motion.
@@ -123,8 +121,8 @@
 //! - **plausibility**: the comparison of the camera with the estimate of the model.
 //! - **overrun**: a tick that begins a period late or more.
 //! - **following error**: distance between setpoint and encoder.
-//! - **drift, adaptation**: how a robot comes to differ from its calibration; what follows that by
-//!   the camera. **Budget**: the largest drift that is followed.
+//! - **drift, adaptation**: how a robot departs from its calibration; its correction by the camera.
+//!   **Budget**: the largest drift that is followed.
 //! - **model slots**: the active, the staged and the previous model; swap and rollback exchange
 //!   them.
 //! - **heartbeat, watchdog**: one word in shared memory that the loop writes every tick; the
@@ -161,8 +159,8 @@ pub mod wall_clock;
 #[cfg(feature = "controller")]
 pub mod watchdog;
 
-/// The commit that this software is made of, as far as a release knows it.
+/// Commit of this software, if the release records it.
 pub const COMMIT: &str = match option_env!("I2RIS_COMMIT") {
     Some(commit) => commit,
-    None => "commit not known",
+    None => "unknown commit",
 };

@@ -1,22 +1,22 @@
 //! Messages to the service manager: the protocol of `sd_notify(3)`, a datagram per message.
 //!
-//! With `Type=notify` systemd starts what comes after a service when the service says that it is
-//! ready, and not when its process exists. Without systemd nothing happens.
+//! With `Type=notify`, systemd starts dependent services when the service reports ready, not when
+//! its process exists. Without systemd, nothing is sent.
 
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 
-/// The service does its work.
+/// The service is ready.
 pub const READY: &str = "READY=1";
 /// The service is ending.
 pub const STOPPING: &str = "STOPPING=1";
 /// The service is alive, for `WatchdogSec=`.
 pub const ALIVE: &str = "WATCHDOG=1";
 
-/// Whether a service manager started this process, which waits for what is not plugged in yet.
+/// Whether a service manager started this process, which then waits for missing devices.
 #[must_use]
-pub fn is_there() -> bool {
+pub fn is_supervised() -> bool {
     std::env::var_os("NOTIFY_SOCKET").is_some()
 }
 

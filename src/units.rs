@@ -6,24 +6,24 @@
 
 use std::fmt;
 use std::ops::{Add, Sub};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// The most motors that one robot can have.
+/// Maximum number of motors of a robot.
 pub const MAX_MOTORS: usize = 2;
 
-/// The motors, and behind them the auxiliary axis.
+/// Maximum number of axes: the motors, then the auxiliary axis.
 pub const MAX_AXES: usize = MAX_MOTORS + 1;
 
-/// The number of the auxiliary axis: a gripper or a roll.
+/// Index of the auxiliary axis: a gripper or a roll.
 pub const AUXILIARY: usize = MAX_MOTORS;
 
-/// The most outputs that one model can have: pitch and yaw, or the tip position x, y, z.
+/// Maximum number of outputs of a model: pitch and yaw, or the tip position x, y, z.
 pub const MAX_OUTPUTS: usize = 3;
 
-/// The longest window of the filter that limits jerk, ticks: the largest array that can be written
-/// to a file.
-pub const LONGEST_WINDOW: usize = 32;
+/// Maximum window of the jerk limiter, ticks: the largest array that can be written to a file.
+pub const MAX_WINDOW_TICKS: usize = 32;
 
 /// One value per motor, in fractional encoder counts. Entries beyond the model's number of motors
 /// are 0.
@@ -97,6 +97,13 @@ impl Nanos {
     #[must_use]
     pub fn as_seconds(self) -> f64 {
         self.0 as f64 * 1e-9
+    }
+}
+
+/// Longer spans than 584 years are cut to that.
+impl From<Duration> for Nanos {
+    fn from(span: Duration) -> Self {
+        Self(u64::try_from(span.as_nanos()).unwrap_or(u64::MAX))
     }
 }
 

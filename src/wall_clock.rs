@@ -30,7 +30,7 @@ pub fn unix_time() -> Nanos {
     Nanos(u64::try_from(since.as_nanos()).unwrap_or(u64::MAX))
 }
 
-/// Date and time so long ago.
+/// Date and time this long ago.
 #[must_use]
 pub fn ago(span: Nanos) -> WallTime {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -65,7 +65,7 @@ impl WallTime {
     }
 }
 
-/// As in ISO 8601: `2026-01-31T23:59:59Z`.
+/// ISO 8601 form: `2026-01-31T23:59:59Z`.
 impl fmt::Display for WallTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [hour, minute, second] = self.time;

@@ -20,22 +20,22 @@ Usage: i2ris-control --config FILE [--note TEXT]
 
 Options:
   --config FILE  Configuration (TOML), for example config/emulator.toml
-  --note TEXT    A remark of the operator about this run, for the run log
+  --note TEXT    Operator's note about this run, for the run log
   --version      Print the version
   --help         Print this
 
-SIGINT and SIGTERM decelerate, hold, and switch the drives off in order; the exit code is then 0
-if every drive answered that it is off.
+SIGINT and SIGTERM decelerate, hold, and power the drives off cleanly; the exit code is then 0
+if every drive confirmed power-off.
 
 Exit codes:
-  0  ended in order
-  1  failed; the last line on standard error says why
-  2  the command line is wrong
-  6  the configuration is not valid
-  8  ended, but a drive did not answer that it is off: cut its power
+  0  clean shutdown
+  1  failed; the last line on standard error gives the reason
+  2  invalid command line
+  6  invalid configuration
+  8  ended, but a drive did not confirm power-off: cut its power
 ";
 
-/// What the command line asks for.
+/// Request of the command line.
 enum Request {
     Help,
     Version,
@@ -76,8 +76,8 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
         Request::Run(path, note) => {
             let config = Config::load_for_process(&path)?;
             let shutdown = Arc::new(AtomicBool::new(false));
-            let asked = Arc::clone(&shutdown);
-            ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
+            let requested = Arc::clone(&shutdown);
+            ctrlc::set_handler(move || requested.store(true, Ordering::Release))?;
             Ok(controller::run(&config, &note, &shutdown, log)?)
         }
     }

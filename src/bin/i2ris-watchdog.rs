@@ -11,7 +11,7 @@ use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::process::console_log::ConsoleLog;
-use i2ris::realtime::{self, Wanted};
+use i2ris::realtime::{self, SchedulingRequest};
 use i2ris::service_manager;
 use i2ris::units::Nanos;
 use i2ris::watchdog;
@@ -25,20 +25,20 @@ Stops the drives of the I2RIS snake robot when its controller dies or hangs
 Usage: i2ris-watchdog --config FILE [--silence-ms N]
 
 Options:
-  --config FILE    The configuration of the controller
+  --config FILE    Configuration of the controller
   --silence-ms N   Age of the last heartbeat at which quick stop is sent, 50 to 10000 [default: 50]
   --version        Print the version
   --help           Print this
 
-It keeps every port open beside the controller, which enables nothing while it runs and does not
-hold all of them, or has other ports and axes in its configuration. SIGINT and SIGTERM end it
+It keeps every port open that the controller uses. While it runs, the controller refuses to enable
+if it lacks a port, or if its configuration has different ports or axes. SIGINT and SIGTERM end it
 without stopping the drives. It cannot act when the host loses power or hangs as a whole, or when a
-cable is pulled: then its pulse ends ([watchdog] pulse of the configuration), and a relay on the
+cable is pulled: then its pulse ends ([watchdog] pulse of the configuration) and a relay on the
 safe-torque-off inputs of the drives opens. On a terminal it ends after 10 s without any port; as a
 service it waits.
 ";
 
-/// Priority under SCHED_FIFO: above everything of the controller.
+/// SCHED_FIFO priority: above every thread of the controller.
 const PRIORITY: u8 = 90;
 
 type Failure = Box<dyn std::error::Error>;
@@ -66,10 +66,13 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
             let domain = Domain::new(&config.domain)?;
             let presence = WatchdogPresence::announce(&domain, &config.ports_digest())?;
             let stop = Arc::new(AtomicBool::new(false));
-            let asked = Arc::clone(&stop);
-            ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
-            let wanted =
-                Wanted { priority: PRIORITY, cpu: None, lock_memory: config.control.priority > 0 };
+            let requested = Arc::clone(&stop);
+            ctrlc::set_handler(move || requested.store(true, Ordering::Release))?;
+            let wanted = SchedulingRequest {
+                priority: PRIORITY,
+                cpu: None,
+                lock_memory: config.control.priority > 0,
+            };
             let granted = realtime::request(wanted);
             for warning in &granted.warnings {
                 print(log, format_args!("warning: {warning}"));
@@ -83,8 +86,8 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
             service_manager::notify(service_manager::STOPPING);
             if !had_port {
                 return Err(
-                    "no port could be opened, so there is nothing to watch; plug the drives \
-                            in, or correct `device`, and start it again"
+                    "no port could be opened; nothing to watch; connect the drives or correct \
+                            `device`, then restart"
                         .into(),
                 );
             }

@@ -1,5 +1,5 @@
-//! What is wrong with a configuration.
-//! And help for a key that does not exist: the known key that is spelled most alike.
+//! Findings in a configuration, and help for a key that does not exist: the known key that is
+//! spelled most alike.
 
 use std::fmt::{self, Display};
 
@@ -10,7 +10,7 @@ pub struct Finding {
     pub key: String,
     /// The value in the file.
     pub value: String,
-    /// What is wrong and what would be right.
+    /// The problem and the remedy.
     pub reason: String,
 }
 
@@ -20,7 +20,7 @@ impl Display for Finding {
     }
 }
 
-/// Collects what is refused.
+/// Collects refused values.
 #[derive(Default)]
 pub(super) struct Findings(Vec<Finding>);
 

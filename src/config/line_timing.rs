@@ -1,4 +1,4 @@
-//! What a serial line can carry, and the ages of feedback that follow from it.
+//! Capacity of a serial line, and the ages of feedback that follow from it.
 //!
 //! A port serves the axis that needs it most (`drive/axis/schedule.rs`), within bounds in turns: as
 //! many exchanges as it has axes. A position at its bound is read before everything but a stop, so
@@ -7,47 +7,47 @@
 //!
 //! The motion should not stop because of that, nor because of a single lost reply, which costs the
 //! reply timeout. It should not stop later, either: so the limit is exactly this, from the slowest
-//! port, and no more than [`LONGEST_WAIT`] is granted to a reply, however long the line may wait.
+//! port, and no more than [`MAX_REPLY_WAIT`] is granted to a reply, however long the line may wait.
 
 use super::{Config, Finding, PortConfig};
 use crate::units::Nanos;
 
-/// Turns in which every axis is asked for its position.
+/// Turns in which the position of every axis is read.
 pub const POSITION_BOUND_TURNS: u64 = 4;
 
-/// Turns in which every axis is asked for its statusword.
+/// Turns in which the statusword of every axis is read.
 pub const STATUS_BOUND_TURNS: u64 = 12;
 
-/// Turns in which every axis is asked for its current, and for its error code.
+/// Turns in which current and error code of every axis are read.
 pub const CURRENT_BOUND_TURNS: u64 = 72;
 
 /// Bits on the line for a request and its reply: 24 bytes.
 const BITS: u64 = 240;
 
-/// What a drive takes to answer.
+/// Response time of a drive.
 const DRIVE: Nanos = Nanos::from_micros(300);
 
 /// Two frames of USB with a latency timer of 1 ms.
 const USB: Nanos = Nanos::from_millis(2);
 
-/// What a request to a node behind another takes over CAN, there and back.
+/// Additional time of a request over a gateway's CAN bus, there and back.
 const GATEWAY: Nanos = Nanos::from_micros(600);
 
-/// The longest wait for a reply that does not count as the loss of feedback.
-const LONGEST_WAIT: Nanos = Nanos::from_millis(20);
+/// Maximum wait for a reply that does not count as loss of feedback.
+const MAX_REPLY_WAIT: Nanos = Nanos::from_millis(20);
 
-/// What a quick start takes.
-const SHORTEST_OVER_CURRENT: Nanos = Nanos::from_millis(200);
+/// Duration of a quick start's current.
+const MIN_OVER_CURRENT_TIME: Nanos = Nanos::from_millis(200);
 
 /// Age of feedback that is lost, in ages that stop the motion.
 const LOST: u64 = 3;
 
-/// What the slowest line of a robot allows.
+/// Timing that the slowest line of a robot allows.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LineBounds {
     /// An exchange with the drive of the port.
     pub exchange: Nanos,
-    /// Longest time from a stop to the last drive that is told.
+    /// Longest time until a stop reaches the last drive.
     pub stop: Nanos,
     /// Age of a position at which the motion stops.
     pub stale: Nanos,
@@ -56,7 +56,7 @@ pub struct LineBounds {
 }
 
 impl PortConfig {
-    /// How long an exchange with the drive of the port takes, as far as the file tells.
+    /// Duration of an exchange with the drive at the port, computed from the file.
     #[must_use]
     pub fn nominal_exchange(&self) -> Nanos {
         let baud = u64::from(self.baud.max(1));
@@ -71,17 +71,16 @@ impl PortConfig {
         Nanos(self.turn(exchange).0.saturating_mul(POSITION_BOUND_TURNS + 1))
     }
 
-    /// An exchange with every axis: also the longest time from a stop to the last drive that is
-    /// told, beside the exchange that is under way.
+    /// An exchange with every axis: also the longest time until a stop reaches the last drive, in
+    /// addition to the exchange in progress.
     #[must_use]
     pub fn turn(&self, exchange: Nanos) -> Nanos {
-        let behind = self.axes.len().saturating_sub(1) as u64;
-        Nanos(exchange.0.saturating_add((exchange + GATEWAY).0.saturating_mul(behind)))
+        let others = self.axes.len().saturating_sub(1) as u64;
+        Nanos(exchange.0.saturating_add((exchange + GATEWAY).0.saturating_mul(others)))
     }
 
-    /// Setpoints a second that each axis gets while all of them move, beside the reads that are
-    /// due: at three quarters of the bound of the statusword, and five sixths of that of the
-    /// current.
+    /// Setpoints per second of each axis while all axes move, in addition to the reads that are
+    /// due: at three quarters of the statusword bound, and five sixths of the current bound.
     #[must_use]
     pub fn setpoints_per_s(&self, exchange: Nanos) -> f64 {
         let [position, status, current] =
@@ -90,12 +89,12 @@ impl PortConfig {
         (1.0 - reads) / self.turn(exchange).as_seconds()
     }
 
-    /// What the line carries, in a sentence.
+    /// Describes the capacity of the line in a sentence.
     #[must_use]
     pub fn describe_line(&self, exchange: Nanos) -> String {
         format!(
             "{} ms an exchange: {:.0} setpoints a second for each of {} axes if all move, more if \
-             one rests; a position at most {} ms old; a stop is told to the last drive within {} ms",
+             one rests; a position at most {} ms old; a stop reaches the last drive within {} ms",
             ms(exchange),
             self.setpoints_per_s(exchange),
             self.axes.len(),
@@ -104,20 +103,20 @@ impl PortConfig {
         )
     }
 
-    /// From a stop to the last drive that is told, with the exchange that is under way.
+    /// Longest time until a stop reaches the last drive, including the exchange in progress.
     fn longest_stop(&self, exchange: Nanos) -> Nanos {
         exchange + GATEWAY + self.turn(exchange)
     }
 
-    /// The longest time between two readings of the current of an axis: others at their bounds may
-    /// come first.
+    /// Longest time between two current readings of an axis: other axes at their bounds may come
+    /// first.
     fn current_period(&self, exchange: Nanos) -> Nanos {
         Nanos(self.turn(exchange).0.saturating_mul(CURRENT_BOUND_TURNS + 2))
     }
 
     /// The least age of feedback that stops the motion and bears the loss of a reply.
     fn stale(&self, exchange: Nanos) -> Nanos {
-        let wait = Nanos::from_millis(self.reply_timeout_ms).min(LONGEST_WAIT);
+        let wait = Nanos::from_millis(self.reply_timeout_ms).min(MAX_REPLY_WAIT);
         whole_ms(self.longest_gap(exchange) + wait)
     }
 }
@@ -129,13 +128,13 @@ impl Config {
         match self.limits.feedback_stale_ms {
             0 => {
                 let stale = self.ports.iter().map(|port| port.stale(port.nominal_exchange()));
-                stale.max().unwrap_or(LONGEST_WAIT)
+                stale.max().unwrap_or(MAX_REPLY_WAIT)
             }
             ms => Nanos::from_millis(ms),
         }
     }
 
-    /// The worst of all ports, with exchanges that take so long, in the order of the ports.
+    /// Worst timing of all ports, for the given exchange times in the order of the ports.
     #[must_use]
     pub fn slowest_line(&self, exchanges: &[Nanos]) -> LineBounds {
         let ports = || self.ports.iter().zip(exchanges.iter().copied());
@@ -170,11 +169,10 @@ impl Config {
     pub fn over_current_time(&self) -> Nanos {
         let period = |port: &PortConfig| port.current_period(port.nominal_exchange());
         let period = self.ports.iter().map(period).max().unwrap_or(Nanos::ZERO);
-        Nanos(period.0.saturating_mul(5) / 4).max(SHORTEST_OVER_CURRENT)
+        Nanos(period.0.saturating_mul(5) / 4).max(MIN_OVER_CURRENT_TIME)
     }
 
-    /// The limits and timeouts that a port does not keep by itself, with an exchange that takes so
-    /// long.
+    /// Limits and timeouts that a port cannot keep with this exchange time.
     #[must_use]
     pub fn line_findings(&self, port: &PortConfig, exchange: Nanos) -> Vec<Finding> {
         let (gap, timeout) =
@@ -182,12 +180,12 @@ impl Config {
         let (stale, lost) = (self.feedback_stale(), self.feedback_lost());
         let (period, over_current) = (port.current_period(exchange), self.over_current_time());
         let slowest = if port.axes.len() > 1 { exchange + GATEWAY } else { exchange };
-        // Nobody waits longer for a setpoint than for a position.
+        // No axis waits longer for a setpoint than for a position.
         let step = self.limits.velocity_counts_s * gap.as_seconds();
         let is_watched = self.limits.over_current_ma.is_some();
         let aged = format!(
-            "with {} axes and {} ms an exchange a position becomes {} ms old, and the robot stops \
-             by itself",
+            "with {} axes and {} ms an exchange a position becomes {} ms old, so the robot stops \
+             without a command",
             port.axes.len(),
             ms(exchange),
             ms(gap)
@@ -216,8 +214,9 @@ impl Config {
             key: format!("following_error_counts of motor {}", axis.motor),
             value: axis.following_error_counts.to_string(),
             reason: format!(
-                "{device}: with {} ms an exchange a setpoint may be {step:.0} counts from the one \
-                 before, and its drive faults; at least that, or lower limits.velocity_counts_s",
+                "{device}: with {} ms an exchange a setpoint may be {step:.0} counts from the \
+                 previous one, and its drive faults; raise it to that, or lower \
+                 limits.velocity_counts_s",
                 ms(exchange)
             ),
         });
@@ -230,8 +229,8 @@ impl Config {
         failed.map(finding).chain(narrow).collect()
     }
 
-    /// With the automatic age of feedback for lines on which exchanges take so long, in the order
-    /// of the ports: at most twice what follows from the file alone.
+    /// Sets the automatic feedback age for measured exchange times, in the order of the ports: at
+    /// most twice the age that follows from the file alone.
     #[must_use]
     pub fn with_exchanges(&self, exchanges: &[Nanos]) -> Self {
         let mut config = self.clone();

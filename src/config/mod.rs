@@ -7,13 +7,13 @@
 //! | file | holds |
 //! |---|---|
 //! | `sections` | tables of the process, of commands and of motion |
-//! | `ports` | serial ports, and the axes behind them |
-//! | `line_timing` | what a serial line can carry, and the limits that follow |
-//! | `virtual_fixtures` | forbidden regions, and what makes one |
+//! | `ports` | serial ports and their axes |
+//! | `line_timing` | capacity of a serial line, and the limits that follow |
+//! | `virtual_fixtures` | forbidden regions and their shapes |
 //! | `bounds` | the range of every key with a number |
-//! | `validation` | what must fit together |
-//! | `finding` | what is wrong with a value |
-//! | `zero_is_off` | what is on by default and can be switched off |
+//! | `validation` | checks of related values |
+//! | `finding` | problem of a value |
+//! | `zero_is_off` | features that are on by default and can be switched off |
 
 mod bounds;
 mod finding;
@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::file_permissions::{LONGEST_CONFIG, UntrustedFile, read_trusted};
+use crate::file_permissions::{MAX_CONFIG_BYTES, UntrustedFile, read_trusted};
 use crate::model::file::{OutputSpec, OutputUnit};
 use crate::model::{Model, ModelError};
 
@@ -68,23 +68,23 @@ pub struct Config {
     /// Limits on the motion of every motor.
     #[serde(default)]
     pub limits: LimitConfig,
-    /// How a model with memory is used.
+    /// Use of a model with memory.
     #[serde(default)]
     pub compensation: CompensationConfig,
-    /// Limits on the angles, besides those on the motors.
+    /// Limits on the angles, in addition to those on the motors.
     #[serde(default)]
     pub joint_limits: JointLimitConfig,
     /// Regions that the snake may not enter, in the plane of pitch and yaw and for the tip; at most
     /// eight.
     #[serde(default)]
     pub virtual_fixtures: Vec<FixtureRegionConfig>,
-    /// Drift of the calibration, followed by the camera.
+    /// Calibration drift, followed by the camera.
     #[serde(default)]
     pub adaptation: AdaptationConfig,
-    /// What stops the drives when the controller cannot.
+    /// Stop of the drives when the controller cannot stop them.
     #[serde(default)]
     pub watchdog: WatchdogConfig,
-    /// The serial ports, each with the axes behind it.
+    /// The serial ports, each with its axes.
     pub ports: Vec<PortConfig>,
 }
 
@@ -104,10 +104,10 @@ pub enum ConfigError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Others may write it, or it is no file.
+    /// Other users may write it, or it is not a regular file.
     #[error("configuration {0}")]
     Untrusted(UntrustedFile),
     /// Not TOML, a wrong type, or a key that does not exist.
@@ -123,16 +123,16 @@ pub enum ConfigError {
     Values {
         /// The file.
         path: PathBuf,
-        /// Everything that is wrong.
+        /// All findings.
         findings: Vec<Finding>,
     },
 }
 
 impl Config {
-    /// The watches that are switched off, one sentence each: to be said at every start.
+    /// Monitors that are switched off, one sentence each, for the log of every start.
     #[must_use]
-    pub fn watches_off(&self) -> Vec<String> {
-        let late = "limits.overrun_ticks = 0: late ticks are no fault".to_owned();
+    pub fn disabled_monitors(&self) -> Vec<String> {
+        let late = "limits.overrun_ticks = 0: late ticks are not a fault".to_owned();
         let current = "limits.over_current_ma = 0: only the drive limits the current".to_owned();
         let over_current = self.limits.over_current_ma;
         let currents = over_current.is_none().then_some(current);
@@ -149,9 +149,10 @@ impl Config {
         overruns.into_iter().chain(currents).collect()
     }
 
-    /// What nothing here can stop, to be said at every start; `None`: a pulse does.
+    /// Warning about a failure of the computer, for the log of every start; `None`: a pulse stops
+    /// the drives then.
     #[must_use]
-    pub fn if_computer_dies(&self) -> Option<String> {
+    pub fn host_failure_warning(&self) -> Option<String> {
         let motors: Vec<String> = self.axes().map(|axis| axis.motor.to_string()).collect();
         self.watchdog.pulse.is_none().then(|| {
             format!(
@@ -166,7 +167,7 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// As [`Model::check_use`], and when angles are limited and the model has none.
+    /// See [`Model::check_use`]; also when angles are limited and the model has none.
     pub fn check_model(&self, model: &Model) -> Result<(), ModelError> {
         model.check_use(&self.robot_id, self.motors())?;
         let is_angle = |output: &OutputSpec| output.unit == OutputUnit::Deg;
@@ -188,12 +189,12 @@ impl Config {
         Ok(config)
     }
 
-    /// As [`Config::load`], with the domain that the environment variable `I2RIS_DOMAIN` names, as
-    /// every client takes it: a controller and its clients meet in one.
+    /// Loads a file as [`Config::load`], with the domain from the environment variable
+    /// `I2RIS_DOMAIN`, as in every client, so that a controller and its clients meet in one domain.
     ///
     /// # Errors
     ///
-    /// As [`Config::load`].
+    /// See [`Config::load`].
     pub fn load_for_process(path: &Path) -> Result<Self, ConfigError> {
         let mut config = Self::load(path)?;
         if let Ok(domain) = std::env::var("I2RIS_DOMAIN") {
@@ -206,7 +207,7 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// As [`Config::load`]; everything that is wrong with values and files is reported at once.
+    /// See [`Config::load`]; all problems of values and files are reported at once.
     pub fn load_and_check_files(path: &Path) -> Result<Self, ConfigError> {
         let mut config = Self::from_toml(&read(path)?, path)?;
         let mut findings = validation::validate(&config);
@@ -253,17 +254,17 @@ impl Config {
         Err(ConfigError::Values { path, findings })
     }
 
-    /// A digest of ports and axes, in their order: a watchdog with another one could not stop every
-    /// drive. Without the files of positions, whose names depend on where the program was started.
+    /// A digest of ports and axes in their sequence: a watchdog with a different digest could not
+    /// stop every drive. Excludes the position files, whose names depend on the start folder.
     #[must_use]
     pub fn ports_digest(&self) -> [u8; 32] {
         let mut ports = self.ports.clone();
         ports.iter_mut().for_each(|port| port.positions_file = None);
-        // Nothing in it can fail: no map, and no key that is no text.
+        // Serialisation cannot fail here: there are no maps with keys other than text.
         Sha256::digest(serde_json::to_vec(&ports).unwrap_or_default()).into()
     }
 
-    /// The number of motors of the snake.
+    /// Number of motors that move the snake.
     #[must_use]
     pub fn motors(&self) -> usize {
         self.axes().filter(|axis| axis.auxiliary_counts_per_deg.is_none()).count()
@@ -282,7 +283,7 @@ impl Config {
 }
 
 fn read(path: &Path) -> Result<String, ConfigError> {
-    read_trusted(path, LONGEST_CONFIG).map_err(|error| match error.into_io() {
+    read_trusted(path, MAX_CONFIG_BYTES).map_err(|error| match error.into_io() {
         Ok(source) => ConfigError::Read { path: path.to_owned(), source },
         Err(untrusted) => ConfigError::Untrusted(untrusted),
     })

@@ -1,4 +1,4 @@
-//! The part of the configuration that names the drives: serial ports, and the axes behind them.
+//! Configuration of the drives: serial ports and their axes.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::Counts;
 
-/// A serial port and the axes behind it.
+/// A serial port and its axes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -101,7 +101,7 @@ fn default_reply_timeout_ms() -> u64 {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct AxisConfig {
-    /// Which motor of the model this drive turns, 0 or 1; 2 for the auxiliary axis.
+    /// Motor of the model that this drive turns, 0 or 1; 2 for the auxiliary axis.
     pub motor: usize,
     /// Makes this the auxiliary axis (a gripper, or a roll): counts per degree of `jaw/servo_jp`,
     /// below zero if the motor turns the other way. It has no model and no hysteresis memory;
@@ -121,9 +121,9 @@ pub struct AxisConfig {
     #[serde(deserialize_with = "serial_number")]
     #[cfg_attr(test, schemars(with = "SerialNumber"))]
     pub serial_number: u64,
-    /// Lowest position that the drive and the loop may be asked for, counts.
+    /// Lowest position that may be commanded, in drive and loop, counts.
     pub position_min_counts: Counts,
-    /// Highest position that the drive and the loop may be asked for, counts.
+    /// Highest position that may be commanded, in drive and loop, counts.
     pub position_max_counts: Counts,
     /// Output current limit of the drive (object 0x3001:02; EPOS2 0x6410:02), mA.
     #[serde(default = "default_current_limit_ma")]
@@ -203,7 +203,7 @@ impl AxisConfig {
         }
     }
 
-    /// The lower half of the serial number: what the drive tells (object 0x1018:04).
+    /// Lower half of the serial number, as reported by the drive (object 0x1018:04).
     #[must_use]
     pub const fn short_serial_number(&self) -> u32 {
         self.serial_number as u32
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn a_port_without_a_family_is_an_epos4_with_stuffed_frames() {
+    fn port_without_family_is_an_epos4_with_stuffed_frames() {
         let config = parse("", "").unwrap();
         assert_eq!(config.ports[0].family, Family::Epos4);
         assert_eq!(config.axis(0).unwrap().homing, HomingMethod::Here);
@@ -301,7 +301,7 @@ mod tests {
         assert!(
             parse("", second)
                 .unwrap_err()
-                .contains("node_id = 0: is named by another axis of the same port")
+                .contains("node_id = 0: is already named by another axis of the same port")
         );
     }
 

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::Config;
 use super::bounds::{BOUNDS, Bound};
 
-/// What a node refers to, through references and "this or null".
+/// Target of a node, through references and "this or null".
 fn resolved(root: &Value, node: &Value) -> Value {
     let reference = |node: &Value| Some(node.get("$ref")?.as_str()?.strip_prefix('#')?.to_owned());
     if let Some(path) = reference(node) {
@@ -18,7 +18,7 @@ fn resolved(root: &Value, node: &Value) -> Value {
     some.map_or_else(|| node.clone(), |some| resolved(root, some))
 }
 
-/// The path of the key of a bound in a schema, as `$defs/TABLE/properties/KEY`.
+/// Schema path of a bound's key, as `$defs/TABLE/properties/KEY`.
 fn pointer(root: &Value, key: &str) -> String {
     let mut table = String::new();
     let mut path = String::new();

@@ -54,13 +54,13 @@ pub struct CommandConfig {
     pub deadline_ms: u64,
     /// Silence after which the lease of a commander is free for others, in milliseconds.
     pub lease_timeout_ms: u64,
-    /// The largest difference between two servo commands in a row, in degrees.
+    /// Largest difference between two consecutive servo commands, in degrees.
     pub max_step_deg: f64,
     /// The same for commands in counts.
     pub max_step_counts: i32,
     /// The largest difference between the first command of a stream and the present pose, in
-    /// degrees: also after a pause, a stop and a fault. A hand that is further away opens the
-    /// clutch, or comes back.
+    /// degrees: also after a pause, a stop and a fault. A hand that is further away must open the
+    /// clutch or come back.
     pub first_step_deg: f64,
     /// The same for commands in counts.
     pub first_step_counts: i32,
@@ -114,25 +114,24 @@ pub struct LimitConfig {
     /// limit.
     pub jerk_counts_s3: Option<f64>,
     /// Age of the newest position at which the loop stops the motion, in milliseconds. 0: the
-    /// shortest that the slowest line keeps although a reply is lost. Three times this age is a
+    /// shortest age that the slowest line keeps despite a lost reply. Three times this age is a
     /// FAULT.
     pub feedback_stale_ms: u64,
     /// Largest distance between setpoint and encoder, in counts, before FAULT.
     pub following_error_counts: i32,
-    /// Motor current that leads to FAULT, in mA: below `current_limit_ma`, above what a quick
-    /// start takes. It has to last 200 ms, or as long as the slowest line takes to read the current
-    /// twice. 0: only the drive limits the current, which is said at every
-    /// start.
+    /// Motor current that leads to FAULT, in mA: below `current_limit_ma`, above the current of a
+    /// quick start. It has to last 200 ms, or the time in which the slowest line reads the current
+    /// twice. 0: only the drive limits the current; a warning is logged at every start.
     #[serde(with = "super::zero_is_off")]
     #[cfg_attr(test, schemars(with = "u32"))]
     pub over_current_ma: Option<u32>,
-    /// Overruns (ticks that begin a period late or more) within a second that lead to
-    /// FAULT. 0: never, which is said at every start.
+    /// Overruns (ticks that begin at least a period late) within a second that lead to FAULT. 0:
+    /// never; a warning is logged at every start.
     pub overrun_ticks: u32,
     /// Distance between `external/measured_jp` of a camera and the estimate from the encoders at
     /// the same instant that leads to FAULT after 300 ms, in degrees. Without a camera nothing is
     /// compared. 0: off, for models that are known to be wrong by more, and while the snake is
-    /// calibrated anew with an old model.
+    /// recalibrated with an old model.
     pub plausibility_deg: f64,
 }
 
@@ -176,7 +175,7 @@ pub struct CompensationConfig {
     pub reversal_dead_band_deg: f64,
     /// Delay of the chain from goal to tip, in milliseconds: the goal is led by it along its
     /// velocity. Half a turn of the line (2 ms for setpoint and position at 115200 baud), a frame
-    /// (1 ms), a tick, and the lag of the position loop of the drives. 0: the goal is not led.
+    /// (1 ms), a tick, and the lag of the drives' position loop. 0: the goal is not led.
     pub lead_ms: f64,
     /// Amplitude of the first turn of the conditioning cycle, counts of every motor, around the
     /// start. The range that the model needs and the position limits have priority. 0: the
@@ -197,8 +196,8 @@ impl Default for CompensationConfig {
     }
 }
 
-/// Limits on the angles. They hold once a model says what an angle is; before, those of counts,
-/// speed and current hold. With any of them, a model of the tip position is refused: it has no
+/// Limits on the angles. They apply once a model defines the angles; before, those of counts,
+/// speed and current apply. With any of them, a model of the tip position is refused: it has no
 /// angles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -208,8 +207,8 @@ pub struct JointLimitConfig {
     pub position_min_deg: Option<Vec<f64>>,
     /// Highest angles, degrees, one per output. Absent: no limit.
     pub position_max_deg: Option<Vec<f64>>,
-    /// Velocity of every angle, degrees per second. 0: no limit. `move_jp` goes at half of it, and
-    /// at most at 10 deg/s.
+    /// Velocity of every angle, degrees per second. 0: no limit. `move_jp` uses half this limit, at
+    /// most 10 deg/s.
     #[serde(with = "super::zero_is_off")]
     #[cfg_attr(test, schemars(with = "f64"))]
     pub velocity_deg_s: Option<f64>,
@@ -251,15 +250,15 @@ impl JointLimitConfig {
     }
 }
 
-/// Adaptation to drift: the correction of a calibration that ages, by `external/measured_jp` of a
-/// camera; see the chapter on adaptation in the manual.
+/// Adaptation to drift: correction of an ageing calibration by `external/measured_jp` of a camera;
+/// see the chapter on adaptation in the manual.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct AdaptationConfig {
     /// Follow the drift of the calibration by the camera.
     pub enabled: bool,
-    /// Standard deviation of the angles of the camera, in degrees.
+    /// Standard deviation of the camera's angles, in degrees.
     pub camera_deviation_deg: f64,
 }
 
@@ -275,8 +274,8 @@ impl Default for AdaptationConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct WatchdogConfig {
     /// A modem line of a serial adapter that changes 50 times a second while loop and lines are
-    /// well, for a relay on the STO inputs of the drives. Absent: if the computer dies, every axis
-    /// holds its last setpoint, which is said at every start.
+    /// healthy, for a relay on the STO inputs of the drives. Absent: if the computer dies, every
+    /// axis holds its last setpoint; a warning is logged at every start.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pulse: Option<PulseConfig>,
 }
@@ -286,7 +285,7 @@ pub struct WatchdogConfig {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PulseConfig {
-    /// The device file of the adapter; no drive is behind it.
+    /// The device file of the adapter; no drive is connected to it.
     pub device: PathBuf,
     /// Which line changes.
     #[serde(default)]

@@ -31,7 +31,7 @@ fn a_short_file_gets_the_defaults() {
     assert_eq!((config.command.max_step_deg, config.command.max_step_counts), (1.0, 50));
     assert_eq!(config.joint_limits.velocity_deg_s, Some(20.0));
     assert_eq!((axis.motor_speed_rpm, config.compensation.conditioning_counts), (200, Some(300)));
-    assert!(config.watches_off().is_empty(), "{:?}", config.watches_off());
+    assert!(config.disabled_monitors().is_empty(), "{:?}", config.disabled_monitors());
 }
 
 #[test]
@@ -76,14 +76,14 @@ fn two_axes_on_one_motor_are_refused() {
 }
 
 #[test]
-fn the_window_of_a_jerk_limit_is_as_long_as_it_needs() {
+fn jerk_limit_window_has_the_required_length() {
     assert_eq!(window_ticks(400.0, 40_000.0, Nanos::from_millis(1)), 20);
     assert_eq!(window_ticks(400.0, 39_000.0, Nanos::from_millis(1)), 21);
     assert_eq!(window_ticks(1.0, 1e9, Nanos::from_millis(1)), 1);
 }
 
 #[test]
-fn a_list_of_joint_limits_has_an_entry_for_every_angle() {
+fn joint_limit_lists_need_an_entry_per_angle() {
     let two = "[joint_limits]\nposition_min_deg = [-5.0, -5.0]\nposition_max_deg = [5.0]";
     let text = error(two);
     assert!(
@@ -95,7 +95,7 @@ fn a_list_of_joint_limits_has_an_entry_for_every_angle() {
 }
 
 #[test]
-fn values_have_ceilings_and_all_of_them_are_named_at_once() {
+fn values_above_ceilings_are_all_reported_at_once() {
     let mut text = AXIS.replace("/dev/null\"", "/dev/null\"\nbaud = 115201");
     text.push_str(
         "current_limit_ma = 300000\nmotor_speed_rpm = 4000000000\n\
@@ -145,17 +145,17 @@ fn limits_that_no_motor_of_the_snake_has_are_refused() {
 fn watches_that_are_off_are_reported() {
     let off = format!("{AXIS}\n[limits]\noverrun_ticks = 0\nover_current_ma = 0");
     let off = Config::parse(&off, Path::new("robot.toml")).unwrap();
-    let said = [
-        "limits.overrun_ticks = 0: late ticks are no fault",
+    let sentences = [
+        "limits.overrun_ticks = 0: late ticks are not a fault",
         "limits.over_current_ma = 0: only the drive limits the current",
     ];
-    assert_eq!(off.watches_off(), said);
+    assert_eq!(off.disabled_monitors(), sentences);
     // What is off stays off in a copy of the file.
     assert_eq!(Config::parse(&toml::to_string(&off).unwrap(), Path::new("copy")).unwrap(), off);
     let mut on = Config::parse(AXIS, Path::new("robot.toml")).unwrap();
     on.ports[0].axes[0].current_limit_ma = 90;
     assert_eq!(
-        on.watches_off(),
+        on.disabled_monitors(),
         ["limits.over_current_ma = 90: the drive of motor 0 gives no more than 90 mA"]
     );
 }
@@ -166,7 +166,7 @@ fn a_serial_number_belongs_to_one_axis() {
         "[[ports]]\ndevice = \"/dev/zero\"\n[[ports.axes]]\nmotor = 1\nnode_id = 0\n\
          serial_number = 1\nposition_min_counts = 0\nposition_max_counts = 1",
     );
-    assert!(text.contains("serial_number = 1: is named by another axis already"), "{text}");
+    assert!(text.contains("serial_number = 1: is already named by another axis"), "{text}");
 }
 
 #[test]
@@ -214,7 +214,7 @@ fn limits_of_time_follow_from_the_slowest_line() {
 }
 
 #[test]
-fn paths_are_relative_to_the_real_file_and_no_shell_reads_them() {
+fn paths_are_relative_to_the_real_file_without_shell_expansion() {
     let folder = tempfile::tempdir().unwrap();
     let (real, link) = (folder.path().join("rig/robot.toml"), folder.path().join("robot.toml"));
     std::fs::create_dir_all(real.parent().unwrap()).unwrap();
@@ -225,6 +225,9 @@ fn paths_are_relative_to_the_real_file_and_no_shell_reads_them() {
     for path in ["~/records", "$HOME/records"] {
         let text = format!("record_folder = \"{path}\"\n{AXIS}");
         let error = Config::parse(&text, Path::new("robot.toml")).unwrap_err().to_string();
-        assert!(error.contains("record_folder") && error.contains("write the path out"), "{error}");
+        assert!(
+            error.contains("record_folder") && error.contains("write the full path"),
+            "{error}"
+        );
     }
 }

@@ -9,7 +9,7 @@ use super::bounds;
 use super::finding::{Finding, Findings};
 use super::{AxisConfig, Config, Family, HomingMethod, PortConfig, Streaming, virtual_fixtures};
 use crate::model::Model;
-use crate::units::{AUXILIARY, LONGEST_WINDOW, MAX_MOTORS};
+use crate::units::{AUXILIARY, MAX_MOTORS, MAX_WINDOW_TICKS};
 
 /// Why a jerk limit is refused: the moving average that limits jerk delays by half its window.
 const JERK_DELAY: &str = "must be higher: the delay would be longer than 16 ticks";
@@ -70,7 +70,7 @@ fn check_paths(config: &Config, findings: &mut Findings) {
     for (key, path) in own.into_iter().chain(config.ports.iter().enumerate().flat_map(of_port)) {
         let text = path.to_string_lossy();
         let is_plain = !text.starts_with('~') && !text.contains('$');
-        findings.require(is_plain, key, text, "no shell reads this: write the path out");
+        findings.require(is_plain, key, text, "is not expanded by a shell: write the full path");
     }
 }
 
@@ -99,11 +99,11 @@ fn check_limits(config: &Config, findings: &mut Findings) {
         stop >= limits.acceleration_counts_s2,
         "limits.stop_deceleration_counts_s2",
         stop,
-        "must not be below acceleration_counts_s2: a stop may not be weaker than a start",
+        "must be at least acceleration_counts_s2: a stop must brake as hard as a start accelerates",
     );
     if let Some(jerk) = limits.jerk_counts_s3 {
         let window = limits.window_ticks(config.control.period()).unwrap_or(1);
-        let fits = window as usize <= LONGEST_WINDOW;
+        let fits = window as usize <= MAX_WINDOW_TICKS;
         findings.require(fits, "limits.jerk_counts_s3", jerk, JERK_DELAY);
     }
 }
@@ -147,7 +147,7 @@ fn check_joint_limits(config: &Config, findings: &mut Findings) {
              acceleration",
         );
         let window = limits.window_ticks(config.control.period()).unwrap_or(1);
-        let fits = window as usize <= LONGEST_WINDOW;
+        let fits = window as usize <= MAX_WINDOW_TICKS;
         findings.require(fits, "joint_limits.jerk_deg_s3", jerk, JERK_DELAY);
     }
 }
@@ -158,7 +158,7 @@ fn check_ports(config: &Config, findings: &mut Findings) {
         (1..=MAX_MOTORS).contains(&motors),
         "ports.axes",
         motors,
-        "there must be 1 or 2 axes in all, and one auxiliary axis at most",
+        "there must be 1 or 2 axes, plus at most one auxiliary axis",
     );
     for (index, port) in config.ports.iter().enumerate() {
         let is_repeated = config.ports[..index].iter().any(|other| other.device == port.device);
@@ -170,12 +170,12 @@ fn check_ports(config: &Config, findings: &mut Findings) {
                 axis.motor < motors,
                 axis_key(axis, "motor"),
                 axis.motor,
-                "motors are numbered from 0 without gaps",
+                "motors must be numbered from 0 without gaps",
             ),
             Some(counts) => {
                 let is_known = counts.abs() >= MIN_COUNTS_PER_DEG;
                 let key = axis_key(axis, "auxiliary_counts_per_deg");
-                findings.require(is_known, key, counts, "must be 0.01 or more, to either side");
+                findings.require(is_known, key, counts, "must be at least 0.01 or at most -0.01");
                 let key = axis_key(axis, "motor");
                 findings.require(axis.motor == AUXILIARY, key, axis.motor, "must be 2");
             }
@@ -184,7 +184,7 @@ fn check_ports(config: &Config, findings: &mut Findings) {
             config.axes().filter(|other| other.motor == axis.motor).count() == 1,
             axis_key(axis, "motor"),
             axis.motor,
-            "is turned by another axis already",
+            "is already turned by another axis",
         );
         let same = |other: &&AxisConfig| other.short_serial_number() == axis.short_serial_number();
         // A template has 0 until the number is known; no drive has it.
@@ -193,7 +193,7 @@ fn check_ports(config: &Config, findings: &mut Findings) {
             !is_known || config.axes().filter(same).count() == 1,
             axis_key(axis, "serial_number"),
             axis.serial_number,
-            "is named by another axis already",
+            "is already named by another axis",
         );
         check_axis(axis, findings);
     }
@@ -227,7 +227,7 @@ fn check_port(port: &PortConfig, index: usize, is_repeated: bool, findings: &mut
         !is_repeated,
         key("device"),
         port.device.display(),
-        "is named by another port already",
+        "is already named by another port",
     );
     for (position, axis) in port.axes.iter().enumerate() {
         let family = axis.family.unwrap_or(port.family);
@@ -241,7 +241,7 @@ fn check_port(port: &PortConfig, index: usize, is_repeated: bool, findings: &mut
             port.axes[..position].iter().all(|other| other.node_id != axis.node_id),
             axis_key(axis, "node_id"),
             axis.node_id,
-            "is named by another axis of the same port already",
+            "is already named by another axis of the same port",
         );
     }
 }

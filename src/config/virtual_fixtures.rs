@@ -16,7 +16,7 @@ pub const MAX_CORNERS: usize = 8;
 pub struct FixtureRegionConfig {
     /// Name in messages and on the screen.
     pub name: String,
-    /// What is forbidden.
+    /// Shape of the region.
     pub shape: FixtureShape,
 }
 
@@ -42,7 +42,7 @@ pub enum FixtureShape {
     },
     /// A convex polygon in the plane of pitch and yaw.
     Polygon {
-        /// Three to eight corners in order, degrees.
+        /// Three to eight corners, listed around the polygon, degrees.
         corners_deg: Vec<[f64; 2]>,
     },
     /// A ball in space, for the tip.
@@ -61,8 +61,8 @@ pub enum FixtureShape {
     },
 }
 
-/// Largest coordinate, degrees or mm.
-const LARGEST: f64 = 360.0;
+/// Maximum coordinate, degrees or mm.
+const MAX_COORDINATE: f64 = 360.0;
 
 pub(super) fn check(regions: &[FixtureRegionConfig], findings: &mut Findings) {
     findings.require(
@@ -105,17 +105,17 @@ impl FixtureShape {
     /// Why this shape cannot be used; `None`: it can.
     #[must_use]
     pub fn problem(&self) -> Option<&'static str> {
-        let is_in_range = |values: &[f64]| values.iter().all(|value| value.abs() <= LARGEST);
+        let is_in_range = |values: &[f64]| values.iter().all(|value| value.abs() <= MAX_COORDINATE);
         let is_direction = |normal: &[f64]| {
             let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
             (1e-6..=1e6).contains(&length)
         };
         let is_valid = match self {
             Self::Circle { centre_deg, radius_deg } => {
-                is_in_range(centre_deg) && *radius_deg > 0.0 && *radius_deg <= LARGEST
+                is_in_range(centre_deg) && *radius_deg > 0.0 && *radius_deg <= MAX_COORDINATE
             }
             Self::Ball { centre_mm, radius_mm } => {
-                is_in_range(centre_mm) && *radius_mm > 0.0 && *radius_mm <= LARGEST
+                is_in_range(centre_mm) && *radius_mm > 0.0 && *radius_mm <= MAX_COORDINATE
             }
             Self::HalfPlane { normal, offset_deg } => {
                 if !is_direction(normal) {
@@ -134,7 +134,7 @@ impl FixtureShape {
                     return Some("must have 3 to 8 corners");
                 }
                 if !is_convex(corners_deg) {
-                    return Some("must be convex, with its corners in order");
+                    return Some("must be convex, with its corners listed around it");
                 }
                 corners_deg.iter().all(|corner| is_in_range(corner))
             }
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn convex_polygons_of_either_sense_are_taken_and_others_are_refused() {
+    fn convex_polygons_are_accepted_in_either_sense_only() {
         let square = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]];
         assert_eq!(polygon(&square).problem(), None);
         let mut reversed = square;

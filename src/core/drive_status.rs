@@ -4,7 +4,7 @@ use crate::drive::{AxisFeedback, AxisPhase};
 use crate::robot::Refusal;
 use crate::units::{MAX_AXES, Nanos};
 
-/// What the operating state expects of the drives.
+/// Drive power that the operating state expects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ExpectedPower {
     /// Off, or still starting.
@@ -21,7 +21,8 @@ pub(crate) struct DriveStatus {
     pub phase: AxisPhase,
     /// Age of the newest position.
     pub age: Nanos,
-    /// For how long the drive has had another setpoint, and was given none; zero: it has it.
+    /// Time for which a differing setpoint has not been written to the drive; zero: it is up to
+    /// date.
     pub unwritten: Nanos,
     /// The drive follows setpoints, and the last setpoint written to it is too far from the
     /// encoder.
@@ -30,18 +31,18 @@ pub(crate) struct DriveStatus {
 }
 
 impl DriveStatus {
-    /// It says that it has no power. One that is lost or starting says nothing.
+    /// Whether the drive reports no power. A lost or starting drive reports nothing.
     pub fn is_known_off(&self) -> bool {
         matches!(self.phase, AxisPhase::Disabled | AxisPhase::Faulted)
     }
 
-    /// It says that it takes no setpoint.
+    /// Whether the drive reports that it accepts no setpoints.
     pub fn is_known_stopped(&self) -> bool {
         self.is_known_off() || self.phase == AxisPhase::QuickStopped
     }
 }
 
-/// Status of all drives, and of the monitors of the cycle.
+/// Status of all drives and of the cycle's monitors.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DriveSummary {
     /// Start of the tick.
@@ -90,7 +91,7 @@ impl DriveSummary {
         self.drives().all(|drive| drive.age < self.stale_after)
     }
 
-    /// So it is, and every drive takes its setpoints.
+    /// Positions are recent, and every drive accepts its setpoints.
     pub fn is_fresh(&self) -> bool {
         self.has_positions() && self.drives().all(|drive| drive.unwritten < self.stale_after)
     }
@@ -104,7 +105,7 @@ impl DriveSummary {
         }
     }
 
-    /// What enabling needs besides drives that are ready.
+    /// Conditions of enabling besides ready drives.
     pub fn require_zero_and_range(&self) -> Result<(), Refusal> {
         match (self.is_homed, self.is_in_range) {
             (false, _) => Err(Refusal::NotHomed),

@@ -8,7 +8,8 @@ use crate::model::ModelId;
 use crate::robot::{Measurement, Refusal, StateCommand};
 use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 
-/// A tick begins before it reads the newest command, and other processors stamp the commands.
+/// Maximum distance of a stamp into the future: a tick begins before it reads the newest command,
+/// and other CPUs stamp the commands.
 pub const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
 
 /// The age of a command that was sent at `stamp`, if it is stale: as old as its deadline, or older.
@@ -34,13 +35,13 @@ pub struct CycleInputs {
     /// Frames of cameras that are not followed, since the start.
     pub ignored_frames: u64,
     /// Number of periods that had already passed when this tick began. They are not run later.
-    /// [`u32::MAX`]: the computer was suspended, which is a fault by itself.
+    /// [`u32::MAX`]: the computer was suspended, which is itself a fault.
     pub missed: u32,
     /// Newest feedback of every drive. It may be the same as in the last tick.
     pub feedback: [AxisFeedback; MAX_MOTORS],
-    /// The same of the auxiliary axis.
+    /// The same for the auxiliary axis.
     pub auxiliary: AxisFeedback,
-    /// The process is asked to end: decelerate, hold, power off in order. Stays true once true.
+    /// Shutdown is requested: decelerate, hold, power off. Stays true once true.
     pub shutdown: bool,
 }
 
@@ -55,7 +56,7 @@ pub struct ServoCommand {
     pub stamp: Nanos,
     /// Age at which the command is stale. Zero: the configured default.
     pub deadline: Nanos,
-    /// What is requested.
+    /// The requested goal.
     pub goal: ServoGoal,
     /// The clutch is open: the snake holds.
     pub clutched: bool,
@@ -64,7 +65,7 @@ pub struct ServoCommand {
     pub has_unknown_flags: bool,
 }
 
-/// What a servo command or a move requests, and the number of entries that the client sent.
+/// Goal of a servo command or a move, and the number of entries that the client sent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum ServoGoal {
     /// `servo_jp`: angles, rad, now.
@@ -81,8 +82,8 @@ pub enum ServoGoal {
     TipRate(OutputVec, u32),
 }
 
-/// Until when a request may be carried out: its client waits no longer. What only stops is good at
-/// any age.
+/// Time span in which a request may be executed: its client waits no longer. Stop requests are
+/// valid at any age.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Validity {
     /// Time of sending.
@@ -92,10 +93,10 @@ pub struct Validity {
 }
 
 impl Validity {
-    /// Of what is asked for and carried out in the same tick.
+    /// Validity of a request executed in the tick of its creation.
     pub const ALWAYS: Self = Self { stamp: Nanos::ZERO, span: Nanos(u64::MAX) };
 
-    /// As old as it may be, or stamped in the future.
+    /// Refuses a request that is too old or stamped in the future.
     ///
     /// # Errors
     ///
@@ -108,7 +109,7 @@ impl Validity {
     }
 
     pub(crate) fn measurement(&self, now: Nanos) -> Measurement {
-        Measurement::of_age(now.duration_since(self.stamp), self.span)
+        Measurement::from_age(now.duration_since(self.stamp), self.span)
     }
 }
 

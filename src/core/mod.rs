@@ -4,7 +4,7 @@
 //! construction. Clippy enforces this: see `clippy.toml`. The process around it is in
 //! `crate::process`.
 //!
-//! From the bottom up; a part uses only parts above it in this list:
+//! Bottom-up order; a part uses only parts above it in this list:
 //!
 //! - `vector`: arithmetic on small arrays.
 //! - `fixture_change`: changes of the virtual fixtures by request.
@@ -22,16 +22,17 @@
 //!   the only way to a drive.
 //! - [`adaptation`]: follows the drift of a calibration by the camera, inside fences.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
-//! - `command`: `authority`, who may do what; `sessions`, who may move; `admission` of servo commands,
-//!   `client_stream`, `refusal_record`, `deadline`, `range_check`, `clutch`, `motion_scaling`.
+//! - `command`: `authority`, who may do what; `sessions`, who may move; `admission` of servo
+//!   commands, `client_stream`, `refusal_record`, `deadline`, `range_check`, `clutch`,
+//!   `motion_scaling`.
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
 //! - `outputs`: what the cycle writes.
-//! - [`cycle`]: one tick, inputs to outputs: `commands`, `events`, `measurements` behind refusals
-//!   and faults, `setpoint_generation`; `snapshot`: its state between two ticks, for the black box.
+//! - [`cycle`]: one tick, inputs to outputs: `commands`, `events`, `measurements` of refusals and
+//!   faults, `setpoint_generation`; `snapshot`: its state between two ticks, for the black box.
 //!
-//! The story of the states stands at `states::control_state`, that of the faults in `faults`, that
-//! of the limits in `motion`.
+//! The states are described in `states::control_state`, the faults in `faults`, the limits in
+//! `motion`.
 
 // Not in tests, which may allocate.
 #![cfg_attr(
@@ -56,7 +57,7 @@ mod states;
 mod vector;
 
 pub use command::admission::{AdmissionContext, CommandAdmission, CommandCheck};
-pub use command::move_planning::LONGEST_MOVE;
+pub use command::move_planning::MAX_MOVE_TIME;
 pub use command::refusal_record::ClientRefusals;
 pub use command::sessions::StreamOf;
 pub use cycle::snapshot::CycleSnapshot;

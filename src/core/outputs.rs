@@ -27,7 +27,7 @@ pub struct CycleOutputs {
     pub model_reply: Option<ModelSwapReply>,
     /// Status of the robot after this tick.
     pub report: CycleReport,
-    /// Events of this tick in order, at most four. Further events are only counted.
+    /// Events of this tick, oldest first, at most four. Further events are only counted.
     pub events: [Option<CycleEvent>; 4],
     /// Shutdown was requested and every drive is off or lost: the process may end.
     pub finished: bool,
@@ -42,7 +42,7 @@ pub struct StateReply {
     pub refusal: Refusal,
     /// State after the command.
     pub state: OperatingState,
-    /// What was measured when it was refused, where it is known.
+    /// Measurement of a refusal, if known.
     pub measurement: Option<Measurement>,
 }
 
@@ -74,15 +74,15 @@ pub struct CycleReport {
     pub holding: bool,
     /// No setpoint moves, that of the auxiliary axis included.
     pub at_rest: bool,
-    /// Every drive says that it has no power.
+    /// Every drive reports no power.
     pub off: bool,
-    /// Every drive says that it has no power, or that it is in quick stop.
+    /// Every drive reports no power, or quick stop.
     pub stopped: bool,
-    /// What broke off the last activity of a command.
+    /// Cause that interrupted the last activity of a command.
     pub broken_off: Option<Stop>,
     /// The goal was clipped to the calibrated hull or the position limits.
     pub clipped: bool,
-    /// The virtual fixtures that count, as bits.
+    /// Active virtual fixtures, as bits.
     pub fixtures: u32,
     /// Index of the virtual fixture that limited the goal in this tick.
     pub limited_by_fixture: Option<u8>,

@@ -32,7 +32,7 @@ impl AbortCode {
     pub const fn name(self) -> &'static str {
         match self.0 {
             0x0503_0000 => "toggle bit not alternated",
-            0x0504_0000 => "no answer from the node behind the gateway",
+            0x0504_0000 => "no reply from the node behind the gateway",
             0x0504_0001 => "unknown command specifier",
             0x0504_0004 => "the request arrived damaged",
             0x0504_0005 => "out of memory",

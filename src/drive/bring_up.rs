@@ -1,4 +1,4 @@
-//! From a line to a drive that is identified, switched off, and limited.
+//! Bring-up: from a line to a drive that is identified, switched off, and limited.
 //!
 //! These steps block for many exchanges. They run before the control loop starts, and again on a
 //! lost axis that answers again.
@@ -45,7 +45,7 @@ pub struct AxisIdentity {
     pub node_id: u8,
     /// Family, product code and firmware.
     pub model: DriveModel,
-    /// Objects that it does not have, and that are left out.
+    /// Objects that the drive does not have; they are left out.
     pub left_out: Vec<Address>,
     /// Serial number.
     pub serial_number: u32,
@@ -74,7 +74,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
     /// Checks that this is the configured drive. Of its number, the lower half counts.
     pub(super) fn check_identity(&mut self, expected: u64) -> Result<(), AxisError> {
         // A gateway answers in the place of a node that is off, but only after a time-out of its
-        // own. While other axes are served, nobody waits for that.
+        // own. While other axes are served, the thread does not wait for that.
         self.link.wait_for_gateway(self.interlude.is_none());
         let found = self.check_vendor().and_then(|()| self.read(object::SERIAL_NUMBER));
         self.link.wait_for_gateway(false);
@@ -132,11 +132,11 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         Some(read.bytes().to_vec())
     }
 
-    /// Switches the drive off in order: a killed controller may have left it enabled. A drive with
-    /// a fault is off already; the operator resets the fault.
+    /// Switches the drive off by its ramp: a killed controller may have left it enabled. A drive
+    /// with a fault is already off; the operator resets the fault.
     pub(super) fn switch_off(&mut self) -> Result<(), AxisError> {
         match self.go_to(PowerGoal::Off) {
-            Err(AxisError::StillOn { .. }) => self.go_to(PowerGoal::Cut)?,
+            Err(AxisError::PowerStageStillOn { .. }) => self.go_to(PowerGoal::Cut)?,
             outcome => outcome?,
         };
         Ok(())
@@ -146,7 +146,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
     pub(super) fn hold(&mut self) -> Result<bool, AxisError> {
         match self.go_to(PowerGoal::Stopped) {
             Ok(state) => Ok(state == DriveState::QuickStopActive),
-            Err(AxisError::StillOn { .. }) => Ok(false),
+            Err(AxisError::PowerStageStillOn { .. }) => Ok(false),
             Err(error) => Err(error),
         }
     }
@@ -166,7 +166,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
                     commanded = Some(controlword);
                 }
                 PowerStep::Command(_) | PowerStep::Wait if self.link.now() > deadline => {
-                    return Err(AxisError::StillOn { state });
+                    return Err(AxisError::PowerStageStillOn { state });
                 }
                 PowerStep::Command(_) | PowerStep::Wait => {
                     self.link.sleep_until(self.link.now() + POLL_PERIOD);
@@ -175,8 +175,8 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         }
     }
 
-    /// Writes all settings, then reads every setting back and compares. `left_out` is told the
-    /// objects that the drive does not have and can do without.
+    /// Writes all settings, then reads every setting back and compares. `left_out` receives the
+    /// missing objects that the drive can do without.
     ///
     /// A setting may depend on another (the lower limit must be below the upper), so a refusal
     /// counts only after all others were written.
@@ -228,7 +228,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
     }
 
     /// The limit of the drive between the value that it holds and the one that it refused, found by
-    /// writing: no object tells it. At the end it holds what it held; its power stage is off.
+    /// writing: no object reports it. Afterwards the drive holds its former value, with power off.
     fn find_limit(
         &mut self,
         setting: Setting,
@@ -339,7 +339,7 @@ pub fn configure_axis(
     Ok(left_out)
 }
 
-/// Switches a drive off in order, or at once if it does not go off in order.
+/// Switches a drive off by its ramp, or cuts its power if that fails.
 ///
 /// # Errors
 ///
@@ -384,7 +384,7 @@ pub(super) fn learn_constants(link: &mut DriveLink<impl Transport>) -> Result<()
 /// Exchanges that are timed at start.
 const TIMED_EXCHANGES: usize = 21;
 
-/// Lower quartile and median of the duration of an exchange on a line without other traffic.
+/// Lower quartile and median of the exchange time on a line without other traffic.
 pub(super) fn time_exchanges(
     link: &mut DriveLink<impl Transport>,
 ) -> Result<[Nanos; 2], AxisError> {
@@ -404,14 +404,14 @@ pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, error: AxisError) ->
     let (device, node) = (port.device.clone(), axis.node_id);
     match error {
         AxisError::Exchange {
-            error: LinkError::Lost(heard) | LinkError::Unanswered(heard),
+            error: LinkError::Lost(unexpected) | LinkError::Unanswered(unexpected),
             ..
         } => {
             let baud = port.baud;
-            if heard.is_silence() {
+            if unexpected.is_silence() {
                 DriveError::NoAnswer { device, baud, node }
             } else {
-                DriveError::NotUnderstood(device, baud, heard)
+                DriveError::InvalidReply(device, baud, unexpected)
             }
         }
         AxisError::Exchange { object, error: LinkError::Refused(AbortCode::NO_NODE) } => {
@@ -420,7 +420,7 @@ pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, error: AxisError) ->
         AxisError::Exchange { error: LinkError::Refused(AbortCode::UNKNOWN_COMMAND), .. } => {
             let family = family_of_port(port).name();
             let other = if port.family == Family::Epos4 { "EPOS2" } else { "EPOS4" };
-            DriveError::OtherFamily(device, family, other)
+            DriveError::WrongDriveFamily(device, family, other)
         }
         error => DriveError::Axis { device, node, error },
     }

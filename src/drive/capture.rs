@@ -1,8 +1,8 @@
-//! What went over a serial line: the bytes of the last minute in both directions, with their times
-//! and with what the driver made of them.
+//! Traffic of a serial line: the bytes of the last minute in both directions, with their times and
+//! the driver's interpretation.
 //!
 //! The port thread writes into memory that was allocated before it started, and never waits. Any
-//! other thread reads it, whenever it likes, and writes it to a file ([`mod@file`]).
+//! other thread can read it at any time and write it to a file ([`mod@file`]).
 
 pub mod file;
 mod ring;
@@ -39,10 +39,10 @@ impl LineEventKind {
 /// Something that happened on a line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineEvent {
-    /// By the clock of the line, in whole microseconds. Of bytes that arrived in parts: of the
-    /// first.
+    /// Time on the clock of the line, in whole microseconds; for bytes that arrived in parts, that
+    /// of the first part.
     pub time: Nanos,
-    /// What happened.
+    /// Kind of the event.
     pub kind: LineEventKind,
     /// The bytes; of an outcome its own, see [`LineEvent::outcome`].
     pub bytes: Vec<u8>,
@@ -62,7 +62,7 @@ impl LineEvent {
     }
 }
 
-/// What went over one line.
+/// Traffic of one line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CapturedPort {
     /// The device file.
@@ -71,13 +71,13 @@ pub struct CapturedPort {
     pub family: Family,
     /// Bits per second.
     pub baud: u32,
-    /// What happened, oldest first.
+    /// Events, oldest first.
     pub events: Vec<LineEvent>,
 }
 
 impl CapturedPort {
-    /// What happened, attempt by attempt: sent, received, outcome. Parts that do not begin with
-    /// something sent are bytes without a request, or the rest of an attempt. The last attempt may
+    /// Events grouped by attempt: sent, received, outcome. Groups that do not begin with sent bytes
+    /// are bytes without a request, or the rest of an attempt. The last attempt may
     /// have no outcome yet.
     #[must_use]
     pub fn attempts(&self) -> Vec<&[LineEvent]> {
@@ -95,7 +95,7 @@ impl CapturedPort {
         parts
     }
 
-    /// Calls `use_frame` with the frame of a request. `None`: not enough of it was sent.
+    /// Calls `use_frame` with the frame of a request. `None`: the request was sent incompletely.
     pub fn with_request<R>(
         &self,
         attempt: &[LineEvent],
@@ -122,7 +122,7 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// What went over the line in the last minute.
+    /// Traffic of the line in the last minute.
     #[must_use]
     pub fn read(&self) -> CapturedPort {
         CapturedPort { events: self.ring.read(), ..self.port.clone() }

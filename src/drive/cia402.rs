@@ -27,7 +27,7 @@ impl Statusword {
     /// (CiA 402): some drives set it there.
     const STATE: [u16; 2] = [0x004F, 0x006F];
 
-    /// The state; `None` for a pattern that is no state.
+    /// The state; `None` for a pattern that is not a state.
     ///
     /// Bit 9 (remote) is ignored: a drive on a serial line need not be operational on CAN.
     #[must_use]
@@ -75,12 +75,12 @@ impl Controlword {
     pub const DISABLE_VOLTAGE: Self = Self(0x0000);
     /// To ready to switch on.
     pub const SHUTDOWN: Self = Self(0x0006);
-    /// From operation enabled to switched on, by the ramp of option 0x605C.
+    /// Transition from operation enabled to switched on, by the ramp of option 0x605C.
     pub const DISABLE_OPERATION: Self = Self(0x0007);
     /// To operation enabled.
     pub const ENABLE_OPERATION: Self = Self(0x000F);
-    /// From operation enabled to quick stop active; from the states below to switch-on disabled.
-    /// Bit 2 is low-active.
+    /// Transition from operation enabled to quick stop active; from the states below, to switch-on
+    /// disabled. Bit 2 is low-active.
     pub const QUICK_STOP: Self = Self(0x000B);
     /// Resets a fault by the rising edge of bit 7: it must have been low before.
     pub const FAULT_RESET: Self = Self(0x0080);
@@ -94,7 +94,7 @@ impl Controlword {
 /// The states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DriveState {
-    /// The drive boots; it leaves this state by itself.
+    /// The drive boots and leaves this state without a command.
     NotReady,
     /// No power; it may not be switched on yet.
     SwitchOnDisabled,
@@ -129,9 +129,9 @@ impl DriveState {
 /// The state that a drive is brought to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PowerGoal {
-    /// Power stage off, in order.
+    /// Power stage off, by the ramp.
     Off,
-    /// Power stage off at once, for a drive that does not go off in order.
+    /// Power stage off at once, for a drive that fails to switch off by the ramp.
     Cut,
     /// Operation enabled.
     On,
@@ -146,7 +146,7 @@ pub enum PowerStep {
     Reached,
     /// Write this controlword, and wait for the state to change.
     Command(Controlword),
-    /// The drive continues by itself.
+    /// The drive continues without a command.
     Wait,
     /// A fault blocks; only a fault reset helps.
     Blocked,
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn power_comes_on_only_for_its_goal_and_goes_off_by_a_ramp() {
+    fn power_follows_its_goal_and_switches_off_by_a_ramp() {
         use DriveState::{OperationEnabled, SwitchedOn};
         let shutdown = PowerStep::Command(Controlword::SHUTDOWN);
         for (state, goal) in every_state_and_goal() {

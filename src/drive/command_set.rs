@@ -38,12 +38,12 @@ impl DriveRequest {
     }
 }
 
-/// What a request asks for.
+/// Content of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Requested {
     /// The value of an object: node, index, subindex.
     Read(u8, u16, u8),
-    /// To take a value: node, index, subindex, four bytes.
+    /// Writing a value: node, index, subindex, four bytes.
     Write(u8, u16, u8, u32),
     /// The first segment of an object: node, index, subindex.
     FirstSegment(u8, u16, u8),
@@ -106,14 +106,14 @@ impl CommandSet {
         (self.segmented)(node, object)
     }
 
-    /// As every object request starts.
+    /// First four bytes of an object request.
     pub(super) const fn selector(&self, node: u8, object: Address) -> [u8; 4] {
         let ([low, high], subindex) = (object.index.to_le_bytes(), object.subindex);
         if self.node_first { [node, low, high, subindex] } else { [low, high, subindex, node] }
     }
 
-    /// What a captured request asks for; `None`: nothing that this software asks for. Data that is
-    /// missing counts as zeros.
+    /// Content of a captured request; `None`: not a request of this software. Missing data counts
+    /// as zeros.
     #[must_use]
     pub fn parse(&self, request: SerialFrame<'_>) -> Option<Requested> {
         let mut data = request.data.iter().copied().chain(std::iter::repeat(0));
@@ -139,7 +139,7 @@ impl CommandSet {
     ///
     /// # Errors
     ///
-    /// When the drive refused, or the frame is no reply to a read.
+    /// When the drive refused, or the frame is not a reply to a read.
     pub fn read_reply(&self, reply: SerialFrame<'_>, object: Address) -> Result<u32, ReplyError> {
         match *after_error_code(reply)? {
             [a, b, c, d] => Ok(object.truncate(u32::from_le_bytes([a, b, c, d]))),
@@ -154,7 +154,7 @@ impl CommandSet {
     ///
     /// # Errors
     ///
-    /// When the drive refused, or the frame is no reply to a write.
+    /// When the drive refused, or the frame is not a reply to a write.
     pub fn write_reply(&self, reply: SerialFrame<'_>) -> Result<(), ReplyError> {
         if after_error_code(reply)?.is_empty() { Ok(()) } else { Err(ReplyError::Mismatch) }
     }
@@ -169,7 +169,7 @@ pub trait SegmentedRead {
     ///
     /// # Errors
     ///
-    /// When the drive refused, or the frame is no reply to the request.
+    /// When the drive refused, or the frame is not a reply to the request.
     fn take_reply(&mut self, reply: SerialFrame<'_>) -> Result<bool, ReplyError>;
 
     /// The bytes read so far.

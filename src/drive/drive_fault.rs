@@ -1,4 +1,4 @@
-//! Faults of drives: cause, reaction of the drive, and what to do.
+//! Faults of drives: cause, reaction of the drive, and remedy.
 
 use std::fmt;
 
@@ -14,15 +14,15 @@ pub struct DriveFault {
     pub code: u16,
     /// Its name.
     pub name: &'static str,
-    /// What leads to it; empty if unknown.
+    /// Cause of the fault; empty if unknown.
     pub cause: &'static str,
-    /// What to do; empty if unknown.
+    /// Remedy; empty if unknown.
     pub remedy: &'static str,
     /// Reaction of the drive.
     pub reaction: FaultReaction,
-    /// Resetting it clears the position: the axis must be homed again.
+    /// Whether resetting it clears the position: the axis must be homed again.
     pub clears_position: bool,
-    /// Only a reset of the communication ends it.
+    /// Whether only a reset of the communication clears it.
     pub resets_communication: bool,
 }
 
@@ -51,8 +51,7 @@ impl DriveFault {
         fault.unwrap_or_else(|| Self::unknown(code))
     }
 
-    /// The meaning of a code where the family of the drive is not told: families that know it may
-    /// differ, and then it has no name.
+    /// Looks up a code without knowing the drive's family. If the families differ, it has no name.
     #[must_use]
     pub fn look_up_any(code: u16) -> Self {
         let [epos4, epos2] = [Family::Epos4, Family::Epos2].map(|it| Self::look_up(it, code));
@@ -94,7 +93,7 @@ impl Row {
     }
 }
 
-/// The codes of a row and their meaning; `None`: no row of a code.
+/// The codes of a row and their meaning; `None`: not a row of a code.
 fn parse_row(line: &'static str) -> Option<(std::ops::RangeInclusive<u16>, Row)> {
     let mut cells = line.strip_prefix("| 0x")?.strip_suffix(" |")?.split(" | ");
     let codes = cells.next()?;
@@ -139,7 +138,7 @@ impl fmt::Display for DriveFault {
             write!(f, ": {cause}; {remedy}")?;
         }
         if self.resets_communication {
-            f.write_str("; if it stays, switch the supply of the drive off and on")?;
+            f.write_str("; if it persists, switch the supply of the drive off and on")?;
         }
         if self.clears_position {
             f.write_str("; the position is lost: home the axis")?;
@@ -198,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_says_what_it_means_and_what_to_do() {
+    fn fault_text_states_meaning_and_remedy() {
         let text = DriveFault::look_up(Epos4, 0x8611).to_string();
         let begin = "0x8611 (following error), stopped by the ramp: the motor was further";
         assert!(text.starts_with(begin) && text.contains("then acknowledge"), "{text}");
@@ -211,7 +210,7 @@ mod tests {
         assert_eq!(DriveFault::look_up_any(0x8611), look_up(Epos2, 0x8611));
         assert_eq!(DriveFault::look_up_any(0x7380), look_up(Epos4, 0x7380));
         assert_eq!(DriveFault::look_up_any(0xFF01).remedy, "");
-        // The same number is another error of an EPOS2.
+        // The same number is a different error on an EPOS2.
         assert_eq!(look_up(Epos4, 0xFF01).reaction, FaultReaction::Warning);
         assert_eq!(look_up(Epos2, 0xFF01).name, "Hall sensor");
         assert_eq!(look_up(Epos2, 0x7380).reaction, FaultReaction::Unknown);

@@ -42,7 +42,7 @@ const INTERPOLATION_PERIOD: Object<u8> = Object::of(0x60C2, 1);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Epos4;
 
-/// The EPOS4 in profile position mode (1): the drive ramps to every target by itself. A target
+/// The EPOS4 in profile position mode (1): the drive itself ramps to every target. A target
 /// takes three writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Epos4Profile;
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hard_stop_is_searched_with_a_low_current_limit_that_is_restored() {
+    fn hard_stop_search_restores_the_current_limit() {
         let axis =
             AxisConfig { homing: HomingMethod::StopNegative, homing_current_ma: 25, ..axis() };
         let plan = Epos4.homing(&axis);

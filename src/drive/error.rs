@@ -5,14 +5,14 @@ use std::path::PathBuf;
 
 use super::abort_code::AbortCode;
 use super::cia402::DriveState;
-use super::heard::Heard;
 use super::latency_timer;
 use super::object::{self, Address};
 use super::transport::NOT_OUR_TURN;
+use super::unexpected_reply::UnexpectedReply;
 use super::variant::SettingError;
 use crate::units::Nanos;
 
-/// Why a port or the drives behind it could not be brought up.
+/// Why a port or its drives could not be brought up.
 #[derive(Debug, thiserror::Error)]
 pub enum DriveError {
     /// The device file does not exist.
@@ -55,8 +55,8 @@ pub enum DriveError {
     },
     /// Nothing arrives.
     #[error(
-        "no drive answers on {device} at {baud} baud as node {node}; check power, cable, `baud` \
-         and `node_id`, and that no other program uses the port"
+        "no reply from a drive on {device} at {baud} baud, node {node}; check power, cable, `baud` \
+         and `node_id`; no other program may use the port"
     )]
     NoAnswer {
         /// The device.
@@ -66,40 +66,41 @@ pub enum DriveError {
         /// Node id.
         node: u8,
     },
-    /// The drive at this port answers for a node behind it: the node does not, or not any more.
+    /// The drive at this port answers for a node behind it: the node does not, or no longer.
     #[error("node {node} behind {device} {}", missing_node(*node, *object))]
     NoNode {
         /// The device.
         device: PathBuf,
         /// Node id.
         node: u8,
-        /// What was asked.
+        /// Requested object.
         object: Address,
     },
-    /// Something arrives, and is not understood: on this device, at this rate.
+    /// An invalid reply: device, bits per second, received bytes.
     #[error(
-        "{0} at {1} baud: {2}; check `device`, `baud` and `family`, and that nothing else \
-         is on the line"
+        "{0} at {1} baud: {2}; check `device`, `baud` and `family`; nothing else may be \
+         on the line"
     )]
-    NotUnderstood(PathBuf, u32, Heard),
-    /// The drive on this device does not know the commands of this family; it may be of that one.
+    InvalidReply(PathBuf, u32, UnexpectedReply),
+    /// The drive does not know the commands of its configured family: device, configured family,
+    /// possible family.
     #[error(
-        "the drive on {0} does not know the commands of an {1} (unknown command 0x0F00FFBF); is this \
-         an {2}? correct `family`"
+        "the drive on {0} does not know the commands of an {1} (unknown command 0x0F00FFBF); is \
+         this an {2}? correct `family`"
     )]
-    OtherFamily(PathBuf, &'static str, &'static str),
+    WrongDriveFamily(PathBuf, &'static str, &'static str),
     /// Replies are held back, as by the latency timer of an FTDI adapter at 16 ms.
     #[error(
         "an exchange over {device} takes {:.1} ms: a latency timer of 16 ms holds the replies \
-         back, and the line carries a seventh; `{}` mends it until the next plug, \
-         config/system/60-i2ris.rules for good",
+         back and cuts the exchange rate to a seventh; `{}` fixes it until the adapter is \
+         unplugged, config/system/60-i2ris.rules permanently",
         .exchange.as_seconds() * 1e3,
         latency_timer::command(.device)
     )]
     SlowAdapter {
         /// The device.
         device: PathBuf,
-        /// What three quarters of the exchanges take, or longer.
+        /// Lower quartile of the exchange time.
         exchange: Nanos,
     },
     /// The drive answers, but is not usable as it is.
@@ -120,12 +121,12 @@ pub enum LinkError {
     /// The drive refused the request.
     #[error("refused: {0}")]
     Refused(AbortCode),
-    /// No answer could be trusted; the line is in sync again.
-    #[error("not answered{}", said(.0))]
-    Unanswered(Heard),
+    /// No valid reply; the line is in sync again.
+    #[error("not answered{}", suffix(.0))]
+    Unanswered(UnexpectedReply),
     /// The line does not answer at all.
     #[error("{0}; check power and cable")]
-    Lost(Heard),
+    Lost(UnexpectedReply),
     /// The operating system reports the port as broken.
     #[error("the port is broken ({0}); check the cable")]
     Broken(io::ErrorKind),
@@ -134,9 +135,9 @@ pub enum LinkError {
     NotOurTurn,
 }
 
-/// What came, behind another clause.
-fn said(heard: &Heard) -> String {
-    if heard.is_silence() { String::new() } else { format!(": {heard}") }
+/// Text of the received bytes, to follow another clause.
+fn suffix(unexpected: &UnexpectedReply) -> String {
+    if unexpected.is_silence() { String::new() } else { format!(": {unexpected}") }
 }
 
 impl LinkError {
@@ -154,69 +155,68 @@ pub enum AxisError {
     /// An exchange failed.
     #[error("{object}: {error}")]
     Exchange {
-        /// What was read or written.
+        /// Object read or written.
         object: Address,
         /// Why.
         error: LinkError,
     },
     /// A drive of another vendor.
     #[error(
-        "vendor number 0x{found:08X} instead of 0x{expected:08X}; this is no maxon drive, check \
+        "vendor number 0x{found:08X} instead of 0x{expected:08X}; not a maxon drive; check \
          `device`"
     )]
     Vendor {
-        /// The number of maxon.
+        /// Vendor number of maxon.
         expected: u32,
-        /// As read.
+        /// Number read.
         found: u32,
     },
-    /// Another drive than the one configured.
+    /// Not the configured drive.
     #[error("{}", other_serial_number(*expected, *found))]
     SerialNumber {
-        /// As configured.
+        /// Configured number.
         expected: u64,
-        /// As read.
+        /// Number read.
         found: u32,
     },
-    /// The drive does not take a setting.
+    /// The drive does not accept a setting.
     #[error("{0}")]
     Setting(SettingError),
-    /// The power stage does not go off.
+    /// The power stage does not switch off.
     #[error(
-        "power stage does not go off, state {state:?}; cut its power supply and check the drive"
+        "power stage does not switch off, state {state:?}; cut its power supply and check the drive"
     )]
-    StillOn {
-        /// The state that it stays in.
+    PowerStageStillOn {
+        /// Remaining state.
         state: DriveState,
     },
-    /// The statusword is no known state.
+    /// The statusword is not a known state.
     #[error(
-        "statusword 0x{statusword:04X} is no known state; check that the firmware is supported"
+        "statusword 0x{statusword:04X} is not a known state; check that the firmware is supported"
     )]
     UnknownState {
-        /// As read.
+        /// Statusword read.
         statusword: u16,
     },
 }
 
-/// What a gateway that waits in vain means, and what to do. Two drives of one number answer the
-/// same to the first read, the vendor.
+/// Cause and remedy of a gateway timeout. Two drives with the same node id answer alike to the
+/// first read, the vendor.
 fn missing_node(node: u8, object: Address) -> String {
     if object != object::VENDOR.address() {
         return format!(
-            "answered, and not when asked for {object} (0x05040000), as where two drives have node \
-             {node} or a plug of CAN is loose; give every drive DIP switches of its own, and press \
-             the plugs in"
+            "answered before, but not the request for {object} (0x05040000), as if two drives had \
+             node {node} or a CAN plug were loose; set unique DIP switches on every drive and \
+             press the plugs in"
         );
     }
     format!(
-        "does not answer: the gateway waited for it in vain (0x05040000); check that its drive has \
-         power, that its DIP switches and `node_id` say {node} and no other drive's do, and the \
-         plugs of CAN"
+        "does not answer: the gateway timed out (0x05040000); check that its drive has power, that \
+         its DIP switches and `node_id` are {node} and unique, and that the CAN plugs are firm"
     )
 }
 
-/// What another serial number means, and what to do. Tools print it in hexadecimal, mostly without
+/// Cause and remedy of a serial number that differs. Tools print it in hexadecimal, mostly without
 /// `0x`.
 fn other_serial_number(expected: u64, found: u32) -> String {
     let write = format!("write `serial_number = {found}`");
@@ -228,11 +228,11 @@ fn other_serial_number(expected: u64, found: u32) -> String {
     }
     let remedy = match u64::from_str_radix(&expected.to_string(), 16) {
         Ok(number) if number as u32 == found => {
-            format!("read as hexadecimal it is this drive: write 0x{expected}")
+            format!("this is the drive if read as hexadecimal: write 0x{expected}")
         }
         _ => format!(
             "if {found} is in the configuration as another motor's, they are swapped: swap the \
-             cables back; if this drive takes the place of the old one, {write}"
+             cables back; if this drive replaces the old one, {write}"
         ),
     };
     format!(

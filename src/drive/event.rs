@@ -15,7 +15,7 @@ use super::objects::{self, Access, Entry};
 /// An event on a port. A repeated event is reported once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PortEvent {
-    /// The motor that it concerns.
+    /// Index of the motor.
     pub motor: usize,
     /// Its kind.
     pub kind: PortEventKind,
@@ -58,12 +58,12 @@ pub enum PortEventKind {
     },
     /// A request was not answered in time; a retry may have been answered.
     TimedOut {
-        /// What was read or written.
+        /// Object read or written.
         object: Address,
     },
     /// The drive refused a request.
     Refused {
-        /// What was read or written.
+        /// Object read or written.
         object: Address,
         /// Why.
         code: AbortCode,
@@ -89,20 +89,20 @@ pub enum PortEventKind {
         /// Why it failed, if it did.
         error: Option<TransitionError>,
     },
-    /// The drive changed its state by itself: its enable or quick-stop input, its supply, or
-    /// another program.
+    /// The drive changed its state without a command: its enable or quick-stop input, its supply,
+    /// or another program.
     UnexpectedState {
         /// The new state.
         state: DriveState,
     },
-    /// The power stage does not go off in order; its power is cut.
+    /// The power stage does not switch off by the ramp; its power is cut.
     StillPowered {
         /// The state that the drive stays in.
         state: Option<DriveState>,
     },
-    /// The axis does not answer any more.
+    /// The axis no longer answers.
     Lost(LinkError),
-    /// The lost axis is the one that the port belongs to: those behind it are out of reach, too.
+    /// The lost axis is the gateway of the port, so the drives behind it are also unreachable.
     GatewayLost,
     /// The axis answers, but is not usable.
     Unusable(AxisError),
@@ -131,7 +131,7 @@ pub enum PortEventKind {
     },
     /// The port thread ends.
     Ended {
-        /// What is known of the power stage.
+        /// Known power of the drive.
         power: DrivePower,
     },
 }
@@ -139,7 +139,7 @@ pub enum PortEventKind {
 /// Why a transition of an axis failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum TransitionError {
-    /// The drive does not hold the limits that it was given.
+    /// The drive has lost the limits written to it.
     #[error("the drive was restarted and has lost its limits; it is configured again")]
     Restarted,
     /// The position is outside the limits of targets.
@@ -158,9 +158,9 @@ pub enum TransitionError {
     /// The drive holds another target than the one written.
     #[error("the target reads back as {found} after {written} was written")]
     Preload {
-        /// As written.
+        /// Written value.
         written: Counts,
-        /// As read.
+        /// Value read back.
         found: Counts,
     },
     /// The homing method reads back differently.
@@ -171,15 +171,15 @@ pub enum TransitionError {
     ReadBack {
         /// The setting.
         object: Address,
-        /// As written.
+        /// Written value.
         written: u32,
-        /// As read.
+        /// Value read back.
         found: u32,
     },
     /// The drive refused a step.
     #[error("{object} refused: {code}")]
     Refused {
-        /// What was read or written.
+        /// Object read or written.
         object: Address,
         /// Why.
         code: AbortCode,
@@ -187,7 +187,7 @@ pub enum TransitionError {
     /// It took too long.
     #[error("the drive did not reach the state in time, statusword 0x{statusword:04X}")]
     Timeout {
-        /// As last read.
+        /// Last statusword read.
         statusword: u16,
     },
     /// The drive reports a homing error.
@@ -220,7 +220,7 @@ impl fmt::Display for PortEventKind {
                 match objects::first(object.index, object.subindex) {
                     // The motor current is read for the sake of one limit.
                     Entry { access: Access::Ro, key, .. } if !key.is_empty() => {
-                        write!(f, ", so `{key}` watches nothing")
+                        write!(f, ", so `{key}` has no effect")
                     }
                     _ => Ok(()),
                 }
@@ -243,13 +243,15 @@ impl fmt::Display for PortEventKind {
             Self::HomingRefused => f.write_str("homing refused: the axis must be disabled"),
             Self::HomingEnded { error: None } => f.write_str("homed"),
             Self::HomingEnded { error: Some(error) } => write!(f, "homing failed: {error}"),
-            Self::UnexpectedState { state } => write!(f, "the drive went to {state:?} by itself"),
+            Self::UnexpectedState { state } => {
+                write!(f, "the drive went to {state:?} without a command")
+            }
             Self::StillPowered { state } => {
-                write!(f, "power stage does not go off in order ({state:?}), cutting its power")
+                write!(f, "power stage does not switch off ({state:?}); cutting its power")
             }
             Self::Lost(error) => write!(f, "lost: {error}"),
             Self::GatewayLost => f.write_str(
-                "no drive behind it can be told to stop: each holds its last setpoint, with power, \
+                "the drives behind it cannot be stopped: each holds its last setpoint, with power, \
                  and none follows a new one; the emergency stop, or their supply, stops them",
             ),
             Self::Unusable(error) => write!(f, "not usable: {error}"),

@@ -63,12 +63,12 @@ pub enum FirmwareVersion {
     Word(Object<u16>),
 }
 
-/// How a setpoint takes effect.
+/// Event at which a setpoint takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SetpointTrigger {
     /// When it is written.
     Write,
-    /// By a rising edge of controlword bit 4 after it was written; the bit is lowered again before
-    /// the next setpoint.
+    /// On a rising edge of controlword bit 4 after writing; the bit is lowered again before the
+    /// next setpoint.
     Edge,
 }

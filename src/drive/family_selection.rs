@@ -17,7 +17,7 @@ pub fn family_of_line(family: Family) -> &'static dyn DriveFamily {
     select(family, Streaming::Cyclic)
 }
 
-/// The family of the drive of an axis behind a port.
+/// The drive family of an axis.
 #[must_use]
 pub fn family_of_axis(port: &PortConfig, axis: &AxisConfig) -> &'static dyn DriveFamily {
     select(axis.family.unwrap_or(port.family), axis.streaming)
@@ -42,8 +42,8 @@ mod tests {
     use crate::drive::serial_frame::SerialFrame;
 
     proptest! {
-        /// Four bytes behind an error code of 0 are a value, two that of a short object, none are a
-        /// success; nothing else is accepted.
+        /// After an error code of 0, four bytes are a value, two the value of a short object, none
+        /// a success; nothing else is accepted.
         #[test]
         fn any_reply_is_decoded_or_refused(
             opcode: u8, data in vec(any::<u8>(), 0..300), good: bool,

@@ -1,7 +1,7 @@
-//! The fingerprint of a drive: every setting that it has, and the comparison of two of them.
+//! The fingerprint of a drive: all its settings, and the comparison of two fingerprints.
 //!
 //! Reads only. A model belongs to the settings of its calibration: with another gear, encoder or
-//! gain, the same counts bend the snake otherwise.
+//! gain, the same counts bend the snake differently.
 
 use std::collections::BTreeSet;
 
@@ -37,21 +37,21 @@ pub fn settings(family: Family) -> impl Iterator<Item = &'static Entry> {
     objects::of_family(family).filter(|entry| entry.is_setting()).filter(is_short)
 }
 
-/// Opens a port and reads every setting of the drives behind it. Writes nothing.
+/// Opens a port and reads every setting of its drives. Writes nothing.
 ///
 /// # Errors
 ///
-/// When the port cannot be opened, nothing answers, or a drive is another one.
+/// When the port cannot be opened, nothing answers, or a drive is not the configured one.
 pub fn read_port(config: &PortConfig) -> Result<Vec<DriveFingerprint>, DriveError> {
-    read_over(SerialTransport::open(config)?, config)
+    read_transport(SerialTransport::open(config)?, config)
 }
 
-/// As [`read_port`], over an open line.
+/// Reads the settings over an open line, see [`read_port`].
 ///
 /// # Errors
 ///
-/// When nothing answers, or a drive is another one.
-pub fn read_over<T: Transport>(
+/// When nothing answers, or a drive is not the configured one.
+pub fn read_transport<T: Transport>(
     transport: T,
     config: &PortConfig,
 ) -> Result<Vec<DriveFingerprint>, DriveError> {
@@ -62,11 +62,11 @@ pub fn read_over<T: Transport>(
     read_axes(&mut link, config)
 }
 
-/// As [`read_port`], on a line whose drive is known.
+/// Reads the settings on a line whose drives are known, see [`read_port`].
 ///
 /// # Errors
 ///
-/// When a drive does not answer, or is another one.
+/// When a drive does not answer, or is not the configured one.
 pub fn read_axes(
     link: &mut DriveLink<impl Transport>,
     config: &PortConfig,
@@ -96,7 +96,7 @@ fn read_axis(
         match drive.read_if_present(Address::from_entry(entry)) {
             Ok(Some(raw)) => drop(fingerprint.settings.insert(key(entry), entry.kind.decode(raw))),
             Ok(None) => {}
-            // One that cannot be read is no reason not to start.
+            // An unreadable setting must not prevent the start.
             Err(AxisError::Exchange { error: LinkError::Refused(code), .. })
                 if code != AbortCode::NO_NODE => {}
             Err(error) => return Err(error),
@@ -146,8 +146,8 @@ fn name(drive: &DriveFingerprint, key: &str) -> &'static str {
     entry.map_or("object", |entry| entry.name)
 }
 
-/// What a model would find otherwise than at its calibration: settings on which a model depends,
-/// of the drives of its motors, as far as both are known.
+/// Settings that differ from those of the calibration: those that a model depends on, of the
+/// drives of its motors, where both values are known.
 #[must_use]
 pub fn differences_of_model(
     calibrated: &[DriveFingerprint],

@@ -15,13 +15,13 @@ pub struct HomingPlan {
 /// Motor speed towards the hard stop, rpm.
 const HOMING_SPEED_RPM: u32 = 20;
 
-/// Acceleration of the search of a hard stop, rpm/s: at the low speeds of homing it takes no time.
+/// Acceleration while searching a hard stop, rpm/s: at homing speed it takes hardly any time.
 const HOMING_ACCELERATION_RPM_S: u32 = 1000;
 
 impl HomingPlan {
     /// The plan of an axis with the number of its method. `stop_settings` gives the settings for
-    /// the search of a hard stop, beside speeds, for a motor current in mA; homing at the present
-    /// position needs none.
+    /// searching a hard stop, in addition to speeds, for a motor current in mA; homing at the
+    /// present position needs none.
     pub(super) fn new(
         axis: &AxisConfig,
         method: i8,

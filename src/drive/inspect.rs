@@ -49,28 +49,28 @@ pub struct PortInspection {
     pub axes: Vec<Result<Inspection, String>>,
 }
 
-/// Opens a port and inspects every drive behind it.
+/// Opens a port and inspects its drives.
 ///
 /// # Errors
 ///
 /// When the port cannot be opened, or nothing answers.
 pub fn inspect(config: &PortConfig) -> Result<PortInspection, DriveError> {
-    inspect_over(SerialTransport::open(config)?, config)
+    inspect_transport(SerialTransport::open(config)?, config)
 }
 
-/// As [`inspect`], over an open line.
+/// Inspects the drives over an open line, see [`inspect`].
 ///
 /// # Errors
 ///
 /// When nothing answers.
-pub fn inspect_over<T: Transport>(
+pub fn inspect_transport<T: Transport>(
     transport: T,
     config: &PortConfig,
 ) -> Result<PortInspection, DriveError> {
     inspect_link(&mut DriveLink::new(transport, family_of_port(config), config), config)
 }
 
-/// As [`inspect`], on a line that is used for more.
+/// Inspects the drives on a line that is also used otherwise, see [`inspect`].
 ///
 /// # Errors
 ///

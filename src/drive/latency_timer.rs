@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 const ADAPTERS: &str = "/sys/bus/usb-serial/devices";
 
 /// The shortest setting, milliseconds.
-const SHORTEST_MS: u32 = 1;
+const MIN_TIMER_MS: u32 = 1;
 
 /// Shortens the timer if there is one and it is permitted; returns the setting in force. A udev
 /// rule makes it permanent, see the README.
@@ -24,7 +24,7 @@ pub fn command(device: &Path) -> String {
     let real = fs::canonicalize(device).unwrap_or_else(|_| device.to_owned());
     let name = real.file_name().and_then(|name| name.to_str()).unwrap_or_default();
     let name = if name.starts_with("ttyUSB") { name } else { "ttyUSB0" };
-    format!("echo {SHORTEST_MS} | sudo tee {ADAPTERS}/{name}/latency_timer")
+    format!("echo {MIN_TIMER_MS} | sudo tee {ADAPTERS}/{name}/latency_timer")
 }
 
 /// The file of the timer. The device may be a link such as those in `/dev/serial/by-id`.
@@ -40,9 +40,9 @@ fn read_from(file: &Path) -> Option<u32> {
 
 fn shorten_at(file: &Path) -> Option<u32> {
     let found = read_from(file)?;
-    if found > SHORTEST_MS {
+    if found > MIN_TIMER_MS {
         // Without permission this fails; the setting in force is read back.
-        let _ = fs::write(file, SHORTEST_MS.to_string());
+        let _ = fs::write(file, MIN_TIMER_MS.to_string());
     }
     read_from(file)
 }
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn other_devices_have_none() {
+    fn other_devices_have_no_latency_timer() {
         assert_eq!(shorten(Path::new("/dev/null")), None);
         assert_eq!(shorten(Path::new("/dev/i2ris-no-such-port")), None);
     }

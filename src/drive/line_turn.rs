@@ -1,19 +1,19 @@
-//! Whose turn it is on a line: that of the controller, or that of the watchdog.
+//! Turns on a line: of the controller, or of the watchdog.
 //!
-//! Both have every port open all the time, so nothing has to be handed over, and nobody has to be
-//! first. Two ages decide who writes: that of the last beat of the control loop, and that of the
-//! last sign of life of the thread of the port. Both processes see the same stamps.
+//! Both have every port open all the time, so there is no handover and no start order. Two ages
+//! decide who writes: that of the control loop's last heartbeat, and that of the port thread's last
+//! sign of life. Both processes see the same stamps.
 //!
 //! | the older of the two | who writes |
 //! |---|---|
 //! | younger than 30 ms | the thread of the port |
 //! | older than 50 ms ([`TAKE_OVER`]) | the watchdog |
-//! | between | nobody: the last reply to the one is not taken for the first to the other |
+//! | between | neither, so that neither takes the other's last reply for its first |
 //!
-//! A port thread that was silent for so long that the watchdog may have begun an exchange lets it
-//! end before it talks again. `flock` keeps all other programs away, as far as they ask.
+//! A port thread that was silent long enough for the watchdog to begin an exchange waits for the
+//! end of that exchange before it writes again. `flock` keeps out all other programs that use it.
 //!
-//! Where no watchdog runs nobody else would talk, and the port thread stops its drives itself
+//! If no watchdog is running, the port thread stops its drives itself
 //! (`request_watchdog`).
 
 use std::io;
@@ -69,7 +69,7 @@ impl LoopBeat {
     }
 }
 
-/// The last sign of life of a port thread. Clones are the same.
+/// Time of a port thread's last sign of life, shared by all clones.
 #[derive(Debug, Clone, Default)]
 pub struct PortLife(Arc<AtomicU64>);
 
@@ -91,13 +91,13 @@ pub struct PortTurn {
 }
 
 impl PortTurn {
-    /// The turn of a port of this loop.
+    /// Creates the turn of one of the loop's ports.
     #[must_use]
     pub fn new(beat: &LoopBeat) -> Self {
         Self { beat: beat.clone(), ..Self::default() }
     }
 
-    /// What tells that the thread lives.
+    /// Sign of life of the thread.
     #[must_use]
     pub fn life(&self) -> PortLife {
         self.life.clone()
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_port_thread_is_quiet_before_the_watchdog_begins_and_until_it_has_ended() {
+    fn port_thread_is_quiet_around_watchdog_exchanges() {
         let always = |_| true;
         assert_eq!(quiet(&turns(always, always)), [[0u64; 0], []]);
         // A stall of which the watchdog makes nothing costs nothing but itself.
@@ -199,14 +199,14 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_restricted_before_the_first_beat_and_without_a_watchdog() {
+    fn port_thread_is_unrestricted_without_heartbeat_or_watchdog() {
         let beat = LoopBeat::default();
         let mut turn = PortTurn::new(&beat);
         beat.set_watched(true);
         assert!(turn.may_write(MS(100)) && turn.may_write(MS(900)), "bring-up");
         beat.set(MS(1000));
         beat.set_watched(false);
-        assert!(turn.may_write(MS(2000)), "nobody else talks");
+        assert!(turn.may_write(MS(2000)), "no other process writes");
         beat.set_watched(true);
         assert!(!turn.may_write(MS(2001)));
         assert_eq!(turn.life().seen(), MS(2001));

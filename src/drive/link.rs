@@ -1,4 +1,4 @@
-//! A line with drives behind it: one request, one reply, and the handling of a missing reply.
+//! A line of drives: one request, one reply, and the handling of a missing reply.
 //!
 //! | term | meaning |
 //! |---|---|
@@ -22,11 +22,11 @@ use super::abort_code::AbortCode;
 use super::command_set::{DriveRequest, ReplyError, SegmentedRead};
 use super::error::LinkError;
 use super::family::DriveFamily;
-use super::heard::Heard;
 use super::object::{Address, Object, Setting, Value};
 use super::serial_frame::{FrameEncoder, SerialFrame};
 use super::serial_frame_parser::FrameParser;
 use super::transport::{NOT_OUR_TURN, Transport};
+use super::unexpected_reply::UnexpectedReply;
 use crate::config::PortConfig;
 use crate::units::Nanos;
 use transfer::Raw;
@@ -34,8 +34,8 @@ use transfer::Raw;
 /// Frame timeout of drives as delivered (0x2005, 0x2006).
 const DEFAULT_FRAME_TIMEOUT: Nanos = Nanos::from_millis(500);
 
-/// The longest that a gateway waits for a node. It takes nothing else meanwhile, and answers in the
-/// place of the node then.
+/// Maximum time that a gateway waits for a node. It accepts nothing else during the wait, then
+/// answers in place of the node.
 pub(super) const GATEWAY_TIMEOUT: Nanos = Nanos::from_millis(600);
 
 /// The node that the port belongs to, whatever its own id.
@@ -90,7 +90,7 @@ enum TransferError {
     Disturbed,
     /// The port is broken.
     Broken(io::ErrorKind),
-    /// The line is somebody else's now.
+    /// The line now belongs to another process.
     NotOurTurn,
 }
 
@@ -118,13 +118,13 @@ type Decode<'a, R> = &'a mut dyn FnMut(SerialFrame<'_>) -> Result<R, ReplyError>
 /// Whether the next reply can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum SyncState {
-    /// Every request was answered, and nothing else arrived.
+    /// Every request was answered. Nothing else arrived.
     InSync,
     /// At most this many late replies may still arrive, at least one.
     OutOfSync { late: u32 },
 }
 
-/// A line with the drives behind it: one exchange at a time.
+/// A line of drives: one exchange at a time.
 #[derive(Debug)]
 pub struct DriveLink<T> {
     transport: T,
@@ -134,15 +134,15 @@ pub struct DriveLink<T> {
     sync: SyncState,
     reply_timeout: Nanos,
     usual_reply_timeout: Nanos,
-    /// Nodes are behind the drive that the port belongs to.
+    /// Whether the drive at the port is a gateway to other nodes.
     has_gateway: bool,
     byte_time: Nanos,
     frame_timeout: Nanos,
     serial_number: Option<u32>,
     broken: bool,
     counters: LinkCounters,
-    /// What came since the exchange began and is no answer.
-    heard: Heard,
+    /// Bytes received since the start of the exchange that are not a valid reply.
+    unexpected: UnexpectedReply,
 }
 
 impl<T: Transport> DriveLink<T> {
@@ -165,7 +165,7 @@ impl<T: Transport> DriveLink<T> {
             serial_number: None,
             broken: false,
             counters: LinkCounters::default(),
-            heard: Heard::nothing_from(family.name()),
+            unexpected: UnexpectedReply::none_from(family.name()),
         }
     }
 
@@ -222,9 +222,9 @@ impl<T: Transport> DriveLink<T> {
         if self.has_gateway && retry == Retry::Safe { Retry::IfDamaged } else { retry }
     }
 
-    /// What came since the last exchange began and is no answer.
-    pub fn heard(&self) -> Heard {
-        if self.heard.is_silence() { Heard::default() } else { self.heard }
+    /// Bytes received since the start of the last exchange that are not a valid reply.
+    pub fn unexpected(&self) -> UnexpectedReply {
+        if self.unexpected.is_silence() { UnexpectedReply::default() } else { self.unexpected }
     }
 
     /// Lifetime counters.
@@ -267,8 +267,8 @@ impl<T: Transport> DriveLink<T> {
         self.read_with(node, object, Retry::Safe)
     }
 
-    /// The data of the reply to a read as it came, a refusal as well as a value: for finding out how
-    /// a drive answers. Allocates.
+    /// The data of the reply to a read as it came, a refusal as well as a value: for finding out
+    /// how a drive answers. Allocates.
     ///
     /// # Errors
     ///
@@ -283,7 +283,7 @@ impl<T: Transport> DriveLink<T> {
         Ok(data)
     }
 
-    /// As [`Self::read_raw`], for a line whose other nodes must not wait.
+    /// Reads as [`Self::read_raw`], on a line whose other nodes must not wait.
     pub(super) fn read_promptly(
         &mut self,
         node: u8,
@@ -301,7 +301,7 @@ impl<T: Transport> DriveLink<T> {
     pub(super) fn is_understood(&mut self, node: u8, object: Address) -> bool {
         let request = self.family.command_set().read(node, object);
         let outcome = self.attempt(&request, &mut |_| Ok(()));
-        matches!(outcome, Ok(_) | Err(TransferError::Refused(_))) || self.heard.is_frame()
+        matches!(outcome, Ok(_) | Err(TransferError::Refused(_))) || self.unexpected.is_frame()
     }
 
     fn read_with(
@@ -375,13 +375,13 @@ impl<T: Transport> DriveLink<T> {
         retry: Retry,
         decode: Decode<'_, R>,
     ) -> Result<TimedReply<R>, LinkError> {
-        self.heard = Heard::nothing_from(self.family.name());
+        self.unexpected = UnexpectedReply::none_from(self.family.name());
         self.detect_stray_bytes()?;
         if !self.is_in_sync() {
             self.synchronise()?;
             if retry == Retry::Never {
                 // Synchronising took time, and a request without retry must not be late either.
-                return Err(LinkError::Unanswered(self.heard()));
+                return Err(LinkError::Unanswered(self.unexpected()));
             }
         }
         let error = match self.attempt(request, decode) {
@@ -408,7 +408,7 @@ impl<T: Transport> DriveLink<T> {
             TransferError::NotOurTurn => Err(LinkError::NotOurTurn),
             TransferError::Timeout | TransferError::Disturbed => {
                 self.synchronise()?;
-                Err(LinkError::Unanswered(self.heard()))
+                Err(LinkError::Unanswered(self.unexpected()))
             }
         }
     }

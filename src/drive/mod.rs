@@ -1,11 +1,11 @@
 //! maxon drives over serial lines.
 //!
-//! This module works in drive terms: counts, objects, statuswords. It knows no model and no angle.
+//! This module works in drive terms: counts, objects, statuswords. It uses no models and no angles.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `serial_frame`, `serial_frame_parser` | the V2 frame: stuffing, CRC, encoder; its parser |
-//! | `objects` | the one table of the objects of the dictionaries: type, access, range, firmware |
+//! | `objects` | the single table of dictionary objects: type, access, range, firmware |
 //! | `object` | the objects that the driver uses, with their types in Rust |
 //! | `command_set`, `abort_code` | requests and replies; reasons of a refusal |
 //! | `cia402` | controlword, statusword, states, and the commands that lead to a state |
@@ -17,14 +17,14 @@
 //! | `latency_timer` | the timer of FTDI adapters that delays replies |
 //! | `link` | one request, one reply, retries, and synchronising the line; its replay |
 //! | `capture` | the bytes of the last minute on a line, and their file |
-//! | `heard` | what came in place of an answer, for messages |
+//! | `unexpected_reply` | bytes received instead of a valid reply, for messages |
 //! | `variant` | what a model or a firmware lacks or limits, in words |
 //! | `quick_stop` | stops drives from outside the controller |
 //! | `bring_up`, `port` | from a device file to drives that are identified, off and limited |
 //! | `saved_position` | positions of the axes between two runs of the controller |
 //! | `fingerprint` | every setting of a drive, read and compared |
 //! | `inspect` | reading the state of drives without changing it |
-//! | `survey` | who answers: the rate, and the nodes behind a port |
+//! | `survey` | search for drives: the rate, and the nodes of a port |
 //! | `axis` | one axis as a state machine without I/O |
 //! | `port_runner` | the thread that owns a serial port |
 //! | `request_watchdog` | notices a control loop that sends no requests |
@@ -44,7 +44,6 @@ pub mod event;
 pub mod family;
 pub mod family_selection;
 pub mod fingerprint;
-pub mod heard;
 pub mod homing_plan;
 pub mod inspect;
 pub mod latency_timer;
@@ -62,6 +61,7 @@ pub mod serial_frame_parser;
 pub mod serial_transport;
 pub mod survey;
 pub mod transport;
+pub mod unexpected_reply;
 pub mod variant;
 
 pub use crate::robot::AxisPhase;

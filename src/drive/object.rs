@@ -33,14 +33,14 @@ impl Address {
         Self::from_entry(objects::first(index, subindex))
     }
 
-    /// The address of an entry of the table.
+    /// The address of a table entry.
     #[must_use]
     pub const fn from_entry(entry: &Entry) -> Self {
         let Entry { index, subindex, kind, name, .. } = *entry;
         Self { index, subindex, size: kind.size(), name }
     }
 
-    /// A value as signed number of the size of the object.
+    /// Converts a value to a signed number of the object's size.
     #[must_use]
     pub const fn signed(&self, raw: u32) -> i32 {
         match self.size {

@@ -51,7 +51,7 @@ impl Kind {
     }
 }
 
-/// What a host may do with an object.
+/// Access of a host to an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     /// Read it.
@@ -119,7 +119,7 @@ pub fn of_family(family: Family) -> impl Iterator<Item = &'static Entry> {
 ///
 /// # Panics
 ///
-/// When it is not in the table; as a constant is made of it, that does not compile.
+/// When the object is not in the table; in a constant, that is a compile error.
 pub(super) const fn first(index: u16, subindex: u8) -> &'static Entry {
     let mut at = 0;
     while at < ALL.len() {

@@ -1,4 +1,4 @@
-//! A serial port with the axes behind it, from opened to ready to run.
+//! A serial port and its axes, from opened to ready to run.
 //!
 //! ```text
 //! Port<Opened> -identify-> Port<Identified> -configure-> Port<Configured>
@@ -51,7 +51,7 @@ impl Port<Opened> {
     ///
     /// # Errors
     ///
-    /// When the device does not exist, may not be opened, is in use, or is no serial port.
+    /// When the device does not exist, may not be opened, is in use, or is not a serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
         Ok(Self::over(SerialTransport::open(config)?, config))
     }
@@ -72,8 +72,8 @@ impl<T: Transport> Port<Opened, T> {
     ///
     /// # Errors
     ///
-    /// When a drive does not answer, is another one, or does not switch off, and when an adapter
-    /// holds its replies back.
+    /// When a drive does not answer, is not the configured one, or does not switch off, and when an
+    /// adapter holds its replies back.
     pub fn identify(mut self) -> Result<Port<Identified, T>, DriveError> {
         let mut axes = Vec::new();
         for axis in &self.config.axes {
@@ -92,14 +92,14 @@ impl<T: Transport> Port<Opened, T> {
     ///
     /// # Errors
     ///
-    /// As [`Port::identify`] and [`Port::configure`].
+    /// See [`Port::identify`] and [`Port::configure`].
     pub fn bring_up(self) -> Result<Port<Configured, T>, DriveError> {
         self.identify()?.configure()
     }
 }
 
 impl<T: Transport> Port<Identified, T> {
-    /// The drives behind the port, in the order of the configuration.
+    /// The drives of the port, in the order of the configuration.
     pub fn axes(&self) -> &[AxisIdentity] {
         &self.stage.axes
     }
@@ -127,7 +127,7 @@ impl<T: Transport> Port<Identified, T> {
 }
 
 impl<T: Transport> Port<Configured, T> {
-    /// The drives behind the port, in the order of the configuration.
+    /// The drives of the port, in the order of the configuration.
     pub fn axes(&self) -> &[AxisIdentity] {
         &self.stage.identified.axes
     }

@@ -45,8 +45,8 @@ const SHUTDOWN_TIMEOUT: Nanos = Nanos::from_millis(3000);
 /// most likely by the latency timer of an FTDI adapter.
 const SLOW_EXCHANGE: Nanos = Nanos::from_millis(4);
 
-/// What the control loop writes for an axis. The controller takes a type that only its gate makes;
-/// a bench on drives alone takes the plain request.
+/// A request of the control loop to an axis. The controller uses a type that only its gate creates;
+/// a bench with drives alone uses the plain request.
 pub trait PortRequest: Copy + Default + Send + Into<AxisRequest> {}
 
 impl<R: Copy + Default + Send + Into<AxisRequest>> PortRequest for R {}
@@ -60,19 +60,19 @@ pub struct AxisLink<R: Send = AxisRequest> {
     pub requests: Input<R>,
     /// Feedback of the axis: the newest counts.
     pub feedback: Output<AxisFeedback>,
-    /// Whether the drive owes an answer.
-    pub owed: OwedAnswer,
+    /// Whether a reply of the drive is pending.
+    pub pending_reply: PendingReply,
 }
 
 /// The drive has not answered the exchange that began last. The watchdog, which takes the line over
-/// from a dead controller, asks such a drive last.
+/// from a dead controller, stops such a drive last.
 #[derive(Debug, Clone, Default)]
-pub struct OwedAnswer(Arc<AtomicBool>);
+pub struct PendingReply(Arc<AtomicBool>);
 
-impl OwedAnswer {
-    /// Whether an answer is owed.
+impl PendingReply {
+    /// Whether a reply is pending.
     #[must_use]
-    pub fn is_owed(&self) -> bool {
+    pub fn is_pending(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
@@ -99,7 +99,7 @@ struct AxisSlot<R: Send> {
     axis: AxisStateMachine,
     requests: Output<R>,
     feedback: Input<AxisFeedback>,
-    owed: OwedAnswer,
+    pending_reply: PendingReply,
     next_reconnect: Nanos,
     position_check: Option<PositionCheck>,
     watchdog: RequestWatchdog,
@@ -122,12 +122,12 @@ impl<R: PortRequest> AxisSlot<R> {
         let family = family_of_axis(port, config);
         let (request_input, requests) = triple_buffer(&R::default());
         let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
-        let owed = OwedAnswer::default();
+        let pending_reply = PendingReply::default();
         let link = AxisLink {
             motor: config.motor,
             requests: request_input,
             feedback: feedback_output,
-            owed: owed.clone(),
+            pending_reply: pending_reply.clone(),
         };
         let mut axis = AxisStateMachine::new(config, family);
         axis.leave_out(&identity.left_out);
@@ -138,7 +138,7 @@ impl<R: PortRequest> AxisSlot<R> {
             axis,
             requests,
             feedback,
-            owed,
+            pending_reply,
             next_reconnect: Nanos::ZERO,
             position_check,
             watchdog: RequestWatchdog::default(),
@@ -146,7 +146,7 @@ impl<R: PortRequest> AxisSlot<R> {
         (slot, link)
     }
 
-    /// What is to be done now; `stopping`: to switch off, whatever the control loop demands.
+    /// The request to carry out now; `stopping`: switch off, whatever the control loop demands.
     fn present_request(
         &mut self,
         now: Nanos,
@@ -267,7 +267,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         }
     }
 
-    /// As many exchanges as there are axes, each with the one that needs it most.
+    /// Runs as many exchanges as there are axes, each with the axis that needs it most.
     pub fn turn(&mut self, events: EventSink<'_>) {
         let begin = self.link.now();
         self.serve_all(false, events);
@@ -276,7 +276,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         self.link.sleep_until(begin + turn);
     }
 
-    /// Switches everything off in order, for a bounded time, and saves the positions.
+    /// Switches all drives off within a bounded time, and saves the positions.
     pub fn shut_down(&mut self, events: EventSink<'_>) {
         let begin = self.link.now();
         for slot in &mut self.slots {
@@ -298,7 +298,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
     }
 
     /// An attempt to bring lost axes up again, and a turn of exchanges. An axis that does not
-    /// answer may cost the others a time-out of the gateway: it is not asked while one of them is
+    /// answer may cost the others a timeout of the gateway: it is not tried while one of them has
     /// to be stopped.
     fn serve_all(&mut self, stopping: bool, events: EventSink<'_>) {
         for index in 0..self.slots.len() {
@@ -389,10 +389,10 @@ fn exchange(
         let begin = link.now();
         let request = slot.present_request(begin, stopping, events);
         let transfer = slot.axis.next_transfer(&request, begin, line, events);
-        slot.owed.0.store(true, Ordering::Relaxed);
+        slot.pending_reply.0.store(true, Ordering::Relaxed);
         let timeouts = link.counters().timeouts;
         let map = slot.axis.object_map();
-        // A value that the drive does not have is not asked for.
+        // A value that the drive does not have is not requested.
         let is_absent = slot.identity.left_out.contains(&transfer.object(map));
         let transfer = if is_absent { Transfer::Status } else { transfer };
         let outcome = perform(link, slot.config.node_id, transfer, map);
@@ -403,7 +403,7 @@ fn exchange(
         }
         let refused = |code: &AbortCode| *code != AbortCode::NO_NODE;
         if outcome.is_ok() || matches!(&outcome, Err(LinkError::Refused(code)) if refused(code)) {
-            slot.owed.0.store(false, Ordering::Relaxed);
+            slot.pending_reply.0.store(false, Ordering::Relaxed);
         }
         slot.axis.handle_outcome(transfer, outcome, link.now(), events);
     }

@@ -1,12 +1,12 @@
-//! Stops drives from outside the controller: the watchdog's way.
+//! Quick stop of drives from outside the controller, used by the watchdog.
 
 use super::abort_code::AbortCode;
 use super::cia402::{Controlword, DriveState, PowerGoal, PowerStep, Statusword, power_step};
 use super::error::LinkError;
-use super::heard::Heard;
 use super::link::{DriveLink, Retry};
 use super::object::{self, Setting, Value};
 use super::transport::Transport;
+use super::unexpected_reply::UnexpectedReply;
 use crate::units::Nanos;
 
 /// Why a drive could not be stopped from outside the controller.
@@ -15,49 +15,49 @@ pub enum QuickStopError {
     /// The port is not open.
     #[error("the port could not be opened; cut the power of the drive")]
     NotHeld,
-    /// The controller goes on before the drive has answered.
-    #[error("the controller goes on, and has the drive again")]
-    TakenBack,
+    /// The controller resumed before the drive answered.
+    #[error("the controller continues and controls the drive again")]
+    ControllerResumed,
     /// Nothing answers.
     #[error("the drive does not answer; cut its power")]
     NoAnswer,
-    /// Something answers, and is not understood.
+    /// The received bytes are not a valid reply.
     #[error("{0}; cut the power of the drive")]
-    NotUnderstood(Heard),
+    InvalidReply(UnexpectedReply),
     /// It refuses.
     #[error("the drive refuses to be stopped or read: {0}; cut its power")]
     Refused(AbortCode),
-    /// It answers, with a statusword that is no known state.
+    /// It answers with a statusword that is not a known state.
     #[error("the drive answers with the unknown statusword 0x{0:04X}; cut its power")]
     UnknownState(u16),
-    /// It answers, and follows its target.
+    /// It answers and still follows its target.
     #[error("the drive does not stop ({0:?}); cut its power")]
-    StillOn(DriveState),
+    PowerStageStillOn(DriveState),
 }
 
 /// Attempts to stop a drive: the first may collide with the rest of the controller's exchange.
 pub const STOP_ATTEMPTS: usize = 3;
 
-/// The wait for a reply while every drive is told once: far more than an exchange takes.
+/// Timeout for a reply while every drive is sent its first stop: far longer than an exchange.
 const BLIND: Nanos = Nanos::from_millis(12);
 
 /// Stops drives with their quick-stop ramps, in any state; they then hold with power. A drive
 /// without power stays off.
 ///
-/// Behind a gateway, a node that does not answer keeps the line for a whole time-out, and what is
-/// said meanwhile may be lost. So nodes that are `owing` an answer come last. Every other one is
-/// told once before anything waits for a lost reply. Those that did not answer are told again before
-/// any is asked for its state, the first of them last: the gateway may have waited for that one.
+/// A silent node on a gateway blocks the line for a whole timeout. Requests sent during it may
+/// be lost, so nodes with a pending reply (`pending`) come last. Every other node is sent one stop
+/// before any wait for a lost reply. Silent nodes are sent another stop before any state is read,
+/// the first of them last: the gateway may have waited for that one.
 pub fn quick_stop_all<T: Transport>(
     link: &mut DriveLink<T>,
     nodes: &[u8],
-    owing: &[u8],
+    pending: &[u8],
     attempts: usize,
 ) -> Vec<Result<DriveState, QuickStopError>> {
     let _ = link.wait_for_quiet();
     let stop = object::CONTROLWORD.set(Controlword::QUICK_STOP.0);
     let mut last: Vec<bool> =
-        nodes.iter().map(|node| nodes.len() > 1 && owing.contains(node)).collect();
+        nodes.iter().map(|node| nodes.len() > 1 && pending.contains(node)).collect();
     let mut order: Vec<usize> = (0..nodes.len()).collect();
     order.sort_by_key(|&index| last[index]);
     let at_first: Vec<usize> = order.iter().copied().filter(|&index| !last[index]).collect();
@@ -89,14 +89,16 @@ pub fn quick_stop_all<T: Transport>(
                 Err(LinkError::Broken(_)) => return outcomes,
                 Err(LinkError::NotOurTurn) => {
                     let open = outcomes.iter_mut().filter(|outcome| outcome.is_err());
-                    open.for_each(|outcome| *outcome = Err(QuickStopError::TakenBack));
+                    open.for_each(|outcome| *outcome = Err(QuickStopError::ControllerResumed));
                     return outcomes;
                 }
-                Err(LinkError::Lost(heard)) => {
-                    outcomes.iter_mut().for_each(|outcome| note_heard(outcome, heard));
+                Err(LinkError::Lost(unexpected)) => {
+                    outcomes.iter_mut().for_each(|outcome| note_unexpected(outcome, unexpected));
                     return outcomes;
                 }
-                Err(LinkError::Unanswered(heard)) => note_heard(&mut outcomes[index], heard),
+                Err(LinkError::Unanswered(unexpected)) => {
+                    note_unexpected(&mut outcomes[index], unexpected);
+                }
                 Err(LinkError::Refused(AbortCode::NO_NODE)) => {}
                 Err(LinkError::Refused(code)) => {
                     outcomes[index] = Err(QuickStopError::Refused(code));
@@ -107,9 +109,9 @@ pub fn quick_stop_all<T: Transport>(
     outcomes
 }
 
-fn note_heard(outcome: &mut Result<DriveState, QuickStopError>, heard: Heard) {
-    if *outcome == Err(QuickStopError::NoAnswer) && !heard.is_silence() {
-        *outcome = Err(QuickStopError::NotUnderstood(heard));
+fn note_unexpected(outcome: &mut Result<DriveState, QuickStopError>, unexpected: UnexpectedReply) {
+    if *outcome == Err(QuickStopError::NoAnswer) && !unexpected.is_silence() {
+        *outcome = Err(QuickStopError::InvalidReply(unexpected));
     }
 }
 
@@ -130,7 +132,7 @@ fn quick_stop(
         return Ok(Err(QuickStopError::UnknownState(statusword)));
     };
     Ok(match power_step(state, PowerGoal::Stopped) {
-        PowerStep::Command(_) => Err(QuickStopError::StillOn(state)),
+        PowerStep::Command(_) => Err(QuickStopError::PowerStageStillOn(state)),
         PowerStep::Reached | PowerStep::Blocked | PowerStep::Wait => Ok(state),
     })
 }

@@ -4,7 +4,8 @@ use crate::units::Nanos;
 
 /// Age of the last request at which a port stops its enabled axes. The loop writes a request every
 /// tick, so this means that it hangs. It is for a controller without a watchdog, which would act
-/// after 50 ms, and long, because without real time the loop may stall while the drive safely holds.
+/// after 50 ms, and long, because without real time the loop may stall while the drive safely
+/// holds.
 const LOOP_TIMEOUT: Nanos = Nanos::from_millis(1000);
 
 /// Watches the sequence numbers of the requests.

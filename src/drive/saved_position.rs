@@ -30,12 +30,12 @@ struct SavedPositions {
 }
 
 /// Longest file, bytes.
-const LONGEST: u64 = 1 << 16;
+const MAX_FILE_BYTES: u64 = 1 << 16;
 
-/// Reads and removes the file: a position is valid for one start. A file that cannot be read, or that
-/// somebody else may have written, is empty.
+/// Reads and removes the file: a position is valid for one start. A file that cannot be read, or
+/// that another user may have written, is empty.
 pub(super) fn take(file: &Path) -> Vec<SavedPosition> {
-    let text = read_trusted(file, LONGEST).unwrap_or_default();
+    let text = read_trusted(file, MAX_FILE_BYTES).unwrap_or_default();
     let _ = fs::remove_file(file);
     toml::from_str::<SavedPositions>(&text).unwrap_or_default().axes
 }
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fifo_in_its_place_blocks_neither_the_start_nor_the_end() {
+    fn fifo_in_place_of_file_blocks_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("positions.toml");
         for fifo in [&file, &file.with_extension("draft")] {

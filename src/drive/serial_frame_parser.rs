@@ -23,7 +23,7 @@ pub enum ParserEvent<'a> {
     None,
     /// This byte completed a frame with a correct CRC.
     Frame(SerialFrame<'a>),
-    /// Bytes were lost; the parser searches the next frame by itself.
+    /// Bytes were lost; the parser continues with the next frame.
     Error(FrameError),
 }
 
@@ -32,7 +32,7 @@ pub enum ParserEvent<'a> {
 pub enum FrameError {
     /// A complete frame has a wrong CRC.
     Crc,
-    /// Other bytes in place of the start of a frame, an incomplete frame, or an impossible length.
+    /// Unexpected bytes instead of a frame start, an incomplete frame, or an impossible length.
     /// Reported once until the next frame starts.
     LostSync,
 }
@@ -49,7 +49,7 @@ enum ParserState {
     Candidate,
     /// Inside a frame, with this many bytes of its body.
     Body { length: usize },
-    /// As `Body`, after a 0x90 that may be the first half of a pair.
+    /// In the body, after a 0x90 that may be the first half of a pair.
     Escaped { length: usize },
 }
 

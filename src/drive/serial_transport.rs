@@ -47,7 +47,7 @@ impl SerialTransport {
     ///
     /// # Errors
     ///
-    /// When the device does not exist, may not be opened, is in use, or is no serial port.
+    /// When the device does not exist, may not be opened, is in use, or is not a serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
         Self::open_with(config, PortTurn::default())
     }
@@ -56,7 +56,7 @@ impl SerialTransport {
     ///
     /// # Errors
     ///
-    /// As [`SerialTransport::open`].
+    /// See [`SerialTransport::open`].
     pub fn open_with(config: &PortConfig, turn: PortTurn) -> Result<Self, DriveError> {
         let end = clock::now() + RELEASE_TIMEOUT;
         loop {
@@ -148,7 +148,7 @@ impl Transport for SerialTransport {
     }
 
     fn reopen(&mut self) -> io::Result<()> {
-        // Closed first: after an error that was no hang-up, its own lock would refuse it.
+        // Closed first: after an error other than a hang-up, the port's own lock would refuse it.
         self.port = None;
         self.port = Some(open(&self.config).map_err(io::Error::other)?);
         self.turn.note_opened(clock::now());

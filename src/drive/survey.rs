@@ -1,4 +1,4 @@
-//! Who answers: at which rate, and which nodes behind a port. Reads identities, and writes nothing.
+//! Search for drives: the rate, and the nodes of a port. Reads identities, writes nothing.
 
 use super::bring_up::{DriveNode, explain, learn_constants};
 use super::epos2::Epos2;
@@ -16,11 +16,11 @@ use crate::units::Nanos;
 /// The rates that drives are used at, the most frequent first.
 const RATES: [u32; 6] = [115_200, 1_000_000, 38_400, 57_600, 19_200, 9600];
 
-/// What a drive has heard at another rate, it forgets after this silence: its frame timeout as
+/// Silence after which a drive discards bytes received at a different rate: its frame timeout as
 /// delivered.
 const FORGETS: Nanos = Nanos::from_millis(500);
 
-/// Nodes 1 to this are asked for.
+/// Last node that is tried, starting at 1.
 const LAST_NODE: u8 = 8;
 
 /// A drive that answers.
@@ -50,7 +50,7 @@ pub fn answering_rate(config: &PortConfig) -> Option<u32> {
     })
 }
 
-/// The drives behind a port, by node id: that of the port and those behind its gateway.
+/// The drives of a port by node id: the drive at the port and those behind its gateway.
 ///
 /// # Errors
 ///
@@ -68,7 +68,7 @@ pub fn nodes(config: &PortConfig) -> Result<Vec<FoundNode>, DriveError> {
     Ok(nodes_on(&mut link))
 }
 
-/// As [`nodes`], on a line whose drive is known.
+/// Searches nodes on a line whose drive is known, see [`nodes`].
 pub fn nodes_on(link: &mut DriveLink<impl Transport>) -> Vec<FoundNode> {
     link.wait_for_gateway(true);
     let mut found = Vec::new();

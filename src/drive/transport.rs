@@ -58,7 +58,7 @@ impl Outcome {
     }
 }
 
-/// The error of a line that is somebody else's now.
+/// The error of a line that now belongs to another process.
 pub const NOT_OUR_TURN: io::ErrorKind = io::ErrorKind::PermissionDenied;
 
 /// A line that carries bytes both ways, with its clock.
@@ -70,7 +70,7 @@ pub trait Transport {
     ///
     /// # Errors
     ///
-    /// When the line is broken. Bytes that wait to be sent are no error.
+    /// When the line is broken. Bytes waiting to be sent are not an error.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
     /// Reads the bytes that have arrived, and waits for the first one until `deadline`. 0: none
@@ -81,8 +81,8 @@ pub trait Transport {
     /// When the line is broken.
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize>;
 
-    /// Reopens a broken line: the cable may be plugged in again, with another device behind the
-    /// same name. May block. A line that cannot break has nothing to do.
+    /// Reopens a broken line: the cable may be plugged in again, with a different device under
+    /// the same name. May block. A line that cannot break has nothing to do.
     ///
     /// # Errors
     ///
@@ -91,13 +91,13 @@ pub trait Transport {
         Ok(())
     }
 
-    /// Whether an exchange may begin: the line may be that of somebody else now, and every request
-    /// then fails with [`NOT_OUR_TURN`].
+    /// Whether an exchange may begin: if the line now belongs to another process, every request
+    /// fails with [`NOT_OUR_TURN`].
     fn is_our_turn(&mut self) -> bool {
         true
     }
 
-    /// Takes note of how an attempt ended, if somebody wants to know.
+    /// Records the outcome of an attempt, if the transport keeps it.
     fn note(&mut self, _outcome: Outcome) {}
 
     /// The present instant.

@@ -47,18 +47,18 @@ pub struct SettingError {
     pub why: SettingRefusal,
 }
 
-/// Why a drive does not take a setting.
+/// Why a drive does not accept a setting.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SettingRefusal {
-    /// It takes at most this.
+    /// Maximum value that it accepts.
     AtMost(i64),
-    /// It takes at least this.
+    /// Minimum value that it accepts.
     AtLeast(i64),
     /// It refuses to write the object.
     Refused(AbortCode),
     /// It does not have the object.
     Missing,
-    /// It acknowledges the value, and keeps this one.
+    /// It acknowledges the value but keeps this one.
     Keeps(i64),
 }
 
@@ -67,8 +67,8 @@ impl fmt::Display for SettingError {
         let Self { setting, drive, why } = self;
         let object = setting.object;
         let Entry { kind, key, since, .. } = *objects::first(object.index, object.subindex);
-        let asked = if key.is_empty() { object.name } else { key };
-        write!(f, "`{asked} = {}`: this drive ({drive}) ", kind.decode(setting.raw))?;
+        let name = if key.is_empty() { object.name } else { key };
+        write!(f, "`{name} = {}`: this drive ({drive}) ", kind.decode(setting.raw))?;
         match why {
             SettingRefusal::AtMost(most) => write!(f, "takes at most {most} in {object}")?,
             SettingRefusal::AtLeast(least) => write!(f, "takes at least {least} in {object}")?,

@@ -1,4 +1,4 @@
-//! The process behind a client id, for logs that name who commands.
+//! The process that uses a client id, so that logs can name the commander.
 //!
 //! Commands carry a random number. Every client writes its process id into a file under that number
 //! in the directory of the domain, which only processes of this user can write. The controller then
@@ -69,7 +69,7 @@ fn remove_files_of_the_dead(domain: &Domain) {
     }
 }
 
-/// The process id in a file. What lies there instead, a FIFO, must keep nobody waiting.
+/// The process id in a file. A FIFO in its place must not block the reader.
 fn read(path: &Path) -> Option<u32> {
     let mut text = String::new();
     let file = OpenOptions::new().read(true).custom_flags(libc::O_NONBLOCK).open(path).ok()?;

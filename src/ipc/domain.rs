@@ -55,7 +55,7 @@ pub enum DomainError {
         name: String,
     },
     /// Another controller serves this domain.
-    #[error("{} serves domain `{name}` already; stop it, or choose another domain", owner(*.pid))]
+    #[error("{} already serves domain `{name}`; stop it, or choose another domain", owner(*.pid))]
     Taken {
         /// Name of the domain.
         name: String,
@@ -72,7 +72,7 @@ pub enum DomainError {
         path: PathBuf,
     },
     /// Another watchdog runs.
-    #[error("domain `{name}` has a watchdog already; end that one first")]
+    #[error("domain `{name}` already has a watchdog; end that one first")]
     Watched {
         /// The domain.
         name: String,
@@ -82,7 +82,7 @@ pub enum DomainError {
         "cannot {action} {path}: {source}; check the permissions and the free space of /dev/shm"
     )]
     Io {
-        /// What failed.
+        /// The failed action.
         action: &'static str,
         /// File or directory.
         path: PathBuf,
@@ -107,7 +107,7 @@ fn owner(pid: Option<u32>) -> String {
 }
 
 impl Domain {
-    /// The beginning of the names of the folders of all domains of the present user.
+    /// Common prefix of the present user's domain folders.
     pub(super) fn folder_prefix() -> String {
         format!("i2ris-{}-", nix::unistd::geteuid())
     }
@@ -125,7 +125,7 @@ impl Domain {
         }
         let base = format!("{}{name}", Self::folder_prefix());
         let directory = Path::new(SHARED_MEMORY).join(&base);
-        // No name contains `_`, so no prefix is the start of another one.
+        // No name contains `_`, so no prefix is the start of another prefix.
         let prefix = format!("{base}_");
         Ok(Self { name, directory, prefix })
     }
@@ -142,7 +142,7 @@ impl Domain {
         &self.directory
     }
 
-    /// First part of the names of all shared memory of this domain in `/dev/shm`.
+    /// Name prefix of this domain's shared memory in `/dev/shm`.
     #[must_use]
     pub fn prefix(&self) -> &str {
         &self.prefix
@@ -164,8 +164,8 @@ impl Domain {
         Ok(config)
     }
 
-    /// Whether a client can still find the files of one start of the controller, which somebody
-    /// may remove while it runs.
+    /// Whether a client can still find the files of one start of the controller: they may be
+    /// removed while it runs.
     #[must_use]
     pub fn has_files(&self, boot_id: u64) -> bool {
         let boot = format!("{boot_id:016x}");
@@ -198,8 +198,8 @@ impl Domain {
         std::fs::write(&path, text).map_err(DomainError::io("write", &path))
     }
 
-    /// Boot id and folder of the records of the last start of a controller that has not ended in
-    /// order; `None`: none is known.
+    /// Boot id and record folder of the controller's last start if it did not end cleanly; `None`:
+    /// no such start is known.
     #[must_use]
     pub fn last_run(&self) -> Option<(u64, PathBuf)> {
         let text = std::fs::read_to_string(self.file("run")).ok()?;
@@ -207,7 +207,8 @@ impl Domain {
         Some((u64::from_str_radix(boot_id, 16).ok()?, PathBuf::from(folder)))
     }
 
-    /// Beside the directory: a watchdog runs longer than a controller. No name contains a dot.
+    /// Watchdog file, next to the directory: a watchdog runs longer than a controller. No name
+    /// contains a dot.
     pub(super) fn watchdog_file(&self) -> PathBuf {
         self.directory.with_extension("watchdog")
     }
@@ -255,7 +256,7 @@ mod tests {
         let taken = |pid| DomainError::Taken { name: "eye".to_owned(), pid }.to_string();
         assert_eq!(
             taken(Some(7)),
-            "the controller with process id 7 serves domain `eye` already; stop it, or choose \
+            "the controller with process id 7 already serves domain `eye`; stop it, or choose \
              another domain"
         );
         assert!(taken(None).starts_with("another controller serves"));

@@ -114,7 +114,7 @@ impl DomainLock {
 
     fn shared_memory(&self) -> Result<Vec<PathBuf>, DomainError> {
         let prefix = self.domain.prefix().as_bytes();
-        // Every user can create names in `/dev/shm`; those of others are none of ours, and cannot
+        // Every user can create names in `/dev/shm`; those of other users are not ours and cannot
         // be removed.
         let user = nix::unistd::geteuid().as_raw();
         let ours = |entry: &fs::DirEntry| {

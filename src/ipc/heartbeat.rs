@@ -2,13 +2,13 @@
 //!
 //! The streams are published by a thread of ordinary priority. On a loaded machine that thread may
 //! be late while the loop is on time, and a watchdog that used the streams would stop a healthy
-//! robot. One store into mapped memory is no I/O and cannot wait.
+//! robot. One store into mapped memory is not I/O and cannot block.
 //!
 //! The file `pulse` in the directory of the domain holds 64-bit words in native byte order. The
 //! first is the start of the last tick in nanoseconds of the monotonic clock, shifted left by four
-//! bits; above the lowest bit one for each motor whose drive owes an answer; in the lowest whether
-//! the drives are off. 0: no tick yet. The others are instants of the same clock: until when the
-//! positions of the drives are good, and the last sign of life of the thread of each port.
+//! bits; above the lowest bit, one bit for each motor whose drive has a pending reply; the lowest
+//! bit: the drives are off. 0: no tick yet. The others are instants of the same clock: the end of
+//! validity of the drive positions, and the last sign of life of each port thread.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -34,7 +34,7 @@ const YOUNG: Nanos = Nanos::from_millis(50);
 /// Bits below the stamp.
 const FLAGS: usize = 1 + MAX_AXES;
 
-/// Tick, end of the positions, and a sign of life of each port.
+/// Tick, end of validity of the positions, and a sign of life per port.
 type Words = [AtomicU64; 2 + MAX_AXES];
 
 const SIZE: NonZeroUsize = NonZeroUsize::new(size_of::<Words>()).unwrap();
@@ -52,8 +52,7 @@ pub struct Heartbeat {
     pub owing: u8,
     /// Until when the position is good that was read longest ago: then it is a fault.
     pub good_until: Nanos,
-    /// The last sign of life of the thread of each port, in the order of the configuration. Zero:
-    /// there is none.
+    /// Last sign of life of each port thread, in the order of the configuration. Zero: none.
     pub alive: [Nanos; MAX_AXES],
 }
 
@@ -113,8 +112,8 @@ impl HeartbeatReader {
         Self { domain: domain.clone(), mapped: None }
     }
 
-    /// The last heartbeat; `None` before the first tick. A controller whose files were removed, and
-    /// that goes on, is no absent one.
+    /// The last heartbeat; `None` before the first tick. A controller that continues after
+    /// its files were removed is not absent.
     ///
     /// # Errors
     ///
@@ -183,7 +182,7 @@ impl MappedWords {
 
 impl Drop for MappedWords {
     fn drop(&mut self) {
-        // SAFETY: mapped by `map` with this length, and not used any more.
+        // SAFETY: mapped by `map` with this length. It is no longer used.
         let _ = unsafe { munmap(self.0.cast(), SIZE.get()) };
     }
 }
@@ -193,7 +192,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_heartbeat_is_read_from_the_first_tick_to_the_end_of_every_start() {
+    fn heartbeat_is_readable_from_first_tick_to_end_of_start() {
         let domain = Domain::new(&format!("pulse-{}", std::process::id())).unwrap();
         let mut reader = HeartbeatReader::new(&domain);
         assert_eq!(reader.read(), Err(ControllerAbsent { last: None }));
@@ -214,12 +213,12 @@ mod tests {
                 writer.write(heartbeat(off));
                 assert_eq!(reader.read(), Ok(Some(heartbeat(off))));
             }
-            // Somebody removed its files, and it goes on.
+            // Its files are removed, but it continues.
             std::fs::remove_file(domain.file("ready")).unwrap();
             let later = Heartbeat { stamp: clock::now(), ..heartbeat(true) };
             writer.write(later);
             assert_eq!(reader.read(), Ok(Some(later)));
-            // The last tick before an orderly end, which nobody looked at in time.
+            // The last tick before a clean end, not read in time.
             let last = heartbeat(true);
             writer.write(last);
             drop(lock);

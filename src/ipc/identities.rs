@@ -1,9 +1,9 @@
-//! Whose a client id is.
+//! Ownership of client ids.
 //!
-//! A client id is a number in a payload, which anybody can write who has seen it. So an id belongs
-//! to the process that used it first, by the port that sent it. The same number from anybody else
-//! stands for another client, with an id that nobody can guess: it cannot renew the lease of the
-//! owner, nor use up its sequence numbers, nor release.
+//! A client id is a number in a payload, and every process that has seen it can write it. So an id
+//! belongs to the process that used it first, by the port that sent it. The same number from a
+//! different process stands for a different client, with an unpredictable id: it cannot renew the
+//! owner's lease, use up its sequence numbers, or release the lease.
 //!
 //! An id stays with its owner after the lease, so that it cannot be taken in a pause. Owners come
 //! and go, so the table is bounded: an owner displaces its own oldest id, and a new one the id that
@@ -39,8 +39,8 @@ impl<K> Default for Identities<K> {
 }
 
 impl<K: Clone + Eq + Hash> Identities<K> {
-    /// The client that `owner` means by `client_id`: that id if it is its own or nobody's, and
-    /// another one if it belongs to somebody else. 0 is no id and stays 0.
+    /// The client that `owner` means by `client_id`: that id if the owner has it or it is free, and
+    /// a different id if it belongs to another owner. 0 means no id and stays 0.
     pub fn resolve(&mut self, owner: &K, client_id: u64) -> u64 {
         if client_id == 0 {
             return 0;
@@ -72,11 +72,11 @@ impl<K: Clone + Eq + Hash> Identities<K> {
     }
 }
 
-/// A client as screens name it: enough to tell clients apart, and not the id that commands with.
+/// A client id for screens: enough to distinguish clients, without revealing the id that commands.
 #[derive(Debug, Clone, Copy)]
-pub struct ShownClient(pub u64);
+pub struct MaskedClientId(pub u64);
 
-impl fmt::Display for ShownClient {
+impl fmt::Display for MaskedClientId {
     /// Half of what `SplitMix64` (G. L. Steele et al. 2014) mixes: it does not lead back to the id.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut mixed = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
@@ -92,7 +92,7 @@ mod tests {
 
     #[test]
     fn screens_keep_clients_apart_and_do_not_show_their_ids() {
-        let shown: Vec<String> = (1..1000).map(|id| ShownClient(id).to_string()).collect();
+        let shown: Vec<String> = (1..1000).map(|id| MaskedClientId(id).to_string()).collect();
         let different: std::collections::BTreeSet<&String> = shown.iter().collect();
         assert_eq!(different.len(), shown.len());
         for (id, shown) in (1_u64..).zip(&shown) {
@@ -107,7 +107,7 @@ mod tests {
         assert_eq!(identities.resolve(&"alice", 7), 7);
         let forged = identities.resolve(&"bob", 7);
         assert!(![0, 7].contains(&forged));
-        assert_eq!(identities.resolve(&"bob", 7), forged, "one client, and not one per command");
+        assert_eq!(identities.resolve(&"bob", 7), forged, "one client, not one per command");
         assert_ne!(identities.resolve(&"carol", 7), forged);
         assert_eq!(identities.resolve(&"bob", 8), 8, "his own");
         assert_eq!(identities.resolve(&"alice", 7), 7);
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn who_uses_many_ids_displaces_its_own_and_the_table_stays_bounded() {
+    fn owner_of_many_ids_displaces_its_own() {
         let mut identities = Identities::default();
         identities.resolve(&0, 7);
         for client_id in 100..10_000 {

@@ -42,7 +42,7 @@ pub use client_process::{ClientProcess, find_client_process};
 pub use domain::{Domain, DomainError, random_id};
 #[cfg(feature = "controller")]
 pub use domain_lock::DomainLock;
-pub use identities::ShownClient;
+pub use identities::MaskedClientId;
 pub use payload::{Message, Payload};
 #[cfg(feature = "controller")]
 pub use server::{IpcError, Server};

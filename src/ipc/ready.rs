@@ -15,7 +15,7 @@ use super::domain_lock::{DomainLock, LockedByte, is_locked, is_served};
 /// Version of the payloads and services. A client of another version gets an error.
 pub const INTERFACE_VERSION: u32 = 7;
 
-/// Version of iceoryx2. Versions of it refuse each other, so a change needs a new
+/// Version of iceoryx2. Different versions refuse each other, so a change needs a new
 /// [`INTERFACE_VERSION`].
 pub const ICEORYX2_VERSION: &str = "0.10.0";
 
@@ -81,7 +81,7 @@ pub fn served_domains() -> Vec<String> {
     names
 }
 
-/// User id and domain of the controllers of other users: root sees them all.
+/// User id and domain of other users' controllers: root sees them all.
 #[must_use]
 pub fn served_by_others() -> Vec<(u32, String)> {
     let own = nix::unistd::geteuid().as_raw();
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn the_announcement_of_a_killed_controller_is_void_until_its_successor_serves() {
+    fn announcement_is_void_after_kill_until_successor_serves() {
         let domain = Domain::new(&format!("ready-{}", std::process::id())).unwrap();
         let lock = DomainLock::acquire(&domain).unwrap();
         Ready::announce(&lock).unwrap();

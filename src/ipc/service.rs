@@ -16,16 +16,15 @@ pub(super) const BUFFER: usize = 128;
 /// Maximum number of processes.
 const NODES: usize = 64;
 
-/// Places for clients that stop the robot, and look whether it stands still: however many watch
-/// and ask, `stop`, `disable` and `pause` are heard.
+/// Places reserved for clients that stop the robot and check its standstill: `stop`, `disable` and
+/// `pause` arrive whatever the number of other clients.
 pub(super) const RESERVED: usize = 4;
 /// Clients that ask for anything, but for these places.
 pub(super) const ASKERS: usize = COMMANDERS + WATCHERS;
 
-/// A call into iceoryx2 failed: the step, the service, the reason that iceoryx2 gives, and what it
-/// comes from.
+/// A call into iceoryx2 failed: the step, the service, and iceoryx2's reason with its cause.
 #[derive(Debug, Clone, thiserror::Error)]
-#[error("cannot {step} {service}: iceoryx2 says {reason}{}", self.advice())]
+#[error("cannot {step} {service}: iceoryx2 reports {reason}{}", self.advice())]
 pub struct TransportError {
     step: &'static str,
     service: &'static str,
@@ -44,13 +43,13 @@ pub(super) fn free_memory() -> Option<u64> {
 }
 
 impl TransportError {
-    /// What the reason comes from, where that is known, and what to do.
+    /// Known cause of the reason, and the remedy.
     fn advice(&self) -> String {
         let has = |words: &[&str]| words.iter().any(|word| self.reason.contains(word));
         match self.free {
             _ if has(&["Exceeds"]) => "; too many clients are connected: end one".into(),
             Some(free) if free < FULL => format!(
-                "; {SHARED_MEMORY} is full ({} kB free): remove what nobody needs there, or \
+                "; {SHARED_MEMORY} is full ({} kB free): delete unused files there, or \
                  enlarge it (`mount -o remount,size=256M {SHARED_MEMORY}`)",
                 free / 1024
             ),

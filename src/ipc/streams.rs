@@ -31,8 +31,8 @@ macro_rules! for_each_stream {
                 Goal goal_js "goal_js" JointState Out 1 WATCHERS 1;
                 /// `actuators/measured_js`: state of the motors.
                 Actuators actuators "actuators/measured_js" ActuatorState Out 1 WATCHERS 1;
-                /// `jaw/measured_js`: the angle of the auxiliary axis, if there is one. Its velocity
-                /// and its deviation are not known.
+                /// `jaw/measured_js`: the angle of the auxiliary axis, if there is one. Its
+                /// velocity and its deviation are not known.
                 Jaw jaw_measured_js "jaw/measured_js" JointState Out 1 WATCHERS 1;
                 /// `operating_state`: state of the controller and its reason.
                 State operating_state "operating_state" OperatingStateMsg Out 1 WATCHERS 1;
@@ -61,8 +61,8 @@ macro_rules! for_each_stream {
                 ReachTarget reach_target "reach_target" ReachTarget BetweenClients 4 WATCHERS 1;
                 /// `teleop`: what a person does with an input device.
                 Teleop teleop "teleop" TeleopMsg BetweenClients 4 WATCHERS 1;
-                /// `trial`: the trial that is recorded, and its marks. Who joins later sees the last
-                /// ones.
+                /// `trial`: the trial that is recorded, and its marks. Who joins later sees the
+                /// last ones.
                 Trial trial "trial" TrialMsg BetweenClients 4 WATCHERS 16;
                 /// `servo_jp`: commands of clients, accepted or not.
                 ServoJp servo_jp "servo_jp" ServoJp In COMMANDERS 4 0;
@@ -110,13 +110,13 @@ pub(super) use {for_each_request, for_each_stream};
 pub enum Direction {
     /// The controller to its clients.
     Out,
-    /// Clients to the controller. Recorders can subscribe, too.
+    /// Clients to the controller. Recorders can also subscribe.
     In,
     /// Clients to other clients. The controller does not read it.
     BetweenClients,
 }
 
-/// A row of the table of streams.
+/// A row of the stream table.
 #[derive(Debug, Clone, Copy)]
 pub struct StreamProperties {
     /// Name of the service in shared memory.
@@ -272,7 +272,7 @@ macro_rules! declare_requests {
     };
     ($($(#[$doc:meta])* $service:ident $function:ident $name:literal
         $request:ident $reply:ident $speed:ident;)*) => {
-        /// What can be requested.
+        /// Available requests.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
         pub enum RequestService {
             $($(#[$doc])* $service,)*

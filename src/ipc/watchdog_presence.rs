@@ -1,13 +1,13 @@
 //! Presence of a watchdog: whether something would stop the drives if the controller died now.
 //!
-//! It does if it runs, lives and holds the ports of this controller: a watchdog that is stopped or
-//! hangs keeps its locks, and one with another configuration stops other drives, or none behind the
-//! same port. So the file also holds a digest of all that the configuration says of ports and axes,
-//! and a sign of life that the watchdog renews ten times a second, when it has looked at its ports.
+//! A watchdog does if it is running, responsive and holds the ports of this controller. A suspended
+//! or hung watchdog keeps its locks, and one with a different configuration stops other drives, or
+//! none of the same port. So the file also holds a digest of the configured ports and axes, and a
+//! sign of life that the watchdog renews ten times a second, after checking its ports.
 //!
-//! The watchdog locks a file beside the directory of the domain, which comes and goes with the
-//! controller. The kernel releases the locks when it ends for any reason. One byte says that it
-//! runs, another that it holds every port. As with the lock of a domain, looking takes no lock.
+//! The watchdog locks a file next to the directory of the domain, which comes and goes with the
+//! controller. The kernel releases the locks when it ends for any reason. One byte means that it is
+//! running, another that it holds every port. As with the lock of a domain, reading takes no lock.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
@@ -20,10 +20,10 @@ use super::domain::{Domain, DomainError};
 use super::domain_lock::{LockedByte, is_locked, set_lock};
 use crate::units::Nanos;
 
-/// A sign of life older than this is none: ten times as long as between two of them.
+/// Maximum age of a sign of life: ten times its period.
 const SILENCE: Nanos = Nanos::from_millis(1000);
 
-/// A digest of the ports of a configuration, see `Config::ports_digest`.
+/// Digest of the configured ports, see `Config::ports_digest`.
 pub type PortsDigest = [u8; 32];
 
 /// The content of the file: the last sign of life, ns, and the ports. Little-endian.
@@ -90,7 +90,7 @@ impl WatchdogStatus {
     }
 }
 
-/// The process of the watchdog of a domain, which has the file open, also if it hangs.
+/// Process of a domain's watchdog: it has the file open, also if it hangs.
 #[must_use]
 pub fn watchdog_process(domain: &Domain) -> Option<u32> {
     let (file, entries) = (domain.watchdog_file(), fs::read_dir("/proc").into_iter());
@@ -116,7 +116,7 @@ impl WatchdogPresence {
     ///
     /// # Errors
     ///
-    /// When the domain has a watchdog already, or the file cannot be created.
+    /// When the domain already has a watchdog, or the file cannot be created.
     pub fn announce(domain: &Domain, ports: &PortsDigest) -> Result<Self, DomainError> {
         let path = domain.watchdog_file();
         let mut options = OpenOptions::new();
@@ -183,7 +183,7 @@ mod tests {
         }
         let opened = |at| WatchdogStatus::read_since(&domain, &ports, at, now);
         assert_eq!(opened(now), WatchdogStatus::Watching);
-        assert_eq!(opened(now + Nanos(1)), WatchdogStatus::Incomplete, "it may hold another one");
+        assert_eq!(opened(now + Nanos(1)), WatchdogStatus::Incomplete, "it may hold another port");
         assert_eq!(
             WatchdogStatus::read(&domain, &[8; 32], now),
             WatchdogStatus::OtherPorts,

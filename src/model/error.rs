@@ -19,7 +19,7 @@ pub enum ModelError {
         /// The error of the operating system.
         source: std::io::Error,
     },
-    /// Others may write it, or it is no file.
+    /// Other users may write it, or it is not a regular file.
     #[error("model file {0}")]
     Untrusted(crate::file_permissions::UntrustedFile),
     /// The file was read, but its contents are refused.
@@ -79,7 +79,7 @@ pub enum ModelError {
         key: String,
         /// The value in the file.
         value: String,
-        /// What is wrong, and which values are valid.
+        /// The problem and the valid values.
         reason: &'static str,
     },
     /// The prediction at the inverse of a pose misses the pose: the model folds or is flat there.
@@ -102,15 +102,15 @@ pub enum ModelError {
     },
     /// The model is flat, or not a number.
     #[error(
-        "commands nonsense: within the calibrated region it predicts no motion at all, or what is \
-         not a number; a motor must move an output: record motion of both motors, and fit again"
+        "unusable model: within the calibrated region it predicts no motion, or values that are \
+         not numbers; a motor must move an output: record motion of both motors, and fit again"
     )]
     NoMotion,
     /// The inverse does not follow the model itself.
     #[error(
-        "commands nonsense: within the calibrated region its inverse misses {:.0} % of the motion \
-         that the model itself predicts, with {travel:.1} times the travel of the motors that it \
-         takes; fit another family, or record motion with reversals of many sizes of both motors",
+        "unusable inverse: within the calibrated region it misses {:.0} % of the motion that the \
+         model itself predicts, with {travel:.1} times the motor travel that this motion takes; \
+         fit another family, or record motion with reversals of many sizes of both motors",
         100.0 * error
     )]
     Rehearsal {
@@ -121,20 +121,20 @@ pub enum ModelError {
     },
     /// The model has another gain than the recording.
     #[error(
-        "commands nonsense: a count moves its outputs by {least:.2} to {most:.2} times as much as \
-         a straight line through the recording says; fit another family, or record motion of both \
+        "unusable gain: a count moves the outputs by {least:.2} to {most:.2} times as much as in \
+         a straight line through the recording; fit another family, or record motion of both \
          motors together"
     )]
     Gain {
-        /// In the weakest direction; negative if the model turns the other way.
+        /// Ratio in the weakest direction; negative if the model turns the other way.
         least: f64,
-        /// In the strongest direction.
+        /// Ratio in the strongest direction.
         most: f64,
     },
-    /// The fit found it worthless and wrote it all the same.
+    /// The fit marked it as worthless but was forced to write it.
     #[error("is marked as worthless: {doubt}; fit a better one")]
     Worthless {
-        /// Why, as the fit said it.
+        /// Reason given by the fit.
         doubt: String,
     },
     /// The configuration limits angles, and the model has none.

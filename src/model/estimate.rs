@@ -14,7 +14,7 @@ pub type OutputMatrix = [[f64; MAX_OUTPUTS]; MAX_OUTPUTS];
 /// Row: output, column: motor; rad (m) per count. Entries beyond the model's sizes are 0.
 pub type JacobianMatrix = [[f64; MAX_MOTORS]; MAX_OUTPUTS];
 
-/// What part of the way beyond the hull a prediction may be off, as a standard deviation. Twice that
+/// Standard deviation of a prediction beyond the hull, as a share of the way beyond. Twice that
 /// covered nine of ten predictions on nine of ten simulated snakes, of 11 physics.
 const EXTRAPOLATED: f64 = 0.12;
 
@@ -23,7 +23,7 @@ const EXTRAPOLATED: f64 = 0.12;
 pub struct Estimate {
     /// Expected outputs, rad (m).
     pub mean: OutputVec,
-    /// Covariance of the outputs: that of the family, and what is not known beyond the hull.
+    /// Covariance of the outputs: that of the family, plus the uncertainty beyond the hull.
     pub covariance: OutputMatrix,
 }
 
@@ -36,8 +36,8 @@ impl Estimate {
         })
     }
 
-    /// Adds what is not known at a position so many counts beyond the hull, where the outputs change
-    /// by `slope` per count.
+    /// Adds the uncertainty at a position that is `beyond` counts outside the hull, where the
+    /// outputs change by `slope` per count.
     pub(in crate::model) fn extrapolate(&mut self, beyond: &MotorVec, slope: &JacobianMatrix) {
         for (output, (line, slope)) in self.covariance.iter_mut().zip(slope).enumerate() {
             let ways = beyond.iter().zip(slope).map(|(counts, slope)| counts * slope);
@@ -47,7 +47,7 @@ impl Estimate {
     }
 }
 
-/// What a memory alone determines, computed once for a memory and used in several predictions.
+/// Terms that depend on the memory alone, computed once and used in several predictions.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct MemoryTerms {
     /// See [`super::Model::correction`], rad (m).
@@ -65,8 +65,8 @@ pub struct Inverse {
     /// The goal cannot be reached inside the hull, or is not finite. `counts` is then the nearest
     /// reachable position, or the start of the search for a goal that is not finite.
     pub clipped: bool,
-    /// The nearest goal that the calibration contains, rad (m), wherever the motors have been: the
-    /// one asked for, if it is not clipped. Past motion may keep `counts` short of it.
+    /// Nearest goal within the calibration, rad (m), whatever the past motion: the requested one
+    /// if it is not clipped. Past motion may keep `counts` short of it.
     pub reached: OutputVec,
     /// Distance in output space between the goal and the pose at `counts`, rad (m). Goals are
     /// clamped to 1000. The residual is infinite if the goal is not finite.

@@ -1,5 +1,5 @@
 //! The examination of a model before it may move motors: whether its inverse follows the model
-//! itself, and whether it has the gain of the robot.
+//! itself and whether it has the gain of the robot.
 //!
 //! A path wanders through the hull: large slow motion with small reversals on it. What the model
 //! predicts along the path are the goals, so motors can reach every one of them, with as much
@@ -26,33 +26,33 @@ const TURNING_STEPS: usize = 200;
 /// The motors move by at most this part of half the range in a step: twice what the path takes.
 const FASTEST: f64 = 0.1;
 
-/// Share of the difference that the filtered correction takes in a step: the loop filters it, too.
+/// Share of the difference that the filtered correction takes in a step, as in the control loop.
 const FILTER: f64 = 0.2;
 
-/// Goals that move less than this part of those of the wide path are in backlash: then that path is
-/// followed.
-const LEAST_MOTION: f64 = 0.1;
+/// Goals that move by less than this share of the wide path's goals are in backlash: then the wide
+/// path is followed.
+const MIN_MOTION: f64 = 0.1;
 
 /// A pose that is missed by less than this part of their deviation is clipped by a rounding only.
 const ROUNDING: f64 = 0.005;
 
-/// The error at the goals may be this part of their deviation.
-const MOST_ERROR: f64 = 0.7;
+/// Maximum error at the goals, relative to their deviation.
+const MAX_ERROR: f64 = 0.7;
 
-/// The travel of the motors may be so many times that of the path.
-const MOST_TRAVEL: f64 = 6.0;
+/// Maximum motor travel, relative to that of the path.
+const MAX_TRAVEL: f64 = 6.0;
 
-/// The gain of the model may be so many times that of a straight line through the recording, or
-/// that part of it, times what backlash makes of a gain.
-const MOST_GAIN: f64 = 3.0;
+/// Maximum gain of the model relative to a straight line through the recording; its inverse is the
+/// minimum. Both are scaled by the gain that backlash leaves.
+const MAX_GAIN: f64 = 3.0;
 
-/// How much of the gain the widest backlash leaves at least, for the comparison.
-const LEAST_LEFT: f64 = 0.1;
+/// Minimum share of the gain that the widest backlash leaves, for the comparison.
+const MIN_REMAINING_GAIN: f64 = 0.1;
 
-/// Directions whose gain is less than this part of that of the strongest one are not compared.
-const LEAST_GAIN: f64 = 0.02;
+/// Directions with less than this share of the strongest direction's gain are not compared.
+const MIN_GAIN: f64 = 0.02;
 
-/// What an examination found.
+/// Result of an examination.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Examination {
     /// RMS error at the goals over their RMS deviation from their mean.
@@ -65,7 +65,7 @@ pub struct Examination {
     /// The part of the poses that the model predicts all over the hull that its inverse does not
     /// clip, 0 to 1.
     pub usable: f64,
-    /// What backlash as wide as the memory of the model leaves of a gain, 0 to 1.
+    /// Share of a gain left by backlash as wide as the model's memory, 0 to 1.
     pub left: f64,
 }
 
@@ -78,16 +78,16 @@ impl Examination {
         Self { error, travel, gains, usable, left }
     }
 
-    /// Refuses a model that commands nonsense.
+    /// Refuses a model whose inverse or gain is unusable.
     pub(in crate::model) fn verdict(&self) -> Result<(), ModelError> {
-        let most_gain = MOST_GAIN / self.left.max(LEAST_LEFT);
+        let most_gain = MAX_GAIN / self.left.max(MIN_REMAINING_GAIN);
         let range = 1.0 / most_gain..=most_gain;
         if let Some([least, most]) = self.gains
             && !(range.contains(&least) && range.contains(&most))
         {
             return Err(ModelError::Gain { least, most });
         }
-        if self.error <= MOST_ERROR && self.travel <= MOST_TRAVEL {
+        if self.error <= MAX_ERROR && self.travel <= MAX_TRAVEL {
             return Ok(());
         }
         if self.error.is_nan() {
@@ -104,7 +104,7 @@ struct Subject<'a> {
     file: &'a ModelFile,
     motors: usize,
     path: ExaminationPath,
-    /// What the model predicts along the path.
+    /// Predictions of the model along the path.
     goals: Vec<OutputVec>,
     /// The same path, as wide as the hull: inside of wide backlash a model has no gain to compare.
     wide: ExaminationPath,
@@ -124,13 +124,13 @@ impl<'a> Subject<'a> {
         };
         subject.goals = subject.along(&subject.path);
         let wide = subject.along(&subject.wide);
-        if spread(&subject.goals) < LEAST_MOTION.powi(2) * spread(&wide) {
+        if spread(&subject.goals) < MIN_MOTION.powi(2) * spread(&wide) {
             (subject.path, subject.goals) = (subject.wide.clone(), wide);
         }
         subject
     }
 
-    /// What the model predicts along a path.
+    /// Predictions of the model along a path.
     fn along(&self, path: &ExaminationPath) -> Vec<OutputVec> {
         let mut memory = self.memory_after_turns();
         let predict = |counts: &MotorVec| {
@@ -222,8 +222,8 @@ impl<'a> Subject<'a> {
         path.iter().zip(&goals).filter(is_reached).count() as f64 / goals.len() as f64
     }
 
-    /// What a play, as wide as the range after which the model has forgotten earlier motion, leaves
-    /// of a gain along the wide path: of the motor where that is least.
+    /// Share of a gain along the wide path left by a play as wide as the conditioning range: the
+    /// minimum over the motors.
     fn left_by_backlash(&self) -> f64 {
         let ranges = self.runtime.conditioning_range();
         let left = |motor: usize| {
@@ -247,14 +247,15 @@ fn slope_of_play(path: impl ExactSizeIterator<Item = f64> + Clone, half_width: f
     if square > 0.0 { product / square } else { 1.0 }
 }
 
-/// Of each direction in which the straight line moves the outputs: by how much the model does.
+/// Gain of the model relative to the straight line, in each direction in which the line moves the
+/// outputs: minimum and maximum.
 fn relative_gains(gain: &DMatrix<f64>, line: &DMatrix<f64>) -> Option<[f64; 2]> {
     let parts = line.clone().svd(true, true);
     let (left, right) = (parts.u?, parts.v_t?);
     let strongest = parts.singular_values.max();
     let mut range: Option<[f64; 2]> = None;
     for (index, value) in parts.singular_values.iter().enumerate() {
-        if *value > LEAST_GAIN * strongest {
+        if *value > MIN_GAIN * strongest {
             let moved = gain * right.row(index).transpose();
             let relative = left.column(index).dot(&moved) / value;
             let [least, most] = range.unwrap_or([relative; 2]);
@@ -304,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_direction_that_the_line_does_not_move_is_not_compared() {
+    fn direction_without_line_motion_is_not_compared() {
         let line = DMatrix::from_row_slice(1, 2, &[0.02, 0.0]);
         let gain = DMatrix::from_row_slice(1, 2, &[0.03, 0.01]);
         let [least, most] = relative_gains(&gain, &line).unwrap();

@@ -13,12 +13,12 @@ pub struct ExaminationPath {
     pub turns: Vec<MotorVec>,
     /// The motion after them.
     pub wander: Vec<MotorVec>,
-    /// Half of the width of the hull, of every motor.
+    /// Half the hull width of every motor.
     pub half_ranges: MotorVec,
 }
 
 impl ExaminationPath {
-    /// A path of so many steps inside a hull.
+    /// Creates a path of `steps` steps inside a hull.
     #[must_use]
     pub fn new(hull: &Hull, turning_steps: usize, steps: usize) -> Self {
         Self::sized(hull, turning_steps, steps, [0.45, 0.12])

@@ -5,9 +5,9 @@
 //! between. The points in between matter because load-dependent friction also depends on the
 //! combined motion of the motors. Between two corners every motor moves in one direction only, so
 //! play operators that are advanced from corner to corner end exactly where the whole motion ends.
-//! A balance of forces ends beside it, because the friction of a step goes with the tension before
-//! it: by some counts in quick motion of both motors, and by less the more motion follows. With
-//! every corner goes the time since the one before, for snakes that creep.
+//! A force balance ends some counts off after quick motion of both motors, because a step's
+//! friction depends on the tension before it; the difference shrinks with further motion. Every
+//! corner stores the time since the previous one, for snakes that creep.
 
 use std::collections::VecDeque;
 
@@ -20,7 +20,7 @@ const CORNERS: usize = 4096;
 /// The longest motion of a motor between two corners, counts.
 const SPACING_COUNTS: f64 = 8.0;
 
-/// The latest corners of the motion of the motors. All memory is allocated at construction;
+/// The latest corners of the motor motion. All memory is allocated at construction;
 /// [`Self::note`] allocates nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History {
@@ -41,11 +41,11 @@ impl Default for History {
 impl History {
     /// Adds a position. A position that is not finite is ignored.
     pub fn note(&mut self, counts: &MotorVec) {
-        self.note_over(counts, 0.0);
+        self.push_after(counts, 0.0);
     }
 
     /// The same, a time after the position before.
-    pub fn note_over(&mut self, counts: &MotorVec, time_s: f64) {
+    pub fn push_after(&mut self, counts: &MotorVec, time_s: f64) {
         if !counts.iter().all(|c| c.is_finite()) {
             return;
         }
@@ -70,7 +70,7 @@ impl History {
         self.time_s = 0.0;
     }
 
-    /// The corners in order, followed by the present position.
+    /// The corners, oldest first, followed by the present position.
     pub fn positions(&self) -> impl Iterator<Item = &MotorVec> {
         self.steps().map(|(counts, _)| counts)
     }

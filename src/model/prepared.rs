@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::file_permissions::{LONGEST_MODEL, read_trusted};
+use crate::file_permissions::{MAX_MODEL_BYTES, read_trusted};
 use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputUnit, Query};
 use crate::model::examination::Examination;
@@ -29,7 +29,7 @@ pub struct Model {
     hull: Hull,
     reach: Reach,
     conditioning_range: MotorVec,
-    /// What the outputs change by per count, on the average over the hull.
+    /// Output change per count, averaged over the hull.
     slope: JacobianMatrix,
     runtime: Box<dyn Runtime>,
 }
@@ -44,13 +44,13 @@ impl Model {
         Self::from_file(ModelFile::read(path)?).map_err(|error| error.in_file(path))
     }
 
-    /// As [`Model::load`], of a file that nobody else may have written: for the controller.
+    /// Loads a file as [`Model::load`], but only if no other user can write it: for the controller.
     ///
     /// # Errors
     ///
-    /// As [`Model::load`], and [`ModelError::Untrusted`].
+    /// See [`Model::load`]; also [`ModelError::Untrusted`].
     pub fn load_trusted(path: &Path) -> Result<Self, ModelError> {
-        let text = read_trusted(path, LONGEST_MODEL).map_err(|error| match error.into_io() {
+        let text = read_trusted(path, MAX_MODEL_BYTES).map_err(|error| match error.into_io() {
             Ok(source) => ModelError::Read { path: path.to_owned(), source },
             Err(untrusted) => ModelError::Untrusted(untrusted),
         })?;
@@ -88,7 +88,7 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// As [`Self::check_robot`], and when the model is marked as worthless.
+    /// See [`Self::check_robot`]; also when the model is marked as worthless.
     pub fn check_use(&self, robot_id: &str, motors: usize) -> Result<(), ModelError> {
         self.check_robot(robot_id, motors)?;
         match &self.file.worthless {
@@ -159,7 +159,7 @@ impl Model {
         Memory::default()
     }
 
-    /// Whether the bend depends on time, too: the snake creeps.
+    /// Whether the bend also depends on time: the snake creeps.
     #[must_use]
     pub fn creeps(&self) -> bool {
         match &self.file().family {
@@ -169,7 +169,7 @@ impl Model {
     }
 
     /// Updates a memory with the present position `counts`. Call this with every measured position,
-    /// in order. A position that is not finite is ignored.
+    /// oldest first. A position that is not finite is ignored.
     ///
     /// No time passes: a snake that creeps is stiffer then than over time. See
     /// [`Model::advance_over`].
@@ -177,8 +177,8 @@ impl Model {
         self.advance_over(memory, counts, 0.0);
     }
 
-    /// The same, `time_s` after the position before. Call it also while the motors hold still: a
-    /// snake that creeps goes on then. Models without creep ignore the time.
+    /// Updates a memory `time_s` after the previous position. Call it also while the motors hold
+    /// still: a creeping snake still moves then. Models without creep ignore the time.
     pub fn advance_over(&self, memory: &mut Memory, counts: &MotorVec, time_s: f64) {
         if counts.iter().all(|c| c.is_finite()) {
             memory.note(*counts);
@@ -190,7 +190,7 @@ impl Model {
     /// predictions may be off by the width of the hysteresis loop. For families without memory this
     /// is true after the first position.
     #[must_use]
-    pub fn knows(&self, memory: &Memory) -> bool {
+    pub fn is_memory_known(&self, memory: &Memory) -> bool {
         memory.covered(&self.conditioning_range)
     }
 
@@ -198,18 +198,18 @@ impl Model {
     /// forgotten, counts; 0 for families without memory. It is limited to the width of the
     /// calibrated hull, because calibration cannot cover more.
     #[must_use]
-    pub fn wipe_counts(&self) -> MotorVec {
+    pub fn conditioning_range(&self) -> MotorVec {
         self.conditioning_range
     }
 
     /// Whether the model has gaps that drift may widen: [`Memory::set_gap_scale`].
     #[must_use]
-    pub fn has_gap(&self) -> bool {
-        self.runtime.has_gap()
+    pub fn has_backlash(&self) -> bool {
+        self.runtime.has_backlash()
     }
 
-    /// Half the play of the gear of every motor as calibrated, as a share of half the calibrated
-    /// range: [`Wear::play`](crate::model::Wear) takes no more than that away. 0 for models without
+    /// Half the calibrated gear play of every motor, as a share of half the calibrated range: the
+    /// maximum that [`Wear::play`](crate::model::Wear) subtracts. 0 for models without
     /// gears.
     #[must_use]
     pub fn gear_play(&self) -> MotorVec {
@@ -229,7 +229,7 @@ impl Model {
         self.memory_terms(memory).correction
     }
 
-    /// [`Model::correction`], and what else a memory alone determines.
+    /// [`Model::correction`] and the other terms that depend on the memory alone.
     #[must_use]
     pub fn memory_terms(&self, memory: &Memory) -> MemoryTerms {
         self.runtime.memory_terms(memory)
@@ -250,7 +250,7 @@ impl Model {
         self.extrapolated(counts, self.runtime.predict(counts, memory))
     }
 
-    /// As [`Model::predict`], with the [`Model::memory_terms`] of the memory, computed before.
+    /// Predicts as [`Model::predict`], with precomputed [`Model::memory_terms`].
     #[must_use]
     pub fn predict_with(
         &self,
@@ -324,7 +324,7 @@ impl Model {
         self.invert_within(&self.reach, goals, memory, query)
     }
 
-    /// As [`Model::invert_each`], with counts in a smaller hull.
+    /// Inverts as [`Model::invert_each`], with counts in a smaller hull.
     pub(crate) fn invert_within<const N: usize>(
         &self,
         reach: &Reach,
@@ -337,8 +337,8 @@ impl Model {
         found
     }
 
-    /// Where the inverse may go between the lowest and the highest counts of every motor; all over
-    /// the hull if nothing of it is left there. Not for the control loop.
+    /// Region of the inverse between the lowest and the highest counts of every motor; the whole
+    /// hull if their intersection is empty. Not for the control loop.
     pub(crate) fn reach_between(&self, low: MotorVec, high: MotorVec) -> Reach {
         let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
         let within = Hull::from_points(self.motors, &corners).and_then(|limits| {
@@ -369,8 +369,8 @@ fn clamp_to_extent(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
     ranges
 }
 
-/// What the outputs change by per count of every motor over the extent of the hull, straight from
-/// its centre: wider than any backlash, unlike a slope at a position.
+/// Output change per count of every motor over the extent of the hull, straight from its centre:
+/// wider than any backlash, unlike a slope at a position.
 fn mean_slope(runtime: &dyn Runtime, hull: &Hull) -> JacobianMatrix {
     let mut slope = JacobianMatrix::default();
     for (motor, extent) in extents(hull).into_iter().enumerate().filter(|(_, wide)| *wide > 0.0) {

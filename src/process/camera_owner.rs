@@ -1,7 +1,7 @@
-//! Which camera is followed: one publisher of measured poses, until it has been silent for a
-//! second.
+//! Selection of the camera to follow: one publisher of measured poses, until it has been silent for
+//! a second.
 //!
-//! A second one that agrees with the estimate would hide that the first one does not (H12, H35).
+//! A second camera that agrees with the estimate would hide that the first does not (H12, H35).
 
 use crate::core::ExternalPose;
 use crate::units::Nanos;
@@ -9,29 +9,29 @@ use crate::units::Nanos;
 /// Silence after which another publisher is followed.
 const SILENCE: Nanos = Nanos::from_millis(1000);
 
-/// The publisher that is followed.
+/// The followed publisher.
 #[derive(Debug, Default)]
 pub struct CameraOwner {
-    /// The publisher, and when it was heard last.
+    /// The publisher, and the time of its last frame.
     followed: Option<(u128, Nanos)>,
-    /// Frames of others.
+    /// Number of frames of other publishers.
     ignored: u64,
 }
 
 impl CameraOwner {
-    /// The newest frame of the publisher that is followed. `frames`: valid ones, at most one of
-    /// every publisher.
+    /// Newest frame of the followed publisher. `frames`: valid frames, at most one per publisher.
     pub fn choose(
         &mut self,
         frames: impl IntoIterator<Item = (u128, ExternalPose)>,
         now: Nanos,
     ) -> Option<ExternalPose> {
-        self.followed = self.followed.filter(|(_, heard)| now.duration_since(*heard) < SILENCE);
+        self.followed =
+            self.followed.filter(|(_, last_frame)| now.duration_since(*last_frame) < SILENCE);
         let mut chosen = None;
         for (publisher, frame) in frames {
-            let (owner, heard) = self.followed.get_or_insert((publisher, now));
+            let (owner, last_frame) = self.followed.get_or_insert((publisher, now));
             if *owner == publisher {
-                (*heard, chosen) = (now, Some(frame));
+                (*last_frame, chosen) = (now, Some(frame));
             } else {
                 self.ignored = self.ignored.saturating_add(1);
             }
@@ -39,7 +39,7 @@ impl CameraOwner {
         chosen
     }
 
-    /// Frames that were not followed, since the start.
+    /// Number of ignored frames since the start.
     pub fn ignored(&self) -> u64 {
         self.ignored
     }
@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_camera_is_followed_until_it_is_silent_for_a_second() {
+    fn camera_is_followed_until_silent_for_a_second() {
         let ms = Nanos::from_millis;
         let frame = |from: u128, now: u64| {
             let position = [from as f64, 0.0, 0.0];

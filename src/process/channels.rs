@@ -1,7 +1,8 @@
 //! Channels between the threads: wait-free on the side of the loop, in both directions.
 //!
 //! Newest values pass through triple buffers: the writer never waits and the reader gets the latest
-//! value. What must not be lost passes through rings; a full ring drops instead of waiting (H13).
+//! value. Values that must not be lost pass through rings; a full ring drops instead of waiting
+//! (H13).
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -19,11 +20,11 @@ use crate::robot::Refusal;
 
 /// Ticks that the IPC thread may lag before reports are dropped: a quarter of a second at 1 kHz.
 const REPORTS: usize = 256;
-/// Events that the log may lag.
+/// Maximum number of events waiting for the log.
 const EVENTS: usize = 1024;
 /// State commands in flight; a client sends one and waits for its reply.
 const COMMANDS: usize = 32;
-/// Stops that wait for a tick. Each of them stops the robot, so no number is missed.
+/// Stop requests waiting for a tick. Each stops the robot, so further ones may be dropped.
 const STOPS: usize = 256;
 /// Models in flight; they are staged one at a time.
 const MODELS: usize = 8;
@@ -40,16 +41,16 @@ pub struct ModelOffer {
 /// One tick for the IPC thread.
 #[derive(Debug, Clone, Copy)]
 pub struct TickReport {
-    /// CycleReport of the cycle.
+    /// Report of the cycle.
     pub report: CycleReport,
     /// Timing of the tick.
     pub timing: TickTiming,
-    /// What was lost up to this tick.
+    /// Losses up to this tick.
     pub lost: LostCounters,
 }
 
-/// What the loop could not pass on, since the start: a full channel means that a slower thread
-/// stalls.
+/// Numbers of items that the loop could not pass on, since the start: a full channel means that a
+/// slower thread stalls.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LostCounters {
     pub events: u64,
@@ -58,37 +59,37 @@ pub struct LostCounters {
     pub replies: u64,
 }
 
-/// The ends of the control loop.
+/// Endpoints of the control loop.
 pub struct LoopChannels {
     pub servo: triple_buffer::Output<Option<ServoCommand>>,
-    /// Of the auxiliary axis.
+    /// Commands of the auxiliary axis.
     pub jaw: triple_buffer::Output<Option<ServoCommand>>,
     pub external: triple_buffer::Output<Option<ExternalPose>>,
     /// Frames of cameras that are not followed, since the start.
     pub ignored_frames: Arc<AtomicU64>,
     pub requests: Consumer<StateRequest>,
-    /// Requests that only stop: taken before all others.
+    /// Stop requests: taken before all others.
     pub stops: Consumer<StateRequest>,
     pub replies: Producer<StateReply>,
     pub offers: Consumer<ModelOffer>,
     pub model_requests: Consumer<ModelSwapRequest>,
     pub model_replies: Producer<ModelSwapReply>,
-    /// Models that the model manager frees.
+    /// Retired models, which the model manager frees.
     pub retired: Producer<ModelCandidate>,
     pub reports: Producer<TickReport>,
     pub recorder: RecorderChannels,
     pub events: Producer<CycleEvent>,
 }
 
-/// The ends of the IPC thread.
+/// Endpoints of the IPC thread.
 pub struct IpcChannels {
     pub servo: triple_buffer::Input<Option<ServoCommand>>,
-    /// Of the auxiliary axis.
+    /// Commands of the auxiliary axis.
     pub jaw: triple_buffer::Input<Option<ServoCommand>>,
     pub external: triple_buffer::Input<Option<ExternalPose>>,
     pub ignored_frames: Arc<AtomicU64>,
     pub requests: Producer<StateRequest>,
-    /// Requests that only stop.
+    /// Stop requests.
     pub stops: Producer<StateRequest>,
     pub replies: Consumer<StateReply>,
     pub reports: Consumer<TickReport>,
@@ -97,7 +98,7 @@ pub struct IpcChannels {
 }
 
 impl LoopChannels {
-    /// What only stops overtakes what waits.
+    /// Next request; stop requests come first.
     pub fn next_request(&mut self) -> Option<StateRequest> {
         self.stops.pop().or_else(|_| self.requests.pop()).ok()
     }
@@ -108,14 +109,14 @@ impl IpcChannels {
     ///
     /// # Errors
     ///
-    /// [`Refusal::Busy`] when too many wait. What only stops waits apart from them.
+    /// [`Refusal::Busy`] when the queue is full. Stop requests have a separate queue.
     pub fn ask(&mut self, request: StateRequest) -> Result<(), Refusal> {
         let queue = if request.command.only_stops() { &mut self.stops } else { &mut self.requests };
         queue.push(request).map_err(|_| Refusal::Busy)
     }
 }
 
-/// The ends of the model manager.
+/// Endpoints of the model manager.
 pub struct ModelChannels {
     pub offers: Producer<ModelOffer>,
     pub requests: Producer<ModelSwapRequest>,
@@ -181,7 +182,7 @@ pub fn loop_channels(
 /// A request about models or its reply, with the token that the server needs for the reply.
 pub type Tokened<T> = (u64, T);
 
-/// The queues of the IPC thread to the threads that take long.
+/// Queues of the IPC thread to the slow threads.
 pub struct RequestQueues {
     pub models: Sender<Tokened<payload::ModelRequest>>,
     pub model_replies: Receiver<Tokened<payload::ModelReply>>,
@@ -189,7 +190,7 @@ pub struct RequestQueues {
     pub recorder_replies: Receiver<WriteReply>,
 }
 
-/// The other ends of [`RequestQueues`].
+/// Other ends of [`RequestQueues`].
 pub struct WorkerQueues {
     pub models: Receiver<Tokened<payload::ModelRequest>>,
     pub model_replies: Sender<Tokened<payload::ModelReply>>,
@@ -221,7 +222,7 @@ mod tests {
     use crate::robot::StateCommand;
 
     #[test]
-    fn what_only_stops_passes_a_full_queue_and_comes_before_what_waits() {
+    fn stop_requests_bypass_a_full_queue_and_come_first() {
         let (ticks, _ticks) = RingBuffer::new(1);
         let (snapshots, _snapshots) = RingBuffer::new(1);
         let recorder = RecorderChannels { ticks, snapshots };

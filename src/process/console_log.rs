@@ -1,15 +1,15 @@
-//! The log for the operator, on a terminal or a pipe that may block: its own thread writes it.
+//! Operator log on a terminal or pipe that may block, written by its own thread.
 //!
-//! Lines that do not fit into the queue are dropped and counted. At the end the thread is given a
-//! short time for the rest, and is then abandoned: a pipe that nobody reads must not keep the
-//! process alive.
+//! Lines that do not fit into the queue are dropped and counted. At the end, the thread gets a
+//! short time for the rest and is then abandoned: a pipe without a reader must not keep the process
+//! alive.
 
 use std::io::{self, Write};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-/// Lines that the reader may lag.
+/// Capacity of the line queue.
 const LINES: usize = 1024;
 /// Time for the last lines.
 const LAST_LINES: Duration = Duration::from_millis(500);
@@ -40,8 +40,8 @@ impl ConsoleLog {
         Ok(Self { lines: Some(lines), ended, line: Vec::new(), lost: 0, has_panic_hook: false })
     }
 
-    /// Writes the messages of panics to this log, too: the standard hook would block a thread that
-    /// panics, and nobody would see its end.
+    /// Writes panic messages to this log as well: the standard hook could block the panicking
+    /// thread and hide its end.
     pub fn take_panic_messages(&mut self) {
         self.has_panic_hook = true;
         if let Some(lines) = self.lines.clone() {
@@ -56,7 +56,7 @@ impl ConsoleLog {
             return;
         };
         if self.lost > 0 {
-            let note = format!("{} lines of the log were lost here\n", self.lost);
+            let note = format!("{} log lines were lost here\n", self.lost);
             match lines.try_send(note.into_bytes()) {
                 Ok(()) => self.lost = 0,
                 Err(_) => return self.lost += 1,
@@ -70,7 +70,7 @@ impl ConsoleLog {
 
 fn write_all(mut output: impl Write, queue: &Receiver<Vec<u8>>) {
     for line in queue {
-        // A closed pipe: the robot goes on without a log.
+        // A closed pipe: the robot continues without a log.
         let _ = output.write_all(&line).and_then(|()| output.flush());
     }
 }
@@ -87,7 +87,7 @@ impl Write for ConsoleLog {
         Ok(bytes.len())
     }
 
-    /// Passes on what is no whole line yet.
+    /// Passes on an incomplete line.
     fn flush(&mut self) -> io::Result<()> {
         if !self.line.is_empty() {
             let line = std::mem::take(&mut self.line);
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_arrive_in_order_and_the_last_ones_before_the_end() {
+    fn lines_arrive_in_order_also_the_last_ones() {
         let (mut reader, writer) = io::pipe().unwrap();
         let mut log = ConsoleLog::start(writer).unwrap();
         for number in 0..100 {
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pipe_that_nobody_reads_blocks_neither_writer_nor_end_and_the_loss_is_reported() {
+    fn unread_pipe_blocks_neither_writer_nor_exit() {
         let (mut reader, writer) = io::pipe().unwrap();
         let mut log = ConsoleLog::start(writer).unwrap();
         let line = "x".repeat(1000);
@@ -149,7 +149,7 @@ mod tests {
             thread::sleep(Duration::from_millis(1));
         }
         drop(log);
-        assert!(reading.join().unwrap().contains("lines of the log were lost here"));
+        assert!(reading.join().unwrap().contains("log lines were lost here"));
         let (_unread, writer) = io::pipe().unwrap();
         let mut log = ConsoleLog::start(writer).unwrap();
         for _ in 0..LINES {

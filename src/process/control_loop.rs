@@ -19,20 +19,20 @@ use crate::realtime::{SuspendMonitor, Tick, TickTiming, Ticker};
 use crate::robot::{DrivePower, OperatingState};
 use crate::units::{AUXILIARY, MAX_AXES, Nanos};
 
-/// The loop wakes so long before each tick and spins until it: waking takes tens of microseconds.
+/// Spin time before each tick: waking from sleep takes tens of microseconds.
 const SPIN: Nanos = Nanos::from_micros(100);
 
-/// Everything that the loop needs; built before the thread starts.
+/// Everything the loop needs; built before the thread starts.
 pub struct ControlLoop {
     pub cycle: ControlCycle,
     pub channels: LoopChannels,
     pub links: Vec<AxisLink<Gated>>,
     pub beats: Arc<Beats>,
-    /// Age of a position that is a fault.
+    /// Age at which a position is a fault.
     pub lost_after: Nanos,
 }
 
-/// Who waits for the beats of the loop: the watchdog, and the threads of the ports.
+/// Recipients of the loop heartbeat: the watchdog and the port threads.
 pub struct Beats {
     pub heartbeat: HeartbeatWriter,
     pub line: LoopBeat,
@@ -40,14 +40,14 @@ pub struct Beats {
 }
 
 impl Beats {
-    /// One beat. Wait-free.
+    /// Writes one heartbeat. Wait-free.
     pub fn write(&self, beat: Heartbeat) {
         let mut alive = [Nanos::ZERO; MAX_AXES];
         for (alive, life) in alive.iter_mut().zip(&self.lives) {
             *alive = life.seen();
         }
         self.heartbeat.write(Heartbeat { alive, ..beat });
-        // Behind the other: no port thread takes a beat for younger than the watchdog does.
+        // Written last: a port thread must not see a newer heartbeat than the watchdog.
         self.line.set(beat.stamp);
     }
 }
@@ -80,7 +80,7 @@ impl ControlLoop {
         shutdown: &AtomicBool,
     ) -> bool {
         let offered = self.take_offer();
-        // The clock of the ticks stood still meanwhile: more were missed than there are numbers.
+        // The tick clock stood still during suspend: the number of missed ticks is unknown.
         let missed = match suspends.update(clock::suspended()) {
             None => u32::try_from(tick.missed).unwrap_or(u32::MAX - 1),
             Some(_) => u32::MAX,
@@ -101,12 +101,12 @@ impl ControlLoop {
         let report = outputs.report;
         let off = is_off(&report)
             && self.links.iter().all(|link| {
-                // Only what a drive said lately counts.
+                // Only a recent drive report counts.
                 let oldest = Nanos(tick.started.0.saturating_sub(self.lost_after.0));
-                let said = feedback(link, &inputs).map(|feedback| feedback.power(oldest));
-                said == Some(DrivePower::Off)
+                let power = feedback(link, &inputs).map(|feedback| feedback.power(oldest));
+                power == Some(DrivePower::Off)
             });
-        let owing = self.links.iter().filter(|link| link.owed.is_owed());
+        let owing = self.links.iter().filter(|link| link.pending_reply.is_pending());
         let owing = owing.fold(0, |motors, link| motors | 1 << link.motor);
         let read = self.links.iter().filter_map(|link| Some(feedback(link, &inputs)?.stamp));
         let good_until = read.min().unwrap_or_default() + self.lost_after;
@@ -125,7 +125,7 @@ impl ControlLoop {
     }
 
     /// Passes replies, events and models on to slower threads. A full channel means that one of
-    /// them stalls. Its replies and events are lost and counted; the loop continues.
+    /// them stalls: its replies and events are lost and counted, and the loop continues.
     fn pass_on(&mut self, outputs: &CycleOutputs, lost: &mut Lost) {
         let channels = &mut self.channels;
         let counters = &mut lost.counters;
@@ -139,7 +139,7 @@ impl ControlLoop {
             lost.events_not_pushed += u64::from(channels.events.push(event).is_err());
         }
         counters.events = lost.events_not_pushed + self.cycle.lost_events();
-        // Nothing is freed here: a model that does not fit stays in the cycle.
+        // Nothing is freed here: a model that does not fit into the channel stays in the cycle.
         if !channels.retired.is_full()
             && let Some(retired) = self.cycle.take_retired()
         {
@@ -147,7 +147,7 @@ impl ControlLoop {
         }
     }
 
-    /// Passes the next model to the cycle, if it can take one. Returns the number of the offer.
+    /// Passes the next model to the cycle, if it accepts one. Returns the number of the offer.
     fn take_offer(&mut self) -> Option<u64> {
         if self.channels.offers.is_empty() || !self.cycle.can_stage_model() {
             return None;
@@ -175,11 +175,11 @@ impl ControlLoop {
     }
 }
 
-/// What could not be passed on, since the start.
+/// Numbers of items that could not be passed on, since the start.
 #[derive(Debug, Default)]
 struct Lost {
     counters: LostCounters,
-    /// Part of the lost events: the others did not fit into a tick.
+    /// Only the events that did not fit into the channel; others did not fit into a tick.
     events_not_pushed: u64,
 }
 
@@ -217,7 +217,7 @@ impl TickRecording {
     fn push_tick(&mut self, tick: TickRecord, recorder: &mut RecorderChannels) {
         self.ticks += 1;
         let number = self.ticks;
-        // A full channel means that the recorder stalls: it detects the gap in the numbers.
+        // A full channel means that the recorder stalls; it detects the gap in the numbers.
         let pushed = recorder.ticks.push(TickRecord { number, ..tick });
         self.lost += u64::from(pushed.is_err());
     }
@@ -233,7 +233,7 @@ impl TickRecording {
     }
 }
 
-/// Nothing is to be switched on or off.
+/// Whether every drive may be off: no request to power any is pending.
 fn is_off(report: &CycleReport) -> bool {
     match report.state {
         OperatingState::Disabled => !report.busy,

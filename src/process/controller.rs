@@ -1,4 +1,4 @@
-//! Start and end of the controller process, in order.
+//! Start and shutdown of the controller process.
 //!
 //! | thread | scheduling | task |
 //! |---|---|---|
@@ -7,7 +7,7 @@
 //! | shared memory | SCHED_FIFO, 20 below | commands in, messages out |
 //! | models | normal | reads, checks, compares and frees models |
 //! | black box | normal | keeps the last seconds of every tick and writes them to files |
-//! | main | normal | the log, and waiting for the end |
+//! | main | normal | writes the log and waits for the end |
 
 use std::io::Write;
 use std::sync::atomic::AtomicBool;
@@ -44,17 +44,17 @@ use crate::process::start_up::{
     Drives, PortLine, bring_up_ports, check_start_drives, load_model, software, wait_for_positions,
 };
 use crate::process::threads::{NamedThread, ThreadError};
-use crate::realtime::{self, Granted, Wanted};
+use crate::realtime::{self, Granted, SchedulingRequest};
 use crate::service_manager;
 use crate::units::Nanos;
 
-/// Distance of the SCHED_FIFO priority of the port threads below that of the loop.
+/// SCHED_FIFO priority of the port threads relative to the loop: lower by this value.
 const PORT_PRIORITY_DISTANCE: u8 = 10;
-/// The same of the IPC thread. Under normal scheduling, other programs delay the commands until
-/// they are stale. It is below the port threads: an exchange that has begun must not wait for a
+/// The same for the IPC thread. Under normal scheduling, other programs would delay commands until
+/// they are stale. It is lower than the port threads: an ongoing exchange must not wait for a
 /// client.
 const IPC_PRIORITY_DISTANCE: u8 = 20;
-/// Events of the drives that the log may lag.
+/// Maximum number of drive events waiting for the log.
 const PORT_EVENTS: usize = 1024;
 /// Delay of the first tick after the start of the threads.
 const START_DELAY: Nanos = Nanos::from_millis(20);
@@ -64,7 +64,7 @@ const START_DELAY: Nanos = Nanos::from_millis(20);
 ///
 /// # Errors
 ///
-/// When a part cannot be started, a thread ended early, or a drive may still have power.
+/// When a component cannot be started, a thread ended early, or a drive may still have power.
 pub fn run(
     config: &Config,
     note: &str,
@@ -85,9 +85,9 @@ pub fn run(
     let (identities, exchanges) = (drives.identities.clone(), drives.exchanges.clone());
     let (config, fingerprints) = (&config.with_exchanges(&exchanges), drives.fingerprints.clone());
     let threads = start_threads(config, lock, model.as_ref(), drives, beat, shutdown)?;
-    // Without the file nobody learns the settings, and the robot runs.
+    // Without the file, clients do not know the drive settings, but the robot runs.
     let _ = domain.publish_drives(&fingerprints);
-    // Nor why it ended, if it is killed.
+    // Without it, clients do not know why a killed controller ended.
     let _ = publish_run(&domain, boot_id, &config.record_folder);
     service_manager::notify(service_manager::READY);
     let (name, process) = (domain.name(), std::process::id());
@@ -110,7 +110,7 @@ pub fn run(
         note,
     });
     if let Err(error) = begun {
-        write_line(log, format_args!("warning: the run log is not written: {error}"));
+        write_line(log, format_args!("warning: cannot write the run log: {error}"));
     }
     let mut main = MainThread {
         events: threads.events,
@@ -129,14 +129,14 @@ pub fn run(
     service_manager::notify(service_manager::STOPPING);
     let (ended, outcome) = threads.running.end(&mut main);
     let _ = main.run_log.end(outcome);
-    if outcome != "in order" {
-        // The directory went with the lock.
+    if outcome != ending::CLEAN_SHUTDOWN {
+        // The folder was removed when the lock was released.
         let _ = publish_run(&main.domain, boot_id, &config.record_folder);
     }
     ending::outcome(main.powered, ended)
 }
 
-/// All threads but the main thread, and what they send to it.
+/// All threads but the main thread, and their channels to it.
 struct Started {
     running: Threads,
     granted: Granted,
@@ -216,7 +216,7 @@ fn start_threads(
     })
 }
 
-/// The priority of a thread at a distance below the loop: 0 only if the loop has 0.
+/// Priority of a thread at a distance below the loop: 0 only if the loop has 0.
 fn priority_below(config: &ControlConfig, distance: u8) -> u8 {
     let lowest = config.priority.min(1);
     config.priority.saturating_sub(distance).max(lowest)
@@ -256,14 +256,14 @@ fn start_ipc(
     quit: &Arc<AtomicBool>,
 ) -> Result<(NamedThread, (HeartbeatWriter, Granted)), ControllerError> {
     let (cpu, quit) = (config.control.cpu, Arc::clone(quit));
-    let wanted = Wanted {
+    let wanted = SchedulingRequest {
         priority: priority_below(&config.control, IPC_PRIORITY_DISTANCE),
-        ..Wanted::default()
+        ..SchedulingRequest::default()
     };
     let (started_in, started) = mpsc::channel();
     let thread = NamedThread::spawn("ipc", move || {
-        // Off the processor of the loop. The creation of the services, which takes long, is under
-        // normal scheduling.
+        // Keeps off the CPU of the loop. Creating the services takes long and runs under normal
+        // scheduling.
         realtime::keep_normal(cpu);
         match Server::create(lock).and_then(|server| Ok((server.heartbeat()?, server))) {
             Ok((heartbeat, server)) => {
@@ -290,17 +290,17 @@ fn start_port(
     quit: &Arc<AtomicBool>,
 ) -> Result<NamedThread, ThreadError> {
     let quit = Arc::clone(quit);
-    let wanted = Wanted {
+    let wanted = SchedulingRequest {
         priority: priority_below(config, PORT_PRIORITY_DISTANCE),
         cpu: None,
         lock_memory: false,
     };
     NamedThread::spawn("port", move || {
-        // A refusal here is a refusal for the loop as well, which reports it.
+        // If this is refused, so is the request of the loop, which reports it.
         let _ = realtime::request(wanted);
         runner.run(&quit, |event| {
-            // The queue is allocated: the thread neither allocates nor waits. One that is full is
-            // that of a main thread that stalls, and the log may have ended at the last events.
+            // The queue is allocated in advance: the thread neither allocates nor waits. The queue
+            // is full only if the main thread stalls; at the end, the log may already be closed.
             let _ = events.try_send((clock::now(), event));
         });
     })
@@ -316,8 +316,11 @@ fn start_control(
     let (config, shutdown) = (config.clone(), Arc::clone(shutdown));
     let (granted_in, granted) = mpsc::channel();
     let thread = NamedThread::spawn("control", move || {
-        let wanted =
-            Wanted { priority: config.priority, cpu: config.cpu, lock_memory: config.priority > 0 };
+        let wanted = SchedulingRequest {
+            priority: config.priority,
+            cpu: config.cpu,
+            lock_memory: config.priority > 0,
+        };
         let _ = granted_in.send(realtime::request(wanted));
         drop(granted_in);
         control_loop.run(&config, first, &shutdown);
@@ -337,19 +340,20 @@ fn write_granted(log: &mut dyn Write, granted: &Granted) {
     }
 }
 
-/// Says which limits do not hold: watches that the configuration has switched off, angles that
-/// nobody knows, and what the lines, as measured, cannot keep.
+/// Logs which limits do not apply: monitors disabled in the configuration, unknown angles, and what
+/// the serial lines, as measured, cannot achieve.
 fn write_limits(log: &mut dyn Write, config: &Config, model: Option<&Model>, exchanges: &[Nanos]) {
-    let off = config.watches_off().into_iter().map(|it| format!("off by configuration: {it}"));
-    for line in off.chain(config.if_computer_dies()) {
+    let off = config.disabled_monitors().into_iter();
+    let off = off.map(|it| format!("off by configuration: {it}"));
+    for line in off.chain(config.host_failure_warning()) {
         write_line(log, format_args!("{line}"));
     }
     if model.is_none() && config.joint_limits.is_any() {
-        let until = "until then those of counts, speed and current hold";
-        write_line(log, format_args!("no model: joint_limits hold once one is in use; {until}"));
+        let until = "until then, only the count, speed and current limits apply";
+        write_line(log, format_args!("no model: joint_limits apply once one is in use; {until}"));
     }
     if model.is_some_and(|model| model.file().training.drives.is_empty()) {
-        let line = "the model does not say with which settings of the drives it was calibrated";
+        let line = "the model does not record the drive settings of its calibration";
         write_line(log, format_args!("{line}"));
     }
     let (stale, lost) = (config.feedback_stale().as_seconds(), config.feedback_lost().as_seconds());
@@ -357,7 +361,8 @@ fn write_limits(log: &mut dyn Write, config: &Config, model: Option<&Model>, exc
     write_line(
         log,
         format_args!(
-            "feedback: the motion stops at an age of {stale:.0} ms, and is a fault at {lost:.0} ms"
+            "feedback: motion stops when a position is older than {stale:.0} ms; fault at \
+             {lost:.0} ms"
         ),
     );
     for (port, exchange) in config.ports.iter().zip(exchanges) {
@@ -369,15 +374,15 @@ fn write_limits(log: &mut dyn Write, config: &Config, model: Option<&Model>, exc
     }
 }
 
-/// Says under which scheduling commands are read, with a warning if it is not the wanted one. How
-/// to allow it is in the warning of the loop.
+/// Logs the scheduling of the IPC thread, with a warning if it is not the requested one. The
+/// warning of the loop contains the remedy.
 fn write_ipc_granted(log: &mut dyn Write, config: &ControlConfig, granted: &Granted) {
     match granted.priority {
         0 if config.priority > 0 => write_line(
             log,
             format_args!(
-                "warning: commands are read under normal scheduling: under load they become stale \
-                 and the robot holds"
+                "warning: commands are read under normal scheduling: under load, they become \
+                 stale and the robot holds"
             ),
         ),
         0 => write_line(log, format_args!("commands: normal scheduling 0")),
@@ -390,7 +395,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn threads_are_below_the_loop_and_real_time_only_with_it() {
+    fn thread_priorities_are_below_the_loop() {
         for (priority, expected) in
             [(80, [70, 60]), (98, [88, 78]), (15, [5, 1]), (2, [1, 1]), (1, [1, 1]), (0, [0, 0])]
         {

@@ -1,4 +1,4 @@
-//! The end of the controller: its threads in order, and what is known of the drives then.
+//! Shutdown of the controller threads, and the final power state of the drives.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,8 +13,11 @@ use crate::process::start_up::StartModelError;
 use crate::process::threads::{NamedThread, ThreadError};
 use crate::units::Nanos;
 
-/// Time for the other threads to end after the loop. The black box is written meanwhile.
+/// Time for the other threads to end after the loop, including writing the black box.
 const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
+
+/// Outcome of a clean run in the run log.
+pub const CLEAN_SHUTDOWN: &str = "clean shutdown";
 
 /// Why the controller could not start, or how it failed.
 #[derive(Debug, thiserror::Error)]
@@ -34,15 +37,15 @@ pub enum ControllerError {
     /// A thread did not start.
     #[error(transparent)]
     Thread(#[from] ThreadError),
-    /// A thread ended early or hangs, and every drive has said that it is off.
+    /// A thread ended early or hangs; every drive has confirmed power-off.
     #[error("{0}; {power}", power = power_at_end(&[]))]
     Off(ThreadError),
-    /// The controller ended, and did not see every drive off.
+    /// The controller ended without confirmed power-off of every drive.
     #[error("{}, and {}", what_ended(.thread.as_ref()), power_at_end(.motors))]
     Powered {
         /// These motors.
         motors: Vec<usize>,
-        /// What happened to a thread.
+        /// Error of a thread, if any.
         thread: Option<ThreadError>,
     },
 }
@@ -51,13 +54,13 @@ fn what_ended(thread: Option<&ThreadError>) -> String {
     thread.map_or_else(|| "ended".to_owned(), ThreadError::to_string)
 }
 
-/// What is known of the power when the controller ends: all that it says of that is said here.
-/// `powered`: the motors whose drives have not said, at the end, that they are off.
+/// Text on the drive power when the controller ends. `powered`: motors whose drives have not
+/// confirmed power-off.
 fn power_at_end(powered: &[usize]) -> String {
     if powered.is_empty() {
-        return "every drive has said that it is off".to_owned();
+        return "every drive has confirmed power-off".to_owned();
     }
-    format!("the drives of motors {powered:?} are not known to be off: cut their power")
+    format!("the drives of motors {powered:?} have not confirmed power-off: cut their power")
 }
 
 /// All threads but the main thread.
@@ -67,24 +70,24 @@ pub struct Threads {
     pub others: Vec<NamedThread>,
     /// Ends the threads of the ports.
     pub quit_ports: Arc<AtomicBool>,
-    /// Ends the others: clients and watchdog see a controller until the drives are off.
+    /// Ends the others: until the drives are off, clients and watchdog see a running controller.
     pub quit: Arc<AtomicBool>,
     pub beats: Arc<Beats>,
 }
 
 impl Threads {
-    /// A thread other than the loop has ended.
+    /// Whether a thread other than the loop has ended.
     pub fn has_lost_one(&self) -> bool {
         self.ports.iter().chain(&self.others).any(NamedThread::is_finished)
     }
 
-    /// Waits for the loop, then ends the others, and writes what they say. Returns what happened to
-    /// a thread, and the outcome for the run log.
+    /// Waits for the loop, ends the other threads, and writes their last events. Returns the result
+    /// of the threads, and the outcome for the run log.
     pub fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, &'static str) {
         let mut ended = self.control.join();
         let (is_early, end) = (ended.is_err(), clock::now() + END_TIMEOUT);
         self.quit_ports.store(true, Ordering::Release);
-        // The port threads may talk only while somebody beats, and the loop does not any more.
+        // The port threads need heartbeats to transmit, and the loop no longer sends any.
         let beat = |stamp| self.beats.write(Heartbeat { stamp, ..Heartbeat::default() });
         for port in self.ports {
             ended = ended.and(port.join_until(end, beat));
@@ -100,15 +103,15 @@ impl Threads {
         }
         main.write_events();
         let outcome = match (main.powered.is_empty(), is_early) {
-            (true, false) => "in order",
+            (true, false) => CLEAN_SHUTDOWN,
             (true, true) => "the control loop ended early",
-            (false, _) => "with drives that are not known to be off",
+            (false, _) => "drives have not confirmed power-off",
         };
         (ended, outcome)
     }
 }
 
-/// The error of an end at which these drives have not said that they are off.
+/// Result of the process. `powered`: motors whose drives have not confirmed power-off.
 pub fn outcome(powered: Vec<usize>, ended: Result<(), ThreadError>) -> Result<(), ControllerError> {
     if powered.is_empty() {
         return ended.map_err(ControllerError::Off);
@@ -121,22 +124,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn drives_are_off_only_if_every_one_has_said_so() {
+    fn outcome_is_off_only_if_every_drive_confirmed() {
         let text = |powered: &[usize], ended| {
             outcome(powered.to_vec(), ended).map_err(|error| error.to_string())
         };
         assert_eq!(text(&[], Ok(())), Ok(()));
         let hangs = |name| Err(ThreadError::Hangs(name));
-        let said = text(&[], hangs("black box")).unwrap_err();
+        let text_off = text(&[], hangs("black box")).unwrap_err();
         assert!(
-            said.ends_with("check the disk of the records; every drive has said that it is off")
+            text_off
+                .ends_with("check the disk of the records; every drive has confirmed power-off")
         );
-        for (ended, begin) in [(Ok(()), "ended, and "), (hangs("port"), "the thread port did not")]
-        {
-            let said = text(&[0, 2], ended).unwrap_err();
-            assert!(said.starts_with(begin), "{said}");
-            let end = "the drives of motors [0, 2] are not known to be off: cut their power";
-            assert!(said.ends_with(end), "{said}");
+        for (ended, begin) in [(Ok(()), "ended, and "), (hangs("port"), "thread port did not")] {
+            let message = text(&[0, 2], ended).unwrap_err();
+            assert!(message.starts_with(begin), "{message}");
+            let end = "the drives of motors [0, 2] have not confirmed power-off: cut their power";
+            assert!(message.ends_with(end), "{message}");
         }
     }
 }

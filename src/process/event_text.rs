@@ -1,10 +1,10 @@
-//! Events as lines of the log.
+//! Log texts of events.
 
 use std::fmt;
 
 use crate::core::adaptation::AdaptationEvent;
 use crate::core::{CycleEvent, CycleEventKind, PlausibilityCheck};
-use crate::ipc::ShownClient;
+use crate::ipc::MaskedClientId;
 use crate::robot::Fault;
 
 impl fmt::Display for CycleEvent {
@@ -16,7 +16,7 @@ impl fmt::Display for CycleEvent {
     }
 }
 
-/// What happened; for an event with a cause, all but the cause.
+/// Text of an event without its cause.
 impl fmt::Display for CycleEventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -25,68 +25,68 @@ impl fmt::Display for CycleEventKind {
                 if let Some(command) = command {
                     write!(f, " by command {command}")?;
                 }
-                match fault {
-                    Fault::None => Ok(()),
-                    _ => write!(f, ", "),
-                }
+                if *fault == Fault::None { Ok(()) } else { write!(f, ", ") }
             }
             Self::StaleStop { client_id, .. } | Self::LimitStop { client_id, .. } => {
-                write!(f, "{}: ", ShownClient(*client_id))
+                write!(f, "{}: ", MaskedClientId(*client_id))
             }
             Self::FeedbackStop(_) => Ok(()),
             Self::Clipped { client_id: 0, .. } => write!(f, "move_jp: "),
-            Self::Clipped { client_id, .. } => write!(f, "{}: ", ShownClient(*client_id)),
+            Self::Clipped { client_id, .. } => write!(f, "{}: ", MaskedClientId(*client_id)),
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
-            Self::Lease { client_id } => write!(f, "lease taken by {}", ShownClient(*client_id)),
-            Self::Refused { client_id, .. } => write!(f, "refused {}: ", ShownClient(*client_id)),
+            Self::Lease { client_id } => write!(f, "lease taken by {}", MaskedClientId(*client_id)),
+            Self::Refused { client_id, .. } => {
+                write!(f, "refused {}: ", MaskedClientId(*client_id))
+            }
             Self::RequestRefused { client_id, command, .. } => {
-                write!(f, "refused `{command}` of {}: ", ShownClient(*client_id))
+                write!(f, "refused `{command}` of {}: ", MaskedClientId(*client_id))
             }
             Self::Model { from, to } => {
                 write!(f, "model {to} took over")?;
                 from.map_or(Ok(()), |from| write!(f, " from {from}"))
             }
             Self::Fixtures { client_id, active } => {
-                write!(f, "virtual fixtures changed by {}: ", ShownClient(*client_id))?;
+                write!(f, "virtual fixtures changed by {}: ", MaskedClientId(*client_id))?;
                 write_fixtures(f, *active)
             }
             Self::FixtureLimit { region } => {
                 write!(f, "warning: virtual fixture {} limits the goal", region + 1)
             }
             Self::Plausibility(check) => f.write_str(match check {
-                PlausibilityCheck::Inactive => "the pose is not to be compared with a camera",
-                PlausibilityCheck::Working => "the pose is compared with the camera",
+                PlausibilityCheck::Inactive => "camera plausibility check off",
+                PlausibilityCheck::Working => "camera plausibility check on",
                 PlausibilityCheck::Silent => {
-                    "warning: the camera is silent; the pose is NOT compared with it"
+                    "warning: the camera is silent; the pose is NOT checked against it"
                 }
                 PlausibilityCheck::TooOld => {
-                    "warning: frames of the camera are older than 0.5 s, or stamped by another \
-                     clock; the pose is NOT compared with them"
+                    "warning: camera frames are older than 0.5 s or stamped by a different clock; \
+                     the pose is NOT checked against them"
                 }
             }),
             Self::OtherCamera { frames } => write!(
                 f,
-                "warning: another camera publishes, too; {frames} of its frames were not followed"
+                "warning: a second camera is publishing; {frames} of its frames were ignored"
             ),
             Self::Adaptation(event) => f.write_str(match event {
                 AdaptationEvent::BudgetUsed => {
-                    "warning: adaptation: the budget is used up, nothing more is learned; calibrate"
+                    "warning: adaptation: the budget is used up; adaptation has stopped; \
+                     recalibrate"
                 }
-                AdaptationEvent::TakenBack => {
-                    "warning: adaptation: the adapted model was worse than the calibration for \
-                     30 s; the correction is taken back"
+                AdaptationEvent::Reverted => {
+                    "warning: adaptation: the adapted model was worse than the calibrated model \
+                     for 30 s; the correction was reverted"
                 }
-                AdaptationEvent::Slip => "adaptation: the zero has slipped; it is found anew",
+                AdaptationEvent::Slip => "adaptation: the zero has shifted; estimating it again",
                 AdaptationEvent::SlipAgain => {
-                    "warning: adaptation: the zero has slipped again; nothing more is learned until \
-                     the robot was off: look at the camera and at the wires"
+                    "warning: adaptation: the zero has shifted again; adaptation is paused until \
+                     the robot has been disabled: check the camera and the wires"
                 }
-                AdaptationEvent::CameraDisbelieved => {
-                    "warning: adaptation: most frames of the camera are far from what is expected; \
-                     nothing is learned from them"
+                AdaptationEvent::CameraRejected => {
+                    "warning: adaptation: most camera frames are far from the expected pose; \
+                     adaptation ignores them"
                 }
-                AdaptationEvent::CameraBelieved => {
-                    "adaptation: the frames of the camera are near what is expected again"
+                AdaptationEvent::CameraAccepted => {
+                    "adaptation: the camera frames agree with the expected pose again"
                 }
             }),
             Self::Axis { motor, from, to, error_code } => {
@@ -100,15 +100,15 @@ impl fmt::Display for CycleEventKind {
     }
 }
 
-/// The numbers of the virtual fixtures that count.
+/// Writes the numbers of the active virtual fixtures.
 fn write_fixtures(f: &mut fmt::Formatter<'_>, active: u32) -> fmt::Result {
     if active == 0 {
-        return f.write_str("none counts");
+        return f.write_str("none active");
     }
     let numbers = (0..u32::BITS).filter(|index| active & (1 << index) != 0);
     for (position, index) in numbers.enumerate() {
         let separator = if position == 0 { "" } else { ", " };
         write!(f, "{separator}{}", index + 1)?;
     }
-    f.write_str(" count")
+    f.write_str(" active")
 }

@@ -1,7 +1,8 @@
-//! The virtual fixtures as clients see them: names and values beside what the loop knows.
+//! The virtual fixtures as clients see them: names and values in addition to the regions of the
+//! loop.
 //!
-//! The loop keeps regions without names. All requests pass through the IPC thread in order, so that
-//! this table finds the same places for them as the loop does.
+//! The loop keeps regions without names. All requests pass through the IPC thread in order, so this
+//! table assigns them the same indices as the loop.
 
 use std::collections::VecDeque;
 
@@ -10,7 +11,7 @@ use crate::core::{CycleReport, FixtureChange, SimpleRegion};
 use crate::ipc::payload::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg, padded_text};
 use crate::robot::{FixtureAction, FixtureKind, Refusal};
 
-/// The regions, and the requests that the loop has not answered yet.
+/// Regions and pending requests.
 #[derive(Debug)]
 pub struct FixtureTable {
     message: VirtualFixturesMsg,
@@ -58,12 +59,12 @@ impl FixtureTable {
         }
     }
 
-    /// A request went to the loop.
+    /// Records a request that was sent to the loop.
     pub fn sent(&mut self, token: u64, request: VirtualFixtureRequest) {
         self.pending.push_back((token, request));
     }
 
-    /// The loop has answered. Returns whether the table changed.
+    /// Records the reply of the loop. Returns whether the table changed.
     pub fn answered(&mut self, token: u64, refusal: Refusal) -> bool {
         let place = self.pending.iter().position(|(sent, _)| *sent == token);
         let Some((_, request)) = place.and_then(|place| self.pending.remove(place)) else {
@@ -86,7 +87,7 @@ impl FixtureTable {
         true
     }
 
-    /// Takes what the loop reports of a tick.
+    /// Updates the active fixtures from the report of a tick.
     pub fn update(&mut self, report: &CycleReport) {
         self.message.active = report.fixtures;
         if let Some(index) = report.limited_by_fixture {
@@ -112,7 +113,7 @@ impl FixtureTable {
     }
 }
 
-/// The shape of a request, in degrees and mm as in the configuration; `None`: it is none.
+/// Shape of a request, in degrees and mm as in the configuration; `None` if it is invalid.
 fn shape(request: &VirtualFixtureRequest) -> Option<FixtureShape> {
     let [a, b, c, d] = request.values;
     let (deg, mm) = (f64::to_degrees, |metres: f64| metres * 1e3);
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_request_that_is_none_is_malformed() {
+    fn unknown_fixture_request_is_malformed() {
         let circle = [0.1, 0.2, 0.05, 0.0];
         assert!(FixtureTable::parse(&request(3, 1, circle)).is_ok());
         for (action, kind, values) in [
@@ -194,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_follows_the_answers_of_the_loop() {
+    fn table_follows_the_replies_of_the_loop() {
         let mut table = FixtureTable::new(&[FixtureRegionConfig {
             name: "lens".to_owned(),
             shape: FixtureShape::Circle { centre_deg: [10.0, 5.0], radius_deg: 3.0 },

@@ -1,8 +1,8 @@
 //! The IPC thread: shared memory on one side, the loop on the other.
 //!
 //! It passes the newest commands and all requests to the loop and publishes every tick that the
-//! loop reports. Calls into shared memory may take a hundred microseconds when a client comes or
-//! goes, so they are here and not in the loop.
+//! loop reports. Calls into shared memory may take a hundred microseconds when a client connects or
+//! disconnects, so they are made here, not in the loop.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,33 +30,33 @@ use crate::realtime::Granted;
 use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_OUTPUTS, Nanos};
 
-/// Interval of the messages of the adaptation, while it is on.
+/// Interval of the adaptation messages while adaptation is on.
 const ADAPTATION_PERIOD: Nanos = Nanos::from_millis(20);
 
 /// Window of the loop statistics.
 const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
 
-/// Period of looking for a watchdog.
+/// Polling period of the watchdog status.
 const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
-/// Ticks that the loop history may lag: as many as the ring of the reports holds.
+/// Ticks that the loop history may lag: the capacity of the report ring.
 const LATE_TICKS: usize = 256;
 
-/// Lines of the log and reasons that are published in one pass.
+/// Maximum number of log lines and reasons published per pass.
 const LOG_ENTRIES: usize = 16;
 
-/// From the start of a tick to reading its report: longer than the tick takes. A report that is not
-/// there yet is read before the next tick.
+/// Time from the start of a tick to reading its report: longer than a tick takes. A later report is
+/// read before the next tick.
 const REPORT_LAG: Nanos = Nanos::from_micros(100);
 
-/// What the IPC thread needs besides the server.
+/// Parts of the IPC thread besides the server.
 pub struct IpcThreadParts {
     pub channels: IpcChannels,
     /// Robot and limits, for the reply to `version`.
     pub robot: Version,
     pub motors: u32,
-    /// The ports, which a watchdog has to hold.
+    /// Ports that a watchdog must have open.
     pub ports: PortsDigest,
-    /// Knows when a port was opened, and whether a watchdog takes the lines over.
+    /// Shared with the port threads: whether a port was opened and whether a watchdog takes over.
     pub beat: LoopBeat,
     pub command_check: CommandCheck,
     pub history: SharedLoopHistory,
@@ -64,7 +64,7 @@ pub struct IpcThreadParts {
     pub fixtures: FixtureTable,
     /// Period of the loop.
     pub period: Nanos,
-    /// What the slowest line allows.
+    /// Limits due to the slowest line.
     pub line: LineBounds,
 }
 
@@ -73,17 +73,17 @@ pub struct IpcThread {
     server: Server,
     parts: IpcThreadParts,
     granted: Granted,
-    /// As last looked at.
+    /// Result of the last check.
     watchdog: WatchdogStatus,
     cameras: CameraOwner,
     next_watchdog: Nanos,
     statistics: LoopStatistics,
-    /// Filled by every tick, published with the statistics.
+    /// Updated every tick, published with the statistics.
     health: Health,
-    /// Filled by every tick, published at times.
+    /// Updated every tick, published at [`ADAPTATION_PERIOD`].
     adaptation: AdaptationMsg,
     next_adaptation: Nanos,
-    /// Ticks for the loop history, while another thread reads it.
+    /// Ticks not yet in the loop history because another thread was reading it.
     late: VecDeque<CycleReport>,
     model: Option<ModelId>,
     lease_client_id: u64,
@@ -91,7 +91,7 @@ pub struct IpcThread {
 }
 
 impl IpcThread {
-    /// `granted`: scheduling of the loop, as read back by the loop.
+    /// `granted`: actual scheduling of the loop.
     #[must_use]
     pub fn new(server: Server, parts: IpcThreadParts, granted: Granted) -> Self {
         let model = parts.history.lock().slots.active;
@@ -132,7 +132,7 @@ impl IpcThread {
             self.pass(now);
             clock::sleep_until(tick + REPORT_LAG);
             self.take_reports();
-            // Passes that are over are not made up for.
+            // Missed passes are skipped.
             tick = tick.max(now - self.parts.period) + self.parts.period;
         }
         self.pass(clock::now());
@@ -173,7 +173,7 @@ impl IpcThread {
         beat.set_watched(self.watchdog.acts());
     }
 
-    /// Nothing is powered while a watchdog runs that could not stop it: a person relies on it.
+    /// Refuses power while a watchdog runs that cannot stop the drives: the operator relies on it.
     fn check_watchdog(
         &mut self,
         request: StateRequest,
@@ -185,11 +185,11 @@ impl IpcThread {
         self.look_for_watchdog(now);
         match self.watchdog {
             WatchdogStatus::Absent | WatchdogStatus::Watching => Ok(request),
-            _ => Err(Refusal::Unwatched),
+            _ => Err(Refusal::WatchdogNotReady),
         }
     }
 
-    /// Replies and reports of the loop.
+    /// Forwards replies and reports of the loop.
     fn take_reports(&mut self) {
         while let Ok(reply) = self.parts.channels.replies.pop() {
             self.reply(reply);
@@ -199,7 +199,7 @@ impl IpcThread {
         }
     }
 
-    /// A command that the loop has not read yet is replaced only by one of the holder of the lease.
+    /// Only the lease holder replaces a command that the loop has not read yet.
     fn take_servo(&mut self, now: Nanos) {
         let (check, holder) = (self.parts.command_check, self.lease_client_id);
         let is_valid = |raw: &ReceivedCommand| check.check(&ServoCommand::from(raw), now).is_ok();
@@ -231,7 +231,7 @@ impl IpcThread {
         self.parts.channels.reports.pop().ok()
     }
 
-    /// Passes requests to the loop and to the threads that take long.
+    /// Passes requests to the loop and to the slow threads.
     fn take_requests(&mut self, now: Nanos) {
         for (id, request) in self.server.poll_requests(now) {
             match request {
@@ -245,7 +245,7 @@ impl IpcThread {
                     self.parts.fixtures.sent(id, raw);
                     self.request(id, convert::fixture_request(id, &raw));
                 }
-                // If the thread has ended, the client gets a timeout.
+                // If the thread has ended, the client times out.
                 Request::Model(raw) => drop(self.parts.queues.models.send((id, raw))),
                 Request::BlackBox(_) => {
                     drop(self.parts.queues.recorder.send(RecorderRequest::Write(id)));
@@ -308,8 +308,8 @@ impl IpcThread {
         self.server.reply(reply.id, payload);
     }
 
-    /// Never waits: a thread under normal scheduling that has the history may be suspended for
-    /// long, and commands would wait with it.
+    /// Never waits: a thread under normal scheduling may hold the history while it is suspended,
+    /// which would delay commands.
     fn update_history(&mut self) {
         if let Some(mut history) = self.parts.history.try_lock() {
             for report in self.late.drain(..) {
@@ -324,7 +324,7 @@ impl IpcThread {
         }
     }
 
-    /// The drift takes minutes: not every tick is published.
+    /// Drift takes minutes: not every tick is published.
     fn publish_adaptation(&mut self, now: Nanos) {
         if now < self.next_adaptation {
             return;

@@ -11,7 +11,7 @@ use crate::core::{HistoryCursor, newest_stamp};
 use crate::model::{History, Model, ModelId};
 use crate::units::{MotorVec, Nanos};
 
-/// A model that the loop has or may have.
+/// A model that the loop has, or will receive.
 #[derive(Debug, Clone)]
 pub struct LoadedModel {
     /// The model.
@@ -27,7 +27,7 @@ pub struct LoopHistory {
     pub history: History,
     /// Cursor in the motion history of the loop.
     pub mark: HistoryCursor,
-    /// When the last position was read.
+    /// Time of the last position.
     stamp: Nanos,
     /// Present position of the motors, counts.
     pub position: MotorVec,
@@ -38,8 +38,8 @@ pub struct LoopHistory {
 }
 
 impl LoopHistory {
-    /// Adds a tick. If ticks were lost, the history starts again: a memory that is rebuilt from a
-    /// history with a gap would be wrong without an error.
+    /// Adds a tick. If ticks were lost, the history starts again: a memory rebuilt from a history
+    /// with a gap would be wrong without any error.
     pub fn update(&mut self, report: &CycleReport) {
         self.slots = report.models;
         if report.mark == self.mark {
@@ -54,7 +54,7 @@ impl LoopHistory {
         }
         let stamp = newest_stamp(&report.feedback);
         let time_s = stamp.duration_since(self.stamp).as_seconds();
-        self.history.note_over(&self.position, time_s);
+        self.history.push_after(&self.position, time_s);
         self.stamp = stamp;
         self.mark = report.mark;
     }
@@ -71,7 +71,7 @@ impl LoopHistory {
 pub struct SharedLoopHistory(Arc<Mutex<LoopHistory>>);
 
 impl SharedLoopHistory {
-    /// The history at the start; `model` is the model of the configuration.
+    /// History at the start; `model` is the configured model.
     #[must_use]
     pub fn new(config: &Config, model: Option<&Arc<Model>>) -> Self {
         let shared = Self::default();
@@ -86,14 +86,14 @@ impl SharedLoopHistory {
         shared
     }
 
-    /// Exclusive access. Held for microseconds only.
+    /// Locks the history; hold the lock for microseconds only.
     pub fn lock(&self) -> MutexGuard<'_, LoopHistory> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl SharedLoopHistory {
-    /// Exclusive access, if no other thread has it.
+    /// Locks the history unless another thread holds the lock.
     pub fn try_lock(&self) -> Option<MutexGuard<'_, LoopHistory>> {
         match self.0.try_lock() {
             Ok(history) => Some(history),
@@ -111,7 +111,7 @@ mod tests {
     use crate::units::{Counts, Nanos};
 
     #[test]
-    fn a_gap_or_a_new_zero_restarts_the_history() {
+    fn gap_or_new_zero_restarts_the_history() {
         let text = "robot_id = \"r\"\n[[ports]]\ndevice = \"/dev/null\"\n[[ports.axes]]\n\
                     motor = 0\nnode_id = 0\nserial_number = 1\nposition_min_counts = -9\n\
                     position_max_counts = 9\n";

@@ -7,15 +7,15 @@ use crate::ipc::payload::{PeriodStatistics, SpanSummary};
 use crate::realtime::{Granted, TickTiming};
 use crate::units::Nanos;
 
-/// Spans above this are counted as this.
-const LONGEST: u64 = 10_000_000_000;
-/// Two significant digits: percentiles are right to one per cent, and a histogram takes 15 kB.
+/// Longer spans are recorded as this value, ns.
+const MAX_SPAN_NS: u64 = 10_000_000_000;
+/// Two significant digits: percentiles are accurate to 1 %, and a histogram takes 15 kB.
 const DIGITS: u8 = 2;
 
 /// Distributions of period, lateness and computing time, window by window.
 ///
 /// Recording takes some ten nanoseconds and does not allocate. Closing a window reads three
-/// histograms, which takes tens of microseconds: do it in a slower thread that receives the
+/// histograms, which takes tens of microseconds: use a slower thread that receives the
 /// [`TickTiming`]s through a ring.
 #[derive(Debug)]
 pub struct LoopStatistics {
@@ -35,8 +35,8 @@ pub struct LoopStatistics {
 }
 
 impl LoopStatistics {
-    /// For a loop with this period, in windows of this length. `granted` and `line` are
-    /// passed on to the reader.
+    /// Statistics for a loop period, in windows of this length. `granted` and `line` are passed on
+    /// to the reader.
     #[must_use]
     pub fn new(period: Nanos, window: Nanos, granted: Granted, line: LineBounds) -> Self {
         Self {
@@ -56,7 +56,7 @@ impl LoopStatistics {
         }
     }
 
-    /// Takes in one tick. Does not allocate.
+    /// Records one tick. Does not allocate.
     pub fn record(&mut self, timing: TickTiming) {
         let TickTiming { tick, ended } = timing;
         self.opened.get_or_insert(tick.planned);
@@ -69,8 +69,8 @@ impl LoopStatistics {
         }
     }
 
-    /// The message for the window that is over at `now`, and opens the next one; `None` while it is
-    /// not over.
+    /// Message for the window that ended by `now`; opens the next window. `None` while the window
+    /// is still open.
     pub fn take(&mut self, now: Nanos) -> Option<PeriodStatistics> {
         let window = self.opened.map(|opened| now - opened).filter(|span| *span >= self.window)?;
         self.total_ticks += self.ticks;
@@ -101,14 +101,14 @@ impl LoopStatistics {
     }
 }
 
-/// A distribution of spans with fixed bounds. `None` only if the constants were invalid: then it
-/// stays empty.
+/// Distribution of spans with fixed bounds. `None`, and then always empty, only if the constants
+/// were invalid.
 #[derive(Debug)]
 struct Spans(Option<Histogram<u32>>);
 
 impl Spans {
     fn new() -> Self {
-        Self(Histogram::new_with_bounds(1, LONGEST, DIGITS).ok())
+        Self(Histogram::new_with_bounds(1, MAX_SPAN_NS, DIGITS).ok())
     }
 
     fn record(&mut self, span: Nanos) {
@@ -155,13 +155,13 @@ mod tests {
         }
     }
 
-    /// Within the precision of the histogram.
+    /// Whether a value is right within the precision of the histogram.
     fn near(value: u64, microseconds: u64) -> bool {
         value.abs_diff(microseconds * 1000) <= microseconds * 10
     }
 
     #[test]
-    fn a_window_is_summed_up_when_it_is_over() {
+    fn window_is_summarised_when_it_ends() {
         let mut statistics = statistics();
         for number in 0..1000 {
             assert_eq!(statistics.take(Nanos(number * PERIOD.0)), None);
@@ -187,15 +187,15 @@ mod tests {
     }
 
     #[test]
-    fn without_ticks_there_is_no_message() {
+    fn no_message_without_ticks() {
         assert_eq!(statistics().take(Nanos(u64::MAX)), None);
     }
 
     #[test]
-    fn a_span_beyond_the_bounds_is_counted_at_the_bound() {
+    fn longer_span_is_counted_at_the_bound() {
         let mut statistics = statistics();
         statistics.record(timing(0, 60_000_000, 5, 0));
         let longest = statistics.take(WINDOW).unwrap().lateness.max_ns;
-        assert!((LONGEST..LONGEST + LONGEST / 50).contains(&longest), "{longest}");
+        assert!((MAX_SPAN_NS..MAX_SPAN_NS + MAX_SPAN_NS / 50).contains(&longest), "{longest}");
     }
 }

@@ -22,25 +22,25 @@ use crate::wall_clock;
 
 /// Period of writing the log.
 const LOG_PERIOD: Nanos = Nanos::from_millis(20);
-/// Period of looking for the watchdog, and for the files that clients need.
+/// Polling period of the watchdog status and of the files that clients need.
 const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
 
 /// Sources and destinations of log lines.
 pub struct MainThread<'a> {
     pub events: Consumer<CycleEvent>,
-    /// With the times at which they happened.
+    /// Events of the ports, with their times.
     pub port_events: Receiver<(Nanos, PortEvent)>,
     pub recorder_lines: Receiver<String>,
     pub run_log: RunLog,
     pub domain: Domain,
-    /// The ports that a watchdog has to hold.
+    /// Ports that a watchdog must have open.
     pub ports: PortsDigest,
     pub was_watched: bool,
-    /// Motors whose drives have not said at the end that they are off.
+    /// Motors whose drives have not confirmed power-off at the end.
     pub powered: Vec<usize>,
     pub boot_id: u64,
     pub log: &'a mut dyn Write,
-    /// The same lines for the stream of events, and the reasons.
+    /// The same lines for the event stream, and the reasons.
     pub published: Sender<StreamMessage>,
 }
 
@@ -67,7 +67,7 @@ impl MainThread<'_> {
                 if std::mem::replace(&mut had_files, has_files) && !has_files {
                     let line = format_args!(
                         "files of this domain in /dev/shm were removed: no new client can connect, \
-                         also none that stops the robot; end this controller and start it again"
+                         not even to stop the robot; restart this controller"
                     );
                     self.write_text(stamped_line(now, line));
                 }
@@ -76,8 +76,8 @@ impl MainThread<'_> {
         }
     }
 
-    /// A watchdog that ends, hangs or loses a port is no state of the robot, and nothing moves
-    /// differently: it is told once.
+    /// A watchdog that ends, hangs or loses a port does not change the robot state or its motion;
+    /// it is reported once.
     fn report_lost_watchdog(&mut self, now: Nanos) {
         let status = WatchdogStatus::read(&self.domain, &self.ports, now);
         let is_watched = status == WatchdogStatus::Watching;
@@ -85,11 +85,12 @@ impl MainThread<'_> {
             let reason = Reason::from(Cause::Stop(Stop::Watchdog));
             let what = match status {
                 WatchdogStatus::Absent | WatchdogStatus::Watching => "it has ended",
-                WatchdogStatus::Silent => "it hangs or is stopped",
-                WatchdogStatus::OtherPorts => "it has another configuration of ports and axes",
+                WatchdogStatus::Silent => "it hung or is suspended",
+                WatchdogStatus::OtherPorts => "it has a different configuration of ports and axes",
                 WatchdogStatus::Incomplete => "it does not hold every port",
             };
-            self.write_text(stamped_line(now, format_args!("{reason}: {what}")));
+            let line = format_args!("{}: {what}; action: {}", reason.text(), reason.cause.advice());
+            self.write_text(stamped_line(now, line));
             let _ = self.published.send(StreamMessage::of_reason(&reason, 0, now));
         }
     }
@@ -103,7 +104,7 @@ impl MainThread<'_> {
             {
                 self.powered.retain(|motor| *motor != event.motor);
             }
-            // The loop reports phases, too, at the tick that acts on them.
+            // The loop also reports phases, at the tick that acts on them.
             if !matches!(event.kind, PortEventKind::Phase { .. }) {
                 lines.push((stamp, event.to_string()));
             }
@@ -115,7 +116,7 @@ impl MainThread<'_> {
                 None => (event.stamp, event.to_string()),
             });
             if let Some(reason) = event.reason() {
-                lines.push((event.stamp, format!("do: {}", reason.cause.advice())));
+                lines.push((event.stamp, format!("action: {}", reason.cause.advice())));
                 self.publish_reason(&event, reason);
             }
             // A full disk does not stop the robot.

@@ -2,8 +2,8 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `controller` | start and end of the process, in order |
-//! | `ending` | the end of the threads, and what is known of the drives then |
+//! | `controller` | start and shutdown of the process |
+//! | `ending` | shutdown of the threads, final power state of the drives |
 //! | `start_up` | model, ports and drives at the start |
 //! | `threads` | starting, naming and joining threads |
 //! | `control_loop` | the real-time loop thread; the only place that runs the cycle |
@@ -12,13 +12,13 @@
 //! | `model_comparison` | difference between two models, in counts |
 //! | `loop_statistics` | period, lateness and computing time of the loop, window by window |
 //! | `loop_history` | motor positions and loaded models, shared by the slower threads |
-//! | `main_thread` | the log, and waiting for the end |
+//! | `main_thread` | writes the log and waits for the end |
 //! | `fixture_table` | names and values of the virtual fixtures, for clients |
-//! | `camera_owner` | which camera is followed |
-//! | `channels` | everything that passes between the threads |
+//! | `camera_owner` | selection of the camera to follow |
+//! | `channels` | channels between the threads |
 //! | `payload_conversion` | conversion between payloads and values of the core |
 //! | `console_log` | the log on the terminal, which never blocks |
-//! | `event_text` | events as lines of the log |
+//! | `event_text` | log texts of events |
 //! | [`black_box`] | the last seconds of every tick: recorder, file, replay |
 //! | [`run_log`] | one line of JSON per start, end and change of state |
 
@@ -49,16 +49,16 @@ use std::process::ExitCode;
 use console_log::ConsoleLog;
 pub use payload_conversion::{operating_state, robot_description};
 
-/// A write beyond the limit on the size of files fails from now on, as on a full disk. By default it
-/// kills the process.
+/// Makes a write beyond the file-size limit fail, as on a full disk. By default it kills the
+/// process.
 pub fn survive_file_size_limit() {
     // SAFETY: no handler is replaced.
     let _ = unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
 }
 
-/// The main function of a process: it starts the log, which a thread of its own writes, because a
-/// terminal that blocks must not keep drives from being stopped; and prints why it ended. `code`:
-/// the exit code of a failure.
+/// Main function of a process: starts the log and prints the final error. The log has its own
+/// thread, because a blocked terminal must not delay stopping the drives. `code`: exit code of a
+/// failure.
 pub fn run_process<E: Display>(
     start: impl FnOnce(&mut ConsoleLog) -> Result<(), E>,
     code: impl FnOnce(&E) -> u8,

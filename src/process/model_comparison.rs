@@ -23,12 +23,12 @@ impl<'a> ModelState<'a> {
 }
 
 /// Motor motion that keeps the outputs at the estimate of `old` when `new` takes over: at the
-/// present position, and its maximum over the hull of `old`. `None` if the models have different
-/// outputs.
+/// present position, and its maximum over the hull of `old`. `None` if the outputs of the models
+/// differ.
 ///
 /// Both models invert the same estimate from the same start, each with its memory of the same
-/// history. So a model does not differ from itself, although an inverse with compensation does not
-/// return to where the estimate was made.
+/// history. So a model compared with itself gives zero, although an inverse with compensation does
+/// not return to the position of the estimate.
 #[must_use]
 pub fn difference(
     old: ModelState<'_>,
@@ -59,8 +59,8 @@ pub fn difference(
     Some(difference)
 }
 
-/// Motion from where `old` has its own estimate to where `new` has it, and whether that was clipped
-/// to the hull of `new`.
+/// Motion from the inverse of `old` to that of `new` for the same estimate, and whether it was
+/// clipped to the hull of `new`.
 fn motion(
     old: ModelState<'_>,
     new: ModelState<'_>,
@@ -78,7 +78,7 @@ fn motion(
     (counts, inverse.clipped)
 }
 
-/// A regular grid in the hull, and its corners.
+/// Regular grid in the hull, and its corners.
 fn grid(model: &Model) -> Vec<MotorVec> {
     let hull = model.hull();
     let corners: Vec<MotorVec> = hull.corners().collect();

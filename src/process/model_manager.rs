@@ -1,7 +1,7 @@
 //! The model thread: reads, checks and compares models, passes them to the loop, and frees the
 //! models that the loop returns.
 //!
-//! All slow work on models happens here, under normal scheduling. The loop receives a pointer and
+//! All slow work on models is done here, under normal scheduling. The loop receives a pointer and
 //! returns one.
 
 use std::os::unix::ffi::OsStrExt;
@@ -25,14 +25,14 @@ use crate::process::start_up::check_drives;
 use crate::robot::{DriveFingerprint, ModelAction, Refusal};
 use crate::units::Nanos;
 
-/// Timeout for the reply of the loop: it takes a tick, unless the machine stalls.
+/// Timeout for the reply of the loop: normally one tick, unless the machine stalls.
 const REPLY_TIMEOUT: Nanos = Nanos::from_millis(2000);
 /// Polling period for the reply.
 const POLL_PERIOD: Nanos = Nanos::from_micros(500);
 /// Period of freeing returned models while there are no requests.
 const IDLE_PERIOD: Duration = Duration::from_millis(100);
 
-/// Why a request is refused; the message may be empty.
+/// Refusal of a request; the message may be empty.
 struct Refused {
     refusal: Refusal,
     message: String,
@@ -52,14 +52,14 @@ pub struct ModelManager {
     drives: Vec<DriveFingerprint>,
     history: SharedLoopHistory,
     channels: ModelChannels,
-    /// To the black box, which must know every model before the loop does.
+    /// Channel to the black box, which must know every model before the loop does.
     recorder: Sender<RecorderRequest>,
     requests: u64,
     offers: u64,
 }
 
 impl ModelManager {
-    /// A manager that knows the model at the start.
+    /// A manager with the model at the start.
     #[must_use]
     pub fn new(
         config: Config,
@@ -70,7 +70,7 @@ impl ModelManager {
         Self { config, drives: Vec::new(), history, channels, recorder, requests: 0, offers: 0 }
     }
 
-    /// Compares models with these settings of the drives.
+    /// Sets the drive settings that models are compared with.
     #[must_use]
     pub fn with_drives(self, drives: Vec<DriveFingerprint>) -> Self {
         Self { drives, ..self }
@@ -168,7 +168,7 @@ impl ModelManager {
         Ok(difference)
     }
 
-    /// Passes a model to the loop and waits until the loop has staged it.
+    /// Passes a model to the loop and waits until it is staged.
     fn offer(&mut self, model: Arc<Model>, file: PathBuf) -> Result<(), Refused> {
         let id = model.id();
         let loaded = LoadedModel { model: Arc::clone(&model), file };
@@ -181,7 +181,7 @@ impl ModelManager {
         self.offers += 1;
         let number = self.offers;
         let record = Box::new(OfferRecord { number, model: id, carried: candidate.state() });
-        // If the recorder has ended there is no black box, and the robot continues.
+        // If the recorder has ended, no black box is written, and the robot continues.
         let _ = self.recorder.send(RecorderRequest::Offer(record, model));
         let offer = ModelOffer { number, candidate };
         self.channels.offers.push(offer).map_err(|_| Refusal::Busy)?;
@@ -209,7 +209,7 @@ impl ModelManager {
         if refusal != Refusal::None {
             return Err(refusal.into());
         }
-        // Until the change is visible to clients.
+        // Waits until clients can see the change.
         self.wait_for(|manager| (manager.history.lock().slots.active == to).then_some(()))
     }
 
@@ -222,14 +222,14 @@ impl ModelManager {
             if clock::now().duration_since(start) > REPLY_TIMEOUT {
                 return Err(Refused {
                     refusal: Refusal::Busy,
-                    message: "the control loop does not answer".to_owned(),
+                    message: "no reply from the control loop".to_owned(),
                 });
             }
             clock::sleep(POLL_PERIOD);
         }
     }
 
-    /// Frees returned models, and forgets models that are no longer loaded.
+    /// Frees returned models and forgets models that are no longer loaded.
     fn free_retired(&mut self) {
         if self.channels.retired.is_empty() {
             return;
@@ -284,7 +284,7 @@ fn model_slot(loaded: &LoadedModel, memory_known: bool) -> ModelSlot {
     slot
 }
 
-/// The last characters of a text, at most `bytes` bytes.
+/// Last characters of a text, at most `bytes` bytes.
 fn tail(text: &str, bytes: usize) -> &str {
     let mut starts = text.len().saturating_sub(bytes)..=text.len();
     let start = starts.find(|start| text.is_char_boundary(*start));
@@ -296,7 +296,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_must_be_absolute_and_end_within_its_field() {
+    fn path_must_be_absolute_and_terminated() {
         let field = padded_text::<16>("/a/b.json");
         assert_eq!(path(&field).unwrap(), Path::new("/a/b.json"));
         for field in [&padded_text::<16>("a/b.json")[..], &[b'/'; 16], &[]] {
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_path_is_reduced_to_its_end() {
+    fn long_path_is_reduced_to_its_end() {
         assert_eq!(tail("/models/snake.json", 10), "snake.json");
         assert_eq!(tail("snake.json", 100), "snake.json");
         assert_eq!(tail("äb", 2), "b");

@@ -1,5 +1,5 @@
-//! Conversion between payloads and values of the core. Nothing is checked here: the core does that,
-//! and the server sets sequence and boot id.
+//! Conversion between payloads and values of the core. Validation is left to the core; the server
+//! sets sequence and boot id.
 
 use crate::config::Config;
 use crate::core::{
@@ -64,7 +64,7 @@ impl From<&ServoActuator> for ServoCommand {
     }
 }
 
-/// Until when a request may be carried out.
+/// Time span in which a request may be executed.
 #[must_use]
 pub fn validity(stamp_ns: u64, valid_ns: u64) -> Validity {
     Validity { stamp: Nanos(stamp_ns), span: Nanos(valid_ns) }
@@ -73,7 +73,7 @@ pub fn validity(stamp_ns: u64, valid_ns: u64) -> Validity {
 /// `state_command` as a request for the loop.
 pub fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Refusal> {
     let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
-    // A later version may give the reserved field a meaning that this one would ignore.
+    // A later version may give the reserved field a meaning that this version would ignore.
     if raw.client_id == 0 || raw.reserved != 0 {
         return Err(Refusal::Malformed);
     }
@@ -113,7 +113,7 @@ pub fn fixture_request(id: u64, raw: &VirtualFixtureRequest) -> Result<StateRequ
 /// The measurement of a camera, if it is valid.
 #[must_use]
 pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
-    // A flag of a later version could mean that the values are something else.
+    // A flag of a later version could change the meaning of the values.
     let valid = raw.flags == ExternalPosition::VALID && raw.count as usize <= MAX_OUTPUTS;
     let seen = ExternalPose {
         stamp: Nanos(raw.stamp_ns),
@@ -165,7 +165,7 @@ const fn flag(set: bool, value: u32) -> u32 {
     if set { value } else { 0 }
 }
 
-/// `actuators/measured_js` of one tick, for this number of motors.
+/// `actuators/measured_js` of one tick for this number of motors.
 #[must_use]
 pub fn actuator_state(report: &CycleReport, motors: u32) -> ActuatorState {
     let feedback = &report.feedback;
@@ -244,7 +244,7 @@ pub fn health(report: &CycleReport, lost: &LostCounters) -> Health {
     }
 }
 
-/// Robot and limits of a configuration, as the reply to `version` has them.
+/// Robot and limits of a configuration, for the reply to `version`.
 #[must_use]
 pub fn robot_description(config: &Config) -> Version {
     let mut described = Version {

@@ -1,5 +1,5 @@
-//! The run log: one JSON object per line for every start and end of the controller and every change
-//! of state with its cause. Lines are only ever appended.
+//! The run log: one JSON object per line for every start and end of the controller and every state
+//! change with its cause. Lines are only ever appended.
 
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, Write};
@@ -20,7 +20,7 @@ use crate::wall_clock;
 /// Name of the file in the folder of the records.
 pub const FILE: &str = "runs.jsonl";
 
-/// What identifies a run.
+/// Identification of a run.
 #[derive(Debug)]
 pub struct RunHeader<'a> {
     /// Version and commit.
@@ -33,7 +33,7 @@ pub struct RunHeader<'a> {
     pub model: Option<ModelId>,
     /// The drives.
     pub drives: &'a [AxisIdentity],
-    /// Their settings.
+    /// Drive settings.
     pub fingerprints: &'a [DriveFingerprint],
     /// Scheduling of the loop.
     pub granted: &'a Granted,
@@ -64,8 +64,8 @@ impl RunLog {
         (log, opened)
     }
 
-    /// Writes an event if it belongs to the run log: changes of state and of the model, the lease,
-    /// stops after a deadline, errors of drives. `client`: process that took a lease, if known.
+    /// Writes an event if it belongs to the run log: changes of state, model and lease, stops after
+    /// a deadline, drive errors. `client`: process that took a lease, if known.
     ///
     /// # Errors
     ///
@@ -97,7 +97,7 @@ impl RunLog {
         let run = format!("{:016x}", self.boot_id);
         let time = wall_clock::now().to_string();
         let line = merge(json!({ "run": run, "time": time, "event": event }), fields);
-        // One call, so that lines of two controllers are never mixed.
+        // A single call, so that lines of two controllers are never mixed.
         file.write_all(format!("{line}\n").as_bytes())
     }
 }
@@ -107,7 +107,7 @@ fn open(config: &Config) -> io::Result<File> {
     if !folder.is_dir() {
         DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
     }
-    // A FIFO or a device in its place would block the main thread.
+    // A FIFO or a device under this name would block the main thread.
     let file = OpenOptions::new()
         .append(true)
         .create(true)

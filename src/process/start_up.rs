@@ -21,7 +21,7 @@ use crate::process::main_thread::write_line;
 use crate::robot::DriveFingerprint;
 use crate::units::Nanos;
 
-/// Maximum time until the port threads have read the first positions: a few exchanges, unless the
+/// Maximum time for the port threads to read the first positions: a few exchanges, unless the
 /// machine stalls.
 const FIRST_POSITIONS: Nanos = Nanos::from_millis(2000);
 
@@ -31,7 +31,7 @@ pub enum StartModelError {
     /// The model is missing, damaged or writable by others.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The model is of another robot, or marked as worthless.
+    /// The model belongs to a different robot, or is marked as worthless.
     #[error("model file {path} {source}")]
     Use {
         /// The file.
@@ -39,12 +39,12 @@ pub enum StartModelError {
         /// Why this robot may not use it.
         source: ModelError,
     },
-    /// The model was calibrated with other settings of the drives.
+    /// The model was calibrated with different drive settings.
     #[error("model file {path} {differences}; or set `control.other_drive = true`")]
     OtherDrive {
         /// The file.
         path: PathBuf,
-        /// The settings.
+        /// The differing settings.
         differences: String,
     },
 }
@@ -61,26 +61,26 @@ pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
     Ok(Some(model))
 }
 
-/// Settings that are named at most.
-const MOST_NAMED: usize = 5;
+/// Maximum number of settings named in a message.
+const MAX_NAMED_SETTINGS: usize = 5;
 
-/// Whether a model was calibrated with the present settings of the drives.
+/// Checks that a model was calibrated with the present drive settings.
 ///
 /// # Errors
 ///
-/// Which settings differ, and what to do.
+/// The settings that differ, and a remedy.
 pub fn check_drives(model: &Model, drives: &[DriveFingerprint]) -> Result<(), String> {
     let calibrated = &model.file().training.drives;
     let found = differences_of_model(calibrated, drives, model.motors());
     if found.is_empty() {
         return Ok(());
     }
-    let more = found.len().saturating_sub(MOST_NAMED);
+    let more = found.len().saturating_sub(MAX_NAMED_SETTINGS);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     Err(format!(
-        "was calibrated with other settings of the drives (calibration -> now): {}{more}; set \
-         them back, or calibrate again",
-        found[..found.len().min(MOST_NAMED)].join(", ")
+        "was calibrated with different drive settings (calibration -> now): {}{more}; restore \
+         them, or recalibrate",
+        found[..found.len().min(MAX_NAMED_SETTINGS)].join(", ")
     ))
 }
 
@@ -104,7 +104,7 @@ pub fn software() -> String {
     format!("i2ris {} ({COMMIT})", env!("CARGO_PKG_VERSION"))
 }
 
-/// A serial port, and the capture of what goes over it.
+/// A serial port whose traffic is captured.
 pub type PortLine = CapturedLine<SerialTransport>;
 
 /// All drives, ready to be enabled.
@@ -112,11 +112,11 @@ pub struct Drives {
     pub runners: Vec<PortRunner<PortLine, Gated>>,
     pub links: Vec<AxisLink<Gated>>,
     pub identities: Vec<AxisIdentity>,
-    /// What goes over the ports.
+    /// Captures of the port traffic.
     pub captures: Vec<Capture>,
     /// The settings of the drives.
     pub fingerprints: Vec<DriveFingerprint>,
-    /// How long an exchange takes on each port.
+    /// Duration of an exchange on each port.
     pub exchanges: Vec<Nanos>,
     /// The signs of life of the port threads.
     pub lives: Vec<PortLife>,
@@ -138,7 +138,7 @@ impl Drives {
 }
 
 /// Opens all ports, then configures them, so that a missing port is detected before any drive is
-/// changed. What went over the ports is written to a file where a drive is not as it should be.
+/// changed. If a drive fails, the port traffic is written to a file.
 pub fn bring_up_ports(
     config: &Config,
     beat: &LoopBeat,
@@ -164,7 +164,10 @@ pub fn bring_up_ports(
     };
     if let Err(error) = drives.bring_up(opened) {
         match write_failed_start(&config.record_folder, &drives.captures, &software()) {
-            Ok(path) => write_line(log, format_args!("what the drives said: {}", path.display())),
+            Ok(path) => {
+                let path = path.display();
+                write_line(log, format_args!("serial capture of the failed start: {path}"));
+            }
             Err(error) => write_line(log, format_args!("warning: {error}")),
         }
         return Err(error);
@@ -172,9 +175,8 @@ pub fn bring_up_ports(
     Ok(drives)
 }
 
-/// Waits until the port threads have read positions. The positions from bring-up may be old, and
-/// the loop would report a lost drive. A drive that is really lost is left to the loop, which names
-/// it.
+/// Waits until the port threads have read positions: with the older positions of bring-up, the loop
+/// would report a lost drive. A drive that is really lost is left to the loop, which names it.
 pub fn wait_for_positions(links: &mut [AxisLink<Gated>]) {
     let start = clock::now();
     let is_fresh = |link: &mut AxisLink<Gated>| link.feedback.read().stamp >= start;

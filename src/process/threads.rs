@@ -9,14 +9,11 @@ use crate::units::Nanos;
 /// Polling period of a wait for the end of a thread.
 const POLL_PERIOD: Nanos = Nanos::from_millis(5);
 
-/// Why a thread did not start, or how it ended.
+/// Error of a thread.
 #[derive(Debug, thiserror::Error)]
 pub enum ThreadError {
     /// The system refuses a thread.
-    #[error(
-        "cannot start the thread {name}: {source}; the limit on processes of this user may be too \
-         low"
-    )]
+    #[error("cannot start thread {name}: {source}; the process limit of this user may be too low")]
     Start {
         /// Name of the thread.
         name: &'static str,
@@ -24,14 +21,14 @@ pub enum ThreadError {
         source: io::Error,
     },
     /// A thread panicked.
-    #[error("internal error: the thread {0} ended early")]
+    #[error("internal error: thread {0} ended early")]
     Died(&'static str),
-    /// A thread does not end, for example because a disk does not answer.
-    #[error("the thread {0} did not end in time and was abandoned{advice}", advice = advice(.0))]
+    /// A thread does not end, for example because of a stalled disk.
+    #[error("thread {0} did not end in time and was abandoned{advice}", advice = advice(.0))]
     Hangs(&'static str),
 }
 
-/// What a thread that hangs waits for: only those of records wait for a disk.
+/// Advice for a thread that hangs: only the black box waits for a disk.
 fn advice(name: &str) -> &'static str {
     if name == "black box" { "; check the disk of the records" } else { "" }
 }
@@ -63,8 +60,7 @@ impl NamedThread {
         self.handle.is_finished()
     }
 
-    /// Waits for the end of the thread, at most until `end`, and does something again and again
-    /// `meanwhile`.
+    /// Waits for the end of the thread, at most until `end`; calls `meanwhile` periodically.
     ///
     /// # Errors
     ///

@@ -3,13 +3,13 @@
 //! | file | holds |
 //! |---|---|
 //! | `scheduling` | SCHED_FIFO, processor, locked memory: requests and what was granted |
-//! | `suspend` | whether the computer slept |
+//! | `suspend` | detection of a suspended computer |
 //! | `ticker` | waits for the next tick on the absolute clock |
 
 pub mod scheduling;
 pub mod suspend;
 pub mod ticker;
 
-pub use scheduling::{Granted, Wanted, keep_normal, read_back, request};
+pub use scheduling::{Granted, SchedulingRequest, keep_normal, read_back, request};
 pub use suspend::SuspendMonitor;
 pub use ticker::{Schedule, Tick, TickTiming, Ticker};

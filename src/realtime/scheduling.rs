@@ -14,9 +14,9 @@ use nix::unistd::Pid;
 /// The calling thread, in calls that take a thread id.
 const SELF: Pid = Pid::from_raw(0);
 
-/// What a thread asks for.
+/// Scheduling that a thread requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Wanted {
+pub struct SchedulingRequest {
     /// SCHED_FIFO priority, 1 to 98; 0: normal scheduling.
     pub priority: u8,
     /// The processor to run on, and no other.
@@ -25,7 +25,7 @@ pub struct Wanted {
     pub lock_memory: bool,
 }
 
-/// What a thread was granted, as read back from the kernel.
+/// Scheduling granted to a thread, as read back from the kernel.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Granted {
     /// SCHED_FIFO priority; 0: normal scheduling.
@@ -34,7 +34,7 @@ pub struct Granted {
     pub cpu: Option<usize>,
     /// The memory of the process is locked.
     pub memory_locked: bool,
-    /// One sentence for every request that was not granted: what, why, and how to allow it.
+    /// One sentence per refused request: subject, reason and remedy.
     pub warnings: Vec<String>,
 }
 
@@ -43,7 +43,7 @@ pub struct Granted {
 /// Threads and processes that this thread starts do not inherit SCHED_FIFO. They do inherit the
 /// processor: see [`keep_normal`].
 #[must_use]
-pub fn request(wanted: Wanted) -> Granted {
+pub fn request(wanted: SchedulingRequest) -> Granted {
     let mut warnings = Vec::new();
     if wanted.lock_memory {
         warnings.extend(lock_memory().err().map(memory_warning));
@@ -77,7 +77,7 @@ pub fn keep_normal(loop_cpu: Option<usize>) {
     }
 }
 
-/// What the calling thread has now.
+/// Present scheduling of the calling thread.
 #[must_use]
 pub fn read_back() -> Granted {
     Granted {
@@ -91,7 +91,7 @@ pub fn read_back() -> Granted {
 
 impl Granted {
     /// Adds a warning for what the kernel accepted without an error and does not report.
-    fn check_silent_refusals(mut self, wanted: Wanted) -> Self {
+    fn check_silent_refusals(mut self, wanted: SchedulingRequest) -> Self {
         let silent = self.warnings.is_empty();
         let missing = [
             (wanted.priority > 0 && self.priority != wanted.priority, "SCHED_FIFO"),
@@ -179,15 +179,15 @@ fn locked_kilobytes(status: &str) -> u64 {
     line.and_then(|rest| rest.split_whitespace().next()?.parse().ok()).unwrap_or(0)
 }
 
-/// A process with the right to a priority is refused it by its control group alone.
+/// Only the control group can refuse a priority to a process that has the right to it.
 fn priority_warning(priority: u8, errno: Errno, has_right: bool) -> String {
     let refused =
         format!("SCHED_FIFO priority {priority} refused ({errno}): ticks will be late under load");
     if has_right {
         return format!(
-            "{refused}; the right to it is there, and the control group of this process (see \
-             /proc/self/cgroup) has no real-time budget: start it in another group, write one into \
-             cpu.rt_runtime_us of the group and of those above it, or boot a kernel without \
+            "{refused}; the process has the right to it, but its control group (see \
+             /proc/self/cgroup) has no real-time budget: start it in another group, set a budget \
+             in cpu.rt_runtime_us of the group and of those above it, or boot a kernel without \
              RT_GROUP_SCHED"
         );
     }
@@ -229,7 +229,7 @@ mod tests {
     use super::*;
     use std::thread;
 
-    /// Scheduling belongs to a thread: try it in one that nobody else uses.
+    /// Scheduling belongs to a thread: tests it in a separate one.
     fn in_a_thread<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
         thread::spawn(work).join().unwrap()
     }
@@ -239,18 +239,20 @@ mod tests {
     }
 
     #[test]
-    fn a_processor_that_exists_is_granted_and_read_back() {
+    fn existing_processor_is_granted_and_read_back() {
         in_a_thread(|| {
             let cpu = allowed()[0];
-            let granted = request(Wanted { cpu: Some(cpu), ..Wanted::default() });
+            let granted =
+                request(SchedulingRequest { cpu: Some(cpu), ..SchedulingRequest::default() });
             assert_eq!((granted.cpu, granted.warnings), (Some(cpu), vec![]));
         });
     }
 
     #[test]
-    fn a_processor_that_does_not_exist_is_warned_about() {
+    fn missing_processor_gives_a_warning() {
         in_a_thread(|| {
-            let granted = request(Wanted { cpu: Some(1000), ..Wanted::default() });
+            let granted =
+                request(SchedulingRequest { cpu: Some(1000), ..SchedulingRequest::default() });
             assert!(
                 granted.warnings.len() == 1 && granted.warnings[0].contains("processor 1000"),
                 "{granted:?}"
@@ -262,7 +264,8 @@ mod tests {
     #[test]
     fn fifo_is_either_there_or_warned_about() {
         in_a_thread(|| {
-            let granted = request(Wanted { priority: 7, ..Wanted::default() });
+            let granted =
+                request(SchedulingRequest { priority: 7, ..SchedulingRequest::default() });
             assert_eq!(granted.priority == 7, granted.warnings.is_empty(), "{granted:?}");
             assert!(
                 granted.warnings.iter().all(|it| it.contains("rtprio") != has_right(7)),
@@ -271,9 +274,9 @@ mod tests {
         });
     }
 
-    /// moby/moby#22380, opencontainers/runc#2431: limits and capabilities were there.
+    /// moby/moby#22380, opencontainers/runc#2431: limits and capabilities were granted.
     #[test]
-    fn who_has_the_right_is_sent_to_the_control_group() {
+    fn control_group_is_named_to_a_process_with_the_right() {
         for (has_right, remedy) in [(true, "cpu.rt_runtime_us"), (false, "LimitRTPRIO")] {
             let warning = priority_warning(80, Errno::EPERM, has_right);
             assert!(warning.contains(remedy), "{warning}");
@@ -282,11 +285,11 @@ mod tests {
     }
 
     #[test]
-    fn child_threads_do_not_inherit_fifo_and_keep_normal_leaves_the_processor() {
+    fn child_threads_do_not_inherit_fifo_or_pinning() {
         in_a_thread(|| {
             let processors = allowed();
             let cpu = processors[0];
-            let _ = request(Wanted { priority: 7, cpu: Some(cpu), lock_memory: false });
+            let _ = request(SchedulingRequest { priority: 7, cpu: Some(cpu), lock_memory: false });
             let child = in_a_thread(read_back);
             assert_eq!((child.priority, child.cpu), (0, Some(cpu)));
             let helper = in_a_thread(move || {
@@ -301,15 +304,15 @@ mod tests {
     #[test]
     fn a_real_time_thread_can_be_put_back() {
         in_a_thread(|| {
-            let _ = request(Wanted { priority: 7, ..Wanted::default() });
+            let _ = request(SchedulingRequest { priority: 7, ..SchedulingRequest::default() });
             keep_normal(None);
             assert_eq!(read_back().priority, 0);
         });
     }
 
     #[test]
-    fn a_request_that_fails_without_an_error_is_warned_about() {
-        let wanted = Wanted { priority: 80, cpu: Some(1), lock_memory: true };
+    fn silently_refused_request_gives_a_warning() {
+        let wanted = SchedulingRequest { priority: 80, cpu: Some(1), lock_memory: true };
         let granted = Granted::default().check_silent_refusals(wanted);
         assert_eq!(granted.warnings.len(), 3);
         let granted = Granted { priority: 80, cpu: Some(1), memory_locked: true, warnings: vec![] };

@@ -1,14 +1,15 @@
-//! Whether the computer slept: `CLOCK_MONOTONIC` stops in a suspend and `CLOCK_BOOTTIME` goes on,
-//! so the distance of the two jumps. To everything that reads only the first, a command from before
-//! the suspend is as young as ever, while the robot may have been touched for hours.
+//! Detection of a suspended computer: `CLOCK_MONOTONIC` stops during suspend and `CLOCK_BOOTTIME`
+//! does not, so their difference jumps. To code that reads only the first, a command from before
+//! the suspend still looks fresh, although the robot may have been touched for hours.
 
 use crate::clock;
 use crate::units::Nanos;
 
-/// A shorter jump is none: the two clocks are not read at the same instant.
-const SHORTEST: Nanos = Nanos::from_millis(50);
+/// A shorter jump is ignored: the two clocks are not read at the same instant.
+const MIN_SUSPEND: Nanos = Nanos::from_millis(50);
 
-/// Reads at the start, of which the best counts: the thread may be interrupted in between.
+/// Number of reads at the start; the best is used, because the thread may be interrupted in
+/// between.
 const FIRST_READS: usize = 16;
 
 /// Detects suspends of the computer.
@@ -31,7 +32,7 @@ impl SuspendMonitor {
     pub fn update(&mut self, suspended: Nanos) -> Option<Nanos> {
         let jump = suspended.duration_since(self.known);
         self.known = self.known.max(suspended);
-        (jump > SHORTEST).then_some(jump)
+        (jump > MIN_SUSPEND).then_some(jump)
     }
 }
 
@@ -46,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_jump_of_the_two_clocks_is_a_suspend_and_an_interruption_between_two_reads_is_none() {
+    fn clock_jump_is_a_suspend_but_preemption_is_not() {
         let ms = Nanos::from_millis;
         let mut monitor = SuspendMonitor { known: ms(5000) };
         // Interrupted reads show less, and never more.
@@ -54,7 +55,7 @@ mod tests {
             assert_eq!(monitor.update(ms(read)), None, "{read}");
         }
         assert_eq!(monitor.update(ms(65_001)), Some(ms(60_000)));
-        assert_eq!(monitor.update(ms(65_001)), None, "told once");
+        assert_eq!(monitor.update(ms(65_001)), None, "reported once");
     }
 
     #[test]

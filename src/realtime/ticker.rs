@@ -87,7 +87,7 @@ impl Ticker {
 /// The instants of one tick, small enough to hand to another thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct TickTiming {
-    /// When it should have begun, when it began, and what was skipped.
+    /// Scheduled start, actual start, and skipped ticks.
     pub tick: Tick,
     /// When its work was done.
     pub ended: Nanos,
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tick_that_is_late_by_less_than_a_period_misses_nothing() {
+    fn tick_late_by_under_a_period_misses_nothing() {
         let mut schedule = Schedule::new(Nanos(5000), PERIOD);
         assert_eq!(schedule.begin(Nanos(5999)).missed, 0);
         assert_eq!(schedule.next(), Nanos(6000));

@@ -28,43 +28,43 @@ numbered_enum! {
     }
 }
 
-/// What is known of the power of a drive.
+/// Known power of a drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DrivePower {
     /// Its power stage is off.
     Off,
     /// It has power: it holds or moves.
     On,
-    /// It does not answer: it does what it was told last.
+    /// The drive does not answer: it still carries out its last command.
     NotKnown,
 }
 
-/// What is known of the power of all drives, by what they say of themselves and not by what they
-/// were asked for. Every text about it is from here: a person puts a hand there.
+/// Known power of all drives, from their own reports, not from the commands they were sent. Every
+/// text about power comes from here: a person relies on it before touching the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum KnownPower {
-    /// Every drive says that it has none.
+    /// Every drive reports power off.
     Off,
-    /// Every drive says that it has none, or that it is in quick stop.
+    /// Every drive reports power off or quick stop.
     Stopped,
-    /// A drive has power, or says nothing.
+    /// A drive has power, or does not report.
     NotOff,
 }
 
 impl KnownPower {
-    /// As a part of a sentence.
+    /// Text of the state, as part of a sentence.
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
             Self::Off => "every drive is off",
             Self::Stopped => "every drive is in quick stop or off",
-            Self::NotOff => "not every drive says that it is off",
+            Self::NotOff => "a drive has not confirmed power-off",
         }
     }
 }
 
 impl AxisPhase {
-    /// What the phase says of the power.
+    /// Power that follows from the phase.
     #[must_use]
     pub fn power(self) -> DrivePower {
         match self {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DriveFingerprint {
-    /// The motor that it turns.
+    /// Index of its motor.
     pub motor: usize,
     /// Its family, `EPOS2` or `EPOS4`.
     pub family: String,

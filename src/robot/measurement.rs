@@ -8,7 +8,7 @@ use super::numbered_enum::numbered_enum;
 use crate::units::Nanos;
 
 numbered_enum! {
-    /// What an [`Measurement`] counts.
+    /// Quantity of a [`Measurement`].
     Quantity {
         /// Nothing.
         None = 0, "";
@@ -40,7 +40,7 @@ numbered_enum! {
 pub struct Measurement {
     /// Index of the motor, if the value belongs to one.
     pub motor: Option<u8>,
-    /// What is measured.
+    /// Measured quantity.
     pub quantity: Quantity,
     /// The measured value, in the unit of `quantity`.
     pub measured: f64,
@@ -49,7 +49,7 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// A value of the whole robot.
+    /// Creates a value of the whole robot.
     #[must_use]
     pub const fn new(quantity: Quantity, measured: f64, limit: Option<f64>) -> Self {
         Self { motor: None, quantity, measured, limit }
@@ -61,9 +61,9 @@ impl Measurement {
         Self::new(Quantity::None, 0.0, None)
     }
 
-    /// An age or a duration, and its limit.
+    /// Creates an age or a duration with its limit.
     #[must_use]
-    pub fn of_age(age: Nanos, limit: Nanos) -> Self {
+    pub fn from_age(age: Nanos, limit: Nanos) -> Self {
         let ms = |span: Nanos| span.as_seconds() * 1e3;
         Self::new(Quantity::Milliseconds, ms(age), Some(ms(limit)))
     }

@@ -1,5 +1,5 @@
-//! The vocabulary of the robot: states, commands, refusals, faults, and the reasons that people
-//! read. Core, process, shared memory and clients use this module. It depends on none of them.
+//! The vocabulary of the robot: states, commands, refusals, faults, and the reasons shown to
+//! people. Core, process, shared memory and clients use this module. It depends on none of them.
 
 mod advice;
 mod axis_phase;

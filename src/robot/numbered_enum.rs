@@ -15,7 +15,7 @@ macro_rules! numbered_enum {
         }
 
         impl $name {
-            /// Every value, in the order of the numbers.
+            /// All values, in the order of their numbers.
             pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
 
             /// The value with this number.

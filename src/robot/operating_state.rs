@@ -1,4 +1,4 @@
-//! The operating states of the robot, causes of FAULT, and reasons for stops that nobody asked for.
+//! The operating states of the robot, causes of FAULT, and reasons for uncommanded stops.
 
 use super::numbered_enum::numbered_enum;
 
@@ -27,61 +27,64 @@ numbered_enum! {
         /// A drive does not respond.
         Link = 2, "a drive does not answer";
         /// The following error is too large: setpoint and encoder differ too much.
-        FollowingError = 3, "setpoint and encoder are too far apart";
-        /// A drive left the enabled state by itself.
-        DriveState = 4, "a drive left the enabled state by itself";
+        FollowingError = 3, "following error too large";
+        /// A drive left the enabled state without a command.
+        DriveState = 4, "a drive left the enabled state unexpectedly";
         /// A drive did not reach the demanded state in time.
-        DriveTimeout = 5, "a drive did not reach the demanded state in time";
+        DriveTimeout = 5, "a drive did not reach the requested state in time";
         /// Homing failed.
         Homing = 6, "homing failed";
         /// Internal: the model gave a value that is not finite.
         Model = 7, "the model gave a value that is not finite";
         /// Too many ticks were late.
-        Late = 8, "too many late ticks: the computer does not keep up";
-        /// The pose that the camera measures differs from the pose of the model.
-        Implausible = 9, "the snake is not where the model says";
+        Late = 8, "too many late ticks: the computer cannot keep up";
+        /// The pose measured by the camera differs from the model's; either may be wrong.
+        Implausible = 9, "camera and model disagree on the pose";
         /// A motor exceeds its current limit for too long.
-        Current = 10, "a motor takes too much current for too long";
+        Current = 10, "motor over-current for too long";
     }
 }
 
 numbered_enum! {
-    /// The reason for a stop that nobody asked for. The robot stays ENABLED and holds; the next
-    /// accepted command moves it again. Or the end of what would have stopped it. Or what broke off
-    /// an activity that a command had begun.
+    /// The reason for an uncommanded stop: the robot stays ENABLED and holds, and the next accepted
+    /// command moves it again. Also the loss of the watchdog, which stops nothing, and the reasons
+    /// for interrupting an activity that a command had started.
     Stop {
         /// The followed client exceeded its deadline.
-        Stale = 1, "commands came later than their deadline, and the robot stopped in between";
+        Stale = 1, "commands arrived after their deadline; the robot stopped in between";
         /// The drives reported no recent position, or an axis lost its zero.
-        Feedback = 2, "a drive gave no recent position, and the motion stopped";
-        /// The watchdog ended, hangs, or lost a port.
-        Watchdog = 3, "no watchdog watches: nothing stops the drives if the controller dies";
-        /// A later command: `hold`, `pause`, `disable`, or the end of the controller.
-        Command = 4, "a later command broke it off";
-        /// A virtual fixture came into the way.
-        Fixture = 5, "a virtual fixture came into the way and broke it off";
-        /// The setpoints could not go on within the position limits.
-        Limit = 6, "a position limit of the motors or joints broke it off";
+        Feedback = 2, "no recent position from a drive, or an axis lost its zero; the motion \
+            stopped";
+        /// The watchdog ended, hung, or lost a port. The robot itself has not stopped.
+        Watchdog = 3, "no active watchdog: nothing will stop the drives if the controller dies; \
+            the robot has not stopped";
+        /// A later command (`hold`, `pause`, `disable`) or the shutdown of the controller.
+        Command = 4, "move, homing or conditioning interrupted by a later command";
+        /// A virtual fixture blocks the motion.
+        Fixture = 5, "interrupted: a virtual fixture is in the way";
+        /// The setpoints could not continue within the position limits.
+        Limit = 6, "interrupted: motor or joint position limit reached";
         /// A fault.
-        Fault = 7, "a fault broke it off";
-        /// The setpoints could not go on within the calibrated hull.
-        Hull = 8, "the border of the calibrated range broke it off";
-        /// The setpoints could not go on within the velocity limits of the joints.
-        Speed = 9, "the velocity or acceleration limit of the joints broke it off";
+        Fault = 7, "interrupted by a fault";
+        /// The setpoints could not continue within the calibrated hull.
+        Hull = 8, "interrupted: border of the calibrated range reached";
+        /// The setpoints could not continue within the velocity limits of the joints.
+        Speed = 9, "interrupted: velocity or acceleration limit of the joints reached";
         /// A drive was not given its setpoint in time, or refused it.
-        Setpoint = 10, "a drive did not take its setpoints, and the motion stopped";
+        Setpoint = 10, "a drive did not accept its setpoints; the motion stopped";
     }
 }
 
 numbered_enum! {
-    /// The reason for following a nearer goal than the one asked for.
+    /// The reason for following a nearer goal than the requested one.
     Clip {
         /// The goal is outside the hull of the calibration.
         Reach = 1, "the goal is outside the calibrated range; the snake goes to the nearest pose";
         /// A virtual fixture is near or in the way.
-        Fixture = 2, "a virtual fixture slows or stops the goal";
+        Fixture = 2, "a virtual fixture slows or stops the motion";
         /// The goal is beyond the position limits of the motors.
-        Motor = 3, "the goal is beyond a position limit of a motor; the snake goes to the nearest pose";
+        Motor = 3, "the goal is beyond a position limit of a motor; the snake goes to the nearest \
+            pose";
         /// The goal is beyond the position limits of the joints.
         Joint = 4, "the goal is beyond a joint limit; the snake goes to the nearest pose";
     }

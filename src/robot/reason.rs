@@ -1,23 +1,23 @@
-//! Why the robot does not move, or not as asked: one text for every outlet.
+//! Why the robot does not move, or not as commanded: one text for every output.
 //!
 //! The log, the streams `error` and `warning`, the recording, `i2ris status`, the monitor and the
 //! exceptions of the client libraries all show a [`Reason`]: code, sentence, measured value and
-//! limit, and what to do.
+//! limit, and recommended action.
 
 use std::fmt;
 
 use super::{Clip, Fault, Measurement, OperatingState, Refusal, Stop, advice};
 
-/// A cause of standing still, or of moving differently from what was asked.
+/// Cause of not moving, or of not moving as commanded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Cause {
     /// The state FAULT.
     Fault(Fault),
     /// A refused command.
     Refusal(Refusal),
-    /// A stop that nobody asked for.
+    /// An uncommanded stop.
     Stop(Stop),
-    /// A goal that is followed only in part.
+    /// A goal that is only partly followed.
     Clip(Clip),
     /// A state in which the robot follows no servo command.
     State(OperatingState),
@@ -72,7 +72,7 @@ impl Cause {
         matches!(self, Self::Fault(_))
     }
 
-    /// What happened, in one sentence.
+    /// Describes the event in one sentence.
     #[must_use]
     pub fn sentence(self) -> &'static str {
         match self {
@@ -84,7 +84,7 @@ impl Cause {
         }
     }
 
-    /// What to do, in one sentence.
+    /// Recommended action, in one sentence.
     #[must_use]
     pub fn advice(self) -> &'static str {
         match self {
@@ -110,10 +110,10 @@ impl fmt::Display for Cause {
     }
 }
 
-/// A cause with what was measured.
+/// A cause and its measured value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reason {
-    /// What happened.
+    /// The cause.
     pub cause: Cause,
     /// The measured value and the limit that it broke, where they are known.
     pub measurement: Option<Measurement>,
@@ -138,10 +138,10 @@ impl From<Cause> for Reason {
     }
 }
 
-/// [`Reason::text`], and what to do.
+/// [`Reason::text`] and the recommended action.
 impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}; do: {}", self.text(), self.cause.advice())
+        write!(f, "{}; action: {}", self.text(), self.cause.advice())
     }
 }
 
@@ -151,7 +151,7 @@ mod tests {
     use crate::robot::Quantity;
 
     #[test]
-    fn every_cause_has_its_own_code_a_sentence_and_an_advice() {
+    fn every_cause_has_a_unique_code_a_sentence_and_advice() {
         let mut codes: Vec<String> = Cause::all().map(|cause| cause.to_string()).collect();
         let all = codes.len();
         codes.sort();
@@ -166,13 +166,13 @@ mod tests {
     }
 
     #[test]
-    fn the_text_names_what_was_measured_and_its_limit() {
+    fn text_shows_measurement_and_limit() {
         let error = Measurement::new(Quantity::Counts, 2314.0, Some(2000.0)).of_motor(1);
         let reason =
             Reason { cause: Cause::Fault(Fault::FollowingError), measurement: Some(error) };
         assert_eq!(
             reason.text(),
-            "fault 3: setpoint and encoder are too far apart (motor 1: 2314 counts, limit 2000 \
+            "fault 3: following error too large (motor 1: 2314 counts, limit 2000 \
              counts)"
         );
         let code = Measurement::new(Quantity::ErrorCode, f64::from(0x8611), None);
@@ -182,7 +182,7 @@ mod tests {
         let reason = Reason::from(Cause::State(OperatingState::Paused));
         assert_eq!(
             reason.to_string(),
-            "state PAUSED: the robot holds, and servo commands are refused; do: `i2ris command \
+            "state PAUSED: the robot holds, and servo commands are refused; action: `i2ris command \
              state resume`"
         );
     }

@@ -2,7 +2,7 @@
 
 use super::numbered_enum::numbered_enum;
 
-/// Clients with an entry. As many as can send at the same time.
+/// Number of clients with a refusal entry: as many as can send at the same time.
 pub const REFUSED_CLIENTS: usize = 8;
 
 numbered_enum! {
@@ -14,52 +14,56 @@ numbered_enum! {
         NotFinite = 1, "a value is not finite";
         /// The command was older than its deadline when it was read.
         Stale = 2, "stale: the command was older than its deadline when it arrived";
-        /// The command is too far from the previous command or from the present pose.
-        Step = 3, "step too large: commands may move only a little at a time";
+        /// The command is farther than `command.max_step_deg` (motors: `command.max_step_counts`)
+        /// from the previous command, or than `first_step_*` from the present pose.
+        StepTooLarge = 3, "step too large: too far from the previous command or the pose";
         /// Another client has the lease.
         Lease = 4, "another client holds the lease";
         /// The state is DISABLED, and the command needs ENABLED.
         NotEnabled = 5, "the drives are off";
         /// An axis is not homed.
-        NotHomed = 6, "not homed: an axis does not know its zero";
+        NotHomed = 6, "not homed: the zero of an axis is unknown";
         /// The command is in angles, but no model is loaded.
         NoModel = 7, "no model is loaded";
         /// The number of entries is wrong, or an enum has no such number.
         Malformed = 8, "malformed command";
         /// The command is outside the position limits of an axis.
         Range = 9, "outside the position limits";
-        /// The robot follows a goal of another kind, or the controller ends.
-        State = 10, "not while the robot follows commands, and not while the controller ends";
+        /// The robot follows a goal of another kind, or the controller shuts down.
+        WrongState = 10, "not while the robot follows commands or while the controller shuts down";
         /// A previous change of state is in progress.
-        Busy = 11, "busy: a former command is being carried out";
+        Busy = 11, "busy: the previous command is still running";
         /// The cause of the fault persists.
-        CausePersists = 12, "the cause of the fault is still there";
+        CausePersists = 12, "the cause of the fault persists";
         /// The sequence number is not above the previous one.
-        Sequence = 13, "sequence number did not rise";
+        Sequence = 13, "the sequence number did not increase";
         /// The command is known, but this controller does not support it.
         Unsupported = 14, "not supported by this controller";
-        /// The deadline is longer than allowed, the stamp is in the future, or it goes back.
-        Stamp = 15, "stamp in the future or before the last one, or deadline too long";
+        /// The deadline is longer than allowed, or the stamp is in the future or decreases.
+        Stamp = 15, "stamp in the future or older than the previous one, or deadline too long";
         /// The drives are not ready: they are starting, or the connection is lost.
         DrivesNotReady = 16, "the drives are not ready";
         /// Another model is staged, or no model is staged.
         NothingStaged = 17, "this model is not staged";
         /// There is no previous model.
-        NoFormer = 18, "no model was in use before this one";
+        NoPreviousModel = 18, "no previous model to return to";
         /// The hysteresis memory is unknown. The model would start on a wrong branch of the
         /// hysteresis loop.
-        MemoryUnknown = 19, "the hysteresis memory is unknown: condition first, or force it";
+        MemoryUnknown = 19, "the hysteresis memory is unknown: run a conditioning cycle, or use \
+            --force";
         /// The model is invalid. The message gives the reason.
         BadModel = 20, "the model is refused";
         /// The conditioning cycle is in progress.
-        Conditioning = 21, "busy: the conditioning cycle is running; it ends by itself";
-        /// The motion crosses a virtual fixture, or is not planned in angles while one counts.
+        Conditioning = 21, "busy: the conditioning cycle is still running";
+        /// The motion crosses a virtual fixture, or is not planned in angles while one is active.
         Fixture = 22, "a virtual fixture is in the way";
         /// The pose is outside the calibrated hull, the position limits or the joint limits.
-        Reach = 23, "the pose is out of reach";
-        /// The client has no session: the robot was stopped since it began, or its stream fell silent
-        /// while it moved the snake; or another client stopped the robot while it was sending.
-        BrokenOff = 24, "broken off: the robot was stopped meanwhile, or the stream fell silent in motion";
+        OutOfReach = 23, "the pose is out of reach";
+        /// The client has no session: the robot was stopped since the session began; the client's
+        /// stream fell silent or reached a limit while it moved the snake; or another client
+        /// stopped the robot while this one was sending.
+        StreamInterrupted = 24, "stream interrupted: (1) the robot was stopped, or (2) this \
+            client's stream fell silent or reached a limit in motion";
         /// The state is PAUSED.
         Paused = 25, "paused: the robot holds until it is resumed";
         /// The state is FAULT.
@@ -68,7 +72,7 @@ numbered_enum! {
         NotDisabled = 27, "the drives are on";
         /// There is no fault to acknowledge.
         NoFault = 28, "there is no fault to acknowledge";
-        /// A watchdog runs that does not hold every port, or hangs: it could not stop the drives.
-        Unwatched = 29, "the watchdog runs, but could not stop every drive";
+        /// A watchdog is running, but hangs or does not hold every port: it cannot stop the drives.
+        WatchdogNotReady = 29, "the watchdog is running, but cannot stop every drive";
     }
 }

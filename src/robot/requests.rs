@@ -1,4 +1,4 @@
-//! What clients ask for: changes of the operating state, of models and of virtual fixtures.
+//! Requests of clients: changes of the operating state, of models and of virtual fixtures.
 
 use std::fmt;
 
@@ -12,7 +12,7 @@ numbered_enum! {
         /// DISABLED or acknowledged FAULT to ENABLED: preload the targets and switch the drives on.
         /// The robot holds its position.
         Enable = 1, "enable";
-        /// Any state to DISABLED: decelerate, hold, power off in order.
+        /// Any state to DISABLED: decelerate, hold, power off.
         Disable = 2, "disable";
         /// ENABLED to PAUSED: decelerate and hold.
         Pause = 3, "pause";
@@ -29,7 +29,7 @@ numbered_enum! {
         /// Acknowledges the fault: reset the drives, then FAULT to DISABLED after the cause is
         /// gone.
         Acknowledge = 8, "acknowledge";
-        /// Returns the lease; what the client began ends.
+        /// Returns the lease and ends the activities of the client.
         Release = 9, "release";
         /// Stop and hold: ends every activity of every client. Every other client is refused until
         /// it has been silent for a second.
@@ -38,13 +38,13 @@ numbered_enum! {
         /// pose, and only the request `move_jp` carries one.
         Move = 11, "move";
         /// Switches virtual fixtures on or off, adds or removes one; only the request
-        /// `virtual_fixture` carries what.
+        /// `virtual_fixture` carries the change.
         Fixture = 12, "fixture";
     }
 }
 
 impl StateCommand {
-    /// It only stops: it needs no lease, and overtakes whatever waits.
+    /// Whether the command only stops: it needs no lease and overtakes all waiting commands.
     #[must_use]
     pub fn only_stops(self) -> bool {
         matches!(self, Self::Disable | Self::Pause | Self::Hold)
@@ -69,13 +69,13 @@ numbered_enum! {
 numbered_enum! {
     /// A request about virtual fixtures.
     FixtureAction {
-        /// All regions count.
+        /// Activates all regions.
         On = 1, "on";
-        /// No region counts. Needs the lease, and a robot that follows no goal.
+        /// Deactivates all regions. Needs the lease, and a robot that follows no goal.
         Off = 2, "off";
-        /// One more region; all regions count.
+        /// Adds a region and activates all.
         Add = 3, "add";
-        /// Removes the regions that requests have added. As `off`.
+        /// Removes the regions added by requests. Needs the same as `off`.
         Remove = 4, "remove";
     }
 }

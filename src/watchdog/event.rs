@@ -47,9 +47,9 @@ impl fmt::Display for WatchdogEvent {
                 write!(f, "cannot hold {}: {why}", device.display())
             }
             Self::Monitoring => f.write_str("watching the controller"),
-            Self::Pulse(None) => f.write_str("the adapter of the pulse works again"),
+            Self::Pulse(None) => f.write_str("the pulse adapter works again"),
             Self::Pulse(Some(why)) => {
-                write!(f, "no pulse: {why}; see [watchdog] pulse, tried again every 200 ms")
+                write!(f, "no pulse: {why}; see [watchdog] pulse; retrying every 200 ms")
             }
             Self::ControllerEnded => f.write_str("the controller ended with its drives off"),
             Self::ControllerLost(status, age) => {
@@ -60,7 +60,7 @@ impl fmt::Display for WatchdogEvent {
             }
             Self::PortLost(device, age) => {
                 let (device, ms) = (device.display(), age.as_seconds() * 1e3);
-                write!(f, "the thread of {device} hangs; its last sign of life was {ms:.1} ms ago")
+                write!(f, "the port thread of {device} hangs; last sign of life {ms:.1} ms ago")
             }
             Self::Stopped(device, axes) => {
                 for (index, AxisStop { motor, outcome }) in axes.iter().enumerate() {
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lost_controller_is_described_with_the_age_of_its_heartbeat() {
+    fn lost_controller_is_reported_with_heartbeat_age() {
         let age = Nanos::from_micros(41_500);
         let died = WatchdogEvent::ControllerLost(ControllerStatus::Died, age);
         let text = "the controller is gone; its last heartbeat was 41.5 ms ago";

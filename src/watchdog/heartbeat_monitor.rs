@@ -51,13 +51,13 @@ impl HeartbeatMonitor {
         self.last.map_or(Nanos::ZERO, |last| now - last.heartbeat.stamp)
     }
 
-    /// The motors whose drives owed an answer at the last heartbeat.
+    /// Motors whose drives had a pending reply at the last heartbeat.
     #[must_use]
     pub fn owing(&self) -> u8 {
         self.owing
     }
 
-    /// Whether a port is the controller's own now: its loop and the thread of the port live.
+    /// Whether the controller has a port now: its loop and the port thread are alive.
     #[must_use]
     pub fn has_port(&self, port: usize, heartbeat: &Heartbeat, now: Nanos) -> bool {
         let alive = heartbeat.alive.get(port).copied().unwrap_or_default();
@@ -65,8 +65,8 @@ impl HeartbeatMonitor {
         is_young(heartbeat.stamp) && (alive == Nanos::ZERO || is_young(alive))
     }
 
-    /// The ports whose threads have become silent since the last look, and how old their last signs
-    /// of life are, while the loop lives and drives may have power.
+    /// Ports whose threads became silent since the last call, with the age of their last sign of
+    /// life, while the loop is alive and drives may have power.
     pub fn lost_ports(&mut self, now: Nanos) -> [Option<Nanos>; MAX_AXES] {
         let beat = self.last.map(|last| last.heartbeat);
         let is_watched = |beat: &Heartbeat| !beat.off && now - beat.stamp <= self.silence;
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn the_end_of_the_controller_is_reported_at_once_unless_its_drives_were_off() {
+    fn controller_end_is_reported_unless_drives_were_off() {
         check(false, &[(None, 102, Died), (None, 102, Absent)]);
         check(true, &[(None, 102, Ended), (None, 102, Absent)]);
     }
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn a_port_thread_that_is_silent_is_lost_once_while_drives_may_have_power() {
+    fn silent_port_thread_is_reported_once_while_powered() {
         let ms = Nanos::from_millis;
         let mut monitor = HeartbeatMonitor::new(ms(50));
         // Time, last beat, sign of life of the second of two ports, drives off, lost.
@@ -217,7 +217,7 @@ mod tests {
             (114, 113, 113, false, false),
             (164, 163, 113, false, true),
             (165, 164, 164, false, false),
-            // The loop hangs, and with it all that it tells of the ports.
+            // The loop hangs, so its reports about the ports are old.
             (300, 164, 164, false, false),
             (301, 300, 300, false, false),
         ] {

@@ -8,18 +8,18 @@
 //! | file | content |
 //! |---|---|
 //! | `heartbeat_monitor` | status of the controller: a pure function of heartbeats and time |
-//! | `shared_port` | a port that is open beside the controller, and quick stop through it |
-//! | `unstopped` | ports whose drives could not be stopped, for another try |
-//! | `pulse` | a modem line that changes while all is well, for a relay on the STO inputs |
+//! | `shared_port` | a port that is also open in the controller; quick stop through it |
+//! | `unstopped` | ports whose drives could not be stopped, for retries |
+//! | `pulse` | a modem line that toggles while all is well, for a relay on the STO inputs |
 //! | `event` | events for the log |
 //!
-//! The watchdog keeps its ports open beside the controller. Ages decide who talks on a line
-//! ([`crate::drive::line_turn`]): the watchdog takes over a line whose port thread hangs, and all
-//! of them when the loop hangs, and lets go as soon as both live again.
+//! The watchdog and the controller both keep the ports open. Ages decide which of them transmits
+//! ([`crate::drive::line_turn`]): the watchdog takes over a line whose port thread hangs, or all
+//! lines when the loop hangs, and releases them as soon as both run again.
 //!
-//! Behind one port may be several drives, and the first is a gateway to the others. It waits for
-//! one that does not answer, and takes nothing else meanwhile. So the heartbeat also tells which
-//! drives owe an answer, and those are stopped last.
+//! A port may have several drives, the first of which is a gateway to the others. While it waits
+//! for a silent node, it accepts nothing else. So the heartbeat also contains the drives with a
+//! pending reply, and those are stopped last.
 //!
 //! Limits: the watchdog sends nothing when the host loses power, hangs as a whole, or its cable is
 //! disconnected. Then its `pulse` ends, and a relay on the safe-torque-off inputs of the drives
@@ -49,7 +49,7 @@ pub use heartbeat_monitor::{ControllerStatus, HeartbeatMonitor};
 use pulse::Pulse;
 pub use pulse::PulseLine;
 pub use shared_port::SharedPort;
-use unstopped::{Unstopped, is_complete_stop};
+use unstopped::{PendingStops, is_complete_stop};
 
 /// Period of reading the heartbeat.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
@@ -57,18 +57,19 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 /// Period of trying to open ports.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(100);
 
-/// How long a watchdog without a service manager waits for a first port: without one it watches
-/// nothing, and nobody sees that.
+/// Time that a watchdog without a service manager waits for its first port: without any, it would
+/// watch nothing unnoticed.
 const FIRST_PORT: Nanos = Nanos::from_millis(10_000);
 
-/// Stack of a thread that stops a port, bytes. All of it becomes resident where memory is locked.
+/// Stack of a thread that stops a port, bytes. The whole stack becomes resident where memory is
+/// locked.
 const STOP_STACK: usize = 256 * 1024;
 
-/// Nobody knows any more which drives answer.
+/// Every reply pending: it is unknown which drives answer.
 const ALL_OWING: u8 = u8::MAX;
 
 /// Default silence of the loop, or of the thread of a port, after which the watchdog acts. The
-/// watchdog runs above everything of the controller, so 50 missed ticks are not its own delay.
+/// watchdog has priority over every controller thread, so 50 missed ticks are not its own delay.
 pub const DEFAULT_SILENCE: Nanos = TAKE_OVER;
 
 /// Monitors the controller until `stop` is set, and keeps `presence` up to date. Passes every event
@@ -82,7 +83,7 @@ pub fn run(
     report: &mut dyn FnMut(WatchdogEvent),
 ) -> bool {
     let first_port = clock::now() + FIRST_PORT;
-    let mut had_port = service_manager::is_there();
+    let mut had_port = service_manager::is_supervised();
     let mut watch = Watch {
         ports: config.ports.iter().map(SharedPort::new).collect(),
         reader: HeartbeatReader::new(domain),
@@ -90,7 +91,7 @@ pub fn run(
         presence,
     };
     let (mut next_open, mut was_complete) = (Nanos::ZERO, false);
-    let mut unstopped = Unstopped::default();
+    let mut unstopped = PendingStops::default();
     let pulse = config.watchdog.pulse.as_ref().map(|pulse| Pulse::start(pulse, silence));
     let mut pulse = pulse.and_then(|pulse| {
         pulse.map_err(|error| report(WatchdogEvent::Pulse(Some(error.to_string())))).ok()
@@ -150,7 +151,7 @@ pub fn run(
     true
 }
 
-/// The ports, and what is known of their controller.
+/// The ports and the status of their controller.
 struct Watch<'a> {
     ports: Vec<SharedPort>,
     reader: HeartbeatReader,
@@ -161,11 +162,11 @@ struct Watch<'a> {
 impl Watch<'_> {
     fn show_life(&self, now: Nanos) {
         service_manager::notify(service_manager::ALIVE);
-        // If it fails, clients see a watchdog that is silent: the safe side.
+        // If this fails, clients see a silent watchdog: the safe side.
         let _ = self.presence.alive(now);
     }
 
-    /// Another try may talk on a port: it is no controller's, and none that starts.
+    /// Whether a retry may transmit on a port: no controller uses it or is starting.
     fn may_retry(&mut self, port: usize) -> bool {
         match self.reader.read() {
             Ok(Some(beat)) => !self.monitor.has_port(port, &beat, clock::now()),
@@ -178,7 +179,7 @@ impl Watch<'_> {
     /// Stops the drives of the ports whose threads hang while the loop lives.
     fn stop_lost_ports(
         &mut self,
-        unstopped: &mut Unstopped,
+        unstopped: &mut PendingStops,
         report: &mut dyn FnMut(WatchdogEvent),
     ) {
         let lost = self.monitor.lost_ports(clock::now());
@@ -199,7 +200,7 @@ impl Watch<'_> {
         &mut self,
         ports: &[usize],
         why: Vec<WatchdogEvent>,
-        unstopped: &mut Unstopped,
+        unstopped: &mut PendingStops,
         report: &mut dyn FnMut(WatchdogEvent),
     ) {
         let stopped = self.quick_stop(ports, self.monitor.owing(), STOP_ATTEMPTS);
@@ -207,8 +208,8 @@ impl Watch<'_> {
         why.into_iter().chain(stopped).for_each(report);
     }
 
-    /// Stops the axes of ports at the same time, so often: a port that does not answer takes
-    /// seconds. Ends on a port that is the controller's again.
+    /// Stops the axes of several ports in parallel, with this many attempts, because a silent port
+    /// takes seconds. Ends on a port as soon as the controller has it again.
     fn quick_stop(&mut self, which: &[usize], owing: u8, attempts: usize) -> Vec<WatchdogEvent> {
         let ports: Vec<(usize, &SharedPort, AtomicBool)> =
             which.iter().map(|&port| (port, &self.ports[port], AtomicBool::new(false))).collect();

@@ -1,14 +1,14 @@
-//! The pulse: a modem line of a serial adapter that changes as long as all is well. A relay that it
-//! keeps closed opens the STO inputs of the drives when the computer dies, which no program can do
-//! then. The circuit is in the manual.
+//! The pulse: a modem line of a serial adapter that toggles as long as all is well and keeps a
+//! relay closed. When the computer dies, the relay opens the STO inputs of the drives, which no
+//! program could do then. The circuit is in the manual.
 //!
-//! The line changes every [`HALF_PERIOD`] while the control loop ticks and every drive answers. A
-//! position may be as old as the robot bears, down to the age that is a fault: the loop says it. A
-//! thread of its own changes it, because a system call on a dead adapter may last; the thread has a
-//! permission that ends by itself [`PERMISSION`] after the last look of the watchdog.
+//! The line toggles every [`HALF_PERIOD`] while the control loop ticks and every drive answers. The
+//! loop reports how long the positions are valid: up to the age that is a fault. A separate thread
+//! toggles the line, because a system call on a dead adapter may take long; its permission expires
+//! [`PERMISSION`] after the last check by the watchdog.
 //!
-//! Once the pulse has ended under drives that may have power, it begins again only when the
-//! controller says that they are off: power does not come back by itself.
+//! If the pulse ends while drives may have power, it restarts only when the controller reports them
+//! off: power does not return automatically.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -53,7 +53,7 @@ impl PulseLine {
     ///
     /// # Errors
     ///
-    /// When it is not there, another program has it, or it has no modem lines.
+    /// When it does not exist, is in use by another program, or has no modem lines.
     pub fn open(device: &Path, line: ModemLine) -> io::Result<Self> {
         let flags = libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC;
         let file = OpenOptions::new().read(true).write(true).custom_flags(flags).open(device)?;
@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_pulse_ends_with_loop_and_line_and_begins_again_only_with_drives_off() {
+    fn pulse_stops_with_the_loop_and_restarts_unpowered() {
         let ms = Nanos::from_millis;
         let beat = |stamp, answered: u64, off| {
             let (stamp, good_until) = (ms(stamp), ms(answered + 50));
@@ -201,12 +201,12 @@ mod tests {
             (beat(1010, 1000, false), 1011, true, "enabled"),
             (beat(1010, 1005, false), 1050, true, "late, but not too late"),
             (beat(1010, 1005, false), 1051, false, "the loop hangs"),
-            (beat(1052, 1050, false), 1053, false, "it goes on: power does not come back"),
-            (beat(1060, 1058, true), 1061, true, "off meanwhile"),
+            (beat(1052, 1050, false), 1053, false, "it resumes: power does not return"),
+            (beat(1060, 1058, true), 1061, true, "off in between"),
             (beat(1111, 1060, false), 1111, false, "the line hangs"),
             (beat(1200, 1200, true), 1201, true, "off"),
             (None, 1202, false, "the controller is gone"),
-            (beat(1300, 1300, false), 1301, false, "another one, with power"),
+            (beat(1300, 1300, false), 1301, false, "a new controller, with power"),
             (beat(1302, 1300, true), 1303, true, "off again"),
         ] {
             assert_eq!(gate.is_open(heartbeat, ms(now)), is_open, "{why}");

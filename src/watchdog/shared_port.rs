@@ -1,4 +1,4 @@
-//! A port that is open beside the controller, and quick stop through it.
+//! A port that is also open in the controller, and quick stop through it.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -27,10 +27,10 @@ const MAX_REPLY_TIMEOUT_MS: u64 = 50;
 /// The frame timeout that the controller sets in its drives.
 const FRAME_TIMEOUT: Nanos = Nanos::from_millis(50);
 
-/// The longest wait for a reply without a look at whether the controller is back.
+/// Maximum wait for a reply between checks whether the controller is back.
 const LOOK_PERIOD: Nanos = Nanos::from_millis(2);
 
-/// A port of the controller's configuration, open in this process, too.
+/// A port of the controller's configuration, also open in this process.
 #[derive(Debug)]
 pub struct SharedPort {
     config: PortConfig,
@@ -60,14 +60,14 @@ impl SharedPort {
                 Some(WatchdogEvent::PortOpened(device))
             }
             Err(error) if !std::mem::replace(&mut self.refusal_reported, true) => {
-                let why = format!("{error}; tried again every 100 ms");
+                let why = format!("{error}; retrying every 100 ms");
                 Some(WatchdogEvent::PortRefused(device, why))
             }
             Err(_) => None,
         }
     }
 
-    /// The port is open, and its device was there when it was last looked at.
+    /// Whether the port is open and its device existed at the last check.
     #[must_use]
     pub fn is_open(&self) -> bool {
         self.file.is_some()
@@ -85,11 +85,12 @@ impl SharedPort {
         self.file.as_ref().is_some_and(|file| file.try_lock().is_ok())
     }
 
-    /// Sends quick stop to every axis that may be powered, so often, until it `is_over`: the
-    /// controller has the port again. `owing`: a bit for each motor whose drive owed the controller
-    /// an answer.
+    /// Sends quick stop to every axis that may be powered, with this many attempts, until it
+    /// `is_over`: the controller has the port again. `owing`: one bit per motor whose reply is
+    /// pending.
     pub fn quick_stop(&self, owing: u8, attempts: usize, is_over: &AtomicBool) -> WatchdogEvent {
-        // The lock of a controller goes with it; that of one that hangs keeps others away as well.
+        // The lock of a controller ends with it; that of a hung controller keeps others away as
+        // well.
         let is_locked = self.try_lock();
         let file = self.file.as_ref().and_then(|file| file.try_clone().ok());
         let outcomes = match file {
@@ -213,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_port_is_opened_when_it_appears_and_again_after_a_hang_up() {
+    fn port_is_opened_on_arrival_and_after_hang_up() {
         let folder = tempfile::tempdir().unwrap();
         let link = folder.path().join("axis0");
         let mut port = port(&link);
@@ -221,7 +222,7 @@ mod tests {
             Some(WatchdogEvent::PortRefused(device, why)) if device == link => why,
             event => panic!("{event:?}"),
         };
-        assert!(why.contains("No such file") && why.contains("tried again every 100 ms"));
+        assert!(why.contains("No such file") && why.contains("retrying every 100 ms"));
         assert_eq!((port.open(), port.is_open()), (None, false), "refused once");
         let (master, device) = line();
         std::os::unix::fs::symlink(device, &link).unwrap();
@@ -235,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_locks_the_port_against_others_only_until_it_has_ended() {
+    fn port_is_locked_only_during_a_stop() {
         let (_master, device) = line();
         let mut port = port(&device);
         port.open();
@@ -250,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_controller_that_is_back_ends_the_stop_before_anything_is_written() {
+    fn returning_controller_cancels_the_stop_before_writing() {
         let (master, device) = line();
         let text = format!(
             "device = {device:?}\n[[axes]]\nmotor = 0\nnode_id = 1\nserial_number = 1\n\
@@ -258,7 +259,7 @@ mod tests {
         );
         let mut port = SharedPort::new(&toml::from_str(&text).unwrap());
         port.open();
-        let taken = AxisStop { motor: 0, outcome: Err(QuickStopError::TakenBack) };
+        let taken = AxisStop { motor: 0, outcome: Err(QuickStopError::ControllerResumed) };
         let event = port.quick_stop(0, STOP_ATTEMPTS, &AtomicBool::new(true));
         assert_eq!(event, WatchdogEvent::Stopped(device, vec![taken]));
         fcntl(&master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).unwrap();
@@ -266,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_read_waits_for_bytes_until_its_deadline_and_fails_after_a_hang_up() {
+    fn read_waits_until_deadline_and_fails_after_hang_up() {
         let (master, device) = line();
         let file = open(&device).unwrap();
         let flags = OFlag::from_bits_retain(fcntl(&file, FcntlArg::F_GETFL).unwrap());

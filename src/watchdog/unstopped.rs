@@ -1,20 +1,20 @@
-//! Ports whose drives could not be stopped: a cable that comes back a second later finds drives
-//! that still hold, and they are stopped then.
+//! Ports whose drives could not be stopped: when their cable is reconnected, the drives still hold
+//! and are stopped then.
 
 use std::path::{Path, PathBuf};
 
 use super::event::WatchdogEvent;
 use crate::units::Nanos;
 
-/// Between two tries: one that gets no answer takes some hundred milliseconds.
+/// Interval between two attempts: one without a reply takes some hundred milliseconds.
 const PERIOD: Nanos = Nanos::from_millis(500);
 
-/// Tries end after this. By then a person is there, or nobody.
-const LONGEST: Nanos = Nanos::from_millis(60_000);
+/// Time after which attempts end: an operator has had time to act.
+const RETRY_TIMEOUT: Nanos = Nanos::from_millis(60_000);
 
-/// The ports to try again.
+/// Ports to stop again.
 #[derive(Debug, Default)]
-pub(super) struct Unstopped {
+pub(super) struct PendingStops {
     ports: Vec<PathBuf>,
     next: Nanos,
     end: Nanos,
@@ -25,8 +25,8 @@ pub(super) fn is_complete_stop(event: &WatchdogEvent) -> bool {
     matches!(event, WatchdogEvent::Stopped(_, axes) if axes.iter().all(|it| it.outcome.is_ok()))
 }
 
-impl Unstopped {
-    /// Takes note of a try. The time for more begins with the first one that fails on a port.
+impl PendingStops {
+    /// Records an attempt. The retry time begins with the first failure on a port.
     pub fn note(&mut self, stopped: &[WatchdogEvent], now: Nanos) {
         for event in stopped {
             let WatchdogEvent::Stopped(device, _) = event else { continue };
@@ -35,7 +35,7 @@ impl Unstopped {
             if !is_complete_stop(event) {
                 self.ports.push(device.clone());
                 if !is_known {
-                    (self.next, self.end) = (now + PERIOD, now + LONGEST);
+                    (self.next, self.end) = (now + PERIOD, now + RETRY_TIMEOUT);
                 }
             }
         }
@@ -72,8 +72,8 @@ mod tests {
     }
 
     #[test]
-    fn a_port_that_was_not_stopped_is_tried_again_until_it_is() {
-        let (ms, mut unstopped) = (Nanos::from_millis, Unstopped::default());
+    fn unstopped_port_is_retried_until_stopped() {
+        let (ms, mut unstopped) = (Nanos::from_millis, PendingStops::default());
         assert!(!unstopped.is_due(ms(0)), "nothing to stop");
         let stop = Ok(DriveState::QuickStopActive);
         let first = [stopped("a", stop), stopped("b", Err(QuickStopError::NotHeld))];
@@ -86,7 +86,7 @@ mod tests {
         unstopped.note(&[stopped("b", stop)], ms(3000));
         assert!(!unstopped.is_due(ms(4000)), "stopped");
         unstopped.note(&first, ms(1000));
-        assert!(!unstopped.is_due(ms(1000) + LONGEST), "not for ever");
+        assert!(!unstopped.is_due(ms(1000) + RETRY_TIMEOUT), "not for ever");
         unstopped.note(&first, ms(1000));
         unstopped.clear();
         assert!(!unstopped.is_due(ms(2000)), "another controller has the port");

@@ -7,13 +7,13 @@ use i2ris::units::Nanos;
 
 use super::random::Random;
 
-/// How the frames come about.
+/// Timing and faults of the frames.
 #[derive(Debug, Clone, Copy)]
 pub struct CameraPlan {
     pub frames_per_s: f64,
-    /// From exposure to arrival.
+    /// Time from exposure to arrival.
     pub latency_ms: u64,
-    /// How much later than the exposure the stamp is.
+    /// Delay of the stamp after the exposure.
     pub stamp_late_ms: u64,
     pub noise_deg: f64,
     /// Share of frames that are anywhere within 5 deg.

@@ -1,7 +1,7 @@
 //! Any camera signal at all moves the tip by no more than the budget and no faster than the limit.
 //!
-//! A robot with adaptation and one without follow the same goals, both on the same plant. What the
-//! two setpoints differ by is the correction.
+//! A robot with adaptation and one without follow the same goals, both on the same plant. The
+//! difference between their setpoints is the correction.
 
 use std::iter;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use super::trial::{AgeingRun, SNAKES};
 /// Kinds of signals.
 const KINDS: u64 = 12;
 
-/// A camera that lies.
+/// A wrong camera.
 struct Signal {
     kind: u64,
     random: Random,
@@ -80,8 +80,8 @@ impl Signal {
 
 const TABLE: &str = "[adaptation]\nenabled = true\n[limits]\nplausibility_deg = 0.0";
 
-/// The largest correction, and the largest rate of it beyond what the gain adds to the goal's own
-/// motion; deg and deg/s.
+/// Largest correction (deg), and its largest rate beyond the share that the gain adds to the
+/// motion of the goal (deg/s).
 fn run(seed: u64, seconds: u64, start: &AgeingRun, model: &Arc<Model>) -> (f64, f64) {
     let mut on = start.branch(TABLE, model);
     on.seed(seed);
@@ -91,7 +91,7 @@ fn run(seed: u64, seconds: u64, start: &AgeingRun, model: &Arc<Model>) -> (f64, 
     let mut still = 0;
     for tick in 0..seconds * 1000 {
         on.frame = signal.frame(tick, on.control.now(), on.angles_deg());
-        // A rest every now and then.
+        // An occasional rest.
         still = if tick % 4000 < 500 { still + 1 } else { 0 };
         let goal_before = on.goal();
         if still == 0 {
@@ -102,7 +102,7 @@ fn run(seed: u64, seconds: u64, start: &AgeingRun, model: &Arc<Model>) -> (f64, 
         let setpoint = [0, 1].map(|i: usize| joint.setpoint[i].to_degrees());
         on.follow(goal);
         let applied = on.adaptation().applied;
-        // Where the correction is, and how fast it moves the pose for which the limit holds.
+        // The correction, and the speed at which it moves the pose that the limit applies to.
         let shift = |drift: &i2ris::core::adaptation::Drift, at: [f64; 2]| -> [f64; 2] {
             [0, 1].map(|i| {
                 let [x, y] = drift.gain[i];
@@ -115,7 +115,7 @@ fn run(seed: u64, seconds: u64, start: &AgeingRun, model: &Arc<Model>) -> (f64, 
         if still > 1 {
             assert_eq!(goal, goal_before);
         }
-        // The lead of the goal (`compensation.lead_ms`) ends a moment after the goal.
+        // The lead of the goal (`compensation.lead_ms`) ends shortly after the goal.
         if still > 100 {
             assert_eq!(applied, before, "seed {seed}: moved at rest");
         }
@@ -145,15 +145,15 @@ fn campaign(seeds: impl Iterator<Item = u64>, seconds: u64) {
 }
 
 #[test]
-fn wrong_cameras_move_the_tip_within_budget_and_limit() {
+fn wrong_cameras_move_tip_within_budget_and_limit() {
     // One of every kind, at every rate.
     campaign((0..KINDS).map(|kind| 5 * kind + kind % 5), 12);
-    // Here the budget holds one motor back.
+    // Here the budget limits one motor.
     campaign(iter::once(201), 20);
 }
 
 #[test]
 #[ignore = "a thousand signals take an hour: for people"]
-fn a_thousand_wrong_cameras_move_the_tip_within_budget_and_limit() {
+fn thousand_wrong_cameras_move_tip_within_budget_and_limit() {
     campaign(0..1020, 20);
 }

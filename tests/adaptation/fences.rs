@@ -1,4 +1,4 @@
-//! The fences, on a drawn snake with a model that was fitted to another state of it.
+//! The fences, on a drawn snake whose model was fitted to an earlier state.
 
 use i2ris::core::CycleEventKind;
 use i2ris::core::adaptation::{AdaptationEvent, Method, Pause};
@@ -25,7 +25,7 @@ fn has_event(trial: &AgeingRun, event: AdaptationEvent) -> bool {
 }
 
 #[test]
-fn a_zero_that_slips_by_a_degree_is_back_within_ten_seconds() {
+fn one_degree_zero_slip_is_corrected_within_ten_seconds() {
     let mut trial = trial(&[]);
     trial.move_for(30.0);
     let before = trial.move_for(10.0);
@@ -39,7 +39,7 @@ fn a_zero_that_slips_by_a_degree_is_back_within_ten_seconds() {
 }
 
 #[test]
-fn a_push_of_two_degrees_leaves_nothing_behind() {
+fn two_degree_push_leaves_no_error() {
     let mut trial = trial(&[]);
     trial.move_for(30.0);
     let before = trial.move_for(10.0);
@@ -50,7 +50,7 @@ fn a_push_of_two_degrees_leaves_nothing_behind() {
     let [after, later] = [5.0, 10.0].map(|seconds| trial.move_for(seconds));
     println!("before {before:.3}, after the release {after:.3}, {later:.3} deg; {during:?}");
     assert!(after < before + 0.3 && later < before + 0.1, "{before} {after} {later}");
-    assert!(has_event(&trial, AdaptationEvent::CameraDisbelieved));
+    assert!(has_event(&trial, AdaptationEvent::CameraRejected));
 }
 
 #[test]
@@ -73,7 +73,7 @@ fn nothing_moves_while_the_goal_rests() {
 }
 
 #[test]
-fn nothing_is_learned_within_two_seconds_of_enabling_and_with_the_clutch_open() {
+fn learning_pauses_after_enabling_and_while_not_following() {
     let mut trial = trial(&[]);
     trial.move_for(5.0);
     let goal = trial.goal();
@@ -99,8 +99,8 @@ fn nothing_is_learned_within_two_seconds_of_enabling_and_with_the_clutch_open() 
 }
 
 #[test]
-fn a_stamp_that_is_late_by_30_ms_is_found() {
-    // The snake itself follows its motors late: that shows as latency, too.
+fn stamp_late_by_30_ms_is_detected() {
+    // The snake itself lags behind its motors, which also shows as latency.
     let [good, late] = [0, 30].map(|stamp_late_ms| {
         let mut trial = blind(ON);
         trial.camera = Some(Camera::new(CameraPlan {
@@ -116,7 +116,7 @@ fn a_stamp_that_is_late_by_30_ms_is_found() {
 }
 
 #[test]
-fn a_drift_beyond_the_budget_is_not_followed_further_and_is_reported() {
+fn drift_beyond_budget_is_limited_and_reported() {
     let mut trial = trial(&gain(-0.3));
     trial.move_for(60.0);
     let found = trial.adaptation();
@@ -129,7 +129,7 @@ fn a_drift_beyond_the_budget_is_not_followed_further_and_is_reported() {
 }
 
 #[test]
-fn without_a_camera_and_switched_off_the_outputs_are_the_same_to_the_bit() {
+fn adaptation_without_camera_leaves_outputs_bit_identical() {
     let (mut off, mut on) = (blind(""), blind(ON));
     for _ in 0..5000 {
         off.time_s += 1e-3;
@@ -144,7 +144,7 @@ fn without_a_camera_and_switched_off_the_outputs_are_the_same_to_the_bit() {
 }
 
 #[test]
-fn frames_that_cannot_be_used_are_counted_and_change_nothing() {
+fn unusable_frames_are_counted_and_change_nothing() {
     let mut trial = blind(ON);
     let mut last = None;
     for k in 0..6000_u64 {
@@ -174,15 +174,15 @@ fn frames_that_cannot_be_used_are_counted_and_change_nothing() {
 }
 
 #[test]
-fn a_model_without_gaps_has_its_zero_followed_by_at_most_a_degree() {
+fn zero_of_gapless_model_moves_at_most_one_degree() {
     let linear = model(SNAKES[0], Family::Linear);
-    // A straight line and a slip together are further off than the check allows.
+    // The error of a straight line plus a slip exceeds the limit of the check.
     let off = "[limits]\nplausibility_deg = 0.0";
     let mut trial = AgeingRun::new(&format!("{ON}\n{off}"), SNAKES[0], &linear, &[]);
     trial.move_for(60.0);
     assert_eq!(trial.adaptation().method, Method::Integral);
     // Without a gap in the model, the integral follows the branches of the loop as well as the
-    // zero, up to its limit of a degree: its value is no measure of the slip, so the error is
+    // zero, up to its limit of a degree: its value does not measure the slip, so the error is
     // judged.
     let mut without = AgeingRun::new(off, SNAKES[0], &linear, &[]);
     without.move_for(60.0);
@@ -202,8 +202,8 @@ fn a_model_without_gaps_has_its_zero_followed_by_at_most_a_degree() {
 }
 
 #[test]
-fn a_correction_that_is_taken_back_is_replayed_to_the_bit() {
-    // With plays: one of the default family follows this room, and nothing is taken back.
+fn reverted_correction_is_replayed_bit_for_bit() {
+    // With plays: a model of the default family follows this sway, so nothing is reverted.
     let model = model_of_plays();
     let mut trial = AgeingRun::blind(ON, SNAKES[0], &model, &[]);
     // A camera on the wall of a swaying room.
@@ -222,7 +222,7 @@ fn a_correction_that_is_taken_back_is_replayed_to_the_bit() {
     let taken_back = |trial: &AgeingRun| trial.adaptation().taken_back;
     let mut restored: Option<AgeingRun> = None;
     for second in 0..200 {
-        // From here on the recorded state goes on beside the original.
+        // From here on a copy restored from the recorded state runs in parallel.
         if second % 20 == 0 {
             restored = Some(trial.branch(ON, &model));
         }
@@ -244,7 +244,7 @@ fn a_correction_that_is_taken_back_is_replayed_to_the_bit() {
 }
 
 #[test]
-fn an_aged_snake_is_tracked_nearly_as_well_as_a_new_one_and_a_new_one_no_worse() {
+fn adaptation_recovers_aged_snake_and_does_not_worsen_new_one() {
     let model = first_model();
     let errors = [vec![], aged()].map(|ageing| {
         ["", ON].map(|table| {

@@ -26,12 +26,12 @@ pub fn first_model() -> Arc<Model> {
     Arc::new(Model::load(&file("force-balance.json")).unwrap())
 }
 
-/// Of the same snake, with plays.
+/// Model of the same snake, with plays.
 pub fn model_of_plays() -> Arc<Model> {
     Arc::new(Model::load(&file("lugre-1.json")).unwrap())
 }
 
-/// It is what a fit makes of its recording. `I2RIS_WRITE_MODEL` names a file to write that to.
+/// The model equals the fit of its recording. `I2RIS_WRITE_MODEL` names a file to write the fit to.
 #[test]
 #[ignore = "the fit takes a minute: for .ci/nightly"]
 fn the_first_model_is_the_fit_of_its_recording() {
@@ -65,7 +65,7 @@ pub fn model(snake: DrawnSnake, family: Family) -> Arc<Model> {
     fit(&recording, &options, &Silent).unwrap().model
 }
 
-/// From point to point, with reversals everywhere.
+/// Records point-to-point motion with reversals everywhere.
 fn record(snake: DrawnSnake, file: File) {
     const SPEED_COUNTS_S: f64 = 450.0;
     const TICKS: u32 = 150_000;

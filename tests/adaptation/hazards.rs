@@ -1,6 +1,6 @@
 //! H21, H22, H23: the robot adapts to a wrong camera, without excitation, or against the operator.
-//! The cycle with adaptation, a hand, and a camera, on counted time: the drives are where their
-//! targets are, and the camera sees what a test makes of the calibrated pose at the encoders.
+//! The cycle with adaptation, a hand and a camera, on simulated time: the drives are at their
+//! targets, and each test derives the camera's view from the calibrated pose at the encoders.
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ pub struct Drifting {
     memory: Memory,
     /// Calibrated poses of the last ticks, with their times, deg.
     poses: Vec<(Nanos, [f64; 2])>,
-    /// Of the hand, s.
+    /// Time of the hand, s.
     pub time_s: f64,
     ticks: u64,
 }
@@ -57,14 +57,14 @@ impl Drifting {
         }
     }
 
-    /// Another model takes over, with a known memory.
+    /// Activates a different model, with a known memory.
     fn swap(&mut self, model: &Arc<Model>) {
         assert_eq!(self.bench.swap(model), Refusal::None);
         (self.memory, self.model) = (model.new_memory(), Arc::clone(model));
         self.condition();
     }
 
-    /// Follows the hand for some seconds, while the camera shows what `see` makes of time and pose.
+    /// Follows the hand for some seconds, while the camera shows `see` of time and pose.
     pub fn follow(
         &mut self,
         seconds: f64,
@@ -88,8 +88,8 @@ impl Drifting {
         }
     }
 
-    /// Off, on again, and to zero, where the hand begins.
-    pub fn begin_anew(&mut self) {
+    /// Disables, enables, and moves to zero, where the hand starts.
+    pub fn restart_at_zero(&mut self) {
         assert_eq!(self.bench.ask(StateCommand::Disable), Refusal::None);
         self.bench.idle();
         self.bench.enable();
@@ -127,14 +127,14 @@ impl Drifting {
         self.bench.events.contains(&event)
     }
 
-    /// How far the correction moves the tip at a pose, deg.
+    /// Distance by which the correction moves the tip at a pose, deg.
     pub fn shift(&self, pose: [f64; 2]) -> f64 {
         let [x, y] = shift(&self.adaptation().applied, pose);
         x.hypot(y)
     }
 }
 
-/// How a correction moves the tip at a pose, deg.
+/// Motion of the tip by a correction at a pose, deg.
 pub fn shift(applied: &Drift, pose: [f64; 2]) -> [f64; 2] {
     [0, 1].map(|i| {
         let [a, b] = applied.gain[i];
@@ -157,7 +157,7 @@ pub fn truth(_: f64, pose: [f64; 2]) -> [f64; 2] {
 }
 
 #[test]
-fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_reported() {
+fn h21_wrong_views_stay_within_budget_and_are_reported() {
     type View = fn(f64, [f64; 2]) -> [f64; 2];
     let views: [View; 4] = [
         |_, [pitch, yaw]| [yaw, pitch],
@@ -178,22 +178,22 @@ fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_reported
                 assert!(shift <= budget + 1e-6, "view {index}: {shift} deg at {corner:?}");
             }
         }
-        let is_said = [
-            AdaptationEvent::CameraDisbelieved,
+        let reported = [
+            AdaptationEvent::CameraRejected,
             AdaptationEvent::BudgetUsed,
-            AdaptationEvent::TakenBack,
+            AdaptationEvent::Reverted,
         ];
         assert!(
-            is_said.into_iter().any(|event| drifting.has(event)),
+            reported.into_iter().any(|event| drifting.has(event)),
             "view {index}: {:?}",
             drifting.adaptation()
         );
     }
 }
 
-/// A view that creeps: a slip of a wire is followed once, and somebody has to look before the next.
+/// A creeping view: one slip of a wire is followed; the next one needs an operator.
 #[test]
-fn h21_a_view_that_creeps_leads_the_tip_no_further_than_the_budget_of_the_zero() {
+fn h21_creeping_view_moves_tip_within_zero_budget() {
     for direction in [[1.0, 0.0], [0.7, -0.7]] {
         let mut drifting = Drifting::new(ON);
         let creeping = |t: f64, [pitch, yaw]: [f64; 2]| {
@@ -212,37 +212,36 @@ fn h21_a_view_that_creeps_leads_the_tip_no_further_than_the_budget_of_the_zero()
     }
 }
 
-/// A camera that is tied to the wall of a swaying room: what was learned is wrong by the time it is
-/// applied.
+/// A camera fixed to the wall of a swaying room: the correction is outdated when it is applied.
 fn swaying(t: f64, [pitch, yaw]: [f64; 2]) -> [f64; 2] {
     let sway = 0.9 * (std::f64::consts::TAU * t / 15.0).sin();
     [pitch + sway, yaw - sway]
 }
 
-/// The camera may have been wrong once, so the model is tried once more; then no more.
+/// The camera may have been wrong once, so adaptation is tried once more, but not a third time.
 #[test]
-fn h21_a_correction_that_was_taken_back_twice_is_not_learned_again() {
+fn h21_correction_reverted_twice_is_not_learned_again() {
     let mut drifting = Drifting::new(ON);
     for times in 1..=2 {
         let mut turns = 0;
         while drifting.adaptation().taken_back < times {
             turns += 1;
-            assert!(turns <= 60, "taken back {} times", drifting.adaptation().taken_back);
+            assert!(turns <= 60, "reverted {} times", drifting.adaptation().taken_back);
             drifting.follow(10.0, wandering, swaying);
         }
-        assert!(drifting.adaptation().pauses.contains(Pause::TakenBack));
-        drifting.begin_anew();
+        assert!(drifting.adaptation().pauses.contains(Pause::Reverted));
+        drifting.restart_at_zero();
     }
     drifting.follow(60.0, wandering, |_, [pitch, yaw]| [pitch + 1.0, yaw]);
     let adaptation = drifting.adaptation();
-    assert!(adaptation.pauses.contains(Pause::TakenBack), "{adaptation:?}");
+    assert!(adaptation.pauses.contains(Pause::Reverted), "{adaptation:?}");
     assert_eq!(adaptation.taken_back, 2);
     assert!(drifting.shift([0.0, 0.0]) < 0.05, "{adaptation:?}");
 }
 
-/// What misled a model says nothing about the next one.
+/// Frames rejected under one model do not count for the next one.
 #[test]
-fn h21_frames_that_a_model_before_refused_bring_no_second_try_at_once() {
+fn h21_frames_rejected_under_previous_model_allow_no_immediate_retry() {
     let mut drifting = Drifting::new(ON);
     drifting.follow(300.0, wandering, |_, [pitch, yaw]| [pitch + 20.0, yaw]);
     let before = drifting.adaptation().frames;
@@ -254,11 +253,11 @@ fn h21_frames_that_a_model_before_refused_bring_no_second_try_at_once() {
     }
     let adaptation = drifting.adaptation();
     assert!(adaptation.frames.refused > adaptation.frames.used, "{adaptation:?}");
-    assert!(adaptation.pauses.contains(Pause::TakenBack), "{adaptation:?}");
+    assert!(adaptation.pauses.contains(Pause::Reverted), "{adaptation:?}");
 }
 
 #[test]
-fn h21_a_loose_wire_is_a_fault_although_most_of_it_was_followed() {
+fn h21_loose_wire_raises_fault_even_if_mostly_corrected() {
     let on = "[adaptation]\nenabled = true\n[limits]\nplausibility_deg = 3.0";
     let mut drifting = Drifting::new(on);
     drifting.follow(10.0, wandering, truth);
@@ -286,8 +285,8 @@ fn is_implausible(kind: &CycleEventKind) -> bool {
 #[test]
 fn h22_at_rest_nothing_is_learned() {
     let mut drifting = Drifting::new(ON);
-    // From where the conditioning cycle left the snake.
-    drifting.begin_anew();
+    // Starts where the conditioning cycle left the snake.
+    drifting.restart_at_zero();
     let rest = |t: f64| [1.0, 0.5].map(|angle| angle * (2.0 * t).min(1.0));
     drifting.follow(60.0, rest, |_, [pitch, yaw]| [pitch + 0.3, yaw + 0.2]);
     let found = drifting.adaptation();
@@ -296,7 +295,7 @@ fn h22_at_rest_nothing_is_learned() {
 }
 
 #[test]
-fn h22_a_parameter_that_the_motion_does_not_show_is_not_learned() {
+fn h22_parameter_not_excited_by_motion_is_not_learned() {
     let mut drifting = Drifting::new(ON);
     // Up and down within 4 deg: too little for a gain; and yaw rests.
     let small = |t: f64| [2.0 * (1.5 * t).sin(), 0.0];
@@ -320,13 +319,13 @@ fn h22_without_reversals_the_gap_is_not_learned() {
     assert_eq!(found.estimate.gap, [0.0; 2], "{found:?}");
 }
 
-/// A camera that sees a zero that is off.
+/// A camera that sees a shifted zero.
 fn slipped(_: f64, [pitch, yaw]: [f64; 2]) -> [f64; 2] {
     [pitch + 0.8, yaw - 0.7]
 }
 
 #[test]
-fn h23_the_correction_never_turns_a_motor_against_the_goal_and_keeps_its_limit() {
+fn h23_correction_never_reverses_motor_and_stays_rate_limited() {
     for sign in [1.0, -1.0] {
         let mut drifting = Drifting::new(ON);
         drifting.follow(20.0, wandering, truth);
@@ -357,7 +356,7 @@ fn h23_the_correction_never_turns_a_motor_against_the_goal_and_keeps_its_limit()
             assert!(step <= 1.05 * 5e-3, "{step}");
             applied = next;
         }
-        // Where the ramp begins, a motor makes way for the other one: a gap has 60.
+        // Where the ramp begins, a motor yields to the other: a gap has 60.
         assert!(turned <= 6, "{turned} counts");
     }
 }

@@ -10,7 +10,7 @@ mod wear;
 mod campaign;
 mod fences;
 
-/// Not the linear one: without memory another method learns, which the other tests here are about.
+/// Not the linear one: without memory a different method learns, which the other tests cover.
 #[test]
 fn the_fitted_family_flies_too() {
     i2ris_testing::cycle::with_family("force-balance-fitted", &["adaptation::hazards::"]);

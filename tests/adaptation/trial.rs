@@ -1,4 +1,4 @@
-//! A trial: the cycle in front of a robot that ages, a hand that moves a goal, and a camera.
+//! A trial: the cycle with an ageing robot, a hand that moves a goal, and a camera.
 
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ pub const SNAKES: [DrawnSnake; 3] = [
 
 pub const ON: &str = "[adaptation]\nenabled = true";
 
-/// The configuration of the emulator with further values. Motors are fast: what is left of the error
+/// The configuration of the emulator with further values. Motors are fast: the rest of the error
 /// of a hand is that of the model.
 pub fn config(table: &str) -> Config {
     let (mut all, more): (Table, Table) = (CONFIG.parse().unwrap(), table.parse().unwrap());
@@ -69,10 +69,10 @@ pub fn aged() -> Vec<Change> {
 pub struct AgeingRun {
     pub control: ClosedLoop<Robot>,
     pub camera: Option<Camera>,
-    /// In the place of the camera's frame, for one tick.
+    /// Replaces the camera frame for one tick.
     pub frame: Option<ExternalPose>,
     pub events: Vec<CycleEventKind>,
-    /// Of the hand, s.
+    /// Time of the hand, s.
     pub time_s: f64,
     seed: u64,
 }
@@ -86,20 +86,20 @@ impl AgeingRun {
         Self { control, camera: None, frame: None, events: Vec::new(), time_s: 0.0, seed: 0 }
     }
 
-    /// The same behind a camera.
+    /// The same with a camera.
     pub fn new(table: &str, snake: DrawnSnake, model: &Arc<Model>, ageing: &[Change]) -> Self {
         let mut trial = Self::blind(table, snake, model, ageing);
         trial.camera = Some(Camera::new(CameraPlan::default()));
         trial
     }
 
-    /// Another trial that goes on from here without a camera, with the same model.
+    /// A trial that continues from here without a camera, with the same model.
     pub fn branch(&self, table: &str, model: &Arc<Model>) -> Self {
         let control = self.control.branch(&config(table), model).unwrap();
         Self { control, camera: None, frame: None, events: Vec::new(), ..*self }
     }
 
-    /// Another motion of the hand.
+    /// A different motion of the hand.
     pub fn seed(&mut self, seed: u64) {
         self.seed = seed;
     }
@@ -146,7 +146,7 @@ impl AgeingRun {
         assert_eq!(report.state, OperatingState::Enabled, "{}", report.fault);
     }
 
-    /// The goal of the hand: wandering to and fro by up to 13 deg, deg.
+    /// Goal of the hand, which wanders back and forth by up to 13 deg.
     pub fn goal(&self) -> [f64; 2] {
         let t = self.time_s;
         let phase = self.seed as f64;
@@ -158,7 +158,7 @@ impl AgeingRun {
         ]
     }
 
-    /// The hand moves for a while; the root mean square of the error, deg.
+    /// Moves the hand for some seconds. Returns the root-mean-square error, deg.
     pub fn move_for(&mut self, seconds: f64) -> f64 {
         let ticks = (seconds * 1e3) as u64;
         let mut sum = 0.0;

@@ -33,7 +33,7 @@ impl Motors for Worn {
     }
 }
 
-/// What the adaptation says after motions, each some seconds long within a range of angles, deg.
+/// Adaptation report after motions, each given as duration (s) and range of angles (deg).
 fn learned(wear: Wear, motions: &[(f64, f64)]) -> AdaptationReport {
     let model = first_model();
     let motors = IdealMotors::default();
@@ -60,7 +60,7 @@ fn learned(wear: Wear, motions: &[(f64, f64)]) -> AdaptationReport {
 }
 
 #[test]
-fn gap_slack_and_play_are_followed_as_far_as_the_motion_tells_them_apart() {
+fn gap_slack_and_play_are_estimated_where_distinguishable() {
     let wear = Wear { gap: [0.3, 0.1], slack: [0.004, 0.006], play: [0.003, 0.006] };
     let found = learned(wear, &[(120.0, 13.0)]);
     println!("{found:?}");
@@ -76,18 +76,18 @@ fn gap_slack_and_play_are_followed_as_far_as_the_motion_tells_them_apart() {
     assert!(found.calibrated_error.to_degrees() > 0.3, "{found:?}");
 }
 
-/// A motion that goes one way only shows neither.
+/// A motion in one direction shows neither.
 #[test]
-fn what_the_motion_does_not_show_stays_as_calibrated() {
+fn unexcited_wear_stays_as_calibrated() {
     let wear = Wear { slack: [0.004; 2], play: [0.004; 2], ..Wear::default() };
     let found = learned(wear, &[(2.0, 0.5)]).estimate;
     assert_eq!((found.gap, found.slack, found.play), ([0.0; 2], [0.0; 2], [0.0; 2]));
 }
 
-/// A gear has no less play than none: an estimate beyond that says nothing, and what is left of the
-/// error goes into other parameters.
+/// Play cannot be negative: the estimate stops at zero, and other parameters take the rest of the
+/// error.
 #[test]
-fn a_gear_loses_no_more_play_than_it_has() {
+fn gear_loses_at_most_the_play_it_has() {
     let play = first_model().gear_play();
     let wear = Wear { gap: [0.2; 2], play: play.map(|play| -2.0 * play), ..Wear::default() };
     let found = learned(wear, &[(60.0, 13.0)]);
@@ -97,8 +97,8 @@ fn a_gear_loses_no_more_play_than_it_has() {
     }
 }
 
-/// Wear counts as what it does at the corners of the hull, where the snake may be led next, however
-/// little the motion of the last minute shows of it.
+/// Wear is rated by its effect at the corners of the hull, where the snake may go next, even if
+/// the motion of the last minute hardly shows it.
 #[test]
 fn wear_uses_the_budget_while_the_snake_hardly_moves() {
     let wear = Wear { gap: [0.3, 0.1], ..Wear::default() };

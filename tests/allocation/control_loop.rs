@@ -33,7 +33,7 @@ fn use_robot(client: &mut Client) {
 }
 
 #[test]
-fn the_loop_and_the_ports_of_a_running_controller_allocate_nothing() {
+fn running_controller_does_not_allocate_in_loop_or_ports() {
     let mut rig = Rig::with_model();
     rig.start_controller_thread();
     let mut client = rig.client();

@@ -11,7 +11,7 @@ use i2ris_testing::cycle::{Bench, Quirk, config, flying, standard_model};
 
 use crate::calls;
 
-/// One session with everything that happens in one, in some 700 ticks.
+/// A session with every kind of event, about 700 ticks.
 fn run_session(bench: &mut Bench, models: &[Arc<Model>], session: u32) {
     bench.home();
     bench.enable();
@@ -21,7 +21,7 @@ fn run_session(bench: &mut Bench, models: &[Arc<Model>], session: u32) {
         bench.run(4);
     }
     assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
-    assert_eq!(bench.joint(40.0, 0.0), Refusal::Step);
+    assert_eq!(bench.joint(40.0, 0.0), Refusal::StepTooLarge);
     bench.run(60);
     assert_eq!(bench.report().stale_stops, u64::from(session) + 1);
     let goal = bench.targets().map(|target| target - 100);
@@ -69,7 +69,7 @@ fn cause_fault(bench: &mut Bench, session: u32) {
 }
 
 #[test]
-fn ten_thousand_ticks_with_faults_recoveries_and_swaps_do_not_allocate() {
+fn ten_thousand_ticks_with_faults_and_swaps_do_not_allocate() {
     count_calls(Bench::standard());
 }
 

@@ -1,4 +1,4 @@
-//! What runs in real time does not allocate. One binary for all these tests, because the counting
+//! Real-time code does not allocate. One binary for all these tests, because the counting
 //! allocator is global.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
@@ -21,16 +21,16 @@ thread_local! {
     static PAUSED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Names of the threads of the control loop and of the ports.
+/// Thread names of the control loop and the ports.
 const REAL_TIME: [&[u8]; 2] = [b"control\0", b"port\0"];
 
-/// Those of one test are not those of another.
+/// Serialises the tests, whose threads have the same names.
 static ONE: Mutex<()> = Mutex::new(());
-/// Whether the calls of these threads are counted, and their number.
+/// Whether calls of these threads are counted, and the count.
 static IS_WATCHED: AtomicBool = AtomicBool::new(false);
 static REAL_TIME_CALLS: AtomicU64 = AtomicU64::new(0);
 
-/// Calls of the allocator by the threads of the control loop and of ports, while `work` runs in
+/// Allocator calls by the threads of the control loop and the ports, while `work` runs in
 /// this one.
 pub fn calls_in_real_time(work: impl FnOnce()) -> u64 {
     let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -60,7 +60,7 @@ pub fn allocations(work: impl FnOnce()) -> u64 {
     calls() - before
 }
 
-/// Runs `work` without counting: it replaces hardware, or changes it.
+/// Runs `work` without counting, because it simulates hardware.
 pub fn uncounted<R>(work: impl FnOnce() -> R) -> R {
     let was_paused = PAUSED.replace(true);
     let result = work();

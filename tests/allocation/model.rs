@@ -26,7 +26,7 @@ fn tick_for_a_second(model: &Model) {
         let inverse = black_box(model.invert(black_box(&goal), &memory, &query));
         last = model.hull().project(&inverse.counts);
         model.advance_over(&mut memory, &last, 0.001);
-        black_box((model.knows(&memory), model.correction(&memory)));
+        black_box((model.is_memory_known(&memory), model.correction(&memory)));
         black_box(model.predict(&last, &memory).deviation());
         black_box(model.jacobian(&last, &memory));
         black_box((

@@ -60,7 +60,7 @@ fn the_counter_counts() {
 }
 
 #[test]
-fn nothing_is_allocated_in_any_phase_with_faults_and_lost_lines() {
+fn port_thread_does_not_allocate_in_any_phase_or_fault() {
     let drive = one_drive();
     let config = port_config(std::slice::from_ref(&drive));
     let line = SimulatedLine::new(vec![drive]);
@@ -103,7 +103,7 @@ fn nothing_is_allocated_in_any_phase_with_faults_and_lost_lines() {
 }
 
 #[test]
-fn nothing_is_allocated_on_a_real_port_with_time_outs() {
+fn real_port_with_timeouts_does_not_allocate() {
     let folder = tempfile::tempdir().unwrap();
     let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
     let mut emulated =

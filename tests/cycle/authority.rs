@@ -1,5 +1,5 @@
-//! Who may do what while somebody commands: the table in `core/command/authority.rs`, in every
-//! activity, whoever began it and whoever holds.
+//! Who may do what while a client commands: the table in `core/command/authority.rs`, in every
+//! activity, whoever started it and whoever holds.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use super::auxiliary_axis::turn;
 const OTHER: u64 = CLIENT + 1;
 const THIRD: u64 = CLIENT + 2;
 
-/// What begins an activity of a client.
+/// Starts an activity of a client.
 type Begin = fn(&mut Bench, u64);
 
 const ACTIVITIES: [(&str, Begin); 6] = [
@@ -43,7 +43,7 @@ const ACTIVITIES: [(&str, Begin); 6] = [
     }),
 ];
 
-/// What is asked for, with the row of the table that it is in.
+/// A request, with the table row that it belongs to.
 type Action = (&'static str, fn(&mut Bench, u64) -> Refusal);
 
 const ACTIONS: [Action; 22] = [
@@ -135,7 +135,7 @@ fn hold(bench: &mut Bench, client: u64) -> Refusal {
     state(bench, client, StateCommand::Hold)
 }
 
-/// The printed rows: what is asked for, and who may.
+/// The printed rows: the request and who may make it.
 fn printed() -> Vec<Vec<&'static str>> {
     let text = include_str!("../../src/core/command/authority.rs");
     let lines = text.lines().filter_map(|line| line.strip_prefix("//! | ")?.strip_suffix(" |"));
@@ -143,7 +143,7 @@ fn printed() -> Vec<Vec<&'static str>> {
     rows.skip(1).collect()
 }
 
-/// A situation, the column of it in the table, and one who may do everything that the state allows.
+/// A situation, its column in the table, and a client that may do everything the state allows.
 struct Situation {
     what: String,
     column: usize,
@@ -154,7 +154,7 @@ struct Situation {
 fn situations() -> Vec<Situation> {
     let mut all = Vec::new();
     for (name, begin) in [("nothing", (|_, _| {}) as Begin)].into_iter().chain(ACTIVITIES) {
-        // By whom it begins, who holds it then, and what that is to `CLIENT`.
+        // The client that starts it, the client that then holds, and the column for `CLIENT`.
         for (by, holder, column, entitled) in [
             (CLIENT, None, if name == "nothing" { 1 } else { 2 }, CLIENT),
             (OTHER, None, if name == "nothing" { 1 } else { 3 }, OTHER),
@@ -175,7 +175,7 @@ fn situations() -> Vec<Situation> {
     all
 }
 
-/// Why the answer to a client is not that of the table; `twin` was asked nothing.
+/// How the reply to a client differs from the table; `twin` receives no request.
 fn mistake(
     situation: &Situation,
     twin: &Bench,
@@ -184,14 +184,14 @@ fn mistake(
 ) -> Option<String> {
     let mut bench = (situation.build)();
     let refusal = act(&mut bench, CLIENT);
-    let is_who = [Refusal::Lease, Refusal::BrokenOff].contains(&refusal);
+    let is_who = [Refusal::Lease, Refusal::StreamInterrupted].contains(&refusal);
     let expected = match cell {
         "yes" => return is_who.then(|| format!("{refusal:?}")),
         "Lease" => Refusal::Lease,
-        "BrokenOff" => Refusal::BrokenOff,
-        other => panic!("{other} is no cell"),
+        "StreamInterrupted" => Refusal::StreamInterrupted,
+        other => panic!("{other} is not a cell"),
     };
-    // What the state refuses to everybody comes first.
+    // A refusal by the state, which applies to every client, comes first.
     let of_state = || act(&mut (situation.build)(), situation.entitled);
     let is_right = refusal == expected || refusal != Refusal::None && refusal == of_state();
     let seen = |bench: &Bench| {
@@ -204,7 +204,7 @@ fn mistake(
 }
 
 #[test]
-fn the_table_of_who_may_do_what_holds_in_every_activity() {
+fn permission_table_holds_in_every_activity() {
     let rows = printed();
     let asked = |row: &[&str]| ACTIONS.iter().any(|(name, _)| row[0].contains(name));
     assert!(rows.len() == 8 && rows.iter().all(|row| asked(row)), "{rows:?}");
@@ -224,7 +224,7 @@ fn the_table_of_who_may_do_what_holds_in_every_activity() {
 }
 
 #[test]
-fn a_hold_of_anybody_ends_every_activity_at_once() {
+fn hold_of_any_client_ends_every_activity() {
     for (name, begin) in ACTIVITIES {
         let mut bench = ready();
         begin(&mut bench, OTHER);
@@ -242,10 +242,10 @@ fn a_hold_of_anybody_ends_every_activity_at_once() {
 }
 
 #[test]
-fn a_hold_holds_every_client_lease_or_not_until_it_pauses() {
+fn foreign_hold_blocks_every_client_until_silent() {
     for (name, act) in ACTIONS {
         let row = printed().into_iter().find(|row| row[0].contains(name)).unwrap();
-        if row[4] != "BrokenOff" {
+        if row[4] != "StreamInterrupted" {
             continue;
         }
         let mut bench = ready();
@@ -255,8 +255,8 @@ fn a_hold_holds_every_client_lease_or_not_until_it_pauses() {
             switch_off(&mut bench);
         }
         for k in 1..=10 {
-            assert_eq!(act(&mut bench, CLIENT), Refusal::BrokenOff, "{name}");
-            // A stop that it gives itself does not free it.
+            assert_eq!(act(&mut bench, CLIENT), Refusal::StreamInterrupted, "{name}");
+            // Its own stop does not release the hold.
             assert_eq!(state(&mut bench, CLIENT, StateCommand::Disable), Refusal::None);
             bench.run(298);
             assert_eq!(state(&mut bench, THIRD + k, StateCommand::Enable), Refusal::None);
@@ -267,6 +267,6 @@ fn a_hold_holds_every_client_lease_or_not_until_it_pauses() {
         }
         bench.run(1000);
         assert_eq!(state(&mut bench, CLIENT, StateCommand::Release), Refusal::None);
-        assert_ne!(act(&mut bench, CLIENT), Refusal::BrokenOff, "{name}");
+        assert_ne!(act(&mut bench, CLIENT), Refusal::StreamInterrupted, "{name}");
     }
 }

@@ -16,7 +16,7 @@ fn angle(bench: &mut Bench, degrees: f64) -> ServoCommand {
     bench.servo(ServoGoal::Joint([degrees.to_radians(), 0.0, 0.0], 1))
 }
 
-/// One tick with a command of the jaw; the refusal, or `None` if it was accepted.
+/// Runs one tick with a jaw command. Returns the refusal, or `None` if it was accepted.
 pub fn turn(bench: &mut Bench, command: ServoCommand) -> Refusal {
     let (accepted, refused) = (bench.report().accepted, bench.report().refused);
     bench.jaw_command = Some(command);
@@ -33,7 +33,7 @@ fn jaw_target(bench: &Bench) -> Counts {
 }
 
 #[test]
-fn the_jaw_follows_its_own_stream_beside_the_joints() {
+fn jaw_follows_its_own_stream() {
     let mut bench = enabled();
     for k in 1..=200 {
         let share = f64::from(k) / 200.0;
@@ -48,7 +48,7 @@ fn the_jaw_follows_its_own_stream_beside_the_joints() {
     assert!((report.measured.to_degrees() - 20.0).abs() < 0.3, "{report:?}");
     let [pitch, yaw, _] = bench.joints().setpoint.map(f64::to_degrees);
     assert!((pitch - 4.0).abs() < 0.1 && (yaw + 2.0).abs() < 0.1, "{pitch} {yaw}");
-    // A trajectory of the joints does not wait for it, and it not for the trajectory.
+    // The jaw and a trajectory of the joints do not wait for each other.
     bench.run(100);
     bench.pose = Some((rad(0.0, 0.0), 2));
     assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
@@ -60,7 +60,7 @@ fn the_jaw_follows_its_own_stream_beside_the_joints() {
 }
 
 #[test]
-fn a_jaw_without_commands_holds_and_what_holds_the_robot_holds_it() {
+fn jaw_holds_without_commands_and_when_robot_holds() {
     for stop in [None, Some(StateCommand::Hold), Some(StateCommand::Pause)] {
         let slow = with_jaw(config("[limits]\nstop_deceleration_counts_s2 = 40000.0"));
         let mut bench = Bench::enabled_with(slow, Some(standard_model()));
@@ -89,7 +89,7 @@ fn a_jaw_without_commands_holds_and_what_holds_the_robot_holds_it() {
 }
 
 #[test]
-fn commands_of_the_jaw_pass_the_checks_of_all_commands() {
+fn jaw_commands_pass_the_common_checks() {
     let mut bench = enabled();
     let whole = |it: &mut ServoCommand| it.goal = ServoGoal::Joint([0.0; 3], 2);
     let changes: [(Change, Refusal); 6] = [
@@ -98,7 +98,7 @@ fn commands_of_the_jaw_pass_the_checks_of_all_commands() {
         (|it| it.clutched = true, Refusal::Malformed),
         (|it| it.has_unknown_flags = true, Refusal::Malformed),
         (|it| it.goal = ServoGoal::Joint([2.0, 0.0, 0.0], 1), Refusal::Range),
-        (|it| it.goal = ServoGoal::Joint([0.6, 0.0, 0.0], 1), Refusal::Step),
+        (|it| it.goal = ServoGoal::Joint([0.6, 0.0, 0.0], 1), Refusal::StepTooLarge),
     ];
     let before = jaw_target(&bench);
     for (change, expected) in changes {
@@ -111,7 +111,7 @@ fn commands_of_the_jaw_pass_the_checks_of_all_commands() {
     assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
     (other.client_id, other.stamp) = (CLIENT + 1, bench.now);
     assert_eq!(turn(&mut bench, other), Refusal::Lease);
-    // Its numbers rise by themselves: one may overtake the other stream.
+    // It has its own sequence numbers, so it may overtake the other stream.
     let (late, next) = (angle(&mut bench, 1.0), bench.servo(ServoGoal::Joint([0.0; 3], 2)));
     assert_eq!(bench.send(next), Refusal::None);
     assert_eq!(turn(&mut bench, late), Refusal::None);
@@ -153,7 +153,7 @@ fn a_fault_of_any_axis_stops_all() {
 }
 
 #[test]
-fn the_robot_is_homed_when_the_jaw_is_and_enabled_when_it_is_on() {
+fn robot_is_homed_and_enabled_only_with_jaw() {
     let mut bench = Bench::new(with_jaw(config("")), Some(standard_model()));
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
     bench.home();

@@ -61,7 +61,7 @@ fn refusals_are_counted_client_by_client() {
 }
 
 #[test]
-fn values_that_are_not_finite_are_refused_and_values_that_are_not_sent_are_ignored() {
+fn non_finite_values_are_refused_and_unsent_values_ignored() {
     let mut bench = Bench::enabled();
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert_eq!(
@@ -79,7 +79,7 @@ fn values_that_are_not_finite_are_refused_and_values_that_are_not_sent_are_ignor
 
 #[test]
 fn sequences_rise_per_client_even_after_the_lease_is_gone() {
-    // Its motors stand at once, so that silence breaks nothing off.
+    // Its motors stop at once, so that silence interrupts nothing.
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
     assert_eq!(refusal(&mut bench, |c| c.sequence = 500), Refusal::None);
     assert_eq!(refusal(&mut bench, |c| c.sequence = 500), Refusal::Sequence);
@@ -104,7 +104,7 @@ fn a_refused_command_uses_up_no_sequence_number() {
     let mut bench = Bench::enabled();
     assert_eq!(
         refusal(&mut bench, |c| (c.sequence, c.goal) = (900, ServoGoal::Joint(rad(20.0, 0.0), 2))),
-        Refusal::Step
+        Refusal::StepTooLarge
     );
     assert_eq!(refusal(&mut bench, |c| c.sequence = 900), Refusal::None);
 }
@@ -160,25 +160,25 @@ fn counts_outside_the_position_limits_are_refused() {
 }
 
 #[test]
-fn the_first_step_counts_from_the_present_setpoint() {
+fn first_step_is_measured_from_present_setpoint() {
     let Some(_) = lag_counts() else { return };
     let mut bench = Bench::enabled();
-    assert_eq!(bench.joint(5.01, 0.0), Refusal::Step);
-    assert_eq!(bench.joint(3.6, 3.6), Refusal::Step, "the length of the step: 5.09 deg");
+    assert_eq!(bench.joint(5.01, 0.0), Refusal::StepTooLarge);
+    assert_eq!(bench.joint(3.6, 3.6), Refusal::StepTooLarge, "the length of the step: 5.09 deg");
     assert_eq!(bench.joint(5.0, 0.0), Refusal::None);
     let mut bench = Bench::enabled();
-    assert_eq!(bench.actuator([251, 0]), Refusal::Step);
+    assert_eq!(bench.actuator([251, 0]), Refusal::StepTooLarge);
     assert_eq!(bench.actuator([250, -250]), Refusal::None);
 }
 
 #[test]
-fn the_next_step_counts_from_the_goal_before() {
+fn next_step_is_measured_from_previous_goal() {
     let mut bench = Bench::enabled();
     assert_eq!(bench.joint(5.0, 0.0), Refusal::None);
-    assert_eq!(bench.joint(10.1, 0.0), Refusal::Step);
+    assert_eq!(bench.joint(10.1, 0.0), Refusal::StepTooLarge);
     assert_eq!(bench.joint(9.9, 0.0), Refusal::None);
-    assert_eq!(bench.joint(4.8, 0.0), Refusal::Step);
-    // Another kind of goal starts anew, from the setpoints.
+    assert_eq!(bench.joint(4.8, 0.0), Refusal::StepTooLarge);
+    // A different kind of goal starts again from the setpoints.
     assert_eq!(bench.actuator([250, 250]), Refusal::None);
     assert_eq!(bench.actuator([500, 500]), Refusal::None);
     assert_eq!(bench.joint(4.9, 0.0), Refusal::None);
@@ -218,7 +218,7 @@ fn the_first_failed_check_names_the_refusal() {
     command.sequence = 2;
     assert_eq!(bench.send(command), Refusal::Stamp, "before that of the last one");
     command.stamp = bench.now;
-    assert_eq!(bench.send(command), Refusal::Step);
+    assert_eq!(bench.send(command), Refusal::StepTooLarge);
 }
 
 #[test]
@@ -228,7 +228,7 @@ fn repeated_refusals_are_counted_but_are_one_event() {
         bench.events.iter().filter(|e| matches!(e, CycleEventKind::Refused { .. })).count()
     };
     for _ in 0..20 {
-        assert_eq!(bench.joint(30.0, 0.0), Refusal::Step);
+        assert_eq!(bench.joint(30.0, 0.0), Refusal::StepTooLarge);
     }
     assert_eq!((bench.report().refused, refusal_events(&bench)), (20, 1));
     assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
@@ -242,7 +242,7 @@ fn repeated_refusals_are_counted_but_are_one_event() {
 }
 
 #[test]
-fn the_number_of_entries_is_that_of_the_model() {
+fn number_of_entries_must_match_the_model() {
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
     let command = bench.servo(ServoGoal::Joint([0.0; 3], 3));
     assert_eq!(bench.send(command), Refusal::Malformed);

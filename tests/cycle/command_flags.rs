@@ -1,6 +1,6 @@
 //! The refusals that depend on more than the state: the notes below the table of commands in the
-//! documentation of `i2ris::core`, in every combination of what they name. And the table itself:
-//! what is printed there is what `command_table` tests.
+//! documentation of `i2ris::core`, in every combination of their conditions. The printed table
+//! itself must equal the one that `command_table` tests.
 
 use i2ris::core::ServoGoal;
 use i2ris::drive::AxisPhase;
@@ -10,7 +10,7 @@ use i2ris_testing::cycle::{Bench, CLIENT, Quirk, rad};
 
 use super::command_table::{Answer, TABLE};
 
-/// A client that is not the usual one.
+/// A second client.
 const OTHER: u64 = 8;
 
 /// Older than `limits.feedback_stale_ms`, younger than three times that.
@@ -26,14 +26,14 @@ fn make_stale(bench: &mut Bench) {
     bench.skip(STALE);
 }
 
-/// The first reason that is present, in the order of the notes.
+/// The first reason that applies, in the order of the notes.
 fn first(reasons: &[(bool, Refusal)]) -> Refusal {
     let present = reasons.iter().find(|(is_present, _)| *is_present);
     present.map_or(Refusal::None, |(_, refusal)| *refusal)
 }
 
 #[test]
-fn what_starts_from_disabled_needs_drives_that_are_ready_a_zero_and_the_range() {
+fn enable_and_home_check_freshness_zero_and_range() {
     use StateCommand::{Enable, Home};
     for [is_homed, is_fresh, is_in_range, is_shutdown] in combinations() {
         for command in [Enable, Home] {
@@ -48,7 +48,7 @@ fn what_starts_from_disabled_needs_drives_that_are_ready_a_zero_and_the_range() 
             }
             bench.shutdown = is_shutdown;
             let expected = first(&[
-                (is_shutdown, Refusal::State),
+                (is_shutdown, Refusal::WrongState),
                 (!is_fresh, Refusal::DrivesNotReady),
                 (command == Enable && !is_homed, Refusal::NotHomed),
                 (command == Enable && !is_in_range, Refusal::Range),
@@ -60,7 +60,7 @@ fn what_starts_from_disabled_needs_drives_that_are_ready_a_zero_and_the_range() 
 }
 
 #[test]
-fn what_moves_needs_a_zero_fresh_positions_and_the_lease() {
+fn motion_needs_zero_fresh_positions_and_lease() {
     use StateCommand::{Condition, Move};
     for [is_homed, is_fresh, is_leased, has_pose] in combinations() {
         for command in [Condition, Move] {
@@ -90,7 +90,7 @@ fn what_moves_needs_a_zero_fresh_positions_and_the_lease() {
 }
 
 #[test]
-fn a_fault_is_acknowledged_only_when_every_drive_is_where_it_was_sent() {
+fn fault_is_acknowledged_only_after_every_drive_has_settled() {
     use AxisPhase::*;
     let phases =
         [Starting, Disabled, Enabling, Enabled, Homing, QuickStopped, Disabling, Faulted, Lost];
@@ -114,7 +114,7 @@ fn a_fault_is_acknowledged_only_when_every_drive_is_where_it_was_sent() {
 }
 
 #[test]
-fn the_lease_is_given_back_by_its_holder_only_in_every_state() {
+fn only_lease_holder_can_release_in_any_state() {
     for (name, build, _) in TABLE {
         let mut bench = build();
         let holder = bench.report().lease_client_id;
@@ -127,7 +127,7 @@ fn the_lease_is_given_back_by_its_holder_only_in_every_state() {
 }
 
 #[test]
-fn during_shutdown_nothing_is_started_in_any_state_and_what_stops_is_accepted() {
+fn shutdown_refuses_starts_and_accepts_stops_in_every_state() {
     use StateCommand::{Condition, Disable, Enable, Home, Move, Release, Resume, Unhome};
     for (name, build, _) in TABLE {
         for command in StateCommand::ALL {
@@ -138,7 +138,7 @@ fn during_shutdown_nothing_is_started_in_any_state_and_what_stops_is_accepted() 
             let refusal = bench.ask(*command);
             match command {
                 Enable | Resume | Home | Unhome | Condition | Move => {
-                    assert_eq!(refusal, Refusal::State, "{command} when {name}");
+                    assert_eq!(refusal, Refusal::WrongState, "{command} when {name}");
                 }
                 Disable | Release => assert_eq!(refusal, Refusal::None, "{command} when {name}"),
                 _ => {}
@@ -164,8 +164,8 @@ fn column(state: &str) -> usize {
     }
 }
 
-/// Whether an answer is what a printed cell says. Cells with a note name a state or a refusal
-/// depending on more; the tests above are about the notes.
+/// Whether a reply matches a printed cell. Cells with a note depend on further conditions, which
+/// the tests above cover.
 fn agrees(cell: &str, column: usize, answer: Answer) -> bool {
     use OperatingState::{Disabled, Enabled, Fault, Paused};
     let stays = [Disabled, Disabled, Enabled, Paused, Fault, Fault][column];

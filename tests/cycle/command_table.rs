@@ -7,7 +7,7 @@ use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris_testing::cycle::{Bench, CLIENT, Quirk, rad};
 
-/// How a state is reached, and the answers to all commands in the order of `StateCommand::ALL`:
+/// Set-up of a state, and the replies to all commands in the order of `StateCommand::ALL`:
 /// enable, disable, pause, resume, home, unhome, condition, acknowledge, release, hold, move. A
 /// state means that the command is accepted and leads to it; a refusal leaves the state unchanged.
 pub type Row = (&'static str, fn() -> Bench, [Answer; 11]);
@@ -32,7 +32,7 @@ const CONDITIONING: Answer = Answer::No(Refusal::Conditioning);
 const PERSISTS: Answer = Answer::No(Refusal::CausePersists);
 
 const CHANGING: [Answer; 11] = [BUSY, D, BUSY, BUSY, BUSY, BUSY, BUSY, NONE, D, D, BUSY];
-/// Drives that go off: `enable` waits for that.
+/// The drives are being disabled; `enable` waits for the end.
 const GOING_OFF: [Answer; 11] = [D, D, BUSY, BUSY, BUSY, BUSY, BUSY, NONE, D, D, BUSY];
 const OCCUPIED: [Answer; 11] = [E, D, P, E, ON, ON, BUSY, NONE, E, E, E];
 
@@ -149,7 +149,7 @@ fn without_refusal(report: &CycleReport) -> CycleReport {
 }
 
 #[test]
-fn every_command_in_every_state_does_what_the_table_says() {
+fn every_command_in_every_state_follows_the_table() {
     for (name, build, row) in TABLE {
         for (command, answer) in StateCommand::ALL.iter().zip(row) {
             let case = format!("{command} when {name}");

@@ -20,7 +20,7 @@ fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {
     bench
 }
 
-/// Runs a conditioning cycle to its end: the targets of every tick.
+/// Runs a complete conditioning cycle. Returns the targets of every tick.
 fn run_conditioning(bench: &mut Bench) -> Vec<[i32; 2]> {
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     assert!(bench.report().busy && !bench.report().holding);
@@ -40,7 +40,7 @@ fn range(positions: &[[i32; 2]], motor: usize) -> (i32, i32) {
 }
 
 #[test]
-fn it_covers_the_hull_within_the_position_limits_and_ends_where_it_began() {
+fn conditioning_covers_hull_within_limits_and_returns_to_start() {
     let mut bench = ready(config(""), Some(standard_model()));
     let positions = run_conditioning(&mut bench);
     assert_eq!(range(&positions, 0), (-HULL as i32, HULL as i32));
@@ -67,14 +67,14 @@ fn afterwards_the_memory_is_known() {
 }
 
 #[test]
-fn a_narrow_cycle_is_widened_to_what_the_model_needs() {
+fn narrow_conditioning_is_widened_for_the_model() {
     let model = model_with_memory();
     let narrow = config("[compensation]\nconditioning_counts = 20");
     let mut bench = ready(narrow, Some(Arc::clone(&model)));
     let positions = run_conditioning(&mut bench);
     for (motor, centre) in [120.0, -80.0].into_iter().enumerate() {
         // What it needs and a margin.
-        let half = 0.5 * model.wipe_counts()[motor] + 10.0;
+        let half = 0.5 * model.conditioning_range()[motor] + 10.0;
         let (low, high) = range(&positions, motor);
         let wanted = [centre - half, centre + half].map(f64::round);
         assert_eq!([low, high].map(f64::from), wanted, "motor {motor}");
@@ -83,7 +83,7 @@ fn a_narrow_cycle_is_widened_to_what_the_model_needs() {
 }
 
 #[test]
-fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
+fn conditioning_without_model_uses_configured_width_within_limits() {
     for (half_width, first, second) in
         [(650, (-530, 770), (-700, 600)), (950, (-900, 1000), (-700, 1000))]
     {
@@ -108,7 +108,7 @@ fn one_motor_is_conditioned_too() {
 }
 
 #[test]
-fn a_model_that_needs_more_room_than_the_limits_leave_is_refused() {
+fn conditioning_wider_than_position_limits_is_refused() {
     let mut narrow = config("");
     narrow.ports[0].axes[1].position_min_counts = i2ris::units::Counts(-60);
     narrow.ports[0].axes[1].position_max_counts = i2ris::units::Counts(60);
@@ -118,7 +118,7 @@ fn a_model_that_needs_more_room_than_the_limits_leave_is_refused() {
 }
 
 #[test]
-fn servo_commands_meanwhile_are_refused_and_change_nothing() {
+fn servo_commands_during_conditioning_are_refused() {
     let mut bench = ready(config(""), Some(standard_model()));
     let alone = run_conditioning(&mut ready(config(""), Some(standard_model())));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
@@ -149,7 +149,7 @@ fn pause_and_disable_stop_it_at_once() {
 }
 
 #[test]
-fn old_positions_stop_it_and_a_blocked_motor_is_a_fault() {
+fn stale_positions_stop_conditioning_and_blocked_motor_raises_fault() {
     let mut bench = ready(config(""), None);
     bench.ask(StateCommand::Condition);
     bench.run(300);

@@ -1,5 +1,5 @@
-//! Done means that the effect is there: every command against every way of being broken off, judged
-//! as clients judge it, by what the operating state says after the command was accepted.
+//! Done means that the effect is confirmed: every command against every kind of interruption,
+//! judged as clients judge it, by the operating state after the command was accepted.
 
 use i2ris::core::{FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 use i2ris::drive::AxisPhase;
@@ -11,11 +11,11 @@ use i2ris::realtime::Granted;
 use i2ris::robot::Cause;
 use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, model, rad, standard_model};
 
-type Way = fn(&mut Bench);
+type Event = fn(&mut Bench);
 type MakeBench = fn() -> Bench;
 
-/// What comes a moment after the command.
-const WAYS: [(&str, Way); 9] = [
+/// Events shortly after the command.
+const EVENTS: [(&str, Event); 9] = [
     ("nothing", |_| ()),
     ("stop", |bench| {
         bench.quirk(1, Quirk::Silent);
@@ -32,7 +32,7 @@ const WAYS: [(&str, Way); 9] = [
     ("disable", |bench| _ = bench.ask_as(8, StateCommand::Disable)),
     ("camera", |bench| bench.camera = Some([0.5, 0.0])),
     ("fixture", |bench| {
-        // Out of the way of a move, and in that of a cycle.
+        // Outside the path of a move, inside that of a conditioning cycle.
         let (centre, radius) = (rad(-9.0, -9.0), 1.0_f64.to_radians());
         let (space, shape) = (FixtureSpace::Angles, SimpleShape::Ball { centre, radius });
         bench.fixture = Some(FixtureChange::Add(SimpleRegion { space, shape }));
@@ -65,7 +65,7 @@ fn follows() -> Bench {
     bench
 }
 
-/// The commands, a robot to which they are given, and what comes of them by each of the ways.
+/// Each command, the robot that receives it, and its outcome after each of the events.
 const TABLE: &[(StateCommand, MakeBench, &str)] = &[
     (
         StateCommand::Enable,
@@ -89,14 +89,14 @@ fn judge(bench: &Bench, command: StateCommand) -> Progress {
     operating_state(bench.report(), &Granted::default()).progress(command, CLIENT)
 }
 
-fn what_comes(command: StateCommand, bench: &mut Bench, way: Way) -> String {
+fn outcome(command: StateCommand, bench: &mut Bench, event: Event) -> String {
     bench.pose = (command == StateCommand::Move).then_some((rad(5.0, 0.0), 2));
     assert_eq!(bench.ask(command), Refusal::None, "{command}");
     let first = judge(bench, command);
     bench.run(2);
-    way(bench);
+    event(bench);
     let mut last = judge(bench, command);
-    // Longer than everything; and what has ended may still show its effect.
+    // Longer than any command; a command that ended may still show its effect.
     for _ in 0..30_000 {
         if !matches!(last, Progress::Busy | Progress::Ended) {
             break;
@@ -104,37 +104,36 @@ fn what_comes(command: StateCommand, bench: &mut Bench, way: Way) -> String {
         bench.tick();
         last = judge(bench, command);
     }
-    // Who looks only when all is over is told the same.
+    // A client that reads the state only afterwards gets the same result.
     bench.run(10);
     assert!(first == Progress::Busy || first == last, "{command}: {first:?}");
     match last {
         Progress::Busy => "busy".to_owned(),
         Progress::Ended => "ended".to_owned(),
         Progress::Done => "done".to_owned(),
-        Progress::BrokenOff(Cause::State(state)) => format!("state{state}"),
-        Progress::BrokenOff(cause) => cause.to_string().replace(' ', ""),
+        Progress::Interrupted(Cause::State(state)) => format!("state{state}"),
+        Progress::Interrupted(cause) => cause.to_string().replace(' ', ""),
     }
 }
 
 #[test]
-fn every_command_is_done_when_its_effect_is_there_or_what_came_instead_is_named() {
+fn every_command_reports_its_effect_or_what_prevented_it() {
     let mut wrong = Vec::new();
     for (command, robot, expected) in TABLE {
-        let found = WAYS.map(|(_, way)| what_comes(*command, &mut robot(), way));
+        let found = EVENTS.map(|(_, event)| outcome(*command, &mut robot(), event));
         let expected: Vec<&str> = expected.split(' ').collect();
-        for (((way, _), found), expected) in WAYS.iter().zip(found).zip(expected) {
+        for (((event, _), found), expected) in EVENTS.iter().zip(found).zip(expected) {
             if found != expected {
-                wrong.push(format!("{command} and {way}: {found}, not {expected}"));
+                wrong.push(format!("{command} and {event}: {found}, not {expected}"));
             }
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// A cycle that came to its end has not always made the memory known: with gaps that are wider than
-/// its turns.
+/// A completed cycle does not always make the memory known: the gaps may be wider than its turns.
 #[test]
-fn a_cycle_at_its_end_is_not_done_while_the_memory_is_unknown() {
+fn conditioning_is_not_done_while_memory_is_unknown() {
     let mut bench = Bench::enabled_with(config(""), Some(standard_model()));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     bench.until("its end", |bench| !bench.report().busy);
@@ -145,6 +144,6 @@ fn a_cycle_at_its_end_is_not_done_while_the_memory_is_unknown() {
     message.state = OperatingState::Paused.number();
     assert_eq!(
         message.progress(StateCommand::Condition, CLIENT),
-        Progress::BrokenOff(Cause::State(OperatingState::Paused))
+        Progress::Interrupted(Cause::State(OperatingState::Paused))
     );
 }

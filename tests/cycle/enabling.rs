@@ -16,7 +16,7 @@ fn drives_that_are_not_ready_cannot_be_enabled_or_homed() {
             bench.drives[1].feedback.phase = phase;
             let refusal = bench.ask(command);
             assert!(
-                // A drive that is on goes off first, and `enable` waits for it.
+                // An enabled drive is disabled first, and `enable` waits for it.
                 matches!(refusal, Refusal::DrivesNotReady | Refusal::Busy)
                     || command == StateCommand::Enable && bench.report().busy,
                 "{command} with {phase:?}: {refusal}"
@@ -37,11 +37,11 @@ fn a_drive_that_was_left_on_is_switched_off_first() {
 }
 
 #[test]
-fn a_zero_that_was_forgotten_comes_back_only_by_homing() {
+fn invalidated_zero_returns_only_by_homing() {
     let mut bench = Bench::homed();
     assert_eq!(bench.ask(StateCommand::Unhome), Refusal::None);
     bench.run(100);
-    assert!(!bench.report().homed, "the drive still says it is homed");
+    assert!(!bench.report().homed, "the drive still reports homed");
     let invalid = |bench: &Bench| bench.out.requests.map(|request| request.zero_invalid);
     assert_eq!(invalid(&bench), [true; 2], "no position is saved");
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
@@ -62,7 +62,7 @@ fn homing_raises_the_counter_of_every_drive_once() {
 }
 
 #[test]
-fn homing_that_ends_without_a_zero_is_a_fault() {
+fn homing_without_resulting_zero_raises_fault() {
     let mut bench = Bench::standard();
     bench.quirk(1, Quirk::Homeless);
     assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
@@ -89,7 +89,7 @@ fn a_motor_outside_its_limits_cannot_be_enabled() {
 }
 
 #[test]
-fn until_a_drive_is_enabled_its_target_is_where_it_is() {
+fn target_follows_position_until_drive_is_enabled() {
     let mut bench = Bench::homed();
     bench.drives[1].delay = 40;
     bench.ask(StateCommand::Enable);
@@ -119,7 +119,7 @@ fn the_setpoint_starts_where_the_drive_holds() {
 }
 
 #[test]
-fn a_target_from_before_is_not_where_the_drive_holds() {
+fn re_enabled_drive_holds_its_position_not_its_old_target() {
     let mut bench = Bench::enabled();
     assert_eq!(bench.actuator([200, 0]), Refusal::None);
     bench.run(40);
@@ -132,11 +132,11 @@ fn a_target_from_before_is_not_where_the_drive_holds() {
     bench.enable();
     bench.run(20);
     assert_eq!(bench.targets()[0], -600, "not the target of the previous session");
-    assert_eq!(bench.state(), OperatingState::Enabled, "and it is no following error either");
+    assert_eq!(bench.state(), OperatingState::Enabled, "nor is it a following error");
 }
 
 #[test]
-fn enabled_is_claimed_only_when_every_drive_is() {
+fn enabled_is_reported_only_when_every_drive_is() {
     let mut bench = Bench::homed();
     bench.drives[1].delay = 200;
     bench.ask(StateCommand::Enable);
@@ -156,7 +156,7 @@ fn enabled_is_claimed_only_when_every_drive_is() {
 }
 
 #[test]
-fn a_drive_that_does_not_come_on_is_a_fault_and_all_go_off() {
+fn drive_that_fails_to_enable_disables_all_drives() {
     let mut bench = Bench::homed();
     bench.quirk(1, Quirk::Deaf);
     let begin = bench.now;
@@ -184,7 +184,7 @@ fn disable_calls_enabling_and_homing_off() {
 }
 
 #[test]
-fn the_first_report_of_a_slow_drive_is_waited_for() {
+fn first_report_of_slow_drive_is_awaited() {
     let mut bench = Bench::new(config(""), None);
     bench.drives.iter_mut().for_each(|drive| {
         drive.quirk = Quirk::Silent;
@@ -196,9 +196,9 @@ fn the_first_report_of_a_slow_drive_is_waited_for() {
     assert_eq!(bench.ask_as(CLIENT, StateCommand::Home).refusal, Refusal::DrivesNotReady);
 }
 
-/// A drive that says it is off may not have received the demand to switch on yet.
+/// A drive that reports off may not have received the demand to switch on yet.
 #[test]
-fn a_report_older_than_the_demand_is_not_believed() {
+fn report_older_than_the_demand_is_ignored() {
     let mut bench = Bench::homed();
     bench.drives.iter_mut().for_each(|drive| drive.quirk = Quirk::Deaf);
     bench.ask(StateCommand::Enable);
@@ -227,7 +227,7 @@ fn homing_is_over_when_the_drive_is_off_again() {
 }
 
 #[test]
-fn enable_while_the_drives_go_off_is_carried_out_when_they_are_off() {
+fn enable_during_disabling_waits_until_drives_are_off() {
     for ticks in [0, 5, 30, 60, 75] {
         let mut bench = Bench::moving();
         assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
@@ -245,7 +245,7 @@ fn enable_while_the_drives_go_off_is_carried_out_when_they_are_off() {
 }
 
 #[test]
-fn an_enable_that_waits_is_taken_back_by_disable_and_needs_a_zero() {
+fn pending_enable_is_cancelled_by_disable_or_lost_zero() {
     let mut bench = Bench::moving();
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);

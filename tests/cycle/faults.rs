@@ -33,7 +33,7 @@ fn disable_in_fault_is_an_event_once() {
 }
 
 #[test]
-fn a_drive_that_reports_an_error_is_a_fault_in_every_state() {
+fn drive_error_raises_fault_in_every_state() {
     for build in [Bench::standard, Bench::homed, Bench::enabled, Bench::moving, Bench::paused] {
         let mut bench = build();
         bench.drives[1].feedback.phase = AxisPhase::Faulted;
@@ -51,7 +51,7 @@ fn a_drive_that_reports_an_error_is_a_fault_in_every_state() {
 }
 
 #[test]
-fn the_drive_at_fault_goes_off_and_the_other_holds() {
+fn faulted_drive_is_disabled_and_the_other_holds() {
     let mut bench = Bench::moving();
     bench.fault(1);
     assert_eq!(demands(&bench), [Demand::QuickStop, Demand::Disabled]);
@@ -60,7 +60,7 @@ fn the_drive_at_fault_goes_off_and_the_other_holds() {
 }
 
 #[test]
-fn drives_without_power_get_none_in_a_fault() {
+fn fault_does_not_power_unpowered_drives() {
     let mut bench = Bench::homed();
     bench.fault(1);
     assert_eq!(demands(&bench), [Demand::Disabled; 2]);
@@ -73,7 +73,7 @@ fn drives_without_power_get_none_in_a_fault() {
 }
 
 #[test]
-fn a_line_that_is_lost_is_a_fault_and_the_drive_behind_it_shall_hold() {
+fn lost_line_raises_fault_and_keeps_quick_stop_demanded() {
     for build in [Bench::standard, Bench::enabled, Bench::paused] {
         let mut bench = build();
         bench.drives[0].feedback.phase = AxisPhase::Lost;
@@ -100,7 +100,7 @@ fn a_line_that_is_lost_is_a_fault_and_the_drive_behind_it_shall_hold() {
 }
 
 #[test]
-fn positions_that_stay_away_are_a_lost_line() {
+fn missing_positions_raise_link_fault() {
     let mut bench = Bench::enabled();
     bench.quirk(1, Quirk::Silent);
     let last_report = bench.drives[1].feedback.stamp;
@@ -109,7 +109,7 @@ fn positions_that_stay_away_are_a_lost_line() {
 }
 
 #[test]
-fn a_drive_that_starts_anew_had_been_lost() {
+fn restarting_drive_raises_link_fault() {
     let mut bench = Bench::enabled();
     bench.drives[1].feedback.phase = AxisPhase::Starting;
     bench.tick();
@@ -117,7 +117,7 @@ fn a_drive_that_starts_anew_had_been_lost() {
 }
 
 #[test]
-fn a_drive_that_leaves_the_enabled_state_is_a_fault() {
+fn drive_leaving_enabled_state_raises_fault() {
     use AxisPhase as P;
     for phase in [P::Disabled, P::Enabling, P::Homing, P::QuickStopped, P::Disabling] {
         for build in [Bench::enabled, Bench::paused, Bench::moving] {
@@ -132,7 +132,7 @@ fn a_drive_that_leaves_the_enabled_state_is_a_fault() {
 }
 
 #[test]
-fn a_motor_that_does_not_follow_is_a_fault_and_is_let_go() {
+fn motor_that_does_not_follow_faults_and_loses_power() {
     let mut bench = Bench::enabled();
     bench.quirk(0, Quirk::Blocked);
     for goal in (100..=800).step_by(100) {
@@ -149,10 +149,9 @@ fn a_motor_that_does_not_follow_is_a_fault_and_is_let_go() {
     assert_eq!(bench.phases(), [AxisPhase::Disabled, AxisPhase::QuickStopped]);
 }
 
-/// On a slow line the newest setpoint is far ahead of the one that was written; the motor cannot
-/// know it.
+/// On a slow line the newest setpoint is far ahead of the one written, which the motor follows.
 #[test]
-fn a_setpoint_that_waits_for_the_wire_is_no_following_error() {
+fn queued_setpoint_does_not_count_as_following_error() {
     let config = config("[limits]\nfollowing_error_counts = 10");
     let mut bench = Bench::enabled_with(config, None);
     bench.drives[0].slot = 20;
@@ -190,7 +189,7 @@ fn a_fault_stays_until_it_is_acknowledged() {
 }
 
 #[test]
-fn a_drive_that_restarts_during_its_reset_does_not_keep_the_robot_in_fault() {
+fn drive_restart_during_reset_leaves_fault_acknowledgeable() {
     let mut bench = Bench::enabled();
     bench.drives[0].feedback.phase = AxisPhase::Faulted;
     bench.run(5);
@@ -208,7 +207,7 @@ fn a_drive_that_restarts_during_its_reset_does_not_keep_the_robot_in_fault() {
 }
 
 #[test]
-fn an_acknowledged_fault_resets_the_drive_that_has_it_and_moves_nothing() {
+fn acknowledge_resets_only_the_faulted_drive_without_motion() {
     let mut bench = Bench::faulted();
     assert_eq!(bench.out.requests.map(|request| request.fault_resets), [0, 0]);
     let before = bench.drives.map(|drive| drive.feedback.position);
@@ -244,7 +243,7 @@ fn a_fault_that_cannot_be_reset_stays() {
 }
 
 #[test]
-fn a_drive_that_does_not_come_to_its_quick_stop_is_switched_off() {
+fn drive_that_misses_its_quick_stop_is_switched_off() {
     let mut bench = Bench::enabled();
     bench.quirk(1, Quirk::Deaf);
     bench.fault(0);
@@ -259,7 +258,7 @@ fn a_drive_that_does_not_come_to_its_quick_stop_is_switched_off() {
 }
 
 #[test]
-fn a_drive_that_is_off_is_not_requested_to_hold_later() {
+fn disabled_drive_is_not_asked_to_hold_later() {
     let mut bench = Bench::faulted();
     bench.run(10);
     assert_eq!(bench.phases()[1], AxisPhase::QuickStopped);
@@ -279,7 +278,7 @@ fn disable_in_fault_switches_off_and_the_fault_stays() {
 }
 
 #[test]
-fn a_drive_that_does_not_go_off_is_a_fault() {
+fn drive_that_does_not_disable_raises_fault() {
     let mut bench = Bench::enabled();
     bench.quirk(0, Quirk::Deaf);
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
@@ -288,7 +287,7 @@ fn a_drive_that_does_not_go_off_is_a_fault() {
 }
 
 #[test]
-fn a_fault_is_not_over_while_a_drive_does_not_answer() {
+fn fault_persists_while_drive_is_silent() {
     let mut bench = Bench::enabled();
     bench.quirk(1, Quirk::Silent);
     expect_fault(&mut bench, Fault::Link);

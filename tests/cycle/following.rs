@@ -1,4 +1,4 @@
-//! ENABLED: what servo commands make of the setpoints.
+//! ENABLED: setpoints that result from servo commands.
 
 use i2ris::config::Config;
 use i2ris::core::ServoGoal;
@@ -14,7 +14,7 @@ use i2ris_testing::fast_config;
 /// Rounding to counts.
 const HALF: f64 = 0.5 + 1e-6;
 
-/// Sends a goal every few ticks until the setpoints have stood for a while.
+/// Sends a goal every few ticks until the setpoints are at rest.
 fn hold_goal(bench: &mut Bench, goal: ServoGoal) {
     for _ in 0..200 {
         let command = bench.servo(goal);
@@ -24,12 +24,12 @@ fn hold_goal(bench: &mut Bench, goal: ServoGoal) {
 }
 
 #[test]
-fn angles_end_at_the_counts_that_the_model_says() {
+fn angles_end_at_the_counts_of_the_model() {
     let Some(lag) = lag_counts() else { return };
     let mut bench = Bench::enabled();
     hold_goal(&mut bench, ServoGoal::Joint(rad(3.0, -1.5), 2));
     let wanted = counts_at(3.0, -1.5).map(|counts| counts + lag);
-    // Half a count too far is gone back by, too: across the gap, and what friction holds.
+    // An overshoot of half a count is also reversed: across the gap and the friction band.
     let back = if has_memory() { 66.0 } else { 0.0 };
     for (target, wanted) in bench.targets().iter().zip(wanted) {
         let away = f64::from(*target) - wanted;
@@ -44,10 +44,9 @@ fn angles_end_at_the_counts_that_the_model_says() {
     assert_eq!(joints.goal, rad(3.0, -1.5));
 }
 
-/// No motor goes to and fro: a gap that is crossed for less than a count is crossed there and back
-/// again.
+/// No motor reverses back and forth: a gap crossed for less than a count is crossed again at once.
 #[test]
-fn on_a_slow_straight_way_no_motor_goes_to_and_fro() {
+fn slow_straight_path_does_not_reverse_motors() {
     for way in [[1.0, 0.0], [-0.7, 0.7], [0.0, 1.0], [0.3, -0.9]] {
         let mut bench = Bench::enabled();
         let mut before = bench.targets();
@@ -75,10 +74,10 @@ fn on_a_slow_straight_way_no_motor_goes_to_and_fro() {
     }
 }
 
-/// As the template is shipped. Behind its gap, every family is as near to its goal as one without
-/// memory: 20 ms.
+/// With the shipped template. Once its gap is crossed, every family lags like one without memory:
+/// 20 ms.
 #[test]
-fn a_hand_of_six_degrees_per_second_is_followed_with_the_limits_that_are_shipped() {
+fn shipped_limits_follow_six_degrees_per_second() {
     let config = Config::parse(ROBOT, "shipped.toml".as_ref()).unwrap();
     for way in [[1.0, 0.0], [-0.7, 0.7], [0.5, -0.8]] {
         let mut bench = Bench::enabled_with(config.clone(), Some(standard_model()));
@@ -99,7 +98,7 @@ fn a_hand_of_six_degrees_per_second_is_followed_with_the_limits_that_are_shipped
 }
 
 #[test]
-fn counts_need_no_model() {
+fn counts_do_not_need_a_model() {
     let mut bench = Bench::enabled_with(config(""), None);
     hold_goal(&mut bench, ServoGoal::Actuator([Counts(120), Counts(-77)], 2));
     assert_eq!(bench.targets(), [120, -77]);
@@ -118,11 +117,11 @@ fn a_tip_position_is_followed_like_an_angle() {
     // 4 mm in pitch are 257 counts of both motors.
     assert_eq!(bench.joint(0.0, 0.0), Refusal::None, "near zero in any unit");
     let far = bench.servo(ServoGoal::Joint([0.010, 0.0, 0.0], 2));
-    assert_eq!(bench.send(far), Refusal::Step);
+    assert_eq!(bench.send(far), Refusal::StepTooLarge);
 }
 
 #[test]
-fn a_goal_outside_the_hull_is_clipped_to_it_and_reported() {
+fn goal_outside_hull_is_clipped_and_reported() {
     let Some(lag) = lag_counts() else { return };
     let mut bench = Bench::enabled();
     // The corner of the hull in pitch lies at 2 * 800 counts.
@@ -146,7 +145,7 @@ fn a_goal_outside_the_hull_is_clipped_to_it_and_reported() {
 }
 
 #[test]
-fn a_goal_outside_the_position_limits_is_cut_to_them_and_reported() {
+fn goal_outside_position_limits_is_clipped_and_reported() {
     let Some(lag) = lag_counts() else { return };
     let mut bench = Bench::enabled();
     // Motor 1 ends at -700, the hull at -800.
@@ -185,9 +184,9 @@ fn the_next_setpoint_carries_stamp_and_sequence_of_its_command() {
     );
 }
 
-/// The extrapolated goal may be outside while the goal is not; what is reported is the goal.
+/// The extrapolated goal may be outside although the goal is not; the goal is reported.
 #[test]
-fn what_is_reported_is_what_was_requested_and_not_where_it_is_heading() {
+fn reported_goal_is_the_requested_not_the_extrapolated_one() {
     let Some(lag) = lag_counts() else { return };
     let mut bench = Bench::enabled();
     let edge = 2.0 * GAIN_DEG * (HULL - lag);
@@ -202,8 +201,8 @@ fn what_is_reported_is_what_was_requested_and_not_where_it_is_heading() {
     }
 }
 
-/// A client that asks for `goal(time)` at a rate, measured by the distance of the setpoint from the
-/// goal at every tick.
+/// A client that sends `goal(time)` at a rate. The distance of the setpoint from the goal is
+/// measured at every tick.
 struct Stream {
     rate_hz: f64,
     /// Time between sending and the tick that reads it, seconds.
@@ -238,7 +237,7 @@ impl Stream {
             }
             if now_s >= warm_up_s {
                 let ahead = f64::from(bench.targets()[0]) - lag - goal(now_s);
-                // The half count that rounding is too far is gone back by, across the gap.
+                // The half count of overshoot from rounding is reversed across the gap.
                 worst = worst.max(if has_memory() { ahead } else { ahead.abs() });
             }
         }
@@ -248,7 +247,7 @@ impl Stream {
 /// 12 deg/s in pitch, which both motors share.
 const SPEED: f64 = 12.0 / (2.0 * GAIN_DEG);
 
-/// Half a count of rounding, and what is left of the lag: a tenth of a count is 0.1 ms at this
+/// Half a count of rounding plus the remaining lag: a tenth of a count is 0.1 ms at this
 /// speed. Following the commands as a staircase instead leaves 2.5 counts at 1 kHz.
 #[test]
 fn a_steady_stream_is_followed_without_lag() {
@@ -268,7 +267,7 @@ fn a_stream_with_jitter_is_followed_just_as_well() {
 
 #[test]
 fn a_steady_stream_gives_a_steady_velocity() {
-    // Not of one with memory: it goes back by the half count that rounding is too far.
+    // Not with memory: it reverses by the half count of overshoot from rounding.
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
     for k in 0..200 {
         let stamp = bench.now + Nanos::from_micros(700);
@@ -284,7 +283,7 @@ fn a_steady_stream_gives_a_steady_velocity() {
 }
 
 #[test]
-fn a_stream_that_stops_is_passed_by_at_most_two_of_its_steps() {
+fn stopping_stream_is_overshot_by_at_most_two_steps() {
     let stream = Stream { rate_hz: 200.0, delay_s: 0.0003, jitter_s: 0.0 };
     let stop = 150.0;
     let worst = stream.worst_distance(|time| (SPEED * time).min(stop), 0.2, 1.0);

@@ -68,7 +68,7 @@ fn circle(seconds: f64) -> [f64; 2] {
 
 /// Before, such a snake was 14 deg off a circle, and stood for 8 s.
 #[test]
-fn joint_limits_cost_a_loose_snake_nothing_on_a_slow_circle() {
+fn joint_limits_do_not_worsen_slow_circle_of_loose_snake() {
     let [shipped, free] = [shipped(), without_joint_limits()].map(|config| {
         let track = follow(&config, 25_000, circle);
         let squares: f64 = track.iter().map(|([a, b], _)| a * a + b * b).sum();
@@ -80,7 +80,7 @@ fn joint_limits_cost_a_loose_snake_nothing_on_a_slow_circle() {
 }
 
 #[test]
-fn moves_and_conditioning_cycles_of_a_loose_snake_end_at_their_goals() {
+fn moves_and_conditioning_of_loose_snake_reach_their_goals() {
     let mut robots = [shipped(), without_joint_limits()].map(|config| conditioned(&config));
     for pose in [[6.0, 3.0], [-4.0, 5.0], [0.5, -0.5], [1.5, -0.5], [-5.0, -5.0]] {
         let [pitch, yaw] = pose.map(f64::to_radians);

@@ -1,4 +1,4 @@
-//! The gate behind the order of filters, in the whole cycle: no stage undoes the limit of another.
+//! The gate after the filters, in the whole cycle: no stage undoes the limit of another.
 
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ fn setpoint_deg(bench: &Bench) -> [f64; 3] {
     bench.joints().setpoint.map(f64::to_degrees)
 }
 
-/// Servo commands along a straight line, one per tick; what they led to is checked after each.
+/// Sends servo commands along a straight line, one per tick; `note` checks the result of each.
 fn sweep(
     bench: &mut Bench,
     from: [f64; 2],
@@ -43,19 +43,19 @@ fn sweep(
     }
 }
 
-/// Of setpoints to counts, of which a model with memory takes notice.
+/// Effect of rounding setpoints to counts, which a model with memory sees.
 fn rounding_deg() -> f64 {
     if has_memory() { GAIN_DEG } else { 0.002 }
 }
 
-/// The pose as calibrated at the setpoints on the wire, for the model without memory.
+/// The calibrated pose at the written setpoints, for the model without memory.
 fn calibrated_deg(bench: &Bench) -> [f64; 2] {
     let [a, b] = bench.targets().map(f64::from);
     [GAIN_DEG * (a + b), GAIN_DEG * (b - a)]
 }
 
 #[test]
-fn a_slanted_wall_pushes_no_setpoint_past_a_joint_limit() {
+fn slanted_wall_does_not_push_setpoint_past_joint_limit() {
     let tables = "[joint_limits]\nposition_min_deg = [-9.0, -9.0]\n\
          position_max_deg = [3.0, 9.5]\n[[virtual_fixtures]]\nname = \"slant\"\n\
          shape = { half_plane = { normal = [-1.0, 1.0], offset_deg = 2.5 } }";
@@ -69,7 +69,7 @@ fn a_slanted_wall_pushes_no_setpoint_past_a_joint_limit() {
 }
 
 #[test]
-fn around_a_circle_no_setpoint_is_faster_than_the_joint_limit() {
+fn setpoints_around_circular_fixture_keep_joint_velocity_limit() {
     let tables = "[joint_limits]\nvelocity_deg_s = 6.0\n[[virtual_fixtures]]\n\
          name = \"circle\"\nshape = { circle = { centre_deg = [4.0, 0.0], radius_deg = 2.0 } }";
     let mut bench = enabled(tables, standard_model());
@@ -90,11 +90,11 @@ fn around_a_circle_no_setpoint_is_faster_than_the_joint_limit() {
 }
 
 #[test]
-fn a_camera_that_reads_too_little_leads_no_setpoint_into_a_region() {
+fn biased_camera_does_not_lead_setpoint_into_region() {
     let tables = format!("[adaptation]\nenabled = true\n{WALL}");
     let mut bench = enabled(&tables, model(OutputUnit::Deg));
     for k in 0..120_000_u32 {
-        // It comes to read 2.9 deg too little.
+        // Its reading drifts to 2.9 deg too little.
         let shift_deg = -2.9 * (f64::from(k) / 90_000.0).min(1.0);
         let [a, b] = bench.drives.each_ref().map(|drive| drive.feedback.position.as_f64());
         bench.external = k.is_multiple_of(33).then(|| ExternalPose {
@@ -107,18 +107,18 @@ fn a_camera_that_reads_too_little_leads_no_setpoint_into_a_region() {
         assert_eq!(bench.joint(3.0 * phase.sin(), 3.0 * (0.7 * phase).sin()), Refusal::None);
     }
     let learned = bench.report().adaptation.unwrap().applied.zero[0].to_degrees();
-    assert!(learned < -0.9, "{learned} deg were believed");
+    assert!(learned < -0.9, "{learned} deg were learned");
     let here = setpoint_deg(&bench);
     let mut deepest = f64::MIN;
     let mut note = |bench: &Bench| deepest = deepest.max(calibrated_deg(bench)[0]);
     sweep(&mut bench, [here[0], here[1]], [5.4, 0.0], 4000, &mut note);
     sweep(&mut bench, [5.4, 0.0], [5.4, 0.0], 500, &mut note);
-    assert!(deepest < 6.0, "{deepest} deg behind the wall at 6 deg");
+    assert!(deepest < 6.0, "{deepest} deg, but the wall is at 6 deg");
     assert!(bench.report().limited_by_fixture.is_some());
 }
 
 #[test]
-fn a_fixture_that_comes_during_conditioning_ends_it() {
+fn fixture_added_during_conditioning_ends_it() {
     let ball = SimpleRegion {
         space: FixtureSpace::Angles,
         shape: SimpleShape::Ball { centre: [0.1, 0.1, 0.0], radius: 0.02 },
@@ -141,7 +141,7 @@ fn a_fixture_that_comes_during_conditioning_ends_it() {
 }
 
 #[test]
-fn homing_against_a_stop_is_refused_while_a_fixture_counts() {
+fn homing_against_stop_is_refused_with_active_fixture() {
     let mut config = config(WALL);
     config.ports[0].axes[1].homing = HomingMethod::StopPositive;
     let mut bench = Bench::new(config, Some(standard_model()));
@@ -150,13 +150,13 @@ fn homing_against_a_stop_is_refused_while_a_fixture_counts() {
     bench.fixture = Some(FixtureChange::SwitchOff);
     assert_eq!(bench.ask(StateCommand::Fixture), Refusal::None);
     assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
-    // Without motion nothing has to be refused.
+    // Without motion there is nothing to refuse.
     let mut bench = Bench::new(i2ris_testing::cycle::config(WALL), Some(standard_model()));
     assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
 }
 
 #[test]
-fn a_goal_that_joint_limits_cut_is_reported() {
+fn goal_clipped_by_joint_limits_is_reported() {
     let tables = "[joint_limits]\nposition_max_deg = [3.0, 9.0]";
     let mut bench = enabled(tables, standard_model());
     sweep(&mut bench, [0.0, 0.0], [5.0, 1.0], 1000, |_| {});
@@ -168,16 +168,16 @@ fn a_goal_that_joint_limits_cut_is_reported() {
 }
 
 #[test]
-fn a_model_of_the_tip_is_refused_where_angles_are_limited() {
+fn tip_model_is_refused_with_joint_limits() {
     let tip = model(OutputUnit::Mm);
     let limited = config("[joint_limits]\nvelocity_deg_s = 20.0");
     assert!(limited.check_model(&tip).is_err() && config("").check_model(&tip).is_ok());
     assert!(limited.check_model(&standard_model()).is_ok());
 }
 
-/// A robot that was never calibrated has limits of counts; it could not be calibrated otherwise.
+/// An uncalibrated robot has count limits only, otherwise it could not be calibrated.
 #[test]
-fn limits_of_angles_hold_once_a_model_says_what_an_angle_is() {
+fn joint_limits_apply_only_with_a_model() {
     let limited = config("[joint_limits]\nposition_max_deg = [3.0, 9.0]");
     let mut bench = Bench::enabled_with(limited.clone(), None);
     assert_eq!(bench.actuator([10, 10]), Refusal::None);
@@ -226,16 +226,16 @@ fn counts_and_conditioning_keep_the_joint_limits() {
     assert!(rests.count() >= 16, "the cycle waits for its motors");
 }
 
-/// Counts pass no filter of the angles, so that only the gate limits them: after a stop from rest
-/// again, and no more than they have to be.
+/// Counts bypass the joint filters, so only the gate limits them: from rest again after a stop, and
+/// no more than necessary.
 #[test]
-fn counts_that_jump_keep_velocity_and_its_change_over_the_time_of_a_line() {
+fn jumping_counts_keep_velocity_and_acceleration_limits() {
     let tables = "[joint_limits]\nvelocity_deg_s = 20.0\nacceleration_deg_s2 = 600.0\n\
          [limits]\nstop_deceleration_counts_s2 = 40000.0";
     let mut bench = enabled(tables, model(OutputUnit::Deg));
     let line = bench.config.setpoint_interval().0.div_ceil(1_000_000) as usize;
     assert!((2..20).contains(&line), "{line} ticks");
-    // What is let pass beyond, for the inverse, is 0.00003 deg, and a hundredth.
+    // Tolerance for the inverse: one hundredth plus 0.00003 deg.
     let [velocity, change] = [0.02, 6e-4 * line as f64].map(|limit| 1.01 * limit + 3.5e-5);
     let mut steps = vec![0.0_f64; line + 3];
     let (mut before, mut fastest) = (setpoint_deg(&bench)[0], 0.0_f64);
@@ -273,10 +273,10 @@ fn counts_that_jump_keep_velocity_and_its_change_over_the_time_of_a_line() {
     assert!(fastest > 0.0195, "{fastest} deg in a tick");
 }
 
-/// The goal goes along a slanted side of the hull faster than the motors, the second one of which
-/// would be at its end first.
+/// The goal moves along a slanted side of the hull faster than the motors, and the second motor
+/// would arrive first.
 #[test]
-fn motors_that_lag_behind_a_goal_do_not_leave_a_slanted_hull() {
+fn lagging_motors_do_not_leave_slanted_hull() {
     let mut file = model(OutputUnit::Deg).file().clone();
     let corners = [[800.0, 0.0], [0.0, 400.0], [-800.0, 0.0], [0.0, -400.0]];
     file.hull.corners = corners.map(Vec::from).to_vec();
@@ -291,15 +291,15 @@ fn motors_that_lag_behind_a_goal_do_not_leave_a_slanted_hull() {
     sweep(&mut bench, [0.0; 2], start, 2000, &mut note);
     sweep(&mut bench, start, end, 100, &mut note);
     sweep(&mut bench, end, end, 1000, &mut note);
-    // A count beyond may be, and half of one by rounding.
+    // One count beyond is allowed, plus half a count of rounding.
     assert!(farthest < 1.0 + 1.5 * 0.5_f64.hypot(1.0) / 400.0, "{farthest}");
     let [pitch, yaw, _] = setpoint_deg(&bench);
     assert!((pitch - end[0]).hypot(yaw - end[1]) < 0.05, "{pitch} {yaw} of {end:?}");
 }
 
-/// The same beside a region, to which one motor would bring the snake before the other leads away.
+/// The same next to a region that one motor would enter before the other leads away from it.
 #[test]
-fn motors_that_lag_behind_a_goal_do_not_enter_a_region_beside_it() {
+fn lagging_motors_do_not_enter_adjacent_region() {
     let slant = "[[virtual_fixtures]]\nname = \"slant\"\n\
          shape = { half_plane = { normal = [2.0, 1.0], offset_deg = 6.0 } }";
     let mut bench = enabled(slant, model(OutputUnit::Deg));
@@ -313,7 +313,7 @@ fn motors_that_lag_behind_a_goal_do_not_enter_a_region_beside_it() {
     sweep(&mut bench, [0.0; 2], along(-9.0), 2000, &mut note);
     sweep(&mut bench, along(-9.0), along(9.0), 60, &mut note);
     sweep(&mut bench, along(9.0), along(9.0), 1000, &mut note);
-    // Within a part of the margin of half a degree, and a count.
+    // The margin is half a degree; part of it may be used, plus a count.
     assert!((5.1..5.8 + 2.0 * GAIN_DEG).contains(&deepest), "{deepest} deg");
     let [pitch, yaw, _] = setpoint_deg(&bench);
     let end = along(9.0);
@@ -321,10 +321,10 @@ fn motors_that_lag_behind_a_goal_do_not_enter_a_region_beside_it() {
 }
 
 #[test]
-fn a_stream_begins_where_the_snake_is_also_after_a_pause_a_stop_and_a_fault() {
+fn stream_must_begin_near_snake_after_every_stop() {
     let begins = |bench: &mut Bench, reason: &str| {
         let [pitch, yaw, _] = setpoint_deg(bench);
-        assert_eq!(bench.joint(pitch + 0.6, yaw), Refusal::Step, "{reason}");
+        assert_eq!(bench.joint(pitch + 0.6, yaw), Refusal::StepTooLarge, "{reason}");
         assert_eq!(bench.joint(pitch + 0.4, yaw), Refusal::None, "{reason}");
         assert_eq!(bench.joint(pitch + 2.0, yaw), Refusal::None, "{reason}: a followed one");
         bench.run(30);
@@ -347,12 +347,12 @@ fn a_stream_begins_where_the_snake_is_also_after_a_pause_a_stop_and_a_fault() {
     begins(&mut bench, "after a fault");
     bench.run(100);
     let [a, b] = bench.targets();
-    assert_eq!(bench.actuator([a + 26, b]), Refusal::Step);
+    assert_eq!(bench.actuator([a + 26, b]), Refusal::StepTooLarge);
     assert_eq!(bench.actuator([a + 25, b]), Refusal::None);
 }
 
 #[test]
-fn a_model_is_not_swapped_under_the_hand_of_another_client_not_even_by_force() {
+fn model_swap_during_another_clients_stream_is_refused() {
     let next = scaled_balance_model(1.1);
     let mut bench = enabled("", standard_model());
     bench.offer(bench.candidate(&next));

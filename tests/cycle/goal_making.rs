@@ -1,5 +1,5 @@
-//! Where the goal is made. Nothing that a later stage offsets feeds back to it: the setpoint goes
-//! the way that was asked, and that of the blend of a swap. All with the strictness as delivered.
+//! The stage that forms the goal. No offset of a later stage feeds back into it: the setpoint
+//! follows the requested path, plus the blend of a swap. All with the shipped strictness.
 
 use i2ris::config::Config;
 use i2ris::core::{
@@ -66,7 +66,7 @@ fn at_eight(config: Config) -> Bench {
     bench
 }
 
-/// The way of the setpoint in degrees, while zero is asked for: by angle, or by the tip.
+/// Path length of the setpoint in degrees at zero rate, requested by angle or by the tip.
 fn way(bench: &mut Bench, zero: ServoGoal, ticks: u32) -> f64 {
     let mut way = 0.0;
     for tick in 0..ticks {
@@ -81,7 +81,7 @@ fn way(bench: &mut Bench, zero: ServoGoal, ticks: u32) -> f64 {
 }
 
 #[test]
-fn a_rate_of_zero_and_a_swap_move_the_snake_by_the_blend_and_no_further() {
+fn swap_at_zero_rate_moves_snake_only_by_blend() {
     for tables in ["", LEAD, BAND, "wall", "[command]\ntremor_filter_hz = 1.0"] {
         for factor in [0.7, 1.15, 1.3] {
             for zero in [STILL, ServoGoal::TipRate([0.0; 3], 3)] {
@@ -109,9 +109,9 @@ fn a_rate_of_zero_and_a_swap_move_the_snake_by_the_blend_and_no_further() {
     }
 }
 
-/// With half of the compensation the snake is beside the goal for good.
+/// With half of the compensation the snake permanently misses the goal.
 #[test]
-fn a_rate_of_zero_moves_nothing_whatever_is_compensated() {
+fn zero_rate_moves_nothing_with_any_compensation() {
     for factor in [0.0, 0.5, 1.0] {
         let tables = format!("[compensation]\nfactor = {factor:?}");
         let mut bench = at_eight(strict_config(&tables));
@@ -122,10 +122,10 @@ fn a_rate_of_zero_moves_nothing_whatever_is_compensated() {
 }
 
 #[test]
-fn a_slow_rate_comes_out_of_the_dead_band() {
+fn slow_rate_leaves_the_dead_band() {
     let mut bench = at_eight(strict_config(BAND));
     stream(&mut bench, 400, |_| ServoGoal::Rate(rad(-1.0, 0.0), 2));
-    // It is held for twice the band, and then where it was asked to be.
+    // It is held within twice the band, then reaches the requested pose.
     let [pitch, _] = pose(&bench);
     assert!(
         (pitch - 6.0).abs() < 0.1,
@@ -136,7 +136,7 @@ fn a_slow_rate_comes_out_of_the_dead_band() {
 }
 
 #[test]
-fn a_rate_that_is_too_fast_for_the_snake_ends_where_it_ends() {
+fn snake_stops_soon_after_an_unreachable_rate_ends() {
     let slow = strict_config("[joint_limits]\nvelocity_deg_s = 4.0");
     let mut bench = Bench::enabled_with(slow, Some(model(OutputUnit::Deg)));
     stream(&mut bench, 100, |_| ServoGoal::Rate(rad(60.0, 0.0), 2));
@@ -147,7 +147,7 @@ fn a_rate_that_is_too_fast_for_the_snake_ends_where_it_ends() {
 }
 
 #[test]
-fn a_rate_that_ends_is_not_led_further_by_the_lead() {
+fn lead_does_not_extend_a_rate_that_ended() {
     for lead in [0.0, 30.0] {
         let tables = format!("[compensation]\nlead_ms = {lead:?}");
         let mut bench = Bench::enabled_with(strict_config(&tables), Some(model(OutputUnit::Deg)));
@@ -158,9 +158,9 @@ fn a_rate_that_ends_is_not_led_further_by_the_lead() {
     }
 }
 
-/// What begins where the setpoint is begins without what was added to the goal before it.
+/// Motion that starts at the setpoint starts without the offset added to the previous goal.
 #[test]
-fn a_stream_and_a_move_that_begin_during_a_blend_begin_where_the_snake_is() {
+fn motion_started_during_blend_begins_at_snake_pose() {
     for kind in ["stream", "move", "fixture"] {
         let mut bench = at_eight(strict_config(""));
         way(&mut bench, angles(8.0, 0.0), 50);
@@ -202,7 +202,7 @@ fn a_stream_and_a_move_that_begin_during_a_blend_begin_where_the_snake_is() {
 
 /// A hand at 10 deg/s that leaves the limit of pitch at yaw 0 and comes back at another yaw.
 #[test]
-fn a_stream_that_comes_back_from_beyond_a_limit_has_gone_along_it() {
+fn stream_returning_from_beyond_limit_has_followed_it() {
     let limited = "[joint_limits]\nposition_max_deg = [5.0, 9.5]\nposition_min_deg = [-9.5, -9.5]";
     let scaled = format!("[command]\nmotion_scale = 0.5\n{limited}");
     type Kind = fn(f64, f64) -> ServoGoal;
@@ -258,7 +258,7 @@ fn a_clutch_opens_wherever_the_hand_is() {
 
 /// Ten degrees per second are ten degrees per second.
 #[test]
-fn stamps_that_go_back_lead_no_goal_further() {
+fn stamps_running_backwards_do_not_advance_goal() {
     for (now_ms, back_ms) in [(0, 40), (10, 45)] {
         let mut bench = Bench::enabled_with(strict_config(""), Some(model(OutputUnit::Deg)));
         let mut refused = Vec::new();
@@ -276,7 +276,7 @@ fn stamps_that_go_back_lead_no_goal_further() {
 }
 
 #[test]
-fn a_stamp_before_the_last_one_is_refused_for_every_kind_of_goal() {
+fn older_stamp_is_refused_for_every_goal_kind() {
     let config = with_jaw(strict_config(""));
     for goal in [
         angles(0.0, 0.0),
@@ -305,9 +305,9 @@ fn a_stamp_before_the_last_one_is_refused_for_every_kind_of_goal() {
     }
 }
 
-/// Each of them is stale soon after it has come, and the next one is the first of a stream again.
+/// Each becomes stale soon after its arrival, and the next one starts a stream again.
 #[test]
-fn rates_that_arrive_late_lead_no_further_than_from_their_arrival() {
+fn late_rates_act_only_from_their_arrival() {
     let mut bench = Bench::enabled_with(strict_config(""), Some(model(OutputUnit::Deg)));
     for _ in 0..40 {
         let mut command = bench.servo(ServoGoal::Rate(rad(10.0, 0.0), 2));

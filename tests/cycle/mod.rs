@@ -2,7 +2,6 @@
 
 mod authority;
 mod auxiliary_axis;
-mod broken_off;
 mod command_admission;
 mod command_flags;
 mod command_table;
@@ -14,6 +13,7 @@ mod following;
 mod gaps;
 mod gate;
 mod goal_making;
+mod interrupted_streams;
 mod model_swap;
 mod monitors;
 mod move_and_clutch;
@@ -30,12 +30,12 @@ mod shutdown;
 mod stopping;
 mod virtual_fixtures;
 
-/// Some tests have families of their own, or none.
+/// Some tests select their own families, or use no model.
 #[test]
 fn other_families_fly_too() {
-    // Who may do what asks no model, and takes a minute and a half with a fitted one.
+    // The permission table does not depend on the model, and takes 90 s with a fitted one.
     let own = "--skip=pairs:: --skip=network:: --skip=endurance:: --skip=_family --skip=reach:: \
-               --skip=who_may_do";
+               --skip=permission_table";
     let filter: Vec<&str> = "cycle::".split(' ').chain(own.split(' ')).collect();
     i2ris_testing::cycle::with_other_families(&filter);
 }

@@ -34,7 +34,7 @@ fn figure(bench: &mut Bench, from: u32, commands: u32, mut between: impl FnMut(&
     }
 }
 
-/// Twice the turning band: a goal that comes back by less is not followed.
+/// Twice the turning band: a goal that returns by less is not followed.
 const HELD: f64 = 0.1;
 
 fn hold(bench: &mut Bench, pitch: f64, yaw: f64, commands: u32) {
@@ -45,7 +45,7 @@ fn hold(bench: &mut Bench, pitch: f64, yaw: f64, commands: u32) {
 }
 
 #[test]
-fn at_a_swap_the_motors_stay_and_then_move_to_the_inverse_of_the_new_model() {
+fn swap_keeps_motors_then_blends_to_new_inverse() {
     let (first, second) = (standard_model(), scaled_standard_model(1.25));
     let mut bench = conditioned(&first);
     hold(&mut bench, 4.0, 1.0, 150);
@@ -58,7 +58,7 @@ fn at_a_swap_the_motors_stay_and_then_move_to_the_inverse_of_the_new_model() {
         (joints.setpoint[0].to_degrees() - 4.0).abs() > 0.5,
         "the new model sees another angle: {joints:?}"
     );
-    assert_eq!(joints.goal, rad(4.0, 1.0), "what was asked stays what was asked");
+    assert_eq!(joints.goal, rad(4.0, 1.0), "the goal stays as requested");
     hold(&mut bench, 4.0, 1.0, 20);
     let half_way = bench.targets();
     assert!(half_way[0] < before[0] - 5, "{before:?} {half_way:?}");
@@ -72,7 +72,7 @@ fn at_a_swap_the_motors_stay_and_then_move_to_the_inverse_of_the_new_model() {
 }
 
 #[test]
-fn after_a_rollback_the_goal_is_met_again() {
+fn goal_is_reached_again_after_rollback() {
     let (first, second) = (standard_model(), scaled_standard_model(0.8));
     let mut bench = conditioned(&first);
     hold(&mut bench, 3.0, -2.0, 150);
@@ -83,8 +83,8 @@ fn after_a_rollback_the_goal_is_met_again() {
     assert_eq!(bench.report().models.active, Some(first.id()));
     assert_eq!(bench.report().models.previous, Some(second.id()));
     hold(&mut bench, 3.0, -2.0, 150);
-    // It went to and fro by some counts in between, which plays forget only as far as the goal
-    // asks.
+    // In between it moved back and forth by some counts, which plays forget only as far as the
+    // goal requires.
     for (after, before) in bench.targets().iter().zip(before) {
         assert!((after - before).abs() <= 210, "{after} {before}");
     }
@@ -93,12 +93,12 @@ fn after_a_rollback_the_goal_is_met_again() {
 }
 
 #[test]
-fn a_staged_model_remembers_what_the_model_in_use_remembers() {
+fn staged_model_takes_over_memory_of_active_model() {
     let first = standard_model();
     let mut bench = conditioned(&first);
     figure(&mut bench, 0, 300, |_, _| {});
     let candidate = bench.candidate(&first);
-    // The motors go on for a second before the loop gets it.
+    // The motors move for another second before the loop gets it.
     figure(&mut bench, 300, 180, |_, _| {});
     bench.offer(candidate);
     assert_eq!(
@@ -115,16 +115,16 @@ fn a_staged_model_remembers_what_the_model_in_use_remembers() {
     }
 }
 
-/// How near a memory from a history is, rad. Its points are up to 8 counts apart. Plays and
-/// constant friction end exactly where the whole motion ends; friction that goes with the tension
-/// before the step, and motors that go together from point to point, end beside it.
+/// Error of a memory recalled from a history, rad. Its points are up to 8 counts apart. Plays and
+/// constant friction end exactly where the whole motion ends. Friction proportional to the tension
+/// before the step, and motors that move together from point to point, do not.
 fn recalled_within(counts: f64) -> f64 {
     if lag_counts().is_some() { 1e-9 } else { counts * GAIN_DEG.to_radians() }
 }
 
 #[test]
-fn a_history_recalls_what_the_whole_motion_leaves() {
-    // Of the fitted model, 3.6 counts beside it after 14 s of this motion.
+fn recalled_history_matches_memory_of_whole_motion() {
+    // The fitted model is off by 3.6 counts after 14 s of this motion.
     let Some(_) = lag_counts() else { return };
     let model = standard_model();
     let (mut whole, mut history) = (model.new_memory(), History::default());
@@ -144,7 +144,7 @@ fn a_history_recalls_what_the_whole_motion_leaves() {
 }
 
 #[test]
-fn a_candidate_that_is_staged_too_late_has_an_unknown_memory() {
+fn candidate_staged_too_late_has_unknown_memory() {
     let first = model_with_memory();
     let mut bench = conditioned(&first);
     let candidate = bench.candidate(&first);
@@ -178,14 +178,14 @@ fn homing_makes_every_memory_unknown() {
 }
 
 #[test]
-fn a_first_model_can_come_while_the_robot_is_on() {
+fn first_model_can_be_activated_while_enabled() {
     let mut bench = Bench::enabled_with(config(""), None);
     assert_eq!(bench.joint(0.0, 0.0), Refusal::NoModel);
     let first = standard_model();
     bench.offer(bench.candidate(&first));
     bench.tick();
     assert_eq!(bench.change_model(ModelChange::Activate(first.id()), true), Refusal::None);
-    assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::NoFormer);
+    assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::NoPreviousModel);
     hold(&mut bench, 2.0, 0.0, 100);
     let Some(lag) = lag_counts() else { return };
     for (target, wanted) in bench.targets().iter().zip(counts_at(2.0, 0.0)) {
@@ -199,13 +199,13 @@ fn an_impossible_swap_is_refused_and_changes_nothing() {
     let mut bench = Bench::enabled();
     let activate = |model: &Arc<Model>| ModelChange::Activate(model.id());
     assert_eq!(bench.change_model(activate(&second), true), Refusal::NothingStaged);
-    assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::NoFormer);
+    assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::NoPreviousModel);
     bench.offer(bench.candidate(&second));
     bench.tick();
     assert_eq!(
         bench.change_model(activate(&first), true),
         Refusal::NothingStaged,
-        "another one is staged"
+        "a different model is staged"
     );
     assert_eq!(bench.change_model(activate(&second), false), Refusal::MemoryUnknown);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
@@ -216,8 +216,8 @@ fn an_impossible_swap_is_refused_and_changes_nothing() {
     assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
     assert_eq!(
         bench.change_model(activate(&tip), false),
-        Refusal::State,
-        "angles are no position of a tip"
+        Refusal::WrongState,
+        "angles are not a tip position"
     );
     assert_eq!(bench.report().models.active, Some(first.id()));
     assert_eq!(bench.ask(StateCommand::Release), Refusal::None);
@@ -225,7 +225,7 @@ fn an_impossible_swap_is_refused_and_changes_nothing() {
 }
 
 /// A thousand swaps while a client draws a figure: every tick is checked against the limits by the
-/// bench, and every second swap is back to the model of which the angles are right.
+/// bench, and every second swap returns to the model with the correct angles.
 #[test]
 fn a_thousand_swaps_during_motion_stay_within_the_limits() {
     let models = [standard_model(), scaled_standard_model(1.2), scaled_standard_model(0.85)];
@@ -255,10 +255,10 @@ fn a_thousand_swaps_during_motion_stay_within_the_limits() {
 }
 
 fn expected(has_former: bool) -> Refusal {
-    if has_former { Refusal::None } else { Refusal::NoFormer }
+    if has_former { Refusal::None } else { Refusal::NoPreviousModel }
 }
 
-/// What half a count of every motor moves pitch, beyond the gaps.
+/// Pitch motion of half a count of every motor, beyond the gaps.
 fn half_a_count_deg(model: &Model) -> f64 {
     let pitch = |counts| model.predict(&counts, &model.new_memory()).mean[0].to_degrees();
     let ways = [[200.0, 0.0], [0.0, 200.0]]
@@ -269,9 +269,9 @@ fn half_a_count_deg(model: &Model) -> f64 {
 proptest! {
     #![proptest_config(i2ris_testing::cases(16))]
 
-    /// The motors keep their limits, and in the end the goal is met.
+    /// The motors keep their limits, and finally the goal is reached.
     #[test]
-    fn any_model_can_take_over_at_any_time(
+    fn any_model_can_be_activated_at_any_time(
         factor in 0.5..2.0_f64, ticks in 0..150_usize, pitch in -4.0..4.0_f64
     ) {
         let (first, second) = (standard_model(), scaled_standard_model(factor));
@@ -285,12 +285,12 @@ proptest! {
         hold(&mut bench, pitch, 0.0, 200);
         let joints = bench.joints();
         let error = (joints.setpoint[0] - joints.goal[0]).to_degrees().abs();
-        // And a motor crosses no gap for half a count.
+        // A motor crosses no gap for half a count.
         prop_assert!(error < HELD + half_a_count_deg(&second), "{:?}", joints);
     }
 }
 
-/// A goal in counts has nothing to do with the model.
+/// A goal in counts does not depend on the model.
 #[test]
 fn counts_that_are_followed_do_not_change() {
     let mut bench = Bench::enabled();

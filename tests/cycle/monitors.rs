@@ -1,4 +1,4 @@
-//! H10, H12, H16: late ticks, a motor or a snake that does not do what it should, and no false trip.
+//! H10, H12, H16: late ticks, a motor or snake that does not follow, and no false trip.
 
 use i2ris::core::{CycleEventKind, ExternalPose, PlausibilityCheck};
 use i2ris::drive::Demand;
@@ -6,7 +6,7 @@ use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris_testing::cycle::{Bench, config, standard_model};
 
 #[test]
-fn h10_too_many_late_ticks_in_a_window_are_a_fault_and_single_ones_are_none() {
+fn h10_many_late_ticks_raise_fault_but_single_ones_do_not() {
     let limits = config("[limits]\noverrun_ticks = 40");
     let mut bench = Bench::new(limits, None);
     bench.home();
@@ -32,7 +32,7 @@ fn h10_too_many_late_ticks_in_a_window_are_a_fault_and_single_ones_are_none() {
 }
 
 #[test]
-fn h10_a_robot_that_is_off_has_no_fault_from_late_ticks() {
+fn h10_late_ticks_raise_no_fault_while_disabled() {
     let mut bench = Bench::homed();
     bench.missed = 5;
     bench.run(5000);
@@ -73,7 +73,7 @@ fn with_camera(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
 }
 
 #[test]
-fn h12_a_snake_that_is_not_where_the_model_says_is_a_fault_and_the_drives_hold() {
+fn h12_implausible_pose_raises_fault_and_drives_hold() {
     let bench = with_camera(120, 3.0, 3000);
     let fault = (bench.state(), bench.report().fault);
     assert_eq!(fault, (OperatingState::Fault, Fault::Implausible));
@@ -81,7 +81,7 @@ fn h12_a_snake_that_is_not_where_the_model_says_is_a_fault_and_the_drives_hold()
 }
 
 #[test]
-fn h12_a_late_camera_that_agrees_is_no_fault() {
+fn h12_late_but_agreeing_camera_raises_no_fault() {
     // 8 deg/s and 120 ms: the difference to the newest estimate would be one degree, half the
     // limit.
     for (latency_ms, slack_deg, ticks) in [(120, 1.0, 6000), (400, 0.0, 4000)] {
@@ -91,7 +91,7 @@ fn h12_a_late_camera_that_agrees_is_no_fault() {
 }
 
 #[test]
-fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_reported() {
+fn h12_single_outlier_then_silence_is_reported_without_fault() {
     // Until the memory of every family is known.
     let mut bench = with_camera(120, 0.0, 3000);
     let odd =
@@ -100,34 +100,34 @@ fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_reported() {
     bench.external = Some(odd);
     bench.run(2000);
     assert_ne!(bench.state(), OperatingState::Fault);
-    let said: Vec<_> = bench
+    let events: Vec<_> = bench
         .events
         .iter()
         .filter(|kind| matches!(kind, CycleEventKind::Plausibility(_)))
         .collect();
     let expected = [PlausibilityCheck::Working, PlausibilityCheck::Silent];
     let expected = expected.map(CycleEventKind::Plausibility);
-    assert_eq!(said, expected.iter().collect::<Vec<_>>());
+    assert_eq!(events, expected.iter().collect::<Vec<_>>());
     assert_eq!(bench.report().plausibility, PlausibilityCheck::Silent);
 }
 
 #[test]
-fn another_camera_is_reported_when_it_comes_and_as_long_as_it_publishes() {
+fn second_camera_is_reported_on_arrival_and_repeatedly() {
     let mut bench = Bench::homed();
     for tick in 1..=25_000 {
         bench.ignored_frames = tick / 33;
         bench.tick();
     }
-    let told = |kind: &CycleEventKind| match kind {
+    let frames = |kind: &CycleEventKind| match kind {
         CycleEventKind::OtherCamera { frames } => Some(*frames),
         _ => None,
     };
-    let told: Vec<u64> = bench.events.iter().filter_map(told).collect();
-    assert_eq!(told, [1, 304, 607]);
+    let reported: Vec<u64> = bench.events.iter().filter_map(frames).collect();
+    assert_eq!(reported, [1, 304, 607]);
 }
 
 #[test]
-fn h12_too_much_current_for_too_long_is_a_fault_and_the_motor_loses_its_power() {
+fn h12_sustained_over_current_raises_fault_and_cuts_motor_power() {
     let limits = config("[limits]\nover_current_ma = 150");
     let long = (limits.over_current_time().0 / 1_000_000) as usize;
     let mut bench = Bench::new(limits, None);
@@ -139,7 +139,7 @@ fn h12_too_much_current_for_too_long_is_a_fault_and_the_motor_loses_its_power() 
     bench.run(5);
     bench.drives[1].feedback.current_ma = 200;
     bench.run(long - 10);
-    // A short current peak, as at the start of a motion, is no fault.
+    // A short current peak, as at the start of a motion, is not a fault.
     assert_eq!(bench.state(), OperatingState::Enabled);
     bench.run(20);
     let fault = (bench.state(), bench.report().fault);
@@ -147,10 +147,10 @@ fn h12_too_much_current_for_too_long_is_a_fault_and_the_motor_loses_its_power() 
     assert_eq!(demands(&bench), [Demand::QuickStop, Demand::Disabled]);
 }
 
-/// Five minutes of counted time with every monitor on: slow lines, a camera with noise, occasional
-/// late ticks.
+/// Five minutes of simulated time with every monitor on: slow lines, a noisy camera, occasional late
+/// ticks.
 #[test]
-fn h16_five_minutes_of_ordinary_use_trip_nothing() {
+fn h16_five_minutes_of_ordinary_use_raise_no_fault() {
     let limits =
         config("[limits]\nover_current_ma = 250\noverrun_ticks = 100\nplausibility_deg = 1.0");
     let mut bench = Bench::new(limits, Some(standard_model()));

@@ -16,21 +16,21 @@ fn go(bench: &mut Bench, pitch: f64, yaw: f64) -> Refusal {
     bench.ask(StateCommand::Move)
 }
 
-/// How near a stream ends: of a model with memory the turning band holds what overshoots.
+/// Final error of a stream: with memory, the turning band holds an overshoot.
 fn near(exact: f64) -> f64 {
     if has_memory() { 0.1 } else { exact }
 }
 
-/// What the gate lets through beyond a limit of velocity: a hundredth, and what the inverse leaves.
+/// Tolerance of the gate beyond a velocity limit: one hundredth plus the error of the inverse.
 const STEP_MARGIN: f64 = 1.015;
 
-/// To a thousandth of a degree: the search for the inverse ends within a thousandth of a count.
+/// Pitch, exact to a thousandth of a degree: the inverse search ends within 1/1000 of a count.
 fn pitch(bench: &Bench) -> f64 {
     bench.joints().setpoint[0].to_degrees()
 }
 
 #[test]
-fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_there() {
+fn move_jp_is_straight_bounded_and_busy_until_arrival() {
     // With memory, motors do not cross their gaps at the same time: see the next test.
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
     assert_eq!(go(&mut bench, 8.0, -3.0), Refusal::None);
@@ -67,7 +67,7 @@ fn every_trajectory_ends_with_every_family() {
 }
 
 #[test]
-fn servo_commands_are_busy_during_a_trajectory_and_every_stop_ends_it() {
+fn trajectory_refuses_servo_commands_and_ends_on_every_stop() {
     for stop in [StateCommand::Hold, StateCommand::Pause, StateCommand::Disable] {
         let mut bench = enabled("");
         assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
@@ -83,7 +83,7 @@ fn servo_commands_are_busy_during_a_trajectory_and_every_stop_ends_it() {
 }
 
 #[test]
-fn a_trajectory_that_would_outlast_its_client_for_long_is_refused() {
+fn overlong_trajectory_is_refused() {
     // 9 deg take 90 s, 5 deg take 50 s.
     let mut bench = enabled("[joint_limits]\nvelocity_deg_s = 0.2");
     assert_eq!(go(&mut bench, 9.0, 0.0), Refusal::Range);
@@ -108,7 +108,7 @@ fn an_invalid_pose_is_refused() {
 }
 
 #[test]
-fn a_model_can_take_over_during_a_trajectory() {
+fn model_can_be_swapped_during_trajectory() {
     let mut bench = enabled("");
     assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
     bench.run(300);
@@ -133,7 +133,7 @@ fn move_master(bench: &mut Bench, from: f64, to: f64, commands: u32) {
 }
 
 #[test]
-fn while_the_clutch_is_open_the_snake_holds_and_when_it_closes_it_goes_on_from_there() {
+fn open_clutch_holds_snake_and_closing_resumes_from_there() {
     let mut bench = enabled("");
     move_master(&mut bench, 0.0, 4.0, 100);
     bench.clutched = true;
@@ -155,7 +155,7 @@ fn while_the_clutch_is_open_the_snake_holds_and_when_it_closes_it_goes_on_from_t
 }
 
 #[test]
-fn a_scale_makes_the_snake_move_less_than_the_master_from_where_both_are() {
+fn motion_scale_applies_relative_to_stream_start() {
     let Some(_) = lag_counts() else { return };
     let mut bench = enabled("[command]\nmotion_scale = 0.25");
     move_master(&mut bench, 20.0, 20.0, 5);
@@ -180,13 +180,13 @@ fn joint_limits_are_kept_for_any_goal() {
         highest = highest.max(pitch(&bench));
         past.push(pitch(&bench));
     }
-    // Over a twentieth of a second; of whole counts in each motor, at both ends, and half of one
-    // in each that friction gives back.
+    // Over a twentieth of a second, with rounding to counts in each motor at both ends, plus half
+    // a count in each that friction returns.
     let counts = if has_memory() { 6.0 * GAIN_DEG } else { 0.0 };
     let most = 0.05 * 6.0 * STEP_MARGIN + counts;
     let fastest = past.windows(51).map(|it| (it[50] - it[0]).abs()).fold(0.0, f64::max);
     assert!(fastest <= most, "{fastest} deg in 0.05 s");
-    // Drives take whole counts, of which a memory takes notice.
+    // Drives take whole counts, which a memory sees.
     let rounding = if has_memory() { 0.5 * GAIN_DEG } else { 1e-9 };
     assert!(highest <= 3.0 + rounding, "{highest}");
     assert!(pitch(&bench) > 3.0 - rounding.max(1e-3), "{}", pitch(&bench));
@@ -205,9 +205,9 @@ fn the_tremor_filter_delays_servo_commands() {
 }
 
 #[test]
-fn a_second_move_of_a_client_takes_the_place_of_the_first_without_a_jump() {
-    // In every phase of the motion, and for ends before, behind and beside. Of a model without
-    // memory: where one with memory turns, it crosses its gap.
+fn second_move_replaces_the_first_without_jump() {
+    // In every phase of the motion, with the new goal short of, past and to the side of the first.
+    // Without memory: a model with memory crosses its gap where it turns.
     for after in [1, 20, 60, 120, 400, 800, 900] {
         for to in [[-6.0, 2.0], [2.0, 0.0], [9.0, 0.0], [0.0, 7.0]] {
             let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
@@ -223,7 +223,7 @@ fn a_second_move_of_a_client_takes_the_place_of_the_first_without_a_jump() {
                 if past.len() > 4 {
                     assert!(step(here, at(1)) * 1e3 < 10.1, "{after} ticks, to {to:?}");
                     let change = [0, 1, 2].map(|i| here[i] - 2.0 * at(1)[i] + at(2)[i]);
-                    // 200 deg/s^2 of the move, and what the search for the inverse leaves.
+                    // 200 deg/s^2 of the move, plus the error of the inverse search.
                     let change = step(change, [0.0; 3]) * 1e6;
                     assert!(change < 400.0, "{change} deg/s^2, {after} ticks, to {to:?}");
                 }
@@ -245,11 +245,11 @@ fn a_second_move_of_a_client_takes_the_place_of_the_first_without_a_jump() {
 }
 
 #[test]
-fn a_move_that_is_refused_leaves_the_one_in_progress() {
+fn refused_move_does_not_stop_move_in_progress() {
     let mut bench = enabled("");
     assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
     bench.run(300);
-    assert_eq!(go(&mut bench, 60.0, 0.0), Refusal::Reach);
+    assert_eq!(go(&mut bench, 60.0, 0.0), Refusal::OutOfReach);
     bench.idle();
     // A motor crosses no gap for half a count.
     assert!((pitch(&bench) - 8.0).abs() < GAIN_DEG);

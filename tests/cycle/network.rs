@@ -65,14 +65,14 @@ fn swap_while_moving(bench: &mut Bench, models: &[Arc<Model>; 2], swaps: u32) {
 }
 
 #[test]
-fn a_thousand_swaps_to_and_from_a_gru_while_the_snake_moves() {
+fn thousand_swaps_to_and_from_gru_while_moving() {
     let models = [standard_model(), network(64)];
     let mut bench = Bench::new(config(""), Some(models[0].clone()));
     swap_while_moving(&mut bench, &models, 1000);
 }
 
 #[test]
-fn a_session_with_a_gru_is_replayed_to_the_bit() {
+fn gru_session_is_replayed_bit_for_bit() {
     let models = [network(64), standard_model()];
     let mut bench = Bench::new(config(""), Some(models[0].clone()));
     bench.recording = Some(Recording::default());

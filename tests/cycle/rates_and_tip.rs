@@ -45,7 +45,7 @@ fn a_rate_moves_the_snake_and_zero_stops_it() {
     let tolerance = if has_memory() { 0.1 } else { 0.05 };
     let is_near = |found: f64, wanted: f64| (found - wanted).abs() < tolerance;
     assert!(is_near(pitch, 5.0) && is_near(yaw, -2.0), "{pitch} {yaw}");
-    // It goes on from where it is, and so does a stream of angles.
+    // It resumes from the present pose, and so does a stream of angles.
     turn(&mut bench, [0.0, 20.0], 200);
     assert_eq!(bench.joint(5.0, 2.3), Refusal::None);
 }
@@ -75,11 +75,11 @@ fn a_rate_that_is_not_renewed_stops_at_its_deadline() {
 }
 
 #[test]
-fn a_snake_that_cannot_keep_up_stops_soon_after_the_rate_is_zero() {
+fn lagging_snake_stops_soon_after_rate_is_zero() {
     let mut bench = strict("[joint_limits]\nvelocity_deg_s = 5.0\nacceleration_deg_s2 = 100.0");
     turn(&mut bench, [40.0, 0.0], 1000);
     let [reached, _] = setpoint_deg(&bench);
-    // A rate goes on from where the snake is, and it begins late where there is a gap.
+    // A rate starts from the present pose, and late if it has to cross a gap.
     let least = if has_memory() { 0.5 } else { 4.0 };
     assert!((least..5.5).contains(&reached), "as fast as it may: {reached}");
     turn(&mut bench, [0.0, 0.0], 500);
@@ -89,7 +89,7 @@ fn a_snake_that_cannot_keep_up_stops_soon_after_the_rate_is_zero() {
 }
 
 #[test]
-fn a_rate_out_of_reach_slides_along_the_border_and_leads_back() {
+fn rate_out_of_reach_slides_along_border_and_returns() {
     let mut bench = strict("[joint_limits]\nposition_max_deg = [3.0, 9.0]");
     turn(&mut bench, [12.0, 8.0], 600);
     let [pitch, yaw] = setpoint_deg(&bench);
@@ -114,20 +114,20 @@ fn rates_are_scaled_and_nothing_moves_with_an_open_clutch() {
 }
 
 #[test]
-fn rates_and_places_are_refused_for_what_is_wrong_with_them() {
+fn invalid_rates_and_tip_goals_are_refused_with_reason() {
     let mut bench = strict("");
     let place = ServoGoal::Tip(tip_at(0.0, 0.0), 2);
     for (goal, expected) in [
         (ServoGoal::Rate([f64::NAN, 0.0, 0.0], 2), Refusal::NotFinite),
         (ServoGoal::Rate(rad(1.0, 0.0), 3), Refusal::Malformed),
         // 5 deg within 50 ms, and no more.
-        (ServoGoal::Rate(rad(101.0, 0.0), 2), Refusal::Step),
+        (ServoGoal::Rate(rad(101.0, 0.0), 2), Refusal::StepTooLarge),
         (ServoGoal::Rate(rad(99.0, 0.0), 2), Refusal::None),
         (ServoGoal::Interpolated([0.0, f64::INFINITY, 0.0], 2), Refusal::NotFinite),
         (ServoGoal::Tip([f64::NAN; 3], 3), Refusal::NotFinite),
         (place, Refusal::Malformed),
         (ServoGoal::TipRate([0.0, f64::NAN, 0.0], 3), Refusal::NotFinite),
-        (ServoGoal::Tip(tip_at(0.0, 12.0), 3), Refusal::Step),
+        (ServoGoal::Tip(tip_at(0.0, 12.0), 3), Refusal::StepTooLarge),
     ] {
         bench.run(600);
         assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
@@ -144,7 +144,7 @@ fn rates_and_places_are_refused_for_what_is_wrong_with_them() {
 
 /// A staircase would stand still for most of the time, and run at full speed in between.
 #[test]
-fn a_slow_stream_becomes_a_steady_motion_and_rests_where_it_was_led() {
+fn interpolated_slow_stream_moves_steadily_and_rests_at_goal() {
     for interval_ms in [33, 100, 200] {
         let mut bench = strict("");
         let step = 12.0 * interval_ms as f64 * 1e-3;
@@ -179,7 +179,7 @@ fn a_slow_stream_becomes_a_steady_motion_and_rests_where_it_was_led() {
 }
 
 #[test]
-fn the_tip_goes_to_its_place_and_to_the_nearest_one_with_the_distance() {
+fn tip_reaches_goal_or_nearest_point_with_distance() {
     let mut bench = strict("");
     for k in 0..=200 {
         let share = f64::from(k) / 200.0;
@@ -234,7 +234,7 @@ fn the_tip_moves_with_a_velocity() {
 }
 
 #[test]
-fn a_move_of_the_tip_ends_there_and_one_out_of_reach_is_refused_in_millimetres() {
+fn tip_move_arrives_or_is_refused_with_distance() {
     let mut bench = Bench::enabled_with(config(""), Some(standard_model()));
     let go = |bench: &mut Bench, place, entries| {
         let reply = bench.ask_for(CLIENT, StateCommand::Move, Some(ServoGoal::Tip(place, entries)));
@@ -249,7 +249,7 @@ fn a_move_of_the_tip_ends_there_and_one_out_of_reach_is_refused_in_millimetres()
     for (place, least, most) in [([x, y, z + 1e-3], 0.9, 1.1), (tip_at(60.0, 0.0), 0.3, 2.0)] {
         let (refusal, measurement) = go(&mut bench, place, 3);
         let Measurement { quantity, measured, .. } = measurement.unwrap();
-        assert_eq!((refusal, quantity), (Refusal::Reach, Quantity::Millimetres));
+        assert_eq!((refusal, quantity), (Refusal::OutOfReach, Quantity::Millimetres));
         assert!((least..most).contains(&measured), "{measured} mm");
     }
     assert_eq!(go(&mut bench, [f64::NAN; 3], 3).0, Refusal::NotFinite);

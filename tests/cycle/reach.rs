@@ -1,4 +1,4 @@
-//! Out of reach: moves are refused, streams go to the nearest pose, and the distance is said.
+//! Out of reach: moves are refused, streams go to the nearest pose, and the distance is reported.
 
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::robot::{Cause, Clip, Measurement, Quantity};
@@ -19,7 +19,7 @@ fn go(bench: &mut Bench, [pitch, yaw]: [f64; 2]) -> (Refusal, Option<Measurement
     (reply.refusal, reply.measurement)
 }
 
-/// A stream along a straight line, and then at its end until the snake rests.
+/// Streams along a straight line, then holds its end until the snake rests.
 fn stream(bench: &mut Bench, from: [f64; 2], to: [f64; 2]) {
     for k in 1..=5000 {
         let share = (f64::from(k) / 4000.0).min(1.0);
@@ -36,14 +36,14 @@ fn a_move_out_of_reach_is_refused_with_the_distance() {
         let mut bench = Bench::enabled_with(config(""), Some(model()));
         let before = bench.targets();
         let (refusal, measurement) = go(&mut bench, pose);
-        assert_eq!(refusal, Refusal::Reach, "{name}: {pose:?}");
+        assert_eq!(refusal, Refusal::OutOfReach, "{name}: {pose:?}");
         let Measurement { quantity, measured, .. } = measurement.unwrap();
-        let asked = pose[0].hypot(pose[1]);
+        let requested = pose[0].hypot(pose[1]);
         assert_eq!(quantity, Quantity::Degrees);
-        assert!((0.1..asked).contains(&measured), "{measured} of {asked}");
+        assert!((0.1..requested).contains(&measured), "{measured} of {requested}");
         bench.run(100);
         assert_eq!(bench.targets(), before);
-        // So far, and no nearer.
+        // The distance is the minimum: no nearer pose is in reach.
         let around = |far: f64| {
             let mut bench = Bench::enabled_with(config(""), Some(model()));
             (0..180).any(|k| {
@@ -58,17 +58,17 @@ fn a_move_out_of_reach_is_refused_with_the_distance() {
 }
 
 #[test]
-fn a_move_beyond_a_joint_limit_is_refused_with_the_distance() {
+fn move_beyond_joint_limit_is_refused_with_distance() {
     let Some(_) = lag_counts() else { return };
     let limits = "[joint_limits]\nposition_max_deg = [3.0, 9.0]";
     let mut bench = Bench::enabled_with(config(limits), Some(standard_model()));
     let (refusal, measurement) = go(&mut bench, [6.0, 2.0]);
-    assert_eq!(refusal, Refusal::Reach);
+    assert_eq!(refusal, Refusal::OutOfReach);
     // (3, 2) is the nearest.
     assert!((measurement.unwrap().measured - 3.0).abs() < 0.02);
     assert_eq!(go(&mut bench, [3.0, 1.0]).0, Refusal::None);
     bench.idle();
-    assert_eq!(go(&mut bench, [4.0, 1.0]).0, Refusal::Reach);
+    assert_eq!(go(&mut bench, [4.0, 1.0]).0, Refusal::OutOfReach);
 }
 
 #[test]
@@ -80,18 +80,18 @@ fn a_stream_out_of_reach_ends_at_the_nearest_pose() {
             stream(&mut bench, [0.0; 2], to);
             assert!(bench.report().clipped, "{name}: {to:?}");
             let away = apart(setpoint_deg(&bench), to);
-            assert!((away - nearest).abs() < 0.75, "{name}: {away} from {to:?}, and not {nearest}");
+            assert!((away - nearest).abs() < 0.75, "{name}: {away} from {to:?}, not {nearest}");
             let mut clips = bench.reasons.iter().filter(|it| matches!(it.cause, Cause::Clip(_)));
-            let said = clips.next_back().unwrap().measurement.unwrap().measured;
-            assert!((said - away).abs() < 0.3, "{said} deg, and it is {away}");
+            let reported = clips.next_back().unwrap().measurement.unwrap().measured;
+            assert!((reported - away).abs() < 0.3, "{reported} deg, not {away}");
         }
     }
 }
 
-/// Hull of a diamond and of a disc, limits of the joints and of the motors: a hand goes along
-/// outside and comes back elsewhere. The snake goes no faster than the hand and is with it again.
+/// Diamond and disc hulls, joint and motor limits: a hand moves along the border outside and
+/// returns elsewhere. The snake moves no faster than the hand and meets it again.
 #[test]
-fn a_hand_outside_is_followed_along_the_border() {
+fn hand_outside_reach_is_followed_along_border() {
     let joints = "[joint_limits]\nposition_max_deg = [5.0, 6.0]";
     for ((name, model), tables) in flying().into_iter().zip(["", joints].into_iter().cycle()) {
         for limits in ["", tables] {
@@ -118,7 +118,7 @@ fn a_hand_outside_is_followed_along_the_border() {
 }
 
 #[test]
-fn a_stream_beyond_a_joint_limit_slides_along_it_and_comes_back() {
+fn stream_beyond_joint_limit_slides_along_it_and_returns() {
     let limits = "[joint_limits]\nposition_max_deg = [3.0, 9.0]";
     let mut bench = Bench::enabled_with(config(limits), Some(standard_model()));
     stream(&mut bench, [0.0; 2], [6.0, 4.0]);

@@ -1,4 +1,4 @@
-//! What the events say of faults, refusals, stops and clips: the measured value and its limit.
+//! Events of faults, refusals, stops and clips report the measured value and its limit.
 
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
@@ -70,15 +70,15 @@ fn a_fault_reports_what_was_measured_and_of_which_motor() {
 }
 
 #[test]
-fn the_code_of_a_drive_at_fault_is_reported_when_it_is_read_and_never_as_zero() {
+fn drive_error_code_is_reported_once_read_never_as_zero() {
     let mut bench = Bench::enabled();
     bench.drives[1].feedback.phase = AxisPhase::Faulted;
     assert_eq!(fault(&mut bench, Fault::Drive).to_string(), "motor 1");
     bench.run(3);
     bench.drives[1].feedback.error_code = 0x8611;
     bench.run(3);
-    let told = measurement(&bench, Cause::Fault(Fault::Drive)).unwrap();
-    assert_eq!(told.to_string(), "motor 1: error code 0x8611");
+    let reported = measurement(&bench, Cause::Fault(Fault::Drive)).unwrap();
+    assert_eq!(reported.to_string(), "motor 1: error code 0x8611");
     let faults = { bench.reasons.iter() }.filter(|it| it.cause == Cause::Fault(Fault::Drive));
     assert_eq!(faults.count(), 2, "once without, once with its code");
 }
@@ -87,8 +87,8 @@ fn the_code_of_a_drive_at_fault_is_reported_when_it_is_read_and_never_as_zero() 
 fn a_refusal_reports_what_was_measured() {
     let Some(_) = lag_counts() else { return };
     let mut bench = Bench::enabled();
-    assert_eq!(bench.joint(9.0, 0.0), Refusal::Step);
-    let step = measurement(&bench, Cause::Refusal(Refusal::Step)).unwrap();
+    assert_eq!(bench.joint(9.0, 0.0), Refusal::StepTooLarge);
+    let step = measurement(&bench, Cause::Refusal(Refusal::StepTooLarge)).unwrap();
     let limit = bench.config.command.max_step_deg;
     assert_eq!((step.quantity, step.limit), (Quantity::Degrees, Some(limit)));
     assert!((step.measured - 9.0).abs() < 1e-6, "{step}");
@@ -115,16 +115,16 @@ fn a_refusal_reports_what_was_measured() {
 }
 
 #[test]
-fn a_step_that_is_refused_is_reported_with_the_limit_that_it_breaks() {
+fn refused_step_is_reported_with_the_violated_limit() {
     let limits = strict_config("[joint_limits]\nposition_max_deg = [3.0, 9.0]");
     let mut bench = Bench::enabled_with(limits, Some(model(OutputUnit::Deg)));
     let angles = |pitch, yaw| ServoGoal::Joint(rad(pitch, yaw), 2);
     let refused = |bench: &mut Bench, goal: ServoGoal, [step, limit]: [f64; 2]| {
         let command = bench.servo(goal);
-        assert_eq!(bench.send(command), Refusal::Step, "{goal:?}");
-        let told = measurement(bench, Cause::Refusal(Refusal::Step)).unwrap();
-        let of = told.limit.unwrap();
-        assert!((told.measured - step).abs() < 1e-6 && (of - limit).abs() < 1e-6, "{told}");
+        assert_eq!(bench.send(command), Refusal::StepTooLarge, "{goal:?}");
+        let reported = measurement(bench, Cause::Refusal(Refusal::StepTooLarge)).unwrap();
+        let of = reported.limit.unwrap();
+        assert!((reported.measured - step).abs() < 1e-6 && (of - limit).abs() < 1e-6, "{reported}");
     };
     let first = bench.config.command.first_step_deg;
     refused(&mut bench, angles(first + 0.1, 0.0), [first + 0.1, first]);
@@ -139,7 +139,7 @@ fn a_step_that_is_refused_is_reported_with_the_limit_that_it_breaks() {
 }
 
 #[test]
-fn a_refused_state_command_is_an_event_once_and_its_reply_reports_the_measurement() {
+fn refused_state_command_reports_measurement_and_one_event() {
     let mut bench = Bench::standard();
     for _ in 0..20 {
         assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
@@ -155,7 +155,7 @@ fn a_refused_state_command_is_an_event_once_and_its_reply_reports_the_measuremen
 }
 
 #[test]
-fn a_stop_and_a_clip_are_measurement_with_their_measurements_and_not_repeated() {
+fn stops_and_clips_are_reported_once_with_measurements() {
     let mut bench = Bench::moving();
     bench.run(200);
     let stale = measurement(&bench, Cause::Stop(Stop::Stale)).unwrap();
@@ -211,7 +211,7 @@ fn the_last_event_of_a_clip_has_its_largest_distance() {
 }
 
 #[test]
-fn a_model_does_not_differ_from_itself_whatever_it_remembers() {
+fn model_does_not_differ_from_itself_with_any_memory() {
     let model = standard_model();
     let mut memory = model.new_memory();
     for counts in [[0.0, 0.0], [300.0, -200.0], [-150.0, 80.0], [40.0, 0.0]] {

@@ -25,7 +25,7 @@ fn rehearsal(config: &Config, model: &Arc<Model>, history: &[[f64; 2]]) -> Close
 }
 
 #[test]
-fn without_limits_the_counts_are_those_of_the_inverse_in_the_same_tick() {
+fn counts_without_limits_equal_inverse_in_same_tick() {
     let model = model(OutputUnit::Deg);
     let mut rehearsal = rehearsal(&without_limits(&config("")), &model, &[[0.0, 0.0]]);
     for (pitch, yaw) in [(3.0, 1.0), (-9.0, 8.0), (12.0, -3.0), (12.0, -3.0)] {
@@ -38,7 +38,7 @@ fn without_limits_the_counts_are_those_of_the_inverse_in_the_same_tick() {
 }
 
 #[test]
-fn with_limits_every_tick_is_that_of_the_loop() {
+fn rehearsal_with_limits_equals_loop_in_every_tick() {
     let model = standard_model();
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
     let mut bench = Bench::enabled();
@@ -51,11 +51,11 @@ fn with_limits_every_tick_is_that_of_the_loop() {
 }
 
 #[test]
-fn what_command_admission_refuses_is_refused_here() {
+fn rehearsal_refuses_what_command_admission_refuses() {
     let model = standard_model();
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
-    assert_eq!(rehearsal.follow(goal(6.0, 0.0)), Err(LoopError::Goal(Refusal::Step)));
-    assert!(rehearsal.follow(goal(4.0, 0.0)).is_ok(), "and then it goes on");
+    assert_eq!(rehearsal.follow(goal(6.0, 0.0)), Err(LoopError::Goal(Refusal::StepTooLarge)));
+    assert!(rehearsal.follow(goal(4.0, 0.0)).is_ok(), "then it continues");
     let outside = ClosedLoop::after(&config(""), &model, &[[0.0, 0.0], [0.0, -701.0]]);
     assert_eq!(outside.err(), Some(LoopError::Command(StateCommand::Enable, Refusal::Range)));
 }

@@ -43,7 +43,7 @@ fn run_session(bench: &mut Bench, second: &Arc<Model>) {
     });
 }
 
-/// A recorded session, with the snapshots that `keep` asks for.
+/// A recorded session, with the snapshots selected by `keep`.
 fn recorded(keep: impl Fn(usize) -> bool) -> BlackBox {
     let (first, second) = (standard_model(), scaled_standard_model(1.2));
     let mut bench = Bench::new(config(""), Some(Arc::clone(&first)));
@@ -68,7 +68,7 @@ fn recorded_by(bench: &mut Bench, first: &Model) -> BlackBox {
     }
 }
 
-/// From every snapshot to the end, after a file.
+/// Replays from every snapshot to the end, after a round trip through a file.
 fn assert_replayed(content: &BlackBox) {
     let bytes = content.to_bytes().unwrap();
     let mut content = BlackBox::from_bytes(&bytes, Path::new("session.box")).unwrap();
@@ -79,7 +79,7 @@ fn assert_replayed(content: &BlackBox) {
 }
 
 #[test]
-fn every_tick_comes_out_to_the_bit_through_swaps_and_faults_and_after_a_file() {
+fn every_tick_is_replayed_bit_for_bit_from_file() {
     let content = recorded(|number| number == 0);
     let bytes = content.to_bytes().unwrap();
     let content = BlackBox::from_bytes(&bytes, Path::new("session.box")).unwrap();
@@ -127,7 +127,7 @@ fn run_adapting_session(bench: &mut Bench, second: &Arc<Model>) {
 }
 
 #[test]
-fn adaptation_is_replayed_to_the_bit_through_a_swap_a_rollback_and_a_fault() {
+fn adaptation_is_replayed_through_swap_rollback_and_fault() {
     let (first, second) = (standard_model(), scaled_standard_model(1.1));
     let on = config("[adaptation]\nenabled = true");
     let mut bench = Bench::new(on, Some(Arc::clone(&first)));
@@ -147,9 +147,9 @@ fn adaptation_is_replayed_to_the_bit_through_a_swap_a_rollback_and_a_fault() {
     assert_replayed(&content);
 }
 
-/// Also a model that is staged, from what the slower threads know, sees the time that has passed.
+/// A model staged from the state of the slower threads also accounts for the elapsed time.
 #[test]
-fn a_snake_creeps_while_the_controller_holds_and_that_is_replayed_to_the_bit() {
+fn creep_during_hold_is_replayed_bit_for_bit() {
     let creeping = |factor| {
         let mut file = scaled_balance_model(factor).file().clone();
         let FamilyParameters::ForceBalance { balance, .. } = &mut file.family else {
@@ -187,7 +187,7 @@ fn a_snake_creeps_while_the_controller_holds_and_that_is_replayed_to_the_bit() {
 }
 
 #[test]
-fn replay_can_start_anywhere_and_go_on_after_a_gap() {
+fn replay_can_start_anywhere_and_resume_after_gap() {
     let mut content = recorded(|number| number % 250 == 137);
     content.ticks.drain(1000..1010);
     let replayed = replay(&content).unwrap();
@@ -200,7 +200,7 @@ fn replay_can_start_anywhere_and_go_on_after_a_gap() {
 fn the_first_difference_is_named() {
     let mut content = recorded(|number| number == 0);
     content.ticks[700].inputs.feedback[0].position.0 += 1;
-    let difference = replay(&content).unwrap().difference.expect("a count more is another tick");
+    let difference = replay(&content).unwrap().difference.expect("a count more is a difference");
     assert_eq!(difference.number, content.ticks[700].number);
     assert_ne!(difference.recorded, difference.replayed);
     let mut content = recorded(|number| number == 0);

@@ -1,4 +1,4 @@
-//! What the world sees.
+//! The published state.
 
 use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{CycleEventKind, CycleInputs};
@@ -30,7 +30,7 @@ fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
 }
 
 #[test]
-fn before_every_drive_has_reported_there_is_no_estimate() {
+fn estimate_needs_a_report_from_every_drive() {
     let mut cycle = ControlCycle::new(&config(""), Some(standard_model()));
     let mut inputs =
         CycleInputs { feedback: [SimulatedDrive::new(3).feedback; 2], ..CycleInputs::default() };
@@ -43,7 +43,7 @@ fn before_every_drive_has_reported_there_is_no_estimate() {
 }
 
 #[test]
-fn a_zero_that_moves_is_no_motion() {
+fn homing_reports_zero_velocity() {
     let Some(_) = lag_counts() else { return };
     let mut bench = Bench::standard();
     bench.drives.iter_mut().for_each(|drive| drive.feedback.position = Counts(500));
@@ -83,7 +83,7 @@ fn velocities_are_those_of_the_motion() {
 }
 
 #[test]
-fn a_drive_that_takes_its_setpoint_over_shows_no_velocity() {
+fn drive_adopting_its_setpoint_reports_no_velocity() {
     let mut bench = Bench::homed();
     bench.quirk(1, Quirk::Blocked);
     bench.ask(StateCommand::Enable);
@@ -97,7 +97,7 @@ fn a_drive_that_takes_its_setpoint_over_shows_no_velocity() {
 }
 
 #[test]
-fn the_state_carries_since_when_and_the_last_fault() {
+fn state_reports_its_start_and_the_last_fault() {
     let mut bench = Bench::enabled();
     let since = bench.report().since;
     assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
@@ -135,7 +135,7 @@ fn every_change_of_phase_is_an_event() {
 }
 
 #[test]
-fn the_way_through_the_states_is_written_down() {
+fn every_state_transition_is_logged() {
     let mut bench = Bench::moving();
     bench.ask(StateCommand::Pause);
     bench.ask(StateCommand::Resume);

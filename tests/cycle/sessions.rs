@@ -1,4 +1,4 @@
-//! Sessions: who may move the snake after somebody has stopped it, and how old a request may be.
+//! Sessions: which client may move the snake after a stop, and the maximum age of a request.
 
 use i2ris::core::ServoCommand;
 use i2ris::drive::AxisPhase;
@@ -6,11 +6,11 @@ use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, rad, standard_model};
 
-use super::broken_off::{KINDS, bench, here, is_followed, stream};
+use super::interrupted_streams::{KINDS, bench, here, is_followed, stream};
 
 const OTHER: u64 = CLIENT + 1;
 
-/// What stops the robot, and what lets it move again.
+/// A stop of the robot and the commands that enable motion again.
 type Stopping = (&'static str, fn(&mut Bench), &'static [StateCommand]);
 
 const STOPS: [Stopping; 4] = [
@@ -33,7 +33,7 @@ fn give(bench: &mut Bench, client: u64, command: StateCommand) {
     assert_eq!(bench.ask_as(client, command).refusal, Refusal::None, "{command}");
 }
 
-/// Sends where the snake is, every 10 ms. Whether a command was followed.
+/// Sends the present pose every 10 ms. Returns whether a command was followed.
 fn go_on(bench: &mut Bench, ticks: usize) -> bool {
     let accepted = bench.report().accepted;
     for _ in 0..ticks / 10 {
@@ -44,7 +44,7 @@ fn go_on(bench: &mut Bench, ticks: usize) -> bool {
 }
 
 #[test]
-fn a_client_that_never_stopped_sending_moves_nothing_after_a_stop() {
+fn client_that_keeps_sending_moves_nothing_after_stop() {
     for (stop, act, start) in STOPS {
         for (name, goal) in KINDS {
             let what = format!("{name}, {stop}");
@@ -62,7 +62,7 @@ fn a_client_that_never_stopped_sending_moves_nothing_after_a_stop() {
             assert!(!go_on(&mut bench, 5000), "{what}");
             bench.run(5000);
             let same = bench.servo(goal(1.0));
-            assert_eq!(bench.send(same), Refusal::BrokenOff, "{what}");
+            assert_eq!(bench.send(same), Refusal::StreamInterrupted, "{what}");
             assert_eq!(bench.targets(), held, "{what}");
             bench.run(1000);
             give(&mut bench, CLIENT, StateCommand::Resume);
@@ -72,7 +72,7 @@ fn a_client_that_never_stopped_sending_moves_nothing_after_a_stop() {
 }
 
 #[test]
-fn a_program_that_was_just_started_may_begin_and_one_that_was_refused_for_the_state_may_not() {
+fn new_client_may_start_but_one_refused_earlier_may_not() {
     let mut bench = bench();
     stream(&mut bench, KINDS[0].1);
     give(&mut bench, OTHER, StateCommand::Pause);
@@ -82,14 +82,14 @@ fn a_program_that_was_just_started_may_begin_and_one_that_was_refused_for_the_st
     bench.run(600);
     for client_id in [CLIENT + 2, CLIENT] {
         let goes_on = ServoCommand { client_id, sequence: 9999, ..here(&mut bench) };
-        assert_eq!(bench.send(goes_on), Refusal::BrokenOff, "{client_id}");
+        assert_eq!(bench.send(goes_on), Refusal::StreamInterrupted, "{client_id}");
     }
     let started = ServoCommand { client_id: CLIENT + 3, ..here(&mut bench) };
     assert_eq!(bench.send(started), Refusal::None);
 }
 
 #[test]
-fn a_hold_holds_the_stream_of_its_own_client_too() {
+fn hold_stops_the_stream_of_its_own_client() {
     let mut bench = bench();
     stream(&mut bench, KINDS[0].1);
     give(&mut bench, CLIENT, StateCommand::Hold);
@@ -122,7 +122,7 @@ fn no_loop_of_requests_undoes_a_stop() {
         give(&mut bench, OTHER, stop);
         ask(&mut bench, 3000);
         assert_ne!(bench.state(), OperatingState::Enabled, "{again} undid {stop}");
-        // Somebody else may, and the loop still moves nothing.
+        // Another client may, and the loop still moves nothing.
         let is_pause = stop == StateCommand::Pause;
         let start = if is_pause { StateCommand::Resume } else { StateCommand::Enable };
         give(&mut bench, OTHER, start);
@@ -134,7 +134,7 @@ fn no_loop_of_requests_undoes_a_stop() {
 }
 
 #[test]
-fn what_moves_or_powers_is_refused_when_it_is_older_than_its_client_waits() {
+fn request_older_than_client_timeout_is_refused_unless_it_stops() {
     use StateCommand::{Acknowledge, Condition, Enable, Home, Move, Release, Resume, Unhome};
     let late = Nanos::from_millis(1000);
     for command in [Enable, Home, Unhome, Acknowledge, Condition, Move, Resume, Release] {
@@ -157,7 +157,7 @@ fn what_moves_or_powers_is_refused_when_it_is_older_than_its_client_waits() {
 }
 
 #[test]
-fn one_of_too_many_that_went_on_through_a_pause_moves_nothing_afterwards() {
+fn client_beyond_session_capacity_stays_interrupted_after_pause() {
     let mut bench = bench();
     give(&mut bench, OTHER, StateCommand::Pause);
     let send = |bench: &mut Bench, client_id: u64| {
@@ -169,7 +169,7 @@ fn one_of_too_many_that_went_on_through_a_pause_moves_nothing_afterwards() {
     }
     give(&mut bench, OTHER, StateCommand::Resume);
     for k in 0..4000 {
-        assert_eq!(send(&mut bench, 1000 + k.min(19)), Refusal::BrokenOff, "{k}");
+        assert_eq!(send(&mut bench, 1000 + k.min(19)), Refusal::StreamInterrupted, "{k}");
     }
     bench.run(1000);
     assert_eq!(send(&mut bench, 99), Refusal::None, "a program that was just started");

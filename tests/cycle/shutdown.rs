@@ -1,11 +1,11 @@
-//! The orderly end of the process.
+//! Clean shutdown of the process.
 
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_testing::cycle::{Bench, Quirk};
 
-/// Runs to the end; how long it took.
+/// Runs to the end. Returns the duration.
 fn end(bench: &mut Bench) -> Nanos {
     let begin = bench.now;
     bench.shutdown = true;
@@ -14,7 +14,7 @@ fn end(bench: &mut Bench) -> Nanos {
 }
 
 #[test]
-fn from_every_state_it_ends_with_drives_off() {
+fn shutdown_from_every_state_ends_with_drives_off() {
     for build in [
         Bench::standard,
         Bench::homed,
@@ -55,7 +55,7 @@ fn the_motion_stops_before_the_power_goes() {
 }
 
 #[test]
-fn drives_that_are_lost_or_starting_are_not_waited_for() {
+fn shutdown_does_not_wait_for_lost_or_starting_drives() {
     let mut bench = Bench::enabled();
     bench.drives[0].feedback.phase = AxisPhase::Lost;
     bench.run(3);
@@ -65,7 +65,7 @@ fn drives_that_are_lost_or_starting_are_not_waited_for() {
 }
 
 #[test]
-fn a_drive_that_stays_on_cannot_keep_the_process_from_ending() {
+fn drive_that_stays_on_does_not_block_shutdown() {
     let mut bench = Bench::enabled();
     bench.quirk(1, Quirk::Deaf);
     let took = end(&mut bench);

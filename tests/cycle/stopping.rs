@@ -7,7 +7,7 @@ use i2ris::robot::Stop;
 use i2ris::units::Nanos;
 use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config};
 
-/// Ticks until the targets do not change any more.
+/// Ticks until the targets no longer change.
 fn ticks_to_rest(bench: &mut Bench) -> usize {
     let mut last_change = 0;
     for tick in 1..=200 {
@@ -21,7 +21,7 @@ fn ticks_to_rest(bench: &mut Bench) -> usize {
 }
 
 #[test]
-fn a_silent_client_is_followed_until_its_deadline_and_two_ticks_at_most() {
+fn silent_client_is_followed_until_deadline_plus_two_ticks() {
     let mut bench = Bench::enabled();
     let sent = bench.now + bench.config.control.period();
     assert_eq!(bench.actuator([250, -250]), Refusal::None);
@@ -76,7 +76,7 @@ fn no_command_outlives_the_lease() {
 }
 
 #[test]
-fn after_a_stale_stop_the_next_command_must_be_near_the_present_pose() {
+fn command_after_stale_stop_must_be_near_present_pose() {
     let mut bench = Bench::enabled();
     for step in 1..=20 {
         assert_eq!(
@@ -90,7 +90,7 @@ fn after_a_stale_stop_the_next_command_must_be_near_the_present_pose() {
     assert!(bench.report().holding);
     let here = bench.joints().setpoint[0].to_degrees();
     assert!(here < 14.0, "{here}");
-    assert_eq!(bench.joint(20.0, 0.0), Refusal::Step);
+    assert_eq!(bench.joint(20.0, 0.0), Refusal::StepTooLarge);
     assert_eq!(bench.joint(here + 4.9, 0.0), Refusal::None);
 }
 
@@ -107,15 +107,16 @@ fn paused_holds_and_resumes_where_it_is() {
     assert_eq!(bench.phases(), [AxisPhase::Enabled; 2]);
     assert_eq!(bench.ask(StateCommand::Resume), Refusal::None);
     bench.run(100);
-    assert_eq!(bench.targets(), held, "nothing moves by itself");
-    assert_eq!(bench.actuator([held[0] + 300, held[1]]), Refusal::Step, "a goal that moved away");
+    assert_eq!(bench.targets(), held, "nothing moves without a command");
+    let far = bench.actuator([held[0] + 300, held[1]]);
+    assert_eq!(far, Refusal::StepTooLarge, "a goal that moved away");
     bench.run(100);
     assert_eq!(bench.targets(), held);
     assert_eq!(bench.actuator([held[0] + 10, held[1]]), Refusal::None);
 }
 
 #[test]
-fn a_client_that_gives_its_lease_back_is_not_followed() {
+fn client_that_releases_its_lease_is_not_followed() {
     let mut bench = Bench::moving();
     assert_eq!(bench.ask_as(99, StateCommand::Release).refusal, Refusal::Lease);
     assert!(!bench.report().holding);
@@ -126,7 +127,7 @@ fn a_client_that_gives_its_lease_back_is_not_followed() {
 }
 
 #[test]
-fn disable_slows_down_settles_and_only_then_takes_the_power() {
+fn disable_decelerates_and_settles_before_power_off() {
     let mut bench = Bench::moving();
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
     assert!(bench.report().busy);
@@ -148,9 +149,9 @@ fn disable_slows_down_settles_and_only_then_takes_the_power() {
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
 }
 
-/// A configuration whose stop takes ten seconds: the power goes after one.
+/// A configuration whose stop takes ten seconds: the power is cut after one.
 #[test]
-fn a_stop_that_takes_too_long_ends_with_the_power_off() {
+fn overlong_stop_ends_with_power_off() {
     let limits = "[limits]\nacceleration_counts_s2 = 200.0\nstop_deceleration_counts_s2 = 200.0";
     let mut bench = Bench::enabled_with(
         config(&format!("{limits}\n[command]\ndeadline_ms = 1000\nlease_timeout_ms = 1000")),
@@ -168,7 +169,7 @@ fn a_stop_that_takes_too_long_ends_with_the_power_off() {
 }
 
 #[test]
-fn old_feedback_stops_the_motion_and_fresh_feedback_lets_it_go_on() {
+fn old_feedback_stops_motion_until_fresh_feedback_and_command() {
     let mut bench = Bench::moving();
     bench.quirk(1, Quirk::Silent);
     let last_report = bench.drives[1].feedback.stamp;
@@ -189,7 +190,7 @@ fn old_feedback_stops_the_motion_and_fresh_feedback_lets_it_go_on() {
     assert_eq!((bench.targets(), bench.state()), (held, OperatingState::Enabled));
     bench.quirk(1, Quirk::None);
     bench.tick();
-    assert!(bench.report().holding, "it does not go on by itself");
+    assert!(bench.report().holding, "it does not resume automatically");
     assert_eq!(bench.actuator(held), Refusal::None);
 }
 
@@ -203,9 +204,9 @@ fn an_axis_that_loses_its_zero_stops_the_motion() {
     assert_eq!(bench.actuator(goal), Refusal::NotHomed);
 }
 
-/// Ticks that were missed are not made up for.
+/// Missed ticks are not made up for.
 #[test]
-fn after_a_gap_in_time_no_step_is_larger() {
+fn missed_ticks_are_not_made_up_for() {
     let mut bench = Bench::moving();
     bench.skip(Nanos::from_millis(30));
     bench.tick();
@@ -215,9 +216,9 @@ fn after_a_gap_in_time_no_step_is_larger() {
     assert!(bench.report().holding, "the command is 60 ms old by now");
 }
 
-/// Positions are read, and no setpoint is taken: what is refused is not made up for in one write.
+/// Positions are read, but setpoints are refused: refused motion is not made up for in one write.
 #[test]
-fn a_drive_that_takes_no_setpoint_stops_the_motion_and_gets_no_jump() {
+fn drive_refusing_setpoints_stops_motion_without_later_jump() {
     let mut bench = Bench::enabled();
     let stream = |bench: &mut Bench, from: i32, ticks: i32| {
         (0..ticks).map(|tick| bench.actuator([from + tick / 10, 0])).collect::<Vec<_>>()

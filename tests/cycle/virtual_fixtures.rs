@@ -37,7 +37,7 @@ fn pitch_deg(bench: &Bench) -> f64 {
 }
 
 #[test]
-fn the_snake_stops_before_a_wall_and_goes_along_it() {
+fn snake_stops_before_wall_and_slides_along_it() {
     let mut bench = enabled(WALL, standard_model());
     sweep(&mut bench, [0.0, 0.0], [9.0, 0.0], 2000);
     assert!((5.3..5.51).contains(&pitch_deg(&bench)), "{}", pitch_deg(&bench));
@@ -54,7 +54,7 @@ fn the_snake_stops_before_a_wall_and_goes_along_it() {
 }
 
 #[test]
-fn motion_that_is_not_planned_in_angles_is_refused_while_a_fixture_counts() {
+fn active_fixture_refuses_motion_not_planned_in_angles() {
     let mut bench = enabled(WALL, standard_model());
     assert_eq!(bench.actuator([10, 10]), Refusal::Fixture);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::Fixture);
@@ -70,7 +70,7 @@ fn motion_that_is_not_planned_in_angles_is_refused_while_a_fixture_counts() {
 }
 
 #[test]
-fn anybody_may_add_a_fixture_and_only_the_commander_at_rest_takes_one_away() {
+fn only_resting_commander_may_remove_fixtures() {
     let mut bench = enabled("", standard_model());
     let wall = SimpleRegion {
         space: FixtureSpace::Angles,

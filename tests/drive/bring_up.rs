@@ -1,5 +1,5 @@
-//! From a port to drives that are identified, switched off and limited; and the messages when that
-//! fails.
+//! Bring-up of a port until its drives are identified, switched off and limited; and the messages
+//! when that fails.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use i2ris::config::PortConfig;
 use i2ris::drive::{DriveError, Port};
 use i2ris_testing::drive::{bring_up, one_drive, open, *};
 
-/// A drive after this change, brought up.
+/// Brings up a drive with this change.
 fn brought_up(change: impl FnOnce(&mut MiniDrive)) -> SimulatedLine {
     let mut drive = one_drive();
     change(&mut drive);
@@ -80,7 +80,7 @@ fn nothing_is_powered_and_no_target_is_written() {
 }
 
 #[test]
-fn another_drive_than_the_configured_one_is_refused_with_both_numbers() {
+fn wrong_drive_is_refused_with_both_serial_numbers() {
     let text = refusal(|| vec![one_drive()], |config| config.axes[0].serial_number = 0x1234_5678);
     assert_parts(&text, &["0x62150001", "0x12345678", "/dev/simulated"]);
     let text = refusal(
@@ -96,7 +96,7 @@ fn another_drive_than_the_configured_one_is_refused_with_both_numbers() {
         let (line, mut config, _) = open(vec![MiniDrive::new(1, 0x6000_3005)]);
         config.axes[0].serial_number = typed;
         let text = Port::over(line, &config).bring_up().unwrap_err().to_string();
-        let remedy = format!("read as hexadecimal it is this drive: write 0x{typed}");
+        let remedy = format!("this is the drive if read as hexadecimal: write 0x{typed}");
         assert_parts(&text, &[&format!("instead of {typed} "), &remedy]);
     }
 }
@@ -111,7 +111,7 @@ fn a_silent_drive_is_reported_with_the_remedy() {
 }
 
 #[test]
-fn a_drive_that_is_not_usable_is_refused_with_the_reason() {
+fn unusable_drive_is_refused_with_reason() {
     let vendor: fn(&mut MiniDrive) = |drive| {
         drive.objects.insert((0x1018, 1), 0x9A);
     };
@@ -148,7 +148,7 @@ fn a_drive_without_rs232_is_accepted() {
 }
 
 #[test]
-fn a_powered_drive_is_switched_off_and_a_fault_is_left_for_the_operator() {
+fn bring_up_switches_powered_drive_off_and_keeps_fault() {
     type Case<'a> = (fn(&mut MiniDrive), &'a [u32], u16);
     let cases: [Case<'_>; 3] = [
         (|drive| drive.state = OPERATION_ENABLED, &[0x0007, 0x0006], READY),
@@ -170,9 +170,9 @@ fn a_drive_that_does_not_switch_off_is_refused() {
     drive.stuck = true;
     let (line, outcome) = bring_up(drive);
     let text = outcome.unwrap_err().to_string();
-    assert_parts(&text, &["power stage does not go off"]);
+    assert_parts(&text, &["power stage does not switch off"]);
     let controlwords = line.drive(1, |drive| drive.written(0x6040, 0));
-    assert_eq!(controlwords, [0x0007, 0x0000], "in order, then at once");
+    assert_eq!(controlwords, [0x0007, 0x0000], "cleanly, then at once");
 }
 
 #[test]
@@ -200,7 +200,7 @@ fn config_of(device: &Path) -> PortConfig {
 }
 
 #[test]
-fn a_device_that_is_missing_or_no_serial_port_is_named() {
+fn missing_or_non_serial_device_is_named() {
     let error = Port::open(&config_of(Path::new("/dev/i2ris-no-such-port"))).unwrap_err();
     assert!(matches!(error, DriveError::NotFound { .. }), "{error:?}");
     assert_parts(&error.to_string(), &["/dev/i2ris-no-such-port does not exist"]);

@@ -1,4 +1,4 @@
-//! Captures of lines with disturbances: the received bytes come out the same in a replay.
+//! Captures of disturbed lines: a replay gives the same received bytes.
 
 use i2ris::drive::capture::{CapturedLine, CapturedPort};
 use i2ris::drive::{AxisRequest, Demand, Port};
@@ -36,17 +36,17 @@ fn disturbed(seed: u64) -> CapturedPort {
         if at.is_multiple_of(400) {
             line.state().hung_up = true;
             let again = line.clone();
-            let mend = move || again.state().hung_up = false;
-            line.plan(line.time() + Nanos::from_millis(30), mend);
+            let repair = move || again.state().hung_up = false;
+            line.plan(line.time() + Nanos::from_millis(30), repair);
         }
         runner.turn(&mut |_| {});
     }
     capture.read()
 }
 
-/// So many frames in I2RIS_FRAMES.
+/// I2RIS_FRAMES sets the number of frames.
 #[test]
-fn frames_of_a_disturbed_line_are_replayed_without_a_difference() {
+fn capture_of_disturbed_line_replays_without_difference() {
     let least: u64 = std::env::var("I2RIS_FRAMES").map_or(1_000_000, |text| text.parse().unwrap());
     let (mut frames, mut failures, mut seed) = (0, 0, 0);
     while frames < least {

@@ -37,7 +37,7 @@ impl Ends {
 }
 
 #[test]
-fn every_frame_of_up_to_three_bytes_is_encoded_and_parsed_alike_by_both_ends() {
+fn driver_and_emulator_agree_on_every_short_frame() {
     let work = |first: std::ops::Range<u16>| {
         let mut ends = Ends::default();
         for a in first.map(|a| a as u8) {

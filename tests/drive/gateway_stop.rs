@@ -24,11 +24,11 @@ fn powered(gateway_ms: u64, dead: u8) -> (SimulatedLine, PortConfig) {
     (line, config)
 }
 
-/// The outcomes, and how long after the start each node took its quick stop.
+/// Outcomes, time from the start to the quick stop of each node, and total time.
 type Stopped = ([Result<DriveState, QuickStopError>; 3], [Option<Nanos>; 3], Nanos);
 
-/// Stops as the watchdog does. `in_flight`: the controller died so long after it had asked this
-/// node. `owing`: the nodes that owed it an answer then.
+/// Stops as the watchdog does. `in_flight`: the node with a pending request of the dead controller,
+/// and its age. `owing`: the nodes with pending replies.
 fn stop(
     line: &SimulatedLine,
     config: &PortConfig,
@@ -73,20 +73,20 @@ fn check(gateway_ms: u64, dead: u8, stopped: &Stopped, case: &str) {
         assert!(taken.is_some_and(|taken| taken <= limit), "{case}: node {node} after {ms:?} ms");
         assert_eq!(*outcome, Ok(DriveState::QuickStopActive), "{case}: node {node}");
     }
-    // systemd ends a watchdog without a sign of life after 5 s.
+    // systemd ends a watchdog that sends no heartbeat for 5 s.
     assert!(*span < Nanos::from_millis(3000), "{case}: {:.0} ms", span.as_seconds() * 1e3);
 }
 
 #[test]
-fn h03_the_watchdog_stops_the_living_after_one_time_out_of_the_gateway() {
+fn h03_watchdog_stops_live_drives_after_one_gateway_timeout() {
     for gateway_ms in [50, 90, 200, 500] {
         for dead in [2, 3] {
             let (line, config) = powered(gateway_ms, dead);
             let case = format!("{gateway_ms} ms, node {dead}");
             let stopped = stop(&line, &config, None, &[]);
-            check(gateway_ms, dead, &stopped, &format!("{case}, nobody knew"));
+            check(gateway_ms, dead, &stopped, &format!("{case}, not known before"));
             for node in NODES {
-                // A request to the dead one blocks the gateway when the controller dies.
+                // A request to the dead node blocks the gateway when the controller dies.
                 let longest = if node == dead { gateway_ms } else { 3 };
                 for part in 0..10 {
                     let before = Nanos::from_micros(part * longest * 1000 / 10);
@@ -95,7 +95,7 @@ fn h03_the_watchdog_stops_the_living_after_one_time_out_of_the_gateway() {
                     owing.extend((node != dead).then_some(node));
                     let stopped = stop(&line, &config, Some((node, before)), &owing);
                     let case =
-                        format!("{case}, node {node} was asked {} us before", before.0 / 1000);
+                        format!("{case}, request to node {node} {} us before", before.0 / 1000);
                     check(gateway_ms, dead, &stopped, &case);
                 }
             }
@@ -103,22 +103,22 @@ fn h03_the_watchdog_stops_the_living_after_one_time_out_of_the_gateway() {
     }
 }
 
-/// Every drive is told once before anything waits for a reply for as long as a gateway may take.
+/// Every drive is sent one stop before any reply is awaited for the full gateway timeout.
 #[test]
-fn h03_a_lost_reply_keeps_no_stop_of_the_watchdog_from_the_others() {
+fn h03_lost_reply_does_not_delay_watchdog_stop_of_others() {
     for lost in 0..6 {
         let (line, config) = powered(500, 0);
         let before = std::iter::repeat_n(Disturbance::Nothing, lost);
         line.disturb(before.chain([Disturbance::LoseReply]));
         let (outcomes, taken, _) = stop(&line, &config, None, &[]);
         assert_eq!(outcomes, [Ok(DriveState::QuickStopActive); 3], "reply {lost} lost");
-        let last = taken.map(|it| it.expect("told")).into_iter().max();
+        let last = taken.map(|it| it.expect("stopped")).into_iter().max();
         assert!(last <= Some(Nanos::from_millis(60)), "reply {lost} lost: {last:?}");
     }
 }
 
 #[test]
-fn a_dead_gateway_is_named_with_everything_behind_it_and_holds_nothing_up() {
+fn dead_gateway_fails_every_node_without_long_delay() {
     for gateway_ms in [50, 500] {
         let (line, config) = powered(gateway_ms, 1);
         let (outcomes, _, span) = stop(&line, &config, None, &[]);

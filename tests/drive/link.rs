@@ -1,13 +1,13 @@
-//! One request and one reply over a line that loses, damages and delays: a wrong value is never
-//! accepted.
+//! One request and one reply over a line that loses, damages and delays data: a wrong value is
+//! never accepted.
 
 use i2ris::drive::abort_code::AbortCode;
 use i2ris::drive::epos4::Epos4;
 use i2ris::drive::error::LinkError;
-use i2ris::drive::heard::Heard;
 use i2ris::drive::link::{DriveLink, Retry, TimedReply};
 use i2ris::drive::object::{self, POSITION, TARGET};
 use i2ris::drive::transport::Transport;
+use i2ris::drive::unexpected_reply::UnexpectedReply;
 use i2ris::units::Nanos;
 use i2ris_testing::drive::{Disturbance, MiniDrive, SERIAL_NUMBER, SimulatedLine, port_config};
 use proptest::collection::vec;
@@ -75,7 +75,7 @@ fn a_value_is_read_and_truncated_to_its_size() {
 }
 
 #[test]
-fn a_refusal_is_an_answer_and_leaves_the_line_in_sync() {
+fn refusal_leaves_line_in_sync_without_retry() {
     let mut test = LinkTest::new();
     test.drive(|drive| drive.refuses.insert((0x607A, 0), 0x0800_0022));
     let refused = LinkError::Refused(AbortCode(0x0800_0022));
@@ -220,7 +220,7 @@ fn noise_before_a_reply_is_skipped() {
 }
 
 #[test]
-fn a_reply_truncated_inside_a_doubled_byte_does_not_spoil_the_next() {
+fn reply_truncated_inside_stuffed_byte_does_not_spoil_next() {
     // 90 02 00 04, four zeros of error code, then the first half of the doubled 0x90.
     let mut test = LinkTest::disturbed([Disturbance::TruncateReply(9)]);
     test.drive(|drive| drive.requests = 0x8F);
@@ -229,7 +229,7 @@ fn a_reply_truncated_inside_a_doubled_byte_does_not_spoil_the_next() {
 }
 
 #[test]
-fn a_drive_that_waits_for_the_rest_of_a_request_recovers() {
+fn drive_waiting_for_rest_of_request_recovers() {
     LinkTest::disturbed([Disturbance::TruncateRequest(5)]).assert_reads("truncated request");
 }
 
@@ -238,7 +238,7 @@ fn a_silent_line_is_given_up_after_a_bounded_time() {
     let mut test = LinkTest::new();
     test.line.state().silent = true;
     let begin = test.line.time();
-    assert_eq!(test.link.read(NODE, POSITION), Err(LinkError::Lost(Heard::default())));
+    assert_eq!(test.link.read(NODE, POSITION), Err(LinkError::Lost(UnexpectedReply::default())));
     let span = test.line.time().duration_since(begin);
     assert!(span < Nanos::from_millis(500), "{span:?}");
     test.line.state().silent = false;
@@ -246,7 +246,7 @@ fn a_silent_line_is_given_up_after_a_bounded_time() {
 }
 
 #[test]
-fn a_silent_node_behind_a_live_line_is_unanswered_not_lost() {
+fn silent_node_on_live_line_is_unanswered() {
     // The request, the two constants, and the retry.
     let mut test = LinkTest::disturbed([
         Disturbance::LoseReply,
@@ -254,7 +254,7 @@ fn a_silent_node_behind_a_live_line_is_unanswered_not_lost() {
         Disturbance::Nothing,
         Disturbance::LoseReply,
     ]);
-    let silence = LinkError::Unanswered(Heard::default());
+    let silence = LinkError::Unanswered(UnexpectedReply::default());
     assert_eq!(test.link.read(NODE, POSITION), Err(silence));
     assert!(test.link.is_in_sync());
 }

@@ -1,4 +1,4 @@
-//! Every hazard and every requirement has a test that runs by default, wherever that is.
+//! Every hazard and every requirement has a test that runs by default.
 
 use std::collections::BTreeSet;
 use std::fs;

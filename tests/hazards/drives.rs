@@ -9,7 +9,7 @@ use i2ris_testing::{Rig, has, settle_in, stream_counts, wait_for, wait_until, wa
 use nix::sys::signal::Signal;
 
 #[test]
-fn h06_a_drive_that_lost_its_power_has_to_be_homed_again() {
+fn h06_power_cycled_drive_must_be_homed_again() {
     let mut rig = Rig::start();
     let mut client = rig.enabled();
     client.state_command(StateCommand::Disable).unwrap();

@@ -1,6 +1,5 @@
-//! The hazards of the design: see the table in `README.md` beside this file. Where a test of the
-//! cycle, of the adaptation or of the drives shows the control, the table names that one; the others
-//! are here.
+//! The hazards of the design: see the table in `README.md` in this folder. If a test of the cycle,
+//! the adaptation or the drives shows the control, the table names it; the other tests are here.
 
 mod coverage;
 mod documents;

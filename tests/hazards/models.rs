@@ -1,5 +1,5 @@
-//! H08, H36: a bad model, and one that somebody trained. Staging refuses it; a model that proves to
-//! be bad in use is rolled back.
+//! H08, H36: a bad model, and one that was trained elsewhere. Staging refuses it; a model that
+//! proves bad in use is rolled back.
 
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
@@ -29,7 +29,7 @@ fn refusal(outcome: Result<ModelReply, ClientError>) -> (Refusal, String) {
 }
 
 #[test]
-fn h08_bad_models_are_refused_with_the_reason_and_the_one_in_use_stays() {
+fn h08_bad_models_are_refused_and_active_model_stays() {
     let mut rig = Rig::with_model();
     rig.start_controller();
     let mut client = rig.client();
@@ -59,12 +59,12 @@ fn h08_bad_models_are_refused_with_the_reason_and_the_one_in_use_stays() {
     }
     let activated = client.activate_model(ModelId([7; 32]), true);
     assert_eq!(refusal(activated).0, Refusal::NothingStaged);
-    assert_eq!(refusal(client.roll_back_model(true)).0, Refusal::NoFormer);
+    assert_eq!(refusal(client.roll_back_model(true)).0, Refusal::NoPreviousModel);
     assert_eq!(client.models().unwrap().slots, before);
 }
 
 #[test]
-fn h08_a_model_takes_over_while_the_snake_moves_and_is_rolled_back() {
+fn h08_model_is_swapped_and_rolled_back_during_motion() {
     let mut rig = Rig::with_model();
     let second = rig.sample_model("second.json", "rig", 1.3);
     let mut client = rig.enabled();
@@ -74,7 +74,7 @@ fn h08_a_model_takes_over_while_the_snake_moves_and_is_rolled_back() {
     let done = AtomicBool::new(false);
     let (largest, pairs) = std::thread::scope(|scope| {
         let steps = scope.spawn(|| largest_step(&client, &done));
-        // Only the client that is followed may change the model under its own hand.
+        // During a stream, only the followed client may change the model.
         let commander = operator.commander();
         scope.spawn(|| stream_angles_by(commander, swing_angles_until(&done)));
         let end = SetOnDrop(&done);
@@ -92,7 +92,7 @@ fn h08_a_model_takes_over_while_the_snake_moves_and_is_rolled_back() {
     assert!(pairs > 100 && within, "{largest} counts in one of {pairs} ticks");
 }
 
-/// Takes another model into use, and the previous one again.
+/// Activates a different model, then returns to the previous one.
 fn swap_and_roll_back(operator: &mut Client, second: &Path) {
     let staged = operator.stage_model(second).unwrap();
     let [first, second, _] = staged.slots;
@@ -100,7 +100,7 @@ fn swap_and_roll_back(operator: &mut Client, second: &Path) {
     assert_eq!(unpadded_text(&second.family), unpadded_text(&first.family));
     let difference = staged.difference;
     assert!(difference.valid == 1 && difference.unreached == 0.0, "{difference:?}");
-    // 1.3 times the angle: 769 counts instead of 1000; behind gap and friction, which stay, less.
+    // 1.3 times the angle: 769 counts instead of 1000; less with gap and friction, which stay.
     let [one, two] = difference.largest_counts.map(f64::abs);
     let wanted = (1000.0 - lag_counts().unwrap_or_default()) * (1.0 - 1.0 / 1.3);
     assert!((one.max(two) - wanted).abs() < 1.0, "{difference:?}");
@@ -164,7 +164,7 @@ fn written(
 }
 
 #[test]
-fn h36_a_network_is_examined_when_it_is_staged_and_a_bad_one_changes_nothing() {
+fn h36_bad_network_is_refused_when_staged_and_changes_nothing() {
     let mut rig = Rig::with_model();
     rig.start_controller();
     let mut client = rig.client();
@@ -177,7 +177,7 @@ fn h36_a_network_is_examined_when_it_is_staged_and_a_bad_one_changes_nothing() {
     let rough = |network: &mut NetworkParameters| network.step_counts = 1e6;
     for (path, reason) in [
         (written(&rig, "grows.json", true, |_| ()), "hidden state grows"),
-        (written(&rig, "radians.json", false, radians), "nonsense"),
+        (written(&rig, "radians.json", false, radians), "unusable"),
         (written(&rig, "heavy.json", false, heavy), "at most 10000"),
         (written(&rig, "rough.json", false, rough), "1 to 1000 counts"),
     ] {

@@ -1,4 +1,4 @@
-//! H02, H03, H15, H18: clients and controllers that die, hang, start anew, or are two.
+//! H02, H03, H15, H18: clients and controllers that die, hang, restart, or run twice.
 
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -103,9 +103,9 @@ fn h03_the_drives_hold_when_the_controller_hangs() {
     check_drives_hold_after(Signal::SIGSTOP);
 }
 
-/// A controller that hung and continues does not catch up.
+/// A controller that resumes after a hang does not catch up.
 #[test]
-fn h03_a_controller_that_hung_continues_by_holding() {
+fn h03_resumed_controller_continues_by_holding() {
     let mut rig = Rig::start();
     let mut client = rig.enabled();
     stream_counts(&client, 0.3, |t| [(900.0 * t) as i32, 0]);
@@ -116,30 +116,30 @@ fn h03_a_controller_that_hung_continues_by_holding() {
     wait_until_holding(&mut client);
     clock::sleep(Nanos::from_millis(200));
     let setpoints = rig.setpoints(0);
-    // Where it holds at once there is no further setpoint.
+    // A controller that holds immediately sends no further setpoint.
     let (first, last) = (setpoints[before - 1].1, setpoints.last().unwrap().1);
     // At most the motion of the ticks between its last write and the tick that sees the deadline.
     assert!((last - first).abs() <= 60, "{first} {last}");
 }
 
-/// Whoever asked has given up, and does not expect it any more.
+/// The client has given up and no longer expects the effect.
 #[test]
-fn h29_what_its_client_gave_up_is_not_carried_out_when_a_hang_ends() {
+fn h29_abandoned_request_is_not_executed_after_hang() {
     let mut rig = Rig::start();
     let mut client = rig.enabled();
     client.carry_out(StateCommand::Disable, || false).unwrap();
     rig.signal(Signal::SIGSTOP);
-    let asked = client.state_command(StateCommand::Enable);
-    assert!(matches!(asked, Err(ClientError::NoReply { .. })), "{asked:?}");
+    let reply = client.state_command(StateCommand::Enable);
+    assert!(matches!(reply, Err(ClientError::NoReply { .. })), "{reply:?}");
     rig.signal(Signal::SIGCONT);
     clock::sleep(Nanos::from_millis(700));
     let state = wait_until_idle(&mut client);
     assert_eq!(state.state, OperatingState::Disabled.number());
     enable(&mut client);
-    // What only stops is good at any age.
+    // A stop is valid at any age.
     rig.signal(Signal::SIGSTOP);
-    let asked = client.state_command(StateCommand::Disable);
-    assert!(matches!(asked, Err(ClientError::NoReply { .. })), "{asked:?}");
+    let reply = client.state_command(StateCommand::Disable);
+    assert!(matches!(reply, Err(ClientError::NoReply { .. })), "{reply:?}");
     rig.signal(Signal::SIGCONT);
     wait_for(&mut client, |state| state.state == OperatingState::Disabled.number());
 }
@@ -171,13 +171,13 @@ fn h15_a_second_controller_is_refused_and_changes_nothing() {
 }
 
 #[test]
-fn h15_a_second_controller_in_another_domain_gets_no_port() {
+fn h15_controller_of_second_domain_cannot_open_port() {
     let text = refusal_of_second(|domain| domain.push_str("-b"));
     assert!(text.contains("in use"), "{text}");
 }
 
 #[test]
-fn h18_a_killed_controller_is_restarted_and_continues_with_the_same_client_and_zero() {
+fn h18_restarted_controller_continues_with_same_client_and_zero() {
     let mut rig = Rig::start();
     let mut client = rig.enabled();
     for _ in 0..3 {

@@ -10,9 +10,9 @@ use i2ris_testing::{Rig, enable, home, stream_angles, stream_counts, wait_until,
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::sys::signal::Signal;
 
-/// Standard error is a full pipe that nobody reads; the folder of the black boxes is a file.
+/// Standard error is a full pipe without a reader; the folder of the black boxes is a file.
 #[test]
-fn h13_a_blocked_log_and_a_missing_record_folder_do_not_stop_the_loop() {
+fn h13_blocked_log_and_missing_record_folder_do_not_stop_loop() {
     let mut rig = Rig::start();
     fs::write(rig.folder.path().join("records"), "in the way").unwrap();
     let (reader, writer) = std::io::pipe().unwrap();
@@ -33,7 +33,7 @@ fn h13_a_blocked_log_and_a_missing_record_folder_do_not_stop_the_loop() {
     assert!(error.contains("cannot write black box"), "{error}");
     let state = client.operating_state().unwrap().unwrap();
     assert_eq!(state.state, OperatingState::Enabled.number());
-    // The controller ends although nobody ever reads the log.
+    // The controller ends although the log is never read.
     rig.signal(Signal::SIGTERM);
     assert_eq!(rig.wait_for_end().code(), Some(0));
     drop(reader);
@@ -41,7 +41,7 @@ fn h13_a_blocked_log_and_a_missing_record_folder_do_not_stop_the_loop() {
 
 /// The run log is complete although the log for the operator is blocked.
 #[test]
-fn h13_a_blocked_log_stops_neither_the_run_log_nor_the_end() {
+fn h13_blocked_log_does_not_block_run_log_or_shutdown() {
     let mut rig = Rig::start();
     let (_reader, writer) = std::io::pipe().unwrap();
     fill(&writer);
@@ -60,9 +60,9 @@ fn h13_a_blocked_log_stops_neither_the_run_log_nor_the_end() {
     assert!(text.contains(r#""event":"end""#), "{text}");
 }
 
-/// A controller that cannot start says so and ends, read or not.
+/// A controller that cannot start logs it and ends, even if the log is not read.
 #[test]
-fn h13_a_blocked_log_does_not_stop_the_end_of_a_start_that_failed() {
+fn h13_blocked_log_does_not_block_exit_after_failed_start() {
     let mut rig = Rig::start();
     rig.config.control.model = Some("absent.json".into());
     let (_reader, writer) = std::io::pipe().unwrap();
@@ -71,10 +71,10 @@ fn h13_a_blocked_log_does_not_stop_the_end_of_a_start_that_failed() {
     assert_eq!(rig.wait_for_end().code(), Some(1));
 }
 
-/// The black box waits for its disk for ever, and the drives do not answer any more: the end says
-/// what is known of them, and no more.
+/// The black box waits for its disk forever, and the drives no longer reply: at its end the
+/// controller does not report them off.
 #[test]
-fn h13_a_disk_that_hangs_makes_no_drive_known_to_be_off() {
+fn h13_hung_disk_does_not_confirm_power_off() {
     let mut rig = Rig::start();
     let library = rig.folder.path().join("disk.so");
     let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/hazards/hanging_disk.c");
@@ -90,8 +90,8 @@ fn h13_a_disk_that_hangs_makes_no_drive_known_to_be_off() {
     rig.signal(Signal::SIGTERM);
     let (status, log) = (rig.wait_for_end(), rig.log_text("controller"));
     assert!(!log.contains("the drives are off"), "{log}");
-    assert!(log.contains("are not known to be off"), "{log}");
-    assert!(log.contains("the thread black box did not end in time"), "{log}");
+    assert!(log.contains("have not confirmed power-off"), "{log}");
+    assert!(log.contains("thread black box did not end in time"), "{log}");
     assert_eq!(status.code(), Some(8), "{log}");
 }
 
@@ -117,7 +117,7 @@ fn soak(seconds: f64) {
 }
 
 #[test]
-fn h16_ten_seconds_with_real_processes_trip_nothing() {
+fn h16_ten_seconds_with_real_processes_raise_no_fault() {
     soak(10.0);
 }
 

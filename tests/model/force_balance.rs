@@ -1,4 +1,4 @@
-//! A balance of forces, case by case.
+//! The force balance, case by case.
 
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::Operator;
@@ -41,10 +41,10 @@ fn inside_the_gap_nothing_moves() {
     assert!(bend(gap + 20.0) < bend(0.0));
 }
 
-/// A search ends beside its goal by less than that: models of one axis at a time were refused,
-/// because their inverse crossed the gap of the other motor for it, at the corners of the hull.
+/// The remaining error of a search is smaller. Models of one axis at a time were refused because
+/// their inverse crossed the gap of the other motor for such an error, at the corners of the hull.
 #[test]
-fn no_gap_is_crossed_for_a_fraction_of_a_thousandth_of_a_count() {
+fn gap_is_not_crossed_for_rounding_error() {
     let operator = ForceBalance::<1>::prepare(&some_balance(1)).unwrap();
     let state = state_after(&operator, &[[500.0, 0.0]], 0.2);
     let goal = operator.virtual_counts(&state, &SVector::from([500.0]));
@@ -56,11 +56,11 @@ fn no_gap_is_crossed_for_a_fraction_of_a_thousandth_of_a_count() {
     assert!(back < 490.0, "{back}");
 }
 
-/// A motor that stays in its gap may do so beyond a slanted side of the hull: moved back along the
-/// gap it costs nothing, where the nearest point of the hull moves the other motor too. Seen on a
-/// snake whose best model was refused for it at one corner.
+/// A motor that stays in its gap may lie beyond a slanted side of the hull. Moving it back in the
+/// gap does not move the snake, but the nearest hull point also moves the other motor. One snake's
+/// best model was refused for this at one corner.
 #[test]
-fn beyond_a_side_of_the_hull_a_motor_is_moved_within_its_gap() {
+fn motor_beyond_hull_side_moves_within_its_gap() {
     let mut file = balance_file(2);
     let corners = [[0.0, -1000.0], [1000.0, 0.0], [0.0, 1000.0], [-1000.0, 0.0]];
     file.hull.corners = corners.iter().map(|corner| corner.to_vec()).collect();
@@ -70,7 +70,7 @@ fn beyond_a_side_of_the_hull_a_motor_is_moved_within_its_gap() {
     for at in [[1000.0, 0.0], [-1000.0, 0.0], [995.0, 5.0]] {
         assert_reached(&model, centre, at, 2e-3);
     }
-    // Slack wires are no gap that the state tells: a motor that stays for a rounding may have gone.
+    // Slack wires are not a gap in the state: rounding decides whether a motor stays or moves.
     let FamilyParameters::ForceBalance { balance, .. } = &mut file.family else { panic!() };
     for motor in &mut balance.motors {
         (motor.gap, motor.preload) = (0.5, [-40.0; 2]);
@@ -81,10 +81,10 @@ fn beyond_a_side_of_the_hull_a_motor_is_moved_within_its_gap() {
     }
 }
 
-/// A motor whose bend is to stay must move where the other one would drag it along. Seen on
-/// recordings of 100 s, whose models were refused for it.
+/// A motor must move to keep its bend if the other motor would drag it along. Models of 100 s
+/// recordings were refused for this.
 #[test]
-fn a_motor_goes_where_its_bend_is_not_dragged() {
+fn motor_reaches_goal_while_the_other_is_dragged() {
     let operator = ForceBalance::<2>::prepare(&some_balance(2)).unwrap();
     let state = state_after(&operator, &[[0.0, 40.0]], 2.0);
     for at in (-20..=20).flat_map(|i| (-40..=40).map(move |j| [40.0 * f64::from(i), f64::from(j)]))
@@ -107,10 +107,10 @@ fn assert_reached(model: &Model, centre: [f64; 2], at: [f64; 2], allowed: f64) {
     assert!(missed < allowed && !found.clipped, "{missed} deg at {at:?}: {found:?}");
 }
 
-/// It goes on while the motors hold still, whether that is looked at often or once; and after any
-/// time the inverse comes back to the counts.
+/// Creep continues while the motors hold still, whatever the sampling interval, and the inverse
+/// always returns the present counts.
 #[test]
-fn a_spring_that_creeps_gives_way_and_the_inverse_knows() {
+fn inverse_accounts_for_spring_creep() {
     let mut file = some_balance(2);
     file.creep = [0.04, 0.02, 0.03];
     let operator = ForceBalance::<2>::prepare(&file).unwrap();

@@ -89,7 +89,7 @@ fn two_motors_and_two_angles_match_the_python_package_gmr() {
     for (counts, expected_mean, mut covariance) in expected {
         let estimate = predict(&model, counts);
         for i in 0..2 {
-            // The package knows no hull: beyond it a part of the way is added.
+            // The package has no hull: beyond it, part of the distance is added.
             let across =
                 [[50.0, 0.0], [0.0, 50.0]].map(|[a, b]| mean([a, b])[i] - mean([-a, -b])[i]);
             let way = |motor: usize| across[motor] / 100.0 * (counts[motor].abs() - 50.0).max(0.0);
@@ -127,7 +127,7 @@ fn superposed(mixtures: Vec<MixtureParameters>) -> ModelFile {
 }
 
 #[test]
-fn mixtures_of_every_motor_add_up_and_have_an_inverse_far_from_the_axes() {
+fn mixtures_of_motors_add_up_and_are_invertible() {
     let directions = [[0.8, 0.6], [-0.6, 0.8]];
     let file = superposed(directions.map(along).into());
     let text = serde_json::to_string(&file).unwrap();
@@ -143,9 +143,9 @@ fn mixtures_of_every_motor_add_up_and_have_an_inverse_far_from_the_axes() {
         near(estimate.mean[output], sum, 1e-12);
         assert!(estimate.covariance[output][output] > 2.0 * DEG * DEG);
         for motor in 0..2 {
-            let mut beside = [counts; 2];
-            (beside[0][motor], beside[1][motor]) = (counts[motor] - 0.01, counts[motor] + 0.01);
-            let [low, high] = beside.map(|counts| at(counts).mean[output]);
+            let mut near_by = [counts; 2];
+            (near_by[0][motor], near_by[1][motor]) = (counts[motor] - 0.01, counts[motor] + 0.01);
+            let [low, high] = near_by.map(|counts| at(counts).mean[output]);
             near(model.jacobian(&counts, &memory)[output][motor], (high - low) / 0.02, 1e-8);
         }
     }

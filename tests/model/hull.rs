@@ -59,18 +59,18 @@ fn a_point_outside_projects_to_a_side_or_a_corner() {
     assert_eq!(hull.project(&[f64::NAN, 0.0]), hull.centre());
 }
 
-/// A motor may be anywhere in its slack for nothing: in the box of both, or as near to it as may
-/// be.
+/// A motor may be anywhere in its slack at no cost: the result lies in the slack box of both
+/// motors, or as near to it as possible.
 #[test]
-fn slack_is_used_before_a_motor_that_pulls_moves() {
+fn slack_is_used_before_a_tensioned_motor_moves() {
     let hull = polygon(&[[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]]).unwrap();
     let near = |counts, slack| hull.project_with_slack(&counts, &slack);
     let is = |found, wanted| assert!(distance(found, wanted) < 1e-6, "{found:?} for {wanted:?}");
-    // Along the slack onto the side, and no further than to its end.
+    // Along the slack onto the side, at most to its end.
     is(near([3.0, 3.0], [[3.0, 0.5], [3.0, 4.0]]), [3.0, 1.0]);
     is(near([3.0, 3.0], [[3.0, 2.0], [3.0, 4.0]]), [2.5, 1.5]);
     is(near([3.0, 3.0], [[0.0, 3.0], [3.5, 3.0]]), [1.0, 3.0]);
-    // Beside the hull: the corner that is nearest to the slack.
+    // Past the hull: the corner nearest to the slack.
     is(near([5.0, -3.0], [[5.0, -4.0], [5.0, 2.0]]), [4.0, 0.0]);
     // Without any, or along a side, the nearest point.
     is(near([3.0, 3.0], [[3.0; 2]; 2]), [2.0, 2.0]);
@@ -80,7 +80,7 @@ fn slack_is_used_before_a_motor_that_pulls_moves() {
 }
 
 #[test]
-fn hull_of_a_circle_has_the_most_corners_and_contains_it() {
+fn hull_of_circle_has_max_corners_and_contains_it() {
     let circle: Vec<_> = (0..5000)
         .map(|i| f64::from(i) * 0.013)
         .map(|t| [1000.0 * t.cos(), 1000.0 * t.sin()])

@@ -33,7 +33,7 @@ fn check_nearest(map: &SmoothMap, goal: OutputVec) {
     let slack = one_count(&model, &inverse.counts, &model.new_memory());
     assert!(
         inverse.residual <= nearest + slack,
-        "{inverse:?} for {goal:?}: {nearest} was there, {slack} a count"
+        "{inverse:?} for {goal:?}: {nearest} exists, {slack} a count"
     );
 }
 

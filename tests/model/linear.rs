@@ -24,7 +24,7 @@ fn prediction_is_the_affine_map_in_radians() {
 }
 
 #[test]
-fn beyond_the_hull_an_eighth_of_the_way_is_not_known() {
+fn uncertainty_beyond_hull_grows_by_eighth_of_distance() {
     let model = model();
     let deviation = model.predict(&[1100.0, -1050.0], &model.new_memory()).deviation();
     for (deviation, way) in deviation.iter().zip([[0.02, 0.01], [-0.01, 0.02]]) {

@@ -158,7 +158,7 @@ fn layers_follow_their_formulas_step_by_step() {
     }
 }
 
-/// The sentence of a refusal.
+/// Message of a refusal.
 fn refused(change: impl FnOnce(&mut ModelFile, &mut NetworkParameters)) -> String {
     let mut file = network_file(vec![gru(6), averages(6)]);
     let FamilyParameters::Network { network, .. } = &file.family else { unreachable!() };
@@ -173,7 +173,7 @@ fn refused(change: impl FnOnce(&mut ModelFile, &mut NetworkParameters)) -> Strin
 }
 
 #[test]
-fn weights_that_are_no_weights_are_refused_by_their_place() {
+fn invalid_weights_are_refused_with_their_location() {
     for weight in [f64::NAN, f64::INFINITY, 1e9] {
         let text = refused(|_, network| {
             let Layer::Gru { recurrent_weight, .. } = &mut network.layers[0] else { panic!() };
@@ -212,7 +212,7 @@ fn a_hidden_state_that_grows_is_refused() {
         else {
             panic!()
         };
-        // Nothing is forgotten, and something is added at every step.
+        // The state forgets nothing and grows at every step.
         input_bias[6..12].fill(30.0);
         input_bias[12..18].fill(0.5);
         network.layers = vec![
@@ -233,12 +233,12 @@ fn radians_and_a_network_that_folds_are_refused() {
             memory_counts.fill(20.0);
         }
     });
-    assert!(text.contains("nonsense"), "{text}");
+    assert!(text.contains("unusable"), "{text}");
     let text = refused(|_, network| {
         network.output_gain = vec![vec![0.0; 2]; 2];
         network.skip_gain.clear();
     });
-    assert!(text.contains("inverse fails") || text.contains("nonsense"), "{text}");
+    assert!(text.contains("inverse fails") || text.contains("unusable"), "{text}");
     let text = refused(|file, _| file.outputs[0].unit = OutputUnit::Mm);
     assert!(text.contains("one unit"), "{text}");
 }

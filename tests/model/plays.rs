@@ -113,7 +113,7 @@ proptest! {
     #![proptest_config(i2ris_testing::cases(32))]
 
     #[test]
-    fn without_compensation_the_counts_are_those_of_the_regression_alone(
+    fn counts_without_compensation_equal_those_of_regression(
         file in (gmr_play().random)(2, 2),
         path in vec(position(2), 1..12),
         at in position(2),
@@ -133,7 +133,7 @@ proptest! {
         prop_assert!(distance(&none.counts, &without.counts) < 0.1, "{none:?} {without:?}");
     }
 
-    /// To the bit, where no planar play drags a disc behind.
+    /// Bit for bit, if no planar play drags a disc.
     #[test]
     fn motion_over_the_conditioning_range_forgets_the_past(
         mut file in (gmr_play().random)(2, 2),
@@ -146,7 +146,7 @@ proptest! {
         let model = Model::from_file(file).unwrap();
         let wide = [[-REACH, -REACH], [REACH, REACH]];
         let [a, b] = [a, b].map(|path| memory_after(&model, &[path.as_slice(), &wide].concat()));
-        prop_assert!(model.knows(&a) && model.knows(&b));
+        prop_assert!(model.is_memory_known(&a) && model.is_memory_known(&b));
         for at in [[-450.0, 300.0], [0.0, 0.0], [480.0, -20.0], [500.0, 500.0]] {
             prop_assert_eq!(model.predict(&at, &a), model.predict(&at, &b));
         }

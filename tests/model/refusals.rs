@@ -67,7 +67,7 @@ fn an_unknown_or_missing_field_is_named() {
     parse("\"robot_id\"", "\"robotid\"", &["unknown field `robotid`", "robot_id"]);
     parse("\"kind\":\"gmr\"", "\"kind\":\"gmr\",\"lag\":1", &["unknown field `lag`"]);
     parse("\"weights\"", "\"weight\"", &["unknown field `weight`"]);
-    // What earlier versions wrote.
+    // Families of earlier versions.
     let with_drift = "\"built_in\":{\"base\":\"\"},\"robot_id\"";
     parse("\"robot_id\"", with_drift, &["unknown field `built_in`", "as `i2ris calibrate fit`"]);
     parse("\"seed\":1,", "", &["missing field `seed`"]);
@@ -75,7 +75,7 @@ fn an_unknown_or_missing_field_is_named() {
 }
 
 #[test]
-fn a_family_that_is_not_read_is_named_with_those_that_are_and_what_to_do() {
+fn unsupported_family_is_refused_with_supported_ones_and_remedy() {
     let kinds: Vec<String> = families::all()
         .iter()
         .map(|sample| {
@@ -175,9 +175,9 @@ fn a_fit_may_be_exact() {
 }
 
 #[test]
-fn a_model_that_fails_the_round_trip_is_refused_with_the_position() {
-    // The curve increases in the middle and falls at both ends: behind a local maximum on the left,
-    // behind a drop on the right. A search downwards from the middle ends at the local maximum, and
+fn model_failing_round_trip_is_refused_with_position() {
+    // The curve increases in the middle and falls at both ends: past a local maximum on the left,
+    // past a drop on the right. A search downwards from the middle ends at the local maximum, and
     // the conditional mean of the two ends is the middle again.
     let component = |count: f64, deg: f64, width: f64| {
         (
@@ -224,7 +224,7 @@ fn a_model_of_another_robot_is_refused() {
 }
 
 #[test]
-fn a_model_that_is_marked_as_worthless_is_for_no_robot() {
+fn model_marked_worthless_is_refused_on_every_robot() {
     let mut marked = file(1, two_components(), region(1, 300.0));
     marked.worthless = Some("on rows held out, R2 of `pitch` is -0.20".to_owned());
     let read = ModelFile::parse(&serde_json::to_string(&marked).unwrap()).unwrap();
@@ -237,7 +237,7 @@ fn a_model_that_is_marked_as_worthless_is_for_no_robot() {
 }
 
 #[test]
-fn a_model_with_another_gain_than_its_recording_is_refused() {
+fn model_with_gain_unlike_its_recording_is_refused() {
     let with_line = |line: [[f64; 2]; 2]| {
         let family = affine(&[&[0.02, -0.01], &[0.01, 0.02]], &[0.0, 0.0]);
         let mut file = file(2, family, region(2, 300.0));
@@ -251,14 +251,14 @@ fn a_model_with_another_gain_than_its_recording_is_refused() {
         ([[0.005, -0.0025], [0.0025, 0.005]], "4.00 to 4.00"),
     ] {
         let sentence = with_line(line).unwrap_err().to_string();
-        let start = format!("commands nonsense: a count moves its outputs by {gains} times");
+        let start = format!("unusable gain: a count moves the outputs by {gains} times");
         assert_mentions(&sentence, &[&start, "record motion of both motors together"]);
     }
 }
 
 #[test]
-fn wide_backlash_is_no_nonsense_and_a_wild_gain_is() {
-    // Nearly all of the motion is behind a gap that takes most of the range.
+fn wide_backlash_is_accepted_and_excessive_gain_refused() {
+    // Nearly all of the motion follows after a gap that takes most of the range.
     let mixture = MixtureParameters {
         weights: vec![1.0],
         means: vec![vec![0.0, 0.0]],

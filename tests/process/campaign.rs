@@ -1,5 +1,5 @@
-//! Every process with its output blocked, gone or on a full disk, and stopped: the robot stops all
-//! the same. One row per case; every one has to stop within its deadline.
+//! Every process with its output blocked, closed or on a full disk, or suspended: the robot still
+//! stops. One row per case; each must stop within its deadline.
 //!
 //! The whole table: `cargo test --test real_time -- --ignored --nocapture campaign_whole`.
 
@@ -25,10 +25,10 @@ use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-/// Silence of the loop at which the watchdog stops the drives, ms: more than a machine that tests
-/// share stalls.
+/// Silence of the loop at which the watchdog stops the drives, ms: longer than stalls of a shared
+/// test machine.
 const SILENCE_MS: u64 = 1000;
-/// For what is measured from outside, on a machine that tests share.
+/// Margin for measurements from outside, on a shared test machine.
 const TOLERANCE_MS: u64 = 250;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,9 +42,9 @@ enum Subject {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Trouble {
-    /// Standard output and error are a full pipe that nobody reads.
+    /// Standard output and error are a full pipe without a reader.
     Blocked,
-    /// Nobody has the other end any more.
+    /// The other end of the pipe is closed.
     Gone,
     FullDisk,
     /// The process is stopped (SIGSTOP).
@@ -123,11 +123,11 @@ impl Drop for Process {
     }
 }
 
-/// A robot with a watchdog and the process that has the trouble.
+/// A robot with a watchdog and the disturbed process.
 struct Scene {
     rig: Rig,
     watchdog: Process,
-    /// Besides controller and watchdog.
+    /// Further processes.
     other: Option<Process>,
     client: Client,
     _outputs: [Output; 2],
@@ -180,7 +180,7 @@ impl Scene {
         }
     }
 
-    /// Until both drives are stopped by the watchdog; ms since `from`.
+    /// Waits until the watchdog has stopped both drives; ms since `from`.
     fn until_stopped(&self, from: Nanos) -> u64 {
         wait_until("both drives are stopped", || {
             let states = self.rig.emulator.snapshot().axes.map(|axis| axis.drive.state);
@@ -189,7 +189,7 @@ impl Scene {
         clock::now().duration_since(from).0 / 1_000_000
     }
 
-    /// Until the last change of a setpoint; ms since `from`.
+    /// Time of the last setpoint change; ms since `from`.
     fn until_held(&self, from: Nanos) -> u64 {
         self.rig.wait_until_still();
         let last_change = |axis| {
@@ -201,7 +201,7 @@ impl Scene {
     }
 }
 
-/// Commands until `end` says so; when the last command was sent.
+/// Sends commands until `end` is set. Returns when the last was sent.
 fn stream_until(client: &Client, end: &AtomicBool) -> Nanos {
     let (mut commander, start) = (client.commander(), clock::now());
     loop {
@@ -214,8 +214,8 @@ fn stream_until(client: &Client, end: &AtomicBool) -> Nanos {
     }
 }
 
-/// How long the robot took to hold without commands, and the drives to stop without a controller,
-/// ms. `None`: this process is the one that is stopped.
+/// Time until the robot held without commands, and until the drives stopped without a controller,
+/// ms. `None` if this process is the suspended one.
 fn run(subject: Subject, trouble: Trouble) -> [Option<u64>; 2] {
     let mut scene = Scene::new(subject, trouble);
     let end = AtomicBool::new(false);
@@ -269,11 +269,11 @@ fn campaign(cases: impl Iterator<Item = (Subject, Trouble)>) {
     assert!(failed.is_empty(), "not in time: {failed:?}");
 }
 
-/// A rig has some twenty threads: one after the other.
+/// A rig has about twenty threads, so the rigs run one at a time.
 static ONE: Mutex<()> = Mutex::new(());
 
 #[test]
-fn campaign_controller_and_watchdog_stop_the_robot_whatever_their_output_is() {
+fn campaign_robot_is_stopped_whatever_happens_to_output() {
     let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     campaign(
         [
@@ -294,8 +294,8 @@ fn campaign_whole() {
     campaign(SUBJECTS.into_iter().flat_map(|subject| TROUBLES.map(|trouble| (subject, trouble))));
 }
 
-/// A library that is loaded before the C library: after SIGUSR1 the clock that goes on in a suspend
-/// is a minute ahead, as if the computer had slept.
+/// A library preloaded before the C library: SIGUSR1 advances the clock that includes suspend time
+/// by a minute, as if the computer had slept.
 const FAKE_CLOCK: &str = r"
 #define _GNU_SOURCE
 #include <signal.h>
@@ -322,7 +322,7 @@ fn fake_clock(rig: &Rig) -> PathBuf {
 }
 
 #[test]
-fn a_suspend_of_the_computer_is_a_fault_and_the_snake_holds() {
+fn computer_suspend_raises_fault_and_snake_holds() {
     let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     let mut rig = Rig::start();
     rig.environment.push(("LD_PRELOAD".into(), fake_clock(&rig).into()));
@@ -342,9 +342,9 @@ fn a_suspend_of_the_computer_is_a_fault_and_the_snake_holds() {
     client.state_command(StateCommand::Acknowledge).unwrap();
 }
 
-/// Thousands a second on every inlet, by a process' own clients.
+/// Thousands of messages per second on every input, from clients of this process.
 #[test]
-fn a_flood_on_every_inlet_keeps_no_stop_waiting() {
+fn flood_on_every_input_does_not_delay_stop() {
     let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     let mut rig = Rig::with_model();
     let mut client = rig.enabled();

@@ -1,4 +1,4 @@
-//! What `cycle::goal_making` shows tick by tick, on the setpoints that the drives receive.
+//! The cases of `cycle::goal_making`, checked on the setpoints that the drives receive.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -10,7 +10,7 @@ use i2ris::units::Nanos;
 use i2ris_testing::cycle::{GAIN_DEG, lag_counts};
 use i2ris_testing::{Rig, SEND_PERIOD, SetOnDrop, wait_until};
 
-/// A stream begins where the snake is, as delivered.
+/// A stream must begin at the snake, as shipped.
 fn strict() -> Rig {
     let mut rig = Rig::with_model();
     rig.config.command.first_step_deg = CommandConfig::default().first_step_deg;
@@ -18,7 +18,7 @@ fn strict() -> Rig {
     rig
 }
 
-/// Sends angles one after the other, degrees, however late each of them is.
+/// Sends angles (degrees) one after the other, even if late.
 fn send(commander: &mut Commander, angles: impl IntoIterator<Item = [f64; 2]>) {
     for angles in angles {
         commander.servo_jp(&angles.map(f64::to_radians)).unwrap();
@@ -26,7 +26,7 @@ fn send(commander: &mut Commander, angles: impl IntoIterator<Item = [f64; 2]>) {
     }
 }
 
-/// The way of both motors between two instants, counts.
+/// Path of both motors between two instants, counts.
 fn ways(rig: &Rig, from: Nanos, to: Nanos) -> [f64; 2] {
     [0, 1].map(|axis| {
         let setpoints: Vec<_> = rig.setpoints(axis);
@@ -36,7 +36,7 @@ fn ways(rig: &Rig, from: Nanos, to: Nanos) -> [f64; 2] {
 }
 
 #[test]
-fn a_rate_of_zero_and_a_swap_move_the_snake_by_the_blend_and_no_further() {
+fn swap_at_zero_rate_moves_snake_only_by_blend() {
     type Zero = fn(&mut Commander) -> u64;
     let joint: Zero = |commander| commander.servo_jv(&[0.0; 2]).unwrap();
     let tip: Zero = |commander| commander.servo_cv([0.0; 3]).unwrap();
@@ -79,7 +79,7 @@ fn a_rate_of_zero_and_a_swap_move_the_snake_by_the_blend_and_no_further() {
 }
 
 #[test]
-fn a_stream_that_comes_back_from_beyond_a_limit_has_gone_along_it() {
+fn stream_returning_from_beyond_limit_has_followed_it() {
     let mut rig = strict();
     rig.config.joint_limits.position_max_deg = Some(vec![5.0, 9.5]);
     let client: Client = rig.enabled();

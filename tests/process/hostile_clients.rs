@@ -1,5 +1,5 @@
-//! Faulty and foreign clients beside an honest one: they cannot displace its commands, and every
-//! client learns of its own refusals only.
+//! Faulty and foreign clients next to an honest one: they cannot displace its commands, and every
+//! client receives only its own refusals.
 
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,11 +8,11 @@ use std::thread;
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Forwarder, RequestForwarder};
 use i2ris::ipc::payload::{OperatingStateMsg, ServoActuator, ServoJp, StateCommandRequest};
-use i2ris::ipc::{Domain, Refusal, ShownClient, StateCommand};
+use i2ris::ipc::{Domain, MaskedClientId, Refusal, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_testing::{Rig, SetOnDrop, stream_counts, wait_for};
 
-/// What a hostile client does to every command.
+/// Changes that a hostile client makes to every command.
 #[derive(Debug, Clone, Copy)]
 struct Hostile {
     client_id: u64,
@@ -29,7 +29,7 @@ const HOSTILE: [Hostile; 4] = [
     Hostile { client_id: 101, ahead_ms: 1000, value: 0.0, refusal: Refusal::Stamp },
     Hostile { client_id: 0, ahead_ms: 0, value: 0.0, refusal: Refusal::Malformed },
     Hostile { client_id: 103, ahead_ms: 0, value: f64::NAN, refusal: Refusal::NotFinite },
-    Hostile { client_id: 104, ahead_ms: 1, value: 1e6, refusal: Refusal::Step },
+    Hostile { client_id: 104, ahead_ms: 1, value: 1e6, refusal: Refusal::StepTooLarge },
 ];
 
 impl Hostile {
@@ -87,7 +87,7 @@ fn wait_until_refused(client: &mut Client, client_id: u64) -> Refusal {
     wait_for(client, refused).refusals_of(client_id).1
 }
 
-/// The honest client streams, and nothing of the others concerns it.
+/// Streams as the honest client; the others do not affect it.
 fn assert_followed(rig: &Rig, client: &mut Client, target: i32) {
     let start = rig.positions()[0];
     let accepted = wait_for(client, |_| true).accepted;
@@ -151,7 +151,7 @@ fn forger_process() {
 }
 
 #[test]
-fn a_forged_id_neither_moves_the_snake_nor_ends_the_lease_of_its_owner() {
+fn forged_id_neither_moves_snake_nor_ends_owners_lease() {
     let mut rig = Rig::start();
     let mut client = rig.enabled();
     stream_counts(&client, 0.2, |_| [0, 0]);
@@ -224,7 +224,7 @@ fn every_client_learns_of_its_own_refusals() {
 }
 
 #[test]
-fn the_log_folds_the_refusals_of_every_client() {
+fn log_folds_refusals_of_every_client() {
     let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     let domain = rig.domain();
@@ -237,7 +237,7 @@ fn the_log_folds_the_refusals_of_every_client() {
     });
     let log = rig.log_text("controller");
     for hostile in HOSTILE {
-        let name = format!("refused {}", ShownClient(hostile.client_id));
+        let name = format!("refused {}", MaskedClientId(hostile.client_id));
         let lines = log.lines().filter(|line| line.contains(&name)).count();
         assert!((1..=4).contains(&lines), "{hostile:?}: {lines} lines\n{log}");
     }

@@ -25,7 +25,7 @@ fn create_directory(domain: &Domain, mode: u32) {
 }
 
 #[test]
-fn a_controller_leaves_no_files_and_others_have_no_access_to_them() {
+fn ipc_files_are_private_and_removed_on_exit() {
     let domain = unique_domain();
     let server = serve(&domain);
     assert_eq!(Ready::read(&domain).unwrap().boot_id, server.boot_id());
@@ -40,7 +40,7 @@ fn a_controller_leaves_no_files_and_others_have_no_access_to_them() {
 }
 
 #[test]
-fn controller_and_watchdog_take_the_domain_of_the_environment_and_it_is_named_to_who_misses_it() {
+fn domain_comes_from_environment_and_error_lists_served_ones() {
     let mut rig = Rig::with_model();
     let other = rig.another_domain("env");
     rig.environment.push(("I2RIS_DOMAIN".into(), other.name().into()));
@@ -63,7 +63,7 @@ fn controller_and_watchdog_take_the_domain_of_the_environment_and_it_is_named_to
 }
 
 #[test]
-fn fifos_in_the_place_of_the_files_of_clients_keep_nobody_waiting() {
+fn fifos_replacing_client_files_block_no_process() {
     let mut rig = Rig::with_model();
     let client = rig.enabled();
     let folder = rig.domain().directory().to_owned();
@@ -73,7 +73,7 @@ fn fifos_in_the_place_of_the_files_of_clients_keep_nobody_waiting() {
     for name in [own.as_str(), "client-7-7"] {
         mkfifo(&folder.join(name), Mode::S_IRWXU).unwrap();
     }
-    // Who connects looks for files of the dead, and the controller names who commands.
+    // A connecting client looks for files of dead processes; the controller names the commander.
     let mut next = rig.client();
     stream_angles(&client, |t| (t < 0.3).then_some([0.0; 2]));
     wait_for(&mut next, |state| state.accepted > 0);
@@ -136,9 +136,9 @@ fn leftovers_of_a_killed_controller_are_removed() {
     assert_no_files(&domain);
 }
 
-/// Every user can create names in `/dev/shm`: one of another user is left alone and stops no start.
+/// Every user can create files in `/dev/shm`: foreign ones are left alone and block no start.
 #[test]
-fn a_file_of_another_user_under_our_names_stops_no_start() {
+fn foreign_file_with_our_prefix_does_not_block_start() {
     let domain = unique_domain();
     let foreign = PathBuf::from(format!("/dev/shm/{}0123.dynamic", domain.prefix()));
     fs::write(&foreign, [7]).unwrap();
@@ -154,7 +154,7 @@ fn a_file_of_another_user_under_our_names_stops_no_start() {
 }
 
 #[test]
-fn files_without_a_lock_are_no_controller() {
+fn files_without_lock_do_not_count_as_controller() {
     let domain = unique_domain();
     create_directory(&domain, 0o700);
     fs::write(domain.directory().join("ready"), "0000000000000001 1 1").unwrap();
@@ -174,9 +174,9 @@ fn the_longest_name_works() {
 }
 
 #[test]
-fn a_controller_with_another_interface_version_is_an_error_with_both_versions() {
+fn interface_version_mismatch_names_both_versions() {
     let domain = unique_domain();
-    // Only the announcement of a controller that serves counts.
+    // Only the announcement of a serving controller counts.
     let server = serve(&domain);
     let other = INTERFACE_VERSION + 1;
     let ready = format!("{:016x} {other} 1", server.boot_id());

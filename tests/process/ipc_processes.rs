@@ -43,7 +43,7 @@ fn assigned_domain() -> Option<Domain> {
 
 /// eclipse-iceoryx/iceoryx2#601; RemoveIPC= of logind does the same.
 #[test]
-fn files_that_are_removed_while_it_runs_are_said_by_controller_and_clients() {
+fn removed_ipc_files_are_reported_by_controller_and_clients() {
     let mut rig = Rig::start();
     rig.start_controller();
     let mut client = rig.client();
@@ -55,7 +55,7 @@ fn files_that_are_removed_while_it_runs_are_said_by_controller_and_clients() {
     let error = Client::connect(&domain, TIMEOUT).and_then(|mut new| new.version()).unwrap_err();
     assert!(error.to_string().contains("are gone or damaged"), "{error}");
     wait_until("the controller notices", || rig.log_text("controller").contains("were removed"));
-    // Who is connected stays connected.
+    // Connected clients stay connected.
     client.version().unwrap();
 }
 
@@ -137,7 +137,7 @@ fn killed_commanders_never_block_the_next_one() {
 }
 
 #[test]
-fn a_second_controller_is_refused_with_the_process_id_of_the_first() {
+fn second_controller_is_refused_with_pid_of_first() {
     let domain = unique_domain();
     let first = Process::start("role_controller", &domain);
     let first_pid = wait_until("the first controller serves", || Ready::read(&domain)).pid;
@@ -152,7 +152,7 @@ fn a_second_controller_is_refused_with_the_process_id_of_the_first() {
 }
 
 #[test]
-fn a_controller_killed_during_its_start_does_not_block_the_next_one() {
+fn controller_killed_during_start_does_not_block_next() {
     let domain = unique_domain();
     for delay in 0..16 {
         let process = Process::start("role_controller", &domain);

@@ -86,7 +86,7 @@ fn only_the_newest_command_counts() {
 }
 
 #[test]
-fn a_state_command_is_answered_or_refused_with_the_reason() {
+fn state_command_is_confirmed_or_refused_with_reason() {
     let domain = unique_domain();
     let (sender, received) = mpsc::channel::<StateCommandRequest>();
     let _server = serve_on_thread(&domain, move |server, now| {
@@ -211,7 +211,7 @@ fn measurements_of_a_sensor_reach_the_controller_and_watchers() {
 }
 
 #[test]
-fn watchers_receive_commands_but_late_ones_no_old_command() {
+fn watcher_receives_only_commands_after_subscribing() {
     let domain = unique_domain();
     let mut server = serve(&domain);
     let client = connect(&domain);
@@ -232,7 +232,7 @@ fn watchers_receive_commands_but_late_ones_no_old_command() {
 }
 
 #[test]
-fn without_a_controller_a_client_gets_an_error_and_creates_nothing() {
+fn client_without_controller_fails_and_creates_no_files() {
     let domain = unique_domain();
     let start = clock::now();
     let error = Client::connect(&domain, Nanos::from_millis(30)).unwrap_err();
@@ -262,7 +262,7 @@ fn waiting_ends_with_the_condition_or_the_timeout() {
 }
 
 #[test]
-fn a_client_finds_the_next_start_of_the_controller() {
+fn client_reconnects_to_restarted_controller() {
     let domain = unique_domain();
     let mut server = serve(&domain);
     let mut client = connect(&domain);

@@ -1,5 +1,5 @@
-//! Refusals of `i2ris-control` at its start: a sentence with the reason, and the exit code of its
-//! kind.
+//! Refusals of `i2ris-control` at its start: a sentence with the reason, and the matching exit
+//! code.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -54,9 +54,9 @@ fn model(robot_id: &str, schema_version: u32) -> String {
 
 const WITH_MODEL: &str = "[control]\nmodel = \"model.json\"";
 
-/// ZoneMinder#1924, eclipse-iceoryx/iceoryx#2287: what is used without being there ends by SIGBUS.
+/// ZoneMinder#1924, eclipse-iceoryx/iceoryx#2287: using memory that does not exist raises SIGBUS.
 #[test]
-fn a_shared_memory_that_is_too_small_is_refused_with_what_is_needed() {
+fn too_small_shared_memory_is_refused_with_required_size() {
     let folder = TempDir::new().unwrap();
     let _ = refusal_of(1, folder.path(), "", "");
     for size in ["256k", "4m"] {
@@ -85,7 +85,7 @@ fn a_missing_configuration_is_refused() {
 }
 
 #[test]
-fn a_wrong_configuration_port_or_model_is_refused_with_the_reason() {
+fn wrong_configuration_port_or_model_is_refused_with_reason() {
     let (here, elsewhere, newer) = (model("here", 1), model("elsewhere", 1), model("here", 99));
     for (table, model, reasons) in [
         ("[control]\nrate = 1000", "", &["robot.toml", "unknown field `rate`", "line 4"][..]),
@@ -107,7 +107,7 @@ fn a_wrong_configuration_port_or_model_is_refused_with_the_reason() {
 }
 
 #[test]
-fn what_drives_said_at_a_start_that_failed_is_kept_once() {
+fn failed_start_keeps_one_serial_capture() {
     let mut rig = Rig::start();
     rig.config.ports[0].axes[1].serial_number += 10;
     let file = rig.folder.path().join(&rig.config.record_folder).join("failed-start.pcapng");

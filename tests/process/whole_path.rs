@@ -31,7 +31,7 @@ fn motors_follow_counts_and_the_snake_bends() {
 }
 
 #[test]
-fn three_axes_on_one_line_move_and_a_fault_of_the_jaw_stops_all() {
+fn three_axes_move_and_jaw_fault_stops_all() {
     let mut rig = Rig::with_model();
     let client = rig.enabled();
     let (mut commander, start) = (client.commander(), clock::now());
@@ -65,14 +65,14 @@ fn three_axes_on_one_line_move_and_a_fault_of_the_jaw_stops_all() {
 }
 
 #[test]
-fn drives_that_do_not_answer_at_the_end_are_named_and_have_an_exit_code_of_their_own() {
+fn silent_drives_at_shutdown_are_named_with_own_exit_code() {
     for is_in_fault in [false, true] {
         let mut rig = Rig::start();
         let mut client = rig.enabled();
         (0..2).for_each(|axis| rig.emulator.silence(axis, true));
         if is_in_fault {
             wait_for(&mut client, |state| state.state == OperatingState::Fault.number());
-            // Nobody sees that they are off.
+            // Their power-off cannot be confirmed.
             client.state_command(StateCommand::Disable).unwrap();
         }
         drop(client);
@@ -80,12 +80,12 @@ fn drives_that_do_not_answer_at_the_end_are_named_and_have_an_exit_code_of_their
         let (status, log) = (rig.wait_for_end(), rig.log_text("controller"));
         assert_eq!(status.code(), Some(8), "{log}");
         assert_eq!(log.matches("NOT known to be off").count(), 3, "{log}");
-        assert!(log.contains("are not known to be off: cut their power"), "{log}");
+        assert!(log.contains("have not confirmed power-off: cut their power"), "{log}");
     }
 }
 
 #[test]
-fn sigterm_and_sigint_stop_in_order_with_exit_code_0_and_leave_no_files() {
+fn sigterm_and_sigint_shut_down_cleanly_with_exit_code_0() {
     for signal in [Signal::SIGTERM, Signal::SIGINT] {
         let mut rig = Rig::start();
         let client = rig.enabled();
@@ -113,7 +113,7 @@ fn sigterm_and_sigint_stop_in_order_with_exit_code_0_and_leave_no_files() {
 }
 
 #[test]
-fn a_drive_that_does_not_answer_is_named() {
+fn silent_drive_is_named() {
     for (line, names) in [(Line::Lab, &["node 2", "axis0"][..]), (Line::Rs232, &["axis1"])] {
         let mut rig = Rig::on(line);
         rig.config.ports.iter_mut().for_each(|port| port.reply_timeout_ms = 200);
@@ -128,7 +128,7 @@ fn a_drive_that_does_not_answer_is_named() {
 }
 
 #[test]
-fn the_run_log_holds_every_start_end_and_change_of_state_and_who_commanded() {
+fn run_log_records_starts_ends_state_changes_and_commanding_client() {
     let mut rig = Rig::start();
     for _ in 0..2 {
         let client = rig.enabled();
@@ -158,7 +158,7 @@ fn the_run_log_holds_every_start_end_and_change_of_state_and_who_commanded() {
     assert!(rig.log_text("controller").contains(&ours));
 }
 
-/// The only record of a rig whose name ends so.
+/// The only record of a rig with this name ending.
 fn record(rig: &Rig, end: &str) -> PathBuf {
     let entries = fs::read_dir(rig.folder.path().join("records")).unwrap();
     let paths = entries.map(|entry| entry.unwrap().path());
@@ -189,7 +189,7 @@ fn outcomes(path: &Path) -> Vec<Vec<Outcome>> {
 }
 
 #[test]
-fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_by_bit() {
+fn black_boxes_of_every_cause_replay_bit_for_bit() {
     let mut rig = Rig::with_model();
     rig.config.limits.feedback_stale_ms = 1000;
     let mut client = rig.enabled();
@@ -234,7 +234,7 @@ fn the_last_seconds_before_sigkill_are_in_a_black_box() {
     let client = rig.client();
     let found = wait_until("the black box of the killed controller", || {
         let log = rig.log_text("controller");
-        log.contains("the last controller was killed").then(|| black_box(&rig, "killed"))
+        log.contains("the previous controller was killed").then(|| black_box(&rig, "killed"))
     });
     assert!(found.ticks.len() > 500, "{}", found.ticks.len());
     let replayed = replay(&found).unwrap();
@@ -271,7 +271,7 @@ fn link_errors_are_published_as_health() {
 fn the_log_is_published_line_by_line() {
     let mut rig = Rig::start();
     let client = rig.enabled();
-    // A client that comes late gets the last lines.
+    // A late client gets the last lines.
     let mut events = client.watcher().events();
     let mut lines = Vec::new();
     wait_until("the line of the change to ENABLED", || {

@@ -35,7 +35,7 @@ const TICK: Nanos = Nanos::from_millis(2);
 const HANG_TIMEOUT: Nanos = Nanos::from_millis(30_000);
 /// Time until the cause of a disabled axis is known: the drive must be read.
 const CAUSE_TIMEOUT: Nanos = Nanos::from_millis(500);
-/// Length of the history of true positions.
+/// Length of the true-position history.
 const HISTORY: Nanos = Nanos::from_millis(4000);
 /// The largest age of a position: a reply timeout and its retry.
 const LARGEST_AGE: Nanos = Nanos::from_millis(1500);
@@ -43,10 +43,10 @@ const LARGEST_AGE: Nanos = Nanos::from_millis(1500);
 const TOLERANCE: i32 = 12;
 
 /// No setpoint outside the limits reaches a drive with power, no wrong position is accepted, no
-/// axis is disabled without an event that tells why, and every axis moves again.
+/// axis is disabled without an event that gives the reason, and every axis moves again.
 #[test]
 #[ignore = "2000 faults take half an hour"]
-fn faults_of_every_kind_at_random_instants_leave_every_axis_safe() {
+fn random_faults_of_every_kind_leave_axes_safe() {
     let number = |name: &str, default: u64| {
         std::env::var(name).map_or(default, |text| text.parse().unwrap())
     };
@@ -86,11 +86,11 @@ fn faults_of_every_kind_at_random_instants_leave_every_axis_safe() {
 
 #[derive(Debug, Default)]
 struct Findings {
-    /// What must not happen.
+    /// Violations.
     wrong: Vec<String>,
     /// Setpoints outside the limits for a drive without power, which are allowed.
     preloads: usize,
-    /// By kind: the time until the axis was known to be safe, and whether it stayed enabled.
+    /// By kind: time until the axis was confirmed safe, with a flag whether it stayed enabled.
     kinds: BTreeMap<&'static str, Vec<(Nanos, bool)>>,
 }
 

@@ -3,7 +3,7 @@
 use i2ris::drive::capture::CapturedLine;
 use i2ris::drive::command_set::Requested;
 use i2ris::drive::family_selection::family_of_line;
-use i2ris::drive::fingerprint::read_over;
+use i2ris::drive::fingerprint::read_transport;
 use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::drive::{AxisRequest, Port};
 use i2ris_testing::drive::replayed;
@@ -17,7 +17,7 @@ fn every_family_is_captured_and_a_fingerprint_writes_nothing() {
         let config = bench.port();
         let line = || CapturedLine::new(SerialTransport::open(&config).unwrap(), &config);
         let (captured, capture) = line();
-        let drives = read_over(captured, &config).unwrap();
+        let drives = read_transport(captured, &config).unwrap();
         assert_eq!(drives.len(), config.axes.len(), "{}", setup.name);
         assert!(drives.iter().all(|drive| drive.settings.len() >= 40), "{drives:?}");
         let port = capture.read();

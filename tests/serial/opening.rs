@@ -11,7 +11,7 @@ use i2ris_testing::drive::NODE;
 
 /// The port is healthy, so the operating system has not closed it.
 #[test]
-fn a_port_is_reopened_after_an_error_that_was_no_hang_up() {
+fn port_is_reopened_after_error_other_than_hang_up() {
     let rig = Rig::on(Line::Rs232);
     let mut port = SerialTransport::open(&rig.config.ports[0]).unwrap();
     for _ in 0..2 {

@@ -120,7 +120,7 @@ impl WatchedRig {
 
 impl Drop for WatchedRig {
     fn drop(&mut self) {
-        // In order, so that it removes its file.
+        // A clean exit, so that it removes its file.
         let id = Pid::from_raw(self.watchdog.id() as i32);
         if self.watchdog.try_wait().is_ok_and(|ended| ended.is_none()) {
             let _ = kill(id, Signal::SIGTERM);
@@ -136,8 +136,8 @@ fn is_locked(device: &Path) -> bool {
     fs::File::open(device).is_ok_and(|file| file.try_lock().is_err())
 }
 
-/// One after the other: a rig has some twenty threads, and a drive that is emulated by a thread of
-/// ordinary priority must answer in time.
+/// Serialises these tests: a rig has about twenty threads, and an emulated drive on a thread of
+/// ordinary priority must reply in time.
 fn alone() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
@@ -172,9 +172,9 @@ fn h03_the_drives_of_a_hanging_controller_are_stopped() {
     );
 }
 
-/// A drive that does not answer is not off, also when the controller is in a fault for it.
+/// A silent drive is not off, even if the controller is in a fault because of it.
 #[test]
-fn h03_a_lost_drive_is_stopped_when_the_controller_is_killed_in_its_fault() {
+fn h03_lost_drive_is_stopped_after_controller_dies_in_fault() {
     let _alone = alone();
     let mut rig = Rig::start();
     rig.config.limits.feedback_stale_ms = 1000;
@@ -190,7 +190,7 @@ fn h03_a_lost_drive_is_stopped_when_the_controller_is_killed_in_its_fault() {
 }
 
 #[test]
-fn an_orderly_end_of_the_controller_stops_nothing() {
+fn clean_controller_exit_triggers_no_watchdog_stop() {
     let _alone = alone();
     let mut watched = WatchedRig::new(3000);
     watched.end_with(Signal::SIGTERM);
@@ -227,7 +227,7 @@ fn h03_a_controller_killed_before_it_serves_starts_again() {
 }
 
 #[test]
-fn h03_a_silent_port_does_not_delay_the_stop_of_the_other() {
+fn h03_silent_port_does_not_delay_stop_of_other_port() {
     let _alone = alone();
     let mut watched = WatchedRig::with(Rig::on(Line::UsbEach), 3000);
     watched.rig.emulator.mute(0, true);
@@ -241,7 +241,7 @@ fn h03_a_silent_port_does_not_delay_the_stop_of_the_other() {
 }
 
 #[test]
-fn h03_the_operating_state_says_whether_a_watchdog_holds_every_port() {
+fn h03_operating_state_reports_whether_watchdog_covers_every_port() {
     let _alone = alone();
     let mut watched = WatchedRig::new(3000);
     let mut client = watched.client.take().unwrap();
@@ -251,7 +251,7 @@ fn h03_the_operating_state_says_whether_a_watchdog_holds_every_port() {
 }
 
 #[test]
-fn the_service_manager_expect_state_when_watchdog_and_controller_are_ready() {
+fn service_manager_is_notified_by_controller_and_watchdog() {
     let _alone = alone();
     let mut rig = Rig::start();
     let address = rig.folder.path().join("notify");
@@ -278,7 +278,7 @@ fn the_service_manager_expect_state_when_watchdog_and_controller_are_ready() {
     drop(watched);
 }
 
-/// What ends or hangs in motion.
+/// A process or thread that ends or hangs in motion.
 enum Loss {
     Process(Signal),
     Thread(&'static str),

@@ -7,7 +7,7 @@
 
 namespace i2ris {
 
-// The second word of the file `ready`. A controller with another one is of another release.
+// The second word of the file `ready`. A controller with a different one is from a different release.
 constexpr int INTERFACE_VERSION = 7;
 // Versions of iceoryx2 refuse each other.
 constexpr const char* ICEORYX2_VERSION = "0.10.0";

@@ -7,11 +7,11 @@ use super::settings::{Settings, length};
 use crate::core::drift::geometry::{ModelGeometry, add, product};
 use crate::core::drift::{Drift, PARAMETERS, Pair, WORN};
 
-/// The share of the budget that is as good as all of it: the estimate is kept inside.
+/// Share at which the budget counts as used up: the estimate is kept inside.
 pub(super) const USED_UP: f64 = 0.99;
 
-/// A parameter is known once its deviation is below this share of it. Until then its estimate
-/// swings, now and then to the end of its budget and back.
+/// A parameter is known once its standard deviation is below this share of its value. Until then,
+/// its estimate may swing to the end of the budget and back.
 const KNOWN: f64 = 0.05;
 
 /// A gap may shrink by this share of what it may grow.
@@ -20,9 +20,9 @@ const SHRINK: f64 = 0.5;
 /// Shares of the budget.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct BudgetUse {
-    /// Of every parameter, in the order of the array of the drift.
+    /// Share per parameter, in the order of [`Drift::to_array`].
     pub parameters: [f64; PARAMETERS],
-    /// Of the total at the corners of the hull.
+    /// Share of the total at the corners of the hull.
     pub total: f64,
 }
 
@@ -43,7 +43,7 @@ impl BudgetUse {
         Self { parameters, total }
     }
 
-    /// It is known that nothing is left: of the total, or of a parameter whose value is known.
+    /// Whether the budget is certainly used up: the total, or that of a known parameter.
     pub fn is_known(&self, drift: &Drift, deviations: &[f64; PARAMETERS]) -> bool {
         let known = drift.to_array().into_iter().zip(deviations);
         let known = known.map(|(value, deviation)| *deviation <= KNOWN * value.abs());
@@ -85,7 +85,7 @@ pub(super) fn inside(
     }
     let factor = settings.total_budget / shift;
     let mut scaled = clamped.to_array().map(|value| factor * value);
-    // The latency moves nothing, and a slow error that is not corrected neither.
+    // Neither the latency nor an uncorrected slow error moves anything.
     scaled[8] = clamped.latency_s;
     if geometry.corrected_direction() == [0.0; 2] {
         scaled[9] = clamped.slow;
@@ -107,14 +107,14 @@ fn limit(settings: &Settings, geometry: &ModelGeometry, index: usize, value: f64
     }
 }
 
-/// How far the drift moves the tip at the corner of the hull where it does most, rad.
+/// Maximum shift of the tip by the drift over the corners of the hull, rad.
 fn largest_shift(drift: &Drift, geometry: &ModelGeometry, reach: &Reach) -> f64 {
     let direction = geometry.corrected_direction();
     let zero = add(drift.zero, direction.map(|part| part * drift.slow));
     let corners = geometry.corners.iter();
     let shift =
         corners.map(|corner| length(add(zero, product(&drift.gain, *corner)))).fold(0.0, f64::max);
-    // The motion of the last minute may have been a small one.
+    // The motion of the last minute may have been small.
     let worn = drift.worn();
     let at_corner = |secants: &[Pair; WORN]| {
         let moved = secants.iter().zip(worn).map(|(secant, worn)| secant.map(|part| worn * part));
@@ -168,9 +168,9 @@ mod tests {
         assert!(are_near, "{of}: {found:?} instead of {wanted:?}");
     }
 
-    /// A parameter, a drift of it, and how much of that may be followed.
+    /// Drift of one parameter and the part that may be followed.
     #[test]
-    fn every_parameter_has_a_budget_of_its_own() {
+    fn every_parameter_has_its_own_budget() {
         let settings = settings(f64::INFINITY);
         let of = |index: usize, value: f64| {
             let mut array = [0.0; PARAMETERS];
@@ -206,9 +206,9 @@ mod tests {
         assert_eq!(used.parameters, [0.0; PARAMETERS]);
     }
 
-    /// What all parameters together move at the corner where it is most.
+    /// Shift by all parameters together at the worst corner.
     #[test]
-    fn the_total_makes_all_of_it_smaller() {
+    fn total_budget_scales_every_parameter() {
         let zero = |zero: f64| Drift { zero: [zero, 0.0], ..Drift::default() };
         for (moved, total, wanted) in [(0.08, 0.04, 0.5), (0.06, 0.06, 1.0), (-0.08, 0.02, 0.25)] {
             for slow in [None, Some(CORRECTED)] {
@@ -251,9 +251,9 @@ mod tests {
         assert_eq!(scaled(&geometry)[9], 0.05);
     }
 
-    /// The robot shows what the wear in use does; slopes only say what more of it would do.
+    /// The robot shows the effect of the wear in use; slopes only predict that of more wear.
     #[test]
-    fn wear_counts_by_what_it_does() {
+    fn wear_counts_by_its_effect() {
         let wear = [0.2, 0.0, 0.01, 0.0, 0.0, 0.0];
         let reach = Reach { moved: 0.015, wear, ..REACH };
         let of = |gap: f64| {
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_that_may_have_swung_to_its_end_is_not_known_to_be_there() {
+    fn uncertain_value_at_its_limit_is_not_used_up() {
         let used = |gap: f64, deviation: f64, total: f64| {
             let drift = Drift { gap: [gap, 0.0], ..Drift::default() };
             let mut deviations = [0.0; PARAMETERS];

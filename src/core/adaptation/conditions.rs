@@ -1,4 +1,4 @@
-//! Conditions: when nothing is learned, and why.
+//! Conditions that pause learning.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,13 +9,13 @@ use crate::units::Nanos;
 /// Nothing is learned for this long after a fault, a swap, a conditioning cycle, or the start.
 const SETTLING: Nanos = Nanos::from_millis(2000);
 
-/// Without a frame for this long there is no camera.
+/// Silence after which the camera counts as absent.
 const SILENCE: Nanos = Nanos::from_millis(2500);
 
-/// The share of refused frames at which the camera is not believed any more, and at which it is
-/// again, and the time over which it is averaged, s.
-const DISBELIEF: f64 = 0.5;
-const BELIEF: f64 = 0.3;
+/// Shares of refused frames at which the camera is rejected and accepted again, and the averaging
+/// time, s.
+const REJECT_SHARE: f64 = 0.5;
+const ACCEPT_SHARE: f64 = 0.3;
 const REFUSED_S: f64 = 3.0;
 
 /// State of the cycle in this tick.
@@ -26,7 +26,7 @@ pub(in crate::core) struct Surroundings {
     pub is_following: bool,
     /// A fault, a conditioning cycle, a change of state.
     pub is_unsettled: bool,
-    /// The robot is DISABLED: a correction that was taken back may be tried once more.
+    /// The robot is DISABLED: a reverted correction may be tried once more.
     pub is_disabled: bool,
 }
 
@@ -35,37 +35,37 @@ pub(in crate::core) struct Surroundings {
 pub(super) struct Conditions {
     settled_at: Nanos,
     refused_share: f64,
-    is_disbelieved: bool,
+    is_rejected: bool,
 }
 
 impl Conditions {
-    /// Something has happened after which nothing is learned for a while.
+    /// Pauses learning for the settling time.
     pub fn unsettle(&mut self, now: Nanos) {
         self.settled_at = now + SETTLING;
     }
 
-    /// The frames agree again, for a reason that is known.
-    pub fn believe(&mut self) {
-        (self.refused_share, self.is_disbelieved) = (0.0, false);
+    /// Accepts the camera: its frames agree again for a known reason.
+    pub fn accept_camera(&mut self) {
+        (self.refused_share, self.is_rejected) = (0.0, false);
     }
 
-    /// Takes a frame that was accepted or refused. Returns whether the camera is believed, if that
-    /// has changed.
+    /// Counts an accepted or refused frame. Returns whether the camera is accepted, if that has
+    /// changed.
     pub fn add_frame(&mut self, is_accepted: bool, seconds: f64) -> Option<bool> {
         let refused = if is_accepted { 0.0 } else { 1.0 };
         self.refused_share = forget(self.refused_share, refused, REFUSED_S, seconds);
-        let limit = if self.is_disbelieved { BELIEF } else { DISBELIEF };
-        let is_disbelieved = self.refused_share > limit;
-        let has_changed = is_disbelieved != self.is_disbelieved;
-        self.is_disbelieved = is_disbelieved;
-        has_changed.then_some(!is_disbelieved)
+        let limit = if self.is_rejected { ACCEPT_SHARE } else { REJECT_SHARE };
+        let is_rejected = self.refused_share > limit;
+        let has_changed = is_rejected != self.is_rejected;
+        self.is_rejected = is_rejected;
+        has_changed.then_some(!is_rejected)
     }
 
     pub fn is_settled(&self, now: Nanos) -> bool {
         now >= self.settled_at
     }
 
-    /// Why nothing is learned now.
+    /// Present reasons not to learn.
     pub fn pauses(
         &self,
         surroundings: &Surroundings,
@@ -79,7 +79,7 @@ impl Conditions {
             .with(Pause::MemoryUnknown, !memory_known)
             .with(Pause::OutsideHull, !in_hull)
             .with(Pause::NoCamera, silence > SILENCE)
-            .with(Pause::CameraDisbelieved, self.is_disbelieved)
+            .with(Pause::CameraRejected, self.is_rejected)
     }
 }
 
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_camera_whose_frames_are_mostly_refused_is_not_believed() {
+    fn camera_with_mostly_refused_frames_is_rejected() {
         let mut conditions = Conditions::default();
         let mut run = |frames: usize, is_accepted: bool| {
             (0..frames)

@@ -31,10 +31,10 @@ const WALK: [f64; 6] = [0.008 * DEG, 0.0015, 0.003, 0.001, 0.00006, 0.00004];
 /// The covariance stays below this many times the first one: nothing winds up at rest.
 const CAP: f64 = 9.0;
 
-/// The longest time between two frames that the walks are given, s.
-const LONGEST_GAP_S: f64 = 2.0;
+/// Maximum time between two frames used for the random walks, s.
+const MAX_FRAME_GAP_S: f64 = 2.0;
 
-/// The error of a model is the same for about this many frames in a row: so many count as one.
+/// The model error is the same for about this many consecutive frames, which count as one.
 const FRAMES_PER_ERROR: f64 = 8.0;
 
 /// A frame this many deviations away is refused.
@@ -50,7 +50,7 @@ const STAMP_S: f64 = 0.008;
 const LATENCY: usize = 8;
 const SLOW: usize = 9;
 
-/// A frame against what was expected.
+/// A frame compared with the expected pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Innovation {
     /// Frame minus expected pose, rad.
@@ -93,16 +93,16 @@ impl Estimator {
         self.drift = drift.to_array();
     }
 
-    /// The zero has slipped: it may be anywhere within this distance.
+    /// Widens the zero after a slip: it may be anywhere within this distance.
     pub fn open_zero(&mut self, distance: f64) {
         for index in 0..2 {
             self.covariance[index][index] += distance * distance;
         }
     }
 
-    /// Time passes.
+    /// Predicts over a time step.
     pub fn predict(&mut self, seconds: f64, slow: Option<&SlowError>) {
-        let seconds = seconds.clamp(0.0, LONGEST_GAP_S);
+        let seconds = seconds.clamp(0.0, MAX_FRAME_GAP_S);
         if let Some(slow) = slow {
             let left = slow.time_constant_s / (slow.time_constant_s + seconds);
             self.drift[SLOW] *= left;
@@ -146,7 +146,7 @@ impl Estimator {
         });
         if is_accepted && is_learning {
             for (index, (along, axis)) in taken.iter().enumerate().take(geometry.outputs) {
-                // Along the slow error, what is the same for many frames has a state of its own.
+                // Along the slow error, the part common to many frames has its own state.
                 let is_slow = geometry.slow.is_some() && index == 0;
                 let frames = if is_slow { 1.0 } else { FRAMES_PER_ERROR };
                 let model = deviation(index, geometry) * frames.sqrt();
@@ -219,14 +219,13 @@ fn first_variance(index: usize, slow: Option<&SlowError>) -> f64 {
 /// A number of a frame, and its derivative by the parameters.
 #[derive(Debug, Clone, Copy)]
 struct Measurement {
-    /// The camera's value without what is expected of a robot that has not drifted.
+    /// Value of the camera minus that of a robot without drift.
     value: f64,
     row: Row,
 }
 
 impl Measurement {
-    /// An output. The gaps in use are in the gapped pose already, and the latency was taken off the
-    /// stamp.
+    /// An output. The gapped pose already includes the gaps in use, and the stamp the latency.
     fn new(output: usize, frame: Pair, regressors: &Regressors, geometry: &ModelGeometry) -> Self {
         let moment = &regressors.moment;
         let row = row(output, regressors, geometry);
@@ -244,7 +243,7 @@ impl Measurement {
         }
     }
 
-    /// What the drift does not explain.
+    /// Error that the drift does not explain.
     fn error(&self, drift: &Row) -> f64 {
         let expected: f64 = self.row.iter().zip(drift).map(|(h, x)| h * x).sum();
         self.value - expected
@@ -259,7 +258,7 @@ fn axes(geometry: &ModelGeometry) -> [Pair; 2] {
     })
 }
 
-/// What the model leaves along a direction of [`axes`] beside the slow error, rad.
+/// Model error along a direction of [`axes`] besides the slow error, rad.
 fn deviation(index: usize, geometry: &ModelGeometry) -> f64 {
     match &geometry.slow {
         Some(slow) if index == 0 => slow.fast,
@@ -267,13 +266,13 @@ fn deviation(index: usize, geometry: &ModelGeometry) -> f64 {
     }
 }
 
-/// Variance of the camera's value along a direction beside the drift, with that of its noise.
+/// Variance of the camera value along a direction besides the drift, including its noise.
 fn noise(model: f64, [x, y]: Pair, regressors: &Regressors, camera: f64) -> f64 {
     let stamp = STAMP_S * (x * regressors.rate[0] + y * regressors.rate[1]);
     camera + model * model + stamp * stamp
 }
 
-/// The derivative of an output of the camera by the parameters.
+/// Derivative of a camera output by the parameters.
 fn row(output: usize, regressors: &Regressors, geometry: &ModelGeometry) -> Row {
     let moment = &regressors.moment;
     let mut row = Row::default();

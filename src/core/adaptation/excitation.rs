@@ -1,4 +1,4 @@
-//! Excitation: which parameters the motion of the last time shows (H22).
+//! Excitation: parameters that recent motion shows (H22).
 
 use serde::{Deserialize, Serialize};
 
@@ -15,19 +15,19 @@ const RATE_S: f64 = 5.0;
 const RANGE_S: f64 = 60.0;
 
 /// The path that shows a zero, rad.
-const LEAST_PATH: f64 = 2.0 * DEG;
+const MIN_PATH: f64 = 2.0 * DEG;
 
 /// The range of an output that shows its gains, rad.
-const LEAST_RANGE: f64 = 6.0 * DEG;
+const MIN_RANGE: f64 = 6.0 * DEG;
 
 /// Both branches were seen this far, rad per growth: a tenth more gap, or a thousandth more slack
 /// or play, would show by a hundredth of a degree.
-const LEAST_BRANCH: [f64; 3] = [0.1 * DEG, 10.0 * DEG, 10.0 * DEG];
+const MIN_BRANCH: [f64; 3] = [0.1 * DEG, 10.0 * DEG, 10.0 * DEG];
 
 /// The rate that shows the latency, rad/s.
-const LEAST_RATE: f64 = 3.0 * DEG;
+const MIN_RATE: f64 = 3.0 * DEG;
 
-/// What the motion has shown.
+/// Excitation by recent motion.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Excitation {
     last: Option<Pair>,
@@ -37,23 +37,23 @@ pub(super) struct Excitation {
     high: Pair,
     /// Mean square of the rate.
     square_rate: f64,
-    /// Of what wears, how far it has shown on the one and the other branch.
+    /// Excitation of wear on both branches.
     branches: [Pair; WORN],
-    /// How far the wear in use has moved the pose, rad, and which wear that is.
+    /// Distance that the wear in use has moved the pose, rad, and that wear.
     moved: f64,
     wear: [f64; WORN],
 }
 
-/// How far what wears moves the pose.
+/// Effect of wear on the pose.
 ///
 /// The wear in use is seen to move it; only from there on the slopes say what more would do. A
 /// slope is that of a robot that is worn already: times all of the wear it may be six times what
 /// the wear does.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Reach {
-    /// At most, rad per growth.
+    /// Maximum, rad per growth.
     pub per_growth: [f64; WORN],
-    /// By the wear in use, at most, rad.
+    /// Maximum effect of the wear in use, rad.
     pub moved: f64,
     /// The wear in use.
     pub wear: [f64; WORN],
@@ -99,20 +99,20 @@ impl Excitation {
     }
 
     /// Whether each parameter shows.
-    pub fn shown(&self) -> [bool; PARAMETERS] {
-        let moves = self.path >= LEAST_PATH;
-        let ranges = [0, 1].map(|i| moves && self.high[i] - self.low[i] >= LEAST_RANGE);
+    pub fn excited_parameters(&self) -> [bool; PARAMETERS] {
+        let moves = self.path >= MIN_PATH;
+        let ranges = [0, 1].map(|i| moves && self.high[i] - self.low[i] >= MIN_RANGE);
         let worn: [bool; WORN] = std::array::from_fn(|index| {
             let [one, other] = self.branches[index];
-            moves && one.min(other) >= LEAST_BRANCH[index / 2]
+            moves && one.min(other) >= MIN_BRANCH[index / 2]
         });
-        let rate = moves && self.square_rate >= LEAST_RATE * LEAST_RATE;
+        let rate = moves && self.square_rate >= MIN_RATE * MIN_RATE;
         let [x, y] = ranges;
         let [gap, gap_1, a, b, c, d] = worn;
         [moves, moves, x, y, x, y, gap, gap_1, rate, moves, a, b, c, d]
     }
 
-    /// The largest effect of what wears in the last time.
+    /// Largest recent effect of wear.
     pub fn reach(&self) -> Reach {
         let per_growth = self.branches.map(|[one, other]| one.max(other));
         Reach { per_growth, moved: self.moved, wear: self.wear }
@@ -138,7 +138,7 @@ mod tests {
             let regressors = Regressors { moment, rate, latency_s: 0.0 };
             excitation.add(&regressors, 0.033);
         }
-        excitation.shown()
+        excitation.excited_parameters()
     }
 
     #[test]
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_in_one_direction_shows_no_gap_and_one_output_no_gain_of_the_other() {
+    fn one_way_motion_excites_no_gap_and_no_cross_gain() {
         let ramp = (0..100).map(|k| {
             let pitch = f64::from(k) * 0.2 * DEG;
             ([pitch, 0.0], [[-0.02, 0.0], [0.0; 2]], [6.0 * DEG, 0.0])

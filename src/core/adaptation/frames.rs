@@ -1,4 +1,4 @@
-//! Frames: which of them can be used at all, and how many could not.
+//! Frames: selects the usable ones and counts the others.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,23 +10,23 @@ use crate::core::vector;
 use crate::units::Nanos;
 
 /// Frames closer together add nothing: the error of the model is the same in all of them.
-const LEAST_INTERVAL: Nanos = Nanos::from_millis(10);
+const MIN_INTERVAL: Nanos = Nanos::from_millis(10);
 
 /// Frames older than this are not used, whatever the ring holds.
 const OLDEST: Nanos = Nanos::from_millis(350);
 
-/// A frame in order.
+/// A usable frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Frame {
     pub stamp: Nanos,
     pub pose: Pair,
-    /// Since the last frame in order, s.
+    /// Time since the last usable frame, s.
     pub interval_s: f64,
-    /// When it arrived, after its stamp, s.
+    /// Age at arrival, s.
     pub age_s: f64,
 }
 
-/// Drops frames out of order, and counts.
+/// Drops and counts unusable frames.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct FrameFilter {
     newest: Nanos,
@@ -55,7 +55,7 @@ impl FrameFilter {
             &mut counts.out_of_order
         } else if now.duration_since(frame.stamp) > OLDEST {
             &mut counts.too_old
-        } else if frame.stamp.duration_since(self.newest) < LEAST_INTERVAL {
+        } else if frame.stamp.duration_since(self.newest) < MIN_INTERVAL {
             &mut counts.too_frequent
         } else {
             let interval = frame.stamp.duration_since(self.newest);
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_out_of_order_duplicated_old_and_from_the_future_are_dropped_and_counted() {
+    fn unusable_frames_are_dropped_and_counted() {
         let mut filter = FrameFilter::default();
         let ms = |t: u64| Nanos::from_millis(1000 + t);
         let frame = |t: u64| ExternalPose {

@@ -23,7 +23,7 @@ const ACTUATION_S: f64 = 0.02;
 /// The zero stays within this, rad.
 const LARGEST: f64 = 1.0 * DEG;
 
-/// Frames further away than this, rad, or than so many deviations of the model are refused.
+/// Frames further away than this, rad, or than this many model deviations are refused.
 const GATE: f64 = 3.0 * DEG;
 const GATE_DEVIATIONS: f64 = 3.0;
 
@@ -70,7 +70,7 @@ mod tests {
     use crate::units::Nanos;
 
     #[test]
-    fn it_follows_slowly_and_no_further_than_a_degree() {
+    fn integral_follows_slowly_up_to_one_degree() {
         let mut integral = Integral::default();
         let frame =
             Frame { stamp: Nanos::ZERO, pose: [0.0; 2], interval_s: 1.0 / 30.0, age_s: 0.06 };

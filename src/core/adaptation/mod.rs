@@ -1,8 +1,8 @@
 //! Adaptation: the drift of a calibration, followed by the camera, inside fences (H20 to H23).
 //!
 //! A calibration ages: zeros slip, gaps grow, the bend per count changes. The camera shows it, some
-//! hundredths of a second late. Drift takes minutes, so a late frame is no problem: the poses of
-//! the last moments are kept, and a frame is compared with the pose of its own time.
+//! hundredths of a second late. Drift takes minutes, so a late frame is acceptable: recent poses
+//! are kept, and a frame is compared with the pose of its own time.
 //!
 //! # Terms
 //!
@@ -11,29 +11,29 @@
 //!   slow state along the direction in which the model errs.
 //! - **calibrated, gapped, adapted pose**: of the model as calibrated; with scaled gaps; with all
 //!   of the correction. `adapted = gapped + zero + gain gapped`.
-//! - **estimate**: of the drift, by a Kalman filter. **Correction**: the part of the estimate that
-//!   is applied to the inverse and to `measured_js`.
+//! - **estimate**: drift estimated by a Kalman filter. **Correction**: the part of the estimate
+//!   that is applied to the inverse and to `measured_js`.
 //! - **shadow**: a memory that is a little more worn in one respect. Its distance from the memory
 //!   in use is the regressor.
-//! - **excitation**: motion that shows a parameter. Without it the parameter is not learned. What
-//!   motion does not tell apart, the covariance of the filter moves together.
+//! - **excitation**: motion that shows a parameter. Without it the parameter is not learned.
+//!   Parameters that motion cannot distinguish are moved together by the filter covariance.
 //! - **budget**: the largest drift that is followed, per parameter and in total.
 //!
 //! # Fences
 //!
-//! 1. `budget`: at 100 %, once that is known and no swing of the filter, nothing
-//!    more is learned: calibrate. What wear takes of the total is what it is seen to do.
+//! 1. `budget`: at a confirmed 100 %, not a swing of the filter, learning stops: recalibrate. Wear
+//!    counts towards the total by its observed effect.
 //! 2. `conditions`: only while goals are followed, inside the hull, with a known memory and good
 //!    frames; not within 2 s of a fault, a swap, a conditioning cycle or a command.
 //! 3. `excitation`: per parameter.
-//! 4. `score`: adapted against calibrated on the same frames; worse in three windows of 10 s takes
-//!    the correction back.
+//! 4. `score`: adapted against calibrated on the same frames; three worse windows of 10 s revert
+//!    the correction.
 //! 5. `moving_correction`: moves with the goal only, along its direction, no faster than a limit.
 //! 6. Nothing is written over a calibration: the correction ends with the controller.
-//! 7. `plausibility` compares the camera with the calibrated pose, too.
-//! 8. `scatter`: frames count as little as they are noisy, whatever the configuration says.
+//! 7. `plausibility` also compares the camera with the calibrated pose.
+//! 8. `scatter`: noisy frames have a low weight, whatever the configuration says.
 //! 9. What a push of tissue can do is bounded by the budget: `slip` follows small steps only, and
-//!    one of them until somebody has had the robot off.
+//!    only one of them until the robot has been disabled.
 //!
 //! A family without gaps has no regressor for them. Its zero follows the error of the camera by a
 //! slow `integral` instead, never both.

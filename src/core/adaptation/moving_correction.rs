@@ -1,12 +1,12 @@
-//! Correction: the part of the drift that is applied, and how it moves (H23).
+//! Correction: the applied part of the drift, and its motion (H23).
 //!
 //! The correction moves only while a goal moves, motor by motor, along the direction in which the
 //! goal moves the motor, no faster than a limit and no faster than half of the goal's motion. So it
-//! never moves a snake that shall rest, and never turns a motor round. It is kept per motor for
-//! that: what would have to go against the motion of a motor waits until the motor comes back.
+//! never moves a snake at rest and never reverses a motor. It is kept per motor: a correction
+//! against the motion of a motor waits until the motor returns.
 //!
-//! A gap may also shrink: that slows a motor by a few counts per second while it moves, and turns
-//! it round no more.
+//! A gap may also shrink: that slows a motor by a few counts per second while it moves, and does
+//! not reverse it either.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ use crate::core::drift::{Drift, Pair};
 use crate::model::Wear;
 use crate::units::{MAX_MOTORS, MotorVec};
 
-/// The correction moves a motor by at most this share of the motion of the goal.
+/// The correction moves a motor by at most this share of the goal's motion.
 const SHARE: f64 = 0.5;
 
 /// The correction comes no nearer to its target than this share per second: its parameters do not
@@ -29,14 +29,14 @@ const NEARER_PER_S: f64 = 5.0;
 /// Fastest change of the gap scale, 1/s.
 const GAP_SLEW_PER_S: f64 = 0.02;
 
-/// The same of slack and play.
+/// The same for slack and play.
 const TRAVEL_SLEW_PER_S: f64 = 0.0005;
 
 /// A gap scale changes while its motor moves at least this fast, counts/s: many times faster than
 /// the change of the scale moves it.
 const GAP_SPEED_COUNTS_S: f64 = 20.0;
 
-/// The correction as it is moved: one row per motor, in counts.
+/// The moving correction: one row per motor, in counts.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct MovingCorrection {
     rows: [MotorRow; MAX_MOTORS],
@@ -128,9 +128,9 @@ impl MovingCorrection {
     }
 }
 
-/// The shares, 0 to 1, of the steps of both motors that bring the tip nearest to where all of the
-/// correction would bring it. One motor alone, because the other one has to wait, may lead the tip
-/// away: where the wires of both axes are coupled, as in a wrist.
+/// Shares, 0 to 1, of both motor steps that bring the tip nearest to its fully corrected position.
+/// If the wires of both axes are coupled, as in a wrist, one motor alone may move the tip away
+/// while the other waits.
 fn shares_towards(steps: &[MotorStep; MAX_MOTORS], slope: &[Pair; 2]) -> Pair {
     let [first, second] = [0, 1]
         .map(|motor: usize| [0, 1].map(|output: usize| slope[output][motor] * steps[motor].shift));
@@ -157,13 +157,13 @@ fn shares_towards(steps: &[MotorStep; MAX_MOTORS], slope: &[Pair; 2]) -> Pair {
     candidates.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or_default()
 }
 
-/// A step of the correction of a motor.
+/// Correction step of a motor.
 #[derive(Debug, Clone, Copy, Default)]
 struct MotorStep {
     row: MotorRow,
-    /// How far it moves the motor at the present pose, counts.
+    /// Motion of the motor at the present pose, counts.
     shift: f64,
-    /// How far all of the correction would move it, counts.
+    /// Motion by the whole correction, counts.
     missing: f64,
 }
 
@@ -183,7 +183,7 @@ impl MotorRow {
             zero: target.zero - self.zero,
             gain: [target.gain[0] - self.gain[0], target.gain[1] - self.gain[1]],
         };
-        // The inverse takes the correction away from the goal.
+        // The inverse subtracts the correction from the goal.
         let shift = -(row.zero + row.gain[0] * pose[0] + row.gain[1] * pose[1]);
         if motion == 0.0 || shift * motion < 0.0 {
             return MotorStep { missing: shift, ..MotorStep::default() };
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motor_that_would_lead_the_tip_away_waits_for_the_other() {
+    fn motor_that_moves_the_tip_away_waits() {
         let apart = [[1.0, 0.0], [0.0, 1.0]];
         let shares = shares_towards(&[step(0.0, -1.0), step(0.01, 0.9)], &apart);
         assert_eq!(shares[1], 1.0);

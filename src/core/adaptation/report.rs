@@ -8,15 +8,15 @@ use crate::model::ModelId;
 /// The adaptation after one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct AdaptationReport {
-    /// The model whose drift it is; `None` before there is one.
+    /// The model that drifts; `None` without a model.
     pub model: Option<ModelId>,
-    /// How the drift is found.
+    /// Method of estimating the drift.
     pub method: Method,
-    /// From the frames of the camera.
+    /// Drift estimated from the camera frames.
     pub estimate: Drift,
     /// Standard deviations of the estimate, in the order of [`super::Parameter::ALL`].
     pub deviations: [f64; PARAMETERS],
-    /// What is applied. The slow state is part of the zero.
+    /// Applied correction. The slow state is part of the zero.
     pub applied: Drift,
     /// Share of the budget that every parameter of the estimate uses.
     pub budget_used: [f64; PARAMETERS],
@@ -24,22 +24,22 @@ pub struct AdaptationReport {
     pub total_used: f64,
     /// Whether the motion shows a parameter.
     pub excited: [bool; PARAMETERS],
-    /// Why nothing is learned.
+    /// Reasons not to learn.
     pub pauses: Pauses,
     /// Frames since the start.
     pub frames: FrameCounts,
     /// Root mean square distance between camera and calibrated model in the last window, rad.
     pub calibrated_error: f64,
-    /// The same of the adapted model.
+    /// The same for the adapted model.
     pub adapted_error: f64,
-    /// Number of times that the correction was taken back.
+    /// Number of times that the correction was reverted.
     pub taken_back: u32,
 }
 
-/// How the drift is found.
+/// Method of estimating the drift.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Method {
-    /// Not at all: no model, or its outputs are no angles, or not as many as motors.
+    /// No estimate: no model, or its outputs are not angles, or not as many as motors.
     #[default]
     None,
     /// Zero, gain, gap and latency, by a Kalman filter.
@@ -48,11 +48,11 @@ pub enum Method {
     Integral,
 }
 
-/// A reason to learn nothing.
+/// A reason not to learn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[repr(u32)]
 pub enum Pause {
-    /// The robot follows no goal, or the clutch is open.
+    /// No goal is followed, or the clutch is open.
     NotFollowing = 1,
     /// A fault, a swap, a conditioning cycle or the start is less than 2 s ago.
     Settling = 2,
@@ -63,14 +63,14 @@ pub enum Pause {
     /// No frame arrives.
     NoCamera = 16,
     /// Most frames are refused: a wrong camera, or a push from outside.
-    CameraDisbelieved = 32,
+    CameraRejected = 32,
     /// The budget is used up: calibrate.
     BudgetUsed = 64,
-    /// The adapted model was worse than the calibration, and was taken back.
-    TakenBack = 128,
+    /// The adapted model was worse than the calibrated model and was reverted.
+    Reverted = 128,
     /// Too little motion.
     NoMotion = 256,
-    /// The zero has slipped twice since the robot was off: something else than the snake moves.
+    /// The zero has slipped twice since the robot was disabled: something else moved.
     SlippedAgain = 512,
 }
 
@@ -82,32 +82,32 @@ impl Pause {
         Self::MemoryUnknown,
         Self::OutsideHull,
         Self::NoCamera,
-        Self::CameraDisbelieved,
+        Self::CameraRejected,
         Self::BudgetUsed,
-        Self::TakenBack,
+        Self::Reverted,
         Self::NoMotion,
         Self::SlippedAgain,
     ];
 
-    /// In words.
+    /// Text of the reason.
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
-            Self::NotFollowing => "no goal is followed",
+            Self::NotFollowing => "not following a goal",
             Self::Settling => "settling for 2 s",
             Self::MemoryUnknown => "memory unknown",
-            Self::OutsideHull => "outside of the hull",
+            Self::OutsideHull => "outside the hull",
             Self::NoCamera => "no camera",
-            Self::CameraDisbelieved => "most frames are refused",
-            Self::BudgetUsed => "budget used up: calibrate",
-            Self::TakenBack => "correction taken back",
+            Self::CameraRejected => "most frames rejected",
+            Self::BudgetUsed => "budget used up: recalibrate",
+            Self::Reverted => "correction reverted",
             Self::NoMotion => "too little motion",
-            Self::SlippedAgain => "the zero slipped twice: look at camera and wires, switch off",
+            Self::SlippedAgain => "the zero shifted twice: check camera and wires, then disable",
         }
     }
 }
 
-/// Reasons to learn nothing, as bits of [`Pause`].
+/// Reasons not to learn, as bits of [`Pause`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Pauses(pub u32);
 
@@ -115,15 +115,15 @@ impl Pauses {
     /// Learning.
     pub const NONE: Self = Self(0);
 
-    /// With one more reason, if it holds.
+    /// Adds a reason, if it holds.
     #[must_use]
     pub fn with(self, pause: Pause, holds: bool) -> Self {
         Self(self.0 | if holds { pause as u32 } else { 0 })
     }
 
-    /// The frames of this moment do not show the drift. A lack of motion is found by frames and
-    /// ended by them, and so is doubt in the camera; what is applied goes on being judged when
-    /// nothing more is learned.
+    /// Whether present frames do not show the drift. Lack of motion and a rejected camera are
+    /// detected and ended by frames, so they do not count here; the applied correction is scored
+    /// even when learning has stopped.
     pub(super) fn look_away(self) -> bool {
         [Pause::NotFollowing, Pause::Settling, Pause::MemoryUnknown, Pause::OutsideHull]
             .into_iter()
@@ -145,22 +145,22 @@ impl Pauses {
 /// Frames since the start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FrameCounts {
-    /// Learned from.
+    /// Used for learning.
     pub used: u64,
-    /// Too far from what was expected.
+    /// Too far from the expected pose.
     pub refused: u64,
-    /// In order, while nothing was learned.
+    /// Usable, while learning was paused.
     pub paused: u64,
-    /// Of the same stamp as the one before.
+    /// Same stamp as the previous frame.
     pub duplicate: u64,
-    /// Older than one before.
+    /// Older than a previous frame.
     pub out_of_order: u64,
     /// Stamped later than now.
     pub future: u64,
     /// Older than the ring of regressors.
     pub too_old: u64,
-    /// Less than 10 ms after the one before.
+    /// Less than 10 ms after the previous frame.
     pub too_frequent: u64,
-    /// Not finite, of another number of outputs, or of poor quality.
+    /// Not finite, wrong number of outputs, or poor quality.
     pub bad: u64,
 }

@@ -18,20 +18,21 @@ pub(super) const SPACING: Nanos = Nanos::from_millis(4);
 /// few milliseconds.
 const NEWER: Nanos = Nanos::from_millis(10);
 
-/// Half of the span over which a rate is taken: one count within one interval is no rate.
+/// Half of the span over which a rate is computed: one count within one interval does not define a
+/// rate.
 const RATE_SPAN: Nanos = Nanos::from_millis(20);
 
 /// The poses of one moment, rad.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Moment {
     pub stamp: Nanos,
-    /// Of the model as calibrated.
+    /// Pose of the calibrated model.
     pub calibrated: Pair,
     /// With the gap scale in use.
     pub gapped: Pair,
     /// With all of the correction in use.
     pub adapted: Pair,
-    /// Change of `gapped` per growth of what wears, and how worn it is taken to be.
+    /// Change of `gapped` per growth of wear, and the wear in use.
     pub slopes: [Pair; WORN],
     pub wear: [f64; WORN],
 }
@@ -40,9 +41,9 @@ pub(super) struct Moment {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Regressors {
     pub moment: Moment,
-    /// Rate of change of `gapped`, rad/s.
+    /// Rate of `gapped`, rad/s.
     pub rate: Pair,
-    /// The latency that was taken off the stamp, s.
+    /// Latency subtracted from the stamp, s.
     pub latency_s: f64,
 }
 
@@ -144,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_frame_finds_the_pose_and_the_rate_of_its_time() {
+    fn late_frame_gets_the_pose_of_its_time() {
         let ring = moving();
         for t in [1100, 1252, 1497] {
             let found = ring.at(ms(t + 10), 0.01).unwrap();
@@ -154,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ring_covers_a_quarter_of_a_second_and_nothing_beyond_its_ends() {
+    fn ring_covers_only_its_span() {
         let ring = moving();
         assert!(ring.at(ms(1250), 0.0).is_some());
         assert_eq!(ring.at(ms(1015), 0.0), None);

@@ -1,8 +1,8 @@
 //! Scatter: how noisy the frames of the camera are, from frame to frame.
 //!
 //! A camera that is noisier than configured would make the filter too sure of itself, and the gate
-//! would refuse what is only noise. What two frames in a row differ by beside the model is noise of
-//! both; outliers, pushes and drift do not show in the median of its square.
+//! would refuse what is only noise. The difference of two consecutive frames, apart from the model,
+//! is the noise of both; outliers, pushes and drift do not show in the median of its square.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,8 +17,8 @@ const LARGEST: f64 = 0.4 * DEG;
 /// Step of the median, as a share: it follows within some seconds.
 const STEP: f64 = 0.02;
 
-/// Median of the square of the difference of two frames, by the variance of one number of a frame:
-/// that of chi square with one or two degrees of freedom, twice.
+/// Ratio of the median squared difference of two frames to the variance of one value: twice the
+/// chi-square median for one or two degrees of freedom.
 const MEDIAN: [f64; 2] = [2.0 * 0.455, 2.0 * 1.386];
 
 /// The last innovation, and the variance of the noise.
@@ -50,7 +50,7 @@ impl Scatter {
 mod tests {
     use super::*;
 
-    /// Of twelve numbers, nearly normal; by SplitMix64 (G. L. Steele et al. 2014).
+    /// Nearly normal number from twelve uniform ones; by SplitMix64 (G. L. Steele et al. 2014).
     fn normal(state: &mut u64) -> f64 {
         let mut unit = || {
             *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);

@@ -11,19 +11,19 @@ const DEG: f64 = std::f64::consts::PI / 180.0;
 /// Length of a window.
 const WINDOW: Nanos = Nanos::from_millis(10_000);
 
-/// Frames that a window needs; with fewer it goes on.
-const LEAST_FRAMES: u32 = 20;
+/// Minimum frames of a window; with fewer, it stays open.
+const MIN_FRAMES: u32 = 20;
 
-/// Windows in which the adapted model is worse, before it is taken back; one that is not worse
-/// takes one of them away.
+/// Number of windows with a worse adapted model before it is reverted; a window that is not worse
+/// subtracts one.
 const WORSE_WINDOWS: u8 = 3;
 
-/// By less than this the adapted model is not worse, rad, and as a share: a push from outside,
-/// which adds to both errors, takes nothing back.
+/// Margins within which the adapted model is not worse, rad and as a share: a push from outside,
+/// which adds to both errors, must not revert it.
 const MARGIN: f64 = 0.02 * DEG;
 const MARGIN_SHARE: f64 = 0.05;
 
-/// In a window with this share of the error of the calibration the adapted model is better.
+/// Share of the calibrated error below which the adapted model is better in a window.
 const BETTER: f64 = 0.8;
 
 /// Larger errors count as this, rad: one outlier decides no window.
@@ -33,7 +33,7 @@ const LARGEST: f64 = 3.0 * DEG;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Verdict {
     Open,
-    /// The adapted model is to be taken back.
+    /// The adapted model must be reverted.
     TakeBack,
 }
 
@@ -46,7 +46,7 @@ pub(super) struct Score {
     sums: Pair,
     worse: u8,
     was_better: bool,
-    /// Of all windows.
+    /// Accepted frames of all windows.
     accepted: u32,
     refused: u32,
     /// Root mean squares of the last window, rad.
@@ -62,7 +62,7 @@ impl Score {
             let error = length(error).min(LARGEST);
             *sum += error * error;
         }
-        if now.duration_since(begun) < WINDOW || self.frames < LEAST_FRAMES {
+        if now.duration_since(begun) < WINDOW || self.frames < MIN_FRAMES {
             return Verdict::Open;
         }
         self.last = self.sums.map(|sum| (sum / f64::from(self.frames)).sqrt());
@@ -92,9 +92,9 @@ impl Score {
         *count = count.saturating_add(1);
     }
 
-    /// Whether its first frames misled the adapted model: it was better in no window, and refused
-    /// most frames.
-    pub fn is_misled(&self) -> bool {
+    /// Whether the adapted model failed from the start, misled by its first frames: it was better
+    /// in no window and refused most frames.
+    pub fn failed_from_start(&self) -> bool {
         !self.was_better && self.refused > self.accepted
     }
 
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn three_worse_windows_take_the_correction_back() {
+    fn three_worse_windows_revert_the_correction() {
         let mut score = Score::default();
         assert!(run(&mut score, 1, 25, [0.5, 0.6]).is_empty());
         score.restart();
@@ -129,21 +129,21 @@ mod tests {
     }
 
     #[test]
-    fn a_model_that_was_better_by_a_fifth_or_refuses_few_frames_was_not_misled() {
+    fn better_model_did_not_fail_from_the_start() {
         let mut score = Score::default();
         run(&mut score, 1, 25, [0.5, 0.45]);
         score.count(true);
         score.count(false);
-        assert!(!score.is_misled());
+        assert!(!score.failed_from_start());
         score.count(false);
-        assert!(score.is_misled());
+        assert!(score.failed_from_start());
         run(&mut score, 30, 12, [0.5, 0.3]);
         run(&mut score, 60, 35, [0.5, 0.6]);
-        assert!(!score.is_misled());
+        assert!(!score.failed_from_start());
     }
 
     #[test]
-    fn equal_errors_and_single_outliers_take_nothing_back() {
+    fn equal_errors_and_outliers_revert_nothing() {
         let mut score = Score::default();
         assert!(run(&mut score, 1, 100, [0.5, 0.54]).is_empty());
         for second in 0..100 {

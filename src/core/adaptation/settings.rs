@@ -7,19 +7,19 @@ use crate::units::Nanos;
 const ZERO_BUDGET_DEG: f64 = 1.5;
 /// Budget of every entry of the gain matrix, as a share of the calibrated gain.
 const GAIN_BUDGET: f64 = 0.2;
-/// Budget of the growth of the gap of every motor, as a share of the calibrated gap. A gap may
-/// shrink by half of it.
+/// Budget of the gap growth of every motor, as a share of the calibrated gap. A gap may shrink by
+/// half as much.
 const GAP_BUDGET: f64 = 0.6;
 /// Budget of the preload that the wires lose beyond that, as a share of half the calibrated range.
 const SLACK_BUDGET: f64 = 0.03;
 /// Budget of the play that the gears gain beyond that, as such a share.
 const PLAY_BUDGET: f64 = 0.02;
-/// Budget of the latency of the camera beyond its stamps.
+/// Budget of the camera latency beyond its stamps.
 const LATENCY_BUDGET_S: f64 = 0.06;
 /// Budget of all together: how far the correction may move the tip anywhere in the calibrated hull.
 const TOTAL_BUDGET_DEG: f64 = 4.8;
 /// It is below the distance at which camera and model are not plausible by this factor: adaptation
-/// may not lead to a fault by itself.
+/// alone must not cause a fault.
 const SHARE_OF_PLAUSIBILITY: f64 = 0.96;
 /// Fastest motion of the tip by the correction while a goal moves. A goal at rest is never moved.
 const SLEW_DEG_S: f64 = 1.0;
@@ -27,7 +27,7 @@ const SLEW_DEG_S: f64 = 1.0;
 /// outside and not followed.
 const LARGEST_STEP_DEG: f64 = 1.5;
 /// Frames with a quality below this are not used. Cameras that give none are used.
-const LEAST_QUALITY: f64 = 0.3;
+const MIN_QUALITY: f64 = 0.3;
 
 /// Settings that do not change.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,7 +69,7 @@ impl Settings {
             slew: SLEW_DEG_S.to_radians(),
             camera: camera_deviation_deg.to_radians(),
             largest_step: LARGEST_STEP_DEG.to_radians(),
-            least_quality: LEAST_QUALITY,
+            least_quality: MIN_QUALITY,
             tick_s: tick.as_seconds(),
         }
     }

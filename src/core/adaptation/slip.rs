@@ -19,11 +19,11 @@ const TIME_CONSTANT_S: f64 = 1.0;
 /// How long frames have to agree, s.
 const AGREED_S: f64 = 0.5;
 
-/// Square of the mean over the mean square: what frames that agree reach.
+/// Square of the mean over the mean square, reached by frames that agree.
 const AGREEMENT: f64 = 0.8;
 
 /// Smaller steps are followed without this, rad.
-const LEAST_STEP: f64 = 0.3 * DEG;
+const MIN_STEP: f64 = 0.3 * DEG;
 
 /// Averages of the innovations.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -49,7 +49,7 @@ impl SlipDetector {
         self.mean_square = forget(self.mean_square, square, TIME_CONSTANT_S, seconds);
         let step = length(self.mean);
         let agrees = step * step >= AGREEMENT * self.mean_square;
-        let is_slip = agrees && step >= LEAST_STEP.max(model) && step <= largest_step;
+        let is_slip = agrees && step >= MIN_STEP.max(model) && step <= largest_step;
         self.agreed_s = if is_slip { self.agreed_s + seconds } else { 0.0 };
         if self.agreed_s < AGREED_S {
             return None;
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn a_push_of_two_degrees_and_single_outliers_are_no_slip() {
+    fn two_degree_push_and_outliers_are_not_a_slip() {
         assert!(found((0..900).map(|_| [2.0, 0.0])).is_empty());
         assert!(found((0..900).map(|k| [if k % 10 == 0 { 5.0 } else { 0.1 }, 0.0])).is_empty());
         // Errors that alternate.

@@ -30,13 +30,13 @@ use crate::units::Nanos;
 const BEYOND_S: f64 = 3.0;
 const BEYOND_UNKNOWN_S: f64 = 60.0;
 
-/// A correction that was taken back is tried once more: after the robot was off, for the camera may
-/// have been moved back, or at once if it was of the first frames only. After the second time, only
-/// another model or a restart of the controller begins anew.
-const MOST_TAKEN_BACK: u32 = 2;
+/// A reverted correction is tried once more: after the robot has been disabled, because the camera
+/// may have been moved back, or at once if it came from the first frames only. After the second
+/// time, only a new model or a restart of the controller resets it.
+const MAX_REVERTS: u32 = 2;
 
-/// A wire slips once; what slips again and again is the view of the camera.
-const MOST_SLIPS: u32 = 1;
+/// A wire slips once; repeated slips come from a moving camera.
+const MAX_SLIPS: u32 = 1;
 
 /// The adaptation of the active model.
 #[derive(Debug, Clone, Copy)]
@@ -62,11 +62,11 @@ pub(in crate::core) struct AdaptationState {
     used: BudgetUse,
     beyond_s: f64,
     is_used_up: bool,
-    /// Slips since the robot was off, or since another model.
+    /// Slips since the robot was disabled, or since a model swap.
     slips: u32,
-    is_taken_back: bool,
+    is_reverted: bool,
     taken_back: u32,
-    /// The model whose correction was taken back last, and how often.
+    /// The model of the last reverted correction, and its number of reversions.
     refuted: Option<(ModelId, u32)>,
     pauses: Pauses,
 }
@@ -89,7 +89,7 @@ impl AdaptationState {
             beyond_s: 0.0,
             is_used_up: false,
             slips: 0,
-            is_taken_back: false,
+            is_reverted: false,
             taken_back: 0,
             refuted: None,
             pauses: Pauses::NONE,
@@ -98,9 +98,9 @@ impl AdaptationState {
 }
 
 impl AdaptationState {
-    /// The correction of the model was taken back too often to be tried again.
+    /// Whether the correction was reverted too often to be tried again.
     fn is_refuted(&self) -> bool {
-        let of = |(model, times)| Some(model) == self.model && times >= MOST_TAKEN_BACK;
+        let of = |(model, times)| Some(model) == self.model && times >= MAX_REVERTS;
         self.refuted.is_some_and(of)
     }
 
@@ -131,8 +131,8 @@ impl Adaptation {
         (is_own && joints.geometry().is_some()).then(|| self.state.memories.calibrated())
     }
 
-    /// The next model takes over, or the zero of the encoders moves: everything begins anew. `from`
-    /// is the model that was in use until now; it becomes as calibrated.
+    /// Restarts when the next model takes over or the encoder zero moves. `from`: the model in use
+    /// until now; its correction is removed.
     pub fn begin(&mut self, from: Option<&mut JointModel>, now: Nanos) {
         if let Some(from) = from
             && Some(from.model().id()) == self.state.model
@@ -148,7 +148,7 @@ impl Adaptation {
         self.state.conditions.unsettle(now);
     }
 
-    /// One tick, after the feedback of it.
+    /// One tick, after its feedback.
     pub fn step(
         &mut self,
         joints: &mut JointModel,
@@ -164,14 +164,14 @@ impl Adaptation {
             self.state.memories = DriftMemories::new(joints.measured_memory());
             let slow = joints.geometry().and_then(|geometry| geometry.slow);
             self.state.estimator = Estimator::new(slow.as_ref());
-            self.state.is_taken_back = self.state.is_refuted();
+            self.state.is_reverted = self.state.is_refuted();
         }
         if surroundings.is_unsettled {
             self.state.conditions.unsettle(now);
         }
         if surroundings.is_disabled {
-            // Somebody has looked at it.
-            self.state.is_taken_back = self.state.is_refuted();
+            // The operator has had a chance to check it.
+            self.state.is_reverted = self.state.is_refuted();
             self.state.slips = 0;
         }
         if joints.geometry().is_none() {
@@ -212,13 +212,13 @@ impl Adaptation {
             .measured_at()
             .is_some_and(|measured| joints.model().hull().contains(&measured.position));
         let silence = state.filter.silence(surroundings.now);
-        let moves = state.excitation.shown().iter().any(|shown| *shown);
+        let moves = state.excitation.excited_parameters().iter().any(|shown| *shown);
         state.pauses = state
             .conditions
             .pauses(surroundings, joints.is_memory_known(), in_hull, silence)
             .with(Pause::BudgetUsed, state.is_used_up)
-            .with(Pause::TakenBack, state.is_taken_back)
-            .with(Pause::SlippedAgain, state.slips > MOST_SLIPS)
+            .with(Pause::Reverted, state.is_reverted)
+            .with(Pause::SlippedAgain, state.slips > MAX_SLIPS)
             .with(Pause::NoMotion, !moves);
     }
 
@@ -248,8 +248,8 @@ impl Adaptation {
             }
             return;
         }
-        let has_slipped = self.state.slips > MOST_SLIPS;
-        if self.state.is_used_up || self.state.is_taken_back || has_slipped {
+        let has_slipped = self.state.slips > MAX_SLIPS;
+        if self.state.is_used_up || self.state.is_reverted || has_slipped {
             self.state.filter.counts.paused += 1;
         } else if geometry.has_gap {
             self.filter_frame(&frame, &regressors, geometry, events);
@@ -269,8 +269,8 @@ impl Adaptation {
         events: &mut EventList,
     ) {
         let (state, settings) = (&mut self.state, &self.settings);
-        let is_learning = !state.pauses.contains(Pause::CameraDisbelieved);
-        let shown = state.excitation.shown();
+        let is_learning = !state.pauses.contains(Pause::CameraRejected);
+        let shown = state.excitation.excited_parameters();
         state.estimator.predict(frame.interval_s, geometry.slow.as_ref());
         let found =
             state.estimator.update(frame.pose, regressors, &shown, geometry, settings, is_learning);
@@ -279,10 +279,10 @@ impl Adaptation {
         let slip = state.slip.add(found.value, model, settings.largest_step, seconds);
         if let Some(step) = slip {
             state.slips = state.slips.saturating_add(1);
-            let is_followed = state.slips <= MOST_SLIPS;
+            let is_followed = state.slips <= MAX_SLIPS;
             if is_followed {
                 state.estimator.open_zero(step);
-                state.conditions.believe();
+                state.conditions.accept_camera();
             }
             let (slip, again) = (AdaptationEvent::Slip, AdaptationEvent::SlipAgain);
             events.push(CycleEventKind::Adaptation(if is_followed { slip } else { again }));
@@ -298,9 +298,9 @@ impl Adaptation {
         events: &mut EventList,
     ) {
         let state = &mut self.state;
-        let is_learning = !state.pauses.contains(Pause::CameraDisbelieved)
-            && state.excitation.shown().first() == Some(&true);
-        // Of what is applied and what is about to be.
+        let is_learning = !state.pauses.contains(Pause::CameraRejected)
+            && state.excitation.excited_parameters().first() == Some(&true);
+        // Sum of the applied and the pending correction.
         let zero = state.integral.zero();
         let expected = [0, 1].map(|output| regressors.moment.gapped[output] + zero[output]);
         let error = subtract(frame.pose, expected);
@@ -327,11 +327,11 @@ impl Adaptation {
             self.state.score.count(is_accepted);
         }
         let changed = self.state.conditions.add_frame(is_accepted, seconds);
-        if let Some(is_believed) = changed {
-            events.push(CycleEventKind::Adaptation(if is_believed {
-                AdaptationEvent::CameraBelieved
+        if let Some(is_accepted) = changed {
+            events.push(CycleEventKind::Adaptation(if is_accepted {
+                AdaptationEvent::CameraAccepted
             } else {
-                AdaptationEvent::CameraDisbelieved
+                AdaptationEvent::CameraRejected
             }));
         }
     }
@@ -369,18 +369,18 @@ impl Adaptation {
         let adapted = subtract(frame.pose, moment.adapted);
         if self.state.score.add(calibrated, adapted, now) == Verdict::TakeBack {
             let state = &mut self.state;
-            // What its first frames misled begins anew at once, the first time.
+            // A correction misled by its first frames restarts at once, the first time.
             let is_first = state.refuted.is_none_or(|(model, _)| Some(model) != state.model);
-            state.is_taken_back = !(is_first && state.score.is_misled());
-            state.conditions.believe();
+            state.is_reverted = !(is_first && state.score.failed_from_start());
+            state.conditions.accept_camera();
             state.taken_back = state.taken_back.saturating_add(1);
             state.note_refuted();
             state.estimator = Estimator::new(geometry.slow.as_ref());
             state.integral = Integral::default();
-            // With what was learned goes what it used of the budget: it is tried once more.
+            // The budget is reset with the learned values: it is tried once more.
             state.used = BudgetUse::default();
             (state.is_used_up, state.beyond_s) = (false, 0.0);
-            events.push(CycleEventKind::Adaptation(AdaptationEvent::TakenBack));
+            events.push(CycleEventKind::Adaptation(AdaptationEvent::Reverted));
         }
     }
 
@@ -437,7 +437,7 @@ impl Adaptation {
             applied: joints.applied_drift(),
             budget_used: state.used.parameters,
             total_used: state.used.total,
-            excited: state.excitation.shown(),
+            excited: state.excitation.excited_parameters(),
             pauses: state.pauses,
             frames: state.filter.counts,
             calibrated_error,

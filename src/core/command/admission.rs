@@ -14,20 +14,20 @@
 //! | 6 | every axis homed | `NotHomed` | `admission` |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | `admission` |
 //! | 8 | no other client commands | `Lease` | `authority` |
-//! | 9 | the client has a session or begins one, | `BrokenOff` | `sessions` |
-//! |   | and is not held | `BrokenOff` | `authority` |
+//! | 9 | the client has a session or begins one, | `StreamInterrupted` | `sessions` |
+//! |   | and is not held | `StreamInterrupted` | `authority` |
 //! | 10 | sequence above the client's last accepted one, | `Sequence` | `client_stream` |
 //! |   | and stamp not before it | `Stamp` | `client_stream` |
 //! | 11 | angles: a model is loaded; rates and places of the tip: of angles | `NoModel`, `Unsupported` | `range_check` |
 //! | 12 | number of entries as the model or the motors have | `Malformed` | `range_check` |
 //! | 13 | counts: within the position limits of the axes | `Range` | `range_check` |
-//! | 14 | near the last goal, or near the present setpoint; a rate: so far until its deadline | `Step` | `range_check` |
+//! | 14 | near the last goal, or near the present setpoint; a rate: so far until its deadline | `StepTooLarge` | `range_check` |
 //!
 //! Errors of the command itself come before errors of the present situation. A refused command
 //! changes only counters: it does not renew the lease and does not use up its sequence number.
 //!
-//! Checks 1 to 4 need nothing of the robot: [`CommandCheck`]. The thread that chooses among the
-//! commands of several clients applies them, too, so that an invalid command displaces no valid
+//! Checks 1 to 4 do not depend on the robot: [`CommandCheck`]. The thread that chooses among the
+//! commands of several clients also applies them, so an invalid command cannot displace a valid
 //! one.
 
 use serde::{Deserialize, Serialize};
@@ -42,11 +42,11 @@ use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::robot::{Measurement, OperatingState, Quantity, REFUSED_CLIENTS, Refusal, StateCommand};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos, OutputVec};
 
-/// Deadline of `interpolate_jp`, unless the client asks for another one: a stream of 10 Hz may miss
-/// a command. Without the next one the goal comes to rest where it was asked to, long before.
+/// Deadline of `interpolate_jp`, unless the client requests another: a stream of 10 Hz may miss a
+/// command. Without the next command, the goal comes to rest at its end long before.
 const INTERPOLATED_DEADLINE: Nanos = Nanos::from_millis(250);
 
-/// What admission needs to know of the robot.
+/// Robot state that admission needs.
 #[derive(Debug, Clone, Copy)]
 pub struct AdmissionContext {
     /// Start of the tick.
@@ -93,7 +93,7 @@ pub struct CommandAdmission {
     check: CommandCheck,
     pub(in crate::core) sessions: Sessions,
     refusals: RefusalRecord,
-    /// Of state commands, to fold their events.
+    /// Refusals of state commands, to fold their events.
     request_refusals: RefusalRecord,
     accepted: u64,
     refused: u64,
@@ -101,7 +101,7 @@ pub struct CommandAdmission {
 }
 
 impl CommandAdmission {
-    /// A free lease, and nothing accepted yet.
+    /// A free lease and no accepted command.
     #[must_use]
     pub fn new(config: &CommandConfig) -> Self {
         Self {
@@ -176,13 +176,13 @@ impl CommandAdmission {
         self.check.deadline.of(deadline(command)).min(self.sessions.lease_duration())
     }
 
-    /// What makes a command stale or wrongly stamped.
+    /// Age or stamp that makes a command stale or invalid.
     pub fn deadline_measurement(&self, command: &ServoCommand, now: Nanos) -> Option<Measurement> {
         let check = &self.check.deadline;
         if let Some((_, last)) = self.sessions.last(command.client_id)
             && check.check(command.stamp, deadline(command), now).is_ok()
         {
-            return Some(Measurement::of_age(last.duration_since(command.stamp), Nanos::ZERO));
+            return Some(Measurement::from_age(last.duration_since(command.stamp), Nanos::ZERO));
         }
         Some(check.measurement(command.stamp, deadline(command), now))
     }
@@ -253,7 +253,8 @@ impl CommandAdmission {
         }
     }
 
-    /// A client stopped the robot: every session ends. With a `hold` the lease of others does, too.
+    /// Ends every session because a client stopped the robot. A `hold` also ends the lease of
+    /// others.
     pub(crate) fn stopped(
         &mut self,
         client_id: u64,
@@ -346,7 +347,7 @@ mod tests {
     }
 
     #[test]
-    fn an_old_sequence_number_is_named_with_the_last_accepted_one() {
+    fn old_sequence_is_reported_with_the_last_accepted() {
         let mut admission = CommandAdmission::new(&CommandConfig::default());
         let first = admission.sequence_measurement(&command(7, 4)).unwrap();
         assert_eq!(first, Measurement::new(Quantity::Sequence, 4.0, None));

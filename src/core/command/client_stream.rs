@@ -1,12 +1,12 @@
-//! The stream of one client: its newest command, and whether it broke off in motion.
+//! The stream of one client: its newest command, and whether it was interrupted in motion.
 //!
 //! A network may deliver a command late or twice. Its sequence number shows that, also after the
 //! lease went to another client and back; its stamp shows it if its client counts wrongly: a goal
 //! that is integrated from an old stamp, again and again, runs away.
 //!
-//! A client that was stopped in motion, or cut off, and continues is as good as new: near the
-//! present pose the snake would move on by itself. So a stream that fell silent while it moved the
-//! snake has broken off. One that had come to rest goes on: a pedal that is released ends it so.
+//! If a client that was stopped or cut off in motion could continue near the present pose, the
+//! snake would move without a deliberate action. So a stream that falls silent in motion counts as
+//! interrupted. A stream that had come to rest, as after the release of a pedal, may resume.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +17,7 @@ use crate::units::{MotorVec, Nanos};
 /// Silence after which a stream has ended. A client that stumbles is not one that was stopped.
 const SILENCE: Nanos = Nanos::from_millis(500);
 
-/// A stream that moved no motor for so long is at rest.
+/// Time without motor motion after which a stream is at rest.
 const REST: Nanos = Nanos::from_millis(300);
 
 /// Motors within this are where they were, counts: 0.05 deg.
@@ -26,7 +26,7 @@ const REST_COUNTS: f64 = 3.0;
 /// The accepted commands of a client, of the joints or of the auxiliary axis.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct ClientStream {
-    /// Number and time of sending of the newest command.
+    /// Sequence and send time of the newest command.
     pub sequence: u64,
     pub stamp: Nanos,
     /// Arrival of the last command, and the end of the silence that may follow it.
@@ -40,7 +40,7 @@ pub(super) struct ClientStream {
 }
 
 impl ClientStream {
-    /// Of the first command, with the setpoints where they are.
+    /// Starts with the first command and the present setpoints.
     pub fn new(setpoints: &MotorVec) -> Self {
         Self { rest: *setpoints, ..Self::default() }
     }
@@ -65,7 +65,7 @@ impl ClientStream {
     /// A command was accepted, with the setpoints where they are.
     pub fn accepted(&mut self, setpoints: &MotorVec, deadline: Nanos, now: Nanos) {
         if now > self.alive_until || self.is_broken_off {
-            self.begin_anew();
+            self.reset();
             self.rest = *setpoints;
         } else if largest_difference(setpoints, &self.rest) > REST_COUNTS {
             (self.rest, self.moved) = (*setpoints, Some(now));
@@ -92,8 +92,8 @@ impl ClientStream {
         self.is_broken_off = true;
     }
 
-    /// Its client has done something deliberate: what comes next is another stream.
-    pub fn begin_anew(&mut self) {
+    /// After a deliberate action of the client, the next command starts a new stream.
+    pub fn reset(&mut self) {
         *self = Self { sequence: self.sequence, stamp: self.stamp, ..Self::new(&self.rest) };
     }
 }

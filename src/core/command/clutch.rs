@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_is_kept_for_its_client_and_not_for_another() {
+    fn clutch_reference_is_kept_per_client() {
         let snake = Some([0.5, 0.0, 0.0]);
         let mut clutch = Clutch::new(1.0);
         for (client_id, angle, clutched, expected) in [

@@ -10,7 +10,7 @@ use crate::robot::{Clip, Measurement, Refusal};
 use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
 /// A robot that moves for more than a second after its client has died is out of control.
-const LONGEST_DEADLINE: Nanos = Nanos::from_millis(1000);
+const MAX_DEADLINE: Nanos = Nanos::from_millis(1000);
 
 /// The configured deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -31,11 +31,11 @@ impl DeadlineCheck {
     /// The age, the lead or the deadline that makes a command stale or wrongly stamped.
     pub fn measurement(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Measurement {
         if stamp.duration_since(now) > FUTURE_MARGIN {
-            Measurement::of_age(stamp.duration_since(now), FUTURE_MARGIN)
-        } else if requested > LONGEST_DEADLINE {
-            Measurement::of_age(requested, LONGEST_DEADLINE)
+            Measurement::from_age(stamp.duration_since(now), FUTURE_MARGIN)
+        } else if requested > MAX_DEADLINE {
+            Measurement::from_age(requested, MAX_DEADLINE)
         } else {
-            Measurement::of_age(now.duration_since(stamp), self.of(requested))
+            Measurement::from_age(now.duration_since(stamp), self.of(requested))
         }
     }
 
@@ -46,7 +46,7 @@ impl DeadlineCheck {
     /// [`Refusal::Stamp`] for a stamp in the future or a deadline that is too long;
     /// [`Refusal::Stale`] for a command older than its deadline.
     pub fn check(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Result<Nanos, Refusal> {
-        if stamp.duration_since(now) > FUTURE_MARGIN || requested > LONGEST_DEADLINE {
+        if stamp.duration_since(now) > FUTURE_MARGIN || requested > MAX_DEADLINE {
             return Err(Refusal::Stamp);
         }
         let deadline = self.of(requested);
@@ -71,11 +71,11 @@ pub(crate) struct FollowedCommand {
     /// The angles as commanded, rad (m); of a rate, where it leads until its deadline if it is
     /// clipped on the way.
     pub requested: OutputVec,
-    /// As in [`Reached`](crate::core::motion::reach::Reached).
+    /// See [`Reached`](crate::core::motion::reach::Reached).
     pub border: f64,
-    /// What keeps the goal from what was commanded, and how far, rad (m).
+    /// Limit that keeps the goal from the commanded pose, and the distance, rad (m).
     pub limit: Option<(Clip, f64)>,
-    /// The place of the tip that was commanded, m, and how far the tip stays away from it.
+    /// Commanded tip position, m, and the distance of the tip from it.
     pub place: Option<(OutputVec, f64)>,
 }
 
@@ -88,7 +88,7 @@ impl FollowedCommand {
         }
     }
 
-    /// What keeps the goal from what was commanded, in the joints or of the tip.
+    /// Clip of the goal, in joint space or at the tip.
     pub fn clip(&self) -> Option<Clip> {
         let is_away = self.place.is_some_and(|(_, away_m)| away_m > ON_SURFACE_M);
         self.limit.map(|(clip, _)| clip).or(is_away.then_some(Clip::Reach))
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn the_measurement_names_what_breaks_which_bound() {
+    fn measurement_names_the_violated_bound() {
         let ms = Nanos::from_millis;
         let (check, now) = (DeadlineCheck::new(ms(50)), ms(5000));
         for (stamp, requested, measured, limit) in [

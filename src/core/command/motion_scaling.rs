@@ -1,4 +1,4 @@
-//! Motion scaling: the snake moves by a fraction of the motion of the master device.
+//! Motion scaling: the snake moves by a fraction of the master's motion.
 
 use serde::{Deserialize, Serialize};
 

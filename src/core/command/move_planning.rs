@@ -13,11 +13,11 @@ use crate::model::file::OutputUnit;
 use crate::robot::{Measurement, Quantity, Refusal};
 use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
-/// Longest trajectory. It goes on without its client, so it must end by itself before anybody has
-/// forgotten it.
-pub const LONGEST_MOVE: Nanos = Nanos::from_millis(60_000);
+/// Maximum duration of a trajectory. It continues without its client, so it must end before the
+/// operator has forgotten it.
+pub const MAX_MOVE_TIME: Nanos = Nanos::from_millis(60_000);
 
-/// What a move is planned with.
+/// Inputs of move planning.
 pub(crate) struct MovePlanning<'a> {
     pub is_at_rest: bool,
     /// The trajectory in progress.
@@ -37,10 +37,10 @@ impl MovePlanning<'_> {
         let joints = self.joints.ok_or(Refusal::NoModel)?;
         let pose = self.pose(request, joints)?;
         if tip_away_m(request, &pose).is_some_and(|away_m| away_m > ON_SURFACE_M) {
-            return Err(Refusal::Reach);
+            return Err(Refusal::OutOfReach);
         }
         let trajectory = match self.current {
-            Some(current) => current.turned(pose, self.limits, self.now),
+            Some(current) => current.redirected_to(pose, self.limits, self.now),
             None if self.is_at_rest => {
                 let from = joints.setpoint().ok_or(Refusal::DrivesNotReady)?;
                 JointTrajectory::new(request.client_id, from, pose, self.limits, self.now)
@@ -49,12 +49,12 @@ impl MovePlanning<'_> {
         };
         let reached = nearest(joints, self.axes, &pose, (WHOLE, 0.0));
         if reached.map_err(|_| Refusal::BadModel)?.limit.is_some() {
-            return Err(Refusal::Reach);
+            return Err(Refusal::OutOfReach);
         }
         if !self.fixtures.allows_line(trajectory.start(), &pose, &joints.goal_space()) {
             return Err(Refusal::Fixture);
         }
-        if trajectory.end_time().duration_since(self.now) > LONGEST_MOVE {
+        if trajectory.end_time().duration_since(self.now) > MAX_MOVE_TIME {
             return Err(Refusal::Range);
         }
         Ok(trajectory)

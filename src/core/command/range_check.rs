@@ -15,16 +15,17 @@ use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos, OutputVec};
 /// Rounding of degrees to radians must not refuse a step of exactly the limit.
 const STEP_MARGIN: f64 = 1.0 + 1e-9;
 
-/// Time for the first line of an interpolated stream, and the least for each: a burst is no speed.
+/// Time for the first line of an interpolated stream, and the minimum for each: a burst does not
+/// define a speed.
 const FIRST_LINE: Nanos = Nanos::from_millis(100);
-const SHORTEST_LINE: Nanos = Nanos::from_millis(5);
+const MIN_LINE_TIME: Nanos = Nanos::from_millis(5);
 
 /// The largest steps from one command to the next.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RangeCheck {
     followed: LargestStep,
-    /// From the present setpoint to the first command of a stream: also after a pause, a stop and
-    /// a fault.
+    /// Maximum distance from the present setpoint to the first command of a stream, also after a
+    /// pause, a stop and a fault.
     first: LargestStep,
 }
 
@@ -32,7 +33,7 @@ pub(crate) struct RangeCheck {
 struct LargestStep {
     /// Length, rad.
     joint: f64,
-    /// Of every motor, counts.
+    /// Limit per motor, counts.
     actuator: f64,
 }
 
@@ -114,7 +115,10 @@ impl RangeCheck {
                 let counts = first_entries::<MAX_MOTORS>(counts.map(Counts::as_f64), entries);
                 let from = before.map_or_else(|| axes.setpoints(), |before| *before.goal());
                 let largest = self.largest(before.is_none());
-                require(largest_difference(&counts, &from) <= largest.actuator, Refusal::Step)?;
+                require(
+                    largest_difference(&counts, &from) <= largest.actuator,
+                    Refusal::StepTooLarge,
+                )?;
                 Ok(CheckedGoal {
                     goal: ExtrapolatedGoal::Actuator(extend(before, counts, command.stamp)),
                     requested: OutputVec::default(),
@@ -176,7 +180,7 @@ impl RangeCheck {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CheckedGoal {
     pub goal: ExtrapolatedGoal,
-    /// As in [`FollowedCommand`].
+    /// See [`FollowedCommand`].
     pub requested: OutputVec,
     pub border: f64,
     pub limit: Option<(Clip, f64)>,
@@ -189,7 +193,7 @@ struct JointCheck<'a> {
     deadline: Nanos,
     /// Start of the tick.
     now: Nanos,
-    /// The followed goal, and what was requested.
+    /// The followed goal and the requested goal.
     before: Option<(&'a GoalExtrapolation<MAX_OUTPUTS>, &'a OutputVec)>,
     /// The border of the last goal.
     border: f64,
@@ -210,7 +214,7 @@ impl JointCheck<'_> {
         self.require_step(&angles)?;
         let (from, reached) = (self.present()?, self.reached(&angles)?);
         let interval = match self.before {
-            Some((before, _)) => self.stamp.duration_since(before.stamp()).max(SHORTEST_LINE),
+            Some((before, _)) => self.stamp.duration_since(before.stamp()).max(MIN_LINE_TIME),
             None => FIRST_LINE,
         };
         let after = interval.min(self.deadline);
@@ -218,21 +222,21 @@ impl JointCheck<'_> {
         Ok(passed(goal, angles, &reached))
     }
 
-    /// A rate is integrated until its deadline, or until the border: from when the followed one
-    /// ends, or from its arrival. What was asked for before that has passed.
+    /// A rate is integrated until its deadline or the border, starting at the end of the followed
+    /// command or at its own arrival. Earlier requests have expired.
     fn rate(&self, rate: &OutputVec) -> Result<CheckedGoal, Refusal> {
         require(self.joints.unit() == OutputUnit::Deg, Refusal::Unsupported)?;
         let deadline_s = self.deadline.as_seconds();
         let way = rate.map(|rate| rate * deadline_s);
         let (length, first) = (distance(&way, &OutputVec::default()), self.check.first.joint);
-        require(length <= self.check.followed.joint * STEP_MARGIN, Refusal::Step)?;
+        require(length <= self.check.followed.joint * STEP_MARGIN, Refusal::StepTooLarge)?;
         let mut from = self.present()?;
         let mut begin = self.stamp.max(self.now);
         if let Some((before, _)) = self.before {
             begin = self.stamp.max(before.stamp());
-            // A snake that cannot keep up is not led further and further, or it would go on after
-            // the rate is zero.
-            let left = self.joints.left_to_go(&self.axes.setpoints());
+            // The goal does not run ahead of a snake that cannot keep up, or it would continue
+            // after the rate is zero.
+            let left = self.joints.remaining_motion(&self.axes.setpoints());
             let left = left.map_err(|_| Refusal::BadModel)?;
             let ahead = distance(&left, &OutputVec::default());
             let most = length + first + self.joints.dead_band_width();
@@ -286,7 +290,7 @@ impl JointCheck<'_> {
             },
         };
         // A distance that is not a number is not allowed.
-        require(step <= largest * STEP_MARGIN, Refusal::Step)
+        require(step <= largest * STEP_MARGIN, Refusal::StepTooLarge)
     }
 
     /// Angles are compared as angles. The position of a tip has no degrees, so the motor positions
@@ -299,7 +303,7 @@ impl JointCheck<'_> {
     }
 
     fn counts(&self, goal: &OutputVec) -> Result<MotorVec, Refusal> {
-        self.joints.solve(goal).map(|inverse| inverse.counts).map_err(|_| Refusal::Step)
+        self.joints.solve(goal).map(|inverse| inverse.counts).map_err(|_| Refusal::StepTooLarge)
     }
 }
 

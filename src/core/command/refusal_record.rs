@@ -1,5 +1,4 @@
-//! What was refused, client by client: so that every client learns of its own commands, and the log
-//! repeats nothing.
+//! Refusals per client: every client sees those of its own commands, and the log has no repeats.
 
 use serde::{Deserialize, Serialize};
 
@@ -36,7 +35,7 @@ struct Entry {
     refused: Nanos,
     /// The last refusal is an event already.
     folded: bool,
-    /// Start and number of events of the present second.
+    /// Start of the present second, and its number of events.
     window: Nanos,
     events: u8,
 }
@@ -119,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn every_client_has_its_own_refusals_and_one_event_per_reason() {
+    fn refusals_are_counted_per_client_and_reason() {
         let mut record = RefusalRecord::default();
         assert!(record.record(7, Refusal::Stamp, ms(0)));
         assert!(record.record(0, Refusal::Malformed, ms(1)));
@@ -128,10 +127,10 @@ mod tests {
             assert!(!record.record(7, Refusal::Stamp, ms(tick)));
             assert!(!record.record(0, Refusal::Malformed, ms(tick)));
         }
-        assert!(record.record(8, Refusal::Step, ms(500)));
+        assert!(record.record(8, Refusal::StepTooLarge, ms(500)));
         assert_eq!(of(&record, 7), Some((499, Refusal::Stamp)));
         assert_eq!(of(&record, 0), Some((499, Refusal::Malformed)));
-        assert_eq!(of(&record, 8), Some((1, Refusal::Step)));
+        assert_eq!(of(&record, 8), Some((1, Refusal::StepTooLarge)));
         record.accepted(7);
         assert!(record.record(7, Refusal::Stamp, ms(501)));
     }
@@ -139,16 +138,17 @@ mod tests {
     #[test]
     fn changing_reasons_and_identities_do_not_fill_the_log() {
         let mut record = RefusalRecord::default();
-        let reasons = [Refusal::Stamp, Refusal::Step];
+        let reasons = [Refusal::Stamp, Refusal::StepTooLarge];
         let events = (0..1000).filter(|tick| record.record(7, reasons[tick % 2], ms(*tick as u64)));
         assert_eq!(events.count(), usize::from(MAX_EVENTS));
-        let events = (0..1000).filter(|tick| record.record(100 + tick, Refusal::Step, ms(1000)));
+        let events =
+            (0..1000).filter(|tick| record.record(100 + tick, Refusal::StepTooLarge, ms(1000)));
         assert_eq!(events.count(), REFUSED_CLIENTS - 1);
-        assert!(record.record(9, Refusal::Step, ms(2000)), "an old entry is free");
+        assert!(record.record(9, Refusal::StepTooLarge, ms(2000)), "an old entry is free");
     }
 
     #[test]
-    fn the_second_of_a_client_without_identity_begins_with_its_first_refusal() {
+    fn anonymous_client_second_begins_at_first_refusal() {
         let mut record = RefusalRecord::default();
         let reasons = [Refusal::Malformed, Refusal::NotFinite];
         let events = (600..1500).filter(|tick| {

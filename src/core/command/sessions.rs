@@ -2,22 +2,23 @@
 //!
 //! A client has a session or none. It begins by something deliberate:
 //!
-//! - the first command of a client that nothing is known of: a person has just started a program;
-//! - a request that is carried out and does more than stop. `hold` counts, too, of a client that has
-//!   sent no servo command for a second: it stops what its own client streams;
+//! - the first command of an unknown client: a person has just started a program;
+//! - an executed request that does more than stop. `hold` also counts if its client has sent no
+//!   servo command for a second: it stops its own streams;
 //! - an open clutch.
 //!
 //! It ends, for every client, when the robot leaves ENABLED (by `disable`, `pause`, a fault or the
 //! end of the controller) and with a `hold`; for one client, when its stream falls silent in motion
 //! or is ended by a limit, and when it sends a servo command to a robot that is off, paused or in
-//! fault: what never stopped sending moves nothing after somebody else has enabled.
+//! fault: a client that never stopped sending must not move the robot after another client has
+//! enabled it.
 //!
-//! Who was sending when somebody else stopped the robot is *held*: it begins nothing before it has
-//! been silent for a second, so that no program undoes a stop in a loop. After a `hold` this is so
-//! for every other client, for a second.
+//! A client that was sending when another stopped the robot is *held*: it starts nothing until it
+//! has been silent for a second, so that no program undoes a stop in a loop. After a `hold`, every
+//! other client is held for a second.
 //!
-//! One client commands at a time: accepted commands take a free lease and renew it, until it expires
-//! after `command.lease_timeout_ms` or is released.
+//! One client commands at a time: accepted commands take a free lease and renew it, until it
+//! expires after `command.lease_timeout_ms` or is released.
 
 use serde::{Deserialize, Serialize};
 
@@ -35,7 +36,7 @@ const STOPS: usize = 4;
 /// Silence that shows a program that has stopped sending.
 const BREAK: Nanos = Nanos::from_millis(1000);
 
-/// Asked so often without a pause, it is a loop and no person.
+/// Number of requests without a pause that only a loop sends, not a person.
 const AGAIN: u32 = 3;
 
 /// The two streams of a client: they overtake each other.
@@ -47,7 +48,7 @@ pub enum StreamOf {
     Jaw,
 }
 
-/// What comes without a pause of [`BREAK`].
+/// Run of messages without a pause of [`BREAK`].
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct Run {
     since: Nanos,
@@ -67,13 +68,13 @@ impl Run {
         self.count > 0 && now.duration_since(self.last) < BREAK
     }
 
-    /// It goes on, and began before this time.
+    /// The run continues and began before this time.
     fn goes_on_from(&self, before: Nanos, now: Nanos) -> bool {
         self.goes_on(now) && self.since < before
     }
 }
 
-/// What is known of a client.
+/// State of a known client.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Client {
     id: u64,
@@ -85,7 +86,7 @@ struct Client {
     /// `enable`, `resume`.
     asking: Run,
     streams: [Option<ClientStream>; 2],
-    heard: Nanos,
+    last_message: Nanos,
 }
 
 /// The last stop by a client (0: a fault), and its last `hold`.
@@ -109,7 +110,7 @@ impl Stop {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(in crate::core) struct Sessions {
     clients: [Option<Client>; CLIENTS],
-    /// When a client was heard last for whom there was no place: who is unknown may be that one.
+    /// Last message of a client that did not fit into the table: an unknown client may be that one.
     crowded: Option<Nanos>,
     /// Those of the clients that stopped it last, newest first.
     stops: [Option<Stop>; STOPS],
@@ -152,7 +153,7 @@ impl Sessions {
         self.lease.take_if(|(holder, _)| *holder == client_id).is_some()
     }
 
-    /// The table of `authority`. `commander`: who commands; 0: nobody.
+    /// The table of `authority`. `commander`: the commanding client; 0: none.
     pub fn require(
         &self,
         access: Access,
@@ -163,9 +164,11 @@ impl Sessions {
         let is_free = [0, client_id].contains(&commander);
         match access {
             Access::Own | Access::Alone if !is_free => Err(Refusal::Lease),
-            Access::Alone if self.is_held(|_| true, client_id, now) => Err(Refusal::BrokenOff),
-            Access::Power if self.undoes_a_stop(client_id, now) => Err(Refusal::BrokenOff),
-            Access::Everybody | Access::Power | Access::Own | Access::Alone => Ok(()),
+            Access::Alone if self.is_held(|_| true, client_id, now) => {
+                Err(Refusal::StreamInterrupted)
+            }
+            Access::Power if self.undoes_a_stop(client_id, now) => Err(Refusal::StreamInterrupted),
+            Access::AnyClient | Access::Power | Access::Own | Access::Alone => Ok(()),
         }
     }
 
@@ -184,7 +187,7 @@ impl Sessions {
             None => !self.is_crowded(now) && self.place(now, false).is_some(),
         };
         if !has_session && !command.clutched {
-            return Err(Refusal::BrokenOff);
+            return Err(Refusal::StreamInterrupted);
         }
         stream.map_or(Ok(()), |it| it.require_newer(command.sequence, command.stamp))
     }
@@ -215,8 +218,8 @@ impl Sessions {
         stream.accepted(setpoints, deadline, now);
     }
 
-    /// A servo command was refused. What always comes too late keeps no stream alive, and what is no
-    /// command is remembered of nobody.
+    /// Records a refused servo command. Late commands do not keep a stream alive, and malformed
+    /// ones are not recorded.
     pub fn refused(&mut self, of: StreamOf, command: &ServoCommand, refusal: Refusal, now: Nanos) {
         let no_command = [Refusal::Malformed, Refusal::NotFinite, Refusal::Stamp, Refusal::Stale];
         if no_command.contains(&refusal) && self.client(command.client_id).is_none() {
@@ -241,8 +244,8 @@ impl Sessions {
         client.has_ended |= of_state.contains(&refusal);
     }
 
-    /// `enable` or `resume` was asked for.
-    pub fn asked(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
+    /// Records a request of `enable` or `resume`.
+    pub fn record_request(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
         if matches!(command, StateCommand::Enable | StateCommand::Resume)
             && let Some(client) = self.remember(client_id, now, true)
         {
@@ -261,11 +264,11 @@ impl Sessions {
         };
         client.has_ended = !begins || client.has_ended && is_held;
         if begins && !is_held {
-            // Nothing of what was sent before goes on.
+            // No earlier stream continues.
             client.sending = Run::default();
         }
         if !client.has_ended {
-            client.streams.iter_mut().flatten().for_each(ClientStream::begin_anew);
+            client.streams.iter_mut().flatten().for_each(ClientStream::reset);
         }
     }
 
@@ -319,7 +322,7 @@ impl Sessions {
     }
 
     fn is_crowded(&self, now: Nanos) -> bool {
-        self.crowded.is_some_and(|heard| now.duration_since(heard) < BREAK)
+        self.crowded.is_some_and(|last_message| now.duration_since(last_message) < BREAK)
     }
 
     fn undoes_a_stop(&self, client_id: u64, now: Nanos) -> bool {
@@ -341,9 +344,9 @@ impl Sessions {
     /// Where the next client is remembered: in place of the one that was silent for longest, for at
     /// least [`BREAK`] unless it has to be.
     fn place(&self, now: Nanos, has_to_be: bool) -> Option<usize> {
-        let age = |client: &Option<Client>| client.map(|client| client.heard);
+        let age = |client: &Option<Client>| client.map(|client| client.last_message);
         let (index, oldest) = self.clients.iter().map(age).enumerate().min_by_key(|it| it.1)?;
-        let is_silent = |heard| now.duration_since(heard) >= BREAK;
+        let is_silent = |last_message| now.duration_since(last_message) >= BREAK;
         (has_to_be || oldest.is_none_or(is_silent)).then_some(index)
     }
 
@@ -352,12 +355,13 @@ impl Sessions {
         let index = known.or_else(|| self.place(now, has_to_be))?;
         let slot = self.clients.get_mut(index)?;
         if known.is_none() {
-            let (has_ended, streams, heard) = (false, [None; 2], now);
+            let (has_ended, streams, last_message) = (false, [None; 2], now);
             let [streaming, sending, asking] = [Run::default(); 3];
-            *slot = Some(Client { id, has_ended, streaming, sending, asking, streams, heard });
+            *slot =
+                Some(Client { id, has_ended, streaming, sending, asking, streams, last_message });
         }
         let client = slot.as_mut()?;
-        client.heard = now;
+        client.last_message = now;
         Some(client)
     }
 }

@@ -10,7 +10,7 @@ use crate::model::file::OutputUnit;
 use crate::model::kinematic::{bend_rates, bend_to, tip_position};
 use crate::units::OutputVec;
 
-/// A place this near to the surface is on it, m: a tenth of the diameter of the snake.
+/// Distance at which a position counts as on the surface, m: a tenth of the snake's diameter.
 pub(crate) const ON_SURFACE_M: f64 = 1e-4;
 
 /// Entries of a place.

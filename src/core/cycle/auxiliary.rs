@@ -1,5 +1,5 @@
-//! The auxiliary axis in the cycle: its drive counts like every other, its stream runs beside that
-//! of the joints.
+//! The auxiliary axis in the cycle: its drive is treated like any other; its stream is separate
+//! from that of the joints.
 
 use crate::core::command::admission::AdmissionContext;
 use crate::core::command::range_check::require;
@@ -66,7 +66,7 @@ impl ControlCycle {
         }
     }
 
-    /// The auxiliary axis follows nothing any more; `client_id`: if it follows that client.
+    /// Ends following on the auxiliary axis; `client_id`: only if it follows that client.
     pub(super) fn release_auxiliary(&mut self, client_id: Option<u64>) {
         if let Some(auxiliary) = &mut self.auxiliary {
             let is_meant = |it: &FollowedAngle| client_id.is_none_or(|id| it.client_id == id);
@@ -99,7 +99,7 @@ impl ControlCycle {
         {
             let (client_id, age) = (followed.client_id, summary.now.duration_since(followed.stamp));
             self.stale_stops = self.stale_stops.saturating_add(1);
-            let measurement = Measurement::of_age(age, followed.deadline);
+            let measurement = Measurement::from_age(age, followed.deadline);
             let kind = CycleEventKind::StaleStop { client_id, age };
             events.push_measured(kind, Some(measurement));
             if !auxiliary.axis.is_at_rest() {
@@ -117,7 +117,7 @@ impl ControlCycle {
             ..AxisRequest::default()
         };
         let target = auxiliary.target(summary.now, self.period);
-        Some(Gate::pass_alone(&mut auxiliary.axis, target, demand, &common))
+        Some(Gate::pass_auxiliary(&mut auxiliary.axis, target, demand, &common))
     }
 
     fn follow_angle(
@@ -131,7 +131,7 @@ impl ControlCycle {
         let context = AdmissionContext {
             now: summary.now,
             state: state.operating_state(),
-            // A trajectory and a conditioning cycle do not move it: their client may.
+            // Trajectories and conditioning cycles do not move it, so their client may.
             unoccupied: Ok(()),
             owner: state.owner(),
             is_homed: summary.is_homed,
@@ -147,7 +147,7 @@ impl ControlCycle {
         let before = auxiliary.followed.map(|followed| followed.goal);
         let from = before.map_or(auxiliary.axis.setpoint(), |goal| goal.goal()[0]);
         let largest = self.range_check.largest_counts(before.is_none());
-        require((counts - from).abs() <= largest, Refusal::Step)?;
+        require((counts - from).abs() <= largest, Refusal::StepTooLarge)?;
         let goal = match before {
             Some(before) => before.next([counts], command.stamp),
             None => GoalExtrapolation::first([counts], command.stamp),

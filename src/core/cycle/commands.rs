@@ -29,8 +29,7 @@ use crate::robot::{Measurement, OperatingState, Refusal, StateCommand, Stop};
 use crate::units::{Nanos, OutputVec};
 
 impl ControlCycle {
-    /// Carries out a state command. Returns the refusal, or [`Refusal::None`], and what was
-    /// measured.
+    /// Executes a state command. Returns the refusal, or [`Refusal::None`], with its measurement.
     pub(super) fn apply_command(
         &mut self,
         request: &StateRequest,
@@ -38,14 +37,14 @@ impl ControlCycle {
         events: &mut EventList,
     ) -> (Refusal, Option<Measurement>) {
         let (client_id, command) = (request.client_id, request.command);
-        self.admission.sessions.asked(command, client_id, summary.now);
+        self.admission.sessions.record_request(command, client_id, summary.now);
         let Err(refusal) = self.try_command(request, summary, events) else {
             self.admission.accept_request(command, client_id, summary.now);
             return (Refusal::None, None);
         };
         let measurement = match refusal {
             Refusal::Stale => Some(request.validity.measurement(summary.now)),
-            Refusal::Reach => self.move_planning(summary).measure_reach(request),
+            Refusal::OutOfReach => self.move_planning(summary).measure_reach(request),
             _ => self.request_measurement(refusal, summary),
         };
         if self.admission.refuse_request(client_id, refusal, summary.now) {
@@ -82,7 +81,7 @@ impl ControlCycle {
                 next
             }
             CommandEffect::Home => {
-                // A search for a hard stop moves the motors by itself.
+                // A search for a hard stop moves the motors.
                 if self.homing_moves {
                     self.require_no_fixture()?;
                 }
@@ -137,7 +136,7 @@ impl ControlCycle {
         Ok(())
     }
 
-    /// The auxiliary axis may move meanwhile.
+    /// The auxiliary axis may move during planning.
     fn move_planning(&self, summary: &DriveSummary) -> MovePlanning<'_> {
         MovePlanning {
             is_at_rest: self.axes.all(AxisControl::is_at_rest),
@@ -150,7 +149,7 @@ impl ControlCycle {
         }
     }
 
-    /// Changes the virtual fixtures. What makes them fewer needs a robot that follows nobody.
+    /// Changes the virtual fixtures. Removing any requires a robot that follows no client.
     fn change_fixtures(
         &mut self,
         request: &StateRequest,
@@ -167,7 +166,7 @@ impl ControlCycle {
             FixtureChange::SwitchOn | FixtureChange::Add(_) => {}
         }
         self.fixtures.change(change)?;
-        // The cycle was planned without them, and crosses the whole hull.
+        // The cycle was planned without fixtures and crosses the whole hull.
         if self.machine.state().is_conditioning() && self.fixtures.is_on() {
             let cause = TransitionCause::BrokenOff(Stop::Fixture);
             self.machine.change((HOLDING, cause), now, events);
@@ -184,7 +183,7 @@ impl ControlCycle {
         if self.fixtures.is_on() { Err(Refusal::Fixture) } else { Ok(()) }
     }
 
-    /// What a client began that gives the lease back ends: the robot stops.
+    /// Ends the activity of a client that returns the lease: the robot stops.
     fn release_lease(&mut self, client_id: u64, summary: &DriveSummary, events: &mut EventList) {
         self.admission.release_lease(client_id, events);
         self.release_auxiliary(Some(client_id));
@@ -198,7 +197,7 @@ impl ControlCycle {
         }
     }
 
-    /// Nobody has a session in a robot that has left ENABLED in this tick.
+    /// Ends all sessions if the robot left ENABLED in this tick.
     pub(super) fn end_sessions(&mut self, before: OperatingState, now: Nanos) {
         let state = self.machine.state().operating_state();
         if state != before && state != OperatingState::Enabled {
@@ -230,7 +229,7 @@ impl ControlCycle {
         };
         let active = |models: &LoadedModels| models.active().map(|joints| joints.model().id());
         let from = active(&self.models);
-        // Another model moves the snake differently under the hand of its commander.
+        // A new model would change the motion under the commanding client's hand.
         let client_id = request.client_id;
         let access = self.admission.require(Access::Alone, client_id, state.owner(), now);
         let allowed = request.validity.require_young(now).and(access);
@@ -238,9 +237,9 @@ impl ControlCycle {
             ModelChange::Activate(id) => activate(&mut self.models, id, &context),
             ModelChange::Rollback => roll_back(&mut self.models, &context),
         });
-        if result == Err(Refusal::BrokenOff) {
+        if result == Err(Refusal::StreamInterrupted) {
             // It is not silent.
-            self.admission.refuse_request(client_id, Refusal::BrokenOff, now);
+            self.admission.refuse_request(client_id, Refusal::StreamInterrupted, now);
         }
         if result.is_ok() {
             let to = active(&self.models).unwrap_or_default();
@@ -293,7 +292,7 @@ impl ControlCycle {
         }
     }
 
-    /// The next goal begins where the setpoint is. Nothing that was added to a former one is left.
+    /// The next goal starts at the setpoint, without any offset of a previous goal.
     fn release_goal(&mut self) {
         self.fixtures.release_goal();
         if let Some(joints) = self.models.active_mut() {

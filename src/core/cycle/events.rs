@@ -1,5 +1,5 @@
-//! Events of the cycle that concern several of its parts: faults with what was measured, stops for
-//! want of feedback, clips.
+//! Events that concern several parts of the cycle: faults with their measurement, stops without
+//! feedback, clips.
 
 use crate::core::command::tip_goal::away_m;
 use crate::core::cycle::ControlCycle;
@@ -16,7 +16,7 @@ use crate::robot::{Clip, Measurement, Quantity, Refusal, Stop};
 use crate::units::Nanos;
 
 impl ControlCycle {
-    /// Setpoints stand at a limit: what moves them ends, whoever began it.
+    /// Ends any motion whose setpoints are stuck at a limit.
     pub(super) fn end_at_limit(&mut self, limit: Stop, now: Nanos, events: &mut EventList) {
         let client_id = self.machine.state().owner().unwrap_or_default();
         events.push(CycleEventKind::LimitStop { client_id, limit });
@@ -26,7 +26,7 @@ impl ControlCycle {
         self.machine.change((HOLDING, TransitionCause::BrokenOff(limit)), now, events);
     }
 
-    /// The transition of this tick that no command asks for.
+    /// Automatic transition of this tick.
     pub(super) fn follow_transition(&mut self, summary: &DriveSummary, events: &mut EventList) {
         let Some(transition) = next_transition(self.machine.state(), summary) else {
             self.feedback_stops.update(false, summary.now);
@@ -53,7 +53,7 @@ impl ControlCycle {
         events.explain_fault(measurement);
     }
 
-    /// A clip is an event at its beginning, and when more is cut off than was reported.
+    /// Reports a clip at its beginning, and when it grows beyond the reported distance.
     pub(super) fn report_clip(
         &mut self,
         setpoint: &GeneratedSetpoint,

@@ -1,4 +1,4 @@
-//! What was measured when a fault occurred or a command was refused, and the limit that it broke.
+//! Measurements behind faults and refused commands, with the violated limit.
 //!
 //! The checks answer yes or no; only a fault, or a refusal that becomes an event, is explained.
 
@@ -11,7 +11,7 @@ use crate::robot::{Fault, Measurement, Quantity, Refusal};
 use crate::units::{MAX_OUTPUTS, Nanos};
 
 impl ControlCycle {
-    /// The measurement behind a fault that was just detected, where there is one.
+    /// Measurement of a fault just detected, if any.
     pub(super) fn fault_measurement(
         &self,
         fault: Fault,
@@ -29,7 +29,7 @@ impl ControlCycle {
         }
     }
 
-    /// The measurement behind the refusal of a servo command, where there is one.
+    /// Measurement of a refused servo command, if any.
     pub(super) fn servo_measurement(
         &self,
         refusal: Refusal,
@@ -41,7 +41,7 @@ impl ControlCycle {
                 self.admission.deadline_measurement(command, summary.now)
             }
             Refusal::Sequence => self.admission.sequence_measurement(command),
-            Refusal::Step => {
+            Refusal::StepTooLarge => {
                 let state = self.machine.state();
                 let followed = state.followed_command();
                 let joints = self.models.active();
@@ -59,7 +59,7 @@ impl ControlCycle {
         }
     }
 
-    /// The measurement behind the refusal of a state command, where there is one.
+    /// Measurement of a refused state command, if any.
     pub(super) fn request_measurement(
         &self,
         refusal: Refusal,
@@ -70,7 +70,7 @@ impl ControlCycle {
                 let status = axis.status(summary.now);
                 let age = status.age.max(status.unwritten);
                 let is_old = axis.feedback().stamp > Nanos::ZERO && age >= summary.stale_after;
-                is_old.then(|| Measurement::of_age(age, summary.stale_after))
+                is_old.then(|| Measurement::from_age(age, summary.stale_after))
             }),
             Refusal::Range => {
                 self.axes.range_measurement(|_, axis: &AxisControl| Some(axis.feedback().position))
@@ -100,7 +100,7 @@ fn drive_measurement(
 ) -> Option<Measurement> {
     let feedback = axis.feedback();
     match fault {
-        // Its code is read after its phase has changed, and is told then.
+        // Its code is read after the phase change and reported then.
         Fault::Drive if feedback.phase == AxisPhase::Faulted && feedback.error_code == 0 => {
             Some(Measurement::nothing())
         }
@@ -119,14 +119,14 @@ fn drive_measurement(
     }
 }
 
-/// The age of the position of a drive that is lost, starts again, or is silent for too long.
+/// Position age of a drive that is lost, restarting or silent for too long.
 fn link_measurement(axis: &AxisControl, summary: &DriveSummary) -> Option<Measurement> {
     let feedback = axis.feedback();
     let is_gone = matches!(feedback.phase, AxisPhase::Lost | AxisPhase::Starting);
     let age = summary.now.duration_since(feedback.stamp);
     if feedback.stamp > Nanos::ZERO && age >= summary.lost_after {
-        return Some(Measurement::of_age(age, summary.lost_after));
+        return Some(Measurement::from_age(age, summary.lost_after));
     }
-    // A port may give a drive up earlier, after its own time-outs: then the age says nothing.
+    // A port may give up a drive earlier, after its own timeouts: then the age means nothing.
     is_gone.then(Measurement::nothing)
 }

@@ -11,8 +11,8 @@
 //!
 //! Nothing here reads a clock, allocates, waits or panics. [`ControlCycle::step`] with the same
 //! inputs gives the same outputs to the bit, so recorded inputs can be replayed. The limits take
-//! every tick to be as long as configured: after missed ticks the motion goes on where it was and
-//! never catches up in a burst.
+//! every tick to be as long as configured: after missed ticks, the motion continues where it was
+//! and never catches up in a burst.
 
 mod auxiliary;
 mod commands;
@@ -99,7 +99,7 @@ pub struct ControlCycle {
 impl ControlCycle {
     /// DISABLED, with drives that have not reported yet. Allocates all memory that is ever needed.
     ///
-    /// The configuration and the model have been checked before, also that they belong together
+    /// Configuration and model must have been checked, including that they match
     /// ([`Model::check_robot`]).
     #[must_use]
     pub fn new(config: &Config, model: Option<Arc<Model>>) -> Self {
@@ -229,7 +229,7 @@ impl ControlCycle {
         self.axes.update_feedback(&inputs.feedback, now, events);
         self.update_auxiliary(&inputs.auxiliary, now, events);
         if was_homed && !self.axes.all(AxisControl::is_homed) {
-            // What the counts do while the zero gets lost is no motion.
+            // Count changes while the zero gets lost are not motion.
             self.history.start_epoch();
         }
         let is_model_finite = self.update_models(now).is_ok();
@@ -263,7 +263,7 @@ impl ControlCycle {
     /// Replays the new positions on all models. Without a feedback of every drive there is nothing
     /// to replay.
     fn update_models(&mut self, now: Nanos) -> Result<(), NotFinite> {
-        // The zero moves: a jump of the counts is no motion.
+        // The zero moves: a jump of the counts is not motion.
         if self.machine.state().is_homing() {
             self.history.start_epoch();
             self.plausibility.reset();
@@ -311,7 +311,7 @@ impl ControlCycle {
         };
         let is_on = self.machine.state().expected_power() == ExpectedPower::On;
         let is_checked = is_on && self.axes.all(AxisControl::is_homed) && report.memory_known;
-        // A loose wire must show, however much of it has been followed as drift.
+        // A loose wire must be detected even if it was followed as drift.
         let mut calibrated = report.measured;
         if let Some(adaptation) = &self.adaptation
             && let Some(pose) = adaptation.calibrated_pose()
@@ -340,7 +340,7 @@ impl ControlCycle {
             && let Some(age) = followed.stale_age(now)
         {
             let client_id = followed.client_id;
-            let measurement = Measurement::of_age(age, followed.deadline);
+            let measurement = Measurement::from_age(age, followed.deadline);
             self.stale_stops = self.stale_stops.saturating_add(1);
             let kind = CycleEventKind::StaleStop { client_id, age };
             events.push_measured(kind, Some(measurement));

@@ -1,4 +1,4 @@
-//! Setpoint generation: what the setpoints of all axes shall do in a tick, as the state says.
+//! Setpoint generation: motion of all axes in a tick, according to the state.
 
 use crate::core::command::deadline::FollowedCommand;
 use crate::core::motion::GoalStep;
@@ -24,7 +24,7 @@ pub(super) struct GeneratedSetpoint {
     pub command_sequence: u64,
     /// The activity after this tick, if it changes.
     pub next: Option<EnabledActivity>,
-    /// What the setpoints shall do; `None`: stop.
+    /// Motion of the setpoints; `None`: stop.
     pub motion: Option<Motion>,
 }
 

@@ -96,7 +96,7 @@ impl ControlCycle {
         })
     }
 
-    /// A cycle that goes on from a snapshot of a cycle with the same configuration. Not for the
+    /// A cycle that continues from a snapshot of a cycle with the same configuration. Not for the
     /// control loop.
     ///
     /// # Errors

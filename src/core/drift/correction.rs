@@ -7,7 +7,7 @@ use super::{Drift, Pair};
 use crate::model::Wear;
 use crate::units::OutputVec;
 
-/// What is applied to a model: `adapted = gapped + zero + gain gapped`.
+/// Correction of a model: `adapted = gapped + zero + gain gapped`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(in crate::core) struct Correction {
     /// rad.
@@ -57,7 +57,7 @@ impl Correction {
         inverse(&[[1.0 + a, b], [c, 1.0 + d]]).unwrap_or([[1.0, 0.0], [0.0, 1.0]])
     }
 
-    /// As a drift.
+    /// The correction as a drift.
     pub fn drift(&self) -> Drift {
         Drift {
             zero: self.zero,
@@ -85,7 +85,7 @@ impl CalibratedView {
         [a * x + b * y, c * x + d * y, pose[2]]
     }
 
-    /// The slope in the adapted pose of what has a slope in the calibrated one.
+    /// Converts a slope by the calibrated pose to one by the adapted pose.
     pub fn slope(&self, slope: &OutputVec) -> OutputVec {
         let [[a, b], [c, d]] = self.inverse;
         [a * slope[0] + c * slope[1], b * slope[0] + d * slope[1], slope[2]]

@@ -1,12 +1,12 @@
-//! What the adaptation needs to know of a model: slopes, reach, and how wrong the model is.
+//! Model data for the adaptation: slopes, reach and error.
 
 use super::{Pair, WORN};
 use crate::model::file::OutputUnit;
 use crate::model::{MAX_CORNERS, Model, Wear};
 use crate::units::{MAX_MOTORS, MotorVec};
 
-/// The least deviation of a model, rad: no model is better than that on a robot.
-const LEAST_DEVIATION: f64 = 0.05 * std::f64::consts::PI / 180.0;
+/// Minimum deviation of a model, rad: no model is better on a robot.
+const MIN_DEVIATION: f64 = 0.05 * std::f64::consts::PI / 180.0;
 
 /// Facts about a model that do not change. Built by a slower thread with the model.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,7 +20,7 @@ pub(in crate::core) struct ModelGeometry {
     /// How far wear moves the pose at some of them, rad per growth, in the order of
     /// [`super::Drift::worn`]; empty for a model without gaps.
     pub wear_at_corners: Vec<[Pair; WORN]>,
-    /// What the fit left of every output, rad.
+    /// Residual of the fit per output, rad.
     pub deviation: Pair,
     /// The family has gaps that can be scaled.
     pub has_gap: bool,
@@ -28,14 +28,14 @@ pub(in crate::core) struct ModelGeometry {
     pub gear_play: Pair,
     /// Number of outputs, 1 or 2.
     pub outputs: usize,
-    /// What the fit learned of the slow part of its error.
+    /// Slow error found by the fit.
     pub slow: Option<SlowError>,
 }
 
-/// The slow part of the error of a model: one number along one direction.
+/// Slow component of the model error: one value along one direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::core) struct SlowError {
-    /// Of length 1.
+    /// Unit vector.
     pub direction: Pair,
     /// rad.
     pub deviation: f64,
@@ -46,10 +46,11 @@ pub(in crate::core) struct SlowError {
 
 /// A slow error that is the same for less than this is estimated, but not corrected: a correction
 /// that moves only with the goal would come too late and make it worse.
-const LEAST_CORRECTED_S: f64 = 10.0;
+const MIN_CORRECTED_S: f64 = 10.0;
 
 impl ModelGeometry {
-    /// `None` for a model that is not adapted: its outputs are no angles, or not as many as motors.
+    /// `None` for a model that is not adapted: its outputs are not angles, or not as many as
+    /// motors.
     #[allow(
         clippy::disallowed_methods,
         clippy::disallowed_types,
@@ -76,7 +77,7 @@ impl ModelGeometry {
             deviation: deviation(model),
             outputs: outputs.len(),
             slow: slow_error(model),
-            has_gap: model.has_gap(),
+            has_gap: model.has_backlash(),
             wear_at_corners: wear_at_corners(model),
             gear_play: pair(&model.gear_play()),
         })
@@ -84,7 +85,7 @@ impl ModelGeometry {
 
     /// The direction of the slow error; 0 if that is not corrected.
     pub fn corrected_direction(&self) -> Pair {
-        let corrected = self.slow.filter(|slow| slow.time_constant_s >= LEAST_CORRECTED_S);
+        let corrected = self.slow.filter(|slow| slow.time_constant_s >= MIN_CORRECTED_S);
         corrected.map_or([0.0; 2], |slow| slow.direction)
     }
 
@@ -117,7 +118,7 @@ pub(in crate::core) fn inverse([[a, b], [c, d]]: &[Pair; 2]) -> Option<[Pair; 2]
 /// new robot do not say what wear does: the secants to here do.
 const WHOLE: [f64; 3] = [0.3, 0.015, 0.01];
 
-/// The most corners that are looked at, and the steps on the way to each of them.
+/// Maximum number of corners, and the steps on the way to each.
 const WORN_CORNERS: usize = 8;
 const WAY: u8 = 100;
 
@@ -128,7 +129,7 @@ const WAY: u8 = 100;
     reason = "built with the model, by a slower thread"
 )]
 fn wear_at_corners(model: &Model) -> Vec<[Pair; WORN]> {
-    if !model.has_gap() {
+    if !model.has_backlash() {
         return Vec::new();
     }
     let corners: Vec<MotorVec> = model.hull().corners().collect();
@@ -204,16 +205,16 @@ fn slow_error(model: &Model) -> Option<SlowError> {
     })
 }
 
-/// Root mean square deviation of the fit on rows that it has not seen, if there were any; beside
-/// the slow part of the error, if it is known.
+/// Root mean square deviation of the fit on held-out rows, if any, without the slow error, if
+/// known.
 fn deviation(model: &Model) -> Pair {
     if let Some(slow) = &model.file().slow_error {
-        return [slow.rest.to_radians().max(LEAST_DEVIATION); 2];
+        return [slow.rest.to_radians().max(MIN_DEVIATION); 2];
     }
-    let mut deviation = [LEAST_DEVIATION; 2];
+    let mut deviation = [MIN_DEVIATION; 2];
     for (deviation, metrics) in deviation.iter_mut().zip(&model.file().metrics) {
         let fit = metrics.held_out.unwrap_or(metrics.training);
-        *deviation = fit.rmsd.to_radians().max(LEAST_DEVIATION);
+        *deviation = fit.rmsd.to_radians().max(MIN_DEVIATION);
     }
     deviation
 }

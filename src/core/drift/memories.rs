@@ -1,4 +1,4 @@
-//! Memories beside the one in use: as calibrated, and more worn.
+//! Memories besides the one in use: as calibrated, and more worn.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ pub(in crate::core) struct DriftMemories {
 }
 
 impl DriftMemories {
-    /// Copies of the memory of a model that has just taken over.
+    /// Copies of a new model's memory.
     pub fn new(memory: &Memory) -> Self {
         Self { calibrated: *memory, shadows: [*memory; WORN] }
     }

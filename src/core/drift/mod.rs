@@ -17,7 +17,7 @@ pub(super) type Pair = [f64; 2];
 /// Number of parameters.
 pub const PARAMETERS: usize = 14;
 
-/// What wears: gap, slack and play of every motor.
+/// Number of wear parameters: gap, slack and play of every motor.
 pub(super) const WORN: usize = 6;
 
 /// The drift of a robot from its calibration.
@@ -28,16 +28,16 @@ pub struct Drift {
     /// Rows: outputs, columns: outputs. The outputs bend by `gain` times themselves more than
     /// calibrated.
     pub gain: [[f64; 2]; 2],
-    /// Growth of the gap of every motor, 0 as calibrated.
+    /// Gap growth of every motor, 0 as calibrated.
     pub gap: [f64; 2],
-    /// How much older a frame is than its stamp, s.
+    /// Age of a frame beyond its stamp, s.
     pub latency_s: f64,
     /// The slow state along the direction of the model's error, rad.
     pub slow: f64,
     /// Preload that the wires of every motor have lost beyond what the gap says, as a share of half
     /// the calibrated range.
     pub slack: [f64; 2],
-    /// What half the play of every gear has grown by beyond that, as such a share.
+    /// Growth of half the play of every gear beyond that, as such a share.
     pub play: [f64; 2],
 }
 
@@ -54,9 +54,9 @@ pub enum Parameter {
     Latency,
     /// The slow state.
     Slow,
-    /// Loss of preload of a motor.
+    /// Preload loss of a motor.
     Slack(u8),
-    /// Growth of the play of a gear.
+    /// Play growth of a gear.
     Play(u8),
 }
 
@@ -109,7 +109,7 @@ impl Drift {
         [a, b, c, d, e, f]
     }
 
-    /// What wears.
+    /// The wear.
     pub(super) fn wear(&self) -> Wear {
         Wear { gap: self.gap, slack: self.slack, play: self.play }
     }

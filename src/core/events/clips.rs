@@ -1,4 +1,4 @@
-//! When a clipped goal is an event: at its beginning, and again when more is cut off.
+//! Events of clipped goals: at the beginning, and again when the distance grows.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +7,7 @@ use crate::units::Nanos;
 
 /// Shortest time between two events.
 const FOLD_TIME: Nanos = Nanos::from_millis(1000);
-/// A distance that grew by less is no news: it is the last digit of the log.
+/// Smaller growth is not reported: it is below the last digit of the log.
 const GROWTH: f64 = 0.01;
 
 /// A goal that is clipped to what can be reached.
@@ -98,20 +98,20 @@ mod tests {
     }
 
     #[test]
-    fn a_clip_that_does_not_grow_is_one_event() {
+    fn constant_clip_is_one_event() {
         assert_eq!(events(&[5.0; 40]), [(0, 5.0)]);
         assert_eq!(events(&[5.0, 5.005].repeat(20)), [(0, 5.0)]);
     }
 
     #[test]
-    fn a_flapping_clip_is_one_event_per_second_with_its_largest_distance() {
+    fn flapping_clip_reports_largest_distance_once_per_second() {
         let mut flapping = [1.0, f64::NAN].repeat(20);
         (flapping[6], flapping[14]) = (3.0, 2.0);
         assert_eq!(events(&flapping), [(0, 1.0), (10, 3.0), (20, 2.0), (30, 1.0)]);
     }
 
     #[test]
-    fn a_clip_of_unknown_distance_is_an_event_at_its_beginning() {
+    fn clip_of_unknown_distance_is_reported_once() {
         let mut clips = ClipEvents::default();
         let clip = ClippedGoal { client_id: 0, clip: Clip::Reach, distance: None };
         let found = (0..5000).filter(|ms| {

@@ -30,7 +30,7 @@ impl EventFold {
 /// Shortest time between two events of other cameras.
 const PERIOD: Nanos = Nanos::from_millis(10_000);
 
-/// The frames of cameras that are not followed, as last reported.
+/// Number of ignored camera frames, as last reported.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct OtherCameras {
     frames: u64,
@@ -38,7 +38,7 @@ pub(crate) struct OtherCameras {
 }
 
 impl OtherCameras {
-    /// Takes the number of their frames since the start. Returns it if it is an event now.
+    /// Updates the number of ignored frames since the start. Returns it if it is an event now.
     pub fn update(&mut self, frames: u64, now: Nanos) -> Option<u64> {
         let is_due = self.frames == 0 || now.duration_since(self.reported) >= PERIOD;
         let is_news = frames > self.frames && is_due;
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_the_beginning_is_an_event_and_a_flapping_condition_is_folded() {
+    fn only_beginnings_are_events_and_flapping_is_folded() {
         let mut fold = EventFold::default();
         for (ms, is_present, is_event) in [
             (0, true, true),

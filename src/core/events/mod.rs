@@ -19,12 +19,12 @@ pub struct CycleEvent {
     pub stamp: Nanos,
     /// What happened.
     pub kind: CycleEventKind,
-    /// What was measured, for an event with a cause ([`CycleEventKind::cause`]), where it is known.
+    /// Measurement, if known, of an event with a cause ([`CycleEventKind::cause`]).
     pub measurement: Option<Measurement>,
 }
 
 impl CycleEvent {
-    /// Why the robot does not move as asked, for an event that says so.
+    /// Reason why the robot does not move as requested, if the event has one.
     #[must_use]
     pub fn reason(&self) -> Option<Reason> {
         let measurement = self.measurement;
@@ -36,25 +36,24 @@ impl CycleEvent {
 /// An event of the adaptation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum AdaptationEvent {
-    /// The budget is used up; nothing more is learned.
+    /// The budget is used up; adaptation has stopped.
     BudgetUsed,
-    /// The adapted model was worse than the calibration in three windows of 10 s.
-    TakenBack,
+    /// The adapted model was worse than the calibrated model in three windows of 10 s; reverted.
+    Reverted,
     /// The zero has slipped; the filter was opened.
     Slip,
-    /// It has slipped again; nothing more is learned.
+    /// The zero has slipped again; adaptation is paused.
     SlipAgain,
-    /// Most frames are refused; the camera is not believed.
-    CameraDisbelieved,
-    /// The camera is believed again.
-    CameraBelieved,
+    /// Most frames are rejected, and so is the camera.
+    CameraRejected,
+    /// The camera is accepted again.
+    CameraAccepted,
 }
 
 /// Whether the pose is compared with a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum PlausibilityCheck {
-    /// There is nothing to check: switched off, robot off, not homed, memory unknown, or just
-    /// begun.
+    /// Nothing to check: switched off, robot off, not homed, memory unknown, or just started.
     #[default]
     Inactive,
     /// Frames agree with the estimate, or do not contradict it for long enough.
@@ -87,8 +86,8 @@ pub enum CycleEventKind {
         /// Age of the command.
         age: Nanos,
     },
-    /// Setpoints stood at a limit for a second, although they had a way to go: what moved them is
-    /// broken off.
+    /// Setpoints were stuck at a limit for a second before their target: the motion was
+    /// interrupted.
     LimitStop {
         /// Client whose stream, move or conditioning cycle it was.
         client_id: u64,
@@ -102,7 +101,7 @@ pub enum CycleEventKind {
     Clipped {
         /// Client whose command is followed; 0: that of a `move_jp`.
         client_id: u64,
-        /// What keeps the goal from the one that was asked for.
+        /// Limit that keeps the goal from the requested one.
         clip: Clip,
     },
     /// The lease changed its holder.
@@ -136,7 +135,7 @@ pub enum CycleEventKind {
     },
     /// A request changed the virtual fixtures.
     Fixtures {
-        /// Client that asked.
+        /// Client that sent the request.
         client_id: u64,
         /// The fixtures that count, as bits.
         active: u32,
@@ -148,12 +147,12 @@ pub enum CycleEventKind {
     },
     /// The comparison with the camera began, or cannot be made.
     Plausibility(PlausibilityCheck),
-    /// Another camera publishes beside the one that is followed. At most every ten seconds.
+    /// A second camera publishes; its frames are ignored. At most every ten seconds.
     OtherCamera {
         /// Its frames since the start.
         frames: u64,
     },
-    /// The adaptation learned or refused something, or took a correction back.
+    /// An event of the adaptation.
     Adaptation(AdaptationEvent),
     /// A drive changed its phase.
     Axis {
@@ -169,7 +168,7 @@ pub enum CycleEventKind {
 }
 
 impl CycleEventKind {
-    /// The cause of standing still, or of moving differently from what was asked.
+    /// Cause of not moving as requested.
     #[must_use]
     pub fn cause(&self) -> Option<Cause> {
         match self {
@@ -219,7 +218,7 @@ impl CycleEventKind {
     }
 }
 
-/// Events of one tick, in order. Events that do not fit are counted.
+/// Events of one tick in order of occurrence. Events that do not fit are counted.
 #[derive(Debug, Clone, Copy)]
 pub struct EventList {
     stamp: Nanos,
@@ -240,7 +239,7 @@ impl EventList {
         self.push_measured(kind, None);
     }
 
-    /// As [`EventList::push`], with what was measured.
+    /// Like [`EventList::push`], with a measurement.
     pub fn push_measured(&mut self, kind: CycleEventKind, measurement: Option<Measurement>) {
         if self.insert(kind, measurement) {
             return;
@@ -252,7 +251,7 @@ impl EventList {
         }
     }
 
-    /// Adds what was measured to the newest event, if that is a fault.
+    /// Adds a measurement to the newest event, if that is a fault.
     pub fn explain_fault(&mut self, measurement: Option<Measurement>) {
         let newest = self.list.iter_mut().rev().flatten().next();
         if let Some(event) = newest

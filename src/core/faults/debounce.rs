@@ -25,7 +25,7 @@ impl Debounce {
         is_true && now.duration_since(since) >= self.span
     }
 
-    /// The condition starts anew.
+    /// Restarts the condition.
     pub fn reset(&mut self) {
         self.since = None;
     }

@@ -52,7 +52,7 @@ mod tests {
     use crate::units::Counts;
 
     #[test]
-    fn only_a_setpoint_of_this_session_beyond_the_limit_is_an_error() {
+    fn following_error_needs_a_setpoint_of_this_session() {
         let limit = FollowingErrorLimit::new(300);
         let feedback = |target, stamp| AxisFeedback {
             position: Counts(10),

@@ -1,4 +1,4 @@
-//! Fault detection, and what the drives do then.
+//! Fault detection and reaction of the drives.
 //!
 //! | condition | fault | detected in |
 //! |---|---|---|
@@ -21,9 +21,9 @@
 //!   has begun.
 //! - **The drive that is the cause is switched off.** A drive that reports a fault has switched
 //!   itself off. A motor that cannot follow or takes too much current is blocked or pulls on
-//!   something; holding would go on pulling with the whole current limit. A drive that left its
-//!   state by itself cannot be trusted with power. The gear hardly turns backwards, so the snake
-//!   stays about where it is, only softer.
+//!   something; holding would keep pulling at the full current limit. A drive that left its state
+//!   uncommanded cannot be trusted with power. The gear hardly turns backwards, so the snake stays
+//!   about where it is, only softer.
 //! - **A drive that does not answer** has held its last target since its last answer, because its
 //!   serial line is not known to have a watchdog. It gets a quick stop in case it still receives.
 //! - Without power (enabling, homing) it stays off. A drive that does not reach its quick stop

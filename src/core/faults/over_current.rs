@@ -1,4 +1,4 @@
-//! Over-current: a motor takes too much current for too long.
+//! Over-current: motor current too high for too long.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use crate::core::faults::debounce::Debounce;
 use crate::robot::{Measurement, Quantity};
 use crate::units::Nanos;
 
-/// Monitor of the current of one motor.
+/// Current monitor of one motor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct OverCurrentMonitor {
     /// Absolute current, mA. `None`: not monitored.
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_high_current_trips_after_its_time_and_only_while_the_drive_follows() {
+    fn over_current_trips_only_while_following() {
         let mut monitor = OverCurrentMonitor::new(Some(200), Nanos::from_millis(50));
         for (ms, current_ma, is_following, is_tripped) in [
             (0, -201, true, false),

@@ -32,7 +32,7 @@ impl OverrunMonitor {
         self.limit > 0.0 && self.level >= self.limit
     }
 
-    /// The late ticks in the bucket, and how many fill it.
+    /// Late ticks in the bucket, and its capacity.
     pub fn measurement(&self) -> Measurement {
         Measurement::new(Quantity::LateTicks, self.level, Some(self.limit))
     }
@@ -47,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn a_burst_is_an_overrun_and_a_low_rate_is_not() {
+    fn burst_is_an_overrun_but_low_rate_is_not() {
         let mut monitor = OverrunMonitor::new(10);
         assert!((0..9).all(|k| !monitor.add(1, ms(k))));
         assert!(monitor.add(2, ms(9)));

@@ -4,8 +4,8 @@
 //! encoders. It shows in a camera that measures the angles. A camera frame is some hundredths of a
 //! second old when it arrives, so it is compared with the estimate at the time of the frame. A
 //! single frame proves nothing: only a distance that frame after frame confirms is a fault. A
-//! camera that is silent or too late proves nothing either, and then the robot says that it is not
-//! checked.
+//! camera that is silent or too late proves nothing either, and then the robot reports that it is
+//! not checked.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +22,7 @@ const COLUMNS: usize = 32;
 /// Interval between two stored estimates. All of them cover half a second.
 const SPACING: Nanos = Nanos::from_millis(4);
 
-/// Age up to which a frame can be compared, and silence after which the camera has said nothing.
+/// Age up to which a frame can be compared, and silence after which the camera counts as silent.
 const MAX_AGE: Nanos = Nanos::from_millis(500);
 
 /// Duration of the distance that leads to FAULT: several frames of the camera.
@@ -37,7 +37,7 @@ pub(crate) struct PlausibilityMonitor {
     /// Largest distance, rad; 0: the monitor is off.
     limit: f64,
     debounce: Debounce,
-    /// As adapted and as calibrated: the same without adaptation.
+    /// Adapted and calibrated poses; equal without adaptation.
     estimates: [[(Nanos, Estimates); COLUMNS]; ROWS],
     written: u64,
     last: Nanos,
@@ -47,7 +47,7 @@ pub(crate) struct PlausibilityMonitor {
     arrived: Nanos,
     /// When a frame was last compared.
     compared: Nanos,
-    /// Since when there is something to check.
+    /// Start of the present check.
     checked_since: Option<Nanos>,
     is_implausible: bool,
     /// Distance of the last frame that was compared, rad.
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn an_old_pose_is_compared_with_the_estimate_of_its_time() {
+    fn late_pose_is_compared_at_its_own_time() {
         let mut monitor = moving();
         // The newest estimate is 2.5 deg away.
         for now in (400..800).step_by(40) {
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_distance_that_lasts_is_a_fault_and_a_single_pose_is_not() {
+    fn lasting_distance_is_a_fault_single_pose_is_not() {
         let mut monitor = moving();
         for (pose, is_checked, now, is_fault) in [
             (Some(measured(300, 6.0)), true, 400, false),
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn an_odd_pose_and_then_silence_is_no_fault() {
+    fn single_outlier_before_silence_is_not_a_fault() {
         let mut monitor = moving();
         let odd = measured(390, 60.0);
         // The control loop may hand the same frame over in every tick.
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_is_silent_or_too_late_is_reported_to_check_nothing() {
+    fn silent_or_late_camera_is_reported() {
         use PlausibilityCheck::{Inactive, Silent, TooOld, Working};
         let mut monitor = moving();
         for (pose, is_checked, now, expected) in [
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_that_cannot_be_compared_is_not_a_fault() {
+    fn incomparable_pose_is_not_a_fault() {
         let mut monitor = moving();
         for now in (400..900).step_by(40) {
             // No estimate of that time.
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn the_measurement_is_what_is_beyond_the_limit() {
+    fn measurement_is_the_distance_beyond_the_limit() {
         let mut monitor = moving();
         assert_eq!(monitor.measurement(), None);
         monitor.distance = monitor.limit;
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_distance_at_the_limit_is_no_fault() {
+    fn distance_at_the_limit_is_not_a_fault() {
         let mut monitor = moving();
         monitor.reset();
         for t in 400..800 {

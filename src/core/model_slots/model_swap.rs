@@ -8,7 +8,7 @@ use crate::model::ModelId;
 use crate::robot::Refusal;
 use crate::units::{MotorVec, Nanos};
 
-/// What a swap needs to know of the robot.
+/// Robot state that a swap needs.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SwapContext<'a> {
     /// Start of the tick.
@@ -70,7 +70,7 @@ fn require_permission(
         return Err(Refusal::Busy);
     }
     if context.is_following_joints && !active.is_some_and(|active| active.has_outputs_of(next)) {
-        return Err(Refusal::State);
+        return Err(Refusal::WrongState);
     }
     if context.is_forced || next.is_memory_known() { Ok(()) } else { Err(Refusal::MemoryUnknown) }
 }

@@ -1,8 +1,8 @@
-//! The auxiliary axis: a gripper or a roll beside pitch and yaw.
+//! The auxiliary axis: a gripper or a roll, in addition to pitch and yaw.
 //!
 //! It has no model, no hysteresis memory and no place in joint space: an angle is counts. Limits,
-//! homing, faults and the gate are those of every axis. Its stream runs beside the one of the joints,
-//! under the same lease.
+//! homing, faults and the gate are those of every axis. Its stream is separate from that of the
+//! joints, under the same lease.
 
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +54,7 @@ impl AuxiliaryAxis {
         angle * self.counts_per_rad
     }
 
-    /// Where the setpoint shall move in this tick.
+    /// Target of the setpoint in this tick.
     pub fn target(&self, now: Nanos, tick: Nanos) -> Option<MotorTarget> {
         let ([here], [before]) = self.followed?.goal.evaluate(now, tick);
         let (here, before) = (self.axis.clamp(here), self.axis.clamp(before));

@@ -14,7 +14,7 @@ use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
 use crate::robot::{Measurement, Quantity};
 use crate::units::{Counts, Nanos};
 
-/// What sums of many values may be wrong by, counts.
+/// Rounding error of a long sum, counts.
 const ROUNDING: f64 = 1e-6;
 
 /// One axis.
@@ -87,7 +87,7 @@ impl AxisControl {
         }
         self.feedback = *feedback;
         self.unwritten = self.written().filter(|it| *it != Some(self.target())).map(|written| {
-            // What is written counts from then on, also while it lags behind.
+            // A written setpoint counts from then on, even while it lags.
             let last = written.and(feedback.written).map_or(Nanos::ZERO, |it| it.stamp);
             self.unwritten.unwrap_or(now).max(last)
         });
@@ -302,9 +302,9 @@ mod tests {
         AxisControl::new(&axis.clone(), &config)
     }
 
-    /// What the limiter never does, the gate would see all the same.
+    /// The gate detects violations even though the limiter never commits them.
     #[test]
-    fn a_step_keeps_position_velocity_and_acceleration_or_breaks_them_no_further() {
+    fn step_keeps_limits_or_reduces_the_violation() {
         for (at, increment, step, is_kept) in [
             (0.0, 2.0, 2.0, true),
             (0.0, -2.0, -2.0, true),
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn homings_and_fault_resets_are_done_when_the_drive_has_done_all_of_them() {
+    fn homing_and_reset_wait_for_the_drive_counters() {
         use AxisPhase::{Disabled, Faulted, Homing};
         for (phase, done, is_homed, is_reset) in [
             (Disabled, 1, true, true),

@@ -112,7 +112,7 @@ impl AxisGroup {
         self.0.iter().any(|axis| axis.increment() != 0.0)
     }
 
-    /// Any setpoint is further than so many counts from its target.
+    /// Whether any setpoint is further than this many counts from its target.
     pub fn is_away_from(&self, targets: &[MotorTarget; MAX_MOTORS], counts: f64) -> bool {
         let mut pairs = self.0.iter().zip(targets);
         pairs.any(|(axis, target)| (axis.clamp(target.position) - axis.setpoint()).abs() > counts)
@@ -125,7 +125,7 @@ impl AxisGroup {
     }
 
     /// Takes back what has happened since [`AxisGroup::to_snapshot`].
-    pub fn take_back(&mut self, before: &[Option<AxisControl>; MAX_MOTORS]) {
+    pub fn restore(&mut self, before: &[Option<AxisControl>; MAX_MOTORS]) {
         for (axis, before) in self.0.iter_mut().zip(before.iter().flatten()) {
             *axis = *before;
         }
@@ -214,7 +214,7 @@ mod tests {
     use crate::drive::AxisPhase;
 
     #[test]
-    fn with_straight_shares_the_motors_stay_on_the_line_and_arrive() {
+    fn straight_shares_keep_motors_on_the_line() {
         let text = include_str!("../../../config/emulator.toml");
         let config = Config::parse(text, "emulator.toml".as_ref()).unwrap();
         for [to, other] in [[300.0, 250.0], [-60.0, 200.0], [150.0, 0.0], [-200.0, -200.0]] {

@@ -4,8 +4,9 @@
 //! send the motors back and forth across it, and a residual of the model that is inverted
 //! unfiltered reacts to its own motion. Two filters prevent this:
 //!
-//! - **turning band**: a dead-band on the goal. A goal that goes on is followed without lag. A goal
-//!   that turns back by less than the band is held until it reaches the other side of the band.
+//! - **turning band**: a dead-band on the goal. A goal that keeps its direction is followed without
+//!   lag. A goal that turns back by less than the band is held until it reaches the other side of
+//!   the band.
 //! - **correction filter**: the residual of the model passes a first-order low-pass filter and a
 //!   dead-band of its own.
 //!
@@ -29,7 +30,7 @@ pub(crate) struct BacklashDeadBand {
     radius: f64,
     /// Fraction of the distance that the low-pass filter moves per tick.
     gain: f64,
-    /// Half-width of the dead-band behind the low-pass filter, rad; 0: off.
+    /// Half-width of the dead-band after the low-pass filter, rad; 0: off.
     correction_half_width: f64,
     turning_band: Option<TurningBand>,
     correction: Option<CorrectionFilter>,
@@ -151,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_that_goes_on_is_followed_and_one_that_turns_back_a_little_is_held() {
+    fn goal_is_held_after_small_reversal() {
         let mut dead_band = dead_band();
         for (goal, output) in [
             (degrees(0.0, 0.0), degrees(0.0, 0.0)),
@@ -166,7 +167,7 @@ mod tests {
             let is_held = goal != output;
             assert_eq!(found, DeadBandedGoal { goal: output, is_held });
         }
-        // Another model goes on with the goal, and not with the correction.
+        // A new model keeps the goal but not the correction.
         let mut next = self::dead_band();
         next.filter_correction(&degrees(1.0, 0.0));
         next.take_over(Some(&dead_band));
@@ -207,7 +208,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_output_is_never_further_from_the_goal_than_twice_the_band(
+        fn output_stays_within_twice_the_band(
             goals in prop::collection::vec((-30.0..30.0_f64, -30.0..30.0_f64), 1..200)
         ) {
             let mut dead_band = dead_band();

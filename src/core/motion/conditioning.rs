@@ -3,8 +3,8 @@
 //! Friction and backlash remember the reversal points of the motors. A reversal point is forgotten
 //! as soon as the motor moves past it (I. D. Mayergoyz 1986, the wiping-out property). The cycle
 //! starts with one round through all reversal points of a region, so that nothing older survives,
-//! and goes on with rounds that shrink, like the demagnetisation of a magnet. What is remembered in
-//! the end is small, even, and the same every time.
+//! and continues with shrinking rounds, like the demagnetisation of a magnet. The remaining memory
+//! is small, even, and the same every time.
 //!
 //! - The reversal points of later rounds shrink evenly towards the start of the cycle. The cycle
 //!   ends where it began, in the middle of the region or not.
@@ -27,7 +27,7 @@ const END_TOLERANCE: f64 = 1e-6;
 /// A conditioning cycle in progress.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ConditioningCycle {
-    /// Who asked for it.
+    /// Client that requested it.
     client_id: u64,
     start: MotorVec,
     points: ReversalPoints,

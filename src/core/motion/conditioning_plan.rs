@@ -30,9 +30,9 @@ const DEFAULT_HALF_WIDTH: f64 = 500.0;
 const TURNS: u32 = 4;
 
 /// Longer than any line between two positions of a drive, counts.
-const LONGEST_LINE: f64 = 1e10;
+const MAX_LINE_LENGTH: f64 = 1e10;
 
-/// What all conditioning cycles have in common.
+/// Settings common to all conditioning cycles.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ConditioningPlan {
     motors: usize,
@@ -54,7 +54,7 @@ pub(super) struct ReversalPoints {
 }
 
 impl ConditioningPlan {
-    /// From a configuration that has been checked.
+    /// Plan from a checked configuration.
     pub fn new(config: &Config) -> Self {
         let motors = config.motors().min(MAX_MOTORS);
         let (mut lowest, mut highest) = (MotorVec::default(), MotorVec::default());
@@ -70,7 +70,7 @@ impl ConditioningPlan {
             acceleration,
             deceleration: acceleration,
             lowest: 0.0,
-            highest: LONGEST_LINE,
+            highest: MAX_LINE_LENGTH,
         };
         let period = config.control.period();
         Self {
@@ -95,7 +95,7 @@ impl ConditioningPlan {
         start: &MotorVec,
         model: Option<&Model>,
     ) -> Result<ReversalPoints, Refusal> {
-        let needed = model.map_or(MotorVec::default(), Model::wipe_counts);
+        let needed = model.map_or(MotorVec::default(), Model::conditioning_range);
         let hull = model.filter(|_| self.half_width.is_none()).map(|model| self.hull(model));
         let points = hull
             .filter(|points| points.cover(&needed))
@@ -171,7 +171,7 @@ impl ReversalPoints {
         self.count
     }
 
-    /// The point with a number; numbers go on after a round.
+    /// The point with a number; numbering continues after a round.
     pub fn get(&self, number: u32) -> Option<&MotorVec> {
         self.points.get((number % self.count.max(1)) as usize)
     }
@@ -180,7 +180,7 @@ impl ReversalPoints {
         self.points.iter_mut().enumerate().take(self.count as usize)
     }
 
-    /// Every motor covers a range of at least so many counts.
+    /// Whether every motor covers a range of at least this many counts.
     fn cover(&self, ranges: &MotorVec) -> bool {
         let range = |motor: usize| {
             let points = self.points.iter().take(self.count as usize);

@@ -24,7 +24,7 @@
 //! not compensated) feeds back to there: the goal would run away from itself.
 //!
 //! Stages 6 to 10 may undo what an earlier one has limited. So nothing relies on the order: the
-//! gate looks at the setpoints that the motors would get, whichever activity they come from, and
+//! gate checks the setpoints that the motors would get, whichever activity they come from, and
 //! checks every limit on them:
 //!
 //! - position limits, velocity and acceleration of every motor;
@@ -80,7 +80,7 @@ const SLOW_SHARE: f64 = 0.1;
 
 /// A request to a drive that has passed the gate.
 ///
-/// It is read back from black boxes, too; those are not sent.
+/// It is also read back from black boxes; those values are not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Gated(AxisRequest);
@@ -99,7 +99,7 @@ impl From<Gated> for AxisRequest {
     }
 }
 
-/// What the setpoints shall do in this tick.
+/// Motion of the setpoints in this tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Motion {
     /// Slow down as hard as allowed, and stay.
@@ -118,7 +118,7 @@ pub(crate) struct Passed {
 }
 
 impl Passed {
-    /// The setpoints moved less than asked, and have a way to go.
+    /// The setpoints moved less than requested and are not at their target.
     pub fn is_held(self) -> bool {
         self.held_by.is_some()
     }
@@ -162,7 +162,7 @@ struct GateTick<'a> {
     space: Option<JointSpace<'a>>,
 }
 
-/// What an attempt came to.
+/// Result of an attempt.
 enum Verdict {
     Passes {
         step: OutputVec,
@@ -189,7 +189,7 @@ enum Attempt {
 const ATTEMPTS: [Attempt; 4] = [Attempt::All, Attempt::Straight, Attempt::First, Attempt::Second];
 
 impl Attempt {
-    /// The shares of the velocity of the motors.
+    /// Velocity shares of the motors.
     fn shares(self, axes: &AxisGroup, targets: &[MotorTarget; MAX_MOTORS]) -> MotorVec {
         match self {
             Self::All => [1.0; MAX_MOTORS],
@@ -247,8 +247,8 @@ impl Gate {
         Ok(Passed { held_by, is_blocked: self.stood >= self.max_stood })
     }
 
-    /// Moves the setpoint of an axis beside the joints by one tick; `target`: `None` for a stop.
-    pub fn pass_alone(
+    /// Moves the setpoint of the auxiliary axis by one tick; `target`: `None` for a stop.
+    pub fn pass_auxiliary(
         axis: &mut AxisControl,
         target: Option<MotorTarget>,
         demand: Demand,
@@ -292,7 +292,7 @@ impl<'a> GateTick<'a> {
     }
 
     /// Moves the motors as far as the limits let them. Returns the step of the pose, and the limit
-    /// that let them move less than asked.
+    /// that reduced the motion.
     fn attempts(
         &mut self,
         axes: &mut AxisGroup,
@@ -324,7 +324,7 @@ impl<'a> GateTick<'a> {
                 // A border is named before the speed that was too high as well.
                 let border = held_by.filter(|it| *it != Stop::Speed);
                 held_by = border.or(limit).or(held_by);
-                axes.take_back(&self.before);
+                axes.restore(&self.before);
                 if is_last || share <= 0.0 {
                     break;
                 }

@@ -3,24 +3,23 @@
 //! Commands arrive as a staircase: at 200 Hz a new goal every five ticks. A setpoint that follows
 //! the staircase stops on every stair and lags by half a stair on average; a limiter that must be
 //! able to stop on a stair lags even more. Interpolation makes a smooth path but lags by a whole
-//! stair; at 12 deg/s a stair of 5 ms is 0.06 deg. So the goal is **extrapolated**: it goes on at
+//! stair; at 12 deg/s a stair of 5 ms is 0.06 deg. So the goal is **extrapolated**: it continues at
 //! the rate between the last commands. Steady motion has no lag at all.
 //!
 //! The extrapolated goal may run ahead of the request. This is bounded:
 //!
-//! - per output, the lesser of the last two rates counts, and none if they differ in sign (the
+//! - per output, the smaller of the last two rates counts, or zero if their signs differ (the
 //!   minmod of the slope limiters of fluid dynamics; P. L. Roe 1986). A step, a first command or a
 //!   reversal is not extrapolated. A client that stays where it is stops the goal with its first
 //!   command;
-//! - extrapolation lasts at most [`HORIZON_INTERVALS`] intervals and [`LONGEST`], so the goal of a
-//!   client that dies is at rest a few stairs later, long before the deadline;
-//! - streams slower than [`LONGEST`] are not extrapolated.
+//! - extrapolation lasts at most [`HORIZON_INTERVALS`] intervals and [`MAX_EXTRAPOLATION`], so the
+//!   goal of a client that dies is at rest a few stairs later, long before the deadline;
+//! - streams slower than [`MAX_EXTRAPOLATION`] are not extrapolated.
 //!
-//! Two other kinds of goals are lines in time, too, with a rate that is known and not guessed:
-//! `servo_jv` is integrated from where the goal is ([`GoalExtrapolation::moving`]), and
-//! `interpolate_jp` comes to its end when the next command is due
-//! ([`GoalExtrapolation::reaching`]). The line always ends: a client that dies leaves the goal at
-//! rest.
+//! Two other kinds of goals are also lines in time, with a known rate: `servo_jv` is integrated
+//! from where the goal is ([`GoalExtrapolation::moving`]), and `interpolate_jp` ends when the next
+//! command is due ([`GoalExtrapolation::reaching`]). The line always ends: a client that dies
+//! leaves the goal at rest.
 
 use serde::{Deserialize, Serialize};
 
@@ -33,9 +32,9 @@ const HORIZON_INTERVALS: f64 = 2.0;
 
 /// 20 ms. A hand that accelerates with 10,000 counts/s^2 leaves the straight line by 2 counts in
 /// that time.
-const LONGEST: Nanos = Nanos::from_millis(20);
+const MAX_EXTRAPOLATION: Nanos = Nanos::from_millis(20);
 
-/// The goal of a stream of servo commands, extrapolated.
+/// Extrapolated goal of a servo stream.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum ExtrapolatedGoal {
     /// Angles, rad.
@@ -82,7 +81,7 @@ impl<const N: usize> GoalExtrapolation<N> {
         Self { rate, horizon_s, ..Self::first(from, stamp) }
     }
 
-    /// A goal that moves on a straight line from `from` to `goal`, and is there after some time.
+    /// A goal that moves in a straight line from `from` and reaches `goal` after a given time.
     pub fn reaching(goal: [f64; N], from: &[f64; N], stamp: Nanos, after: Nanos) -> Self {
         let after_s = after.as_seconds();
         let rate = difference(&goal, from).map(|change| change / after_s);
@@ -92,7 +91,7 @@ impl<const N: usize> GoalExtrapolation<N> {
     /// The next goal of the same stream.
     pub fn next(&self, goal: [f64; N], stamp: Nanos) -> Self {
         let interval = stamp.duration_since(self.stamp);
-        if interval == Nanos::ZERO || interval > LONGEST {
+        if interval == Nanos::ZERO || interval > MAX_EXTRAPOLATION {
             return Self::first(goal, stamp);
         }
         let interval_s = interval.as_seconds();
@@ -103,7 +102,7 @@ impl<const N: usize> GoalExtrapolation<N> {
             last_rate,
             rate: zip_map(&last_rate, &self.last_rate, minmod),
             reached_s: 0.0,
-            horizon_s: (HORIZON_INTERVALS * interval_s).min(LONGEST.as_seconds()),
+            horizon_s: (HORIZON_INTERVALS * interval_s).min(MAX_EXTRAPOLATION.as_seconds()),
         }
     }
 
@@ -216,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_is_integrated_and_an_interpolated_goal_arrives_when_the_next_command_is_due() {
+    fn rate_is_integrated_and_interpolated_goal_arrives_on_time() {
         let moving = GoalExtrapolation::moving([1.0], [10.0], ms(0), 0.05);
         let reaching = GoalExtrapolation::reaching([2.0], &[1.0], ms(0), Nanos::from_millis(100));
         for (at_ms, [moved, reached]) in [
@@ -232,14 +231,15 @@ mod tests {
                 "{found:?}"
             );
         }
-        // A stream of angles after it is not extrapolated by what was no motion of the client.
+        // A later stream of angles must not be extrapolated from this motion, which the client did
+        // not command.
         let next = reaching.next([2.1], ms(10));
         assert_eq!(next.at(ms(15)), [2.1]);
     }
 
     proptest! {
         #[test]
-        fn the_goal_never_runs_ahead_by_more_than_twice_the_last_step(
+        fn goal_leads_by_at_most_two_steps(
             steps in prop::collection::vec((-50.0..50.0_f64, 0..40_u64), 1..10), age in 0..2000_u64
         ) {
             let (mut goal, mut stamp) = (0.0, 0);

@@ -19,7 +19,7 @@ use crate::units::{Nanos, OutputVec};
 const VELOCITY_FILTER_S: f64 = 0.01;
 
 /// A lead that is less than this ends with the motion of the goal, rad (m): 0.0006 deg.
-const LEAST_LEAD: f64 = 1e-5;
+const MIN_LEAD: f64 = 1e-5;
 
 /// The lead and the velocity of the goal that is followed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -59,7 +59,7 @@ impl GoalLead {
         let before = self.velocity;
         let gain = self.gain;
         self.velocity = zip_map(&before, &motion, |slow, now| slow + gain * (now - slow));
-        let is_small = |velocity: &f64| (self.ticks * velocity).abs() < LEAST_LEAD;
+        let is_small = |velocity: &f64| (self.ticks * velocity).abs() < MIN_LEAD;
         if motion == OutputVec::default() && self.velocity.iter().all(is_small) {
             self.velocity = OutputVec::default();
         }
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn steady_motion_is_led_by_the_time_and_a_goal_at_rest_is_not_moved() {
+    fn steady_goal_is_led_and_resting_goal_is_not() {
         let ramp = led(8.0, |t| 0.2 * t);
         assert!((ramp[500].now[0] - 0.2 * (0.501 + 0.008)).abs() < 1e-12);
         assert!((ramp[500].now[0] - ramp[500].before[0] - 0.2e-3).abs() < 1e-12);
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_that_stops_at_once_is_overshot_by_the_lead_and_no_longer_than_the_filter() {
+    fn abrupt_stop_overshoots_by_at_most_the_lead() {
         let stop = led(10.0, |t| 0.2 * t.min(0.5));
         let over = |tick: usize| stop[tick].now[0] - 0.1;
         let highest = (400..1000).map(over).fold(0.0, f64::max);

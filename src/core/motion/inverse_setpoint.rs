@@ -21,7 +21,7 @@ pub(crate) struct InverseSetpoint {
     pub is_beyond: bool,
 }
 
-/// What moves in a tick.
+/// State that moves in a tick.
 pub(crate) struct MotionTick<'a> {
     pub axes: &'a AxisGroup,
     /// The active model; `None` without one.
@@ -34,7 +34,7 @@ pub(crate) struct MotionTick<'a> {
 }
 
 impl MotionTick<'_> {
-    /// Targets for the goal of a stream of commands.
+    /// Targets for the goal of a command stream.
     ///
     /// The inverse is computed every tick, because a model with memory gives another solution after
     /// every motion. The goal of one tick before is inverted with the same memory: the target's
@@ -74,7 +74,7 @@ impl MotionTick<'_> {
         let start = difference(&start, &blend);
         let filtered = self.fixtures.limit(filtered, start, &joints.goal_space());
         let dead_banded = joints.dead_band_goal(&filtered.now);
-        joints.note_held_back(&goal.now, &dead_banded.goal);
+        joints.record_dead_band(&goal.now, &dead_banded.goal);
         let before = if dead_banded.is_held { dead_banded.goal } else { filtered.before };
         let goal_now = joints.blend_goal(dead_banded.goal, self.now);
         let goal_before = joints.blend_goal(before, self.now - self.period);

@@ -9,13 +9,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::LONGEST_WINDOW;
+use crate::units::MAX_WINDOW_TICKS;
 
 /// Moving average.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct JerkLimiter {
     /// The newest value is at `ticks % window`.
-    past: [f64; LONGEST_WINDOW],
+    past: [f64; MAX_WINDOW_TICKS],
     ticks: u32,
     /// Ticks; with 1, the output is the input.
     window: u32,
@@ -24,15 +24,15 @@ pub(crate) struct JerkLimiter {
 }
 
 impl JerkLimiter {
-    /// At rest at 0. The window is clamped to 1 to [`LONGEST_WINDOW`].
+    /// At rest at 0. The window is clamped to 1 to [`MAX_WINDOW_TICKS`].
     pub fn new(window: u32) -> Self {
-        let window = window.clamp(1, LONGEST_WINDOW as u32);
-        Self { past: [0.0; LONGEST_WINDOW], ticks: 0, window, output: 0.0, increment: 0.0 }
+        let window = window.clamp(1, MAX_WINDOW_TICKS as u32);
+        Self { past: [0.0; MAX_WINDOW_TICKS], ticks: 0, window, output: 0.0, increment: 0.0 }
     }
 
     /// Starts again at rest at a value.
     pub fn restart(&mut self, value: f64) {
-        self.past = [value; LONGEST_WINDOW];
+        self.past = [value; MAX_WINDOW_TICKS];
         (self.output, self.increment) = (value, 0.0);
     }
 

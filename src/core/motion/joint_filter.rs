@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_goal_is_led_without_limits_too_and_a_new_stream_starts_without_lead() {
+    fn lead_needs_no_limits_and_resets_with_stream() {
         let mut filter = filter(JointLimitConfig::OFF, 10.0);
         let at = |tick: i32| [1e-4 * f64::from(tick), 0.0, 0.0];
         for tick in 1..=500 {

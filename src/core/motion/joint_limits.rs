@@ -16,7 +16,7 @@ const NO_LIMIT: f64 = 1e6;
 
 /// Longest time of a line to carry a setpoint, ticks, including those that are averaged around it.
 pub(super) const MAX_LINE_TICKS: usize = 32;
-/// Ticks on both sides of it over which the velocity of the pose is averaged: drives take whole
+/// Number of ticks before and after, over which the pose velocity is averaged: drives take whole
 /// counts.
 const AROUND: usize = 2;
 
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restart_is_at_rest_where_it_starts() {
+    fn restart_begins_at_rest() {
         let config = JointLimitConfig {
             velocity_deg_s: Some(20.0),
             acceleration_deg_s2: Some(400.0),

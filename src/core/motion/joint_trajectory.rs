@@ -1,7 +1,7 @@
 //! Joint trajectory of `move_jp`: a straight line in joint space, from rest to rest.
 //!
-//! A trajectory that takes the place of another one begins where that can come to rest soonest.
-//! Both together are one motion without a jump, within the same limits.
+//! A trajectory that replaces another begins where the first can come to rest soonest. Both
+//! together are one motion without a jump, within the same limits.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ use crate::units::{Nanos, OutputVec};
 /// A trajectory in progress.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct JointTrajectory {
-    /// Who asked for it.
+    /// Client that requested it.
     client_id: u64,
     /// The line that comes to rest before this one starts, if there is any.
     before: Option<Line>,
@@ -66,7 +66,7 @@ impl JointTrajectory {
     }
 
     /// This trajectory until now, then to rest, and from there to another end.
-    pub fn turned(&self, to: OutputVec, limits: &TrajectoryLimits, now: Nanos) -> Self {
+    pub fn redirected_to(&self, to: OutputVec, limits: &TrajectoryLimits, now: Nanos) -> Self {
         let before = match self.before {
             Some(before) if now < self.line.started => before,
             _ => self.line.shortened(now),
@@ -130,22 +130,22 @@ mod tests {
     }
 
     #[test]
-    fn whenever_it_is_turned_it_goes_on_from_where_it_is() {
+    fn redirected_trajectory_continues_from_its_state() {
         let limits = TrajectoryLimits { velocity: 10.0, acceleration: 100.0, jerk: 2000.0 };
         let ms = |ms: u64| Nanos::from_millis(1000 + ms);
         let mut trajectory = JointTrajectory::new(7, [0.0; 3], [2.0, 1.0, 0.0], &limits, ms(0));
         let ends = [[-1.0, 2.0, 0.0], [0.5, 0.5, 0.0], [3.0, -1.0, 0.0], [0.0; 3]];
         // Before the first line rests, then in the middle of the one that follows.
         for (at, end) in [100, 120, 400, 430].into_iter().zip(ends) {
-            let turned = trajectory.turned(end, &limits, ms(at));
+            let redirected_to = trajectory.redirected_to(end, &limits, ms(at));
             for after in 0..3 {
                 let apart = distance(
-                    &turned.position_at(ms(at + after)),
+                    &redirected_to.position_at(ms(at + after)),
                     &trajectory.position_at(ms(at + after)),
                 );
                 assert!(apart < [1e-12, 1e-4, 1e-3][after as usize], "{apart} at {at} + {after}");
             }
-            trajectory = turned;
+            trajectory = redirected_to;
         }
         assert_eq!(trajectory.position_at(trajectory.end_time()), [0.0; 3]);
     }

@@ -7,11 +7,10 @@
 //!
 //! Angles are inverted in every tick, clamped to the position limits of the axes, limited per motor
 //! and rounded. `goal_extrapolation` defines what happens between commands, `velocity_limit` what
-//! the limits guarantee. Together: motion within the limits is followed without lag behind the
-//! commands, at every command rate above 50 Hz; `goal_lead` takes off the delay of lines and
-//! drives. The path of the limiter towards a *step* is kept in the calibrated hull by the
-//! `gate`, where the whole order of filters stands: motors with unequal distances do not move on a
-//! straight line.
+//! the limits guarantee. Together: motion within the limits is followed without lag, at every
+//! command rate above 50 Hz; `goal_lead` compensates the delay of lines and drives. The path of the
+//! limiter towards a *step* is kept in the calibrated hull by the `gate`, where the whole order of
+//! filters stands: motors with unequal distances do not move on a straight line.
 //!
 //! A drive that is off or not yet enabled has its own position as setpoint. When it reports to be
 //! enabled, its setpoint starts where the drive holds, at the target that was preloaded, and at

@@ -38,7 +38,7 @@ impl ModelBlend {
     }
 }
 
-/// From 0 at 0 to 1 at 1, with velocity and acceleration 0 at both ends.
+/// Blend from 0 at 0 to 1 at 1, with velocity and acceleration 0 at both ends.
 fn least_jerk(s: f64) -> f64 {
     s * s * s * (10.0 + s * (6.0 * s - 15.0))
 }
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_offset_starts_whole_and_fades_out_without_a_step() {
+    fn offset_fades_out_without_a_step() {
         let ms = Nanos::from_millis;
         let blend = ModelBlend::new([1.0, -2.0, 0.0], ms(100));
         assert_eq!(blend.offset_at(ms(100)), Some([1.0, -2.0, 0.0]));

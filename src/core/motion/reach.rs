@@ -6,9 +6,9 @@
 //!
 //! Which poses the hull of counts contains depends on where the motors have been, by the width of
 //! the hysteresis: more of them along the border than out to it. A goal that went to the nearest of
-//! those would jump to and fro. So the border is that of the calibrated outputs, wherever the motors
-//! have been, drawn together around its centre until the motors keep to the hull. It gives way as
-//! the goal moves on, and slowly.
+//! those would jump to and fro. So the border is that of the calibrated outputs, wherever the
+//! motors have been, drawn together around its centre until the motors keep to the hull. It gives
+//! way as the goal moves on, and slowly.
 
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::joint_limits::JointBounds;
@@ -23,13 +23,13 @@ const TRIALS: u32 = 6;
 /// Joint limits are kept to this, rad: far below what the gate tolerates.
 const KEPT: f64 = 1e-7;
 
-/// The border gives way by this part of the motion of the goal.
+/// The border yields by this part of the goal's motion.
 const GIVES_WAY: f64 = 0.1;
 
 /// The border, relative to that of the calibrated outputs.
 pub(crate) const WHOLE: f64 = 1.0;
 
-/// What is rounding, rad (m).
+/// Rounding error, rad (m).
 const UNMOVED: f64 = 1e-9;
 
 /// A goal in reach.
@@ -39,7 +39,7 @@ pub(crate) struct Reached {
     pub goal: OutputVec,
     /// The border that was found: for the next goal.
     pub border: f64,
-    /// What keeps the goal from the one that was asked for, and how far, rad (m).
+    /// Limit that keeps the goal from the requested one, and the distance, rad (m).
     pub limit: Option<(Clip, f64)>,
 }
 
@@ -47,21 +47,21 @@ pub(crate) struct Reached {
 pub(crate) fn nearest(
     joints: &JointModel,
     axes: &AxisGroup,
-    asked: &OutputVec,
+    requested: &OutputVec,
     (mut border, moved): (f64, f64),
 ) -> Result<Reached, NotFinite> {
     let bounds = joints.bounds().filter(|bounds| bounds.has_positions());
-    let is_allowed = bounds.is_none_or(|bounds| bounds.excess(asked) == 0.0);
-    if border == WHOLE && is_allowed && !joints.solve(asked)?.clipped {
-        return Ok(Reached { goal: *asked, border, limit: None });
+    let is_allowed = bounds.is_none_or(|bounds| bounds.excess(requested) == 0.0);
+    if border == WHOLE && is_allowed && !joints.solve(requested)?.clipped {
+        return Ok(Reached { goal: *requested, border, limit: None });
     }
     let centre = joints.centre();
-    border = (border * (1.0 + GIVES_WAY * moved / distance(asked, &centre))).min(WHOLE);
+    border = (border * (1.0 + GIVES_WAY * moved / distance(requested, &centre))).min(WHOLE);
     let mut trial = 1;
     loop {
-        let (goal, is_joint) = within_limits(joints, asked, bounds, border)?;
+        let (goal, is_joint) = within_limits(joints, requested, bounds, border)?;
         let inverse = joints.solve(&goal)?;
-        if !inverse.clipped && goal == *asked {
+        if !inverse.clipped && goal == *requested {
             return Ok(Reached { goal, border, limit: None });
         }
         if !inverse.clipped || trial == TRIALS {
@@ -70,7 +70,8 @@ pub(crate) fn nearest(
                 () if axes.is_at_limit(&inverse.counts) => Clip::Motor,
                 () => Clip::Reach,
             };
-            let away = if goal == *asked { inverse.residual } else { distance(&goal, asked) };
+            let away =
+                if goal == *requested { inverse.residual } else { distance(&goal, requested) };
             return Ok(Reached { goal, border, limit: Some((clip, away)) });
         }
         border *= 1.0 - (inverse.residual / distance(&goal, &centre)).min(0.5);
@@ -78,19 +79,19 @@ pub(crate) fn nearest(
     }
 }
 
-/// The nearest pose within the border and the joint limits, and whether these push the goal back:
-/// along the outputs that would exceed them, until what the border leaves of it keeps them (R. L.
-/// Dykstra 1983, with the secant of the push).
+/// The nearest pose within the border and the joint limits, and whether these push the goal back.
+/// The push acts along the exceeding outputs until the pose within the border keeps the limits (R.
+/// L. Dykstra 1983, with the secant of the push).
 fn within_limits(
     joints: &JointModel,
-    asked: &OutputVec,
+    requested: &OutputVec,
     bounds: Option<&JointBounds>,
     border: f64,
 ) -> Result<(OutputVec, bool), NotFinite> {
     let (mut push, mut slope, mut last) = (OutputVec::default(), [1.0; MAX_OUTPUTS], None);
     let mut trial = 1;
     loop {
-        let pose = within_border(joints, &difference(asked, &push), border)?;
+        let pose = within_border(joints, &difference(requested, &push), border)?;
         let Some(bounds) = bounds else {
             return Ok((pose, false));
         };
@@ -114,14 +115,14 @@ fn within_limits(
 /// The nearest pose within the border.
 fn within_border(
     joints: &JointModel,
-    asked: &OutputVec,
+    requested: &OutputVec,
     border: f64,
 ) -> Result<OutputVec, NotFinite> {
     let centre = joints.centre();
     let around = |pose: &OutputVec, by: f64| {
         zip_map(&centre, pose, |centre, pose| centre + by * (pose - centre))
     };
-    let wide = around(asked, 1.0 / border);
+    let wide = around(requested, 1.0 / border);
     let reached = joints.solve(&wide)?.reached;
-    Ok(if distance(&reached, &wide) < UNMOVED { *asked } else { around(&reached, border) })
+    Ok(if distance(&reached, &wide) < UNMOVED { *requested } else { around(&reached, border) })
 }

@@ -164,7 +164,7 @@ mod tests {
         }
 
         #[test]
-        fn a_shortened_s_curve_is_the_same_until_then_and_rests_as_soon_as_it_can(
+        fn shortened_s_curve_follows_then_rests_soonest(
             length in 0.01..20.0_f64, share in 0.0..1.0_f64
         ) {
             let curve = SCurve::new(length, &LIMITS);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_of_no_length_ends_at_once() {
+    fn zero_length_motion_ends_at_once() {
         assert_eq!(SCurve::new(0.0, &LIMITS).fraction(0.0), 1.0);
     }
 }

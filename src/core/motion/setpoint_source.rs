@@ -6,7 +6,7 @@ use crate::core::faults::following_error::written_after;
 use crate::drive::{AxisFeedback, AxisPhase, Demand};
 use crate::units::{Counts, Nanos};
 
-/// Source of the setpoint of one motor.
+/// Setpoint source of one motor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum SetpointSource {
     /// The drive is off. The setpoint tracks the encoder.
@@ -37,8 +37,8 @@ impl SetpointSource {
     }
 
     /// Where the setpoint starts again when the source has changed from `before` to this one.
-    /// `None`: it goes on. When the drive begins to follow, it holds the target that was preloaded;
-    /// if that is not known, it holds at the encoder.
+    /// `None`: no restart. When the drive begins to follow, it holds the preloaded target; if that
+    /// is unknown, it holds at the encoder.
     pub fn restart_position(self, before: Self, feedback: &AxisFeedback) -> Option<Counts> {
         match (before, self) {
             (Self::Following { .. }, Self::Following { .. }) => None,
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limiter_takes_over_only_when_power_is_requested_and_the_drive_is_enabled() {
+    fn limiter_follows_only_an_enabled_drive_with_power() {
         use SetpointSource::Tracking;
         for (source, demand, phase, next) in [
             (Tracking, Demand::Disabled, AxisPhase::Enabled, Tracking),

@@ -1,7 +1,7 @@
 //! Tremor filter: a first-order low-pass filter on the goal of servo commands.
 //!
 //! It delays slow motion by its time constant, `1 / (2 pi f)`: 53 ms at 3 Hz. Hand tremor has 8 to
-//! 12 Hz (C. N. Riviere et al. 1998); a filter of 3 Hz passes a third of it.
+//! 12 Hz (C. N. Riviere et al. 1998); a 3 Hz filter passes a third of that.
 
 use std::f64::consts::TAU;
 
@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_motion_lags_by_the_time_constant_and_tremor_is_attenuated() {
+    fn tremor_is_attenuated_and_slow_motion_lags() {
         let ramp = run(3.0, |t| 10.0 * t);
         assert!((20.0 - ramp[1999] - 10.0 * 0.053).abs() < 0.02, "{}", ramp[1999]);
         let tremor = run(3.0, |t| (TAU * 10.0 * t).sin());

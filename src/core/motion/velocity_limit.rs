@@ -35,8 +35,8 @@
 //!
 //! The target may move. Braking is planned in the frame of the target: the wanted velocity is that
 //! of the target plus `u` of the distance that is left after the target has moved. **A target that
-//! moves within the limits is followed without lag.** Braking towards zero instead would keep the
-//! setpoint `v^2 / 2A` behind: 3.7 counts, or 7 ms, at 12 deg/s.
+//! moves within the limits is followed without lag.** Braking towards zero instead would make the
+//! setpoint lag by `v^2 / 2A`: 3.7 counts, or 7 ms, at 12 deg/s.
 //!
 //! Deceleration above A, up to D, is reserved for what could not be planned: the target stops,
 //! reverses, or comes near a position limit.
@@ -149,7 +149,7 @@ impl VelocityLimiter {
         self.advance(self.velocity_towards(target));
     }
 
-    /// As [`VelocityLimiter::track`], but with a velocity between that of a stop (0) and that
+    /// Like [`VelocityLimiter::track`], but with a velocity between that of a stop (0) and that
     /// towards the target (1).
     pub fn track_part(&mut self, target: MotorTarget, share: f64) {
         let (whole, stop) = (self.velocity_towards(target), self.next_velocity(0.0));

@@ -13,7 +13,7 @@ use crate::drive::AxisPhase;
 use crate::robot::{Fault, Refusal, StateCommand};
 use crate::units::Nanos;
 
-/// Longest time from a fault reset until the drive has left its fault: a few exchanges, with room
+/// Maximum time from a fault reset until the drive has left its fault: a few exchanges, with room
 /// for repeats.
 const RESET_TIMEOUT: Nanos = Nanos::from_millis(1000);
 

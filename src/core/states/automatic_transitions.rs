@@ -1,4 +1,4 @@
-//! Automatic transitions: what a state does as time passes and drives answer.
+//! Automatic transitions, by elapsed time and drive feedback.
 
 use crate::core::drive_status::DriveSummary;
 use crate::core::faults::fault_detection::detect_fault;
@@ -13,12 +13,12 @@ use crate::drive::AxisPhase;
 use crate::robot::{Fault, StateCommand, Stop};
 use crate::units::Nanos;
 
-/// Longest time for the setpoints to stop before power goes off anyway. At the default limits a
+/// Maximum time for the setpoints to stop before power goes off anyway. At the default limits a
 /// stop takes 2 ms.
 const STOP_TIMEOUT: Nanos = Nanos::from_millis(1000);
 
-/// Time for a motor to come to rest at its last setpoint. For the same time, a drive that reports
-/// to be off is not believed, because the report may be older than the demand. A dozen exchanges.
+/// Time for a motor to come to rest at its last setpoint. For the same time, a report that a drive
+/// is off is ignored, because it may be older than the demand. A dozen exchanges.
 const SETTLE_TIME: Nanos = Nanos::from_millis(50);
 
 /// The transition of this tick that no command asks for, if any.

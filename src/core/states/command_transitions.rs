@@ -1,4 +1,4 @@
-//! Command transitions: what every command does in every state. This is the table in the
+//! Command transitions: effect of every command in every state. This is the table in the
 //! documentation of [`super::control_state`], cell by cell.
 
 use crate::core::drive_status::DriveSummary;
@@ -9,7 +9,7 @@ use crate::core::states::control_state::{
 use crate::core::states::homing::require_homing;
 use crate::robot::{Refusal, StateCommand};
 
-/// What an accepted command does.
+/// Effect of an accepted command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum CommandEffect {
     /// Nothing: the state is already as requested.
@@ -24,11 +24,11 @@ pub(crate) enum CommandEffect {
     Unhome,
     /// A conditioning cycle starts, if the position limits allow it.
     Condition,
-    /// Nothing is followed any more, every other client is held, and the state may change.
+    /// Following ends, every other client is held, and the state may change.
     Hold(Option<ControlState>),
     /// A trajectory to a pose starts, if model and pose allow it.
     Move,
-    /// The lease is given back, and what the client began ends.
+    /// The lease is returned, and the client's activity ends.
     Release,
     /// The virtual fixtures change, if the state allows it.
     ChangeFixtures,
@@ -81,8 +81,8 @@ fn enable(state: &ControlState, summary: &DriveSummary) -> Result<CommandEffect,
     Ok(CommandEffect::Change(ControlState::Disabled(enabling)))
 }
 
-/// No state refuses it: it is how the operator switches the robot off. Only a request without a
-/// client id is refused, before.
+/// No state refuses `disable`: the operator must always be able to switch the robot off. A request
+/// without a client id was refused before.
 pub(crate) fn disable(state: &ControlState, summary: &DriveSummary) -> CommandEffect {
     use DisabledActivity::{Enabling, Homing, Stopping};
     let since = summary.now;
@@ -126,7 +126,7 @@ fn resume(state: &ControlState) -> Result<CommandEffect, Refusal> {
     }
 }
 
-/// It ends every activity: of drives that are changing, as `disable` does.
+/// `hold` ends every activity; while drives are changing, like `disable`.
 fn hold(state: &ControlState, summary: &DriveSummary) -> Result<CommandEffect, Refusal> {
     let next = match state {
         ControlState::Enabled(_) | ControlState::Paused => (!state.is_holding()).then_some(HOLDING),
@@ -147,7 +147,7 @@ fn require_motion_allowed(
     state: &ControlState,
     summary: &DriveSummary,
 ) -> Result<(), Refusal> {
-    // Whether a move takes the place of one in progress depends on who asks for it.
+    // Whether a move replaces one in progress depends on its client.
     if state.trajectory().is_none() || command != StateCommand::Move {
         state.require_unoccupied()?;
     }

@@ -37,12 +37,12 @@
 //! | `fixture` | (8) | (8) | (8) | (8) | (8) | (8) |
 //!
 //! Busy and other words with a capital are [`Refusal`](crate::robot::Refusal)s. State is one of
-//! NotEnabled, Paused, InFault, NotDisabled and NoFault: each has its own way out. A client id
-//! of 0 is refused as Malformed. During shutdown, commands that would start something are refused
-//! with State. Who may give a command while another client commands or holds is in
-//! `command/authority.rs`: Lease and BrokenOff come after the others. `disable` is refused
-//! to nobody who has an id, in no state, and repeating it is no error; so are `pause` and `hold` of
-//! a robot that is on.
+//! NotEnabled, Paused, InFault, NotDisabled and NoFault: each has its own way out. A client id of 0
+//! is refused as Malformed. During shutdown, commands that would start something are refused with
+//! WrongState. Who may give a command while another client commands or holds is in
+//! `command/authority.rs`: Lease and StreamInterrupted come after the others. `disable` from a
+//! client with an id is never refused, in any state, and may be repeated; the same applies to
+//! `pause` and `hold` of a robot that is on.
 //!
 //! 1. DrivesNotReady unless every drive is in phase Disabled with a fresh position. NotHomed unless
 //!    every axis has a valid zero: without it, position limits mean nothing, here and in the drive.
@@ -56,33 +56,33 @@
 //!    stop, and the model gives finite values. If a drive is at fault, its reset counter is raised
 //!    and FAULT stays, busy, until the drive has left its fault. After 1 s the fault is latched
 //!    again. Then DISABLED, powering off.
-//! 5. The lease becomes free, and what the client began ends: the robot holds, or ends the homing.
+//! 5. The lease becomes free and the client's activity ends: the robot holds, or ends the homing.
 //! 6. Busy during a conditioning cycle or a trajectory; NotHomed and DrivesNotReady as for servo
 //!    commands; Range if the position limits leave less room than the model needs to forget, or the
-//!    joint limits less than it crosses. The
-//!    robot stops following the present command. Servo commands are refused with Busy until the
-//!    cycle has ended, where it began, and the robot holds. `pause`, `disable`, a fault, positions
-//!    that are not fresh and a lost zero end it at once, and so do fixtures that come. Setpoints
-//!    that have stood at a limit for a second end it, too, and a stream.
+//!    joint limits less than it crosses. The robot stops following the present command. Servo
+//!    commands are refused with Busy until the cycle has ended, where it began, and the robot
+//!    holds. `pause`, `disable`, a fault, positions that are not fresh and a lost zero end it at
+//!    once, and so do new fixtures. Setpoints stuck at a limit for a second also end it, as they
+//!    end a stream.
 //! 7. By the request `move_jp`. Refused in this order: Busy, NotHomed and DrivesNotReady as for
-//!    (6), Lease and BrokenOff, Malformed without a pose, NoModel, Malformed with a wrong number of
-//!    entries, Unsupported for a model of the tip position, NotFinite, Busy while a setpoint moves,
-//!    Reach for a pose outside the hull, the position limits or the joint limits, Fixture, Range. A
-//!    second one of the same client takes the place of the first, which comes to rest before.
-//!    Otherwise as (6): servo commands are refused with Busy meanwhile, and the same events end it.
-//!    There is no time-out: the trajectory ends at rest after a time that is known when it starts,
-//!    at most [`LONGEST_MOVE`](crate::core::LONGEST_MOVE) (Range for a longer one), and a client
-//!    that dies after its request has asked for nothing that it must go on confirming. `hold`,
-//!    `pause` and `disable` of any client end it.
+//!    (6), Lease and StreamInterrupted, Malformed without a pose, NoModel, Malformed with a wrong
+//!    number of entries, Unsupported for a model of the tip position, NotFinite, Busy while a
+//!    setpoint moves, OutOfReach for a pose outside the hull, the position limits or the joint
+//!    limits, Fixture, Range. A second move of the same client replaces the first, which comes to
+//!    rest before. Otherwise as (6): servo commands are refused with Busy during the move, and the
+//!    same events end it. A timeout is not needed: the trajectory ends at rest after a time known
+//!    at its start, at most [`MAX_MOVE_TIME`](crate::core::MAX_MOVE_TIME) (Range for a longer one),
+//!    and a client that dies after its request has nothing left to confirm. `hold`, `pause` and
+//!    `disable` of any client end it.
 //! 8. By the request `virtual_fixture`. Malformed without a change. Switching on and adding is
 //!    allowed at any time: it makes motion less. Switching off and removing: Busy while a goal in
 //!    joint space is followed. Range when there is no place for one more. While fixtures count,
 //!    servo commands in counts and `condition` are refused with Fixture, and `move` if its line
 //!    meets one.
-//! 9. While the drives go off, `enable` is carried out as soon as they are off, under the same
-//!    conditions. `disable` takes it back.
-//! 10. It ends every activity of every client, and the lease of another one. What others ask for
-//!     then is refused with BrokenOff, until they have been silent for a second.
+//! 9. While the drives are powering off, `enable` is executed as soon as they are off, under the
+//!    same conditions. `disable` cancels it.
+//! 10. It ends every activity of every client and the lease of other clients. Their requests are
+//!     then refused with StreamInterrupted until they have been silent for a second.
 //!
 //! Servo commands need a session, which begins by something deliberate and ends whenever the robot
 //! leaves ENABLED or is held: `command/sessions.rs`. A request that may move or power is refused
@@ -98,7 +98,7 @@ use crate::drive::Demand;
 use crate::robot::{Fault, OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_AXES, Nanos};
 
-/// ENABLED, and nothing is followed.
+/// ENABLED without a followed command.
 pub(crate) const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
 
 /// Demands that switch every drive off.
@@ -118,8 +118,8 @@ pub(crate) enum ControlState {
     Fault(FaultState),
 }
 
-/// Activity in DISABLED. `since`: when it began. `then_enable`: `enable` was asked for meanwhile,
-/// and is carried out when the drives are off.
+/// Activity in DISABLED. `since`: when it began. `then_enable`: `enable` was requested in between
+/// and is executed when the drives are off.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum DisabledActivity {
     /// None: drives are off, starting or lost.
@@ -141,7 +141,7 @@ impl DisabledActivity {
         Self::PoweringOff { since, then_enable: false }
     }
 
-    /// The same, and whether the drives are enabled after it; `None` unless they are going off.
+    /// The same activity with a new `then_enable`; `None` unless the drives are powering off.
     pub fn then(mut self, enable: bool) -> Option<Self> {
         match &mut self {
             Self::Stopping { then_enable, .. }
@@ -177,7 +177,7 @@ pub(crate) struct FaultState {
 /// Progress of the reaction to a fault. `since`: when the stage began.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum FaultStage {
-    /// Waits for the operator. `demands`: to the drives meanwhile.
+    /// Waits for the operator. `demands`: demands to the drives while waiting.
     Latched { since: Nanos, demands: [Demand; MAX_AXES] },
     /// The operator has acknowledged the fault; drives are being reset.
     Resetting { since: Nanos },
@@ -229,7 +229,7 @@ impl ControlState {
         }
     }
 
-    /// The command whose activity is in progress, of those that can be broken off.
+    /// The command whose interruptible activity is in progress.
     pub fn activity(&self) -> Option<StateCommand> {
         match self {
             Self::Disabled(DisabledActivity::Enabling { .. }) => Some(StateCommand::Enable),

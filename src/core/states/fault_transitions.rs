@@ -8,7 +8,7 @@ use crate::drive::{AxisPhase, Demand};
 use crate::robot::Fault;
 use crate::units::{MAX_AXES, Nanos};
 
-/// Longest time for a drive to be enabled, switched off or brought to a quick stop. Each takes
+/// Maximum time for a drive to be enabled, switched off or brought to a quick stop. Each takes
 /// about ten exchanges (25 ms at 115200 baud, a quarter of a second at 9600) and a ramp of the
 /// drive. 3 s leaves room for repeats.
 pub(super) const DRIVE_TIMEOUT: Nanos = Nanos::from_millis(3000);

@@ -10,8 +10,8 @@ use crate::core::states::state_machine::{Transition, TransitionCause};
 use crate::robot::{Fault, Refusal};
 use crate::units::Nanos;
 
-/// Longest homing. Method 37 (CiA 402: the present position is zero) takes as long as enabling; a
-/// search for a hard stop takes seconds.
+/// Maximum time of homing. Method 37 (CiA 402: the present position is zero) takes as long as
+/// enabling; a search for a hard stop takes seconds.
 const HOMING_TIMEOUT: Nanos = Nanos::from_millis(30_000);
 
 /// The command `home`. The caller raises the counters of the drives.
@@ -20,7 +20,7 @@ pub(super) fn require_homing(state: &ControlState, summary: &DriveSummary) -> Re
     summary.require_ready()
 }
 
-/// Ends the homing once every drive has ended it. A homing that leaves no zero is a fault.
+/// Ends the homing once every drive has finished it. A homing without a resulting zero is a fault.
 pub(super) fn update_homing(
     state: &ControlState,
     since: Nanos,

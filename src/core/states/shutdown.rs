@@ -1,4 +1,4 @@
-//! Shutdown: the orderly end of the process.
+//! Clean shutdown of the process.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,8 +7,8 @@ use crate::core::states::control_state::{ControlState, DisabledActivity};
 use crate::robot::{Refusal, StateCommand};
 use crate::units::Nanos;
 
-/// Longest shutdown: stopping, settling and powering off, each within its own timeout, and a second
-/// more. After that the process may end with drives that are on.
+/// Maximum time of shutdown: stopping, settling and powering off, each within its own timeout, and
+/// a second more. After that the process may end with drives that are on.
 const SHUTDOWN_TIMEOUT: Nanos = Nanos::from_millis(5500);
 
 /// Whether and when shutdown was requested.
@@ -43,7 +43,7 @@ impl Shutdown {
             | StateCommand::Fixture
             | StateCommand::Hold => false,
         };
-        if is_start && self.requested.is_some() { Err(Refusal::State) } else { Ok(()) }
+        if is_start && self.requested.is_some() { Err(Refusal::WrongState) } else { Ok(()) }
     }
 
     /// The process may end.

@@ -15,14 +15,14 @@ pub(crate) type Transition = (ControlState, TransitionCause);
 pub(crate) enum TransitionCause {
     /// A command was accepted.
     Command(StateCommand),
-    /// The activity of a state went on or ended; with the command that had started it, if the end
+    /// The activity of a state advanced or ended; with the command that had started it, if the end
     /// is reported.
     Progress(Option<StateCommand>),
-    /// The activity is broken off.
+    /// The activity is interrupted.
     BrokenOff(Stop),
     /// A fault occurred.
     Fault(Fault),
-    /// The process is asked to end.
+    /// Shutdown was requested.
     Shutdown,
 }
 
@@ -35,7 +35,7 @@ impl TransitionCause {
         }
     }
 
-    /// What this is to the activity that it ends.
+    /// Stop cause for the activity that this transition ends.
     fn stop(self) -> Option<Stop> {
         match self {
             Self::Progress(_) => None,
@@ -55,7 +55,7 @@ impl TransitionCause {
     }
 }
 
-/// The state, its time of entry, the last fault, and how the last activity ended.
+/// The state, its time of entry, the last fault and the end of the last activity.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StateMachine {
     state: ControlState,
@@ -94,8 +94,8 @@ impl StateMachine {
         self.fault
     }
 
-    /// What broke off the last activity of a command, or a stream since then; `None`: it goes on, or
-    /// came to its end.
+    /// Cause that interrupted the last activity of a command, or a later stream; `None` if it
+    /// continues or was completed.
     pub fn broken_off(&self) -> Option<Stop> {
         self.broken_off
     }
@@ -125,7 +125,7 @@ impl StateMachine {
         self.state = next;
     }
 
-    /// Changes the state because its activity went on or ended.
+    /// Changes the state because its activity advanced or ended.
     pub fn progress(&mut self, next: ControlState, now: Nanos, events: &mut EventList) {
         self.change((next, TransitionCause::Progress(None)), now, events);
     }

@@ -18,8 +18,8 @@ use crate::units::{Counts, Nanos};
 /// How long enabling may take.
 const ENABLE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
-/// How long switching off in order may take before the power is cut, and cutting the power before
-/// it is tried again.
+/// Time for switching off by the ramp before the power is cut, and for cutting the power before
+/// the next attempt.
 const OFF_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
 /// How long homing at the present position may take: a few transfers.
@@ -85,7 +85,7 @@ impl AxisStateMachine {
         self.schedule.most_urgent(self.command_need(request), self.is_moving(request, line), line)
     }
 
-    /// What the next setpoint or step is worth; `None` if there is none.
+    /// Value of the next setpoint or step; `None` if none is due.
     fn command_need(&self, request: &AxisRequest) -> Option<CommandNeed> {
         let transfer = self.state.transfer(self.object_map(), &self.plan);
         if self.state != AxisState::Enabled || self.trigger.transfer().is_some() {
@@ -126,8 +126,8 @@ impl AxisStateMachine {
         self.schedule.has_waited(line)
     }
 
-    /// What is written: within the limits, and no further from the setpoint that the drive has than
-    /// the motor may lag behind it. What came in between was not written.
+    /// Setpoints that may be written: within the limits, and at most the permitted following error
+    /// from the setpoint that the drive has. Setpoints in between were not written.
     fn writable(&self) -> RangeInclusive<i32> {
         let (lowest, highest) = (*self.limits.start(), *self.limits.end());
         let far = self.max_unseen_motion;
@@ -191,7 +191,7 @@ impl AxisStateMachine {
     }
 
     /// Acknowledges requests that this state does not carry out: an old request must not be carried
-    /// out much later, when nobody expects it.
+    /// out unexpectedly, much later.
     pub(in crate::drive) fn acknowledge_counters(
         &mut self,
         request: &AxisRequest,

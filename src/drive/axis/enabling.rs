@@ -85,7 +85,7 @@ impl PowerSequence {
     }
 }
 
-/// The steps of enabling, in order.
+/// Sequence of the enabling steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum EnablingStep {
     /// Read a position limit back: a drive that restarted since its configuration has lost all
@@ -170,7 +170,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_command_is_sent_once_and_the_next_only_after_its_effect() {
+    fn commands_are_sent_once_and_wait_for_their_effect() {
         use DriveState::{OperationEnabled, Ready, SwitchOnDisabled, SwitchedOn};
         let shutdown = Transfer::Control(Controlword::SHUTDOWN);
         let enable = Transfer::Control(Controlword::ENABLE_OPERATION);

@@ -1,4 +1,4 @@
-//! Homing: the drive finds its home position by itself.
+//! Homing: the drive itself searches its home position.
 
 use super::enabling::{PowerSequence, ProcedureStatus};
 use super::transfer::Transfer;
@@ -9,7 +9,7 @@ use crate::drive::family::ObjectMap;
 use crate::drive::homing_plan::HomingPlan;
 use crate::drive::object::{Address, Setting, Value};
 
-/// The steps, in order. Numbers are indices into the lists of the plan.
+/// Sequence of the homing steps. Numbers are indices into the lists of the plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum HomingStep {
     /// Read the position of the motor.

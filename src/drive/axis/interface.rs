@@ -25,16 +25,16 @@ pub struct AxisRequest {
     /// The operator has declared the zero invalid (`unhome`): no position is saved for the next
     /// start, which would trust it.
     pub zero_invalid: bool,
-    /// Stamp of the command behind the target, to measure latency. Zero: none.
+    /// Stamp of the command that set the target, to measure latency. Zero: none.
     pub command_stamp: Nanos,
-    /// Sequence number of the command behind the target. Zero: none.
+    /// Sequence number of the command that set the target. Zero: none.
     pub command_sequence: u64,
 }
 
 /// The state that a drive is brought to. The safe default is [`Demand::Disabled`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Demand {
-    /// Power stage off, in order: operation disabled with a ramp, then shut down.
+    /// Power stage off: operation disabled with a ramp, then shut down.
     #[default]
     Disabled,
     /// Operation enabled; the drive follows the target.
@@ -73,7 +73,7 @@ pub struct AxisFeedback {
 }
 
 impl AxisFeedback {
-    /// What is known of the power stage. A drive that said nothing since `oldest` may have power.
+    /// Known power of the drive. A drive that has not replied since `oldest` may have power.
     #[must_use]
     pub fn power(&self, oldest: Nanos) -> DrivePower {
         match self.phase.power() {

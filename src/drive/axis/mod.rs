@@ -5,7 +5,7 @@
 //! the newest setpoint is written.
 //!
 //! After a fault, a lost line, a failed transition or interference from outside, the axis does not
-//! enable by itself: the demand must first have been something other than enabled.
+//! enable again until the demand has been something other than enabled.
 //!
 //! | file | contents |
 //! |---|---|

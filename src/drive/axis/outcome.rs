@@ -12,9 +12,9 @@ use crate::drive::cia402::{Controlword, DriveState, Statusword};
 use crate::drive::error::{AxisError, LinkError};
 use crate::drive::event::{PortEventKind, TransitionError};
 use crate::drive::family::SetpointTrigger;
-use crate::drive::heard::Heard;
 use crate::drive::link::TimedReply;
 use crate::drive::object::Value;
+use crate::drive::unexpected_reply::UnexpectedReply;
 use crate::units::{Counts, Nanos};
 
 /// How long the drive may take to leave the fault state.
@@ -43,7 +43,7 @@ impl AxisStateMachine {
                     self.advance(transfer, reply.value, now, events);
                 }
             }
-            // An empty error history, or a drive that does not tell the code.
+            // An empty error history, or a drive that does not report the code.
             Err(LinkError::Refused(code))
                 if transfer == Transfer::ErrorCode
                     && (self.object_map().error_code_is_history || code.is_missing()) =>
@@ -53,11 +53,11 @@ impl AxisStateMachine {
             }
             Err(LinkError::Refused(AbortCode::NO_NODE)) => {
                 self.schedule.repeat(transfer);
-                self.handle_unanswered(Heard::default(), now, events);
+                self.handle_unanswered(UnexpectedReply::default(), now, events);
             }
-            Err(LinkError::Unanswered(heard)) => {
+            Err(LinkError::Unanswered(unexpected)) => {
                 self.schedule.repeat(transfer);
-                self.handle_unanswered(heard, now, events);
+                self.handle_unanswered(unexpected, now, events);
             }
             // The watchdog may have stopped the drive: as after a time-out.
             Err(LinkError::NotOurTurn) => {
@@ -322,11 +322,16 @@ impl AxisStateMachine {
         self.schedule.repeat(Transfer::Status);
     }
 
-    fn handle_unanswered(&mut self, heard: Heard, now: Nanos, events: EventSink<'_>) {
+    fn handle_unanswered(
+        &mut self,
+        unexpected: UnexpectedReply,
+        now: Nanos,
+        events: EventSink<'_>,
+    ) {
         self.unanswered += 1;
         self.trigger.handle_failure();
         if self.unanswered >= MAX_UNANSWERED {
-            self.set_lost(LinkError::Unanswered(heard), events);
+            self.set_lost(LinkError::Unanswered(unexpected), events);
         } else if let AxisState::Homing(step, ..) = self.state {
             self.handle_homing(step.handle_timeout(), now, events);
         }

@@ -32,7 +32,7 @@ const POSITION_TURNS: u64 = POSITION_BOUND_TURNS;
 const STATUS_TURNS: u64 = STATUS_BOUND_TURNS * 3 / 4;
 const SLOW_TURNS: u64 = CURRENT_BOUND_TURNS * 5 / 6;
 
-/// An axis waits no longer than so many turns for a setpoint or a step, however large the changes
+/// Maximum number of turns that an axis waits for a setpoint or a step, however large the changes
 /// of the others are.
 const COMMAND_BOUND_TURNS: u64 = 3;
 
@@ -46,9 +46,9 @@ const AT_BOUND: u64 = 1 << 49;
 /// Exchanges of a port, as its planner counts them.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::drive) struct LineUse {
-    /// Of the port.
+    /// Number of axes on the port.
     axes: u64,
-    /// Of these, how many move.
+    /// Number of moving axes among them.
     pub(in crate::drive) moving: u64,
     /// Exchanges so far.
     exchanges: u64,
@@ -84,11 +84,11 @@ pub(in crate::drive) enum Urgency {
     FirstCommand(u64),
     /// A read at its bound.
     LateRead(u64),
-    /// The drive is to be told to stop.
+    /// The drive must be sent a stop.
     Stop(u64),
 }
 
-/// What a setpoint or a step is worth.
+/// Value of a setpoint or a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct CommandNeed {
     /// Change of the setpoint, counts.
@@ -169,7 +169,7 @@ impl ReadValue {
     }
 }
 
-/// When an axis was last served, by the count of the exchanges of its port.
+/// Last service of an axis, counted in exchanges of its port.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Schedule {
     any: u64,
@@ -292,7 +292,7 @@ mod tests {
 
     use super::*;
 
-    /// What an axis needs before an exchange.
+    /// Needs of an axis before an exchange.
     #[derive(Debug, Clone, Copy)]
     struct Needs {
         change: u32,
@@ -318,7 +318,7 @@ mod tests {
             Self { line, axes: vec![Schedule::default(); axes], last, longest: [0; 5] }
         }
 
-        /// One exchange. Returns the axis, and whether it was a setpoint.
+        /// Runs one exchange. Returns the axis, and `true` for a setpoint.
         fn exchange(&mut self, needs: &[Needs]) -> (usize, bool) {
             let mut most: Option<(usize, (Urgency, TransferSlot))> = None;
             for (axis, need) in needs.iter().enumerate() {
@@ -381,8 +381,8 @@ mod tests {
     }
 
     #[test]
-    fn two_axes_that_move_get_what_the_line_allows_beside_one_at_rest() {
-        // Counts per exchange of the others, and what the slower one gets of the faster one's.
+    fn two_moving_axes_use_the_line_beside_one_at_rest() {
+        // Counts per exchange of the others; share of the slower axis relative to the faster.
         for (axes, changes, least) in [(2, [9, 9], 0.99), (3, [9, 9], 0.99), (3, [40, 9], 0.4)] {
             let mut port = Port::new(axes);
             let mut written = vec![0; axes];
@@ -401,7 +401,7 @@ mod tests {
                     (written[axis], setpoints[axis]) = (now, setpoints[axis] + 1);
                 }
             }
-            // A setpoint and a position of each moving axis in turn, and nothing else.
+            // Only a setpoint and a position of each moving axis in turn.
             let bare = f64::from(exchanges) / 4.0;
             let each = f64::from(setpoints[0] + setpoints[1]) / 2.0;
             assert!(each > 0.95 * bare, "{axes} axes: {setpoints:?} of {bare}");

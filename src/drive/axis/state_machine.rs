@@ -19,8 +19,8 @@ use crate::drive::object::Address;
 use crate::robot::{AxisPhase, DrivePower};
 use crate::units::{Counts, Nanos};
 
-/// Exchanges with a drive in which it has to report quick stop. Not a time: on a line that waits
-/// for another node, time passes in which nothing was asked.
+/// Exchanges within which a drive has to report quick stop. Not a time: while a line waits for
+/// another node, no request is sent.
 pub(super) const STOP_EXCHANGES: u32 = 100;
 
 /// How long the drive may take to come to a standstill in quick stop.
@@ -32,11 +32,11 @@ pub(in crate::drive) type EventSink<'a> = &'a mut dyn FnMut(PortEvent);
 /// Counts per turn of the finest encoder of such motors, in quadrature.
 const FINEST_ENCODER: f64 = 4096.0;
 
-/// What a position may change by at once: the instant at which the drive samples it is not known.
+/// Tolerated jump of a position, counts: the sampling instant of the drive is unknown.
 const POSITION_JITTER: f64 = 32.0;
 
-/// What a motor without power that stood still moves between two readings at most: it is turned by
-/// hand, through its gear.
+/// Maximum motion of a resting motor without power between two readings: it is turned by hand,
+/// through its gear.
 const TURNED_BY_HAND: f64 = 20.0;
 
 /// The states, finer than the phases that the control loop sees. Instants are deadlines.
@@ -134,8 +134,8 @@ pub(in crate::drive) struct AxisStateMachine {
     pub(super) max_unseen_motion: u32,
     /// The fastest that the motor may turn, counts/s.
     max_speed: f64,
-    /// When the last position was asked for; `None` after what moves the zero.
-    position_asked: Option<Nanos>,
+    /// Time of the last position request; `None` after an operation that moves the zero.
+    position_requested: Option<Nanos>,
     pub(super) family: &'static dyn DriveFamily,
     pub(super) plan: HomingPlan,
     pub(super) state: AxisState,
@@ -180,7 +180,7 @@ impl AxisStateMachine {
             limits: config.position_min_counts.0..=config.position_max_counts.0,
             max_unseen_motion: config.following_error_counts,
             max_speed: f64::from(config.motor_speed_rpm) / 60.0 * FINEST_ENCODER,
-            position_asked: None,
+            position_requested: None,
             family,
             plan: family.homing(config),
             state: AxisState::Starting,
@@ -220,7 +220,7 @@ impl AxisStateMachine {
         !self.is_lost() && self.unanswered == 0
     }
 
-    /// A stop has to be told to the drive, or is not reported by it yet.
+    /// Whether a stop has to be sent to the drive, or is not reported by it yet.
     pub(in crate::drive) fn is_stop_due(&self, request: &AxisRequest) -> bool {
         match self.state {
             AxisState::QuickStopping(..) => true,
@@ -247,7 +247,7 @@ impl AxisStateMachine {
         matches!(self.state, Disabled | Faulted(_) | Lost)
     }
 
-    /// What is known of the power stage, if the drive answers now.
+    /// Power of the drive as known if it answers now.
     pub(in crate::drive) fn power(&self) -> DrivePower {
         if self.answers() { self.feedback.power(Nanos::ZERO) } else { DrivePower::NotKnown }
     }
@@ -291,8 +291,8 @@ impl AxisStateMachine {
     }
 
     /// Compares the present position with the last known one. The axis counts as not homed if the
-    /// difference is more than the motor can have moved by itself: it was moved by something else,
-    /// or the encoder counts from another zero.
+    /// difference exceeds the motor's own possible motion: something else moved it, or the encoder
+    /// counts from a different zero.
     pub(in crate::drive) fn compare_position(
         &mut self,
         before: Option<Counts>,
@@ -317,14 +317,15 @@ impl AxisStateMachine {
         let before = self.feedback.position;
         // While the zero moves, nothing is known of the way.
         let is_moved = matches!(self.state, AxisState::Homing(..));
-        let Some(asked) = self.position_asked.replace(reply.sent).filter(|_| !is_moved) else {
+        let Some(requested) = self.position_requested.replace(reply.sent).filter(|_| !is_moved)
+        else {
             return;
         };
         let is_still = self.state == AxisState::Disabled && self.at_standstill;
         let most = if is_still {
             TURNED_BY_HAND
         } else {
-            POSITION_JITTER + self.max_speed * reply.received.duration_since(asked).as_seconds()
+            POSITION_JITTER + self.max_speed * reply.received.duration_since(requested).as_seconds()
         };
         if self.feedback.homed && f64::from(before.0.abs_diff(position.0)) > most {
             self.position_mismatch = true;
@@ -374,7 +375,7 @@ impl AxisStateMachine {
         }
         let moves_zero = |state| matches!(state, AxisState::Homing(..) | AxisState::Lost);
         if moves_zero(self.state) || moves_zero(state) {
-            self.position_asked = None;
+            self.position_requested = None;
         }
         self.at_standstill = false;
         self.state = state;

@@ -30,7 +30,7 @@ const SOFTWARE: u16 = 4;
 /// The frame of maxon's serial protocol. V1, of EPOS2 on RS232, is not spoken.
 const FRAME_KIND: &str = "V2";
 
-/// Bytes of a block beside its content: kind, and its length twice.
+/// Bytes of a block in addition to its content: kind, and its length twice.
 const FRAME: usize = 12;
 
 /// A file with the captures of all ports.
@@ -55,7 +55,8 @@ pub enum CaptureError {
     },
     /// Another kind of file.
     #[error(
-        "{} is no capture of serial lines; name a file that i2ris-control wrote beside a black box",
+        "{} is not a capture of serial lines; name a file that i2ris-control wrote next to a black \
+         box",
         path.display()
     )]
     Foreign {
@@ -126,7 +127,7 @@ fn pad(bytes: &mut Vec<u8>) {
 ///
 /// # Errors
 ///
-/// When it cannot be read, or is no capture.
+/// When it cannot be read, or is not a capture.
 pub fn read(path: &Path) -> Result<CaptureFile, CaptureError> {
     let path = path.to_owned();
     match std::fs::read(&path) {
@@ -135,8 +136,8 @@ pub fn read(path: &Path) -> Result<CaptureFile, CaptureError> {
     }
 }
 
-/// Reads the bytes of a file up to its end, or to the first block that is not whole. `None`: they
-/// are no capture.
+/// Reads the bytes of a file up to its end, or to the first incomplete block. `None`: the
+/// bytes are not a capture.
 #[must_use]
 pub fn from_bytes(bytes: &[u8]) -> Option<CaptureFile> {
     let mut rest = bytes;
@@ -227,7 +228,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_file_is_read_as_it_was_written_and_a_cut_one_as_far_as_it_is_whole(
+        fn file_reads_back_and_truncated_file_reads_whole_blocks(
             bytes in vec(vec(any::<u8>(), 0..70), 0..12), at: prop::sample::Index, other: u8,
         ) {
             let ports = vec![port(&bytes, 3), port(&bytes, 7)];

@@ -1,9 +1,9 @@
-//! The bytes of the last minute in fixed memory: one thread writes, others read, nobody waits.
+//! The bytes of the last minute in fixed memory: one thread writes, others read, none waits.
 //!
 //! A record is one word with time, kind and length, and its bytes in words. The writer overwrites
 //! the oldest records: it says so in `tail` first, and in `head` when a record is whole. A reader
 //! copies everything between the two, then looks at `tail` once more and drops what may have been
-//! overwritten meanwhile.
+//! overwritten.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, fence};
 use super::{LineEvent, LineEventKind};
 use crate::units::Nanos;
 
-/// What is kept of a line.
+/// Retained time span of a line.
 const SPAN: Nanos = Nanos::from_millis(60_000);
 
 /// A line on USB has no bit rate, and may be configured with any. An exchange of 24 bytes takes
@@ -23,7 +23,7 @@ const MAX_BAUD: u32 = 1_000_000;
 /// takes three records of 64 bytes in all.
 const BYTES_PER_BYTE: usize = 4;
 
-/// The most bytes of a record of received ones: as many as the driver reads at once.
+/// Maximum bytes in a record of received data: as many as the driver reads at once.
 const CHUNK: usize = 64;
 
 /// The most bytes of a record: what 13 bits hold.
@@ -53,7 +53,7 @@ pub(super) fn ring(baud: u32) -> (RingWriter, Arc<Ring>) {
 }
 
 fn of_words(count: usize) -> (RingWriter, Arc<Ring>) {
-    // Written once here: the pages are there before the port thread needs them.
+    // Written once here, so that the pages exist before the port thread needs them.
     let words = (0..count as u64).map(AtomicU64::new).collect();
     let ring = Arc::new(Ring { words, tail: AtomicU64::new(0), head: AtomicU64::new(0) });
     let (pending, since) = ([0; CHUNK], Nanos::ZERO);
@@ -70,7 +70,7 @@ impl Ring {
         let (first, head) = (self.tail.load(Acquire), self.head.load(Acquire));
         let copied: Vec<u64> =
             (first..head).map(|position| self.word(position).load(Relaxed)).collect();
-        // Whoever read a word that was overwritten sees the tail behind it now.
+        // A reader of an overwritten word now sees the tail after that word.
         fence(Acquire);
         let tail = self.tail.load(Relaxed);
         let mut rest = copied.get((tail - first) as usize..).unwrap_or_default();
@@ -109,14 +109,14 @@ pub(super) struct RingWriter {
     ring: Arc<Ring>,
     tail: u64,
     head: u64,
-    /// Received since, and not in the ring yet: bytes may arrive one by one.
+    /// Received bytes that are not in the ring yet: they may arrive one by one.
     pending: [u8; CHUNK],
     count: usize,
     since: Nanos,
 }
 
 impl RingWriter {
-    /// Writes an event, behind what was received before.
+    /// Writes an event after the bytes received before it.
     pub fn write(&mut self, time: Nanos, kind: LineEventKind, bytes: &[u8]) {
         self.flush();
         self.push(time, kind, bytes);
@@ -152,7 +152,7 @@ impl RingWriter {
             self.tail += words(ring.word(self.tail).load(Relaxed));
         }
         ring.tail.store(self.tail, Relaxed);
-        // The tail is seen before anything behind it is overwritten.
+        // The tail becomes visible before anything after it is overwritten.
         fence(Release);
         ring.word(self.head).store(header, Relaxed);
         for (position, bytes) in (self.head + 1..).zip(bytes.chunks(WORD)) {
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reader_gets_the_newest_whole_attempts_while_the_line_is_busy() {
+    fn reader_gets_newest_whole_attempts_on_a_busy_line() {
         let (mut writer, ring) = of_words(3000);
         let end = AtomicBool::new(false);
         std::thread::scope(|scope| {
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_minute_of_the_busiest_line_fits_and_older_events_are_left_out() {
+    fn busiest_line_fits_for_a_minute_without_older_events() {
         // The shortest exchange, a refused read: ten bytes there, and ten back one by one.
         for baud in [1_000_000, 115_200] {
             let (mut writer, ring) = ring(baud);

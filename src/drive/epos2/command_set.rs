@@ -131,10 +131,10 @@ mod tests {
         }
     }
 
-    /// One word in place of two; the upper word of a reply of two words is 0x8090, as public code
+    /// One word instead of two; in a reply with two words, the upper word is 0x8090, as public code
     /// has read it.
     #[test]
-    fn a_short_value_comes_in_one_word_or_with_a_word_of_no_meaning() {
+    fn short_value_is_read_from_one_or_two_words() {
         for data in [&[0, 0, 0, 0, 0x37, 0x02][..], &[0, 0, 0, 0, 0x37, 0x02, 0x90, 0x80]] {
             let value = COMMANDS.read_reply(reply(data), STATUSWORD.address());
             assert_eq!(value, Ok(0x0237));

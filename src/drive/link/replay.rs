@@ -12,7 +12,7 @@ use crate::drive::object::{Address, Setting};
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
-/// What a replay found.
+/// Result of a replay.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct LineReplay {
     /// Attempts that were replayed.
@@ -102,9 +102,9 @@ fn repeat(
 /// A line on which everything happens as in the capture.
 #[derive(Debug, Default)]
 struct Playback<'a> {
-    /// What has not happened yet.
+    /// Remaining events.
     events: &'a [LineEvent],
-    /// Received, and not read yet.
+    /// Received bytes that are not read yet.
     unread: &'a [u8],
     sends_otherwise: bool,
     outcome: Option<Outcome>,

@@ -3,7 +3,7 @@
 //! The line is drained until it is quiet, the parser is reset, and constants with known values are
 //! read and compared: the vendor number once, then the serial number. Late replies can disturb this
 //! only as follows. The drive answers in the order of the requests, and at most once each. If late
-//! replies are still on their way, the answers to these reads arrive behind them, shifted by their
+//! replies are still on their way, the answers to these reads arrive after them, shifted by their
 //! number `d`. The word "vendor, serial, serial, ..." of length `n` never equals itself shifted by
 //! any `d < n`, because the vendor is only at its start. And `d` is at most the number of requests
 //! that were not answered. With one read more than that, a shifted line is always detected.
@@ -23,8 +23,8 @@ const QUIET: Nanos = Nanos::from_millis(5);
 /// A line that is not quiet within this time carries something else than our replies.
 const MAX_NOISE: Nanos = Nanos::from_millis(100);
 
-/// Attempts to synchronise before the line is given up. A gateway is given the time that it may
-/// wait for a node, too.
+/// Attempts to synchronise before the line is given up. For a gateway they include the time that it
+/// may wait for a node.
 const ATTEMPTS: u32 = 4;
 
 /// The most late replies that are expected. More happen only on a line that was given up, and a
@@ -88,7 +88,7 @@ impl<T: Transport> DriveLink<T> {
         while !self.is_in_sync() {
             let may_wait = self.has_gateway && self.transport.now() < end;
             if attempts >= ATTEMPTS && !may_wait {
-                return Err(LinkError::Lost(self.heard()));
+                return Err(LinkError::Lost(self.unexpected()));
             }
             self.try_to_synchronise()?;
             attempts += 1;

@@ -13,7 +13,7 @@ use crate::units::Nanos;
 /// Bytes read from the line at a time; most frames are shorter.
 const CHUNK: usize = 64;
 
-/// Bytes of a frame beside its data: sync, opcode, length, CRC; doubled for stuffing.
+/// Bytes of a frame in addition to its data: sync, opcode, length, CRC; doubled for stuffing.
 const OVERHEAD: usize = 12;
 
 /// A value out of a reply, as a number for the capture.
@@ -47,12 +47,12 @@ impl<T: Transport> DriveLink<T> {
         request: &DriveRequest,
         decode: Decode<'_, R>,
     ) -> Result<TimedReply<R>, TransferError> {
-        let before = self.heard;
+        let before = self.unexpected;
         let outcome = self.transfer(request, decode);
         match &outcome {
             Ok(_) | Err(TransferError::Refused(_)) => {
                 self.counters.exchanges += 1;
-                self.heard = before;
+                self.unexpected = before;
             }
             Err(TransferError::Timeout) => {
                 self.counters.timeouts += 1;
@@ -122,14 +122,14 @@ impl<T: Transport> DriveLink<T> {
                         self.counters.crc_errors += 1;
                         return Err(TransferError::Disturbed);
                     }
-                    // With more bytes behind it, either may be the answer.
+                    // If more bytes follow, either may be the reply.
                     ParserEvent::Frame(frame) if index + 1 < count => {
-                        self.heard.note_frame(&frame);
+                        self.unexpected.note_frame(&frame);
                         return Err(TransferError::Disturbed);
                     }
                     ParserEvent::Frame(frame) => {
                         let value = decode(frame);
-                        return Ok(value.inspect_err(|_| self.heard.note_frame(&frame))?);
+                        return Ok(value.inspect_err(|_| self.unexpected.note_frame(&frame))?);
                     }
                 }
             }
@@ -140,7 +140,7 @@ impl<T: Transport> DriveLink<T> {
     /// Reads what has arrived, and notes it.
     pub(super) fn receive(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
         let count = self.transport.read(into, deadline)?;
-        self.heard.note_bytes(into.get(..count).unwrap_or_default());
+        self.unexpected.note_bytes(into.get(..count).unwrap_or_default());
         Ok(count)
     }
 }

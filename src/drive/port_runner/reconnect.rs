@@ -14,8 +14,8 @@ use crate::units::Nanos;
 /// Between two attempts to reconnect a lost axis.
 const RECONNECT_PERIOD: Nanos = Nanos::from_millis(500);
 
-/// While other axes answer, it is at least so many times as long as the last attempt took: they
-/// wait for a gateway that waits for the lost one.
+/// Minimum pause relative to the duration of the last attempt, while other axes answer: they wait
+/// for a gateway that waits for the lost one.
 const RECONNECT_PAUSE: u64 = 5;
 
 /// The other axes of a line while a lost one is brought up again.
@@ -93,7 +93,7 @@ pub(super) fn try_reconnect<T: Transport>(
     }
 }
 
-/// The position of the axis after it was identified, and whether it holds.
+/// Brings an axis up again. Returns its position, and `true` if it holds.
 ///
 /// A drive that kept its power has kept its settings. Where a quick stop is demanded it gets one:
 /// without power the wires would lose their tension. Any other is switched off and limited again.
@@ -106,7 +106,7 @@ fn bring_up_again(
     let holds = may_hold && drive.hold()?;
     if !holds {
         drive.switch_off()?;
-        // What it lacks was said at the start.
+        // Missing objects were reported at the start.
         drive.configure(&slot.settings, slot.identity.model, &mut |_| {})?;
     }
     Ok((drive.read(object::POSITION)?, holds))

@@ -175,11 +175,11 @@ fn a_new_start_inside_a_frame_discards_the_incomplete_frame() {
 }
 
 #[test]
-fn a_frame_cut_inside_a_doubled_byte_takes_the_next_with_it_unless_reset() {
+fn frame_cut_inside_doubled_byte_loses_the_next_unless_reset() {
     let cut = bytes("90 02 00 04 00 00 00 00 01 90");
     let good = bytes("90 02 00 02 00 00 00 00 40 8B");
 
-    // Without a reset the protocol cannot tell the frames apart.
+    // Without a reset the protocol cannot distinguish the frames.
     for (reset, frames) in [(false, vec![]), (true, vec![(0x00, vec![0; 4])])] {
         let mut parser = FrameParser::default();
         feed(&mut parser, &cut);
@@ -208,7 +208,7 @@ fn every_state() -> impl Iterator<Item = FrameParser> {
 }
 
 #[test]
-fn after_every_state_and_byte_the_next_frame_is_found_unless_half_a_pair_came_before_it() {
+fn next_frame_is_found_except_after_half_a_pair() {
     let wire = good_wire();
     let found = |parser: &mut FrameParser| !feed(parser, &wire).0.is_empty();
     // What follows depends on the state after the byte, not on how it was reached: every different
@@ -284,7 +284,7 @@ proptest! {
     }
 
     #[test]
-    fn a_good_frame_is_found_after_any_damage_and_a_reset(
+    fn good_frame_is_found_after_damage_and_reset(
         opcode: u8, data in any_data(), corruption in corruption(),
     ) {
         let good = encode(opcode, &data);
@@ -297,7 +297,7 @@ proptest! {
     }
 
     #[test]
-    fn without_a_reset_only_a_frame_after_half_a_pair_may_be_lost(data in any_data(), keep: usize) {
+    fn without_reset_only_frames_after_half_a_pair_are_lost(data in any_data(), keep: usize) {
         let wire = encode(0x00, &data);
         let mut parser = FrameParser::default();
         feed(&mut parser, &wire[..keep % wire.len()]);
@@ -326,7 +326,7 @@ proptest! {
     }
 }
 
-/// What a driver has to make of a reply of the reference to a read (or to a write).
+/// Expected outcome of a reference reply to a read (or to a write).
 fn outcome(is_read: bool, reply: &[u8]) -> Outcome {
     let number = |bytes: &[u8]| u32::from_le_bytes(bytes.try_into().unwrap());
     match (number(&reply[..4]), reply.len()) {
@@ -363,7 +363,7 @@ fn public_frames_are_captures_that_replay_to_the_same_outcomes() {
         let LineReplay { attempts, skipped, differences } = found;
         assert!(attempts >= least && skipped == 0 && differences.is_empty(), "{differences:?}");
     }
-    // A reply that the driver is said to have taken otherwise is a difference.
+    // A reply with a different recorded outcome is a difference.
     let mut wrong = ports[0].clone();
     wrong.events[2] = LineEvent::of_outcome(Nanos(0), Outcome::Timeout);
     assert_eq!(replay(&wrong).differences.len(), 1);

@@ -9,7 +9,7 @@ use crate::ipc::payload::{Payload, ReachTarget, TeleopMsg, TrialMsg};
 use crate::ipc::streams::Stream;
 use crate::units::Nanos;
 
-/// A message that one client tells all others.
+/// A message from one client to all others.
 pub trait Announcement: Payload {
     /// Its stream.
     const STREAM: Stream;
@@ -51,8 +51,8 @@ impl<T: Announcement> Announcer<T> {
         Self { link: Arc::clone(link), publisher, sequence: 0 }
     }
 
-    /// Publishes a message; client, sequence number and time are filled in. Nobody needs to receive
-    /// it.
+    /// Publishes a message; client, sequence number and time are filled in. It is sent even
+    /// without a receiver.
     ///
     /// # Errors
     ///

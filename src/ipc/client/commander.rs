@@ -94,9 +94,9 @@ impl Commander {
         self
     }
 
-    /// Opens or closes the clutch, from the next command in joints or of the tip on. While it is open the
-    /// snake holds and motion of the master is ignored; when it closes, the position of the master
-    /// corresponds to the present pose of the snake.
+    /// Opens or closes the clutch, from the next command in joints or of the tip on. While it is
+    /// open the snake holds and motion of the master is ignored; when it closes, the position of
+    /// the master corresponds to the present pose of the snake.
     pub fn set_clutch(&mut self, open: bool) {
         self.clutched = open;
     }
@@ -117,7 +117,7 @@ impl Commander {
     ///
     /// # Errors
     ///
-    /// As [`Commander::servo_jp`].
+    /// See [`Commander::servo_jp`].
     pub fn servo_jv(&mut self, velocity: &[f64]) -> Result<u64, ClientError> {
         self.servo(velocity, ServoJp::RATE)
     }
@@ -127,7 +127,7 @@ impl Commander {
     ///
     /// # Errors
     ///
-    /// As [`Commander::servo_jp`].
+    /// See [`Commander::servo_jp`].
     pub fn interpolate_jp(&mut self, position: &[f64]) -> Result<u64, ClientError> {
         self.servo(position, ServoJp::INTERPOLATE)
     }
@@ -136,7 +136,7 @@ impl Commander {
     ///
     /// # Errors
     ///
-    /// As [`Commander::servo_jp`].
+    /// See [`Commander::servo_jp`].
     pub fn servo_cp(&mut self, place: [f64; 3]) -> Result<u64, ClientError> {
         self.servo(&place, ServoJp::TIP)
     }
@@ -146,17 +146,17 @@ impl Commander {
     ///
     /// # Errors
     ///
-    /// As [`Commander::servo_jp`].
+    /// See [`Commander::servo_jp`].
     pub fn servo_cv(&mut self, velocity: [f64; 3]) -> Result<u64, ClientError> {
         self.servo(&velocity, ServoJp::TIP | ServoJp::RATE)
     }
 
     /// `jaw/servo_jp`: turn the auxiliary axis to this angle now, rad: a gripper, or a roll. Its
-    /// stream runs beside the one of the joints.
+    /// stream runs in parallel with that of the joints.
     ///
     /// # Errors
     ///
-    /// As [`Commander::servo_jp`].
+    /// See [`Commander::servo_jp`].
     pub fn servo_jaw(&mut self, angle: f64) -> Result<u64, ClientError> {
         let (position, count) = padded(&[angle])?;
         send_angles(
@@ -186,7 +186,7 @@ impl Commander {
     ///
     /// # Errors
     ///
-    /// As [`Commander::servo_jp`].
+    /// See [`Commander::servo_jp`].
     pub fn servo_actuators(&mut self, counts: &[i32]) -> Result<u64, ClientError> {
         let (position_counts, count) = padded::<i32, MAX_MOTORS>(counts)?;
         let (link, mut sequence) = (&self.link, 0);

@@ -28,9 +28,11 @@ pub struct Client {
     pub(super) link: Arc<ControllerLink>,
     pub(super) requests: RequestForwarder,
     operating_state: Latest<OperatingStateMsg>,
+    /// Opened when it is read first.
+    measured: Option<Latest<JointState>>,
     /// Opened when a move is waited for.
     pub(super) setpoint: Option<Latest<JointState>>,
-    /// Of the last move in joint space, rad.
+    /// Last joint-space goal, rad.
     pub(super) goal: Option<[f64; MAX_OUTPUTS]>,
 }
 
@@ -41,7 +43,8 @@ impl Client {
     ///
     /// [`ClientError::NoController`] when there is none in time, [`ClientError::Interface`] when it
     /// has another version, [`ClientError::Transport`] when iceoryx2 fails.
-    pub fn connect(domain: &Domain, timeout: Nanos) -> Result<Self, ClientError> {
+    pub fn connect(domain: &Domain, timeout: impl Into<Nanos>) -> Result<Self, ClientError> {
+        let timeout = timeout.into();
         let link = ControllerLink::new(domain);
         let start = clock::now();
         while let Err(error) = link.session(clock::now()) {
@@ -53,6 +56,7 @@ impl Client {
         Ok(Self {
             operating_state: Latest::new(Watcher::with_link(&link).own_state()),
             requests: RequestForwarder::with_link(&link),
+            measured: None,
             setpoint: None,
             goal: None,
             link,
@@ -65,7 +69,7 @@ impl Client {
         self.link.client_id()
     }
 
-    /// Version of the controller of the domain. Waits for the reply, at most 1 s.
+    /// Version of the domain's controller. Waits for the reply, at most 1 s.
     ///
     /// # Errors
     ///
@@ -94,21 +98,21 @@ impl Client {
 
     /// Requests a motion to a pose (pitch and yaw, rad), from rest to rest on a straight line with
     /// limited jerk, and returns the state right after the request. [`Client::wait_until_done`]
-    /// waits until it is there.
+    /// waits for the arrival.
     ///
     /// # Errors
     ///
-    /// As [`Client::state_command`], and [`ClientError::Count`] for a wrong number of values.
+    /// See [`Client::state_command`]; also [`ClientError::Count`] for a wrong number of values.
     pub fn move_jp(&mut self, position: &[f64]) -> Result<OperatingState, ClientError> {
         self.request_move(position, 0)
     }
 
-    /// As [`Client::move_jp`], to where the tip is nearest to a place (x, y and z at the base, m).
-    /// Refused if that is farther than 0.1 mm.
+    /// Moves as [`Client::move_jp`] to the pose whose tip is nearest to a place (x, y, z, base
+    /// frame, m). Refused if the distance exceeds 0.1 mm.
     ///
     /// # Errors
     ///
-    /// As [`Client::state_command`].
+    /// See [`Client::state_command`].
     pub fn move_cp(&mut self, place: [f64; 3]) -> Result<OperatingState, ClientError> {
         self.request_move(&place, MoveRequest::TIP)
     }
@@ -131,7 +135,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// As [`Client::state_command`].
+    /// See [`Client::state_command`].
     pub fn virtual_fixture(
         &mut self,
         action: FixtureAction,
@@ -154,9 +158,34 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// As [`super::Subscription::read`].
+    /// See [`super::Subscription::read`].
     pub fn operating_state(&mut self) -> Result<Option<OperatingStateMsg>, ClientError> {
         self.operating_state.refresh().map(|message| message.copied())
+    }
+
+    /// Newest measured joints: angles, rad, and velocities, rad/s. `None` until the first message
+    /// arrives, up to 50 ms after the first call.
+    ///
+    /// # Errors
+    ///
+    /// As [`super::Subscription::read`].
+    pub fn measured_js(&mut self) -> Result<Option<JointState>, ClientError> {
+        let link = &self.link;
+        let measured = self
+            .measured
+            .get_or_insert_with(|| Latest::new(Watcher::with_link(link).measured_js()));
+        measured.refresh().map(|message| message.copied())
+    }
+
+    /// Powers the drives on and waits until the robot is enabled, at most `timeout`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::carry_out`]; [`ClientError::WaitCancelled`] after `timeout`.
+    pub fn enable(&mut self, timeout: impl Into<Nanos>) -> Result<OperatingStateMsg, ClientError> {
+        let (start, timeout) = (clock::now(), timeout.into());
+        let is_late = || clock::now().duration_since(start) > timeout;
+        self.carry_out(StateCommand::Enable, is_late)
     }
 
     /// Waits until the operating state fulfils `condition`, at most `timeout`, and returns it.
@@ -249,8 +278,8 @@ mod tests {
         let error = reply(Refusal::NotHomed.number(), disabled).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "the controller refuses `enable` in state DISABLED: refusal 6: not homed: an axis does \
-             not know its zero; do: straighten the snake, then `i2ris home`"
+            "the controller refuses `enable` in state DISABLED: refusal 6: not homed: the zero of \
+             an axis is unknown; action: straighten the snake, then `i2ris home`"
         );
     }
 

@@ -84,7 +84,7 @@ impl ControllerLink {
         }
     }
 
-    /// To be called when nobody received a message: reads the announcement at the next chance.
+    /// Handles a message without a receiver: the announcement is read at the next opportunity.
     pub fn lost(&self) -> ClientError {
         self.lock().next_probe = Nanos::ZERO;
         self.no_controller()

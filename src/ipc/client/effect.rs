@@ -1,13 +1,13 @@
-//! Waiting for the effect of a command. A robot that is no longer busy has not always done what it
-//! was busy with: something else may have ended it.
+//! Waiting for the effect of a command. A robot that is no longer busy may not have completed the
+//! command: it may have been interrupted.
 //!
 //! | command | its effect |
 //! |---|---|
 //! | `enable`, `resume` | ENABLED |
-//! | `disable` | DISABLED or FAULT, and every drive says that it has no power |
+//! | `disable` | DISABLED or FAULT, and every drive reports power off |
 //! | `home`, `unhome` | every zero known; a zero unknown |
-//! | `condition` | the cycle came to its end; with a model: its memory is known |
-//! | `move` | the motion came to its end, and the setpoint is at the goal |
+//! | `condition` | the cycle is complete; with a model: its memory is known |
+//! | `move` | the motion is complete, and the setpoint is at the goal |
 //! | `pause`, `hold` | nothing is followed, and no setpoint moves |
 //! | `acknowledge` | out of FAULT |
 //! | `release` | another client or none holds the lease |
@@ -22,39 +22,39 @@ use crate::units::Nanos;
 
 /// Polling period.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
-/// Period of repeating a command that has to wait for the drives or for the end of another one.
+/// Period of repeating a command that has to wait for the drives or for another command to end.
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(50);
-/// Time limit for drives that start, and for all that is no motion.
+/// Time limit for starting drives, and for all commands without motion.
 const DRIVES_TIMEOUT: Nanos = Nanos::from_millis(15_000);
-/// Time limit for motions of the controller's own: homing, conditioning, `move_jp`.
+/// Time limit for motions planned by the controller: homing, conditioning, `move_jp`.
 const MOTION_TIMEOUT: Nanos = Nanos::from_millis(300_000);
-/// A robot that is not busy any more shows the effect after so long, or not at all: the encoders
-/// are read after the last setpoint was sent.
+/// Maximum time between the end of busy and the effect: the encoders are read after the last
+/// setpoint was sent.
 pub const SETTLE: Nanos = Nanos::from_millis(1000);
-/// The same of drives that are switched off in FAULT: they report it after some exchanges, and a
-/// quick stop.
+/// Maximum time for drives that are switched off in FAULT: they report it after some exchanges, and
+/// a quick stop.
 pub const SETTLE_OFF: Nanos = Nanos::from_millis(5000);
-/// A controller that has not reported its state for so long hangs.
+/// Timeout after which a controller without state reports counts as hung.
 pub const SILENCE: Nanos = Nanos::from_millis(3000);
 /// Distance of the setpoint from the goal at which a motion has arrived, rad (m): rounding to
 /// counts, and the dead-band.
 pub const ARRIVAL: f64 = 0.009;
 
-/// What a state says about a command that was accepted before.
+/// Progress of an accepted command, as shown by a state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
-    /// It is being carried out.
+    /// The command is running.
     Busy,
-    /// Nothing goes on any more, and the effect is not there.
+    /// No activity is running any more, but the effect is missing.
     Ended,
-    /// The effect is there.
+    /// The effect has occurred.
     Done,
-    /// This came instead.
-    BrokenOff(Cause),
+    /// The command was interrupted by this cause.
+    Interrupted(Cause),
 }
 
 impl OperatingStateMsg {
-    /// What this state, which is newer than the command, says about it. `client_id`: who gave it.
+    /// Progress of a command, as shown by this newer state. `client_id`: sender of the command.
     #[must_use]
     pub fn progress(&self, command: StateCommand, client_id: u64) -> Progress {
         use OperatingState::{Disabled, Enabled, Paused};
@@ -63,7 +63,7 @@ impl OperatingStateMsg {
         let (is_busy, is_still) = (has(Self::BUSY), has(Self::HOLDING | Self::AT_REST));
         let memory_known = has(Self::MEMORY_KNOWN) || !has(Self::MODEL);
         let stop = self.broken_off().map(Cause::Stop);
-        // What the state itself says comes before what it was reached by.
+        // The state itself has priority over the way it was reached.
         let why = || match state {
             Some(OperatingState::Fault) => {
                 Cause::Fault(Fault::from_number(self.fault).unwrap_or(Fault::None))
@@ -72,7 +72,7 @@ impl OperatingStateMsg {
         };
         let otherwise = |going_on: bool| match going_on {
             true => Progress::Busy,
-            false => Progress::BrokenOff(why()),
+            false => Progress::Interrupted(why()),
         };
         let done = |is_done: bool, or: Progress| if is_done { Progress::Done } else { or };
         let is_fault = state == Some(OperatingState::Fault);
@@ -84,13 +84,13 @@ impl OperatingStateMsg {
             StateCommand::Disable if is_fault || state == Some(Disabled) => {
                 done(self.power() == KnownPower::Off, Progress::Ended)
             }
-            StateCommand::Disable => Progress::BrokenOff(why()),
+            StateCommand::Disable => Progress::Interrupted(why()),
             _ if is_fault && command == StateCommand::Acknowledge => otherwise(is_busy),
             StateCommand::Release => done(self.lease_client_id != client_id, Progress::Busy),
             StateCommand::Fixture => Progress::Done,
-            _ if is_fault => Progress::BrokenOff(why()),
+            _ if is_fault => Progress::Interrupted(why()),
             StateCommand::Acknowledge => done(state != Some(Disabled) || !is_busy, Progress::Busy),
-            StateCommand::Home if stop.is_some() => Progress::BrokenOff(why()),
+            StateCommand::Home if stop.is_some() => Progress::Interrupted(why()),
             StateCommand::Home if is_busy => Progress::Busy,
             StateCommand::Home => done(has(Self::HOMED), Progress::Ended),
             StateCommand::Unhome => done(!has(Self::HOMED), Progress::Ended),
@@ -99,16 +99,16 @@ impl OperatingStateMsg {
             }
             StateCommand::Hold if !matches!(state, Some(Enabled | Paused)) => otherwise(false),
             StateCommand::Hold if has(Self::HOLDING) => done(is_still, Progress::Busy),
-            // Somebody began anew.
-            StateCommand::Hold => Progress::BrokenOff(Cause::Refusal(Refusal::Busy)),
+            // A client started a new motion.
+            StateCommand::Hold => Progress::Interrupted(Cause::Refusal(Refusal::Busy)),
             StateCommand::Condition | StateCommand::Move => {
                 if stop.is_some() || state != Some(Enabled) {
-                    Progress::BrokenOff(why())
+                    Progress::Interrupted(why())
                 } else if is_busy {
                     Progress::Busy
                 } else {
-                    let is_there = memory_known || command == StateCommand::Move;
-                    done(is_there, Progress::Ended)
+                    let is_done = memory_known || command == StateCommand::Move;
+                    done(is_done, Progress::Ended)
                 }
             }
         }
@@ -116,9 +116,9 @@ impl OperatingStateMsg {
 }
 
 impl Client {
-    /// Gives a command and waits for its effect. A command that has to wait for drives that start,
-    /// or for the end of another one, is repeated. `gives_up` is asked all the while, and ends the
-    /// wait; what was accepted goes on then.
+    /// Sends a command and waits for its effect. A command that has to wait for starting drives, or
+    /// for another command to end, is repeated. `gives_up` is polled and ends the wait; an
+    /// accepted command then continues.
     ///
     /// # Errors
     ///
@@ -152,8 +152,8 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`ClientError::BrokenOff`] with what came instead, [`ClientError::NoEffect`],
-    /// [`ClientError::GivenUp`], [`ClientError::Restarted`], [`ClientError::NoReply`] from a
+    /// [`ClientError::Interrupted`] with the cause, [`ClientError::NotConfirmed`],
+    /// [`ClientError::WaitCancelled`], [`ClientError::Restarted`], [`ClientError::NoReply`] from a
     /// controller that hangs; and as [`super::Subscription::read`] when it ends.
     pub fn wait_until_done(
         &mut self,
@@ -166,44 +166,44 @@ impl Client {
             StateCommand::Home | StateCommand::Condition | StateCommand::Move => MOTION_TIMEOUT,
             _ => DRIVES_TIMEOUT,
         };
-        let (mut heard, mut ended) = (start, None);
+        let (mut last_report, mut ended) = (start, None);
         loop {
             let now = clock::now();
             if let Some(state) = self.operating_state()?.filter(|it| it.stamp_ns > start.0) {
                 if state.boot_id != boot_id {
                     return Err(ClientError::Restarted);
                 }
-                heard = heard.max(Nanos(state.stamp_ns));
+                last_report = last_report.max(Nanos(state.stamp_ns));
                 match state.progress(command, self.id()) {
                     Progress::Done if self.is_at_goal(command, &state)? => return Ok(state),
-                    Progress::BrokenOff(cause) => {
-                        return Err(ClientError::BrokenOff { command, cause });
+                    Progress::Interrupted(cause) => {
+                        return Err(ClientError::Interrupted { command, cause });
                     }
                     Progress::Busy => {}
                     Progress::Done | Progress::Ended => {
                         let since = *ended.get_or_insert(now);
                         let is_power = command == StateCommand::Disable;
                         if now.duration_since(since) > if is_power { SETTLE_OFF } else { SETTLE } {
-                            return Err(ClientError::NoEffect { command });
+                            return Err(ClientError::NotConfirmed { command });
                         }
                     }
                 }
             }
-            if now.duration_since(heard) > SILENCE {
+            if now.duration_since(last_report) > SILENCE {
                 let request = "operating_state";
                 return Err(ClientError::NoReply { request, waited: SILENCE });
             }
             if gives_up() {
-                return Err(ClientError::GivenUp { command });
+                return Err(ClientError::WaitCancelled { command });
             }
             if now.duration_since(start) > limit {
-                return Err(ClientError::NoEffect { command });
+                return Err(ClientError::NotConfirmed { command });
             }
             clock::sleep(POLL_PERIOD);
         }
     }
 
-    /// Whether the setpoint is where the last move of this client was to end.
+    /// Whether the setpoint is at the goal of this client's last move.
     fn is_at_goal(
         &mut self,
         command: StateCommand,

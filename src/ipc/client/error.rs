@@ -29,7 +29,7 @@ pub enum ClientError {
     /// The controller has another version of the interface.
     #[error(
         "the controller of domain `{domain}` has interface version {found}, this program \
-         {INTERFACE_VERSION}: take both from one release"
+         {INTERFACE_VERSION}: use the same release for both"
     )]
     Interface {
         /// The domain.
@@ -59,7 +59,7 @@ pub enum ClientError {
         command: StateCommand,
         /// Reason.
         refusal: Refusal,
-        /// What was measured, where it is known.
+        /// Measured value, if known.
         measurement: Option<Measurement>,
         /// State of the robot; `None`: a number that this program does not know.
         state: Option<OperatingState>,
@@ -81,7 +81,7 @@ pub enum ClientError {
         reason: String,
     },
     /// A path that does not fit into a request.
-    #[error("the path {path} does not fit into a request: at most {limit} bytes, none of them 0")]
+    #[error("the path {path} does not fit into a request: at most {limit} bytes and no byte 0")]
     Path {
         /// The path.
         path: PathBuf,
@@ -104,23 +104,23 @@ pub enum ClientError {
         /// The number.
         number: u32,
     },
-    /// Something else came instead of the effect of an accepted command.
+    /// An accepted command was interrupted.
     #[error("`{command}` was not carried out: {}", Reason::from(*.cause))]
-    BrokenOff {
+    Interrupted {
         /// The command.
         command: StateCommand,
-        /// What came instead.
+        /// Cause of the interruption.
         cause: Cause,
     },
-    /// Nothing is known to have ended an accepted command, and its effect is not there.
-    #[error("the effect of `{command}` is not known to be there; {}", see(*.command))]
-    NoEffect {
+    /// An accepted command ended for an unknown reason, without its effect.
+    #[error("the effect of `{command}` is not confirmed; {}", see(*.command))]
+    NotConfirmed {
         /// The command.
         command: StateCommand,
     },
-    /// The caller did not wait for the effect of an accepted command.
-    #[error("interrupted before the effect of `{command}` was there")]
-    GivenUp {
+    /// The caller cancelled the wait for the effect of an accepted command.
+    #[error("interrupted before the effect of `{command}` was confirmed")]
+    WaitCancelled {
         /// The command.
         command: StateCommand,
     },
@@ -135,12 +135,14 @@ pub enum ClientError {
     },
 }
 
-/// What to do about a command whose effect is not known to be there.
+/// Remedy for a command whose effect is not confirmed.
 fn see(command: StateCommand) -> String {
     match command {
         // A drive may still have power, and a person puts a hand there.
         StateCommand::Disable => format!("{}: cut the power", KnownPower::NotOff.text()),
-        StateCommand::Condition => "the hysteresis memory is unknown: condition again".to_owned(),
+        StateCommand::Condition => {
+            "the hysteresis memory is unknown: repeat the conditioning cycle".to_owned()
+        }
         _ => "see the controller's log".to_owned(),
     }
 }
@@ -153,7 +155,7 @@ const fn ms(span: Nanos) -> u64 {
     span.0 / 1_000_000
 }
 
-/// The end of a sentence: the domains that there are.
+/// The end of a sentence: the served domains.
 fn served(domains: &[String]) -> String {
     if domains.is_empty() { String::new() } else { format!(" (served: {})", domains.join(", ")) }
 }

@@ -12,7 +12,7 @@ use crate::units::{Nanos, OutputVec};
 
 /// Publishes `external/measured_jp`.
 ///
-/// It can be created before the controller starts and survives restarts of it: while there is none,
+/// It can be created before the controller starts and survives its restarts: while none is running,
 /// [`ExternalPublisher::publish`] returns [`ClientError::NoController`] and the message is lost. A
 /// controller that starts is found within 20 ms.
 #[derive(Debug)]
@@ -52,11 +52,12 @@ impl ExternalPublisher {
         self.publish_with_quality(stamp, position, deviation, 0.0)
     }
 
-    /// As [`ExternalPublisher::publish`], with the confidence of the sensor: `quality` up to 1.
+    /// Publishes as [`ExternalPublisher::publish`], with the sensor's confidence `quality`, up to
+    /// 1.
     ///
     /// # Errors
     ///
-    /// As [`ExternalPublisher::publish`].
+    /// See [`ExternalPublisher::publish`].
     pub fn publish_with_quality(
         &mut self,
         stamp: Nanos,
@@ -84,7 +85,7 @@ impl ExternalPublisher {
     ///
     /// # Errors
     ///
-    /// As [`ExternalPublisher::publish`].
+    /// See [`ExternalPublisher::publish`].
     pub fn publish_nothing(&mut self, stamp: Nanos) -> Result<(), ClientError> {
         self.send(ExternalPosition { stamp_ns: stamp.0, ..ExternalPosition::default() })
     }

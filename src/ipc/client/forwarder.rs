@@ -29,7 +29,7 @@ pub struct Forwarder {
     servo: CommandPublisher<ServoJp>,
     actuators: CommandPublisher<ServoActuator>,
     jaw: CommandPublisher<ServoJp>,
-    /// By boot id and client id.
+    /// Process-id files by boot id and client id.
     pid_files: BTreeMap<(u64, u64), PidFile>,
 }
 
@@ -63,7 +63,7 @@ impl Forwarder {
     ///
     /// # Errors
     ///
-    /// As [`Forwarder::servo_jp`].
+    /// See [`Forwarder::servo_jp`].
     pub fn servo_actuators(&mut self, command: ServoActuator) -> Result<(), ClientError> {
         self.write_pid_file(command.client_id)?;
         self.actuators.send(&self.link, |_| command)
@@ -73,7 +73,7 @@ impl Forwarder {
     ///
     /// # Errors
     ///
-    /// As [`Forwarder::servo_jp`].
+    /// See [`Forwarder::servo_jp`].
     pub fn servo_jaw(&mut self, command: ServoJp) -> Result<(), ClientError> {
         self.write_pid_file(command.client_id)?;
         self.jaw.send(&self.link, |_| command)

@@ -13,12 +13,12 @@
 //!
 //! ```no_run
 //! use i2ris::ipc::client::Client;
-//! use i2ris::ipc::{Domain, StateCommand};
-//! use i2ris::units::Nanos;
+//! use i2ris::ipc::Domain;
+//! use std::time::Duration;
 //!
 //! # fn main() -> Result<(), i2ris::ipc::client::ClientError> {
-//! let mut client = Client::connect(&Domain::new("i2ris")?, Nanos::from_millis(1000))?;
-//! client.carry_out(StateCommand::Enable, || false)?;
+//! let mut client = Client::connect(&Domain::new("i2ris")?, Duration::from_secs(1))?;
+//! client.enable(Duration::from_secs(10))?;
 //! let mut commander = client.commander();
 //! commander.servo_jp(&[0.1, -0.05])?; // repeatedly, at 50 Hz or more
 //! # Ok(())

@@ -25,7 +25,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// As [`Client::models`], and [`ClientError::Path`] for a path that does not fit a payload.
+    /// See [`Client::models`]; also [`ClientError::Path`] for a path that does not fit a payload.
     pub fn stage_model(&mut self, file: &Path) -> Result<ModelReply, ClientError> {
         self.stage(file, 0)
     }
@@ -34,7 +34,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// As [`Client::stage_model`].
+    /// See [`Client::stage_model`].
     pub fn stage_model_of_other_drive(&mut self, file: &Path) -> Result<ModelReply, ClientError> {
         self.stage(file, ModelRequest::OTHER_DRIVE)
     }
@@ -59,7 +59,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// As [`Client::models`].
+    /// See [`Client::models`].
     pub fn activate_model(
         &mut self,
         model: ModelId,
@@ -74,7 +74,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// As [`Client::models`].
+    /// See [`Client::models`].
     pub fn roll_back_model(&mut self, force: bool) -> Result<ModelReply, ClientError> {
         let request = ModelRequest { flags: flags(force), ..ModelRequest::default() };
         self.request_models(ModelAction::Rollback, request)

@@ -26,7 +26,7 @@ const BUFFER: usize = 16;
 /// Room that a camera begins with; a larger picture makes more.
 const FIRST_LENGTH: usize = 1 << 18;
 
-/// What stands before the bytes of a picture.
+/// Header before the bytes of a picture.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ZeroCopySend)]
 #[type_name("I2risPictureV1")]
 #[repr(C)]
@@ -118,7 +118,7 @@ impl PictureSubscription {
     ///
     /// # Errors
     ///
-    /// As [`PicturePublisher::publish`].
+    /// See [`PicturePublisher::publish`].
     pub fn drain(
         &mut self,
         mut take: impl FnMut(&PictureHeader, &[u8]),

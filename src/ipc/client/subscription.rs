@@ -111,7 +111,7 @@ impl Subscriptions {
     ///
     /// # Errors
     ///
-    /// As [`Subscription::read`]; the streams after the one that failed are not read.
+    /// See [`Subscription::read`]; the streams after the one that failed are not read.
     pub fn drain(&mut self, mut take: impl FnMut(StreamMessage)) -> Result<(), ClientError> {
         self.0.iter_mut().try_for_each(|(_, subscription)| subscription.drain(&mut take).map(drop))
     }
@@ -155,7 +155,7 @@ impl<T: Message> Subscription<T> {
     ///
     /// # Errors
     ///
-    /// As [`Subscription::read`].
+    /// See [`Subscription::read`].
     pub fn newest(&mut self) -> Result<Option<T>, ClientError> {
         let mut newest = None;
         self.drain(|message| newest = Some(message))?;
@@ -167,7 +167,7 @@ impl<T: Message> Subscription<T> {
     ///
     /// # Errors
     ///
-    /// As [`Subscription::read`].
+    /// See [`Subscription::read`].
     pub fn drain(&mut self, mut take: impl FnMut(T)) -> Result<usize, ClientError> {
         let now = clock::now();
         let mut count = 0;
@@ -249,7 +249,7 @@ impl<T: Message> Latest<T> {
     ///
     /// # Errors
     ///
-    /// As [`Subscription::read`].
+    /// See [`Subscription::read`].
     pub fn refresh(&mut self) -> Result<Option<&T>, ClientError> {
         let previous = self.subscription.boot_id();
         let newest = self.subscription.newest().inspect_err(|_| self.value = None)?;

@@ -9,9 +9,9 @@ payload! {
     /// from the calibration that the camera shows.
     ///
     /// Arrays of 14 are in the order zero of both outputs (rad), gain of output 0 by outputs 0 and
-    /// 1, of output 1 by outputs 0 and 1, growth of the gap of both motors, latency of the camera
-    /// (s), slow state (rad), loss of preload of both motors beyond the gap and growth of half the
-    /// play of both gears (shares of half the calibrated range).
+    /// 1, of output 1 by outputs 0 and 1, gap growth of both motors, camera latency (s), slow state
+    /// (rad), preload loss of both motors beyond the gap and growth of half the play of both gears
+    /// (shares of half the calibrated range).
     AdaptationMsg "I2risAdaptationV2": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
@@ -21,11 +21,11 @@ payload! {
         pub boot_id: u64,
         /// SHA-256 of the model whose drift it is.
         pub model_id: [u8; 32],
-        /// What the camera says.
+        /// Estimate from the camera.
         pub estimate: [f64; 14],
         /// Standard deviation of `estimate`.
         pub deviation: [f64; 14],
-        /// What is applied. The slow state is part of the zero; the latency is not applied.
+        /// Applied correction. The slow state is part of the zero; the latency is not applied.
         pub applied: [f64; 14],
         /// Share of the budget that `estimate` uses.
         pub budget_used: [f64; 14],
@@ -42,14 +42,13 @@ payload! {
         pub frames_refused: u64,
         /// In order, while nothing was learned.
         pub frames_paused: u64,
-        /// Dropped: duplicate, out of order, from the future, too old, too frequent, bad.
+        /// Dropped frames: duplicate, out of sequence, from the future, too old, too frequent, bad.
         pub frames_dropped: [u64; 6],
-        /// How often the correction was taken back.
+        /// Number of reverted corrections.
         pub taken_back: u32,
         /// 0: none, 1: filter, 2: integral.
         pub method: u32,
-        /// Why nothing is learned: sum of the values of
-        /// `Pause` of the adaptation; 0: learning.
+        /// Why learning is paused: sum of `Pause` values; 0: learning.
         pub pauses: u32,
         /// Bit `i` is set if the motion shows entry `i` of `estimate`.
         pub excited: u32,

@@ -15,18 +15,18 @@ payload! {
         pub stamp_ns: u64,
         /// The client that steers.
         pub client_id: u64,
-        /// What +pitch (first) and +yaw do in the picture: right, up.
+        /// Directions of +pitch (first) and +yaw in the picture: right, up.
         pub view: [[f64; 2]; 2],
         /// Deflection to the right and up in the picture, each -1 to 1.
         pub push: [f64; 2],
         /// Share of the motion that reaches the snake.
         pub scale: f64,
         /// When the newest event of a device came to the computer, by the kernel's monotonic clock.
-        /// 0: none came yet, or the device tells no time.
+        /// 0: no event yet, or the device reports no time.
         pub event_ns: u64,
         /// The number of the first command that this event is part of.
         pub command_sequence: u64,
-        /// When a button last asked for a mark of the trial. 0: never.
+        /// Time of the last mark of the trial by a button. 0: never.
         pub mark_ns: u64,
         /// 0 rate, 1 position, 2 hybrid.
         pub mode: u32,
@@ -72,6 +72,6 @@ payload! {
 impl TrialMsg {
     /// Flag: the last message of the trial.
     pub const ENDED: u32 = 1;
-    /// Flag: its recording has failed; the trial goes on unrecorded.
+    /// Flag: its recording has failed; the trial continues unrecorded.
     pub const FAILED: u32 = 2;
 }

@@ -29,13 +29,13 @@ payload! {
     /// `actuators/servo_jp`, in: turn the motors to these encoder positions now. No model is
     /// needed: for calibration.
     ServoActuator "I2risServoActuatorV1": message {
-        /// As in [`ServoJp`].
+        /// Sequence number, see [`ServoJp`].
         pub sequence: u64,
-        /// As in [`ServoJp`].
+        /// Stamp, see [`ServoJp`].
         pub stamp_ns: u64,
-        /// As in [`ServoJp`].
+        /// Client id, see [`ServoJp`].
         pub client_id: u64,
-        /// As in [`ServoJp`].
+        /// Deadline, see [`ServoJp`].
         pub deadline_ns: u64,
         /// Desired encoder positions, counts.
         pub position_counts: [i32; MAX_MOTORS],
@@ -70,10 +70,10 @@ impl ServoJp {
     /// reference, and only changes relative to it move the snake.
     pub const CLUTCH: u32 = 1;
     /// Flag: `servo_jv`, or `servo_cv` with [`ServoJp::TIP`]: `position` is a rate, which is
-    /// integrated until the next command or the deadline. So far it may lead at most `max_step_deg`.
+    /// integrated until the next command or the deadline, over at most `max_step_deg`.
     pub const RATE: u32 = 2;
-    /// Flag: `interpolate_jp`, a slow stream: the goal moves on a straight line and is at `position`
-    /// when the next command is due. The default deadline is 250 ms.
+    /// Flag: `interpolate_jp`, a slow stream: the goal moves on a straight line and is at
+    /// `position` when the next command is due. The default deadline is 250 ms.
     pub const INTERPOLATE: u32 = 4;
     /// Flag: `servo_cp`: `position` is a place of the tip at the base of the snake. The tip goes to
     /// the nearest place that it can reach; farther than 0.1 mm is a clip, with the distance.

@@ -10,9 +10,9 @@ payload! {
     ModelRequest "I2risModelRequestV2" {
         /// Identity of the client. Not 0.
         pub client_id: u64,
-        /// As in [`StateCommandRequest`](super::StateCommandRequest).
+        /// Stamp, see [`StateCommandRequest`](super::StateCommandRequest).
         pub stamp_ns: u64,
-        /// As in [`StateCommandRequest`](super::StateCommandRequest).
+        /// Validity, see [`StateCommandRequest`](super::StateCommandRequest).
         pub valid_ns: u64,
         /// [`crate::robot::ModelAction`].
         pub action: u32,
@@ -34,7 +34,7 @@ payload! {
         pub model_id: [u8; 32],
         /// Its family, UTF-8, padded with 0.
         pub family: [u8; 32],
-        /// Last part of the path of its file, UTF-8, padded with 0.
+        /// Last part of its file path, UTF-8, padded with 0.
         pub file: [u8; 120],
         /// Number of outputs.
         pub outputs: u32,
@@ -51,7 +51,7 @@ payload! {
         pub largest_counts: [f64; MAX_MOTORS],
         /// Motor position of that maximum, counts.
         pub largest_at_counts: [f64; MAX_MOTORS],
-        /// Fraction of the hull of the model in use that the staged model cannot reach, 0 to 1.
+        /// Share of the active model's hull that the staged model cannot reach, 0 to 1.
         pub unreached: f64,
         /// 1: valid; 0: no model in use, or the outputs differ.
         pub valid: u32,

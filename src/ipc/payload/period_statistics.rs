@@ -5,7 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use super::definition::payload;
 
 payload! {
-    /// Percentiles of a distribution of durations, ns.
+    /// Percentiles of durations, ns.
     SpanSummary "I2risSpanSummaryV1" {
         /// Median.
         pub p50_ns: u64,
@@ -49,7 +49,7 @@ payload! {
         pub line_setpoints_hz: f64,
         /// An exchange with a drive on the slowest line, as measured at start.
         pub line_exchange_ns: u64,
-        /// Longest time from a stop to the last drive that is told.
+        /// Longest time until a stop reaches the last drive.
         pub line_stop_ns: u64,
         /// Age of a position at which the motion stops.
         pub line_stale_ns: u64,

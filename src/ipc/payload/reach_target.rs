@@ -1,5 +1,5 @@
-//! The targets of a task: to reach and hold, or to follow. The controller does not read them: they are for monitors
-//! and recordings.
+//! The targets of a task: to reach and hold, or to follow. The controller does not read them: they
+//! are for monitors and recordings.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -29,7 +29,7 @@ payload! {
         pub tolerance: f64,
         /// Number of the target, from 1.
         pub number: u32,
-        /// Number of targets of the task.
+        /// Number of targets in the task.
         pub total: u32,
         /// Number of valid entries in `position`.
         pub count: u32,

@@ -1,4 +1,4 @@
-//! The streams `error` and `warning`: why the robot does not move, or not as asked.
+//! The streams `error` and `warning`: why the robot does not move, or not as commanded.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -38,7 +38,7 @@ payload! {
         pub reserved: u32,
         /// Code, sentence, measured value and limit; UTF-8, padded with 0.
         pub text: [u8; 192],
-        /// What to do; UTF-8, padded with 0.
+        /// Recommended action; UTF-8, padded with 0.
         pub advice: [u8; 128],
     }
 }
@@ -92,7 +92,7 @@ impl ReasonMsg {
         unpadded_text(&self.text)
     }
 
-    /// What to do.
+    /// Recommended action.
     #[must_use]
     pub fn advice(&self) -> String {
         unpadded_text(&self.advice)
@@ -100,7 +100,7 @@ impl ReasonMsg {
 }
 
 impl OperatingStateMsg {
-    /// What keeps the robot from moving now, the one that matters most first.
+    /// Reasons that keep the robot from moving now, the most important first.
     #[must_use]
     pub fn causes(&self) -> Vec<Cause> {
         let lacks = |flag: u32| self.flags & flag == 0;
@@ -175,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reason_passes_through_a_message_unchanged_and_fits() {
+    fn reason_fits_a_message_unchanged() {
         let measurements = [
             None,
             Some(Measurement::new(Quantity::ErrorCode, 34_321.0, None)),

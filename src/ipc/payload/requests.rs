@@ -32,7 +32,7 @@ payload! {
         pub refusal: u32,
         /// [`crate::robot::OperatingState`] after the command.
         pub state: u32,
-        /// What was measured when it was refused, as in [`ReasonMsg`](super::ReasonMsg).
+        /// Measured value at the refusal, see [`ReasonMsg`](super::ReasonMsg).
         pub measured: f64,
         /// The limit that it broke.
         pub limit: f64,
@@ -51,9 +51,9 @@ payload! {
     MoveRequest "I2risMoveRequestV2" {
         /// Identity of the client. Not 0.
         pub client_id: u64,
-        /// As in [`StateCommandRequest`].
+        /// Stamp, see [`StateCommandRequest`].
         pub stamp_ns: u64,
-        /// As in [`StateCommandRequest`].
+        /// Validity, see [`StateCommandRequest`].
         pub valid_ns: u64,
         /// Desired pitch and yaw, rad; a place of the tip, m, with [`MoveRequest::TIP`].
         pub position: [f64; MAX_OUTPUTS],
@@ -69,7 +69,7 @@ payload! {
         pub reserved: u64,
     }
 
-    /// `version`, reply: identity of the controller of this domain.
+    /// `version`, reply: identity of this domain's controller.
     Version "I2risVersionV2" {
         /// Identifies this start of the controller.
         pub boot_id: u64,
@@ -146,8 +146,8 @@ impl Dated for BlackBoxRequest {}
 impl Dated for VersionRequest {}
 
 impl MoveRequest {
-    /// Flag: `move_cp`: `position` is a place of the tip at the base of the snake. Refused if the
-    /// tip cannot come within 0.1 mm of it.
+    /// Flag: `move_cp`: `position` is a tip position in the base frame of the snake. Refused if the
+    /// tip cannot come within 0.1 mm of this position.
     pub const TIP: u32 = 1;
 }
 
@@ -168,7 +168,7 @@ impl StateCommandReply {
         }
     }
 
-    /// What was measured when the command was refused, where it is known.
+    /// Measured value at the refusal, if known.
     #[must_use]
     pub fn measurement(&self) -> Option<Measurement> {
         let fields = MeasurementFields {
@@ -189,7 +189,7 @@ impl Version {
     pub fn robot_difference(&self, named: &Self) -> Option<String> {
         let (here, there) = (unpadded_text(&self.robot_id), unpadded_text(&named.robot_id));
         if here != there {
-            return Some(format!("the controller moves robot `{here}`, and not `{there}`"));
+            return Some(format!("the controller moves robot `{here}`, not `{there}`"));
         }
         let positions = |of: &Self| (of.position_min_counts, of.position_max_counts);
         if positions(self) != positions(named) {
@@ -205,7 +205,7 @@ impl Version {
         let rates = |of: &Self| (of.velocity_counts_s, of.acceleration_counts_s2);
         (rates(self) != rates(named)).then(|| {
             format!(
-                "the controller allows {} counts/s and {} counts/s^2, and not {} and {}",
+                "the controller allows {} counts/s and {} counts/s^2, not {} and {}",
                 self.velocity_counts_s,
                 self.acceleration_counts_s2,
                 named.velocity_counts_s,
@@ -220,9 +220,9 @@ payload! {
     VirtualFixtureRequest "I2risVirtualFixtureRequestV2" {
         /// Identity of the client. Not 0.
         pub client_id: u64,
-        /// As in [`StateCommandRequest`].
+        /// Stamp, see [`StateCommandRequest`].
         pub stamp_ns: u64,
-        /// As in [`StateCommandRequest`].
+        /// Validity, see [`StateCommandRequest`].
         pub valid_ns: u64,
         /// [`crate::robot::FixtureAction`].
         pub action: u32,

@@ -21,7 +21,7 @@ payload! {
         pub boot_id: u64,
         /// Pitch and yaw, rad (x, y, z, m).
         pub position: [f64; MAX_OUTPUTS],
-        /// Rate of change of `position`, per second.
+        /// Time derivative of `position`, per second.
         pub velocity: [f64; MAX_OUTPUTS],
         /// Standard deviation of `position`, by the law of total covariance. 0 where not
         /// applicable.
@@ -104,9 +104,9 @@ payload! {
         pub flags: u32,
         /// Clients whose servo commands were refused.
         pub refused_client_id: [u64; REFUSED_CLIENTS],
-        /// Refused servo commands of each of these clients. 0: the entry is not in use.
+        /// Number of refused servo commands per client. 0: the entry is not in use.
         pub refused_commands: [u64; REFUSED_CLIENTS],
-        /// [`crate::robot::Refusal`] of the last refused servo command of each of these clients.
+        /// [`crate::robot::Refusal`] of the last refused servo command, per client.
         pub refused_reason: [u32; REFUSED_CLIENTS],
     }
 
@@ -134,7 +134,7 @@ payload! {
         pub timeouts: [u64; MAX_MOTORS],
         /// Replies of each drive with a wrong CRC.
         pub crc_errors: [u64; MAX_MOTORS],
-        /// Times that the start of a frame of each drive had to be searched.
+        /// Number of searches for a frame start, per drive.
         pub resynchronisations: [u64; MAX_MOTORS],
         /// Requests to each drive that were sent again.
         pub retries: [u64; MAX_MOTORS],
@@ -148,7 +148,7 @@ payload! {
         pub stamp_ns: u64,
         /// Identifies this start of the controller.
         pub boot_id: u64,
-        /// The line, UTF-8, padded with 0; a longer one is cut.
+        /// The line, UTF-8, padded with 0; a longer one is truncated.
         pub text: [u8; 232],
     }
 }
@@ -188,7 +188,7 @@ impl OperatingStateMsg {
             .unwrap_or((0, Refusal::None))
     }
 
-    /// What the drives say of their power.
+    /// Power as reported by the drives.
     #[must_use]
     pub fn power(&self) -> KnownPower {
         match self.flags & (Self::OFF | Self::STOPPED) {
@@ -216,7 +216,7 @@ impl OperatingStateMsg {
     pub const MEMORY_LOCKED: u32 = 128;
     /// Flag: the loop is pinned to one CPU, as read back.
     pub const PINNED: u32 = 256;
-    /// Flag: a watchdog is there and holds every port.
+    /// Flag: a watchdog is running and holds every port.
     pub const WATCHED: u32 = 512;
     /// Flag: the pose is compared with a camera; see `plausibility` of the configuration.
     pub const COMPARED: u32 = 1024;
@@ -228,11 +228,11 @@ impl OperatingStateMsg {
     pub const OFF: u32 = 8192;
     /// Flag: every drive says that it has no power, or that it is in quick stop.
     pub const STOPPED: u32 = 16384;
-    /// Place of the number of the [`Stop`] that broke off the last activity of a command.
+    /// Bit position of the [`Stop`] that interrupted a command's last activity.
     const BROKEN_OFF: u32 = 28;
 
-    /// What broke off the last enabling, homing, conditioning cycle or move, or a stream since then;
-    /// `None`: it goes on, or came to its end.
+    /// Interruption of the last enabling, homing, conditioning cycle or move, or of a later stream;
+    /// `None`: it is running, or is complete.
     #[must_use]
     pub fn broken_off(&self) -> Option<Stop> {
         Stop::from_number(self.flags >> Self::BROKEN_OFF)

@@ -1,6 +1,6 @@
 //! The order in which servo commands of several clients reach the loop, which takes one per tick.
 //!
-//! 1. The newest valid command of the holder of the lease.
+//! 1. The lease holder's newest valid command.
 //! 2. One valid command of the other publishers, in turn, so that a client that sends often cannot
 //!    displace one that sends rarely, whatever their stamps are.
 //! 3. One invalid command, in turn: its client receives the reason.
@@ -51,7 +51,7 @@ impl ReceivedCommand {
         }
     }
 
-    /// Order of the commands of one client, which may use both streams.
+    /// Age order of a client's commands, which may use both streams.
     fn age_order(&self) -> (u64, u64) {
         match self {
             Self::Joint(command) => (command.stamp_ns, command.sequence),
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn of_one_client_the_newest_valid_command_of_both_streams_counts() {
+    fn newest_valid_command_of_a_client_wins_across_streams() {
         let mut turns = CommandTurns::default();
         turns.add(1, joint(7, 100));
         turns.add(2, actuator(7, 200));

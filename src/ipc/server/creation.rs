@@ -133,9 +133,9 @@ pub enum IpcError {
     /// A call into iceoryx2 failed.
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// What is used without being there ends the process by a signal.
+    /// Use of unavailable memory ends the process by a signal.
     #[error(
-        "{SHARED_MEMORY} has {} MB free, and {} MB are needed: remove what nobody needs there, or \
+        "{SHARED_MEMORY} has {} MB free, and {} MB are needed: delete unused files there, or \
          enlarge it (`mount -o remount,size=256M {SHARED_MEMORY}`; `--shm-size=256m` of a container)",
         free >> 20, NEEDED >> 20
     )]
@@ -145,7 +145,7 @@ pub enum IpcError {
     },
     /// Creating the services did not end, twice.
     #[error(
-        "creating the shared memory of domain `{domain}` did not end within {seconds} s, also \
+        "creating the shared memory of domain `{domain}` did not finish within {seconds} s, even \
          after a clean-up"
     )]
     Hangs {

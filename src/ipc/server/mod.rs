@@ -39,15 +39,15 @@ pub use command_turns::ReceivedCommand;
 pub use creation::{IpcError, check_memory};
 
 /// Time before each tick at which to poll servo commands, under SCHED_FIFO. With 50 us the thread
-/// sometimes wakes too late and the 99th percentile of the age of a command grows by one tick.
+/// sometimes wakes too late and the 99th percentile of the command age grows by one tick.
 pub const COMMAND_POLL_LEAD: Nanos = Nanos::from_micros(100);
 /// Period of serving late subscribers with the last message of streams that are not sent now.
 const LATE_SUBSCRIBER_PERIOD: Nanos = Nanos::from_millis(50);
 /// Period of removing the leftovers of killed clients. Costs 0.4 ms, and about 1 ms per killed
 /// client.
 const CLEANUP_PERIOD: Nanos = Nanos::from_millis(500);
-/// Unread commands that are kept of every publisher: `i2ris start ros` sends for several clients.
-/// Of one client only the newest counts, so that the queue adds no delay.
+/// Unread commands kept per publisher: `i2ris start ros` sends for several clients. Only the newest
+/// command of a client counts, so that the queue adds no delay.
 const COMMANDS: usize = 8;
 /// Maximum number of commands read at once; only a faulty client sends more.
 const MAX_DRAINED: usize = 64;
@@ -72,12 +72,12 @@ pub struct Server {
     servo_actuators: Subscriber<ipc::Service, ServoActuator, ()>,
     servo_jaw: Subscriber<ipc::Service, ServoJp, ()>,
     turns: CommandTurns,
-    /// Of the auxiliary axis: its commands are newer or older than others by themselves.
+    /// Turns of the auxiliary axis, whose commands have their own age order.
     jaw_turns: CommandTurns,
     identities: Identities<Process>,
     external: Subscriber<ipc::Service, ExternalPosition, ()>,
     publishers: StreamPublishers,
-    /// Between clients: they exist as long as somebody has them open.
+    /// Services between clients: they exist as long as a process has them open.
     _between_clients:
         (StreamFactory<ReachTarget>, StreamFactory<TeleopMsg>, StreamFactory<TrialMsg>),
     requests: RequestServers,
@@ -155,8 +155,8 @@ impl Server {
         own.or_else(|| self.turns.take_next(is_valid))
     }
 
-    /// As [`Server::poll_command`], of the client that holds the lease only. The commands of others
-    /// go on waiting.
+    /// Polls as [`Server::poll_command`], for the lease holder only. Commands of other clients keep
+    /// waiting.
     pub fn poll_command_of(
         &mut self,
         lease_client_id: u64,
@@ -168,7 +168,7 @@ impl Server {
         is_held.then(|| self.turns.take_of(lease_client_id, is_valid))?
     }
 
-    /// As [`Server::poll_command`], for the auxiliary axis.
+    /// Polls as [`Server::poll_command`], for the auxiliary axis.
     pub fn poll_jaw(
         &mut self,
         lease_client_id: u64,
@@ -238,7 +238,7 @@ impl Server {
         self.count_failure(sent);
     }
 
-    /// Publishes a message of a stream of the controller. The server sets `sequence` and `boot_id`,
+    /// Publishes a message on a controller stream. The server sets `sequence` and `boot_id`,
     /// and adds the number of its own failures to `health`.
     #[inline]
     pub fn publish(&mut self, mut message: StreamMessage) {

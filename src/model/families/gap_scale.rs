@@ -7,13 +7,13 @@ use crate::units::{MAX_MOTORS, MotorVec};
 /// The gap scale of a calibration.
 pub(in crate::model) const UNSCALED: MotorVec = [1.0; MAX_MOTORS];
 
-/// The smallest and the largest gap scale.
-const LEAST: f64 = 0.2;
-const MOST: f64 = 3.0;
+/// Limits of the gap scale.
+const MIN_SCALE: f64 = 0.2;
+const MAX_SCALE: f64 = 3.0;
 
-/// The nearest gap scale that a memory takes; as calibrated for what is no number.
+/// The nearest gap scale that a memory accepts; the calibrated one for NaN.
 pub(in crate::model) fn clamp(scale: &MotorVec) -> MotorVec {
-    scale.map(|scale| if scale.is_nan() { 1.0 } else { scale.clamp(LEAST, MOST) })
+    scale.map(|scale| if scale.is_nan() { 1.0 } else { scale.clamp(MIN_SCALE, MAX_SCALE) })
 }
 
 /// How a snake differs from the calibrated one by wear, per motor; 0 as calibrated.
@@ -25,7 +25,7 @@ pub struct Wear {
     pub gap: MotorVec,
     /// Preload that the wires have lost beyond that, as a share of half the calibrated range.
     pub slack: MotorVec,
-    /// What half the play of the gear has grown by beyond that, as such a share: a fit may have put
-    /// all of the play of a new gear into the friction, and a factor on nothing is nothing.
+    /// Growth of half the gear's play beyond that factor, as such a share: a fit may have put all
+    /// the play of a new gear into the friction, and a factor on zero remains zero.
     pub play: MotorVec,
 }

@@ -52,7 +52,7 @@ pub(in crate::model) enum State {
     None,
     /// The state of play operators.
     Plays(PlayState),
-    /// The state of a balance of forces.
+    /// State of a force balance.
     Balance(BalanceState),
     /// The hidden state of a network.
     Network(NetworkState),
@@ -80,7 +80,7 @@ impl Memory {
         }
     }
 
-    /// The memory is one of wires with a preload behind a gear: all of [`Wear`] acts on it.
+    /// Whether the model has a gear and preloaded wires, so that all of [`Wear`] acts on it.
     #[must_use]
     pub fn has_wires(&self) -> bool {
         matches!(self.state, State::Balance(_))

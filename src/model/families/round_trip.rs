@@ -9,16 +9,16 @@ use crate::model::maths::newton_inverse::one_count;
 use crate::model::maths::regression::{Local, array};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
-/// An error below this part of a unit is none, also where all positions lie in one gap and no count
-/// is worth anything.
-const LEAST_ERROR: f64 = 1e-3;
+/// Errors below this share of a unit are ignored, also if all positions lie in one gap, where no
+/// count has an effect.
+const MIN_ERROR: f64 = 1e-3;
 
 /// Number of positions along the range of each motor.
 const STEPS: usize = 17;
 
-/// Least value of one count's worth, relative to its mean over the hull. Without it the check would
+/// Minimum effect of one count, relative to its mean over the hull. Without it the check would
 /// divide by almost 0 where the model is nearly flat.
-const LEAST_WORTH: f64 = 1e-3;
+const MIN_COUNT_WORTH: f64 = 1e-3;
 
 /// Inverts the prediction at positions all over the hull, each from a cold start at the centre.
 /// `local` returns `None` at positions outside the model's domain. The centre of the hull must lie
@@ -42,20 +42,20 @@ pub(in crate::model) fn check<const D: usize, const M: usize>(
     judge(unit, trips.collect())
 }
 
-/// Judges round trips: position, prediction there, and how far the inverse of it stays away.
+/// Judges round trips: position, prediction there, and remaining distance of its inverse.
 ///
 /// # Errors
 ///
-/// As [`check`].
+/// See [`check`].
 pub(in crate::model) fn judge<const D: usize, const M: usize>(
     unit: OutputUnit,
     trips: Vec<(MotorVec, Local<D, M>, f64)>,
 ) -> Result<(), ModelError> {
     let worth = |local: &Local<D, M>| one_count(&local.jacobian);
-    let floor = LEAST_WORTH * trips.iter().map(|(_, local, _)| worth(local)).sum::<f64>()
+    let floor = MIN_COUNT_WORTH * trips.iter().map(|(_, local, _)| worth(local)).sum::<f64>()
         / trips.len().max(1) as f64;
     let errors = trips.iter().map(|(counts, local, residual)| {
-        (*counts, *residual, worth(local).max(floor).max(LEAST_ERROR * unit.si()))
+        (*counts, *residual, worth(local).max(floor).max(MIN_ERROR * unit.si()))
     });
     let in_counts = |(_, error, worth): &(MotorVec, f64, f64)| (error / worth).abs();
     let worst = errors.max_by(|a, b| in_counts(a).total_cmp(&in_counts(b)));
@@ -98,7 +98,7 @@ mod tests {
 
     /// A hull that lies in one gap: no count moves anything.
     #[test]
-    fn a_rounding_error_in_a_gap_is_no_failure_of_the_inverse() {
+    fn inverse_tolerates_rounding_error_in_a_gap() {
         let hull = Hull::from_points(1, &[[-500.0, 0.0], [500.0, 0.0]]).unwrap();
         let flat =
             Local { mean: SVector::<f64, 1>::zeros(), jacobian: SMatrix::<f64, 1, 1>::zeros() };

@@ -31,8 +31,8 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
         MotorVec::default()
     }
 
-    /// See [`crate::model::Model::has_gap`].
-    fn has_gap(&self) -> bool {
+    /// See [`crate::model::Model::has_backlash`].
+    fn has_backlash(&self) -> bool {
         false
     }
 
@@ -67,7 +67,7 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
     fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix;
     fn invert(&self, goal: &OutputVec, memory: &Memory, reach: &Reach, query: &Query) -> Inverse;
 
-    /// Where the inverse may go in a hull of counts, inside of that of the calibration.
+    /// Region of the inverse in a hull of counts within the calibrated hull.
     fn reach(&self, hull: &Hull) -> Reach {
         Reach { counts: hull.clone(), virtual_counts: hull.clone() }
     }

@@ -1,4 +1,4 @@
-//! The family of a model file as a type of the size of its robot.
+//! A model file's family as a type sized for its robot.
 
 use nalgebra::SVector;
 

@@ -1,4 +1,4 @@
-//! Checks of the contents of a model file, before any computation.
+//! Checks of model-file contents before any computation.
 
 use crate::model::error::{ModelError, require};
 use crate::model::file::{FORMAT, FitMetrics, ModelFile, SCHEMA_VERSION, TrainingRecord};
@@ -9,7 +9,7 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 const MAX_NAME_BYTES: usize = 16;
 
 /// Beyond every angle and every time of a slow error.
-const LARGEST_SLOW: f64 = 1e6;
+const MAX_SLOW: f64 = 1e6;
 
 /// Checks everything except the parameters of the family and the hull. Returns the number of
 /// motors.
@@ -67,12 +67,12 @@ fn check_slow_error(file: &ModelFile) -> Result<(), ModelError> {
     )?;
     let positive = [("deviation", slow.deviation), ("time_constant_s", slow.time_constant_s)];
     for (name, value) in positive {
-        let is_valid = value > 0.0 && value < LARGEST_SLOW;
+        let is_valid = value > 0.0 && value < MAX_SLOW;
         require(is_valid, || key(name), value, "must be above 0 and below 1000000")?;
     }
     for (name, value) in [("rest", Some(slow.rest)), ("fast", slow.fast)] {
         let value = value.unwrap_or_default();
-        let is_valid = (0.0..LARGEST_SLOW).contains(&value);
+        let is_valid = (0.0..MAX_SLOW).contains(&value);
         require(is_valid, || key(name), value, "must be 0 to 1000000")?;
     }
     Ok(())

@@ -46,11 +46,11 @@ pub struct ModelFile {
     pub worthless: Option<String>,
 }
 
-/// The slow part of the error of a model: one number along one direction of one or two outputs.
+/// Slow component of the model error: one number along one direction of one or two outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SlowErrorParameters {
-    /// Of length 1.
+    /// Unit vector.
     pub direction: [f64; 2],
     /// Its standard deviation, in the unit of the outputs, above 0.
     pub deviation: f64,
@@ -94,7 +94,7 @@ pub enum FamilyParameters {
     },
     /// Play operators, then Gaussian mixture regression on the virtual counts, then a residual.
     GmrPlay {
-        /// From counts to virtual counts.
+        /// Operators from counts to virtual counts.
         plays: PlayParameters,
         /// Over `[virtual counts; outputs]`, or one per motor.
         mixture: Mixture,
@@ -103,24 +103,23 @@ pub enum FamilyParameters {
         /// The region of virtual counts that calibration visited.
         virtual_hull: HullParameters,
     },
-    /// A balance of forces between gear, wires, spring and friction, then a polynomial of the
-    /// virtual counts.
+    /// A force balance of gear, wires, spring and friction, then a polynomial of the virtual
+    /// counts.
     ForceBalance {
-        /// From counts to virtual counts.
+        /// Operator from counts to virtual counts.
         balance: BalanceParameters,
-        /// From virtual counts to outputs.
+        /// Polynomial from virtual counts to outputs.
         read_out: PolynomialParameters,
         /// The region of virtual counts that calibration visited. Beyond it the read-out is affine.
         virtual_hull: HullParameters,
     },
     /// A network that was trained elsewhere.
     Network {
-        /// From counts to outputs.
+        /// Network from counts to outputs.
         network: NetworkParameters,
         /// The range of every motor after which earlier motion is forgotten, counts; d.
         memory_counts: Vec<f64>,
-        /// The straight line through the recording: beyond a step the network goes on with it. m
-        /// rows of d.
+        /// Straight line through the recording, used beyond a step of the network: m rows of d.
         gain: Vec<Vec<f64>>,
         /// Covariance of the errors on the rows held out, m rows of m.
         covariance: Vec<Vec<f64>>,
@@ -160,7 +159,7 @@ impl FamilyParameters {
 pub struct TrainingRecord {
     /// Name of the recording, without folders.
     pub data_file: String,
-    /// SHA-256 of the bytes of the recording, hexadecimal.
+    /// SHA-256 of the recording's bytes, hexadecimal.
     pub data_sha256: String,
     /// Rows used for training.
     pub rows: usize,
@@ -181,13 +180,13 @@ pub struct TrainingRecord {
     /// Gain of the affine model of the same rows, m rows of d; absent in older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linear_gain: Option<Vec<Vec<f64>>>,
-    /// The settings of the drives of the recording; absent where nothing says them. The controller
-    /// compares them with those of its drives.
+    /// Drive settings at the recording; absent if unknown. The controller compares them with those
+    /// of its drives.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub drives: Vec<DriveFingerprint>,
 }
 
-/// Quality of the fit of one output, in its unit.
+/// Fit quality of one output, in its unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputMetrics {

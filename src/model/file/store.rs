@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
-use crate::file_permissions::LONGEST_MODEL;
+use crate::file_permissions::MAX_MODEL_BYTES;
 use crate::model::error::ModelError;
 use crate::model::file::check::check_header;
 use crate::model::file::{FAMILIES, ModelFile};
@@ -67,7 +67,7 @@ impl ModelFile {
     pub fn read(path: &Path) -> Result<Self, ModelError> {
         let unread = |source| ModelError::Read { path: path.to_owned(), source };
         let length = fs::metadata(path).map_err(unread)?.len();
-        if length > LONGEST_MODEL {
+        if length > MAX_MODEL_BYTES {
             let found = format!("a file of {} MB", length >> 20);
             return Err(ModelError::Format { found }.in_file(path));
         }

@@ -3,7 +3,7 @@
 use super::{JOINTS_PER_AXIS, STOP_RAD, TipPosition, tip_position};
 
 /// The stops of the joints hold the whole bend within this, rad.
-const LARGEST_RAD: f64 = JOINTS_PER_AXIS as f64 * STOP_RAD;
+const MAX_BEND_RAD: f64 = JOINTS_PER_AXIS as f64 * STOP_RAD;
 
 /// Damping of the steps towards a place, m^2: little against the squares of the snake's lengths.
 const DAMPING_M2: f64 = 1e-11;
@@ -11,11 +11,11 @@ const DAMPING_M2: f64 = 1e-11;
 /// A place that can be reached needs a tenth of these steps, one far from all others the most.
 const STEPS: usize = 40;
 
-/// A step below this is the last one, rad: a thousandth of the diameter of an atom at the tip.
+/// A step below this is the last one, rad: a thousandth of an atom's diameter at the tip.
 const DONE_RAD: f64 = 1e-10;
 
-/// Pitch and yaw, rad, with which the tip is nearest to a place (m, at the base), and how near that
-/// is, m; not a number for a place that is not finite. The search begins at a bend, by damped
+/// Pitch and yaw, rad, that bring the tip nearest to a place (m, base frame), and the remaining
+/// distance, m; NaN for a place that is not finite. The search begins at a bend, by damped
 /// Gauss-Newton steps (K. Levenberg, 1944).
 #[must_use]
 pub fn bend_to(place: [f64; 3], from: [f64; 2]) -> ([f64; 2], f64) {
@@ -23,7 +23,7 @@ pub fn bend_to(place: [f64; 3], from: [f64; 2]) -> ([f64; 2], f64) {
     for _ in 0..STEPS {
         let tip = tip_position(bend[0], bend[1]);
         let step = rates(&tip, left(place, &tip));
-        let next = [0, 1].map(|at: usize| (bend[at] + step[at]).clamp(-LARGEST_RAD, LARGEST_RAD));
+        let next = [0, 1].map(|at: usize| (bend[at] + step[at]).clamp(-MAX_BEND_RAD, MAX_BEND_RAD));
         let moved = (next[0] - bend[0]).abs().max((next[1] - bend[1]).abs());
         bend = next;
         if moved.is_nan() || moved < DONE_RAD {
@@ -67,7 +67,7 @@ mod tests {
         [[0.0, 0.0], [0.6, 0.0], [0.0, -0.5], [-0.4, 0.7], [0.8, 0.8], [-0.7, -0.2]];
 
     #[test]
-    fn the_bend_to_a_place_is_found_from_anywhere_and_the_nearest_one_is_reported() {
+    fn bend_search_finds_the_nearest_bend_from_any_start() {
         for bend in BENDS {
             let place = tip_position(bend[0], bend[1]).position_m;
             for from in BENDS {
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tip_moves_as_requested_where_it_can_and_not_along_itself() {
+    fn tip_moves_as_requested_except_along_itself() {
         for bend in BENDS {
             let [pitch, yaw] = tip_position(bend[0], bend[1]).slope_m_per_rad;
             let along = [0, 1, 2].map(|at: usize| 0.3 * pitch[at] - 0.2 * yaw[at]);

@@ -21,10 +21,10 @@ pub const JOINTS_PER_AXIS: usize = 6;
 /// Radius of the rolling surfaces, mm (the robot's drawing).
 pub const ROLLING_RADIUS_MM: f64 = 0.75;
 
-/// Angle of the stop of a joint, rad (8.75 deg by the robot's drawing).
+/// Stop angle of a joint, rad (8.75 deg by the robot's drawing).
 pub const STOP_RAD: f64 = 8.75 * std::f64::consts::PI / 180.0;
 
-/// The position of the tip of a bent snake.
+/// Tip position of a bent snake.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TipPosition {
     /// x, y and z at the base, m: z along the straight snake, yaw bends towards x, pitch towards y.

@@ -1,4 +1,4 @@
-//! From the angles of the joints to the position of the tip.
+//! Tip position from joint angles.
 //!
 //! Pitch joints and yaw joints alternate along the snake, beginning with a pitch joint. When a
 //! joint turns by `theta`, the point of contact moves with the upper surface. The path to its new
@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_shape_ends_at_the_tip_and_its_links_keep_their_length() {
+    fn shape_ends_at_the_tip_with_constant_link_lengths() {
         let (pitch, yaw) = (0.7, -0.4);
         let shape = shape(pitch, yaw);
         let [.., last] = shape;
@@ -182,7 +182,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_tip_stays_in_the_sphere_of_the_straight_snake_and_its_slope_is_the_derivative(
+        fn tip_stays_in_its_sphere_and_slope_matches_the_derivative(
             pitch in -0.16..0.16_f64,
             yaw in -0.16..0.16_f64,
         ) {
@@ -190,10 +190,10 @@ mod tests {
             let Tip { position_mm, slope } = tip(pitch, yaw);
             prop_assert!(position_mm.norm() <= 12.0 * JOINT_PITCH_MM + 1e-9);
             let ahead = [tip(pitch + STEP, yaw), tip(pitch, yaw + STEP)];
-            let behind = [tip(pitch - STEP, yaw), tip(pitch, yaw - STEP)];
+            let back = [tip(pitch - STEP, yaw), tip(pitch, yaw - STEP)];
             for axis in 0..2 {
                 let difference =
-                    (ahead[axis].position_mm - behind[axis].position_mm) / (2.0 * STEP);
+                    (ahead[axis].position_mm - back[axis].position_mm) / (2.0 * STEP);
                 prop_assert!((slope.column(axis) - difference).norm() < 1e-7);
             }
         }

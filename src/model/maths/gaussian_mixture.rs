@@ -22,7 +22,7 @@ pub struct MixtureParameters {
     pub covariances: Vec<Vec<Vec<f64>>>,
 }
 
-/// What a regression is conditioned on: one mixture of all motors, or of every motor its own.
+/// Condition of a regression: one mixture of all motors, or one mixture per motor.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Mixture {
@@ -93,7 +93,7 @@ impl<'de> Deserialize<'de> for Mixture {
 /// The most components of a mixture. It bounds the work of every tick.
 pub const MAX_COMPONENTS: usize = 64;
 
-/// Tolerance of the sum of the weights: a file may contain rounded numbers.
+/// Tolerance of the weight sum: a file may contain rounded numbers.
 const WEIGHT_TOLERANCE: f64 = 1e-6;
 
 /// One component, scaled.

@@ -95,7 +95,7 @@ impl<const D: usize, const M: usize> Regression<D, M> for Gmr<D, M> {
     }
 }
 
-/// The distribution of the outputs given the inputs. Both are blocks of variables of a mixture.
+/// Distribution of the outputs given the inputs. Both are variable blocks of a mixture.
 #[derive(Debug, Clone, PartialEq)]
 struct Conditional<const I: usize, const O: usize> {
     parts: Vec<Part<I, O>>,
@@ -103,7 +103,7 @@ struct Conditional<const I: usize, const O: usize> {
 
 /// The components at a point.
 struct Weighted<const I: usize, const O: usize> {
-    /// Of every component: its responsibility relative to the likeliest one, whose share is 1.
+    /// Responsibility of every component relative to the likeliest one, whose share is 1.
     shares: [f64; MAX_COMPONENTS],
     /// z_k.
     whitened: [SVector<f64, I>; MAX_COMPONENTS],

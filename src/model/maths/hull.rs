@@ -21,8 +21,8 @@ pub(in crate::model) const MAX_COUNTS: f64 = 2_147_483_648.0;
 /// The least width of a hull, in counts. A narrower hull allows no motion.
 const MIN_WIDTH_COUNTS: f64 = 1.0;
 
-/// What a motion within slack counts, relative to one that moves the snake: nothing, but it decides
-/// between equals.
+/// Weight of a motion within slack relative to one that moves the snake: practically 0, but it
+/// decides between equals.
 const SLACK_WEIGHT: f64 = 1e-9;
 
 /// The convex region of motor space that calibration visited, counts.
@@ -113,8 +113,8 @@ impl Hull {
     }
 
     /// The smallest convex hull around positions of the motors. If it has more than [`MAX_CORNERS`]
-    /// corners, sides are removed and their neighbours go on to where they meet: of a circle with a
-    /// radius of 1700 counts, 2 counts further out.
+    /// corners, sides are removed and their neighbours are extended until they meet: for a circle
+    /// with a radius of 1700 counts, 2 counts further out.
     ///
     /// # Errors
     ///
@@ -142,11 +142,11 @@ impl Hull {
         Self::new(&HullParameters { corners }, motors)
     }
 
-    /// What two hulls have in common. Allocates: not for the control loop.
+    /// Intersection of two hulls. Allocates: not for the control loop.
     ///
     /// # Errors
     ///
-    /// As [`Hull::from_points`]: when they have next to nothing in common.
+    /// When the intersection is nearly empty, see [`Hull::from_points`].
     pub(in crate::model) fn common(&self, other: &Self, motors: usize) -> Result<Self, ModelError> {
         let inside = |one: &Self, of: &Self| -> Vec<MotorVec> {
             one.corners().filter(|corner| of.contains(corner)).collect()
@@ -202,8 +202,8 @@ impl Hull {
         }
     }
 
-    /// How far a point is beyond the side that it violates most, counts; negative inside. Not a
-    /// number for a point that is none.
+    /// How far a point is beyond the side that it violates most, counts; negative inside. NaN if
+    /// the point is not a number.
     #[must_use]
     pub fn excess(&self, counts: &MotorVec) -> f64 {
         match &self.shape {
@@ -246,7 +246,7 @@ impl Hull {
             hessian[motor][motor] = if is_slack { SLACK_WEIGHT } else { 1.0 };
         }
         let mut found = anchor;
-        // A motor that has used up its slack counts from the end of it on.
+        // A motor counts only after it has used up its slack.
         for _ in 0..=MAX_MOTORS {
             let Some(distance) = Quadratic::new([0.0; MAX_MOTORS], hessian, 0.0) else { break };
             found = self.minimise(&distance, anchor).counts;
@@ -264,7 +264,7 @@ impl Hull {
         found
     }
 
-    /// The point of the hull with the least value of a quadratic of the step from `origin`. If the
+    /// Hull point that minimises a quadratic in the step from `origin`. If the
     /// unconstrained minimum lies outside, the point lies on a side, because the hull and the
     /// quadratic are convex. `origin` may lie outside.
     pub(in crate::model) fn minimise(&self, quadratic: &Quadratic, origin: MotorVec) -> Minimum {
@@ -408,7 +408,7 @@ fn checked_corners(
             distinct,
             || format!("hull.corners[{i}]"),
             format!("{corner:?}"),
-            "is there twice in a row",
+            "must differ from the next corner",
         )?;
     }
     Ok(corners)

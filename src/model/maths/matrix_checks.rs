@@ -10,10 +10,10 @@ const ROUNDING: f64 = 1e-9;
 
 /// The least squared pivot of a positive definite correlation matrix. Below it the variables
 /// determine each other, and the regression would divide by rounding errors.
-const LEAST_PIVOT: f64 = 1e-12;
+const MIN_PIVOT: f64 = 1e-12;
 
 /// The largest parameter. It keeps squares of products far from overflow.
-const LARGEST: f64 = 1e15;
+const MAX_VALUE: f64 = 1e15;
 
 /// Checks that numbers are finite.
 pub(in crate::model) fn finite(
@@ -29,7 +29,7 @@ pub(in crate::model) fn parameters(
     numbers: &[f64],
     key: impl FnOnce() -> String,
 ) -> Result<(), ModelError> {
-    let invalid = numbers.iter().find(|number| !(-LARGEST..=LARGEST).contains(*number));
+    let invalid = numbers.iter().find(|number| !(-MAX_VALUE..=MAX_VALUE).contains(*number));
     require(
         invalid.is_none(),
         key,
@@ -94,7 +94,7 @@ pub(in crate::model) fn positive_definite(
     let correlation = &inverse_deviations * matrix * &inverse_deviations;
     let least =
         correlation.cholesky().map(|factor| factor.l().diagonal().map(|pivot| pivot * pivot).min());
-    let definite = least.is_some_and(|pivot| pivot > LEAST_PIVOT);
+    let definite = least.is_some_and(|pivot| pivot > MIN_PIVOT);
     require(
         definite,
         key,

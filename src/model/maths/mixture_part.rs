@@ -7,7 +7,7 @@ use crate::model::maths::gaussian_mixture::Component;
 
 /// The largest entry of a whitening matrix, per count or rad (m). It keeps squared distances finite
 /// everywhere.
-const LARGEST_WHITENING: f64 = 1e12;
+const MAX_WHITENING: f64 = 1e12;
 
 /// The precomputed terms of one component. [`super::gaussian_mixture_regression`]
 /// defines the symbols.
@@ -49,7 +49,7 @@ impl<const I: usize, const O: usize> Part<I, O> {
         let inputs: DMatrix<f64> = block(input, input, I, I);
         let factor = inputs.cholesky().ok_or_else(|| refused("no Cholesky factor".to_owned()))?;
         let whitening = factor.l().try_inverse().ok_or_else(|| refused("no inverse".to_owned()))?;
-        if !whitening.iter().all(|w| w.abs() <= LARGEST_WHITENING) {
+        if !whitening.iter().all(|w| w.abs() <= MAX_WHITENING) {
             return Err(refused(format!("width {:.1e}", 1.0 / whitening.amax())));
         }
         let gain = block(output, input, O, I) * whitening.transpose();

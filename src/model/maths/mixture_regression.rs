@@ -1,4 +1,4 @@
-//! The regression of a mixture of either form: of all motors, or the sum of one per motor.
+//! Regression on a mixture of either form: one mixture of all motors, or the sum of one per motor.
 //!
 //! With one mixture per motor `i` over `[q_i; y]` and its regression `f_i`:
 //!
@@ -108,7 +108,7 @@ impl<const D: usize, const M: usize> Superposition<D, M> {
     }
 }
 
-/// A standard deviation of the counts of a checked mixture to either side of their mean.
+/// Range of one standard deviation around the mean counts of a checked mixture.
 fn extent(mixture: &MixtureParameters) -> [f64; 2] {
     let total: f64 = mixture.weights.iter().sum();
     let parts = mixture.weights.iter().zip(&mixture.means).zip(&mixture.covariances);
@@ -164,7 +164,7 @@ pub struct MixtureRegression {
 }
 
 impl MixtureRegression {
-    /// Of a mixture with 1 or 2 inputs and 1 to 3 outputs.
+    /// Prepares a mixture with 1 or 2 inputs and 1 to 3 outputs.
     ///
     /// # Errors
     ///

@@ -12,8 +12,8 @@ pub mod polynomial_regression;
 pub(in crate::model) mod quadratic;
 pub(in crate::model) mod regression;
 
-/// The exponential of a number up to 0; 0 below `least`. NaN stays. By `libm`, and not by the
-/// library of the system: it gives the same bits everywhere.
+/// Exponential of a number up to 0; 0 below `least`; NaN for NaN. Computed by `libm` instead of the
+/// system library: it gives the same bits everywhere.
 pub(in crate::model) fn exp_above(x: f64, least: f64) -> f64 {
     if x < least { 0.0 } else { libm::exp(x) }
 }

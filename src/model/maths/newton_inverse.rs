@@ -39,7 +39,7 @@ const BETTER_COUNTS: f64 = 1.0;
 
 /// Damping relative to the mean squared slope. The least damping keeps the quadratic definite if
 /// there are more motors than outputs. The step is then the shortest step that reaches the goal.
-const LEAST_DAMPING: f64 = 1e-9;
+const MIN_DAMPING: f64 = 1e-9;
 /// The damping after the first step that does not reduce the error.
 const FIRST_DAMPING: f64 = 1e-3;
 const DAMPING_FACTOR: f64 = 10.0;
@@ -80,7 +80,7 @@ where
     invert_from(regression, hull, goal, &start).0
 }
 
-/// As [`invert`]. Returns also where the search ended: the start for a goal near by.
+/// Inverts as [`invert`]. Also returns the end of the search: the start for a goal near by.
 pub(in crate::model) fn invert_from<const D: usize, const M: usize, R>(
     regression: &R,
     hull: &Hull,
@@ -149,7 +149,7 @@ impl<R: ?Sized, const M: usize> Search<'_, R, M> {
         R: Regression<D, M>,
     {
         let mut current = self.attempt(*start);
-        let mut damping = LEAST_DAMPING;
+        let mut damping = MIN_DAMPING;
         let mut iterations = 0;
         while iterations < MAX_ITERATIONS {
             let step = current.step(self.hull, damping);
@@ -169,7 +169,7 @@ impl<R: ?Sized, const M: usize> Search<'_, R, M> {
                 if gain < CONVERGED_COUNTS * current.one_count() {
                     break;
                 }
-                damping = (damping / DAMPING_FACTOR).max(LEAST_DAMPING);
+                damping = (damping / DAMPING_FACTOR).max(MIN_DAMPING);
             } else {
                 damping = (damping * DAMPING_FACTOR).max(FIRST_DAMPING);
             }
@@ -205,7 +205,7 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
     /// The goal, less the step that the hull has cut off: what no counts would reach is left in it.
     fn reached(&self) -> SVector<f64, M> {
         let mean = self.local.mean;
-        self.quadratic(LEAST_DAMPING).map_or(mean, |quadratic| {
+        self.quadratic(MIN_DAMPING).map_or(mean, |quadratic| {
             mean - self.error - self.local.jacobian * vector::<D>(&quadratic.minimum())
         })
     }

@@ -50,7 +50,7 @@ pub(in crate::model) fn thin(mut corners: Vec<MotorVec>, limit: usize) -> Vec<Mo
     corners
 }
 
-/// Where two sides meet that go on beyond their ends; `None` where they do not.
+/// Intersection of two extended sides; `None` if they do not meet.
 fn tip([a, b]: [MotorVec; 2], [c, d]: [MotorVec; 2]) -> Option<MotorVec> {
     let cross = |u: MotorVec, v: MotorVec| u[0] * v[1] - u[1] * v[0];
     let (first, second, apart) = (subtract(b, a), subtract(d, c), subtract(d, b));
@@ -67,8 +67,7 @@ fn sorted(points: &[MotorVec]) -> Vec<MotorVec> {
     sorted
 }
 
-/// The convex chain below points in order from left to right, or above points in order from right
-/// to left.
+/// Convex chain below points sorted from left to right, or above points sorted from right to left.
 fn chain<'a>(points: impl Iterator<Item = &'a MotorVec>) -> Vec<MotorVec> {
     let mut chain: Vec<MotorVec> = Vec::new();
     for point in points {

@@ -43,7 +43,7 @@ pub(in crate::model) struct PolynomialRegression<const D: usize, const M: usize>
     hull: Hull,
 }
 
-/// Number of coefficients of a polynomial of one or two inputs.
+/// Number of coefficients of a polynomial in one or two inputs.
 #[must_use]
 pub fn coefficients(inputs: usize, degree: usize) -> usize {
     if inputs == 1 { degree + 1 } else { (degree + 1) * (degree + 2) / 2 }

@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn non_convex_or_non_finite_input_gives_none() {
+    fn non_convex_or_non_finite_input_has_no_minimum() {
         assert_eq!(Quadratic::new([1.0, 0.0], [[0.0, 0.0], [0.0, 0.0]], 0.0), None);
         assert_eq!(Quadratic::new([1.0, 0.0], [[1.0, 2.0], [2.0, 1.0]], 0.5), None);
         assert_eq!(Quadratic::new([1.0, f64::NAN], [[1.0, 0.0], [0.0, 1.0]], 0.0), None);

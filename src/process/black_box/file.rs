@@ -28,7 +28,7 @@ use crate::robot::DriveFingerprint;
 
 /// The first bytes of every file.
 const MAGIC: [u8; 8] = *b"I2RISBOX";
-/// The only version that this software writes and reads.
+/// Format version that this software writes and reads.
 pub const VERSION: u32 = 13;
 /// Bytes before the content.
 const HEAD: usize = 8 + 4 + 8 + 32;
@@ -91,19 +91,19 @@ pub enum BlackBoxError {
         /// Cause.
         source: io::Error,
     },
-    /// Another kind of file.
+    /// A different kind of file.
     #[error(
-        "{path} is no black box: it does not begin with `I2RISBOX`; name a file that \
-         i2ris-control wrote"
+        "{path} is not a black-box file: it does not begin with `I2RISBOX`; name a file written by \
+         i2ris-control"
     )]
     Foreign {
         /// The file.
         path: PathBuf,
     },
-    /// A file of another version of this software.
+    /// A file with a different format version.
     #[error(
-        "black box {path} has format {found}, and this software reads {VERSION} only; use the \
-         software named in it"
+        "black box {path} has format {found}; this software reads only {VERSION}; use the version \
+         that wrote it"
     )]
     Version {
         /// The file.
@@ -129,8 +129,8 @@ pub enum BlackBoxError {
     },
     /// The checksum is right, but the content cannot be read.
     #[error(
-        "black box {path} holds what this software does not know ({reason}); use the software \
-         that wrote it"
+        "black box {path} contains data unknown to this software ({reason}); use the version that \
+         wrote it"
     )]
     Decode {
         /// The file.
@@ -152,7 +152,7 @@ impl BlackBox {
     ///
     /// # Errors
     ///
-    /// When postcard fails; for these types it does not.
+    /// When postcard fails, which it does not for these types.
     pub fn to_bytes(&self) -> Result<Vec<u8>, postcard::Error> {
         let body = postcard::to_allocvec(self)?;
         Ok(with_head(&body))
@@ -162,7 +162,7 @@ impl BlackBox {
     ///
     /// # Errors
     ///
-    /// When they are no black box of this version, or damaged.
+    /// When they are not a black box of this version, or are damaged.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self, BlackBoxError> {
         let path = || path.to_owned();
         let wrong_length =
@@ -214,8 +214,8 @@ impl BlackBox {
     }
 }
 
-/// Creates a file for its owner only. One that could not be written whole is removed: what is left
-/// of it, on a full disk, would count as a black box and push a whole one out.
+/// Creates a file for its owner only. A partly written file, as on a full disk, is removed:
+/// otherwise it would count as a black box and displace a complete one.
 pub(super) fn create_whole(
     path: &Path,
     write: impl FnOnce(&File) -> io::Result<()>,
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disk_that_is_full_leaves_no_empty_file() {
+    fn full_disk_leaves_no_partial_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.box");
         let full = |mut file: &File| {
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_read_as_it_was_written_and_never_overwritten() {
+    fn written_file_is_read_back_and_never_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.box");
         example().write(&path).unwrap();
@@ -293,11 +293,11 @@ mod tests {
             let text = error(&bytes[..length]);
             assert!(text.contains("incomplete"), "{length}: {text}");
         }
-        assert!(error(b"t_s,q0_counts").contains("is no black box"));
-        assert!(error(b"").contains("is no black box"));
+        assert!(error(b"t_s,q0_counts").contains("is not a black-box file"));
+        assert!(error(b"").contains("is not a black-box file"));
         let mut newer = bytes.clone();
         newer[8] = 99;
-        let expected = format!("has format 99, and this software reads {VERSION} only");
+        let expected = format!("has format 99; this software reads only {VERSION}");
         assert!(error(&newer).contains(&expected));
         let longer = [bytes.as_slice(), &[0]].concat();
         assert!(error(&longer).contains("incomplete"));

@@ -1,13 +1,13 @@
-//! The last seconds in shared memory, for the case that the controller is killed.
+//! The last seconds in shared memory, in case the controller is killed.
 //!
-//! The thread of the black box writes every tick into one of two files in the folder of the domain,
-//! which is on a tmpfs: they survive the process, no call waits for a disk, and no disk wears out.
-//! Each file begins with everything that a replay needs and covers the whole span; then the other
-//! one is begun anew. So there is always at least one span. An orderly end removes both with the
-//! domain. After SIGKILL the next start of the controller makes a black box of them.
+//! The black-box thread writes every tick into one of two files in the folder of the domain,
+//! on a tmpfs: they survive the process, no call waits for a disk, and no disk wears out. Each file
+//! begins with everything that a replay needs and covers the whole span; then the other file is
+//! overwritten. So at least one span is always available. A clean shutdown removes both with the
+//! domain. After SIGKILL, the next start of the controller converts them to a black box.
 //!
-//! A file is the version of the format, then records, each after its length (u32, little-endian).
-//! The end of a file that was being written may be incomplete; it is ignored.
+//! A file is the format version, then records, each after its length (u32, little-endian).
+//! An incomplete last record is ignored.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
@@ -37,16 +37,16 @@ enum Record {
 pub(super) struct LiveFiles {
     paths: [PathBuf; 2],
     span: Nanos,
-    /// Number of the present file.
+    /// Number of the current file.
     number: u64,
     /// `None` before the first snapshot, and after an error.
     file: Option<BufWriter<File>>,
-    /// Time of the first snapshot in the present file.
+    /// Time of the first snapshot in the current file.
     begun: Nanos,
 }
 
 impl LiveFiles {
-    /// In this folder; creates nothing yet.
+    /// Files in this folder; creates nothing yet.
     pub fn new(folder: &Path, span: Nanos) -> Self {
         Self {
             paths: ["ticks-0", "ticks-1"].map(|name| folder.join(name)),
@@ -57,7 +57,7 @@ impl LiveFiles {
         }
     }
 
-    /// Adds a snapshot; begins the other file if the present one covers the span.
+    /// Adds a snapshot; begins the other file if the current one covers the span.
     pub fn push_snapshot(
         &mut self,
         snapshot: &CycleSnapshot,
@@ -85,7 +85,7 @@ impl LiveFiles {
         self.write(&Record::Offer(Box::new(offer.clone()), model));
     }
 
-    /// Hands everything to the system, which keeps it when the process is killed.
+    /// Writes everything to the system, which keeps it when the process is killed.
     pub fn flush(&mut self) {
         if self.file.as_mut().is_some_and(|file| file.flush().is_err()) {
             self.file = None;
@@ -106,7 +106,7 @@ impl LiveFiles {
         }
     }
 
-    /// Takes what a killed controller left, as a black box.
+    /// Takes the files of a killed controller, as a black box.
     pub fn take_leftovers(&self) -> Option<BlackBox> {
         let mut found: Vec<(u64, BlackBox)> =
             self.paths.iter().filter_map(|path| read(path)).collect();
@@ -122,7 +122,7 @@ impl LiveFiles {
     }
 }
 
-/// The later file begins with the models and offers that are still in use.
+/// Joins two files. The later one begins with the models and offers still in use.
 fn join(mut earlier: BlackBox, later: BlackBox) -> BlackBox {
     earlier.header = later.header;
     let models = later.models.into_iter();
@@ -145,7 +145,7 @@ fn create(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// A file up to its last complete record; `None` if it is absent or of another version.
+/// Reads a file up to its last complete record; `None` if it is absent or of a different version.
 fn read(path: &Path) -> Option<(u64, BlackBox)> {
     let bytes = fs::read(path).ok()?;
     let (version, mut rest) = bytes.split_first_chunk::<4>()?;
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_span_is_recovered_once_in_order() {
+    fn last_span_is_recovered_once_in_order() {
         let folder = tempfile::tempdir().unwrap();
         for (last, first) in [(7, 1), (35, 1), (65, 31), (95, 61)] {
             let live = record(folder.path(), last);
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn an_incomplete_end_and_foreign_files_are_ignored() {
+    fn incomplete_end_and_foreign_files_are_ignored() {
         let folder = tempfile::tempdir().unwrap();
         let live = record(folder.path(), 25);
         let path = folder.path().join("ticks-1");

@@ -1,7 +1,7 @@
 //! The black box: a recording of every tick of the last seconds, and its replay.
 //!
 //! | file | content |
-//! |---|---|
+//! | file | content |
 //! | `ring` | the last seconds, tick by tick |
 //! | `file` | the file: versioned, with a checksum |
 //! | `live` | the last seconds in shared memory: they survive SIGKILL |
@@ -12,10 +12,10 @@
 //! configuration, every loaded model, every model that was passed to the cycle, and all outputs. It
 //! can be replayed on another machine by software with the same format and the same arithmetic.
 //!
-//! The loop copies each tick into a ring without waiting. Ticks that a slow recorder has no room
-//! for are lost and counted; the file states their number.
+//! The loop copies each tick into a ring without waiting. If a slow recorder has no room, ticks are
+//! lost and counted; the file states their number.
 //!
-//! Beside it, under the same name, is what went over the serial ports in the last minute:
+//! A second file of the same name holds the serial traffic of the last minute:
 //! [`crate::drive::capture`].
 
 mod file;

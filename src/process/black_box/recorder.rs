@@ -1,5 +1,5 @@
-//! The recorder of the black box: takes every tick from the loop, and writes the file; beside it
-//! what went over the serial ports.
+//! The recorder of the black box: takes every tick from the loop, and writes the file and the
+//! serial capture.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::{self, DirBuilder};
@@ -29,13 +29,13 @@ use crate::wall_clock;
 const TICKS: usize = 4096;
 /// Snapshots in flight; the loop makes one per second.
 const SNAPSHOTS: usize = 4;
-/// What a black box holds: 10 MB.
+/// Span of a black box: 10 MB.
 const SPAN: Nanos = Nanos::from_millis(12_000);
 
-/// Black boxes that are kept in the folder; the oldest are removed.
+/// Maximum number of black boxes in the folder; the oldest are removed.
 const FILES: usize = 100;
 
-/// Extension of the captures beside the black boxes.
+/// Extension of the captures that accompany the black boxes.
 const CAPTURE: &str = "pcapng";
 
 /// Polling period of the recorder.
@@ -52,15 +52,15 @@ const OFFERS: usize = 64;
 pub enum RecorderRequest {
     /// A model is on its way to the loop.
     Offer(Box<OfferRecord>, Arc<Model>),
-    /// Write the file now; the token returns with the reply.
+    /// Write the file now; the reply carries the token.
     Write(u64),
 }
 
-/// The reply to [`RecorderRequest::Write`] with its token: the file and its number of ticks, or the
+/// Reply to [`RecorderRequest::Write`] with its token: the file and its number of ticks, or the
 /// error.
 pub type WriteReply = (u64, Result<(PathBuf, u64), String>);
 
-/// The ends of the loop.
+/// Endpoints of the loop.
 pub struct RecorderChannels {
     /// Every tick.
     pub ticks: Producer<TickRecord>,
@@ -80,7 +80,7 @@ pub struct Recorder {
     ring: Ring,
     /// `None`: the name of the domain is not valid.
     live: Option<LiveFiles>,
-    /// What goes over the serial ports.
+    /// Captures of the serial ports.
     captures: Vec<Capture>,
     drives: Vec<DriveFingerprint>,
     models: BTreeMap<ModelId, Arc<Model>>,
@@ -88,14 +88,14 @@ pub struct Recorder {
     /// Number of the newest tick.
     newest: u64,
     lost: u64,
-    /// Time of a fault without a file.
+    /// Time of a fault whose file is not yet written.
     fault: Option<Nanos>,
-    /// Time of the last file of a fault.
+    /// Time of the last file written for a fault.
     last_fault: Option<Nanos>,
 }
 
 impl Recorder {
-    /// A recorder, and the ends for the loop. `model` is the model at the start.
+    /// A recorder, and the endpoints of the loop. `model` is the model at the start.
     #[must_use]
     pub fn new(
         config: &Config,
@@ -161,8 +161,8 @@ impl Recorder {
         if let Some(content) = self.live.as_ref().and_then(LiveFiles::take_leftovers) {
             report(match self.write_content(&content) {
                 Ok((path, ticks)) => format!(
-                    "the last controller was killed: black box of its last {ticks} ticks written \
-                     to {}",
+                    "the previous controller was killed: black box of its last {ticks} ticks \
+                     written to {}",
                     path.display()
                 ),
                 Err(error) => format!("warning: {error}"),
@@ -171,7 +171,7 @@ impl Recorder {
     }
 
     fn drain(&mut self, requests: &Receiver<RecorderRequest>, replies: &Sender<WriteReply>) {
-        // The model manager announces a model before it sends it to the loop, so an offer is read
+        // The model manager announces a model before it sends it to the loop, so the offer is read
         // before its tick.
         let mut writes = Vec::new();
         for request in requests.try_iter() {
@@ -318,8 +318,8 @@ impl Recorder {
     }
 }
 
-/// Writes what went over the serial ports at a start that failed. There is one such file: a service
-/// that starts again and again fills no disk.
+/// Writes the serial traffic of a failed start. Only one such file exists, so that a service that
+/// restarts repeatedly does not fill the disk.
 pub fn write_failed_start(
     folder: &Path,
     captures: &[Capture],
@@ -331,7 +331,7 @@ pub fn write_failed_start(
     write_captures(captures, &path, software).map(|()| path)
 }
 
-/// Writes what went over the serial ports.
+/// Writes the serial traffic.
 fn write_captures(captures: &[Capture], path: &Path, software: &str) -> Result<(), BlackBoxError> {
     let ports: Vec<_> = captures.iter().map(Capture::read).collect();
     let wall_offset = wall_clock::unix_time().duration_since(clock::now());
@@ -340,7 +340,7 @@ fn write_captures(captures: &[Capture], path: &Path, software: &str) -> Result<(
         .map_err(BlackBoxError::io("write", path))
 }
 
-/// Writes a black box under a name that is not taken.
+/// Writes a black box under an unused name.
 fn write_new(content: &BlackBox, folder: &Path, stem: &str) -> Result<PathBuf, BlackBoxError> {
     let mut path = folder.join(format!("{stem}.box"));
     for number in 2..1000 {
@@ -365,9 +365,9 @@ fn create_folder(folder: &Path) -> Result<(), BlackBoxError> {
     created.map_err(BlackBoxError::io("write", folder))
 }
 
-/// Removes the oldest black boxes of a folder beyond a number, and never the one that was written
-/// now. Their names begin with the time, by a clock that may have been set back: those that are
-/// later than the newest one come from before that, and are the oldest.
+/// Removes the oldest black boxes of a folder beyond a number, but never the newest one. Their
+/// names begin with the wall-clock time. If the clock was set back, files with a later time than
+/// the newest one are the oldest.
 fn remove_oldest(folder: &Path, keep: usize, newest: &Path) {
     let Ok(entries) = fs::read_dir(folder) else {
         return;
@@ -378,7 +378,7 @@ fn remove_oldest(folder: &Path, keep: usize, newest: &Path) {
     boxes.sort_by_key(|path| (path.as_path() <= newest, path.clone()));
     let excess = boxes.len().saturating_sub(keep);
     for path in boxes.iter().take(excess) {
-        // One that stays is removed the next time.
+        // If this fails, the next call removes it.
         let _ = fs::remove_file(path);
         let _ = fs::remove_file(path.with_extension(CAPTURE));
     }
@@ -406,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_black_box_stays_after_the_clock_was_set_back() {
+    fn newest_black_box_survives_a_clock_set_back() {
         let folder = tempfile::tempdir().unwrap();
         let names = ["20250101-000000-fault.box", "20260101-000000-a.box", "20260102-000000-b.box"];
         names.iter().for_each(|name| fs::write(folder.path().join(name), "").unwrap());
@@ -415,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_that_is_taken_for_ever_is_an_error() {
+    fn writing_fails_if_every_name_is_taken() {
         let folder = tempfile::tempdir().unwrap();
         let taken = |name: String| fs::write(folder.path().join(name), "").unwrap();
         taken("a.box".to_owned());

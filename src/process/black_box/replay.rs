@@ -23,10 +23,10 @@ pub enum ReplayError {
     #[error("a model in the black box: {0}")]
     Model(#[from] ModelError),
     /// A model is missing.
-    #[error("the black box names model {0} and does not hold it")]
+    #[error("the black box refers to model {0} but does not contain it")]
     NoModel(ModelId),
     /// No snapshot precedes the ticks.
-    #[error("the black box holds no state of the controller to begin with")]
+    #[error("the black box contains no controller state to start from")]
     NoSnapshot,
 }
 
@@ -35,11 +35,11 @@ pub enum ReplayError {
 pub struct ReplayResult {
     /// Number of replayed ticks.
     pub ticks: u64,
-    /// Of those, ticks with a model swap.
+    /// Number of these ticks with a model swap.
     pub swaps: u64,
-    /// Ticks that cannot be replayed, because ticks before them are missing.
+    /// Ticks that cannot be replayed because earlier ticks are missing.
     pub skipped: u64,
-    /// The first tick with different outputs; `None`: all bits are equal.
+    /// The first tick with different outputs; `None` if all bits are equal.
     pub difference: Option<ReplayDifference>,
 }
 
@@ -56,7 +56,7 @@ pub struct ReplayDifference {
     pub replayed: String,
 }
 
-/// Replays the ticks of a black box, up to the first with different outputs.
+/// Replays a black box up to the first tick with different outputs.
 ///
 /// # Errors
 ///
@@ -145,8 +145,8 @@ impl Player<'_> {
     }
 }
 
-/// The first field that differs. The bits decide; the text, which shows all digits and the sign of
-/// zero, names the field.
+/// The first field that differs. Bits are compared; the text, which shows all digits and the sign
+/// of zero, only names the field.
 fn difference(tick: &TickRecord, now: &CycleOutputs) -> Option<ReplayDifference> {
     let before = &tick.outputs;
     if bits(before) == bits(now) {

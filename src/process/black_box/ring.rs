@@ -8,7 +8,7 @@ use crate::core::{CycleInputs, CycleOutputs, CycleSnapshot};
 use crate::realtime::TickTiming;
 use crate::units::Nanos;
 
-/// The last seconds, tick by tick, from a snapshot on. Grows to its full size once.
+/// The last seconds, tick by tick, starting at a snapshot. Grows to its full size once.
 #[derive(Debug)]
 pub struct Ring {
     span: Nanos,
@@ -17,7 +17,7 @@ pub struct Ring {
 }
 
 impl Ring {
-    /// Keeps `span`, plus up to one interval between two snapshots.
+    /// Keeps `span` plus up to one interval between two snapshots.
     #[must_use]
     pub fn new(span: Nanos) -> Self {
         Self { span, ticks: VecDeque::new(), snapshots: VecDeque::new() }
@@ -64,9 +64,9 @@ pub struct TickRecord {
     /// The model that was passed to the cycle before the tick: number of its
     /// [`super::OfferRecord`].
     pub offered: Option<u64>,
-    /// CycleInputs of the cycle.
+    /// Inputs of the cycle.
     pub inputs: CycleInputs,
-    /// CycleOutputs of the cycle.
+    /// Outputs of the cycle.
     pub outputs: CycleOutputs,
     /// Timing. `timing.tick.started` is the time argument of the cycle.
     pub timing: TickTiming,

@@ -1,4 +1,4 @@
-//! What others do, and what is expected for, in between.
+//! Actions of other clients, and the motion expected after them.
 
 use i2ris::core::{FixtureChange, ModelChange, ServoCommand, ServoGoal};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
@@ -12,7 +12,7 @@ use super::routes::distance;
 use super::zones::Zone;
 use super::{LEASE, OTHER, Situation, THIRD};
 
-/// The stroke of conditioning to both sides of the start, counts, where the hull is no wider.
+/// Conditioning stroke to both sides of the start, counts, unless the hull is wider.
 const CONDITIONING: f64 = 300.0;
 
 impl Situation {
@@ -97,16 +97,16 @@ impl Situation {
             self.check();
             return;
         }
-        assert!(!is_followed || holder == client_id, "a swap under the hand of another");
+        assert!(!is_followed || holder == client_id, "a swap during another client's stream");
         let is_anothers = self.mover.is_some_and(|mover| mover != client_id);
-        assert!(!is_anothers, "a swap under the motion of another");
+        assert!(!is_anothers, "a swap during another client's motion");
         self.gains = [staged.map_or(before, |(_, gain)| gain), now];
         let before = self.oracle.seen(&self.bench);
         self.oracle.snake.gain = self.gains[0] * GAIN_DEG;
         let until = self.bench.now + Nanos::from_millis(500);
         let by = distance(self.oracle.seen(&self.bench), before);
-        self.oracle.see_anew(&self.bench);
-        self.oracle.way.swapped(by, until);
+        self.oracle.reset_view(&self.bench);
+        self.oracle.path.swapped(by, until);
         self.check();
     }
 
@@ -122,7 +122,7 @@ impl Situation {
         assert!(refusal != Refusal::None || !is_cut, "a move beyond the joint limits");
     }
 
-    /// As far as the hull, or as the model needs it.
+    /// Conditions as far as the hull, or as the model needs.
     pub(super) fn condition(&mut self) {
         let start = self.bench.targets().map(f64::from);
         let ends = [f64::min, f64::max].map(|end| {
@@ -144,20 +144,20 @@ impl Situation {
         self.condition();
     }
 
-    /// Motion is expected for, and is what is expected from now on if it is accepted.
+    /// Requests a motion, which is the expected one from now on if it is accepted.
     fn ask_for_motion(&mut self, client_id: u64, command: StateCommand, what: What) -> Refusal {
         let refusal = self.bench.ask_as(client_id, command).refusal;
         self.judge_motion(client_id, refusal);
         if refusal == Refusal::None {
             self.note_session(client_id, command);
-            self.oracle.way.expected.what = what;
+            self.oracle.path.expected.what = what;
             self.mover = Some(client_id);
         }
         self.check();
         refusal
     }
 
-    /// Somebody else stops the robot and lets it move again, while the hand goes on.
+    /// Another client stops the robot and enables motion again while the hand keeps moving.
     pub(super) fn go_on_through_a_stop(&mut self) {
         let by = if self.random.one_in(2) { OTHER } else { THIRD };
         let (stop, start) = match self.random.below(2) {
@@ -165,7 +165,7 @@ impl Situation {
             _ => (StateCommand::Disable, StateCommand::Enable),
         };
         let _ = self.ask(by, stop);
-        // Another one, of whom nothing may be known, sends into the stop and goes on after it.
+        // Another client, possibly unknown, sends during the stop and after it.
         let joins = self.random.one_in(3);
         let ticks = if joins { LEASE.0 / 1_000_000 } else { self.random.below(200) };
         for tick in 0..ticks {
@@ -181,32 +181,32 @@ impl Situation {
         }
         self.bench.idle();
         self.jaw.iter_mut().for_each(Jaw::begin);
-        // Of one that asked again and again, it is refused.
+        // A client that kept sending is refused.
         if self.ask(by, start) != Refusal::None {
             assert_eq!(self.ask(THIRD + self.bench.now.0, start), Refusal::None);
         }
         self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
-        self.oracle.see_anew(&self.bench);
+        self.oracle.reset_view(&self.bench);
         self.jaw.iter_mut().for_each(Jaw::begin);
         self.check();
-        // Asked for where the snake is, nothing but its session speaks against it.
+        // At the present pose, only its session can cause a refusal.
         if joins {
             let here = self.present();
             self.send_as_other(here, Nanos::ZERO);
         }
     }
 
-    pub(super) fn begin_anew(&mut self) {
+    pub(super) fn disable_and_enable(&mut self) {
         let _ = self.ask(CLIENT, StateCommand::Disable);
         self.bench.idle();
-        // Of one that asked again and again, it is refused.
+        // A client that kept sending is refused.
         if self.ask(CLIENT, StateCommand::Enable) != Refusal::None {
             assert_eq!(self.ask(THIRD + self.bench.now.0, StateCommand::Enable), Refusal::None);
         }
         self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
-        self.oracle.see_anew(&self.bench);
+        self.oracle.reset_view(&self.bench);
         self.jaw.iter_mut().for_each(Jaw::begin);
-        // Nobody is followed, or moves.
+        // No client is followed, and nothing moves.
         self.check();
     }
 }

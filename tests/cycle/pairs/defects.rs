@@ -1,10 +1,10 @@
-//! Deliberate defects in the order of filters, one at a time, each of which the pairs have to find.
+//! Deliberate defects in the order of filters, one at a time. The pairs must find each of them.
 //!
-//! A copy of the sources gets the defect, is built, and draws until it is found, at most two million
-//! ticks. Where two stages hold
-//! the same limit, a defect in one of them changes no setpoint, so the limit is taken from both:
-//! the limits of the motors from stage 10 and the gate, the calibrated pose from stage 6 and the
-//! gate. The order of stages 5 and 6 is such a case, too: the gate holds all that it may break.
+//! A copy of the sources gets the defect, is built, and draws up to two million ticks until it is
+//! found. Where two stages enforce the same limit, a defect in one of them changes no setpoint, so
+//! both lose the limit: the motor limits in stage 10 and the gate, the calibrated pose in stage 6
+//! and the gate. The order of stages 5 and 6 is also such a case: the gate enforces every limit
+//! that it could break.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ const SESSIONS: &str = "src/core/command/sessions.rs";
 const NO_MOTORS: Edit =
     (GATE, "if !axes.keep_limits(&self.before) {", "if !axes.keep_limits(&self.before) && false {");
 
-/// What is replaced by what, in which file.
+/// File, text and its replacement.
 type Edit = (&'static str, &'static str, &'static str);
 
 const DEFECTS: [(&str, &[Edit]); 18] = [
@@ -39,11 +39,11 @@ const DEFECTS: [(&str, &[Edit]); 18] = [
         )],
     ),
     (
-        "the gate checks no region",
+        "the gate does not check regions",
         &[(SPACE, "        if !self.fixtures.is_on() {", "        if bounds.is_some() || true {")],
     ),
     (
-        "the gate checks no speed of the angles",
+        "the gate does not check the angular speed",
         &[(
             GATE,
             "let speed = self.judge_speed(axes, gate)?;",
@@ -51,15 +51,15 @@ const DEFECTS: [(&str, &[Edit]); 18] = [
         )],
     ),
     (
-        "the gate checks no hull",
+        "the gate does not check the hull",
         &[(GATE, "if self.in_hull && !places", "if self.in_hull && false && !places")],
     ),
     (
-        "the gate checks no position of the angles",
+        "the gate does not check the position of the angles",
         &[(SPACE, "if excess > POSE_TOLERANCE {", "if excess > 9.0 {")],
     ),
     (
-        "the gate looks at where the setpoints are, and not at where they come to rest",
+        "the gate checks the present setpoints instead of where they come to rest",
         &[(GATE, "let places = [rest, here];", "let [_, places] = [[rest, here], [here, here]];")],
     ),
     (
@@ -101,14 +101,14 @@ const DEFECTS: [(&str, &[Edit]); 18] = [
         )],
     ),
     (
-        "the gate checks no change of the speed of the angles",
+        "the gate does not check the angular acceleration",
         &[(BOUNDS, "self.line as f64 + STEP_TOLERANCE;", "self.line as f64 + 1.0;")],
     ),
     (
         "the blend of a swap feeds back to the goal of a rate",
         &[(
             GOALS,
-            "let left = self.joints.left_to_go(&self.axes.setpoints());",
+            "let left = self.joints.remaining_motion(&self.axes.setpoints());",
             "let left = self.joints.setpoint().map(|at| zip_map(&from, &at, |from, at| from - at))\
              .ok_or(());",
         )],
@@ -118,22 +118,22 @@ const DEFECTS: [(&str, &[Edit]); 18] = [
         &[(GOALS, "let back = if ahead > most {", "let back = if ahead > 1e9 * most {")],
     ),
     (
-        "a border that is elsewhere at once takes the goal along",
+        "a border that jumps moves the goal along",
         &[(GOALS, "&reached.goal, share);", "&reached.goal, share + 1.0);")],
     ),
     (
-        "a goal is integrated from stamps that go back",
+        "a goal is integrated from stamps that run backwards",
         &[
             (STAMPS, "if stamp < self.stamp {", "if stamp < self.stamp && sequence == 0 {"),
             (GOALS, "begin = self.stamp.max(before.stamp());", "begin = self.stamp;"),
         ],
     ),
     (
-        "a stop ends no session",
+        "a stop does not end a session",
         &[(SESSIONS, "|client| client.has_ended = true", "|client| client.has_ended |= false")],
     ),
     (
-        "a stream through a pause is no refusal for the state",
+        "a stream during a pause does not count as refused for the state",
         &[(SESSIONS, "|= of_state.contains(&refusal)", "|= of_state.is_empty()")],
     ),
     (
@@ -166,7 +166,7 @@ fn output(command: &mut Command) -> (bool, String) {
     (output.status.success(), String::from_utf8_lossy(&text).into_owned())
 }
 
-/// Copies what git knows. What is the same stays as it is, and is not built again.
+/// Copies the files known to git. Unchanged files are left alone, so they are not rebuilt.
 fn copy(to: &Path) {
     let (_, files) = output(Command::new("git").arg("ls-files").current_dir(root()));
     for file in files.lines() {
@@ -180,7 +180,8 @@ fn copy(to: &Path) {
     }
 }
 
-/// Draws up to two million ticks in a copy of the sources: what the test said, if it was built.
+/// Draws up to two million ticks in a copy of the sources. Returns whether the test passed, and its
+/// output.
 fn draw(folder: &Path) -> (bool, String) {
     let (found, text) = output(
         Command::new(env!("CARGO"))

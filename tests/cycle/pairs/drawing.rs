@@ -7,10 +7,10 @@ use super::oracle::Limits;
 use super::zones::Zone;
 use crate::adaptation::random::Random;
 
-/// What is delivered, on the robot of the tests.
+/// The shipped configuration, on the robot of the tests.
 const SHIPPED: &str = include_str!("../../../config/robot.toml");
 
-/// The limits of a situation: none, those that are delivered, or some.
+/// The limits of a situation: none, the shipped ones, or random ones.
 pub fn limits(random: &mut Random, has_angles: bool, is_shipped: bool) -> Limits {
     if !has_angles || !is_shipped && random.one_in(3) {
         return Limits::default();
@@ -56,7 +56,7 @@ pub fn configuration(
     Config { robot_id, ports, adaptation, virtual_fixtures, ..shipped() }
 }
 
-/// Limits of the motors, and what filters a goal.
+/// Motor limits and goal filters.
 fn tables(random: &mut Random, limits: &Limits) -> String {
     let mut text = String::from("[command]\n");
     if random.one_in(4) {
@@ -94,7 +94,7 @@ fn tables(random: &mut Random, limits: &Limits) -> String {
     text
 }
 
-/// What both motors and the angles slow down with at least, deg/s^2.
+/// Minimum deceleration of motors and angles, deg/s^2.
 pub fn braking(config: &Config) -> f64 {
     let motors = GAIN_DEG * config.limits.acceleration_counts_s2;
     config.joint_limits.acceleration_deg_s2.map_or(motors, |angles| angles.min(motors))

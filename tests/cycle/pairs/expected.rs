@@ -1,5 +1,5 @@
-//! What is expected: the goal as the client that is followed sent it, scaled, and between
-//! commands extrapolated, filtered and led as the configuration says. By formulae of its own.
+//! The expected goal: as sent by the followed client, scaled, and between commands extrapolated,
+//! filtered and led as configured. With formulae of its own.
 
 use i2ris::config::Config;
 use i2ris::core::{CycleReport, ServoCommand, ServoGoal};
@@ -12,15 +12,15 @@ use super::snake::Wire;
 
 pub type Angles = [f64; 2];
 
-/// As in `goal_extrapolation`: what is slower is not extrapolated.
-const LONGEST_S: f64 = 0.02;
+/// As in `goal_extrapolation`: a slower stream is not extrapolated.
+const MAX_EXTRAPOLATION_S: f64 = 0.02;
 /// The first line of an interpolated stream, and the shortest one.
 const FIRST_LINE_S: f64 = 0.1;
-const SHORTEST_LINE_S: f64 = 0.005;
+const MIN_LINE_S: f64 = 0.005;
 /// Rounding of steps, degrees.
 const STEP_DEG: f64 = 1e-3;
 
-/// What is being followed.
+/// The motion being followed.
 #[derive(Debug, Clone, Copy)]
 pub enum What {
     Nothing,
@@ -37,7 +37,7 @@ pub enum What {
     Counts([[f64; 2]; 2]),
 }
 
-/// A line in time, and where the next step is measured from, degrees.
+/// A line in time, and the origin of the next step, degrees.
 #[derive(Debug, Clone, Copy)]
 pub struct Goal {
     from: Angles,
@@ -47,7 +47,7 @@ pub struct Goal {
     last: Angles,
     at: Nanos,
     for_s: f64,
-    /// How far from `from` it may have begun: where a rate had led to is known so far only.
+    /// Uncertainty of `from`: the end of a preceding rate is known only to this.
     unsure: f64,
 }
 
@@ -91,7 +91,7 @@ pub struct Expected {
 impl Expected {
     pub fn new(config: &Config, wire: Wire) -> Self {
         let command = &config.command;
-        // A place of the tip is compared in counts.
+        // A tip position is compared in counts.
         let steps = match wire {
             Wire::Place => [command.first_step_counts, command.max_step_counts]
                 .map(|counts| 2.0 * GAIN_DEG * LARGEST_GAIN * f64::from(counts)),
@@ -118,7 +118,7 @@ impl Expected {
         if self.scale == 1.0 { Coupling::Absolute } else { Coupling::Open }
     }
 
-    /// A client has begun at zero, where the snake was.
+    /// A client has started at zero, the pose of the snake.
     pub fn begun_at_zero(&mut self, client_id: u64) {
         let at_zero = Coupling::Relative { master: [0.0; 2], snake: [0.0; 2] };
         let coupling = if self.scale == 1.0 { Coupling::Absolute } else { at_zero };
@@ -126,7 +126,7 @@ impl Expected {
     }
 
     /// A command was accepted in the tick of this report; the snake was at `snake` before it.
-    /// `pose`: what the goal is in degrees, or its rate.
+    /// `pose`: the goal in degrees, or its rate.
     pub fn accept(
         &mut self,
         command: &ServoCommand,
@@ -165,16 +165,16 @@ impl Expected {
         };
         let next = self.next(end, command.stamp, snake, is_slow);
         let next = self.clipped(next, report, is_slow);
-        // What a region moves the goal to is another one.
+        // A goal moved by a region is not the one that was sent.
         if report.limited_by_fixture.is_none() {
             self.require_step(&next, snake);
         }
         self.what = What::Goal(next);
     }
 
-    /// The goal goes on by a step, or begins where the snake is. One that comes back from behind
-    /// what cut it goes no further than the hand, but for the first step of a stream. A place of
-    /// the tip is compared in counts: what of it no counts reach is no step.
+    /// The goal advances by a step or starts at the snake. A goal that returns from beyond a limit
+    /// moves no further than the hand, except for the first step of a stream. A tip goal is
+    /// compared in counts, so its unreachable part is not a step.
     fn require_step(&self, next: &Goal, snake: Angles) {
         let is_place = matches!(self.wire, Wire::Place);
         let next = if is_place { &Goal { expected: next.end, ..*next } } else { next };
@@ -188,7 +188,7 @@ impl Expected {
             What::Goal(before) => {
                 let age_s = next.at.duration_since(before.at).as_seconds();
                 let most = distance(next.expected, before.expected) + self.first_step;
-                // On its way to where it was cut, and asked for the same place again.
+                // It moves towards the clipped goal, and the same goal is sent again.
                 let step = distance(next.end, before.after(age_s));
                 let step = step.min(distance(next.end, before.end));
                 (step, most + before.unsure_after(age_s))
@@ -201,7 +201,7 @@ impl Expected {
         assert!(step <= most + STEP_DEG, "{step} deg, {most}: {next:?} after {:?}", self.what);
     }
 
-    /// How far from the snake the goal of a rate may be that ends.
+    /// Maximum distance of the goal from the snake when a rate ends.
     fn led(&self, rate: Angles, deadline_s: f64) -> f64 {
         3.0 * deadline_s * distance(rate, [0.0; 2]) + self.first_step
     }
@@ -220,13 +220,13 @@ impl Expected {
                 }
                 _ => (snake, FIRST_LINE_S, 0.0),
             };
-            let for_s = for_s.clamp(SHORTEST_LINE_S, 0.25);
+            let for_s = for_s.clamp(MIN_LINE_S, 0.25);
             let rate = plus(end, from, -1.0).map(|way| way / for_s);
             return Goal { from, rate, for_s, unsure, ..still };
         }
         let What::Goal(before) = self.what else { return still };
         let interval_s = stamp.duration_since(before.at).as_seconds();
-        if interval_s == 0.0 || interval_s > LONGEST_S {
+        if interval_s == 0.0 || interval_s > MAX_EXTRAPOLATION_S {
             return still;
         }
         let last = plus(end, before.from, -1.0).map(|way| way / interval_s);
@@ -237,32 +237,32 @@ impl Expected {
         Goal {
             rate: [lesser(0), lesser(1)],
             last,
-            for_s: (2.0 * interval_s).min(LONGEST_S),
+            for_s: (2.0 * interval_s).min(MAX_EXTRAPOLATION_S),
             ..still
         }
     }
 
-    /// What cut a goal is looked at by others; here it counts what is left of it.
+    /// The goal after clipping. Others check what clipped it.
     fn clipped(&self, goal: Goal, report: &CycleReport, is_slow: bool) -> Goal {
-        // One that comes back from there goes step by step.
+        // A goal that returns from there advances step by step.
         let was_cut = matches!(&self.what, What::Goal(before) if before.expected != before.end);
         let is_cut = (report.clipped || was_cut) && report.limited_by_fixture.is_none();
         let Some(joint) = report.joint.filter(|_| is_cut) else { return goal };
         let end = self.wire.angles(joint.goal);
         if !is_slow {
-            // It may go on between two commands as it went to this one.
+            // Between two commands it may continue as it moved to this one.
             let unsure = match &self.what {
                 What::Goal(before) if was_cut => distance(end, before.end),
                 _ => 0.0,
             };
-            let still = Goal { for_s: LONGEST_S, unsure, ..Goal::still(end, goal.at) };
+            let still = Goal { for_s: MAX_EXTRAPOLATION_S, unsure, ..Goal::still(end, goal.at) };
             return Goal { expected: goal.expected, ..still };
         }
         let rate = plus(end, goal.from, -1.0).map(|way| way / goal.for_s);
         Goal { end, rate, ..goal }
     }
 
-    /// Where the goal is in this tick: as expected, and filtered and led. Else nothing.
+    /// The goal of this tick: as expected, and filtered and led. `None` without a goal.
     pub fn goals(&mut self, now: Nanos, snake: Angles) -> Option<[Angles; 2]> {
         let here = match &self.what {
             What::Goal(goal) => goal.after(now.duration_since(goal.at).as_seconds()),
@@ -287,7 +287,7 @@ impl Expected {
         Some([here, plus(next, self.velocity, self.lead_s)])
     }
 
-    /// The rate of this tick, and how far the goal of a rate may be ahead of the snake.
+    /// The rate of this tick, and the maximum lead of its goal over the snake.
     pub fn rate(&self, now: Nanos) -> Option<(Angles, f64)> {
         let What::Rate { rate, at, deadline_s } = self.what else { return None };
         let rate = if now.duration_since(at).as_seconds() < deadline_s { rate } else { [0.0; 2] };

@@ -1,5 +1,5 @@
-//! The auxiliary axis in the pairs: its stream runs beside that of the joints, under the same
-//! lease, and what holds the robot holds it.
+//! The auxiliary axis in the pairs: its stream runs in parallel with that of the joints, under the
+//! same lease, and whatever holds the robot holds this axis.
 
 use std::collections::VecDeque;
 
@@ -13,29 +13,29 @@ use super::{OTHER, Random, Situation};
 
 /// Ticks over which its acceleration is measured.
 const WINDOW: usize = 10;
-/// Ticks over which its way is looked at.
-const WAY: usize = 400;
-/// A goal goes on for so long between commands.
+/// Ticks over which its path is checked.
+const PATH_WINDOW: usize = 400;
+/// Extrapolation of a goal between commands.
 const AHEAD_S: f64 = 0.02;
-/// Of [`with_jaw`], counts.
+/// Scale of [`with_jaw`].
 const COUNTS_PER_DEG: f64 = -10.0;
 
-/// What the jaw is expected for, and what is known of it.
+/// Expected goal and observed motion of the jaw.
 pub(super) struct Jaw {
     random: Random,
     goal_deg: f64,
     rate_deg_s: f64,
-    /// When the followed command becomes stale; zero: none is followed.
+    /// When the followed command becomes stale; zero if no command is followed.
     stale_at: Nanos,
     past: VecDeque<i32>,
-    /// Where it was in the last ticks, and where it was expected to be, counts.
+    /// Actual and expected positions of the last ticks, counts.
     goals: VecDeque<[f64; 2]>,
     expected: Option<f64>,
     idle: u32,
 }
 
 impl Jaw {
-    /// In every other situation, with draws of its own: those of the others stay.
+    /// Draws a jaw in every second situation, with its own generator: other draws stay the same.
     pub fn draw(seed: u64, config: Config) -> (Option<Self>, Config) {
         if seed.is_multiple_of(2) {
             return (None, config);
@@ -53,12 +53,12 @@ impl Jaw {
         (Some(jaw), with_jaw(config))
     }
 
-    /// What only stops was carried out.
+    /// A stop command was carried out.
     pub fn stopped(&mut self) {
         self.stale_at = Nanos::ZERO;
     }
 
-    /// What was before is not looked at.
+    /// Discards the history.
     pub fn begin(&mut self) {
         (self.idle, self.stale_at) = (0, Nanos::ZERO);
         self.past.clear();
@@ -82,7 +82,7 @@ impl Jaw {
         is_sent.then(|| ServoCommand { client_id, ..bench.servo(goal) })
     }
 
-    /// Checks the tick that has just been.
+    /// Checks the last tick.
     pub fn check(&mut self, bench: &Bench) {
         let (report, now) = (bench.report(), target(bench));
         if !matches!(report.state, OperatingState::Enabled | OperatingState::Paused) {
@@ -98,9 +98,9 @@ impl Jaw {
             assert!(moved <= 1e-3 * limits.velocity_counts_s + 1.0, "jaw: {before} to {now}");
             self.idle = if bench.now < self.stale_at { 0 } else { self.idle + 1 };
             let is_at_rest = self.idle > self.stop_ticks(bench);
-            assert!(!is_at_rest || now == *before, "jaw: {before} to {now}, nothing is expected");
+            assert!(!is_at_rest || now == *before, "jaw: {before} to {now} without a goal");
         }
-        self.check_way(limits, f64::from(now), bench.now < self.stale_at);
+        self.check_path(limits, f64::from(now), bench.now < self.stale_at);
         self.past.push_back(now);
         if self.past.len() > 2 * WINDOW {
             let [old, middle] = [0, WINDOW].map(|index| self.past[index]);
@@ -112,11 +112,11 @@ impl Jaw {
         }
     }
 
-    /// It is between where it was and where it was expected to be, but for the way of a stop.
-    fn check_way(&mut self, limits: &LimitConfig, now: f64, is_asked: bool) {
+    /// It stays between its actual and expected positions, plus the braking distance.
+    fn check_path(&mut self, limits: &LimitConfig, now: f64, is_asked: bool) {
         let goal = self.expected.filter(|_| is_asked).unwrap_or(now);
         self.goals.push_back([now, goal]);
-        if self.goals.len() > WAY {
+        if self.goals.len() > PATH_WINDOW {
             self.goals.pop_front();
         }
         let (speed, slow_down) = (limits.velocity_counts_s, limits.acceleration_counts_s2);
@@ -140,7 +140,7 @@ fn target(bench: &Bench) -> i32 {
 }
 
 impl Situation {
-    /// One tick without a command of the joints; it may have one of the jaw.
+    /// Runs one tick without a joint command, possibly with a jaw command.
     pub(super) fn tick(&mut self) {
         let Some(jaw) = self.jaw.as_mut().filter(|_| self.quiet == 0) else {
             self.bench.tick();
@@ -159,7 +159,7 @@ impl Situation {
             if refusal == Refusal::None {
                 let (ServoGoal::Joint([angle, ..], _), config) = (command.goal, &self.bench.config)
                 else {
-                    unreachable!("the jaw is expected for an angle");
+                    unreachable!("the jaw takes angles only");
                 };
                 let step = (angle.to_degrees() * COUNTS_PER_DEG - f64::from(before)).abs();
                 let is_first = followed == Nanos::ZERO;

@@ -1,8 +1,8 @@
-//! Pairs: whole situations, drawn at random, in which any stage may undo what another one limits.
+//! Pairs: whole situations, drawn at random, in which any stage may undo the limit of another.
 //! Limits, fixtures, adaptation, a swap in progress, conditioning, the clutch, stale streams, a
 //! camera that misleads, two clients and a clock that jumps meet in every combination.
 //!
-//! `defects`: deliberate defects in the order of filters, each of which has to be found.
+//! `defects`: deliberate defects in the order of filters, which the pairs must find.
 
 mod actions;
 mod defects;
@@ -11,9 +11,9 @@ mod expected;
 mod jaw;
 mod oracle;
 mod routes;
+mod setpoint_path;
 mod snake;
 mod stream;
-mod way;
 mod zones;
 
 use std::collections::VecDeque;
@@ -32,29 +32,29 @@ use drawing::{braking, configuration, limits};
 use expected::{Angles, Expected};
 use jaw::Jaw;
 use oracle::{Limits, Oracle, SLANTED, SQUARE, Stop};
+use setpoint_path::SetpointPath;
 use snake::{Snake, Wire};
-use way::Way;
 use zones::Zone;
 
 const OTHER: u64 = CLIENT + 1;
-/// Only stops the robot and lets it move again.
+/// Only stops the robot and enables motion again.
 const THIRD: u64 = CLIENT + 2;
 /// `command.lease_timeout_ms` by default.
 const LEASE: Nanos = Nanos::from_millis(500);
-/// Silence after which a stream may begin anew that another client has held.
+/// Silence after which a stream held by another client may start again.
 const BREAK: Nanos = Nanos::from_millis(1000);
-/// Ticks in which a camera comes to be believed.
+/// Ticks in which a camera gains influence.
 const MISLED_TICKS: u64 = 40_000;
-/// More than the window of the way.
+/// Longer than the window of the setpoint path.
 const CALM_TICKS: u64 = 400;
 /// Ticks of a situation.
 const TICKS: u64 = 4000;
-/// Seeds that found something once. 1157: after a stop of a cycle the gate took the speed that was
-/// left for growth, and let through twice the jerk. 1204: regions led the goal along a wedge and
-/// away. 1205: the margin of the gate was a share of the speed, and so of the acceleration many
-/// times over. 3189: a client that was held and held in turn was free of the hold. 3198: setpoints
-/// left the hull, while the place where they would come to rest lay inside. What is drawn has
-/// changed since the last two, and they find their defects no more.
+/// Seeds that found a defect. 1157: after a cycle stopped, the gate mistook the remaining speed for
+/// growth and allowed twice the jerk. 1204: regions led the goal along a wedge and away. 1205: the
+/// margin of the gate was a share of the speed, and thus many times that of the acceleration. 3189:
+/// a held client that sent hold itself was free of the hold. 3198: setpoints left the hull although
+/// they would have come to rest inside. The draws have changed since the last two seeds, which no
+/// longer find their defects.
 const SEEDS: [u64; 5] = [1157, 1204, 1205, 3189, 3198];
 
 /// Kinds of goals in joint space and of the tip.
@@ -72,7 +72,7 @@ const RATES: [Kind; 2] = [Kind::Rate, Kind::TipRate];
 
 struct Situation {
     random: Random,
-    /// What the stream consists of; in every fifth situation angles only.
+    /// Kind of goals in the stream; in every fifth situation angles only.
     kind: Kind,
     kinds: Option<Random>,
     rates_only: bool,
@@ -86,41 +86,41 @@ struct Situation {
     goal: [f64; 2],
     rate: [f64; 2],
     period: u64,
-    /// Goals that are sent one after the other, and for how long the first one has been, ms.
+    /// Goals that are sent one after the other, and how long the first has been sent, ms.
     route: VecDeque<[f64; 2]>,
     waited: u64,
     is_streaming: bool,
-    /// Ticks in which a client that was held still sends nothing.
+    /// Ticks in which a held client stays silent.
     quiet: u64,
-    /// Ticks in which a rate goes on undisturbed.
+    /// Ticks in which a rate continues undisturbed.
     calm: u64,
     clutched: bool,
     sequence: u64,
-    /// How old a command may be when it arrives, ms: the stamps do not rise.
+    /// Maximum age of a command on arrival, ms: the stamps do not rise.
     jitter: u64,
     /// Motion stops and a conditioning cycle begins, in which only the gate limits the angles.
     is_conditioned: bool,
-    /// In half of the situations of rates, the stamps go back.
+    /// Stamps run backwards, in half of the rate situations.
     is_out_of_order: bool,
     /// Goals of a hand, one per command.
     hand: VecDeque<[f64; 2]>,
-    /// The client that was accepted last, and when.
+    /// The client accepted last, and when.
     leader: Option<(u64, Nanos)>,
-    /// When each client was last held by the other one, and when it last sent.
+    /// When each client was last held by the other, and when it last sent.
     held: [Option<Nanos>; 2],
     sent: [Nanos; 2],
-    /// Whether each client has begun since the last stop; `None`: nothing is known of it.
+    /// Whether each client has a session since the last stop; `None` if unknown.
     begun: [Option<bool>; 2],
-    /// Who began the move or the conditioning in progress.
+    /// The client that started the move or conditioning in progress.
     mover: Option<u64>,
     hull: &'static [[f64; 2]],
     /// The camera: shift and its rate, degrees.
     camera: Option<([f64; 2], f64)>,
-    /// The staged model with its gain, and the gains of the model in use and of the one before.
+    /// The staged model with its gain, and the gains of the active and the previous model.
     next: Option<(Arc<Model>, f64)>,
     gains: [f64; 2],
     wire: Wire,
-    /// The camera is believed, and wrong: what comes of it is seen at the edge of a region.
+    /// The adaptation follows a wrong camera; the effect shows at the edge of a region.
     misled: Option<Random>,
     jaw: Option<Jaw>,
 }
@@ -137,7 +137,7 @@ impl Situation {
         let mut limits = limits(&mut random, has_angles, is_shipped);
         if is_conditioned {
             let (velocity, acceleration) = (random.within(5.0, 25.0), random.within(100.0, 600.0));
-            // With a limit of position it would be refused.
+            // It would be refused with a position limit.
             limits = Limits::default();
             (limits.velocity, limits.acceleration) = (Some(velocity), Some(acceleration));
         }
@@ -153,8 +153,8 @@ impl Situation {
         let misleads = wire == Wire::Taut && config.adaptation.enabled && random.one_in(2);
         let stop = Stop::new(&config);
         let bench = Bench::enabled_with(config, Some(wire.model(1.0, hull)));
-        let way = Way::new(Expected::new(&bench.config, wire), braking(&bench.config));
-        let mut oracle = Oracle::new(Snake::new(wire), limits, hull, stop, way);
+        let path = SetpointPath::new(Expected::new(&bench.config, wire), braking(&bench.config));
+        let mut oracle = Oracle::new(Snake::new(wire), limits, hull, stop, path);
         oracle.set_zones(&bench, &zones);
         let mut situation = Self {
             kind: if seed % 5 == 1 { Kind::Rate } else { Kind::Angles },
@@ -199,7 +199,7 @@ impl Situation {
         situation
     }
 
-    /// A camera comes to read too little, and is believed: with no region that it could be told by.
+    /// A camera drifts towards smaller angles and is followed, with no region that would reveal it.
     fn mislead(&mut self) {
         let has_zones = !self.zones.is_empty();
         self.switch(has_zones, FixtureChange::SwitchOff);
@@ -219,7 +219,7 @@ impl Situation {
         self.sent[0] = self.bench.now;
         self.leader = Some((CLIENT, self.bench.now));
         self.oracle.begin(&self.bench);
-        self.oracle.way.expected.begun_at_zero(CLIENT);
+        self.oracle.path.expected.begun_at_zero(CLIENT);
         let counting = self.zones.clone();
         self.oracle.set_zones(&self.bench, &counting);
         let applied = self.bench.report().adaptation.unwrap().applied.zero.map(f64::to_degrees);
@@ -349,7 +349,7 @@ impl Situation {
                 self.bench.skip(Nanos::from_millis(late));
             }
             14 => self.begin_in_counts(),
-            _ => self.begin_anew(),
+            _ => self.disable_and_enable(),
         }
     }
 
@@ -365,15 +365,16 @@ impl Situation {
         if self.rates_only || self.random.one_in(3) {
             self.goal = self.present();
         }
-        // As far as a command may: the motors do not arrive at the same time.
+        // The largest step allowed: the motors arrive at different times.
         if self.hull.len() == SLANTED.len() && self.random.one_in(2) {
-            let (direction, step) = (self.random.direction(), 0.98 * self.oracle.way.expected.step);
+            let direction = self.random.direction();
+            let step = 0.98 * self.oracle.path.expected.step;
             self.goal = [0, 1].map(|at: usize| self.goal[at] + step * direction[at]);
         }
         if self.random.one_in(5) {
             self.goal = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
         }
-        // Nothing is expected for, and the blend lasts.
+        // No goal is expected, and the blend lasts.
         if is_zero && self.rates_only {
             self.swap();
         }
@@ -390,7 +391,7 @@ fn no_stage_undoes_the_limit_of_another() {
     SEEDS.into_iter().chain(0..25).for_each(check);
 }
 
-/// So many ticks in `I2RIS_TICKS`, from `I2RIS_SEED` on; with `I2RIS_FIRST` to the first failure.
+/// Runs `I2RIS_TICKS` ticks from `I2RIS_SEED` on; with `I2RIS_FIRST`, up to the first failure.
 #[test]
 #[ignore = "a minute: for .ci/nightly"]
 fn pairs_of_a_million_ticks() {

@@ -1,6 +1,6 @@
-//! What must hold in every tick of every situation, by formulae of its own: the snake of the tests
-//! with its gaps, distances to regions, angles at the setpoints, acceleration of the motors, ages
-//! of commands. Other limits of the motors, states and counters are checked by the bench itself.
+//! Invariants of every tick of every situation, with formulae of its own: the snake of the tests
+//! with its gaps, distances to regions, angles at the setpoints, motor acceleration, command ages.
+//! The bench itself checks the other motor limits, states and counters.
 
 use std::collections::VecDeque;
 
@@ -11,12 +11,12 @@ use i2ris_testing::cycle::{Bench, GAIN_DEG, HULL};
 
 use super::expected::What;
 use super::routes::plus;
+use super::setpoint_path::SetpointPath;
 use super::snake::{Snake, Wire};
-use super::way::Way;
 use super::zones::Zone;
 
-/// Corners of what was calibrated, counter-clockwise. Along the sides of the square, motors that
-/// are limited one by one stay inside; along those of the other one they do not.
+/// Corners of the calibrated hull, counter-clockwise. Motors limited one by one stay inside along
+/// the sides of the square, but not along those of the slanted hull.
 pub const SQUARE: [[f64; 2]; 4] = [[-HULL, -HULL], [HULL, -HULL], [HULL, HULL], [-HULL, HULL]];
 pub const SLANTED: [[f64; 2]; 6] = [
     [-420.0, -120.0],
@@ -29,20 +29,20 @@ pub const SLANTED: [[f64; 2]; 6] = [
 
 /// Rounding to counts, and a stop: degrees.
 const TOLERANCE_DEG: f64 = 0.08;
-/// A stop waits for so many ticks, besides its way.
+/// Delay of a stop in ticks, in addition to braking.
 const STOP_TICKS: u32 = 6;
-/// The snake of a model that was swapped in bends by so much more at most.
+/// Maximum gain of a swapped-in model, compared with the first.
 pub const LARGEST_GAIN: f64 = 1.3;
-/// Ticks over which speed is measured: rounding to counts is little of it.
+/// Ticks over which speed is measured, so that rounding to counts hardly matters.
 const WINDOW: usize = 25;
 /// The same for a motor.
 const MOTOR_WINDOW: usize = 10;
-/// What the inverse leaves of a step, degrees.
+/// Error of the inverse in a step, degrees.
 const STEP_DEG: f64 = 5e-5;
 /// A count in each motor, at both ends.
 const ROUNDING_DEG: f64 = 4.0 * GAIN_DEG;
 
-/// The way to rest of a motion at full speed, when a limit comes over it.
+/// Braking distance from full speed, when a limit is set during motion.
 #[derive(Debug, Clone, Copy)]
 pub struct Stop {
     degrees: f64,
@@ -50,7 +50,7 @@ pub struct Stop {
     /// counts/s^2.
     slow_down: f64,
     speed_up: f64,
-    /// Before it begins, s.
+    /// Delay before braking, s.
     delay_s: f64,
 }
 
@@ -71,13 +71,13 @@ impl Stop {
         }
     }
 
-    /// The way in which the motors slow down from a speed of both, degrees.
+    /// Braking distance from a common speed of both motors, degrees.
     fn way_deg(&self, speed_deg_s: f64) -> f64 {
         let speed = speed_deg_s / (2.0 * GAIN_DEG);
         2.0 * GAIN_DEG * speed * (0.5 * speed / self.slow_down + self.delay_s)
     }
 
-    /// How far beyond a limit the snake may get that is beyond it already, or moves.
+    /// Maximum excess of a snake that moves or is already beyond a limit.
     fn beyond(&self, excess: f64) -> f64 {
         if excess > -self.degrees { excess.max(0.0) + self.degrees } else { 0.0 }
     }
@@ -107,17 +107,17 @@ impl Limits {
 /// The oracle of one situation.
 pub struct Oracle {
     pub snake: Snake,
-    pub way: Way,
+    pub path: SetpointPath,
     pub limits: Limits,
-    /// The regions that count, with the least distance that is allowed.
+    /// The active regions, with the minimum distance allowed.
     zones: Vec<(Zone, f64)>,
-    /// The largest excess over the joint limits that is allowed.
+    /// The largest excess over the joint limits allowed.
     excess: f64,
     /// Poses of the last ticks, as reported.
     reported: VecDeque<[f64; 2]>,
-    /// The conditioning cycle has been at rest, or began so.
+    /// The conditioning cycle started from rest or has rested.
     from_rest: bool,
-    /// Poses of the last ticks, as seen: what is believed of them may change meanwhile.
+    /// Raw poses of the last ticks; their correction may change later.
     past: VecDeque<[f64; 2]>,
     /// Setpoints of the last ticks.
     past_targets: VecDeque<[i32; 2]>,
@@ -129,11 +129,11 @@ pub struct Oracle {
     stop: Stop,
     pub hull: &'static [[f64; 2]],
     hull_excess: f64,
-    /// Angles were commanded last, and not counts.
+    /// The last command was in angles, not counts.
     pub in_hull: bool,
-    /// Ticks in which motion that may leave the hull has come to rest.
+    /// Ticks until motion that may leave the hull is at rest.
     leaving: u32,
-    /// Ticks since a limit came that the snake may be beyond.
+    /// Ticks since a limit was set that the snake may exceed.
     settled: u32,
 }
 
@@ -143,10 +143,10 @@ impl Oracle {
         limits: Limits,
         hull: &'static [[f64; 2]],
         stop: Stop,
-        way: Way,
+        path: SetpointPath,
     ) -> Self {
         Self {
-            way,
+            path,
             snake,
             limits,
             zones: Vec::new(),
@@ -167,21 +167,21 @@ impl Oracle {
         }
     }
 
-    /// What was before is not looked at.
+    /// Discards the history.
     pub fn begin(&mut self, bench: &Bench) {
         let positions = bench.drives.each_ref().map(|drive| drive.feedback.position.as_f64());
         self.snake.follow(positions);
         self.targets = bench.targets();
         self.hull_excess = out_of(self.hull, self.targets.map(f64::from));
-        self.see_anew(bench);
+        self.reset_view(bench);
     }
 
-    /// From now on the snake is seen with another model: it may be anywhere.
-    pub fn see_anew(&mut self, bench: &Bench) {
+    /// The snake is now seen through a different model, so it may be anywhere.
+    pub fn reset_view(&mut self, bench: &Bench) {
         self.past.clear();
         self.reported.clear();
         self.from_rest = false;
-        self.way.begin();
+        self.path.begin();
         self.settled = 0;
         let at = self.seen(bench);
         self.excess = self.stop.beyond(self.excess(adapted(bench, at)));
@@ -190,7 +190,7 @@ impl Oracle {
         }
     }
 
-    /// These regions count from now on. One that comes over the snake is left, not entered deeper.
+    /// Activates these regions. The snake leaves a region set over it and enters no deeper.
     pub fn set_zones(&mut self, bench: &Bench, zones: &[Zone]) {
         let at = self.seen(bench);
         let least = |zone: &Zone| -self.stop.beyond(-zone.distance(at));
@@ -198,7 +198,7 @@ impl Oracle {
         self.settled = 0;
     }
 
-    /// A command is followed that is not stale in the next tick.
+    /// Whether a command is followed that will not be stale in the next tick.
     pub fn is_followed(&self, bench: &Bench) -> bool {
         let report = bench.report();
         bench.now + bench.config.control.period() < self.stale_at
@@ -225,7 +225,7 @@ impl Oracle {
         beyond(0).max(beyond(1))
     }
 
-    /// Checks the tick that has just been.
+    /// Checks the last tick.
     pub fn check(&mut self, bench: &Bench) {
         let report = bench.report();
         let targets = bench.targets();
@@ -236,7 +236,7 @@ impl Oracle {
             self.past.clear();
             self.past_targets.clear();
             self.targets = targets;
-            self.see_anew(bench);
+            self.reset_view(bench);
             return;
         }
         self.settled += 1;
@@ -247,7 +247,7 @@ impl Oracle {
         self.check_hull(targets, report.busy);
         self.check_rest(bench, targets);
         self.check_motors(targets);
-        self.way.check(bench, &self.snake, at);
+        self.path.check(bench, &self.snake, at);
         self.targets = targets;
     }
 
@@ -318,7 +318,7 @@ impl Oracle {
                     self.snake
                 );
             }
-            // Behind a gap, the controller learns where the gap ends when the encoders show it.
+            // The controller learns where a gap ends only when the encoders show it.
             if let Some(acceleration) =
                 self.limits.acceleration.filter(|_| self.snake.wire == Wire::Taut)
             {
@@ -345,7 +345,7 @@ impl Oracle {
         let steps: Vec<_> = (1..self.reported.len())
             .map(|k| plus(self.reported[k - 1], self.reported[k], -1.0))
             .collect();
-        let is_conditioning = report.busy && matches!(self.way.expected.what, What::Counts(_));
+        let is_conditioning = report.busy && matches!(self.path.expected.what, What::Counts(_));
         let is_at_rest = steps.iter().all(|step| *step == [0.0; 2]);
         self.from_rest = is_at_rest || self.from_rest && is_conditioning;
         // A stop of motors with a jerk limit begins late, and the gate never lengthens one.
@@ -388,7 +388,7 @@ impl Oracle {
     }
 }
 
-/// How far a point is beyond the side that it violates most; 0 inside.
+/// Distance of a point beyond the side that it violates most; 0 inside.
 fn out_of(hull: &[[f64; 2]], [a, b]: [f64; 2]) -> f64 {
     let nexts = hull.iter().cycle().skip(1);
     let beyond = hull.iter().zip(nexts).map(|([from_a, from_b], [to_a, to_b])| {

@@ -1,5 +1,5 @@
-//! Ways along an edge: a side of the hull, a wall, a joint limit. Motors that do not arrive at the
-//! same time leave the straight line there, beyond the edge if nobody looks at the setpoints.
+//! Routes along an edge: a side of the hull, a wall, a joint limit. Motors that arrive at different
+//! times leave the straight line there, and cross the edge unless the setpoints are checked.
 
 use i2ris::core::{FixtureSpace, SimpleShape};
 use i2ris_testing::cycle::GAIN_DEG;
@@ -7,12 +7,12 @@ use i2ris_testing::cycle::GAIN_DEG;
 use super::Situation;
 use super::snake::Wire;
 
-/// Of what a command may go.
+/// Step of a route, as a fraction of the largest step allowed.
 const STEP: f64 = 0.94;
-/// How fast the hand goes that is led beyond a limit and back, and how far beyond, degrees.
+/// Speed of a hand that moves beyond a limit and back, and its distance beyond, degrees.
 const HAND_DEG_S: f64 = 10.0;
 const BEYOND_DEG: f64 = 2.0;
-/// A goal counts as reached, degrees, or is given up after so many milliseconds.
+/// Distance at which a goal counts as reached, and time after which it is given up.
 const NEAR_DEG: f64 = 0.05;
 pub const PATIENCE_MS: u64 = 600;
 
@@ -29,11 +29,11 @@ fn between(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
 }
 
 impl Situation {
-    /// To one place at an edge, in steps, and then in one step along the edge.
+    /// Draws a route in steps to a point at an edge, then in one step along the edge.
     pub(super) fn draw_route(&mut self) {
         let Some((from, to)) = self.edge() else { return };
         let here = self.present();
-        let step = STEP * self.oracle.way.expected.step;
+        let step = STEP * self.oracle.path.expected.step;
         let steps = (distance(here, from) / step).ceil().max(1.0);
         let share = (step / distance(from, to)).min(1.0);
         let lead = (1..=steps as u32).map(|step| between(here, from, f64::from(step) / steps));
@@ -41,7 +41,7 @@ impl Situation {
         (self.clutched, self.is_streaming, self.rate) = (false, true, [0.0; 2]);
     }
 
-    /// A hand that goes beyond a limit, along it out there, and back.
+    /// Draws a hand that moves beyond a limit, along it outside, and back.
     pub(super) fn draw_hand(&mut self) {
         let Some(high) = self.oracle.limits.high else { return self.turn() };
         let mut at = self.present();
@@ -59,7 +59,7 @@ impl Situation {
         (self.clutched, self.is_streaming, self.rate) = (false, true, [0.0; 2]);
     }
 
-    /// The goal of a route, until the snake is there.
+    /// Keeps the goal of a route until the snake arrives.
     pub(super) fn follow_route(&mut self) {
         let Some(next) = self.route.front() else { return };
         self.goal = *next;

@@ -1,4 +1,4 @@
-//! The snakes of the pairs: simple plants with formulae of their own, and the models of them.
+//! The snakes of the pairs: simple plants with formulae of their own, and their models.
 
 use std::sync::Arc;
 
@@ -11,24 +11,24 @@ use i2ris_testing::cycle::{GAIN_DEG, model, scaled_balance_model, scaled_play_mo
 use crate::adaptation::random::Random;
 use i2ris_testing::families::{averages, gru};
 
-/// Of `balance_model`: the stiffness of two wires and of the spring, and the friction of its stop.
+/// Parameters of `balance_model`: stiffness of two wires and of the spring, friction of its stop.
 const WIRES: f64 = 2.0;
 const SPRING: f64 = 0.1;
 const STOP: f64 = 10.0;
 const FRICTION: f64 = 40.0;
 
-/// What lies between a motor and the snake.
+/// Transmission between a motor and the snake.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Wire {
     /// Nothing.
     Taut,
-    /// Half of the wire turns at once, and half behind a gap.
+    /// Half of the wire follows at once, the other half after a gap.
     Halved,
     /// A gap, and then friction that stretches the wire.
     Balance,
-    /// Nothing but what a network adds to the straight line: a hundredth of it.
+    /// Nothing except the hundredth that a network adds to the straight line.
     Network,
-    /// Nothing; the outputs are a place of the tip, mm.
+    /// Nothing; the outputs are a tip position, mm.
     Place,
 }
 
@@ -70,7 +70,7 @@ impl Wire {
         if self == Self::Place { 1e-3 } else { 1.0_f64.to_radians() }
     }
 
-    /// A model of a snake that bends more by a factor, calibrated within these corners.
+    /// A model of a snake whose bend is scaled by a factor, calibrated within these corners.
     pub fn model(self, factor: f64, hull: &[[f64; 2]]) -> Arc<Model> {
         let model = match self {
             Self::Halved => scaled_play_model(factor),
@@ -105,7 +105,7 @@ impl Wire {
     }
 }
 
-/// A motor's pulley, the bend in counts, and what its friction holds.
+/// Pulley of a motor, bend in counts, and offset held by its friction.
 #[derive(Debug, Clone, Copy, Default)]
 struct Motor {
     pulley: f64,
@@ -113,7 +113,7 @@ struct Motor {
     held: f64,
 }
 
-/// The snake, and how much it bends by a count of a motor.
+/// The snake and its bend per motor count.
 #[derive(Debug, Clone, Copy)]
 pub struct Snake {
     pub wire: Wire,
@@ -126,7 +126,7 @@ impl Snake {
         Self { wire, gain: GAIN_DEG, motors: [Motor::default(); 2] }
     }
 
-    /// A motor after its motion, and the counts that it would have without gap and friction.
+    /// Moves a motor. Returns the counts that it would have without gap and friction.
     fn moved(&self, motor: usize, counts: f64) -> (Motor, f64) {
         let before = self.motors[motor];
         let gap = self.wire.gap();

@@ -1,4 +1,4 @@
-//! What is streamed, and what the camera sees meanwhile.
+//! The streamed commands, and the camera frames between them.
 
 use i2ris::core::{ExternalPose, ServoCommand, ServoGoal};
 use i2ris::ipc::{Refusal, StateCommand};
@@ -8,7 +8,7 @@ use i2ris_testing::cycle::CLIENT;
 
 use super::{BREAK, KINDS, Kind, LEASE, RATES, Situation, THIRD};
 
-/// How old every other command is whose stamps go back.
+/// Age of every other command when stamps run backwards.
 const DISORDER_MS: u64 = 40;
 
 impl Situation {
@@ -76,8 +76,8 @@ impl Situation {
         self.send(command);
     }
 
-    /// One tick with a command, which is checked like any other, and the first of a stream also for
-    /// where it begins.
+    /// One tick with a command, which is checked like any other; the first of a stream also for its
+    /// start.
     pub(super) fn send(&mut self, command: ServoCommand) {
         let before = self.bench.joints();
         let refusal = self.bench.send(command);
@@ -85,19 +85,19 @@ impl Situation {
         if refusal == Refusal::None {
             let pose = self.pose_of(&command);
             let snake = self.wire.angles(before.setpoint);
-            self.oracle.way.expected.accept(&command, pose, snake, self.bench.report());
+            self.oracle.path.expected.accept(&command, pose, snake, self.bench.report());
             let is_slow = matches!(command.goal, ServoGoal::Interpolated(..));
             self.oracle.accepted(command.stamp, Nanos::from_millis(if is_slow { 250 } else { 50 }));
             self.oracle.in_hull = !matches!(command.goal, ServoGoal::Actuator(..));
-        } else if refusal == Refusal::BrokenOff && self.random.one_in(10) {
+        } else if refusal == Refusal::StreamInterrupted && self.random.one_in(10) {
             self.quiet = BREAK.0 / 1_000_000 + 1;
-        } else if refusal == Refusal::Step && self.random.one_in(3) {
+        } else if refusal == Refusal::StepTooLarge && self.random.one_in(3) {
             self.goal = self.wire.angles(before.setpoint);
         }
         self.check();
     }
 
-    /// What a command asks for, degrees or degrees per second.
+    /// Goal of a command, degrees or degrees per second.
     fn pose_of(&self, command: &ServoCommand) -> [f64; 2] {
         match command.goal {
             ServoGoal::Tip(..) => self.goal,
@@ -115,12 +115,12 @@ impl Situation {
         self.judge_motion(command.client_id, refusal);
         let at = usize::from(command.client_id != CLIENT);
         let goes_on = self.begun[at] == Some(false) && !command.clutched;
-        assert!(refusal != Refusal::None || !goes_on, "nobody moves who has not begun");
+        assert!(refusal != Refusal::None || !goes_on, "motion without a session");
         let of_state = [Refusal::NotEnabled, Refusal::Paused, Refusal::InFault].contains(&refusal);
         if of_state || refusal == Refusal::None {
             self.begun[at] = Some(!of_state);
         }
-        // An open clutch is a silence that is said.
+        // An open clutch counts as silence.
         if !command.clutched {
             self.sent[at] = now;
         }
@@ -133,8 +133,8 @@ impl Situation {
         }
     }
 
-    /// Whoever is known has to begin anew after a stop. What its own client streamed goes on after
-    /// its `hold` only if it was silent.
+    /// A known client needs a new session after a stop. Its stream resumes after its own `hold`
+    /// only if it was silent.
     pub(super) fn note_session(&mut self, client_id: u64, command: StateCommand) {
         let now = self.bench.now;
         if command.only_stops() {
@@ -148,13 +148,13 @@ impl Situation {
         }
     }
 
-    /// Whether a client may move anything while another one holds, or has begun a motion.
+    /// Checks that a client moves nothing while another holds, or has a motion in progress.
     pub(super) fn judge_motion(&mut self, client_id: u64, refusal: Refusal) {
         let (at, now) = (usize::from(client_id != CLIENT), self.bench.now);
         let since = self.held[at].map(|held| now.duration_since(held.max(self.sent[at])));
         let is_held = since.is_some_and(|silent| silent < BREAK);
-        assert!(refusal != Refusal::None || !is_held, "a client goes on that was held");
-        // A silence ends it, whatever the first command after it is refused for.
+        assert!(refusal != Refusal::None || !is_held, "a held client moves the snake");
+        // A silence ends the hold, even if the first command after it is refused.
         self.held[at] = self.held[at].filter(|_| is_held);
         let is_anothers = self.mover.is_some_and(|mover| mover != client_id);
         assert!(refusal != Refusal::None || !is_anothers, "in the motion of another client");

@@ -1,5 +1,5 @@
-//! Forbidden regions, drawn at random: their distances, and where the tip of the snake is, by
-//! formulae of their own.
+//! Forbidden regions, drawn at random: their distances and the tip position, with formulae of their
+//! own.
 
 use i2ris::core::{FixtureSpace, SimpleRegion, SimpleShape};
 
@@ -9,7 +9,7 @@ use crate::adaptation::random::Random;
 
 /// A degree of bend moves the tip by less, mm.
 const MM_PER_DEG: f64 = 0.02;
-/// Of the snake: joints of an axis, mm between two of them, and the radius on which they roll.
+/// Geometry of the snake: joints per axis, distance between two joints (mm), rolling radius (mm).
 const JOINTS: usize = 6;
 const PITCH_MM: f64 = 0.1495;
 const RADIUS_MM: f64 = 0.75;
@@ -41,7 +41,7 @@ impl Zone {
         Self { region: SimpleRegion { space, shape }, wire }
     }
 
-    /// Positive outside, degrees; of the tip not more than those.
+    /// Distance in degrees, positive outside; for the tip a lower bound.
     pub fn distance(&self, at: Angles) -> f64 {
         let is_tip = self.region.space == FixtureSpace::Tip;
         let (point, unit) =
@@ -96,12 +96,12 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// What counts as a degree, mm.
+/// Length that corresponds to a degree, mm.
 fn mm(wire: Wire) -> f64 {
     if wire == Wire::Place { 1.0 } else { MM_PER_DEG }
 }
 
-/// Where the tip is, mm: link after link on joints that roll, first towards y, then towards x.
+/// Tip position, mm: link after link on rolling joints, first towards y, then towards x.
 fn tip([pitch, yaw]: Angles, wire: Wire) -> [f64; 3] {
     if wire == Wire::Place {
         return [pitch, yaw, 0.0];
@@ -127,7 +127,7 @@ fn tip([pitch, yaw]: Angles, wire: Wire) -> [f64; 3] {
 }
 
 #[test]
-fn the_tip_of_the_pairs_is_that_of_the_robot() {
+fn tip_geometry_of_pairs_matches_the_robot() {
     for angles in [[0.0, 0.0], [8.0, -3.0], [-20.0, 11.0]] {
         let [pitch, yaw] = angles.map(f64::to_radians);
         let place = i2ris::model::kinematic::tip_position(pitch, yaw).position_m;

@@ -44,7 +44,7 @@ fn a_drive_that_someone_else_enables_is_switched_off() {
 }
 
 #[test]
-fn a_refused_current_is_reported_once_and_has_no_other_effect() {
+fn refused_current_read_is_reported_once_without_other_effect() {
     let mut rig = PortRig::disabled();
     rig.drive(|drive| drive.objects.remove(&(0x30D1, 2)));
     rig.turns(200);
@@ -53,7 +53,7 @@ fn a_refused_current_is_reported_once_and_has_no_other_effect() {
 }
 
 #[test]
-fn counts_that_no_motor_turns_are_no_motion_and_cost_the_zero() {
+fn impossible_position_jump_loses_zero() {
     for (is_enabled, jump) in [(false, 22), (false, -120), (true, 250), (true, -250)] {
         let mut rig = PortRig::with_motor_speed(200);
         if is_enabled {

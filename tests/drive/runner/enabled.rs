@@ -35,7 +35,7 @@ fn the_written_target_is_reported_with_its_request() {
 }
 
 #[test]
-fn the_set_point_of_a_new_command_is_the_next_exchange() {
+fn setpoint_of_new_command_is_the_next_exchange() {
     let mut rig = PortRig::enabled();
     for step in 1..200 {
         // Every phase of the rounds, with and without a monitored value.
@@ -51,7 +51,7 @@ fn the_set_point_of_a_new_command_is_the_next_exchange() {
 }
 
 #[test]
-fn a_target_outside_the_limits_is_not_written_and_reported_once() {
+fn target_outside_limits_is_reported_once_and_not_written() {
     let mut rig = PortRig::enabled();
     let refusals = |rig: &PortRig| {
         rig.count_events(|kind| matches!(kind, PortEventKind::TargetRefused { .. }))
@@ -65,7 +65,7 @@ fn a_target_outside_the_limits_is_not_written_and_reported_once() {
     rig.turns(20);
     assert!(rig.feedback().sequence > sequence, "positions are still read");
 
-    // As far as the motor may lag behind, and no further.
+    // Up to the maximum following error.
     let far = i2ris_testing::fast_axis(0, 0, [Counts(0); 2]).following_error_counts as i32;
     let mut refused = 1;
     for at in (120 + far..2000).step_by(far as usize).chain([2000]) {
@@ -107,7 +107,7 @@ fn it_is_switched_off_by_its_ramp() {
 }
 
 #[test]
-fn a_drive_that_does_not_switch_off_in_order_has_its_power_cut() {
+fn drive_that_fails_to_switch_off_cleanly_loses_power() {
     let mut rig = PortRig::enabled();
     rig.drive(|drive| drive.stuck = true);
     rig.demand(Demand::Disabled);
@@ -120,7 +120,7 @@ fn a_drive_that_does_not_switch_off_in_order_has_its_power_cut() {
 }
 
 #[test]
-fn a_drive_that_switches_off_by_itself_stays_off() {
+fn drive_that_switches_itself_off_stays_off() {
     let mut rig = PortRig::enabled();
     rig.drive(|drive| drive.state = SWITCH_ON_DISABLED);
     rig.until(AxisPhase::Disabled);
@@ -130,7 +130,7 @@ fn a_drive_that_switches_off_by_itself_stays_off() {
 }
 
 #[test]
-fn a_lost_target_is_replaced_by_the_newest_and_not_repeated() {
+fn lost_target_is_replaced_by_newest_not_repeated() {
     let mut rig = PortRig::enabled();
     rig.turns(40);
     for target in (200..1000).step_by(2) {

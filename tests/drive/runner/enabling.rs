@@ -1,7 +1,7 @@
 use super::*;
 
 #[test]
-fn the_target_is_the_position_before_there_is_power() {
+fn target_equals_position_before_power_on() {
     let mut rig = PortRig::disabled();
     rig.drive(|drive| {
         drive.position = -55;
@@ -114,7 +114,7 @@ fn the_written_target_is_cleared() {
 }
 
 #[test]
-fn it_is_tried_again_after_the_demand_was_released() {
+fn enabling_is_retried_after_demand_is_released() {
     let mut rig = PortRig::disabled();
     rig.drive(|drive| drive.stuck = true);
     failure(&mut rig);
@@ -144,7 +144,7 @@ fn a_drive_that_restarted_undetected_is_configured_again() {
     assert_eq!(rig.drive(|drive| drive.objects[&(0x607D, 2)]), 2000);
     assert!(!rig.feedback().homed);
     rig.turns(50);
-    assert_eq!(rig.phase(), AxisPhase::Disabled, "not enabled by itself");
+    assert_eq!(rig.phase(), AxisPhase::Disabled, "not enabled automatically");
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn a_demand_from_the_start_enables_nothing() {
 }
 
 #[test]
-fn a_restart_of_the_drive_never_ends_in_a_jump_or_in_power() {
+fn drive_restart_while_enabling_never_jumps_or_stays_powered() {
     // Long enough for a restart, short enough for the line to be found again.
     for boot in [25, 60, 120] {
         for turns in 0..30 {

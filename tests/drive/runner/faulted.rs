@@ -43,7 +43,7 @@ fn a_reset_is_an_edge_and_ends_disabled() {
 }
 
 #[test]
-fn it_is_enabled_again_only_after_the_demand_was_released() {
+fn axis_is_enabled_again_only_after_demand_is_released() {
     let mut rig = faulted();
     reset(&mut rig);
     rig.until(AxisPhase::Disabled);
@@ -52,7 +52,7 @@ fn it_is_enabled_again_only_after_the_demand_was_released() {
 }
 
 #[test]
-fn it_stays_faulted_while_the_cause_remains_and_a_second_reset_is_a_new_edge() {
+fn fault_stays_while_cause_remains_until_second_reset() {
     let mut rig = faulted();
     rig.drive(|drive| drive.cause_remains = true);
     reset(&mut rig);
@@ -64,7 +64,7 @@ fn it_stays_faulted_while_the_cause_remains_and_a_second_reset_is_a_new_edge() {
 }
 
 #[test]
-fn a_reset_without_a_fault_does_not_reset_a_later_fault() {
+fn reset_without_fault_does_not_clear_later_fault() {
     let mut rig = PortRig::enabled();
     reset(&mut rig);
     rig.drive(|drive| drive.fail(0x3210));
@@ -87,7 +87,7 @@ fn a_fault_at_start_is_reported_and_can_be_reset() {
 }
 
 #[test]
-fn a_fault_that_loses_the_position_unhomes_the_axis_whatever_the_drive_reports() {
+fn position_loss_fault_unhomes_axis_despite_drive_bit() {
     let mut rig = PortRig::enabled();
     assert!(rig.feedback().homed);
     rig.drive(|drive| drive.fail(0x7380));

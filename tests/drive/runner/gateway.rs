@@ -1,9 +1,9 @@
-//! Three drives on one line, one of them dead behind the gateway: a stop of the others waits for
-//! one time-out of the gateway at most.
+//! Three drives on one line, one of them dead at the far side of the gateway: a stop of the others
+//! waits for at most one gateway timeout.
 
 use super::*;
 
-/// What the exchanges of the stop itself may take.
+/// Maximum time for the exchanges of the stop itself.
 const EXCHANGES: Nanos = Nanos::from_millis(60);
 
 const QUICK_STOP: u32 = 0x000B;
@@ -53,8 +53,8 @@ fn stop_at_every_phase(gateway_ms: u64, reply_ms: u64, dead: u8, demand: Demand,
         let last = stops.collect::<Option<Vec<_>>>().expect(&case).into_iter().max().unwrap();
         let limit = Nanos::from_millis(gateway_ms) + EXCHANGES;
         assert!(last - due <= limit, "{case}: after {:.1} ms", (last - due).as_seconds() * 1e3);
-        // The first time nobody knows; and a request takes a millisecond to arrive.
-        let asked = rig
+        // The first time the dead node is unknown; and a request takes a millisecond to arrive.
+        let is_requested = rig
             .line
             .state()
             .forwarded
@@ -62,7 +62,7 @@ fn stop_at_every_phase(gateway_ms: u64, reply_ms: u64, dead: u8, demand: Demand,
             .filter(|it| !it.1)
             .skip(1)
             .any(|it| it.0.arrived > due + Nanos::from_millis(2) && it.0.arrived < last);
-        assert!(!asked, "{case}: the dead one was asked before the living were stopped");
+        assert!(!is_requested, "{case}: a request to the dead node before the stop of the others");
         let is_named = |event: &i2ris::drive::PortEvent| {
             event.motor == usize::from(dead) - 1 && matches!(event.kind, PortEventKind::Lost(_))
         };
@@ -71,7 +71,7 @@ fn stop_at_every_phase(gateway_ms: u64, reply_ms: u64, dead: u8, demand: Demand,
 }
 
 #[test]
-fn h03_a_dead_node_keeps_no_quick_stop_from_the_living_for_longer_than_the_gateway_waits() {
+fn h03_dead_node_delays_quick_stop_at_most_one_gateway_timeout() {
     for gateway_ms in [50, 90, 200, 500] {
         for (dead, reply_ms) in [(2, 1000), (3, 1000), (2, 20), (3, 20)] {
             stop_at_every_phase(gateway_ms, reply_ms, dead, Demand::QuickStop, QUICK_STOP);
@@ -81,7 +81,7 @@ fn h03_a_dead_node_keeps_no_quick_stop_from_the_living_for_longer_than_the_gatew
 
 /// The first controlword of switching off is the ramp.
 #[test]
-fn a_dead_node_keeps_no_living_one_from_being_switched_off() {
+fn dead_node_does_not_block_switching_off_live_ones() {
     for gateway_ms in [50, 500] {
         for dead in [2, 3] {
             stop_at_every_phase(gateway_ms, 1000, dead, Demand::Disabled, 0x0007);
@@ -90,7 +90,7 @@ fn a_dead_node_keeps_no_living_one_from_being_switched_off() {
 }
 
 #[test]
-fn the_living_drives_are_off_after_a_shutdown_with_a_dead_one() {
+fn shutdown_switches_live_drives_off_despite_dead_one() {
     for gateway_ms in [50, 500] {
         for dead in [2, 3] {
             let mut rig = three_enabled(gateway_ms, 1000);
@@ -116,7 +116,7 @@ fn the_living_drives_are_off_after_a_shutdown_with_a_dead_one() {
 
 /// A gateway that waits for a node half of the time serves the others half of the time.
 #[test]
-fn a_node_that_stays_dead_costs_the_others_a_fifth_of_the_time_at_most() {
+fn dead_node_takes_at_most_a_fifth_of_line_time() {
     let mut rig = three_enabled(500, 1000);
     rig.line.state().silent_node = Some(3);
     rig.turns(100);
@@ -129,7 +129,7 @@ fn a_node_that_stays_dead_costs_the_others_a_fifth_of_the_time_at_most() {
     assert!((2..=8).contains(&tries), "{tries} times 0.5 s in 20 s");
 }
 
-/// Whatever the axes do: a stop waits for the exchange that is under way, and for one each.
+/// In any state of the axes, a stop waits for the pending exchange and one more per axis.
 #[test]
 fn a_quick_stop_of_all_takes_one_exchange_each() {
     for phase in 0..60 {

@@ -22,7 +22,7 @@ fn failed_with(error: TransitionError) -> PortEventKind {
 }
 
 #[test]
-fn the_present_position_becomes_zero_and_the_axis_ends_disabled_in_its_mode() {
+fn homing_sets_present_position_to_zero_and_ends_disabled() {
     let mut rig = not_homed();
     assert!(!rig.feedback().homed);
     home(&mut rig);
@@ -38,7 +38,7 @@ fn the_present_position_becomes_zero_and_the_axis_ends_disabled_in_its_mode() {
 }
 
 #[test]
-fn a_drive_that_refuses_a_target_outside_its_limits_is_homed() {
+fn drive_that_checks_target_limits_can_be_homed() {
     let mut rig = not_homed();
     rig.drive(|drive| drive.refuses.insert((0x607A, 0), 0x0609_0030));
     home(&mut rig);
@@ -57,7 +57,7 @@ fn an_error_ends_it_switched_off() {
 }
 
 #[test]
-fn a_start_without_a_good_reply_is_not_repeated() {
+fn unconfirmed_homing_start_is_not_repeated() {
     for (disturbance, error) in [
         (Disturbance::LoseReply, TransitionError::Interrupted),
         (Disturbance::FlipReply(7), TransitionError::Unanswered),
@@ -76,7 +76,7 @@ fn a_start_without_a_good_reply_is_not_repeated() {
 }
 
 #[test]
-fn it_is_refused_while_enabled_and_not_carried_out_later() {
+fn homing_refused_while_enabled_is_not_executed_later() {
     let mut rig = PortRig::enabled();
     home(&mut rig);
     assert!(rig.has_event(PortEventKind::HomingRefused));
@@ -99,7 +99,7 @@ fn quick_stop_interrupts_it() {
 }
 
 #[test]
-fn a_restart_of_the_drive_ends_it_without_a_start_in_another_mode() {
+fn drive_restart_ends_homing_without_start_outside_homing_mode() {
     for turns in 0..50 {
         let mut rig = not_homed();
         rig.start_homing();

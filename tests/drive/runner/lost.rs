@@ -24,7 +24,7 @@ fn a_silent_line_is_lost_before_the_control_loop_faults() {
 }
 
 #[test]
-fn it_comes_back_disabled_and_limited_whatever_is_demanded() {
+fn restarted_drive_reconnects_disabled_and_with_limits() {
     let mut rig = lost();
     rig.turns(100);
     assert_eq!(rig.phase(), AxisPhase::Lost);
@@ -38,7 +38,7 @@ fn it_comes_back_disabled_and_limited_whatever_is_demanded() {
 }
 
 #[test]
-fn a_drive_that_stayed_enabled_is_switched_off_in_order() {
+fn drive_that_stayed_enabled_is_switched_off_cleanly() {
     let mut rig = lost();
     assert_eq!(rig.state(), OPERATION_ENABLED);
     rig.drive(|drive| drive.writes.clear());
@@ -48,7 +48,7 @@ fn a_drive_that_stayed_enabled_is_switched_off_in_order() {
 }
 
 #[test]
-fn a_drive_that_kept_its_power_holds_when_it_answers_again_in_a_fault() {
+fn powered_drive_holds_on_reconnection_during_fault() {
     let mut rig = lost();
     rig.demand(Demand::QuickStop);
     rig.drive(|drive| drive.writes.clear());
@@ -64,7 +64,7 @@ fn a_drive_that_kept_its_power_holds_when_it_answers_again_in_a_fault() {
 }
 
 #[test]
-fn a_drive_that_lost_its_power_is_limited_again_whatever_is_demanded() {
+fn power_cycled_drive_gets_its_limits_again_on_reconnection() {
     let mut rig = lost();
     rig.demand(Demand::QuickStop);
     rig.drive(MiniDrive::restart);
@@ -74,7 +74,7 @@ fn a_drive_that_lost_its_power_is_limited_again_whatever_is_demanded() {
 }
 
 #[test]
-fn another_drive_on_the_same_cable_is_refused_and_reported_once() {
+fn different_drive_on_same_cable_is_refused_and_reported_once() {
     let mut rig = lost();
     rig.line.state().drives = vec![MiniDrive::new(NODE, 0xBAD)];
     rig.line.state().silent = false;
@@ -86,7 +86,7 @@ fn another_drive_on_the_same_cable_is_refused_and_reported_once() {
 }
 
 #[test]
-fn an_unplugged_cable_is_lost_at_once_and_does_not_spin() {
+fn unplugged_cable_is_lost_immediately_without_busy_loop() {
     let mut rig = PortRig::enabled();
     rig.line.state().hung_up = true;
     rig.turns(1);
@@ -97,7 +97,7 @@ fn an_unplugged_cable_is_lost_at_once_and_does_not_spin() {
 }
 
 #[test]
-fn a_reset_or_homing_requested_meanwhile_is_not_carried_out_later() {
+fn reset_or_homing_requested_while_lost_is_dropped() {
     let mut rig = lost();
     rig.request(|request| {
         request.fault_resets += 1;
@@ -113,13 +113,13 @@ fn a_reset_or_homing_requested_meanwhile_is_not_carried_out_later() {
 }
 
 #[test]
-fn an_axis_with_an_unknown_statusword_is_lost_until_it_is_known_again() {
+fn unknown_statusword_loses_axis_until_known_again() {
     let mut rig = PortRig::enabled();
     rig.drive(|drive| drive.state = 0x0201);
     rig.until(AxisPhase::Lost);
     rig.turns(500);
     assert_eq!(rig.phase(), AxisPhase::Lost);
-    assert_eq!(texts(&rig, "is no known state").len(), 1);
+    assert_eq!(texts(&rig, "is not a known state").len(), 1);
     rig.drive(|drive| drive.state = OPERATION_ENABLED);
     rig.until(AxisPhase::Disabled);
     assert_eq!(rig.state(), READY);
@@ -133,7 +133,7 @@ fn enable_where_it_is(rig: &mut PortRig) {
 }
 
 #[test]
-fn a_drive_that_was_gone_for_ten_seconds_does_not_jump_to_what_was_commanded_meanwhile() {
+fn drive_lost_for_ten_seconds_does_not_jump_on_return() {
     let mut rig = PortRig::enabled();
     rig.turns(20);
     let position = rig.drive(|drive| drive.position);
@@ -160,7 +160,7 @@ fn a_drive_that_was_gone_for_ten_seconds_does_not_jump_to_what_was_commanded_mea
 }
 
 #[test]
-fn a_thousand_faults_with_a_line_lost_meanwhile_end_enabled_and_without_a_jump() {
+fn thousand_faults_with_lost_line_recover_without_jump() {
     let mut rig = PortRig::enabled();
     rig.turns(20);
     let position = rig.drive(|drive| drive.position);

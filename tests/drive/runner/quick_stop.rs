@@ -44,7 +44,7 @@ fn power_is_switched_off_only_at_standstill() {
 }
 
 #[test]
-fn a_motor_that_never_stops_is_switched_off_after_a_time() {
+fn motor_that_never_stops_is_switched_off_after_timeout() {
     let mut rig = stopped();
     rig.demand(Demand::Disabled);
     for position in 0..2000 {
@@ -87,7 +87,7 @@ fn a_drive_that_does_not_stop_is_switched_off() {
 }
 
 #[test]
-fn a_silent_control_loop_stops_the_axis_until_it_writes_again() {
+fn silent_control_loop_stops_axis_until_it_writes() {
     let (line, config, _) = open(vec![one_drive()]);
     let port = Port::over(line, &config).bring_up().unwrap();
     let (mut runner, mut links) = port.split();
@@ -124,7 +124,7 @@ fn an_enabled_drive_is_left_switched_off() {
 }
 
 #[test]
-fn a_homing_drive_is_left_switched_off_and_starts_no_other_homing() {
+fn shutdown_switches_homing_drive_off_and_ignores_new_homing() {
     let mut rig = PortRig::disabled();
     rig.start_homing();
     while rig.state() != OPERATION_ENABLED {

@@ -29,7 +29,7 @@ fn each_follows_its_own_target() {
 }
 
 #[test]
-fn a_fault_of_one_leaves_the_other_to_the_control_loop() {
+fn fault_of_one_axis_leaves_the_other_enabled() {
     let mut rig = two_enabled();
     rig.line.drive(2, |drive| drive.fail(0x2310));
     rig.turns(40);
@@ -58,7 +58,7 @@ fn a_silent_node_is_lost_alone() {
 }
 
 #[test]
-fn a_node_that_its_gateway_does_not_reach_is_lost_alone() {
+fn unreachable_node_is_lost_alone() {
     let mut rig = two_enabled();
     let removed = rig.line.state().drives.pop().unwrap();
     rig.turns(50);
@@ -69,7 +69,7 @@ fn a_node_that_its_gateway_does_not_reach_is_lost_alone() {
 }
 
 #[test]
-fn at_shutdown_one_starts_nothing_while_the_other_is_still_ending() {
+fn axis_starts_nothing_while_other_axis_shuts_down() {
     let mut rig = two_enabled();
     rig.line.drive(2, |drive| drive.stuck = true);
     rig.request_of(0, |request| {
@@ -91,11 +91,11 @@ fn longest_gap(rig: &PortRig, node: u8) -> Nanos {
     gaps.max().unwrap()
 }
 
-/// A time-out of the gateway, and synchronising the line after it.
+/// A gateway timeout plus resynchronisation of the line.
 const ONE_ATTEMPT: Nanos = Nanos::from_millis(50 + 40);
 
 #[test]
-fn a_silent_node_costs_the_other_one_attempt_at_a_time() {
+fn silent_node_delays_other_by_one_attempt_at_most() {
     let mut rig = two_enabled();
     rig.line.state().silent_node = Some(2);
     rig.turns(200);
@@ -106,12 +106,12 @@ fn a_silent_node_costs_the_other_one_attempt_at_a_time() {
 }
 
 #[test]
-fn the_other_is_served_after_every_exchange_while_one_is_brought_up_again() {
+fn other_axis_is_served_between_exchanges_of_reconnection() {
     for stuck in [false, true] {
         let mut rig = two_enabled();
         rig.line.state().silent_node = Some(2);
         rig.turns(200);
-        // It stays enabled for as long as it is given to switch off.
+        // It stays enabled for the whole time allowed for switching off.
         rig.line.drive(2, |drive| drive.stuck = stuck);
         rig.line.state().silent_node = None;
         rig.line.state().requests.clear();
@@ -128,9 +128,9 @@ fn the_other_is_served_after_every_exchange_while_one_is_brought_up_again() {
     }
 }
 
-/// Three nodes behind one port, with commands that come now and then.
+/// Three nodes on one port, with occasional commands.
 #[test]
-fn the_newest_position_of_a_third_node_is_never_older_than_the_limit_from_the_line() {
+fn position_of_third_node_never_exceeds_configured_age() {
     let drives = vec![MiniDrive::new(1, 11), MiniDrive::new(2, 22), MiniDrive::new(3, 33)];
     let config = Config { ports: vec![port_config(&drives)], ..fast_config(ROBOT) };
     let config = Config { limits: LimitConfig::default(), ..config };

@@ -30,9 +30,9 @@ fn imports(text: &str) -> BTreeSet<String> {
     lines.map(name).collect()
 }
 
-/// What no module names is never compiled, and its tests never run.
+/// A file that no module declares is never compiled, and its tests never run.
 #[test]
-fn every_source_is_a_module_of_another_one() {
+fn every_source_file_is_declared_as_module() {
     let roots = ["main", "lib", "build"].map(OsStr::new);
     let of_programs = ["bin", "tests", "examples", "targets"].map(OsStr::new);
     let is_named = |file: &PathBuf| {
@@ -53,7 +53,7 @@ fn every_source_is_a_module_of_another_one() {
 }
 
 #[test]
-fn the_modules_of_the_crate_are_on_its_map_and_import_what_it_says() {
+fn module_map_lists_every_module_with_its_imports() {
     let text = read("src/lib.rs");
     let declared: BTreeSet<&str> =
         text.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';')).collect();
@@ -80,13 +80,14 @@ fn the_modules_of_the_crate_are_on_its_map_and_import_what_it_says() {
         assert!(used.is_subset(&allowed), "{modules:?} imports {used:?}, the map has {allowed:?}");
         assert!(used.is_subset(&above), "{modules:?} imports {used:?}, which is not above it");
         above.extend(modules.iter().copied());
-        assert!(modules.iter().all(|module| declared.contains(module)), "{modules:?} is no module");
+        let is_module = modules.iter().all(|module| declared.contains(module));
+        assert!(is_module, "{modules:?} is not a module");
     }
     assert_eq!(above, declared);
 }
 
 /// The parts of a crate or module, from the lowest up, as its page lists them: `//! - `name`: ...`,
-/// or the first column of a table of modules. What is no module of its own is left out.
+/// or the first column of a module table. Anything that is not a module is left out.
 fn parts(text: &str, declared: &BTreeSet<String>) -> Vec<BTreeSet<String>> {
     let named = |head: &str| {
         let names = code(head).into_iter().map(str::to_owned);
@@ -100,10 +101,9 @@ fn parts(text: &str, declared: &BTreeSet<String>) -> Vec<BTreeSet<String>> {
     heads.map(named).filter(|names| !names.is_empty()).collect()
 }
 
-/// A page that says "only ... above" holds its parts in that order, all of them, and they import
-/// so.
+/// A page that says "only ... above" lists all its parts in that order, and imports follow it.
 #[test]
-fn parts_import_only_what_stands_above_them() {
+fn modules_import_only_those_listed_above_them() {
     let pages = [("src/core/mod.rs", "crate::core::"), ("tools/calibration/src/lib.rs", "crate::")];
     for (page, prefix) in pages {
         let text = read(page);
@@ -129,15 +129,15 @@ fn parts_import_only_what_stands_above_them() {
     }
 }
 
-/// The first names behind a prefix of paths, also of several in braces.
+/// The first name after a path prefix, or several in braces.
 fn imported(text: &str, prefix: &str) -> BTreeSet<String> {
     let product = code_lines(text).collect::<Vec<_>>().join("\n");
     let first = |path: &str| {
         let path = path.trim_start();
         path.chars().take_while(|c| *c == '_' || c.is_alphanumeric()).collect::<String>()
     };
-    let behind = product.split(prefix).skip(1);
-    let names = behind.flat_map(|rest| match rest.strip_prefix('{') {
+    let rests = product.split(prefix).skip(1);
+    let names = rests.flat_map(|rest| match rest.strip_prefix('{') {
         Some(braced) => {
             braced.split('}').next().unwrap_or_default().split(',').map(first).collect()
         }
@@ -162,7 +162,7 @@ fn files_named_on_the_page_of_the_crate_exist() {
     assert!(missing.is_empty(), "{missing:?}");
 }
 
-/// The rows of the tables of a page whose first column is `file` or `module`.
+/// Rows of those tables on a page whose first column is `file` or `module`.
 fn module_tables(text: &str) -> BTreeSet<String> {
     let mut is_inside = false;
     let mut named = BTreeSet::new();
@@ -189,7 +189,7 @@ fn declared_modules(text: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn the_tables_of_modules_name_the_files_beside_them() {
+fn module_tables_name_the_adjacent_files() {
     let folders = ["src", "tools"].map(|folder| Path::new(ROOT).join(folder));
     let mut wrong: BTreeMap<String, [BTreeSet<String>; 2]> = BTreeMap::new();
     for path in folders.iter().flat_map(|folder| sources(folder)) {

@@ -1,5 +1,5 @@
-//! Documents that are written by a program and kept in the repository: what they say about the
-//! software is read from the software, and a test fails when one is out of date.
+//! Generated documents in the repository: their content is read from the software, and a test fails
+//! if one is out of date.
 //!
 //! `I2RIS_UPDATE=1 cargo test --test real_time up_to_date` writes all of them.
 
@@ -16,11 +16,10 @@ use std::path::Path;
 
 pub const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// The chapter for whoever has to judge the safety of the robot.
+/// The chapter for safety reviewers.
 pub const SAFETY: &str = "tools/manual/src/safety.md";
 
-/// Writes a table between its mark and `<!-- end -->` if asked to, and fails when it is out of
-/// date.
+/// Writes a table between its mark and `<!-- end -->` if requested. Fails if it is out of date.
 fn require_up_to_date(path: &str, name: &str, wanted: &str) {
     let text = read(path);
     let (head, rest) = text.split_once(&format!("<!-- {name}:")).unwrap();
@@ -50,7 +49,7 @@ pub fn section<'a>(page: &'a str, heading: &str) -> &'a str {
     rest.split("\n## ").next().unwrap_or_default()
 }
 
-/// The cells of the rows of a Markdown table that begin with `start`.
+/// Cells of those rows of a Markdown table that begin with `start`.
 pub fn rows(text: &str, start: &str) -> Vec<Vec<String>> {
     let lines = text.lines().filter(|line| line.starts_with(start));
     let cells = |line: &str| {
@@ -60,7 +59,7 @@ pub fn rows(text: &str, start: &str) -> Vec<Vec<String>> {
     lines.map(cells).collect()
 }
 
-/// The words of a cell that are set as code.
+/// Code words of a cell.
 pub fn code(cell: &str) -> Vec<&str> {
     cell.split('`').skip(1).step_by(2).collect()
 }

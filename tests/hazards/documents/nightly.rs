@@ -16,7 +16,7 @@ struct Ignored {
     name: String,
 }
 
-/// What a part of the script runs of the ignored tests.
+/// Ignored tests run by a part of the script.
 #[derive(Debug)]
 struct Run {
     package: String,
@@ -80,7 +80,7 @@ fn ignored() -> Vec<Ignored> {
     found
 }
 
-/// What the parts run that run without arguments. A part is a function of the shell.
+/// Runs of the parts selected by default. A part is a shell function.
 fn runs() -> Vec<Run> {
     let script = read(".ci/nightly");
     let parts = script.split_once("${@:-").unwrap().1.split_once('}').unwrap().0;
@@ -113,7 +113,7 @@ fn runs() -> Vec<Run> {
 }
 
 #[test]
-fn the_nightly_run_has_every_ignored_test_in_a_part() {
+fn nightly_run_covers_every_ignored_test() {
     let (ignored, runs) = (ignored(), runs());
     assert!(ignored.len() > 10 && runs.len() > 5, "{ignored:#?} {runs:#?}");
     let fits = |run: &Run, test: &Ignored| {

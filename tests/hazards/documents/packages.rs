@@ -1,11 +1,11 @@
-//! The packages of the workspace, as their manifests have them. What others made, with versions and
-//! licences, is in the bills of materials of a release.
+//! The packages of the workspace, as declared in their manifests. Third-party packages, with
+//! versions and licences, are in the bills of materials of a release.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{SAFETY, code, read, rows, section};
 
-/// Names of the packages of this repository, with those that they need to run.
+/// Names of the packages in this repository, with their runtime dependencies.
 fn packages() -> BTreeMap<String, BTreeSet<String>> {
     let workspace: toml::Table = read("Cargo.toml").parse().unwrap();
     let members = workspace["workspace"]["members"].as_array().unwrap().iter();
@@ -23,7 +23,7 @@ fn packages() -> BTreeMap<String, BTreeSet<String>> {
 const CLASSES: [&str; 4] = ["C", "B", "A", "none"];
 
 #[test]
-fn every_package_has_a_class_and_uses_none_of_a_lower_one() {
+fn every_package_has_class_and_uses_only_equal_or_higher() {
     let page = read(SAFETY);
     let class = |row: &Vec<String>| {
         let class = CLASSES.iter().position(|class| *class == row[1]);
@@ -41,18 +41,18 @@ fn every_package_has_a_class_and_uses_none_of_a_lower_one() {
 }
 
 #[test]
-fn what_the_controller_uses_directly_has_a_role() {
+fn direct_dependencies_of_controller_have_a_role() {
     let page = read(SAFETY);
     let rows = rows(section(&page, "Software of unknown provenance"), "| `");
     let named: BTreeSet<String> = rows.iter().map(|row| code(&row[0])[0].to_owned()).collect();
     assert_eq!(named, packages()["i2ris"], "the table of {SAFETY}");
 }
 
-/// Fuzzers and wheel are built by other compilers, with lock files of their own.
+/// Fuzzers and the Python wheel are built by other compilers, with separate lock files.
 const OTHER_LOCKS: [&str; 2] = ["tools/fuzz/Cargo.lock", "tools/python/model/Cargo.lock"];
 
 #[test]
-fn what_is_built_outside_of_the_workspace_has_lock_files_that_are_up_to_date() {
+fn lock_files_outside_the_workspace_are_up_to_date() {
     let packages = packages();
     for file in OTHER_LOCKS {
         let lock: toml::Table = read(file).parse().unwrap();

@@ -1,9 +1,9 @@
-//! The table of versions, which stands in the README and nowhere else, against the sources.
+//! Compares the version table, which is only in the README, with the sources.
 
 use super::{code, read, rows, section};
 
 #[test]
-fn the_versions_of_the_readme_are_those_of_the_sources() {
+fn readme_versions_match_the_sources() {
     let readme = read("README.md");
     for (part, file, constant) in [
         ("interface in shared memory", "src/ipc/ready.rs", "INTERFACE_VERSION: u32"),

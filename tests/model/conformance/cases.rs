@@ -12,14 +12,14 @@ pub fn slopes(sample: &Sample) {
     each(sample, |it| {
         let jacobian = it.model.jacobian(&it.at, &it.memory);
         for motor in 0..it.model.motors() {
-            let [behind, here, ahead] = [-STEP, 0.0, STEP].map(|by| {
+            let [before, here, ahead] = [-STEP, 0.0, STEP].map(|by| {
                 let mut there = it.at;
                 there[motor] += by;
                 it.mean(&there, &it.memory)
             });
             for output in 0..it.model.outputs() {
                 let right = (ahead[output] - here[output]) / STEP;
-                let left = (here[output] - behind[output]) / STEP;
+                let left = (here[output] - before[output]) / STEP;
                 let found = jacobian[output][motor];
                 // Where a gap ends or friction slips, the slope has a side.
                 let error = (found - 0.5 * (left + right)).abs() - (right - left).abs();
@@ -29,8 +29,8 @@ pub fn slopes(sample: &Sample) {
     });
 }
 
-/// The outputs turn nowhere back: a motor that goes on moves them on, and two motors never against
-/// each other.
+/// The outputs never reverse: a motor that continues moves them further, and two motors never
+/// oppose each other.
 pub fn rises(sample: &Sample) {
     each(sample, |it| {
         let (model, memory) = (&it.model, &it.memory);
@@ -48,7 +48,7 @@ pub fn rises(sample: &Sample) {
     });
 }
 
-/// The inverse comes back to the counts.
+/// The inverse of a prediction returns the counts.
 pub fn inverse(sample: &Sample) {
     each(sample, |it| {
         let goal = it.mean(&it.at, &it.memory);
@@ -64,8 +64,8 @@ pub fn inverse(sample: &Sample) {
     });
 }
 
-/// No gap is crossed for nothing: a search ends beside its goal by less than that. What the balance
-/// of forces promises of it depends on its slack: see `tests/model/force_balance.rs`.
+/// No gap is crossed for a rounding error, which is less than the error of a search. For the force
+/// balance this depends on its slack: see `tests/model/force_balance.rs`.
 pub fn stays(sample: &Sample) {
     each(sample, |it| {
         let present = it.present();
@@ -125,7 +125,7 @@ pub fn compensation(sample: &Sample) {
     });
 }
 
-/// Outside the hull the stated deviation grows with the way.
+/// Outside the hull the stated deviation grows with the distance.
 pub fn beyond(sample: &Sample) {
     each(sample, |it| {
         let hull = it.model.hull();
@@ -142,7 +142,7 @@ pub fn beyond(sample: &Sample) {
     });
 }
 
-/// What the control loop computes together is what it would compute alone.
+/// Results that the control loop computes together equal those computed alone.
 pub fn shared_work(sample: &Sample) {
     each(sample, |it| {
         let (model, memory) = (&it.model, &it.memory);
@@ -168,7 +168,7 @@ pub fn shared_work(sample: &Sample) {
     });
 }
 
-/// Covariances are covariances.
+/// Covariances are symmetric and positive semidefinite.
 pub fn covariances(sample: &Sample) {
     each(sample, |it| {
         let Estimate { covariance, .. } = it.model.predict(&it.at, &it.memory);
@@ -187,7 +187,7 @@ pub fn covariances(sample: &Sample) {
     });
 }
 
-/// Every position has an estimate, however far, but none that is no number.
+/// Every position has an estimate, however far, except NaN.
 pub fn not_a_number(sample: &Sample) {
     each(sample, |it| {
         let [a, b, ..] = it.wild;
@@ -211,7 +211,7 @@ fn is_one(it: &Situation) {
     let mut memory = it.memory;
     for counts in [[f64::NAN, 0.0], [0.0, f64::INFINITY]] {
         it.model.advance(&mut memory, &counts);
-        assert_eq!(memory, it.memory, "a reading that is none changes nothing");
+        assert_eq!(memory, it.memory, "an invalid reading changes nothing");
     }
     assert!(it.mean(&[f64::NAN; 2], &it.memory)[0].is_nan());
 }

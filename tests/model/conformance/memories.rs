@@ -7,7 +7,7 @@ use i2ris_testing::families::{DEG, Sample, distance, memory_after};
 
 use super::situation::{Situation, each, in_steps, reach};
 
-/// Where the motors come from matters to a family with memory, and to no other.
+/// The past of the motors matters only to a family with memory.
 pub fn the_past(sample: &Sample) {
     let model = sample.model();
     let [up, down] = [-400.0, 400.0].map(|from| {
@@ -18,9 +18,9 @@ pub fn the_past(sample: &Sample) {
     assert!(if sample.promise.has_memory { apart > 1e-3 * DEG } else { apart == 0.0 }, "{apart}");
 }
 
-/// Round a little more than the conditioning range, as far as the hull goes, and to its middle.
+/// A loop slightly wider than the conditioning range, within the hull, ending at its middle.
 fn conditioning(model: &Model) -> Vec<MotorVec> {
-    let (range, reach) = (model.wipe_counts(), reach(model));
+    let (range, reach) = (model.conditioning_range(), reach(model));
     let [a, b] = [0, 1].map(|motor: usize| (range[motor] + 100.0).min(reach[motor]));
     [[-a, -b], [a, -b], [a, b], [-a, b], [-a, -b], [a, b], [0.0; 2]].into()
 }
@@ -28,30 +28,30 @@ fn conditioning(model: &Model) -> Vec<MotorVec> {
 /// After conditioning a memory is known, and the past is forgotten. Before, it is unknown.
 pub fn forgets(sample: &Sample) {
     each(sample, |it| {
-        let (model, range) = (&it.model, it.model.wipe_counts());
-        assert!(!model.knows(&model.new_memory()));
+        let (model, range) = (&it.model, it.model.conditioning_range());
+        assert!(!model.is_memory_known(&model.new_memory()));
         let end = [0.0, range[1]];
         if range[0] > 1.0 {
             let almost = memory_after(model, &[[0.0; 2], [range[0] - 0.5, range[1]], end]);
-            assert!(!model.knows(&almost));
+            assert!(!model.is_memory_known(&almost));
         }
         let after = |past: &[MotorVec]| it.after(&[past, &conditioning(model)].concat());
         let [one, other] = [&it.path, &it.other].map(|past| after(past));
-        // Operators that are not centred in a narrow hull may need more of it.
+        // Operators that are not centred in a narrow hull may need a wider one.
         let is_wide = |motor: usize| range[motor] + 100.0 <= reach(model)[motor];
-        let known = model.knows(&one) && model.knows(&after(&[]));
+        let known = model.is_memory_known(&one) && model.is_memory_known(&after(&[]));
         assert!(known || !(0..model.motors()).all(is_wide));
         if known {
             it.assert_alike("remains", &one, &other, it.promise.remains);
         }
-        if it.promise.remains == 0.0 && model.knows(&it.after(&it.other)) {
+        if it.promise.remains == 0.0 && model.is_memory_known(&it.after(&it.other)) {
             let again = it.after(&[it.path.as_slice(), &it.other].concat());
             it.assert_alike("known", &it.after(&it.other), &again, 0.0);
         }
     });
 }
 
-/// A memory stays finite and comes back from anywhere.
+/// A memory stays finite and recovers from any state.
 pub fn bounded(sample: &Sample) {
     each(sample, |it| {
         let mut memory = it.memory;
@@ -66,7 +66,7 @@ pub fn bounded(sample: &Sample) {
                 assert!(it.model.hull().contains(&inverse.counts), "{inverse:?}");
             }
         }
-        // Home in long steps, as after readings that were wrong.
+        // Back in long steps, as after wrong readings.
         it.model.advance(&mut memory, &[0.0; 2]);
         let back = in_steps(&[[[0.0; 2]].as_slice(), &conditioning(&it.model)].concat(), 10.0);
         back.iter().for_each(|counts| it.model.advance(&mut memory, counts));
@@ -75,7 +75,7 @@ pub fn bounded(sample: &Sample) {
     });
 }
 
-/// The bits of everything that comes out.
+/// Bits of all results.
 fn bits(model: &Model, memory: &Memory, it: &Situation) -> Vec<u8> {
     let estimate = model.predict(&it.at, memory);
     let inverse = model.invert(&estimate.mean, memory, &Query::new(it.start)).counts;
@@ -107,7 +107,7 @@ pub fn same_bits(sample: &Sample) {
     });
 }
 
-/// A prediction is the state after the motion of a tick; a position again changes nothing.
+/// A prediction is the state after the motion of a tick; repeating a position changes nothing.
 pub fn tick(sample: &Sample) {
     each(sample, |it| {
         let [x, y] = it.present();
@@ -124,8 +124,8 @@ pub fn tick(sample: &Sample) {
     });
 }
 
-/// The shortest motion moves the snake least, also where it turned, after a count to and fro, while
-/// it creeps and while its gaps are scaled: no jump that no part of a step makes smaller.
+/// A shorter motion moves the snake less, even at a turning point, after a count back and forth,
+/// during creep and while gaps are scaled: the prediction has no jumps.
 pub fn still(sample: &Sample) {
     const SHORT: f64 = 1e-6;
     each(sample, |it| {
@@ -172,7 +172,7 @@ pub fn steps(sample: &Sample) {
     });
 }
 
-/// A memory comes back from a history.
+/// A memory can be recalled from a history.
 pub fn recall(sample: &Sample) {
     each(sample, |it| {
         let (mut memory, mut history) = (it.model.new_memory(), History::default());
@@ -181,13 +181,13 @@ pub fn recall(sample: &Sample) {
             history.note(&counts);
         }
         let recalled = it.model.recall(&history);
-        assert_eq!(it.model.knows(&recalled), it.model.knows(&memory));
+        assert_eq!(it.model.is_memory_known(&recalled), it.model.is_memory_known(&memory));
         it.assert_alike("recall", &recalled, &memory, it.promise.recall);
     });
 }
 
-/// A gap scale of 1 changes no bit, another one widens gaps, and the inverse follows it. Families
-/// without gaps have none.
+/// A gap scale of 1 changes no bit; a larger one widens the gaps, and the inverse follows. Families
+/// without gaps have no scale.
 pub fn gap_scale(sample: &Sample) {
     each(sample, |it| {
         let [mut usual, mut wide] = [it.model.new_memory(); 2];
@@ -207,7 +207,7 @@ pub fn gap_scale(sample: &Sample) {
         }
     });
     let model = sample.model();
-    assert_eq!(model.has_gap(), sample.promise.has_gap);
+    assert_eq!(model.has_backlash(), sample.promise.has_gap);
     let path = in_steps(&[[600.0, -500.0], [-600.0, 500.0], [200.0, 0.0]], 10.0);
     let [mut usual, mut wide] = [model.new_memory(); 2];
     let mut apart = 0.0_f64;

@@ -1,4 +1,4 @@
-//! What a model promises, whatever its family: the same cases for every row of the list in
+//! Promises of every model, whatever its family: the same cases for every row of the list in
 //! `i2ris_testing::families`. Where families differ, their [`Promise`] says how.
 //!
 //! [`Promise`]: i2ris_testing::families::Promise

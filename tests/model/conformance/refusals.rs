@@ -1,12 +1,12 @@
-//! Parameters that are none are refused, in one sentence that names them.
+//! Invalid parameters are refused, in one sentence that names them.
 
 use i2ris::model::Model;
 use i2ris::model::file::ModelFile;
 use i2ris_testing::families::Sample;
 use toml::Value;
 
-/// Of a row: where in its parameters, what is written there, and what the refusal says. `*3` stands
-/// for three copies of the first of a list.
+/// Family, parameter path, value written there, and expected message. `*3` means three copies of
+/// the first list entry.
 const BAD: [(&str, &str, &str, &str); 22] = [
     ("linear", "gain", "[[0.02, 0.01]]", "family.gain = rows of [2] numbers"),
     ("linear", "gain", "[[0.0, 0.0], [0.0, 0.0]]", "a motor must move"),
@@ -32,7 +32,7 @@ const BAD: [(&str, &str, &str, &str); 22] = [
     ("network", "network.layers", "*1", "one unit per output"),
 ];
 
-/// The sentence of a refusal of a file with another value somewhere in its parameters.
+/// Message of the refusal of a file with one parameter changed.
 fn refusal(file: &Value, path: &str, change: impl FnOnce(&mut Value)) -> String {
     let mut file = file.clone();
     let place = path.split('.').fold(&mut file["family"], |value, key| match key.parse() {
@@ -59,7 +59,7 @@ pub fn parameters(sample: &Sample) {
     }
 }
 
-/// Where there are numbers, with the name of each.
+/// Locations of numbers, with their names.
 fn numbers_of(value: &Value, path: &str, name: &str, found: &mut Vec<[String; 2]>) {
     let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
     match value {
@@ -74,7 +74,7 @@ fn numbers_of(value: &Value, path: &str, name: &str, found: &mut Vec<[String; 2]
     }
 }
 
-/// Every number has to be one.
+/// Every number must be valid.
 pub fn numbers(sample: &Sample) {
     let file = Value::try_from(&sample.file).unwrap();
     let mut places = Vec::new();

@@ -23,9 +23,9 @@ pub struct Situation {
     pub start: MotorVec,
     /// Between 0 and 1.
     pub part: f64,
-    /// Any numbers, also none.
+    /// Any numbers, including NaN.
     pub wild: [f64; 5],
-    /// What one count moves, on the whole, rad (m).
+    /// Average motion per count, rad (m).
     pub worth: f64,
 }
 
@@ -102,13 +102,13 @@ impl Situation {
         memory_after(&self.model, &in_steps(path, 10.0))
     }
 
-    /// An error is within what is promised, up to rounding.
+    /// Asserts that an error is within the promise, up to rounding.
     #[track_caller]
     pub fn assert_within(&self, what: &str, error: f64, promised: f64) {
         assert!(error <= promised + 1e-9, "{}, {what}: {error}, promised {promised}", self.name);
     }
 
-    /// Predictions with two memories differ by so many counts at most.
+    /// Asserts that predictions with two memories differ by at most `promised` counts.
     #[track_caller]
     pub fn assert_alike(&self, what: &str, one: &Memory, other: &Memory, promised: f64) {
         for at in [self.at, self.start, self.present(), [0.0; 2]] {
@@ -123,7 +123,7 @@ pub fn reach(model: &Model) -> MotorVec {
     [0, 1].map(|motor: usize| model.hull().corners().map(|at| at[motor]).fold(0.0, f64::max))
 }
 
-/// Of the motor with more effect, over the hull.
+/// Average motion per count of the motor with more effect, over the hull.
 fn worth(model: &Model) -> f64 {
     let reach = reach(model);
     let memory = memory_after(model, &[[0.0; 2]]);
@@ -138,7 +138,7 @@ fn worth(model: &Model) -> f64 {
     (0..model.motors()).map(of).fold(0.0, f64::max)
 }
 
-/// Straight motion from point to point, in steps of at most so many counts.
+/// Straight motion from point to point, in steps of at most `step` counts.
 pub fn in_steps(path: &[MotorVec], step: f64) -> Vec<MotorVec> {
     let between = path.windows(2).flat_map(|pair| {
         let way = [0, 1].map(|motor: usize| pair[1][motor] - pair[0][motor]);

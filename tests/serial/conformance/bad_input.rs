@@ -1,4 +1,4 @@
-//! Mistakes of users: the message is one sentence with cause and remedy, and nothing moves.
+//! User mistakes: the message is one sentence with cause and remedy; nothing moves.
 
 use std::fs;
 use std::io::{Read, Write};
@@ -37,16 +37,16 @@ fn quick(port: PortConfig) -> PortConfig {
 fn a_wrong_bit_rate_is_reported_with_the_remedy() {
     let bench = TestBench::with(&SETUPS[0], |config| config.line.strict_baud = true);
     let text = refusal(&quick(PortConfig { baud: 38_400, ..bench.port() }));
-    for part in ["no drive answers", "38400 baud", "check"] {
+    for part in ["no reply from a drive", "38400 baud", "check"] {
         assert!(text.contains(part), "{text}");
     }
     let wrong = quick(PortConfig { baud: 38_400, ..bench.port() });
-    assert_eq!(answering_rate(&wrong), Some(115_200), "asked at the others");
+    assert_eq!(answering_rate(&wrong), Some(115_200), "tried at the other rates");
     assert!(bench.bring_up().is_ok(), "at the correct bit rate it answers");
 }
 
 #[test]
-fn the_nodes_on_a_line_are_listed_and_nothing_is_written() {
+fn nodes_on_line_are_listed_without_writing() {
     for (setup, families) in [
         (&SETUPS[3], &["EPOS2"][..]),
         (&SETUPS[4], &["EPOS2", "EPOS2"]),
@@ -76,8 +76,8 @@ fn a_missing_node_is_named() {
     }
 }
 
-/// What controller, doctor and watchdog say of a port.
-fn said(port: &PortConfig) -> [String; 3] {
+/// Messages of controller, doctor and watchdog about a port.
+fn messages(port: &PortConfig) -> [String; 3] {
     let family = family_of_port(port);
     let mut link = DriveLink::new(SerialTransport::open(port).unwrap(), family, port);
     let stopped = quick_stop_all(&mut link, &[port.axes[0].node_id], &[], STOP_ATTEMPTS);
@@ -85,7 +85,7 @@ fn said(port: &PortConfig) -> [String; 3] {
     [refusal(port), inspect(port).unwrap_err().to_string(), stopped[0].unwrap_err().to_string()]
 }
 
-/// Something else on the port: it sends this for what came, or for nothing within 20 ms.
+/// A foreign device on the port: sends `answer` of the received bytes, or of none within 20 ms.
 fn talker(answer: fn(&[u8]) -> Vec<u8>) -> (Background, PathBuf) {
     let (mut master, slave) = TTYPort::pair().unwrap();
     master.set_timeout(std::time::Duration::from_millis(20)).unwrap();
@@ -100,7 +100,7 @@ fn talker(answer: fn(&[u8]) -> Vec<u8>) -> (Background, PathBuf) {
 }
 
 #[test]
-fn what_answers_and_is_no_drive_is_shown_and_never_taken_for_silence() {
+fn reply_from_non_drive_is_shown_not_reported_as_silence() {
     let short_frame = |request: &[u8]| match request {
         [] => Vec::new(),
         _ => i2ris_simulation::frame::encode(0, &[6, 0]),
@@ -108,13 +108,13 @@ fn what_answers_and_is_no_drive_is_shown_and_never_taken_for_silence() {
     let bench = TestBench::emulated(&SETUPS[0]);
     for (answer, parts) in [
         // A terminal server, or a wire loop.
-        (<[u8]>::to_vec as fn(&[u8]) -> Vec<u8>, ["but not as EPOS4:", " 60 "]),
-        (|_| b"roll=0.1 pitch=-3.4\r\n".to_vec(), ["and it is no drive:", "bytes, no frame: "]),
-        (short_frame, ["but not as EPOS4:", " 06 00"]),
+        (<[u8]>::to_vec as fn(&[u8]) -> Vec<u8>, ["but not a reply of EPOS4", " 60 "]),
+        (|_| b"roll=0.1 pitch=-3.4\r\n".to_vec(), ["received ", "bytes, not a drive frame: "]),
+        (short_frame, ["but not a reply of EPOS4", " 06 00"]),
     ] {
         let (_talker, device) = talker(answer);
-        for text in said(&quick(PortConfig { device, ..bench.port() })) {
-            assert!(text.contains("something answers, "), "{text}");
+        for text in messages(&quick(PortConfig { device, ..bench.port() })) {
+            assert!(text.contains("received "), "{text}");
             parts.iter().for_each(|part| assert!(text.contains(part), "{part}: {text}"));
         }
     }
@@ -126,7 +126,8 @@ fn a_drive_of_the_other_family_is_named() {
         [(0, Family::Epos2, "is this an EPOS4?"), (3, Family::Epos4, "is this an EPOS2?")]
     {
         let bench = TestBench::emulated(&SETUPS[setup]);
-        let [controller, doctor, watchdog] = said(&quick(PortConfig { family, ..bench.port() }));
+        let port = quick(PortConfig { family, ..bench.port() });
+        let [controller, doctor, watchdog] = messages(&port);
         assert!(controller.contains(question) && controller.contains("`family`"), "{controller}");
         assert_eq!(doctor, controller);
         assert!(watchdog.contains("unknown command"), "{watchdog}");
@@ -135,7 +136,7 @@ fn a_drive_of_the_other_family_is_named() {
 }
 
 #[test]
-fn a_drive_left_running_in_another_mode_is_switched_off_and_configured() {
+fn drive_left_running_in_other_mode_is_disabled_and_configured() {
     let bench = TestBench::emulated(&SETUPS[0]);
     {
         let host = serialport::new(bench.port().device.to_string_lossy(), 115_200);
@@ -163,7 +164,7 @@ fn with_one_axis_refused_the_other_is_left_safe() {
     let bench = TestBench::emulated(&SETUPS[4]);
     let mut running = bench.run();
     running.enable();
-    // At the next start the axis behind the gateway is still enabled.
+    // At the next start the axis on the gateway is still enabled.
     running.abandon();
     let wrong = bench.port_with(|axis| axis.serial_number = 1);
     let text = refusal(&wrong);

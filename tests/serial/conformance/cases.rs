@@ -1,5 +1,5 @@
-//! Requirements for every drive in every topology. The axis under test may be behind the drive of
-//! the port.
+//! Requirements for every drive in every topology. The axis under test may be reached through the
+//! drive of the port.
 
 use i2ris::config::HomingMethod;
 use i2ris::drive::{AxisPhase, Demand, Port, PortEventKind};
@@ -147,7 +147,7 @@ pub fn homed_at_stop(bench: &TestBench) {
     bench.assert_no_host_bugs();
 }
 
-/// A quick stop holds with power, and switches off in order.
+/// A quick stop holds with power, then switches off cleanly.
 pub fn quick_stopped(bench: &TestBench) {
     let mut axis = bench.run();
     axis.enable();
@@ -172,14 +172,14 @@ pub fn restarted(bench: &TestBench) {
     axis.until("is back", |feedback| feedback.phase == AxisPhase::Disabled && !feedback.homed);
     assert!(!bench.drive().state.is_powered());
     enable_again(&mut axis);
-    // A step of 1900 is a following error by the restored limit, and none by the 2000 of the drive.
+    // A step of 1900 exceeds the restored following-error limit, but not the drive's 2000.
     if bench.streaming == i2ris::config::Streaming::Cyclic {
         axis.request(|request| request.target.0 += 1900);
         axis.until_fault(0x8611);
     }
 }
 
-/// The restart may be detected once more meanwhile.
+/// The restart may be detected a second time in between.
 fn enable_again(axis: &mut RunningAxis) {
     for _ in 0..5 {
         let position = axis.feedback().position;
@@ -195,7 +195,7 @@ fn enable_again(axis: &mut RunningAxis) {
     panic!("never enabled again");
 }
 
-/// A silent line is lost; the axis comes back disabled, whatever is demanded.
+/// A silent line is lost; the axis reconnects disabled, whatever is demanded.
 pub fn lost(bench: &TestBench) {
     let mut axis = bench.run();
     axis.enable();
@@ -225,7 +225,7 @@ fn comes_back_disabled(bench: &TestBench, axis: &mut RunningAxis) {
     axis.enable();
 }
 
-/// Ending the thread leaves the drive switched off in order.
+/// Ending the thread switches the drive off cleanly.
 pub fn ended(bench: &TestBench) {
     let mut axis = bench.run();
     axis.enable();
@@ -252,5 +252,5 @@ pub const ALL: [Case; 13] = [
     ("power cycle", restarted),
     ("silence", lost),
     ("unplugged and plugged in", hung_up),
-    ("ended in order", ended),
+    ("ended cleanly", ended),
 ];

@@ -1,4 +1,4 @@
-//! Drives with the objects of real ones, and of drives that lack objects or take less.
+//! Drives with the objects of real ones, and drives that lack objects or accept smaller ranges.
 //!
 //! The files of real drives are not part of the repository; where they are absent, the tests print
 //! that and pass.
@@ -71,7 +71,7 @@ fn with_range(index: u16, subindex: u8, low: i64, high: i64) -> DeviceFile {
 }
 
 #[test]
-fn the_table_of_objects_agrees_with_every_real_drive() {
+fn object_table_agrees_with_every_real_drive() {
     for path in files() {
         let name = path.file_name().unwrap().to_string_lossy();
         // Without the values that were set: defaults count.
@@ -121,7 +121,7 @@ fn the_controller_runs_on_every_real_drive() {
 }
 
 #[test]
-fn the_controller_runs_without_what_old_firmware_lacks() {
+fn controller_runs_without_objects_missing_in_old_firmware() {
     let convenience = [
         0x2005, 0x2006, 0x2200, 0x30B0, 0x30B2, 0x30D1, 0x603F, 0x605A, 0x605C, 0x605E, 0x607F,
         0x60C2,
@@ -131,15 +131,15 @@ fn the_controller_runs_without_what_old_firmware_lacks() {
         case(&bench(&file));
     }
     let bench = bench(&file);
-    let said: Vec<String> = bench.run().kinds().iter().map(PortEventKind::to_string).collect();
+    let texts: Vec<String> = bench.run().kinds().iter().map(PortEventKind::to_string).collect();
     for part in
         ["0x60C2:01): left out", "0x30D1:02): left out, so `limits.over_current_ma` watches"]
     {
-        assert!(said.iter().any(|text| text.contains(part)), "{part}: {said:?}");
+        assert!(texts.iter().any(|text| text.contains(part)), "{part}: {texts:?}");
     }
     let seen = i2ris::drive::inspect::inspect(&bench.port()).unwrap();
     assert_eq!(seen.axes[0].as_ref().unwrap().supply_v, None);
-    // A fault whose code is not told is one all the same, and can be reset.
+    // A fault without a reported code is still a fault and can be reset.
     let mut axis = bench.run();
     bench.emulator().raise_fault(0, 0x2310, false);
     axis.until_phase(AxisPhase::Faulted);
@@ -148,7 +148,7 @@ fn the_controller_runs_without_what_old_firmware_lacks() {
 }
 
 #[test]
-fn a_drive_that_does_not_take_a_setting_is_refused_with_key_object_and_range() {
+fn rejected_setting_is_reported_with_key_object_and_range() {
     type Change = fn(&mut AxisConfig);
     let none: Change = |_| {};
     let stop: Change = |axis| {
@@ -178,7 +178,7 @@ fn a_drive_that_does_not_take_a_setting_is_refused_with_key_object_and_range() {
     ] {
         let bench = bench(&file);
         let port = bench.port_with(change);
-        // The drive is left as it was: the second time it says the same.
+        // The drive is left unchanged: the second run reports the same.
         for _ in 0..2 {
             let text = Port::open(&port).unwrap().bring_up().unwrap_err().to_string();
             assert!(parts.iter().all(|part| text.contains(part)), "{text}");

@@ -20,7 +20,7 @@ fn a_name_in_several_segments_is_read() {
 }
 
 #[test]
-fn a_slow_adapter_long_refusals_and_short_replies_change_nothing_but_the_rate() {
+fn slow_adapter_and_odd_reply_lengths_change_only_rate() {
     let bench = TestBench::with(&SETUPS[0], |config| {
         config.line.latency_timer_ms = 8;
         config.line.jitter_us = 700;
@@ -35,9 +35,9 @@ fn a_slow_adapter_long_refusals_and_short_replies_change_nothing_but_the_rate() 
     bench.assert_no_host_bugs();
 }
 
-/// The chip of an EPOS2 as the kernel leaves it.
+/// The adapter of an EPOS2 with kernel defaults.
 #[test]
-fn an_adapter_at_16_ms_is_refused_with_the_command_that_mends_it() {
+fn adapter_at_16_ms_is_refused_with_remedy() {
     let bench = TestBench::with(&SETUPS[3], |config| {
         config.line = LineConfig { latency_timer_ms: 16, ..LineConfig::usb() };
     });
@@ -50,7 +50,7 @@ fn an_adapter_at_16_ms_is_refused_with_the_command_that_mends_it() {
 }
 
 #[test]
-fn an_axis_whose_position_jumped_while_the_line_was_lost_is_not_homed() {
+fn position_jump_while_line_lost_unhomes_axis() {
     let bench = TestBench::emulated(&SETUPS[0]);
     let mut axis = bench.run();
     axis.home();
@@ -85,7 +85,7 @@ fn a_frozen_encoder_is_a_following_error() {
 }
 
 #[test]
-fn h06_an_encoder_that_moved_while_the_controller_was_away_is_not_homed() {
+fn h06_encoder_moved_without_controller_unhomes_axis() {
     let bench = TestBench::emulated(&SETUPS[0]);
     let folder = tempfile::tempdir().unwrap();
     let port =
@@ -98,7 +98,7 @@ fn h06_an_encoder_that_moved_while_the_controller_was_away_is_not_homed() {
     let mut axis = bench.run_with(&port);
     axis.until("is still homed", |feedback| feedback.homed);
     axis.stop();
-    // Moved by hand meanwhile.
+    // Moved by hand in between.
     bench.emulator().inject(0, Injection::SlipEncoder { counts: 900 });
     let mut axis = bench.run_with(&port);
     axis.wait_for_positions(21);

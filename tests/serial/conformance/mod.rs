@@ -1,8 +1,8 @@
 //! The drive layer against drives, in real time: the same cases for every family and
 //! topology.
 //!
-//! The emulator has its own frame codec and state machine, written from the same reference. On real
-//! drives `i2ris commission` finds what they do.
+//! The emulator has its own frame codec and state machine, written from the same reference. For
+//! real drives `i2ris commission` checks the behaviour.
 
 mod bad_input;
 mod cases;

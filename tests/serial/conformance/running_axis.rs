@@ -146,7 +146,7 @@ impl RunningAxis {
         self.until("arrives", |feedback| (feedback.position.0 - target).abs() <= 2);
     }
 
-    /// As after `kill -9`: the port is free, the drive stays enabled.
+    /// Leaves the state of a `kill -9`: the port is free, the drive stays enabled.
     pub fn abandon(mut self) {
         self.abandoned.store(true, Ordering::Release);
         self.thread.take().unwrap().join().unwrap();

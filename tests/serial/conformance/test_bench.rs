@@ -30,7 +30,7 @@ pub struct Setup {
     /// The family of the drive under test.
     pub drive: Family,
     pub streaming: Streaming,
-    /// The number of the drive under test: the first is that of the port, others are behind it.
+    /// The number of the drive under test: the first is on the port, others are reached through it.
     pub drives_before: usize,
 }
 

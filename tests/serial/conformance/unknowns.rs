@@ -1,5 +1,5 @@
-//! What nobody knows of real drives before the first day, in combination: they move by permission
-//! only, end safely, and what happened is said in one sentence each.
+//! Properties of real drives that are unknown before the first day, in combination: the drives move
+//! by permission only, end safely, and each event is reported in one sentence.
 
 use std::thread;
 
@@ -12,7 +12,7 @@ use super::test_bench::{SETUPS, TestBench};
 /// Combinations that run at once.
 const AT_ONCE: usize = 4;
 
-/// Two drives, one behind the other; what is not known is a bit each.
+/// Two drives, one reached through the other; each unknown is a bit.
 fn first_day(setup: usize, unknowns: u8) {
     let is = |bit: u8| unknowns >> bit & 1 == 1;
     let bench = TestBench::with(&SETUPS[setup], |config| {
@@ -31,7 +31,7 @@ fn first_day(setup: usize, unknowns: u8) {
     let origin = bench.drive().motor_counts;
     let is_at = |counts: i32| (bench.drive().motor_counts - origin - f64::from(counts)).abs() < 3.0;
     let mut axis = bench.run();
-    // Without permission, also when the fault of the first moment is reset.
+    // No permission yet, even after the initial fault is reset.
     axis.request(|request| request.target.0 = 150);
     if is(6) {
         axis.until_fault(0x8120);
@@ -60,16 +60,17 @@ fn first_day(setup: usize, unknowns: u8) {
         events.contains(&PortEventKind::Ended { power: DrivePower::Off }),
         "{case}: {events:?}"
     );
-    let said: Vec<String> = events.iter().map(ToString::to_string).collect();
-    assert!(said.iter().all(|it| !it.contains('\n') && it.len() < 400), "{said:?}");
-    for (is_said, part) in [
+    let texts: Vec<String> = events.iter().map(ToString::to_string).collect();
+    assert!(texts.iter().all(|it| !it.contains('\n') && it.len() < 400), "{texts:?}");
+    for (is_reported, part) in [
         (is(6), "fault 0x8120"),
         (true, "setpoint 2401 outside -2400 to 2400"),
         (true, "lost: the port is broken"),
         (true, "answers again"),
         (is(7), "fault 0x8130"),
     ] {
-        assert_eq!(said.iter().any(|it| it.contains(part)), is_said, "{case}: {part}: {said:#?}");
+        let is_found = texts.iter().any(|it| it.contains(part));
+        assert_eq!(is_found, is_reported, "{case}: {part}: {texts:#?}");
     }
     bench.assert_no_host_bugs();
 }
@@ -86,7 +87,7 @@ fn run(cases: &[(usize, u8)]) {
 
 /// The code words of a Reed-Muller code: any three unknowns meet in every combination.
 #[test]
-fn combinations_of_the_unknowns_move_by_permission_and_end_safely() {
+fn combinations_of_unknowns_move_by_permission_and_end_safely() {
     let words = [0x0F, 0x33, 0x55, 0x69, 0x3C, 0x5A, 0x66, 0x00];
     let cases = words.iter().enumerate().flat_map(|(index, &word)| {
         let setups = if index % 2 == 0 { [2, 5] } else { [5, 2] };
@@ -97,7 +98,7 @@ fn combinations_of_the_unknowns_move_by_permission_and_end_safely() {
 
 #[test]
 #[ignore = "minutes: for .ci/nightly"]
-fn all_combinations_of_the_unknowns_move_by_permission_and_end_safely() {
+fn every_combination_of_unknowns_moves_by_permission_and_ends_safely() {
     let cases = (0..=u8::MAX).flat_map(|unknowns| [(2, unknowns), (5, unknowns)]);
     run(&cases.collect::<Vec<_>>());
 }

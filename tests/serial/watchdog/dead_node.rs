@@ -1,27 +1,27 @@
-//! Three drives on one line, one of them dead behind the gateway. The log of the emulator judges:
-//! order and number of exchanges, no time.
+//! Three drives on one line, one of them dead at the far side of the gateway. The emulator log
+//! decides: order and number of exchanges, not time.
 
 use i2ris::ipc::heartbeat::HeartbeatReader;
 use i2ris_simulation::log::LineTrouble;
 
 use super::*;
 
-/// How long the gateway waits for the dead one.
+/// Timeout of the gateway for the dead node.
 const GATEWAY_MS: u64 = 500;
 
 const DEAD: usize = 1;
 
-/// The motors that live.
+/// Motors of the live drives.
 const LIVING: [usize; 2] = [0, 2];
 
-/// When the gateway was asked for the dead one in vain.
+/// Times of unanswered requests to the dead node.
 fn unanswered(rig: &Rig) -> Vec<Nanos> {
     let in_vain = EventKind::Line(LineTrouble::NoAnswer);
     let log = rig.emulator.log().into_iter();
     log.filter(|it| (it.axis, it.kind) == (DEAD, in_vain)).map(|it| it.stamp).collect()
 }
 
-/// What a motor went to since an instant, and when.
+/// States of a motor since an instant, with their times.
 fn states(rig: &Rig, axis: usize, since: Nanos) -> Vec<(Nanos, State)> {
     let state = |it: i2ris_simulation::log::Event| match it.kind {
         EventKind::State { to, .. } if it.axis == axis && it.stamp >= since => Some((it.stamp, to)),
@@ -30,8 +30,8 @@ fn states(rig: &Rig, axis: usize, since: Nanos) -> Vec<(Nanos, State)> {
     rig.emulator.log().into_iter().filter_map(state).collect()
 }
 
-/// The living are stopped before the gateway has waited more often than this for the dead one, from
-/// `since` on. `silent`: when it died.
+/// Asserts that the live drives stop before the gateway has waited more often than this for the
+/// dead node, from `since` on. `silent`: when it died.
 fn check_stops(rig: &Rig, silent: Nanos, since: Nanos, most: usize) {
     wait_until("the living are stopped", || {
         LIVING.iter().all(|axis| !states(rig, *axis, silent).is_empty())
@@ -47,19 +47,19 @@ fn check_stops(rig: &Rig, silent: Nanos, since: Nanos, most: usize) {
 }
 
 fn check_watchdog(signal: Signal) {
-    let mut watched = WatchedRig::with(Rig::behind(GATEWAY_MS), 3000);
+    let mut watched = WatchedRig::with(Rig::with_gateway_timeout(GATEWAY_MS), 3000);
     let silent = clock::now();
     watched.rig.emulator.silence(DEAD, true);
     let mut heartbeat = HeartbeatReader::new(&watched.rig.domain());
-    wait_until("the gateway waits, and a tick has told that the dead one owes an answer", || {
+    wait_until("the gateway waits, and a tick has reported the pending reply", || {
         let is_waiting = !unanswered(&watched.rig).is_empty();
-        let told = heartbeat.read().ok().flatten();
-        is_waiting && told.is_some_and(|told| told.owing >> DEAD & 1 == 1)
+        let newest = heartbeat.read().ok().flatten();
+        is_waiting && newest.is_some_and(|newest| newest.owing >> DEAD & 1 == 1)
     });
     let since = clock::now();
     watched.rig.signal(signal);
-    // The controller may have asked the dead one again. Where this test had to wait for the
-    // processor, it has stopped the living itself.
+    // The controller may have sent the dead node another request. If this test had to wait for the
+    // processor, the controller has stopped the others itself.
     check_stops(&watched.rig, silent, since, 1);
     watched.until_logged(&format!("motor {DEAD}: NOT STOPPED"));
     let text = watched.log_text();
@@ -73,16 +73,16 @@ fn check_watchdog(signal: Signal) {
 }
 
 #[test]
-fn h03_a_dead_node_keeps_no_stop_of_the_watchdog_from_the_living() {
+fn h03_dead_node_does_not_block_watchdog_stop_of_others() {
     let _alone = alone();
     check_watchdog(Signal::SIGKILL);
     check_watchdog(Signal::SIGSTOP);
 }
 
-/// The controller gives the dead one up after three exchanges, and that is a fault.
+/// The controller gives up the dead node after three exchanges and enters FAULT.
 #[test]
-fn h03_a_dead_node_keeps_no_stop_of_the_controller_from_the_living() {
-    let mut rig = Rig::behind(GATEWAY_MS);
+fn h03_dead_node_does_not_block_controller_stop_of_others() {
+    let mut rig = Rig::with_gateway_timeout(GATEWAY_MS);
     let _client = rig.enabled();
     let since = clock::now();
     rig.emulator.silence(DEAD, true);

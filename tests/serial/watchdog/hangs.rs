@@ -1,5 +1,5 @@
-//! One thread of the controller hangs, and the others go on. A tracer stops it: a signal would stop
-//! the whole process.
+//! One thread of the controller hangs while the others run. A tracer stops it, because a signal
+//! would stop the whole process.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,10 +9,10 @@ use nix::libc;
 
 use super::*;
 
-/// Shorter than that after which a port thread stops its drives itself, where no watchdog runs.
+/// Shorter than the time after which a port thread without a watchdog stops its drives itself.
 const SILENCE: Nanos = Nanos::from_millis(500);
 
-/// For what is measured from outside, on a machine that tests share.
+/// Margin for measurements from outside, on a shared test machine.
 const TOLERANCE: Nanos = Nanos::from_millis(1000);
 
 /// A thread that hangs until this is dropped, by the thread that has made it.
@@ -38,13 +38,13 @@ impl HungThread {
 
 impl Drop for HungThread {
     fn drop(&mut self) {
-        // SAFETY: the request reads and writes no memory. A process that has ended is no tracee.
+        // SAFETY: the request accesses no memory. It fails if the process has ended.
         unsafe { libc::ptrace(libc::PTRACE_DETACH, self.0, 0, 0) };
     }
 }
 
 impl WatchedRig {
-    /// Does something while a client moves both motors of the snake.
+    /// Runs `act` while a client moves both motors of the snake.
     pub(super) fn while_moving<R>(&self, act: impl FnOnce(&Self) -> R) -> R {
         let done = AtomicBool::new(false);
         let client = self.client.as_ref().unwrap();
@@ -53,7 +53,7 @@ impl WatchedRig {
             scope.spawn(|| {
                 let (mut commander, start) = (client.commander(), clock::now());
                 while !done.load(Ordering::Relaxed) {
-                    // Fails when the robot does not follow any more.
+                    // Fails when the robot no longer follows.
                     let _ = commander.servo_actuators(&swing((clock::now() - start).as_seconds()));
                     clock::sleep(Nanos::from_millis(5));
                 }
@@ -69,7 +69,7 @@ impl WatchedRig {
         log.iter().filter(|it| matches!(it.kind, EventKind::HostBug(_))).count()
     }
 
-    /// From `since` to the quick stop of each drive.
+    /// Time from `since` until every drive has taken its quick stop.
     pub(super) fn until_all_stopped(&self, since: Nanos) -> Nanos {
         let stop = |axis: usize| {
             let log = self.rig.emulator.log().into_iter();
@@ -93,12 +93,12 @@ fn check_stops(name: &str) {
         let since = clock::now();
         let _hung = HungThread::of(&watched.rig, name);
         let took = watched.until_all_stopped(since);
-        // Whoever might join in has the time to.
+        // Time in which another process could interfere.
         clock::sleep(Nanos::from_millis(1500));
         took
     });
     assert!(took <= SILENCE + TOLERANCE, "{name}: after {:.0} ms", took.as_seconds() * 1e3);
-    // It goes on, and must not enable the drives again.
+    // It resumes, and must not enable the drives again.
     clock::sleep(Nanos::from_millis(500));
     let enabled = |state: &State| *state == State::OperationEnabled;
     assert!(!watched.states().iter().any(enabled), "{name}: {:?}", watched.states());
@@ -108,25 +108,25 @@ fn check_stops(name: &str) {
 }
 
 #[test]
-fn h03_the_drives_are_stopped_when_only_the_loop_hangs_in_motion() {
+fn h03_hung_control_loop_in_motion_stops_drives() {
     let _alone = alone();
     check_stops("control");
 }
 
 #[test]
-fn h03_the_drives_of_a_port_are_stopped_when_only_its_thread_hangs_in_motion() {
+fn h03_hung_port_thread_in_motion_stops_its_drives() {
     let _alone = alone();
     check_stops("port");
 }
 
 #[test]
-fn h03_a_thread_of_commands_that_hangs_ends_the_motion_and_one_of_records_does_not() {
+fn h03_hung_ipc_thread_ends_motion_but_hung_recorder_does_not() {
     let _alone = alone();
     let watched = WatchedRig::new(3000);
     watched.while_moving(|watched| {
         let hung = HungThread::of(&watched.rig, "black box");
         let begin = clock::now() + Nanos::from_millis(1000);
-        wait_until("it goes on", || watched.rig.moved_since(begin));
+        wait_until("motion continues", || watched.rig.moved_since(begin));
         drop(hung);
         let _hung = HungThread::of(&watched.rig, "ipc");
         watched.rig.wait_until_still();
@@ -135,9 +135,9 @@ fn h03_a_thread_of_commands_that_hangs_ends_the_motion_and_one_of_records_does_n
     assert_eq!(watched.violations(), 0);
 }
 
-/// Two drives behind one port, and a watchdog that knows the first alone: it would leave the other.
+/// Two drives on one port, and a watchdog that knows only the first: it could not stop the other.
 #[test]
-fn h28_a_watchdog_that_knows_other_nodes_is_none() {
+fn h28_watchdog_with_other_nodes_is_rejected() {
     let _alone = alone();
     let mut rig = Rig::start();
     let ports = rig.config.ports.clone();
@@ -149,6 +149,6 @@ fn h28_a_watchdog_that_knows_other_nodes_is_none() {
     watched.until_logged("watching");
     wait_for(&mut client, |state| !has(state, OperatingStateMsg::BUSY));
     let refused = client.state_command(StateCommand::Home).unwrap_err().to_string();
-    assert!(refused.contains("the watchdog runs, but could not stop"), "{refused}");
+    assert!(refused.contains("the watchdog is running, but cannot stop"), "{refused}");
     wait_for(&mut client, |state| !has(state, OperatingStateMsg::WATCHED));
 }

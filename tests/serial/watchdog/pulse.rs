@@ -1,6 +1,6 @@
-//! The pulse of the watchdog. Pseudo-terminals have no modem lines. So a library takes the three
-//! calls of `ioctl` about them where the watchdog issues them, and writes the instant of each edge
-//! into a file, in the process of the watchdog itself.
+//! The pulse of the watchdog. Pseudo-terminals have no modem lines, so a preloaded library
+//! intercepts the three `ioctl` calls in the watchdog process and writes the time of each edge to a
+//! file.
 //!
 //! Times: `cargo test --test real_time -- --ignored --nocapture pulse_latency`.
 
@@ -51,7 +51,7 @@ impl PulsedRig {
         wait_until("the line changes", || self.edges().len() > before + 5);
     }
 
-    /// The last edge, when none has come for a while.
+    /// The last edge, once no further edge has arrived for some time.
     fn last_edge(&self) -> Nanos {
         let mut seen = (clock::now(), self.edges().len());
         wait_until("the line is still", || {
@@ -65,7 +65,7 @@ impl PulsedRig {
 }
 
 #[test]
-fn h03_the_pulse_ends_with_the_controller_and_comes_back_only_with_drives_off() {
+fn h03_pulse_ends_with_controller_and_returns_with_drives_off() {
     let _alone = alone();
     let mut pulsed = PulsedRig::new(Rig::start(), 3000);
     assert!(pulsed.edges().is_empty(), "no pulse without a controller");
@@ -89,9 +89,9 @@ fn h03_the_pulse_ends_with_the_controller_and_comes_back_only_with_drives_off() 
     pulsed.last_edge();
 }
 
-/// A reply that is lost costs its time-out, and is no fault: the relay must not take the power away.
+/// A lost reply costs its timeout but is not a fault: the relay must not cut the power.
 #[test]
-fn h16_a_lost_reply_ends_no_pulse() {
+fn h16_lost_reply_does_not_end_pulse() {
     let _alone = alone();
     let mut rig = Rig::start();
     rig.config.limits.feedback_stale_ms = 300;
@@ -106,7 +106,7 @@ fn h16_a_lost_reply_ends_no_pulse() {
     }
 }
 
-/// Prints the time from what happens to the last edge, with enabled drives.
+/// Prints the time from each event to the last edge, with enabled drives.
 #[test]
 #[ignore = "prints times, which depend on the machine"]
 fn pulse_latency() {

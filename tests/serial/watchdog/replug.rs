@@ -1,5 +1,5 @@
-//! After a replug controller and watchdog open the port again, in any order: the watchdog gets in,
-//! or the robot cannot be enabled and says so.
+//! After a replug, controller and watchdog reopen the port in any order: either the watchdog
+//! reconnects, or enabling is refused with the reason.
 
 use i2ris_simulation::Injection;
 use i2ris_testing::{settle, wait_until_idle};
@@ -35,7 +35,7 @@ impl WatchedRig {
         wait_until_idle(&mut client);
         if is_late {
             let refused = client.state_command(StateCommand::Enable).unwrap_err().to_string();
-            assert!(refused.contains("the watchdog runs, but could not stop"), "{refused}");
+            assert!(refused.contains("the watchdog is running, but cannot stop"), "{refused}");
             self.signal_watchdog(Signal::SIGCONT);
         }
         wait_until("the watchdog holds the port again", || self.count("holding") > held);
@@ -58,20 +58,20 @@ impl WatchedRig {
 }
 
 #[test]
-fn h03_after_a_replug_the_watchdog_is_in_again_whoever_is_first() {
+fn h03_watchdog_reconnects_after_replug_whichever_is_first() {
     let _alone = alone();
     WatchedRig::new(3000).replug_often(4);
 }
 
 #[test]
 #[ignore = "minutes"]
-fn h03_the_watchdog_is_in_again_after_a_hundred_replugs() {
+fn h03_watchdog_reconnects_after_hundred_replugs() {
     let _alone = alone();
     WatchedRig::new(3000).replug_often(100);
 }
 
 #[test]
-fn h03_a_watchdog_that_starts_after_the_controller_gets_in() {
+fn h03_watchdog_started_after_controller_connects() {
     let _alone = alone();
     let mut rig = Rig::start();
     let client = rig.enabled();

@@ -1,4 +1,4 @@
-//! A periodic loop: lateness of its ticks, and computing time of a tick of the controller.
+//! A periodic loop: lateness of its ticks, and computing time of the controller per tick.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,9 +15,9 @@ use crate::placement::{Run, in_thread};
 use crate::sample_models::subject;
 use crate::tick::{Cycle, Duties};
 
-/// Duration of one turn of a variant. Short turns give all variants the same load of the machine.
+/// Duration of one turn of a variant. Short turns give all variants the same machine load.
 const TURN: Nanos = Nanos::from_millis(1000);
-/// Ticks that do not count.
+/// Ticks that are not counted.
 const WARM_UP: u64 = 200;
 
 const LATE: [(&str, Role); 3] = [
@@ -40,9 +40,9 @@ pub struct LoopBenchmark {
     pub periods: Vec<Nanos>,
     /// The controller's ticker wakes this long before each tick and reads the clock until then.
     pub spin: Nanos,
-    /// Turns of each variant, of a second.
+    /// One-second turns of each variant.
     pub turns: u32,
-    /// The model of the controller; one of the program's own if absent.
+    /// The model of the controller; a built-in one if absent.
     pub model: Option<PathBuf>,
 }
 
@@ -54,13 +54,13 @@ pub fn run(benchmark: &LoopBenchmark, run: Run) -> Result<Outcome, BenchError> {
     Outcome::of("loop", about, || in_thread(|| measure(benchmark, run)))
 }
 
-/// What is measured at one rate.
+/// Measurements at one rate.
 struct Rate {
     period: Nanos,
-    // As large as a stack, four of them.
+    // Four times the size of a stack.
     cycle: Box<Cycle>,
     adapting: Box<Cycle>,
-    /// The same two, at regions for the tip.
+    /// The same two, with regions for the tip.
     at_regions: [Box<Cycle>; 2],
     late: [Durations; 3],
     computing: [Durations; 6],
@@ -133,7 +133,7 @@ impl Rate {
         ]
     }
 
-    /// `suffix` names the rate where there are several.
+    /// `suffix` names the rate if there are several.
     fn variants(self, suffix: &str) -> impl Iterator<Item = Variant> + use<> {
         let [lateness, compute] = ["lateness", "compute"].map(|group| format!("{group}{suffix}"));
         let late = LATE.into_iter().zip(self.late);

@@ -12,10 +12,10 @@ use crate::outcome::{Durations, Found, Outcome, Role, Variant};
 use crate::placement::{Run, in_thread};
 use crate::sample_models::model;
 
-/// Calls that do not count.
+/// Calls that are not counted.
 const WARM_UP: u64 = 1000;
 
-/// Components, plays per motor, name: of models beside the one of the controller.
+/// Components, plays per motor, name: models to compare with that of the controller.
 const PEERS: [(usize, usize, &str); 3] = [
     (3, 0, "gmr, K = 3, no memory (the published method)"),
     (3, 4, "gmr-play, K = 3, 4 plays per motor"),

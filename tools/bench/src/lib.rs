@@ -1,5 +1,5 @@
-//! How well models follow on emulated snakes, in simulated time: the kernel of the hysteresis
-//! benchmark of the Python package, and `i2ris bench models`.
+//! Tracking accuracy of models on emulated snakes, in simulated time: the kernel of the Python
+//! package's hysteresis benchmark, and `i2ris bench models`.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod models;

@@ -72,7 +72,7 @@ impl Machine {
 
     /// The machine in one sentence.
     pub fn description(&self) -> String {
-        let kind = if self.is_virtual { "virtual machine" } else { "no virtual machine" };
+        let kind = if self.is_virtual { "virtual machine" } else { "not a virtual machine" };
         let mut text = format!(
             "{}, {} processors, {kind}; Linux {}, {}, clock {}",
             self.processor, self.processors, self.kernel, self.preemption, self.clock
@@ -86,7 +86,7 @@ impl Machine {
         text
     }
 
-    /// What measurements on this machine show, and what they do not show.
+    /// Notes on the validity of measurements on this machine.
     pub fn notes(&self) -> Vec<String> {
         let debug = cfg!(debug_assertions).then_some(DEBUG_NOTE);
         let notes = if self.is_virtual { VIRTUAL_NOTES } else { REAL_NOTES };
@@ -96,9 +96,8 @@ impl Machine {
 
 const DEBUG_NOTE: &str = "This is a debug build: measure with a build with --release.";
 
-const REAL_NOTES: &[&str] = &[
-    "Everything runs on this one computer. Maxima are of this run, and no bound for the next run.",
-];
+const REAL_NOTES: &[&str] =
+    &["Everything runs on this one computer. Maxima are of this run, not bounds for the next."];
 
 const VIRTUAL_NOTES: &[&str] = &[
     "Valid on other machines: ratios to the floor of the same run, and the parts of medians and \
@@ -117,7 +116,7 @@ const VIRTUAL_NOTES: &[&str] = &[
 pub struct SystemLoad {
     /// Use of all processors by all processes, percent.
     pub busy_percent: f64,
-    /// Time that the host gave to others although it was needed here, percent.
+    /// Time that the host gave to other guests although it was needed here, percent.
     pub stolen_percent: f64,
 }
 
@@ -129,7 +128,7 @@ impl SystemLoad {
     }
 }
 
-/// Measures the load from its start on.
+/// Measures the load since its start.
 #[derive(Debug, Clone, Copy)]
 pub struct LoadMonitor(Times);
 

@@ -1,8 +1,8 @@
 //! `i2ris bench`: latencies on this machine, compared with the floor of the same run.
 //!
-//! A latency has little meaning without the least latency that the machine allows. Every
-//! measurement is an [`Outcome`] with several variants. One of them is a floor. All variants run in
-//! turns in the same run.
+//! A latency has little meaning without the minimum that the machine allows. Every measurement is
+//! an [`Outcome`] with several variants. One of them is a floor. All variants run in turns in the
+//! same run.
 //!
 //! | file | contains |
 //! |---|---|
@@ -40,15 +40,15 @@ use outcome::Outcome;
 use placement::{Placement, Run};
 use sample_models::subject;
 
-/// The ticker wakes so long before each tick and reads the clock until then.
+/// Time before each tick at which the ticker wakes and polls the clock.
 const SPIN: Nanos = Nanos::from_micros(100);
 
 /// Why a measurement failed: one sentence for the user, which may pass from thread to thread.
 type BenchError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Something did not happen in time.
+/// A timeout of a measurement.
 fn busy(what: &str) -> BenchError {
-    format!("{what}: the machine is too busy to measure on, or a part of it hangs").into()
+    format!("{what}: the machine is too busy to measure on, or a process hangs").into()
 }
 
 fn panicked<T>(_: T) -> BenchError {
@@ -60,7 +60,7 @@ fn own_domain() -> Result<Domain, BenchError> {
     Ok(Domain::new(&format!("bench-{:08x}", i2ris::ipc::random_id() as u32))?)
 }
 
-/// Measure latencies of this machine and of the controller
+/// Benchmark computer, controller and models
 #[derive(Debug, Parser)]
 #[command(name = "i2ris-bench", bin_name = "i2ris bench", version, propagate_version = true)]
 #[command(after_help = "Examples:
@@ -80,7 +80,7 @@ struct Arguments {
     task: Task,
 }
 
-/// How it is measured, and what is made of it.
+/// Scheduling and output of a measurement.
 #[derive(Debug, clap::Args)]
 struct Measurement {
     /// Print as JSON
@@ -97,39 +97,38 @@ struct Measurement {
 
 #[derive(Debug, clap::Subcommand)]
 enum Task {
-    /// A periodic loop: lateness of the controller's ticker beside a bare timer, and what a tick
-    /// computes
+    /// Jitter and computing time of a periodic loop: the controller's ticker compared with a bare
+    /// timer
     Loop(LoopArguments),
-    /// One call of a model: desired angles to counts, and back
+    /// Time of a model inversion: desired angles to counts, and back
     Inverse(InverseArguments),
-    /// Command published, setpoint on the wire, encoder position back at the client; with emulated
+    /// Latency from command to wire, and back to an encoder position at the client; with emulated
     /// drives
     E2e(EndToEndArguments),
-    /// An event of an input device, setpoint of its command on the wire; with a gamepad that is
-    /// played to `i2ris teleop`, and emulated drives
+    /// Latency from input device to wire, with an emulated gamepad, `i2ris teleop` and emulated
+    /// drives
     Hand(HandArguments),
-    /// What the adaptation is worth on emulated snakes that wear, in simulated time
+    /// Tracking with adaptation on emulated snakes that wear, in simulated time
     Models(models::Arguments),
-    /// Serial lines beside each other, in simulated time: what they carry, and what of it the tip
-    /// shows
+    /// Throughput of serial lines, and its effect on the tip, in simulated time
     Lines(models::lines::Arguments),
-    /// What the joint limits cost on emulated snakes, in simulated time
+    /// Cost of the joint limits on emulated snakes, in simulated time
     Limits(models::limits::Arguments),
-    /// Loop, inverse and e2e with their defaults, one after the other; takes two minutes
+    /// Loop, inverse and e2e with their defaults, one after the other (two minutes)
     All(Measurement),
 }
 
 #[derive(Debug, clap::Args)]
 struct LoopArguments {
-    /// Ticks per second; several rates with commas between them are measured in turns
+    /// Ticks per second; several rates, separated by commas, are measured in turns
     #[arg(long, value_name = "HZ", default_value = "1000", value_delimiter = ',',
           value_parser = value_parser!(u32).range(100..=4000))]
     rate_hz: Vec<u32>,
-    /// Duration of the measurement of each variant
+    /// Measuring time of each variant
     #[arg(long, value_name = "S", default_value_t = 10,
           value_parser = value_parser!(u32).range(1..=3600))]
     duration_s: u32,
-    /// The model of the controller; without, a fitted balance of forces
+    /// Model of the controller (default: a fitted force-balance model)
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     #[command(flatten)]
@@ -138,11 +137,11 @@ struct LoopArguments {
 
 #[derive(Debug, clap::Args)]
 struct InverseArguments {
-    /// Turns of the motion of 2000 poses
+    /// Turns of the 2000-pose motion
     #[arg(long, value_name = "N", default_value_t = 50,
           value_parser = value_parser!(u32).range(1..))]
     turns: u32,
-    /// The model of the controller; without, a fitted balance of forces
+    /// Model of the controller (default: a fitted force-balance model)
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     #[command(flatten)]
@@ -151,18 +150,18 @@ struct InverseArguments {
 
 #[derive(Debug, clap::Args)]
 struct EndToEndArguments {
-    /// Commands, about 60 a second
+    /// Number of commands, about 60 per second
     #[arg(long, value_name = "N", default_value_t = 1000,
           value_parser = value_parser!(u64).range(50..))]
     commands: u64,
-    /// Seed of the instants of commands
+    /// Random seed of the command times
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Turns: in each, the bare loop, and the controller
+    /// Turns; each measures the bare loop, then the controller
     #[arg(long, value_name = "N", default_value_t = 2,
           value_parser = value_parser!(u32).range(1..=100))]
     turns: u32,
-    /// Processes that only compute, beside all that is measured
+    /// Additional processes that only compute
     #[arg(long, value_name = "N", default_value_t = 0)]
     busy: u32,
     #[command(flatten)]
@@ -171,21 +170,21 @@ struct EndToEndArguments {
 
 #[derive(Debug, clap::Args)]
 struct HandArguments {
-    /// Events, about 12 a second
+    /// Number of events, about 12 per second
     #[arg(long, value_name = "N", default_value_t = 400,
           value_parser = value_parser!(u64).range(50..))]
     events: u64,
-    /// Seed of the instants of events
+    /// Random seed of the event times
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Processes that only compute, beside all that is measured
+    /// Additional processes that only compute
     #[arg(long, value_name = "N", default_value_t = 0)]
     busy: u32,
     #[command(flatten)]
     measurement: Measurement,
 }
 
-/// Beside this program.
+/// Path of the controller, next to this program.
 fn controller() -> Result<PathBuf, BenchError> {
     Ok(std::env::current_exe()?.with_file_name("i2ris-control"))
 }
@@ -228,7 +227,7 @@ fn run(arguments: &Arguments) -> Result<(), BenchError> {
     Ok(())
 }
 
-/// One measurement, behind a spinner.
+/// Runs one measurement with a spinner.
 fn measured(task: &Task, json: bool, name: &str, run: Run) -> Result<Outcome, BenchError> {
     let is_hidden = json || !stderr().is_terminal();
     let bar = if is_hidden { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
@@ -276,7 +275,7 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
             e2e::hand::run(&benchmark, run)
         }
         Task::Models(_) | Task::Lines(_) | Task::Limits(_) | Task::All(_) => {
-            Err("this is no single measurement".into())
+            Err("not a single measurement".into())
         }
     }
 }

@@ -7,12 +7,12 @@ use serde::Serialize;
 use crate::BenchError;
 use crate::machine::{LoadMonitor, Machine, SystemLoad};
 
-/// Longer durations count as this one: a minute.
-const LONGEST_NS: u64 = 60_000_000_000;
+/// Maximum duration: a longer one is counted as one minute.
+const MAX_DURATION_NS: u64 = 60_000_000_000;
 /// Significant digits of a duration.
 const DIGITS: u8 = 3;
 
-/// A histogram of durations. The first durations, in which caches and clocks warm up, do not count.
+/// A histogram of durations. It ignores the first ones, in which caches and clocks warm up.
 #[derive(Debug, Clone)]
 pub struct Durations {
     histogram: Histogram<u64>,
@@ -33,7 +33,8 @@ pub struct Percentiles {
 impl Durations {
     #[allow(clippy::expect_used, reason = "the bounds are valid constants; a test makes one")]
     pub fn new(warm_up: u64) -> Self {
-        let histogram = Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("constant bounds");
+        let histogram =
+            Histogram::new_with_bounds(1, MAX_DURATION_NS, DIGITS).expect("constant bounds");
         Self { histogram, warm_up }
     }
 
@@ -78,7 +79,7 @@ impl Durations {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
-    /// The least that this machine needs.
+    /// The minimum of this machine.
     Floor,
     /// Software of this repository.
     Ours,
@@ -95,13 +96,13 @@ pub struct Variant {
     pub role: Role,
     #[serde(rename = "spans_ns")]
     pub percentiles: Percentiles,
-    /// `None` for a floor, without a floor, and without durations.
+    /// `None` for a floor, if there is no floor, and without durations.
     pub x_floor: Option<Ratio>,
     #[serde(skip)]
     pub durations: Durations,
 }
 
-/// Percentiles as multiples of those of the floor.
+/// Percentiles as multiples of the floor's percentiles.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Ratio {
     pub p50: f64,
@@ -141,18 +142,18 @@ impl Quantity {
     }
 }
 
-/// What a measurement found.
+/// Results of a measurement.
 #[derive(Debug, Default)]
 pub struct Found {
     /// Scheduling and processors of the threads.
     pub scheduling: Vec<String>,
     pub variants: Vec<Variant>,
     pub quantities: Vec<Quantity>,
-    /// What these numbers show, and what they do not show.
+    /// Notes on the validity of these numbers.
     pub notes: Vec<String>,
 }
 
-/// What a measurement found, and where.
+/// Results of a measurement, and the machine.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
     /// The measurement: `ipc`, `loop`, `inverse`, `wire`, `e2e`, `hand`.
@@ -232,7 +233,7 @@ pub mod tests {
     }
 
     #[test]
-    fn the_warm_up_does_not_count_and_long_durations_are_limited() {
+    fn warm_up_is_ignored_and_long_durations_are_limited() {
         let mut durations = Durations::new(10);
         let first = std::iter::repeat_n(1_000_000_000, 10);
         for ns in first.chain(1..=1000) {
@@ -247,11 +248,11 @@ pub mod tests {
         durations.push(Nanos(u64::MAX));
         all.add(&durations);
         let Percentiles { count, max, .. } = all.percentiles();
-        assert!(count == 2001 && max <= LONGEST_NS + LONGEST_NS / 1000, "{max}");
+        assert!(count == 2001 && max <= MAX_DURATION_NS + MAX_DURATION_NS / 1000, "{max}");
     }
 
     #[test]
-    fn a_variant_is_compared_with_the_floor_of_its_own_group() {
+    fn a_variant_is_compared_with_its_own_floor() {
         let outcome = outcome(vec![
             variant("least", "polled", Role::Floor, 10_000),
             variant("ours", "polled", Role::Ours, 30_000),

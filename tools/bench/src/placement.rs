@@ -1,8 +1,8 @@
-//! Scheduling of threads: a processor of their own and SCHED_FIFO, where that is permitted.
+//! Scheduling of threads: a dedicated processor and SCHED_FIFO, if permitted.
 
 use std::thread;
 
-use i2ris::realtime::{Granted, Wanted, request};
+use i2ris::realtime::{Granted, SchedulingRequest, request};
 use i2ris_report::Interrupt;
 
 use crate::{BenchError, panicked};
@@ -12,11 +12,11 @@ use crate::{BenchError, panicked};
 pub struct Placement {
     /// SCHED_FIFO priority; 0: normal scheduling.
     pub priority: u8,
-    /// Each thread has a processor of its own, if there are two.
+    /// Each thread has its own processor, if there are two.
     pub pinned: bool,
 }
 
-/// What every measurement gets.
+/// Parameters of every measurement.
 #[derive(Debug, Clone, Copy)]
 pub struct Run<'a> {
     pub placement: Placement,
@@ -31,11 +31,11 @@ impl Run<'_> {
 }
 
 impl Placement {
-    /// Requests the scheduling for the calling thread, and describes what was granted. The first
-    /// processor serves the interrupts of most machines: threads count from the last one.
+    /// Requests the scheduling for the calling thread, and describes the result. The first
+    /// processor serves the interrupts of most machines, so threads count from the last one.
     pub fn apply(self, thread: &str, from_last: usize) -> String {
         let processors = thread::available_parallelism().map_or(1, usize::from);
-        let granted = request(Wanted {
+        let granted = request(SchedulingRequest {
             priority: self.priority,
             cpu: (self.pinned && processors >= 2).then(|| processors - 1 - from_last),
             lock_memory: self.priority > 0,
@@ -46,10 +46,10 @@ impl Placement {
 
 /// Requests a SCHED_FIFO priority for the calling thread.
 pub fn request_priority(priority: u8) {
-    let _ = request(Wanted { priority, ..Wanted::default() });
+    let _ = request(SchedulingRequest { priority, ..SchedulingRequest::default() });
 }
 
-/// What was granted, and what was refused with the reason.
+/// Describes the scheduling that was granted or refused, with the reason.
 pub fn describe(granted: &Granted) -> String {
     let mut text = match granted.priority {
         0 => "normal scheduling".to_owned(),
@@ -68,7 +68,7 @@ pub fn describe(granted: &Granted) -> String {
     text
 }
 
-/// Runs `work` in a thread of its own: its scheduling ends with the thread.
+/// Runs `work` in a new thread: its scheduling ends with the thread.
 pub fn in_thread<T: Send>(
     work: impl FnOnce() -> Result<T, BenchError> + Send,
 ) -> Result<T, BenchError> {

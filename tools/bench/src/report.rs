@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::BenchError;
 use crate::outcome::{Outcome, Percentiles, Quantity, Role, Variant};
 
-/// Writes `NAME.json` and `NAME.svg` of every outcome into a folder, which is made if necessary.
+/// Writes `NAME.json` and `NAME.svg` of every outcome into a folder, which is created if necessary.
 pub fn write_outcomes(folder: &Path, outcomes: &[Outcome]) -> Result<(), BenchError> {
     for outcome in outcomes {
         let name = outcome.bench;
@@ -29,7 +29,7 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), BenchError> {
     let path = folder.join(name);
     let written = fs::create_dir_all(folder).and_then(|()| fs::write(&path, bytes));
     Ok(written.map_err(|error| {
-        format!("cannot write {}: {error}; name a folder that you may write to", path.display())
+        format!("cannot write {}: {error}; choose a folder with write permission", path.display())
     })?)
 }
 
@@ -40,12 +40,12 @@ pub fn print_outcomes(outcomes: &[Outcome], as_json: bool) -> Result<(), BenchEr
         return Ok(());
     }
     outcomes.iter().for_each(print_outcome);
-    println!("\nin short (this run; multiples of the floor, p50 / p99):");
+    println!("\nsummary (this run; multiples of the floor, p50 / p99):");
     for outcome in outcomes {
         for (group, variants) in outcome.groups() {
             let floor = variants.iter().find(|variant| variant.role == Role::Floor);
             let Some(floor) = floor else { continue };
-            println!("  {:<8} {group}, beside {}", outcome.bench, floor.name);
+            println!("  {:<8} {group}, compared with {}", outcome.bench, floor.name);
             for Variant { name, x_floor, .. } in variants {
                 if let Some(ratio) = x_floor {
                     println!("  {:<8}   {name:<46} {:>7.2} / {:.2}", "", ratio.p50, ratio.p99);

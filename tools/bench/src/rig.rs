@@ -1,5 +1,5 @@
-//! Two emulated drives, and a loop that only talks to them: the floor of everything that ends on a
-//! serial line.
+//! Two emulated drives, and a loop that only talks to them: the floor of all measurements that end
+//! on a serial line.
 
 use std::fs;
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
@@ -72,8 +72,8 @@ pub struct BareLoop {
 }
 
 impl BareLoop {
-    /// Runs the loop over these nodes until it is stopped. The priority is that of the port threads
-    /// of the controller. A request without a reply is repeated.
+    /// Runs the loop over these nodes until it is stopped. The priority is that of the controller's
+    /// port threads. A request without a reply is repeated.
     pub fn serve(&self, port: &PortConfig, nodes: &[u8], priority: u8) -> Result<(), BenchError> {
         request_priority(priority);
         let mut link = DriveLink::new(SerialTransport::open(port)?, family_of_port(port), port);

@@ -1,5 +1,5 @@
-//! The model of the measurements, of the default family; and synthetic ones of any size: two motors
-//! that bend two planes by about 40 degrees in both directions.
+//! The model of the measurements, of the default family; and synthetic models of any size: two
+//! motors that bend two planes by about 40 degrees in both directions.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ const GAIN_DEG: f64 = 0.022;
 /// The largest threshold of a play, counts.
 const WIDEST: f64 = 120.0;
 
-/// A balance of forces as calibration fits it to a recording of an emulated snake.
+/// A force-balance model, fitted to a recording of an emulated snake.
 fn fitted() -> Result<Model, ModelError> {
     let text = include_str!("../../../tests/adaptation/force-balance.json");
     let mut file = ModelFile::parse(text)?;
@@ -30,7 +30,7 @@ fn fitted() -> Result<Model, ModelError> {
     Model::from_file(file)
 }
 
-/// The model of the controller, from a file or of the default family, and what it is.
+/// The model of the controller, from a file or of the default family, and its description.
 pub fn subject(file: Option<&Path>) -> Result<(Model, String), BenchError> {
     let Some(file) = file else {
         return Ok((fitted()?, "force-balance, fitted to an emulated snake".to_owned()));
@@ -40,8 +40,8 @@ pub fn subject(file: Option<&Path>) -> Result<(Model, String), BenchError> {
     Ok((model, format!("{title}, {}", file.display())))
 }
 
-/// A model with a mixture of `components`, and so many plays per motor beside the one of threshold
-/// 0: `gmr-play`; without any, `gmr`.
+/// A model with a mixture of `components`. With plays it is `gmr-play`, with `plays` plays per
+/// motor besides the one of threshold 0; without, it is `gmr`.
 pub fn model(components: usize, plays: usize) -> Result<Model, ModelError> {
     let mixture = mixture(components).into();
     let corners: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
@@ -110,7 +110,7 @@ fn play_parameters(plays: usize) -> PlayParameters {
     }
 }
 
-/// A residual with as many coefficients as a fit finds. It is small.
+/// A residual with as many coefficients as in a fit. It is small.
 fn residual(lags: usize) -> ResidualParameters {
     let (shape_degree, lag_degree) = (5, 2);
     let features = count::<2>(shape_degree, lag_degree, lags);

@@ -18,22 +18,22 @@ use crate::BenchError;
 /// The configuration with limits and filters.
 pub const CONFIG: &str = include_str!("../../../config/emulator.toml");
 
-/// The camera: interval and age of its frames, and how far it is from the calibration, rad.
+/// The camera: interval and age of its frames, and their offset from the calibration, rad.
 const FRAME_INTERVAL: Nanos = Nanos::from_millis(33);
 const FRAME_AGE: Nanos = Nanos::from_millis(60);
 const SHIFT: [f64; 3] = [0.01, -0.006, 0.0];
 
-/// How far the motion goes on both axes, degrees; with regions for the tip, and where they begin.
+/// Range of the motion on both axes, degrees; with regions for the tip, and their distance.
 const REACH_DEG: f64 = 5.0;
 const REACH_AT_REGIONS_DEG: f64 = 9.0;
 const FREE_DEG: f64 = 6.0;
 
-/// What the controller does besides following.
+/// Additional duties of the controller.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Duties {
-    /// Follow the drift by a camera.
+    /// Follow the drift with a camera.
     pub adapts: bool,
-    /// Keep out of as many regions for the tip as there can be.
+    /// Keep out of the maximum number of regions for the tip.
     pub keeps_out: bool,
 }
 
@@ -59,7 +59,7 @@ struct Camera {
 }
 
 impl Cycle {
-    /// An enabled cycle whose memory a conditioning cycle has made known; with adaptation also a
+    /// An enabled cycle with known memory after a conditioning cycle; with adaptation also a
     /// camera.
     pub fn new(period: Nanos, model: &Arc<Model>, duties: Duties) -> Result<Self, BenchError> {
         let Duties { adapts, keeps_out } = duties;
@@ -96,13 +96,13 @@ impl Cycle {
     }
 
     /// Two frequencies with a long common period: both motors turn at many positions. The goal is
-    /// one that the limits bear: at most 5 deg/s, or 9 at the regions.
+    /// within the limits: at most 5 deg/s, or 9 with regions.
     fn goal(&self) -> ServoGoal {
         let axis = |hz: f64| self.reach_deg.to_radians() * (TAU * hz * self.seconds).sin();
         ServoGoal::Joint([self.start[0] + axis(0.15), self.start[1] + axis(0.093), 0.0], 2)
     }
 
-    /// Frames that were learned from.
+    /// Frames used for learning.
     pub fn learned(&self) -> u64 {
         self.control.report().adaptation.map_or(0, |adaptation| adaptation.frames.used)
     }

@@ -1,7 +1,7 @@
-//! Expectation maximisation beside scikit-learn, on recordings of emulated snakes.
+//! Expectation maximisation compared with scikit-learn, on recordings of emulated snakes.
 //!
-//! The figures of scikit-learn are in `tools/python/tests/mixtures.json`; the script beside them
-//! makes them from the tables that this test writes into the folder `I2RIS_MIXTURE_TABLES`.
+//! The results of scikit-learn are in `tools/python/tests/mixtures.json`. The script next to this
+//! file makes them from the tables that this test writes into the folder `I2RIS_MIXTURE_TABLES`.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -20,13 +20,13 @@ use i2ris_simulation::physics::{DrawnSnake, Physics};
 
 const COMPONENTS: [usize; 7] = [1, 2, 3, 5, 8, 12, 20];
 
-/// Most rows of a recording, evenly spaced.
+/// Maximum number of rows of a recording, evenly spaced.
 const ROWS: usize = 4000;
 
-/// Length of the arm of the tip, mm.
+/// Length of the tip's arm, mm.
 const ARM_MM: f64 = 6.0;
 
-/// Rows of counts and outputs, and how many of the columns are counts.
+/// Rows of counts and outputs, and the number of count columns.
 struct Table {
     name: &'static str,
     counts: usize,
@@ -130,12 +130,12 @@ fn compare(numbers: &[usize]) {
             let (likelihood, error) = fitted(table, components);
             let (best, held_out) = figures[table.name][&components];
             let line = format!(
-                "{} K = {components}: {likelihood:.3} nats beside {best:.3}, {error:.4} held out \
-                 beside {held_out:.4}",
+                "{} K = {components}: {likelihood:.3} nats (reference {best:.3}), {error:.4} held \
+                 out (reference {held_out:.4})",
                 table.name
             );
             println!("{line}");
-            // Another maximum is of another mixture, and errs on other rows.
+            // A different maximum belongs to a different mixture, which errs on other rows.
             let is_same = (likelihood - best).abs() < 0.004;
             if likelihood < best - 0.01 || is_same && error > 1.02 * held_out {
                 worse.push(line);

@@ -1,6 +1,6 @@
 //! `i2ris bench` as a process.
 #![allow(clippy::unwrap_used)]
-#![allow(clippy::print_stderr, reason = "a test that skips says so")]
+#![allow(clippy::print_stderr, reason = "a skipped test reports it")]
 
 use std::fs;
 use std::path::Path;
@@ -85,7 +85,7 @@ fn a_command_is_measured_to_the_wire_and_back() {
     );
 }
 
-/// As above; `i2ris` is a program of another package, too.
+/// See above; `i2ris` is a program of another package.
 #[test]
 fn an_event_is_measured_to_the_wire() {
     let controller = Path::new(env!("CARGO_BIN_EXE_i2ris-bench")).with_file_name("i2ris-control");

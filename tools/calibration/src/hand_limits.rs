@@ -1,5 +1,5 @@
-//! What hand the limits of a robot bear with a model: how long a reversal takes, and how fast a
-//! goal may move in any direction and anywhere in the hull.
+//! Hand motion within the limits of a robot with a model: duration of a reversal, and maximum speed
+//! of a goal in any direction and anywhere in the hull.
 
 use std::array;
 use std::f64::consts::TAU;
@@ -15,33 +15,33 @@ use serde::Serialize;
 /// Directions of straight motion of the motors, once around.
 const DIRECTIONS: u32 = 16;
 
-/// Where slopes are measured: on the way from the centre of the hull to so many of its corners, as
-/// shares of the way.
+/// Number of corners of the hull; slopes are measured on the way from its centre to them, at shares
+/// of the way.
 const CORNERS: usize = 16;
 const PLACES: [f64; 3] = [0.0, 0.4, 0.8];
 
 /// Shares of the extent of the hull: motion that crosses all gaps, in steps; motion over which a
-/// slope is measured, of which slack around the straight pose is only a part; and motion whose goal
-/// turns back, far enough for friction to turn, too.
+/// slope is measured, mostly outside the slack around the straight pose; and motion whose goal
+/// reverses, far enough for friction to reverse as well.
 const RUN_IN: f64 = 0.25;
 const RUN_IN_STEPS: u32 = 32;
 const SLOPE: f64 = 0.125;
 const REVERSAL: f64 = 1.0 / 64.0;
 
-/// The hand that the limits bear. Its `Display` is a sentence.
+/// Hand motion within the limits. Its `Display` is a sentence.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct HandLimits {
     /// Time in which the motors cross the widest gap at the centre of the hull, from rest to rest,
     /// s. 0 for models without memory.
     pub reversal_s: f64,
-    /// Speed of the fastest goal that is followed, in the unit of the outputs per second.
+    /// Maximum speed of a goal that is followed, in the unit of the outputs per second.
     pub speed: f64,
     /// Unit of the outputs.
     pub unit: OutputUnit,
 }
 
 impl HandLimits {
-    /// By the model's own numbers.
+    /// Limits from the model's own numbers.
     #[must_use]
     pub fn new(model: &Model, limits: &LimitConfig, joint_limits: &JointLimitConfig) -> Self {
         let (hull, centre) = (model.hull(), model.hull().centre());
@@ -94,7 +94,7 @@ fn ways(model: &Model, extent: f64) -> impl Iterator<Item = MotorVec> {
     )
 }
 
-/// Straight motion of the motors that has come to a place behind all gaps.
+/// Straight motion of the motors that has arrived at a place and crossed all gaps.
 struct Motion {
     place: MotorVec,
     way: MotorVec,
@@ -102,7 +102,7 @@ struct Motion {
 }
 
 impl Motion {
-    /// `None` outside of the hull.
+    /// `None` outside the hull.
     fn to(model: &Model, place: MotorVec, way: MotorVec) -> Option<Self> {
         let mut motion = Self { place, way, memory: model.new_memory() };
         let is_known = |share| model.hull().contains(&motion.at(share));
@@ -116,7 +116,7 @@ impl Motion {
         Some(motion)
     }
 
-    /// So much of the way after the place.
+    /// Position after this share of the way from the place.
     fn at(&self, share: f64) -> MotorVec {
         array::from_fn(|motor| self.place[motor] + share * self.way[motor])
     }
@@ -125,12 +125,12 @@ impl Motion {
         model.predict(&self.at(share), &self.memory).mean
     }
 
-    /// Motion of the outputs for all of the way, rad (m).
+    /// Motion of the outputs for the whole way, rad (m).
     fn slope(&self, model: &Model) -> f64 {
         distance(&self.pose(model, SLOPE), &self.pose(model, 0.0)) / SLOPE
     }
 
-    /// What the faster motor does for a goal that turns back, beyond what it did for that motion
+    /// Motion of the faster motor for a goal that reverses, beyond its motion for the same distance
     /// before, as a share of the way.
     fn gap(&self, model: &Model) -> f64 {
         let [here, ahead] = [0.0, REVERSAL].map(|share| self.pose(model, share));

@@ -2,7 +2,7 @@
 //!
 //! [`Recording::read`](recording::Recording::read) takes a CSV file, [`fit::fit`] fits models to
 //! it. Nothing here moves a robot. Predictions come from `i2ris::model`, the code that the
-//! controller runs, and a model that the controller would refuse is refused here first.
+//! controller runs. A model that the controller would refuse is refused here first.
 //!
 //! # Modules
 //!
@@ -16,11 +16,11 @@
 //! | [`series`] | the path of the motors with the samples along it |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`regression`] | affine, ridge and mixture regression; the number of components |
-//! | [`quality`] | of a recording alone: noise, spikes, cycles, identifiability, latency |
-//! | [`families`] | the fit of plays and of a balance of forces |
+//! | [`quality`] | properties of a recording: noise, spikes, cycles, identifiability, latency |
+//! | [`families`] | the fit of plays and of the force balance |
 //! | [`fit`] | all families, their model files, metrics, and the choice among them |
-//! | [`drift`] | how far a robot is from its calibration, and a new model from an old one |
-//! | [`hand_limits`] | what hand the limits of a robot bear with a model |
+//! | [`drift`] | drift of a robot from its calibration, and a new model from an old one |
+//! | [`hand_limits`] | hand motion within the limits of a robot with a model |
 //! | [`report`] | the result on one page, with figures |
 //!
 //! # Glossary

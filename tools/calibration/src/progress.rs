@@ -2,10 +2,10 @@
 
 /// Receives progress. Calls come from several threads at once.
 pub trait Progress: Sync {
-    /// A part of the whole work begins: its name, and from where to where it takes the whole, 0 to
-    /// 1. It has one or more pieces.
+    /// Starts a part of the whole work: its name, and its range of the whole, 0 to 1. It has one or
+    /// more pieces.
     fn part(&self, name: &str, from: f64, to: f64);
-    /// A piece of so many steps begins.
+    /// Starts a piece of this many steps.
     fn begin(&self, steps: usize);
     /// One step is done.
     fn step(&self);

@@ -1,5 +1,5 @@
-//! The part of a recording that a model with memory is fitted to: the path of the motors, and
-//! samples along it.
+//! The part of a recording for the fit of a model with memory: the path of the motors, and samples
+//! along it.
 
 use std::ops::Range;
 
@@ -7,13 +7,13 @@ use i2ris::units::{MAX_OUTPUTS, MotorVec};
 
 use crate::recording::Recording;
 
-/// The path of the motors from the first position on, and the samples along it.
+/// The path of the motors from the first position, and the samples along it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
     motors: usize,
     outputs: usize,
     path: Vec<MotorVec>,
-    /// Of every position, the time since the one before, s.
+    /// Time of every position since the previous one, s.
     times_s: Vec<f64>,
     samples: Vec<Sample>,
 }
@@ -23,7 +23,7 @@ pub struct Series {
 pub struct Sample {
     /// Index of the position in [`Series::path`].
     pub path_index: usize,
-    /// In the unit of the recording; entries beyond the number of outputs are 0.
+    /// Outputs in the unit of the recording; entries beyond the number of outputs are 0.
     pub outputs: [f64; MAX_OUTPUTS],
 }
 
@@ -69,8 +69,8 @@ impl Series {
         &self.path
     }
 
-    /// The positions in order, each with the time since the one before, s; 0 in a recording without
-    /// time stamps.
+    /// The positions in order, each with the time since the previous one, s; 0 in a recording
+    /// without time stamps.
     pub fn steps(&self) -> impl Iterator<Item = (&MotorVec, f64)> {
         self.path.iter().zip(self.times_s.iter().copied())
     }

@@ -23,8 +23,8 @@ impl DataTable {
         Self::from_rows(rows.ncols(), (0..rows.nrows()).map(cells))
     }
 
-    /// A table of the given rows. Of a row longer than `width` the rest is left out; a shorter one
-    /// is filled with 0.
+    /// A table of the given rows. Rows longer than `width` are truncated; shorter ones are filled
+    /// with 0.
     #[must_use]
     pub fn from_rows<Row: IntoIterator<Item = f64>>(
         width: usize,
@@ -37,7 +37,7 @@ impl DataTable {
         table
     }
 
-    /// Appends a row, under the rule of [`DataTable::from_rows`].
+    /// Appends a row like [`DataTable::from_rows`].
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
         let filled = row.into_iter().chain(std::iter::repeat(0.0));
         self.values.extend(filled.take(self.width));
@@ -61,7 +61,7 @@ impl DataTable {
         self.values.len().checked_div(self.width).unwrap_or(0)
     }
 
-    /// Whether there is no row.
+    /// Whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn an_odd_row_never_shifts_the_next() {
+    fn rows_of_wrong_length_do_not_shift_the_next() {
         let table = DataTable::from_rows(2, [vec![1.0], vec![2.0, 3.0, 4.0], vec![5.0, 6.0]]);
         let expected = [[1.0, 0.0], [2.0, 3.0], [5.0, 6.0]];
         assert_eq!(table.rows().collect::<Vec<_>>(), expected);

@@ -7,8 +7,8 @@ use rand_pcg::Pcg64;
 use crate::em::EmOptions;
 use crate::recording::{ColumnMap, Recording, RecordingWriter, Row};
 
-/// A recording of pitch and yaw with two motors, 5 rows a second, that was written and read. `row`
-/// gives counts and angles at a time.
+/// A recording of pitch and yaw with two motors, 5 rows a second, after writing and reading. `row`
+/// returns counts and angles at a time.
 pub(crate) fn recording(rows: usize, row: impl FnMut(f64) -> ([f64; 2], [f64; 2])) -> Recording {
     recorded(rows, 2, row)
 }
@@ -78,12 +78,12 @@ pub(crate) fn straight([a, b]: [f64; 2]) -> [f64; 2] {
     [0.02 * a - 0.015 * b + 2.0, 0.015 * a + 0.02 * b - 5.0]
 }
 
-/// Options for tests that do not need the best of many starts.
+/// Options for tests that need only a few starts.
 pub(crate) fn few_starts(restarts: usize) -> EmOptions {
     EmOptions { restarts, ..EmOptions::default() }
 }
 
-/// Runs something on so many threads.
+/// Runs a closure on this many threads.
 pub(crate) fn with_threads<T: Send>(threads: usize, run: impl FnOnce() -> T + Send) -> T {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
     pool.build().unwrap().install(run)
@@ -95,7 +95,7 @@ pub(crate) fn assert_near(found: f64, expected: f64, tolerance: f64) {
     assert!(near, "{found} instead of {expected} +- {tolerance}");
 }
 
-/// That the text of something has all parts.
+/// Asserts that a text contains all parts.
 #[track_caller]
 pub(crate) fn assert_contains(text: &dyn std::fmt::Display, parts: &[&str]) {
     let text = text.to_string();

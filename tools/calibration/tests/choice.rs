@@ -1,4 +1,4 @@
-//! The choice among the families, where the recording has an input that its table does not show.
+//! The choice among the families, if the recording has an input that its table does not contain.
 
 #![allow(clippy::unwrap_used)]
 
@@ -13,18 +13,18 @@ use i2ris_calibration::recording::{ColumnMap, Recording};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// A recording with the outputs of a bent, saturating curve behind plays, mm; `unseen` is the push
-/// of a third motor, as a part of its largest.
+/// A recording with the outputs of a bent, saturating curve with plays, mm; `unseen` is the push of
+/// a third motor, as a part of its maximum.
 fn recording(path: &[[f64; 2]], mut unseen: impl FnMut(usize) -> f64, noise_mm: f64) -> Recording {
     let mut random = Pcg64::seed_from_u64(7);
-    let mut behind = [0.0; 2];
+    let mut played = [0.0; 2];
     let mut text = "t_s,q0_counts,q1_counts,x_mm,y_mm\n".to_owned();
     for (row, counts) in path.iter().enumerate() {
         for (motor, reach) in [35.0, 33.0].into_iter().enumerate() {
-            behind[motor] = f64::clamp(behind[motor], counts[motor] - reach, counts[motor] + reach);
+            played[motor] = f64::clamp(played[motor], counts[motor] - reach, counts[motor] + reach);
         }
         let mut noise = || noise_mm * (0..12).map(|_| random.random::<f64>() - 0.5).sum::<f64>();
-        let ([a, b], push) = (behind, 0.8 * unseen(row));
+        let ([a, b], push) = (played, 0.8 * unseen(row));
         let x = -95.0 * (a / 900.0).tanh() - 2.0 * b / 800.0
             + 4.0 * (a / 500.0).tanh() * (b / 800.0).powi(2)
             + push * (counts[0] / 800.0 * 9.0 - 2.0);
@@ -43,7 +43,7 @@ fn recording(path: &[[f64; 2]], mut unseen: impl FnMut(usize) -> f64, noise_mm: 
 /// Sines of one motor and of both, in and out of phase, all of one size, while a third motor pushes
 /// in some of them; then a smaller and faster motion without it.
 #[test]
-fn an_input_that_is_not_in_the_table_does_not_hide_memory() {
+fn an_unrecorded_input_does_not_hide_memory() {
     let trials: [([f64; 2], f64); 13] = [
         ([1.0, 0.0], 0.0),
         ([0.0, 1.0], 0.0),
@@ -71,7 +71,7 @@ fn an_input_that_is_not_in_the_table_does_not_hide_memory() {
         .collect();
     let test = recording(&unseen, |_| 0.0, 0.05);
     let outcome = fit(&train, &FitOptions::default(), &Silent).unwrap();
-    // As the families were judged: without the rows held out.
+    // As the families were judged: without the held-out rows.
     let rms = |model: &Model| {
         let predicted = predictions(model, &test);
         let squares = test.rows().iter().zip(&predicted).map(|(row, found)| {
@@ -84,7 +84,7 @@ fn an_input_that_is_not_in_the_table_does_not_hide_memory() {
     let chosen = judged.iter().find(|(family, _)| *family == outcome.family).unwrap().1;
     let least = judged.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
     let written = rms(&outcome.model);
-    // A straight line leaves 5.9 mm, and a mixture without memory 5.6 mm.
+    // A straight line has an error of 5.9 mm, and a mixture without memory 5.6 mm.
     assert!(outcome.family.has_memory(), "{:?}", outcome.report.scores);
     assert!(chosen <= f64::hypot(0.9, 2.0) && chosen <= 1.1 * least, "{judged:?}");
     assert!(written <= f64::hypot(0.9, 2.0), "{written} of all rows, {judged:?}");

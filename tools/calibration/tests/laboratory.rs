@@ -1,5 +1,5 @@
-//! The laboratory's own recording of the robot. It is not part of the repository; where it is
-//! absent, these tests print that and pass.
+//! The laboratory's own recording of the robot. It is not part of the repository; without it, these
+//! tests print a message and pass.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -49,7 +49,7 @@ fn the_file_is_read_as_it_is() {
 }
 
 #[test]
-fn the_fourth_turn_is_held_out_and_a_mixture_fits_it_better_than_a_straight_model() {
+fn a_mixture_fits_the_held_out_turn_better_than_linear() {
     let Some((recording, _)) = recording() else {
         return;
     };
@@ -87,7 +87,7 @@ fn its_noise_and_its_limits_are_reported() {
     assert!((turns - 3.97).abs() < 0.01);
 }
 
-/// Where the mixture of so many components is flatter than the recording shows.
+/// Position where the mixture of this many components is flatter than the recording shows.
 fn flat(recording: &Recording, components: usize) -> Option<FlatSpot> {
     let options = FitOptions {
         choice: Choice::One(Family::Gmr),
@@ -114,7 +114,7 @@ fn no_number_of_components_is_flat_inside_the_ring() {
 }
 
 #[test]
-fn the_slack_zone_of_the_echo_probe_is_honest() {
+fn the_slack_zone_of_the_echo_probe_is_accepted() {
     for name in ["tee_probe/motor1_first.csv", "tee_probe/motor1_second.csv"] {
         let Some((recording, _)) = read(name) else {
             return;

@@ -1,12 +1,12 @@
-//! A scripted operator: sees the angles of the camera and the target of a task, and moves the stick
-//! of a gamepad that is played through a pipe, for `i2ris teleop task reach --device PIPE`.
+//! A scripted operator: sees the camera angles and the target of a task, and moves the stick of a
+//! gamepad that is played through a pipe, for `i2ris teleop task reach --device PIPE`.
 //!
-//! A person as the crossover model has one (McRuer and Jex, 1967): the deflection is what the snake
-//! was away a reaction time ago, times a gain, with noise. Gain, reaction and noise are those of a
-//! participant, by number. It knows nothing of models and hysteresis.
+//! The operator of the crossover model (McRuer and Jex, 1967): the deflection is the error one
+//! reaction time ago, times a gain, with noise. Gain, reaction time and noise depend on the number
+//! of the participant. The operator knows nothing of models and hysteresis.
 //!
 //! `operator PIPE PARTICIPANT [DOMAIN]`; `tools/manual/study.sh` uses it.
-#![allow(clippy::print_stdout, reason = "an example that a person starts")]
+#![allow(clippy::print_stdout, reason = "an example for the command line")]
 
 use std::collections::VecDeque;
 use std::error::Error;
@@ -30,20 +30,20 @@ const X: u16 = 0;
 const Y: u16 = 1;
 const DEAD_MAN: u16 = 0x137;
 const FULL: f64 = 32767.0;
-/// Of `i2ris command`, deg/s.
+/// Speed at full deflection, deg/s.
 const FULL_SPEED_DEG_S: f64 = 10.0;
 const PERIOD: Nanos = Nanos::from_millis(20);
-/// Nobody corrects what nobody sees, deg.
+/// Smallest visible error, deg.
 const SEES_DEG: f64 = 0.06;
 
-/// How a person steers.
+/// Control behaviour of an operator.
 struct Hand {
     gain_per_s: f64,
     reaction: Nanos,
-    /// Share of the deflection that is noise.
+    /// Noise, relative to the deflection.
     noise: f64,
     random: Pcg64,
-    /// What was seen, and is not answered yet.
+    /// Errors seen but not yet answered.
     seen: VecDeque<(Nanos, [f64; 2])>,
     answered: [f64; 2],
 }
@@ -95,14 +95,14 @@ fn gamepad() -> Description {
     }
 }
 
-fn tell(pipe: &mut File, kind: u16, code: u16, value: f64) -> std::io::Result<()> {
+fn send(pipe: &mut File, kind: u16, code: u16, value: f64) -> std::io::Result<()> {
     let event = [encode(kind, code, value as i32), encode(0, 0, 0)].concat();
     write_frame(pipe, clock::now(), &event)
 }
 
-fn hand_follows(told: &mut Latest<TeleopMsg>, since: Nanos) -> Result<bool, Box<dyn Error>> {
-    let told = told.refresh()?;
-    Ok(told.is_some_and(|it| it.stamp_ns > since.0 && it.flags & TeleopMsg::OPEN == 0))
+fn hand_follows(published: &mut Latest<TeleopMsg>, since: Nanos) -> Result<bool, Box<dyn Error>> {
+    let published = published.refresh()?;
+    Ok(published.is_some_and(|it| it.stamp_ns > since.0 && it.flags & TeleopMsg::OPEN == 0))
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -115,18 +115,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let watcher = Watcher::new(&domain);
     let (mut camera, mut target) =
         (Latest::new(watcher.external()), Latest::new(watcher.reach_target()));
-    let mut told = Latest::new(watcher.teleop());
-    // Waits for the program that reads.
+    let mut published = Latest::new(watcher.teleop());
+    // Waits for the reader.
     let mut pipe = OpenOptions::new().write(true).open(pipe)?;
     write_head(&mut pipe, &gamepad())?;
     for (kind, code) in [(AXIS, X), (AXIS, Y), (KEY, DEAD_MAN)] {
-        tell(&mut pipe, kind, code, 0.0)?;
+        send(&mut pipe, kind, code, 0.0)?;
     }
     let started = clock::now();
-    // The program has to see everything at rest before the dead-man counts.
-    while !hand_follows(&mut told, started)? {
+    // The program must see all controls at rest before it accepts the dead-man.
+    while !hand_follows(&mut published, started)? {
         for value in [0.0, 1.0] {
-            tell(&mut pipe, KEY, DEAD_MAN, value)?;
+            send(&mut pipe, KEY, DEAD_MAN, value)?;
             clock::sleep(Nanos::from_millis(300));
         }
     }
@@ -134,7 +134,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         clock::sleep(PERIOD);
         let now = clock::now();
         let (Some(camera), Some(target)) = (camera.refresh()?, target.refresh()?) else { continue };
-        // Of a task before this one.
+        // Ignore a target of an earlier task.
         if target.shown_ns < started.0 {
             continue;
         }
@@ -146,14 +146,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         let to_go = [0, 1].map(|axis| (target.position[axis] - camera.position[axis]).to_degrees());
         let [pitch, yaw] = hand.push(now, to_go);
-        tell(&mut pipe, AXIS, X, FULL * yaw)?;
-        // Away from the person is up, and less.
-        tell(&mut pipe, AXIS, Y, -FULL * pitch)?;
+        send(&mut pipe, AXIS, X, FULL * yaw)?;
+        // Away from the operator is up, and negative.
+        send(&mut pipe, AXIS, Y, -FULL * pitch)?;
     }
     for code in [X, Y] {
-        tell(&mut pipe, AXIS, code, 0.0)?;
+        send(&mut pipe, AXIS, code, 0.0)?;
     }
-    tell(&mut pipe, KEY, DEAD_MAN, 0.0)?;
+    send(&mut pipe, KEY, DEAD_MAN, 0.0)?;
     println!("the task is over");
     Ok(())
 }

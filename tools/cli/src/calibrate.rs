@@ -1,4 +1,4 @@
-//! `i2ris calibrate`: from recordings to models.
+//! `i2ris calibrate`: recordings and models.
 
 mod collect;
 mod compare;
@@ -12,7 +12,7 @@ use i2ris_report::Failure;
 
 pub use files::{ColumnArguments, PathColumns};
 
-/// `i2ris calibrate`: a step by name, or the whole way.
+/// `i2ris calibrate`: one step, or all of them.
 #[derive(Debug, clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -22,8 +22,8 @@ pub use files::{ColumnArguments, PathColumns};
   i2ris calibrate fit RECORDING.csv --output config/models/snake.json
   i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv
 
-Without a command it runs every step: collect, fit, compare, use, check, refine. It says each step,
-and goes on where it was."
+Without a command it runs every step: collect, fit, compare, use, check, refine. It prints each step
+and resumes after an interruption."
 )]
 pub struct Arguments {
     #[command(subcommand)]
@@ -40,13 +40,13 @@ impl Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Command {
-    /// Move the motors through a calibration protocol and record them with what a camera sees
+    /// Run a calibration motion and record it
     Collect(collect::Arguments),
     /// Compare models on a recording
     Compare(compare::Arguments),
-    /// Make a model: fit one to a recording, make it better by a trial, or take a network
+    /// Fit a model, refine one with a trial, or import a network
     Fit(fit::Arguments),
-    /// Put angles that were measured in pictures in the place of those of a recording
+    /// Insert angles measured later from images
     Merge(merge::Arguments),
 }
 

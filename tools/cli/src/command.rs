@@ -28,15 +28,15 @@ use trajectory::{Trajectory, Waypoints};
 #[command(
     arg_required_else_help = true,
     after_help = "Examples:
-  i2ris command pose 5 -3 --enable               in a script it ends there; --hold: with Ctrl-C
+  i2ris command pose 5 -3 --enable               a script ends there, or with --hold by Ctrl-C
   i2ris command pose                             hold the present pose
   i2ris command circle --radius-deg 5 --period-s 6 --duration-s 30 --enable
-  i2ris command motor 0 20                       the first motion of a motor
+  i2ris command motor 0 20                       first motion of a motor
   i2ris command state condition --no-wait
   i2ris command file desired.csv
-  i2ris command fixture circle 10 5 3            a circle of 3 deg around 10, 5 is forbidden
+  i2ris command fixture circle 10 5 3            forbid a circle of 3 deg around 10, 5
 
-Ctrl-C comes to rest softly, gives the lease back and ends; the snake holds."
+Ctrl-C decelerates smoothly, releases the lease and exits; the snake holds."
 )]
 pub struct Arguments {
     #[command(subcommand)]
@@ -45,14 +45,14 @@ pub struct Arguments {
 
 #[derive(Debug, clap::Args)]
 struct StreamOptions {
-    /// Commands per second; slower than the deadline of the controller allows, the robot stops in
+    /// Commands per second; below the rate set by the controller's deadline, the robot stops in
     /// between
     #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate)]
     rate_hz: f64,
     /// Speed limit of the approach to the start of the trajectory
     #[arg(long, default_value_t = 10.0, value_name = "DEG_PER_S", value_parser = positive)]
     speed_deg_s: f64,
-    /// What to do when the controller has stopped the snake because commands came late
+    /// Reaction when the controller has stopped the snake because commands came late
     #[arg(long, value_enum, default_value_t = OnLate::Continue)]
     on_late: OnLate,
     #[command(flatten)]
@@ -71,16 +71,16 @@ enum What {
         /// Yaw
         #[arg(value_parser = finite, allow_negative_numbers = true)]
         yaw_deg: Option<f64>,
-        /// End so long after arriving instead of with Ctrl-C
+        /// Stop this many seconds after arriving
         #[arg(long, value_name = "S", value_parser = positive)]
         duration_s: Option<f64>,
-        /// Hold the pose until Ctrl-C also in a script, where it ends as soon as it has arrived
+        /// Hold the pose until Ctrl-C; otherwise a script ends on arrival
         #[arg(long, conflicts_with = "duration_s")]
         hold: bool,
         #[command(flatten)]
         stream: StreamOptions,
     },
-    /// Swing to both sides
+    /// Follow a sine
     Sine {
         /// Largest distance from the centre
         #[arg(long, num_args = 2, required = true, value_names = ["PITCH_DEG", "YAW_DEG"],
@@ -89,7 +89,7 @@ enum What {
         #[command(flatten)]
         periodic: Periodic,
     },
-    /// Go round in a circle
+    /// Follow a circle
     Circle {
         /// Distance from the centre
         #[arg(long, value_name = "DEG", value_parser = positive)]
@@ -97,19 +97,18 @@ enum What {
         #[command(flatten)]
         periodic: Periodic,
     },
-    /// Follow the angles of a CSV file with the columns t_s, pitch_deg and yaw_deg, joined by
-    /// straight lines
+    /// Follow a CSV trajectory (t_s, pitch_deg, yaw_deg), interpolated linearly
     File {
         /// The file
         csv: PathBuf,
         #[command(flatten)]
         stream: StreamOptions,
     },
-    /// Move one motor a few counts there and back, before there is a camera or a model
+    /// Move one motor a few counts and back, without camera or model
     Motor(motor::Arguments),
-    /// Regions that the snake may not enter
+    /// Manage virtual fixtures
     Fixture(fixture::Arguments),
-    /// Change the state (at the top: stop, home, enable, disable)
+    /// Send a state command (top level: stop, home, enable, disable)
     State {
         /// What to do
         #[arg(value_enum)]
@@ -125,10 +124,10 @@ struct Periodic {
     #[arg(long, num_args = 2, value_names = ["PITCH_DEG", "YAW_DEG"], default_values_t = [0.0, 0.0],
           value_parser = finite, allow_negative_numbers = true)]
     centre_deg: Vec<f64>,
-    /// Time for one round
+    /// Period of one round
     #[arg(long, value_name = "S", value_parser = positive)]
     period_s: f64,
-    /// End after this time on the trajectory instead of with Ctrl-C
+    /// Stop after this trajectory time instead of on Ctrl-C
     #[arg(long, value_name = "S", value_parser = positive)]
     duration_s: Option<f64>,
     #[command(flatten)]
@@ -139,13 +138,13 @@ struct Periodic {
 enum StateWord {
     /// Decelerate and hold; servo commands are refused
     Pause,
-    /// Take servo commands again
+    /// Accept servo commands again
     Resume,
-    /// Forget the zero
+    /// Invalidate the zero
     Unhome,
-    /// A decaying stroke of all motors, after which the hysteresis of the wires is known
+    /// Set the hysteresis memory by a decaying oscillation
     Condition,
-    /// The operator has seen the fault
+    /// Acknowledge a fault
     Acknowledge,
     /// Stop and hold until the next command
     Hold,
@@ -190,7 +189,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             let centre = pair(&centre_deg);
             ("circle", Some(Trajectory::Circle { centre, radius, period_s }), duration_s, stream)
         }
-        // A wrong file is refused before the robot moves.
+        // An invalid file is refused before the robot moves.
         What::File { csv, stream } => {
             ("file", Some(Trajectory::Waypoints(Waypoints::load(&csv)?)), None, stream)
         }

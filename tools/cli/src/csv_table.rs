@@ -7,7 +7,7 @@ use i2ris_calibration::recording::{ColumnMap, RecordingError, Rows, Wanted, read
 /// The columns of desired or measured angles.
 pub const ANGLES: [&str; 3] = ["t_s", "pitch_deg", "yaw_deg"];
 
-/// Complete rows of a table. What was left out goes to standard error.
+/// Complete rows of a table. Skipped rows are reported on standard error.
 pub fn read(path: &Path, columns: &ColumnMap, wanted: &Wanted) -> Result<Rows, RecordingError> {
     let table = read_rows(path, columns, wanted)?;
     table.notes.iter().for_each(|note| eprintln!("warning: {note}"));

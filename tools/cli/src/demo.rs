@@ -1,10 +1,10 @@
-//! `i2ris demo`: what `i2ris start`, `i2ris calibrate` and `i2ris command` do, on the emulator and
-//! by themselves: record, fit, take into use, follow a motion that was not in the recording.
+//! `i2ris demo`: runs `i2ris start`, `calibrate` and `command` on the emulator: record, fit,
+//! activate the model, follow a motion that was not in the recording.
 //!
 //! | file | holds |
 //! |---|---|
 //! | `commands` | the emulated robot, and commands of `i2ris` on it |
-//! | `tracking` | the tracking error, and what is printed at the end |
+//! | `tracking` | the tracking error and the final output |
 
 mod commands;
 pub mod tracking;
@@ -26,7 +26,7 @@ use commands::Demo;
   i2ris demo --snake brass --duration-s 300 --motions teleoperation,circle,square,points --motion-s 60
   i2ris demo --snake preisach:3 --duration-s 300 --family best")]
 pub struct Arguments {
-    /// The snake behind the drives, as for `i2ris emulate`: steel (mild), brass (a wide, asymmetric
+    /// The snake, as for `i2ris emulate`: steel (mild), brass (a wide, asymmetric
     /// gap, and slack around the straight pose), multi (several slopes on one stroke), NAME:SEED
     /// of a physics, or a file
     #[arg(
@@ -36,14 +36,14 @@ pub struct Arguments {
         long_help = snake_help()
     )]
     snake: String,
-    /// How drives and computer are connected
+    /// Connection of drives and computer
     #[arg(long, value_enum, default_value_t)]
     line: Line,
-    /// How long to calibrate
+    /// Calibration time
     #[arg(long, value_name = "S", default_value_t = 90.0)]
     duration_s: f64,
-    /// Families of models to compare, with commas between them; `best` is the one with the least
-    /// error on what was held out
+    /// Model families to compare, comma-separated; `best` is the one with the least held-out
+    /// error
     #[arg(
         long,
         value_name = "FAMILY,..",
@@ -51,17 +51,17 @@ pub struct Arguments {
         default_value = "linear,gmr,best"
     )]
     family: Vec<String>,
-    /// What to follow
+    /// Motions to follow
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Motion::Teleoperation])]
     motions: Vec<Motion>,
-    /// How long teleoperation lasts
+    /// Duration of teleoperation
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     motion_s: f64,
-    /// Seed of everything random; no calibration has the one of the motions
+    /// Random seed; calibrations and motions use different seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Keep recording, models and logs in this folder; what is in it already, recording.csv and
-    /// FAMILY.json, is not made again
+    /// Keep recording, models and logs in this folder; an existing recording.csv or FAMILY.json
+    /// is reused
     #[arg(long, value_name = "DIR")]
     folder: Option<PathBuf>,
 }

@@ -1,4 +1,4 @@
-//! `i2ris drives`: the settings of the drives, read and compared. Nothing is written to a drive.
+//! `i2ris drives`: reads and compares drive settings. Nothing is written to a drive.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,12 +10,12 @@ use i2ris::robot::DriveFingerprint;
 use i2ris_report::{DomainOption, Failure, while_working};
 use i2ris_simulation::drive::DeviceFile;
 
-/// What `i2ris drives` can do.
+/// Commands of `i2ris drives`.
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
   i2ris drives dump > drives.json                the drives of the running controller
   i2ris drives dump --config my-robot.toml       while no controller runs
-  i2ris drives compare drives.json               with the drives as they are now
+  i2ris drives compare drives.json               with the present drives
   i2ris drives compare before.json after.json
   i2ris drives compare motor.dcf                 as EPOS Studio exports it
 
@@ -23,15 +23,15 @@ Drives are read, and nothing is written to them.")]
 pub enum Command {
     /// Print every setting of every drive as JSON
     Dump(Present),
-    /// Name every setting that differs
+    /// List settings that differ
     Compare(CompareArguments),
 }
 
 // Where the drives are.
 #[derive(Debug, clap::Args)]
 pub struct Present {
-    /// Read the drives of this configuration; no controller may run [default: what the running
-    /// controller read at its start]
+    /// Read the drives of this configuration; no controller may be running [default: the settings
+    /// that the running controller read at its start]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     #[command(flatten)]
@@ -40,9 +40,9 @@ pub struct Present {
 
 #[derive(Debug, clap::Args)]
 pub struct CompareArguments {
-    /// Settings: of `i2ris drives dump`, of a model, or a DCF file
+    /// Settings: from `i2ris drives dump`, a model, or a DCF file
     first: PathBuf,
-    /// The same [default: the drives as they are now]
+    /// Settings to compare with [default: those of the present drives]
     second: Option<PathBuf>,
     #[command(flatten)]
     present: Present,
@@ -71,7 +71,7 @@ fn read(present: &Present) -> Result<Vec<DriveFingerprint>, Failure> {
     let drives = domain.drives();
     if drives.is_empty() {
         return Err(
-            "this controller does not say what its drives are set to; end it, and name its \
+            "this controller does not report the settings of its drives; end it, and name its \
                     configuration with --config"
                 .into(),
         );
@@ -91,7 +91,7 @@ fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
     let (mut compared, mut lines) = (0, Vec::new());
     for old in &before.0 {
         for new in &after.0 {
-            // A DCF file says of no motor.
+            // A DCF file names no motor.
             let is_pair = old.motor == new.motor || before.1 || after.1;
             if !is_pair || old.family != new.family {
                 continue;
@@ -105,19 +105,19 @@ fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
         }
     }
     if compared == 0 {
-        return Err("there is no drive of the same motor and family in both".into());
+        return Err("the two have no drive of the same motor and family in common".into());
     }
     lines.iter().for_each(|line| println!("{line}"));
     match lines.len() {
         0 => {
-            println!("the same: {compared} drives");
+            println!("no differences: {compared} drives");
             Ok(())
         }
         count => Err(format!("{count} settings differ").into()),
     }
 }
 
-/// The drives of a file, and whether it is of one drive of any motor.
+/// The drives of a file, and whether it describes a single drive without a motor.
 fn load(path: &Path) -> Result<(Vec<DriveFingerprint>, bool), Failure> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     if ["dcf", "eds", "csv"].contains(&extension.as_str()) {
@@ -130,19 +130,19 @@ fn load(path: &Path) -> Result<(Vec<DriveFingerprint>, bool), Failure> {
     }
     let model = Model::load(path).map_err(|_| {
         format!(
-            "{} holds no settings: name what `i2ris drives dump` printed, a model, or a DCF file",
+            "{} contains no settings: name a file of `i2ris drives dump`, a model, or a DCF file",
             path.display()
         )
     })?;
     let drives = &model.file().training.drives;
     if drives.is_empty() {
         let path = path.display();
-        return Err(format!("the model {path} does not say with which drives it was made").into());
+        return Err(format!("the model {path} does not name the drives it was made with").into());
     }
     Ok((drives.clone(), false))
 }
 
-/// The settings of a file of a drive; it says of no motor.
+/// The settings in a device file, which names no motor.
 pub fn of_device(file: &DeviceFile) -> DriveFingerprint {
     let family = match file.family {
         i2ris_simulation::drive::Family::Epos4 => Family::Epos4,

@@ -51,24 +51,24 @@ pub struct Arguments {
         default_value = DEFAULT_FOLDER
     )]
     ports: PathBuf,
-    /// Domain of the controller that receives the frames of the camera
+    /// Domain of the controller that receives the camera frames
     #[arg(long, env = "I2RIS_DOMAIN", value_name = "NAME", default_value = "i2ris")]
     domain: String,
-    /// Write every setpoint, change of state and broken rule to a CSV file
+    /// Write every setpoint, state change and rule violation to a CSV file
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// How drives and computer are connected
+    /// Connection of drives and computer
     #[arg(long, value_enum, default_value_t)]
     line: Line,
-    /// Emulate the drives and ports of this configuration of a controller instead: families, rate,
-    /// nodes, serial numbers, and its devices, where they do not exist
+    /// Emulate the drives and ports of this controller configuration instead: families, rate,
+    /// nodes, serial numbers, and devices that do not exist
     #[arg(long, value_name = "FILE", conflicts_with = "line")]
     config: Option<PathBuf>,
-    /// The objects of a real drive: an EDS or DCF file of maxon's tool, or a table of one (CSV).
-    /// What it lacks or limits, the drives refuse
+    /// Objects of a real drive: an EDS or DCF file of maxon's tool, or a table of one (CSV). The
+    /// emulated drives refuse missing objects and values out of range
     #[arg(long, value_name = "FILE")]
     device: Option<PathBuf>,
-    /// What is done to drives, lines, wires and camera, and when, and how the snake ages (TOML)
+    /// Scenario of faults in drives, lines, wires and camera, and of ageing of the snake (TOML)
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// Do not publish camera frames
@@ -82,10 +82,10 @@ pub struct Arguments {
         value_parser = noise
     )]
     camera_noise_deg: f64,
-    /// Seed of everything random
+    /// Random seed
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// End after this time
+    /// Exit after this time
     #[arg(long, value_name = "S", value_parser = seconds)]
     duration_s: Option<Nanos>,
 }
@@ -93,7 +93,7 @@ pub struct Arguments {
 pub fn snake_help() -> String {
     let mut text = String::from(
         "The snake: steel, brass or multi; NAME:SEED with the name of a physics and a seed for \
-         its parameters (seed 1 where there is none); or a file of parameters (a path, or a name \
+         its parameters (default: seed 1); or a file of parameters (a path, or a name \
          that ends in .toml). Physics:",
     );
     for physics in Physics::ALL {
@@ -103,8 +103,8 @@ pub fn snake_help() -> String {
 }
 
 impl Arguments {
-    /// The ports of a configuration. A number that is not filled in is that of a new drive, but in
-    /// a rehearsal, whose devices are those of the emulator.
+    /// The ports of a configuration. A missing number is taken from a new drive, except in a
+    /// rehearsal, which uses the emulator's devices.
     fn named_ports(&self, file: &Path) -> Result<Vec<PortConfig>, Failure> {
         let mut ports = Config::load(file)?.ports;
         let real = ports.iter_mut().filter(|port| !port.device.starts_with(&self.ports));
@@ -148,7 +148,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     if !arguments.no_camera {
         emulator.publish_camera(&domain)?;
     }
-    // Whoever closed the other end of the pipe does not want to know more.
+    // A closed pipe is ignored.
     let mut screen = Screen::stdout();
     let mut say = |line: &str| drop(screen.say(line));
     let mut made = Vec::new();
@@ -156,7 +156,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         let axis = port.axes.first().map_or(0, |axis| axis.motor);
         match make_device(&port.device, emulator.device(axis)) {
             Ok(device) => made.extend(device),
-            Err(why) => say(&format!("{}: {why}; name that of below", port.device.display())),
+            Err(why) => say(&format!("{}: {why}; use the device below", port.device.display())),
         }
     }
     for (axis, (family, serial_number)) in drives.iter().enumerate() {
@@ -171,16 +171,16 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     say(&format!("ready: snake {name}, {camera}; Ctrl-C ends"));
     watch(&emulator, &interrupt, arguments.duration_s);
     made.iter().for_each(|device: &PathBuf| drop(fs::remove_file(device)));
-    say(&format!("ended: {} rules broken by the host", emulator.host_bugs()));
+    say(&format!("ended: {} rule violations by the host", emulator.host_bugs()));
     Ok(())
 }
 
-/// Makes the device that a configuration names, a link to an emulated port. `None`: it is the port.
+/// Creates a configured device as a link to an emulated port. `None`: it is the port itself.
 fn make_device(device: &Path, port: &Path) -> io::Result<Option<PathBuf>> {
     if fs::canonicalize(device).ok() == fs::canonicalize(port).ok() {
         return Ok(None);
     }
-    // A link that leads nowhere is that of an emulator that was killed.
+    // A dangling link was left by a killed emulator.
     if device.is_symlink() && !device.exists() {
         fs::remove_file(device)?;
     }
@@ -212,7 +212,7 @@ fn status(snapshot: &Snapshot, host_bugs: u64) -> String {
     for (number, drive) in drives.enumerate() {
         let _ = write!(line, " | axis {number} {} {:+}", drive.state.name(), drive.position);
     }
-    let _ = write!(line, " | broken rules {host_bugs}");
+    let _ = write!(line, " | rule violations {host_bugs}");
     line
 }
 

@@ -1,14 +1,14 @@
 //! Exit codes of commands that end while the robot moves.
 
 use i2ris::ipc::ready::Ready;
-use i2ris::ipc::{Domain, ShownClient, find_client_process};
+use i2ris::ipc::{Domain, MaskedClientId, find_client_process};
 use i2ris_report::Failure;
 use i2ris_report::exit::{Coded, OUT_OF_REACH};
 
 use crate::command::stream_monitor::StopReason;
 use crate::command::tracking::OutOfReach;
 
-/// Names the program that holds the lease, where it is known.
+/// Adds the name of the program that holds the lease, if known.
 pub fn name_holder(failure: Failure, domain: &Domain) -> Failure {
     let stop = failure.downcast_ref::<StopReason>();
     let holder = stop.and_then(|stop| match stop {
@@ -17,7 +17,7 @@ pub fn name_holder(failure: Failure, domain: &Domain) -> Failure {
     });
     let named = holder.and_then(|client| {
         let process = find_client_process(domain, Ready::read(domain)?.boot_id, client)?;
-        Some((ShownClient(client).to_string(), process.to_string()))
+        Some((MaskedClientId(client).to_string(), process.to_string()))
     });
     match named {
         Some((id, process)) => {

@@ -17,8 +17,8 @@ pub struct Call {
 }
 
 impl Call {
-    /// The call that these arguments of `i2ris` ask for, if they do not ask for a command of its
-    /// own: `NAME ...`, `help NAME ...`.
+    /// The call requested by these arguments of `i2ris`, unless they name a built-in command:
+    /// `NAME ...`, `help NAME ...`.
     pub fn requested(arguments: &[OsString]) -> Option<Self> {
         let words: Vec<_> = arguments.iter().map(|word| word.to_string_lossy()).collect();
         let is_help = words.first().is_some_and(|word| word == "help");
@@ -32,7 +32,7 @@ impl Call {
         Some(Self { program, arguments })
     }
 
-    /// The same call with another first argument.
+    /// The call with an additional first argument.
     pub fn with_first(mut self, first: &str) -> Self {
         self.arguments.insert(0, first.into());
         self
@@ -53,7 +53,7 @@ pub fn with_programs(command: clap::Command) -> clap::Command {
     with(command, |program| clap::Command::new(program.name()))
 }
 
-/// `i2ris` with the command lines of the programs that are found; the names of the others.
+/// `i2ris` with the command lines of the programs found, and the names of the others.
 pub fn with_descriptions(command: clap::Command) -> clap::Command {
     with(command, |program| {
         let description = find(program.name()).and_then(|file| describe(&file));

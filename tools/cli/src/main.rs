@@ -1,7 +1,7 @@
 //! The command line of i2ris.
 //!
-//! One file per subcommand: its arguments, and `run`. The libraries do the work. What is heavy to
-//! build and rarely needed is a program of its own, see [`external`].
+//! One file per subcommand: its arguments, and `run`. The libraries do the work. Parts that are
+//! slow to build and rarely needed are separate programs, see [`external`].
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 use std::ffi::OsString;
@@ -37,7 +37,7 @@ mod wire;
 #[cfg(test)]
 mod wrong_benches;
 
-/// Calibrate, emulate, command and watch the I2RIS snake robot.
+/// Calibrate, emulate, command and monitor the I2RIS snake robot.
 #[derive(Debug, Parser)]
 #[command(
     name = "i2ris",
@@ -48,7 +48,7 @@ mod wrong_benches;
     after_help = i2ris_report::exit::HELP
 )]
 struct Cli {
-    /// Print a script that completes commands and options, those of installed programs, too:
+    /// Print a script that completes commands and options, also of installed programs:
     /// i2ris --completions bash > ~/.local/share/bash-completion/completions/i2ris
     #[arg(long, value_name = "SHELL", value_enum)]
     completions: Option<Shell>,
@@ -58,40 +58,40 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Start emulator, controller, watchdog and monitor, and end all four
+    /// Run emulator, controller, watchdog and monitor together
     Start(start::Arguments),
-    /// Run two emulated drives with a snake behind them
+    /// Emulate drives, snake and camera
     Emulate(emulate::Arguments),
-    /// Show the whole path on the emulator: calibrate, fit, follow, measure
+    /// Calibrate, fit and track on the emulator
     Demo(demo::Arguments),
-    /// Check ports, drives and machine before the robot moves; look at a configuration
+    /// Check ports, drives, computer and configuration
     Doctor(doctor::Arguments),
-    /// Go or no-go in the minute before a trial: looks at everything, and moves the snake a little
+    /// Go/no-go check before a trial; moves the snake slightly
     Preflight(preflight::Arguments),
-    /// Commission a robot, stage by stage: identify, power, 20 counts, gear, line, stops
+    /// Bring up a new robot, stage by stage
     Commission(commission::Arguments),
-    /// Hold every client and end every motion, at once
+    /// Stop every motion now; the drives stay powered
     #[command(alias = "estop", alias = "e-stop", alias = "halt")]
     Stop(stop::Arguments),
-    /// Take the present pose as the zero (or find the hard stops): straighten the snake before
+    /// Set the zero here (or at a hard stop); straighten the snake first
     Home(state::Arguments),
     /// Switch the drives on; the robot holds
     Enable(state::Arguments),
-    /// Come to rest, then switch the drives off
+    /// Decelerate, then power the drives off
     Disable(state::Arguments),
-    /// Command the robot: poses, paths, states, virtual fixtures
+    /// Send poses, paths, states and virtual fixtures
     Command(command::Arguments),
     /// Steer the robot by hand: gamepad, joystick, SpaceMouse, pedal or keyboard
     Teleop(teleop::Arguments),
-    /// Calibrate the robot: all steps, or one of them
+    /// Record and fit a model: all steps, or one
     Calibrate(calibrate::Arguments),
-    /// Take a model into use, look at it, and run it without a robot
+    /// Use, inspect and roll back models
     #[command(subcommand)]
     Model(model::Command),
-    /// Print and compare the settings of the drives; nothing is written to them
+    /// Print and compare drive settings (read-only)
     #[command(subcommand)]
     Drives(drives::Command),
-    /// Look at what went over the serial lines: captures beside black boxes
+    /// Inspect serial captures
     #[command(subcommand)]
     Wire(wire::Command),
 }
@@ -167,7 +167,7 @@ fn main() -> ExitCode {
             }
             perform(|| task.run())
         }
-        // Without an argument there is help.
+        // Without arguments clap has printed the help.
         (None, None) => Ok(()),
     };
     finish(outcome.map_err(exit::with_code))

@@ -10,7 +10,7 @@ pub use show::show;
 
 use i2ris_report::Failure;
 
-/// What `i2ris model` can do.
+/// Commands of `i2ris model`.
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
   i2ris model use config/models/newer.json --enable
@@ -18,15 +18,15 @@ use i2ris_report::Failure;
   i2ris model show                               the models of the running controller
   i2ris model show config/models/snake.json")]
 pub enum Command {
-    /// Have the running controller check a model, take it into use, and condition its memory
+    /// Check, activate and condition a model
     Use(loaded::UseArguments),
-    /// Let the model that was in use before take over again
+    /// Return to the previous model
     Back(loaded::BackArguments),
-    /// Print a model for a person; without a file, those that the running controller has loaded
+    /// Print a model file, or the loaded models
     Show(show::Arguments),
-    /// Angles in, encoder counts out: the control loop without a robot
+    /// Convert angles to counts
     Invert(invert::Arguments),
-    /// Encoder counts in, angles out
+    /// Convert counts to angles
     Predict(predict::Arguments),
 }
 

@@ -2,7 +2,7 @@
 
 use i2ris::units::Nanos;
 
-/// A number in a range; otherwise `what`.
+/// A number in a range; otherwise the error `what`.
 pub fn within(
     range: impl std::ops::RangeBounds<f64>,
     what: &str,
@@ -12,7 +12,7 @@ pub fn within(
     number.ok_or_else(|| what.to_owned())
 }
 
-/// How often a stream is sent, Hz.
+/// Rate of a stream, Hz.
 pub fn rate(text: &str) -> Result<f64, String> {
     within(10.0..=1000.0, "must be 10 to 1000", text)
 }

@@ -1,4 +1,4 @@
-//! `i2ris preflight`: go or no-go, in the minute before each trial.
+//! `i2ris preflight`: go/no-go check before each trial.
 
 #[cfg(test)]
 pub mod draws;
@@ -21,13 +21,14 @@ use judgement::judge;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris preflight                    asks before the snake moves
-  i2ris preflight --enable --json    in a script: permission to enable and move
+  i2ris preflight --enable --json    in a script: permit enabling and motion
 
-It looks at drives, model, zero, lines, camera, clock, disk and watchdog, and swings the snake by less
-than 2 deg to one side, in pitch and then in yaw, for half a minute. The next `i2ris record trial start`
-keeps what it said, and says when there was none in the last hour. Ctrl-C stops, and the robot holds.")]
+Checks drives, model, zero, lines, camera, clock, disk and watchdog, and swings the snake by less
+than 2 deg to one side, in pitch and then in yaw, for half a minute. The next `i2ris record trial
+start` stores the result, and warns if there was no check in the last hour. On Ctrl-C the robot
+stops and holds.")]
 pub struct Arguments {
-    /// The configuration of the controller [default: that which it was started with]
+    /// The configuration of the controller [default: the one it was started with]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Print JSON instead of lines

@@ -32,7 +32,7 @@ impl Process {
         let output = File::options().create(true).append(true).open(&log)?;
         command
             .stdin(Stdio::null())
-            // Ctrl-C is for the parent, which ends its children in order.
+            // Ctrl-C is for the parent, which ends its children in sequence.
             .process_group(0)
             .stderr(output.try_clone()?)
             .stdout(output);
@@ -44,12 +44,12 @@ impl Process {
         Ok(Self { name, child, log })
     }
 
-    /// Fails if it has ended, with the last lines of its output.
+    /// Fails if the child has ended, with the last lines of its output.
     pub fn check(&mut self) -> Result<(), Failure> {
         self.child.try_wait()?.map_or(Ok(()), |status| Err(self.failure(status)))
     }
 
-    /// Whether it has ended with success. Fails if it ended otherwise.
+    /// Whether the child has ended with success. Fails if it ended otherwise.
     pub fn finished(&mut self) -> Result<bool, Failure> {
         match self.child.try_wait()? {
             Some(status) if !status.success() => Err(self.failure(status)),
@@ -57,7 +57,7 @@ impl Process {
         }
     }
 
-    /// Ends it with SIGTERM and waits. Anything but exit code 0 is a failure.
+    /// Ends the child with SIGTERM and waits. Any exit code but 0 is a failure.
     pub fn end(mut self) -> Result<(), Failure> {
         self.terminate();
         match self.wait()? {
@@ -70,7 +70,7 @@ impl Process {
         }
     }
 
-    /// Kills it: it can do nothing more.
+    /// Kills the child at once.
     pub fn kill(mut self) -> Result<(), Failure> {
         self.child.kill()?;
         self.child.wait()?;
@@ -78,7 +78,7 @@ impl Process {
     }
 
     fn terminate(&self) {
-        // It may have ended already.
+        // The child may have ended already.
         let _ = kill(Pid::from_raw(self.child.id() as i32), Signal::SIGTERM);
     }
 

@@ -1,4 +1,4 @@
-//! Signs of life: a spinner, a bar of time, and the progress of a fit.
+//! Progress display: a spinner, a time bar, and the progress of a fit.
 
 use std::io::{IsTerminal, stderr};
 use std::sync::Mutex;
@@ -14,8 +14,8 @@ const BETWEEN_LINES: Duration = Duration::from_secs(5);
 
 const STEPS: f64 = 1000.0;
 
-/// Less of the work does not show how long the rest takes.
-const LEAST_SHARE: f64 = 0.03;
+/// Share of the work below which the remaining time cannot be estimated.
+const MIN_SHARE: f64 = 0.03;
 
 pub fn spinner(what: &str) -> ProgressBar {
     let spinner = ProgressBar::new_spinner().with_message(what.to_owned());
@@ -33,7 +33,7 @@ pub fn tenths(seconds: f64) -> u64 {
     (seconds * 10.0) as u64
 }
 
-/// The templates are fixed; were one wrong, the bar would look plain.
+/// The templates are fixed; an invalid one would only make the bar look plain.
 fn styled(bar: ProgressBar, template: &str) -> ProgressBar {
     match ProgressStyle::with_template(template) {
         Ok(style) => bar.with_style(style),
@@ -122,10 +122,10 @@ impl Drop for Bar {
 #[derive(Debug, Clone, Default)]
 struct Work {
     name: String,
-    /// The part of the whole that is being done.
+    /// The present part of the whole.
     from: f64,
     to: f64,
-    /// Pieces of it that are done; how many there are is not known before.
+    /// Completed pieces of it; their total number is unknown in advance.
     pieces: i32,
     steps: usize,
     done: usize,
@@ -133,7 +133,7 @@ struct Work {
 }
 
 impl Work {
-    /// Every piece takes half of what was left of its part.
+    /// Every piece counts as half of the rest of its part.
     fn share(&self) -> f64 {
         let piece = match self.steps {
             0 => 0.0,
@@ -145,7 +145,7 @@ impl Work {
 
     fn time_to_go(&self, elapsed: Duration) -> String {
         let share = self.share();
-        if share < LEAST_SHARE {
+        if share < MIN_SHARE {
             return String::new();
         }
         let left = elapsed.as_secs_f64() * (1.0 - share) / share;
@@ -164,7 +164,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_reports_what_is_fitted_and_how_long_it_takes() {
+    fn line_reports_the_family_and_the_time_left() {
         let work = Work {
             name: "gmr".to_owned(),
             from: 0.0,

@@ -1,5 +1,4 @@
-//! `i2ris start`: emulator, controller, watchdog and monitor with one command, and their end with
-//! another.
+//! `i2ris start`: runs emulator, controller, watchdog and monitor with one command.
 
 use std::fs;
 use std::io::{self, IsTerminal};
@@ -18,12 +17,12 @@ use i2ris_simulation::Line;
 
 use crate::process::Process;
 
-/// The configuration of the controller, in the folder; in a rehearsal the copy of the robot's.
+/// Controller configuration in the folder; in a rehearsal, a copy of the robot's.
 pub const FILE: &str = "controller.toml";
 const REHEARSED: &str = "rehearsal.toml";
 const CONFIG: &str = include_str!("../../../config/emulator.toml");
 
-/// Time limit for emulator and controller to be there. A loaded machine needs much of it.
+/// Time limit for emulator and controller to start. A loaded computer needs much of it.
 const START_TIMEOUT: Nanos = Nanos::from_millis(30_000);
 const POLL_PERIOD: Nanos = Nanos::from_millis(50);
 
@@ -32,7 +31,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(50);
   i2ris start
   i2ris start --snake config/snakes/brass.toml --no-monitor
   i2ris start --line rs232 --folder two-epos4
-  i2ris start --config my-robot.toml          a rehearsal: emulated drives under the file of a robot
+  i2ris start --config my-robot.toml          a rehearsal: emulated drives with a robot's configuration
 
 Then, in another terminal:
   i2ris calibrate
@@ -42,14 +41,14 @@ pub struct Arguments {
     /// Parameters of the snake [default: those of the steel snake]
     #[arg(long, value_name = "FILE")]
     snake: Option<PathBuf>,
-    /// How drives and computer are connected [default: that of the folder, or lab]
+    /// Connection of drives and computer [default: that of the folder, or lab]
     #[arg(long, value_enum)]
     line: Option<Line>,
-    /// Rehearse with this configuration of a robot: emulated drives on its line, in a domain of
-    /// their own; no device that it names is opened
+    /// Rehearse with this robot configuration: emulated drives on its line, in a separate
+    /// domain; no configured device is opened
     #[arg(long, value_name = "FILE", conflicts_with = "line")]
     config: Option<PathBuf>,
-    /// Folder for configuration, ports, logs and records; it is made
+    /// Folder for configuration, ports, logs and records; it is created
     #[arg(long, value_name = "DIR", default_value = "i2ris-start")]
     folder: PathBuf,
     /// Run without the monitor, until Ctrl-C
@@ -87,8 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     outcome.and(ended)
 }
 
-/// The configuration in the folder: what a person wrote into it stays. A new one where there is
-/// none.
+/// The configuration in the folder, with the user's changes, or else a new one.
 fn kept_config(folder: &Path, domain: &str, line: Option<Line>) -> Result<Config, Failure> {
     let (file, new) = (folder.join(FILE), config(folder, domain, line.unwrap_or_default())?);
     if !file.exists() {
@@ -99,27 +97,28 @@ fn kept_config(folder: &Path, domain: &str, line: Option<Line>) -> Result<Config
     if config.domain != domain {
         let other = &config.domain;
         return Err(format!(
-            "{file} is of domain {other}, not {domain}: use --domain {other}, or another --folder"
+            "{file} is for domain {other}, not {domain}: use --domain {other}, or another --folder"
         )
         .into());
     }
     let kind = |port: &PortConfig| (port.family, port.baud);
     if line.is_some() && !config.ports.iter().map(kind).eq(new.ports.iter().map(kind)) {
-        return Err(
-            format!("{file} is of another --line: leave it out, or use another --folder").into()
-        );
+        return Err(format!(
+            "{file} is for another --line: omit this option, or use another --folder"
+        )
+        .into());
     }
     Ok(config)
 }
 
-/// The configuration of a robot for emulated drives. What would reach the robot itself, its
-/// records or its clients is another, and is said; all else is as in the file.
+/// A robot configuration for emulated drives. Settings that would reach the real robot, its records
+/// or its clients are replaced, and printed; all others are kept.
 fn rehearsed(file: &Path, folder: &Path, arguments: &Arguments) -> Result<Config, Failure> {
     let mut config = Config::load(&fs::canonicalize(file).unwrap_or_else(|_| file.to_owned()))?;
-    let mut said = format!("rehearsal of {} (robot {}):", file.display(), config.robot_id);
+    let mut summary = format!("rehearsal of {} (robot {}):", file.display(), config.robot_id);
     for (number, port) in config.ports.iter_mut().enumerate() {
         let real = std::mem::replace(&mut port.device, device(folder, number));
-        said += &format!("\n  device {} -> {}", real.display(), port.device.display());
+        summary += &format!("\n  device {} -> {}", real.display(), port.device.display());
         let saved = folder.join(format!("positions{number}.toml"));
         port.positions_file = port.positions_file.take().map(|_| saved);
     }
@@ -131,13 +130,14 @@ fn rehearsed(file: &Path, folder: &Path, arguments: &Arguments) -> Result<Config
         own.name().clone_into(&mut config.domain);
     }
     let (domain, here) = (&config.domain, folder.display());
-    said +=
-        &format!("\n  domain {domain}; records and saved positions in {here}; all else as there");
+    summary += &format!(
+        "\n  domain {domain}; records and saved positions in {here}; all other settings kept"
+    );
     if config.axes().any(|axis| axis.serial_number == 0) {
-        said += "\n  serial_number = 0: the emulated drives have it, no real one does";
+        summary += "\n  serial_number = 0: valid for emulated drives only";
     }
-    until_closed(Screen::stdout().say(&said))?;
-    // Of an earlier rehearsal.
+    until_closed(Screen::stdout().say(&summary))?;
+    // From an earlier rehearsal.
     let _ = fs::remove_file(folder.join(REHEARSED));
     Ok(config)
 }
@@ -147,22 +147,22 @@ fn device(folder: &Path, number: usize) -> PathBuf {
     folder.join(format!("ports/axis{number}"))
 }
 
-/// An emulated drive is as late as the machine: a watchdog that is as strict as on a robot would
-/// stop it for every stall.
+/// Emulated drives stall with the computer: a watchdog as strict as on a robot would stop them at
+/// every stall.
 const SILENCE_MS: &str = "2000";
 
-/// Emulator, controller and watchdog as processes of their own. Dropping ends all.
+/// Emulator, controller and watchdog as separate processes. Dropping ends all.
 pub struct EmulatedRobot {
     pub robot_id: String,
-    // The controller first: it switches the drives off in order.
+    // The controller first: it switches the drives off cleanly.
     controller: Process,
     watchdog: Process,
     emulator: Process,
 }
 
 impl EmulatedRobot {
-    /// Starts all in the folder of the file. `config`: that of the file, or written there if it is
-    /// not there. `emulate`: options of `i2ris emulate`.
+    /// Starts all in the folder of the file. `config` is written to the file if it does not exist.
+    /// `emulate`: options of `i2ris emulate`.
     pub fn start(
         file: &Path,
         config: &Config,
@@ -172,13 +172,13 @@ impl EmulatedRobot {
         let program = |name: &str| {
             find(name).ok_or_else(|| {
                 format!(
-                    "there is no program i2ris-{name} beside i2ris or on PATH; build it with \
-                     `cargo build --release`"
+                    "program i2ris-{name} not found, neither next to i2ris nor on PATH; build it \
+                     with `cargo build --release`"
                 )
             })
         };
         let domain = Domain::new(&config.domain)?;
-        let folder = file.parent().ok_or("the configuration lies in no folder")?;
+        let folder = file.parent().ok_or("the configuration is not in a folder")?;
         if !file.exists() {
             fs::write(file, toml::to_string(config)?)
                 .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
@@ -192,7 +192,7 @@ impl EmulatedRobot {
         })?;
         let started = |name, program: &Path, options: &[&str]| {
             let mut command = Command::new(program);
-            // Before the one of the file.
+            // The environment overrides the domain of the file.
             command.env("I2RIS_DOMAIN", domain.name()).args(options);
             Process::start(name, command.arg("--config").arg(file), folder)
         };
@@ -210,7 +210,7 @@ impl EmulatedRobot {
         Ok(Self { robot_id: config.robot_id.clone(), controller, watchdog, emulator })
     }
 
-    /// Fails if one of them has ended.
+    /// Fails if one of the processes has ended.
     pub fn check(&mut self) -> Result<(), Failure> {
         self.emulator.check()?;
         self.watchdog.check()?;
@@ -229,10 +229,9 @@ pub fn config(folder: &Path, domain: &str, line: Line) -> Result<Config, Failure
     let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
     domain.clone_into(&mut config.domain);
     config.record_folder = folder.join("records");
-    // Emulated drives share the computer with everything else that runs there: when it stalls, so
-    // do they, and that is no fault of a line. An exchange that is lost is repeated before a
-    // position is stale, and what a motor is behind by then is no following error, in the loop or
-    // in its drive. All other limits are those of a robot as delivered.
+    // Emulated drives stall with the computer, which is not a line fault. A lost exchange is
+    // repeated before a position is stale, and the lag of a motor by then is not a following error,
+    // in the loop or in its drive. All other limits are those of a robot as delivered.
     (config.limits.feedback_stale_ms, config.limits.following_error_counts) = (2000, 3000);
     config.ports = line.ports(config.axes().cloned().collect(), |number| device(folder, number));
     for port in &mut config.ports {
@@ -244,7 +243,7 @@ pub fn config(folder: &Path, domain: &str, line: Line) -> Result<Config, Failure
     Ok(config)
 }
 
-/// Waits until something is there. A child that ends, or an interrupt, ends the wait.
+/// Waits until `what` is ready. A child that ends, or an interrupt, ends the wait.
 pub fn wait(
     interrupt: &Interrupt,
     children: &mut [&mut Process],
@@ -266,7 +265,7 @@ pub fn wait(
     Ok(())
 }
 
-/// Shows the monitor where there is a terminal, until it ends or a signal comes.
+/// Shows the monitor if there is a terminal, until it ends or a signal arrives.
 fn watch(
     arguments: &Arguments,
     domain: &str,
@@ -298,7 +297,7 @@ fn watch(
     outcome
 }
 
-/// Its last line comes before the first one of the end.
+/// Ends the monitor, so that its last line comes first.
 fn end_monitor(monitor: &mut std::process::Child) -> Result<(), Failure> {
     if monitor.try_wait()?.is_none() {
         let process = nix::unistd::Pid::from_raw(monitor.id().try_into()?);

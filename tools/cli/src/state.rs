@@ -14,7 +14,7 @@ use crate::exit::name_holder;
 
 `i2ris command state` has the other changes: pause, resume, condition, acknowledge, ...")]
 pub struct Arguments {
-    /// End when the controller has accepted the command, and not when it is carried out
+    /// Return when the controller has accepted the command, without waiting for its completion
     #[arg(long)]
     no_wait: bool,
     /// Print JSON
@@ -33,7 +33,7 @@ fn change(domain: &Domain, arguments: &Arguments, command: StateCommand) -> Resu
     let (mut client, interrupt) = (crate::command::prepare::connect(domain)?, Interrupt::catch()?);
     let (state, message) = if arguments.no_wait {
         let state = client.state_command(command)?;
-        // One that does not come says nothing of the power.
+        // Without a message the power state is unknown.
         let newest = client.wait_for(FIRST_MESSAGE_TIMEOUT, |_| true);
         (state, newest.unwrap_or_default())
     } else {

@@ -1,4 +1,4 @@
-//! `i2ris stop`: holds every client and ends every activity, by name and at once.
+//! `i2ris stop`: holds every client and ends every activity immediately.
 
 use std::thread;
 
@@ -6,21 +6,21 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::ready::{served_by_others, served_domains};
 use i2ris::units::Nanos;
-use i2ris_report::exit::{self, Coded, NOT_KNOWN};
+use i2ris_report::exit::{self, Coded, NOT_CONFIRMED};
 use i2ris_report::stop::stop;
 use i2ris_report::{Failure, Screen, until_closed};
 
-/// A controller that serves is there at once.
+/// A running controller connects immediately.
 const CONNECT: Nanos = Nanos::from_millis(500);
 
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Holds every client, ends a move, conditioning and homing, and waits until \
-nothing moves. Says what it stopped and the state after. The drives stay on: `i2ris disable` \
-switches them off. It is no substitute for a switch that cuts the power.
+nothing moves. Prints what it stopped and the resulting state. The drives stay on: `i2ris \
+disable` switches them off. It does not replace a switch that cuts the power.
 
-Without --domain it stops every robot of this user: who is in a hurry does not choose. Of robots of
-other users, which root sees, it says how to stop them."
+Without --domain it stops every robot of this user, so that no choice is needed in an emergency.
+For robots of other users, visible to root, it prints the command that stops them."
 )]
 pub struct Arguments {
     /// Stop the robot of this domain only
@@ -36,12 +36,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if domains.is_empty() {
         let others: String = others(&served_by_others()).map(|line| line + "; ").collect();
         let sentence = format!(
-            "no controller of this user runs: nothing was stopped; {others}if something moves, cut \
+            "no controller of this user runs: nothing was stopped; {others}if anything moves, cut \
              the power"
         );
         return Err(Coded { code: 3, sentence }.into());
     }
-    // All at once: one that hangs keeps no other waiting.
+    // In parallel: a hung controller does not delay the others.
     let stops: Vec<_> =
         domains.into_iter().map(|name| thread::spawn(move || (stop_one(&name), name))).collect();
     let (is_one, mut worst) = (stops.len() == 1, None::<Coded>);
@@ -56,14 +56,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             worst = worst.filter(|it| it.code >= coded.code).or(Some(coded));
         }
     }
-    // Those that can be stopped come first.
+    // Robots that can be stopped come first.
     for line in others(&served_by_others()).filter(|_| arguments.domain.is_none()) {
         until_closed(Screen::stdout().say(&line))?;
     }
     worst.map_or(Ok(()), |worst| Err(worst.into()))
 }
 
-/// What to do about the robots of other users.
+/// Instructions to stop the robots of other users.
 fn others(served: &[(u32, String)]) -> impl Iterator<Item = String> {
     served.iter().map(|(user, domain)| {
         format!(
@@ -82,10 +82,11 @@ fn stop_one(name: &str) -> Result<String, Coded> {
         Ok(stopped) if stopped.is_known => Ok(stopped.text),
         Ok(stopped) => {
             let sentence = format!("{}; cut the power if in doubt", stopped.text);
-            Err(Coded { code: NOT_KNOWN, sentence })
+            Err(Coded { code: NOT_CONFIRMED, sentence })
         }
         Err(failure) => {
-            let sentence = format!("NOT KNOWN to be stopped: {failure}; cut the power if in doubt");
+            let sentence =
+                format!("NOT CONFIRMED to be stopped: {failure}; cut the power if in doubt");
             Err(Coded { code: exit::code(&failure), sentence })
         }
     }
@@ -96,9 +97,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_command_that_stops_the_robot_of_another_user_is_named() {
-        let said: Vec<String> = others(&[(1001, "eye".to_owned())]).collect();
+    fn stop_command_for_another_users_robot_is_named() {
+        let lines: Vec<String> = others(&[(1001, "eye".to_owned())]).collect();
         let command = "`sudo -u '#1001' i2ris stop --domain eye`";
-        assert_eq!(said, [format!("domain eye of user 1001 was NOT stopped: {command}")]);
+        assert_eq!(lines, [format!("domain eye of user 1001 was NOT stopped: {command}")]);
     }
 }

@@ -1,4 +1,4 @@
-//! `i2ris wire`: what went over the serial lines, from the captures beside black boxes.
+//! `i2ris wire`: inspects the serial traffic in the captures next to black boxes.
 
 use std::path::{Path, PathBuf};
 
@@ -12,33 +12,33 @@ use i2ris::drive::objects::{Entry, find};
 use i2ris_report::Failure;
 use i2ris_report::exit::{Coded, INCOMPLETE};
 
-/// Differences of a port that are printed.
-const MOST_SHOWN: usize = 5;
+/// Maximum number of printed differences of a port.
+const MAX_SHOWN: usize = 5;
 
-/// What `i2ris wire` can do.
+/// Commands of `i2ris wire`.
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
   i2ris wire show records/20260131-120000-fault.pcapng
   i2ris wire replay records/20260131-120000-fault.pcapng
   i2ris wire compare good.pcapng bad.pcapng
 
-The controller writes such a file beside every black box. Wireshark opens it, too.")]
+The controller writes such a file next to every black box. Wireshark can also open it.")]
 pub enum Command {
-    /// Print requests and replies: time, node, object, value or why it was refused
+    /// Print requests and replies: time, node, object, value or reason of refusal
     Show {
-        /// The capture: a file that i2ris-control wrote beside a black box
+        /// The capture: a file that i2ris-control wrote next to a black box
         file: PathBuf,
     },
-    /// Run what was received through parser and driver again: every outcome must be the same
+    /// Run captured bytes through the driver again and compare
     Replay {
         /// The capture
         file: PathBuf,
     },
-    /// Print the first differences between two captures, whatever their times
+    /// Print the first differences between two captures, ignoring times
     Compare {
         /// A capture
         first: PathBuf,
-        /// Another one
+        /// Another capture
         second: PathBuf,
     },
 }
@@ -73,14 +73,14 @@ pub fn run(command: &Command) -> Result<(), Failure> {
     }
 }
 
-/// A failure after everything that is in front of the cut was used.
+/// Fails for a truncated capture, after the events before the cut were used.
 fn whole(file: &Path, capture: &CaptureFile) -> Result<(), Failure> {
     if capture.is_whole {
         return Ok(());
     }
     let events: usize = capture.ports.iter().map(|port| port.events.len()).sum();
     let file = file.display();
-    let sentence = format!("{file} is cut: these are the {events} events in front of the cut");
+    let sentence = format!("{file} is truncated: these are the {events} complete events");
     Err(Coded { code: INCOMPLETE, sentence }.into())
 }
 
@@ -99,7 +99,7 @@ fn replay_port(port: &CapturedPort) -> usize {
         "replayed   {}: {requests} requests, {skipped} cut off, {differences} differences",
         header(port)
     );
-    for (time, captured, replayed) in found.differences.iter().take(MOST_SHOWN) {
+    for (time, captured, replayed) in found.differences.iter().take(MAX_SHOWN) {
         let replayed = replayed.map_or("other bytes".to_owned(), |outcome| outcome.to_string());
         let time = time.as_seconds();
         println!("[{time:12.6}] captured: {captured}; replayed: {replayed}");
@@ -116,7 +116,7 @@ fn compare(one: &CapturedPort, other: &CapturedPort) -> usize {
     };
     let pairs = ours.iter().zip(&theirs).filter(|(a, b)| content(a) != content(b));
     let differing: Vec<_> = pairs.collect();
-    for (a, b) in differing.iter().take(MOST_SHOWN) {
+    for (a, b) in differing.iter().take(MAX_SHOWN) {
         println!("first:\n{}\nsecond:\n{}", lines(one, a), lines(other, b));
     }
     let (number, longer) = (differing.len(), ours.len().abs_diff(theirs.len()));
@@ -129,7 +129,7 @@ fn bytes(events: &[LineEvent], kind: LineEventKind) -> impl Iterator<Item = u8> 
     of_kind.flat_map(|event| event.bytes.iter().copied())
 }
 
-/// An attempt as lines for a person.
+/// An attempt as printed lines.
 fn lines(port: &CapturedPort, attempt: &[LineEvent]) -> String {
     let (Some(first), Some(last)) = (attempt.first(), attempt.last()) else {
         return String::new();
@@ -150,7 +150,7 @@ fn lines(port: &CapturedPort, attempt: &[LineEvent]) -> String {
 }
 
 fn entry(port: &CapturedPort, index: u16, subindex: u8) -> Option<&'static Entry> {
-    // A node behind the port may be of the other family.
+    // A node behind a gateway may be of the other family.
     let families = [port.family, Family::Epos4, Family::Epos2];
     families.into_iter().find_map(|family| find(family, index, subindex))
 }

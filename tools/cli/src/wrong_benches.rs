@@ -1,4 +1,4 @@
-//! What is said first on a bench with one mistake: the table beside this file, on the emulator.
+//! First output on a bench with one fault: the table next to this file, on the emulator.
 
 use std::fs;
 use std::thread;
@@ -22,7 +22,7 @@ use crate::{commission, preflight};
 
 const TABLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/wrong_benches.md");
 
-/// What `i2ris doctor` says of the drives.
+/// Report of `i2ris doctor` on the drives.
 fn doctor(bench: &str) -> Report {
     let folder = tempfile::tempdir().unwrap();
     let snake = SnakeSource::load("steel").unwrap();
@@ -76,7 +76,7 @@ fn doctor(bench: &str) -> Report {
     report
 }
 
-/// As a controller does, and ends.
+/// Enables the drives as a controller does, and ends.
 fn enable(port: &PortConfig) {
     let line = SerialTransport::open(port).unwrap();
     let mut link = DriveLink::new(line, family_of_port(port), port);
@@ -85,7 +85,7 @@ fn enable(port: &PortConfig) {
     }
 }
 
-/// What `i2ris status` says of a stop for want of feedback on a computer that misses ticks.
+/// Output of `i2ris status` for a stop without feedback on a computer that misses ticks.
 fn status() -> [String; 2] {
     let (ticks, missed, total_ticks, total_missed) = (880, 120, 60_000, 7000);
     let statistics = Some(PeriodStatistics {
@@ -98,17 +98,17 @@ fn status() -> [String; 2] {
     let state = Some(OperatingStateMsg { state: 1, ..OperatingStateMsg::default() });
     let all = LatestMessages { state, statistics, ..LatestMessages::default() };
     let stop = ReasonMsg::new(&Reason::from(Cause::Stop(Stop::Feedback)), 0, Nanos::ZERO);
-    let said = reasons(&all, &[stop], Nanos::ZERO);
-    let said = said.into_iter().find(|it| it.code == "stop 2").unwrap();
-    [said.text, said.advice]
+    let output = reasons(&all, &[stop], Nanos::ZERO);
+    let output = output.into_iter().find(|it| it.code == "stop 2").unwrap();
+    [output.text, output.advice]
 }
 
-fn said_of(of: &str, bench: &str) -> [String; 2] {
+fn output_of(of: &str, bench: &str) -> [String; 2] {
     let whole = |text: String| [text.clone(), text];
     match (of, bench) {
         ("status", _) => status(),
-        ("commission", _) => whole(commission::tests::said_of(bench)),
-        ("preflight", _) => preflight::draws::said_of(bench).first("never").unwrap_or_default(),
+        ("commission", _) => whole(commission::tests::output_of(bench)),
+        ("preflight", _) => preflight::draws::output_of(bench).first("never").unwrap_or_default(),
         ("doctor", "adapter holds replies back") => {
             doctor(bench).first("never").unwrap_or_default()
         }
@@ -116,7 +116,7 @@ fn said_of(of: &str, bench: &str) -> [String; 2] {
     }
 }
 
-/// Without what is another number in every run.
+/// Replaces values that vary between runs.
 fn masked(text: &str) -> String {
     let text = text.replace('|', "/").replace('\n', " ");
     let is_path = |word: &&str| word.contains("/tmp/");
@@ -125,32 +125,32 @@ fn masked(text: &str) -> String {
 }
 
 #[test]
-fn the_first_cause_is_the_right_one_on_forty_wrong_benches() {
+fn first_cause_is_right_on_forty_wrong_benches() {
     let table = fs::read_to_string(TABLE).unwrap();
     let (head, rows) = table.split_once("|---|---|---|---|---|---|---|\n").unwrap();
     let rows: Vec<Vec<&str>> =
         rows.lines().map(|row| row.trim_matches('|').split('|').map(str::trim).collect()).collect();
     assert_eq!(rows.len(), 40);
-    let said: Vec<[String; 2]> = thread::scope(|scope| {
+    let output: Vec<[String; 2]> = thread::scope(|scope| {
         let threads: Vec<_> = rows
             .iter()
-            .map(|row| scope.spawn(|| said_of(row[1], row[2]).map(|it| masked(&it))))
+            .map(|row| scope.spawn(|| output_of(row[1], row[2]).map(|it| masked(&it))))
             .collect();
         threads.into_iter().map(|it| it.join().unwrap()).collect()
     });
     let (mut right, mut new) = ([0, 0], format!("{head}|---|---|---|---|---|---|---|\n"));
-    for (row, said) in rows.iter().zip(&said) {
+    for (row, output) in rows.iter().zip(&output) {
         let has = |which: usize| {
-            let text = said[which].to_lowercase();
+            let text = output[which].to_lowercase();
             row[3 + which].to_lowercase().split(" + ").all(|part| text.contains(part))
         };
         for which in [0, 1] {
             right[which] += usize::from(has(which));
             if !has(which) {
-                println!("{}: not `{}`: {said:?}", row[2], row[3 + which]);
+                println!("{}: not `{}`: {output:?}", row[2], row[3 + which]);
             }
         }
-        let now = if said[0] == said[1] { said[0].clone() } else { said.join(" -> ") };
+        let now = if output[0] == output[1] { output[0].clone() } else { output.join(" -> ") };
         new += &format!("| {} | {now} |\n", row[..6].join(" | "));
     }
     if std::env::var_os("I2RIS_UPDATE").is_some() {

@@ -74,7 +74,7 @@ Service connect(const std::string& domain) {
     }
     if (interface_version != i2ris::INTERFACE_VERSION) {
         std::cerr << "the controller of domain " << domain << " has interface version " << interface_version
-                  << ", this client " << i2ris::INTERFACE_VERSION << ": take both from one release\n";
+                  << ", this client " << i2ris::INTERFACE_VERSION << ": use the same release for both\n";
         std::exit(3);
     }
     auto config = iox2::Config::global_config().to_owned();

@@ -1,4 +1,4 @@
-//! Bytes of a serial line: the frame parser, and everything that reads a reply. A frame behind the
+//! Bytes of a serial line: the frame parser, and everything that reads a reply. A frame after the
 //! bytes must be found after a reset.
 #![no_main]
 

@@ -10,8 +10,8 @@ use i2ris::units::Nanos;
 /// Time between two attempts to find a process: it costs reading a folder.
 const RETRY: Nanos = Nanos::from_millis(1000);
 
-/// As "i2ris calibrate collect, process 12, user 1000": what a program of many commands does says
-/// more than its name.
+/// Name such as "i2ris calibrate collect, process 12, user 1000": for a program of many commands,
+/// the command says more than the program.
 fn name(process: &ClientProcess) -> String {
     let line = fs::read(format!("/proc/{}/cmdline", process.pid)).unwrap_or_default();
     let words = line.split(|byte| *byte == 0).skip(1).map(String::from_utf8_lossy);
@@ -39,7 +39,7 @@ impl Commander {
         Self { domain: domain.clone(), found: None, next: Nanos::ZERO }
     }
 
-    /// Program, process id and user of the holder; `None`: nobody, or not known.
+    /// Program, process id and user of the holder; `None`: no holder, or unknown.
     pub fn name(&mut self, state: Option<&OperatingStateMsg>, now: Nanos) -> Option<String> {
         let state = state.filter(|state| state.lease_client_id != 0)?;
         let (boot, client) = (state.boot_id, state.lease_client_id);

@@ -8,7 +8,7 @@ use i2ris_report::view::{LatestMessages, State, View};
 use super::event_log::EventLog;
 use super::history::History;
 
-/// What text and web page show.
+/// Content of text and web page.
 #[derive(Debug, Clone, Default)]
 pub struct Dashboard {
     /// Kept when the controller ends, and stale then.
@@ -17,7 +17,7 @@ pub struct Dashboard {
     pub warnings: Vec<ReasonMsg>,
     /// The process that holds the lease, if it is known.
     pub commander: Option<String>,
-    /// Why the controller is not reachable, if it is not.
+    /// Reason why the controller is not reachable, if it is not.
     pub problem: Option<String>,
     pub history: History,
     pub event_log: EventLog,
@@ -25,7 +25,7 @@ pub struct Dashboard {
 }
 
 impl Dashboard {
-    /// What people see of the robot.
+    /// View of the robot for people.
     pub fn view(&self, now: Nanos) -> View {
         let view = View::new(&self.messages, now);
         let commander = self.commander.clone();

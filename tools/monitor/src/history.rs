@@ -7,7 +7,7 @@ use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState};
 use i2ris::units::{MAX_MOTORS, Nanos};
 use i2ris_report::view::{LatestMessages, Pair, STALE, angles, count};
 
-/// Time between samples: enough for a plot, and a small part of the rate of the streams.
+/// Time between samples: enough for a plot, and much slower than the streams.
 pub const SAMPLE_PERIOD: Nanos = Nanos::from_millis(40);
 /// Length of the history.
 pub const SPAN: Nanos = Nanos::from_millis(30_000);
@@ -21,7 +21,7 @@ const MAX_PENDING: usize = 16;
 pub struct Sample {
     /// Time of the sample.
     pub stamp: Nanos,
-    /// When the encoders were read.
+    /// Time at which the encoders were read.
     pub read: [Nanos; MAX_MOTORS],
     pub goal: Pair,
     pub setpoint: Pair,
@@ -39,7 +39,7 @@ pub struct Sample {
 /// Angles from a camera, with the encoder positions at the same instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFrame {
-    /// When the frame was taken.
+    /// Exposure of the frame.
     pub stamp: Nanos,
     /// Degrees.
     pub angles: [f64; 2],
@@ -115,8 +115,8 @@ impl History {
         self.frames.push(CameraFrame { stamp: camera.stamp(), angles, counts });
     }
 
-    /// The encoder position of a motor at an instant, between two readings of it; `None` where
-    /// there is a gap.
+    /// The encoder position of a motor at an instant, interpolated between two readings; `None` in
+    /// a gap.
     fn counts_at(&self, motor: usize, instant: Nanos) -> Option<f64> {
         let reading =
             |sample: &Sample| Some((*sample.read.get(motor)?, *sample.counts?.get(motor)?));
@@ -157,7 +157,7 @@ fn sample(view: &LatestMessages, now: Nanos) -> Sample {
     }
 }
 
-/// When the encoders were read. An absent motor counts as read now.
+/// Times at which the encoders were read. An absent motor counts as read now.
 fn readings(motors: &ActuatorState, now: Nanos) -> [Nanos; MAX_MOTORS] {
     let mut read = motors.measured_stamp_ns.map(Nanos);
     read.iter_mut().skip(count(motors.count)).for_each(|read| *read = now);
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_in_a_gap_has_no_counts_and_an_invalid_frame_is_dropped() {
+    fn invalid_frames_and_frames_in_gaps_get_no_counts() {
         let mut history = History::default();
         history.add_frame(&ExternalPosition { flags: 0, ..camera(900) });
         history.add_frame(&camera(900));

@@ -1,4 +1,4 @@
-//! Why a controller that is not there any more has ended, and where its records are.
+//! Reason why a controller that is no longer running ended, and the place of its records.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,7 @@ use i2ris::ipc::Domain;
 use i2ris::process::run_log::FILE;
 use serde_json::Value;
 
-/// A sentence about the last run of a domain, if it has not ended in order.
+/// A sentence about the last run of a domain, if it has not ended cleanly.
 pub fn sentence(domain: &Domain) -> Option<String> {
     let (boot_id, folder) = domain.last_run()?;
     let (run, log) = (format!("{boot_id:016x}"), folder.join(FILE));
@@ -18,7 +18,7 @@ pub fn sentence(domain: &Domain) -> Option<String> {
     let time = field("time")?;
     let how = match field("outcome") {
         Some(outcome) => format!("ended at {time}: {outcome}"),
-        None => format!("was killed or has crashed after {time}"),
+        None => format!("was killed or crashed after {time}"),
     };
     let reason = field("reason").map(|it| format!(", the last reason was `{it}`"));
     // Names begin with the time.

@@ -2,7 +2,7 @@
 
 use i2ris_report::view::{Age, ControlLoop, Motor, NOTHING, Pose, Span, State, View, Why};
 
-/// Why it does not move: two lines each.
+/// Reasons why it does not move: two lines each.
 pub fn reasons(view: &View) -> Vec<String> {
     let is_free = view.state.is_some() && view.why.iter().all(|why| why.age_s.is_some());
     let state = view.state.as_ref();
@@ -11,12 +11,12 @@ pub fn reasons(view: &View) -> Vec<String> {
         None => vec![NOTHING.to_owned()],
         Some(holder) => vec![
             format!("nothing keeps the robot from moving: it follows {holder}"),
-            "  do: wait for its end, or end it, before another program commands".to_owned(),
+            "  action: wait for its end, or end it, before another program commands".to_owned(),
         ],
     });
     let lines = view.why.iter().flat_map(|Why { text, advice, age_s, .. }| {
         let age = age_s.map(|age| format!(", {age:.1} s ago")).unwrap_or_default();
-        [format!("{text}{age}"), format!("  do: {advice}")]
+        [format!("{text}{age}"), format!("  action: {advice}")]
     });
     nothing.into_iter().flatten().chain(lines).collect()
 }
@@ -184,7 +184,7 @@ mod tests {
                 lease_client_id: 0xabc,
                 accepted: 400,
                 refused: 3,
-                last_refusal: Refusal::Step.number(),
+                last_refusal: Refusal::StepTooLarge.number(),
                 state: OperatingState::Enabled.number(),
                 flags: OperatingStateMsg::HOMED | OperatingStateMsg::MODEL,
                 ..OperatingStateMsg::default()
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_is_not_invented() {
+    fn unknown_values_are_not_invented() {
         let nothing = LatestMessages::default();
         let lines = ["state      not received yet", "loop       not received yet"];
         assert_has(&text(&nothing, NOW), &lines);
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn the_fault_and_a_fresh_refusal_are_reported_with_what_to_do() {
+    fn fault_and_fresh_refusal_are_shown_with_advice() {
         let reason = |cause, measurement| ReasonMsg::new(&Reason { cause, measurement }, 0, NOW);
         let measurement =
             Some(Measurement::new(Quantity::Milliseconds, 612.0, Some(200.0)).of_motor(1));
@@ -297,9 +297,9 @@ mod tests {
         assert_has(
             &text(&messages, NOW),
             &[
-                "fault 2: a drive does not answer (motor 1: 612.0 ms, limit 200.0 ms)\n  do: check \
+                "fault 2: a drive does not answer (motor 1: 612.0 ms, limit 200.0 ms)\n  action: check \
                  cable",
-                "refusal 4: another client holds the lease, 0.0 s ago\n  do: end",
+                "refusal 4: another client holds the lease, 0.0 s ago\n  action: end",
             ],
         );
         let later = text(&messages, NOW + Nanos::from_millis(6000));

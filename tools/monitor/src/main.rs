@@ -1,19 +1,19 @@
-//! `i2ris status`: why the robot does not move and the streams of the controller: as text, once or
-//! every second, or as a web page.
+//! `i2ris status`: shows why the robot does not move, and the streams of the controller: as text,
+//! once or every second, or as a web page.
 //!
 //! | part | does |
 //! |---|---|
 //! | `subscriptions` | subscribes to every stream; it only reads |
-//! | `dashboard` | what is known, and the one view of it that everything below draws |
+//! | `dashboard` | all known data, and the view that the parts below display |
 //! | `history`, `event_log` | last seconds, last events |
 //! | `commander` | name of the process that commands |
-//! | `last_run` | why a controller has ended that is not there any more |
+//! | `last_run` | reason why a controller that is no longer running ended |
 //! | `lines` | lines of text |
-//! | `status` | reasons with what to do, and everything else, once or every second |
+//! | `status` | reasons with advice, and everything else, once or every second |
 //! | `web` | the page; it holds a dashboard and no client |
 //!
-//! The control loop notices none of it: a subscriber that is slow loses the oldest messages, and
-//! the loop never waits.
+//! The control loop is not affected: a slow subscriber loses the oldest messages, and the loop
+//! never waits.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 mod commander;
@@ -32,19 +32,19 @@ use clap::Parser;
 use i2ris::units::Nanos;
 use i2ris_report::{DomainOption, Failure};
 
-/// Say why the robot does not move, and what to do; watch it
+/// Show why the robot does not move, and what to do
 #[derive(Debug, Parser)]
 #[command(name = "i2ris-status", bin_name = "i2ris status", version, propagate_version = true)]
 #[command(after_help = "Examples:
   i2ris status                      why it does not move, what to do, and everything once
   i2ris status --watch              the same every second; `i2ris stop` stops the robot
-  i2ris status --web                a read-only page: http://127.0.0.1:8765/
+  i2ris status --web                a read-only page: http://127.0.0.1:8766/
   i2ris status --web 8080           the same on another port
 
-What keeps the robot from moving now comes first, then the last refusals, stops and clips with their \
-age. Two lines each: code, sentence, measured value and limit; and what to do.
+The reasons that prevent motion now come first, then the last refusals, stops and clips with their \
+age. Two lines each: code, sentence, measured value and limit; and the action.
 
-Exit codes: 0 ended as asked, 2 wrong arguments, 3 no controller (except --web, which waits for \
+Exit codes: 0 ended normally, 2 wrong arguments, 3 no controller (except --web, which waits for \
 one).")]
 struct Arguments {
     #[command(flatten)]
@@ -55,7 +55,7 @@ struct Arguments {
     /// Print the same every second, until Ctrl-C
     #[arg(long, conflicts_with = "web")]
     watch: bool,
-    /// With --watch or --web: end after this time instead of with Ctrl-C
+    /// With --watch or --web: stop after this many seconds instead of on Ctrl-C
     #[arg(long, value_name = "S")]
     duration_s: Option<f64>,
     /// Serve a read-only page for a browser at PORT, ADDRESS or ADDRESS:PORT

@@ -15,15 +15,15 @@ use super::dashboard::Dashboard;
 use super::subscriptions::{READ_PERIOD, Subscriptions};
 use super::{last_run, lines};
 
-/// Time to wait for a controller that is starting; and while one is watched that was there.
+/// Time to wait for a controller that is starting, or that has gone while it is watched.
 const CONNECT: Nanos = Nanos::from_millis(2000);
 const CONNECT_AGAIN: Nanos = Nanos::from_millis(200);
 /// Time limit for the first messages. Statistics come once a second.
 const FIRST_MESSAGES: Nanos = Nanos::from_millis(1500);
 /// Time for the last messages of `error` and `warning`, which a controller sends to new
-/// subscribers every 50 ms, and for what a recorder says of its trial, twice a second.
+/// subscribers every 50 ms, and for the trial that a recorder publishes, twice a second.
 const LAST_REASONS: Nanos = Nanos::from_millis(700);
-/// From one print to the next.
+/// Time between two prints.
 const PRINT_PERIOD: Nanos = Nanos::from_millis(1000);
 
 /// Waits for a message of every stream that a controller always publishes, then prints.
@@ -47,8 +47,8 @@ pub fn once(domain: &Domain, is_json: bool) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Prints the same every second, until a signal, the end of `span`, or the end of its reader. While
-/// the controller is away it says what [`once`] would fail with.
+/// Prints the same every second, until a signal, the end of `span`, or the end of its reader.
+/// Without a controller, it prints the error of [`once`].
 pub fn watch(domain: &Domain, span: Option<Nanos>) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     let title = title(domain, CONNECT)?;
@@ -60,7 +60,7 @@ pub fn watch(domain: &Domain, span: Option<Nanos>) -> Result<(), Failure> {
         status.refresh(now);
         if now >= next && status.is_ready(now) {
             next = now + PRINT_PERIOD;
-            if !until_closed(screen.print_anew(&status.lines(now)))? {
+            if !until_closed(screen.clear_and_print(&status.lines(now)))? {
                 break;
             }
         }
@@ -87,13 +87,13 @@ fn title(domain: &Domain, timeout: Nanos) -> Result<String, Failure> {
     Ok(format!("i2ris {major}.{minor}.{patch}, domain {domain}, process {pid}, {model}"))
 }
 
-/// What is known, and since when messages come.
+/// Known data, and the time since which messages arrive.
 struct Status {
     domain: Domain,
     subscriptions: Subscriptions,
     dashboard: Dashboard,
     reachable_since: Nanos,
-    /// `None`: of another controller, or of another model.
+    /// Title line; `None`: the controller or its model has changed.
     title: Option<String>,
 }
 
@@ -119,7 +119,7 @@ impl Status {
         }
     }
 
-    /// Whether the first messages are there, or will not come.
+    /// Whether the first messages have arrived, or will not come.
     fn is_ready(&self, now: Nanos) -> bool {
         let waited = now.duration_since(self.reachable_since);
         self.dashboard.problem.is_some()
@@ -132,7 +132,7 @@ impl Status {
         View { why: reasons(messages, warnings, now), ..self.dashboard.view(now) }
     }
 
-    /// Everything; or why there is nothing to say.
+    /// Returns everything, or the reason why nothing is known.
     fn lines(&mut self, now: Nanos) -> Vec<String> {
         let title = match self.title.take() {
             Some(title) => title,

@@ -10,7 +10,7 @@ use i2ris_report::view::LatestMessages;
 use super::commander::Commander;
 use super::dashboard::Dashboard;
 
-/// How often streams are read: their buffers hold 128 messages.
+/// Period of reading the streams: their buffers hold 128 messages.
 pub const READ_PERIOD: Nanos = Nanos::from_millis(20);
 /// Warnings that are kept: as many as a controller sends to a new subscriber.
 const WARNINGS: usize = 16;
@@ -18,7 +18,7 @@ const WARNINGS: usize = 16;
 const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 
-/// All but the operating state, in the order in which the event log has what comes together.
+/// All but the operating state, in the order in which the event log lists simultaneous events.
 const STREAMS: [Stream; 16] = [
     Stream::Actuators,
     Stream::Jaw,
@@ -170,7 +170,7 @@ mod tests {
         assert_eq!(exchanges.rates(&message(1500, 300, 1)), Some([400.0, 800.0]));
         assert_eq!(exchanges.rates(&message(2000, 550, 1)), Some([400.0, 800.0]), "once a second");
         assert_eq!(exchanges.rates(&message(2500, 800, 1)), Some([500.0, 1000.0]));
-        assert_eq!(exchanges.rates(&message(2600, 3, 2)), None, "another controller counts anew");
+        assert_eq!(exchanges.rates(&message(2600, 3, 2)), None, "a new controller counts from 0");
         assert_eq!(exchanges.rates(&message(3600, 103, 2)), Some([100.0, 200.0]));
     }
 }

@@ -1,13 +1,13 @@
 //! The read-only page for a browser.
 //!
-//! That nothing can be done through it is how it is built, not how it is configured. The server
-//! knows one method, GET, and answers from a [`Dashboard`](crate::dashboard::Dashboard), which
-//! holds numbers; no type of the client library is within its reach. The thread that fills the
-//! dashboard subscribes to streams and opens no publisher. What it asks for is the list of models,
-//! by a connection of its own that is closed again.
+//! The page cannot command anything by design, not by configuration. The server supports one
+//! method, GET, and answers from a [`Dashboard`](crate::dashboard::Dashboard), which holds numbers;
+//! it has no access to types of the client library. The thread that fills the dashboard subscribes
+//! to streams and opens no publisher. It requests only the list of models, by a separate connection
+//! that it closes again.
 //!
-//! A browser asks again and again for what is new ([`source`]), so a slow one gets less and a
-//! vanished one costs nothing: the server remembers nothing about any of them.
+//! A browser polls for new data ([`source`]), so a slow one gets less and a vanished one costs
+//! nothing: the server keeps no state about browsers.
 
 mod http;
 mod listen_address;
@@ -31,14 +31,14 @@ use i2ris_report::Failure;
 use i2ris_report::model_poller::ModelPoller;
 use i2ris_report::{Interrupt, Screen, until_closed};
 
-/// Serves until a signal or the end of `span`. Needs no controller: the page says so while there is
+/// Serves until a signal or the end of `span`. Needs no controller: the page reports if there is
 /// none.
 pub fn run(domain: &Domain, address: ListenAddress, span: Option<Nanos>) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     let listener = TcpListener::bind(address.0).map_err(|error| {
         format!(
-            "cannot serve at {}: {error}; is another monitor running there? --web ADDRESS:PORT \
-             chooses another",
+            "cannot serve at {}: {error}; is another monitor running there? choose a different \
+             --web ADDRESS:PORT",
             address.0
         )
     })?;
@@ -47,7 +47,7 @@ pub fn run(domain: &Domain, address: ListenAddress, span: Option<Nanos>) -> Resu
         eprintln!(
             "warning: {address} can be reached from other machines: everyone there can watch, \
              without a password and \
-             without encryption. Nobody can command the robot through it."
+             without encryption. The page cannot command the robot."
         );
     }
     let source = Arc::new(Source::new(domain.name(), clock::now()));

@@ -24,7 +24,7 @@ use nix::pty::{grantpt, posix_openpt, ptsname_r, unlockpt};
 use nix::sys::signal::{Signal, kill};
 
 #[test]
-fn without_a_controller_it_says_so() {
+fn missing_controller_is_reported() {
     let (success, _, error) = Program::run(&unique_domain(), &["status", "--watch"]);
     assert!(!success && error.contains("no controller serves domain"), "{error}");
 }
@@ -50,7 +50,7 @@ fn without_options_it_shows_everything_once() {
 }
 
 #[test]
-fn watching_prints_the_same_text_every_second_until_the_time_is_over() {
+fn watching_prints_the_same_text_every_second() {
     let controller = Controller::enabled();
     let (success, once, error) = Program::run(&controller.domain, &["status"]);
     assert!(success, "{error}");
@@ -66,7 +66,7 @@ fn watching_prints_the_same_text_every_second_until_the_time_is_over() {
 }
 
 #[test]
-fn watching_ends_well_with_ctrl_c_and_with_its_reader() {
+fn watching_ends_cleanly_with_ctrl_c_and_with_its_reader() {
     let controller = Controller::enabled();
     let mut interrupted = Program::start(&controller.domain, &["status", "--watch"]);
     let mut lines = BufReader::new(interrupted.child().stdout.take().unwrap()).lines();
@@ -81,7 +81,7 @@ fn watching_ends_well_with_ctrl_c_and_with_its_reader() {
     drop(deserted.child().stdout.take());
     let (success, _, error) = deserted.end();
     assert!(success && error.is_empty(), "{error}");
-    assert!(controller.robot().asked.is_empty(), "looking asks for nothing");
+    assert!(controller.robot().requested.is_empty(), "watching sends no requests");
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn watching_outlives_a_controller_and_follows_the_next_one() {
     wait_for("state      ENABLED");
     let controller = controller.restart_after(|| {
         let (_, _, error) = Program::run(&domain, &["status"]);
-        // What comes after it names domains of others, which come and go.
+        // The rest names other domains, which come and go.
         wait_for(error.trim_start_matches("error: ").split(';').next().unwrap());
     });
     controller.robot().state = OperatingState::Paused;
@@ -105,7 +105,7 @@ fn watching_outlives_a_controller_and_follows_the_next_one() {
 }
 
 #[test]
-fn on_a_terminal_every_print_takes_the_place_of_the_one_before() {
+fn each_print_on_a_terminal_replaces_the_previous_one() {
     let controller = Controller::enabled();
     let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 40, 100);
     terminal.wait_for("ENABLED");
@@ -117,11 +117,11 @@ fn on_a_terminal_every_print_takes_the_place_of_the_one_before() {
     terminal.assert_restored();
 }
 
-/// Nobody types there any more, and nobody sends a signal.
+/// Without input and without a signal.
 #[test]
-fn a_terminal_that_is_gone_ends_it_without_a_signal() {
+fn closed_terminal_ends_it_without_a_signal() {
     let controller = Controller::enabled();
-    // Closed in every child: one that had it would keep the terminal there.
+    // Closed in every child: an open copy would keep the terminal alive.
     let flags = OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_CLOEXEC;
     let master = posix_openpt(flags).unwrap();
     grantpt(&master).unwrap();

@@ -17,7 +17,7 @@
 - A command that is refused raises ``Refused`` with the reason, also a command of a stream: the next ``servo_jp`` after
   the refusal raises.
 - ``enable``, ``home``, ``move_jp`` and the like return when the controller has accepted them. ``wait()`` of the result
-  returns when they are carried out, and raises when they cannot be: ``Fault``, ``Stopped``.
+  returns when they are carried out, and raises if they cannot be: ``Fault``, ``Stopped``.
 - Send ``servo_jp`` faster than the deadline (default 50 ms), or the robot stops and holds. A stream that was silent for
   half a second after it had moved the snake is refused until ``hold()`` or another state command of this arm.
 - At the end of the ``with`` block, also after an exception, the robot holds and the lease is free. Without ``with``, as
@@ -112,7 +112,7 @@ COMMANDS = {
     "release": 9,
     "hold": 10,
 }
-#: Causes that ``why`` tells.
+#: Number of causes that ``why`` lists.
 WHY = 3
 #: Messages of ``error`` and of ``warning`` that are kept.
 REASONS = 16
@@ -131,7 +131,7 @@ P = TypeVar("P", bound=Payload)
 
 
 class Arm:
-    """A client of the controller of a domain. ``with`` holds and gives the lease back at the end."""
+    """A client of a domain's controller. ``with`` holds and releases the lease at the end."""
 
     def __init__(self, domain: str | None = None, deadline_s: float | None = None, strict: bool = True):
         """
@@ -165,7 +165,7 @@ class Arm:
         of_this_process.add(self)
 
     def after_fork(self) -> None:
-        """In a child of a fork: another client, that has commanded nothing."""
+        """In a child of a fork: a new client that has commanded nothing."""
         self._client_id = secrets.randbits(63) | 1
         self._link.after_fork(self._client_id)
         self._sequence, self._commanded, self._latest, self._kept = 0, False, {}, {}
@@ -213,12 +213,12 @@ class Arm:
         self.close()
 
     def close(self) -> None:
-        """Gives the lease back, if this client commanded: the robot holds. Disconnects."""
+        """Releases the lease, if this client commanded: the robot holds. Disconnects."""
         try:
             if self._commanded:
                 # A command in flight would take the lease again. This is well below its deadline.
                 time.sleep(0.02)
-                # What this client began ends with that. A hold would be for everybody else, too.
+                # Ends the motion of this client. A hold would also stop all other clients.
                 self.state_command("release")
         except (NoController, NoReply, Refused):
             # No controller, or another client holds the lease.
@@ -231,7 +231,7 @@ class Arm:
         """Go to these angles now, rad. Returns the sequence number. Call it repeatedly, from ``setpoint_js`` on.
 
         ``clutch``: the master moves and the snake holds; when the clutch closes, the pose of the master is that of the
-        snake. Raises ``Refused`` after a refusal of a former command, and ``Fault``.
+        snake. Raises ``Refused`` after a refusal of a previous command, and ``Fault``.
         """
         return self._servo(position_rad, clutch)
 
@@ -267,8 +267,8 @@ class Arm:
     def move_jp(self, position_rad: Sequence[float] | np.ndarray) -> Operation:
         """Move to these angles, rad, from rest to rest with limited jerk. ``move_jp(...).wait()`` waits for the end.
 
-        Raises ``OutOfReach``, and nothing moves, for a pose that cannot be reached. A move in progress gives way to
-        the next one of the same client.
+        Raises ``OutOfReach`` without moving for a pose that cannot be reached. The next move of the same client
+        replaces a move in progress.
         """
         if not 1 <= len(position_rad) <= 3:
             raise ValueError("1 to 3 values")
@@ -276,9 +276,9 @@ class Arm:
         return self._move("move_jp", goal, f"{np.degrees(goal).round(2)} deg", goal)
 
     def move_cp(self, place_m: Sequence[float] | np.ndarray) -> Operation:
-        """As ``move_jp``, to where the tip is nearest to a place: x, y and z at the base, m.
+        """As ``move_jp``, to the pose whose tip is nearest to a position: x, y and z at the base, m.
 
-        Raises ``OutOfReach``, and nothing moves, if that is farther than 0.1 mm.
+        Raises ``OutOfReach`` without moving if that is farther than 0.1 mm.
         """
         if len(place_m) != 3:
             raise ValueError("3 values")
@@ -299,7 +299,7 @@ class Arm:
         return Operation(self, name, "move", boot_id, goal)
 
     def enable(self) -> Operation:
-        """Drives on; the robot holds. Raises ``Refused`` while it is not homed. Starting drives are waited for.
+        """Drives on; the robot holds. Raises ``Refused`` while it is not homed. Waits for starting drives.
         A robot that is ENABLED stays so, so that a script can be run again.
         """
         state = self.operating_state()
@@ -322,7 +322,7 @@ class Arm:
     def home(self, *, straightened: bool = False) -> Operation:
         """The present pose becomes the zero (where no hard stop is configured).
 
-        `straightened=True` says that a person has straightened the snake.
+        `straightened=True` confirms that a person has straightened the snake.
         """
         if not straightened:
             raise ValueError("home() makes the present pose the zero: straighten the snake, then home(straightened=True)")
@@ -338,15 +338,15 @@ class Arm:
         return self._operation("condition")
 
     def acknowledge(self) -> Operation:
-        """The operator has seen the fault."""
+        """Acknowledge the fault, after the operator has seen it."""
         return self._operation("acknowledge")
 
     def hold(self) -> str:
-        """Stop and hold until the next command. Returns the state when nothing moves any more."""
+        """Stop and hold until the next command. Returns the state when all motion has stopped."""
         return self._operation("hold").wait(DRIVES_TIMEOUT_S).state
 
     def release(self) -> str:
-        """Give the lease back. Returns the state."""
+        """Release the lease. Returns the state."""
         return self.state_command("release")
 
     def measured_js(self) -> Joints:
@@ -402,7 +402,7 @@ class Arm:
         )
 
     def errors(self) -> list[Reason]:
-        """The last faults, oldest first, also those from before this client came."""
+        """The last faults, oldest first, also those from before this client connected."""
         return self._reasons("i2ris/error")
 
     def warnings(self) -> list[Reason]:
@@ -410,7 +410,7 @@ class Arm:
         return self._reasons("i2ris/warning")
 
     def why(self) -> str:
-        """Why the robot does not move, and what to do: the state, then the last causes, newest first."""
+        """Reasons why the robot does not move, with advice: the state, then the last causes, newest first."""
         state = self.operating_state()
         lines = [repr(self)]
         if state.fault_code:
@@ -423,14 +423,14 @@ class Arm:
             lines.append("paused: resume()")
         camera = self.external_jp()
         if camera is not None and (silent_s := (time.monotonic_ns() - camera.stamp_ns) / 1e9) > 0.5:
-            lines.append(f"the camera is silent: its last frame came {silent_s:.1f} s ago")
+            lines.append(f"the camera is silent: its last frame arrived {silent_s:.1f} s ago")
         if state.taken and not state.lease:
-            lines.append("another client holds the lease: it has to release it, or to be silent")
+            lines.append("another client holds the lease: it has to release it, or stop sending")
         causes = sorted(self.errors() + self.warnings(), key=lambda cause: cause.stamp_ns, reverse=True)
         now = time.monotonic_ns()
         for cause in causes[:WHY]:
             own = " (own command)" if cause.own else ""
-            lines.append(f"{(now - cause.stamp_ns) / 1e9:.1f} s ago{own}: {cause.text}; do: {cause.advice}")
+            lines.append(f"{(now - cause.stamp_ns) / 1e9:.1f} s ago{own}: {cause.text}; action: {cause.advice}")
         return "\n".join(lines)
 
     def record(self, path: str | os.PathLike[str], note: str = "") -> Recording:
@@ -473,7 +473,7 @@ class Arm:
         return Fault(what, state.fault_code, self._measured(FAULT_KIND, state.fault_code))
 
     def _own_refusals(self, message: OperatingStateMsg) -> tuple[int, int]:
-        """Number of refused servo commands of this client, not of another one, and the code of the last refusal."""
+        """Number of refused servo commands of this client alone, and the code of the last refusal."""
         for client, count, code in zip(message.refused_client_id, message.refused_commands, message.refused_reason):
             if count > 0 and client == self._client_id:
                 return count, code
@@ -494,7 +494,7 @@ class Arm:
         return state.state == "ENABLED"
 
     def is_homed(self) -> bool:
-        """Whether every axis knows its zero."""
+        """Whether the zero of every axis is known."""
         state = self.operating_state()
         return state.homed
 
@@ -524,13 +524,13 @@ class Arm:
                 time.sleep(0.05)
 
     def _raise_refusals(self) -> None:
-        """Raises what the controller has refused of this client since its last command."""
+        """Raises refusals of this client since its last command."""
         state = self.operating_state()
         if not self._strict:
             return
         if state.state == "FAULT":
             raise self._fault(state)
-        # The count may have begun anew in between.
+        # The count may have restarted in between.
         before, self._refused = self._refused, state.own_refused
         if self._commanded and state.own_refused not in (0, before):
             code = state.last_refusal_code
@@ -544,10 +544,10 @@ class Arm:
             if wanted(state):
                 return state
             time.sleep(POLL_S)
-        raise TimeoutError(f"the state was not as wanted within {timeout_s} s")
+        raise TimeoutError(f"the robot did not reach the expected state within {timeout_s} s")
 
     def version(self) -> Version:
-        """Version of the controller of the domain."""
+        """Version of the domain's controller."""
         return self._request("i2ris/version", VersionRequest(), Version)
 
     def _next(self) -> int:
@@ -575,7 +575,7 @@ class Arm:
     def _begin(self, service: str, request: Payload, reply: type[P], timeout_s: float) -> Pending[P]:
         port = client(self._link, service, type(request), reply)
         if hasattr(request, "valid_ns"):
-            # What is read later is not carried out: whoever asked has given up.
+            # A request that is read later is not carried out: its client has timed out.
             request.stamp_ns, request.valid_ns = time.monotonic_ns(), int((timeout_s - MARGIN_S) * 1e9)
         return Pending(port.send_copy(request), self._link.refresh, service, reply, timeout_s)
 

@@ -1,4 +1,4 @@
-"""The hysteresis benchmark, version 3: a benchmark of models of tendon hysteresis on emulated snakes of eleven physics.
+"""The hysteresis benchmark, version 3, for models of tendon hysteresis on emulated snakes with eleven physics.
 
     from i2ris import benchmark
 
@@ -12,7 +12,7 @@
 
 Frozen: version, seeds, and the digests of all recordings (``benchmark-3.json``, checked when data are made). The data are
 made on this computer, in seconds; nothing is downloaded. Version 1 had the first eight physics, and no ``joint``. Version 3
-has the limits of a robot as delivered in the inverse task, and slower motions, which they bear: its figures are not those of
+has the default limits of a robot in the inverse task, and slower motions within them: its figures differ from those of
 version 2. The recordings, and so the forward task, are the same in all versions.
 """
 
@@ -34,7 +34,7 @@ import i2ris_native as _native
 from i2ris.model import Model
 
 VERSION = 3
-#: Since when the inverse task is what it is.
+#: Version since which the inverse task is unchanged.
 INVERSE_SINCE = 3
 PHYSICS = (
     "preisach",
@@ -49,19 +49,19 @@ PHYSICS = (
     "creep",
     "vector-friction",
 )
-#: Snakes of ``config/snakes`` by name: no part of the benchmark, and the same with every seed.
+#: Snakes of ``config/snakes`` by name: not part of the benchmark, and the same with every seed.
 NAMED = ("steel", "brass", "multi", "loose")
 SEEDS = (1, 2, 3, 4, 5)
-#: Name: motion of the calibration, and how long it takes, s.
+#: Name: motion of the calibration, and its duration, s.
 PROTOCOLS = {
     "reversals": ("reversals", 300.0),
     "axes": ("axes", 300.0),
     "joint": ("cycles", 300.0),
     "short": ("reversals", 100.0),
 }
-#: Name: deviation of the camera's angles, deg, and how late its stamps are, ms.
+#: Name: deviation of the camera's angles, deg, and delay of its stamps, ms.
 CAMERAS = {"usual": (0.07, 0), "noisy": (0.3, 0), "late": (0.07, 60)}
-#: What is known before the forward task begins, s.
+#: Length of the known window before the forward task, s.
 WINDOW_S = 10.0
 _TEST_S = 60.0
 _TEST_SEED = 500
@@ -70,13 +70,13 @@ Floats = NDArray[np.float64]
 
 
 class Snake:
-    """An emulated snake with motors in front of it: ``Snake("preisach", seed=3)``."""
+    """An emulated snake with motors: ``Snake("preisach", seed=3)``."""
 
     def __init__(self, physics: str, seed: int = 1, aged: bool = False) -> None:
         self._native = _native.Snake(physics, seed, aged)
 
     def step(self, counts: ArrayLike, ticks: int = 1) -> Floats:
-        """So many ticks of a millisecond with these set-points; the true pitch and yaw, deg."""
+        """Runs this many ticks of a millisecond with these set-points; returns the true pitch and yaw, deg."""
         first, second = np.asarray(counts, dtype=np.float64)
         return np.array(self._native.step([first, second], ticks))
 
@@ -110,7 +110,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class Case:
-    """A snake, and how it was recorded."""
+    """A snake and its recording conditions."""
 
     physics: str
     seed: int = 1
@@ -118,7 +118,7 @@ class Case:
     camera: str = "usual"
     #: Judged on the snake after use: gaps grown by 40 %, friction by 25 %, preload less by 30 %. Trained on the new one.
     aged: bool = False
-    #: Keep recordings here; without, they are made when they are needed.
+    #: Folder for recordings; without, they are made when needed.
     folder: str | Path | None = None
 
     def __post_init__(self) -> None:
@@ -129,7 +129,7 @@ class Case:
             ("camera", self.camera, CAMERAS),
         ):
             if value not in known:
-                raise ValueError(f"{what}: `{value}` is none of version {VERSION}: there are {', '.join(map(str, known))}")
+                raise ValueError(f"{what}: `{value}` is not in version {VERSION}; it has {', '.join(map(str, known))}")
 
     @property
     def name(self) -> str:
@@ -154,7 +154,7 @@ class Case:
             expected = digests().get(name)
             found = hashlib.sha256(path.read_bytes()).hexdigest()
             if expected is not None and expected != found:
-                raise RuntimeError(f"{name}: is not the recording of version {VERSION} ({found[:12]}, not {expected[:12]})")
+                raise RuntimeError(f"{name} is not the recording of version {VERSION} ({found[:12]}, not {expected[:12]})")
         return path
 
     def train_path(self) -> Path:
@@ -168,7 +168,7 @@ class Case:
         return Recording.read(self.train_path())
 
     def test(self) -> Recording:
-        """The recording to be judged on: other motion, true angles, and the same for all protocols and cameras."""
+        """The recording for the evaluation: other motion, true angles, and the same for all protocols and cameras."""
         name = f"{self.physics}-{self.seed}-{'aged' if self.aged else 'test'}"
         return Recording.read(self._made(name, "reversals", _TEST_S, 0.0, 0, _TEST_SEED, self.aged))
 
@@ -177,7 +177,7 @@ def cases(
     physics: Iterable[str] = PHYSICS, seeds: Iterable[int] = SEEDS, protocols: Iterable[str] = tuple(PROTOCOLS),
     cameras: Iterable[str] = ("usual",), folder: str | Path | None = None, aged: bool = False,
 ) -> Iterator[Case]:  # fmt: skip
-    """All cases, in order."""
+    """All cases."""
     for name in physics:
         for seed in seeds:
             for protocol in protocols:
@@ -186,7 +186,7 @@ def cases(
 
 
 def digests() -> dict[str, str]:
-    """SHA-256 of the recordings of this version."""
+    """SHA-256 of this version's recordings."""
     path = Path(__file__).with_name(f"benchmark-{VERSION}.json")
     return json.loads(path.read_text()) if path.exists() else {}
 
@@ -209,7 +209,7 @@ def forward(case: Case, predict: Callable[[Floats], ArrayLike]) -> float:
     judged = np.isfinite(test.angles_deg).all(axis=1) & (test.t_s >= WINDOW_S)
     found = np.asarray(predict(test.counts), dtype=np.float64)
     if found.shape != test.angles_deg.shape:
-        raise ValueError(f"predict: gave the shape {found.shape}, and must give {test.angles_deg.shape}")
+        raise ValueError(f"predict: returned the shape {found.shape}, must be {test.angles_deg.shape}")
     gain, offset = linear(case.train())
     straight = test.counts @ gain.T + offset
     return _rms((found - test.angles_deg)[judged]) / _rms((straight - test.angles_deg)[judged])

@@ -61,7 +61,7 @@ def at_times(case: benchmark.Case, model: Model | gmr_direction.DirectionModel) 
 
 
 def of_task(rows: Iterable[Row], task: str) -> list[Row]:
-    """The rows that judge a task as it is now; of several of the same case and method the newest."""
+    """The rows for the present task; of several with the same case and method, the newest."""
     newest: dict[tuple[Any, ...], Row] = {}
     for row in sorted(rows, key=lambda row: row["version"]):
         if task == "forward" or row["version"] >= benchmark.INVERSE_SINCE:
@@ -79,7 +79,7 @@ def shares(rows: Iterable[Row], physics: str, method: str, task: str) -> list[fl
 
 
 def own_seeds(rows: list[Row], method: str) -> str:
-    """What to say of the seeds of a method where they are not those of all rows."""
+    """Note on the seeds of a method if they differ from those of all rows."""
     seeds = {row["seed"] for row in rows if row["method"] == method}
     if not seeds or seeds == {row["seed"] for row in rows}:
         return ""
@@ -87,7 +87,7 @@ def own_seeds(rows: list[Row], method: str) -> str:
 
 
 def table(rows: list[Row], task: str) -> list[str]:
-    """Methods by physics; those of other seeds than the whole table say so."""
+    """Methods by physics; those with different seeds are marked."""
     rows = of_task(rows, task)
     physics = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in rows)]
     methods = list(dict.fromkeys(row["method"] for row in rows)) + ["exact"] * (task == "inverse")
@@ -103,11 +103,11 @@ def table(rows: list[Row], task: str) -> list[str]:
 
 
 def kind(row: Row) -> tuple[str, str, bool]:
-    """Protocol, camera, and whether the snake has aged: each has its own tables."""
+    """Protocol, camera and ageing of the snake: each combination has its own tables."""
     return row["protocol"], row["camera"], row.get("aged", False)
 
 
-#: Columns of the one table, and which rows belong to each: the usual case first, then what makes it harder.
+#: Columns of the one table and their rows: the usual case first, then harder ones.
 CASES = (
     ("300 s", ("reversals", "usual", False)),
     ("100 s", ("short", "usual", False)),
@@ -120,8 +120,8 @@ CASES = (
 
 
 def summary(rows: Iterable[Row]) -> str:
-    """One table: every method in every case, over all physics that it was run on (`of` so many where those are fewer),
-    with the physics where it is worst."""
+    """One table: every method in every case, over all physics that it was run on (`of` their number if not all), with its
+    worst physics."""
     every = list(rows)
     methods = [*dict.fromkeys(row["method"] for row in every), "exact"]
     lines = [f"| task | method | {' | '.join(name for name, _ in CASES)} |", "|---" * (len(CASES) + 2) + "|"]
@@ -171,12 +171,12 @@ def page(rows: Iterable[Row], note: str = "") -> str:
     return "\n".join(lines) + "\n"
 
 
-#: What `best` chooses among.
+#: Families among which `best` chooses.
 FAMILIES = ("linear", "gmr", "gmr-play", "force-balance")
 
 
 def regret(rows: Iterable[Row]) -> list[tuple[float, Row]]:
-    """Error of what `best` took over that of the family that was best in hindsight, largest first, with the row."""
+    """Error of the choice of `best` divided by that of the best family in hindsight, largest first, with the row."""
     cases: dict[tuple[Any, ...], dict[str, Row]] = {}
     for row in of_task(rows, "inverse"):
         cases.setdefault((row["physics"], row["seed"], *kind(row)), {})[row["method"]] = row
@@ -188,7 +188,7 @@ def regret(rows: Iterable[Row]) -> list[tuple[float, Row]]:
     return sorted(found, key=lambda pair: -pair[0])
 
 
-#: Methods of the figure, what they are called there, and their colours.
+#: Methods of the figure, with their names and colours.
 SHOWN = (
     ("linear", "straight line", "#9aa0a6"),
     ("gmr-direction", "GMR by direction, published", "#e08214"),
@@ -198,7 +198,7 @@ SHOWN = (
 
 
 def figure(rows: Iterable[Row]) -> str:
-    """Bars of the inverse task by physics, as SVG that is read on light and on dark."""
+    """Bars of the inverse task by physics, as SVG for light and dark backgrounds."""
     rows = [row for row in of_task(rows, "inverse") if kind(row) == ("reversals", "usual", False)]
     width, height, left, bottom, bar = 880, 314, 46, 250, 18
     names = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in rows)] or benchmark.PHYSICS
@@ -243,11 +243,11 @@ def main() -> None:
     families = ("gmr", "gmr-direction", "prandtl-ishlinskii", "best")
     parser.add_argument("--families", nargs="*", default=families)
     parser.add_argument("--networks", nargs="*", default=(), metavar="NAME=FOLDER")
-    parser.add_argument("--results", nargs="*", type=Path, default=(), help="results of others, as --json writes them")
-    parser.add_argument("--folder", type=Path, help="where recordings are kept")
+    parser.add_argument("--results", nargs="*", type=Path, default=(), help="results of others, in the format of --json")
+    parser.add_argument("--folder", type=Path, help="folder for recordings")
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--page", type=Path)
-    parser.add_argument("--note", default="", help="what to say on the page of this run")
+    parser.add_argument("--note", default="", help="note for the page of this run")
     parser.add_argument("--figure", type=Path)
     arguments = parser.parse_args()
     methods: list[tuple[str, Path | None]] = [(family, None) for family in arguments.families]

@@ -1,13 +1,13 @@
-"""Networks from PyTorch and ONNX to the file that ``i2ris calibrate fit --network FILE`` reads.
+"""Conversion of networks from PyTorch and ONNX to the file for ``i2ris calibrate fit --network FILE``.
 
-Known are dense layers, GRU, LSTM and causal convolution, with tanh, relu, sigmoid and softplus, one after the other.
-Everything else is refused by its name. Nothing of PyTorch or ONNX runs in the controller.
+Supported: dense layers, GRU, LSTM and causal convolution, with tanh, relu, sigmoid and softplus, in sequence. Everything
+else is refused by name. Nothing of PyTorch or ONNX runs in the controller.
 
-A network goes from scaled counts to scaled angles, one step per ``step_counts`` of travel (:func:`i2ris.model.walk`)::
+A network maps scaled counts to scaled angles, one step per ``step_counts`` of travel (:func:`i2ris.model.steps_by_travel`)::
 
     x = (counts - input_centre) * input_scale;   angles_deg = output_scale * y + output_centre
 
-and, where the network has learned what a straight line leaves over, plus ``skip_gain @ (counts - input_centre)``.
+and, if the network has learned the residual of a straight line, plus ``skip_gain @ (counts - input_centre)``.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ import numpy as np
 
 from i2ris_native import ModelError
 
-#: The longest file that is read, bytes.
-LONGEST_FILE = 64 << 20
+#: Maximum size of a file, bytes.
+MAX_FILE_BYTES = 64 << 20
 
 _KINDS = "dense, GRU, LSTM, causal convolution; tanh, relu, sigmoid, softplus"
 
@@ -68,7 +68,7 @@ def _recurrent(kind: str, name: str, w: Any, r: Any, wb: Any, rb: Any) -> dict[s
 
 
 def _activate(layers: list[dict[str, Any]], name: str, activation: str) -> None:
-    """The activation belongs to the layer before; behind a recurrent one it becomes a layer of its own."""
+    """The activation belongs to the previous layer; after a recurrent one it becomes a separate layer."""
     if not layers:
         raise ModelError(f"{name}: an activation of the inputs is not known; begin with one of {_KINDS}")
     last = layers[-1]
@@ -127,7 +127,7 @@ def from_torch(
     unit: str = "deg",
     path: str | Path | None = None,
 ) -> dict[str, Any]:
-    """The network of a ``torch.nn`` module, or of several in order; writes it to ``path`` if one is given.
+    """The network of a ``torch.nn`` module, or of a sequence; writes it to ``path`` if one is given.
 
     Scales that are not given are 0.001 per count and 1 deg.
 
@@ -166,7 +166,7 @@ def from_torch(
         elif isinstance(part, nn.Conv1d):
             needed = (part.kernel_size[0] - 1) * part.dilation[0]
             if part.stride != (1,) or part.groups != 1 or part.padding != (0,) or pad != needed:
-                raise ModelError(f"{name}: is no causal convolution: stride 1, one group, and {needed} zeros padded on the left")
+                raise ModelError(f"{name}: not a causal convolution: stride 1, one group, and {needed} zeros on the left")
             pad = 0
             layers.append(_conv(name, numbers(part.weight), numbers(part.bias), part.dilation[0]))
         elif type(part) in activations:
@@ -197,14 +197,14 @@ def from_onnx(
     path: str | Path | None = None,
 ) -> dict[str, Any]:
     """The network of an ONNX file whose nodes follow one after the other: Gemm, MatMul and Add, GRU, LSTM, Conv with Pad,
-    Tanh, Relu, Sigmoid, Softplus, and what only turns axes (Transpose, Squeeze, Unsqueeze, Reshape, Identity)."""
+    Tanh, Relu, Sigmoid, Softplus, and nodes that only reorder axes (Transpose, Squeeze, Unsqueeze, Reshape, Identity)."""
     import onnx
     from onnx import numpy_helper
     from onnx.reference import ReferenceEvaluator
 
     size = Path(file).stat().st_size
-    if size > LONGEST_FILE:
-        raise ModelError(f"{file}: has {size >> 20} MB; at most {LONGEST_FILE >> 20} MB are read")
+    if size > MAX_FILE_BYTES:
+        raise ModelError(f"{file}: has {size >> 20} MB; at most {MAX_FILE_BYTES >> 20} MB are read")
     graph = onnx.load(str(file)).graph
     known = {tensor.name: numpy_helper.to_array(tensor) for tensor in graph.initializer}
     layers: list[dict[str, Any]] = []
@@ -217,7 +217,7 @@ def from_onnx(
         if node.op_type == "Constant":
             known[node.output[0]] = numpy_helper.to_array(options["value"])
         elif node.op_type in ("Transpose", "Squeeze", "Unsqueeze", "Reshape", "Identity", "Shape", "Gather", "Slice", "Concat", "Cast", "Expand", "ConstantOfShape"):
-            # What is known before anything runs, such as the width of a padding.
+            # Constants, such as the width of a padding.
             if all(name in known for name in node.input if name):
                 values: list[Any] = list(ReferenceEvaluator(node).run(None, {name: known[name] for name in node.input if name}))
                 known.update(zip(node.output, values, strict=True))
@@ -239,7 +239,7 @@ def from_onnx(
             kernel, dilation = weights[0].shape[-1], options.get("dilations", [1])[0]
             left, right = options.get("pads", [0, 0])
             if pad + left != (kernel - 1) * dilation or right or options.get("group", 1) != 1:
-                raise ModelError(f"{name}: is no causal convolution: one group, and zeros padded on the left only")
+                raise ModelError(f"{name}: not a causal convolution: it needs one group, and zeros padded on the left only")
             pad = 0
             layers.append(_conv(name, weights[0], weights[1] if len(weights) > 1 else None, dilation))
         elif node.op_type in activations:
@@ -261,7 +261,7 @@ def _onnx_recurrent(node: Any, name: str, options: dict[str, Any], known: dict[s
         raise ModelError(f"{name}: a {kind} with other directions or activations is not known")
     if kind == "GRU" and not options.get("linear_before_reset", 0):
         raise ModelError(f"{name}: a GRU with linear_before_reset = 0 is not known; PyTorch has 1")
-    # ONNX has update, reset, new and input, output, forget, cell.
+    # Order in ONNX: update, reset, new and input, output, forget, cell.
     order = {"GRU": [1, 0, 2], "LSTM": [0, 2, 3, 1]}[kind]
 
     def gates(rows: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from .payload import StateCommandReply, VirtualFixtureRequest, VirtualFixturesMs
 from .requests import Requests
 from .values import text
 
-#: Name of a kind of region, and the number of its values; a polygon has as many as it needs.
+#: Name and number of values for each kind of region; a polygon uses as many as it needs.
 KINDS = {1: ("circle", 3), 2: ("half-plane", 3), 3: ("ball", 4), 4: ("half-space", 4), 5: ("polygon", 17)}
 ON, OFF, ADD, REMOVE = 1, 2, 3, 4
 
@@ -25,14 +25,14 @@ class Fixture:
     kind: str
     #: rad or m, see ``VirtualFixtureRequest``; a polygon: the number of its corners, then pitch and yaw of each.
     values: np.ndarray
-    #: It counts.
+    #: Whether it is active.
     active: bool
-    #: It limited the goal last.
+    #: Whether it limited the last goal.
     limits: bool
 
 
 class FixtureArm:
-    """The virtual fixtures of an arm. What makes them fewer needs the lease and a robot that follows nobody."""
+    """The virtual fixtures of an arm. Removing them or switching them off needs the lease and a robot that is not following."""
 
     def __init__(self, arm: Requests):
         self._arm = arm
@@ -56,11 +56,11 @@ class FixtureArm:
         return found
 
     def on(self) -> str:
-        """All regions count. Returns the state of the robot; raises ``Refused``."""
+        """Switches all regions on. Returns the state of the robot; raises ``Refused``."""
         return self._request("fixtures on", ON)
 
     def off(self) -> str:
-        """No region counts."""
+        """Switches all regions off."""
         return self._request("fixtures off", OFF)
 
     def remove_added(self) -> str:

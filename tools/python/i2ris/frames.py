@@ -18,7 +18,7 @@ import numpy as np
 MISSING = "file missing"
 UNDECODABLE = "not a whole picture"
 WRONG_SIZE = "wrong size"
-FROZEN = "frozen: identical to the one before"
+FROZEN = "frozen: identical to the previous one"
 SAME_CAMERA = "identical to a picture of the other view"
 OUT_OF_ORDER = "stamp out of order"
 NO_PARTNER = "no picture of the other view at that time"
@@ -93,24 +93,24 @@ def _is_whole(data: bytes) -> bool:
     return data.startswith(b"\xff\xd8") and data.rstrip(b"\0\r\n").endswith(b"\xff\xd9")
 
 
-#: A driver's stamp that is further from the arrival of the frame is of another clock.
+#: A driver's stamp that differs more from the arrival of the frame is from a different clock.
 OLDEST_NS = 2_000_000_000
-#: Stamps of arrivals are later than the exposures by what camera, cable and driver take.
-BY_ARRIVAL = "stamps are those of arrival, later than the exposures: a recording measures by how much (camera_late_s)"
+#: Stamps of arrivals are later than the exposures by the delay of camera, cable and driver.
+BY_ARRIVAL = "stamps are those of arrival, later than the exposures: a recording measures the delay (camera_late_s)"
 
 
 class CameraClock:
-    """When the frames of a camera were exposed, and how many the camera or the computer lost.
+    """Exposures of a camera's frames, and number of frames lost by the camera or the computer.
 
     The V4L2 driver stamps every buffer with the monotonic clock, at the start of its exposure or of its transfer, and
-    OpenCV hands the stamp out as CAP_PROP_POS_MSEC. Where it does not, or the clock is another one, frames have the
-    instant of their arrival, and ``cause`` says why.
+    OpenCV returns the stamp as CAP_PROP_POS_MSEC. If it does not, or the clock differs, frames are stamped on arrival,
+    and ``cause`` has the reason.
     """
 
     def __init__(self, capture):
         self._capture = capture
         self.cause = None if capture.getBackendName() == "V4L2" else f"the backend {capture.getBackendName()} has no stamps"
-        #: Frames that did not come, by the driver's stamps. The arrivals do not tell.
+        #: Number of lost frames, by the driver's stamps; arrivals do not show it.
         self.lost = 0
         self._last = self._period = None
 
@@ -122,13 +122,13 @@ class CameraClock:
             if 0 <= arrived_ns - of_driver <= OLDEST_NS:
                 stamp_ns = of_driver
             else:
-                self.cause = "the stamps of the driver are of another clock"
+                self.cause = "the stamps of the driver are from a different clock"
         if self.cause is None:
             self._count_lost(stamp_ns)
         return stamp_ns
 
     def _count_lost(self, stamp_ns: int) -> None:
-        """A gap of two periods is one lost frame. The period is the shortest that was seen lately."""
+        """A gap of two periods is one lost frame. The period is the shortest recent one."""
         if self._last is not None and stamp_ns > self._last:
             gap = stamp_ns - self._last
             self._period = gap if self._period is None else min(gap, round(1.002 * self._period) + 1)
@@ -137,9 +137,9 @@ class CameraClock:
 
 
 def cameras(devices, clocks=None):
-    """Yields one frame per camera, grabbed right after each other, stamped with the instant of the exposure where the
-    driver tells it. ``clocks`` takes the :class:`CameraClock` of each."""
-    # The V4L2 backend by name: another one that is installed too may come first, and has no stamps.
+    """Yields one frame per camera, grabbed right after each other, stamped with the exposure if the driver reports it.
+    ``clocks`` receives the :class:`CameraClock` of each."""
+    # The V4L2 backend by name: a different one that is also installed may come first, and has no stamps.
     captures = [cv2.VideoCapture(int(device), cv2.CAP_V4L2) for device in devices]
     captures = [it if it.isOpened() else cv2.VideoCapture(int(device)) for it, device in zip(captures, devices)]
     for device, capture in zip(devices, captures):
@@ -164,7 +164,7 @@ def cameras(devices, clocks=None):
 
 
 class FrameCheck:
-    """Checks the frames of one view in order."""
+    """Checks the frames of one view."""
 
     def __init__(self):
         self._size = self._stamp = self._digest = None

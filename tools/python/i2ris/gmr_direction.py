@@ -3,13 +3,13 @@ kind (fit the two branches of the hysteresis, and select one by the sign of the 
 
 The direction of every motor, 1 upwards and -1 downwards, is a further variable of the mixture. There are few combinations of
 directions, so the mixture is conditioned on each of them in advance: every branch is a ``gmr`` model that the controller
-could run. The memory is the last reversal of every motor, and nothing of the loops inside.
+could run. The memory is the last reversal of every motor, without inner loops.
 
-1. The dead-band of a motor, by which it has to move back to have turned, is the one whose directions explain most of the
-   angles: by the error on blocks left out of a ridge regression on cubic monomials of the counts and on every direction times
+1. The dead-band of a motor, the motion after which a reversal counts, is the one whose directions explain most of the
+   angles: by the held-out block error of a ridge regression on cubic monomials of the counts and on every direction times
    the linear ones.
-2. The number of components is chosen by leaving out blocks, and lowered while a branch has no inverse.
-3. Where one motor moves at a time, every motor has a mixture for each of its directions, and the angles are their sum.
+2. The number of components is chosen by cross-validation over blocks, and lowered while a branch has no inverse.
+3. If one motor moves at a time, every motor has a mixture for each of its directions, and the angles are their sum.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from i2ris.benchmark import Case, Floats, Recording, Snake
 from i2ris.benchmark import inverse as benchmark_inverse
 from i2ris.model import Calibration, Model, ModelError
 
-#: Dead-bands that are tried, counts, and the widest one, as a part of the range of the motor.
+#: Dead-bands to try, counts, and the widest one, relative to the range of the motor.
 DEAD_BANDS = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 50.0, 80.0, 120.0)
 _WIDEST = 0.25
-#: Rows by which dead-bands and components are chosen.
+#: Number of rows for the choice of dead-bands and components.
 _ROWS = 3000
 #: Penalties of the ridge regression, relative to the variance of a feature.
 _PENALTIES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
-#: Numbers of components that are tried; more have to lower the square of the error by this part.
+#: Numbers of components to try; more have to lower the square of the error by this part.
 _COMPONENTS = (1, 2, 3, 4, 6, 8, 10)
 _LEAST_GAIN = 0.01
 
 Directions = tuple[int, int]
 Rows = np.ndarray[Any, np.dtype[np.intp]]
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
-#: Of both motors: 0 is not known yet.
+#: Directions of both motors: 0 is unknown.
 _DIRECTIONS: list[Directions] = [(one, other) for one in (0, 1, -1) for other in (0, 1, -1)]
 
 
 class Travel:
-    """The direction of travel of a motor: 0 until it has moved by the dead-band, and then 1 or -1."""
+    """A motor's direction of travel: 0 until it has moved by the dead-band, and then 1 or -1."""
 
     def __init__(self, at: float, dead_band: float) -> None:
         self._dead_band, self._low, self._high, self.direction = dead_band, at, at, 0
@@ -82,7 +82,7 @@ def _blocks(rows: int, count: int) -> list[slice]:
 
 
 def _ridge_error(features: Floats, angles: Floats) -> float:
-    """Mean square error of a ridge regression on blocks left out; the first feature is 1."""
+    """Mean square error of a ridge regression on held-out blocks; the first feature is 1."""
     deviations = features.std(axis=0)
     deviations[deviations < 1e-9] = np.inf
     standard = (features - features.mean(axis=0)) / deviations
@@ -113,7 +113,7 @@ def _left_out_error(counts: Floats, seen: Rows, angles: Floats, dead_bands: Floa
 
 
 def choose_dead_bands(counts: Floats, seen: Rows, angles: Floats) -> Floats:
-    """The best dead-band for both motors together, and then for each by itself."""
+    """The best dead-band for both motors together, and then for each separately."""
     widest = np.maximum(_WIDEST * np.ptp(counts, axis=0), DEAD_BANDS[0])
 
     def best(tried: list[Floats]) -> Floats:
@@ -163,7 +163,7 @@ def regress(mixture: Any, inputs: Floats) -> Floats:
 
 
 def _choose_components(joint: Floats, restarts: int) -> int:
-    """The least number of components that comes near the least error on blocks left out."""
+    """The smallest number of components whose error on held-out blocks is near the minimum."""
     thinned = joint[:: max(-(-len(joint) // _ROWS), 1)]
     errors = []
     for components in _COMPONENTS:
@@ -195,19 +195,19 @@ class DirectionModel:
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        """The family, as a model file names it."""
+        """The family, as named in a model file."""
         return {"family": {"kind": "gmr-direction"}}
 
 
 class Pilot:
-    """The inverse along a motion: with the present directions, or with others where the motion to that turns a motor."""
+    """The inverse along a motion: with the present directions, or with others if the motion turns a motor."""
 
     def __init__(self, model: DirectionModel) -> None:
         self._travels = [Travel(0.0, band) for band in model.dead_bands.tolist()]
         self._trackers = {known: branch.tracker() for known, branch in model.branches.items()}
 
     def advance(self, at: list[float]) -> None:
-        """The motors are there."""
+        """Moves the motors to these counts."""
         for travel, counts in zip(self._travels, at, strict=True):
             travel.advance(counts)
 
@@ -229,7 +229,7 @@ class Pilot:
         return near if first is None else first
 
 
-#: Of the emulator's configuration: limits of the motors per tick of a millisecond, the turning band, deg, and the lead, ticks.
+#: From the emulator's configuration: limits of the motors per tick of a millisecond, the turning band, deg, and the lead, ticks.
 _FASTEST, _ACCELERATION, _BAND, _LEAD = 2.0, 0.16, 0.05, 10
 
 
@@ -240,7 +240,7 @@ class _Follower:
         self.snake = Snake(case.physics, case.seed, case.aged)
         self.pilot = Pilot(model)
         self.at, self.speed, self.held, self.goal = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
-        # Four decaying turns, by which the past is forgotten.
+        # Four decaying turns, which erase the past.
         for share in np.arange(12_000) / 12_000:
             size, turn = 500 * (1 - share) * min(8 * share, 1.0), 8 * np.pi * share
             self._move([float(size * np.sin(turn)), float(size * np.cos(turn))])
@@ -252,7 +252,7 @@ class _Follower:
         self.pilot.advance(whole)
 
     def follow(self, ahead: list[float], goal: list[float]) -> float:
-        """One tick towards where the goal will be; the square of the error of the tip, deg."""
+        """One tick towards the future goal; returns the squared tip error, deg."""
         away = [held - at for held, at in zip(self.held, ahead, strict=True)]
         apart = math.hypot(*away)
         if apart >= _BAND:
@@ -290,9 +290,9 @@ def inverse(case: Case, model: DirectionModel) -> dict[str, dict[str, float]]:
 
 
 def fit(path: str | Path, robot_id: str = "i2ris", restarts: int = 20, components: int | None = None) -> DirectionModel:
-    """Fits it to a recording of two motors and two angles in the common format, also one of your own; with so many
-    components, or a number that is chosen. Where one motor moves at a time, as published, every motor has a mixture for
-    each direction, and the angles are their sum."""
+    """Fits it to a recording of two motors and two angles in the common format, also your own, with a given or an
+    automatic number of components. If one motor moves at a time, as published, every motor has a mixture for each
+    direction, and the angles are their sum."""
     straight = Calibration("linear", robot_id=robot_id).fit(path)
     file, recording = straight.model_.to_dict(), Recording.read(path)
     usable: Flags = np.asarray(np.isfinite(recording.angles_deg).all(axis=1))
@@ -326,7 +326,7 @@ def fit(path: str | Path, robot_id: str = "i2ris", restarts: int = 20, component
     if components is not None:
         return model(*joint(rows[usable[rows]]), components)
 
-    # As the families are fitted: components chosen on three quarters of the rows, the rest fitted to all of them.
+    # Like the families: components chosen on three quarters of the rows, the rest fitted to all of them.
     held_out = np.zeros(len(rows), dtype=bool)
     for part in _blocks(len(rows), 5):
         size = round(0.25 * (part.stop - part.start))
@@ -337,12 +337,12 @@ def fit(path: str | Path, robot_id: str = "i2ris", restarts: int = 20, component
     return flying(*joint(rows[usable[rows]]), components)[1]
 
 
-#: Components where one motor moves at a time, unless so many are asked for.
+#: Default number of components if one motor moves at a time.
 _STROKES = 12
 
 
 def _moving(counts: Floats) -> Flags:
-    """Which motors move in a row: encoders of those that rest flicker."""
+    """Motors that move in a row: encoders of resting ones flicker."""
     window = np.ones(11)
     ways = [np.convolve(np.abs(np.gradient(column)), window, "same") for column in counts.T]
     return np.column_stack(ways) > 0.1 * np.maximum(*ways)[:, np.newaxis]
@@ -356,7 +356,7 @@ def _of_strokes(recording: Recording, rows: Rows, file: dict[str, Any], restarts
     counts, angles, moving = recording.counts, recording.angles_deg, _moving(recording.counts)
     bands = choose_dead_bands(counts[: rows[-1] + 1], rows, angles[rows])
     along = directions(counts, bands)
-    #: What the other motor gives, by direction: at first where it rests.
+    #: Contribution of the other motor, by direction: at first at rest.
     given = {motor: np.zeros((len(counts), 2)) for motor in (0, 1)}
     parts: dict[tuple[int, int], Any] = {}
     for _ in range(3):

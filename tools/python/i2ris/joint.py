@@ -1,4 +1,4 @@
-"""Pitch and yaw from the angles of both views; the same formulas as ``tools/vision/src/joint.rs``.
+"""Pitch and yaw from the angles of both views; the same formulas as ``tools/vision/src/joint_angles.rs``.
 
 View i shows the bend in the direction phi_i, turned from pitch towards yaw:
 ``tan view_i = cos phi_i tan pitch + sin phi_i tan yaw``.
@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 @dataclass(frozen=True)
 class View:
-    """How one view is turned."""
+    """Orientation of one view."""
 
     axis: str
     reversed: bool = False
@@ -30,7 +30,7 @@ def parse_view(text: str, turn_deg: float = 0.0) -> View:
     """``pitch``, ``yaw``, or with a minus in front where positive bends clockwise in the image."""
     axis = text.removeprefix("-")
     if axis not in ("pitch", "yaw"):
-        raise ValueError(f"{text} is no axis; write pitch, yaw, -pitch or -yaw")
+        raise ValueError(f"{text} is not an axis; write pitch, yaw, -pitch or -yaw")
     return View(axis, text.startswith("-"), turn_deg)
 
 

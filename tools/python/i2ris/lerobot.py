@@ -1,11 +1,11 @@
-"""Data sets for those who train policies, by LeRobot's own writer: v2.1 with LeRobot 0.3, v3.0 with 0.4 and newer.
+"""Data sets for training policies, by LeRobot's own writer: v2.1 with LeRobot 0.3, v3.0 with 0.4 and newer.
 
     i2ris record export STUDY --output tables --pictures
     python -m i2ris.lerobot tables --output set --repo-id lab/reach
 
 An episode is a trial, or the part of one between two gaps. A row is at the exposure of its picture, the state
 interpolated to it; without pictures rows come ``--rate-hz`` times a second. LeRobot takes index / fps for the time of a
-row: ``observation.meta.jitter_s`` is what that is off by. Splits are outcomes.
+row: ``observation.meta.jitter_s`` is the error of that. Splits are outcomes.
 
 Only writing needs LeRobot (``pip install lerobot``).
 """
@@ -28,17 +28,17 @@ from typing import Any
 
 from .payload import ExternalPosition, JointState, TeleopMsg
 
-#: Of every export: what it was made of.
+#: File in every export with its sources.
 MADE_OF = "i2ris-export.json"
 #: Samples further apart are a gap, s.
 GAP_S = 0.11
-#: Stamps that go back further are of another clock, s.
+#: Stamps that decrease by more are from a different clock, s.
 JUMP_S = 1.0
-#: Missing pictures in a row that the next ones stand in for.
+#: Maximum number of missing pictures in a row that are replaced by the next ones.
 MISSING_PICTURES = 4.0
-#: Rates of pictures of two trials that are the same within this share.
+#: Relative tolerance of equal picture rates.
 SAME_RATE = 0.02
-#: In the order of their splits.
+#: Outcomes in the order of their splits.
 SPLITS = {None: "train", "success": "train", "recovery": "recovery", "failure": "failure"}
 
 #: Columns of numbers, with the names of their entries.
@@ -57,12 +57,12 @@ STAMP = "observation.meta.stamp_ns"
 
 
 class DatasetError(Exception):
-    """Why there is no data set."""
+    """Reason why no data set can be written."""
 
 
 @dataclass
 class Series:
-    """Samples over time: times rise."""
+    """Samples over time, with increasing times."""
 
     times: list[float] = field(default_factory=list)
     values: list[Any] = field(default_factory=list)
@@ -83,26 +83,26 @@ class Series:
         return [a + share * (b - a) for a, b in zip(self.values[after - 1], self.values[after])]
 
     def last(self, time: float, default: Any) -> Any:
-        """What was so last."""
+        """Last value before a time."""
         after = bisect_right(self.times, time)
         return self.values[after - 1] if after else default
 
 
 def table(folder: Path, name: str) -> Iterator[dict[str, Any]]:
-    """The rows of a table of an export, none where the recording has none."""
+    """The rows of a table in an export; none if the recording has none."""
     if (text := folder / f"{name}.csv").exists():
         with text.open(newline="", encoding="utf-8") as file:
             yield from csv.DictReader(file)
 
 
 def stamped(folder: Path, name: str) -> Iterator[tuple[float, dict[str, Any]]]:
-    """The rows of a table with their times, without those that come late."""
+    """The rows of a table with their times, without late ones."""
     newest = -math.inf
     for row in table(folder, name):
         time = float(row["t_s"])
         if time < newest - JUMP_S:
             raise DatasetError(
-                f"{folder.name}: stamps of {name} go back by {newest - time:.1f} s: the clock jumped; leave this recording out"
+                f"{folder.name}: stamps of {name} go back by {newest - time:.1f} s: the clock jumped; omit this recording"
             )
         if time > newest:
             newest = time
@@ -114,7 +114,7 @@ def rad(row: dict[str, Any], *names: str) -> list[float]:
 
 
 def tip_m(pitch: float, yaw: float) -> tuple[float, float]:
-    """How far the tip is along yaw and along pitch of the base: twelve rolling joints are two hinges each, 2 R apart."""
+    """Distance of the tip along yaw and along pitch of the base: twelve rolling joints are two hinges each, 2 R apart."""
     radius, link, share = 0.75e-3, 0.1495e-3, 0.5 / 6
     # The chain from its end: a point that every hinge turns and every link moves along z.
     x, y, z = 0.0, 0.0, link - radius
@@ -146,11 +146,11 @@ class Trial:
     camera: Series = field(default_factory=Series)
     fixtures: Series = field(default_factory=Series)
     clutch: Series = field(default_factory=Series)
-    #: What +pitch and +yaw do in the picture, right and up, where a hand was told.
+    #: Directions of +pitch and +yaw in the picture, right and up, if a hand reported them.
     view: list[list[float]] = field(default_factory=lambda: [[0.0, 1.0], [1.0, 0.0]])
     #: Monotonic stamp of t = 0, ns.
     begin_ns: int = 0
-    #: Of each view, times and files.
+    #: Times and files of each view.
     pictures: dict[str, tuple[list[float], list[Path]]] = field(default_factory=dict)
 
     @classmethod
@@ -204,7 +204,7 @@ class Trial:
         }
 
     def picture_rate_hz(self) -> float | None:
-        """Of the first view, gaps left out."""
+        """Picture rate of the first view, without gaps."""
         times = next(iter(self.pictures.values()), ([], []))[0]
         steps = [after - before for before, after in zip(times, times[1:])]
         if not steps:
@@ -213,7 +213,7 @@ class Trial:
         return 1.0 / fmean(step for step in steps if 0.5 < step / usual < 1.5)
 
     def episodes(self, fps: float, views: Sequence[str]) -> list[list[dict[str, Any]]]:
-        """Rows of equal distance in time, as long as there is a state; a gap begins another episode."""
+        """Rows at equal intervals while there is a state; a gap begins a new episode."""
         if not self.estimate.times:
             return []
         period = 1.0 / fps
@@ -259,7 +259,7 @@ def nearest(times: Sequence[float], time: float) -> int:
 
 @dataclass
 class Plan:
-    """What goes into a data set."""
+    """Content of a data set."""
 
     fps: int
     views: list[str]
@@ -275,7 +275,7 @@ class Plan:
 def plan(export: Path, rate_hz: int = 30, without_pictures: bool = False) -> Plan:
     """Reads an export of ``i2ris record export``. Raises ``DatasetError``."""
     if not (export / MADE_OF).exists():
-        raise DatasetError(f"{export}: is no folder of `i2ris record export` (it has no {MADE_OF})")
+        raise DatasetError(f"{export} is not a folder of `i2ris record export` (it has no {MADE_OF})")
     made_of = json.loads((export / MADE_OF).read_text(encoding="utf-8"))
     found = Plan(0, [], [], made_of.get("left_out", []))
     order = list(dict.fromkeys(SPLITS.values()))
@@ -288,8 +288,8 @@ def plan(export: Path, rate_hz: int = 30, without_pictures: bool = False) -> Pla
             found.fps, found.views = fps, views
         elif views != found.views or (fps != found.fps and abs((rate or fps) / found.fps - 1.0) > SAME_RATE):
             raise DatasetError(
-                f"{trial.name} has {words(views, fps)}, others have {words(found.views, found.fps)}: make data sets of them "
-                "apart, or add --without-pictures"
+                f"{trial.name} has {words(views, fps)}, others have {words(found.views, found.fps)}: make separate data sets, "
+                "or add --without-pictures"
             )
         episodes = trial.episodes(found.fps, views)
         if not episodes:
@@ -305,7 +305,7 @@ def words(views: Sequence[str], fps: int) -> str:
 
 
 def features(found: Plan, size: Callable[[Path], tuple[int, int]], images: bool) -> dict[str, dict[str, Any]]:
-    """The columns as LeRobot describes them; ``size`` tells width and height of a picture."""
+    """The columns as LeRobot describes them; ``size`` returns width and height of a picture."""
     numbers = {name: {"dtype": "float32", "shape": (len(names),), "names": names} for name, names in NUMBERS.items()}
     texts = {name: {"dtype": "string", "shape": (1,), "names": None} for name in TEXTS}
     pictures = {}
@@ -317,7 +317,7 @@ def features(found: Plan, size: Callable[[Path], tuple[int, int]], images: bool)
 
 
 def write(found: Plan, output: Path, repo_id: str, images: bool = False) -> str:
-    """Writes a data set into a folder that is not there yet; returns its version. Raises ``DatasetError``."""
+    """Writes a data set into a new folder; returns its version. Raises ``DatasetError``."""
     try:
         import numpy as np
         from lerobot.datasets.lerobot_dataset import LeRobotDataset
@@ -372,18 +372,18 @@ def write(found: Plan, output: Path, repo_id: str, images: bool = False) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m i2ris.lerobot", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("export", type=Path, help="folder of `i2ris record export`")
-    parser.add_argument("--output", type=Path, required=True, help="folder of the data set; must not be there yet")
+    parser.add_argument("--output", type=Path, required=True, help="folder of the data set; must not exist yet")
     parser.add_argument("--repo-id", default="i2ris/trials", help="its name on the hub (default: %(default)s)")
-    parser.add_argument("--rate-hz", type=int, default=30, help="rows per second where there are no pictures (default: %(default)s)")
-    parser.add_argument("--without-pictures", action="store_true", help="leave pictures out")
-    parser.add_argument("--images", action="store_true", help="pictures as they are, and no video")
+    parser.add_argument("--rate-hz", type=int, default=30, help="rows per second without pictures (default: %(default)s)")
+    parser.add_argument("--without-pictures", action="store_true", help="omit pictures")
+    parser.add_argument("--images", action="store_true", help="store single pictures instead of video")
     given = parser.parse_args(arguments)
     is_new = not given.output.exists()
     try:
         found = plan(given.export, given.rate_hz, given.without_pictures)
         version = write(found, given.output, given.repo_id, given.images)
     except BaseException as error:
-        # Whole or not there.
+        # Complete or absent.
         if is_new:
             shutil.rmtree(given.output, ignore_errors=True)
         if not isinstance(error, DatasetError):

@@ -26,7 +26,7 @@ ICEORYX2_VERSION = "0.10.0"
 PROBE_S = 0.02
 
 
-#: What a child of a fork must not use: it belongs to its parent.
+#: Objects that a child of a fork must not use: they belong to its parent.
 of_this_process: weakref.WeakSet[Any] = weakref.WeakSet()
 
 
@@ -43,7 +43,7 @@ class NoController(Exception):
 
 
 class TooManyClients(Exception):
-    """A stream has as many clients as it can have."""
+    """A stream has its maximum number of clients."""
 
 
 class OtherInterface(Exception):
@@ -87,7 +87,7 @@ class Link:
         """Raises OtherInterface for a wheel that the controller does not understand."""
         if installed != ICEORYX2_VERSION:
             raise OtherInterface(
-                f"iceoryx2 {installed} is installed, and interface version {INTERFACE_VERSION} speaks with iceoryx2 "
+                f"iceoryx2 {installed} is installed, but interface version {INTERFACE_VERSION} needs iceoryx2 "
                 f"{ICEORYX2_VERSION}: pip install iceoryx2=={ICEORYX2_VERSION}"
             )
 
@@ -118,8 +118,8 @@ class Link:
             self._pid_file = None
 
     def after_fork(self, client_id: int | None = None) -> None:
-        """In a child of a fork: the next use connects anew, with an identity of its own. What was open stays the
-        parent's; it is never freed here, because that would remove the parent's shared memory.
+        """In a child of a fork: the next use connects again, with a new identity. Open ports stay the parent's; they
+        are never freed here, because that would remove the parent's shared memory.
         """
         for inherited in (self._ports, self._node):
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(inherited))
@@ -165,7 +165,7 @@ class Link:
             self.close()
             raise OtherInterface(
                 f"the controller of domain {self.domain} has interface version {interface}, this package "
-                f"{INTERFACE_VERSION}: take both from one release (install the package of the controller's)"
+                f"{INTERFACE_VERSION}: use the same release for both (install the package of the controller's)"
             )
         return boot
 

@@ -3,8 +3,8 @@
 One ArUco marker (DICT_4X4_250) per view sits on the tip, its upper and lower side along the snake. The direction of
 these two sides in the image, relative to the straight pose, is the bending angle of that view, also while the snake
 bends towards the camera; the other two sides would then be degrees off. No camera matrix is needed. (Angles out of the
-plane, from a narrow lens, are too inaccurate.) The id is checked. Where the marker is not detected the row has no angle: an old
-value is never repeated.
+plane, from a narrow lens, are too inaccurate.) The id is checked. A row without a detected marker has no angle: an old value is
+never repeated.
 
 Writes the columns of ``i2ris vision`` and publishes the same stream.
 """
@@ -23,10 +23,10 @@ from . import frames
 from .joint import View, parse_view, solve
 
 SMALLEST_PX = 28.0
-"""Markers with shorter sides are hardly found in blurred images, and then turned by degrees."""
+"""Markers with shorter sides are rarely found in blurred images, and then rotated by degrees."""
 GOOD = 0.5
-FEWEST_AT_REST = 5
-MOST_SPREAD_DEG = 0.5
+MIN_AT_REST = 5
+MAX_SPREAD_DEG = 0.5
 SQUARE = np.array([-1 - 1j, 1 - 1j, 1 + 1j, -1 + 1j])
 """Corners of a marker that is not turned, in the order of OpenCV; the imaginary part runs down, as in images."""
 
@@ -40,7 +40,7 @@ class Marker:
     side_px: float
     """Its side."""
     quality: float
-    """0 to 1: its size, and how square it is seen. 0.5 or more can be used."""
+    """0 to 1, by its size and its distortion. 0.5 or more can be used."""
     corners: np.ndarray
 
 
@@ -93,7 +93,7 @@ def edge(image: np.ndarray, start: np.ndarray, end: np.ndarray) -> float | None:
     """Direction from ``start`` to ``end``, rad, clockwise as seen, by a line through the edge between them.
 
     Each edge point is where a sharp step would leave the same area under the brightness across; blur does not move it.
-    None where there is no dark side on the right and bright one on the left.
+    None without a dark side on the right and a bright one on the left.
     """
     length = float(np.hypot(*(end - start)))
     along = (end - start) / length
@@ -109,14 +109,14 @@ def edge(image: np.ndarray, start: np.ndarray, end: np.ndarray) -> float | None:
         values = cv2.remap(image, at.astype(np.float32), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         values = values.astype(float)
         tenth = max(2, len(steps) // 10)
-        # The light may change along the edge: straight lines through the levels on both sides of it.
+        # The light may change along the edge: straight lines through the levels on both sides.
         inside, outside = (
             np.polyval(np.polyfit(positions, np.median(part, axis=1), 1), positions)[:, None]
             for part in (values[:, :tenth], values[:, -tenth:])
         )
         if np.min(outside - inside) < 25.0:
             return None
-        # By trapezoids. The function of numpy has another name before 2.0.
+        # By trapezoids. The function of numpy has a different name before 2.0.
         height = (values - inside) / (outside - inside)
         area = (0.5 * (height[:, 1:] + height[:, :-1]) * np.diff(steps)).sum(axis=1)
         found = middle + reach - area
@@ -132,7 +132,7 @@ def edge(image: np.ndarray, start: np.ndarray, end: np.ndarray) -> float | None:
 
 
 def turn(angle: float, reference: float) -> float:
-    """From one angle to another the short way round."""
+    """The difference of two angles, the short way round."""
     return float(np.angle(np.exp(1j * (angle - reference))))
 
 
@@ -146,15 +146,15 @@ class Reference:
 
 def reference(name: str, angles) -> Reference:
     """The straight pose from some images; ValueError if they are too few or moved."""
-    if len(angles) < FEWEST_AT_REST:
-        raise ValueError(f"view {name}: the marker is seen in {len(angles)} images at rest, {FEWEST_AT_REST} are needed")
+    if len(angles) < MIN_AT_REST:
+        raise ValueError(f"view {name}: the marker is seen in {len(angles)} images at rest, {MIN_AT_REST} are needed")
     mean = np.angle(np.mean(np.exp(1j * np.asarray(angles))))
     turns = np.array([turn(angle, mean) for angle in angles])
     middle = np.median(turns)
     half = len(turns) // 2
     drift = abs(np.median(turns[:half]) - np.median(turns[half:]))
     spread = max(1.4826 * np.median(np.abs(turns - middle)), drift)
-    if np.degrees(spread) > MOST_SPREAD_DEG:
+    if np.degrees(spread) > MAX_SPREAD_DEG:
         raise ValueError(f"view {name}: the angle spreads by {np.degrees(spread):.2f} deg at rest; hold the snake still")
     return Reference(float(mean + middle), float(spread))
 
@@ -195,7 +195,7 @@ class Session:
         if self.references:
             return []
         if not self._held:
-            raise ValueError("no image came")
+            raise ValueError("no image arrived")
         for view, name in enumerate(self.names):
             looks = [seen[view][1] for seen in self._held if seen[view] is not None]
             self.references.append(reference(name, [look.angle for look in looks if isinstance(look, Marker)]))
@@ -216,7 +216,7 @@ class Session:
             return {"stamp_ns": stamp, "cause": "; ".join(f"{name}: {cause}" for name, cause in causes)}
         self.good += 1
         turns = [turn(look[1].angle, self.references[view].angle) for view, look in enumerate(seen)]
-        # What a single image scatters by, measured at rest; never better than the corners allow.
+        # Scatter of a single image, measured at rest; never better than the corners allow.
         spreads = [max(r.spread, 0.05 / look[1].side_px) for r, look in zip(self.references, seen)]
         angles, deviations = solve(self.views, turns, spreads)
         return {
@@ -270,7 +270,7 @@ def overlay(image: np.ndarray, look) -> np.ndarray:
 
 
 class LivePicture:
-    """The newest frames beside each other with the detection in them, as a file that any viewer shows."""
+    """The newest frames side by side with their detection, as a file that any viewer shows."""
 
     PERIOD_S = 0.5
 
@@ -289,7 +289,7 @@ class LivePicture:
         if shown:
             rows, columns = shown[0].shape[:2]
             _, data = cv2.imencode(self._path.suffix or ".jpg", np.hstack([cv2.resize(it, (columns, rows)) for it in shown]))
-            # Replaced when whole: a viewer never sees half of it.
+            # Replaced when complete: a viewer never sees a partial file.
             draft = self._path.with_name(self._path.name + ".draft")
             draft.write_bytes(data.tobytes())
             draft.replace(self._path)
@@ -308,7 +308,7 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--rest-s", type=float, default=2.0, help="the images begin at rest for this long")
     options.add_argument("--pair-ms", type=float, default=12.0, help="stamps of a pair differ by no more")
     options.add_argument("--output", "-o", help="CSV file (default: standard output)")
-    options.add_argument("--picture", help="write the newest frames to this image twice a second, with what is found in them")
+    options.add_argument("--picture", help="write the newest frames with their detections to this image twice a second")
     options.add_argument("--publish", action="store_true", help="publish the angles as external/measured_jp; cameras only")
     options.add_argument("--domain", default="i2ris", help="domain of the controller")
     return options
@@ -323,9 +323,9 @@ def run(arguments) -> None:
         raise ValueError("both views show nearly the same axis")
     live = all(source.isdigit() for source in arguments.sources)
     if arguments.publish and not live:
-        raise ValueError("--publish needs images as they are taken: numbers of cameras")
+        raise ValueError("--publish needs live images: numbers of cameras")
     if arguments.publish and count == 1 and views[0].axis == "yaw":
-        raise ValueError("--publish needs pitch: external/measured_jp has no way to say yaw alone")
+        raise ValueError("--publish needs pitch: external/measured_jp cannot carry yaw alone")
     publish = _publisher(arguments.domain) if arguments.publish else lambda row: None
     session = Session(views, arguments.ids, ["top", "side"][:count], int(arguments.rest_s * 1e9))
     to = open(arguments.output, "w") if arguments.output else sys.stdout
@@ -340,14 +340,14 @@ def run(arguments) -> None:
     try:
         for number, group in enumerate(_frames(arguments, live, clocks)):
             if number == 0:
-                _say_clocks(session.names, clocks)
+                _print_clocks(session.names, clocks)
             put(session.take(group))
             picture(group)
         put(session.finish())
     finally:
         _report(session, clocks)
     if session.good == 0:
-        raise ValueError("not one angle could be measured")
+        raise ValueError("no angle could be measured")
 
 
 def _frames(arguments, live: bool, clocks):
@@ -372,21 +372,21 @@ def _publisher(domain: str):
             else:
                 publisher.publish_nothing(row["stamp_ns"])
         except NoController:
-            pass  # It may come.
+            pass  # It may start later.
 
     return publish
 
 
-def _say_clocks(names, clocks) -> None:
+def _print_clocks(names, clocks) -> None:
     for name, clock in zip(names, clocks):
-        of_driver = "stamps are those of the driver"
+        of_driver = "stamps are from the driver"
         words = of_driver if clock.cause is None else f"{clock.cause}: {frames.BY_ARRIVAL}"
         print(f"view {name}: {words}", file=sys.stderr)
 
 
 def _report(session: Session, clocks=()) -> None:
     for name, clock in zip(session.names, clocks):
-        lost = f"{clock.lost} frames lost" if clock.cause is None else "nobody knows whether frames were lost"
+        lost = f"{clock.lost} frames lost" if clock.cause is None else "lost frames are unknown"
         print(f"view {name}: {lost}", file=sys.stderr)
     for name, rest in zip(session.names, session.references):
         print(f"view {name}: rest at {np.degrees(rest.angle):+.3f} deg, spread {np.degrees(rest.spread):.3f} deg",

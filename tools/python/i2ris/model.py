@@ -8,8 +8,8 @@
     counts = model.invert(angles_deg, history=counts)
 
 Times are seconds, angles are degrees, counts are encoder counts. A row of angles that is missing (NaN, None) was not
-measured; it still belongs to the path of the motors. The columns of a frame are found by their names. What is refused
-raises :class:`ModelError` (or ``ValueError``) with a sentence, what is strange is a warning.
+measured; it still belongs to the path of the motors. The columns of a frame are found by their names. Invalid input
+raises :class:`ModelError` (or ``ValueError``) with a sentence; suspicious input gives a warning.
 Networks: :func:`from_torch`, :func:`from_onnx`.
 """
 
@@ -33,7 +33,7 @@ import i2ris_native as _native
 from i2ris_native import ModelError
 from i2ris.convert import from_onnx, from_torch
 
-__all__ = ["Calibration", "Model", "ModelError", "Tracker", "from_onnx", "from_torch", "walk", "write_recording"]
+__all__ = ["Calibration", "Model", "ModelError", "Tracker", "from_onnx", "from_torch", "steps_by_travel", "write_recording"]
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -61,12 +61,12 @@ def _in_order(name: str, values: Any) -> ArrayLike:
     if places[0] == places[1] or not np.isfinite(places).all():
         wanted = "pitch_deg, yaw_deg" if is_angle else "q0_counts, q1_counts"
         shown = "`, `".join(names)
-        raise ValueError(f"{name}: cannot tell which of `{shown}` is which; call them {wanted}, or pass numbers alone")
+        raise ValueError(f"{name}: the meaning of `{shown}` is unclear; call the columns {wanted}, or pass numbers alone")
     return np.asarray(values)[:, np.argsort(places)]
 
 
-def _said(sentence: str, arrays: Path | None = None) -> str:
-    """A sentence of the command line for those who have Python's options, and maybe rows instead of a file."""
+def _in_python_terms(sentence: str, arrays: Path | None = None) -> str:
+    """A sentence of the command line, with the options of Python, and rows instead of lines of a file."""
     if arrays is not None:
         sentence = sentence.replace(str(arrays), "of arrays")
         sentence = re.sub(r"\bline (\d+)", lambda line: f"row {int(line[1]) - 2}", sentence)
@@ -109,20 +109,20 @@ def _recording(t_s: ArrayLike | None, counts: ArrayLike, angles: ArrayLike) -> t
 def write_recording(
     path: str | Path, t_s: ArrayLike | None, counts: ArrayLike, angles_deg: ArrayLike, names: Sequence[str] = ("pitch", "yaw")
 ) -> None:
-    """Writes a recording as ``i2ris calibrate collect`` does: numbers come back to the bit."""
+    """Writes a recording like ``i2ris calibrate collect``: numbers are restored bit for bit."""
     time, counts_table, angles_table = _recording(t_s, counts, angles_deg)
     _native.write_recording(Path(path), time, counts_table, angles_table, list(names[: angles_table.shape[1]]))
 
 
-def walk(counts: ArrayLike, step_counts: float) -> tuple[Floats, NDArray[np.int64]]:
-    """Where a network steps along a path of the motors, and how many steps were taken when each row came.
+def steps_by_travel(counts: ArrayLike, step_counts: float) -> tuple[Floats, NDArray[np.int64]]:
+    """Counts at which a network steps along a path of the motors, and number of steps taken at each row.
 
-    Train on it as the controller runs: a row ``k`` is one more step, to ``counts[k]``, on the hidden state after the
-    first ``taken[k]`` steps, and that step is forgotten again.
+    Train like the controller: a row ``k`` is one more step, to ``counts[k]``, on the hidden state after the first
+    ``taken[k]`` steps; that step is then forgotten.
     """
     if not step_counts > 0:
         raise ValueError(f"step_counts: must be above 0, and is {step_counts}")
-    return _native.walk(_table("counts", counts, (1, 2)), float(step_counts))
+    return _native.steps_by_travel(_table("counts", counts, (1, 2)), float(step_counts))
 
 
 def _print_progress(name: str, share: float) -> None:
@@ -144,8 +144,8 @@ class Model:
     def from_network(
         cls, network: str | Path | dict[str, Any], recording: str | Path, robot_id: str = "i2ris", hold_out: str = "blocks"
     ) -> Model:
-        """A model of a network (:func:`from_torch`, :func:`from_onnx`) and of a recording of the robot: the recording gives
-        hull, deviation and examination. Hold out what the network has not seen."""
+        """A model from a network (:func:`from_torch`, :func:`from_onnx`) and a recording of the robot: the recording gives
+        hull, deviation and examination. Hold out data that the network has not seen."""
         with tempfile.TemporaryDirectory() as folder:
             if isinstance(network, dict):
                 path = Path(folder, "network.json")
@@ -154,7 +154,7 @@ class Model:
             try:
                 return cls(_native.import_network(Path(network), Path(recording), robot_id, hold_out))
             except ModelError as error:
-                raise ModelError(_said(str(error).replace(folder + "/", ""))) from None
+                raise ModelError(_in_python_terms(str(error).replace(folder + "/", ""))) from None
 
     def save(self, path: str | Path) -> None:
         """Writes the model file, all at once."""
@@ -183,9 +183,8 @@ class Model:
     def predict(
         self, counts: ArrayLike, return_std: bool = False, t_s: ArrayLike | None = None
     ) -> Floats | tuple[Floats, Floats]:
-        """Angles along a path of the motors, deg; with ``return_std`` their standard deviations, too, as the regressors
-        of scikit-learn that know theirs. The memory begins with the first row. A snake that creeps needs the times of
-        all rows."""
+        """Angles along a path of the motors, deg; with ``return_std`` also their standard deviations, as for regressors
+        of scikit-learn. The memory begins with the first row. A snake that creeps needs the times of all rows."""
         table = _table("counts", counts, (self._native.motors,))
         spans = []
         if t_s is not None:
@@ -194,7 +193,7 @@ class Model:
                 raise ValueError(f"t_s: has {len(times)} rows, and counts has {len(table)}")
             spans = [np.diff(times, prepend=times[:1]).tolist()]
         elif self._creeps:
-            warnings.warn("t_s: this snake creeps, and without times its angles are those of one that moves at once", stacklevel=2)
+            warnings.warn("t_s: this snake creeps; without times its angles are those of a snake that moves at once", stacklevel=2)
         angles, deviations = self._native.predict(table, *spans)
         return (angles, deviations) if return_std else angles
 
@@ -203,19 +202,19 @@ class Model:
         return any(self.to_dict()["family"].get("balance", {}).get("creep", []))
 
     def invert(self, angles_deg: ArrayLike, history: ArrayLike | None = None) -> Floats:
-        """Whole counts that bring the angles along a trajectory, after a path of the motors. For the limits and filters
-        of the controller use ``i2ris model invert``."""
+        """Whole counts that bring the angles along a trajectory, after a path of the motors. For the limits and filters of
+        the controller use ``i2ris model invert``."""
         past = np.empty((0, self._native.motors)) if history is None else history
         goal = _table("angles_deg", angles_deg, (len(self.outputs),))
         return self._native.invert(goal, _table("history", past, (self._native.motors,)))
 
     def tracker(self, history: ArrayLike | None = None) -> _native.Tracker:
-        """The model with a memory that goes tick by tick."""
+        """The model with a memory that advances tick by tick."""
         past = np.empty((0, self._native.motors)) if history is None else history
         return self._native.tracker(_table("history", past, (self._native.motors,)))
 
     def score(self, counts: ArrayLike, angles_deg: ArrayLike, t_s: ArrayLike | None = None) -> float:
-        """R2 of the angles, as scikit-learn has it: the mean over the outputs. Rows without angles are left out."""
+        """R2 of the angles, as in scikit-learn: the mean over the outputs. Rows without angles are ignored."""
         truth = _table("angles_deg", angles_deg, (len(self.outputs),), missing=True)
         found = self.predict(counts, t_s=t_s)
         if len(found) != len(truth):
@@ -226,8 +225,8 @@ class Model:
         return float(np.mean(1 - errors / spread))
 
     def examine(self) -> dict[str, float]:
-        """What the controller examines: the share of the motion that the inverse misses, and its travel over that of
-        the path."""
+        """Examination by the controller: the share of the motion that the inverse misses, and its travel divided by that
+        of the path."""
         error, travel = self._native.examine()
         return {"error": error, "travel": travel}
 
@@ -245,7 +244,7 @@ Tracker = _native.Tracker
 
 
 class Calibration:
-    """Fits a model to a recording: the options of ``i2ris calibrate fit``, with the manners of scikit-learn.
+    """Fits a model to a recording: the options of ``i2ris calibrate fit``, in the style of scikit-learn.
 
     After :meth:`fit`: ``model_`` (:class:`Model`) and ``report_`` (what was found, as a dictionary).
     """
@@ -289,15 +288,14 @@ class Calibration:
         """Sets options by name."""
         for name, value in params.items():
             if name not in self._NAMES:
-                raise ValueError(f"`{name}` is no option of a calibration: there are {', '.join(self._NAMES)}")
+                raise ValueError(f"`{name}` is not an option of a calibration; options: {', '.join(self._NAMES)}")
             setattr(self, name, value)
         return self
 
     def fit(self, t_s: ArrayLike | str | Path | None, counts: ArrayLike | None = None, angles_deg: ArrayLike | None = None) -> Calibration:
-        """Fits to arrays, or to a recording by its path alone. Ctrl-C ends it.
+        """Fits to arrays, or to a recording by its path alone. Ctrl-C stops it.
 
-        ``t_s`` may be None where nothing has a time; ``counts`` are n rows of 1 or 2 motors, ``angles_deg`` as many of
-        1 or 2 angles.
+        ``t_s`` may be None without times; ``counts`` are n rows of 1 or 2 motors, ``angles_deg`` n rows of 1 or 2 angles.
         """
         if counts is None or angles_deg is None:
             if not isinstance(t_s, str | Path):
@@ -309,10 +307,10 @@ class Calibration:
             return self._fit(path, path)
 
     def _fit(self, path: Path, arrays: Path | None = None) -> Calibration:
-        beside: dict[str, Any] = {}
+        metadata: dict[str, Any] = {}
         if path.with_suffix(".toml").exists():
-            beside = tomllib.loads(path.with_suffix(".toml").read_text())
-        started = beside.get("started_unix_s")
+            metadata = tomllib.loads(path.with_suffix(".toml").read_text())
+        started = metadata.get("started_unix_s")
         at = None if started is None else datetime.fromtimestamp(started, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
         progress = _print_progress if self.progress is True else self.progress or None
         try:
@@ -326,22 +324,22 @@ class Calibration:
                 hold_out=self.hold_out,
                 keep_spikes=self.keep_spikes,
                 force=self.force,
-                robot_id=self.robot_id or beside.get("robot_id", "i2ris"),
+                robot_id=self.robot_id or metadata.get("robot_id", "i2ris"),
                 recorded_at=at,
                 latency=self.remove_latency,
                 progress=progress,
             )
         except ModelError as error:
-            raise ModelError(_said(str(error), arrays)) from None
+            raise ModelError(_in_python_terms(str(error), arrays)) from None
         self.model_, self.report_ = Model(native), json.loads(report)
-        self._text, self._html = _said(text, arrays), html
+        self._text, self._html = _in_python_terms(text, arrays), html
         for warning in self.report_["warnings"]:
-            warnings.warn(_said(warning, arrays), stacklevel=3)
+            warnings.warn(_in_python_terms(warning, arrays), stacklevel=3)
         return self
 
     def _fitted(self) -> Model:
         if not hasattr(self, "model_"):
-            raise ModelError("nothing is fitted yet: call fit first")
+            raise ModelError("not fitted yet: call fit first")
         return self.model_
 
     @overload
@@ -370,7 +368,7 @@ class Calibration:
         self._fitted().save(path)
 
     def report(self, path: str | Path | None = None) -> str:
-        """The report as text; as one HTML file, too, if a path is given."""
+        """The report as text; also as one HTML file if a path is given."""
         self._fitted()
         if path is not None:
             Path(path).write_text(self._html)

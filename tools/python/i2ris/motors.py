@@ -48,7 +48,7 @@ class JawArm:
         self._arm = arm
 
     def servo_jp(self, angle_rad: float) -> int:
-        """Turn it to this angle now, rad. Call it repeatedly, beside a stream of the joints or alone."""
+        """Turn it to this angle now, rad. Call it repeatedly, together with a stream of the joints or alone."""
         self._arm._raise_refusals()
         command = self._arm._stamped(ServoJp, 1)
         command.position[0] = float(angle_rad)

@@ -25,8 +25,8 @@ LETTERS = {"b": BUSY, "e": ENDED, "d": DONE, "x": BROKEN_OFF}
 
 
 def progress(command: str, state: OperatingState) -> str:
-    """What a state says about a command that was accepted before. ``ENDED``: nothing goes on any more, and the effect
-    is not there.
+    """Progress of an accepted command according to a state. ``ENDED``: nothing is in progress, but the effect is not
+    confirmed.
     """
     if state.state not in PROGRESS_STATES:
         return BROKEN_OFF
@@ -45,7 +45,7 @@ class Operation:
         self._ended_ns = 0
 
     def is_done(self) -> bool:
-        """Whether its effect is there. Does not wait. Raises as ``wait`` when something else came instead."""
+        """Whether its effect is confirmed. Does not wait. Raises like ``wait`` if it was interrupted."""
         state = self._arm.operating_state()
         if time.monotonic_ns() - max(state.stamp_ns, self._accepted_ns) > SILENCE_S * 1e9:
             raise NoReply(f"the controller has not reported its state for {SILENCE_S} s; see its log")
@@ -58,7 +58,7 @@ class Operation:
             if state.state == "FAULT":
                 raise self._arm._fault(state, f"{self._name}: ")
             stop = state.broken_off
-            why = f"stop {stop}: {STOPS[stop]}; do: {ADVICE[STOP_KIND, stop]}; " if stop in STOPS else ""
+            why = f"stop {stop}: {STOPS[stop]}; action: {ADVICE[STOP_KIND, stop]}; " if stop in STOPS else ""
             raise Stopped(f"{self._name}: not carried out: {why}the robot is {state.state}")
         if now == DONE and self._is_at_goal():
             return True
@@ -66,7 +66,7 @@ class Operation:
             self._ended_ns = self._ended_ns or time.monotonic_ns()
             limit_s = DRIVES_S if self._command == "disable" else SETTLE_S
             if time.monotonic_ns() - self._ended_ns > limit_s * 1e9:
-                raise Stopped(f"{self._name}: it has ended, and its effect is not known to be there")
+                raise Stopped(f"{self._name}: it ended, but its effect is not confirmed")
         return False
 
     def wait(self, timeout_s: float = 300.0) -> OperatingState:
@@ -74,12 +74,12 @@ class Operation:
         end = time.monotonic() + timeout_s
         while not self.is_done():
             if time.monotonic() > end:
-                raise TimeoutError(f"{self._name}: its effect was not there within {timeout_s} s")
+                raise TimeoutError(f"{self._name}: its effect was not confirmed within {timeout_s} s")
             time.sleep(POLL_S)
         return self._arm.operating_state()
 
     def _is_at_goal(self) -> bool:
-        """A motion that another one has replaced ends away from its goal."""
+        """Whether it is at its goal: a replaced motion ends elsewhere."""
         if self._goal is None:
             return True
         setpoint = self._arm.setpoint_js()

@@ -8,7 +8,7 @@ import ctypes
 from ctypes import c_double, c_int32, c_uint8, c_uint16, c_uint32, c_uint64
 from typing import Any
 
-#: Version of all payloads together. Client and controller have the same.
+#: Common version of all payloads. Client and controller must have the same.
 INTERFACE_VERSION = 7
 
 
@@ -135,7 +135,7 @@ class OperatingStateMsg(Payload):
     AT_REST = 4096
     OFF = 8192
     STOPPED = 16384
-    #: Place of the number of the stop that broke the last activity off.
+    #: Bit position of the stop that interrupted the last activity.
     BROKEN_OFF_SHIFT = 28
     _fields_ = [
         ("sequence", c_uint64),
@@ -170,7 +170,7 @@ class SpanSummary(Payload):
 
 
 class Health(Payload):
-    """``health``, out, once a second: what failed or was lost since the start of the controller."""
+    """``health``, out, once a second: failures and losses since the start of the controller."""
 
     NAME = "I2risHealthV1"
     _fields_ = [
@@ -258,7 +258,7 @@ class EventMsg(Payload):
 
 
 class ReasonMsg(Payload):
-    """``error`` (faults) and ``warning`` (refusals, stops, clips), out: why the robot does not move as asked."""
+    """``error`` (faults) and ``warning`` (refusals, stops, clips), out: reason why the robot does not move as commanded."""
 
     NAME = "I2risReasonV1"
     MEASURED = 1
@@ -283,7 +283,7 @@ class ReasonMsg(Payload):
 
 
 class ReachTarget(Payload):
-    """``reach_target``, between clients: the target that a person shall reach and hold, or follow."""
+    """``reach_target``, between clients: the target to reach and hold, or to follow."""
 
     NAME = "I2risReachTargetV1"
     ENDED = 1
@@ -308,7 +308,7 @@ class ReachTarget(Payload):
 
 
 class TeleopMsg(Payload):
-    """``teleop``, between clients: what a person does with an input device."""
+    """``teleop``, between clients: input of a person with an input device."""
 
     NAME = "I2risTeleopV1"
     OPEN = 1
@@ -330,7 +330,7 @@ class TeleopMsg(Payload):
 
 
 class TrialMsg(Payload):
-    """``trial``, between clients: the trial that is recorded, and its newest mark."""
+    """``trial``, between clients: the trial being recorded, and its newest mark."""
 
     NAME = "I2risTrialV1"
     ENDED = 1
@@ -462,7 +462,7 @@ class VersionRequest(Payload):
 
 
 class Version(Payload):
-    """``version``, reply: identity of the controller of this domain."""
+    """``version``, reply: identity of this domain's controller."""
 
     NAME = "I2risVersionV2"
     _fields_ = [

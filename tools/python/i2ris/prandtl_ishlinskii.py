@@ -5,7 +5,7 @@ the two sums::
 
     v_m = sum_j w_mj play_rj(q_m),      angles = G v + c
 
-The model is a ``gmr-play`` of one component without a residual, so that the controller runs it as any other.
+The model is a ``gmr-play`` of one component without a residual, so that the controller runs it like any other.
 """
 
 from __future__ import annotations
@@ -65,11 +65,11 @@ def fit(path: Path, robot_id: str) -> Model:
         inputs = np.column_stack([sums, np.ones(len(sums))])
         solution = np.linalg.lstsq(inputs, angles, rcond=None)[0]
         gain, offset = solution[:2].T, solution[2]
-        # All weights at once, with the gain as it is.
+        # All weights at once, with the present gain.
         columns = (table[:, None] * gain[None, :, :, None]).reshape(2 * len(table), -1)
         wanted = (angles - offset).reshape(-1)
         found = _not_negative(columns.T @ columns, columns.T @ wanted, weights.reshape(-1)).reshape(weights.shape)
-        # A sum that never rests has an inverse.
+        # A strictly increasing sum has an inverse.
         found[:, 0] = np.maximum(found[:, 0], 0.01 * found.sum(axis=1))
         weights = found / found.sum(axis=1, keepdims=True)
     sums = np.einsum("rmj,mj->rm", table, weights)

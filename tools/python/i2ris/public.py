@@ -1,11 +1,11 @@
-"""Recordings that others have published, by repository, commit and hash. None is shipped with this package.
+"""Recordings published by others, by repository, commit and hash. None is shipped with this package.
 
     from i2ris import public
 
-    recording = public.load("i2ris-circle")       # downloads it once, and says from where
+    recording = public.load("i2ris-circle")       # downloads it once, and prints its source
     recording = public.load("i2ris-circle", file="output_w_angles.csv")     # or a copy of yours
 
-Who uses one is bound by what its owner allows: ``licence`` says what the repository states.
+Its use is bound by the terms of its owner: ``licence`` has the statement of the repository.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ import numpy as np
 
 from i2ris.benchmark import Recording
 
-#: The longest file that is fetched, bytes.
-LONGEST = 64 << 20
+#: Maximum size of a fetched file, bytes.
+MAX_FILE_BYTES = 64 << 20
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where a recording is, and what it is."""
+    """Location and description of a recording."""
 
     repository: str
     commit: str
@@ -56,14 +56,14 @@ SOURCES = {
         "snake_data_sync/output_w_angles.csv",
         "3e5c1ae0e562c2da7910c896b9d1f81940142c92d2d6679e53423ca53342d5f3",
         "none stated",
-        "the robot itself: four turns of a circle of 10 deg at 5 Hz, with two microscopes; no reversals, so no hysteresis to be seen",
+        "the robot itself: four turns of a circle of 10 deg at 5 Hz, with two microscopes; no reversals, so no hysteresis is visible",
         _laboratory,
     ),
 }
 
 
 def load(name: str, file: str | Path | None = None, folder: str | Path = "public-recordings") -> Recording:
-    """A recording: from a copy, from the folder where it was kept before, or from its repository. Another hash is refused."""
+    """A recording: from a copy, from the folder where it was kept before, or from its repository. A different hash is refused."""
     if name not in SOURCES:
         raise ValueError(f"`{name}` is not known: there are {', '.join(SOURCES)}")
     source = SOURCES[name]
@@ -71,10 +71,10 @@ def load(name: str, file: str | Path | None = None, folder: str | Path = "public
     if file is None and not path.exists():
         print(f"{source.url}\nlicence: {source.licence}", flush=True)
         with urllib.request.urlopen(source.url, timeout=30) as answer:
-            content = answer.read(LONGEST)
+            content = answer.read(MAX_FILE_BYTES)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if digest != source.sha256:
-        raise ValueError(f"{path}: is not the file of {source.repository} at {source.commit[:7]} ({digest[:12]}, not {source.sha256[:12]})")
+        raise ValueError(f"{path} is not the file of {source.repository} at {source.commit[:7]} ({digest[:12]}, not {source.sha256[:12]})")
     return source.read(path, digest)

@@ -20,7 +20,7 @@ class Recording:
     def __init__(self, domain: str, path: str | os.PathLike[str], note: str):
         self.path = Path(path).absolute()
         command = ["i2ris", "record", "--domain", domain, "--output", str(self.path)]
-        # In a session of its own: Ctrl-C in a notebook does not end it.
+        # In a separate session: Ctrl-C in a notebook does not end it.
         self._program: subprocess.Popen[str] | None = subprocess.Popen(
             command + (["--note", note] if note else []),
             stdin=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""What the parts of an arm need of it."""
+"""Interface of an arm for its parts."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ POLL_S = 0.001
 
 
 class Pending(Generic[P]):
-    """A request that was sent just now."""
+    """A pending request."""
 
     def __init__(self, sent: Any, refresh: Callable[[], Any], service: str, reply: type[P], timeout_s: float):
         self._sent, self._refresh, self._service, self._reply = sent, refresh, service, reply
         self._timeout_s, self._end = timeout_s, time.monotonic() + timeout_s
 
     def poll(self) -> P | None:
-        """Its reply; None: not yet. Does not wait. Raises ``NoReply``, and ``NoController`` when that has ended."""
+        """Its reply; None: not yet. Does not wait. Raises ``NoReply``, and ``NoController`` if the controller has ended."""
         response = self._sent.receive()
         if response is not None:
             return self._reply.from_buffer_copy(response.payload().contents)

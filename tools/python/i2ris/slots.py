@@ -13,14 +13,14 @@ MODEL_REPLY_TIMEOUT_S = 30.0
 
 
 class Staging:
-    """The controller reads and checks a model file, which takes a tenth of a second. A stream goes on meanwhile."""
+    """The controller reads and checks a model file, which takes a tenth of a second. Streams continue."""
 
     def __init__(self, pending: Pending[ModelReply]):
         self._pending = pending
         self._slots: ModelSlots | None = None
 
     def is_done(self) -> bool:
-        """Whether it is staged. Does not wait. Raises ``Refused`` when the controller does not take it."""
+        """Whether it is staged. Does not wait. Raises ``Refused`` if the controller rejects it."""
         if self._slots is None and (reply := self._pending.poll()) is not None:
             self._slots = _slots(reply)
         return self._slots is not None
@@ -50,7 +50,7 @@ class ModelArm:
 
     def stage(self, path: str | os.PathLike[str], other_drive: bool = False) -> Staging:
         """Lets the controller read and check a model file. The model in use stays in use. Returns at once: ``wait()`` for
-        the models, or ask ``is_done()`` in the loop of a stream. ``other_drive``: also one that was calibrated with other settings of the drives."""
+        the models, or call ``is_done()`` in the loop of a stream. ``other_drive``: also one that was calibrated with other settings of the drives."""
         name = os.fsencode(os.path.abspath(path))
         if len(name) >= 1024:
             raise ValueError(f"{path} is too long a path")

@@ -1,4 +1,4 @@
-"""What the robot says, as values, and its refusals and faults, as exceptions."""
+"""Messages of the robot as values, and its refusals and faults as exceptions."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ class Fault(Exception):
 def _sentence(kind: str, error: Refused | Fault) -> str:
     """The text of every outlet: code, sentence, measured value and limit, what to do."""
     measured = f" ({error.measured})" if error.measured else ""
-    return f"{kind} {error.code}: {error.reason}{measured}; do: {error.advice}"
+    return f"{kind} {error.code}: {error.reason}{measured}; action: {error.advice}"
 
 
 @dataclass(frozen=True)
 class Reason:
-    """Why the robot does not move as asked: a message of ``error`` or ``warning``."""
+    """Reason why the robot does not move as commanded: a message of ``error`` or ``warning``."""
 
     stamp_ns: int
     #: 1 fault, 2 refusal, 3 stop, 4 clip; and the number within its kind.
@@ -73,7 +73,7 @@ class Reason:
 
 
 class Stopped(Exception):
-    """An operation ended before it was carried out: paused, disabled or held by somebody."""
+    """An operation ended before it was carried out: paused, disabled or held by a client."""
 
 
 class OutOfReach(Exception):
@@ -96,7 +96,7 @@ class Joints:
     #: Standard deviation of ``position``; 0 where it is not known.
     deviation: npt.NDArray[Any]
     valid: bool
-    #: The estimate is on the right branch of the hysteresis loop.
+    #: Whether the branch of the hysteresis loop is known.
     memory_known: bool
     #: The goal was outside the calibrated hull.
     clipped: bool
@@ -156,11 +156,11 @@ class OperatingState:
     #: Servo commands of all clients.
     accepted: int
     refused: int
-    #: Why the last servo command of this client was refused; empty if none was.
+    #: Reason why the last servo command of this client was refused; empty if none was.
     last_refusal: str
     #: The same as a number; 0 if none was.
     last_refusal_code: int = 0
-    #: Refused servo commands of this client. Begins anew after a second without one, if others need the place.
+    #: Refused servo commands of this client. Restarts after a second without one, if others need the place.
     own_refused: int = 0
     #: The fault as a number, see ``FAULTS``.
     fault_code: int = 0
@@ -168,10 +168,10 @@ class OperatingState:
     model: bool = False
     #: No setpoint moves.
     at_rest: bool = False
-    #: Every drive says that it has no power.
+    #: Every drive reports that it has no power.
     off: bool = False
-    #: What broke off the last enabling, homing, conditioning cycle or move, or a stream since then, see ``STOPS``;
-    #: 0: it goes on, or came to its end.
+    #: Cause that interrupted the last enabling, homing, conditioning cycle or move, or a stream since then, see
+    #: ``STOPS``; 0: still running, or completed.
     broken_off: int = 0
     #: Identifies this start of the controller.
     boot_id: int = 0
@@ -195,7 +195,7 @@ def text(field: ctypes.Array[c_uint8]) -> str:
 
 
 def measurement(message: ReasonMsg | StateCommandReply) -> str:
-    """What was measured and its limit, as ``src/robot/measurement.rs`` writes it."""
+    """Measured value and limit, in the format of ``src/robot/measurement.rs``."""
     if not message.flags & ReasonMsg.MEASURED:
         return ""
     motor = f"motor {message.motor}: " if message.flags & ReasonMsg.MOTOR else ""

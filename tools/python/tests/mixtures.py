@@ -6,7 +6,7 @@
 
 Full covariances, the best of 20 starts, standardised columns; scikit-learn 1.9.1, numpy 2.4.6.
 Of every table and number of components: the mean log-likelihood per row used for training, nats,
-and the RMS length of the error of the regression on the rows held out.
+and the RMS length of the regression error on the held-out rows.
 """
 
 import json

@@ -16,7 +16,7 @@ USING = markers.detector()
 
 
 def errors(side_px, count=40, **conditions):
-    """Errors in degrees over +-45 degrees, and how many were not found."""
+    """Errors in degrees over +-45 degrees, and number of markers not found."""
     rng = np.random.default_rng(3)
     found, missing = [], 0
     tilt = np.cos(np.radians(conditions.get("tilt_deg", 0.0)))
@@ -44,12 +44,12 @@ def test_accuracy_at_strong_blur_and_noise():
     assert found.std() <= 0.16 and np.abs(found).max() < 1.0, (found.mean(), found.std())
 
 
-def test_a_marker_that_is_bent_towards_the_camera_still_shows_the_angle_of_the_snake():
+def test_marker_bent_towards_the_camera_shows_the_angle():
     found, missing = errors(80, tilt_deg=40.0)
     assert missing == 0 and found.std() <= 0.06 and abs(found.mean()) < 0.03, (found.mean(), found.std())
 
 
-def test_the_id_is_checked_and_what_is_not_seen_is_no_angle():
+def test_wrong_or_missing_marker_gives_no_angle():
     rng = np.random.default_rng(1)
     other = scene.image(14, 10, 80, rng)
     assert markers.find(other, 9, USING) == "marker 9 not seen but [14]"
@@ -153,7 +153,7 @@ def test_one_camera_in_both_views_is_noticed():
     assert any(words == frames.SAME_CAMERA for _, words in session.causes)
 
 
-def test_a_snake_that_moves_at_first_is_no_reference():
+def test_moving_snake_gives_no_reference():
     with pytest.raises(ValueError, match="hold the snake still"):
         run([view[6:] for view in film(24)])
 
@@ -186,7 +186,7 @@ def folder(path, numbers, marker_id=9):
     return path
 
 
-def test_a_folder_says_what_is_missing_and_what_is_broken(tmp_path):
+def test_folder_reports_missing_and_damaged_files(tmp_path):
     path = folder(tmp_path / "top", [3, 4, 6, 7])
     whole = (path / "image_0007.png").read_bytes()
     (path / "image_0007.png").write_bytes(whole[: len(whole) // 2])
@@ -240,7 +240,7 @@ class Driver:
         return self.stamps_ms.pop(0)
 
 
-def test_stamps_are_those_of_the_driver_and_lost_frames_are_counted():
+def test_stamps_come_from_the_driver_and_lost_frames_are_counted():
     exposed = [1000.0, 1033.3, 1066.7, 1166.7, 1200.0]  # two lost between the third and the fourth
     clock = frames.CameraClock(Driver("V4L2", exposed))
     stamps = [clock.stamp_ns(round(1e6 * ms) + 41_000_000) for ms in exposed]
@@ -253,7 +253,7 @@ def test_stamps_are_those_of_the_driver_and_lost_frames_are_counted():
     ("V4L2", -1.0, "another clock"),
     ("FFMPEG", 5000.0, "FFMPEG has no stamps"),
 ])
-def test_without_stamps_of_the_driver_frames_have_those_of_arrival_and_it_is_said(backend, stamp_ms, words):
+def test_missing_driver_stamps_are_replaced_and_reported(backend, stamp_ms, words):
     clock = frames.CameraClock(Driver(backend, [stamp_ms] * 3))
     arrived = [5_000_000_000, 5_033_000_000, 5_066_000_000]
     assert [clock.stamp_ns(at) for at in arrived] == arrived

@@ -14,10 +14,10 @@ np = pytest.importorskip("numpy", reason="numpy is not installed: pip install 't
 pytest.importorskip("i2ris_native", reason="the wheel is not installed: maturin build, pip install")
 
 from i2ris import benchmark, benchmark_table, gmr_direction, prandtl_ishlinskii, public  # noqa: E402
-from i2ris.model import Calibration, Model, ModelError, from_onnx, from_torch, walk, write_recording  # noqa: E402
+from i2ris.model import Calibration, Model, ModelError, from_onnx, from_torch, steps_by_travel, write_recording  # noqa: E402
 
 CLI = os.environ.get("I2RIS_CLI")
-#: Every night: so many recordings, each with all families.
+#: Every night: number of recordings, each with all families.
 RECORDINGS = int(os.environ.get("I2RIS_RECORDINGS", "0"))
 COMPARED = [("gear", 1, family) for family in ("linear", "gmr", "gmr-play")] if not RECORDINGS else [
     (benchmark.PHYSICS[number % len(benchmark.PHYSICS)], 1 + number // len(benchmark.PHYSICS), family)
@@ -51,14 +51,14 @@ def learned(train, layers=None, **changes):
 
 @pytest.mark.skipif(not CLI, reason="I2RIS_CLI does not name the command line")
 @pytest.mark.parametrize(("physics", "seed", "family"), COMPARED)
-def test_the_file_is_byte_for_byte_that_of_the_command_line(physics, seed, family, tmp_path):
+def test_file_equals_that_of_the_command_line(physics, seed, family, tmp_path):
     path = benchmark.Case(physics, seed, "short", folder=tmp_path).train_path()
     options = ["--family", family, "--restarts", "2", "--components", "..3"]
     run = subprocess.run([CLI, "calibrate", "fit", path, "-o", tmp_path / "cli.json", *options], capture_output=True, text=True)
     try:
         Calibration(family, restarts=2, max_components=3).fit(path).save(tmp_path / "wheel.json")
     except ModelError as error:
-        # What one refuses the other does, too, with the same sentence but for what to do.
+        # Both refuse the same, with the same sentence except for the remedy.
         assert run.returncode != 0 and str(error).split(";")[0] in run.stderr, (str(error), run.stderr)
         return
     assert run.returncode == 0, run.stderr
@@ -66,7 +66,7 @@ def test_the_file_is_byte_for_byte_that_of_the_command_line(physics, seed, famil
 
 
 @pytest.mark.skipif(not CLI, reason="I2RIS_CLI does not name the command line")
-def test_an_imported_network_is_byte_for_byte_that_of_the_command_line(case, train, tmp_path):
+def test_imported_network_equals_that_of_the_command_line(case, train, tmp_path):
     """Deviation and range are computed by the network itself: wide and narrow instructions give the same bits."""
     network = tmp_path / "gru.json"
     learned(train, gru(units=37), path=network)
@@ -104,7 +104,7 @@ def test_arrays_lists_integers_frames_and_gaps_give_the_same_model(train, tmp_pa
         (lambda t, c, a: (t, None, None), "path"),
     ],
 )
-def test_what_is_no_recording_is_a_sentence(train, change, sentence):
+def test_invalid_recordings_are_reported_in_a_sentence(train, change, sentence):
     with pytest.raises((TypeError, ValueError), match=sentence) as refused:
         Calibration("linear").fit(*change(train.t_s, train.counts, train.angles_deg))
     assert "\n" not in str(refused.value).strip()
@@ -120,7 +120,7 @@ class Frame:
         return self.values if dtype is None else self.values.astype(dtype)
 
 
-def test_columns_of_frames_are_found_by_name_and_units_are_asked_for(train, recwarn):
+def test_frame_columns_are_found_by_name_with_units(train, recwarn):
     fit = Calibration("linear")
     plain = fit.fit(train.t_s, train.counts, train.angles_deg).model_
     counts = Frame(train.counts[:, ::-1], ["q1_counts", "q0_counts"])
@@ -137,11 +137,11 @@ def test_columns_of_frames_are_found_by_name_and_units_are_asked_for(train, recw
             fit.fit(t_s, counts, angles)
     recwarn.clear()
     fit.fit(1000 * train.t_s, train.counts, np.radians(train.angles_deg))
-    said = " ".join(str(warning.message) for warning in recwarn)
-    assert "if it is in ms; pass seconds" in said and "radians" in said, said
+    raised = " ".join(str(warning.message) for warning in recwarn)
+    assert "if it is in ms; pass seconds" in raised and "radians" in raised, raised
 
 
-def test_no_sentence_names_a_temporary_file_or_an_option_of_the_command_line(train):
+def test_messages_name_no_temporary_files_or_options(train):
     back = train.t_s.copy()
     back[7] = back[6]
     wrapped = np.mod(train.counts, 65536)
@@ -156,7 +156,7 @@ def test_no_sentence_names_a_temporary_file_or_an_option_of_the_command_line(tra
     Calibration("linear").fit(train.t_s, np.unwrap(wrapped, period=65536, axis=0), train.angles_deg)
 
 
-def test_a_tracker_takes_one_finite_number_for_each_motor_and_angle(train):
+def test_tracker_needs_one_finite_number_per_motor_and_angle(train):
     tracker = Calibration("linear").fit(train.t_s, train.counts, train.angles_deg).model_.tracker()
     for values in ([], [1.0], [1.0, 2.0, 3.0], [1.0, np.nan], [np.inf, 1.0]):
         for call in (tracker.advance, tracker.invert):
@@ -171,26 +171,26 @@ def test_options_have_the_manners_of_scikit_learn(train):
     assert Calibration(**fit.get_params()).get_params() == fit.get_params()
     with pytest.raises(ValueError, match="no option"):
         fit.set_params(colour="red")
-    with pytest.raises(ModelError, match="nothing is fitted"):
+    with pytest.raises(ModelError, match="not fitted"):
         fit.predict(train.counts)
-    with pytest.raises(ModelError, match="no family"):
+    with pytest.raises(ModelError, match="not a model family"):
         Calibration("magic").fit(train.t_s, train.counts, train.angles_deg)
     fit.fit(train.t_s, train.counts, train.angles_deg)
     assert fit.model_.to_dict()["robot_id"] == "bench"
     assert fit.score(train.counts, train.angles_deg) > 0.9 and "model id" in fit.report()
 
 
-def test_progress_is_told_and_an_interrupt_ends_a_fit(train):
-    told = []
+def test_progress_is_reported_and_an_interrupt_ends_a_fit(train):
+    calls = []
 
     def stop(name, share):
-        told.append((name, share))
+        calls.append((name, share))
         if share > 0.02:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         Calibration("best", progress=stop).fit(train.t_s, train.counts, train.angles_deg)
-    assert told and all(0 <= share <= 1 for _, share in told)
+    assert calls and all(0 <= share <= 1 for _, share in calls)
 
 
 def test_the_inverse_comes_back_whole_and_tick_by_tick(train, tmp_path):
@@ -213,7 +213,7 @@ def test_the_inverse_comes_back_whole_and_tick_by_tick(train, tmp_path):
         Model.load(tmp_path / "none.json")
 
 
-def test_a_gru_and_a_lstm_and_convolutions_go_through_torch_and_onnx(train, tmp_path):
+def test_gru_lstm_and_convolutions_convert_from_torch_and_onnx(train, tmp_path):
     torch = pytest.importorskip("torch")
     pytest.importorskip("onnx")
     runtime = pytest.importorskip("onnxruntime")
@@ -230,7 +230,7 @@ def test_a_gru_and_a_lstm_and_convolutions_go_through_torch_and_onnx(train, tmp_
                 values = values[0] if isinstance(values, tuple) else values
             return values
 
-    path, taken = walk(train.counts, 20.0)
+    path, taken = steps_by_travel(train.counts, 20.0)
     torch.manual_seed(1)
     gain, offset = benchmark.linear(train)
     recording = tmp_path / "recording.csv"
@@ -304,11 +304,11 @@ def test_networks_that_are_not_known_are_refused_by_name(kind, train):
         learned(train, layers)
 
 
-def test_networks_that_do_not_belong_to_the_recording_are_refused_before_a_model_is_there(case, train, tmp_path):
+def test_networks_of_other_recordings_are_refused_early(case, train, tmp_path):
     path = case.train_path()
     gain, offset = benchmark.linear(train)
     for change, sentence in [
-        ({"skip_gain": np.radians(gain), "output_centre": np.radians(offset)}, "straight line|nonsense"),
+        ({"skip_gain": np.radians(gain), "output_centre": np.radians(offset)}, "straight line|unusable"),
         ({"unit": "rad"}, "unknown variant `rad`"),
         ({"outputs": ("yaw", "pitch")}, "train it on those columns"),
         ({"step_counts": 0.1}, "step_counts"),
@@ -365,12 +365,12 @@ def test_a_snake_that_creeps_asks_for_times(tmp_path):
         content["family"]["balance"]["creep"] = creep
         (tmp_path / "model.json").write_text(json.dumps(content))
         model = Model.load(tmp_path / "model.json")
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as raised:
             warnings.simplefilter("always")
             angles.append(model.predict(counts, t_s=np.arange(50.0)))
-            assert not said
+            assert not raised
             model.predict(counts)
-            assert [str(each.message)[:5] for each in said] == ["t_s: "] * any(creep)
+            assert [str(each.message)[:5] for each in raised] == ["t_s: "] * any(creep)
     assert np.abs(angles[0] - angles[1]).max() > 0.1
 
 
@@ -434,7 +434,7 @@ def test_a_public_recording_is_known_by_its_hash(tmp_path):
         public.load("glue")
     there = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "i2ris" / "output_w_angles.csv"
     if not there.exists():
-        pytest.skip("the recording is not there")
+        pytest.skip("the recording is missing")
     recording = public.load("i2ris-circle", file=there)
     assert recording.counts[0].tolist() == [257, -237] and recording.angles_deg[0, 1] == pytest.approx(-2.5667, abs=1e-4)
     Calibration("linear").fit(recording.t_s, recording.counts, recording.angles_deg)

@@ -1,5 +1,5 @@
-//! What other languages get, written from the code: the payloads as a C++ header; sentence and
-//! advice of every cause, and the effects of commands, as a Python module.
+//! Generated files for other languages: the payloads as a C++ header; text and advice of every
+//! cause, and the effects of commands, as a Python module.
 
 use std::fmt::Write as _;
 
@@ -11,10 +11,10 @@ use i2ris::ipc::payload::{
 use i2ris::ipc::ready::{ICEORYX2_VERSION, INTERFACE_VERSION};
 use i2ris::robot::{Cause, KnownPower, OperatingState, Quantity, StateCommand, Stop};
 
-/// The complete module: sentences and advice by kind and number, and the units.
+/// The complete module: texts and advice by kind and number, and the units.
 pub fn python_reasons() -> String {
     let mut text = String::from(
-        "\"\"\"Why the robot does not move: sentence and advice of every cause, as in \
+        "\"\"\"Why the robot does not move: text and advice of every cause, as in \
          ``src/robot/reason.rs``.\n\n\
          Written by ``cargo run -p i2ris-record --example python_reasons``; a test compares it.\n\
          \"\"\"\n\nfrom __future__ import annotations\n\n",
@@ -38,7 +38,7 @@ pub fn python_reasons() -> String {
     text
 }
 
-/// What the operating state says about a command: a letter for every state and all flags.
+/// Progress of a command by operating state: a letter for every state and all flags.
 fn effects(text: &mut String) {
     use OperatingStateMsg as Msg;
     let all_flags = [
@@ -59,16 +59,16 @@ fn effects(text: &mut String) {
             Progress::Busy => 'b',
             Progress::Ended => 'e',
             Progress::Done => 'd',
-            Progress::BrokenOff(_) => 'x',
+            Progress::Interrupted(_) => 'x',
         }
     };
     let names = all_flags.map(|(name, _)| format!("{name:?}")).join(", ");
     let states = OperatingState::ALL.iter().map(|it| format!("{:?}", it.text()));
     let _ = write!(
         text,
-        "#: What a state says about a command that was accepted before, as in \
-         ``src/ipc/client/effect.rs``: busy, ended\n#: without its effect, done, or broken off (x). \
-         A letter for each state and all combinations of flags, the last\n#: one fastest.\n\
+        "#: Progress of an accepted command by operating state, as in \
+         ``src/ipc/client/effect.rs``: busy, ended without\n#: effect, done, or interrupted (x). \
+         A letter for each state and all combinations of flags, the last one\n#: fastest.\n\
          PROGRESS_STATES = ({})\nPROGRESS_FLAGS = ({names})\nPROGRESS: dict[str, str] = {{\n",
         states.collect::<Vec<_>>().join(", ")
     );
@@ -82,13 +82,13 @@ fn effects(text: &mut String) {
     }
     let _ = writeln!(
         text,
-        "}}\n#: What is known of the power of the drives, by the flag ``off``.\n\
+        "}}\n#: Power of the drives, by the flag ``off``.\n\
          POWER = ({:?}, {:?})\n\
          #: Distance of the setpoint from the goal at which a motion has arrived, deg.\n\
          ARRIVAL_DEG = {:.3}\n\
-         #: The effect is there so long after the robot is no longer busy, or not at all, s; that \
-         of drives that go off.\nSETTLE_S, DRIVES_S = {:?}, {:?}\n\
-         #: A controller that has not reported its state for so long hangs, s.\nSILENCE_S = {:?}",
+         #: Longest time from the end of busy to the effect, s; and the same for drives that power \
+         off.\nSETTLE_S, DRIVES_S = {:?}, {:?}\n\
+         #: A controller that has not reported its state for this time hangs, s.\nSILENCE_S = {:?}",
         KnownPower::NotOff.text(),
         KnownPower::Off.text(),
         ARRIVAL.to_degrees(),
@@ -109,7 +109,7 @@ fn table(text: &mut String, name: &str, kind: u32, value: impl Fn(Cause) -> &'st
     text.push_str("}\n");
 }
 
-/// The complete header. It asserts sizes and offsets, so a compiler with another layout refuses it.
+/// The complete header. It asserts sizes and offsets: a compiler with other layouts rejects it.
 pub fn cpp_header() -> String {
     let mut text = String::from(
         "// The messages of i2ris in shared memory, byte for byte as in src/ipc/payload, where \
@@ -121,8 +121,8 @@ pub fn cpp_header() -> String {
     // Writing to a string cannot fail.
     let _ = write!(
         text,
-        "// The second word of the file `ready`. A controller with another one is of another \
-         release.\n\
+        "// The second word of the file `ready`. A controller with a different one is from a \
+         different release.\n\
          constexpr int INTERFACE_VERSION = {INTERFACE_VERSION};\n\
          // Versions of iceoryx2 refuse each other.\n\
          constexpr const char* ICEORYX2_VERSION = \"{ICEORYX2_VERSION}\";\n\n"

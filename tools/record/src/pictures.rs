@@ -1,5 +1,5 @@
-//! Pictures of cameras as messages, and how late their stamps are against those of the encoders,
-//! measured by the motion of the snake while it is recorded.
+//! Pictures of cameras as messages, and the delay of their stamps relative to those of the
+//! encoders, measured from the motion of the snake while it is recorded.
 
 use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::ExternalPosition;
@@ -36,7 +36,7 @@ impl Picture {
         encoder.finish()
     }
 
-    /// `None` if it is no such message.
+    /// Decodes a message; `None` if it is not a picture.
     pub fn decode(message: &[u8]) -> Option<Self> {
         let body = message.strip_prefix(&ENCAPSULATION)?;
         let number = |at: usize| {
@@ -59,8 +59,8 @@ impl Picture {
 
 /// Encoder positions are kept at this distance.
 const STEP_S: f64 = 0.005;
-/// As long as motion is kept: ten minutes.
-const LONGEST_S: f64 = 600.0;
+/// Time for which motion is kept: ten minutes.
+const MAX_MOTION_S: f64 = 600.0;
 
 /// The motion of a recording, by the encoders and by the camera.
 #[derive(Debug, Default)]
@@ -73,7 +73,7 @@ impl Alignment {
     pub fn add(&mut self, message: &StreamMessage) {
         let time_s = message.stamp().as_seconds();
         let first_s = self.counts.first().map_or(time_s, |first| first.time_s);
-        if time_s - first_s > LONGEST_S {
+        if time_s - first_s > MAX_MOTION_S {
             return;
         }
         let has_room = self.counts.last().is_none_or(|last| time_s - last.time_s >= STEP_S);
@@ -92,7 +92,7 @@ impl Alignment {
         }
     }
 
-    /// `None`: the motion does not show it.
+    /// Returns the latency; `None` if the motion does not show it.
     pub fn measure(&self) -> Option<Latency> {
         let found = estimate_latency(&self.counts, &self.angles, MAX_MOTORS)?;
         found.helps.then_some(found)

@@ -1,5 +1,5 @@
-//! Reads the records of a file one after the other, of complete files, of files that were cut off,
-//! and around damage: a chunk or record that is not whole is left out and counted.
+//! Reads the records of a file in sequence, complete, truncated or damaged: a chunk or record that
+//! is not intact is skipped and counted.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -13,57 +13,53 @@ use mcap::McapError;
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-/// The longest record, bytes. The largest that we write are models and configurations.
-const LONGEST_RECORD: usize = 1 << 28;
+/// Maximum length of a record, bytes. The largest that we write are models and configurations.
+const MAX_RECORD_BYTES: usize = 1 << 28;
 
-/// What is read at once, bytes: a length that is announced is no memory before the file has so
-/// much.
+/// Bytes read at once: a declared length allocates no memory until the file has that many bytes.
 const READ_SIZE: usize = 1 << 20;
 
-/// The kinds of records that anyone here needs: no header, no index.
+/// Kinds of records that are used here: no header, no index.
 const READ: [u8; 6] =
     [op::SCHEMA, op::CHANNEL, op::MESSAGE, op::ATTACHMENT, op::METADATA, op::DATA_END];
 
-/// Bytes before the body of a record: what it is, and its length.
+/// Bytes before the body of a record: its kind and its length.
 const HEAD: u64 = 9;
 
 /// Bytes of a footer with the end of the file.
 const FOOTER: u64 = HEAD + 20 + mcap::MAGIC.len() as u64;
 
-/// Why a file cannot be read, or not to its end.
+/// Reason why a file cannot be read, or not to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// It cannot be opened or read.
+    /// The file cannot be opened or read.
     #[error("cannot read {path}: {source}")]
     Read { path: PathBuf, source: io::Error },
-    /// It is another kind of file.
+    /// Not a recording.
     #[error(
-        "{path} is no recording of `i2ris record` (MCAP): it begins with other bytes; recordings \
+        "{path} is not a recording of `i2ris record` (MCAP): its first bytes differ; recordings \
          of `i2ris calibrate collect` are CSV files, for `i2ris calibrate fit`"
     )]
     Kind { path: PathBuf },
-    /// Its content is not valid MCAP, or ends too early.
-    #[error(
-        "{path}: {source}; if it was cut off, `i2ris record recover` makes a complete file of what \
-         is there"
-    )]
+    /// The content is not valid MCAP, or ends too early.
+    #[error("{path}: {source}; if the file is truncated, `i2ris record recover` repairs it")]
     Format { path: PathBuf, source: McapError },
-    /// Its chunks are compressed with zstd, which is not built in.
+    /// The chunks are compressed with zstd, which is not built in.
     #[error(
         "{path}: nothing is damaged, but its chunks are compressed with zstd, which this program \
          cannot read; `mcap decompress {path} -o NEW.mcap` writes a file that it can"
     )]
     Compressed { path: PathBuf },
-    /// Some of its content is damaged, and all else was read.
+    /// Part of the content is damaged; the rest was read.
     #[error(
-        "{path}: {places} damaged place(s), the first at byte {first} ({source}): {bytes} bytes are \
-         left out, all else was read"
+        "{path}: {places} damaged place(s), the first at byte {first} ({source}): {bytes} bytes \
+         were skipped, the rest was read"
     )]
     Damaged { path: PathBuf, places: u64, bytes: u64, first: u64, source: McapError },
 }
 
 impl ReadError {
-    /// What is wrong, without what to do: for the command that does it.
+    /// Cause without the remedy, for the command that is the remedy.
     pub fn cause(&self) -> String {
         match self {
             Self::Format { source, .. } => source.to_string(),
@@ -71,7 +67,7 @@ impl ReadError {
         }
     }
 
-    /// The failure of a command that took what is there.
+    /// Failure of a command that used the readable part.
     pub fn incomplete(&self) -> Failure {
         let sentence = match self {
             Self::Compressed { .. } => self.to_string(),
@@ -81,23 +77,23 @@ impl ReadError {
     }
 }
 
-/// What is left out of a file.
+/// Skipped parts of a file.
 #[derive(Default)]
 struct Damage {
     places: u64,
     bytes: u64,
-    /// Where the first place is, and what is wrong there.
+    /// Position and error of the first place.
     first: Option<(u64, McapError)>,
-    /// Where the newest place ends.
+    /// End of the newest place.
     end: u64,
 }
 
-/// The records of a file, to the end of its data or to where nothing more is whole.
+/// The records of a file, to the end of its intact data.
 pub struct Records {
     path: PathBuf,
     file: BufReader<File>,
     reader: LinearReader,
-    /// Where the next record of the file begins.
+    /// Position of the next record in the file.
     place: u64,
     /// Records of the newest chunk.
     queue: VecDeque<Record<'static>>,
@@ -109,7 +105,7 @@ pub struct Records {
 fn options() -> LinearReaderOptions {
     LinearReaderOptions::default()
         .with_prevalidate_chunk_crcs(true)
-        .with_record_length_limit(LONGEST_RECORD)
+        .with_record_length_limit(MAX_RECORD_BYTES)
 }
 
 impl Records {
@@ -130,7 +126,7 @@ impl Records {
         })
     }
 
-    /// After the last record: why not all of the file could be read; `None`: it is complete.
+    /// Reason why the file was not read completely, after the last record; `None`: complete.
     pub fn stopped_by(self) -> Option<ReadError> {
         let Damage { places, bytes, first, .. } = self.damage;
         let path = self.path;
@@ -158,7 +154,7 @@ impl Records {
                     };
                     match records {
                         Ok(records) => self.queue.extend(records),
-                        // Another name may be a damaged one.
+                        // An unknown name may be damaged.
                         Err(McapError::UnsupportedCompression(name)) if name == "zstd" => {
                             return Err(ReadError::Compressed { path: self.path.clone() });
                         }
@@ -173,7 +169,7 @@ impl Records {
                     })?);
                 }
                 Err(source) => {
-                    // Where records no longer follow each other, the next whole chunk is searched.
+                    // If records no longer follow each other, search the next intact chunk.
                     let Some(next) = next_chunk(self.file.get_ref(), self.place + 1) else {
                         return Err(ReadError::Format { path: self.path.clone(), source });
                     };
@@ -187,8 +183,8 @@ impl Records {
         }
     }
 
-    /// Counts a damaged place. What channels are may stand in it alone, so it is taken from the
-    /// summary at the end of the file, if there is one.
+    /// Counts a damaged place. It may hold the only definition of a channel, so channels are read
+    /// from the summary at the end of the file, if there is one.
     fn leave_out(&mut self, place: u64, length: u64, error: McapError) {
         if self.damage.first.is_none() {
             self.queue.extend(channels_of_summary(self.file.get_ref()));
@@ -233,7 +229,7 @@ fn channels_of_summary(file: &File) -> Vec<Record<'static>> {
         let mut footer = [0; FOOTER as usize];
         file.read_exact_at(&mut footer, end).ok()?;
         let begin = u64::from_le_bytes(*footer.get(HEAD as usize..)?.first_chunk()?);
-        let length = end.checked_sub(begin).filter(|length| *length <= LONGEST_RECORD as u64)?;
+        let length = end.checked_sub(begin).filter(|length| *length <= MAX_RECORD_BYTES as u64)?;
         let mut summary = vec![0; length as usize];
         file.read_exact_at(&mut summary, begin).ok()?;
         records_in(&summary).ok()
@@ -243,17 +239,17 @@ fn channels_of_summary(file: &File) -> Vec<Record<'static>> {
     records
 }
 
-/// Where the next chunk begins whose lengths agree with each other and with the file.
+/// Start of the next chunk whose lengths agree with each other and with the file.
 fn next_chunk(file: &File, from: u64) -> Option<u64> {
-    // Behind its head: two times, size, checksum, name of the compression, size, data.
+    // After its head: two times, size, checksum, name of the compression, size, data.
     const NAME: usize = HEAD as usize + 28;
     let length = file.metadata().ok()?.len();
     let number = |bytes: &[u8]| bytes.first_chunk().map(|bytes| u64::from_le_bytes(*bytes));
     let is_chunk = |at: u64, bytes: &[u8]| {
         let body = number(bytes.strip_prefix(&[op::CHUNK])?)?;
         let name = u64::from(u32::from_le_bytes(*bytes.get(NAME..)?.first_chunk()?));
-        let behind = NAME + 4 + usize::try_from(name).ok().filter(|name| *name <= 8)?;
-        let whole = number(bytes.get(behind..)?)?.checked_add(behind as u64 + 8 - HEAD)?;
+        let after = NAME + 4 + usize::try_from(name).ok().filter(|name| *name <= 8)?;
+        let whole = number(bytes.get(after..)?)?.checked_add(after as u64 + 8 - HEAD)?;
         (body == whole && at + HEAD + body <= length).then_some(())
     };
     let (mut block, mut at) = (vec![0; READ_SIZE], from);
@@ -270,8 +266,8 @@ fn next_chunk(file: &File, from: u64) -> Option<u64> {
     }
 }
 
-/// Whether the strings of a record are in it: `parse_record` allocates as much as their lengths
-/// say, and takes it for granted that an attachment has its end.
+/// Whether the strings of a record fit into it: `parse_record` allocates their declared lengths,
+/// and assumes that an attachment is complete.
 fn has_its_strings(opcode: u8, body: &[u8]) -> Option<()> {
     let (begin, strings) = match opcode {
         op::SCHEMA => (2, 3),
@@ -303,10 +299,10 @@ fn after_string(from: &[u8]) -> Option<&[u8]> {
     rest.get(u32::from_le_bytes(*length) as usize..)
 }
 
-/// Refuses a file that begins with other bytes than MCAP. One that is cut off within them passes.
+/// Rejects a file that does not begin like MCAP. One that is truncated within these bytes passes.
 fn check_kind(file: &File, path: &Path) -> Result<(), ReadError> {
     let mut begin = [0; mcap::MAGIC.len()];
-    // Not at a place: a pipe has none, and is read as it is.
+    // Without seeking, which a pipe does not support.
     match file.read_at(&mut begin, 0) {
         Ok(count) if begin.get(..count) != mcap::MAGIC.get(..count) => {
             Err(ReadError::Kind { path: path.to_owned() })

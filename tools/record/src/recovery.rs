@@ -1,4 +1,4 @@
-//! Makes a complete file of one that was cut off: messages, metadata and attachments.
+//! Repairs a truncated file: messages, metadata and attachments.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,7 +11,7 @@ use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 use crate::read::{ReadError, Records};
 use crate::recorder::RecordError;
 
-/// Why a file cannot be recovered.
+/// Reason why a file cannot be recovered.
 #[derive(Debug, thiserror::Error)]
 pub enum RecoverError {
     #[error(transparent)]
@@ -25,7 +25,7 @@ pub struct Recovered {
     pub messages: u64,
     pub metadata: u64,
     pub attachments: u64,
-    /// Why the old file cannot be read to its end; `None`: it is complete.
+    /// Reason why the old file cannot be read to its end; `None`: it is complete.
     pub stopped_by: Option<ReadError>,
 }
 
@@ -48,7 +48,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
     copy.recovered.stopped_by = records.stopped_by();
     copy.to.finish().map_err(write)?;
     if let Some(error @ ReadError::Compressed { .. }) = copy.recovered.stopped_by {
-        // Nothing is to be recovered of a whole file.
+        // A complete file needs no recovery.
         std::fs::remove_file(to)
             .map_err(|source| RecordError::Create { path: to.to_owned(), source })?;
         return Err(error.into());
@@ -58,7 +58,7 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
 
 struct FileCopy<W: Write + Seek> {
     to: Writer<W>,
-    /// Numbers of the new file for those of the old one.
+    /// Channel numbers of the new file by those of the old one.
     channels: BTreeMap<u16, u16>,
     schemas: BTreeMap<u16, u16>,
     recovered: Recovered,

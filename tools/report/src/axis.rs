@@ -7,17 +7,17 @@ use plotters::coord::types::RangedCoordf64;
 
 use crate::number::{MINUS, fixed};
 
-/// Free part of the range of the data at either end.
+/// Margin at either end, as a share of the data range.
 const MARGIN: f64 = 0.04;
 
-/// The least ratio of the ends of a logarithmic axis, its smallest value, and the largest of all:
-/// differences and ratios of ends stay finite.
-const LEAST_RATIO: f64 = 1.2;
+/// Smallest ratio of the ends of a logarithmic axis, and its smallest and largest values. They keep
+/// differences and ratios of the ends finite.
+const MIN_END_RATIO: f64 = 1.2;
 const SMALLEST: f64 = 1e-150;
 const LARGEST: f64 = 1e150;
 
-/// Below this ratio of its ends a logarithmic axis contains few powers of ten: 2 and 5 have
-/// numbers, too.
+/// Below this ratio of its ends, a logarithmic axis contains few powers of ten, so 2 and 5 are
+/// labelled as well.
 const NARROW: f64 = 50.0;
 
 /// An axis of numbers or names.
@@ -106,7 +106,7 @@ impl Axis {
         }
         let (low, high) = (low.clamp(least, LARGEST), high.clamp(least, LARGEST));
         if self.kind == Kind::Log {
-            let margin = if high / low > LEAST_RATIO { 1.0 } else { LEAST_RATIO };
+            let margin = if high / low > MIN_END_RATIO { 1.0 } else { MIN_END_RATIO };
             return (low / margin, high * margin);
         }
         // A range that rounding would fill with equal numbers is as bad as an empty one.
@@ -115,7 +115,7 @@ impl Axis {
         (low - margin, high + margin)
     }
 
-    /// The scale of a range with at most so many numbers.
+    /// The scale of a range with at most `count` numbers.
     pub(crate) fn scale(&self, range: (f64, f64), count: usize) -> Scale {
         let (low, high) = self.valid(range.0, range.1);
         let slack = 1e-6 * (high - low);
@@ -130,7 +130,7 @@ impl Axis {
     }
 }
 
-/// From values to pixels.
+/// Maps values to pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scale {
     kind: Kind,
@@ -200,7 +200,7 @@ impl ValueFormatter<f64> for Scale {
 /// Multiples of 1, 2 or 5 times a power of ten.
 fn linear_ticks(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
     let coordinate: RangedCoordf64 = (low..high).into();
-    // Where the next finer step gives more than asked for, `plotters` leaves a single number.
+    // If the next finer step gives more than `count`, `plotters` leaves a single number.
     let mut choices = (count..=3 * count).map(|most| coordinate.key_points(most));
     let enough = |values: &Vec<f64>| values.len() > (count / 2).max(1);
     let values = choices.find(enough).unwrap_or_else(|| coordinate.key_points(count));
@@ -278,7 +278,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn ticks_are_rising_and_say_their_value(
+        fn ticks_rise_and_match_their_labels(
             middle in -1e4..1e4_f64, size in 1e-2..1e4_f64, count in 2..9_usize
         ) {
             let ticks = Axis::linear("").scale((middle - size, middle + size), count).ticks;

@@ -1,4 +1,4 @@
-//! What figures are drawn with: the SVG back end of `plotters`.
+//! Drawing primitives of figures: the SVG back end of `plotters`.
 
 use std::iter;
 
@@ -12,9 +12,9 @@ use crate::style::{self, Dash, Marker, Stroke, UNIT, pixels};
 /// The size of all text, in units of the figure: about 8 pt on a page.
 pub const FONT_SIZE: f64 = 11.5;
 
-/// Dashes and gaps of a line. One with more fills its panel, and is drawn without gaps: the file
-/// would be large, and nobody could tell.
-const MOST_DASHES: usize = 3000;
+/// Maximum number of dashes and gaps of a line. A line with more is drawn solid: the file would be
+/// large, and the dashes could not be seen.
+const MAX_DASHES: usize = 3000;
 
 /// Radius of a marker.
 const RADIUS: f64 = 3.0;
@@ -44,7 +44,7 @@ impl<'a> Canvas<'a> {
     pub fn line(&self, points: &[Point], stroke: Stroke) {
         let lengths = stroke.dash.lengths();
         let pieces = cut(points, lengths.iter().copied().cycle());
-        if lengths.is_empty() || pieces.len() > MOST_DASHES {
+        if lengths.is_empty() || pieces.len() > MAX_DASHES {
             self.draw(&PathElement::new(whole(points), stroke.style()));
             return;
         }
@@ -141,8 +141,8 @@ pub fn cut(points: &[Point], distances: impl IntoIterator<Item = f64>) -> Vec<Ve
     pieces
 }
 
-/// What the back end wrote between the tags of `svg`, with neighbouring lines of one style as one
-/// path: points and dashes by the thousand would make large files.
+/// The SVG elements that the back end wrote inside `svg`, with neighbouring lines of one style as
+/// one path: thousands of points and dashes would make large files.
 pub fn content(svg: &str) -> String {
     let mut text = String::with_capacity(svg.len());
     let mut style = None;
@@ -167,8 +167,8 @@ pub fn content(svg: &str) -> String {
     text
 }
 
-/// About how wide a text is. There are no fonts here, so this is an estimate that is rather too
-/// large for the usual sans-serif fonts.
+/// Estimated width of a text. No fonts are available here; the estimate is slightly too large for
+/// the usual sans-serif fonts.
 pub fn text_width(text: &str) -> f64 {
     text.chars().map(em_width).sum::<f64>() * FONT_SIZE
 }

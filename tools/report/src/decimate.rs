@@ -18,7 +18,7 @@ pub fn line(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     if is_forward { simplified(&column_extremes(points)) } else { simplified(points) }
 }
 
-/// First, lowest, highest and last point of every column, in order (U. Jugel et al., "M4: a
+/// First, lowest, highest and last point of every column, in their order (U. Jugel et al., "M4: a
 /// visualization-oriented time series data aggregation", VLDB 2014).
 fn column_extremes(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let column = |point: &[f64; 2]| (point[0] / COLUMN).floor();
@@ -113,7 +113,7 @@ mod tests {
         }
 
         #[test]
-        fn a_cloud_keeps_at_most_so_many_of_its_points(points in points(), most in 5..200_usize) {
+        fn a_cloud_keeps_at_most_the_given_count(points in points(), most in 5..200_usize) {
             let thin = cloud(&points, most);
             prop_assert!(thin.len() <= most && !thin.is_empty());
             prop_assert!(thin.iter().all(|point| points.contains(point)));

@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, Resettable, Str, StyledStr};
 use clap::{Arg, ArgAction, Command};
 use serde::{Deserialize, Serialize};
 
-/// A command line: what shell completions need of it.
+/// A command line, reduced to the needs of shell completions.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Description {
     name: String,

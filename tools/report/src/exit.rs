@@ -13,29 +13,29 @@ pub const HELP: &str = "Exit codes:
   1    failed; the last line on standard error says why
   2    the command line is wrong
   3    no controller serves the domain, it does not answer, or it is of another version
-  4    the controller refuses: not homed, not enabled, another client commands, a bad model, ...
+  4    the controller refused: not homed, not enabled, another client commands, a bad model, ...
   5    the robot is in FAULT
   6    a configuration is not valid
-  7    a pose was out of reach: the robot went as near as it may
-  8    not known to be done: that the robot holds still, that a drive is off, that memory is known
-  9    a configuration is valid, and not ready for a robot: lines that nobody has checked, or limits
-       that its serial lines do not keep
-  10   a file is damaged or cut off: what is whole was taken, and what is not is said
+  7    a pose was out of reach: the robot went as near as permitted
+  8    not confirmed: that the robot is at rest, that a drive is off, or that the memory is known
+  9    a configuration is valid but not ready for a robot: it has unchecked lines, or limits that
+       its serial lines cannot keep
+  10   a file is damaged or truncated: the intact part was read, the rest is reported
   130  interrupted twice, or the terminal was closed";
 
-/// Exit code of a run that was asked for a pose out of reach.
+/// Exit code of a run that was given a pose out of reach.
 pub const OUT_OF_REACH: u8 = 7;
 
-/// Exit code when nobody knows whether the effect is there.
-pub const NOT_KNOWN: u8 = 8;
+/// Exit code when the effect could not be confirmed.
+pub const NOT_CONFIRMED: u8 = 8;
 
-/// Exit code for a configuration that is valid and not ready for a robot.
+/// Exit code for a configuration that is valid but not ready for a robot.
 pub const NOT_READY: u8 = 9;
 
-/// Exit code for a file of which only a part could be taken.
+/// Exit code for a file of which only a part could be read.
 pub const INCOMPLETE: u8 = 10;
 
-/// Exit code when somebody ended the program.
+/// Exit code when the user interrupted the program.
 pub const INTERRUPTED: u8 = 130;
 
 /// A failure that names its exit code.
@@ -68,13 +68,13 @@ pub fn code(failure: &Failure) -> u8 {
             | ClientError::Restarted
             | ClientError::Timeout { .. },
         ) => 3,
-        Some(ClientError::BrokenOff { cause: Cause::Fault(_), .. }) => 5,
+        Some(ClientError::Interrupted { cause: Cause::Fault(_), .. }) => 5,
         Some(
             ClientError::Refused { .. }
             | ClientError::ModelRefused { .. }
-            | ClientError::BrokenOff { .. },
+            | ClientError::Interrupted { .. },
         ) => 4,
-        Some(ClientError::NoEffect { .. }) => NOT_KNOWN,
+        Some(ClientError::NotConfirmed { .. }) => NOT_CONFIRMED,
         Some(ClientError::Domain(DomainError::Name { .. })) => 2,
         Some(_) => 1,
         None if failure.is::<ConfigError>() => 6,
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_kind_of_failure_has_the_code_that_the_help_names() {
+    fn every_failure_has_the_exit_code_of_the_help() {
         let domain = "x".to_owned();
         let refused = ClientError::Refused {
             command: StateCommand::Enable,
@@ -111,9 +111,9 @@ mod tests {
             (ClientError::NoController { domain }.into(), 3),
             (refused.into(), 4),
             (Coded { code: 5, sentence }.into(), 5),
-            (ClientError::BrokenOff { command, cause: Cause::Fault(Fault::Link) }.into(), 5),
-            (ClientError::BrokenOff { command, cause: Cause::Stop(Stop::Feedback) }.into(), 4),
-            (ClientError::NoEffect { command }.into(), 8),
+            (ClientError::Interrupted { command, cause: Cause::Fault(Fault::Link) }.into(), 5),
+            (ClientError::Interrupted { command, cause: Cause::Stop(Stop::Feedback) }.into(), 4),
+            (ClientError::NotConfirmed { command }.into(), 8),
             (no_config.into(), 6),
         ];
         for (failure, expected) in cases {

@@ -23,7 +23,7 @@ const FONT: &str = "Helvetica, Arial, Liberation Sans, DejaVu Sans, sans-serif";
 
 /// Length of a tick; the numbers are twice as far from the frame.
 const TICK: f64 = 3.5;
-/// Height of a line of text.
+/// Line height of text.
 const TEXT_LINE: f64 = 17.0;
 /// Least width of a number along the x axis, and least distance of two along the y axis.
 const TICK_DISTANCE: [f64; 2] = [62.0, 34.0];
@@ -81,7 +81,7 @@ impl Panel {
         self.y.scale(range, (height / TICK_DISTANCE[1]) as usize)
     }
 
-    /// As many numbers as there is room for.
+    /// The scale with the most numbers that fit into `width`.
     fn x_scale(&self, range: (f64, f64), width: f64) -> Scale {
         let most = ((width / TICK_DISTANCE[0]) as usize).max(2);
         let fits = |scale: &Scale| {

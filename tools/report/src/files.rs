@@ -1,7 +1,7 @@
 //! Atomic replacement of files.
 //!
-//! What is no file of its own (a device, a pipe, `-` for the standard output) is written into: to
-//! rename a file over /dev/null would take it from everybody.
+//! Devices, pipes and `-` (the standard output) are written to directly: a file renamed over
+//! /dev/null would replace it for the whole system.
 
 use std::fs;
 use std::io::{self, Write};
@@ -13,9 +13,9 @@ use nix::unistd::{dup, dup2_stdout};
 /// The standard output, once `-` is a file.
 static STANDARD_OUTPUT: OnceLock<fs::File> = OnceLock::new();
 
-/// Refuses to write over a file, unless `overwrite`. `option` names the option that names it. Where
-/// it is `-`, what the program prints goes to standard error from now on.
-pub fn check_not_there(option: &str, path: &Path, overwrite: bool) -> Result<(), String> {
+/// Refuses to overwrite a file, unless `overwrite`. `option` is the option with the path. If the
+/// path is `-`, the program prints to standard error from now on.
+pub fn check_overwrite(option: &str, path: &Path, overwrite: bool) -> Result<(), String> {
     if path == Path::new("-") && STANDARD_OUTPUT.get().is_none() {
         let own = dup(io::stdout()).map_err(|error| format!("{option} -: {error}"))?;
         dup2_stdout(io::stderr()).map_err(|error| format!("{option} -: {error}"))?;
@@ -28,18 +28,18 @@ pub fn check_not_there(option: &str, path: &Path, overwrite: bool) -> Result<(),
     Err(format!("{option} {}: exists; name another file, or add --overwrite", path.display()))
 }
 
-/// Makes the folder of a file.
+/// Creates the folder of a file.
 pub fn make_folder_of(option: &str, path: &Path) -> Result<(), String> {
     let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else {
         return Ok(());
     };
     fs::create_dir_all(folder).map_err(|error| {
-        format!("{option} {}: cannot make the folder {}: {error}", path.display(), folder.display())
+        format!("{option} {}: cannot create folder {}: {error}", path.display(), folder.display())
     })
 }
 
-/// Whether there may be a file of its own at a path: not a device or a pipe, and not behind the
-/// descriptors of a process, as /dev/stdout is.
+/// Whether a regular file can exist at a path: not a device or a pipe, and not a descriptor of a
+/// process such as /dev/stdout.
 fn is_own_file(path: &Path) -> bool {
     let is_file = path.metadata().map_or(true, |it| it.is_file());
     let target = fs::read_link(path).unwrap_or_default();
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_file_of_its_own_is_written_into_and_stays() {
+    fn devices_and_pipes_are_written_to_and_not_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let [fifo, file, link] = ["fifo", "file", "link"].map(|name| folder.path().join(name));
         mkfifo(&fifo, Mode::S_IRWXU).unwrap();
@@ -86,13 +86,13 @@ mod tests {
             let fifo = fifo.clone();
             move || fs::read(fifo).unwrap()
         });
-        assert_eq!(check_not_there("--output", &fifo, false), Ok(()));
+        assert_eq!(check_overwrite("--output", &fifo, false), Ok(()));
         replace(&fifo, b"text").unwrap();
         assert!(fifo.metadata().unwrap().file_type().is_fifo());
         assert_eq!(read.join().unwrap(), b"text");
         fs::write(&file, "old").unwrap();
         symlink(&file, &link).unwrap();
-        assert!(check_not_there("--output", &link, false).is_err());
+        assert!(check_overwrite("--output", &link, false).is_err());
         replace(&link, b"new").unwrap();
         assert!(link.is_symlink());
         assert_eq!(fs::read(&file).unwrap(), b"new");

@@ -29,7 +29,7 @@ impl Default for Outline {
 }
 
 impl Outline {
-    /// The name of the bend of the motor's own on the page.
+    /// The page's name for the bend of a motor.
     pub fn name(&self, motor: usize) -> &'static str {
         match (*self == Self { points: self.points.clone(), ..Self::default() }, motor) {
             (true, 0) => "pitch",
@@ -45,10 +45,10 @@ pub enum OutlineError {
     /// The file cannot be used.
     #[error("no hull: {0}; or name the file with --model")]
     Model(#[from] i2ris::model::ModelError),
-    /// It is another model.
+    /// The file contains a different model.
     #[error(
-        "no hull: {file} is model {found}, the controller uses {used}; name the right file with \
-         --model"
+        "no hull: {file} is model {found}, but the controller uses {used}; name the right file \
+         with --model"
     )]
     Other { file: String, found: String, used: String },
     /// Its outputs are not two angles.
@@ -60,7 +60,7 @@ pub enum OutlineError {
 ///
 /// # Errors
 ///
-/// When the file cannot be read, is another model, or one of other outputs.
+/// The file cannot be read, contains another model, or a model without angles.
 pub fn outline_of(file: &Path, used: ModelId) -> Result<Outline, OutlineError> {
     let model = Model::load(file)?;
     if model.id() != used {
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn the_bend_of_a_motor_does_not_change_with_the_other_one() {
+    fn the_own_bend_ignores_the_other_motor() {
         let gain = [[0.02, 0.015], [-0.01, 0.02]];
         let along = own_directions(&with_gain(OutputUnit::Deg, gain)).unwrap();
         let outline = Outline { along, ..Outline::default() };
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_model_of_positions_or_another_one_has_no_outline_here() {
+    fn outline_needs_angles_and_the_model_in_use() {
         assert!(matches!(edge(&linear(OutputUnit::Mm)), Err(OutlineError::NoAngles)));
         let folder = tempfile::tempdir().unwrap();
         let (file, model) = (folder.path().join("model.json"), linear(OutputUnit::Deg));

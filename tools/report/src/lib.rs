@@ -1,6 +1,6 @@
-//! What the programs of i2ris share: how they start, print and end, and what every report is made
-//! of: statistics of plain numbers, figures as SVG, and pages of figures and tables as one HTML
-//! file.
+//! Shared parts of the i2ris programs: start, output and end of a program, and building blocks of
+//! reports: statistics of plain numbers, figures as SVG, and pages of figures and tables as one
+//! HTML file.
 //!
 //! Reports turn numbers into text. They have no fonts, no scripts, no network, no input and no
 //! output, and do not know what the numbers mean.
@@ -34,10 +34,10 @@
 //! | [`description`] | a command line as JSON, for the shell completions of `i2ris` |
 //! | [`exit`] | exit codes |
 //! | [`snake`] | the links of the snake and where they are at a bend, also as a URDF |
-//! | [`screen`] | standard output, redrawn on a terminal; a sign of life during long work |
+//! | [`screen`] | standard output, redrawn on a terminal; a spinner during long work |
 //! | [`stop`] | holds every client and ends every activity |
 //! | [`tips`] | advice about a wrong command line |
-//! | [`preflight`] | what a preflight said, for the trial after it |
+//! | [`preflight`] | the result of a preflight, for the trial after it |
 //! | [`files`] | atomic replacement of files |
 //! | [`hull_outline`] | the calibrated hull in the plane of pitch and yaw |
 //! | [`model_poller`] | the models of the controller, and the hull of the one in use |

@@ -1,5 +1,5 @@
-//! What a panel can draw. Values are in the units of the axes; values that are not finite are left
-//! out.
+//! Marks of a panel: lines, clouds, bands and more. Values are in the units of the axes; values
+//! that are not finite are left out.
 
 use crate::canvas::{Point, cut};
 use crate::decimate;
@@ -9,8 +9,8 @@ use crate::style::{Color, Marker, Stroke};
 /// Distance between markers along a line.
 const MARKER_DISTANCE: f64 = 55.0;
 
-/// The most points of a cloud that are drawn: more make a large file and a black panel.
-const MOST: usize = 3000;
+/// Maximum number of points drawn of a cloud: more make a large file and a black panel.
+const MAX_CLOUD_POINTS: usize = 3000;
 
 /// Something that a panel can draw.
 pub trait Mark: std::fmt::Debug {
@@ -165,7 +165,7 @@ impl Mark for Scatter {
         let [on_x, on_y] = plot.scales();
         let points = self.points.iter().filter(|[x, y]| on_x.contains(*x) && on_y.contains(*y));
         let positions: Vec<_> = points.filter_map(|point| plot.position(*point)).collect();
-        for at in decimate::cloud(&positions, MOST) {
+        for at in decimate::cloud(&positions, MAX_CLOUD_POINTS) {
             match self.marker {
                 Marker::Dot => plot.canvas.dot(at, self.stroke),
                 marker => plot.canvas.marker(marker, at, self.stroke),

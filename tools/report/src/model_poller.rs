@@ -19,7 +19,7 @@ const CONNECT: Nanos = Nanos::from_millis(200);
 /// Polling period: other programs stage models without notice.
 const PERIOD: Duration = Duration::from_secs(3);
 
-/// What is known about models.
+/// The models and the hull that were last read.
 #[derive(Debug, Clone, Default)]
 pub struct Known {
     pub models: Models,
@@ -68,7 +68,7 @@ impl ModelPoller {
         let _ = self.requests.try_send(());
     }
 
-    /// What is known.
+    /// The models and the hull that were last read.
     pub fn known(&self) -> Known {
         self.known.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -82,7 +82,7 @@ fn poll_until_disconnected(domain: &Domain, requests: &Receiver<()>, known: &Mut
         let mut new = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let hull_problem = new.models.hull_problem.take();
         new.models = answer.unwrap_or_else(|error| {
-            let problem = Some(format!("models not known: {error}"));
+            let problem = Some(format!("cannot read the models: {error}"));
             Models { problem, ..Models::default() }
         });
         new.models.hull_problem = hull_problem;

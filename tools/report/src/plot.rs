@@ -1,4 +1,4 @@
-//! What all marks share: the area of a panel, ranges of values, entries of the legend.
+//! Shared parts of all marks: the area of a panel, ranges of values, entries of the legend.
 
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::prelude::{DrawingArea, SVGBackend};
@@ -76,7 +76,7 @@ impl Extent {
     }
 }
 
-/// An entry of the legend: its text, and the symbol in front of it.
+/// A legend entry: its text, and the symbol in front.
 pub type LegendEntry = (String, Symbol);
 
 /// A small drawing of a mark.

@@ -1,5 +1,5 @@
-//! The outcome of `i2ris preflight`, which lies beside the controller that it is about: with that
-//! controller it goes.
+//! The outcome of `i2ris preflight`. It is stored next to the controller's other files and is
+//! deleted with them.
 
 use std::path::PathBuf;
 use std::{fs, io};
@@ -9,7 +9,7 @@ use i2ris::ipc::ready::Ready;
 use i2ris::units::Nanos;
 use serde::{Deserialize, Serialize};
 
-/// An older one says nothing of the robot as it is.
+/// Age up to which a result counts.
 const OLDEST: Nanos = Nanos::from_millis(3_600_000);
 
 /// Go or no-go.
@@ -21,7 +21,7 @@ pub struct Preflight {
     pub stamp_ns: u64,
     /// The start of the controller that it is about.
     pub boot_id: u64,
-    /// What is not as it should be; empty: go.
+    /// Failed checks; empty: go.
     pub no_go: Vec<String>,
 }
 
@@ -30,28 +30,24 @@ fn file(domain: &Domain) -> PathBuf {
 }
 
 impl Preflight {
-    /// Keeps it for the trials of this controller.
+    /// Stores the result for the trials of this controller.
     ///
     /// # Errors
     ///
-    /// When the system refuses to write it.
+    /// The system cannot write the file.
     pub fn write(&self, domain: &Domain) -> io::Result<()> {
         crate::files::replace(&file(domain), &serde_json::to_vec(self)?)
     }
 
-    /// What a trial says of the preflight before it: a sentence, and whether it was go, and new.
+    /// Describes the preflight before a trial: a sentence, and whether the result was go and is
+    /// recent.
     #[must_use]
     pub fn before_trial(domain: &Domain, now: Nanos) -> (String, bool) {
         let text = fs::read(file(domain)).unwrap_or_default();
         let boot_id = Ready::read(domain).map(|ready| ready.boot_id);
         let found = serde_json::from_slice(&text).ok();
         found.filter(|it: &Self| Some(it.boot_id) == boot_id).map_or_else(
-            || {
-                (
-                    "no preflight of this controller; `i2ris preflight` takes a minute".to_owned(),
-                    false,
-                )
-            },
+            || ("no preflight of this controller; run `i2ris preflight` (1 min)".to_owned(), false),
             |it| it.say(now),
         )
     }
@@ -73,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_trial_says_what_the_preflight_said_and_how_old_it_is() {
+    fn a_trial_shows_result_and_age_of_its_preflight() {
         let minutes = |count: u64| Nanos::from_millis(60_000 * count);
         let go = Preflight {
             time: "2026-01-31T23:59:59Z".to_owned(),
@@ -87,8 +83,8 @@ mod tests {
             (&go, 161, false, "too old: go, 61 min"),
             (&no_go, 101, false, "NO-GO (wire, disk), 1 min"),
         ] {
-            let (said, good) = it.say(minutes(now));
-            assert!(said.contains(part) && good == is_good, "{said}");
+            let (text, good) = it.say(minutes(now));
+            assert!(text.contains(part) && good == is_good, "{text}");
         }
     }
 }

@@ -16,7 +16,7 @@ use nix::sys::signal::{SigHandler, Signal, signal};
 use crate::description::Description;
 use crate::{Failure, exit, tips};
 
-/// The only argument of a program that is asked for its command line, see [`description`].
+/// The only argument of a program that must describe its command line, see [`description`].
 ///
 /// [`description`]: crate::description
 pub const DESCRIBE: &str = "--describe-command-line";
@@ -26,8 +26,8 @@ pub const PARSE: &str = "--parse-command-line";
 /// Runs a program: reads its command line, does the work, reports a failure on standard error.
 ///
 /// `only_prints` says whether these arguments only print. Such a run ends silently when the reader
-/// of its output goes away (`| head`). A run that moves the robot, or holds something that it must
-/// give back, ends in order instead.
+/// of its output goes away (`| head`). A run that moves the robot, or holds a resource, ends
+/// cleanly instead.
 pub fn run<Arguments: Parser>(
     only_prints: impl FnOnce(&Arguments) -> bool,
     work: impl FnOnce(Arguments) -> Result<(), Failure>,
@@ -52,8 +52,8 @@ pub fn run<Arguments: Parser>(
     finish(perform(|| work(arguments)))
 }
 
-/// Does the work of a program. Output that goes nowhere any more, to a terminal that was closed or a
-/// disk that is full, ends it as any failure does: in order, and with a sentence.
+/// Does the work of a program. If its output cannot be written (a closed terminal, a full disk),
+/// the program ends as after any failure: cleanly, and with a message.
 pub fn perform(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
     i2ris::process::survive_file_size_limit();
     let usual = take_hook();
@@ -70,7 +70,7 @@ pub fn perform(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure
     })
 }
 
-/// What `println!` says where it cannot.
+/// The reason in the panic message of a failed `println!`.
 fn cannot_print(panic: &(dyn Any + Send)) -> Option<&str> {
     panic.downcast_ref::<String>()?.strip_prefix("failed printing to ")
 }
@@ -91,23 +91,24 @@ pub fn parsed<T>(arguments: Result<T, clap::Error>) -> ExitCode {
 ///
 /// # Errors
 ///
-/// A reader that went away.
+/// The reader of the output has gone.
 pub fn describe(command: &clap::Command) -> Result<(), Failure> {
     println!("{}", serde_json::to_string(&Description::new(command))?);
     Ok(())
 }
 
-/// Memory that a program beside the controller may take, bytes: many times what it needs.
+/// Memory limit of a program that shares the computer with the controller, bytes: many times what
+/// it needs.
 const MEMORY: u64 = 2 << 30;
 
-/// For programs that strangers can send to: one forged message must not take the memory of the
-/// computer from the controller. The program gets two gigabytes at most, and ends if it asks for
-/// more; and where memory is short the kernel ends it first.
+/// Limits a program that strangers can send to: one forged message must not take the memory of the
+/// computer from the controller. The program gets at most two gigabytes and ends if it needs more.
+/// If memory is short, the kernel ends it first.
 pub fn yield_to_controller() {
     let limit = nix::libc::rlimit { rlim_cur: MEMORY, rlim_max: MEMORY };
     // SAFETY: reads the value that it is given.
     let _ = unsafe { nix::libc::setrlimit(nix::libc::RLIMIT_DATA, &raw const limit) };
-    // Raising one's own score needs no rights. Without /proc there is none to raise.
+    // Raising one's own score needs no rights. Without /proc there is no score to raise.
     let _ = std::fs::write("/proc/self/oom_score_adj", "500");
 }
 
@@ -149,7 +150,7 @@ impl DomainOption {
     }
 }
 
-/// Whether the user or the system has asked the program to end.
+/// Whether the user or the system has requested the end of the program.
 #[derive(Debug, Clone)]
 pub struct Interrupt(Arc<AtomicBool>);
 

@@ -1,6 +1,6 @@
 //! The programs that `i2ris NAME` starts, and where they are found.
 //!
-//! What is heavy to build and rarely needed is a program of its own: `i2ris-NAME`.
+//! Parts that are slow to build and rarely needed are separate programs: `i2ris-NAME`.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 /// A program that `i2ris` starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Program {
-    /// The words behind `i2ris` that start it; the program is `i2ris-` and the last of them.
+    /// The words after `i2ris` that start it; the program is `i2ris-` and the last of them.
     pub words: &'static str,
-    /// What it does, in one line.
+    /// Help text, one line.
     pub about: &'static str,
     /// The cargo package that builds it.
     pub package: &'static str,
@@ -22,11 +22,11 @@ const fn program(words: &'static str, package: &'static str, about: &'static str
 
 /// All of them, in the order of the help.
 pub const PROGRAMS: [Program; 5] = [
-    program("status", "i2ris-monitor", "Say why the robot does not move, and what to do; watch it"),
-    program("record", "i2ris-record", "Record the robot; tables, pages and trials of recordings"),
-    program("start ros", "i2ris-ros", "Show and command the robot in ROS 2, as CRTK names it"),
+    program("status", "i2ris-monitor", "Show why the robot does not move, and what to do"),
+    program("record", "i2ris-record", "Record trials; report, export and replay them"),
+    program("start ros", "i2ris-ros", "Connect the robot to ROS 2 (CRTK)"),
     program("vision", "i2ris-vision", "Measure angles in microscope images"),
-    program("bench", "i2ris-bench", "Measure this machine, the controller, and how models follow"),
+    program("bench", "i2ris-bench", "Benchmark computer, controller and models"),
 ];
 
 impl Program {
@@ -44,12 +44,12 @@ impl Program {
         self.words.rsplit(' ').next().unwrap_or(self.words)
     }
 
-    /// How to get it, in one sentence.
+    /// One sentence on how to install it.
     pub fn how_to_install(&self) -> String {
         let Self { words, package, .. } = self;
         let name = self.name();
         format!(
-            "`i2ris {words}` is the program i2ris-{name}, which is neither beside i2ris nor on \
+            "`i2ris {words}` needs the program i2ris-{name}, which is neither next to i2ris nor on \
              PATH; build it with `cargo build --release -p {package}`"
         )
     }
@@ -65,17 +65,17 @@ pub fn served_file(pid: u32) -> Option<PathBuf> {
     let next = words.iter().skip_while(|word| !is_option(word)).nth(1);
     let joined = words.iter().find_map(|word| word.strip_prefix("--config="));
     let named = next.map(AsRef::as_ref).or(joined)?;
-    // It stays when the controller ends.
+    // The path stays valid after the controller ends.
     std::fs::canonicalize(process.join("cwd").join(named)).ok()
 }
 
-/// The file of `i2ris-NAME`: beside the running program, or else on PATH.
+/// The path of `i2ris-NAME`: next to the running program, or else on PATH.
 pub fn find(name: &str) -> Option<PathBuf> {
     let file = format!("i2ris-{name}");
-    let beside = env::current_exe().ok();
-    let beside = beside.as_deref().and_then(Path::parent).map(Path::to_owned);
+    let own = env::current_exe().ok();
+    let next_to_it = own.as_deref().and_then(Path::parent).map(Path::to_owned);
     let on_path = env::var_os("PATH").unwrap_or_default();
-    beside
+    next_to_it
         .into_iter()
         .chain(env::split_paths(&on_path))
         .map(|folder| folder.join(&file))

@@ -24,12 +24,12 @@ impl Screen {
         Self { terminal: io::stdout().is_terminal(), drawn: 0, log: None }
     }
 
-    /// Standard output, for programs on which the robot may depend: a terminal that is stopped
-    /// (Ctrl-S) and a pipe that nobody reads do not stop them. Lines are lost instead.
+    /// Standard output, for programs on which the robot may depend: a stopped terminal (Ctrl-S) or
+    /// a pipe without a reader does not block them. Lines are lost instead.
     ///
     /// # Errors
     ///
-    /// When the system gives no thread.
+    /// The system cannot create a thread.
     pub fn never_blocking() -> io::Result<Self> {
         Ok(Self { log: Some(ConsoleLog::start(io::stdout())?), ..Self::stdout() })
     }
@@ -63,7 +63,7 @@ impl Screen {
     }
 
     /// Shows these lines alone on a terminal, and appends them elsewhere.
-    pub fn print_anew(&mut self, lines: &[String]) -> io::Result<()> {
+    pub fn clear_and_print(&mut self, lines: &[String]) -> io::Result<()> {
         let clear = if self.terminal { "\x1b[H\x1b[2J" } else { "" };
         self.drawn = 0;
         self.write(&format!("{clear}{}\n", lines.join("\n")))
@@ -86,7 +86,7 @@ impl Screen {
     }
 }
 
-/// Whether the reader of standard output is still there. A reader that went away is no failure:
+/// Whether standard output still has a reader. It is not a failure when the reader goes away:
 /// `i2ris status --watch | head`.
 pub fn until_closed(outcome: io::Result<()>) -> io::Result<bool> {
     match outcome {

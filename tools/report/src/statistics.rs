@@ -23,7 +23,7 @@ pub fn root_mean_square(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     mean(values.into_iter().map(|value| value * value)).map(f64::sqrt)
 }
 
-/// Sorts values in rising order. NaN is sorted behind infinity.
+/// Sorts values in rising order; NaN comes after infinity.
 pub fn sort(values: &mut [f64]) {
     values.sort_unstable_by(f64::total_cmp);
 }
@@ -85,7 +85,7 @@ pub fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     differences.fold(0.0, f64::max)
 }
 
-/// The distance of a point of the plane to the straight line from one point to another.
+/// Distance from a point to a line segment in the plane.
 pub fn distance_to_segment(point: [f64; 2], from: [f64; 2], to: [f64; 2]) -> f64 {
     let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
     let square = dx * dx + dy * dy;

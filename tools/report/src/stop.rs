@@ -1,4 +1,5 @@
-//! Stops the robot, whoever commands it: `i2ris stop`, and the key `s` of `teleop --keyboard`.
+//! Stops the robot, whichever client commands it: `i2ris stop`, and the key `s` of `teleop
+//! --keyboard`.
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError};
@@ -7,34 +8,34 @@ use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand, find_client_proc
 use i2ris::robot::KnownPower;
 use i2ris::units::Nanos;
 
-/// How long to wait for what there is to stop. The stop comes before the talk.
+/// Time to find out what there is to stop. The stop must not wait longer.
 const LOOK: Nanos = Nanos::from_millis(25);
 const POLL_PERIOD: Nanos = Nanos::from_millis(1);
 const SETTLE: Nanos = Nanos::from_millis(1000);
 
-/// What a stop has done.
+/// Result of a stop.
 #[derive(Debug)]
 pub struct Stopped {
-    /// What was stopped, and the state after it.
+    /// Stopped activities, and the state afterwards.
     pub text: String,
-    /// Nothing moves, and this is known.
+    /// The robot is confirmed to be at rest.
     pub is_known: bool,
 }
 
-/// Holds every client, ends every activity, and waits until nothing moves. Drives that are off, or
-/// held by a fault, are told of.
+/// Holds every client, ends every activity, and waits until nothing moves. The result says whether
+/// drives are off or held by a fault.
 ///
 /// # Errors
 ///
-/// As [`Client::carry_out`].
+/// See [`Client::carry_out`].
 pub fn stop(client: &mut Client, domain: &Domain) -> Result<Stopped, ClientError> {
-    // A stop that cannot look is a stop.
+    // Without an answer to this query, the stop is still sent.
     let before = newest(client, LOOK).ok().flatten();
-    let mut what = before.map_or("what moved".to_owned(), |state| activity(&state, domain));
+    let mut what = before.map_or("all motion".to_owned(), |state| activity(&state, domain));
     let held = match client.state_command(StateCommand::Hold) {
         Ok(_) => match client.wait_until_done(StateCommand::Hold, || false) {
-            // It is switched off meanwhile, or in FAULT.
-            Err(ClientError::BrokenOff { .. }) => None,
+            // The robot was disabled in the meantime, or is in FAULT.
+            Err(ClientError::Interrupted { .. }) => None,
             still => Some(still?),
         },
         // There is nothing to hold while drives are switched on or search for their zero.
@@ -42,13 +43,13 @@ pub fn stop(client: &mut Client, domain: &Domain) -> Result<Stopped, ClientError
             Some(client.carry_out(StateCommand::Disable, || false)?)
         }
         Err(ClientError::Refused { refusal: Refusal::NotEnabled | Refusal::InFault, .. }) => {
-            // It refuses only because nobody is followed.
-            what = "nobody".to_owned();
+            // It refuses only because no client is followed.
+            what = "nothing".to_owned();
             None
         }
         Err(error) => return Err(error),
     };
-    // Drives that a fault has just stopped need some exchanges to say so.
+    // Drives that a fault has just stopped need a few exchanges to report it.
     let is_still = |state: &OperatingStateMsg| {
         let has = |flags: u32| state.flags & flags == flags;
         has(OperatingStateMsg::HOLDING | OperatingStateMsg::AT_REST)
@@ -60,7 +61,7 @@ pub fn stop(client: &mut Client, domain: &Domain) -> Result<Stopped, ClientError
     };
     let name = OperatingState::from_number(state.state).map_or("?", OperatingState::text);
     let how = match is_known {
-        false => "NOT KNOWN to be still: a drive does not say so",
+        false => "NOT CONFIRMED to be at rest: no report from a drive",
         true if state.power() == KnownPower::NotOff => "holds still",
         true => state.power().text(),
     };
@@ -68,7 +69,7 @@ pub fn stop(client: &mut Client, domain: &Domain) -> Result<Stopped, ClientError
 }
 
 fn newest(client: &mut Client, span: Nanos) -> Result<Option<OperatingStateMsg>, ClientError> {
-    // Opening takes its time.
+    // Opening the stream takes time.
     client.operating_state()?;
     let start = clock::now();
     loop {
@@ -80,12 +81,12 @@ fn newest(client: &mut Client, span: Nanos) -> Result<Option<OperatingStateMsg>,
     }
 }
 
-/// What goes on in a state.
+/// Running activities of a state.
 fn activity(state: &OperatingStateMsg, domain: &Domain) -> String {
     let is_on = state.state == OperatingState::Enabled.number();
     let holder = Some(state.lease_client_id).filter(|client| *client != 0).map(|client| {
         let process = find_client_process(domain, state.boot_id, client);
-        process.map_or("a client without a name".to_owned(), |process| process.to_string())
+        process.map_or("an unknown client".to_owned(), |process| process.to_string())
     });
     let busy = match is_on {
         _ if state.flags & OperatingStateMsg::BUSY == 0 => None,
@@ -93,5 +94,5 @@ fn activity(state: &OperatingStateMsg, domain: &Domain) -> String {
         false => Some("a change of state".to_owned()),
     };
     let all: Vec<String> = holder.into_iter().chain(busy).collect();
-    if all.is_empty() { "nobody".to_owned() } else { all.join(" and ") }
+    if all.is_empty() { "nothing".to_owned() } else { all.join(" and ") }
 }

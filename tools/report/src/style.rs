@@ -6,7 +6,7 @@
 
 use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
-/// `plotters` knows whole coordinates and widths only: a figure is drawn in tenths of a unit.
+/// `plotters` accepts only whole coordinates and widths: a figure is drawn in tenths of a unit.
 pub const UNIT: f64 = 10.0;
 
 /// A length in tenths of a unit.

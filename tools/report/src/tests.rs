@@ -1,4 +1,4 @@
-//! Promises of every figure and page: well-formed, self-contained, small, only finite numbers.
+//! Properties of every figure and page: well-formed, self-contained, small, only finite numbers.
 
 use crate::page::TableRow;
 use crate::*;
@@ -71,7 +71,7 @@ fn numbers(document: &Document) -> Vec<f64> {
 }
 
 #[test]
-fn a_page_is_dark_on_a_dark_screen_and_its_captions_fit_a_phone() {
+fn page_follows_dark_mode_and_captions_fit_a_phone() {
     let mut page = Page::new("a");
     page.table(&Table::new("a long caption", ["x"]));
     let text = page.to_string();

@@ -1,14 +1,14 @@
-//! What clap advises about a wrong command line, without what moves the robot: who types in haste
-//! takes the first thing that is offered.
+//! Suggestions of clap for a wrong command line, without those that move the robot: a user in a
+//! hurry takes the first suggestion.
 
 use clap::error::{ContextKind, ContextValue, Error};
 
-/// Words that a tip may name: they move nothing, switch nothing on and change no model. A new
-/// command is not among them until somebody says so here.
+/// Words that a tip may contain: they move nothing, switch nothing on and change no model. A new
+/// command must be added here to be suggested.
 const HARMLESS: &str = "stop estop disable pause acknowledge help doctor status config model record \
      report replay dump emulate bench input vision trial fixture state list show check print schema \
      predict invert fit compare merge info export recover learn wire drives";
-/// Options that no tip names.
+/// Options that are never suggested.
 const MOVING: [&str; 3] = ["--enable", "--home", "--force"];
 
 /// The error of a wrong command line, with harmless tips only.

@@ -213,7 +213,7 @@ class MoveHandle:
 
 
 class Arm:
-    """An arm of CRTK. CRTK's own client does not ask for latched states."""
+    """An arm of CRTK. CRTK's own client does not request latched states."""
 
     def __init__(self, name: str, domain: int | None = None, latched: bool = True) -> None:
         if domain is None:
@@ -223,7 +223,7 @@ class Arm:
         self.participant = DomainParticipant(domain)
         self._lock = threading.Condition()
         self.states: list[OperatingState] = []
-        self.said: dict[str, list[str]] = {"error": [], "warning": [], "status": []}
+        self.lines: dict[str, list[str]] = {"error": [], "warning": [], "status": []}
         streams = {
             "measured_js": JointState,
             "setpoint_js": JointState,
@@ -238,7 +238,7 @@ class Arm:
             **{name: self.reader(name, kind) for name, kind in streams.items()},
             "operating_state": self.reader("operating_state", OperatingState, latched),
         }
-        for word in self.said:
+        for word in self.lines:
             self._readers[word] = self.reader(word, String, latched=True)
         self._servo = {
             word: self.writer(word, JointState)
@@ -276,13 +276,13 @@ class Arm:
         with self._lock:
             if name == "operating_state":
                 newest = self.states[-1].header.stamp.seconds() if self.states else 0.0
-                # As CRTK's client: what is not newer is not looked at.
+                # As CRTK's client: a state that is not newer is ignored.
                 if message.header.stamp.seconds() > newest:
                     self.states.append(message)
             elif name in self._newest:
                 self._newest[name] = message
             else:
-                self.said[name].append(message.data)
+                self.lines[name].append(message.data)
             self._lock.notify_all()
 
     def _wait(self, timeout: float, done) -> bool:
@@ -290,15 +290,15 @@ class Arm:
             return self._lock.wait_for(done, timeout)
 
     def check_connections(self, timeout: float = 10.0) -> None:
-        """Waits until somebody listens to every command and something came from the arm."""
+        """Waits until every command has a reader and the arm has sent a message."""
 
-        def heard() -> bool:
+        def connected() -> bool:
             writers = [*self._servo.values(), self._state_command, self._hold, self._free]
             matched = all(writer.read_status(DDSStatus.PublicationMatched) for writer in writers)
             return matched and self.operating_state() != "UNDEFINED"
 
         end = time.time() + timeout
-        while not heard():
+        while not connected():
             if time.time() > end:
                 raise RuntimeError(f"no arm answers as /{self.name}")
             time.sleep(0.01)
@@ -402,13 +402,13 @@ def example(name: str) -> None:
     arm.check_connections()
     print("state:", arm.operating_state())
     if not arm.is_homed() and not arm.home():
-        sys.exit(f"cannot home: {arm.said}")
+        sys.exit(f"cannot home: {arm.lines}")
     if not arm.enable():
-        sys.exit(f"cannot enable: {arm.said}")
+        sys.exit(f"cannot enable: {arm.lines}")
     print("enabled at", [round(math.degrees(it), 2) for it in arm.measured_jp()], "deg")
 
     if not arm.move_jp([math.radians(5.0), 0.0]).wait():
-        sys.exit(f"did not move: {arm.said}")
+        sys.exit(f"did not move: {arm.lines}")
     print("moved to", [round(math.degrees(it), 2) for it in arm.measured_jp()], "deg")
 
     period, rate = 4.0, 200.0
@@ -420,7 +420,7 @@ def example(name: str) -> None:
     arm.hold()
 
     if not arm.move_jp([0.0, 0.0]).wait():
-        sys.exit(f"did not move back: {arm.said}")
+        sys.exit(f"did not move back: {arm.lines}")
     tip = arm.measured_cp().pose.position
     print(f"the tip is at {tip.x * 1e3:.3f}, {tip.y * 1e3:.3f}, {tip.z * 1e3:.3f} mm")
     arm.disable()

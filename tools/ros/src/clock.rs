@@ -1,13 +1,13 @@
-//! The age of what was sent, without trust in the clock of its sender.
+//! The age of a message, without trust in the clock of its sender.
 //!
 //! A message that was sent at `sent` by its sender's clock and arrived at `arrived` by ours was
-//! some time in transit, so our clock leads the sender's by at most `arrived - sent`. The smallest
-//! such number of all messages is the best estimate of the lead, and what another message has more
-//! than it is its age. This is all that one direction tells ([`SenderClock`]): a stamp can make a
-//! message older than its arrival, never younger.
+//! some time in transit, so our clock leads the sender's by at most `arrived - sent`. The minimum
+//! over all messages is the best estimate of the lead, and the excess of a message is its age. One
+//! direction shows no more than this ([`SenderClock`]): a stamp can make a message older than its
+//! arrival, never younger.
 //!
 //! [`Moment`] reads monotonic and wall clock together, at sending or arrival: a step of the wall
-//! clock moves the stamps that come after it and no age.
+//! clock changes later stamps, but no age.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -34,27 +34,27 @@ impl Moment {
         self.unix_ns.saturating_sub(self.monotonic.duration_since(monotonic).0)
     }
 
-    /// The instant of a Unix time that has passed, at most `limit` ago. Now for times to come: a
-    /// stamp can make nothing younger than that.
+    /// The instant of a past Unix time, at most `limit` ago; now for a future one: a stamp cannot
+    /// make a message younger than its arrival.
     #[must_use]
     pub fn monotonic_at(&self, unix_ns: u64, limit: Nanos) -> Nanos {
         self.monotonic - Nanos(self.unix_ns.saturating_sub(unix_ns)).min(limit)
     }
 }
 
-/// What the messages of one sender tell of its clock.
+/// Estimate of a sender's clock by its messages.
 ///
-/// A lead is never forgotten: a delay that stays would be the usual one after a while, and every
-/// message late without being old. The smallest lead only rises as fast as clocks may drift apart.
+/// A lead is never forgotten: otherwise a constant delay would become normal after a while, and
+/// late messages would not count as old. The smallest lead rises only at the rate of clock drift.
 /// A clock that is set back makes all messages old, and the robot holds; its sender starts again.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SenderClock {
-    /// Smallest lead of our clock, ns, and the arrival up to which drift is in it.
+    /// Smallest lead of our clock, ns, and the arrival up to which it includes drift.
     smallest: Option<(i64, Nanos)>,
 }
 
 impl SenderClock {
-    /// The age of a message at its arrival: how much later it came than the quickest one.
+    /// The age of a message at its arrival: its delay relative to the quickest one.
     pub fn age(&mut self, sent_ns: u64, arrived: Nanos) -> Nanos {
         // Wraps for absurd stamps, which gives an absurd age.
         let lead = (arrived.0 as i64).wrapping_sub(sent_ns as i64);
@@ -68,8 +68,8 @@ impl SenderClock {
     }
 }
 
-/// Bound of the difference of the rates of two clocks: ten times what quartz and its correction by
-/// the network amount to.
+/// Maximum difference between the rates of two clocks: ten times that of quartz and its correction
+/// by the network.
 const DRIFT: f64 = 1e-3;
 
 #[cfg(test)]
@@ -91,16 +91,16 @@ mod tests {
     }
 
     #[test]
-    fn the_age_is_what_a_message_took_longer_than_the_quickest() {
+    fn age_is_the_delay_relative_to_the_quickest() {
         let mut clock = SenderClock::default();
         let mut age = |sent_ms: u64, arrived_ms: u64| {
             let age = clock.age(THERE + sent_ms * MS, Nanos(arrived_ms * MS));
             (age.0 + MS / 2) / MS
         };
-        assert_eq!(age(1000, 1005), 0, "nothing is known yet");
+        assert_eq!(age(1000, 1005), 0, "the first message");
         assert_eq!(age(1010, 1012), 0, "the quickest so far");
         assert_eq!(age(1020, 1030), 8, "8 ms more than the quickest");
-        assert_eq!(age(1030, 3030), 1996, "kept for two seconds");
+        assert_eq!(age(1030, 3030), 1996, "stored for two seconds");
         assert_eq!(age(9000, 3040), 0, "a clock that was set ahead");
         assert_eq!(age(3050, 3050), 5960, "and back: old");
         assert_eq!(age(30_000, 30_000), 5933, "for as long as clocks cannot have drifted so far");

@@ -1,4 +1,4 @@
-//! What the threads report to the one that publishes.
+//! Events from the other threads to the one that publishes.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -8,26 +8,26 @@ use i2ris::units::Nanos;
 
 use crate::refusals::Refused;
 
-/// Events that may wait. More are dropped: one who floods must not fill the memory.
+/// Maximum number of events in the queue. More are dropped: a flood must not fill the memory.
 const WAITING: usize = 1024;
 
-/// Names that are kept.
+/// Maximum number of stored names.
 const NAMES: usize = 256;
 
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Event {
     Refused(Refused),
-    /// Something that is worth a line.
+    /// A line for `status`.
     Status(String),
-    /// Something that somebody should do something about.
+    /// A line for `warning`, which calls for action.
     Warning(String),
-    /// Somebody asked for the state that is there already.
-    AskedAgain,
+    /// A client requested the present state.
+    StateRepeated,
     /// A reader of the operating state was found.
-    ReaderCame,
-    /// A client asked for a motion; the answer follows.
-    MoveAsked,
-    /// The controller moves, since this instant; or does not.
+    ReaderFound,
+    /// A client requested a motion; the answer follows.
+    MoveRequested,
+    /// The controller moves since this instant, or has refused.
     MoveAnswered(Option<Nanos>),
 }
 
@@ -45,7 +45,7 @@ impl Events {
         let _ = self.0.try_send(event);
     }
 
-    /// Reports a motion. These are few, and none may be missing.
+    /// Reports a motion, without dropping any: these are few.
     pub fn report_move(&self, event: Event) {
         let _ = self.0.send(event);
     }

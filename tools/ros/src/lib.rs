@@ -3,16 +3,16 @@
 //!
 //! | file | contains |
 //! |---|---|
-//! | `participant` | joining the network of ROS, and keeping to this computer |
+//! | `participant` | joining the network of ROS, limited to this computer |
 //! | `topics`, `message` | the topics with their quality of service, and the messages |
-//! | `inbound` | from ROS to the controller |
-//! | `admission` | whose commands are passed on to the controller, and why not |
-//! | `clock` | the age of what was sent, without trust in the clock of its sender |
+//! | `inbound` | path from ROS to the controller |
+//! | `admission` | admission of commands to the controller, with reasons for refusals |
+//! | `clock` | the age of a message, without trust in the clock of its sender |
 //! | `refusals` | refusals as lines: the first at once, repeats with their number |
-//! | `worker` | a thread that asks the controller and waits for its answers |
-//! | `outbound` | from the controller to ROS |
-//! | `master` | another arm as an input device of `i2ris teleop` |
-//! | `event` | between the threads |
+//! | `worker` | a thread that sends requests to the controller and waits for its answers |
+//! | `outbound` | path from the controller to ROS |
+//! | `master` | a CRTK arm as an input device of `i2ris teleop` |
+//! | `event` | events between the threads |
 //!
 //! ```text
 //! ROS 2 (DDS)        servo_jp, state_command, ...      measured_js, operating_state, ...
@@ -23,8 +23,8 @@
 //! shared memory        commands of every client           streams of the controller
 //! ```
 //!
-//! Every client of ROS is a client of its own for the controller, which follows one at a time.
-//! What the controller does not know of, a message that somebody kept, is refused here.
+//! Every client of ROS is a separate client of the controller, which follows one at a time. Stored
+//! messages, which the controller cannot detect, are refused here.
 
 mod admission;
 mod clock;
@@ -48,18 +48,18 @@ use i2ris::units::Nanos;
 pub use ros2_client::ServiceMapping;
 
 pub use master::{MasterOptions, follow};
-pub use participant::{LARGEST_DOMAIN, NODE, join};
+pub use participant::{MAX_DOMAIN, NODE, join};
 
 use event::ClientNames;
 use inbound::{Inbound, Shared};
 use outbound::{Outbound, SharedState};
 use topics::{Inputs, Outputs, Services};
 
-/// How the robot is shown in ROS.
+/// Options of the robot in ROS.
 #[derive(Debug, Clone)]
 pub struct Options {
     pub domain: Domain,
-    /// The name of the robot, under which its topics are.
+    /// The name of the robot, and prefix of its topics.
     pub robot: String,
     pub ros_domain: u16,
     /// Addresses of this computer in the networks to take part in; none: this computer only.
@@ -67,17 +67,17 @@ pub struct Options {
     pub read_only: bool,
     /// Whether clients may make the present pose the zero.
     pub may_home: bool,
-    /// Between two messages of the joints.
+    /// Period of the joint messages.
     pub period: Nanos,
-    /// How services are put on DDS, which differs between implementations of ROS.
+    /// Mapping of services to DDS, which differs between implementations of ROS.
     pub services: ServiceMapping,
 }
 
-/// Shows the robot in ROS until `stop`. `say` gets a line for everything that happens.
+/// Runs the robot in ROS until `stop`. `say` receives a line for every event.
 ///
 /// # Errors
 ///
-/// When it cannot take part in ROS.
+/// If it cannot join ROS.
 pub fn run(
     options: &Options,
     stop: impl Fn() -> bool,
@@ -112,12 +112,12 @@ pub fn run(
         state,
     );
     say(&format!(
-        "/{robot} is in domain {} of ROS, {}, {}; Ctrl-C ends",
+        "/{robot} is in ROS domain {}, {}, {}; Ctrl-C to stop",
         options.ros_domain,
         reach(&options.networks),
         match options.read_only {
-            true => "to watch only",
-            false => "to watch, and to command by every user of this computer",
+            true => "read-only",
+            false => "every user of this computer can command",
         }
     ));
     let ended = AtomicBool::new(false);
@@ -137,19 +137,20 @@ fn reach(networks: &[IpAddr]) -> String {
         return "on this computer only".to_owned();
     }
     let networks: Vec<String> = networks.iter().map(IpAddr::to_string).collect();
-    format!("in the network of {}", networks.join(", "))
+    format!("in the network {}", networks.join(", "))
 }
 
-/// Why the program cannot run.
+/// Reason why the program cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum RosError {
-    #[error("cannot take part in domain {domain} of ROS: {reason}")]
+    #[error("cannot join ROS domain {domain}: {reason}")]
     Join { domain: u16, reason: String },
     #[error(
-        "cannot keep ROS on this computer ({0}); Linux 5.7 or newer can; with --network others watch"
+        "cannot restrict ROS to this computer ({0}), which needs Linux 5.7 or newer; with \
+         --network, other computers can watch"
     )]
     Loopback(#[source] io::Error),
-    #[error("cannot make {name}: {reason}")]
+    #[error("cannot create {name}: {reason}")]
     Topic { name: String, reason: String },
     #[error("cannot {action}: {source}")]
     System { action: &'static str, source: io::Error },

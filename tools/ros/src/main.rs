@@ -9,9 +9,9 @@ use i2ris::units::Nanos;
 use i2ris_report::program::yield_to_controller;
 use i2ris_report::snake::Snake;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
-use i2ris_ros::{LARGEST_DOMAIN, MasterOptions, Options, ServiceMapping};
+use i2ris_ros::{MAX_DOMAIN, MasterOptions, Options, ServiceMapping};
 
-/// Show and command the robot in ROS 2, as CRTK names it
+/// Connect the robot to ROS 2 (CRTK)
 #[derive(Debug, Parser)]
 #[command(
     name = "i2ris-ros",
@@ -24,7 +24,7 @@ use i2ris_ros::{LARGEST_DOMAIN, MasterOptions, Options, ServiceMapping};
   i2ris start ros                               topics under /i2ris, this computer only
   i2ris start ros --name eye --command          topics under /eye, every user of this computer can
                                                 command
-  i2ris start ros --network 192.168.1.10        other computers of that network watch, too
+  i2ris start ros --network 192.168.1.10        other computers of that network can also watch
   i2ris start ros --name eye --urdf > eye.urdf  the snake for RViz and Foxglove
   i2ris start ros master MTML --to arm          another arm: `i2ris teleop --device arm` follows it
 
@@ -44,35 +44,35 @@ struct Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Other {
-    /// Hold another arm as an input device: its measured_cp or measured_js, and its pedal, into a
+    /// Use another arm as input device: its measured_cp or measured_js, and its pedal, go into a
     /// pipe for `i2ris teleop --device PIPE`
     Master(MasterArguments),
 }
 
 #[derive(Debug, clap::Args)]
 struct MasterArguments {
-    /// The arm, as MTML
+    /// Name of the arm, e.g. MTML
     #[arg(value_parser = name)]
     arm: String,
     /// Topic of the pedal that is the dead-man (sensor_msgs/Joy, first button)
     #[arg(long, default_value = "/footpedals/coag", value_name = "TOPIC")]
     pedal: String,
-    /// What goes to the right in the picture, and what up: x, y, z of measured_cp, or joints of
-    /// measured_js; with a - to the left, and down
+    /// Axes to the right and up in the picture: x, y, z of measured_cp, or joints of measured_js; a
+    /// leading - reverses the direction
     #[arg(long, default_value = "x,y", value_name = "RIGHT,UP", allow_hyphen_values = true,
           value_parser = axes)]
     axes: [String; 2],
-    /// Way of full deflection, m or rad; the reach of `i2ris teleop` says what it does
+    /// Travel of full deflection, m or rad; `i2ris teleop` sets the resulting motion
     #[arg(long, default_value_t = 0.05, value_name = "WAY", value_parser = way)]
     full: f64,
-    /// The pipe; made if it is not there
+    /// The pipe; created if it does not exist
     #[arg(long, value_name = "PIPE")]
     to: PathBuf,
     #[command(flatten)]
     ros: RosArguments,
 }
 
-/// Where in ROS.
+/// Domain and networks of ROS.
 #[derive(Debug, clap::Args)]
 struct RosArguments {
     /// Domain of ROS
@@ -81,27 +81,27 @@ struct RosArguments {
         env = "ROS_DOMAIN_ID",
         default_value_t = 0,
         value_name = "NUMBER",
-        value_parser = clap::value_parser!(u16).range(0..=i64::from(LARGEST_DOMAIN))
+        value_parser = clap::value_parser!(u16).range(0..=i64::from(MAX_DOMAIN))
     )]
     ros_domain: u16,
-    /// Address of this computer in a network to take part in; may be repeated. Without one, only
-    /// this computer is reached
+    /// Address of this computer in a network to join; may be repeated. Without one, ROS is
+    /// restricted to this computer
     #[arg(long, value_name = "ADDRESS")]
     network: Vec<IpAddr>,
 }
 
 #[derive(Debug, clap::Args)]
 struct RunArguments {
-    /// The name of the robot, under which its topics are
+    /// The name of the robot, and prefix of its topics
     #[arg(long, default_value = "i2ris", value_name = "NAME", value_parser = name)]
     name: String,
     #[command(flatten)]
     ros: RosArguments,
-    /// Take commands of every user of this computer
+    /// Accept commands from every user of this computer
     #[arg(long, conflicts_with = "network")]
     command: bool,
-    /// Take the command `home`, too, which makes the present pose the zero: straighten the snake
-    /// before
+    /// Also accept the command `home`, which makes the present pose the zero: straighten the snake
+    /// first
     #[arg(long, requires = "command")]
     home: bool,
     /// Messages of measured_js and setpoint_js per second
@@ -112,10 +112,10 @@ struct RunArguments {
         value_parser = clap::value_parser!(u64).range(1..=1000)
     )]
     rate_hz: u64,
-    /// How services are put on DDS: as Fast DDS does, or as Cyclone DDS does
+    /// Mapping of services to DDS: that of Fast DDS, or of Cyclone DDS
     #[arg(long, value_enum, env = "RMW_IMPLEMENTATION", default_value_t = Rmw::FastDds)]
     rmw: Rmw,
-    /// Print a URDF of the snake, and end: the names of its links begin with --name
+    /// Print a URDF of the snake and exit; the names of its links begin with --name
     #[arg(long)]
     urdf: bool,
     #[command(flatten)]
@@ -167,7 +167,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     };
     let interrupt = Interrupt::catch()?;
     let mut screen = Screen::never_blocking()?;
-    // A reader of the lines that went away ends nothing: the robot may depend on it.
+    // A lost reader of the lines must not end the program: the robot may depend on it.
     i2ris_ros::run(&options, || interrupt.came(), |line| drop(screen.say(line)))?;
     Ok(())
 }
@@ -193,7 +193,7 @@ fn axes(text: &str) -> Result<[String; 2], String> {
     Ok([right.to_owned(), up.to_owned()])
 }
 
-/// A name that ROS takes as a part of topics, and URDF as a part of links.
+/// A name that is valid in topics of ROS and in links of URDF.
 fn name(text: &str) -> Result<String, String> {
     let letters = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let begins = text.starts_with(|c: char| c.is_ascii_alphabetic());
@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_those_that_ros_takes() {
+    fn only_names_valid_in_ros_are_accepted() {
         for good in ["i2ris", "PSM1", "left_eye"] {
             assert_eq!(name(good).as_deref(), Ok(good));
         }

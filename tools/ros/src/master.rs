@@ -1,13 +1,12 @@
-//! Another arm as an input device: a master that speaks CRTK, and its pedal.
+//! A CRTK arm as an input device: a master and its pedal.
 //!
-//! Its messages become events of a device in a pipe, as `i2ris teleop input play` would play them,
-//! and `i2ris teleop --device PIPE` reads that. So everything that a hand is held to holds for it,
-//! too: at rest before the clutch closes, silence, repetition, values beyond the range, identity,
-//! view.
+//! Its messages become events of a device in a pipe, like those of `i2ris teleop input play`, and
+//! `i2ris teleop --device PIPE` reads them. So all checks of a hand device apply: rest before the
+//! clutch closes, silence, repetition, values beyond the range, identity, view.
 //!
-//! A master has no centre of its own. Its deflection counts from where it last stood still while
-//! the pedal was up; one that moves when the pedal goes down is deflected, and closes nothing.
-//! When its messages end, or come from another program, the device is pulled out.
+//! A master has no centre. Its deflection is measured from where it last stood still while the
+//! pedal was up; one that moves when the pedal goes down is deflected, and the clutch stays open.
+//! If its messages end, or come from a different program, the device is unplugged.
 
 use std::fs::{self, File, OpenOptions};
 use std::net::IpAddr;
@@ -16,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
-use i2ris_teleop::evdev_decoder::{encode, stamp_anew};
+use i2ris_teleop::evdev_decoder::{encode, restamp};
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::profile::DEAD_MAN_MS;
 use i2ris_teleop::recording::{write_frame, write_head};
@@ -28,15 +27,15 @@ use crate::message::{JointState, Joy, PoseStamped};
 use crate::topics::Listener;
 use crate::{RosError, join};
 
-/// A master that says nothing for so long is gone. CRTK streams at 100 Hz and more.
+/// Timeout of a master: without messages for this time it is gone. CRTK streams at 100 Hz and more.
 const SILENCE: Nanos = Nanos::from_millis(200);
-/// It stands still when it moved less than this share of its range for so long.
+/// It stands still if it moves less than this share of its range for this time.
 const STILL: f64 = 0.02;
 const STILL_FOR: Nanos = Nanos::from_millis(200);
 const POLL: Nanos = Nanos::from_millis(2);
-/// Full deflection as the device tells it, and what it tells at most.
+/// Value of full deflection, and maximum value of the device.
 const FULL: f64 = 10_000.0;
-const MOST: f64 = 1.4 * FULL;
+const MAX_VALUE: f64 = 1.4 * FULL;
 
 const EV_KEY: u16 = 1;
 const EV_ABS: u16 = 3;
@@ -44,18 +43,18 @@ const BTN_TRIGGER: u16 = 0x120;
 /// "cr" and "tk": no vendor has this number.
 const CRTK: (u16, u16) = (0x6372, 0x746b);
 
-/// What is followed, and where it goes.
+/// Master to follow, and its axes.
 #[derive(Debug, Clone)]
 pub struct MasterOptions {
     pub ros_domain: u16,
     pub networks: Vec<IpAddr>,
-    /// The arm, as `MTML`.
+    /// Name of the arm, such as `MTML`.
     pub arm: String,
     /// The topic of its pedal, `sensor_msgs/Joy`: the first button.
     pub pedal: String,
-    /// What goes to the right and up in the picture: `x`, `y`, `z`, or a joint; `-` turns it round.
+    /// Axes to the right and up in the picture: `x`, `y`, `z`, or a joint; `-` reverses one.
     pub axes: [String; 2],
-    /// Way of full deflection, m or rad.
+    /// Travel of full deflection, m or rad.
     pub full: f64,
     pub pipe: PathBuf,
 }
@@ -88,15 +87,15 @@ impl Axis {
     }
 }
 
-/// What a master and its pedal say, as a device tells it. Pure.
+/// Conversion of a master and its pedal to events of a device. Pure.
 #[derive(Debug)]
 struct Follower {
     full: f64,
-    /// Where its centre is, and since when it stood still at `still`.
+    /// Position of its centre, and time since which it stands still at `still`.
     centre: Option<[f64; 2]>,
     still: Option<([f64; 2], Nanos)>,
-    /// The pedal, and when it was heard last. Pedals of CRTK tell changes only, and the arm goes on
-    /// telling when the pedal is gone.
+    /// The pedal, and its last message. Pedals of CRTK send changes only, and the arm keeps sending
+    /// if the pedal is gone.
     pedal: (bool, Nanos),
 }
 
@@ -107,8 +106,9 @@ impl Follower {
 
     /// The events of a message; `None` while the master has no centre.
     fn events(&mut self, at: [f64; 2], now: Nanos) -> Option<Vec<u8>> {
-        let (is_pressed, heard) = self.pedal;
-        let is_pressed = is_pressed && now.duration_since(heard) <= Nanos::from_millis(DEAD_MAN_MS);
+        let (is_pressed, last_seen) = self.pedal;
+        let is_pressed =
+            is_pressed && now.duration_since(last_seen) <= Nanos::from_millis(DEAD_MAN_MS);
         let away = |from: [f64; 2]| (at[0] - from[0]).hypot(at[1] - from[1]) / self.full;
         match self.still {
             Some((place, since)) if away(place) < STILL => {
@@ -119,18 +119,18 @@ impl Follower {
             _ => self.still = Some((at, now)),
         }
         let centre = self.centre?;
-        let told = |axis: usize| {
+        let value = |axis: usize| {
             let share = (at[axis] - centre[axis]) / self.full;
-            (FULL * share).clamp(-MOST, MOST).round() as i32
+            (FULL * share).clamp(-MAX_VALUE, MAX_VALUE).round() as i32
         };
         let mut events = [
-            encode(EV_ABS, 0, told(0)),
-            encode(EV_ABS, 1, told(1)),
+            encode(EV_ABS, 0, value(0)),
+            encode(EV_ABS, 1, value(1)),
             encode(EV_KEY, BTN_TRIGGER, is_pressed.into()),
             encode(0, 0, 0),
         ]
         .concat();
-        stamp_anew(&mut events, now);
+        restamp(&mut events, now);
         Some(events)
     }
 }
@@ -145,7 +145,7 @@ struct Plug {
 impl Plug {
     fn new(path: &Path, arm: &str, from: Gid) -> Result<Self, RosError> {
         let failed = |source| RosError::System { action: "open the pipe", source };
-        // Reading as well: it does not wait for who reads, and who reads may come and go.
+        // Opened for reading as well: it does not wait for a reader, and readers may come and go.
         let mut options = OpenOptions::new();
         options.read(true).write(true).custom_flags(nix::libc::O_NONBLOCK);
         let mut pipe = options.open(path).map_err(failed)?;
@@ -167,7 +167,7 @@ enum Arm {
 }
 
 impl Arm {
-    /// The newest message: where it is, and who said it.
+    /// The newest message: position and sender.
     fn newest(&self, axes: &[Axis; 2]) -> Option<([f64; 2], Gid)> {
         let newest = match self {
             Self::Joints(topic) => {
@@ -188,11 +188,11 @@ fn newest<M: Message + 'static>(
     Some(([right, up], info.publisher_gid()))
 }
 
-/// Follows a master until `stop`. `say` gets a line for everything that happens.
+/// Follows a master until `stop`. `say` receives a line for every event.
 ///
 /// # Errors
 ///
-/// When it cannot take part in ROS, or the pipe cannot be made.
+/// If it cannot join ROS, or the pipe cannot be created.
 pub fn follow(
     options: &MasterOptions,
     stop: impl Fn() -> bool,
@@ -209,12 +209,12 @@ pub fn follow(
     };
     let _pipe = Pipe::make(&options.pipe)?;
     say(&format!(
-        "waits for /{}; `i2ris teleop --mode position --device {}` follows it; Ctrl-C ends",
+        "waiting for /{}; `i2ris teleop --mode position --device {}` follows it; Ctrl-C to stop",
         options.arm,
         options.pipe.display()
     ));
     let mut follower = Follower::new(options.full);
-    let (mut plug, mut heard) = (None::<Plug>, Nanos::ZERO);
+    let (mut plug, mut last_seen) = (None::<Plug>, Nanos::ZERO);
     while !stop() {
         let now = clock::now();
         while let Ok(Some((joy, _))) = pedal.take() {
@@ -222,20 +222,20 @@ pub fn follow(
             follower.pedal = (is_pressed, now);
         }
         if let Some((at, from)) = arm.newest(&axes) {
-            heard = now;
+            last_seen = now;
             if plug.as_ref().is_some_and(|plug| plug.from != from) {
-                say("another program speaks for the master now: it is plugged in anew");
+                say("a different program sends for the master now: plugging it in again");
                 (plug, follower.centre) = (None, None);
             } else if let Some(events) = follower.events(at, now) {
                 if plug.is_none() {
-                    say(&format!("/{} is there", options.arm));
+                    say(&format!("/{} is connected", options.arm));
                     plug = Some(Plug::new(&options.pipe, &options.arm, from)?);
                 }
-                // Who reads is late, or gone: the next message tells all again.
+                // The reader is late, or gone: the next message repeats everything.
                 let _ = plug.as_mut().map(|plug| write_frame(&mut plug.pipe, now, &events));
             }
-        } else if plug.is_some() && now.duration_since(heard) > SILENCE {
-            say(&format!("/{} is silent: unplugged until it speaks again", options.arm));
+        } else if plug.is_some() && now.duration_since(last_seen) > SILENCE {
+            say(&format!("/{} is silent: unplugged until it sends again", options.arm));
             (plug, follower) = (None, Follower::new(options.full));
         }
         clock::sleep(POLL);
@@ -253,7 +253,7 @@ impl<'a> Pipe<'a> {
         }
         let made = nix::unistd::mkfifo(path, Mode::S_IRUSR | Mode::S_IWUSR);
         let failed = |error: nix::errno::Errno| RosError::System {
-            action: "make the pipe",
+            action: "create the pipe",
             source: error.into(),
         };
         made.map_err(failed)?;
@@ -274,7 +274,7 @@ impl Drop for Pipe<'_> {
 mod tests {
     use super::*;
 
-    fn told(events: Option<Vec<u8>>) -> Option<[i32; 3]> {
+    fn values(events: Option<Vec<u8>>) -> Option<[i32; 3]> {
         let events = events?;
         let value = |place: usize| {
             i32::from_le_bytes(events[24 * place + 20..24 * place + 24].try_into().unwrap())
@@ -283,23 +283,23 @@ mod tests {
     }
 
     #[test]
-    fn a_master_counts_from_where_it_stood_still_with_the_pedal_up() {
+    fn master_counts_from_rest_with_the_pedal_up() {
         let mut follower = Follower::new(0.05);
         let ms = Nanos::from_millis;
-        assert_eq!(told(follower.events([0.2, 0.1], ms(0))), None, "nothing is known of it");
-        assert_eq!(told(follower.events([0.2, 0.1], ms(200))), Some([0, 0, 0]));
+        assert_eq!(values(follower.events([0.2, 0.1], ms(0))), None, "its centre is unknown");
+        assert_eq!(values(follower.events([0.2, 0.1], ms(200))), Some([0, 0, 0]));
         // Moved with the pedal up: deflected, until it stands still.
-        assert_eq!(told(follower.events([0.225, 0.1], ms(210))), Some([5000, 0, 0]));
-        assert_eq!(told(follower.events([0.225, 0.1], ms(420))), Some([0, 0, 0]));
+        assert_eq!(values(follower.events([0.225, 0.1], ms(210))), Some([5000, 0, 0]));
+        assert_eq!(values(follower.events([0.225, 0.1], ms(420))), Some([0, 0, 0]));
         follower.pedal = (true, ms(425));
-        assert_eq!(told(follower.events([0.225, 0.1], ms(430))), Some([0, 0, 1]));
-        // It may stand still as long as it likes while the pedal is down.
+        assert_eq!(values(follower.events([0.225, 0.1], ms(430))), Some([0, 0, 1]));
+        // It may stand still for any time while the pedal is down.
         for at in [440, 1000, 5000] {
-            assert_eq!(told(follower.events([0.225, 0.075], ms(at))), Some([0, -5000, 1]));
+            assert_eq!(values(follower.events([0.225, 0.075], ms(at))), Some([0, -5000, 1]));
         }
-        assert_eq!(told(follower.events([9.0, 0.1], ms(5010))), Some([14_000, 0, 1]));
-        // A pedal of which nothing came for long is not believed, however alive the arm is.
+        assert_eq!(values(follower.events([9.0, 0.1], ms(5010))), Some([14_000, 0, 1]));
+        // A pedal that was silent for long does not count, even if the arm is alive.
         let late = ms(426 + DEAD_MAN_MS);
-        assert_eq!(told(follower.events([9.0, 0.1], late)), Some([0, 0, 0]));
+        assert_eq!(values(follower.events([9.0, 0.1], late)), Some([0, 0, 0]));
     }
 }

@@ -47,7 +47,7 @@ messages! {
         data: String,
     }
 
-    /// With the byte that IDL puts into an empty message.
+    /// Empty message, with the byte that IDL adds.
     Empty "std_msgs" "Empty" {
         structure_needs_at_least_one_member: u8,
     }
@@ -60,14 +60,14 @@ messages! {
         effort: Vec<f64>,
     }
 
-    /// Of a pedal or a joystick.
+    /// Axes and buttons of a pedal or a joystick.
     Joy "sensor_msgs" "Joy" {
         header: Header,
         axes: Vec<f32>,
         buttons: Vec<i32>,
     }
 
-    /// And `geometry_msgs/Vector3`, which is the same.
+    /// Also `geometry_msgs/Vector3`, which is the same.
     Point "geometry_msgs" "Point" {
         x: f64,
         y: f64,
@@ -124,7 +124,7 @@ messages! {
         data: Vec<f64>,
     }
 
-    /// Of the control loop, seconds. What the controller does not know is NaN.
+    /// Statistics of the control loop, seconds. Unknown values are NaN.
     IntervalStatistics "cisst_msgs" "IntervalStatistics" {
         header: Header,
         period_avg: f64,
@@ -146,7 +146,7 @@ messages! {
         header: Header,
         /// `DISABLED`, `ENABLED`, `PAUSED`, `FAULT`; `UNDEFINED` without a controller.
         state: String,
-        /// Every axis knows its zero.
+        /// The zero of every axis is known.
         is_homed: bool,
         /// A state command or a motion is being carried out.
         is_busy: bool,
@@ -171,7 +171,7 @@ messages! {
 
     QueryInverseKinematics "crtk_msgs" "QueryInverseKinematics_Request" {
         cp: Pose,
-        /// Where the search begins; empty: straight.
+        /// Start of the search; empty: straight.
         jp: Vec<f64>,
     }
 
@@ -181,7 +181,7 @@ messages! {
         message: String,
     }
 
-    /// Request of services that are only called, with the byte that IDL puts into an empty message.
+    /// Request of services without parameters, with the byte that IDL adds to an empty message.
     NoRequest "std_srvs" "Trigger_Request" {
         structure_needs_at_least_one_member: u8,
     }
@@ -197,7 +197,7 @@ messages! {
 }
 
 impl Time {
-    /// The time that a message with values that are not valid has.
+    /// The stamp of a message with invalid values.
     pub const INVALID: Self = Self { sec: 0, nanosec: 0 };
 
     #[must_use]
@@ -234,7 +234,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_keep_every_nanosecond_and_zero_is_none() {
+    fn times_keep_every_nanosecond_and_zero_is_invalid() {
         for unix_ns in [1, 999_999_999, 1_000_000_000, 1_795_000_000_123_456_789] {
             assert_eq!(Time::from_unix_ns(unix_ns).unix_ns(), Some(unix_ns));
         }

@@ -1,13 +1,13 @@
 //! Joining the network of ROS 2, or only this computer.
 //!
-//! RustDDS listens on all interfaces, begins to read while it is made, and can be kept from a network
-//! only in what it announces. So [`bind`] takes care of every socket before it has a port. All drop
-//! what came over another device than `lo`, and what is sent to groups leaves by `lo` only. Other
-//! messages go to the addresses that programs announce, and only those of this computer are heard.
+//! RustDDS listens on all interfaces, reads during its construction, and restricts only its
+//! announcements. So [`bind`] restricts every socket before it has a port. All sockets drop
+//! messages from devices other than `lo`, and multicasts leave by `lo` only. Other messages go to
+//! announced addresses, and only those of this computer are received.
 //!
-//! All addresses of this computer are announced, and the socket that sends is bound to no device:
-//! Cyclone DDS 11, which is part of Lyrical, hears nobody who announces no address in the network
-//! that it uses, or whose messages come over another device, also on the same computer.
+//! All addresses of this computer are announced, and the sending socket is bound to no device:
+//! Cyclone DDS 11, which is part of Lyrical, ignores participants without an announced address in
+//! its network, and messages over a different device, also on the same computer.
 
 use std::ffi::OsString;
 use std::io;
@@ -23,8 +23,8 @@ use rustdds::DomainParticipantBuilder;
 
 use crate::RosError;
 
-/// The largest domain of ROS: the ports of larger ones do not exist.
-pub const LARGEST_DOMAIN: u16 = 232;
+/// Maximum domain of ROS: larger ones have no ports.
+pub const MAX_DOMAIN: u16 = 232;
 
 /// The name of the node.
 pub const NODE: &str = "i2ris_ros";
@@ -32,19 +32,18 @@ pub const NODE: &str = "i2ris_ros";
 /// Whether sockets that are opened now are for this computer only.
 static ONLY_HERE: AtomicBool = AtomicBool::new(false);
 
-/// Joins a domain of ROS with a node of this name. Without networks only this computer is reached,
-/// whatever its interfaces are; with networks the interfaces that have these addresses, and this
-/// computer.
+/// Joins a domain of ROS with a node of this name. Without networks it reaches only this computer,
+/// with any interfaces; with networks, also the interfaces that have these addresses.
 ///
 /// # Errors
 ///
-/// The participant cannot be created, or cannot be kept from the network.
+/// The participant cannot be created, or cannot be restricted to this computer.
 pub fn join(domain: u16, networks: &[IpAddr], name: &str) -> Result<(Context, Node), RosError> {
     let failed = |reason: String| RosError::Join { domain, reason };
     let mut builder = DomainParticipantBuilder::new(domain).same_host_loopback(true);
     ONLY_HERE.store(networks.is_empty(), Ordering::Relaxed);
     if networks.is_empty() {
-        // Where that is not possible the reason is known.
+        // If that is not possible, the reason is known.
         UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(RosError::Loopback)?;
     } else {
         let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
@@ -60,7 +59,7 @@ pub fn join(domain: u16, networks: &[IpAddr], name: &str) -> Result<(Context, No
     Ok((context, node))
 }
 
-/// In the place of libc's: the same, after a socket of UDP was kept on this computer.
+/// Replaces libc's function: restricts a UDP socket to this computer, then does the same.
 ///
 /// # Safety
 ///
@@ -83,7 +82,7 @@ unsafe extern "C" fn bind(fd: c_int, address: *const sockaddr, length: socklen_t
     unsafe { libc::syscall(libc::SYS_bind, fd, address, length) as c_int }
 }
 
-/// An address of IPv4; RustDDS has no other.
+/// An IPv4 address; RustDDS uses no others.
 ///
 /// # Safety
 ///
@@ -106,12 +105,12 @@ fn keep_here(socket: &impl AsFd, address: SocketAddrV4) -> io::Result<()> {
     }
     // SAFETY: a name that ends with 0.
     let loopback = unsafe { libc::if_nametoindex(c"lo".as_ptr()) };
-    hear_device(socket.as_fd().as_raw_fd(), loopback)
+    restrict_to_device(socket.as_fd().as_raw_fd(), loopback)
 }
 
-/// Drops what comes over another device. Messages of this computer to itself come over `lo`,
-/// whatever their address (`ip_local_out` of Linux).
-fn hear_device(socket: RawFd, device: u32) -> io::Result<()> {
+/// Drops messages over a different device. Messages of this computer to itself use `lo` for any
+/// address (`ip_local_out` of Linux).
+fn restrict_to_device(socket: RawFd, device: u32) -> io::Result<()> {
     let step = |code: u32, jump_if_not: u8, k: u32| sock_filter {
         code: code as u16,
         jt: 0,
@@ -158,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_socket_is_kept_on_this_computer_before_it_has_a_port() {
+    fn socket_is_restricted_before_it_has_a_port() {
         let (own, other) = (own_address(), UdpSocket::bind("0.0.0.0:0").unwrap());
         let free = UdpSocket::bind("0.0.0.0:0").unwrap().local_addr().unwrap();
         ONLY_HERE.store(true, Ordering::Relaxed);
@@ -175,8 +174,8 @@ mod tests {
                 assert_eq!(hears.recv(&mut buffer).unwrap(), 4, "{address}");
             }
         }
-        // What comes over another device is dropped before it is read.
-        hear_device(hears.as_raw_fd(), u32::MAX).unwrap();
+        // Messages over a different device are dropped before they are read.
+        restrict_to_device(hears.as_raw_fd(), u32::MAX).unwrap();
         other.send_to(b"there", (Ipv4Addr::LOCALHOST, free.port())).unwrap();
         hears.set_read_timeout(Some(Duration::from_millis(300))).unwrap();
         assert!(hears.recv(&mut buffer).is_err());

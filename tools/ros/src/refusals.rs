@@ -6,21 +6,21 @@ use i2ris::units::Nanos;
 
 use crate::admission::Reason;
 
-/// Repeats are said so often.
+/// Period of reporting repeats.
 const PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// Kinds of refusals that are kept. More begin anew: whoever changes its name with every message
-/// does not fill the memory.
+/// Maximum number of stored kinds of refusals. Beyond it, all are dropped: a client that changes
+/// its name with every message must not fill the memory.
 const KINDS: usize = 256;
 
-/// Something that was refused.
+/// A refused message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refused {
     pub client: String,
-    /// What was sent.
+    /// Topic of the message.
     pub topic: &'static str,
     pub reason: Reason,
-    /// How often.
+    /// Number of refusals.
     pub count: u64,
 }
 
@@ -38,18 +38,18 @@ impl Refused {
     }
 }
 
-/// What was refused, and when that was said.
+/// Refusals, and the times at which they were reported.
 #[derive(Debug, Default)]
 pub struct Refusals {
-    /// The count is of those that were not said yet.
+    /// Time of the last report, and refusals that were not reported yet.
     kinds: Vec<(Nanos, Refused)>,
 }
 
 impl Refusals {
-    /// Takes in a refusal, and returns the line to say at once.
+    /// Adds a refusal, and returns a line to report at once.
     pub fn add(&mut self, refused: Refused, now: Nanos) -> Option<String> {
         if self.kinds.len() >= KINDS {
-            self.kinds.retain(|(said, _)| now.duration_since(*said) < PERIOD);
+            self.kinds.retain(|(reported, _)| now.duration_since(*reported) < PERIOD);
         }
         if self.kinds.len() >= KINDS {
             self.kinds.clear();
@@ -67,15 +67,15 @@ impl Refusals {
     /// The lines about repeats that are due.
     pub fn due(&mut self, now: Nanos) -> Vec<String> {
         let mut lines = Vec::new();
-        self.kinds.retain_mut(|(said, refused)| {
-            if now.duration_since(*said) < PERIOD {
+        self.kinds.retain_mut(|(reported, refused)| {
+            if now.duration_since(*reported) < PERIOD {
                 return true;
             }
             if refused.count == 0 {
                 return false;
             }
             lines.push(refused.line());
-            (*said, refused.count) = (now, 0);
+            (*reported, refused.count) = (now, 0);
             true
         });
         lines
@@ -100,17 +100,17 @@ mod tests {
         for at in 1..500 {
             assert_eq!(add(Reason::NotFinite, ms(at)), None);
         }
-        assert!(add(Reason::NoStamp, ms(500)).is_some(), "another reason");
+        assert!(add(Reason::NoStamp, ms(500)).is_some(), "a different reason");
         assert_eq!(refusals.due(ms(900)), Vec::<String>::new());
         let counted = "/arm: servo_jp: a position is not finite (998 times)";
         assert_eq!(refusals.due(ms(1000)), [counted]);
         assert_eq!(refusals.due(ms(2000)), Vec::<String>::new());
         let again = refusals.add(refused("/arm", Reason::NotFinite), ms(2001));
-        assert!(again.is_some(), "said at once again");
+        assert!(again.is_some(), "reported at once again");
     }
 
     #[test]
-    fn names_that_change_with_every_message_do_not_fill_the_memory() {
+    fn changing_names_do_not_fill_the_memory() {
         let mut refusals = Refusals::default();
         for number in 0..10_000 {
             let _ = refusals.add(refused(&format!("{number}"), Reason::NoStamp), Nanos(1));

@@ -1,7 +1,7 @@
-//! The topics and services under the name of the robot, with types and quality of service as
-//! cisst-ros 4 has them.
+//! The topics and services under the name of the robot, with types and quality of service as in
+//! cisst-ros 4.
 //!
-//! What is not supported has no topic: CRTK's client names it in `check_connections`.
+//! Unsupported features have no topic: CRTK's client names them in `check_connections`.
 
 use ros2_client::qos::{Durability, History, Reliability, WhenFull};
 use ros2_client::{
@@ -34,14 +34,14 @@ const fn qos(durability: Durability, depth: usize) -> QosProfile {
 /// every client of CRTK.
 const STREAM: QosProfile = qos(Durability::Volatile, 100);
 
-/// What a late joiner must get: the state and what was said.
+/// Quality of service for messages that late joiners must get: the state and the lines.
 const LATCHED: QosProfile = qos(Durability::TransientLocal, 100);
 
 /// Commands, of which only the newest counts. VOLATILE: clients latch `state_command`, and a late
 /// reader must not get an old one.
 const COMMAND: QosProfile = qos(Durability::Volatile, 1);
 
-/// Services, as rmw has them.
+/// Services, as in rmw.
 const SERVICE: QosProfile = qos(Durability::Volatile, 10);
 
 /// Listens to the streams of another arm.
@@ -125,7 +125,7 @@ impl Maker<'_> {
     }
 }
 
-/// What goes out.
+/// Topics from the robot.
 pub(crate) struct Outputs {
     pub measured_js: Publisher<JointState>,
     pub setpoint_js: Publisher<JointState>,
@@ -167,13 +167,13 @@ impl Outputs {
     }
 }
 
-/// What comes in. A robot that may only be watched has none of it.
+/// Topics to the robot. A read-only robot has none of them.
 pub(crate) struct Inputs {
-    /// What stops.
+    /// Topics that stop the robot.
     pub stops: [(Topic, Subscription<Empty>); 2],
     pub state_command: Subscription<StringStamped>,
     pub joints: [(Topic, Subscription<JointState>); 8],
-    /// Places of the tip.
+    /// Positions of the tip.
     pub places: [(Topic, Subscription<PoseStamped>); 2],
     pub twist: Subscription<TwistStamped>,
 }
@@ -204,8 +204,7 @@ impl Inputs {
         })
     }
 
-    /// Whether a topic of DDS that carries commands to this robot has this type. Topics of others
-    /// are none of our business.
+    /// Whether a topic of DDS with commands to this robot has this type; true for topics of others.
     pub fn is_own_type(robot: &str, dds_topic: &str, dds_type: &str) -> bool {
         let name = dds_topic.strip_prefix(&format!("rt/{robot}/")).unwrap_or_default();
         let Some(topic) = Topic::ALL.into_iter().find(|topic| topic.name() == name) else {
@@ -222,7 +221,7 @@ impl Inputs {
     }
 }
 
-/// What is asked for and answered.
+/// Services of the robot.
 pub(crate) struct Services {
     pub operating_state: Server<NoRequest, TriggerOperatingStateResponse>,
     pub crtk_version: Server<NoRequest, TriggerResponse>,

@@ -1,11 +1,11 @@
-//! A thread that asks the controller and waits for its answers, so that nothing else has to wait
-//! for a controller that hangs.
+//! A thread that sends requests to the controller and waits for its answers, so that nothing else
+//! has to wait for a controller that hangs.
 
 use std::io;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 
-/// Tasks that may wait at the same time.
+/// Maximum number of waiting tasks.
 pub const WAITING: usize = 16;
 
 /// Does one task after the other. Ends when it is dropped, once its last task is done.
@@ -20,7 +20,7 @@ impl<T: Send + 'static> Worker<T> {
     ///
     /// # Errors
     ///
-    /// When the system gives no thread.
+    /// If the system cannot start a thread.
     pub fn start(
         name: &str,
         waiting: usize,

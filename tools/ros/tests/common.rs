@@ -23,7 +23,7 @@ pub fn robot() -> Rig {
     rig
 }
 
-/// The robot as a client in shared memory sees it, when it is as wanted.
+/// Waits for a state of the robot, as seen by a client in shared memory.
 pub fn wait_for(rig: &mut Rig, wanted: impl Fn(&OperatingStateMsg) -> bool) -> OperatingStateMsg {
     i2ris_testing::wait_for(&mut rig.client(), wanted)
 }
@@ -36,14 +36,14 @@ pub fn start(arguments: &[&str]) -> (Rig, Bridge, Peer) {
     (rig, bridge, peer)
 }
 
-/// `i2ris-ros` as a process, killed when dropped. What it says is kept.
+/// `i2ris-ros` as a process, killed when dropped. Its output is stored.
 pub struct Bridge {
     child: Child,
     lines: Arc<Mutex<Vec<String>>>,
 }
 
 impl Bridge {
-    /// Starts it for clients that command and home, and waits until it takes part in ROS.
+    /// Starts it for clients that command and home, and waits until it has joined ROS.
     pub fn start(domain: &Domain, ros_domain: u16, arguments: &[&str]) -> Self {
         Self::start_with(domain, ros_domain, &[&["--command", "--home"], arguments].concat())
     }
@@ -67,7 +67,7 @@ impl Bridge {
             }
         });
         let bridge = Self { child, lines };
-        bridge.wait_for("in domain");
+        bridge.wait_for("in ROS domain");
         bridge
     }
 
@@ -79,7 +79,7 @@ impl Bridge {
         self.lines.lock().unwrap().clone()
     }
 
-    /// Waits until it says something, and returns the line.
+    /// Waits until it prints a line with `words`, and returns the line.
     pub fn wait_for(&self, words: &str) -> String {
         wait_until(&format!("{words:?} among {:?}", self.lines()), || {
             self.lines().into_iter().find(|line| line.contains(words))
@@ -105,7 +105,7 @@ impl Drop for Bridge {
         let _ = self.child.kill();
         let _ = self.child.wait();
         if thread::panicking() {
-            eprintln!("i2ris-ros said:\n{}", self.lines().join("\n"));
+            eprintln!("output of i2ris-ros:\n{}", self.lines().join("\n"));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What CRTK asks of a robot: its states, joints and tip, and its services.
+//! Requirements of CRTK for a robot: its states, joints and tip, and its services.
 
 use i2ris::clock;
 use i2ris::units::Nanos;
@@ -17,7 +17,7 @@ use crate::common::{ROBOT, start};
 use crate::peer::{Peer, publisher, qos};
 
 #[test]
-fn a_state_that_is_there_already_is_reported_again() {
+fn repeated_state_command_republishes_state() {
     let (_robot, bridge, mut peer) = start(&[]);
     peer.enable();
     let now = || {
@@ -25,9 +25,9 @@ fn a_state_that_is_there_already_is_reported_again() {
         unix.unwrap().as_nanos() as u64
     };
     for word in ["enable", "resume", "home", "pause", "pause", "disable", "disable"] {
-        let asked = now();
+        let sent = now();
         peer.command(word);
-        peer.wait_for(word, |state| state.header.stamp.unix_ns() > Some(asked));
+        peer.wait_for(word, |state| state.header.stamp.unix_ns() > Some(sent));
         let state = if word == "pause" { "PAUSED" } else { "ENABLED" };
         let state = if word == "disable" { "DISABLED" } else { state };
         peer.wait_for(word, |found| found.state == state && !found.is_busy);
@@ -37,7 +37,7 @@ fn a_state_that_is_there_already_is_reported_again() {
 }
 
 #[test]
-fn joints_go_by_their_names_and_those_of_another_robot_are_refused() {
+fn joints_are_matched_by_name_and_foreign_names_refused() {
     let (robot, _bridge, mut peer) = start(&[]);
     peer.enable();
     let named = |names: [&str; 2], degrees: [f64; 2]| JointState {
@@ -54,9 +54,9 @@ fn joints_go_by_their_names_and_those_of_another_robot_are_refused() {
     let from = clock::now();
     for names in [["outer_yaw", "outer_pitch"], ["pitch", "pitch"]] {
         peer.send_message("move_jp", named(names, [1.0, 1.0]));
-        let line = peer.wait_for_line("warning", "those of this robot are pitch and yaw");
+        let line = peer.wait_for_line("warning", "the joints of this robot are pitch and yaw");
         assert!(line.contains("/console: move_jp: "), "{line}");
-        peer.said.clear();
+        peer.lines.clear();
         clock::sleep(Nanos::from_millis(1100));
     }
     for _ in 0..20 {
@@ -85,8 +85,8 @@ fn a_velocity_that_is_not_used_is_reported_once() {
     peer.wait_for_line("warning", "/console: servo_jp: its velocity is not used");
     clock::sleep(Nanos::from_millis(1500));
     peer.update();
-    let said = peer.said.iter().filter(|(_, line)| line.contains("velocity"));
-    assert_eq!(said.count(), 1, "{:?}", peer.said);
+    let lines = peer.lines.iter().filter(|(_, line)| line.contains("velocity"));
+    assert_eq!(lines.count(), 1, "{:?}", peer.lines);
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn the_tip_and_the_frames_are_those_of_the_bend() {
 }
 
 #[test]
-fn the_tip_has_a_setpoint_a_velocity_and_a_jacobian_and_the_loop_its_statistics() {
+fn tip_topics_and_loop_statistics_are_published() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.enable();
     let volatile = qos(Durability::Volatile);
@@ -169,7 +169,7 @@ fn the_tip_has_a_setpoint_a_velocity_and_a_jacobian_and_the_loop_its_statistics(
 fn a_pose_right_after_a_hold_is_not_refused() {
     let (_robot, bridge, mut peer) = start(&[]);
     peer.enable();
-    // Enabling asks until it is done, and may be told that it is busy.
+    // Enabling repeats the request until it is done, and may be refused as busy.
     let enabled = bridge.lines().len();
     for _ in 0..10 {
         let [pitch, yaw] = peer.setpoint_degrees();
@@ -207,7 +207,7 @@ fn repeat(mut send: impl FnMut(f64)) {
 }
 
 #[test]
-fn rates_and_slow_streams_move_the_snake_and_zero_stops_it() {
+fn rates_move_the_snake_and_zero_stops_it() {
     let (robot, _bridge, mut peer) = start(&[]);
     peer.enable();
     let rate = |pitch_deg: f64| JointState {
@@ -235,7 +235,7 @@ fn rates_and_slow_streams_move_the_snake_and_zero_stops_it() {
 }
 
 #[test]
-fn the_tip_goes_to_places_in_the_frame_of_the_base_only() {
+fn tip_goals_are_accepted_in_the_base_frame_only() {
     let (robot, _bridge, mut peer) = start(&[]);
     let volatile = qos(Durability::Volatile);
     let pose = ("geometry_msgs", "PoseStamped");
@@ -284,7 +284,7 @@ fn the_tip_goes_to_places_in_the_frame_of_the_base_only() {
 }
 
 #[test]
-fn the_jaw_has_topics_of_its_own() {
+fn jaw_has_its_own_topics() {
     let mut robot = i2ris_testing::Rig::with_model();
     robot.start_controller_thread();
     i2ris_testing::wait_until_idle(&mut robot.client());
@@ -311,7 +311,7 @@ fn the_jaw_has_topics_of_its_own() {
 }
 
 #[test]
-fn what_is_not_supported_has_no_topic() {
+fn unsupported_features_have_no_topic() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.connect();
     for topic in ["servo_jf", "servo_cf", "servo_cr", "move_cr", "servo_cs", "measured_cf"] {
@@ -361,7 +361,7 @@ fn the_services_answer() {
     ask(&mut peer, "inverse_kinematics", inverse, &request, far);
 }
 
-/// Asks until the answer is as wanted: matching takes a moment, and answers to others are heard.
+/// Repeats a request until the answer fits: matching takes time, and answers to others also arrive.
 fn ask<Q: Message + Clone + 'static, R: Message + 'static>(
     peer: &mut Peer,
     name: &str,

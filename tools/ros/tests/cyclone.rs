@@ -1,5 +1,5 @@
-//! A foreign end: Cyclone DDS by its Python wheel, with types written out in the example
-//! `crtk_arm.py`. Where there is a Python with `cyclonedds`: `I2RIS_PYTHON` names one.
+//! Interoperation with Cyclone DDS by its Python wheel, with types written out in the example
+//! `crtk_arm.py`. Needs a Python with `cyclonedds`: `I2RIS_PYTHON` names one.
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -9,7 +9,7 @@ use i2ris_testing::Rig;
 use crate::common::{Bridge, robot};
 use crate::peer::ros_domain;
 
-/// Python with the example on its path; `None` with a word where there is none.
+/// Python with the example on its path; `None`, with a message, if there is none.
 fn python(ros_domain: u16) -> Option<Command> {
     let mut command = i2ris_testing::python("cyclonedds.sub")?;
     command.env("PYTHONPATH", examples()).env("ROS_DOMAIN_ID", ros_domain.to_string());
@@ -20,7 +20,7 @@ fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples")
 }
 
-/// Runs Python to its end; what it printed.
+/// Runs Python to its end; returns its output.
 fn finish(mut command: Command) -> String {
     let output = command.output().unwrap();
     let (out, err) = (
@@ -62,7 +62,7 @@ fn the_example_runs_as_it_is() {
 }
 
 #[test]
-fn kept_commands_of_a_foreign_end_are_not_carried_out() {
+fn stored_commands_of_foreign_clients_are_not_carried_out() {
     let domain = ros_domain();
     let Some(mut command) = python(domain) else {
         return;
@@ -78,11 +78,11 @@ arm.state_command('home')
 arm.state_command('enable')
 arm.move_jp([0.05, 0.0])
 print('kept', flush=True)
-# Until the robot is there, and some time more.
+# Until the robot is running, and some time more.
 arm.check_connections(60.0)
 time.sleep(4.0)
 assert not any(it.is_homed or it.state == 'ENABLED' or it.is_busy for it in arm.states), arm.states
-assert arm.home(), arm.said
+assert arm.home(), arm.lines
 ",
     ]);
     let child = command
@@ -95,14 +95,14 @@ assert arm.home(), arm.said
     let output = child.wait_with_output().unwrap();
     let err = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{err}");
-    // Cyclone DDS delivers them although they are not asked for.
+    // Cyclone DDS delivers them although they are not requested.
     let lines = bridge.lines();
     let enabled = lines.iter().any(|line| line.contains("enable;"));
     assert!(!enabled, "{lines:?}");
 }
 
 #[test]
-fn a_foreign_end_meets_and_does_not_meet_by_quality_of_service() {
+fn foreign_clients_match_by_quality_of_service() {
     let script = "
 import time
 from cyclonedds.core import Listener, Policy
@@ -112,7 +112,7 @@ from crtk_arm import Arm, JointState, OperatingState, TFMessage, Topic, qos
 arm = Arm('i2ris')
 arm.check_connections()
 
-class Heard(Listener):
+class Mismatches(Listener):
     def __init__(self):
         super().__init__()
         self.wrong = []
@@ -121,20 +121,20 @@ class Heard(Listener):
     def on_offered_incompatible_qos(self, writer, status):
         self.wrong.append(('writer', status.last_policy_id))
 
-heard = Heard()
+mismatches = Mismatches()
 fits = DataReader(arm.participant, arm.topic('measured_js', JointState), qos(reliable=False))
 tf = DataReader(arm.participant, Topic(arm.participant, 'rt/tf', TFMessage), qos())
 wrong_reader = DataReader(arm.participant, arm.topic('measured_js', JointState), qos(latched=True),
-                          listener=heard)
+                          listener=mismatches)
 wrong_writer = DataWriter(arm.participant, arm.topic('servo_jp', JointState), qos(reliable=False),
-                          listener=heard)
+                          listener=mismatches)
 end = time.time() + 20
-while time.time() < end and (len(heard.wrong) < 2 or not fits.read(1) or not tf.read(1)):
+while time.time() < end and (len(mismatches.wrong) < 2 or not fits.read(1) or not tf.read(1)):
     time.sleep(0.05)
-assert {kind for kind, _ in heard.wrong} == {'reader', 'writer'}, heard.wrong
+assert {kind for kind, _ in mismatches.wrong} == {'reader', 'writer'}, mismatches.wrong
 assert fits.read(1) and len(tf.take(1)[0].transforms) == 27
-arm._wait(20.0, lambda: any('BEST_EFFORT' in it for it in arm.said['warning']))
-print(arm.said['warning'])
+arm._wait(20.0, lambda: any('BEST_EFFORT' in it for it in arm.lines['warning']))
+print(arm.lines['warning'])
 ";
     if let Some((_robot, _bridge, out)) = run(&[], script) {
         assert!(out.contains("publishes BEST_EFFORT"), "{out}");
@@ -142,17 +142,17 @@ print(arm.said['warning'])
 }
 
 #[test]
-fn a_foreign_end_that_comes_late_gets_what_was_latched() {
+fn late_foreign_client_gets_latched_messages() {
     let script = "
 import time
 from crtk_arm import Arm
 first = Arm('i2ris')
 first.check_connections()
-assert first.home() and first.enable(), first.said
+assert first.home() and first.enable(), first.lines
 late = Arm('i2ris')
 assert late._wait(20.0, lambda: late.states and late.states[-1].state == 'ENABLED'), late.states
 assert len(late.states) > 2, late.states
-assert late._wait(20.0, lambda: 'the robot is ENABLED' in late.said['status']), late.said
+assert late._wait(20.0, lambda: 'the robot is ENABLED' in late.lines['status']), late.lines
 stamps = [it.header.stamp.seconds() for it in late.states]
 assert stamps == sorted(set(stamps)), stamps
 print('done')
@@ -163,19 +163,19 @@ print('done')
 }
 
 #[test]
-fn a_foreign_end_that_comes_late_and_reads_volatile_enables_and_moves() {
+fn late_foreign_client_with_volatile_reader_can_move() {
     let script = "
 import time
 from crtk_arm import Arm
 first = Arm('i2ris')
 first.check_connections()
-assert first.home() and first.enable(), first.said
+assert first.home() and first.enable(), first.lines
 late = Arm('i2ris', latched=False)
 assert late._wait(20.0, lambda: late.operating_state() == 'ENABLED'), late.states
-asked = time.time()
-assert late.enable(5.0), late.said
-assert late._wait(5.0, lambda: late.states[-1].header.stamp.seconds() > asked), late.states
-assert late.move_jp([0.02, 0.0]).wait(), late.said
+start = time.time()
+assert late.enable(5.0), late.lines
+assert late._wait(5.0, lambda: late.states[-1].header.stamp.seconds() > start), late.states
+assert late.move_jp([0.02, 0.0]).wait(), late.lines
 rows = late.jacobian()
 assert len(rows) == 6 and rows[1][0] > 1e-4 and rows[0][1] > 1e-4, rows
 time.sleep(0.2)
@@ -191,10 +191,10 @@ print('done')
     }
 }
 
-/// What rmw_cyclonedds makes of ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: no interface is named, so
-/// Cyclone DDS takes that of the network.
+/// Configuration of rmw_cyclonedds for ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: no interface is
+/// named, so Cyclone DDS uses that of the network.
 #[test]
-fn a_foreign_end_that_names_no_interface_finds_the_robot() {
+fn foreign_client_without_an_interface_finds_the_robot() {
     let domain = ros_domain();
     let Some(mut command) = python(domain) else {
         return;
@@ -212,8 +212,8 @@ fn a_foreign_end_that_names_no_interface_finds_the_robot() {
 from crtk_arm import Arm
 arm = Arm('i2ris')
 arm.check_connections(20.0)
-assert arm.home() and arm.enable(), arm.said
-assert arm.move_jp([0.02, 0.0]).wait(), arm.said
+assert arm.home() and arm.enable(), arm.lines
+assert arm.move_jp([0.02, 0.0]).wait(), arm.lines
 print('done')
 ";
     let out = finish({
@@ -292,10 +292,9 @@ fn campaign_a_kilohertz_without_gaps_and_with_flat_memory() {
     assert!(late < early + 4096, "memory grows: {memory:?}");
 }
 
-/// Watches `measured_js` at 1 kHz and sends commands at 1 kHz. Lost: samples that the reader knows
-/// of and did not get. Steps: between the stamps of two samples; the sender publishes by its own
-/// clock, so an estimate can come twice or be left out. Without one, as after a fault, the stamp
-/// is 0.
+/// Watches `measured_js` at 1 kHz and sends commands at 1 kHz. Lost: samples that the reader
+/// missed. Steps: between the stamps of two samples; the sender publishes by its own clock, so an
+/// estimate can be repeated or skipped. Without one, as after a fault, the stamp is 0.
 const KILOHERTZ: &str = r#"
 import math, threading, time
 from cyclonedds.core import Listener
@@ -309,7 +308,7 @@ class Losses(Listener):
 
 arm = Arm('i2ris')
 arm.check_connections()
-assert arm.home() and arm.enable(), arm.said
+assert arm.home() and arm.enable(), arm.lines
 reader = DataReader(arm.participant, arm.topic('measured_js', JointState), qos(depth=5000),
                     listener=Losses())
 end, sent = time.time() + SECONDS, 0
@@ -337,10 +336,10 @@ while time.time() < end:
                 over_ms[limit] += step_ms > limit
     time.sleep(0.01)
 sender.join()
-warnings = arm.said["warning"]
+warnings = arm.lines["warning"]
 print(f"{received} messages in {SECONDS} s; lost: {Losses.count}; repeated: {repeated};",
       f"invalid: {invalid};",
-      f"longest step {longest:.1f} ms, steps over so many ms: {over_ms};",
+      f"longest step {longest:.1f} ms, steps over a number of ms: {over_ms};",
       f"{sent} commands sent; warnings: {warnings[-5:]}")
 assert Losses.count == 0 and received > 0
 "#;

@@ -1,11 +1,11 @@
-//! The robot in ROS 2: a client with the topics of CRTK, clients that do what they should not, and
-//! an end that is not ours.
+//! The robot in ROS 2: a client with the topics of CRTK, clients that misbehave, and a foreign
+//! implementation.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::print_stderr,
     clippy::print_stdout,
-    reason = "tests, and those that skip say so"
+    reason = "tests, which report when they skip"
 )]
 
 mod common;

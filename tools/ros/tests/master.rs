@@ -1,5 +1,5 @@
-//! Another arm as an input device: a program that speaks CRTK, its pedal, `i2ris start ros master`
-//! and `i2ris teleop` before a controller.
+//! A CRTK arm as an input device: a program that acts as the arm and its pedal, `i2ris start ros
+//! master` and `i2ris teleop`, with a controller.
 
 use std::sync::Mutex;
 use std::thread;
@@ -13,10 +13,10 @@ use ros2_client::qos::Durability;
 
 use crate::peer::{publisher, qos, ros_domain};
 
-/// What a surgeon does.
+/// Hand of a surgeon.
 #[derive(Debug, Clone, Copy)]
 struct Hand {
-    /// To the right and up, m.
+    /// Position to the right and up, m.
     at: [f64; 2],
     pressed: bool,
     speaks: bool,
@@ -42,7 +42,7 @@ fn speak(domain: u16, hand: &Mutex<Hand>) {
             // A hand trembles.
             let x = x + 2e-5 * f64::from(number % 2);
             let pose = Pose { position: Point { x, y, z: 0.3 }, ..Pose::default() };
-            // Dropped where the other end does not keep up.
+            // Dropped if the other end does not keep up.
             let _ = arm.publish(PoseStamped { pose, ..PoseStamped::default() });
             let name = ["outer_pitch", "outer_yaw"].map(str::to_owned).into();
             let _ = joints.publish(JointState { name, position: vec![y, x], ..Default::default() });
@@ -120,13 +120,13 @@ impl Leading {
         wait_until("the clutch opens", || self.is_open());
         let there = self.controller.robot().pose;
         let before = self.controller.robot().poses.len();
-        // What lies between two commands is long enough for the master to be seen at rest.
+        // Two commands are far enough apart for the master to be seen at rest.
         self.controller.wait("commands", |robot| robot.poses.len() > before + 50);
         assert_eq!(self.controller.robot().pose, there);
         there
     }
 
-    /// Closes the clutch and goes the whole way up.
+    /// Closes the clutch and moves the full travel up.
     fn goes_up(&self) {
         self.press(true);
         wait_until("a closed clutch", || !self.is_open());
@@ -138,7 +138,7 @@ impl Leading {
     }
 }
 
-/// An arm that speaks, the two programs, and what happens then.
+/// Runs an arm, the two programs, and a story.
 fn lead(axes: &[&str], story: impl FnOnce(&Leading, [Program; 2])) -> Leading {
     let leading = Leading::new();
     thread::scope(|scope| {
@@ -152,9 +152,9 @@ fn lead(axes: &[&str], story: impl FnOnce(&Leading, [Program; 2])) -> Leading {
 }
 
 #[test]
-fn another_arm_steers_under_its_pedal_and_its_silence_opens_the_clutch() {
+fn arm_steers_with_its_pedal_and_silence_opens_the_clutch() {
     let leading = lead(&[], |leading, [mut master, mut teleop]| {
-        // Silent, with the pedal down, and moved meanwhile.
+        // Silent, with the pedal down, and moving.
         leading.set(|hand| hand.speaks = false);
         let there = leading.holds();
         leading.set(|hand| (hand.speaks, hand.at) = (true, [0.12, 0.02]));
@@ -171,12 +171,12 @@ fn another_arm_steers_under_its_pedal_and_its_silence_opens_the_clutch() {
         leading.press(false);
         leading.holds();
         teleop.interrupt();
-        let (code, said, error) = teleop.code();
-        assert_eq!(code, Some(0), "{said}{error}");
-        assert!(said.contains("CRTK MTML") && said.contains("is gone"), "{said}");
+        let (code, printed, error) = teleop.code();
+        assert_eq!(code, Some(0), "{printed}{error}");
+        assert!(printed.contains("CRTK MTML") && printed.contains("is gone"), "{printed}");
         master.interrupt();
-        let (success, said, error) = master.end();
-        assert!(success && said.contains("/MTML is silent"), "{said}{error}");
+        let (success, printed, error) = master.end();
+        assert!(success && printed.contains("/MTML is silent"), "{printed}{error}");
     });
     assert!(!std::path::Path::new(&leading.pipe()).exists());
 }

@@ -66,18 +66,18 @@ fn swinger_process() {
     let domain = std::env::var(DOMAIN).unwrap().parse().unwrap();
     let mut peer = Peer::new(domain, ROBOT, "swinger");
     peer.enable();
-    let mut said = false;
+    let mut printed = false;
     peer.stream(|t| {
-        if t > 1.0 && !said {
+        if t > 1.0 && !printed {
             println!("swinging");
-            said = true;
+            printed = true;
         }
         Some(swing(t))
     });
 }
 
 #[test]
-fn h24_an_old_state_command_that_the_middleware_kept_is_not_carried_out() {
+fn h24_stored_state_command_is_not_carried_out() {
     let (robot, domain) = (robot(), ros_domain());
     // A client of an earlier session: its commands are kept for those who come late.
     let early = Peer::new(domain, ROBOT, "early");
@@ -97,7 +97,7 @@ fn h24_an_old_state_command_that_the_middleware_kept_is_not_carried_out() {
     let state = watcher.seen.last().unwrap();
     assert_eq!((state.state.as_str(), state.is_homed), ("DISABLED", false));
     assert!(!robot.moved_since(before));
-    // The same client is heard when it asks now.
+    // The same client is accepted if it commands now.
     early.command("home");
     watcher.wait_for("home", |state| state.is_homed);
     assert!(!bridge.lines().iter().any(|line| line.contains("enable;")));
@@ -118,43 +118,43 @@ fn h24_a_state_command_with_an_old_stamp_is_refused() {
         let string = word.to_owned();
         peer.send_state_command(StringStamped { header, string });
     }
-    peer.wait_for_line("warning", "kept for late joiners");
+    peer.wait_for_line("warning", "stored for late joiners");
     assert!(!peer.seen.iter().any(|state| state.is_homed));
-    // Whoever announces itself late is a number in the first reports.
+    // A client that announces itself late is a number in the first reports.
     wait_until("a refusal with the name of the client", || {
         peer.command("dance");
         clock::sleep(Nanos::from_millis(200));
         peer.update();
-        let named = "/console: state_command: \"dance\" is none of enable";
-        peer.said.iter().any(|(on, line)| *on == "warning" && line.starts_with(named))
+        let named = "/console: state_command: \"dance\" is not one of enable";
+        peer.lines.iter().any(|(on, line)| *on == "warning" && line.starts_with(named))
     });
     drop((robot, bridge));
 }
 
 #[test]
-fn the_snake_holds_when_its_client_is_killed_and_another_one_takes_over() {
+fn snake_holds_after_client_death_and_accepts_a_new_one() {
     let (robot, _bridge, mut peer) = start(&[]);
     let mut swinger = Swinger::start(peer.node.domain_id());
     swinger.wait();
     swinger.signal(Signal::SIGKILL);
     robot.wait_until_still();
-    peer.wait_for_line("warning", "later than their deadline");
+    peer.wait_for_line("warning", "after their deadline");
     let from = clock::now();
     let [pitch, yaw] = peer.setpoint_degrees();
     peer.stream(|t| (t < 1.0).then_some([pitch + t, yaw]));
     assert!(robot.moved_since(from));
 }
 
-/// A client that moves the snake is stopped for so long and goes on: the snake holds with a reason,
-/// and goes on holding. What comes through again is refused; on a busy machine DDS may have given
-/// the client up, and nothing does.
-fn stop_and_go_on(stopped: Nanos) {
+/// A client that moves the snake is suspended for this time and resumed: the snake holds with a
+/// reason, and keeps holding. Its later messages are refused; on a busy machine DDS may have
+/// dropped the client, so that they do not arrive.
+fn suspend_and_resume(stopped: Nanos) {
     let (mut robot, bridge, mut peer) = start(&[]);
     let mut swinger = Swinger::start(peer.node.domain_id());
     swinger.wait();
     swinger.signal(Signal::SIGSTOP);
     robot.wait_until_still();
-    peer.wait_for_line("warning", "later than their deadline");
+    peer.wait_for_line("warning", "after their deadline");
     clock::sleep(stopped);
     // By its homing and by its stream.
     let took = || bridge.lines().iter().filter(|it| it.contains("/swinger commands")).count();
@@ -165,21 +165,21 @@ fn stop_and_go_on(stopped: Nanos) {
     let state = wait_for(&mut robot, |_| true);
     assert_eq!(state.state, OperatingState::Enabled.number());
     assert!(state.flags & OperatingStateMsg::HOLDING != 0, "it holds");
-    assert_eq!(state.lease_client_id, 0, "nobody commands");
+    assert_eq!(state.lease_client_id, 0, "no client commands");
     assert_eq!(took(), before, "it does not command again: {:?}", bridge.lines());
 }
 
 #[test]
-fn h24_a_client_that_is_stopped_and_goes_on_does_not_move_the_snake() {
-    stop_and_go_on(Nanos::from_millis(2000));
+fn h24_resumed_client_does_not_move_the_snake() {
+    suspend_and_resume(Nanos::from_millis(2000));
 }
 
-/// For `cargo test -p i2ris-ros --test ros -- --ignored campaign`: DDS counts it as gone
-/// meanwhile.
+/// For `cargo test -p i2ris-ros --test ros -- --ignored campaign`: DDS considers it gone
+/// by then.
 #[test]
 #[ignore = "takes more than a minute"]
-fn campaign_h24_a_client_that_is_stopped_for_a_minute_does_not_move_the_snake() {
-    stop_and_go_on(Nanos::from_millis(65_000));
+fn campaign_h24_client_suspended_for_a_minute_does_not_resume() {
+    suspend_and_resume(Nanos::from_millis(65_000));
 }
 
 #[test]
@@ -193,13 +193,13 @@ fn a_second_writer_is_refused_by_name() {
     }
     let line = peer.wait_for_line("warning", "another client holds the lease");
     assert!(line.starts_with("/console: refusal 4"), "{line}");
-    assert!(line.contains(": /swinger; do: "), "who commands: {line}");
-    // A pose while somebody commands, too.
+    assert!(line.contains(": /swinger; action: "), "who commands: {line}");
+    // Also a pose while a client commands.
     peer.send_degrees("move_jp", [1.0, 1.0]);
     peer.wait_for_line("status", "/console: move_jp: move refused");
     let from = clock::now();
-    wait_until("the first one goes on", || robot.moved_since(from));
-    // Anybody may stop it.
+    wait_until("the first one continues", || robot.moved_since(from));
+    // Any client may stop it.
     peer.hold();
     peer.wait_for_line("status", "/console: hold");
     drop(bridge);
@@ -237,11 +237,11 @@ fn a_flood_ends_in_a_hold() {
     let line = peer.wait_for_line("warning", "messages a second");
     assert!(line.starts_with("/console: servo_jp"), "{line}");
     robot.wait_until_still();
-    // It stays so while it goes on, and what came after the flood does not go on either.
+    // The hold stays while the flood continues, and the stream after it does not resume.
     let from = clock::now();
     peer.stream(|t| (t < 1.0).then(|| swing(2.0 + t)));
     assert!(!robot.moved_since(from), "{:?}", bridge.lines());
-    // Something deliberate begins anew, once the flood is past.
+    // A deliberate command resumes, once the flood is over.
     wait_until("it is followed again", || {
         peer.hold();
         let [pitch, yaw] = peer.setpoint_degrees();
@@ -275,8 +275,8 @@ fn values_that_make_no_sense_are_refused_and_counted() {
         clock::sleep(Nanos::from_millis(5));
     }
     peer.wait_for_line("warning", "step too large");
-    let counted = { peer.said.iter() }.any(|(_, line)| line.contains("times)"));
-    assert!(counted, "{:?}", peer.said);
+    let counted = { peer.lines.iter() }.any(|(_, line)| line.contains("times)"));
+    assert!(counted, "{:?}", peer.lines);
     assert!(!robot.moved_since(from), "{:?}", bridge.lines());
 }
 
@@ -287,10 +287,10 @@ fn a_message_of_another_type_moves_nothing() {
     robot.wait_until_still();
     let from = clock::now();
     let volatile = qos(Durability::Volatile);
-    // Another type by its name: the two never meet.
+    // A different type by its name: the two never match.
     let kind = ("std_msgs", "String");
     let text = publisher::<Text>(&mut peer.node, ROBOT, "servo_jp", kind, &volatile);
-    // Another content under the right name.
+    // Different content under the right name.
     let kind = ("sensor_msgs", "JointState");
     let liar = publisher::<Text>(&mut peer.node, ROBOT, "servo_jp", kind, &volatile);
     clock::sleep(Nanos::from_millis(1000));
@@ -317,7 +317,7 @@ fn a_reader_that_is_stopped_does_not_stop_the_others() {
     let from = clock::now();
     let [pitch, yaw] = peer.setpoint_degrees();
     peer.hold();
-    // What came before the hold would end with it. The rest is followed, and served, all the time.
+    // The hold would end earlier streams. The rest is followed, and served, all the time.
     clock::sleep(Nanos::from_millis(200));
     let end = clock::now() + Nanos::from_millis(15_000);
     while clock::now() < end {

@@ -19,7 +19,7 @@ pub fn ros_domain() -> u16 {
     1 + (own.wrapping_add(NEXT.fetch_add(1, Ordering::Relaxed))) % 200
 }
 
-/// As CRTK's client has it.
+/// Quality of service of CRTK's client.
 pub fn qos(durability: Durability) -> QosProfile {
     QosProfile::subscription_default()
         .reliability_reliable(WhenFull::DEFAULT)
@@ -43,7 +43,7 @@ pub struct Peer {
     states: Subscription<OperatingState>,
     texts: BTreeMap<&'static str, Subscription<Text>>,
     pub seen: Vec<OperatingState>,
-    pub said: Vec<(&'static str, String)>,
+    pub lines: Vec<(&'static str, String)>,
     _context: Context,
 }
 
@@ -80,7 +80,7 @@ impl Peer {
             states: subscription(&mut node, robot, "operating_state", STATE, &latched),
             texts: texts.into(),
             seen: Vec::new(),
-            said: Vec::new(),
+            lines: Vec::new(),
             robot: robot.to_owned(),
             node,
             _context: context,
@@ -102,7 +102,7 @@ impl Peer {
 
     pub fn send(&self, topic: &str, position: &[f64]) {
         let message = JointState { position: position.to_vec(), ..JointState::default() };
-        // Dropped where the other end does not keep up.
+        // Dropped if the other end does not keep up.
         let _ = self.joints[topic].publish(message);
     }
 
@@ -135,12 +135,12 @@ impl Peer {
         }
         for (topic, texts) in &self.texts {
             while let Ok(Some((Text { data }, _))) = texts.take() {
-                self.said.push((topic, data));
+                self.lines.push((topic, data));
             }
         }
     }
 
-    /// Waits until the newest operating state is as wanted.
+    /// Waits until the newest operating state fits.
     pub fn wait_for(
         &mut self,
         what: &str,
@@ -155,13 +155,13 @@ impl Peer {
     pub fn wait_for_line(&mut self, topic: &str, words: &str) -> String {
         wait_until(words, || {
             self.update();
-            let mut lines = self.said.iter();
+            let mut lines = self.lines.iter();
             let found = lines.find(|(on, line)| *on == topic && line.contains(words));
             found.map(|(_, line)| line.clone())
         })
     }
 
-    /// Waits until the robot is there and listens.
+    /// Waits until the robot is running and listens.
     pub fn connect(&mut self) {
         self.wait_for("a state", |_| true);
         let topics: Vec<String> = { self.joints.keys() }
@@ -173,8 +173,8 @@ impl Peer {
         }
     }
 
-    /// Sends a state command until the robot follows: no message says when writer and reader have
-    /// found each other.
+    /// Sends a state command until the robot follows: no message reports that writer and reader
+    /// have matched.
     pub fn command_until(&mut self, word: &str, wanted: impl Fn(&OperatingState) -> bool) {
         let mut sent = Nanos::ZERO;
         wait_until(word, || {
@@ -226,7 +226,7 @@ fn degrees(state: &JointState) -> [f64; 2] {
     [state.position[0].to_degrees(), state.position[1].to_degrees()]
 }
 
-/// Drops what came already, and waits for the next that is as wanted.
+/// Drops earlier messages, and waits for the next that fits.
 fn newest<M: DeserializeOwned + 'static>(
     subscription: &Subscription<M>,
     wanted: impl Fn(&M) -> bool,

@@ -44,7 +44,7 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     assert!(robot.moved_since(from), "{:?}", bridge.lines());
     peer.hold();
     robot.wait_until_still();
-    // It holds its own client, too, until that begins anew.
+    // It also holds its own client, until that starts again.
     clock::sleep(Nanos::from_millis(1100));
     peer.hold();
     clock::sleep(Nanos::from_millis(200));
@@ -60,11 +60,11 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     peer.wait_for_line("status", "console commands");
     let state = wait_for(&mut robot, |state| state.lease_client_id == 0);
     assert_eq!(state.fault, 0);
-    assert!(bridge.end(), "it ends in order");
+    assert!(bridge.end(), "it ends cleanly");
 }
 
 #[test]
-fn a_move_of_length_zero_is_busy_and_then_not_and_stamps_rise() {
+fn zero_length_move_is_busy_then_idle_with_rising_stamps() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.enable();
     let pose = peer.setpoint_degrees();
@@ -86,9 +86,9 @@ fn a_late_subscriber_gets_the_state_and_earlier_reports() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.enable();
     let mut late = Peer::new(peer.node.domain_id(), ROBOT, "late");
-    late.wait_for("the kept state", |state| state.state == "ENABLED");
+    late.wait_for("the latched state", |state| state.state == "ENABLED");
     late.wait_for_line("status", "the robot is ENABLED");
-    assert!(late.seen.len() > 1, "the states before, too");
+    assert!(late.seen.len() > 1, "also the earlier states");
     assert!(late.seen.windows(2).all(|pair| unix_ns(&pair[0]) < unix_ns(&pair[1])));
     let kind = ("std_msgs", "String");
     let description: Subscription<Text> =
@@ -103,7 +103,7 @@ fn reports_from_before_the_start_are_not_repeated() {
     let refused = robot.client().state_command(StateCommand::Enable);
     assert!(refused.is_err(), "it is not homed");
     let mut seen = robot.client().watcher().warning();
-    wait_until("the controller says it", || seen.newest().ok().flatten());
+    wait_until("the controller reports it", || seen.newest().ok().flatten());
     let bridge = Bridge::start(&robot.domain(), domain, &[]);
     let mut peer = Peer::new(domain, ROBOT, "console");
     peer.connect();
@@ -117,7 +117,7 @@ fn reports_from_before_the_start_are_not_repeated() {
 }
 
 #[test]
-fn without_a_controller_the_state_is_undefined_and_data_have_stamp_zero() {
+fn missing_controller_gives_undefined_state_and_stamp_zero() {
     let (mut robot, bridge, mut peer) = start(&[]);
     peer.wait_for("a controller", |state| state.state == "DISABLED");
     peer.next_measured(|it| it.header.stamp != Time::INVALID && it.position.len() == 2);
@@ -152,9 +152,9 @@ fn a_terminal_that_blocks_does_not_stop_the_bridge() {
     bridge.wait().unwrap();
 }
 
-/// A forged datagram that asks for gigabytes ends the bridge, and nothing else of the computer.
+/// A forged datagram that requests gigabytes ends the bridge, and no other process.
 #[test]
-fn the_bridge_gets_no_more_memory_than_its_limit_and_is_ended_before_the_controller() {
+fn bridge_memory_is_limited_and_it_is_killed_first() {
     let (_robot, bridge, _peer) = start(&[]);
     let read = |name| std::fs::read_to_string(format!("/proc/{}/{name}", bridge.id())).unwrap();
     let limits = read("limits");
@@ -176,13 +176,13 @@ fn homing_needs_the_consent_of_who_started_the_bridge() {
 }
 
 #[test]
-fn a_robot_to_watch_only_has_no_topic_for_commands() {
+fn read_only_robot_has_no_topic_for_commands() {
     let (robot, domain) = (robot(), ros_domain());
     let bridge = Bridge::start_with(&robot.domain(), domain, &[]);
     let mut peer = Peer::new(domain, ROBOT, "console");
     peer.wait_for("a state", |_| true);
     peer.wait_for_line("status", "the robot is DISABLED");
-    assert!(bridge.lines()[0].contains("to watch only"));
+    assert!(bridge.lines()[0].contains("read-only"));
     peer.command("home");
     clock::sleep(Nanos::from_millis(1500));
     for topic in ["servo_jp", "move_jp", "state_command", "hold", "external/measured_jp"] {
@@ -197,9 +197,9 @@ fn a_robot_to_watch_only_has_no_topic_for_commands() {
 fn no_commands_are_taken_where_a_network_takes_part() {
     let mut ros = Command::new(env!("CARGO_BIN_EXE_i2ris-ros"));
     let output = ros.args(["--command", "--network", "127.0.0.1"]).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
+    let stderr = String::from_utf8_lossy(&output.stderr);
     let words = ["'--command' cannot be used with", "--network"];
-    assert!(!output.status.success() && words.iter().all(|word| said.contains(word)), "{said}");
+    assert!(!output.status.success() && words.iter().all(|word| stderr.contains(word)), "{stderr}");
 }
 
 #[test]
@@ -228,7 +228,7 @@ fn a_camera_of_ros_feeds_the_controller() {
         message.header.stamp = Time::from_unix_ns(exposed);
         peer.send_message("external/measured_jp", message);
         clock::sleep(Nanos::from_millis(10));
-        // The robot has a camera of its own, too.
+        // The robot also has its own camera.
         let ours = |it: &ExternalPosition| it.position[..2] == [0.02, -0.01];
         seen.newest().ok().flatten().filter(ours).map(|seen| (seen, clock::now()))
     });
@@ -244,15 +244,15 @@ fn quality_of_service_that_does_not_fit_is_reported() {
     let (robot, _bridge, mut peer) = start(&[]);
     peer.enable();
     let best_effort = QosProfile::subscription_default();
-    // Fits: a reader may ask for less than is offered.
+    // Fits: a reader may request less than is offered.
     let kind = ("sensor_msgs", "JointState");
     let less: Subscription<JointState> = peer.subscription("measured_js", kind, &best_effort);
     wait_until("a best-effort reader is served", || less.take().ok().flatten());
-    // Does not: a reader asks for kept samples of a stream.
+    // Does not fit: a reader requests stored samples of a stream.
     let _more: Subscription<JointState> =
         peer.subscription("measured_js", kind, &qos(Durability::TransientLocal));
     peer.wait_for_line("warning", "wants RELIABLE TRANSIENT_LOCAL");
-    // Does not: a writer offers less than commands need.
+    // Does not fit: a writer offers less than commands need.
     let careless = peer.publisher("servo_jp", &best_effort);
     peer.wait_for_line("warning", "publishes BEST_EFFORT VOLATILE");
     let from = clock::now();

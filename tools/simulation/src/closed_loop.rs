@@ -1,9 +1,9 @@
-//! The control cycle of the controller in front of simulated motors, in simulated time.
+//! The controller's control cycle with simulated motors, in simulated time.
 //!
-//! Inverse, memory, filters, limits and rounding are those of the controller, as configured. What
-//! turns behind the drives is up to the caller: [`IdealMotors`], [`PlacedMotors`], or a [`Robot`]
-//! with a snake, to which every tick carries setpoints and positions; or whole
-//! [`lines`](crate::lines) with emulated drives, and the port threads of the controller.
+//! Inverse, memory, filters, limits and rounding are those of the controller, as configured. The
+//! caller selects what the drives move: [`IdealMotors`], [`PlacedMotors`], or a [`Robot`] with a
+//! snake, to which every tick carries setpoints and positions; or whole [`lines`](crate::lines)
+//! with emulated drives, and the port threads of the controller.
 
 use std::sync::Arc;
 
@@ -24,18 +24,18 @@ use crate::robot::Robot;
 /// Client id of all commands.
 const CLIENT: u64 = 1;
 
-/// Homing and conditioning take some ten thousand ticks.
-const LONGEST_COMMAND_TICKS: u32 = 200_000;
+/// Homing and conditioning take about ten thousand ticks.
+const MAX_COMMAND_TICKS: u32 = 200_000;
 
-/// What turns behind the drives.
+/// The machine that the drives move.
 pub trait Motors {
-    /// The targets of the last tick have been reached when the positions are read.
+    /// The targets of the last tick are reached when the positions are read.
     const ARE_IDEAL: bool = false;
 
     /// Encoder counts at the start of a tick, with the targets of the drives that are on.
     fn read(&mut self, targets: [Option<Counts>; MAX_MOTORS]) -> MotorVec;
 
-    /// Turns for a tick towards these setpoints, counts.
+    /// Moves for one tick towards these setpoints, counts.
     fn turn(&mut self, _setpoints: MotorVec) {}
 
     /// True pitch and yaw, deg, for a camera.
@@ -48,17 +48,17 @@ pub trait Motors {
         Nanos::from_millis(1000)
     }
 
-    /// What real drives tell at the start of a tick, in the order of the axes. `None`: they are at
-    /// [`Self::read`] and do what they are told at once.
+    /// Reports of real drives at the start of a tick, in the order of the axes. `None`: they are at
+    /// [`Self::read`] and execute requests at once.
     fn feedback(&mut self, _now: Nanos) -> Option<[AxisFeedback; MAX_AXES]> {
         None
     }
 
-    /// Takes the requests of a tick to real drives.
+    /// Passes the requests of a tick to real drives.
     fn request(&mut self, _outputs: &CycleOutputs) {}
 }
 
-/// At their targets as soon as these are written. With the drives off they stay, counts.
+/// Motors that reach their targets at once. With the drives off they stay, counts.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct IdealMotors(pub MotorVec);
 
@@ -73,7 +73,7 @@ impl Motors for IdealMotors {
     }
 }
 
-/// Wherever the caller puts them, counts.
+/// Motors at positions given by the caller, counts.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PlacedMotors(pub MotorVec);
 
@@ -97,26 +97,25 @@ impl Motors for Robot {
     }
 }
 
-/// What happens in a tick besides the drives.
+/// Further inputs of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Inputs {
     pub servo: Option<ServoCommand>,
     pub request: Option<StateRequest>,
-    /// In the place of the frame of the camera.
+    /// Replaces the frame of the camera.
     pub external: Option<ExternalPose>,
-    /// Periods that had passed when the tick began; [`u32::MAX`] is a fault, which stops all
-    /// drives.
+    /// Periods missed before the tick; [`u32::MAX`] is a fault, which stops all drives.
     pub missed: u32,
 }
 
-/// Why the robot does not do what it was told.
+/// Why the robot does not follow.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum LoopError {
     #[error("{0:?} is refused: {1}")]
     Command(StateCommand, Refusal),
     #[error("the goal is refused: {0}")]
     Goal(Refusal),
-    #[error("the loop goes to FAULT: {0}")]
+    #[error("the loop entered FAULT: {0}")]
     Fault(Fault),
 }
 
@@ -128,7 +127,7 @@ pub struct ClosedLoop<M> {
     now: Nanos,
     size: usize,
     feedback: [AxisFeedback; MAX_MOTORS],
-    /// At its target as soon as that is written.
+    /// Reaches its target at once.
     auxiliary: AxisFeedback,
     outputs: CycleOutputs,
     sequence: u64,
@@ -137,7 +136,7 @@ pub struct ClosedLoop<M> {
 }
 
 impl<M: Motors> ClosedLoop<M> {
-    /// DISABLED and homed.
+    /// A loop that is DISABLED and homed.
     pub fn new(config: &Config, model: &Arc<Model>, motors: M) -> Self {
         let mut cycle = ControlCycle::new(config, Some(Arc::clone(model)));
         let now = motors.begin();
@@ -158,7 +157,7 @@ impl<M: Motors> ClosedLoop<M> {
         }
     }
 
-    /// Enabled, and the wires conditioned, so that the memory is known.
+    /// An enabled loop after a conditioning cycle, so that the memory is known.
     pub fn conditioned(config: &Config, model: &Arc<Model>, motors: M) -> Result<Self, LoopError> {
         let mut control = Self::new(config, model, motors);
         control.tick(Inputs::default());
@@ -167,13 +166,13 @@ impl<M: Motors> ClosedLoop<M> {
         Ok(control)
     }
 
-    /// From now on a camera watches the motors' snake.
+    /// Adds a camera that watches the motors' snake from now on.
     pub fn watch(&mut self, camera: &CameraConfig, seed: u64) {
         self.camera = Some(Camera::new(camera, seed, self.now));
     }
 
-    /// Another one that goes on from here, without a camera, from the recorded state of the cycle.
-    /// `None` where that state cannot be recorded or restored.
+    /// A copy that continues from here, without a camera, from the recorded state of the cycle.
+    /// `None` if that state cannot be recorded or restored.
     pub fn branch(&self, config: &Config, model: &Arc<Model>) -> Option<Self>
     where
         M: Clone,
@@ -228,12 +227,12 @@ impl<M: Motors> ClosedLoop<M> {
         &self.outputs
     }
 
-    /// One tick towards a goal.
+    /// Runs one tick towards a goal.
     pub fn follow(&mut self, goal: ServoGoal) -> Result<&CycleReport, LoopError> {
         self.follow_with(goal, None)
     }
 
-    /// The same, with a frame of a camera.
+    /// Runs one tick towards a goal, with a frame of a camera.
     pub fn follow_with(
         &mut self,
         goal: ServoGoal,
@@ -251,10 +250,10 @@ impl<M: Motors> ClosedLoop<M> {
         Ok(report)
     }
 
-    /// A state command, and the ticks until it is done.
+    /// Runs a state command, and ticks until it is done.
     pub fn command(&mut self, command: StateCommand) -> Result<(), LoopError> {
         self.tick(Inputs { request: Some(state_request(command)), ..Inputs::default() });
-        for _ in 0..LONGEST_COMMAND_TICKS {
+        for _ in 0..MAX_COMMAND_TICKS {
             if !self.report().busy {
                 break;
             }
@@ -370,7 +369,7 @@ impl ClosedLoop<IdealMotors> {
     }
 }
 
-/// A state command of the client of all commands.
+/// A state request from the client that sends all commands.
 pub fn state_request(command: StateCommand) -> StateRequest {
     let (id, client_id, validity) = (0, CLIENT, Validity::ALWAYS);
     StateRequest { id, client_id, validity, command, pose: None, fixture: None }

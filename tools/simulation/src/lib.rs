@@ -1,10 +1,10 @@
-//! The robot without the robot: snakes, motors, drives, camera, and the real control cycle in front
-//! of them in simulated time.
+//! A simulated robot: snakes, motors, drives, camera, and the real control cycle with them in
+//! simulated time.
 //!
 //! Physics and drives are a strict test bench for the controller. They share no model code and no
-//! frame codec with it: both sides are written from the references independently, and a test holds
-//! that. Where a reference leaves something open, the emulator does what a careless host handles
-//! worst.
+//! frame codec with it: both sides are written from the references independently, which a test
+//! checks. Where a reference leaves something open, the emulator chooses the worst case for a
+//! careless host.
 //!
 //! ```text
 //! host == pseudo-terminal == port (line timing) == drive --wire--+
@@ -22,9 +22,9 @@
 //! | [`camera`] | measured angles of the snake; pure |
 //! | [`drive`] | an EPOS4 or EPOS2: frames, objects, states, modes, motor; pure |
 //! | [`robot`] | motors and snake in simulated time, without lines and threads; pure |
-//! | [`closed_loop`] | the control cycle in front of simulated motors; pure |
-//! | [`lines`] | port threads, lines and drives in simulated time, to be put behind `closed_loop` |
-//! | [`motion`] | motions that calibrate, and motions that no calibration has seen; pure |
+//! | [`closed_loop`] | the control cycle with simulated motors; pure |
+//! | [`lines`] | port threads, lines and drives in simulated time, for use with `closed_loop` |
+//! | [`motion`] | motions for calibration, and motions that are in no calibration; pure |
 //! | [`emulator`] | the drives on pseudo-terminals, with threads; scenarios and injected faults |
 //!
 //! Pure modules take time as an argument. The threads read [`i2ris::clock`].

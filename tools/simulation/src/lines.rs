@@ -1,8 +1,8 @@
 //! Serial lines with emulated drives in simulated time: the port threads of the controller against
-//! drives, with the timing of a line, and nothing of the machine that computes it.
+//! drives, with the timing of a line. The computing time of the machine is not included.
 //!
-//! Every port has its thread, as in the controller. Of all threads only one runs, the one whose
-//! instant is the earliest, so that a run is the same every time.
+//! Every port has its thread, as in the controller. Only one thread runs at a time, the one with
+//! the earliest instant, so that every run is the same.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
@@ -25,10 +25,10 @@ use crate::emulator::log::{Event, Log};
 use crate::emulator::plant::Plant;
 use crate::emulator::port::{LineConfig, LineTiming, REPLY_WAIT_US, REQUEST_WAIT_US};
 
-/// The first tick. Long before it every drive has been brought up.
+/// The first tick. Every drive is brought up long before it.
 const BEGIN: Nanos = Nanos::from_millis(60_000);
 
-/// At most so much time passes at once without a request.
+/// Maximum step of time without a request.
 const SLEEP_STEP: Nanos = Nanos::from_millis(1000);
 
 /// The present instant of every thread. The control loop is the first.
@@ -48,7 +48,7 @@ impl Instants {
         drop(changed.wait_while(all, is_later));
     }
 
-    /// A thread ends.
+    /// Removes a thread that ends.
     fn leave(&self, thread: usize) {
         self.wait(thread, Nanos(0));
         let mut all = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -57,12 +57,12 @@ impl Instants {
     }
 }
 
-/// The end of a line at the controller, with the drive behind it.
+/// The controller's end of a line, with the drive.
 struct LineEnd {
     plant: Arc<Mutex<Plant>>,
     instants: Instants,
     thread: usize,
-    /// That of the drive that the port belongs to.
+    /// Axis of the drive with the port.
     axis: usize,
     now: Nanos,
     config: LineConfig,
@@ -150,7 +150,7 @@ impl Transport for LineEnd {
     }
 }
 
-/// Lines, with the drives and the snake behind them.
+/// Lines with their drives and the snake.
 #[derive(Debug)]
 pub struct Lines {
     plant: Arc<Mutex<Plant>>,
@@ -163,7 +163,7 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Brings all drives up, on the ports of the controller. The error says why that fails.
+    /// Brings up all drives on the ports of the controller. The error is the reason for a failure.
     pub fn start(config: &EmulatorConfig, ports: &[PortConfig]) -> Result<Self, String> {
         let (plant, log) = plant(config);
         let mut instants = vec![Nanos::ZERO; ports.len() + 1];
@@ -197,7 +197,7 @@ impl Lines {
         [0, 1].map(|motor| plant.drives[motor].motor_counts())
     }
 
-    /// What the drives have noticed.
+    /// Events of the drives.
     pub fn events(&self) -> Vec<Event> {
         self.log.events()
     }
@@ -265,7 +265,7 @@ impl Motors for Lines {
 }
 
 impl Drop for Lines {
-    /// The drives are switched off.
+    /// Ends the threads and switches the drives off.
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Release);
         self.instants.leave(0);
@@ -306,13 +306,13 @@ impl Bench {
         BenchLine(LineEnd::new(&self.config, &self.plant, &instants, [0, axis.unwrap_or(port)]))
     }
 
-    /// Looks at a drive, or does something to it.
+    /// Inspects or changes a drive.
     pub fn with_drive<R>(&self, axis: usize, act: impl FnOnce(&mut Drive) -> R) -> R {
         act(&mut lock(&self.plant).drives[axis])
     }
 }
 
-/// The end of such a line. All have the time of the drives.
+/// The end of such a line. All lines have the time of the drives.
 pub struct BenchLine(LineEnd);
 
 impl Transport for BenchLine {
@@ -330,7 +330,7 @@ impl Transport for BenchLine {
     }
 
     fn sleep_until(&mut self, until: Nanos) {
-        // In steps that the plant catches up with.
+        // Small steps, so that the plant catches up.
         while self.now() + SLEEP_STEP < until {
             self.0.now = self.now() + SLEEP_STEP;
             lock(&self.0.plant).advance_to(self.0.now);

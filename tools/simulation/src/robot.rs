@@ -1,4 +1,4 @@
-//! A robot in simulated time: motors of the emulated drives with a snake behind them.
+//! A robot in simulated time: motors of the emulated drives with a snake.
 
 use i2ris::units::MotorVec;
 
@@ -12,7 +12,7 @@ pub const TICK_S: f64 = 1e-3;
 /// Steps of the motors in a tick: the emulator's own step is half a millisecond.
 const STEPS: usize = 2;
 
-/// The drives as the emulator's configuration has them: 300 mA, 3000 rpm of a motor with 1024
+/// Limits of the drives in the emulator's configuration: 300 mA, 3000 rpm of a motor with 1024
 /// counts a turn.
 const LIMITS: Limits = Limits { current_ma: 300.0, speed: 51_200.0 };
 
@@ -24,17 +24,17 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// At rest at 0.
+    /// A robot at rest at 0.
     pub fn new(snake: Snake) -> Self {
         Self::with_motors(snake, MotorConfig::default())
     }
 
-    /// The same with other motors or position controllers.
+    /// A robot at rest at 0, with other motors or position controllers.
     pub fn with_motors(snake: Snake, config: MotorConfig) -> Self {
         Self { config, motors: [Motor::default(); 2], snake }
     }
 
-    /// One tick with these setpoints.
+    /// Runs one tick with these setpoints.
     pub fn tick(&mut self, setpoints: MotorVec) {
         let step_s = TICK_S / STEPS as f64;
         for _ in 0..STEPS {
@@ -45,7 +45,7 @@ impl Robot {
         }
     }
 
-    /// A change of the snake begins.
+    /// Starts a change of the snake.
     pub fn age(&mut self, change: Change) {
         self.snake.begin_ageing(change);
     }

@@ -1,5 +1,4 @@
-//! Devices as others have published them, against the profiles that are shipped. None of them was
-//! here.
+//! Devices as published by others, against the shipped profiles. None of them was available here.
 
 use i2ris::units::Nanos;
 
@@ -9,10 +8,10 @@ use crate::profile::{Handedness, Profile};
 use crate::space_mouse;
 use crate::state::{Code, Description, DeviceState, Event, Range};
 
-/// Number, minimum, maximum, flat, and what it told at rest.
+/// Number, minimum, maximum, flat, and value at rest.
 type Axis = (u16, i32, i32, i32, i32);
 
-/// Sticks and triggers as xpad has them.
+/// Sticks and triggers as reported by xpad.
 const XPAD: [Axis; 6] = [
     (0, -32768, 32767, 128, 93),
     (1, -32768, 32767, 128, -208),
@@ -21,7 +20,7 @@ const XPAD: [Axis; 6] = [
     (4, -32768, 32767, 128, -192),
     (5, 0, 1023, 0, 0),
 ];
-/// The same pad over Bluetooth with xpadneo; it does not come back to its centre.
+/// The same pad over Bluetooth with xpadneo; it does not return to its centre.
 const XPADNEO: [Axis; 6] = [
     (0, -32768, 32767, 4095, 2765),
     (1, -32768, 32767, 4095, 825),
@@ -51,7 +50,7 @@ struct Capture {
     axes: &'static [Axis],
     relative: &'static [u16],
     keys: &'static [u16],
-    /// What the refusal says; `None`: it fits.
+    /// Text of the refusal; `None`: it fits.
     refused: Option<&'static str>,
 }
 
@@ -77,7 +76,7 @@ const CAPTURES: [Capture; 5] = [
         &PLAYSTATION,
         &PLAYSTATION_KEYS,
     ),
-    // BTN_TR is another button here, and ABS_RX a trigger.
+    // BTN_TR is a different button here, and ABS_RX a trigger.
     Capture {
         refused: Some("has BTN_C: another driver serves it"),
         ..pad(
@@ -88,7 +87,7 @@ const CAPTURES: [Capture; 5] = [
             &GENERIC_KEYS,
         )
     },
-    // What the kernel makes of it. Its raw reports are read instead, where they may be.
+    // As seen by the kernel driver. The raw reports are read instead, where permitted.
     Capture {
         relative: &[0, 1, 2, 3, 4, 5],
         refused: Some("has no ABS_X"),
@@ -119,7 +118,7 @@ fn profile(device: &Description) -> Option<Profile> {
 }
 
 #[test]
-fn devices_that_others_captured_are_at_rest_in_both_hands_or_refused_by_name() {
+fn captured_devices_are_at_rest_or_refused_by_name() {
     for capture in &CAPTURES {
         let (device, source) = (capture.device(), capture.source);
         let profile = profile(&device).unwrap();
@@ -142,17 +141,17 @@ fn devices_that_others_captured_are_at_rest_in_both_hands_or_refused_by_name() {
     }
 }
 
-/// A pedal whose keys nobody here knows (rvaiya/keyd#591).
+/// A pedal with unknown keys (rvaiya/keyd#591).
 #[test]
-fn a_pedal_that_is_in_no_profile_is_not_guessed() {
+fn pedal_without_a_profile_is_unknown() {
     let identity = Identity::new(0x05f3, 0x00ff, "VEC  VEC USB Footpedal");
     assert!(profile(&Description::new(identity, Vec::new(), vec![184, 185, 186])).is_none());
 }
 
-/// A SpaceNavigator tells its translation and its rotation every 8 ms while it is deflected, and
-/// three times that it is not (FreeSpacenav/spacenavd#108).
+/// A SpaceNavigator sends its translation and its rotation every 8 ms while it is deflected, and
+/// zeros three times when it returns (FreeSpacenav/spacenavd#108).
 #[test]
-fn the_reports_of_a_space_navigator_are_no_silence_and_their_end_is_one() {
+fn space_navigator_is_silent_only_when_its_reports_stop() {
     let device = space_mouse::description(Identity::new(0x046d, 0xc626, "SpaceNavigator"));
     let profile = profile(&device).unwrap();
     let controls = profile.controls(&device, Handedness::Right).unwrap();
@@ -164,11 +163,11 @@ fn the_reports_of_a_space_navigator_are_no_silence_and_their_end_is_one() {
     for ms in 0..4000 {
         if ms % 8 == 0 {
             let x = 200 + (ms / 8 % 3) as u8;
-            let mut tell = |report: &[u8]| {
+            let mut send = |report: &[u8]| {
                 space_mouse::decode(report, |event| state.apply(event, Nanos::from_millis(ms)));
             };
-            tell(&[1, x, 0, 0, 0, 0, 0]);
-            tell(&[2, 0, 0, 0, 0, 0, 0]);
+            send(&[1, x, 0, 0, 0, 0, 0]);
+            send(&[2, 0, 0, 0, 0, 0, 0]);
         }
         assert_eq!(read(&mut state, ms), (true, None), "{ms}");
     }

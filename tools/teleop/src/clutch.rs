@@ -1,4 +1,4 @@
-//! All devices together: may the snake follow, and why not.
+//! All devices together: whether the snake may follow, and if not, why.
 //!
 //! ```text
 //!            all at rest, dead-man released            dead-man pressed, all centred
@@ -8,8 +8,8 @@
 //!      +------------------------------- fault of any device -------------------------------+
 //! ```
 //!
-//! So every start, loss and return of a device wants to see all of them at rest once, and the
-//! dead-man pressed anew.
+//! After every start, loss and return of a device, all of them have to be seen at rest once, and
+//! the dead-man has to be pressed again.
 
 use std::fmt;
 
@@ -17,7 +17,7 @@ use i2ris::units::Nanos;
 
 use crate::control::{DeadMan, Fault, Reading};
 
-/// Why the snake does not follow.
+/// Reason why the snake does not follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Open {
     /// A control was not seen centred since the start.
@@ -27,9 +27,9 @@ pub enum Open {
     /// A trigger was never seen untouched.
     HalfPressed,
     Fault(Fault),
-    /// The dead-man tells that it is released while somebody holds it.
+    /// The dead-man reports a release while it is held.
     Tapped,
-    /// All is well: the dead-man is not pressed.
+    /// No fault: the dead-man is not pressed.
     Released,
 }
 
@@ -37,19 +37,19 @@ impl fmt::Display for Open {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NeverCentred => {
-                f.write_str("the stick was never centred: move it round once and let go")
+                f.write_str("the stick was never centred: move it once and release it")
             }
             Self::Deflected => {
-                f.write_str("the stick was deflected when the dead-man closed: let go of both once")
+                f.write_str("the stick was deflected when the dead-man closed: release both once")
             }
             Self::HalfPressed => {
-                f.write_str("the dead-man is half pressed: let go of it, then press it well")
+                f.write_str("the dead-man is half pressed: release it, then press it fully")
             }
             Self::Fault(fault) => {
-                write!(f, "{fault}: let go of all, then press it anew")
+                write!(f, "{fault}: release everything, then press it again")
             }
             Self::Tapped => f.write_str(
-                "the pedal sends taps: set it to hold its key, or take another; this is no dead-man",
+                "the pedal sends taps, not a dead-man: set it to hold its key, or use another",
             ),
             Self::Released => f.write_str("the dead-man is not pressed"),
         }
@@ -63,17 +63,17 @@ enum Phase {
     Closed,
 }
 
-/// What all devices say together.
+/// State of all devices together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hand {
-    /// To the right and up; zero unless all devices know theirs.
+    /// Deflection to the right and up; zero unless it is known for all devices.
     pub push: [f64; 2],
     /// `None`: the snake may follow.
     pub open: Option<Open>,
     pub scale_steps: u32,
-    /// How often a mark was asked for.
+    /// Number of requested marks.
     pub marks: u32,
-    /// When the newest event of any device came to the computer.
+    /// Arrival of the newest event of any device at the computer.
     pub newest: Option<Nanos>,
 }
 
@@ -90,8 +90,8 @@ impl Default for Clutch {
 }
 
 impl Clutch {
-    /// `readings`: of every device that belongs to the hand. A device without axes (a pedal) takes
-    /// the place of the dead-man of one that steers.
+    /// Updates with the readings of all devices of the hand; `true`: the device steers. A device
+    /// without axes (a pedal) replaces the dead-man of one that steers.
     pub fn update(&mut self, readings: &[(bool, Reading)]) -> Hand {
         let has_dead_man = |reading: &&(bool, Reading)| reading.1.dead_man.is_some();
         let pedals: Vec<_> =
@@ -103,15 +103,15 @@ impl Clutch {
         let dead_man = dead_men.min_by_key(|dead_man| *dead_man == DeadMan::Pressed);
         let dead_man = dead_man.unwrap_or(DeadMan::Released);
         let is_tapped = used.iter().any(|(_, reading)| reading.is_tapped);
-        // One that steers itself is silent with its axes.
-        let is_unheard = readings.len() > 1 && used.iter().any(|(_, reading)| reading.is_unheard);
+        // A dead-man on a device that steers is as alive as its axes.
+        let is_overdue = readings.len() > 1 && used.iter().any(|(_, reading)| reading.is_overdue);
         let known: Option<Vec<_>> = readings.iter().map(|(_, reading)| reading.push).collect();
         let push = known.map(|all| {
             let sum = |axis: usize| all.iter().map(|push| push[axis]).sum::<f64>();
             [sum(0).clamp(-1.0, 1.0), sum(1).clamp(-1.0, 1.0)]
         });
         let fault = readings.iter().find_map(|(_, reading)| reading.fault);
-        let fault = fault.or(is_unheard.then_some(Fault::Unheard));
+        let fault = fault.or(is_overdue.then_some(Fault::Overdue));
         self.phase = match (fault, self.phase) {
             (Some(fault), _) => Phase::Unrested(Open::Fault(fault)),
             (None, Phase::Unrested(why)) => match (push, dead_man) {
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn the_clutch_closes_when_all_was_at_rest_and_the_dead_man_is_pressed_then() {
+    fn clutch_closes_after_rest_and_dead_man_press() {
         use DeadMan::{HalfPressed, Pressed, Released};
         let rest = stick(CENTRED, Released);
         assert_eq!(after(&[rest, stick(CENTRED, Pressed)]), None);
@@ -185,10 +185,10 @@ mod tests {
         }
     }
 
-    /// A pedal tells changes only: its receiver is out of range, its foot has long been lifted, and
-    /// the kernel goes on repeating the key. The stick lives.
+    /// A pedal sends changes only: its receiver is out of range, the foot has long been lifted, and
+    /// the kernel keeps repeating the key. The stick works.
     #[test]
-    fn a_dead_man_on_a_device_of_its_own_is_not_believed_for_ever_while_the_stick_lives() {
+    fn separate_dead_man_expires_while_the_stick_works() {
         use crate::control::Control;
         use crate::identity::Identity;
         use crate::profile::{DEAD_MAN_MS, Handedness, Profile};
@@ -224,12 +224,12 @@ mod tests {
             assert_eq!(open.is_none(), ms <= 10 + DEAD_MAN_MS, "{ms}: {open:?}");
             open_at = open_at.or(open);
         }
-        assert_eq!(open_at, Some(Open::Fault(Fault::Unheard)));
+        assert_eq!(open_at, Some(Open::Fault(Fault::Overdue)));
         let late = 2 * DEAD_MAN_MS;
         assert_eq!(period(late, Some(0), 0), Some(Open::Released));
-        assert_eq!(period(late + 5, Some(1), 0), None, "pressed anew");
+        assert_eq!(period(late + 5, Some(1), 0), None, "pressed again");
         assert_eq!(period(late + 105, Some(0), 0), Some(Open::Released));
-        // A pedal that sends taps, pressed twice, and one that is set right then.
+        // A pedal that sends taps, pressed twice, and then set correctly.
         for (ms, open) in [(200, Open::Released), (300, Open::Tapped)] {
             assert_eq!(period(late + ms, Some(1), 0), None);
             assert_eq!(period(late + ms + 10, Some(0), 0), Some(open));
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pedal_takes_the_place_of_the_button_and_the_loss_of_either_opens() {
+    fn pedal_replaces_the_button_and_either_loss_opens() {
         use DeadMan::{Pressed, Released};
         let mut clutch = Clutch::default();
         let mut step = |stick: (bool, Reading), pedal| clutch.update(&[stick, pedal]).open;

@@ -1,29 +1,28 @@
-//! One device as deflection and dead-man, and what is wrong with it.
+//! One device as deflection and dead-man, and its faults.
 //!
-//! Silence is judged here, at the device, and not at the stream that it feeds: a receiver out of
-//! range keeps its last value, and a connection that is no more may go on repeating it. Both look
-//! alive further on.
+//! Silence is judged here, at the device, not at the stream that it feeds: a receiver out of range
+//! keeps its last value, and a broken connection may keep repeating it. Both look alive downstream.
 
 use i2ris::units::Nanos;
 
 use crate::profile::{Controls, Profile, SignedAxis};
 use crate::state::{Code, Description, DeviceState};
 
-/// Relative axes that are not renewed for so long are at rest: the kernel does not report zeros.
+/// Relative axes without an event for this time are at rest: the kernel does not report zeros.
 const RELATIVE_TIMEOUT: Nanos = Nanos::from_millis(60);
-/// Values up to this share of the range are a device that is a little off; beyond, it is another
-/// one, or broken. A SpaceNavigator went to 498 of its 350 (johnhw/pyspacenavigator#1).
+/// Values up to this share of the range are tolerated; beyond, it is a different device, or
+/// broken. A SpaceNavigator went to 498 of its 350 (johnhw/pyspacenavigator#1).
 const MAX_SHARE: f64 = 1.5;
-/// A trigger or pedal counts as pressed above the first share of its way, as released below the
+/// A trigger or pedal counts as pressed above the first share of its travel, as released below the
 /// second, and as untouched below the third.
 const PRESSED: f64 = 0.6;
 const RELEASED: f64 = 0.4;
 const UNTOUCHED: f64 = 0.1;
-/// No foot lets go so soon. A switch that sends a press and a release at once, as many pedals do
-/// from the factory, is no dead-man.
+/// A shorter press is a tap: no foot releases that fast. A switch that sends press and release at
+/// once, as many pedals do from the factory, is not a dead-man.
 const TAP: Nanos = Nanos::from_millis(30);
 
-/// What is wrong with a device.
+/// Fault of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Fault {
     #[error("the device is gone")]
@@ -32,39 +31,39 @@ pub enum Fault {
     Silent,
     #[error("the device repeats itself")]
     Repeats,
-    #[error("the device tells values beyond its range")]
+    #[error("the device sends values beyond its range")]
     OutOfRange,
     #[error("events of the device were lost")]
     Dropped,
-    #[error("the dead-man was held for long without a sign of its device")]
-    Unheard,
+    #[error("the dead-man was held for too long without any event from its device")]
+    Overdue,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DeadMan {
     Released,
-    /// A trigger that is neither.
+    /// A trigger in between.
     HalfPressed,
     Pressed,
 }
 
-/// What a device says at a time.
+/// Reading of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reading {
-    /// To the right and up, each -1 to 1, exactly 0 when centred; `None` while it was never told.
+    /// Deflection right and up, each -1 to 1, exactly 0 when centred; `None` before any value.
     pub push: Option<[f64; 2]>,
     /// `None`: the device has none.
     pub dead_man: Option<DeadMan>,
     /// The last presses of the dead-man were taps.
     pub is_tapped: bool,
-    /// The dead-man is held, and nothing new has come of this device for long.
-    pub is_unheard: bool,
+    /// The dead-man is held, but this device has not sent anything new for too long.
+    pub is_overdue: bool,
     pub fault: Option<Fault>,
-    /// How often the scale was asked to change since the last reading.
+    /// Number of requests to change the scale since the last reading.
     pub scale_steps: u32,
-    /// How often a mark was asked for since the last reading.
+    /// Number of requested marks since the last reading.
     pub marks: u32,
-    /// When the newest event since the last reading came to the computer.
+    /// Arrival of the newest event since the last reading at the computer.
     pub newest: Option<Nanos>,
 }
 
@@ -78,9 +77,9 @@ pub struct Control {
     repeat: Nanos,
     held: Nanos,
     relative_range: f64,
-    /// Of a dead-man that is an axis.
+    /// State of a dead-man that is an axis.
     is_pressed: bool,
-    /// When a dead-man that is a key was pressed, while it is.
+    /// Time at which a dead-man that is a key was pressed, while it is held.
     pressed_since: Option<Nanos>,
     /// Taps in succession.
     taps: u32,
@@ -134,16 +133,16 @@ impl Control {
         let (scale_steps, marks) = (count(self.controls.scale), count(self.controls.mark));
         let (dead_man, newest) = (self.dead_man(device, state), state.take_newest());
         self.count_taps(&presses, dead_man, now);
-        // A clock that is ahead of this one tells no time.
+        // A clock that is ahead of this one is not usable.
         let newest = newest.filter(|newest| *newest <= now);
-        // Not the last event: the kernel repeats a held key by itself.
-        let is_unheard = dead_man == Some(DeadMan::Pressed)
+        // Not the last event: the kernel repeats a held key automatically.
+        let is_overdue = dead_man == Some(DeadMan::Pressed)
             && now.duration_since(state.last_change()) > self.held;
         let is_tapped = self.taps > 1;
-        Reading { push, dead_man, is_tapped, is_unheard, fault, scale_steps, marks, newest }
+        Reading { push, dead_man, is_tapped, is_overdue, fault, scale_steps, marks, newest }
     }
 
-    /// Counts presses that end at once.
+    /// Counts presses that end immediately.
     fn count_taps(&mut self, presses: &[u16], dead_man: Option<DeadMan>, now: Nanos) {
         let key = |key: &&u16| self.controls.dead_man == Some(Code::Key(**key));
         let since = self.pressed_since.or(presses.iter().find(key).map(|_| now));
@@ -153,7 +152,7 @@ impl Control {
         }
     }
 
-    /// Share of the way from the centre to the end of the range.
+    /// Deflection as a share of the range from the centre to the end.
     fn share(
         &self,
         axis: SignedAxis,
@@ -179,7 +178,7 @@ impl Control {
         )
     }
 
-    /// Without the dead zone, without a jump at its edge, and curved.
+    /// Removes the dead zone without a jump at its edge, and applies the curve.
     fn shape(&self, share: f64, axis: SignedAxis, device: &Description) -> f64 {
         let flat = match axis.code {
             Code::Absolute(code) => device.range(code).map_or(0.0, |range| {
@@ -202,7 +201,7 @@ impl Control {
             let low = f64::from(range.minimum);
             (f64::from(value.value) - low) / (f64::from(range.maximum) - low)
         });
-        // What is not known is half pressed: neither follows nor counts as released.
+        // An unknown value is half pressed: it neither follows nor counts as released.
         let way = way.unwrap_or(0.5 * (UNTOUCHED + RELEASED));
         self.is_pressed = way > PRESSED || self.is_pressed && way > RELEASED;
         Some(match way {
@@ -251,9 +250,9 @@ mod tests {
     }
 
     #[test]
-    fn a_stick_is_read_without_its_dead_zone_in_the_directions_of_the_picture() {
+    fn stick_has_picture_directions_and_no_dead_zone() {
         let (mut control, mut state) = (control(STICK), DeviceState::new(Nanos(1)));
-        assert_eq!(read(&mut control, &mut state, 1).push, None, "what was not told is not known");
+        assert_eq!(read(&mut control, &mut state, 1).push, None, "unknown before the first event");
         for (x, y, right, up) in
             [(0, 128, 0.0, 0.0), (9, 120, 0.0, 0.0), (100, 0, 1.0, 1.0), (-110, 255, -1.0, -1.0)]
         {
@@ -267,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trigger_has_to_be_pressed_well_and_a_half_pressed_one_is_not_released() {
+    fn half_pressed_trigger_is_neither_pressed_nor_released() {
         let (mut control, mut state) = (control(STICK), DeviceState::new(Nanos(1)));
         for (way, expected) in [
             (0, DeadMan::Released),
@@ -283,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn a_deflected_stick_that_is_silent_or_repeats_itself_is_a_fault_and_a_centred_one_is_none() {
+    fn silent_or_repeating_stick_is_a_fault_only_if_deflected() {
         let (mut control, mut state) = (control(STICK), DeviceState::default());
         let at = Nanos::from_millis;
         state.apply(Event::Value(Y, 128), at(10));
@@ -300,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn the_farthest_that_a_real_space_navigator_went_is_full_deflection_and_no_fault() {
+    fn largest_space_navigator_value_is_full_deflection() {
         let device =
             crate::space_mouse::description(Identity::new(0x046d, 0xc626, "SpaceNavigator"));
         let profile = Profile::shipped().find(|profile| profile.is_for(&device.identity)).unwrap();

@@ -17,23 +17,23 @@ use crate::recording::{MAX_FRAME, Parser, RecordingError};
 use crate::space_mouse;
 use crate::state::{Description, DeviceState, Event, Protocol, Range};
 
-/// How long the head of a played recording may take when a program starts.
+/// Timeout for the head of a played recording when a program starts.
 const HEAD: Nanos = Nanos::from_millis(10_000);
-/// How much is read before what came is acted upon: a device that never stops keeps nobody waiting.
+/// Maximum number of reads in a row, so that a device that never stops sending blocks nothing.
 const AT_ONCE: usize = 16;
-/// Of a pulse that a hand feels, and its strength of 65535.
+/// Duration of a vibration pulse, and its strength of 65535.
 const PULSE_MS: u16 = 60;
 const PULSE: u16 = 0x4000;
 const HEAD_POLL: Nanos = Nanos::from_millis(5);
 
-/// Why a device cannot be opened or read.
+/// Error when opening or reading a device.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
     #[error("{path}: {error}{remedy}", path = path.display(), remedy = remedy(error))]
     Io { path: PathBuf, error: io::Error },
     #[error(
-        "{path} is {kind} and no input device; `i2ris teleop input show` lists them, a recording is \
-         played by `i2ris teleop input play`",
+        "{path} is {kind}, not an input device; `i2ris teleop input show` lists devices, `i2ris \
+         teleop input play` plays a recording",
         path = path.display()
     )]
     NoDevice { path: PathBuf, kind: &'static str },
@@ -68,7 +68,7 @@ pub struct Device {
     file: File,
     /// Keeps the grab.
     grabbed: Option<RawDevice>,
-    /// A pulse that the device can make.
+    /// Vibration pulse, if the device supports it.
     pulse: Option<FFEffect>,
     stream: Stream,
     state: DeviceState,
@@ -79,7 +79,7 @@ impl Device {
     ///
     /// # Errors
     ///
-    /// [`DeviceError`]; what is no device is not read.
+    /// [`DeviceError`]; other files are not read.
     pub fn open(path: &Path) -> Result<Self, DeviceError> {
         let failed = |error| DeviceError::Io { path: path.to_owned(), error };
         let kind = path.metadata().map_err(failed)?.file_type();
@@ -90,7 +90,7 @@ impl Device {
             let kind = if kind.is_dir() { "a folder" } else { "a file" };
             return Err(DeviceError::NoDevice { path: path.to_owned(), kind });
         }
-        // Written to for a pulse only; who may only read has none.
+        // Write access is for pulses only; without permission there are none.
         let file = OpenOptions::new().read(true).write(true).custom_flags(FLAGS).open(path);
         let file = file.or_else(|_| open(path)).map_err(failed)?;
         if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("hidraw")) {
@@ -148,18 +148,18 @@ impl Device {
         Self { path, description, file, grabbed: None, pulse: None, stream, state }
     }
 
-    /// Takes the device for this program alone: a pedal is a keyboard, and would type.
+    /// Grabs the device for this program alone: a pedal is a keyboard, and would type.
     ///
     /// # Errors
     ///
-    /// [`DeviceError::Io`] when another program has taken it.
+    /// [`DeviceError::Io`] when another program has grabbed it.
     pub fn grab(&mut self) -> Result<(), DeviceError> {
         let path = &self.path;
         let grabbed = self.grabbed.as_mut().map_or(Ok(()), RawDevice::grab);
         grabbed.map_err(|error| DeviceError::Io { path: path.clone(), error })
     }
 
-    /// Prepares pulses that a hand feels. Whether the device can make them.
+    /// Prepares vibration pulses; returns whether the device supports them.
     pub fn can_pulse(&mut self) -> bool {
         let pulse = FFEffectData {
             direction: 0,
@@ -174,10 +174,10 @@ impl Device {
         self.pulse.is_some()
     }
 
-    /// Makes one pulse, where that was prepared.
+    /// Makes one pulse, if prepared.
     pub fn pulse(&mut self) {
         if let Some(pulse) = &mut self.pulse {
-            // A device that is gone is seen when it is read.
+            // A lost device is detected by reading.
             let _ = pulse.play(1);
         }
     }
@@ -194,7 +194,7 @@ impl Device {
         (&self.description, &mut self.state)
     }
 
-    /// Takes in what has come, and hands every piece on as it came. Never waits.
+    /// Reads what has arrived, and passes on every piece unchanged. Never waits.
     ///
     /// # Errors
     ///
@@ -223,7 +223,7 @@ impl Device {
                 Stream::Reports => {
                     raw(bytes);
                     space_mouse::decode(bytes, apply);
-                    // Reports have no time of their own.
+                    // Reports have no timestamp.
                     state.stamped(Some(now));
                 }
                 Stream::Played(..) => self.play(bytes, now, &mut raw)?,
@@ -232,7 +232,7 @@ impl Device {
         Ok(())
     }
 
-    /// Takes in bytes of a recording that is played.
+    /// Processes bytes of a recording that is played.
     fn play(
         &mut self,
         bytes: &[u8],
@@ -250,7 +250,7 @@ impl Device {
                     decoder.decode(&frame, apply);
                     decoder.newest()
                 }
-                // Reports have no time of their own.
+                // Reports have no timestamp.
                 Protocol::SpaceMouse => {
                     space_mouse::decode(&frame, apply);
                     Some(now)
@@ -302,7 +302,7 @@ fn describe(raw: &RawDevice) -> io::Result<Description> {
     })
 }
 
-/// Lets the kernel stamp events by the monotonic clock.
+/// Makes the kernel stamp events by the monotonic clock.
 fn monotonic(file: &File) -> io::Result<()> {
     /// `_IOW('E', 0xa0, int)` of linux/input.h.
     const EVIOCSCLOCKID: libc::Ioctl = 0x4004_45a0;
@@ -312,12 +312,12 @@ fn monotonic(file: &File) -> io::Result<()> {
     if outcome == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// What the kernel tells in `/sys/class/hidraw`, without a request to the device.
+/// Identity by the kernel in `/sys/class/hidraw`, without a request to the device.
 fn hidraw_identity(path: &Path) -> io::Result<Identity> {
     let name = path.file_name().unwrap_or_default();
-    let told = Path::new("/sys/class/hidraw").join(name).join("device/uevent");
-    identity_of_uevent(&std::fs::read_to_string(told)?).ok_or_else(|| {
-        io::Error::new(ErrorKind::InvalidData, "the kernel does not tell what it is")
+    let uevent_path = Path::new("/sys/class/hidraw").join(name).join("device/uevent");
+    identity_of_uevent(&std::fs::read_to_string(uevent_path)?).ok_or_else(|| {
+        io::Error::new(ErrorKind::InvalidData, "the kernel does not report its identity")
     })
 }
 
@@ -341,7 +341,7 @@ mod tests {
     use crate::state::Code;
 
     #[test]
-    fn what_the_kernel_reports_of_a_hidraw_device_is_its_identity() {
+    fn hidraw_identity_comes_from_the_kernel() {
         let uevent = "DRIVER=hid-generic\nHID_ID=0003:0000256F:0000C635\nHID_NAME=3Dconnexion \
                       SpaceMouse Compact\nHID_UNIQ=\n";
         let identity = identity_of_uevent(uevent).unwrap();
@@ -349,9 +349,9 @@ mod tests {
         assert_eq!(identity_of_uevent("HID_ID=0003:x"), None);
     }
 
-    /// Where the kernel makes devices for programs; elsewhere it says so.
+    /// Needs `/dev/uinput`; skipped without it.
     #[test]
-    fn a_device_of_the_kernel_is_opened_described_grabbed_and_read_with_its_times() {
+    fn kernel_device_is_opened_grabbed_and_read_with_times() {
         use evdev::uinput::VirtualDevice;
         use evdev::{
             AbsInfo, AbsoluteAxisCode, AttributeSet, BusType, InputEvent, InputId, KeyCode,
@@ -401,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_device_reports_at_once_is_read_in_pieces_and_none_is_lost() {
+    fn long_burst_is_read_in_pieces_without_loss() {
         let (reader, mut writer) = io::pipe().unwrap();
         // SAFETY: asks for the size of an open pipe.
         let size = unsafe { libc::fcntl(writer.as_raw_fd(), libc::F_SETPIPE_SZ, 1 << 20) };
@@ -418,12 +418,12 @@ mod tests {
             device.read(clock::now(), |_| {}).unwrap();
             device.parts().1.axis(Code::Absolute(0)).unwrap().value
         };
-        assert!(read() < 19_999, "the others wait for all of it");
+        assert!(read() < 19_999, "the other devices wait for all events");
         assert_eq!((0..10).map(|_| read()).last(), Some(19_999));
     }
 
     #[test]
-    fn a_frame_that_comes_with_the_head_is_read_before_anything_follows() {
+    fn frame_that_arrives_with_the_head_is_read() {
         let (reader, mut writer) = io::pipe().unwrap();
         let identity = Identity::new(0x256f, 0xc635, "Mouse");
         write_head(&mut writer, &space_mouse::description(identity)).unwrap();
@@ -435,13 +435,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_device_is_not_read() {
+    fn anything_but_a_device_is_refused() {
         let folder = std::env::temp_dir();
         let error = Device::open(&folder).unwrap_err().to_string();
-        assert!(error.contains("is a folder and no input device"), "{error}");
+        assert!(error.contains("is a folder, not an input device"), "{error}");
         let error = Device::open(Path::new("/nonexistent/event7")).unwrap_err().to_string();
         assert!(error.starts_with("/nonexistent/event7: No such file"), "{error}");
-        // A character device that is none: the kernel refuses the question for its identity.
+        // A character device of another kind: the kernel refuses the request for its identity.
         assert!(Device::open(Path::new("/dev/null")).is_err());
     }
 }

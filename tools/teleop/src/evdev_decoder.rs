@@ -14,11 +14,11 @@ const EV_ABS: u16 = 3;
 const SYN_REPORT: u16 = 0;
 const SYN_DROPPED: u16 = 3;
 
-/// Keeps what is left of an event that came in two parts, and whether events are being skipped.
+/// Keeps the first part of an incomplete event, and whether events are being skipped.
 #[derive(Debug, Default)]
 pub struct EvdevDecoder {
     part: Vec<u8>,
-    /// After `SYN_DROPPED`, all up to the next report belongs to a state that is torn.
+    /// After `SYN_DROPPED`, events up to the next report are inconsistent.
     dropped: bool,
     /// The kernel's time of the newest event.
     newest: Option<Nanos>,
@@ -52,13 +52,13 @@ impl EvdevDecoder {
         self.part.drain(..whole);
     }
 
-    /// The kernel's time of the newest event, on the monotonic clock; `None` where it tells none.
+    /// The kernel's time of the newest event, on the monotonic clock; `None` without a timestamp.
     pub fn newest(&self) -> Option<Nanos> {
         self.newest
     }
 }
 
-/// When the kernel took in an event.
+/// Time at which the kernel received an event.
 fn stamp(raw: &[u8]) -> Option<Nanos> {
     let (seconds, rest) = raw.split_first_chunk::<8>()?;
     let part = |bytes: &[u8; 8]| u64::try_from(i64::from_le_bytes(*bytes)).ok();
@@ -67,8 +67,8 @@ fn stamp(raw: &[u8]) -> Option<Nanos> {
     (ns > 0).then_some(Nanos(ns))
 }
 
-/// Gives every event of a piece the same time, as if the kernel had taken it in then.
-pub fn stamp_anew(bytes: &mut [u8], at: Nanos) {
+/// Gives every event of a piece the same time, as if the kernel had received it then.
+pub fn restamp(bytes: &mut [u8], at: Nanos) {
     let (seconds, us) = (at.0 / 1_000_000_000, at.0 % 1_000_000_000 / 1000);
     for raw in bytes.chunks_exact_mut(EVENT) {
         raw[..8].copy_from_slice(&seconds.to_le_bytes());
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_after_lost_events_counts_from_the_next_report_on() {
+    fn events_count_from_the_next_report_after_loss() {
         let bytes = [
             encode(EV_ABS, 0, -5),
             encode(EV_SYN, SYN_DROPPED, 0),
@@ -116,12 +116,12 @@ mod tests {
     }
 
     #[test]
-    fn the_time_of_the_newest_event_is_that_of_the_kernel() {
+    fn newest_event_has_the_time_of_the_kernel() {
         let mut decoder = EvdevDecoder::default();
         let mut bytes = [encode(EV_ABS, 0, 1), encode(EV_SYN, SYN_REPORT, 0)].concat();
         decoded(&mut decoder, &bytes);
-        assert_eq!(decoder.newest(), None, "zero is no time");
-        stamp_anew(&mut bytes, Nanos(7_000_012_345));
+        assert_eq!(decoder.newest(), None, "zero is not a time");
+        restamp(&mut bytes, Nanos(7_000_012_345));
         assert_eq!(decoded(&mut decoder, &bytes), [Event::Value(Code::Absolute(0), 1)]);
         assert_eq!(decoder.newest(), Some(Nanos(7_000_012_000)));
     }

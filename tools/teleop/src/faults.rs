@@ -1,5 +1,5 @@
-//! Device faults drawn at random, against what a bystander knows: the hazards of a device that is
-//! silent, gone, replaced or goes on by itself, and of a clutch that closes when it must not.
+//! Random device faults, checked against the true state: the hazards of a device that is silent,
+//! lost, replaced or repeats itself, and of a clutch that closes when it must not.
 #![allow(clippy::print_stdout, reason = "a table for people")]
 
 use std::cell::RefCell;
@@ -19,28 +19,28 @@ use crate::state::{Code, Description, DeviceState, Event};
 use crate::view::View;
 
 const PERIOD_MS: u64 = 5;
-/// Of the shipped profile; silence is as long as the deadline of the shipped configurations.
+/// Timeouts of the shipped profile; silence equals the deadline of the shipped configurations.
 const SILENCE_MS: u64 = 50;
 const REPEAT_MS: u64 = 500;
 const DEAD_MAN: u16 = 0x100;
 
-/// What happens in one period.
+/// Event of one period.
 #[derive(Debug, Clone, Copy)]
 enum Happens {
-    /// The cap is moved; 20 is within the dead zone.
+    /// The cap moves; 20 is within the dead zone.
     Cap(i32),
     DeadMan(bool),
-    /// Nothing for so many periods; a cap that is held trembles.
+    /// Nothing for this many periods; a cap that is held trembles.
     Time(u16),
-    /// The receiver is out of range: nothing comes.
+    /// The receiver is out of range: it sends nothing.
     Lost,
-    /// It tells the same for ever.
+    /// It keeps sending the same.
     Zombie,
     Back,
-    /// Pulled out, and in again as it is now.
+    /// Unplugged, and plugged in again in its present state.
     Replug,
     Dropped,
-    /// A value that no such device has.
+    /// A value that such a device cannot have.
     Beyond,
 }
 
@@ -65,7 +65,7 @@ enum Link {
     Zombie,
 }
 
-/// The world: the device, the hand on it, and what a bystander knows of both.
+/// The world: the device, the hand on it, and the true state of both.
 struct World {
     device: Description,
     state: DeviceState,
@@ -76,15 +76,15 @@ struct World {
     cap: i32,
     held: bool,
     link: Link,
-    /// What the device told last.
-    told: (i32, bool),
+    /// Last value that the device sent.
+    sent: (i32, bool),
     pose: [f64; 2],
-    /// When the device last told something, and something that was true.
-    told_ms: u64,
+    /// Times at which the device last sent a value, and a true value.
+    sent_ms: u64,
     true_ms: u64,
-    /// Since it was opened, lost or torn it told a centred cap and a released dead-man.
+    /// Whether it sent a centred cap and a released dead-man since it was opened or lost.
     was_at_rest: bool,
-    /// The longest that it moved without the one and without the other.
+    /// Longest motions without a value, and without a true value, ms.
     longest_ms: [u64; 2],
 }
 
@@ -105,9 +105,9 @@ impl World {
             cap: 0,
             held: false,
             link: Link::Alive,
-            told: (0, false),
+            sent: (0, false),
             pose: [0.0; 2],
-            told_ms: 0,
+            sent_ms: 0,
             true_ms: 0,
             was_at_rest: false,
             longest_ms: [0; 2],
@@ -118,15 +118,15 @@ impl World {
         Nanos::from_millis(self.now_ms)
     }
 
-    fn tell(&mut self, (cap, held): (i32, bool)) {
+    fn send(&mut self, (cap, held): (i32, bool)) {
         let now = self.now();
         self.state.apply(Event::Value(Code::Absolute(0), cap), now);
         self.state.apply(Event::Value(Code::Absolute(1), 0), now);
         self.state.apply(Event::Value(Code::Key(DEAD_MAN), held.into()), now);
-        (self.told, self.told_ms) = ((cap, held), self.now_ms);
+        (self.sent, self.sent_ms) = ((cap, held), self.now_ms);
     }
 
-    /// One period; fails when the snake moves and must not.
+    /// Runs one period; fails if the snake moves when it must not.
     fn period(&mut self) -> Result<(), TestCaseError> {
         self.now_ms += PERIOD_MS;
         match self.link {
@@ -134,14 +134,14 @@ impl World {
                 // A hand trembles, and the sensor has noise.
                 let tremble =
                     if self.cap.abs() > 20 { (self.now_ms / PERIOD_MS % 2) as i32 } else { 0 };
-                self.tell((self.cap + tremble, self.held));
+                self.send((self.cap + tremble, self.held));
                 self.true_ms = self.now_ms;
             }
             Link::Lost => {}
-            Link::Zombie => self.tell(self.told),
+            Link::Zombie => self.send(self.sent),
         }
-        let is_centred = self.told.0.abs() <= 35;
-        self.was_at_rest |= is_centred && !self.told.1 && self.link != Link::Lost;
+        let is_centred = self.sent.0.abs() <= 35;
+        self.was_at_rest |= is_centred && !self.sent.1 && self.link != Link::Lost;
         let now = self.now();
         let reading = self.control.read(&self.device, &mut self.state, now);
         let hand = self.clutch.update(&[(true, reading)]);
@@ -154,13 +154,13 @@ impl World {
         };
         let command = self.master.update(&motion, Some(before), 0.005);
         let moves = command.pose != before;
-        let tells = || format!("told {:?}, link {:?}, {hand:?}", self.told, self.link);
-        prop_assert!(!moves || self.told.1, "without a dead-man: {}", tells());
-        prop_assert!(!moves || self.was_at_rest, "never at rest: {}", tells());
-        let ages_ms = [self.told_ms, self.true_ms].map(|at| self.now_ms - at);
+        let describe = || format!("sent {:?}, link {:?}, {hand:?}", self.sent, self.link);
+        prop_assert!(!moves || self.sent.1, "without a dead-man: {}", describe());
+        prop_assert!(!moves || self.was_at_rest, "never at rest: {}", describe());
+        let ages_ms = [self.sent_ms, self.true_ms].map(|at| self.now_ms - at);
         let late = ages_ms[0] > SILENCE_MS + PERIOD_MS || ages_ms[1] > REPEAT_MS + PERIOD_MS;
-        prop_assert!(!moves || !late, "too long: {}", tells());
-        prop_assert!(!moves || self.told.0.abs() <= 525, "beyond: {}", tells());
+        prop_assert!(!moves || !late, "too long: {}", describe());
+        prop_assert!(!moves || self.sent.0.abs() <= 525, "beyond: {}", describe());
         if moves {
             self.longest_ms = [0, 1].map(|index| self.longest_ms[index].max(ages_ms[index]));
         }
@@ -180,12 +180,12 @@ impl World {
                 let gone = Reading { fault: Some(Fault::Gone), ..Reading::default() };
                 self.clutch.update(&[(true, gone)]);
                 self.state = DeviceState::new(self.now());
-                (self.link, self.told, self.was_at_rest) = (Link::Alive, (0, false), false);
+                (self.link, self.sent, self.was_at_rest) = (Link::Alive, (0, false), false);
             }
             Happens::Dropped => {
                 self.state.apply(Event::Dropped, self.now());
                 self.was_at_rest = false;
-                self.told = (0, false);
+                self.sent = (0, false);
             }
             Happens::Beyond => {
                 self.cap = 5000;
@@ -200,18 +200,18 @@ impl World {
     }
 }
 
-/// What was drawn, and what the snake did.
+/// Drawn events, and the motion of the snake.
 #[derive(Debug, Default)]
 struct Table {
     stories: u32,
     faults: BTreeMap<&'static str, u32>,
     moved: u32,
-    /// The longest motion after the device had last told anything, and the truth.
+    /// The longest motion after the device had last sent anything, and the truth.
     held_within_ms: [u64; 2],
 }
 
 #[test]
-fn whatever_happens_to_a_device_the_snake_moves_only_with_a_dead_man_that_was_closed_at_rest() {
+fn snake_moves_only_with_a_dead_man_closed_at_rest() {
     let table = RefCell::new(Table::default());
     let file = Some(file!());
     let config = ProptestConfig { cases: 2000, source_file: file, ..ProptestConfig::default() };
@@ -222,7 +222,7 @@ fn whatever_happens_to_a_device_the_snake_moves_only_with_a_dead_man_that_was_cl
         for happens in story {
             let fault = match happens {
                 Happens::Lost => Some("silent"),
-                Happens::Zombie => Some("goes on repeating"),
+                Happens::Zombie => Some("keeps repeating"),
                 Happens::Replug => Some("pulled out"),
                 Happens::Dropped => Some("events lost"),
                 Happens::Beyond => Some("beyond its range"),
@@ -243,7 +243,7 @@ fn whatever_happens_to_a_device_the_snake_moves_only_with_a_dead_man_that_was_cl
 }
 
 #[test]
-fn the_world_of_the_faults_does_move_when_all_is_well() {
+fn simulated_snake_moves_without_faults() {
     let mut world = World::new();
     let mut moved = false;
     for happens in [Happens::Time(3), Happens::DeadMan(true), Happens::Time(3), Happens::Cap(200)] {

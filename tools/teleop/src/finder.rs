@@ -1,4 +1,4 @@
-//! Which devices there are, and those of a hand: found by what they are, not by their number.
+//! Finds devices, and those of a hand, by their identity, not by their number.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,15 +14,15 @@ const FOLDERS: [(&str, &str); 2] = [("/dev/input", "event"), ("/dev", "hidraw")]
 /// The vendors of [`crate::space_mouse`].
 const SPACE_MOUSE_VENDORS: [u16; 2] = [0x046d, 0x256f];
 
-/// A device that is there.
+/// A device that was found.
 #[derive(Debug)]
 pub struct Found {
     pub path: PathBuf,
-    /// What it is, or why that is not known.
+    /// Description, or the error while reading it.
     pub description: Result<Description, DeviceError>,
 }
 
-/// The files of all devices, in the order of their names.
+/// The files of all devices, sorted by name.
 fn paths() -> Vec<PathBuf> {
     let entries = FOLDERS.into_iter().flat_map(|(folder, prefix)| {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
@@ -45,13 +45,13 @@ pub fn scan(profiles: &[Profile]) -> Vec<Found> {
     found.filter(|found| is_for_a_hand(found, profiles)).collect()
 }
 
-/// Whether it is a known device, or may be one; mice, keyboards and lids are not.
+/// Whether it is a known device, or may be one, unlike mice, keyboards and lids.
 fn is_for_a_hand(found: &Found, profiles: &[Profile]) -> bool {
     const BTN_JOYSTICK: u16 = 0x120;
     const BTN_DIGI: u16 = 0x140;
     let is_raw = found.path.starts_with("/dev") && found.path.to_string_lossy().contains("hidraw");
     match &found.description {
-        // Without permission nobody knows what a raw device is.
+        // Without permission the kind of a raw device is unknown.
         Err(_) => !is_raw,
         Ok(device) if is_raw => {
             SPACE_MOUSE_VENDORS.contains(&device.identity.vendor)
@@ -69,8 +69,8 @@ pub fn known<'a>(device: &Description, profiles: &'a [Profile]) -> Option<&'a Pr
     profiles.iter().find(|profile| profile.is_for(&device.identity))
 }
 
-/// Opens a device again after it was lost: the one with the same identity, wherever it is now.
-/// `None`: it is not back, or another one is in its place.
+/// Reopens a lost device: the one with the same identity, under any path. `None`: it is not
+/// connected, or a different one is in its place.
 pub fn reopen(last: &Path, is_played: bool, identity: &Identity) -> Option<Device> {
     let is_same = |device: &Device| device.description().identity == *identity;
     if is_played {
@@ -81,7 +81,7 @@ pub fn reopen(last: &Path, is_played: bool, identity: &Identity) -> Option<Devic
     all.find_map(|path| Device::open(&path).ok().filter(is_same))
 }
 
-/// What a list tells of a device, in one line.
+/// Description of a device for a list, in one line.
 pub fn line(found: &Found, profiles: &[Profile]) -> String {
     let path = found.path.display();
     match &found.description {
@@ -93,8 +93,8 @@ pub fn line(found: &Found, profiles: &[Profile]) -> String {
                     device.absolute.iter().map(|range| Code::Absolute(range.code).to_string());
                 let axes = axes.collect::<Vec<_>>().join(" ");
                 format!(
-                    "{path}  {}: unknown ({axes}); `i2ris teleop input learn {path} --output FILE` asks \
-                     what its controls are",
+                    "{path}  {}: unknown ({axes}); `i2ris teleop input learn {path} --output FILE` \
+                     creates a profile",
                     device.identity
                 )
             }

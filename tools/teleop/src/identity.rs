@@ -1,12 +1,12 @@
-//! What a device is: the same after it was pulled out and plugged in again, and whatever number the
-//! kernel gives it.
+//! Identity of a device: unchanged after unplugging, and independent of the number that the kernel
+//! assigns.
 
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// Vendor and product, as `046d:c62b`.
+/// Vendor and product, such as `046d:c62b`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ProductId {
     pub vendor: u16,
@@ -27,22 +27,22 @@ impl FromStr for ProductId {
         let id = text.split_once(':').and_then(|(vendor, product)| {
             Some(Self { vendor: hex(vendor)?, product: hex(product)? })
         });
-        id.ok_or_else(|| format!("`{text}` is no vendor:product in hexadecimal, as 046d:c62b"))
+        id.ok_or_else(|| format!("`{text}` is not vendor:product in hexadecimal, e.g. 046d:c62b"))
     }
 }
 
-/// What a device says of itself.
+/// Identity that a device reports.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Identity {
     pub vendor: u16,
     pub product: u16,
     pub name: String,
-    /// The serial number, or the address of a wireless device; empty where it tells none.
+    /// The serial number, or the address of a wireless device; empty if it reports none.
     pub serial: String,
 }
 
 impl Identity {
-    /// Of a device without a serial number.
+    /// Identity of a device without a serial number.
     pub fn new(vendor: u16, product: u16, name: &str) -> Self {
         Self { vendor, product, name: name.to_owned(), serial: String::new() }
     }

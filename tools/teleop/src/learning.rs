@@ -1,22 +1,22 @@
-//! Asks what the controls of an unknown device are: nothing is guessed.
+//! Asks for the controls of an unknown device, without guessing.
 //!
-//! At rest, pushed to the right, pushed up, dead-man pressed: each time what differs from rest, and
-//! by most of its range, is the answer.
+//! At rest, pushed to the right, pushed up, dead-man pressed: each time, the control that differs
+//! most from rest, relative to its range, is the answer.
 
 use crate::profile::{ControlNames, Profile};
 use crate::state::{Code, Description, DeviceState};
 
 /// Share of its range by which an axis has to move.
 const MIN_SHARE: f64 = 0.3;
-/// The second largest motion may be that part of the largest.
+/// Maximum ratio of the second largest motion to the largest.
 const MAX_SECOND: f64 = 0.7;
 
-/// What a person is asked to do.
+/// Instructions to the person.
 pub const QUESTIONS: [&str; 4] = [
-    "let go of everything",
+    "release all controls",
     "push the control to the right and keep it there",
     "push it away from you and keep it there",
-    "let go of it, and press what shall be the dead-man",
+    "release it, and press the control that shall be the dead-man",
 ];
 
 /// The axes and keys at an answer.
@@ -24,7 +24,7 @@ pub const QUESTIONS: [&str; 4] = [
 pub struct Snapshot {
     axes: Vec<(Code, i32)>,
     keys: Vec<Code>,
-    /// Pressed since the last answer, and not any more.
+    /// Pressed since the last answer, and already released.
     tapped: Option<Code>,
 }
 
@@ -52,7 +52,7 @@ impl Snapshot {
         match moved[..] {
             [(code, share), ref rest @ ..] if share.abs() >= MIN_SHARE => match rest.first() {
                 Some((second, other)) if other.abs() > MAX_SECOND * share.abs() => {
-                    Err(format!("{code} and {second} moved alike: push one way only"))
+                    Err(format!("{code} and {second} moved alike: push in one direction only"))
                 }
                 _ => Ok((code, share)),
             },
@@ -63,23 +63,23 @@ impl Snapshot {
 
 fn taps(key: Code) -> String {
     format!(
-        "{key} is not held any more: keep it pressed; a pedal that sends taps is no dead-man, so \
+        "{key} is no longer held: keep it pressed; a pedal that sends taps is not a dead-man, so \
          set it to hold its key"
     )
 }
 
-/// The profile that four answers make.
+/// Creates a profile from four answers.
 ///
 /// # Errors
 ///
-/// One sentence: which answer is not clear.
+/// One sentence about the answer that is not clear.
 pub fn profile(device: &Description, answers: &[Snapshot; 4]) -> Result<Profile, String> {
     let [rest, right, up, dead_man] = answers;
     let named =
         |(code, share): (Code, f64)| format!("{}{code}", if share < 0.0 { "-" } else { "" });
-    let asked = |index: usize| move |error: String| format!("{}: {error}", QUESTIONS[index]);
-    let right = right.moved(rest, device).map_err(asked(1))?;
-    let up = up.moved(rest, device).map_err(asked(2))?;
+    let question = |index: usize| move |error: String| format!("{}: {error}", QUESTIONS[index]);
+    let right = right.moved(rest, device).map_err(question(1))?;
+    let up = up.moved(rest, device).map_err(question(2))?;
     if right.0 == up.0 {
         return Err(format!("{} moved to the right and away from you: two axes are needed", up.0));
     }
@@ -89,7 +89,7 @@ pub fn profile(device: &Description, answers: &[Snapshot; 4]) -> Result<Profile,
         [] => {
             let moved = dead_man.moved(rest, device);
             let moved = moved.map_err(|error| dead_man.tapped.map_or(error, taps));
-            moved.map_err(asked(3))?.0.to_string()
+            moved.map_err(question(3))?.0.to_string()
         }
         _ => return Err(format!("{}: {} keys were pressed", QUESTIONS[3], pressed.len())),
     };
@@ -144,7 +144,11 @@ mod tests {
             (1, snapshot(300, 290, &[]), "moved alike"),
             (2, snapshot(300, 0, &[]), "two axes are needed"),
             (3, snapshot(0, 0, &[0x101, 0x102]), "2 keys"),
-            (3, Snapshot { tapped: Some(Code::Key(48)), ..rest.clone() }, "KEY_B is not held any"),
+            (
+                3,
+                Snapshot { tapped: Some(Code::Key(48)), ..rest.clone() },
+                "KEY_B is no longer held",
+            ),
             (3, rest, "no axis moved"),
         ] {
             let mut answers = answers.clone();

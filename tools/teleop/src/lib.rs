@@ -1,15 +1,15 @@
-//! What a hand holds: input devices, dead-man, clutch, and the view of the operator.
+//! Operator input: input devices, dead-man, clutch, and the view of the operator.
 //!
-//! A program beside the controller, a client like any other: nothing of this runs in its loop.
+//! It runs outside the controller, as an ordinary client: nothing of it runs in the control loop.
 //!
 //! ```text
 //! device ([`device`]: evdev, hidraw, a recording that is played)
 //!    | raw bytes                        [`recording`]: the same bytes with their times, as a file
 //! decoders ([`evdev_decoder`], [`space_mouse`]): bytes to events
 //!    |
-//! [`state`]: what axes and keys are now, and since when
-//!    | [`profile`]: which of them mean what, by the identity of the device
-//! [`control`]: one device as deflection and dead-man; silence, repetition and nonsense
+//! [`state`]: values of axes and keys, with their times
+//!    | [`profile`]: their meaning, by the identity of the device
+//! [`control`]: one device as deflection and dead-man; silence, repetition, invalid values
 //!    |
 //! [`clutch`]: all devices together: closed or open, and why
 //!    |

@@ -4,20 +4,20 @@
 //! - **position**: the deflection is a distance from where the clutch closed.
 //! - **hybrid**: position inside, rate at the rim (PMC6949326: fewer clutchings).
 //!
-//! Pure: time is an argument, deflections are pitch and yaw already.
+//! Pure: time is an argument, and deflections are already pitch and yaw.
 
-/// How far the master may be ahead of the snake, deg. A stick that is held against a limit must
-/// not accumulate a distance that the snake travels later.
+/// Maximum distance of the master ahead of the snake, deg. A stick that is held against a limit
+/// must not accumulate a distance that the snake travels later.
 pub const MAX_AHEAD_DEG: f64 = 2.0;
 /// Key presses that may be pending. Keys repeat faster than the snake moves, and the snake should
 /// stop soon after the keys do.
 const MAX_PENDING_STEPS: f64 = 3.0;
-/// Deflection from which on hybrid is a rate.
+/// Deflection above which hybrid is a rate.
 const RIM: f64 = 0.8;
-/// A program that was stopped goes on as if so much time had passed, s.
-const LONGEST_STEP_S: f64 = 0.02;
+/// Maximum time that a stopped program catches up, s.
+const MAX_STEP_S: f64 = 0.02;
 
-/// What a deflection means.
+/// Meaning of a deflection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Mode {
     #[default]
@@ -26,19 +26,19 @@ pub enum Mode {
     Hybrid,
 }
 
-/// How far and fast a hand moves the snake.
+/// Range and speed of the snake under a hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
     pub mode: Mode,
-    /// Speed at full deflection, and the largest of all modes, deg/s.
+    /// Speed at full deflection, and maximum in all modes, deg/s.
     pub speed_deg_s: f64,
     /// Distance of full deflection in position, deg.
     pub reach_deg: f64,
-    /// Of one key press, deg.
+    /// Distance of one key press, deg.
     pub step_deg: f64,
 }
 
-/// What a hand asks, in pitch and yaw.
+/// Command of a hand, in pitch and yaw.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motion {
     pub engaged: bool,
@@ -62,7 +62,7 @@ pub struct MasterCommand {
 pub struct Master {
     settings: Settings,
     pose: [f64; 2],
-    /// Where a centred control would be, deg.
+    /// Pose of a centred control, deg.
     centre: [f64; 2],
     engaged: bool,
     scale: f64,
@@ -85,7 +85,7 @@ impl Master {
         let begins = motion.engaged && !self.engaged;
         self.engaged = motion.engaged;
         if begins || !motion.engaged {
-            // The master is where the snake is, so closing the clutch moves nothing.
+            // The master is at the pose of the snake, so closing the clutch moves nothing.
             self.pose = snake.unwrap_or(self.pose);
             self.left = [0.0; 2];
         }
@@ -95,7 +95,7 @@ impl Master {
             self.centre = [self.pose[0] - offset[0], self.pose[1] - offset[1]];
         }
         if motion.engaged {
-            self.advance(motion, snake, step_s.clamp(0.0, LONGEST_STEP_S));
+            self.advance(motion, snake, step_s.clamp(0.0, MAX_STEP_S));
         }
         MasterCommand { pose: self.pose, clutch_open: !motion.engaged }
     }
@@ -105,7 +105,7 @@ impl Master {
         MasterCommand { pose: self.pose, clutch_open: true }
     }
 
-    /// Distance from the centre that a deflection asks for, deg.
+    /// Distance from the centre that a deflection commands, deg.
     fn offset(&self, push: [f64; 2]) -> [f64; 2] {
         let inside = match self.settings.mode {
             Mode::Rate => [0.0; 2],
@@ -141,13 +141,13 @@ impl Master {
             let left = left.clamp(-limit, limit);
             let pressed = left.clamp(-reach, reach);
             self.left[axis] = left - pressed;
-            let behind = self.centre[axis] + offset[axis] - self.pose[axis];
-            // The pose first gets to its offset; what is left of the speed moves the centre.
-            let left_over = reach - behind.abs().min(reach);
+            let remaining = self.centre[axis] + offset[axis] - self.pose[axis];
+            // The pose first reaches its offset; the rest of the speed moves the centre.
+            let left_over = reach - remaining.abs().min(reach);
             let moved = pressed + rate[axis].clamp(-1.0, 1.0) * reach;
             let moved = moved.clamp(-left_over, left_over);
             let goal = self.centre[axis] + offset[axis] + moved;
-            // What the snake does not follow is not owed to it.
+            // Motion that the snake did not follow is dropped.
             let is_owed =
                 snake.is_some_and(|snake| (goal - snake[axis]) * moved.signum() > MAX_AHEAD_DEG);
             if !is_owed {
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn in_rate_a_full_stick_is_full_speed_and_one_press_is_one_step() {
+    fn rate_mode_has_full_speed_and_single_steps() {
         let mut stick = master(Mode::Rate);
         let snake = follow(&mut stick, &pushed(1.0, -0.5), [0.0; 2], 200);
         assert!((snake[0] - 10.0).abs() < 1e-9 && (snake[1] + 5.0).abs() < 1e-9, "{snake:?}");
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn in_position_the_deflection_is_the_distance_and_the_centre_is_where_it_began() {
+    fn position_mode_moves_by_deflection_from_the_start() {
         let mut stick = master(Mode::Position);
         let snake = follow(&mut stick, &pushed(0.0, 0.0), [3.0, 4.0], 1);
         let snake = follow(&mut stick, &pushed(1.0, -0.5), snake, 200);
@@ -251,7 +251,7 @@ mod tests {
     fn a_delayed_program_does_not_jump() {
         for mode in [Mode::Rate, Mode::Position, Mode::Hybrid] {
             let command = master(mode).update(&pushed(1.0, 1.0), Some([0.0; 2]), 5.0);
-            assert!(command.pose[0] <= 10.0 * LONGEST_STEP_S + 1e-12);
+            assert!(command.pose[0] <= 10.0 * MAX_STEP_S + 1e-12);
         }
     }
 }

@@ -1,5 +1,5 @@
-//! Which axes and keys of a device mean what. A profile belongs to an identity, and never to a
-//! number that another driver or mode would give.
+//! Meaning of the axes and keys of a device. A profile belongs to an identity, never to a number,
+//! which differs between drivers and modes.
 
 use std::str::FromStr;
 
@@ -20,25 +20,24 @@ const SHIPPED: [&str; 6] = [
 /// Exponents of the curve from deflection to speed.
 const CURVES: std::ops::RangeInclusive<f64> = 1.0..=3.0;
 const DEAD_ZONES: std::ops::RangeInclusive<f64> = 0.02..=0.5;
-/// How long a dead-man may be held without a sign of its device. The kernel tells changes only and
-/// keeps the last state, as this program does: a pedal that is held, and one whose battery is empty
-/// or that fell out of range, look the same, also when the kernel is asked for its keys. And it
-/// repeats a held key by itself.
+/// Maximum time for which a dead-man may be held without an event from its device. The kernel
+/// reports changes only and keeps the last state, like this program: a pedal that is held looks
+/// like one with an empty battery or out of range, even if its keys are requested from the kernel,
+/// which also repeats a held key automatically.
 pub const DEAD_MAN_MS: u64 = 30_000;
 const DEAD_MEN_MS: std::ops::RangeInclusive<u64> = 1000..=120_000;
 const SILENCES_MS: std::ops::RangeInclusive<u64> = 50..=5000;
 
-/// A profile as it stands in its file. Names are those of the kernel, `-` before one turns it
-/// round.
+/// A profile as in its file. Names are those of the kernel; `-` before a name reverses it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
-    /// What it is for.
+    /// Devices that it is for, in words.
     pub name: String,
-    /// Vendor and product of the devices, as `046d:c62b`.
+    /// Vendor and product of the devices, such as `046d:c62b`.
     pub devices: Vec<String>,
-    /// What a device does not have whose controls have these names: one with it is served by
-    /// another driver, and its names stand for other controls.
+    /// Controls that a device for this profile must not have: one that has them is served by a
+    /// different driver, which uses these names for other controls.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unlike: Vec<String>,
     #[serde(flatten)]
@@ -49,20 +48,20 @@ pub struct Profile {
     /// The deflection is raised to this power: above 1 it is finer near the centre.
     #[serde(default = "curve")]
     pub curve: f64,
-    /// A deflected control of which nothing comes for so long is silent, and the snake holds.
+    /// A deflected control without an event for this time is silent, and the snake holds.
     #[serde(default = "patience_ms")]
     pub silence_ms: u64,
-    /// The same for one that tells nothing new, which one that is held still may do for a while.
+    /// The same for one that sends nothing new, which is normal for a while if it is held still.
     #[serde(default = "patience_ms")]
     pub repeat_ms: u64,
-    /// A dead-man that is held for so long without anything new of its device, while another device
-    /// steers, has to be pressed anew. One on the device that steers is as alive as its axes.
+    /// A dead-man that is held for this time without an event from its device, while another device
+    /// steers, has to be pressed again. One on the device that steers is as alive as its axes.
     #[serde(default = "dead_man_ms")]
     pub dead_man_ms: u64,
     /// Full deflection of axes that the kernel calls relative.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relative_range: Option<i32>,
-    /// What differs for the left hand.
+    /// Controls that differ for the left hand.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left: Option<ControlNames>,
 }
@@ -76,7 +75,7 @@ pub struct ControlNames {
     pub right: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up: Option<String>,
-    /// What has to be held: a key, or an axis that is pressed (a trigger, a pedal).
+    /// The dead-man: a key, or an axis that is pressed (a trigger, a pedal).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dead_man: Option<String>,
     /// The key that goes to the next scale.
@@ -95,7 +94,7 @@ fn curve() -> f64 {
     1.0
 }
 
-/// The kernel passes on what changes: a stick that is held still may tell nothing.
+/// The kernel passes on changes only: a stick that is held still may send nothing.
 fn patience_ms() -> u64 {
     2000
 }
@@ -126,14 +125,14 @@ impl FromStr for SignedAxis {
 /// The controls of a device, found in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controls {
-    /// To the right and up.
+    /// Axes to the right and up.
     pub axes: Option<[SignedAxis; 2]>,
     pub dead_man: Option<Code>,
     pub scale: Option<u16>,
     pub mark: Option<u16>,
 }
 
-/// Which hand holds the device.
+/// Hand that holds the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Handedness {
     #[default]
@@ -142,11 +141,11 @@ pub enum Handedness {
 }
 
 impl Profile {
-    /// The profile in a text.
+    /// Parses a profile.
     ///
     /// # Errors
     ///
-    /// One sentence: what is wrong and what is right.
+    /// One sentence: the error and the valid form.
     pub fn parse(text: &str) -> Result<Self, String> {
         let profile: Self = toml::from_str(text).map_err(|error| error.to_string())?;
         for id in &profile.devices {
@@ -172,7 +171,7 @@ impl Profile {
         Ok(profile)
     }
 
-    /// All that come with the software.
+    /// All profiles that come with the software.
     pub fn shipped() -> impl Iterator<Item = Self> {
         // A test reads each.
         SHIPPED.iter().filter_map(|text| Self::parse(text).ok())
@@ -186,8 +185,8 @@ impl Profile {
     ///
     /// # Errors
     ///
-    /// Names what the device does not have, or has and must not: it is another one, in another
-    /// mode, or served by another driver.
+    /// Names a control that the device lacks, or has but must not: it is a different device, in a
+    /// different mode, or served by a different driver.
     pub fn controls(&self, device: &Description, hand: Handedness) -> Result<Controls, String> {
         let left = { self.left.as_ref() }.filter(|_| hand == Handedness::Left);
         let name = |choose: fn(&ControlNames) -> &Option<String>| {
@@ -196,9 +195,9 @@ impl Profile {
         };
         let present = |name: &str, code: Code| {
             let absent = format!(
-                "{} has no {name}, which its profile `{}` names: it is in another mode, or another \
-                 driver serves it; `i2ris teleop input show` shows what it has, `i2ris teleop input \
-                 learn` makes a profile",
+                "{} has no {name}, which its profile `{}` names: it is in a different mode, or \
+                 served by a different driver; `i2ris teleop input show` lists its controls, \
+                 `i2ris teleop input learn` creates a profile",
                 device.identity, self.name
             );
             if device.has(code) { Ok(code) } else { Err(absent) }
@@ -206,8 +205,8 @@ impl Profile {
         for name in &self.unlike {
             if device.has(name.parse()?) {
                 return Err(format!(
-                    "{} has {name}: another driver serves it than the one whose names its profile \
-                     `{}` has; `i2ris teleop input learn` makes a profile",
+                    "{} has {name}: another driver serves it, not the one of its profile `{}`; \
+                     `i2ris teleop input learn` creates a profile",
                     device.identity, self.name
                 ));
             }
@@ -258,7 +257,7 @@ mod tests {
     use crate::space_mouse;
 
     #[test]
-    fn every_shipped_profile_is_right_and_no_device_is_in_two() {
+    fn shipped_profiles_are_valid_and_share_no_device() {
         let profiles: Vec<_> = SHIPPED.iter().map(|text| Profile::parse(text).unwrap()).collect();
         let mut devices: Vec<_> = profiles.iter().flat_map(|profile| &profile.devices).collect();
         let count = devices.len();
@@ -279,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_without_what_its_profile_names_is_refused_by_name() {
+    fn device_without_a_control_of_its_profile_is_refused() {
         let identity = Identity::new(0x256f, 0xc635, "Mouse");
         let mut device = space_mouse::description(identity);
         let profile = Profile::shipped().find(|profile| profile.is_for(&device.identity)).unwrap();

@@ -1,8 +1,8 @@
 //! Raw bytes of a device with their times, as a file; played, the same bytes through a pipe.
 //!
 //! One line of JSON with the [`Description`], then frames: nanoseconds since the first (u64),
-//! length (u16), bytes; all little-endian. A report of hidraw is one frame, because its end is not
-//! in it.
+//! length (u16), bytes; all little-endian. A report of hidraw is one frame, because it does not
+//! mark its end.
 
 use std::io::{self, ErrorKind, Read, Write};
 
@@ -10,21 +10,21 @@ use i2ris::units::Nanos;
 
 use crate::state::Description;
 
-/// Longest frame: what is read at once.
+/// Maximum frame, bytes: the amount of one read.
 pub const MAX_FRAME: usize = 4096;
 /// A description has some hundred keys at most.
 const MAX_HEAD: usize = 64 * 1024;
 const HEAD_OF_FRAME: usize = 10;
 
-/// Time since the first, and bytes.
+/// Time since the first frame, and bytes.
 pub type Frame = (Nanos, Vec<u8>);
 
-/// Why a recording cannot be read.
+/// Error when reading a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     #[error(
-        "it does not begin with the description of a device; `i2ris teleop input record` makes such \
-         files"
+        "it does not begin with the description of a device; `i2ris teleop input record` creates \
+         such files"
     )]
     Head,
     #[error("a frame of {0} bytes: longer than {MAX_FRAME}, so the file is damaged")]
@@ -43,11 +43,11 @@ pub fn write_head(output: &mut impl Write, description: &Description) -> io::Res
 pub fn write_frame(output: &mut impl Write, since_start: Nanos, bytes: &[u8]) -> io::Result<()> {
     let length = u16::try_from(bytes.len()).map_err(|_| ErrorKind::InvalidInput)?;
     let frame = [&since_start.0.to_le_bytes()[..], &length.to_le_bytes(), bytes].concat();
-    // At once: what reads a pipe sees whole frames.
+    // In one write: the reader of a pipe gets complete frames.
     output.write_all(&frame)
 }
 
-/// Takes a recording apart, in whatever pieces it comes.
+/// Parses a recording that arrives in pieces of any size.
 #[derive(Debug, Default)]
 pub struct Parser {
     bytes: Vec<u8>,
@@ -59,7 +59,7 @@ impl Parser {
         self.bytes.extend(bytes);
     }
 
-    /// The description, once it is there.
+    /// The description, once it has arrived.
     pub fn head(&mut self) -> Result<Option<Description>, RecordingError> {
         let Some(end) = self.bytes.iter().position(|byte| *byte == b'\n') else {
             return if self.bytes.len() > MAX_HEAD { Err(RecordingError::Head) } else { Ok(None) };
@@ -70,7 +70,7 @@ impl Parser {
         Ok(Some(head))
     }
 
-    /// The next whole frame: its time and bytes.
+    /// The next complete frame: its time and bytes.
     pub fn frame(&mut self) -> Result<Option<Frame>, RecordingError> {
         let Some((&time, rest)) = self.bytes.split_first_chunk::<8>() else {
             return Ok(None);
@@ -90,7 +90,7 @@ impl Parser {
     }
 }
 
-/// A whole recording: the description, and the frames.
+/// Reads a whole recording: the description, and the frames.
 pub fn read(mut input: impl Read) -> Result<(Description, Vec<Frame>), RecordingError> {
     let (mut parser, mut bytes) = (Parser::default(), Vec::new());
     input.read_to_end(&mut bytes)?;
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_recording_is_reported() {
+    fn anything_but_a_recording_is_refused() {
         assert!(matches!(read(&b"t_s,pitch\n"[..]), Err(RecordingError::Head)));
         let mut bytes = Vec::new();
         write_head(&mut bytes, &description()).unwrap();
@@ -127,7 +127,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_recording_is_read_as_it_was_written_also_from_a_pipe_that_cuts_it(
+        fn recording_is_read_back_unchanged_in_any_pieces(
             frames in prop::collection::vec((any::<u64>(), prop::collection::vec(any::<u8>(), 0..40)), 0..8),
             cut in 1..50_usize,
         ) {

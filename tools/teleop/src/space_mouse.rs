@@ -1,4 +1,4 @@
-//! Reports of 3Dconnexion devices, as hidraw hands them on: one report per read.
+//! Reports of 3Dconnexion devices, as delivered by hidraw: one report per read.
 //!
 //! | id | bytes | meaning |
 //! |---|---|---|
@@ -28,7 +28,7 @@ pub fn description(identity: crate::identity::Identity) -> Description {
     }
 }
 
-/// The events of one report. Unknown and short ones have none.
+/// Decodes the events of one report. Unknown and short ones have none.
 pub fn decode(report: &[u8], mut event: impl FnMut(Event)) {
     let Some((&id, data)) = report.split_first() else {
         return;

@@ -1,4 +1,4 @@
-//! What the axes and keys of a device are now, and since when.
+//! Values of the axes and keys of a device, with their times.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -38,12 +38,12 @@ impl FromStr for Code {
         let key = || text.parse().ok().map(|KeyCode(code)| Self::Key(code));
         let code = absolute().or_else(relative).or_else(key);
         code.ok_or_else(|| {
-            format!("`{text}` is no axis or key; `i2ris teleop input show` shows the names")
+            format!("`{text}` is not an axis or key; `i2ris teleop input show` lists the names")
         })
     }
 }
 
-/// How the bytes of a device are read.
+/// Format of the bytes of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Protocol {
@@ -53,7 +53,7 @@ pub enum Protocol {
     SpaceMouse,
 }
 
-/// The range of an absolute axis, as the device tells it.
+/// The range of an absolute axis, as reported by the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Range {
     pub code: u16,
@@ -63,7 +63,7 @@ pub struct Range {
     pub flat: i32,
 }
 
-/// What a device is and has. The head of a recording.
+/// Identity and controls of a device; the head of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Description {
     pub identity: Identity,
@@ -74,7 +74,7 @@ pub struct Description {
 }
 
 impl Description {
-    /// Of a device of the kernel with these axes and keys.
+    /// Describes a device of the kernel with these axes and keys.
     pub fn new(identity: Identity, absolute: Vec<Range>, keys: Vec<u16>) -> Self {
         Self { identity, protocol: Protocol::Evdev, absolute, relative: Vec::new(), keys }
     }
@@ -92,22 +92,22 @@ impl Description {
     }
 }
 
-/// What a decoder found.
+/// Result of a decoder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
     Value(Code, i32),
-    /// The kernel has lost events: nothing is known any more.
+    /// The kernel has lost events: the state is unknown.
     Dropped,
 }
 
-/// A value and when it came.
+/// A value and its arrival.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Value {
     pub value: i32,
     pub came: Nanos,
 }
 
-/// The state of one device. A value that was never told, or was lost, is not there.
+/// The state of one device. A value that was never sent, or was lost, is absent.
 #[derive(Debug, Default)]
 pub struct DeviceState {
     axes: BTreeMap<Code, Value>,
@@ -118,13 +118,13 @@ pub struct DeviceState {
     dropped: bool,
     last_event: Nanos,
     last_change: Nanos,
-    /// When the newest event that was not yet taken came to the computer.
+    /// Arrival of the newest event that was not yet taken.
     newest: Option<Nanos>,
 }
 
 impl DeviceState {
-    /// The state of a device that was just opened: nothing is known. What the kernel would tell of
-    /// an axis may be a zero that the device never sent, and something may lie on a key.
+    /// The unknown state of a device that was just opened: the kernel may report a zero that the
+    /// device never sent, and a key may be held down by an object.
     pub fn new(now: Nanos) -> Self {
         Self { last_event: now, last_change: now, ..Self::default() }
     }
@@ -160,13 +160,12 @@ impl DeviceState {
         }
     }
 
-    /// The newest event came to the computer at that time, by the clock of the kernel.
+    /// Sets the arrival of the newest event, by the clock of the kernel.
     pub fn stamped(&mut self, at: Option<Nanos>) {
         self.newest = at.or(self.newest);
     }
 
-    /// When the newest event since the last call came to the computer; `None`: no event, or no
-    /// time of it.
+    /// Arrival of the newest event since the last call; `None`: no event, or no timestamp.
     pub fn take_newest(&mut self) -> Option<Nanos> {
         self.newest.take()
     }
@@ -187,7 +186,7 @@ impl DeviceState {
         self.pressed.iter().map(|key| Code::Key(*key))
     }
 
-    /// The keys that were pressed since the last call, in their order.
+    /// The keys that were pressed since the last call, in sequence.
     pub fn take_presses(&mut self) -> Vec<u16> {
         std::mem::take(&mut self.presses)
     }
@@ -219,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn a_repeated_key_is_no_press_and_lost_events_forget_everything() {
+    fn repeated_key_is_not_a_press_and_loss_clears_state() {
         let mut state = DeviceState::default();
         for value in [1, 2, 2, 0, 1] {
             state.apply(Event::Value(Code::Key(30), value), Nanos(5));

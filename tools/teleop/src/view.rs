@@ -1,8 +1,8 @@
-//! From the picture that the operator sees to pitch and yaw.
+//! Transformation from the picture that the operator sees to pitch and yaw.
 //!
-//! A hand goes right and up in the picture; the snake bends in pitch and yaw. Between both lies how
-//! the camera is turned, and whether it mirrors: 2x2, `picture = V * [pitch, yaw]`. It is typed, or
-//! measured by two small motions while a camera watches.
+//! A hand moves right and up in the picture; the snake bends in pitch and yaw. The rotation and
+//! mirroring of the camera relate both: 2x2, `picture = V * [pitch, yaw]`. It is typed, or measured
+//! by two small motions in view of the camera.
 //!
 //! | rotation | mirror | +pitch in the picture | +yaw in the picture |
 //! |---|---|---|---|
@@ -12,35 +12,36 @@
 //! | 0 | yes | up | left |
 //! | 90 | yes | right | up |
 //!
-//! The mirror swaps right and left of the picture after it was turned. The hand that holds a device
-//! changes none of this: to the right is to the right, also in the left hand.
+//! The mirror swaps right and left of the picture after the rotation. This does not depend on the
+//! hand: right is right, also for the left hand.
 
 use std::fmt;
 
-/// Directions nearer to each other than this cannot be told apart, deg.
+/// Minimum angle between two directions, deg; closer ones cannot be distinguished.
 const MIN_BETWEEN_DEG: f64 = 30.0;
-/// Less than this is the error of a measurement.
+/// A smaller rotation is attributed to the error of the measurement, deg.
 const TURNED_DEG: f64 = 20.0;
-/// A motion that is seen has to be so many times its own uncertainty.
+/// Minimum ratio of an observed motion to its uncertainty.
 const MIN_SIGMAS: f64 = 5.0;
 
-/// What a motion of one axis does in the picture.
+/// Effect of a motion of one axis in the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SeenMotion {
-    /// How far the axis moved, deg.
+    /// Motion of the axis, deg.
     pub moved_deg: f64,
-    /// What the picture showed, right and up, deg or any other unit.
+    /// Motion in the picture, right and up, deg or any other unit.
     pub picture: [f64; 2],
-    /// Standard deviation of each of both.
+    /// Standard deviation of each component.
     pub deviation: f64,
 }
 
-/// Why a view cannot be measured.
+/// Reason why a view cannot be measured.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum ViewError {
     #[error(
-        "the picture moved by {seen:.3} where {axis} moved by {moved_deg:.1} deg: too little against \
-         its uncertainty of {deviation:.3}; is the snake in the picture, does the camera see it bend?"
+        "the picture moved by {seen:.3} when {axis} moved by {moved_deg:.1} deg: too little for \
+         its uncertainty of {deviation:.3}; is the snake in the picture, and does the camera see \
+         it bend?"
     )]
     NotSeen { axis: &'static str, moved_deg: f64, seen: f64, deviation: f64 },
     #[error(
@@ -50,7 +51,7 @@ pub enum ViewError {
     TooNear { between_deg: f64 },
 }
 
-/// How the picture lies.
+/// Orientation of the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// Right and up in the picture, for one of pitch (first) and of yaw.
@@ -66,18 +67,18 @@ impl Default for View {
 }
 
 impl View {
-    /// A picture that is turned, counterclockwise, and then mirrored.
+    /// A picture that is rotated counterclockwise, and then mirrored.
     pub fn typed(rotation_deg: f64, mirror: bool) -> Self {
         let (sin, cos) = rotation_deg.to_radians().sin_cos();
         let mirrored = |[right, up]: [f64; 2]| [if mirror { -right } else { right }, up];
         Self { seen: [mirrored([-sin, cos]), mirrored([cos, sin])], deviation_deg: [0.0; 2] }
     }
 
-    /// From motions of pitch and of yaw alone.
+    /// Measures the view from a motion of pitch alone and one of yaw alone.
     ///
     /// # Errors
     ///
-    /// [`ViewError`] where they do not tell.
+    /// [`ViewError`] if they do not determine it.
     pub fn measured(pitch: SeenMotion, yaw: SeenMotion) -> Result<Self, ViewError> {
         let column = |axis, motion: SeenMotion| {
             let SeenMotion { moved_deg, picture: [right, up], deviation } = motion;
@@ -96,7 +97,7 @@ impl View {
         if between_deg < MIN_BETWEEN_DEG {
             return Err(ViewError::TooNear { between_deg });
         }
-        // The speed of a hand stays in deg/s of the snake, whatever the picture is measured in.
+        // The speed of a hand stays in deg/s of the snake, in any unit of the picture.
         let size = cross.abs().sqrt();
         let seen = [pitch, yaw].map(|[right, up]| [right / size, up / size]);
         Ok(Self { seen, deviation_deg: [pitch_deviation_deg, yaw_deviation_deg] })
@@ -105,7 +106,7 @@ impl View {
     /// Pitch and yaw that move the picture by right and up.
     pub fn joints(&self, [right, up]: [f64; 2]) -> [f64; 2] {
         let [pitch, yaw] = self.seen;
-        // Not singular: directions are apart.
+        // Not singular: the directions differ.
         let determinant = cross(yaw, pitch);
         [cross(yaw, [right, up]) / determinant, cross([right, up], pitch) / determinant]
     }
@@ -115,7 +116,7 @@ impl View {
         self.seen
     }
 
-    /// Whether the picture lies otherwise than pitch and yaw do: then what a camera tells is not
+    /// Whether the picture is rotated against pitch and yaw: then the angles of a camera are not
     /// pitch and yaw.
     pub fn is_turned(&self) -> bool {
         let [pitch, yaw] = self.directions_deg();
@@ -123,7 +124,7 @@ impl View {
         off(pitch - 90.0).abs().max(off(yaw).abs()) > TURNED_DEG
     }
 
-    /// Where in the picture +pitch and +yaw go, deg counterclockwise from the right.
+    /// Directions of +pitch and +yaw in the picture, deg counterclockwise from the right.
     pub fn directions_deg(&self) -> [f64; 2] {
         self.seen.map(|[right, up]| up.atan2(right).to_degrees())
     }
@@ -161,9 +162,9 @@ mod tests {
         (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) < 1e-9
     }
 
-    /// What is typed, and what pitch and yaw then do in the picture: written by hand.
+    /// Typed views and their effect on pitch and yaw in the picture, written by hand.
     #[test]
-    fn right_is_right_and_up_is_up_in_every_turn_and_mirror() {
+    fn right_and_up_hold_for_every_rotation_and_mirror() {
         const TABLE: [(f64, bool, [f64; 2], [f64; 2]); 8] = [
             (0.0, false, [0.0, 1.0], [1.0, 0.0]),
             (90.0, false, [-1.0, 0.0], [0.0, 1.0]),
@@ -189,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_or_mirrored_picture_is_none_of_pitch_and_yaw() {
+    fn rotated_or_mirrored_picture_is_detected() {
         for (rotation_deg, mirror, turned) in [
             (0.0, false, false),
             (10.0, false, false),
@@ -203,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_seen_or_too_near_is_refused() {
+    fn invisible_or_nearly_parallel_motions_are_refused() {
         let motion =
             |right, up| SeenMotion { moved_deg: 1.0, picture: [right, up], deviation: 0.02 };
         let view = View::measured(motion(-0.6, 0.8), motion(0.8, 0.6)).unwrap();
@@ -223,7 +224,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_view_that_is_measured_without_noise_is_the_typed_one(
+        fn view_measured_without_noise_equals_the_typed_one(
             rotation_deg in -180.0..180.0_f64, mirror in any::<bool>(), size in 0.1..10.0_f64,
             moved_deg in -2.0..2.0_f64, push in prop::array::uniform2(-1.0..1.0_f64),
         ) {

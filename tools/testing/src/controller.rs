@@ -21,7 +21,7 @@ use i2ris::units::Nanos;
 use crate::server::{serve_on_thread, unique_domain};
 use crate::waiting::{Background, wait_until};
 
-/// What the robot is and what happened to it.
+/// The robot and its history.
 #[derive(Debug)]
 pub struct Robot {
     pub state: OperatingState,
@@ -35,32 +35,32 @@ pub struct Robot {
     clipped: bool,
     /// Motors, counts.
     pub counts: [i32; 2],
-    /// Knows `condition`, which takes no time.
+    /// Supports `condition`, which takes no time.
     pub conditions: bool,
-    /// How long a conditioning cycle takes.
+    /// Duration of a conditioning cycle.
     pub busy_for: Nanos,
     busy_until: Nanos,
     pub lease: u64,
-    /// By `hold`, until a command is followed.
+    /// Holding after `hold`, until a command is followed.
     holds: bool,
     pub refused: u64,
     /// The client whose command was refused last.
     pub refused_client: u64,
-    /// Every servo command is refused with this.
+    /// Refusal of every servo command.
     pub refuse: Option<Refusal>,
     /// Robot and limits in the reply to `version`.
     pub description: Version,
     /// Number of stops by late commands.
     pub stale_stops: u64,
-    /// Every state command, in order.
-    pub asked: Vec<StateCommand>,
+    /// All state commands, oldest first.
+    pub requested: Vec<StateCommand>,
     /// Models in use, staged and in use before, by the byte that their identity is made of; 0:
     /// none.
     pub models: [u8; 3],
     /// File and identity of the model in use, in place of a made-up one.
     pub model_file: Option<(PathBuf, ModelId)>,
-    /// Every request about models but `list`, in order.
-    pub asked_of_models: Vec<ModelAction>,
+    /// All model requests except `list`, oldest first.
+    pub model_requests: Vec<ModelAction>,
     /// Pitch that the snake lacks to its setpoint, deg.
     pub short_deg: f64,
     /// Flags of the last accepted pose.
@@ -69,9 +69,9 @@ pub struct Robot {
     pub poses: Vec<(Nanos, [f64; 2])>,
     /// Every accepted position of the motors.
     pub places: Vec<[i32; 2]>,
-    /// What `error` and `warning` are to say next, with the client that it concerns.
+    /// Next message of `error` or `warning`, with the client concerned.
     pub reasons: Vec<(Reason, u64)>,
-    /// What `virtual_fixtures` is to say.
+    /// Message of `virtual_fixtures`.
     pub fixtures: Option<VirtualFixturesMsg>,
     sequence: u64,
 }
@@ -97,10 +97,10 @@ impl Robot {
             refuse: None,
             description: Version::default(),
             stale_stops: 0,
-            asked: Vec::new(),
+            requested: Vec::new(),
             models: [1, 0, 0],
             model_file: None,
-            asked_of_models: Vec::new(),
+            model_requests: Vec::new(),
             short_deg: 0.0,
             flags: 0,
             poses: Vec::new(),
@@ -113,7 +113,7 @@ impl Robot {
 
     fn command(&mut self, request: StateCommandRequest) -> Refusal {
         let command = StateCommand::from_number(request.command).unwrap();
-        self.asked.push(command);
+        self.requested.push(command);
         match command {
             StateCommand::Enable if self.state == OperatingState::Enabled => Refusal::None,
             StateCommand::Enable if !self.homed => Refusal::NotHomed,
@@ -168,7 +168,7 @@ impl Robot {
         let action = ModelAction::from_number(request.action).unwrap();
         let [used, staged, former] = self.models;
         if action != ModelAction::List {
-            self.asked_of_models.push(action);
+            self.model_requests.push(action);
         }
         let refusal = match action {
             ModelAction::List => Refusal::None,
@@ -181,7 +181,7 @@ impl Robot {
                 Refusal::None
             }
             ModelAction::Activate => Refusal::NothingStaged,
-            ModelAction::Rollback => Refusal::NoFormer,
+            ModelAction::Rollback => Refusal::NoPreviousModel,
             ModelAction::Stage => Refusal::Unsupported,
         };
         let slot = |byte: u8| ModelSlot {
@@ -302,7 +302,7 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// Serves in a domain of its own.
+    /// Serves in a separate domain.
     pub fn start() -> Self {
         Self::serve(unique_domain(), Arc::new(Mutex::new(Robot::new())))
     }
@@ -312,11 +312,11 @@ impl Controller {
         self.restart_after(|| ())
     }
 
-    /// The same, and does something while nobody serves.
-    pub fn restart_after(self, meanwhile: impl FnOnce()) -> Self {
+    /// As a restart, with an action while no controller is running.
+    pub fn restart_after(self, action: impl FnOnce()) -> Self {
         let Self { domain, robot, _thread } = self;
         drop(_thread);
-        meanwhile();
+        action();
         Self::serve(domain, robot)
     }
 
@@ -352,7 +352,7 @@ impl Controller {
 
 fn pass(server: &mut Server, robot: &mut Robot, now: Nanos) {
     let requests = server.poll_requests(now);
-    // A client sends its last servo command before it gives the lease back.
+    // A client sends its last servo command before it releases the lease.
     while let Some(command) = server.poll_command(robot.lease, |_| true) {
         match command {
             ReceivedCommand::Joint(command) => robot.servo(command),

@@ -1,17 +1,17 @@
-//! One kit for the tests of all packages: a test says the story, and the robot is one line.
+//! Test kit for all packages: a test contains the story, and the robot is one line.
 //!
 //! | module | a test gets |
 //! |---|---|
 //! | `waiting` | [`wait_until`]: waits for a condition, never for a time |
-//! | `rig` | [`Rig`]: emulated drives and snake with a real controller, as a process or on a thread |
+//! | `rig` | [`Rig`]: emulated drives and snake, a real controller as process or thread |
 //! | `motion` | streams of commands to a rig, and checks of the setpoints that arrive |
 //! | `controller` | [`Controller`]: follows at once without drives, and misbehaves on request |
 //! | `fast_values` | [`fast_config`]: faster than the cautious defaults |
 //! | `server` | a server of shared memory without any robot |
 //! | [`cycle`] | the control cycle in simulated time, tick by tick |
-//! | [`families`] | a sample of every family of models, and what it promises |
+//! | [`families`] | a sample of every model family, with its promises |
 //! | [`drive`] | a drive, its line and its port in simulated time, byte by byte |
-//! | `properties` | [`cases`]: how many random cases a property is tried with |
+//! | `properties` | [`cases`]: number of random cases of a property test |
 //! | [`program`] | the programs of this build |
 //! | [`sizes`] | ceilings on lines, files and commands |
 //! | `terminal` | [`Terminal`]: a program on a terminal of any size |

@@ -30,7 +30,7 @@ pub fn stream_angles(client: &Client, goal: impl FnMut(f64) -> Option<[f64; 2]>)
     stream_angles_by(client.commander(), goal);
 }
 
-/// As [`stream_angles`], by a commander whose client may do something else meanwhile.
+/// Sends angles like [`stream_angles`], by a commander whose client stays free.
 pub fn stream_angles_by(mut commander: Commander, mut goal: impl FnMut(f64) -> Option<[f64; 2]>) {
     let start = clock::now();
     while let Some(goal) = goal((clock::now() - start).as_seconds()) {
@@ -75,8 +75,8 @@ pub fn largest_step(client: &Client, done: &AtomicBool) -> (i32, u32) {
 }
 
 /// Asserts that the setpoints of both axes moved before the start of the range, and are constant
-/// after its end while the line is served. What has not changed is not written again, so one that
-/// was on its way at the end may be the only one.
+/// after its end while the line is served. Unchanged setpoints are not written again, so the one in
+/// transit at the end may be the only one.
 pub fn assert_stopped_within(rig: &Rig, range: Range<Nanos>) {
     wait_until("the line is served further", || clock::now() > range.end);
     let served = rig.emulator.snapshot().axes.map(|axis| axis.requests);

@@ -22,7 +22,7 @@ pub fn command(arguments: &[&str]) -> Command {
     command
 }
 
-/// The file of a program of this build, which lies beside the folder of the tests.
+/// The file of a program of this build, next to the folder of the tests.
 pub fn path(program: &str) -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let path = test.parent().unwrap().with_file_name(program);
@@ -47,7 +47,7 @@ impl Program {
         Self::start_as(None, domain, arguments)
     }
 
-    /// As another user, which root may do.
+    /// Runs as another user, which needs root.
     pub fn start_as(user: Option<u32>, domain: &Domain, arguments: &[&str]) -> Self {
         let mut command = command(arguments);
         command.env("I2RIS_DOMAIN", domain.name());
@@ -72,7 +72,7 @@ impl Program {
         self.signal(Signal::SIGINT);
     }
 
-    /// Stops the process as a machine without time for it would, until `resume`.
+    /// Suspends the process, as an overloaded machine would, until `resume`.
     pub fn pause(&mut self) {
         self.signal(Signal::SIGSTOP);
     }

@@ -1,9 +1,9 @@
-//! How many random cases a property is tried with.
+//! Number of random cases of property tests.
 
 use proptest::test_runner::{Config, FileFailurePersistence};
 
-/// So many cases in the gate; `PROPTEST_CASES` of them elsewhere, for example in `.ci/nightly`.
-/// Cases that failed once are kept beside the test, as `NAME.regressions`.
+/// The given number of cases in the gate, or `PROPTEST_CASES`, for example in `.ci/nightly`.
+/// Cases that failed once are kept next to the test, as `NAME.regressions`.
 pub fn cases(in_the_gate: u32) -> Config {
     let usual = Config::default();
     Config {

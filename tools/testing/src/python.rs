@@ -1,4 +1,4 @@
-//! A Python for tests that need one.
+//! A Python interpreter for tests.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,12 +10,12 @@ pub fn python(modules: &str) -> Option<Command> {
     python_of("I2RIS_PYTHON", modules)
 }
 
-/// As [`python`], by another variable.
+/// A Python like [`python`], selected by another variable.
 fn python_of(variable: &str, modules: &str) -> Option<Command> {
     let name = std::env::var(variable).unwrap_or_else(|_| "python3".to_owned());
     let probe = Command::new(&name).args(["-c", &format!("import {modules}")]).output();
     if !probe.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: {name} cannot import {modules}; name another one in {variable}");
+        eprintln!("skipped: {name} cannot import {modules}; name another Python in {variable}");
         return None;
     }
     let mut command = Command::new(name);
@@ -34,7 +34,7 @@ pub fn run_python(modules: &str, script: &str, arguments: &[&str]) {
     run_python_of("I2RIS_PYTHON", modules, script, arguments);
 }
 
-/// As [`run_python`], in the Python that this variable names: some modules exclude each other.
+/// Runs like [`run_python`] in the Python named by a variable: some modules exclude each other.
 ///
 /// # Panics
 ///

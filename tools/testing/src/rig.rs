@@ -1,4 +1,4 @@
-//! A whole robot: emulated drives and snake in this process, the controller as a process of its own
+//! A whole robot: emulated drives and snake in this process, the controller as a separate process
 //! or on a thread. Every rig has its own domain and folder; drop ends and removes everything.
 
 use std::ffi::OsString;
@@ -39,9 +39,9 @@ pub struct Rig {
     pub emulator: Emulator,
     pub config: Config,
     pub folder: TempDir,
-    /// The camera of the emulator tells nobody what it sees.
+    /// The emulator's camera does not publish.
     pub camera_is_shut: Arc<AtomicBool>,
-    /// Variables of the environment of every program.
+    /// Environment variables of every program.
     pub environment: Vec<(OsString, OsString)>,
     controller: Option<Child>,
     /// Dropped last, when no other part uses the domains any more.
@@ -66,13 +66,13 @@ impl Rig {
         Self::on(Line::Lab)
     }
 
-    /// The same on another line.
+    /// A rig on another line.
     pub fn on(line: Line) -> Self {
         Self::build(line, |_| {})
     }
 
-    /// The laboratory's line, where a gateway waits so long for a node that does not answer.
-    pub fn behind(gateway_timeout_ms: u64) -> Self {
+    /// A rig on the laboratory's line, with this gateway timeout for a silent node.
+    pub fn with_gateway_timeout(gateway_timeout_ms: u64) -> Self {
         Self::build(Line::Lab, |emulation| {
             emulation.drives[0].gateway_timeout_ms = gateway_timeout_ms;
         })
@@ -98,7 +98,7 @@ impl Rig {
                     return;
                 }
                 let (position, deviation) = (&seen.position[..2], &seen.deviation[..2]);
-                // Fails while there is no controller.
+                // Fails without a controller.
                 let _ = publisher.publish(Nanos(seen.stamp_ns), position, deviation);
             }
         });
@@ -110,7 +110,7 @@ impl Rig {
         config.domain = domain.name().to_owned();
         run_on_shared_machine(&mut config);
         config.command.deadline_ms = 200;
-        // Tests need not lead up to the first goal of every stream.
+        // Tests need not approach the first goal of every stream.
         config.command.first_step_deg = config.command.max_step_deg;
         config.command.first_step_counts = config.command.max_step_counts;
         config.command.lease_timeout_ms = 1000;
@@ -131,7 +131,7 @@ impl Rig {
         Self::start().and_model()
     }
 
-    /// The snake on which the fitted model of the tests was recorded, and that model.
+    /// The snake of the recording for the fitted test model, with that model.
     pub fn with_fitted_model() -> Self {
         let snake = DrawnSnake { physics: Physics::LuGre, seed: 1 };
         let mut rig = Self::build(Line::Lab, |emulation| emulation.snake = snake.into());
@@ -185,7 +185,7 @@ impl Rig {
         self.controller = Some(self.spawn_controller("controller"));
     }
 
-    /// The same with another standard error.
+    /// Starts a controller with another standard error.
     pub fn start_controller_with(&mut self, stderr: Stdio) {
         assert!(self.controller.is_none(), "one at a time");
         self.controller = Some(self.spawn(stderr));
@@ -202,7 +202,7 @@ impl Rig {
         }));
     }
 
-    /// Ends the controller on the thread in order.
+    /// Ends the controller on the thread cleanly.
     pub fn stop_controller_thread(&mut self) {
         self.thread = None;
     }
@@ -300,7 +300,7 @@ impl Rig {
         })
     }
 
-    /// Waits until the snake has held still for a while; since when.
+    /// Waits until the snake has held still for a while; returns since when.
     pub fn wait_until_still(&self) -> Nanos {
         wait_until("the snake holds still", || {
             let from = clock::now();
@@ -332,34 +332,33 @@ pub fn wait_for_end(child: &mut Child) -> ExitStatus {
     wait_until("the program ends", || child.try_wait().unwrap())
 }
 
-/// A motor at full speed is as far from its setpoint after a second and a half, counts.
+/// Following error of a motor at full speed after 1.5 s, counts.
 const FAR_COUNTS: u32 = 3000;
 
-/// Nothing spins or asks for real-time scheduling, and a stall of a machine that tests share is
-/// neither a lost drive nor the end of a command.
+/// Disables spinning and real-time scheduling, and makes limits tolerate the stalls of a shared
+/// machine.
 pub fn run_on_shared_machine(config: &mut Config) {
     config.control.priority = 0;
     config.limits.feedback_stale_ms = 2000;
     config.command.deadline_ms = 500;
     config.command.lease_timeout_ms = 2000;
     for port in &mut config.ports {
-        // The longest that is allowed: on a loaded machine an emulated drive may answer late, five
-        // silences give its line up, and a request before a late reply counts as a bug of the host.
+        // The longest permitted: on a loaded machine an emulated drive may answer late, five
+        // timeouts disconnect its line, and a request before a late reply counts as a host bug.
         port.reply_timeout_ms = 1000;
         for axis in &mut port.axes {
             axis.following_error_counts = FAR_COUNTS;
         }
     }
-    // An emulated drive stalls like everything else, and its motor with it: both watch the distance.
+    // An emulated drive and its motor also stall: drive and loop both monitor the following error.
     config.limits.following_error_counts = FAR_COUNTS as i32;
 }
 
-/// Homes and enables the robot of a controller, which may take so long to be there. For programs,
-/// too.
+/// Homes and enables the robot of a controller, waiting for it up to `timeout`. Also for programs.
 ///
 /// # Errors
 ///
-/// As [`Client::carry_out`] and [`Client::wait_for`].
+/// Errors of [`Client::carry_out`] and [`Client::wait_for`].
 pub fn home_and_enable(client: &mut Client, timeout: Nanos) -> Result<(), ClientError> {
     client.wait_for(timeout, |state| !has(state, OperatingStateMsg::BUSY))?;
     client.carry_out(StateCommand::Home, || false)?;

@@ -1,4 +1,4 @@
-//! A program on a terminal of any size: what it draws, and what is typed.
+//! A program on a terminal of any size: its output and typed input.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -22,25 +22,25 @@ fn some(length: u16) -> NonZeroU16 {
     NonZeroU16::new(length).unwrap()
 }
 
-/// A program on a terminal of its own, killed when dropped.
+/// A program on a separate terminal, killed when dropped.
 pub struct Terminal {
     child: Child,
     keyboard: File,
-    /// Ours, so that its settings can be looked at when the program is gone.
+    /// Kept open, so that its settings can be read after the program has ended.
     slave: File,
     output: Receiver<Vec<u8>>,
     pub screen: vt100::Parser,
 }
 
 impl Terminal {
-    /// Starts `i2ris` with arguments on a terminal of so many rows and columns.
+    /// Starts `i2ris` with arguments on a terminal of the given rows and columns.
     pub fn start(domain: &Domain, arguments: &[&str], rows: u16, columns: u16) -> Self {
         let mut command = program::command(arguments);
         command.env("I2RIS_DOMAIN", domain.name());
         Self::run(command, rows, columns)
     }
 
-    /// Runs a command on a terminal of so many rows and columns.
+    /// Runs a command on a terminal of the given rows and columns.
     pub fn run(mut command: Command, rows: u16, columns: u16) -> Self {
         command.env("TERM", "xterm-256color").env_remove("NO_COLOR");
         let size = Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
@@ -74,12 +74,12 @@ impl Terminal {
         nix::unistd::Pid::from_raw(i32::try_from(self.child.id()).unwrap())
     }
 
-    /// Types.
+    /// Types keys.
     pub fn type_keys(&mut self, keys: &str) {
         self.keyboard.write_all(keys.as_bytes()).unwrap();
     }
 
-    /// Waits until the screen shows something, and returns all of it.
+    /// Waits until the screen shows something, and returns its content.
     pub fn wait(&mut self, what: &str, shown: impl Fn(&str) -> bool) -> String {
         let end = clock::now() + TIMEOUT;
         loop {
@@ -101,7 +101,7 @@ impl Terminal {
         self.wait(word, |text| text.contains(word))
     }
 
-    /// Whether keys come one by one and are not shown, as a full screen wants them.
+    /// Whether the terminal is raw and without echo, as needed for a full screen.
     fn is_raw(&self) -> bool {
         !tcgetattr(self.slave.as_fd())
             .unwrap()
@@ -109,7 +109,7 @@ impl Terminal {
             .intersects(LocalFlags::ICANON | LocalFlags::ECHO)
     }
 
-    /// Waits for the end, and takes in what was written until then.
+    /// Waits for the end, and reads the output until then.
     pub fn end(&mut self) -> ExitStatus {
         let status = wait_until("the program ends", || self.child.try_wait().unwrap());
         while let Ok(bytes) = self.output.recv_timeout(Duration::from_millis(300)) {
@@ -118,7 +118,7 @@ impl Terminal {
         status
     }
 
-    /// That the terminal is as it was: lines and echo, the first screen, a cursor.
+    /// Asserts that the terminal was restored: lines and echo, the first screen, a cursor.
     pub fn assert_restored(&self) {
         assert!(!self.is_raw(), "keys are shown and come in lines");
         assert!(!self.screen.screen().alternate_screen() && !self.screen.screen().hide_cursor());

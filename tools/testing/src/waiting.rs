@@ -10,7 +10,7 @@ use i2ris::units::Nanos;
 /// Time limit for operations that take milliseconds on an idle machine.
 pub const TIMEOUT: Nanos = Nanos::from_millis(30_000);
 
-/// What a condition says: `bool`, or a value as soon as there is one.
+/// Result of a condition: `bool`, or a value as soon as there is one.
 pub trait Condition {
     type Value;
     fn value(self) -> Option<Self::Value>;
@@ -32,7 +32,7 @@ impl<T> Condition for Option<T> {
     }
 }
 
-/// Asks until a condition is true or has a value.
+/// Polls until a condition is true or has a value.
 pub fn wait_until<C: Condition>(what: &str, mut condition: impl FnMut() -> C) -> C::Value {
     let end = clock::now() + TIMEOUT;
     loop {

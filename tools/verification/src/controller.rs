@@ -41,13 +41,13 @@ fn admission(state: &State) -> CommandAdmission {
     };
     let others = Client::ALL.into_iter().filter(|it| *it != accepted.client);
     for other in others {
-        if let Some(behind) = state.truth.accepted[other as usize] {
-            accept_command(&mut admission, other, behind, NOW, &mut events);
+        if let Some(newer) = state.truth.accepted[other as usize] {
+            accept_command(&mut admission, other, newer, NOW, &mut events);
             give_back(&mut admission, other);
         }
     }
     let (client, at) = (accepted.client, ago(accepted.age));
-    accept_command(&mut admission, client, accepted.behind, at, &mut events);
+    accept_command(&mut admission, client, accepted.newer, at, &mut events);
     if accepted.is_released {
         give_back(&mut admission, accepted.client);
     }
@@ -55,15 +55,15 @@ fn admission(state: &State) -> CommandAdmission {
     admission
 }
 
-/// As old as it can be: stamps that go back are not modelled, and restrict nothing here.
+/// As old as it can be: time stamps that decrease are not modelled, and restrict nothing here.
 fn accept_command(
     admission: &mut CommandAdmission,
     client: Client,
-    behind: u8,
+    newer: u8,
     at: Nanos,
     events: &mut EventList,
 ) {
-    let command = Command { stamp_age: FORGOTTEN + 1, ..Command::new(behind) };
+    let command = Command { stamp_age: FORGOTTEN + 1, ..Command::new(newer) };
     let command = servo_command(client, command);
     admission.accept(StreamOf::Joints, &command, &[0.0; MAX_MOTORS], at, events);
 }
@@ -75,7 +75,7 @@ fn give_back(admission: &mut CommandAdmission, client: Client) {
 fn servo_command(client: Client, command: Command) -> ServoCommand {
     ServoCommand {
         client_id: client.id(),
-        sequence: NEWEST - u64::from(command.behind),
+        sequence: NEWEST - u64::from(command.newer),
         stamp: ago(command.stamp_age),
         deadline: Nanos::ZERO,
         goal: ServoGoal::Actuator(Default::default(), MAX_MOTORS as u32),
@@ -101,7 +101,7 @@ pub fn tick(state: &mut State, guards: Guards, take: Option<Client>, pushed: boo
     });
 }
 
-/// Faults, and what drives do on demand.
+/// Faults, and commanded drive states.
 fn update_robot(state: &mut State, guards: Guards) {
     let is_reached = state.line_up;
     let is_lost = state.position_age >= LOST;
@@ -173,9 +173,9 @@ fn accept(state: &mut State, client: Client, command: Command) {
     let leads = |it: Accepted| it.client != client && it.age < LEASE && !it.is_released;
     truth.had_two_leaders |= state.accepted.is_some_and(leads);
     let newest = &mut truth.accepted[client as usize];
-    truth.accepted_twice |= newest.is_some_and(|newest| command.behind >= newest);
-    *newest = Some(newest.map_or(command.behind, |newest| newest.min(command.behind)));
-    state.accepted = Some(Accepted { client, behind: command.behind, age: 0, is_released: false });
+    truth.accepted_twice |= newest.is_some_and(|newest| command.newer >= newest);
+    *newest = Some(newest.map_or(command.newer, |newest| newest.min(command.newer)));
+    state.accepted = Some(Accepted { client, newer: command.newer, age: 0, is_released: false });
     state.followed = Some(Followed { client, command, accepted_age: 0 });
 }
 
@@ -188,11 +188,12 @@ fn stop_if_stale(state: &mut State, guards: Guards) {
     state.followed = state.followed.filter(|followed| !is_stale(followed));
 }
 
-/// The gate is the last stage: what breaks a limit is held. Not the gate of the controller, as the
-/// admission is: that one judges real numbers, of axes and a model with memory, and a search over
-/// states ends only where states are few. So it is one bit here, a stage that pushed, and what the
-/// search shows is that no order of commands, silences and restarts gets round it. That nothing else
-/// makes a `Gated` is shown by its type; that the real one keeps every limit, by `cycle::pairs`.
+/// Models the gate as the last stage, which holds a setpoint that breaks a limit. Unlike the
+/// admission it is not the gate of the controller: that gate judges real numbers of axes and a
+/// model with memory, and a search over states ends only if there are few. It is one bit here, a
+/// stage that pushed. The search shows that no order of commands, silences and restarts bypasses
+/// it. The type `Gated` shows that nothing else makes one; `cycle::pairs` shows that the real gate
+/// keeps every limit.
 fn move_setpoints(state: &mut State, guards: Guards, pushed: bool) {
     state.motion = state.followed.filter(|_| !pushed || !guards.has(Guard::Gate));
     state.truth.broke_limit |= pushed && state.motion.is_some();

@@ -7,7 +7,7 @@ use i2ris::watchdog::{ControllerStatus, HeartbeatMonitor};
 use super::controller::{NOW, ago};
 use super::guard::{Guard, Guards};
 use super::state::{
-    BEHIND, Client, Command, Drive, FORGOTTEN, LOST, LastHeartbeat, Process, SILENCE, SILENT,
+    Client, Command, Drive, FORGOTTEN, LOST, LastHeartbeat, MAX_NEWER, Process, SILENCE, SILENT,
     State, raise,
 };
 
@@ -17,16 +17,16 @@ pub fn send(state: &mut State, client: Client) -> bool {
     let is_far = client == Client::Far;
     let packets = state.network.iter_mut().filter(|_| is_far);
     for command in packets.chain([&mut state.waiting[index]]).flatten() {
-        raise(&mut command.behind, BEHIND);
+        raise(&mut command.newer, MAX_NEWER);
     }
     if let Some(accepted) = state.accepted.as_mut().filter(|it| it.client == client) {
-        raise(&mut accepted.behind, BEHIND);
+        raise(&mut accepted.newer, MAX_NEWER);
     }
     if let Some(followed) = state.followed.as_mut().filter(|it| it.client == client) {
-        raise(&mut followed.command.behind, BEHIND);
+        raise(&mut followed.command.newer, MAX_NEWER);
     }
     if let Some(newest) = &mut state.truth.accepted[index] {
-        raise(newest, BEHIND);
+        raise(newest, MAX_NEWER);
     }
     let command = Command::new(0);
     if is_far {

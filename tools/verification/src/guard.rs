@@ -1,5 +1,5 @@
-//! What keeps the system safe. Each guard can be taken out: then its property must fail, which
-//! shows that the property can fail at all, and that nothing else provides it.
+//! Guards that keep the system safe. Each can be removed. Then its property must fail, which shows
+//! that the property can fail and that no other guard provides it.
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Guard {
@@ -19,13 +19,13 @@ pub enum Guard {
     Watchdog,
     /// The watchdog waits for longer than a tick.
     Patience,
-    /// Whoever gives the lease back is not followed any more.
+    /// A client that has released the lease is not followed any more.
     Release,
     /// Without fresh positions nothing moves.
     Freshness,
     /// Commands are refused unless the robot is ENABLED.
     Enabled,
-    /// A setpoint that breaks a limit is held, whichever stage has made it.
+    /// A setpoint that breaks a limit is held, whichever stage made it.
     Gate,
 }
 

@@ -1,6 +1,6 @@
-//! A model of the whole system, checked in all interleavings: two commanders, one of them behind a
-//! middleware that delays and repeats, the controller, its serial line, the drive, and the
-//! watchdog. Everything may fail at any time, and any number of times.
+//! A model of the whole system, checked in all interleavings: two commanders, one of them connected
+//! through a middleware that delays and repeats, the controller, its serial line, the drive, and
+//! the watchdog. Everything may fail at any time, and any number of times.
 //!
 //! # What is real and what is model
 //!
@@ -29,7 +29,7 @@ use guard::{GUARDS, Guards};
 use stateright::{Checker, HasDiscoveries, Model};
 use system::System;
 
-/// Checks so many transitions, breadth first: all runs up to some length, and then some.
+/// Checks this many transitions, breadth first: all runs up to some length, and some longer ones.
 fn check_first(transitions: usize) -> usize {
     let checker = System::default().checker().threads(2);
     let checker = checker.target_state_count(transitions).spawn_bfs().join();
@@ -55,7 +55,7 @@ fn every_property_fails_without_its_guard() {
     }
 }
 
-/// So many transitions in `I2RIS_TRANSITIONS`.
+/// Checks the number of transitions in `I2RIS_TRANSITIONS`.
 #[test]
 #[ignore = "minutes and a gigabyte"]
 fn no_property_fails_further_out() {

@@ -1,5 +1,5 @@
-//! What must hold in every state, and what must happen in some, so that the former is not true
-//! because nothing moves.
+//! Properties that must hold in every state, and events that must happen in some, to show that the
+//! former do not hold only because nothing moves.
 
 use stateright::{Model, Property};
 

@@ -12,21 +12,22 @@ pub const DEADLINE: u8 = 3;
 pub const LEASE: u8 = 4;
 /// Age of positions at which the line counts as lost, steps.
 pub const LOST: u8 = 3;
-/// A step and a half: a controller that ticks is never silent for so long.
+/// A step and a half: a ticking controller is never silent for this long.
 pub const SILENCE: Nanos = Nanos(STEP.0 / 2 * 3);
 /// Commands older than this are forgotten, steps. At this age they are stale.
 pub const FORGOTTEN: u8 = 3;
-/// A command that is not forgotten has at most so many behind it, less one.
-pub const BEHIND: u8 = FORGOTTEN + 1;
+/// Upper bound of the number of later commands of the same client, plus one, for a command that is
+/// not forgotten.
+pub const MAX_NEWER: u8 = FORGOTTEN + 1;
 /// The watchdog acts on a heartbeat of this age, steps.
 pub const SILENT: u8 = 2;
 
-/// A commander. The second one is behind a middleware.
+/// A commander. The second one sends through a middleware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Client {
     /// In shared memory.
     Near,
-    /// Behind a middleware, as that of ROS.
+    /// Connected through a middleware such as ROS.
     Far,
 }
 
@@ -42,7 +43,7 @@ impl Client {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Command {
     /// Commands that its client has sent since.
-    pub behind: u8,
+    pub newer: u8,
     /// Since it was sent.
     pub age: u8,
     /// Since its stamp, as the controller sees it.
@@ -51,8 +52,8 @@ pub struct Command {
 
 impl Command {
     /// A command that has just been sent.
-    pub fn new(behind: u8) -> Self {
-        Self { behind, age: 0, stamp_age: 0 }
+    pub fn new(newer: u8) -> Self {
+        Self { newer, age: 0, stamp_age: 0 }
     }
 }
 
@@ -88,7 +89,7 @@ pub enum Drive {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Accepted {
     pub client: Client,
-    pub behind: u8,
+    pub newer: u8,
     /// Since it was accepted.
     pub age: u8,
     /// Its client has given the lease back.
@@ -104,18 +105,18 @@ pub struct Followed {
     pub accepted_age: u8,
 }
 
-/// What the watchdog remembers: the last heartbeat.
+/// Memory of the watchdog: the last heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct LastHeartbeat {
     pub age: u8,
     pub drives_off: bool,
-    /// Of the present start of the controller.
+    /// The heartbeat is of the present start of the controller.
     pub is_current: bool,
     /// The silence has been reported.
     pub reported: bool,
 }
 
-/// What no part of the system knows, and the properties need.
+/// Facts that no part of the system knows, but the properties need.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Truth {
     /// The newest accepted command of every client, counted back from the newest sent one.

@@ -1,4 +1,4 @@
-//! The model: what can happen, and what follows from it.
+//! The model: possible actions and their effects.
 
 use stateright::{Model, Property};
 
@@ -13,11 +13,11 @@ pub struct System {
     pub guards: Guards,
 }
 
-/// What can happen.
+/// A possible action.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
     /// Time passes: the watchdog looks, then the loop runs and takes a command of one client. A
-    /// stage behind the limits may push the setpoint beyond one.
+    /// stage after the limits may push the setpoint beyond one.
     Step {
         take: Option<Client>,
         pushed: bool,

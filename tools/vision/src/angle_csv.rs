@@ -1,8 +1,8 @@
 //! Angles over time as a CSV file, in the style of recordings.
 //!
 //! `t_s`, then for every axis that is seen `NAME_deg` and `NAME_std_deg`, then `quality`, the tip
-//! in mm from where it is at rest (`tip_along_mm`, `tip_NAME_mm`), and `cause`. Where nothing was
-//! measured the cells are empty and `cause` says why; an old value is never repeated.
+//! in mm from its rest position (`tip_along_mm`, `tip_NAME_mm`), and `cause`. If nothing was
+//! measured, the cells are empty and `cause` has the reason; an old value is never repeated.
 
 use std::io::{self, Write};
 
@@ -14,9 +14,9 @@ const NAMES: [&str; 2] = ["pitch", "yaw"];
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct AngleRow {
-    /// When the frames were taken.
+    /// Exposure of the frames.
     pub stamp: Nanos,
-    /// What they showed, or why nothing.
+    /// Measured angles, or the reason for none.
     pub seen: Result<JointAngles, String>,
 }
 
@@ -52,7 +52,7 @@ impl<W: Write> Recorder<W> {
             [cell(pitch, 5), cell(yaw, 5)],
         ];
         let quality = cell(angles.map(|angles| angles.quality), 3);
-        // Without what a cell would need quotes for.
+        // Without characters that would need quotes in a cell.
         let cause = row.seen.as_ref().err().map_or("", String::as_str);
         let cause = cause.replace([',', '"', '\n'], " ");
         self.line(time, cells, [quality, cell(along, 5)], &cause)?;

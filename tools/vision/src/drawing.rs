@@ -23,7 +23,7 @@ const GOOD: Rgb888 = Rgb888::new(120, 255, 120);
 const POOR: Rgb888 = Rgb888::new(255, 110, 110);
 const LABEL: Rgb888 = Rgb888::new(20, 20, 20);
 
-/// Lines are a pixel thick for every so many columns of the image.
+/// Lines are a pixel thick for every 320 columns of the image.
 const COLUMNS: u32 = 320;
 
 /// A colour image to draw on.
@@ -88,8 +88,8 @@ impl Canvas {
 }
 
 /// Draws a reading over its image: base line green, tip line orange, trace blue, the end a cross,
-/// and in words the name, the angle, its standard deviation, the quality and the doubt; or why
-/// there is no reading.
+/// and as text the name, the angle, its standard deviation, the quality and the issue; or the
+/// reason for no reading.
 pub fn overlay(image: &GreyImage, name: &str, reading: &Result<Reading, String>) -> Canvas {
     let mut canvas = Canvas::of(image);
     let (text, colour) = match reading {
@@ -114,7 +114,7 @@ fn draw(canvas: &mut Canvas, reading: &Reading) {
         let dot = Rectangle::with_center(centre, Size::new_equal(thick));
         let Ok(()) = canvas.fill_solid(&dot, TRACE);
     }
-    // A little longer than the stretch that made it, so that a wrong direction shows.
+    // A little longer than the fitted stretch, so that a wrong direction shows.
     let mut line = |line: &FittedLine, colour| {
         canvas.line(line.at(-0.6 * line.length_px), line.at(0.8 * line.length_px), thick, colour)
     };
@@ -126,7 +126,7 @@ fn draw(canvas: &mut Canvas, reading: &Reading) {
     canvas.line([x, y - arm], [x, y + arm], thick, END);
 }
 
-/// Why an image was not written.
+/// Error when writing an image.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {source}")]
 pub struct SaveError {

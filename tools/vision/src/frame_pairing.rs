@@ -1,10 +1,10 @@
-//! Which frames of two views belong together.
+//! Pairs of frames from two views.
 
 use std::collections::VecDeque;
 
 use i2ris::units::Nanos;
 
-/// Pairs what two views deliver by their stamps, each view in the order of its stamps.
+/// Pairs the frames of two views by their stamps, each view in the order of its stamps.
 #[derive(Debug)]
 pub struct FramePairer<T> {
     within: Nanos,
@@ -21,7 +21,7 @@ pub enum PairResult<T> {
 }
 
 impl<T> FramePairer<T> {
-    /// Pairs what lies at most `within` apart.
+    /// Pairs frames that are at most `within` apart.
     pub fn new(within: Nanos) -> Self {
         Self { within, waiting: [VecDeque::new(), VecDeque::new()], ended: [false; 2] }
     }
@@ -34,7 +34,7 @@ impl<T> FramePairer<T> {
         self.ended[view & 1] = true;
     }
 
-    /// The view that has to deliver before anything can be said; `None`: both have ended.
+    /// The view that has to deliver before the next result; `None`: both have ended.
     pub fn wanted(&self) -> Option<usize> {
         (0..2).filter(|view| !self.ended[*view]).min_by_key(|view| self.waiting[*view].len())
     }
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_frame_leaves_its_partner_alone_and_the_others_paired() {
+    fn missing_frame_leaves_only_its_partner_unpaired() {
         let found = run(&[100, 133, 166], &[101, 167]);
         assert_eq!(found[1], PairResult::Unmatched(0, Nanos(133), 133));
         assert!(matches!(found[2], PairResult::Matched(_, [166, 167])));
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_view_delivers_after_the_end_of_the_other_is_alone() {
+    fn frames_after_the_end_of_the_other_view_are_unpaired() {
         assert_eq!(run(&[100, 133], &[]).len(), 2);
         assert!(run(&[], &[5]).iter().all(|t| *t == PairResult::Unmatched(1, Nanos(5), 5)));
     }

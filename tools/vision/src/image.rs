@@ -61,7 +61,7 @@ impl GreyImage {
         Some(top + fy * (bottom - top))
     }
 
-    /// A number that differs between different images, to detect a frozen camera. Not stable
+    /// A hash of the image, to detect a frozen camera. Not stable
     /// between releases.
     pub fn digest(&self) -> u64 {
         let mut hasher = DefaultHasher::new();
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(image.sample(0.5, 0.0), Some(50.0));
         assert_eq!(image.sample(0.5, 0.5), Some(75.0));
         assert_eq!(image.sample(-0.1, 0.0), None);
-        assert_eq!(image.sample(1.0, 0.0), None, "no pixel to the right of it to interpolate with");
+        assert_eq!(image.sample(1.0, 0.0), None, "no pixel on the right to interpolate with");
         assert_eq!(image.sample(f64::NAN, 0.0), None);
     }
 

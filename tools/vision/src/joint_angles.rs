@@ -1,4 +1,4 @@
-//! From what the views show to the joint angles and the tip.
+//! Computes joint angles and tip position from the views.
 //!
 //! Positive directions: view `i` shows the bend in the direction `phi_i`, turned from pitch towards
 //! yaw. The direction of the tip `(x, y, z)` (towards pitch, towards yaw, along the base) has
@@ -8,35 +8,34 @@
 //! tan view_i = cos phi_i tan pitch + sin phi_i tan yaw
 //! ```
 //!
-//! and two views give both tangents. What bends towards the camera of view `i` goes
+//! and two views give both tangents. The bend towards the camera of view `i` is
 //! `-sin phi_i x + cos phi_i y`.
 //!
-//! A lens at the distance `D` magnifies what lies `n` nearer by `1 + n / D` away from the middle of
-//! the frame. A direction `(1, t, s)` (along, across, nearer) at `(a, c)` from the middle then
-//! shows as `(1 + n/D) (1, t) + (a, c) s / D`. The other view knows `n` and `s`, so this is undone
-//! (a few rounds, because both views need each other).
+//! A lens at the distance `D` magnifies an object that is `n` nearer by `1 + n / D` about the
+//! middle of the frame. A direction `(1, t, s)` (along, across, nearer) at `(a, c)` from the middle
+//! then appears as `(1 + n/D) (1, t) + (a, c) s / D`. The other view measures `n` and `s`, so this
+//! is corrected (iteratively, because both views need each other).
 
 use crate::fibre::{QualityIssue, Reading};
 use crate::image::relative;
 use crate::rest_pose::RestPose;
 use crate::setup::{JointAxis, View, VisionSetup};
 
-/// Part by which the fibre may seem longer or shorter than it should.
+/// Tolerance of the apparent length of the fibre, relative.
 const LENGTH_TOLERANCE: f64 = 0.03;
-/// With one view it is unknown how far the fibre is bent towards the camera: it may be up to this,
-/// rad (45 deg).
+/// With one view the bend towards the camera is unknown: it may be up to this, rad (45 deg).
 const UNSEEN_BEND: f64 = std::f64::consts::FRAC_PI_4;
 /// Rounds in which both views correct each other. Each makes the error about fifty times smaller.
 const ROUNDS: usize = 4;
 
-/// What both views say together.
+/// Result of both views together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointAngles {
     /// Pitch and yaw, rad, from the rest pose; `None` for the axis that no view shows.
     pub angle_rad: [Option<f64>; 2],
     pub std_rad: [Option<f64>; 2],
     pub quality: f64,
-    /// Where the tip is, from where it is at rest, mm: along the base, towards pitch, towards yaw.
+    /// Displacement of the tip from rest, mm: along the base, towards pitch, towards yaw.
     pub tip_mm: [Option<f64>; 3],
 }
 
@@ -56,7 +55,7 @@ struct PlanarView {
     plane_rad: f64,
     /// 1 / distance of the lens, 1/mm; 0: telecentric.
     closeness: f64,
-    /// Tangent of the angle as the frame shows it.
+    /// Tangent of the angle in the frame.
     tan: f64,
     /// Tip from the tip at rest: along, across.
     tip: [f64; 2],
@@ -64,16 +63,16 @@ struct PlanarView {
     tip_off_axis: [f64; 2],
     /// The middle of the tip line from the middle of the frame.
     middle_off_axis: [f64; 2],
-    /// From the middle of the tip line to the tip, along the base.
+    /// Distance from the middle of the tip line to the tip, along the base.
     to_tip: f64,
 }
 
-/// What one view cannot know alone.
+/// Depth, which one view alone does not show.
 #[derive(Debug, Clone, Copy, Default)]
 struct Depth {
-    /// How fast the tip comes nearer, per length along the base.
+    /// Slope of the tip towards the camera, per length along the base.
     slope: f64,
-    /// How much nearer the tip is than the base, mm.
+    /// Distance of the tip from the base towards the camera, mm.
     tip: f64,
 }
 
@@ -144,7 +143,7 @@ impl PlanarView {
         }
     }
 
-    /// What of `[towards pitch, towards yaw]` goes towards the camera.
+    /// Component of `[towards pitch, towards yaw]` towards the camera.
     fn nearer(&self, [x, y]: [f64; 2]) -> f64 {
         let (sin, cos) = self.plane_rad.sin_cos();
         cos * y - sin * x
@@ -165,7 +164,7 @@ impl PlanarView {
     }
 }
 
-/// From both views' directions to both axes.
+/// Transformation from the directions of both views to both axes.
 struct AxisMixing {
     inverse: nalgebra::Matrix2<f64>,
 }
@@ -204,7 +203,7 @@ fn check_length(input: &ViewReading<'_>, tan: f64, nearer: [f64; 2]) -> Result<(
     if fits { Ok(()) } else { Err(QualityIssue::Length) }
 }
 
-/// How long a piece of length 1 looks whose direction is the part `share` of a bend with these
+/// Apparent length of a piece of length 1 whose direction is the part `share` of a bend with these
 /// tangents.
 fn step_in_view(tan: f64, nearer: f64, share: f64) -> f64 {
     let across = tan.hypot(nearer);
@@ -213,29 +212,29 @@ fn step_in_view(tan: f64, nearer: f64, share: f64) -> f64 {
     cos.hypot(sin * in_view)
 }
 
-/// How long an arc of length 1 looks that bends from straight to these tangents. Simpson's rule.
+/// Apparent length of an arc of length 1 that bends from straight to these tangents (Simpson).
 fn arc_in_view(tan: f64, nearer: f64) -> f64 {
     let at = |i: u8| step_in_view(tan, nearer, f64::from(i) / 8.0);
     let inner: f64 = (1..8).map(|i| if i % 2 == 1 { 4.0 * at(i) } else { 2.0 * at(i) }).sum();
     (at(0) + inner + at(8)) / 24.0
 }
 
-/// What a setup knows, with the straight pose of every view: ready to put readings together.
+/// Combines readings by the setup and the straight pose of every view.
 #[derive(Debug, Clone)]
 pub struct Stereo {
     views: Vec<(View, RestPose)>,
 }
 
 impl Stereo {
-    /// `rests` in the order of the setup's views; views without one are left out.
+    /// Takes `rests` in the order of the setup's views; views without one are ignored.
     pub fn new(setup: &VisionSetup, rests: &[RestPose]) -> Self {
         Self { views: setup.views.iter().cloned().zip(rests.iter().copied()).collect() }
     }
 
-    /// Puts one reading per view together.
+    /// Combines one reading per view.
     ///
-    /// An error names the view that shows the fibre shorter or longer than it can be: something
-    /// else was measured.
+    /// An error names the view that shows an impossible length of the fibre: something else was
+    /// measured.
     pub fn solve(
         &self,
         readings: &[(&Reading, [usize; 2])],

@@ -6,14 +6,14 @@
 //!
 //! # Principles
 //!
-//! 1. **No confident wrong value.** Several checks look at every reading: is the tip straight, is
-//!    its end where it should be, is background beyond it, has the fibre its length. A failed check
-//!    is reported with the reading.
+//! 1. **No confident wrong value.** Several checks apply to every reading: whether the tip is
+//!    straight, its end at the expected place with background beyond it, and the length correct. A
+//!    failed check is reported with the reading.
 //! 2. **A missing value stays missing.** No image, a frozen image, a covered tip: the value is
 //!    missing and the cause is counted. An old value is never repeated.
 //! 3. **Images are independent.** A reading depends on its image only, so one bad image cannot
 //!    affect the next.
-//! 4. **The test is independent.** [`scene`] renders images as a camera makes them and shares
+//! 4. **The test is independent.** [`scene`] renders images like a camera and shares
 //!    nothing with the detector but the image type.
 //!
 //! # Modules
@@ -25,7 +25,7 @@
 //! | [`source`] | frames from folders and streams, with their timestamps |
 //! | [`setup`] | description of the views, TOML |
 //! | [`rest_pose`] | the straight pose that is angle 0 |
-//! | [`view_detector`] | one view: a frame in, a reading or a cause out |
+//! | [`view_detector`] | one view: a frame in, a reading or a reason for none out |
 //! | [`frame_pairing`] | pairs of frames of two views |
 //! | [`joint_angles`] | one or two views to pitch, yaw and tip position |
 //! | [`angle_csv`] | angles over time as CSV |

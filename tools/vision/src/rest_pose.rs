@@ -1,30 +1,30 @@
-//! The straight pose: what the angles count from.
+//! The straight pose: reference of the angles.
 
 use i2ris_report::statistics;
 
 use crate::fibre::Reading;
 
-/// The fewest good frames at rest.
+/// Minimum number of good frames at rest.
 const MIN_COUNT: usize = 5;
-/// More spread than this, deg, means that it moved or cannot be measured.
+/// Maximum spread, deg; more means that it moved or cannot be measured.
 const MAX_SPREAD_DEG: f64 = 0.3;
-/// From the median absolute deviation to the standard deviation of a normal distribution.
+/// Ratio of the standard deviation to the median absolute deviation of a normal distribution.
 const MAD: f64 = 1.4826;
 
-/// What one view shows of the straight pose: medians over some frames.
+/// Straight pose in one view: medians over some frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestPose {
-    /// Angle between base and tip, deg: how far fibre and joint zero are off.
+    /// Angle between base and tip, deg: offset of fibre and joint zero.
     pub angle_deg: f64,
     /// Standard deviation of a single frame, deg.
     pub spread_deg: f64,
-    /// From the border of the frame along the fibre to its end, px.
+    /// Length from the border of the frame along the fibre to its end, px.
     pub length_px: f64,
-    /// Where the fibre ends, px.
+    /// End of the fibre, px.
     pub tip_px: [f64; 2],
 }
 
-/// Why there is no rest reference.
+/// Reason why there is no rest reference.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RestPoseError {
     #[error(
@@ -67,7 +67,7 @@ impl RestPoseEstimator {
         }
         let angle_deg = median(&self.angles);
         let deviations: Vec<f64> = self.angles.iter().map(|a| (a - angle_deg).abs()).collect();
-        // A slow drift over the whole time hides from the median deviation, not from this.
+        // This detects a slow drift over the whole time, which the median deviation does not.
         let half = good / 2;
         let drift = (median(&self.angles[..half]) - median(&self.angles[half..])).abs();
         let spread_deg = (MAD * median(&deviations)).max(drift);
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_is_blind_to_a_few_wild_readings_and_reports_its_spread() {
+    fn reference_ignores_outliers_and_reports_its_spread() {
         let rest = estimator(
             (0..40).map(|i| if i % 10 == 0 { 20.0 } else { 1.5 + 0.02 * f64::from(i % 3 - 1) }),
         );

@@ -1,4 +1,4 @@
-//! What a person who built a synthetic scene would write into its setup.
+//! Setup of a synthetic scene, as a person would write it.
 
 use crate::fibre::{Background, DetectorSettings, EntrySide};
 use crate::scene::{Brightness, PinholeCamera, Rig, Scene};

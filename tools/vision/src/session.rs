@@ -15,12 +15,12 @@ use crate::setup::{JointAxis, VisionSetup};
 use crate::source::{DuplicateCameraMonitor, FrameFault};
 use crate::view_detector::{Rejection, ViewResult};
 
-/// Why a session cannot start or go on.
+/// Reason why a session cannot start or continue.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     #[error(transparent)]
     RestPose(#[from] RestPoseError),
-    #[error("no frame came")]
+    #[error("no frame arrived")]
     NoPicture,
 }
 
@@ -28,7 +28,7 @@ pub enum SessionError {
 pub struct SessionStatistics {
     pub rows: usize,
     pub good: usize,
-    /// Why the others have none: view and cause, or both views' names. Both views can have a cause
+    /// Causes of rows without angles: view and cause, or both views' names. Both can have a cause
     /// in one row.
     pub causes: BTreeMap<(String, String), usize>,
     /// The largest difference between the stamps of a pair.
@@ -38,7 +38,7 @@ pub struct SessionStatistics {
 #[derive(Debug)]
 pub struct Session {
     setup: VisionSetup,
-    /// How long the first frames show the straight pose.
+    /// Time for which the first frames show the straight pose.
     rest: Nanos,
     duplicates: DuplicateCameraMonitor,
     pairer: FramePairer<ViewResult>,
@@ -51,7 +51,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// Angles count from the straight pose that the first frames show, for this long.
+    /// Measures angles from the straight pose in the first frames, which lasts for `rest`.
     pub fn new(setup: &VisionSetup, rest: Nanos) -> Self {
         let mut session = Self {
             setup: setup.clone(),
@@ -82,7 +82,7 @@ impl Session {
         {
             result.seen = Err(Rejection::Frame(FrameFault::SameCamera));
         }
-        // Frames and traces are for looking at, not for waiting with.
+        // Frames and traces are for display; results in the queue do not need them.
         result.image = None;
         if let Ok(reading) = &mut result.seen {
             reading.trace = Vec::new();
@@ -95,7 +95,7 @@ impl Session {
         self.ended = self.pairer.wanted().is_none();
     }
 
-    /// A camera has delivered nothing for a while: what waits for it waits no more.
+    /// A camera has delivered nothing for a while: stops waiting for it.
     pub fn stalled(&mut self, view: usize, now: Nanos) -> Result<Vec<AngleRow>, SessionError> {
         let mut rows = Vec::new();
         while let Some(pair) = self.pairer.give_up() {
@@ -105,7 +105,7 @@ impl Session {
         Ok(rows)
     }
 
-    /// The rows that are certain by now.
+    /// Returns the rows that are final.
     pub fn rows(&mut self) -> Result<Vec<AngleRow>, SessionError> {
         let mut rows = Vec::new();
         while let Some(pair) = self.pairer.pop() {
@@ -117,7 +117,7 @@ impl Session {
         Ok(rows)
     }
 
-    /// The straight poses in use, in the order of the views; empty while they are not known.
+    /// The straight poses in use, in the order of the views; empty while they are unknown.
     pub fn rests(&self) -> &[RestPose] {
         self.stereo.as_ref().map_or(&[], |(_, rests)| rests)
     }
@@ -164,7 +164,7 @@ impl Session {
         Ok(held.iter().map(|pair| self.evaluate(pair)).collect())
     }
 
-    /// The row of what came together, once the reference is known.
+    /// The row of a pair, once the reference is known.
     fn evaluate(&mut self, pair: &PairResult<ViewResult>) -> AngleRow {
         let (stamp, results) = parts(pair);
         let mut causes: Vec<(usize, Rejection)> = results

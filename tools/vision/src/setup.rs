@@ -50,16 +50,16 @@ pub struct View {
     pub turn_deg: f64,
     /// Scale at the base, px/mm.
     pub px_per_mm: f64,
-    /// From the base to the entrance pupil of the lens, mm; leave it out for a telecentric lens.
-    /// With two views the perspective is taken out of the angles: up to 0.3 deg at 85 mm.
+    /// Distance from the base to the lens's entrance pupil, mm; omit it for a telecentric lens.
+    /// With two views the angles are corrected for the perspective: up to 0.3 deg at 85 mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
     /// `bright`: dark fibre on bright ground; `dark`: bright fibre on dark ground.
     pub ground: Background,
     /// The side of the image where the base comes in.
     pub side: EntrySide,
-    /// Where along that side, from the left or upper corner, and how far from there at most, px.
-    /// Anywhere if left out.
+    /// Position along that side from the left or upper corner, and maximum distance from it, px.
+    /// Anywhere if omitted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_px: Option<[f64; 2]>,
     /// Thickness of the base and of the bending section.
@@ -74,7 +74,7 @@ pub struct View {
     pub tip_length_mm: f64,
 }
 
-/// Why a setup cannot be used.
+/// Reason why a setup cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {reason}")]
 pub struct VisionSetupError {
@@ -124,15 +124,15 @@ impl VisionSetup {
         if let [view] = self.views.as_slice()
             && view.turn_deg.abs() > 0.5
         {
-            let reason = "must be 0 with one view: only a second one shows how much of the \
-                          other axis it shows";
+            let reason = "must be 0 with one view: only a second view shows the part of the \
+                          other axis";
             return Err((format!("view {}: turn_deg", view.name), reason));
         }
         if let [a, b] = self.views.as_slice() {
             if a.name == b.name {
                 return Err((
                     format!("view {}: name", a.name),
-                    "must differ from that of the other view",
+                    "must differ from the name of the other view",
                 ));
             }
             if (a.plane_rad() - b.plane_rad()).sin().abs() < 0.25 {
@@ -202,8 +202,8 @@ impl View {
         f64::to_radians(axis + self.turn_deg + reversed)
     }
 
-    /// Sets axis, direction and turn from a direction as [`View::plane_rad`] gives it: the nearest
-    /// axis, and the rest as turn.
+    /// Sets axis, direction and turn from a direction as returned by [`View::plane_rad`]: the
+    /// nearest axis, and the rest as turn.
     pub fn set_plane(&mut self, plane_rad: f64) {
         let deg = plane_rad.to_degrees().rem_euclid(360.0);
         let quarter = ((deg / 90.0).round() as u8) % 4;
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_says_what_it_means_and_survives_saving() {
+    fn file_is_parsed_and_survives_saving() {
         let setup = load(TEXT).unwrap();
         assert_eq!(setup.views[0].settings().body_width, 180.0);
         let folder = tempfile::tempdir().unwrap();
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_sense_is_refused_with_place_and_reason() {
+    fn invalid_setups_are_refused_with_place_and_reason() {
         let two = |a: &str, b: &str| format!("{a}{}", b.replace("'top'", "'side'"));
         for (text, word) in [
             (TEXT.replace("200.0", "nan"), "px_per_mm"),

@@ -1,4 +1,4 @@
-//! One view: a frame in, a reading or the reason for none out.
+//! One view: takes a frame, returns a reading or the reason for none.
 
 use i2ris::units::Nanos;
 
@@ -20,16 +20,16 @@ pub struct ViewResult {
     pub name: String,
     /// Equal for equal frames; `None` without a frame, or for one without any structure.
     pub digest: Option<u64>,
-    /// The frame, unless it was let go.
+    /// The frame, unless it was released.
     pub image: Option<GreyImage>,
     /// Columns and rows of the frame; 0 without one.
     pub size: [usize; 2],
-    /// The reading, good or not, or why there is none.
+    /// The reading, good or not, or the reason for none.
     pub seen: Result<Reading, Rejection>,
 }
 
 impl ViewResult {
-    /// The reading if it may be used, or why not.
+    /// The reading if it may be used, or the reason why not.
     pub fn good(&self) -> Result<&Reading, Rejection> {
         let reading = self.seen.as_ref().map_err(|cause| *cause)?;
         if reading.is_good() {

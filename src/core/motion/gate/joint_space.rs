@@ -7,7 +7,7 @@ use crate::model::Memory;
 use crate::robot::Stop;
 use crate::units::{MotorVec, OutputVec};
 
-/// What the inverse leaves, and far less than a count: rad.
+/// Residual of the inverse, rad; far less than a count.
 const POSE_TOLERANCE: f64 = 2e-5;
 /// The inverse lies in the hull, and the setpoint near it: counts.
 const HULL_TOLERANCE: f64 = 1.0;
@@ -27,10 +27,10 @@ impl JointSpace<'_> {
         hull.excess(at) <= HULL_TOLERANCE.max(hull.excess(stop))
     }
 
-    /// The limit that the poses at some counts break, and further than a stop does: position
-    /// limits, or a region. `leads_to`: the end of a motion of one motor, which comes back from
-    /// beyond a position limit, and may go on to it by up to a count: in its gap it moves the snake
-    /// a little outwards.
+    /// The limit that the poses at some counts violate by more than a stop would: position limits,
+    /// or a region. `leads_to`: end of the motion of one motor that returns from beyond a position
+    /// limit. It may move on by up to a count: within its backlash it moves the snake slightly
+    /// outwards.
     pub(super) fn forbids(
         &mut self,
         at: &MotorVec,
@@ -77,8 +77,8 @@ impl JointSpace<'_> {
 
 /// Poses of setpoints near those before a tick.
 ///
-/// Drives are at whole counts, and so is the memory. From between them the pose would rest up to
-/// the count that has been sent, and begin anew from rest beyond it, count by count.
+/// Drives and memory are at whole counts. From a fraction of a count, the pose would rest at the
+/// count that was sent and start again from rest beyond it, count by count.
 pub(super) struct Poses<'a> {
     joints: &'a JointModel,
     before: &'a MotorVec,

@@ -1,6 +1,7 @@
-//! What the adaptation reads of a joint model, and the correction that it sets.
+//! Interface of a joint model to the adaptation: values that it reads, and the correction that it
+//! sets.
 
-use super::{JointModel, Known, MeasuredPoses, NotFinite};
+use super::{CachedTerms, JointModel, MeasuredPoses, NotFinite};
 use crate::core::drift::Drift;
 use crate::core::drift::correction::{CalibratedView, Correction};
 use crate::core::drift::geometry::ModelGeometry;
@@ -10,7 +11,7 @@ use crate::model::{Memory, Wear};
 use crate::units::{MotorVec, OutputVec};
 
 impl JointModel {
-    /// What the adaptation needs to know of the model; `None` if it is not adapted.
+    /// Model data for the adaptation; `None` if the model is not adapted.
     pub fn geometry(&self) -> Option<&ModelGeometry> {
         self.geometry.as_ref()
     }
@@ -30,12 +31,12 @@ impl JointModel {
         })
     }
 
-    /// What is taken to be worn.
+    /// Wear in use.
     pub fn wear(&self) -> Wear {
         self.state.correction.unwrap_or_default().wear
     }
 
-    /// What is applied, as a drift.
+    /// The applied correction, as a drift.
     pub fn applied_drift(&self) -> Drift {
         self.state.correction.unwrap_or_default().drift()
     }
@@ -64,19 +65,19 @@ impl JointModel {
         if vector::is_finite(&pose) { Ok(pose) } else { Err(NotFinite) }
     }
 
-    /// What a goal means to virtual fixtures.
+    /// View of a goal for virtual fixtures.
     pub fn goal_space(&self) -> GoalSpace<'_> {
         GoalSpace { unit: self.unit(), view: self.calibrated_view(), bounds: self.bounds() }
     }
 
-    /// From now on the model is used with this correction.
+    /// Applies a correction to the model.
     pub fn set_correction(&mut self, correction: Correction) {
         self.state.correction = Some(correction);
     }
 
-    /// From now on the model is used as calibrated, with the memory that it would have then.
+    /// Reverts to the calibrated model, with the memory that it would have had.
     pub fn end_correction(&mut self, calibrated: &Memory) {
-        self.known = Known::default();
+        self.known = CachedTerms::default();
         self.state.correction = None;
         self.state.measured_memory = *calibrated;
         self.state.memory = *calibrated;

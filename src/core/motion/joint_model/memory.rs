@@ -1,6 +1,6 @@
 //! Memory of a joint model: the positions of the motors replayed into it, and the pose at them.
 
-use super::{JointModel, Known, MAX_REPLAYED, Measured, NotFinite};
+use super::{CachedTerms, JointModel, MAX_REPLAYED, Measured, NotFinite};
 use crate::core::drift::memories::DriftMemories;
 use crate::core::motion::joint_model::position_history::{
     Entry, NextEntry, PositionHistory, newest_stamp,
@@ -70,11 +70,11 @@ impl JointModel {
         self.state.memory = self.state.measured_memory;
         self.state.measured = None;
         self.state.dead_band.reset();
-        self.known = Known::default();
+        self.known = CachedTerms::default();
     }
 
-    /// From the positions that were read to the setpoints that were written since. `has_new`:
-    /// positions were replayed since the last call.
+    /// Advances from the positions read to the setpoints written since. `has_new`: positions were
+    /// replayed since the last call.
     pub(super) fn update_memory(
         &mut self,
         drives: &[AxisFeedback],
@@ -115,7 +115,7 @@ impl JointModel {
             self.model.advance(&mut state.memory, &vector::collect(expected));
             residual = self.model.correction(&state.memory);
         }
-        self.known = Known {
+        self.known = CachedTerms {
             written: Some(written),
             measured,
             residual,

@@ -43,17 +43,17 @@ pub(crate) struct JointModel {
     /// The outputs at the centre of the hull without past motion, rad (m).
     centre: OutputVec,
     compensation: f64,
-    /// `None`: off, or outputs that are no angles.
+    /// `None`: off, or the outputs are not angles.
     bounds: Option<JointBounds>,
     /// Only with the adaptation on, and for models that are adapted.
     geometry: Option<ModelGeometry>,
     state: JointModelState,
-    known: Known,
+    known: CachedTerms,
 }
 
-/// What follows from the state, to the same bits whenever it is computed: no part of the state.
+/// Values derived from the state, always with the same bits, so not stored in it.
 #[derive(Debug, Clone, Copy, Default)]
-struct Known {
+struct CachedTerms {
     /// The setpoints that `memory` contains after the positions, motor by motor; `None`: to be
     /// computed.
     written: Option<[Option<f64>; MAX_MOTORS]>,
@@ -63,7 +63,7 @@ struct Known {
     residual: OutputVec,
     /// The pose at the setpoints with `memory`, before the correction of the adaptation.
     setpoint: Option<KnownSetpoint>,
-    /// [`Model::knows`] was true: it stays so until the memory is reset.
+    /// [`Model::is_memory_known`] was true: it stays so until the memory is reset.
     is_memory_known: bool,
 }
 
@@ -181,7 +181,7 @@ impl JointModel {
         let tick = config.control.period();
         let has_angles = output_unit(&model) == OutputUnit::Deg;
         // Without a memory the inverse does not jump where the motion reverses.
-        let has_memory = model.wipe_counts() != MotorVec::default();
+        let has_memory = model.conditioning_range() != MotorVec::default();
         let state = JointModelState {
             cursor,
             measured_memory: memory,
@@ -217,7 +217,7 @@ impl JointModel {
                 has_angles,
             ),
             state,
-            known: Known::default(),
+            known: CachedTerms::default(),
         }
     }
 
@@ -231,7 +231,7 @@ impl JointModel {
 
     /// Enough motion has been seen to know the memory.
     pub fn is_memory_known(&self) -> bool {
-        self.known.is_memory_known || self.model.knows(&self.state.measured_memory)
+        self.known.is_memory_known || self.model.is_memory_known(&self.state.measured_memory)
     }
 
     /// The whole position history has been replayed.
@@ -260,7 +260,7 @@ impl JointModel {
     }
 
     /// Takes over from the model that was active before. The motors stay at their setpoints, the
-    /// poses are computed anew, and the difference between the goal and this model becomes a
+    /// poses are recomputed, and the difference between the goal and this model becomes a
     /// [`ModelBlend`].
     pub fn take_over(
         &mut self,
@@ -296,16 +296,18 @@ impl JointModel {
         Ok(self.state.filter.filter(goal, start))
     }
 
-    /// The goal of this tick was `asked`, and is `allowed` after the dead-band.
-    pub fn note_held_back(&mut self, asked: &OutputVec, allowed: &OutputVec) {
-        let led = vector::zip_map(asked, &self.state.filter.lead(), |asked, lead| asked + lead);
+    /// Records that the dead-band reduced the `requested` goal of this tick to `allowed`.
+    pub fn record_dead_band(&mut self, requested: &OutputVec, allowed: &OutputVec) {
+        let led = vector::zip_map(requested, &self.state.filter.lead(), |requested, lead| {
+            requested + lead
+        });
         self.state.held_back = vector::difference(&led, allowed);
     }
 
-    /// How far the snake has yet to go for what was asked. What is added to the goal on purpose is
-    /// not in it, or a goal that is drawn back by it would run away: lead, blend, and what is not
-    /// compensated. The dead-band is, and leaves up to [`JointModel::dead_band_width`].
-    pub fn left_to_go(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
+    /// Remaining motion of the snake to the requested goal. It excludes deliberate offsets (lead,
+    /// blend and the uncompensated part), or a goal limited by it would run away. It includes the
+    /// dead-band, which leaves up to [`JointModel::dead_band_width`].
+    pub fn remaining_motion(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
         let left =
             vector::difference(&self.pose(&self.state.search_start)?, &self.pose(setpoints)?);
         Ok(vector::zip_map(&left, &self.state.held_back, |motors, held_back| motors + held_back))
@@ -349,8 +351,8 @@ impl JointModel {
         self.solve_each(&[*goal]).map(|[inverse]| inverse)
     }
 
-    /// As [`JointModel::solve`], for several goals near each other. The searches for all but the
-    /// first goal start at the first result.
+    /// Like [`JointModel::solve`], for several nearby goals. The searches for all but the first
+    /// goal start at the first result.
     pub fn solve_each<const N: usize>(
         &self,
         goals: &[OutputVec; N],
@@ -395,7 +397,7 @@ impl JointModel {
         self.bounds().is_none_or(|bounds| excess(bounds).is_ok_and(|excess| excess <= 0.0))
     }
 
-    /// The joint limits; `None`: off, or outputs that are no angles.
+    /// Joint limits; `None`: off, or the outputs are not angles.
     pub fn bounds(&self) -> Option<&JointBounds> {
         self.bounds.as_ref()
     }

@@ -46,7 +46,7 @@ pub(super) struct Entry {
 /// The entry after a cursor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum NextEntry {
-    /// There is none: the cursor is at the end.
+    /// No position: the cursor is at the end.
     End,
     /// The next position, and its cursor.
     Position(Entry, HistoryCursor),

@@ -1,4 +1,4 @@
-//! What a tick tells of joint space.
+//! Joint-space report of a tick.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Velocity estimate: rate of change of the measured angles.
+//! Velocity estimate of the measured angles.
 
 use crate::core::vector::{difference, zip_map};
 use crate::units::{Nanos, OutputVec};
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_reaches_a_steady_velocity_and_loses_half_of_it_in_its_half_life() {
+    fn velocity_estimate_converges_and_decays_with_half_life() {
         let (mut velocity, mut position) = ([0.0; 3], [0.0; 3]);
         let mut run = |increment: f64, samples: u64| {
             for _ in 0..samples {

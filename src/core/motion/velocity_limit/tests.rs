@@ -33,7 +33,7 @@ fn limits() -> impl Strategy<Value = MotorLimits> {
     )
 }
 
-/// 100 to 4000 Hz, and not the round ones.
+/// Non-round rates from 100 to 4000 Hz.
 fn periods() -> impl Strategy<Value = Nanos> {
     (250_000..10_000_000_u64).prop_map(Nanos)
 }
@@ -134,7 +134,7 @@ proptest! {
     }
 
     #[test]
-    fn from_any_motion_a_fixed_target_is_reached_in_the_end(
+    fn fixed_target_is_reached_from_any_motion(
         limits in limits(), period in periods(), script in script(), goal in 0.0..1.0_f64
     ) {
         let goal = limits.lowest + goal * (limits.highest - limits.lowest);
@@ -151,7 +151,7 @@ proptest! {
     }
 
     #[test]
-    fn a_target_that_moves_within_the_limits_is_caught_and_then_followed_without_lag(
+    fn moving_target_within_limits_is_followed_without_lag(
         limits in limits(), period in periods(), share in -0.9..0.9_f64
     ) {
         let limits = MotorLimits { lowest: -1e9, highest: 1e9, ..limits };
@@ -189,7 +189,7 @@ proptest! {
 }
 
 #[test]
-fn a_stop_from_full_speed_takes_two_ticks_at_the_default_limits() {
+fn full_speed_stop_takes_two_ticks_by_default() {
     let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
     act_for(&mut limiter, Action::Track(MotorTarget::fixed(2000.0)), 200);
     assert!((limiter.velocity() - 2.0).abs() < ROUNDING);
@@ -201,7 +201,7 @@ fn a_stop_from_full_speed_takes_two_ticks_at_the_default_limits() {
 }
 
 #[test]
-fn a_target_that_is_no_number_stops() {
+fn nan_target_stops() {
     let moving = || {
         let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
         act_for(&mut limiter, Action::Track(MotorTarget::fixed(1000.0)), 100);
@@ -223,7 +223,7 @@ fn a_target_that_is_no_number_stops() {
 }
 
 #[test]
-fn no_distance_is_no_motion() {
+fn zero_distance_gives_no_motion() {
     let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
     limiter.restart(123.25);
     for _ in 0..100 {
@@ -233,7 +233,7 @@ fn no_distance_is_no_motion() {
 }
 
 #[test]
-fn a_setpoint_outside_the_position_limits_only_comes_back() {
+fn setpoint_outside_limits_only_returns() {
     let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
     limiter.restart(2003.0);
     limiter.track(MotorTarget::fixed(5000.0));
@@ -250,7 +250,7 @@ fn a_setpoint_outside_the_position_limits_only_comes_back() {
 
 /// 10 deg at 0.5 Hz is 450 counts: 1414 counts/s and 4442 counts/s^2, within the default limits.
 #[test]
-fn a_sine_within_the_limits_is_followed_to_a_fraction_of_a_count() {
+fn sine_within_limits_is_followed_below_one_count() {
     let at = |k: i32| 450.0 * (std::f64::consts::PI * f64::from(k) * 1e-3).sin();
     let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
     let mut worst = 0.0_f64;

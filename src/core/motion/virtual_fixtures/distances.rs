@@ -13,8 +13,8 @@ use crate::core::fixture_change::FixtureSpace;
 /// Poses that a region is kept away from: adapted and calibrated.
 pub(crate) const POSES: usize = 2;
 
-/// The distance of a pose to a region, with the slope in output space. Not a number: a region in
-/// angles, and outputs that are none.
+/// The distance of a pose to a region, with the slope in output space. NaN for a region in angles
+/// with outputs that are not angles.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct PoseDistance {
     pub region: u8,
@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_view_of_the_calibration_shifts_and_turns_and_its_slope_turns_back() {
+    fn calibrated_view_shifts_and_rotates_distances() {
         let view = CalibratedView { inverse: [[1.5, 0.25], [-0.5, 2.0]], zero: [0.1, -0.2] };
         let is_near = |found: OutputVec, wanted: [f64; 3]| {
             found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12)

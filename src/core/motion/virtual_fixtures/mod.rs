@@ -47,8 +47,8 @@ const SLOW_DOWN: Nanos = Nanos::from_millis(200);
 const HALVINGS: usize = 3;
 /// Longest step of the goal per tick while regions count: farther than any motor moves. On such a
 /// step the path of the tip bends by less than a micrometre.
-const LONGEST_STEP_RAD: f64 = 0.01;
-const LONGEST_STEP_M: f64 = 1e-4;
+const MAX_STEP_RAD: f64 = 0.01;
+const MAX_STEP_M: f64 = 1e-4;
 /// Rounding may not make a step at a limit a longer one.
 const ROUNDING: f64 = 1.0 + 1e-9;
 /// Part of the margin that setpoints may use before their motors stop. The rest is for braking.
@@ -74,11 +74,11 @@ pub(crate) struct VirtualFixtures {
     limits: EventFold,
 }
 
-/// What limits a goal besides the regions, and what it means.
+/// Limits of a goal besides the regions, and its interpretation.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct GoalSpace<'a> {
     pub unit: OutputUnit,
-    /// `None`: as calibrated, or outputs that are no angles.
+    /// `None`: as calibrated, or the outputs are not angles.
     pub view: Option<CalibratedView>,
     /// `None`: off.
     pub bounds: Option<&'a JointBounds>,
@@ -175,8 +175,8 @@ impl VirtualFixtures {
     }
 
     /// Setpoints may be at poses, adapted and calibrated: not nearer to a region than a part of the
-    /// margin, or not nearer than other poses, computed only where that is asked. Notes the region
-    /// otherwise.
+    /// margin, or not nearer than other poses, computed only if needed. Otherwise records the
+    /// region.
     pub fn allow_setpoint<E>(
         &mut self,
         poses: &[OutputVec],
@@ -286,8 +286,8 @@ impl VirtualFixtures {
     /// The same direction, no faster than joint limits and motors.
     fn shortened(&self, step: OutputVec, space: &GoalSpace<'_>) -> OutputVec {
         let longest = match space.unit {
-            OutputUnit::Deg => LONGEST_STEP_RAD,
-            OutputUnit::Mm => LONGEST_STEP_M,
+            OutputUnit::Deg => MAX_STEP_RAD,
+            OutputUnit::Mm => MAX_STEP_M,
         };
         let mut share = longest / dot(&step, &step).sqrt();
         if let Some(bounds) = space.bounds {

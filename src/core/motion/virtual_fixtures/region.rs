@@ -36,7 +36,7 @@ enum Shape {
 /// The half-space where `outward x <= offset`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct Face {
-    /// Of length 1.
+    /// Unit vector.
     outward: Point,
     offset: f64,
 }
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_polygon_of_either_sense_has_the_distance_of_its_sides() {
+    fn polygon_distance_is_independent_of_orientation() {
         let mut corners_deg = vec![[2.0, 1.0], [6.0, 1.0], [6.0, 5.0], [2.0, 5.0]];
         for _ in 0..2 {
             let corners = corners_deg.clone();

@@ -47,7 +47,7 @@ fn without_regions_a_goal_passes_unchanged() {
 }
 
 #[test]
-fn towards_a_wall_the_speed_falls_with_the_distance_and_along_it_nothing_is_limited() {
+fn speed_falls_towards_a_wall_not_along_it() {
     let mut fixtures = fixtures(&[wall(10.0)]);
     // 20 deg/s to the wall, 5 deg/s along it, for 3 s.
     let goals: Vec<_> =
@@ -81,7 +81,7 @@ fn a_goal_inside_may_leave_but_not_go_deeper() {
 }
 
 #[test]
-fn requests_switch_and_add_regions_and_keep_those_of_the_configuration() {
+fn requests_keep_the_configured_regions() {
     let mut fixtures = fixtures(&[wall(10.0)]);
     let added = SimpleRegion::new(&wall(5.0)).unwrap();
     fixtures.change(&FixtureChange::SwitchOff).unwrap();

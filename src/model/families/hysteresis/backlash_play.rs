@@ -21,7 +21,7 @@ use crate::units::MotorVec;
 
 /// The least weight of the threshold 0. At a turning point the slope of the inverse is its
 /// reciprocal.
-pub const LEAST_FIRST_WEIGHT: f64 = 1e-3;
+pub const MIN_FIRST_WEIGHT: f64 = 1e-3;
 
 /// The parameters of play operators in a model file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -119,10 +119,10 @@ impl<const D: usize> Plays<D> {
         }
     }
 
-    /// From the present position towards the goal, the input pushes one play after the other, in
-    /// the order of their thresholds: outputs of neighbours differ by no more than their
-    /// thresholds. So one pass over the plays finds the piece of the sum that contains the goal.
-    /// `present`: the virtual counts at the present position.
+    /// Inverts with sorted plays. From the present position towards the goal, the input pushes one
+    /// play after the other, in the order of their thresholds: outputs of neighbours differ by no
+    /// more than their thresholds. So one pass over the plays finds the piece of the sum that
+    /// contains the goal. `present`: the virtual counts at the present position.
     fn invert_in_order(&self, state: &PlayState, motor: usize, goal: f64, present: f64) -> f64 {
         let from = state.position.get(motor).copied().unwrap_or_default();
         let left = goal - present;
@@ -144,7 +144,7 @@ impl<const D: usize> Plays<D> {
         from + direction * (distance + (left - sum) / slope)
     }
 
-    /// For thresholds that have changed, whose outputs need not be in order. Newton's method from
+    /// Inverts after a change of thresholds, when the outputs may be unsorted: Newton's method from
     /// the present position. Above this position the sum is convex, below it concave. After the
     /// first step the search therefore never passes the goal, and it ends exactly after at most one
     /// step per play.
@@ -168,7 +168,7 @@ impl Play {
     }
 
     /// The output after a motion of the input. The comparisons are those of a processor's minimum
-    /// and maximum, without branches; an input that is no number changes nothing.
+    /// and maximum, without branches; an input of NaN changes nothing.
     #[inline]
     fn drag(&self, output: f64, counts: f64) -> f64 {
         let (low, high) = (counts - self.threshold, counts + self.threshold);
@@ -203,7 +203,7 @@ fn one_motor(thresholds: &[f64], weights: &[f64], motor: usize) -> Result<Vec<Pl
     require(valid, key, format!("{weights:?}"), "must be one number per threshold, none negative")?;
     let sum: f64 = weights.iter().sum();
     require((sum - 1.0).abs() < 1e-6, key, sum, "must sum to 1")?;
-    require(weights[0] >= LEAST_FIRST_WEIGHT, key, weights[0], "the first must be at least 0.001")?;
+    require(weights[0] >= MIN_FIRST_WEIGHT, key, weights[0], "the first must be at least 0.001")?;
     Ok(thresholds
         .iter()
         .zip(weights)
@@ -301,7 +301,7 @@ impl<const D: usize> Operator<D> for Plays<D> {
         }
     }
 
-    fn wipe_counts(&self) -> MotorVec {
+    fn conditioning_range(&self) -> MotorVec {
         let planar = self.planar.last().copied().unwrap_or_default();
         let widest =
             |plays: &Vec<Play>| plays.last().map_or(0.0, |play| 2.0 * play.threshold.max(planar));

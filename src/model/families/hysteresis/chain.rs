@@ -18,7 +18,7 @@ use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 #[derive(Debug)]
 pub(in crate::model) struct Chain<O, R, const D: usize, const M: usize> {
     pub operator: O,
-    /// From virtual counts to outputs.
+    /// Read-out from virtual counts to outputs.
     pub read_out: R,
     pub residual: Option<Residual<D, M>>,
     /// The region of virtual counts that calibration visited.
@@ -42,8 +42,8 @@ where
         }
     }
 
-    /// The virtual counts after a straight motion. A position that is no number has none: operators
-    /// that compare would stay where they are.
+    /// The virtual counts after a straight motion. NaN for a position of NaN: operators
+    /// that compare would keep their state.
     #[inline]
     fn virtual_counts_at(&self, state: &O::State, counts: &MotorVec) -> SVector<f64, D> {
         let counts = vector::<D>(&bounded(counts));
@@ -148,7 +148,7 @@ where
     }
 }
 
-/// A goal with so much of the correction.
+/// A goal plus a share of the correction.
 fn with(goal: &OutputVec, share: f64, correction: &OutputVec) -> OutputVec {
     std::array::from_fn(|output| goal[output] + share * correction[output])
 }
@@ -167,10 +167,10 @@ where
     }
 
     fn conditioning_range(&self) -> MotorVec {
-        self.operator.wipe_counts()
+        self.operator.conditioning_range()
     }
 
-    fn has_gap(&self) -> bool {
+    fn has_backlash(&self) -> bool {
         true
     }
 

@@ -14,7 +14,7 @@
 //! | `chain` | the chain and its inverse |
 //! | `play_state` | the state of play operators |
 //! | [`backlash_play`] | play operators |
-//! | [`force_balance`] | gear, wires, spring and friction in a balance of forces |
+//! | [`force_balance`] | force balance of gear, wires, spring and friction |
 //! | [`residual`] | the residual and its features |
 
 pub mod backlash_play;
@@ -43,7 +43,7 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
     /// The state of the operator, including the present position of the motors.
     type State: Copy + Debug + PartialEq;
 
-    /// What the inverses of several goals from one state share.
+    /// Terms shared by the inverses of several goals from one state.
     type Origin<'a>
     where
         Self: 'a;
@@ -52,7 +52,7 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
     /// as possible.
     fn begin(&self, counts: &SVector<f64, D>) -> Self::State;
 
-    /// Advances the state by a straight motion to `counts` that takes so long, s.
+    /// Advances the state by a straight motion to `counts` within `time_s`, s.
     fn advance_over(&self, state: &mut Self::State, counts: &SVector<f64, D>, time_s: f64);
 
     /// The same in no time.
@@ -119,7 +119,7 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
 
     /// The conditioning range: the range that every motor must cover until earlier motion is
     /// forgotten, counts.
-    fn wipe_counts(&self) -> MotorVec;
+    fn conditioning_range(&self) -> MotorVec;
 }
 
 /// An operator whose state can be stored in a [`crate::model::Memory`].
@@ -129,7 +129,7 @@ pub(in crate::model) trait StoredOperator<const D: usize>: Operator<D> {
     /// The state, if it belongs to this operator.
     fn unpack(state: &State) -> Option<&Self::State>;
 
-    /// As [`StoredOperator::unpack`], to change it in place.
+    /// Mutable [`StoredOperator::unpack`].
     fn unpack_mut(state: &mut State) -> Option<&mut Self::State>;
 }
 
@@ -156,7 +156,7 @@ impl Lags {
         }
     }
 
-    /// All lags, in order.
+    /// All lags, in the sequence of [`Operator::push_lags`].
     #[must_use]
     pub fn as_slice(&self) -> &[f64] {
         self.values.get(..self.len).unwrap_or_default()

@@ -147,7 +147,7 @@ fn add_degree<const DEGREE: usize>(values: &mut [f64; MAX_MONOMIALS], [x, y]: [f
     values[next + DEGREE] = values[before + DEGREE - 1] * y;
 }
 
-/// Number of monomials of D variables up to a degree.
+/// Number of monomials in D variables up to a degree.
 fn monomials<const D: usize>(degree: usize) -> usize {
     if D == 1 { degree + 1 } else { (degree + 1) * (degree + 2) / 2 }
 }
@@ -158,8 +158,8 @@ pub fn count<const D: usize>(shape_degree: usize, lag_degree: usize, lags: usize
     monomials::<D>(shape_degree) + lags.min(MAX_LAGS) * monomials::<D>(lag_degree)
 }
 
-/// Calls `take` with every feature in order: the monomials 1, x, y, x^2, xy, y^2, ... of the scaled
-/// virtual counts, then every lag times the same monomials up to the lag degree.
+/// Calls `take` with every feature, in this sequence: the monomials 1, x, y, x^2, xy, y^2, ... of
+/// the scaled virtual counts, then every lag times the same monomials up to the lag degree.
 pub fn features<const D: usize>(
     scaled: &SVector<f64, D>,
     lags: &Lags,
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn residual_is_the_sum_of_features_times_coefficients_in_si_units() {
+    fn residual_is_features_times_coefficients_in_si_units() {
         let file = ResidualParameters {
             scale_counts: 100.0,
             shape_degree: 1,

@@ -4,7 +4,7 @@ use super::parameters::Activation;
 use crate::model::maths::exp_above;
 
 /// Below this an exponential adds nothing to 1.
-const LEAST_EXPONENT: f64 = -40.0;
+const MIN_EXPONENT: f64 = -40.0;
 
 impl Activation {
     /// Replaces every value by its activation.
@@ -38,21 +38,21 @@ fn relu(value: f64) -> f64 {
 
 fn tanh(values: &mut [f64]) {
     for value in values {
-        let power = exp_above(-2.0 * value.abs(), LEAST_EXPONENT);
+        let power = exp_above(-2.0 * value.abs(), MIN_EXPONENT);
         *value = ((1.0 - power) / (1.0 + power)).copysign(*value);
     }
 }
 
 fn sigmoid(values: &mut [f64]) {
     for value in values {
-        let power = exp_above(-value.abs(), LEAST_EXPONENT);
+        let power = exp_above(-value.abs(), MIN_EXPONENT);
         *value = (if *value < 0.0 { power } else { 1.0 }) / (1.0 + power);
     }
 }
 
 fn softplus(values: &mut [f64]) {
     for value in values {
-        *value = relu(*value) + exp_above(-value.abs(), LEAST_EXPONENT).ln_1p();
+        *value = relu(*value) + exp_above(-value.abs(), MIN_EXPONENT).ln_1p();
     }
 }
 

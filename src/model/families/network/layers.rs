@@ -6,7 +6,7 @@ use super::matrix::Matrix;
 use super::parameters::{Activation, Layer, MAX_STATE, MAX_WIDTH};
 use crate::units::MotorVec;
 
-/// Numbers per row: serialisation knows arrays of so many.
+/// Numbers per row: the largest array that serialisation supports.
 const ROW: usize = 32;
 
 /// The hidden states of all layers with their recurrent parts, and where the last step ended.
@@ -74,7 +74,7 @@ struct Recurrent {
 }
 
 impl PreparedLayer {
-    /// Of a checked layer whose part of the state begins at `begin`.
+    /// Creates the runtime form of a checked layer; its part of the state begins at `begin`.
     pub fn new(layer: &Layer, inputs: usize, begin: usize) -> Self {
         let (units, kept) = layer.sizes(inputs);
         let kind = match layer {
@@ -284,7 +284,7 @@ impl PreparedLayer {
     }
 }
 
-/// Slopes of the units of a GRU from those of their sums. `gates`: reset, then update.
+/// Slopes of GRU units from those of their sums. `gates`: reset, then update.
 fn gru_slopes(
     output: &mut [f64],
     sums: &[f64],

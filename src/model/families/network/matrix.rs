@@ -6,7 +6,7 @@
 pub(super) struct Matrix(Vec<f64>);
 
 impl Matrix {
-    /// Of rows of the same length.
+    /// Creates a matrix from rows of equal length.
     pub fn new(rows: &[Vec<f64>]) -> Self {
         let width = rows.first().map_or(0, Vec::len);
         Self((0..width).flat_map(|column| rows.iter().map(move |row| row[column])).collect())

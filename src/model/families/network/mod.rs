@@ -1,4 +1,4 @@
-//! A network that somebody trained elsewhere: counts in, outputs out, with a hidden state.
+//! An externally trained network: counts in, outputs out, with a hidden state.
 //!
 //! # Terms
 //!
@@ -35,5 +35,5 @@ mod runtime;
 mod scaled_layers;
 
 pub use parameters::{Activation, Layer, MAX_LAYERS, MAX_STATE, MAX_WIDTH, NetworkParameters};
-pub use runtime::walk;
+pub use runtime::steps_by_travel;
 pub(in crate::model) use runtime::{Network, Recording};

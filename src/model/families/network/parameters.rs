@@ -14,7 +14,7 @@ pub const MAX_LAYERS: usize = 8;
 pub const MAX_STATE: usize = 512;
 
 /// The largest weight. Trained weights are below a hundred.
-const LARGEST: f64 = 1e4;
+const MAX_VALUE: f64 = 1e4;
 
 /// The most taps of a convolution, and the widest distance between two of them, steps.
 const MAX_TAPS: usize = 64;
@@ -37,7 +37,7 @@ pub struct NetworkParameters {
     pub input_centre: Vec<f64>,
     /// One per motor, per count.
     pub input_scale: Vec<f64>,
-    /// From the inputs on.
+    /// Layers, starting at the inputs.
     pub layers: Vec<Layer>,
     /// m rows of m, in the unit of the outputs.
     pub output_gain: Rows,
@@ -49,7 +49,7 @@ pub struct NetworkParameters {
     pub skip_gain: Rows,
 }
 
-/// What a layer does with its sums.
+/// Function that a layer applies to its sums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Activation {
@@ -75,7 +75,7 @@ pub enum Layer {
         weight: Rows,
         /// h.
         bias: Vec<f64>,
-        /// Of the sums.
+        /// Applied to the sums.
         activation: Activation,
     },
     /// Gated recurrent unit; gates in the order reset, update, new.
@@ -108,7 +108,7 @@ pub enum Layer {
         bias: Vec<f64>,
         /// Steps between two taps.
         dilation: usize,
-        /// Of the sums.
+        /// Applied to the sums.
         activation: Activation,
     },
 }
@@ -226,7 +226,7 @@ pub(super) fn numbers(numbers: &[f64], count: usize, key: &str) -> Result<(), Mo
     let reason = "their number must follow those of motors, outputs and units";
     require(numbers.len() == count, || key.to_owned(), shown, reason)?;
     // Not a number is in no range.
-    let invalid = numbers.iter().find(|number| !(-LARGEST..=LARGEST).contains(*number));
+    let invalid = numbers.iter().find(|number| !(-MAX_VALUE..=MAX_VALUE).contains(*number));
     let reason = "must be a finite number of at most 10000";
     require(invalid.is_none(), || key.to_owned(), invalid.unwrap_or(&0.0), reason)
 }

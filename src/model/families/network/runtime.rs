@@ -25,34 +25,39 @@ const MAX_STEPS: usize = 16;
 /// A step that is longer by this part has rounding to blame.
 const ROUNDING: f64 = 1e-9;
 
-/// In the round trip, the search starts so many steps beside the position.
-const STEPS_BESIDE: f64 = 3.0;
+/// Start of the round-trip search: this many steps off the position.
+const STEPS_OFF: f64 = 3.0;
 
-/// Rounds of the path on which a state must not grow, and steps of each part of it.
+/// Rounds of the path on which a state must not grow, and steps of each part of the path.
 const ROUNDS: usize = 8;
 const PATH_STEPS: usize = 400;
 
-/// In the second half of the rounds, the largest number of a state may be so many times that of the
+/// Maximum ratio of the largest number of a state in the second half of the rounds to that in the
 /// first half.
-const MOST_GROWTH: f64 = 1.2;
+const MAX_GROWTH: f64 = 1.2;
 
-/// Directions with less gain than this, rad (m) per count, are not gone back.
-const LEAST_GAIN: f64 = 1e-9;
+/// Directions with less gain than this, rad (m) per count, are not inverted.
+const MIN_GAIN: f64 = 1e-9;
 
-/// What the recording says beside the network: in units of the file.
+/// Data from the recording in addition to the network, in units of the file.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::model) struct Recording<'a> {
     /// The range of every motor after which earlier motion is forgotten.
     pub memory_counts: &'a [f64],
     /// The straight line, m rows of d.
     pub gain: &'a [Vec<f64>],
-    /// Of the errors on rows held out, m rows of m.
+    /// Covariance of the errors on held-out rows, m rows of m.
     pub covariance: &'a [Vec<f64>],
 }
 
 /// Visits the positions of the steps along a straight motion, up to less than a step before its
 /// end.
-pub fn walk(from: &MotorVec, to: &MotorVec, step: f64, mut visit: impl FnMut(&MotorVec)) {
+pub fn steps_by_travel(
+    from: &MotorVec,
+    to: &MotorVec,
+    step: f64,
+    mut visit: impl FnMut(&MotorVec),
+) {
     let motion: MotorVec = std::array::from_fn(|motor| to[motor] - from[motor]);
     let length = motion.iter().fold(0.0, |longest: f64, part| longest.max(part.abs()));
     let whole = (length / step * (1.0 - ROUNDING)).ceil() as usize;
@@ -69,7 +74,7 @@ pub fn walk(from: &MotorVec, to: &MotorVec, step: f64, mut visit: impl FnMut(&Mo
 pub(in crate::model) struct Network<const D: usize, const M: usize> {
     forward: ScaledLayers<D, M>,
     memory_counts: MotorVec,
-    /// From outputs back to counts.
+    /// Map from outputs back to counts.
     back: SMatrix<f64, D, M>,
     covariance: SMatrix<f64, M, M>,
 }
@@ -98,7 +103,7 @@ impl<const D: usize, const M: usize> Network<D, M> {
         let covariance: SMatrix<f64, M, M> =
             SMatrix::from_iterator(covariance.iter().copied()) * (si * si);
         let straight = DMatrix::from_fn(M, D, |i, j| gain[i][j] * si);
-        let back = straight.clone().pseudo_inverse(LEAST_GAIN).unwrap_or(DMatrix::zeros(D, M));
+        let back = straight.clone().pseudo_inverse(MIN_GAIN).unwrap_or(DMatrix::zeros(D, M));
         let back = SMatrix::from_iterator(back.iter().copied());
         let straight = SMatrix::from_iterator(straight.iter().copied());
         Ok(Self {
@@ -118,7 +123,7 @@ impl<const D: usize, const M: usize> Network<D, M> {
 
     fn walk(&self, state: &mut NetworkState, counts: &MotorVec) {
         let from = state.position;
-        walk(&from, counts, self.forward.step, |position| {
+        steps_by_travel(&from, counts, self.forward.step, |position| {
             self.forward.take_step(state.values_mut(), &vector(position));
             state.position = *position;
         });
@@ -158,7 +163,7 @@ impl<const D: usize, const M: usize> Network<D, M> {
         let key = || "family.network.layers".to_owned();
         let reason =
             "the hidden state grows while the motors go round and round: train it on longer motion";
-        require(second <= MOST_GROWTH * first, key, shown, reason)
+        require(second <= MAX_GROWTH * first, key, shown, reason)
     }
 }
 
@@ -286,8 +291,8 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
         }
     }
 
-    /// Walks to positions all over the hull, and searches each from beside it. The state must not
-    /// grow on the way.
+    /// Moves to positions all over the hull, and searches each from a start near it. The state must
+    /// not grow on the way.
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
         self.check_growth(hull)?;
         let mut state = self.begin(&hull.centre());
@@ -302,8 +307,8 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
             }
             let at = self.at(&state);
             let local = at.local(&vector(&counts));
-            let beside = counts.map(|at| at + STEPS_BESIDE * self.forward.step);
-            let found = newton_inverse::invert(&at, hull, &array(&local.mean), &beside);
+            let start = counts.map(|at| at + STEPS_OFF * self.forward.step);
+            let found = newton_inverse::invert(&at, hull, &array(&local.mean), &start);
             trips.push((counts, local, found.residual));
         }
         round_trip::judge(unit, trips)

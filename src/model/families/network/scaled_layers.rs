@@ -17,12 +17,12 @@ pub(super) struct ScaledLayers<const D: usize, const M: usize> {
     output_gain: SMatrix<f64, M, M>,
     output_offset: SVector<f64, M>,
     skip: SMatrix<f64, M, D>,
-    /// Beyond a step it goes on with this gain.
+    /// Gain used beyond a step.
     straight: SMatrix<f64, M, D>,
 }
 
 impl<const D: usize, const M: usize> ScaledLayers<D, M> {
-    /// Of checked parameters, with outputs scaled by `si`.
+    /// Prepares checked parameters, with outputs scaled by `si`.
     pub fn new(file: &NetworkParameters, si: f64, straight: SMatrix<f64, M, D>) -> Self {
         let mut layers: Vec<PreparedLayer> = Vec::new();
         for layer in &file.layers {
@@ -107,7 +107,7 @@ impl<const D: usize, const M: usize> ScaledLayers<D, M> {
         mean + self.straight * (input - near)
     }
 
-    /// As [`Self::mean`], and the slopes.
+    /// Returns [`Self::mean`] and the slopes.
     pub fn mean_and_slopes(
         &self,
         values: &[f64],

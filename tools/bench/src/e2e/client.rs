@@ -21,11 +21,11 @@ const PAUSE_MS: [f64; 2] = [11.0, 23.0];
 /// Deadline of a command. It is long because a stall of the machine must not stop the robot.
 const DEADLINE: Nanos = Nanos::from_millis(500);
 
-/// Commands are on a circle of this radius. A step is about 6 counts, 8 deg/s, which all limits bear.
+/// Radius of the circle of the commands. A step is about 6 counts, 8 deg/s, within all limits.
 const RADIUS_DEG: f64 = 1.5;
 const STEP_RAD: f64 = 0.09;
 
-/// The threads that own a port have 10 less than the control loop, the client 20 less.
+/// The port threads have a priority 10 below that of the control loop, the client 20 below.
 const PORT_BELOW: u8 = 10;
 const CLIENT_BELOW: u8 = 20;
 
@@ -140,7 +140,7 @@ pub fn bare(
                 benchmark,
                 |number, observations| {
                     run.check()?;
-                    // Every setpoint differs from the one before, so that it can be matched.
+                    // Every setpoint differs from the previous one, so that it can be matched.
                     let (command, counts) = (clock::now(), (number % 200) as i32);
                     bare.target.store(counts, Ordering::Release);
                     let written =
@@ -156,7 +156,7 @@ pub fn bare(
             )
         });
         bare.stop.store(true, Ordering::Release);
-        // The reason why the loop ended comes first.
+        // Report first why the loop ended.
         serving.join().map_err(panicked)??;
         observations
     })?;

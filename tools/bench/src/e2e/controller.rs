@@ -25,11 +25,11 @@ use crate::{BenchError, own_domain};
 
 /// Limit for operations that take much less than a second on an idle machine.
 pub const TIMEOUT: Nanos = Nanos::from_millis(20_000);
-/// Reply timeout of a drive. It is long because a stall of the machine must not be a fault.
+/// Reply timeout of a drive. It is long because a stalled machine must not cause a fault.
 const REPLY_TIMEOUT_MS: u64 = 1000;
-/// Deadline of commands that name none. It is long for the same reason.
+/// Default deadline of commands. It is long for the same reason.
 const DEADLINE_MS: u64 = 500;
-/// The statistics of the loop come once a second.
+/// The loop sends its statistics once a second.
 const STATISTICS_TIMEOUT: Nanos = Nanos::from_millis(2500);
 
 /// A running controller. It ends when it is dropped.
@@ -72,7 +72,7 @@ impl Controller {
         Ok(Self { client, process })
     }
 
-    /// Stops because commands came late, since the start.
+    /// Number of stops since the start because commands were late.
     pub fn stale_stops(&mut self) -> Result<u64, BenchError> {
         Ok(self.client.wait_for(TIMEOUT, |_| true)?.stale_stops)
     }
@@ -124,7 +124,8 @@ impl Process {
         }
     }
 
-    /// Sends SIGTERM and waits: whether the controller ended with success; `None`: it did not end.
+    /// Sends SIGTERM and waits. Returns whether the controller ended with success; `None`: it did
+    /// not end.
     fn wait(&mut self) -> Option<bool> {
         let _ = kill(Pid::from_raw(self.child.id() as i32), Signal::SIGTERM);
         let start = clock::now();
@@ -178,8 +179,8 @@ fn configure(rig: &DriveRig, run: Run, domain: &Domain) -> Result<PathBuf, Bench
     Ok(file)
 }
 
-/// Homes and enables. The client library does not offer it, because homing needs the consent of a
-/// person at every robot that is not emulated.
+/// Homes and enables. The client library does not offer this, because homing needs the operator's
+/// consent on every real robot.
 fn enable(client: &mut Client) -> Result<(), BenchError> {
     let is_idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
     let is_homed = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::HOMED != 0;

@@ -1,14 +1,14 @@
-//! Hand to wire: an event of an input device, the command of `i2ris teleop` that it is part of, and
+//! Hand to wire: an event of an input device, the command of `i2ris teleop` that contains it, and
 //! the last byte of that command's setpoint at the drive.
 //!
 //! ```text
 //! event in a pipe --i2ris teleop--> command --controller--> setpoint on the line --> drive with a
 //! log
-//!    its time          its time, and that of its newest event (stream `teleop`)
+//!    its time          its time, with that of its newest event (stream `teleop`)
 //! ```
 //!
-//! Events have the time at which the kernel would have taken them in. How often a device looks at
-//! its own controls is not in it.
+//! The time of an event is the one at which the kernel would have received it. The polling period
+//! of the device for its own controls is not included.
 
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::OpenOptionsExt;
@@ -18,7 +18,7 @@ use i2ris::clock;
 use i2ris::ipc::client::Subscription;
 use i2ris::ipc::payload::{ActuatorState, TeleopMsg};
 use i2ris::units::Nanos;
-use i2ris_teleop::evdev_decoder::{encode, stamp_anew};
+use i2ris_teleop::evdev_decoder::{encode, restamp};
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
 use i2ris_teleop::state::{Description, Range};
@@ -34,10 +34,10 @@ use crate::rig::DriveRig;
 use crate::{BenchError, busy};
 
 const COMMANDED: &str = "event to command";
-/// Events come this much slower than commands of the other measurement: the stream `teleop` tells
-/// of one in 50 ms.
+/// Events are this much slower than the commands of the other measurement: the stream `teleop`
+/// reports one event in 50 ms.
 const SLOWER: u64 = 5;
-/// Often enough that no message is lost, seldom enough to leave the processors to the others.
+/// Short enough to lose no message, long enough to leave the processors to the others.
 const READ_PERIOD: Nanos = Nanos::from_micros(500);
 
 const KEY: u16 = 1;
@@ -56,7 +56,7 @@ fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError>
     let floor = super::client::bare(&rig, benchmark, run)?;
     let (ours, commanded, granted) = with_hand(&rig, benchmark, run)?;
     if [&floor, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {
-        return Err(busy("no event led to a setpoint"));
+        return Err(busy("no event resulted in a setpoint"));
     }
     let on_the_wire_us = 14.0 * 10.0 / 115_200.0 * 1e6;
     let controller = "the controller";
@@ -97,7 +97,7 @@ fn with_hand(
     let watcher = controller.client.watcher();
     let mut hand = Hand::start(rig, benchmark, &controller)?;
     let mut seen = Seen {
-        told: Vec::new(),
+        events: Vec::new(),
         is_open: true,
         observations: Observations::default(),
         last: [0; 2],
@@ -115,10 +115,10 @@ fn with_hand(
     Ok((found, commanded, granted))
 }
 
-/// What the streams of the controller tell.
+/// Messages of the controller's streams.
 struct Seen {
     /// Events and the numbers of their commands.
-    told: Vec<(Nanos, u64)>,
+    events: Vec<(Nanos, u64)>,
     is_open: bool,
     observations: Observations,
     last: [u64; 2],
@@ -128,19 +128,19 @@ struct Seen {
 
 impl Seen {
     fn read(&mut self) -> Result<(), BenchError> {
-        let Self { told, is_open, .. } = self;
+        let Self { events, is_open, .. } = self;
         self.teleop.drain(|message| {
             *is_open = message.flags & TeleopMsg::OPEN != 0;
             let event = (Nanos(message.event_ns), message.command_sequence);
-            if message.event_ns > 0 && told.last() != Some(&event) {
-                told.push(event);
+            if message.event_ns > 0 && events.last() != Some(&event) {
+                events.push(event);
             }
         })?;
         read_states(&mut self.actuators, &mut self.observations, &mut self.last)
     }
 
-    /// The setpoints of the commands that events led to, from the times of the events on; and how
-    /// long after an event its command was sent.
+    /// The setpoints of the commands that events caused, with the times of the events; and the
+    /// delay from event to command.
     fn of_events(self) -> (Observations, Durations) {
         let mut commanded = Durations::new(0);
         let written = self.observations.written.map(|written| {
@@ -150,17 +150,17 @@ impl Seen {
                 if own.sequence == *sequence {
                     commanded.push(own.command.duration_since(*event));
                 }
-                // An overtaken command is in the next one.
+                // The next command contains an overtaken one.
                 Some(Written { command: *event, ..*own })
             };
-            self.told.iter().filter_map(of_event).collect()
+            self.events.iter().filter_map(of_event).collect()
         });
-        let sent = self.told.len() as u64;
+        let sent = self.events.len() as u64;
         (Observations { written, sent, ..Observations::default() }, commanded)
     }
 }
 
-/// A gamepad in a pipe, and `i2ris teleop` that reads it. It ends when this is dropped.
+/// A gamepad in a pipe, and the `i2ris teleop` that reads it. It ends when this is dropped.
 struct Hand {
     pipe: File,
     program: Child,
@@ -175,7 +175,7 @@ impl Hand {
         let path = rig.folder.path().join("device");
         let _ = std::fs::remove_file(&path);
         nix::unistd::mkfifo(&path, Mode::S_IRUSR | Mode::S_IWUSR)?;
-        // Reading as well, so that opening does not wait for the program.
+        // Open for reading as well, so that opening does not wait for the program.
         let mut options = OpenOptions::new();
         options.read(true).write(true).custom_flags(nix::libc::O_NONBLOCK);
         let mut pipe = options.open(&path)?;
@@ -190,29 +190,29 @@ impl Hand {
         Ok(Self { pipe, program })
     }
 
-    /// An event, and the report that ends it.
-    fn tell(&mut self, kind: u16, code: u16, value: i32) -> Result<(), BenchError> {
+    /// Sends an event, and the report that ends it.
+    fn send(&mut self, kind: u16, code: u16, value: i32) -> Result<(), BenchError> {
         let mut event = [encode(kind, code, value), encode(0, 0, 0)].concat();
         let now = clock::now();
-        stamp_anew(&mut event, now);
+        restamp(&mut event, now);
         Ok(write_frame(&mut self.pipe, now, &event)?)
     }
 
-    /// At rest, then pressed, until the clutch is closed.
+    /// Releases, then presses the clutch until it is closed.
     fn close_the_clutch(&mut self, seen: &mut Seen, run: Run) -> Result<(), BenchError> {
         let start = clock::now();
         while seen.is_open {
             if clock::now().duration_since(start) > TIMEOUT {
-                return Err(busy("the clutch does not close"));
+                return Err(busy("the clutch did not close"));
             }
             for (kind, code, value) in
                 [(AXIS, 0, 0), (AXIS, 1, 0), (KEY, BTN_TR, 0), (KEY, BTN_TR, 1)]
             {
-                self.tell(kind, code, value)?;
+                self.send(kind, code, value)?;
                 self.wait(Nanos::from_millis(50), seen, run)?;
             }
         }
-        seen.told.clear();
+        seen.events.clear();
         Ok(())
     }
 
@@ -224,9 +224,9 @@ impl Hand {
         run: Run,
     ) -> Result<(), BenchError> {
         for (number, pause) in (0..benchmark.commands).zip(Pauses(benchmark.seed)) {
-            // Every value differs from the one before.
+            // Every value differs from the previous one.
             let value = 10_000 + 10 * (number % 500) as i32;
-            self.tell(AXIS, 0, if number % 4 < 2 { value } else { -value })?;
+            self.send(AXIS, 0, if number % 4 < 2 { value } else { -value })?;
             self.wait(Nanos(SLOWER * pause.0), seen, run)?;
         }
         Ok(())

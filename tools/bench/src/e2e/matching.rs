@@ -5,7 +5,7 @@ use i2ris_simulation::log::{Event, EventKind};
 
 use crate::outcome::Durations;
 
-/// Commands at the start that do not count: caches and connections warm up.
+/// Commands at the start that are not counted: caches and connections warm up.
 const WARM_UP: usize = 10;
 
 /// The setpoint of a command, as reported by the controller.
@@ -36,7 +36,7 @@ pub struct Observations {
     pub written: [Vec<Written>; 2],
     pub readings: [Vec<Reading>; 2],
     pub sent: u64,
-    /// The longest time between two commands.
+    /// Maximum time between two commands.
     pub longest_gap: Nanos,
 }
 
@@ -50,26 +50,25 @@ impl Observations {
     }
 }
 
-/// Durations from commands on.
+/// Durations since the command.
 #[derive(Debug)]
 pub struct CommandLatencies {
-    /// From the command to the operating system.
+    /// Command to operating system.
     pub written: Durations,
-    /// From the command to the last byte at the drive.
+    /// Command to last byte at the drive.
     pub arrived: Durations,
-    /// From the operating system to the last byte at the drive.
+    /// Operating system to last byte at the drive.
     pub wire: Durations,
-    /// From the command to an encoder position at the client that was measured after the setpoint
-    /// arrived.
+    /// Command to an encoder position at the client that was measured after the setpoint arrived.
     pub seen: Durations,
     /// Commands with a setpoint, of both motors.
     pub commands: u64,
     /// Commands without a setpoint.
     pub overtaken: u64,
     pub longest_gap: Nanos,
-    /// From the command to the tick that read it.
+    /// Command to the tick that read it.
     pub read: Durations,
-    /// Stops because commands came late.
+    /// Stops because commands were late.
     pub stale_stops: u64,
 }
 
@@ -80,7 +79,7 @@ impl CommandLatencies {
         Self { written, arrived, wire, seen, read, commands, overtaken, longest_gap, stale_stops }
     }
 
-    /// Adds those of another turn.
+    /// Adds the durations of another turn.
     pub fn add(&mut self, other: &Self) {
         self.written.add(&other.written);
         self.arrived.add(&other.arrived);
@@ -144,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_command_is_matched_with_its_own_set_point_and_position() {
+    fn a_command_is_matched_with_its_setpoint_and_position() {
         let mut observations = Observations { sent: 15, ..Observations::default() };
         let mut log = Vec::new();
         for number in 0..12u64 {

@@ -7,9 +7,9 @@
 //! ```
 //!
 //! Commands come at random instants, at all phases of loop and lines. The floor is a loop that
-//! passes the newest setpoint to the same line ([`BareLoop`](crate::rig::BareLoop)). It needs the
-//! waiting time for the line and the time on the wire. The black box of the controller tells the
-//! age of a command at the tick that read it.
+//! passes the newest setpoint to the same line ([`BareLoop`](crate::rig::BareLoop)). It has to wait
+//! for the line and to transmit. The controller's black box records the age of a command at the
+//! tick that read it.
 
 mod client;
 mod controller;
@@ -39,9 +39,9 @@ pub struct EndToEndBenchmark {
     pub controller: PathBuf,
     /// Seed of the random pauses.
     pub seed: u64,
-    /// In each turn the floor and the controller get a part of the commands.
+    /// Each turn gives the floor and the controller a part of the commands.
     pub turns: u32,
-    /// Processes that do nothing but compute, beside all that is measured.
+    /// Additional processes that only compute.
     pub busy: u32,
 }
 
@@ -79,7 +79,7 @@ fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError>
     found(granted, floor, ours)
 }
 
-/// Measures the controller on the drives of a rig, and tells the scheduling of its loop.
+/// Measures the controller on the drives of a rig, and returns the scheduling of its loop.
 fn with_controller(
     rig: &DriveRig,
     benchmark: &EndToEndBenchmark,
@@ -115,7 +115,7 @@ fn found(
     ours: CommandLatencies,
 ) -> Result<Found, BenchError> {
     if [&floor, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {
-        return Err(busy("no command led to a setpoint"));
+        return Err(busy("no command resulted in a setpoint"));
     }
     let bare = "a bare loop on the same line";
     let controller = "the controller";

@@ -1,26 +1,27 @@
-//! The exact inverse of a snake: counts that bring a copy of it, with its whole state, to a goal.
+//! The exact inverse of a snake: counts that move a copy of the snake, with its whole state, to a
+//! goal.
 //!
-//! No controller has it. What it leaves over is what the limits of the motors cost.
+//! No controller has it. Its remaining error is the cost of the motor limits.
 
 use i2ris::units::MotorVec;
 use i2ris_simulation::physics::Snake;
 
-/// Goals are met this well, deg.
+/// Tolerance of a goal, deg.
 const TOLERANCE_DEG: f64 = 0.003;
 
-/// Steps of the search. Crossing a gap takes about ten, a turn of two coupled motors more.
+/// Steps of the search. Crossing a gap takes about ten; a turn of two coupled motors takes more.
 const MAX_STEPS: usize = 150;
 
-/// How long a copy is given to get there, s: a jump within a tick would be slowed by drag.
+/// Time that a copy gets to reach the goal, s: drag would slow a jump within a tick.
 const STEP_S: f64 = 0.02;
 
 /// Longer strokes than this are outside the position limits, counts.
 const LIMIT_COUNTS: f64 = 2400.0;
 
-/// An interval this narrow, or one that is upside down, no longer holds: the other motor moved.
+/// An interval narrower than this, or inverted, is not valid any more: the other motor moved.
 const NARROW_COUNTS: f64 = 0.02;
 
-/// Growth of the step of a motor that has not come nearer.
+/// Growth of the step if a motor has not come nearer.
 const GROWTH: f64 = 2.5;
 
 /// The exact inverse of one snake.
@@ -28,12 +29,12 @@ const GROWTH: f64 = 2.5;
 pub struct ExactInverse {
     /// Counts per degree: motor by axis.
     counts_per_deg: [[f64; 2]; 2],
-    /// Where the last search ended.
+    /// Result of the last search.
     counts: MotorVec,
 }
 
 impl ExactInverse {
-    /// For a snake that is straight: takes its mean gain from strokes of a copy.
+    /// For a straight snake: takes its mean gain from strokes of a copy.
     pub fn new(snake: &Snake) -> Self {
         let stroke = |motor: usize| {
             let end = |counts: f64| {
@@ -90,9 +91,10 @@ impl ExactInverse {
 struct Search {
     at: f64,
     last: f64,
-    /// How far to go per count of error.
+    /// Step per count of error.
     factor: f64,
-    /// Too little and too much, as far as known. They move with the other motor.
+    /// Largest known count that is too small, smallest that is too large. They move with the other
+    /// motor.
     low: Option<f64>,
     high: Option<f64>,
 }
@@ -102,10 +104,10 @@ impl Search {
         Self { at, last: 0.0, factor: 1.0, low: None, high: None }
     }
 
-    /// `missing`: how many counts are missing by the mean gain.
+    /// `missing`: the missing counts, estimated from the mean gain.
     fn step(&mut self, missing: f64) {
         if missing * self.last < 0.0 {
-            // Too far.
+            // Overshoot.
             self.factor *= 0.4;
         } else if self.last != 0.0 && missing.abs() > 0.6 * self.last.abs() {
             self.factor *= GROWTH;
@@ -131,7 +133,7 @@ mod tests {
     use super::*;
     use i2ris_simulation::physics::{DrawnSnake, Physics};
 
-    /// Around a lissajous figure with every motor at once where the inverse wants it.
+    /// Follows a Lissajous figure; every motor jumps to the counts of the inverse.
     #[test]
     fn it_meets_its_goals_on_every_physics() {
         for physics in Physics::ALL.iter().copied() {

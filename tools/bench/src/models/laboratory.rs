@@ -1,4 +1,4 @@
-//! What all snakes have: the configuration of the controller, fits, and how they age.
+//! Shared by all snakes: the configuration of the controller, fits, and ageing.
 
 use i2ris::config::Config;
 use i2ris_calibration::fit::{Choice, FitOptions, FitOutcome, fit};
@@ -9,13 +9,13 @@ use i2ris_simulation::SnakeSource;
 use i2ris_simulation::ageing::{Change, Course, Parameter};
 use i2ris_simulation::robot::Robot;
 
-/// The configuration that goes with the emulator, with the limits of a robot as delivered.
+/// The configuration for the emulator, with the limits of a robot as delivered.
 const CONFIG: &str = include_str!("../../../../config/emulator.toml");
 
 /// A tick and the lag of the emulated motors at 60 Hz: lines are not simulated.
 const MOTOR_LAG_MS: f64 = 6.0;
 
-/// Growth of gaps and friction, loss of preload, of a snake that has been used.
+/// Wear of a used snake: growth of gaps and friction, loss of preload.
 const WORN: [(Parameter, f64); 3] =
     [(Parameter::Gap, 0.4), (Parameter::Preload, -0.3), (Parameter::Friction, 0.25)];
 
@@ -41,13 +41,13 @@ pub fn fitted(recording: &Recording, choice: Choice, robot_id: &str) -> Result<F
     fit(recording, &options, &Silent).map_err(|error| format!("cannot fit: {error}"))
 }
 
-/// A snake as it was calibrated, or aged since then.
+/// A snake as calibrated, or aged since then.
 #[must_use]
 pub fn robot(snake: &SnakeSource, is_aged: bool) -> Robot {
     let mut robot = Robot::new(snake.build(1));
     if is_aged {
         ageing().for_each(|change| robot.age(change));
-        // What changes at once has changed before anything moves.
+        // Sudden changes happen before anything moves.
         robot.rest(1.0);
     }
     robot

@@ -1,7 +1,7 @@
-//! What the joint limits cost, in simulated time: `i2ris bench limits`.
+//! Cost of the joint limits, in simulated time: `i2ris bench limits`.
 //!
-//! A snake is calibrated by a balance of forces. It follows a circle and a nested motion with the
-//! limits as shipped, and without those of the joints.
+//! A snake is calibrated with a force-balance model. It follows a circle and a nested motion with
+//! the limits as shipped, and without those of the joints.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -26,14 +26,14 @@ use super::laboratory::{config, fitted};
 use super::subject::record_robot;
 use super::tracking::{Pilot, along, approach};
 
-/// Of every motion, s, after a turn that is not measured.
+/// Duration of every motion, s, after a turn that is not measured.
 const DURATION_S: f64 = 60.0;
 
 const SPEEDS_DEG_S: [f64; 2] = [3.0, 10.0];
 
-/// A move has arrived within this, deg; and what no move and no cycle takes, ticks.
+/// Tolerance of a move at arrival, deg; and maximum duration of a move or cycle, ticks.
 const AWAY_DEG: f64 = 0.2;
-const LONGEST_TICKS: u32 = 300_000;
+const MAX_TICKS: u32 = 300_000;
 const REST_TICKS: u32 = 500;
 
 /// Arguments of `i2ris bench limits`.
@@ -43,7 +43,7 @@ pub struct Arguments {
     #[arg(long, value_name = "SNAKE,..", value_delimiter = ',', value_parser = SnakeSource::load,
           default_value = "steel,brass,multi,loose")]
     snake: Vec<SnakeSource>,
-    /// Keep the fitted models here, and use those that are here
+    /// Store the fitted models in this folder, and reuse those that it contains
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
     /// Also this many moves to drawn poses, and as many conditioning cycles
@@ -51,9 +51,9 @@ pub struct Arguments {
     moves: u32,
 }
 
-/// What a motion came to.
+/// Result of a motion.
 struct Found {
-    /// Setpoint less goal by the model, and tip less goal; deg.
+    /// Setpoint minus goal, from the model, and tip minus goal; deg.
     model_deg: f64,
     tip_deg: f64,
     farthest_deg: f64,
@@ -128,8 +128,8 @@ fn judge(snake: &SnakeSource, folder: &Path, models: &Path, moves: u32) -> Resul
     Ok(text)
 }
 
-/// Whether moves and conditioning cycles come to their end, in twice the time that they take
-/// without joint limits.
+/// Compares moves and conditioning cycles with and without joint limits: whether they end within
+/// twice the time.
 fn ends(
     config: &Config,
     model: &Arc<Model>,
@@ -170,7 +170,7 @@ fn ends(
                 if refusal != Some(Refusal::None) {
                     return Err(format!("{:?} is refused: {refusal:?}", request.command));
                 }
-                while robot.report().busy && *ticks < LONGEST_TICKS {
+                while robot.report().busy && *ticks < MAX_TICKS {
                     robot.tick(Inputs::default());
                     *ticks += 1;
                 }
@@ -192,7 +192,7 @@ fn ends(
     let name = snake.name();
     Ok(format!(
         "{name:20} moves and cycles, adaptation {adapts}: {done} done (at most {slowest:.2} of the \
-         time), {named} broken off by name, {silent} not\n"
+         time), {named} interrupted with a reason, {silent} without\n"
     ))
 }
 
@@ -206,13 +206,13 @@ fn circle(phase: f64) -> [f64; 2] {
     [10.0 * cos, 10.0 * sin]
 }
 
-/// A large motion with a smaller one in it that turns back.
+/// A large motion that contains a smaller reversal.
 fn nested(phase: f64) -> [f64; 2] {
     let [large, small] = [phase, 3.1 * phase].map(f64::sin_cos);
     [7.0 * large.0 + 3.5 * small.0, 6.0 * large.1 - 3.5 * small.0]
 }
 
-/// A path with the largest speed that is given, [`RATE_HZ`] times a second.
+/// A path played at the given maximum speed, [`RATE_HZ`] times a second.
 fn played(path: fn(f64) -> [f64; 2], speed_deg_s: f64) -> Vec<[f64; 2]> {
     let way = |from: [f64; 2], to: [f64; 2]| (to[0] - from[0]).hypot(to[1] - from[1]);
     let per_radian = (0..10_000)

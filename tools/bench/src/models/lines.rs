@@ -1,8 +1,8 @@
-//! The serial lines of a robot beside each other, in simulated time: `i2ris bench lines`.
+//! Comparison of a robot's serial lines, in simulated time: `i2ris bench lines`.
 //!
-//! The port threads and the cycle of the controller run against emulated drives; what the computer
-//! needs is not in it (that is `i2ris bench e2e`). Every snake is calibrated once, by a balance of
-//! forces, and follows the same goals on every line.
+//! The port threads and the cycle of the controller run against emulated drives. The time of the
+//! computer is not included (see `i2ris bench e2e`). Every snake is calibrated once, with a
+//! force-balance model, and follows the same goals on every line.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -28,18 +28,18 @@ use super::laboratory::{config, fitted};
 use super::subject::record;
 use super::tracking::{Pilot, along, approach, follow};
 
-/// Ramps and sines: s, deg, deg/s (what the limits of the motors bear) and Hz.
+/// Ramps and sines: s, deg, deg/s (within the limits of the motors) and Hz.
 const DURATION_S: f64 = 12.0;
 const AMPLITUDE_DEG: f64 = 6.0;
 const SPEED_DEG_S: f64 = 6.0;
-/// Whole periods in the duration: every motion ends where the next begins.
+/// Whole periods in the duration: every motion ends at the start of the next.
 const SINES_HZ: [f64; 2] = [1.0 / 6.0, 1.0 / 12.0];
 
-/// Ticks: over which the speed of a motor is smoothed, in which a delay is judged, and of the
-/// longest delay; after a command, and after a stop.
+/// Ticks: smoothing of the motor speed, window of a delay, maximum delay; rest after a command and
+/// after a stop.
 const SMOOTH: usize = 50;
 const WINDOW: usize = 1000;
-const LONGEST_DELAY: usize = 80;
+const MAX_DELAY: usize = 80;
 const REST: usize = 200;
 
 /// Arguments of `i2ris bench lines`.
@@ -53,7 +53,7 @@ pub struct Arguments {
         default_value = "rs232,usb-each,lab"
     )]
     line: Vec<Line>,
-    /// Drives of the laboratory's line; the third turns no joint, and rests
+    /// Drives of the laboratory's line; the third turns no joint and stays at rest
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_value = "2,3",
           value_parser = clap::value_parser!(u8).range(2..=3))]
     axes: Vec<u8>,
@@ -68,7 +68,7 @@ pub struct Arguments {
         default_value = "springs:3,wire:3,dahl:3"
     )]
     snake: Vec<DrawnSnake>,
-    /// How long a hand moves on every line, s
+    /// Duration of the hand's motion on every line, s
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     duration_s: f64,
 }
@@ -81,17 +81,17 @@ struct Plan {
     timer_ms: u64,
 }
 
-/// What a line does with a snake.
+/// Results of a line with a snake.
 struct Outcome {
-    /// Of each motor while both move evenly, and the share of what a bare loop of setpoint and
-    /// position would reach.
+    /// Setpoint rate of each motor while both move evenly, and its share of the rate of a bare loop
+    /// that exchanges setpoint and position.
     setpoints_per_s: f64,
     share: f64,
-    /// From the goal to the tip, ms: median, and 99 of 100.
+    /// Delay from goal to tip, ms: median and 99th percentile.
     delay_ms: [f64; 2],
-    /// RMS speed of the motors beside their own mean over 50 ms, in shares of the speed.
+    /// RMS deviation of the motor speed from its mean over 50 ms, relative to the speed.
     ripple: f64,
-    /// From the tick of a stop to the last drive, ms, and in exchanges of the line.
+    /// Time from the tick of a stop to the last drive, ms, and in exchanges of the line.
     stop_ms: f64,
     stop_exchanges: f64,
     /// RMS error of the tip under a hand's motion, deg.
@@ -138,7 +138,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The mean over all snakes; of what is late, the most.
+/// Prints the mean over all snakes; of delays, the maximum.
 fn print_row(plan: Plan, found: &[Outcome]) {
     let over = |of: fn(&Outcome) -> f64| mean(found.iter().map(of)).unwrap_or(f64::NAN);
     let most = |of: fn(&Outcome) -> f64| found.iter().map(of).fold(0.0, f64::max);
@@ -246,8 +246,8 @@ fn path(goal: impl Fn(f64) -> [f64; 2]) -> Vec<[f64; 2]> {
     (0..(DURATION_S * RATE_HZ) as usize).map(|sample| goal(sample as f64 / RATE_HZ)).collect()
 }
 
-/// The delay of the tip behind sines, ms: median, and 99 of 100 windows of a second. What is left
-/// of the error without its mean is least at this delay.
+/// The delay of the tip in sines, ms: median and 99th percentile of one-second windows. At this
+/// delay the error without its mean is smallest.
 fn delays(control: &mut ClosedLoop<Lines>) -> Result<[f64; 2], String> {
     let path = path(|time| SINES_HZ.map(|hz| AMPLITUDE_DEG * (TAU * hz * time).sin()));
     let mut seen = Vec::new();
@@ -261,14 +261,14 @@ fn delays(control: &mut ClosedLoop<Lines>) -> Result<[f64; 2], String> {
                 root_mean_square((begin..begin + WINDOW).map(|tick| error(tick) - middle))
                     .unwrap_or_default()
             };
-            let least = (0..LONGEST_DELAY).min_by(|a, b| left(*a).total_cmp(&left(*b)));
+            let least = (0..MAX_DELAY).min_by(|a, b| left(*a).total_cmp(&left(*b)));
             delays.extend(least.map(|delay| delay as f64));
         }
     }
     Ok([0.5, 0.99].map(|share| quantile_of_unsorted(&mut delays, share).unwrap_or(f64::NAN)))
 }
 
-/// The ripple of the speed of the motors while the goal goes to and fro at an even speed.
+/// The motors' speed ripple while the goal moves to and fro at constant speed.
 fn ripple(control: &mut ClosedLoop<Lines>) -> Result<f64, String> {
     let period_s = 4.0 * AMPLITUDE_DEG / SPEED_DEG_S;
     let triangle = |time: f64| 1.0 - 4.0 * ((time / period_s + 0.75).fract() - 0.5).abs();
@@ -282,16 +282,16 @@ fn ripple(control: &mut ClosedLoop<Lines>) -> Result<f64, String> {
     Ok((first + second) / 2.0)
 }
 
-/// RMS of the speed beside its own mean over a short time, as a share of it.
+/// RMS deviation of the speed from its short-time mean, relative to the speed.
 fn ripple_of(positions: &[f64]) -> f64 {
     let speeds: Vec<f64> = positions.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let middle = |near: &[f64]| mean(near.iter().copied()).unwrap_or_default();
-    let beside = speeds.windows(SMOOTH).map(|near| near[SMOOTH / 2] - middle(near)).collect();
+    let deviations = speeds.windows(SMOOTH).map(|near| near[SMOOTH / 2] - middle(near)).collect();
     let rms = |values: Vec<f64>| root_mean_square(values).unwrap_or(f64::NAN);
-    rms(beside) / rms(speeds)
+    rms(deviations) / rms(speeds)
 }
 
-/// From the tick of a fault to the last drive that stops, ms.
+/// Time from the tick of a fault to the last drive that stops, ms.
 fn stop(control: &mut ClosedLoop<Lines>) -> Result<f64, String> {
     control.tick(Inputs { missed: u32::MAX, ..Inputs::default() });
     let begin = control.now();

@@ -1,19 +1,19 @@
 //! Models on emulated snakes of many physics, in simulated time.
 //!
-//! For every snake: record a calibration, fit, and follow motions that no calibration has seen with
-//! the real cycle of the controller. Python judges models of anybody, beside the exact inverse of
-//! the snake itself; `i2ris bench models` judges what the adaptation is worth on snakes that wear.
+//! For every snake: record a calibration, fit, and follow motions that are in no calibration, with
+//! the real cycle of the controller. Python judges any model, compared with the exact inverse of
+//! the snake; `i2ris bench models` judges the benefit of adaptation on snakes that wear.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `recording` | a calibration recording of a snake |
-//! | `laboratory` | what all snakes have: configuration, fits, and how they age |
+//! | `laboratory` | shared by all snakes: configuration, fits, ageing |
 //! | `exact_inverse` | the inverse of the true snake |
 //! | `tracking` | following motions and measuring them |
-//! | `tracked` | a model of anybody on a snake, for Python |
+//! | `tracked` | any model on a snake, for Python |
 //! | `subject` | one snake that wears, with its models |
-//! | [`limits`] | what the joint limits cost |
-//! | [`lines`] | the serial lines of a robot beside each other |
+//! | [`limits`] | cost of the joint limits |
+//! | [`lines`] | comparison of a robot's serial lines |
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command prints")]
 
@@ -60,7 +60,7 @@ pub struct Arguments {
     /// Print as JSON
     #[arg(long)]
     json: bool,
-    /// Family to fit; `best` fits all and takes what `i2ris calibrate fit` would take
+    /// Family to fit; `best` fits all and selects as `i2ris calibrate fit` does
     #[arg(long, default_value = "best")]
     family: Choice,
 }
@@ -77,11 +77,11 @@ impl Arguments {
     }
 }
 
-/// Judges all snakes, prints a line for each as soon as it is done, and all as a table or as JSON.
+/// Judges all snakes and prints a line for each as soon as it is done, then a table or JSON.
 ///
 /// # Errors
 ///
-/// Snakes that cannot be judged.
+/// A snake cannot be judged.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = tempfile::tempdir()?;
     let snakes = arguments.snakes();
@@ -102,8 +102,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         println!(
             "RMS error of the tip, deg, minute by minute, within the limits of a robot as delivered; \
              limits off: without any; aged: gaps +40 %, preload -30 %, \
-             friction +25 %; anew: by a calibration of the aged snake. Medians over the snakes. \
-             `regret`: the error of the family that was chosen over the least of all; the largest."
+             friction +25 %; recalibrated: by a model of the aged snake. Medians over the snakes. \
+             `regret`: error of the selected family over the smallest error; the maximum."
         );
         for physics in Physics::ALL.iter().map(ToString::to_string) {
             let of: Vec<_> = judgements.iter().filter(|it| it.physics == physics).collect();
@@ -131,7 +131,8 @@ fn row(name: &str, of: &[&Judgement]) -> String {
     let [new, adapted] = [0, 1].map(|at: usize| minutes(&|it| it.new[at]));
     let mut text = format!("{name}\n  new   {new}   adapted {adapted}");
     text += &format!("\n  limits off {}", minutes(&|it| it.limits_off));
-    text += &format!("\n  aged  {}   anew {}", minutes(&|it| it.aged), minutes(&|it| it.anew));
+    let [aged, anew] = [minutes(&|it| it.aged), minutes(&|it| it.anew)];
+    text += &format!("\n  aged  {aged}   recalibrated {anew}");
     for (index, (age_ms, noise_deg)) in CAMERAS.iter().enumerate() {
         let found = minutes(&|it| it.adapted[index]);
         text += &format!("\n  adapted {found} (frames {age_ms} ms old, {noise_deg} deg)");

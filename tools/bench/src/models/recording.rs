@@ -15,7 +15,7 @@ use i2ris_simulation::robot::{Robot, TICK_S};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// The radius that `i2ris calibrate collect` takes by itself with `config/emulator.toml`, counts.
+/// The default radius of `i2ris calibrate collect` with `config/emulator.toml`, counts.
 const RADIUS_COUNTS: f64 = 1800.0;
 
 /// Its usual speed, counts per second.
@@ -32,7 +32,7 @@ pub struct RecordingPlan {
     pub duration_s: f64,
     /// Deviation of the angles, deg.
     pub noise_deg: f64,
-    /// How late the stamps of the camera are, ms.
+    /// Latency of the camera's time stamps, ms.
     pub latency_ms: u64,
     pub seed: u64,
 }
@@ -69,7 +69,7 @@ impl RecordingPlan {
     }
 }
 
-/// A camera whose stamps are late.
+/// A camera with late time stamps.
 struct Camera {
     noise_deg: f64,
     random: Pcg64Mcg,
@@ -103,13 +103,13 @@ impl Camera {
     }
 }
 
-/// By Box and Muller.
+/// A normally distributed number (Box and Muller).
 fn normal(random: &mut Pcg64Mcg) -> f64 {
     let (a, b): (f64, f64) = (random.random(), random.random());
     (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
 }
 
-/// Four decaying turns, as the controller conditions without a model.
+/// Four decaying turns: the controller's conditioning without a model.
 pub fn condition(robot: &mut Robot) {
     const TURNS: f64 = 4.0;
     const SIZE_COUNTS: f64 = 500.0;

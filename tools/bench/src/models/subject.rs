@@ -23,11 +23,10 @@ use super::tracking::follow;
 pub const MINUTES: usize = 4;
 const MINUTE_S: f64 = 60.0;
 
-/// Deviation of the angles of the camera of the calibration, deg.
+/// Deviation of the camera angles during calibration, deg.
 const CAMERA_NOISE_DEG: f64 = 0.07;
 
-/// Frames a second of the cameras of the adaptation; how old their frames are, ms, and how noisy,
-/// deg.
+/// Cameras of the adaptation: frames per second; age of the frames, ms, and their noise, deg.
 const FRAMES_PER_S: f64 = 20.0;
 pub const CAMERAS: [(u64, f64); 4] = [(60, 0.15), (100, 0.15), (60, 0.3), (100, 0.3)];
 
@@ -39,22 +38,22 @@ pub struct Judgement {
     pub physics: String,
     pub seed: u64,
     pub family: String,
-    /// As calibrated, without and with adaptation by the first of [`CAMERAS`].
+    /// The calibrated snake, without and with adaptation by the first of [`CAMERAS`].
     pub new: [Minutes; 2],
     /// The same without adaptation and without limits on motion.
     pub limits_off: Minutes,
     /// On the aged snake, without adaptation.
     pub aged: Minutes,
-    /// By a calibration of the aged snake: what its physics leave to adapt.
+    /// The aged snake with a recalibrated model, without adaptation: the error that remains.
     pub anew: Minutes,
-    /// And with it, by every one of [`CAMERAS`].
+    /// The aged snake with adaptation, for each of [`CAMERAS`].
     pub adapted: [Minutes; CAMERAS.len()],
-    /// As calibrated: the error of the family that was chosen over the least of all; `None` where
-    /// a family was asked for.
+    /// The calibrated snake: error of the selected family over the smallest error of all; `None` if
+    /// a family was given.
     pub regret: Option<f64>,
 }
 
-/// Of every minute.
+/// One value per minute.
 pub type Minutes = [f64; MINUTES];
 
 /// A snake, and the motion on it.
@@ -68,7 +67,7 @@ fn minutes(found: Vec<f64>) -> Result<Minutes, String> {
 }
 
 impl Judgement {
-    /// Records in a folder, fits and follows. The error says why there is nothing to judge.
+    /// Records in a folder, fits and follows. The error is the reason why there is no result.
     pub fn of(
         snake: DrawnSnake,
         family: Choice,
@@ -105,7 +104,7 @@ impl Judgement {
     }
 }
 
-/// A recording, as it was made.
+/// A recording, as made.
 pub(super) fn record(
     snake: DrawnSnake,
     is_aged: bool,
@@ -117,7 +116,7 @@ pub(super) fn record(
     record_robot(&mut robot(&snake.into(), is_aged), &file, latency_ms, first_seed + snake.seed)
 }
 
-/// The same of any robot.
+/// A recording of any robot.
 pub(super) fn record_robot(
     robot: &mut Robot,
     file: &Path,
@@ -138,7 +137,7 @@ fn fit(recording: &Recording, choice: Choice) -> Result<Arc<Model>, String> {
 }
 
 impl Subject {
-    /// Moves as a hand would, within the reach of the calibration.
+    /// Moves like a hand, within the reach of the calibration.
     fn new(snake: DrawnSnake, linear: &Model) -> Self {
         let hand = Motion::Teleoperation;
         let path = hand.path(MINUTES as f64 * MINUTE_S, 5000 + 100 * snake.seed);
@@ -147,7 +146,7 @@ impl Subject {
         Self { snake, motion: path.chunks(minute).map(|part| (hand, part.to_vec())).collect() }
     }
 
-    /// Families as they were judged: without the rows held out.
+    /// Compares families as they were judged: without the rows held out.
     fn regret(&self, outcome: &FitOutcome) -> Result<f64, String> {
         let (mut chosen, mut least) = (f64::NAN, f64::INFINITY);
         for found in &outcome.families {
@@ -198,9 +197,9 @@ mod tests {
 
     const ROUNDS: usize = 90;
 
-    /// A draw that nothing was tuned on. Plays alone take 68 ms.
+    /// Uses a draw that was not tuned on. Plays alone take 68 ms.
     #[test]
-    fn a_late_camera_is_found_on_a_snake_of_another_kind() {
+    fn a_late_camera_is_found_on_a_new_snake() {
         let folder = tempfile::tempdir().unwrap();
         let snake = DrawnSnake { physics: Physics::Springs, seed: 61 };
         let recording = record(snake, false, 60, 1, folder.path()).unwrap();
@@ -208,7 +207,7 @@ mod tests {
         assert!((found - 0.06).abs() < 0.005, "{found} s");
     }
 
-    /// What a minute has taught must not be lost, nor drift away, in a day of use.
+    /// The result of a minute's learning must neither be lost nor drift away in a day of use.
     #[test]
     #[ignore = "six simulated hours"]
     fn six_hours_of_an_aged_snake_cost_no_accuracy() {
@@ -231,11 +230,11 @@ mod tests {
         }
     }
 
-    /// Estimates swing at first: on the first two to the end of a budget, and to less play than none,
-    /// on the third, with the third camera, to where most frames are refused.
+    /// Estimates swing at first: on the first two to the end of a budget, and to a negative play;
+    /// on the third, with the third camera, until most frames are refused.
     #[test]
     #[ignore = "three fits, and four to twelve minutes on each of three snakes"]
-    fn an_aged_snake_of_another_kind_is_followed_whatever_the_first_frames_say() {
+    fn an_aged_snake_is_followed_despite_misleading_first_frames() {
         let folder = tempfile::tempdir().unwrap();
         let snakes = [
             (Physics::Creep, 66, vec![CAMERAS[0], CAMERAS[3]]),

@@ -1,4 +1,4 @@
-//! A model of anybody on a snake, for Python: motion by motion, beside the straight line and the
+//! Any model on a snake, for Python: motion by motion, compared with the straight line and the
 //! exact inverse.
 
 use std::path::Path;
@@ -20,10 +20,10 @@ use super::tracking::{ExactPilot, Pilot, approach, follow};
 /// Seed of the motions: no calibration has it.
 const MOTION_SEED: u64 = 1001;
 
-/// How long teleoperation lasts, s.
+/// Duration of teleoperation, s.
 const MOTION_S: f64 = 30.0;
 
-/// Ticks before times are taken.
+/// Ticks before times are recorded.
 const WARM_UP: usize = 10_000;
 
 /// RMS error of the tip, deg, of every motion: of the model, of the straight line through the
@@ -31,7 +31,7 @@ const WARM_UP: usize = 10_000;
 ///
 /// # Errors
 ///
-/// Why it cannot be followed.
+/// The reason why the model cannot be followed.
 pub fn tracked(
     snake: &SnakeSource,
     is_aged: bool,
@@ -58,12 +58,12 @@ pub fn tracked(
         .collect())
 }
 
-/// How long each tick of the control cycle takes with a model, us, while it follows two sines in
-/// front of ideal motors.
+/// Duration of each tick of the control cycle with a model, us, while it follows two sines with
+/// ideal motors.
 ///
 /// # Errors
 ///
-/// Why it cannot be followed.
+/// The reason why the model cannot be followed.
 pub fn tick_times(model: &Arc<Model>, ticks: usize) -> Result<Vec<f64>, String> {
     let config = config().map_err(|error| error.to_string())?;
     let control = ClosedLoop::conditioned(&config, model, IdealMotors::default());
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_model_is_judged_beside_linear_and_the_exact_inverse() {
+    fn a_model_is_compared_with_linear_and_exact_inverse() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("preisach-4.csv");
         let snake = SnakeSource::load("preisach:4").unwrap();
@@ -110,7 +110,8 @@ mod tests {
         let rows = tracked(&snake, false, &linear.model, &file).unwrap();
         assert_eq!(rows.len(), Motion::ALL.len());
         for (motion, model, linear, exact) in rows {
-            // The exact inverse leaves what the limits of the motors cost: it turns with every tremor.
+            // The remaining error of the exact inverse is due to the motor limits: it turns with
+            // every tremor.
             assert!(exact < 0.3 && (0.3..5.0).contains(&linear), "{motion}: {linear} {exact}");
             assert_eq!(model, linear, "{motion}");
         }

@@ -11,19 +11,19 @@ use i2ris_simulation::robot::{Robot, TICK_S};
 use super::exact_inverse::ExactInverse;
 use super::recording::condition;
 
-/// On the way to the start of a motion, deg/s, and rest there, s.
+/// Speed on the way to the start of a motion, deg/s, and rest there, s.
 const APPROACH_DEG_S: f64 = 6.0;
 const REST_S: f64 = 1.0;
 
-/// A larger step of the exact inverse is the crossing of a gap, not motion of the goal, counts.
+/// A larger step of the exact inverse crosses a gap and is not motion of the goal, counts.
 const GAP_COUNTS: f64 = 2.0;
 
 /// Moves a robot to goals, a tick at a time.
 pub trait Pilot {
-    /// One tick. The error says why the robot does not follow.
+    /// Runs one tick. The error is the reason why the robot does not follow.
     fn follow(&mut self, goal: [f64; 2]) -> Result<(), String>;
 
-    /// Pitch and yaw where a goal has to begin, deg.
+    /// Pitch and yaw at which a goal must start, deg.
     fn setpoint(&self) -> [f64; 2];
 
     /// True pitch and yaw, deg.
@@ -48,14 +48,13 @@ impl<M: Motors> Pilot for ClosedLoop<M> {
         [joint[0].to_degrees(), joint[1].to_degrees()]
     }
 
-    /// Motors that turn no snake have none.
+    /// Motors without a snake have no tip.
     fn tip(&self) -> [f64; 2] {
         self.motors.angles_deg().unwrap_or([f64::NAN; 2])
     }
 }
 
-/// Follows motions one after the other: for each the root mean square of the length of the error
-/// of the tip, deg.
+/// Follows motions one after the other. Returns the RMS error of the tip for each, deg.
 pub fn follow(
     pilot: &mut impl Pilot,
     motions: &[(Motion, Vec<[f64; 2]>)],
@@ -71,7 +70,7 @@ pub fn follow(
     Ok(found)
 }
 
-/// Goes from a goal to another and rests there.
+/// Moves from one goal to another and rests there.
 pub(super) fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), String> {
     let far = (to[0] - from[0]).hypot(to[1] - from[1]);
     let ticks = (far / (APPROACH_DEG_S * TICK_S)).ceil().max(1.0);
@@ -93,7 +92,7 @@ fn measure(pilot: &mut impl Pilot, path: &[[f64; 2]]) -> Result<f64, String> {
     Ok((squares / ticks).sqrt())
 }
 
-/// Follows a path, and looks after every tick.
+/// Follows a path and calls `look` after every tick.
 pub(super) fn along<P: Pilot>(
     pilot: &mut P,
     path: &[[f64; 2]],
@@ -120,8 +119,8 @@ fn between(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
     [0, 1].map(|axis: usize| from[axis] + share * (to[axis] - from[axis]))
 }
 
-/// Follows by the exact inverse of the true snake, within the limits of the motors and with the
-/// turning band that the controller has.
+/// Follows with the exact inverse of the true snake, within the motor limits and with the turning
+/// band of the controller.
 pub struct ExactPilot {
     robot: Robot,
     inverse: ExactInverse,
@@ -133,7 +132,7 @@ pub struct ExactPilot {
 }
 
 impl ExactPilot {
-    /// Of a robot that is straight, and conditioned then.
+    /// For a robot that is straight; conditions it first.
     pub fn new(config: &Config, mut robot: Robot) -> Self {
         let limits = MotorLimits {
             velocity: config.limits.velocity_counts_s,
@@ -156,7 +155,7 @@ impl ExactPilot {
         }
     }
 
-    /// Holds a goal that turns back by less than the band.
+    /// Holds a goal that reverses by less than the band.
     fn turning_band(&mut self, goal: [f64; 2]) {
         let centre = self.centre.get_or_insert(goal);
         let apart = (goal[0] - centre[0]).hypot(goal[1] - centre[1]);

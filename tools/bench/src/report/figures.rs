@@ -21,8 +21,8 @@ const TICKS: [(f64, &str); 7] = [
     (1e5, "99.999 %"),
 ];
 
-/// A curve ends where fewer durations than this are left.
-const LEAST_DURATIONS: f64 = 3.0;
+/// A curve ends where fewer durations than this remain.
+const MIN_DURATIONS: f64 = 3.0;
 
 /// Colors, dashes and markers of our own variants.
 const OURS: [(Color, Dash, Marker); 5] = [
@@ -39,7 +39,7 @@ const PEERS: [(Color, Dash, Marker); 3] = [
     (Color::BLACK, Dash::Dotted, Marker::Square),
 ];
 
-/// From the median to one in ten thousand, a panel for every group.
+/// Percentiles from the median to one in ten thousand, one panel for each group.
 ///
 /// The horizontal axis is the logarithm of 1 / (1 - share), as in the plots of HdrHistogram: with
 /// every step to the right a tenth of the durations is left. It shows a tail that a histogram would
@@ -81,7 +81,7 @@ fn panel(group: &str, variants: &[&Variant]) -> Panel {
 /// `[1 / (1 - share), us]`.
 fn curve(durations: &Durations) -> Vec<[f64; 2]> {
     let histogram = durations.histogram();
-    let decades = (histogram.len() as f64 / LEAST_DURATIONS).max(1.0).log10();
+    let decades = (histogram.len() as f64 / MIN_DURATIONS).max(1.0).log10();
     let last = (decades * POINTS_PER_DECADE as f64).ceil() as usize;
     let point = |index: usize| {
         let left = 10f64.powf(decades * index as f64 / last.max(1) as f64);
@@ -105,6 +105,6 @@ mod tests {
         let median = curve.iter().find(|point| point[0] >= 2.0).unwrap();
         assert!((1.49..1.53).contains(&median[1]), "{median:?}");
         let [left, us] = curve[curve.len() - 1];
-        assert!((left - 1000.0 / LEAST_DURATIONS).abs() < 1e-6 && us > 1.99, "{left} {us}");
+        assert!((left - 1000.0 / MIN_DURATIONS).abs() < 1e-6 && us > 1.99, "{left} {us}");
     }
 }

@@ -9,14 +9,14 @@ use super::least_squares::{Problem, Solution, solve};
 use super::regressors::{Point, points};
 use crate::recording::Recording;
 
-/// Deviations that the prior gives a drift: zero in deg (mm), gain, gap.
+/// Prior standard deviations of a drift: zero in deg (mm), gain, gap.
 const PRIOR: [f64; 3] = [1.5, 0.1, 0.3];
 
-/// Rounds of the scale of the gap.
+/// Rounds of the gap scale.
 const ROUNDS: usize = 5;
 
-/// With fewer rows there is no estimate.
-const LEAST_ROWS: usize = 30;
+/// Minimum rows of an estimate.
+const MIN_ESTIMATE_ROWS: usize = 30;
 
 /// Range of the scale of a gap: that of [`i2ris::model::Memory::set_gap_scale`].
 const GAP_SCALES: std::ops::RangeInclusive<f64> = 0.2..=3.0;
@@ -33,14 +33,14 @@ pub struct Value {
 /// The drift of a robot from its calibration.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DriftEstimate {
-    /// Of every output, in its unit.
+    /// Zero of every output, in its unit.
     pub zero: Vec<Value>,
-    /// Row: output; column: the calibrated output of which a part is added. Empty for a family
-    /// without a gain matrix.
+    /// Row: output; column: the calibrated output that contributes. Empty for a family without a
+    /// gain matrix.
     pub gain: Vec<Vec<Value>>,
     /// Per motor, 1 as calibrated. Empty for a family without gaps.
     pub gap_scale: Vec<Value>,
-    /// Root mean square length of the error before and after the drift is taken out.
+    /// Root mean square length of the error before and after correction of the drift.
     pub rms: [f64; 2],
     /// Rows with a known memory.
     pub rows: usize,
@@ -54,15 +54,15 @@ pub struct DriftEstimate {
 /// Why there is no estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum DriftError {
-    /// Too short.
+    /// The recording is too short.
     #[error("{0} rows with a known memory are too few; record at least a minute of motion")]
     Rows(usize),
-    /// Not solvable.
-    #[error("the model gives values that are not finite on this recording; calibrate anew")]
+    /// The equations cannot be solved.
+    #[error("the model gives values that are not finite on this recording; recalibrate")]
     NotFinite,
 }
 
-/// Which numbers a family has.
+/// Parameters of a family.
 #[derive(Debug, Clone, Copy)]
 struct Shape {
     outputs: usize,
@@ -71,18 +71,21 @@ struct Shape {
 }
 
 impl DriftEstimate {
-    /// Of a recording of the same robot.
+    /// Estimates the drift from a recording of the same robot.
     ///
     /// # Errors
     ///
     /// [`DriftError`].
     pub fn new(model: &Model, recording: &Recording) -> Result<Self, DriftError> {
-        let shape =
-            Shape { outputs: model.outputs(), motors: model.motors(), has_gap: model.has_gap() };
+        let shape = Shape {
+            outputs: model.outputs(),
+            motors: model.motors(),
+            has_gap: model.has_backlash(),
+        };
         let used = |scale: &[f64; MAX_MOTORS]| points(model, recording, scale);
         let mut scale = [1.0; MAX_MOTORS];
         let first = used(&scale);
-        if first.len() < LEAST_ROWS {
+        if first.len() < MIN_ESTIMATE_ROWS {
             return Err(DriftError::Rows(first.len()));
         }
         let (mut now, mut solution) = (first.clone(), None);
@@ -130,7 +133,7 @@ impl Shape {
         })
     }
 
-    /// The parameters are the whole drift. The predictions contain the gaps in use already.
+    /// The parameters are the whole drift. The predictions already contain the gaps in use.
     fn problem(self, points: &[Point], scale: &[f64; MAX_MOTORS]) -> Problem {
         let rows = points.len();
         let mut features = DMatrix::zeros(self.outputs * rows, self.parameters());

@@ -1,6 +1,6 @@
 //! Robust least squares with a prior.
 //!
-//! Outliers: weights of Huber, iterated (P. J. Huber, "Robust Estimation of a Location Parameter",
+//! Outliers: Huber weights, iterated (P. J. Huber, "Robust Estimation of a Location Parameter",
 //! 1964). Rows of a rest with the autocorrelation `a` count as `(1 - a) / (1 + a)` independent
 //! ones.
 
@@ -10,15 +10,15 @@ use nalgebra::{DMatrix, DVector};
 /// Rounds of weighting.
 const ROUNDS: usize = 6;
 
-/// Residuals beyond so many deviations count less.
+/// Residuals beyond this many deviations count less.
 const HUBER: f64 = 1.5;
 
 /// The median of the absolute value of a normal variable, in its deviations.
 const NORMAL_MEDIAN: f64 = 0.6745;
 
-/// A share of independent rows is at least this: a rest that does not decay within a recording
-/// shows little of its end.
-const LEAST_INDEPENDENT: f64 = 0.002;
+/// Minimum share of independent rows: a rest that does not decay within a recording shows little of
+/// its end.
+const MIN_INDEPENDENT: f64 = 0.002;
 
 /// A linear problem: `target = features parameters + rest`.
 #[derive(Debug)]
@@ -77,18 +77,18 @@ pub(super) fn solve(problem: &Problem) -> Option<Solution> {
 }
 
 impl Problem {
-    /// By the autocorrelation from row to row, of the output where it is largest.
+    /// Share from the autocorrelation from row to row, of the output with the largest value.
     fn independent(&self, left: &DVector<f64>) -> f64 {
         let of_output = |rest: &[f64]| {
             let a = autocorrelation(rest).max(0.0);
             (1.0 - a) / (1.0 + a)
         };
         let outputs = left.as_slice().chunks(self.rows.max(1));
-        outputs.map(of_output).fold(1.0, f64::min).max(LEAST_INDEPENDENT)
+        outputs.map(of_output).fold(1.0, f64::min).max(MIN_INDEPENDENT)
     }
 }
 
-/// Correlation of values with the next ones; 0 where there are none.
+/// Correlation of values with the next ones; 0 if there are none.
 fn autocorrelation(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let about = |value: &f64| value - mean;

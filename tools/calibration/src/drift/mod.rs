@@ -9,8 +9,8 @@
 //! ```
 //!
 //! The gap acts through the memory of the model, so its regressor is the prediction of a memory
-//! with larger gaps, and the fit is repeated with the scale that it found. The rest of a model is
-//! alike from row to row; deviations count only as many rows as are independent.
+//! with larger gaps, and the fit is repeated with the resulting scale. The rest of a model is
+//! similar from row to row; deviations count only the independent rows.
 //!
 //! | file | contents |
 //! |---|---|
@@ -18,7 +18,7 @@
 //! | `least_squares` | the robust fit with a prior |
 //! | `estimate` | the drift and its uncertainty |
 //! | `verdict` | whether it is time for a new calibration |
-//! | `refine` | a new model from a calibration and what was recorded in use |
+//! | `refine` | a new model from a calibration and recordings in use |
 
 mod estimate;
 mod least_squares;

@@ -1,8 +1,8 @@
-//! A new model from a calibration and what was recorded in use since.
+//! A new model from a calibration and later recordings in use.
 //!
-//! A calibration covers the whole range; a trial stays where the work is, and there a camera has
-//! seen the snake too. Both are fitted together: the model gets better where it is used, and what
-//! the trial does not show stays as the calibration has it.
+//! A calibration covers the whole range. A trial stays in the working range, where a camera has
+//! measured the snake as well. Both are fitted together: the model improves where it is used, and
+//! the rest stays as calibrated.
 
 use i2ris::model::Model;
 
@@ -12,11 +12,11 @@ use crate::fit::{FitError, FitOptions, FitOutcome, fit};
 use crate::progress::Progress;
 use crate::recording::{MIN_ROWS, Recording};
 
-/// Of the use, what is held out at its end to see whether the refinement helps there.
+/// Share at the end of the use that is held out, to test whether the refinement helps.
 const HELD_OUT: f64 = 0.25;
 
 /// A mean error of the old model in use above this, deg (mm), and above [`ZERO_SHARE`] of its RMS
-/// error there, is another zero and not hysteresis, which has two signs.
+/// error there, is a shifted zero and not hysteresis, which has both signs.
 const ZERO: f64 = 0.5;
 const ZERO_SHARE: f64 = 0.8;
 
@@ -25,38 +25,38 @@ const ZERO_SHARE: f64 = 0.8;
 pub struct Refined {
     /// Fitted to all rows of both recordings.
     pub outcome: FitOutcome,
-    /// RMS length of the error of the old model and of one that has not seen the end of the use,
-    /// there.
+    /// RMS length of the error at the end of the use: of the old model, and of one that was not
+    /// fitted to this part.
     pub held_out: [f64; 2],
 }
 
-/// Why there is none.
+/// Why there is no new model.
 #[derive(Debug, thiserror::Error)]
 pub enum RefineError {
-    /// Not enough of it.
+    /// Not enough rows of the use.
     #[error("{rows} frames in use are too few, {MIN_ROWS} are needed; record a minute of motion")]
     Short {
         /// Rows of the use.
         rows: usize,
     },
-    /// The counts of the use have another zero.
+    /// The counts of the use have a different zero.
     #[error(
-        "the model is {0:.2} off in the mean over the use: that is another zero, not hysteresis. \
-         Was the robot homed anew? Home it where it was calibrated, or calibrate anew"
+        "mean error of the model in use is {0:.2}: the zero has shifted; this is not hysteresis. \
+         If the robot was homed again, home it at the pose of the calibration, or recalibrate"
     )]
     Zero(f64),
     /// The fit refuses the data.
     #[error(transparent)]
     Fit(#[from] FitError),
-    /// It would not be better.
+    /// The new model would not be better.
     #[error(
-        "with the first part of the use the model is no better on the rest of it: {old:.3} before, \
-         {new:.3} after; the old model stays"
+        "fitted with the first part of the use, the model is not better on the rest: {old:.3} \
+         before, {new:.3} after; the old model stays"
     )]
     NoBetter {
         /// RMS length of the error of the old model.
         old: f64,
-        /// Of the new one.
+        /// RMS length of the error of the new model.
         new: f64,
     },
 }

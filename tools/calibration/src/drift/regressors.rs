@@ -5,7 +5,7 @@ use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 use crate::recording::Recording;
 
-/// How much wider the gap is that a slope is taken to.
+/// Relative growth of the gap for a slope.
 const WIDER: f64 = 0.1;
 
 /// A row with known memory, in the unit of the recording.
@@ -13,7 +13,7 @@ const WIDER: f64 = 0.1;
 pub(super) struct Point {
     /// Index of the row.
     pub row: usize,
-    /// s, or the number of the row.
+    /// Time, s, or the number of the row.
     pub time_s: f64,
     pub measured: [f64; MAX_OUTPUTS],
     pub predicted: [f64; MAX_OUTPUTS],
@@ -21,8 +21,8 @@ pub(super) struct Point {
     pub slopes: [[f64; MAX_OUTPUTS]; MAX_MOTORS],
 }
 
-/// Rows from the first on with which the memory is known. Where it never is, all of them: the
-/// memory then starts from the middle, as in the controller.
+/// Rows with known memory. If it is never known, all rows: the memory then starts from the middle,
+/// as in the controller.
 pub(super) fn points(
     model: &Model,
     recording: &Recording,
@@ -44,7 +44,7 @@ pub(super) fn points(
             }
         }
         next = row.path_index + 1;
-        if first_known.is_none() && model.knows(&memory) {
+        if first_known.is_none() && model.is_memory_known(&memory) {
             first_known = Some(index);
         }
         let predicted = model.predict(&row.counts, &memory).mean;

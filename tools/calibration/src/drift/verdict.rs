@@ -1,4 +1,4 @@
-//! Whether it is time for a new calibration.
+//! The decision on a new calibration.
 
 use std::fmt;
 
@@ -8,20 +8,21 @@ use serde::Serialize;
 
 use super::estimate::{DriftEstimate, Value};
 
-/// What the drift costs below this is nothing, deg (mm).
+/// An effect of the drift below this is negligible, deg (mm).
 const NOTHING: f64 = 0.05;
 
-/// A model whose rest is this many times that of its calibration is not of this robot any more.
+/// If the rest of a model is this many times that of its calibration, the model no longer fits the
+/// robot.
 const WORSE: f64 = 1.5;
 
 /// A number differs from its calibration beyond this many deviations.
 const SIGNIFICANT: f64 = 3.0;
 
-/// Beyond this the shape of the model is not trusted: zero, deg (mm); gain; growth and loss of a
-/// gap. They are the budgets of the adaptation.
+/// Limits of a drift; beyond them the shape of the model is not trusted: zero, deg (mm); gain;
+/// growth and loss of a gap. They are the budgets of the adaptation.
 const FAR: [f64; 4] = [3.0, 0.2, 0.6, 0.3];
 
-/// What to do.
+/// Recommended action.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
@@ -34,7 +35,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Of a model with its drift.
+    /// The verdict on a model with its drift.
     #[must_use]
     pub fn new(model: &Model, drift: &DriftEstimate) -> Self {
         let [before, after] = drift.rms;
@@ -54,14 +55,15 @@ impl fmt::Display for Verdict {
         f.pad(match self {
             Self::Good => "the calibration holds",
             Self::Refine => {
-                "it has drifted: home it anew, or `i2ris calibrate fit` it with a trial"
+                "it has drifted: home the robot again, or `i2ris calibrate fit` it with a trial"
             }
-            Self::Calibrate => "it is time for a new calibration",
+            Self::Calibrate => "the robot needs a new calibration",
         })
     }
 }
 
-/// The error of a calibration on its own recording, held out where it was: the length over outputs.
+/// The error of a calibration on its own recording, on held-out rows if available: the length over
+/// outputs.
 pub(super) fn usual(metrics: &[OutputMetrics]) -> f64 {
     let square = |metrics: &OutputMetrics| {
         let fit = metrics.held_out.unwrap_or(metrics.training);

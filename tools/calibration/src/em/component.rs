@@ -1,4 +1,4 @@
-//! One Gaussian of a mixture: as EM estimates it, and as the density is computed from it.
+//! One Gaussian of a mixture: as estimated by EM, and as prepared for the density.
 
 use std::f64::consts::PI;
 
@@ -12,7 +12,7 @@ pub(super) struct Component<const N: usize> {
     pub covariance: SMatrix<f64, N, N>,
 }
 
-/// What the density needs, computed once per iteration.
+/// Precomputed terms of the density, once per iteration.
 #[derive(Debug, Clone)]
 pub(super) struct Prepared<const N: usize> {
     pub mean: [f64; N],

@@ -1,4 +1,4 @@
-//! Why there is no mixture.
+//! Errors of the mixture fit.
 
 /// Why no mixture could be fitted.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -17,20 +17,20 @@ pub enum EmError {
     },
     /// More parameters than rows.
     #[error(
-        "{rows} rows of {variables} variables carry at most {most} component(s), and {components} \
-         are asked for; record more or ask for fewer components"
+        "{rows} rows of {variables} variables support at most {most} component(s); \
+         {components} were requested; record more, or use fewer components"
     )]
     TooFewRows {
         /// Rows of the data.
         rows: usize,
         /// Columns of the data.
         variables: usize,
-        /// Components asked for.
+        /// Requested components.
         components: usize,
-        /// Components that would be possible.
+        /// Maximum number of components.
         most: usize,
     },
-    /// No start left a component.
+    /// No start kept a component.
     #[error(
         "no start left a component: the likelihood of these rows has no maximum; record more, or \
          regularise more"

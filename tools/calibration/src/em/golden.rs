@@ -105,7 +105,7 @@ fn a_converged_fit_is_scikit_learns() {
 }
 
 #[test]
-fn one_component_is_the_mean_and_the_covariance_of_the_data() {
+fn one_component_has_mean_and_covariance_of_the_data() {
     let data = plane();
     let fit = fit_mixture(&data, 1, &PLAIN, &Silent).unwrap();
     let x = DMatrix::from_row_iterator(60, 2, data.rows().flatten().copied());
@@ -116,7 +116,7 @@ fn one_component_is_the_mean_and_the_covariance_of_the_data() {
     assert_all_near(&fit.parameters.means[0], mean.as_slice(), 1e-14);
     let found = fit.parameters.covariances[0].concat();
     assert_all_near(&found, covariance.as_slice(), 1e-13);
-    // The closed form of the greatest log-likelihood of a Gaussian in two dimensions.
+    // The closed form of the maximum log-likelihood of a Gaussian in two dimensions.
     let greatest = -(2.0 * std::f64::consts::PI).ln() - 0.5 * covariance.determinant().ln() - 1.0;
     assert_all_near(&[fit.log_likelihood], &[greatest], 1e-13);
 }

@@ -10,12 +10,12 @@
 //! component that shrinks onto one row makes it infinite (J. Chen, X. Tan, "Inference for
 //! multivariate normal mixtures", Journal of Multivariate Analysis, 2009). Its maximisation step
 //! adds `P N/K` to the scatter of every component, so a component of average weight gets `P` added
-//! to its covariance, and the objective never falls, as it could if the covariances were only
-//! propped up after the step.
+//! to its covariance, and the objective never decreases, as it could if the covariances were only
+//! enlarged after the step.
 //!
-//! A component with fewer rows than span a shape **starves**: it would describe the prior. It
-//! starts again as one half of the component with the most rows, as often as there are components,
-//! and is left out after that.
+//! A component with too few rows for a shape **starves**: it would describe the prior. It is
+//! restarted as one half of the component with the most rows, at most as often as there are
+//! components, and is then removed.
 
 use nalgebra::SMatrix;
 
@@ -23,7 +23,7 @@ use super::component::{Component, Prepared};
 use super::pass::Pass;
 use super::samples::Samples;
 
-/// When to stop, and what keeps covariances from collapsing.
+/// Stopping rules, and the prior that keeps covariances from collapsing.
 #[derive(Debug, Clone)]
 pub(super) struct EmRules<const N: usize> {
     /// Stop when an iteration raises the objective by less, nats per row.
@@ -40,12 +40,12 @@ pub(super) struct EmResult<const N: usize> {
     pub mixture: Vec<Component<N>>,
     /// Mean log-likelihood per row, nats, in standardised variables, without the penalty.
     pub log_likelihood: f64,
-    /// The objective after every iteration since a component last started again.
+    /// The objective after every iteration since the last restart of a component.
     pub history: Vec<f64>,
     pub converged: bool,
-    /// Iterations in all.
+    /// Total number of iterations.
     iterations: usize,
-    /// How often components may still start again.
+    /// How many more times components may be restarted.
     fresh_starts: usize,
 }
 
@@ -90,7 +90,7 @@ pub(super) fn iterate<const N: usize>(
             let least = if is_steady || is_last { N as f64 + 1.0 } else { 1.0 };
             starved = pass.weights().position(|rows| rows < least);
             if starved.is_none() {
-                // The first pass after others looks again at where the last one ended.
+                // The first pass after others revisits the end of the last one.
                 result.history.push(objective);
                 result.converged = is_steady;
                 if is_steady || is_last {
@@ -109,8 +109,7 @@ pub(super) fn iterate<const N: usize>(
 }
 
 impl<const N: usize> EmResult<N> {
-    /// The component starts again as half of the heaviest one, or is left out. `None` if it is the
-    /// last.
+    /// Restarts the component as half of the heaviest one, or removes it. `None` if it is the last.
     fn start_again(&mut self, starved: usize, rules: &EmRules<N>) -> Option<()> {
         self.mixture.swap_remove(starved);
         self.history.clear();
@@ -120,7 +119,7 @@ impl<const N: usize> EmResult<N> {
             self.fresh_starts -= 1;
             heaviest.weight *= 0.5;
             let mut half = heaviest.clone();
-            // A point of its ellipse: where the variable that varies most is largest.
+            // A point of its ellipse: the maximum of the variable with the largest variance.
             let widest = heaviest.covariance.diagonal().imax();
             let width = heaviest.covariance[(widest, widest)].sqrt();
             let apart = heaviest.covariance.column(widest) * (0.5 / width);

@@ -76,8 +76,8 @@ impl<const N: usize> Clusters<N> {
         changed
     }
 
-    /// Weight, mean and covariance of every cluster. One that is too small to have a shape of its
-    /// own takes the mean shape of all clusters.
+    /// Weight, mean and covariance of every cluster. A cluster too small for its own shape takes
+    /// the mean shape of all clusters.
     fn gaussians(
         &self,
         points: &[SVector<f64, N>],
@@ -102,8 +102,8 @@ impl<const N: usize> Clusters<N> {
     }
 }
 
-/// The index whose share of the cumulated `weights` holds `fraction`, 0 to 1; `None` when all
-/// weights are 0.
+/// The index whose share of the cumulated `weights` holds `fraction`, 0 to 1; `None` if all weights
+/// are 0.
 fn draw(weights: &[f64], fraction: f64) -> Option<usize> {
     let mut left = fraction * weights.iter().sum::<f64>();
     let mut last = None;

@@ -20,7 +20,7 @@ pub fn free_parameters(components: usize, variables: usize) -> usize {
     components * (1 + variables + variables * (variables + 1) / 2) - 1
 }
 
-/// The most components that so many rows can carry: no more free parameters than rows.
+/// Maximum number of components for the given rows: no more free parameters than rows.
 #[must_use]
 pub fn most_components(rows: usize, variables: usize) -> usize {
     (rows + 1) / (free_parameters(1, variables) + 1)
@@ -28,8 +28,8 @@ pub fn most_components(rows: usize, variables: usize) -> usize {
 
 /// Bayesian information criterion `p ln N - 2 ln L` with `p` free parameters, `N` rows and the
 /// likelihood `L` of all of them: the lower the better (G. Schwarz, "Estimating the dimension of a
-/// model", Annals of Statistics, 1978). It takes rows for independent; neighbouring rows of a slow
-/// motion are not, so it errs towards too many components.
+/// model", Annals of Statistics, 1978). It assumes independent rows; neighbouring rows of a slow
+/// motion are not, so it favours too many components.
 #[must_use]
 pub fn bic(log_likelihood: f64, rows: usize, components: usize, variables: usize) -> f64 {
     let rows = rows as f64;

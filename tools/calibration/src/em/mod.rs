@@ -14,12 +14,12 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `error` | why nothing could be fitted |
+//! | `error` | errors of the fit |
 //! | `mixture` | a fitted mixture; its criterion and number of parameters |
 //! | `samples` | the data, standardised, in blocks |
 //! | `component` | one Gaussian: as estimated, and prepared for its density |
 //! | `pass` | one pass over the data: responsibilities, likelihood, moments |
-//! | `iteration` | iterations until convergence; the objective that never falls |
+//! | `iteration` | iterations until convergence; the objective that never decreases |
 //! | `k_means` | k-means++ starts |
 //! | `restarts` | options; all starts, and the best of them |
 

@@ -1,5 +1,4 @@
-//! One pass over the data: responsibilities, log-likelihood and the sums that the next estimate
-//! needs.
+//! One pass over the data: responsibilities, log-likelihood and the sums for the next estimate.
 //!
 //! Sources: A. P. Dempster, N. M. Laird, D. B. Rubin, "Maximum likelihood from incomplete data via
 //! the EM algorithm", 1977; C. M. Bishop, "Pattern Recognition and Machine Learning", 2006, section
@@ -115,7 +114,7 @@ impl<const N: usize> Pass<N> {
         self.moments.iter().map(WeightedMoments::total)
     }
 
-    /// The next estimate, from the sums that the last [`Pass::run`] with `mixture` left.
+    /// The next estimate, from the sums of the last [`Pass::run`] with `mixture`.
     pub fn maximise(
         &self,
         mixture: &[Prepared<N>],

@@ -48,7 +48,7 @@ fn the_best_of_the_restarts_wins() {
 }
 
 #[test]
-fn rows_without_a_density_are_refused_and_a_little_regularisation_gives_them_one() {
+fn regularisation_gives_degenerate_rows_a_density() {
     // Points on a line have no density in the plane.
     let data = DataTable::from_rows(2, (0..50).map(|i| [f64::from(i), 2.0 * f64::from(i)]));
     let error = fit_mixture(&data, 2, &PLAIN, &Silent).unwrap_err();
@@ -59,7 +59,7 @@ fn rows_without_a_density_are_refused_and_a_little_regularisation_gives_them_one
 
 /// Three clusters of which two have two rows each: no shape in the plane.
 #[test]
-fn a_component_that_starves_starts_again_or_is_left_out_and_the_start_goes_on() {
+fn a_starving_component_is_restarted_or_removed() {
     let spread = |i: u32| [f64::from(i % 10), f64::from(i / 10)];
     let far = [[100.0, 0.0], [100.1, 0.0], [0.0, 100.0], [0.1, 100.0]];
     let data = DataTable::from_rows(2, (0..100).map(spread).chain(far));
@@ -82,8 +82,8 @@ fn data_that_cannot_be_fitted_are_refused_with_the_reason() {
     let wide = DataTable::from_rows(8, [[0.0; 8]; 100]);
     let hole = DataTable::from_rows(2, [[0.0, 1.0], [1.0, f64::NAN]]);
     for (data, components, reason) in [
-        (&plane(), 11, "60 rows of 2 variables carry at most 10 component(s), and 11 are"),
-        (&plane(), 0, "carry at most 10 component(s), and 0 are"),
+        (&plane(), 11, "60 rows of 2 variables support at most 10 component(s); 11 were"),
+        (&plane(), 0, "support at most 10 component(s); 0 were"),
         (&wide, 1, "2 to 6 variables, and the data have 8"),
         (&hole, 1, "row 1 of the data holds a number that is not finite"),
     ] {
@@ -109,7 +109,7 @@ fn check_mixture(mixture: &MixtureParameters) {
     }
 }
 
-/// Rows on a bent sheet with some noise.
+/// Rows on a bent sheet with noise.
 fn rows() -> impl Strategy<Value = Vec<[f64; 3]>> {
     let row = (-300.0..300.0, -1.0..1.0, -1.0..1.0_f64);
     let bent = |(count, noise, other): (f64, f64, f64)| {

@@ -1,9 +1,9 @@
 //! All starts of a mixture on all cores, and the best of them.
 //!
-//! Every start goes on until it converges: after a few iterations it cannot be told which of them
-//! ends best, on rows where the motors rest for long least of all. Every start has its own stream of
-//! random numbers and is computed by one thread, and starts are compared in a fixed order: the result
-//! does not depend on the number of threads.
+//! Every start runs until it converges: a few iterations do not show which start ends best, least
+//! of all on rows with long rests of the motors. Every start has its own stream of random numbers
+//! and is computed by one thread, and starts are compared in a fixed order: the result does not
+//! depend on the number of threads.
 
 use i2ris::model::MAX_COMPONENTS;
 use i2ris::model::file::MixtureParameters;
@@ -20,7 +20,7 @@ use crate::parallel;
 use crate::progress::Progress;
 use crate::table::DataTable;
 
-/// How to fit a mixture.
+/// Options of a mixture fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EmOptions {
     /// Random starts per number of components, at least 1. The best one wins.
@@ -30,10 +30,10 @@ pub struct EmOptions {
     /// Iterations have converged when one raises the mean log-likelihood per row by less,
     /// nats.
     pub tolerance: f64,
-    /// Most iterations from a start.
+    /// Maximum number of iterations from a start.
     pub max_iterations: usize,
-    /// Part of the variance of each variable that a component of average weight gets added to its
-    /// covariance. It keeps covariances positive definite.
+    /// Part of each variable's variance that is added to the covariance of a component of average
+    /// weight. It keeps covariances positive definite.
     pub regularisation: f64,
 }
 
@@ -43,7 +43,7 @@ impl Default for EmOptions {
     }
 }
 
-/// Fits a mixture of `components` Gaussians to the rows of `data`, or of as many as find rows.
+/// Fits a mixture of `components` Gaussians to the rows of `data`, or of as many as get rows.
 ///
 /// # Errors
 ///
@@ -104,7 +104,7 @@ fn rules<const N: usize>(options: &EmOptions) -> EmRules<N> {
     }
 }
 
-/// The random numbers of one start, independent of those of every other start.
+/// Random numbers of one start, independent of those of all other starts.
 fn stream(seed: u64, components: usize, number: usize) -> Pcg64 {
     let stream = (components as u128) << 64 | number as u128;
     Pcg64::new(u128::from(seed), stream)
@@ -124,7 +124,7 @@ fn best<const N: usize>(
     })
 }
 
-/// Back to the units of the data, heaviest component first.
+/// Converts back to the units of the data, heaviest component first.
 pub(super) fn parameters<const N: usize>(
     mixture: &[Component<N>],
     scaling: &Scaling<N>,

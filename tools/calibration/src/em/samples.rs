@@ -36,8 +36,8 @@ impl<const N: usize> Scaling<N> {
         Self { mean, deviation }
     }
 
-    /// The log-density of a row less that of the standardised row: the logarithm of the Jacobian of
-    /// the change of variables.
+    /// Log-density of a row minus that of the standardised row: the log-Jacobian of the change of
+    /// variables.
     pub fn log_jacobian(&self) -> f64 {
         -self.deviation.iter().map(|deviation| deviation.ln()).sum::<f64>()
     }

@@ -3,9 +3,9 @@
 //! | file | contents |
 //! |---|---|
 //! | `operator_trace` | hysteresis operators along the path of a series |
-//! | `chain` | regression and residual behind a hysteresis operator |
-//! | `force_balance` | gear, wires, spring and friction in a balance of forces |
-//! | `play_mechanism` | what plays say of the robot |
+//! | `chain` | regression and residual after a hysteresis operator |
+//! | `force_balance` | force balance of gear, wires, spring and friction |
+//! | `play_mechanism` | mechanism properties derived from plays |
 //! | `play` | play operators |
 
 pub mod chain;

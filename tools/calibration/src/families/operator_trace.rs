@@ -25,20 +25,20 @@ pub struct TracePoint {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UnknownMemory {
     /// They are left out, unless that leaves less than half of the samples, or a smaller region of
-    /// the motors: a model of short recordings would not reach where the motors have been.
+    /// the motors: a model of short recordings would not cover the full motor range.
     LeaveOut,
     /// They are kept.
     Keep,
 }
 
-/// What is left has to cover so much of the range of every motor.
-const LEAST_COVERAGE: f64 = 0.9;
+/// Minimum part of every motor's range that the remaining samples must cover.
+const MIN_COVERAGE: f64 = 0.9;
 
 /// Runs play operators along the path.
 ///
 /// # Errors
 ///
-/// When the operator is refused.
+/// The operator is refused.
 pub fn trace_plays(
     series: &Series,
     plays: &PlayParameters,
@@ -73,7 +73,7 @@ fn trace<O: Operator<D>, const D: usize>(
         let (lags, outputs) = (operator.lags(&state), sample.outputs);
         points.push(TracePoint { virtual_counts, lags, outputs });
     }
-    let known = series.covered_from(&operator.wipe_counts());
+    let known = series.covered_from(&operator.conditioning_range());
     let before = series.samples().partition_point(|sample| sample.path_index < known);
     let can_leave_out = 2 * before <= points.len() && covers(series, before);
     if unknown == UnknownMemory::LeaveOut && can_leave_out {
@@ -82,7 +82,7 @@ fn trace<O: Operator<D>, const D: usize>(
     points
 }
 
-/// Whether the samples without the first ones cover about the same region.
+/// Whether the samples without the first ones cover almost the same region.
 fn covers(series: &Series, first: usize) -> bool {
     let range = |samples: &[Sample], motor: usize| {
         let counts = samples.iter().map(|sample| series.counts(sample)[motor]);
@@ -90,11 +90,11 @@ fn covers(series: &Series, first: usize) -> bool {
         high - low
     };
     let (all, rest) = (series.samples(), &series.samples()[first..]);
-    (0..series.motors()).all(|motor| range(rest, motor) >= LEAST_COVERAGE * range(all, motor))
+    (0..series.motors()).all(|motor| range(rest, motor) >= MIN_COVERAGE * range(all, motor))
 }
 
 /// A row of residual features per sample: monomials of the scaled counts up to the first degree,
-/// then each of `lags` lags times the monomials up to the second degree. `row` gives the scaled
+/// then each of `lags` lags times the monomials up to the second degree. `row` returns the scaled
 /// counts and the lags of a sample.
 pub(crate) fn feature_matrix(
     motors: usize,

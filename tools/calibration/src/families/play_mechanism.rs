@@ -1,4 +1,4 @@
-//! Properties of the mechanism that fitted plays show.
+//! Properties of the mechanism, derived from fitted plays.
 
 use std::fmt;
 
@@ -13,34 +13,32 @@ use crate::table::DataTable;
 pub struct PlayMechanism {
     /// One per motor.
     pub motors: Vec<PlayMotor>,
-    /// How far the axes of two motors are turned against those of two outputs, deg,
-    /// counter-clockwise, -180...180: 0 if motor 0 moves output 0 upwards and motor 1 output 1,
-    /// whatever the direction of the latter.
+    /// Rotation of the axes of two motors against those of two outputs, deg, counter-clockwise,
+    /// -180...180: 0 if motor 0 moves output 0 upwards and motor 1 output 1, in either direction.
     pub rotation_deg: Option<f64>,
 }
 
 /// Properties of one motor. Outputs are in the unit of the recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlayMotor {
-    /// How far one virtual count moves the outputs: the length of their change.
+    /// Motion of the outputs per virtual count: the length of their change.
     pub gain: f64,
-    /// How far the motor goes back at a turning point before the outputs follow at half their rate
-    /// or more, counts.
+    /// Travel after a turning point until the outputs follow at half their rate or more, counts.
     pub gap_counts: f64,
-    /// The same as a movement of the outputs that is lost.
+    /// The gap as lost motion of the outputs.
     pub gap: f64,
-    /// Distance of the two branches of a loop over the whole range, counts.
+    /// Distance between the two branches of a loop over the whole range, counts.
     pub loop_counts: f64,
-    /// The same, of the outputs.
+    /// The same distance in the outputs.
     pub loop_width: f64,
 }
 
 impl PlayMechanism {
-    /// From plays with the virtual counts of all samples and their outputs.
+    /// Derives the properties from plays, the virtual counts of all samples and their outputs.
     ///
     /// # Errors
     ///
-    /// When virtual counts do not span their space.
+    /// The virtual counts do not span their space.
     pub fn new(
         plays: &PlayParameters,
         virtual_counts: &DataTable,
@@ -88,7 +86,7 @@ fn weighted_mean(thresholds: &[f64], weights: &[f64]) -> f64 {
     pairs.map(|(threshold, weight)| threshold * weight).sum()
 }
 
-/// The least threshold at which the weights up to it reach one half.
+/// The smallest threshold at which the weights up to it reach one half.
 fn weighted_median(thresholds: &[f64], weights: &[f64]) -> f64 {
     let mut sum = 0.0;
     let reached = thresholds.iter().zip(weights).find(|(_, weight)| {
@@ -98,8 +96,7 @@ fn weighted_median(thresholds: &[f64], weights: &[f64]) -> f64 {
     reached.map_or(0.0, |(threshold, _)| *threshold)
 }
 
-/// The rotation nearest to two by two slopes, in the sense of least squares, after a mirror if they
-/// need one.
+/// The least-squares rotation closest to two by two slopes, after a mirror if they need one.
 fn rotation(slopes: &[Vec<f64>]) -> Option<f64> {
     let [pitch, yaw] = slopes else { return None };
     let ([a, b], [c, d]) = (pitch.as_slice(), yaw.as_slice()) else {
@@ -124,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rotation_of_the_axes_is_found_also_through_a_mirror() {
+    fn axis_rotation_is_found_through_a_mirror() {
         let (sin, cos) = 30.0_f64.to_radians().sin_cos();
         let turned = rotation(&[vec![2.0 * cos, -2.0 * sin], vec![2.0 * sin, 2.0 * cos]]);
         let mirrored = rotation(&[vec![cos, sin], vec![sin, -cos]]);

@@ -21,17 +21,17 @@ use crate::regression::linear::{LinearFit, fit_linear};
 use crate::series::Series;
 use crate::table::DataTable;
 
-/// More rows add hardly anything and take time and memory: of longer recordings every second,
-/// third, ... row is used. The path of the motors stays whole.
-const MOST_ROWS: usize = 20_000;
+/// Maximum number of rows used; more rows hardly improve the fit and take time and memory: of
+/// longer recordings every second, third, ... row is used. The path of the motors stays whole.
+const MAX_ROWS: usize = 20_000;
 
-/// Fits models to a recording: looks for spikes, holds rows out, fits, checks as the controller
-/// checks, and measures.
+/// Fits models to a recording: finds spikes, holds rows out, fits, checks like the controller, and
+/// measures.
 ///
 /// # Errors
 ///
-/// When the recording does not determine a model, or the model that was asked for is refused; see
-/// [`FitError`]. With [`Choice::Best`], families that fail are in the outcome.
+/// The recording does not determine a model, or the requested model is refused; see [`FitError`].
+/// With [`Choice::Best`], families that fail are in the outcome.
 pub fn fit(
     recording: &Recording,
     options: &FitOptions,
@@ -43,7 +43,7 @@ pub fn fit(
         return Err(FitError::NothingToChooseBy);
     }
     let usable = |row: &usize| options.spikes.keep || !quality.is_flagged(*row);
-    let every = split.training().count().div_ceil(MOST_ROWS).max(1);
+    let every = split.training().count().div_ceil(MAX_ROWS).max(1);
     let training: Vec<usize> = split.training().filter(usable).step_by(every).collect();
     outputs_change(recording, &training)?;
     let data = TrainingData::new(recording, training)?;
@@ -97,14 +97,14 @@ pub fn fit(
     })
 }
 
-/// What every model takes from a recording, whoever fits it.
+/// Input of every model from a recording.
 pub(super) struct Training<'a> {
     pub context: FileContext<'a>,
     /// The affine model of the rows used for training.
     pub straight: &'a LinearFit,
 }
 
-/// Prepares the rows of a recording, and makes a model of them.
+/// Prepares the rows of a recording, and fits a model to them.
 pub(super) fn training<T>(
     recording: &Recording,
     options: &FitOptions,
@@ -119,8 +119,8 @@ pub(super) fn training<T>(
     make(Training { context: data.context(&quality, &split, options), straight: &data.straight })
 }
 
-/// A balance of forces of some rows, for what a recording alone tells; from parameters `known` of
-/// most of the same rows without a search. `None` where that gives no model.
+/// A force-balance model of some rows, for properties of the recording alone; from parameters
+/// `known` of most of the same rows without a search. `None` if that gives no model.
 pub(super) fn balance_of(
     recording: &Recording,
     rows: Vec<usize>,
@@ -142,7 +142,7 @@ struct Parts {
     total: f64,
 }
 
-/// What the fit to all rows takes of the usual duration.
+/// Share of the usual duration for the fit to all rows.
 const REFIT: f64 = 4.0;
 
 impl Parts {
@@ -166,7 +166,7 @@ impl Parts {
     }
 }
 
-/// Why a model is worthless: on the rows held out it does worse than a constant.
+/// Why a model is worthless: on the held-out rows it is worse than a constant.
 fn doubt(model: &Model) -> Option<String> {
     let file = model.file();
     let mut measured = file.outputs.iter().zip(&file.metrics);
@@ -179,7 +179,7 @@ fn doubt(model: &Model) -> Option<String> {
     })
 }
 
-/// The model with the mark that the controller looks for.
+/// The model with the flag for the controller.
 fn marked(model: Arc<Model>, doubt: Option<String>) -> Arc<Model> {
     if doubt.is_none() {
         return model;
@@ -189,7 +189,7 @@ fn marked(model: Arc<Model>, doubt: Option<String>) -> Arc<Model> {
     Model::from_file(file).map_or(model, Arc::new)
 }
 
-/// The rows of a fit, and what all families take from them.
+/// The rows of a fit, and the common input of all families.
 struct TrainingData<'a> {
     recording: &'a Recording,
     rows: Vec<usize>,
@@ -254,8 +254,8 @@ impl<'a> TrainingData<'a> {
     }
 }
 
-/// The chosen family, fitted to all rows: the rows held out have done their work. The metrics on
-/// them stay those of the fit that had not seen them. `None` where that gives no model.
+/// The chosen family, fitted to all rows, because the held-out rows are no longer needed. Their
+/// metrics stay those of the fit that had not seen them. `None` if that gives no model.
 fn refit(
     recording: &Recording,
     rows: Vec<usize>,
@@ -273,7 +273,7 @@ fn refit(
     fitter.known = Some(&judged.file().family);
     let mut refined = fitter.attempt(family).result;
     if refined.is_err() {
-        // What was chosen for most of the rows does not suit all of them.
+        // The choice for most of the rows does not suit all rows.
         fitter.known = None;
         refined = fitter.attempt(family).result;
     }
@@ -291,7 +291,7 @@ fn refit(
     Model::from_file(file).ok()
 }
 
-/// The affine model, the family and model to take, and why. An error where there is none.
+/// The affine model, the chosen family and model, and the scores. An error if there is none.
 type Choosing = (Arc<Model>, Family, Arc<Model>, Vec<Score>);
 
 fn choose(

@@ -1,4 +1,4 @@
-//! Why there is no model.
+//! Errors of a fit.
 
 use std::error::Error;
 
@@ -15,22 +15,22 @@ use crate::regression::linear::LinearError;
 /// Why there is no model.
 #[derive(Debug, thiserror::Error)]
 pub enum FitError {
-    /// Too much is held out.
+    /// Too many rows are held out.
     #[error(transparent)]
     Split(#[from] SplitError),
     /// The motors do not span their space.
     #[error(transparent)]
     Linear(#[from] LinearError),
-    /// A network that was trained elsewhere.
+    /// A network trained elsewhere is refused.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// An output that never changes.
+    /// An output never changes.
     #[error(
-        "output `{output}` does not change in the rows used for training; record motion of it, or \
-         hold out others"
+        "output `{output}` does not change in the rows used for training; record motion that \
+         changes it, or hold out other rows"
     )]
     Constant {
-        /// Its name.
+        /// Name of the output.
         output: String,
     },
     /// No mixture.
@@ -41,7 +41,7 @@ pub enum FitError {
     Family {
         /// The family.
         family: Family,
-        /// Why.
+        /// Cause.
         source: Box<dyn Error + Send + Sync>,
     },
     /// The mixture is flat somewhere.
@@ -50,31 +50,31 @@ pub enum FitError {
     /// The recording cannot show hysteresis, and the family needs it.
     #[error("{0}")]
     NoHysteresis(Finding),
-    /// On the rows it was fitted to, the model is worse than a straight line.
+    /// On its training rows, the model is worse than a straight line.
     #[error(
-        "on the rows used for training its error is {rms:.3} where a straight line has \
+        "on the training rows its error is {rms:.3}, that of a straight line \
          {linear_rms:.3}; take `linear`, or record motion with reversals of many sizes"
     )]
     WorseThanLinear {
         /// RMS length of its error, in the unit of the outputs.
         rms: f64,
-        /// Of the straight line.
+        /// RMS length of the error of the straight line.
         linear_rms: f64,
     },
-    /// On rows held out the model is worse than the mean of the measurements.
+    /// On held-out rows the model is worse than the mean of the measurements.
     #[error(
         "the model of family `{family}` is worthless: {doubt}; record motion with reversals of \
-         many sizes of both motors, or write it all the same, marked, with --force"
+         many sizes of both motors, or use --force to write it with a mark"
     )]
     Worthless {
         /// The family.
         family: Family,
-        /// Why.
+        /// Cause.
         doubt: String,
     },
-    /// Nothing is held out to choose by.
+    /// No rows are held out for the choice.
     #[error(
-        "choosing the best family takes rows held out; name a family with --family, or hold \
+        "choosing the best family needs held-out rows; name a family with --family, or hold \
          something out"
     )]
     NothingToChooseBy,
@@ -83,7 +83,7 @@ pub enum FitError {
     Refused {
         /// The family.
         family: Family,
-        /// Why.
+        /// Cause.
         source: Box<ModelError>,
     },
 }

@@ -1,4 +1,4 @@
-//! What families are judged by: rows whose state is known.
+//! Evidence for judging families: rows with known state.
 
 use std::ops::Range;
 
@@ -9,35 +9,34 @@ use super::split::Split;
 use crate::recording::Recording;
 use crate::series::{Series, blocks};
 
-/// The part of its range that every motor has to cover before rows are judged.
-const LEAST_COVERED: f64 = 0.5;
+/// Minimum part of its range that every motor must cover before rows are judged.
+const MIN_COVERED: f64 = 0.5;
 
-/// A single block held out is cut into so many, for the spread.
+/// Number of pieces of a single held-out block, for the spread.
 const PIECES: usize = 5;
 
-/// What families are judged by.
+/// Evidence for judging families.
 pub(super) struct Evidence<'a> {
     pub recording: &'a Recording,
-    /// The rows held out, in blocks.
+    /// The held-out rows, in blocks.
     pub rows: &'a [Vec<usize>],
     /// RMS length of the noise of the measurement, SI units; 0 where it is not known.
     pub noise: f64,
 }
 
-/// The first row whose state is known: where the motors have covered some range. Before, nobody
-/// knows where in its loops the snake is, and an error says nothing about a model.
+/// The first row with known state: after the motors have covered some range. Before, the position
+/// of the snake in its loops is unknown, so an error does not judge a model.
 pub(super) fn known_from(recording: &Recording) -> usize {
     let series = Series::whole(recording);
     let ranges = std::array::from_fn(|motor| {
         let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
-        LEAST_COVERED * (high - low)
+        MIN_COVERED * (high - low)
     });
     let covered = series.covered_from(&ranges);
     recording.rows().partition_point(|row| row.path_index < covered)
 }
 
-/// The rows held out that families are judged by, in blocks: those that are usable and whose state
-/// is known.
+/// The held-out rows for judging families, in blocks: usable rows with known state.
 pub(super) fn judged_rows(
     split: &Split,
     known: usize,
@@ -57,7 +56,7 @@ pub(super) fn judged_rows(
     }
 }
 
-/// Of every block, the mean square length of the errors of predictions at every row, in SI units.
+/// For every block, the mean square error of predictions at every row, in SI units.
 pub(super) fn block_errors(
     predicted: &[[f64; MAX_OUTPUTS]],
     recording: &Recording,
@@ -74,7 +73,7 @@ pub(super) fn block_errors(
     blocks.iter().map(mean).collect()
 }
 
-/// RMS over blocks of about the same length.
+/// RMS over blocks of similar length.
 pub(super) fn rms(blocks: &[f64]) -> f64 {
     let error = (blocks.iter().sum::<f64>() / blocks.len() as f64).sqrt();
     if error.is_finite() { error } else { f64::MAX }

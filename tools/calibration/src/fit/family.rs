@@ -1,4 +1,4 @@
-//! Names of the families of models, and the choice among them.
+//! Names of the model families, and the choice among them.
 
 use std::fmt;
 use std::str::FromStr;
@@ -12,7 +12,7 @@ pub enum Family {
     Gmr,
     /// Play operators, then Gaussian mixture regression and a residual.
     GmrPlay,
-    /// A balance of forces between gear, wires, spring and friction, then a polynomial.
+    /// Force balance of gear, wires, spring and friction, then a polynomial.
     ForceBalance,
 }
 
@@ -28,7 +28,7 @@ impl fmt::Display for Family {
 }
 
 impl Family {
-    /// All of them, the simplest first. Of two that do equally well the choice takes the first.
+    /// All families, the simplest first. Of two equally good families the first is chosen.
     pub const ALL: [Self; 4] = [Self::Linear, Self::Gmr, Self::GmrPlay, Self::ForceBalance];
 
     /// How long a fit usually takes, relative to the other families.
@@ -48,9 +48,9 @@ impl Family {
     }
 }
 
-/// Text that names no family.
+/// A text that does not name a family.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{found}` is no family of models: there are {}", names())]
+#[error("`{found}` is not a model family: use one of {}", names())]
 pub struct ParseFamilyError {
     found: String,
 }
@@ -70,12 +70,12 @@ impl FromStr for Family {
     }
 }
 
-/// Which families are fitted, and which of them is taken.
+/// Families to fit, and rule of choice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
-    /// All of them; the one with the least error on the rows held out.
+    /// All families; the one with the smallest error on the held-out rows is chosen.
     Best,
-    /// One of them, and `linear` to compare with.
+    /// One family, and `linear` for comparison.
     One(Family),
 }
 

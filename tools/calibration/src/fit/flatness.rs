@@ -1,13 +1,12 @@
 //! Models that are flat where the robot is not.
 //!
-//! Where a regression has little slope in some direction of motor space, its inverse takes large
+//! Where a regression has a small slope in some direction of motor space, its inverse takes large
 //! steps for small goals. A mixture with too many components gets such places between its data. But
 //! a snake may be slack around its straight pose, and then a flat model is correct. Hence the rule:
-//! a position is **too flat** when the least slope of the model is below [`LEAST_SHARE`] of that of
-//! the affine model, and the rows recorded around it do not agree: there are too few, or a local
-//! affine regression has more than twice that slope in the direction in question, beyond its
-//! uncertainty. A loop of hysteresis widens that uncertainty, as it should: its branches are slack
-//! at different counts.
+//! a position is **too flat** if the smallest slope of the model is below [`MIN_SHARE`] of that of
+//! the affine model, and the rows around it do not agree: there are too few, or a local affine
+//! regression has more than twice that slope in that direction, beyond its uncertainty. A
+//! hysteresis loop correctly widens that uncertainty: its branches are slack at different counts.
 
 use std::fmt;
 
@@ -19,33 +18,32 @@ use crate::regression::linear::LinearFit;
 use crate::table::DataTable;
 use i2ris_report::statistics::min_max;
 
-/// The least slope, as a part of that of the affine model, that a model may have where no rows show
-/// less. The fit of the laboratory's ring with three components has a tenth between its data, that
-/// with two components half; mixtures over the echo probe, with its slack zone, have a fifth or
-/// more.
-pub const LEAST_SHARE: f64 = 0.2;
+/// Minimum slope of a model, as a part of the affine model's slope, if no rows show a smaller one.
+/// The fit of the laboratory's ring with three components has a tenth between its data, with two
+/// components half; mixtures over the echo probe, with its slack zone, have a fifth or more.
+pub const MIN_SHARE: f64 = 0.2;
 
 /// Positions along each motor's range.
 const STEPS: usize = 25;
 
-/// Width of the region around a place whose rows count, as a part of each motor's range: well below
-/// that of a slack zone.
+/// Width of the region of rows around a place, as a part of each motor's range: well below a slack
+/// zone.
 const WIDTH: f64 = 0.03;
 
-/// Rows that a local regression takes, per number that it finds.
+/// Rows of a local regression per parameter.
 const ROWS_PER_NUMBER: f64 = 5.0;
 
-/// Standard errors that a local slope may be off.
+/// Tolerance of a local slope, in standard errors.
 const STANDARD_ERRORS: f64 = 2.0;
 
 /// A position at which a model is flat and the recording does not show it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlatSpot {
-    /// Where, counts, one per motor.
+    /// Position, counts, one per motor.
     pub counts: Vec<f64>,
-    /// What a count in the flattest direction moves the outputs there, in their unit.
+    /// Motion of the outputs per count in the flattest direction, in their unit.
     pub slope: f64,
-    /// The same of the affine model.
+    /// The same for the affine model.
     pub straight: f64,
 }
 
@@ -54,14 +52,14 @@ impl fmt::Display for FlatSpot {
         let Self { counts, slope, straight } = self;
         write!(
             f,
-            "it is nearly flat at counts {counts:.0?}, {slope:.2e} per count in one direction \
-             where a straight model has {straight:.2e}, and the rows around do not show that"
+            "it is nearly flat at counts {counts:.0?}: {slope:.2e} per count in one direction, \
+             but {straight:.2e} in a straight model, and the rows around it do not confirm that"
         )
     }
 }
 
-/// The flattest place of a model that the rows it was fitted to do not show, if there is one. Of a
-/// model with memory, without any.
+/// The flattest place of a model that its rows do not show, if any. Models with memory are
+/// evaluated without it.
 #[must_use]
 pub fn flat_spot(
     model: &Model,
@@ -95,8 +93,8 @@ fn find(
     let (straight, _) = flattest(gain)?;
     let flat = |counts: MotorVec| {
         let (slope, direction) = flattest(slope(&counts))?;
-        let suspicious = slope < LEAST_SHARE * straight;
-        let shown = || rows.show_at_most(2.0 * LEAST_SHARE * straight, &counts, &direction);
+        let suspicious = slope < MIN_SHARE * straight;
+        let shown = || rows.show_at_most(2.0 * MIN_SHARE * straight, &counts, &direction);
         (suspicious && !shown()).then(|| FlatSpot {
             counts: counts.iter().take(rows.motors()).copied().collect(),
             slope,
@@ -107,8 +105,8 @@ fn find(
     spots.min_by(|a, b| a.slope.total_cmp(&b.slope))
 }
 
-/// The least singular value of a slope, and its direction in motor space; with fewer outputs than
-/// motors, of the directions that move anything.
+/// The smallest singular value of a slope, and its direction in motor space; with fewer outputs
+/// than motors, among the directions that move anything.
 fn flattest(slope: DMatrix<f64>) -> Option<(f64, DVector<f64>)> {
     let svd = slope.svd(false, true);
     let directions = svd.v_t?;
@@ -135,7 +133,7 @@ fn positions(hull: &Hull, motors: usize) -> Vec<MotorVec> {
     lattice.filter(|counts| hull.contains(counts)).collect()
 }
 
-/// What was recorded, and how wide a region around a place is, counts.
+/// The recorded rows, and the width of the region around a place, counts.
 struct Rows<'a> {
     inputs: &'a DataTable,
     outputs: &'a DataTable,
@@ -156,8 +154,8 @@ impl<'a> Rows<'a> {
     }
 
     /// Whether there are rows at a place, or up to two widths off in a direction, that agree with a
-    /// count in that direction moving the outputs by at most so much. At the edge of a slack zone
-    /// half of the rows around are beyond it.
+    /// motion of the outputs by at most `slope` per count in that direction. At the edge of a slack
+    /// zone half of the rows around it are beyond it.
     fn show_at_most(&self, slope: f64, counts: &MotorVec, direction: &DVector<f64>) -> bool {
         (-2..=2).any(|steps| {
             let mut near = *counts;
@@ -169,8 +167,8 @@ impl<'a> Rows<'a> {
         })
     }
 
-    /// The least that the rows around a place let a count in a direction move the outputs. `None`
-    /// where they are too few.
+    /// The smallest slope in a direction that the rows around a place allow. `None` if there are
+    /// too few.
     fn least_slope(&self, counts: &MotorVec, direction: &DVector<f64>) -> Option<f64> {
         let numbers = self.motors() + 1;
         let zeros = || DMatrix::zeros(numbers, numbers);
@@ -230,8 +228,8 @@ mod tests {
         0.05 * counts
     }
 
-    /// The flattest spot of a model with a slope, for a robot with outputs, measured outside of a
-    /// range.
+    /// The flattest spot of a model with a slope, for a robot with outputs that were measured
+    /// outside a range.
     fn spot(
         slope: fn(f64) -> f64,
         outputs: fn(f64) -> f64,
@@ -250,13 +248,13 @@ mod tests {
     }
 
     #[test]
-    fn a_slack_zone_that_the_rows_show_and_a_steep_model_are_accepted() {
+    fn recorded_slack_zone_and_steep_model_are_accepted() {
         assert_eq!(spot(slack_slope, slack, 0..0), None);
         assert_eq!(spot(|_| 0.03, steep, -99..99), None);
     }
 
     #[test]
-    fn a_flat_position_against_the_rows_or_without_rows_is_too_flat() {
+    fn a_flat_position_without_supporting_rows_is_too_flat() {
         let spot_against = spot(slack_slope, steep, 0..0).unwrap();
         assert!(spot_against.slope == 0.0 && spot_against.counts[0].abs() <= 100.0);
         assert_contains(&spot_against, &["nearly flat at counts"]);

@@ -9,7 +9,7 @@ use i2ris_report::statistics::min_max;
 
 /// Predictions of a model at every row of a recording, in the units of the recording; entries
 /// beyond the number of outputs are 0. The code is that of the controller, and its memory follows
-/// the path of the motors from the first position on.
+/// the path of the motors from the first position.
 #[must_use]
 pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUTS]> {
     let mut all = Vec::with_capacity(recording.rows().len());
@@ -24,8 +24,8 @@ pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUT
     all
 }
 
-/// Calls with every row of a recording and the memory of a model there, which follows the path of
-/// the motors from the first position on.
+/// Calls `at` with every row of a recording and the model's memory, which follows the path of the
+/// motors from the first position.
 pub(super) fn along(model: &Model, recording: &Recording, mut at: impl FnMut(usize, &Memory)) {
     let (mut memory, mut next) = (model.new_memory(), 0);
     for (index, row) in recording.rows().iter().enumerate() {
@@ -38,8 +38,7 @@ pub(super) fn along(model: &Model, recording: &Recording, mut at: impl FnMut(usi
 }
 
 /// Metrics of one output over pairs of measured and predicted values. `None` for fewer than two
-/// rows, or where the measured values are all the same: without a range, neither R2 nor NRMSD has a
-/// meaning.
+/// rows, or if all measured values are equal: without a range, neither R2 nor NRMSD has a meaning.
 ///
 /// ```text
 /// R2    = 1 - sum (measured - predicted)^2 / sum (measured - mean)^2

@@ -2,27 +2,26 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `options` | how to fit |
-//! | `family` | names of the families, and which of them are fitted |
+//! | `options` | options of a fit |
+//! | `family` | names of the families, and the choice among them |
 //! | `split` | training and held-out rows |
 //! | `metrics` | errors of predictions |
 //! | `flatness` | models that are flat where the robot is not |
-//! | [`beyond_model`] | whether the error in use will be above what a model states |
-//! | `late_camera` | how late the stamps of a camera are |
+//! | [`model_mismatch`] | evidence for a larger error than the model states |
+//! | `late_camera` | latency of a camera's stamps |
 //! | `slow_error` | the part of the error that a camera can follow |
 //! | `model_file` | model files with their metrics |
 //! | [`network`] | networks that were trained elsewhere |
 //! | `network_error` | why such a network is refused |
 //! | `one_family` | the fit of each family |
-//! | `all_families` | all of it in order, and the choice |
-//! | `evidence` | what families are judged by |
+//! | `all_families` | the whole fit, and the choice |
+//! | `evidence` | rows for judging families |
 //! | [`choice`] | scores of the families: errors held out, and tracking on other families |
-//! | `outcome` | models, and how they were found |
+//! | `outcome` | models and the report of the fit |
 //! | `usable_range` | the part of the measured range in which a robot may use a model |
-//! | `error` | why there is no model |
+//! | `error` | errors of a fit |
 
 mod all_families;
-pub mod beyond_model;
 pub mod choice;
 pub mod error;
 mod evidence;
@@ -31,6 +30,7 @@ pub mod flatness;
 mod late_camera;
 pub mod metrics;
 mod model_file;
+pub mod model_mismatch;
 pub mod network;
 pub mod network_error;
 mod one_family;

@@ -21,16 +21,16 @@ use crate::regression::linear::LinearFit;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Fitted {
     pub family: FamilyParameters,
-    /// Of the mixture, nats per row; `None` for families without one.
+    /// Log-likelihood of the mixture, nats per row; `None` for families without one.
     pub log_likelihood: Option<f64>,
-    /// Of the mixture.
+    /// Bayesian information criterion of the mixture.
     pub bic: Option<f64>,
     /// Random starts per mixture.
     pub restarts: usize,
 }
 
 impl Fitted {
-    /// Of a family without a mixture.
+    /// A family without a mixture.
     pub fn plain(family: FamilyParameters) -> Self {
         Self { family, log_likelihood: None, bic: None, restarts: 0 }
     }
@@ -43,9 +43,9 @@ impl From<&LinearFit> for Fitted {
     }
 }
 
-/// Deviations that are added for what a recording does not show: for the plane between the axes as
-/// a part of the half range, and for small loops as a part of the error of a straight line: the RMS
-/// of what three and four emulated snakes of each of 11 physics had.
+/// Deviations for motion that a recording does not contain: for the plane between the axes as a
+/// part of the half range, and for small loops as a part of the error of a straight line: the RMS
+/// values of three and four emulated snakes of each of 11 physics.
 const UNSEEN_PLANE: f64 = 0.007;
 const UNSEEN_LOOPS: f64 = 0.06;
 
@@ -54,14 +54,14 @@ const NO_METRICS: OutputMetrics = OutputMetrics {
     held_out: None,
 };
 
-/// The content of a model file beside the parameters of the family.
+/// The content of a model file except the parameters of the family.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FileContext<'a> {
     pub recording: &'a Recording,
     pub split: &'a Split,
-    /// Knows the spikes; `None`: they count.
+    /// Contains the spikes; `None`: they count.
     pub spikes: Option<&'a Quality>,
-    /// What the recording does not show.
+    /// Limits of the recording.
     pub limits: &'a [Finding],
     /// Indices of the rows used for training.
     pub training: &'a [usize],
@@ -79,7 +79,7 @@ impl FileContext<'_> {
     ///
     /// # Errors
     ///
-    /// When the model is refused, as it would be by the controller.
+    /// The model is refused, as it would be by the controller.
     pub fn model(&self, fitted: &Fitted) -> Result<Model, ModelError> {
         let mut file = self.file(fitted);
         let model = Model::from_file(file.clone())?;
@@ -92,7 +92,7 @@ impl FileContext<'_> {
         Model::from_file(file)
     }
 
-    /// The model file without metrics: these need the model.
+    /// The model file without metrics, which need the model.
     fn file(&self, fitted: &Fitted) -> ModelFile {
         ModelFile {
             slow_error: None,
@@ -120,7 +120,7 @@ impl FileContext<'_> {
         }
     }
 
-    /// Rows held out, where there are any: on those the error is that of motion in use.
+    /// Held-out rows if there are any; their error is that of motion in use.
     pub fn held_out_or_training(&self) -> Vec<usize> {
         let held_out: Vec<usize> = self.split.held_out().collect();
         if held_out.is_empty() { self.training.to_vec() } else { held_out }
@@ -130,13 +130,13 @@ impl FileContext<'_> {
         slow_error(model, self.recording, &self.held_out_or_training())
     }
 
-    /// Mean products of the errors: how sure an estimate is. A camera's spikes do not count, for
-    /// they are not taken for angles in use.
+    /// Mean products of the errors, for the deviation of an estimate. Camera spikes do not count,
+    /// because they are rejected in use.
     fn covariance(&self, predicted: &[[f64; MAX_OUTPUTS]]) -> Vec<Vec<f64>> {
         let mut rows = self.held_out_or_training();
         let flagged = |row: &usize| self.spikes.is_some_and(|quality| quality.is_flagged(*row));
         rows.retain(|row| !flagged(row));
-        // Before, nobody knows where in its loops the snake is.
+        // Before, the position of the snake in its loops is unknown.
         let known = rows.partition_point(|row| *row < known_from(self.recording));
         if 2 * known <= rows.len() {
             rows.drain(..known);
@@ -158,7 +158,7 @@ impl FileContext<'_> {
         covariance
     }
 
-    /// Variance of an output in motion that the recording does not show.
+    /// Variance of an output in motion that the recording does not contain.
     fn unseen(&self, output: usize) -> f64 {
         let is_axes = |limit: &Finding| matches!(limit, Finding::OneAxisAtATime { .. });
         let mut variance = 0.0;
@@ -173,8 +173,8 @@ impl FileContext<'_> {
         variance
     }
 
-    /// Metrics on the rows used for training and on all rows held out, flagged ones included: what
-    /// is tested is not chosen by how well it fits.
+    /// Metrics on the training rows and on all held-out rows, including flagged ones: the test rows
+    /// are not selected by how well they fit.
     fn measure(&self, predicted: &[[f64; MAX_OUTPUTS]]) -> Vec<OutputMetrics> {
         let rows = self.recording.rows();
         let measure = |rows_used: &mut dyn Iterator<Item = usize>, output: usize| {
@@ -191,7 +191,7 @@ impl FileContext<'_> {
     }
 }
 
-/// The covariance of the errors, where a family has one for all positions.
+/// The covariance of the errors, for a family with one for all positions.
 pub(super) fn constant_covariance(family: &mut FamilyParameters) -> Option<&mut Vec<Vec<f64>>> {
     match family {
         FamilyParameters::ForceBalance { read_out, .. } => Some(&mut read_out.covariance),

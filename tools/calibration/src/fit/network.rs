@@ -1,11 +1,11 @@
-//! Networks that were trained elsewhere: from their file and a recording to a model.
+//! Networks trained elsewhere: from their file and a recording to a model.
 //!
-//! The recording gives what a network does not know of itself: the hull, the straight line beyond a
-//! step, the deviation on the rows held out, and after how much motion it has forgotten.
+//! The recording provides what the file of a network lacks: the hull, the straight line beyond a
+//! step, the deviation on the held-out rows, and the motion after which it forgets the past.
 
 use std::path::Path;
 
-use i2ris::file_permissions::LONGEST_MODEL;
+use i2ris::file_permissions::MAX_MODEL_BYTES;
 use i2ris::model::file::{FamilyParameters, OutputSpec};
 use i2ris::model::network::NetworkParameters;
 use i2ris::model::{Memory, Model};
@@ -26,13 +26,13 @@ pub const NETWORK_FORMAT: &str = "i2ris-network";
 /// The version of that format.
 const VERSION: u32 = 1;
 
-/// The recording must be so many steps long at least.
-const LEAST_STEPS: usize = 50;
+/// Minimum length of the recording, steps.
+const MIN_STEPS: usize = 50;
 
-/// On the rows held out, the error may be so many times that of a straight line.
-const MOST_ERROR: f64 = 1.05;
+/// Maximum error on the held-out rows, relative to that of a straight line.
+const MAX_ERROR_RATIO: f64 = 1.05;
 
-/// A network as its converter wrote it.
+/// A network as written by its converter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkFile {
@@ -40,9 +40,9 @@ pub struct NetworkFile {
     pub format: String,
     /// 1.
     pub version: u32,
-    /// What goes in: `q0_counts`, `q1_counts`.
+    /// Inputs: `q0_counts`, `q1_counts`.
     pub inputs: Vec<String>,
-    /// What comes out.
+    /// Outputs.
     pub outputs: Vec<OutputSpec>,
     /// The layers.
     pub network: NetworkParameters,
@@ -53,11 +53,11 @@ impl NetworkFile {
     ///
     /// # Errors
     ///
-    /// When it is too long, or no network that is known here.
+    /// The file is too long, or not a supported network.
     pub fn read(path: &Path) -> Result<Self, NetworkError> {
         let named = |source| NetworkError::Read { path: path.to_owned(), source };
         let length = std::fs::metadata(path).map_err(named)?.len();
-        if length > LONGEST_MODEL {
+        if length > MAX_MODEL_BYTES {
             let (path, megabytes) = (path.to_owned(), length >> 20);
             return Err(NetworkError::TooLong { path, megabytes });
         }
@@ -82,7 +82,7 @@ impl NetworkFile {
             return Err(NetworkError::Columns { found, wanted });
         }
         let step_counts = self.network.step_counts;
-        let least = self.network.window_steps().unwrap_or(0).max(LEAST_STEPS);
+        let least = self.network.window_steps().unwrap_or(0).max(MIN_STEPS);
         let steps = (travel(recording) / step_counts) as usize;
         if steps < least {
             return Err(NetworkError::Window { steps, step_counts, least });
@@ -91,7 +91,7 @@ impl NetworkFile {
     }
 }
 
-/// Travel of the motor that moves most, from position to position, counts.
+/// Travel of the fastest motor, from position to position, counts.
 fn travel(recording: &Recording) -> f64 {
     let pairs = recording.path().windows(2);
     let moved = |pair: &[crate::recording::PathPoint]| {
@@ -101,11 +101,11 @@ fn travel(recording: &Recording) -> f64 {
     pairs.map(moved).sum()
 }
 
-/// Makes a model of a network: examined as the controller examines it, and measured.
+/// Makes a model from a network: checked like in the controller, and measured.
 ///
 /// # Errors
 ///
-/// When the network is refused, or the recording determines no hull; see [`NetworkError`].
+/// The network is refused, or the recording determines no hull; see [`NetworkError`].
 pub fn import(
     file: &NetworkFile,
     recording: &Recording,
@@ -128,7 +128,7 @@ pub fn import(
         let errors = first.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training));
         let error = errors.map(|fit| fit.rmsd.powi(2)).sum::<f64>().sqrt();
         let straight = rms(straight, recording, &context.held_out_or_training());
-        if error.is_nan() || error > MOST_ERROR * straight {
+        if error.is_nan() || error > MAX_ERROR_RATIO * straight {
             return Err(NetworkError::WorseThanLinear { error, straight }.into());
         }
         context.model(&parameters(forgets(&first))).map_err(refused)
@@ -145,12 +145,12 @@ fn rms(straight: &LinearFit, recording: &Recording, rows: &[usize]) -> f64 {
     (errors.sum::<f64>() / rows.len() as f64).sqrt()
 }
 
-/// Parts of the hull that are tried, and positions per turn through it.
+/// Parts of the hull that are tried, and positions per turn through the hull.
 const PARTS: usize = 10;
 const PER_TURN: usize = 200;
 
-/// The range of every motor after which the model no longer knows where it came from: two memories
-/// with opposite pasts agree within a standard deviation of the model.
+/// The range of every motor after which the model forgets its past: two memories with opposite
+/// pasts agree within a standard deviation of the model.
 fn forgets(model: &Model) -> Vec<f64> {
     let centre = model.hull().centre();
     let reach = |motor: usize| {

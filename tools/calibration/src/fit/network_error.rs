@@ -1,8 +1,8 @@
-//! Why a network that was trained elsewhere is refused.
+//! Reasons to refuse a network trained elsewhere.
 
 use std::path::PathBuf;
 
-use i2ris::file_permissions::LONGEST_MODEL;
+use i2ris::file_permissions::MAX_MODEL_BYTES;
 use i2ris::model::ModelError;
 
 /// Why a network is refused.
@@ -16,39 +16,40 @@ pub enum NetworkError {
         /// The error of the operating system.
         source: std::io::Error,
     },
-    /// Longer than any network that is known here.
-    #[error("network {path} has {megabytes} MB; at most {} MB are read", LONGEST_MODEL >> 20)]
+    /// Longer than any supported network.
+    #[error("network {path} has {megabytes} MB; at most {} MB are read", MAX_MODEL_BYTES >> 20)]
     TooLong {
         /// The file.
         path: PathBuf,
         /// Its length.
         megabytes: u64,
     },
-    /// No network, or with layers that are not known.
+    /// Not a network, or with unknown layers.
     #[error("network {path}: {source}")]
     Json {
         /// The file.
         path: PathBuf,
-        /// What and where.
+        /// Kind and place of the error.
         source: serde_json::Error,
     },
     /// Another format or version.
     #[error(
-        "is no network of this version: `{found}`; write it with i2ris.model.from_torch or from_onnx"
+        "is not a network of this version: `{found}`; write it with i2ris.model.from_torch or \
+         from_onnx"
     )]
     Format {
         /// Format and version.
         found: String,
     },
-    /// Another way round, or other columns.
+    /// Another direction, or other columns.
     #[error(
         "the network goes from {found}, and the recording from {wanted}: train it on those columns, \
          in that order, from counts to angles in degrees"
     )]
     Columns {
-        /// Of the network.
+        /// Columns of the network.
         found: String,
-        /// Of the recording.
+        /// Columns of the recording.
         wanted: String,
     },
     /// The recording is too short.
@@ -57,22 +58,22 @@ pub enum NetworkError {
          {least}; record more, or train it on a shorter window"
     )]
     Window {
-        /// Of the recording.
+        /// Length of the recording.
         steps: usize,
         /// Travel of a step.
         step_counts: f64,
-        /// Of the network.
+        /// Window of the network.
         least: usize,
     },
-    /// It does not belong to the recording.
+    /// The network does not match the recording.
     #[error(
-        "on the rows held out the network is off by {error:.3}, and a straight line by {straight:.3}: \
-         it was trained on another robot, in other units, or with other steps"
+        "on the held-out rows the error of the network is {error:.3}, that of a straight line \
+         {straight:.3}: it was trained on another robot, in other units, or with other steps"
     )]
     WorseThanLinear {
         /// RMS, in units of the outputs.
         error: f64,
-        /// The same of the straight line.
+        /// RMS of the straight line.
         straight: f64,
     },
     /// The controller would refuse it.

@@ -25,17 +25,17 @@ use crate::regression::mixture::{RegressionData, SMOOTHING};
 use crate::series::Series;
 use crate::table::DataTable;
 
-/// The error of a family may be so many times that of a straight line, or anything below this part
-/// of the range of the outputs: of a straight snake all families are good.
-const MOST_ERROR: f64 = 1.05;
-const LEAST_NRMSD: f64 = 0.01;
+/// Maximum error of a family relative to that of a straight line; any error below this part of the
+/// output range passes: on a straight snake all families are good.
+const MAX_ERROR_RATIO: f64 = 1.05;
+const MIN_NRMSD: f64 = 0.01;
 
-/// The components of the published mixtures, at least.
+/// Minimum number of components of the published mixtures.
 const PUBLISHED: usize = 3;
 
-/// What is said of a fit beside its model.
+/// Results of a fit besides its model.
 #[derive(Default)]
-struct Said {
+struct Remarks {
     mechanism: Option<Mechanism>,
     note: Option<String>,
 }
@@ -44,15 +44,15 @@ struct Said {
 pub(super) struct FamilyFitter<'a> {
     pub context: FileContext<'a>,
     pub series: Series,
-    /// Why the recording cannot show hysteresis, if it cannot.
+    /// Why the recording cannot show hysteresis, if so.
     pub hidden: Option<Finding>,
-    /// Why the recording shows nothing between the axes of the motors, if it does not.
+    /// Why the recording lacks motion between the axes of the motors, if so.
     pub one_axis: Option<Finding>,
     pub inputs: &'a DataTable,
     pub outputs: &'a DataTable,
     pub straight: &'a LinearFit,
     pub options: &'a FitOptions,
-    /// Parameters of the same family from most of the same rows: what was chosen there stays.
+    /// Parameters of the same family from most of the same rows, whose choices are kept.
     pub known: Option<&'a FamilyParameters>,
     pub progress: &'a dyn Progress,
 }
@@ -61,15 +61,15 @@ impl FamilyFitter<'_> {
     /// Fits a family and measures the time.
     pub fn attempt(&self, family: Family) -> FamilyOutcome {
         let begin = Instant::now();
-        let mut said = Said::default();
-        let result = self.fit(family, &mut said);
+        let mut remarks = Remarks::default();
+        let result = self.fit(family, &mut remarks);
         let result = result.and_then(|model| self.not_worse_than_linear(family, model));
         let result = result.map(Arc::new);
-        let Said { mechanism, note } = said;
+        let Remarks { mechanism, note } = remarks;
         FamilyOutcome { family, result, mechanism, note, seconds: begin.elapsed().as_secs_f64() }
     }
 
-    fn fit(&self, family: Family, said: &mut Said) -> Result<Model, FitError> {
+    fn fit(&self, family: Family, remarks: &mut Remarks) -> Result<Model, FitError> {
         if family.has_memory()
             && let Some(reason) = self.hidden
         {
@@ -77,21 +77,21 @@ impl FamilyFitter<'_> {
         }
         match family {
             Family::Linear => self.checked(family, &Fitted::from(self.straight)),
-            Family::Gmr => self.gmr(said),
-            Family::GmrPlay => self.play(said),
-            Family::ForceBalance => self.force_balance(said),
+            Family::Gmr => self.gmr(remarks),
+            Family::GmrPlay => self.play(remarks),
+            Family::ForceBalance => self.force_balance(remarks),
         }
     }
 
-    /// What learns from the rows has to explain them better than a straight line.
+    /// A fitted family must explain the rows better than a straight line.
     fn not_worse_than_linear(&self, family: Family, model: Model) -> Result<Model, FitError> {
         let square = |metrics: &OutputMetrics| metrics.training.rmsd.powi(2);
         let rms = model.file().metrics.iter().map(square).sum::<f64>().sqrt();
         let covariance = self.straight.covariance.iter().enumerate();
         let linear_rms = covariance.map(|(output, row)| row[output]).sum::<f64>().sqrt();
         let mut metrics = model.file().metrics.iter();
-        let is_visible = metrics.any(|metrics| metrics.training.nrmsd > LEAST_NRMSD);
-        if family != Family::Linear && is_visible && rms > MOST_ERROR * linear_rms {
+        let is_visible = metrics.any(|metrics| metrics.training.nrmsd > MIN_NRMSD);
+        if family != Family::Linear && is_visible && rms > MAX_ERROR_RATIO * linear_rms {
             return Err(FitError::WorseThanLinear { rms, linear_rms });
         }
         Ok(model)
@@ -101,8 +101,8 @@ impl FamilyFitter<'_> {
         self.context.model(fitted).map_err(|source| refused(family, source))
     }
 
-    /// Smooths a mixture until its model passes: where its rows are few, a regression folds. A
-    /// mixture on the counts must not be flat, either, where the robot is not.
+    /// Smooths a mixture until its model passes: with few rows, a regression folds. A mixture on
+    /// the counts must also not be flatter than the robot.
     fn smooth(
         &self,
         family: Family,
@@ -124,8 +124,8 @@ impl FamilyFitter<'_> {
                 Ok(model) if part == 0.0 => return Ok(model),
                 Ok(model) => {
                     let words = format!(
-                        "every component was given {part} of the covariance of all rows: with less, \
-                         its inverse did not pass, or a straight line was better"
+                        "{part} of the covariance of all rows was added to every component: with \
+                         less, its inverse did not pass, or a straight line was better"
                     );
                     *note =
                         Some(note.take().map_or(words.clone(), |note| format!("{note}; {words}")));
@@ -142,25 +142,25 @@ impl FamilyFitter<'_> {
         self.known?.mixture().map(Mixture::components)
     }
 
-    fn gmr(&self, said: &mut Said) -> Result<Model, FitError> {
+    fn gmr(&self, remarks: &mut Remarks) -> Result<Model, FitError> {
         let em = &self.options.em;
         let data = RegressionData::new(self.inputs.clone(), self.outputs.clone());
-        let asked = match (self.known_components(), self.options.components) {
+        let requested = match (self.known_components(), self.options.components) {
             (Some(known), _) => known,
             (None, Components::Exactly(components)) => components,
             (None, Components::UpTo(most)) => {
                 choose_components(&data, &tried(most), em, self.progress)
             }
         };
-        let fit = data.fit(asked, em, self.progress)?;
-        said.note = fewer(asked, &fit.mixture, data.most_components());
-        self.smooth(Family::Gmr, &mut said.note, |part| {
+        let fit = data.fit(requested, em, self.progress)?;
+        remarks.note = fewer(requested, &fit.mixture, data.most_components());
+        self.smooth(Family::Gmr, &mut remarks.note, |part| {
             let mixture = data.smoothed(&fit.mixture, part);
             Ok(self.fitted(FamilyParameters::Gmr { mixture }, (fit.log_likelihood, fit.bic)))
         })
     }
 
-    fn play(&self, said: &mut Said) -> Result<Model, FitError> {
+    fn play(&self, remarks: &mut Remarks) -> Result<Model, FitError> {
         let family = Family::GmrPlay;
         let options = |smoothing| ChainOptions {
             components: self.known_components(),
@@ -170,41 +170,42 @@ impl FamilyFitter<'_> {
         };
         let first = fit_play(&self.series, &options(0.0), self.progress);
         let first = first.map_err(|source| failed(family, source))?;
-        said.mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
+        remarks.mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
         let few = first.chain.mixture.components() < PUBLISHED;
-        said.note =
-            few.then(|| "behind the plays fewer than three components do as well".to_owned());
+        remarks.note =
+            few.then(|| "after the plays, fewer than three components are as good".to_owned());
         let refit = |options: &ChainOptions| {
             let fit = first.refit(&self.series, options, self.progress);
             fit.map_err(|source| failed(family, source))
         };
         let fitted =
             |fit: &PlayFit| self.fitted(fit.family(), (fit.chain.log_likelihood, fit.chain.bic));
-        let smooth = self.smooth(family, &mut said.note, |part| match part {
+        let smooth = self.smooth(family, &mut remarks.note, |part| match part {
             0.0 => Ok(fitted(&first)),
             part => refit(&options(part)).map(|fit| fitted(&fit)),
         });
         smooth.or_else(|refused| {
-            // Rows of one motor at a time can be explained by what folds between the axes.
+            // Rows of one motor at a time can be explained by a regression that folds between the
+            // axes.
             let straight = ChainOptions { components: Some(1), residual: false, ..options(0.0) };
             let model = self.checked(family, &fitted(&refit(&straight)?));
             let model = model.and_then(|model| self.not_worse_than_linear(family, model));
             let model = model.map_err(|_| refused)?;
-            let words = "behind the plays there is a straight line: with more its inverse did not \
+            let words = "after the plays, a straight line is used: with more its inverse did not \
                          pass";
-            said.note = Some(words.to_owned());
+            remarks.note = Some(words.to_owned());
             Ok(model)
         })
     }
 
-    fn force_balance(&self, said: &mut Said) -> Result<Model, FitError> {
+    fn force_balance(&self, remarks: &mut Remarks) -> Result<Model, FitError> {
         let known = match self.known {
             Some(FamilyParameters::ForceBalance { balance, .. }) => Some(balance),
             _ => None,
         };
         let fit = fit_force_balance(&self.series, self.one_axis.is_none(), known, self.progress);
         let fit = fit.map_err(|source| failed(Family::ForceBalance, source))?;
-        said.mechanism = Some(Mechanism::Balance(fit.mechanism));
+        remarks.mechanism = Some(Mechanism::Balance(fit.mechanism));
         let checked = |parameters| self.checked(Family::ForceBalance, &Fitted::plain(parameters));
         checked(fit.family).or_else(|refused| {
             fit.simpler.into_iter().find_map(|simpler| checked(simpler).ok()).ok_or(refused)
@@ -227,14 +228,15 @@ fn tried(most: usize) -> Vec<usize> {
     few.chain([8, 10, 12].into_iter().filter(|number| *number <= most)).collect()
 }
 
-/// A word where there are fewer components than were asked for, or than are published.
-fn fewer(asked: usize, mixture: &Mixture, most: usize) -> Option<String> {
+/// A note if there are fewer components than requested, or than published.
+fn fewer(requested: usize, mixture: &Mixture, most: usize) -> Option<String> {
     let left = mixture.components();
-    if left < asked {
-        return Some(format!("{asked} components asked, {left} left: the others found no rows"));
+    if left < requested {
+        let text = format!("{requested} components requested, {left} left: the others got no rows");
+        return Some(text);
     }
-    let few = asked < PUBLISHED && most < PUBLISHED;
-    few.then(|| format!("the rows carry only {most} component(s)"))
+    let few = requested < PUBLISHED && most < PUBLISHED;
+    few.then(|| format!("the rows support only {most} component(s)"))
 }
 
 fn failed(family: Family, source: impl Error + Send + Sync + 'static) -> FitError {

@@ -7,26 +7,26 @@ use super::split::HoldOut;
 use crate::em::EmOptions;
 use crate::quality::SpikeOptions;
 
-/// How to fit.
+/// Options of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FitOptions {
     /// The robot that was recorded.
     pub robot_id: String,
     /// Date and time of the recording, UTC.
     pub recorded_at: Option<String>,
-    /// The settings of the drives in the recording, where they are known.
+    /// The settings of the drives in the recording, if known.
     pub drives: Vec<DriveFingerprint>,
-    /// What to fit.
+    /// Families to fit.
     pub choice: Choice,
     /// Components of a mixture on the counts.
     pub components: Components,
-    /// How to fit a mixture.
+    /// Options of the mixture fit.
     pub em: EmOptions,
-    /// What to hold out.
+    /// Rows to hold out.
     pub hold_out: HoldOut,
-    /// What to take for a spike.
+    /// Options of the spike filter.
     pub spikes: SpikeOptions,
-    /// Take a model even if it is worthless.
+    /// Accept a worthless model.
     pub force: bool,
 }
 
@@ -46,15 +46,15 @@ impl Default for FitOptions {
     }
 }
 
-/// Components of a mixture on the counts that are tried.
+/// Maximum number of components to try for a mixture on the counts.
 const MAX_COMPONENTS_TRIED: usize = 12;
 
-/// How many components a mixture on the counts has.
+/// Number of components of a mixture on the counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Components {
-    /// So many.
+    /// Exactly this number.
     Exactly(usize),
-    /// From three to so many, or as many as the rows can carry: the least number whose inverse comes
-    /// near the least error on blocks left out.
+    /// From three to this number, or as many as the rows support: the smallest number whose inverse
+    /// comes near the smallest error on blocks left out.
     UpTo(usize),
 }

@@ -1,4 +1,4 @@
-//! Models, and how they were found.
+//! Models and the report of their fit.
 
 use std::fmt;
 use std::sync::Arc;
@@ -16,43 +16,43 @@ use crate::quality::Quality;
 use crate::quality::residual_pattern::Unexplained;
 use crate::recording::Recording;
 
-/// Models, and how they were found.
+/// Models and the report of their fit.
 #[derive(Debug)]
 pub struct FitOutcome {
-    /// The model that was taken: checked, prepared, and measured on the recording.
+    /// The chosen model: checked, prepared, and measured on the recording.
     pub model: Arc<Model>,
     /// Its family.
     pub family: Family,
-    /// The affine model of the same rows, to compare with. It is the same model if `family` is
+    /// The affine model of the same rows, for comparison. It is the same model if `family` is
     /// linear.
     pub linear: Arc<Model>,
-    /// The result of every family that was to be fitted, the simplest first.
+    /// The result of every requested family, the simplest first.
     pub families: Vec<FamilyOutcome>,
-    /// How the models were found.
+    /// The report.
     pub report: FitReport,
 }
 
 /// The result of a family.
 #[derive(Debug)]
 pub struct FamilyOutcome {
-    /// Which.
+    /// The family.
     pub family: Family,
     /// The model, or why there is none.
     pub result: Result<Arc<Model>, FitError>,
-    /// Properties of the mechanism, of families that show them.
+    /// Properties of the mechanism, if the family has them.
     pub mechanism: Option<Mechanism>,
-    /// What it took beside that: components that were left, smoothing.
+    /// Additional note on the fit: remaining components, smoothing.
     pub note: Option<String>,
-    /// How long it took, s; the only thing here that is not the same in every run.
+    /// Duration, s; the only value that differs between runs.
     pub seconds: f64,
 }
 
-/// Properties of the mechanism that parameters show.
+/// Properties of the mechanism, derived from parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Mechanism {
-    /// Of `gmr-play`.
+    /// Mechanism of `gmr-play`.
     Plays(PlayMechanism),
-    /// Of `force-balance`.
+    /// Mechanism of `force-balance`.
     Balance(BalanceMechanism),
 }
 
@@ -65,35 +65,34 @@ impl fmt::Display for Mechanism {
     }
 }
 
-/// How models were found.
+/// Report of a fit.
 #[derive(Debug)]
 pub struct FitReport {
-    /// What was held out.
+    /// The held-out rows.
     pub split: Split,
     /// Properties of the recording alone.
     pub quality: Quality,
     /// Indices of the rows used for training.
     pub training: Vec<usize>,
-    /// Every so many-th row that could be used was.
+    /// One of this many usable rows was used.
     pub every: usize,
-    /// Rows held out whose state is known, in blocks: the families are judged by them.
+    /// Held-out rows with known state, in blocks, for judging the families.
     pub judged: Vec<Vec<usize>>,
-    /// Scores of the families that could be fitted, the simplest first; none where a family was
-    /// asked for.
+    /// Scores of the fitted families, the simplest first; empty if a family was requested.
     pub scores: Vec<Score>,
 }
 
-/// Another family explains a recording as well if its error is at most so many times as large.
+/// Another family explains a recording as well if its error is at most this many times as large.
 const AS_WELL: f64 = 1.25;
 
 impl FitOutcome {
-    /// The chosen family as it was judged: without the rows held out.
+    /// The chosen family as judged: without the held-out rows.
     fn judged(&self) -> Option<&Model> {
         let chosen = self.families.iter().find(|found| found.family == self.family)?;
         chosen.result.as_deref().ok()
     }
 
-    /// What the chosen model leaves beyond the noise on rows that it had not seen.
+    /// The error of the chosen model beyond the noise on rows that it had not seen.
     #[must_use]
     pub fn unexplained(&self, recording: &Recording) -> Option<Unexplained> {
         let predicted = predictions(self.judged()?, recording);
@@ -101,8 +100,8 @@ impl FitOutcome {
         Unexplained::find(recording, &self.report.quality, &predicted, &rows)
     }
 
-    /// What the parameters of a family say about the robot, and which other families explain the
-    /// recording as well: the robot is not what one of them says while others say something else.
+    /// Describes the robot by the parameters of a family, and names other families that explain the
+    /// recording as well: the robot is not certain to be as one of them describes it.
     #[must_use]
     pub fn reading(&self, of: &FamilyOutcome) -> Option<String> {
         let mut text = of.mechanism.as_ref()?.to_string().trim_end().to_owned();

@@ -1,5 +1,5 @@
-//! The slow part of the error of a model: what is left after the fit lies along one direction of
-//! the outputs, and changes slowly. A camera can follow it.
+//! Slow component of the model error: the residual lies along one direction of the outputs, and
+//! changes slowly. A camera can follow it.
 
 use i2ris::model::Model;
 use i2ris::model::file::SlowErrorParameters;
@@ -7,27 +7,27 @@ use i2ris::model::file::SlowErrorParameters;
 use super::metrics::predictions;
 use crate::recording::Recording;
 
-/// The share of the error that lies along the direction. With less it is not one number.
-const LEAST_SHARE: f64 = 0.85;
+/// Minimum share of the error along the direction. With less it is not one number.
+const MIN_SHARE: f64 = 0.85;
 
-/// The error is slow if it is the same for at least so long, s and rows.
-const LEAST_TIME_S: f64 = 0.3;
-const LEAST_ROWS: f64 = 2.0;
+/// Minimum time for which a slow error stays the same, s and rows.
+const MIN_TIME_S: f64 = 0.3;
+const MIN_CORRELATED_ROWS: f64 = 2.0;
 
-/// Rows between which the autocorrelation is looked at.
+/// Maximum lag of the autocorrelation, rows.
 const LARGEST_LAG: usize = 200;
 
-/// Fewer rows show no correlation.
-const LEAST_LENGTH: usize = 100;
+/// Minimum number of rows for a correlation.
+const MIN_LENGTH: usize = 100;
 
-/// The slow part of the error on these rows; `None` if there is none, or the recording has no time
-/// stamps or more than two outputs.
+/// The slow component of the error on these rows; `None` if there is none, or the recording has no
+/// time stamps or more than two outputs.
 pub(super) fn slow_error(
     model: &Model,
     recording: &Recording,
     rows: &[usize],
 ) -> Option<SlowErrorParameters> {
-    if recording.outputs().len() > 2 || rows.len() < LEAST_LENGTH {
+    if recording.outputs().len() > 2 || rows.len() < MIN_LENGTH {
         return None;
     }
     let predicted = predictions(model, recording);
@@ -39,7 +39,7 @@ pub(super) fn slow_error(
     let errors: Vec<[f64; 2]> = errors.collect();
     let (direction, along, across) = principal(&errors);
     let share = along / (along + across);
-    // Rows that were held out come in blocks: the usual interval is that within a block.
+    // Held-out rows come in blocks: the usual interval is that within a block.
     let times: Vec<f64> = rows.iter().filter_map(|row| all[*row].time_s).collect();
     let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     intervals.sort_by(f64::total_cmp);
@@ -47,8 +47,8 @@ pub(super) fn slow_error(
     let series: Vec<f64> =
         errors.iter().map(|error| direction[0] * error[0] + direction[1] * error[1]).collect();
     let time_rows = correlation_time(&series)?;
-    let is_slow = time_rows >= LEAST_ROWS && time_rows * interval_s >= LEAST_TIME_S;
-    (share >= LEAST_SHARE && is_slow && interval_s > 0.0).then_some(SlowErrorParameters {
+    let is_slow = time_rows >= MIN_CORRELATED_ROWS && time_rows * interval_s >= MIN_TIME_S;
+    (share >= MIN_SHARE && is_slow && interval_s > 0.0).then_some(SlowErrorParameters {
         direction,
         deviation: along.sqrt(),
         time_constant_s: time_rows * interval_s,
@@ -57,8 +57,8 @@ pub(super) fn slow_error(
     })
 }
 
-/// The variance of what changes from row to row: the autocovariance of the rest falls
-/// exponentially, so that those at a lag of one and of two rows show what it is at lag 0.
+/// The variance of the changes from row to row: the autocovariance of the rest falls exponentially,
+/// so its values at lags of one and two rows show its value at lag 0.
 fn fast_part(series: &[f64]) -> f64 {
     let covariance = |lag: usize| {
         let pairs = series.iter().zip(series.get(lag..).unwrap_or_default());
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn what_changes_from_row_to_row_is_distinguished_from_what_stays() {
+    fn fast_and_slow_variance_are_separated() {
         let all = errors([1.0, 0.0]);
         let slow: Vec<f64> = all.iter().map(|error| error[0]).collect();
         // Uniform between -0.5 and 0.5: a variance of 1/12.

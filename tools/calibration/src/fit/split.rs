@@ -1,6 +1,6 @@
 //! Training rows, and rows held out to test the fit: blocks all over the recording, whole cycles or
 //! one block at the end, never single rows in between. Neighbouring rows are nearly the same, so a
-//! fit tested on rows between those that it was trained on would be tested on its own training.
+//! fit tested on rows between its training rows would be tested on its own training.
 
 use std::fmt;
 use std::ops::Range;
@@ -9,14 +9,13 @@ use std::str::FromStr;
 use crate::quality::cycle::{Cycle, last_cycle};
 use crate::recording::{MIN_ROWS, Recording};
 
-/// Fraction of the rows that is held out in blocks, or where there are no cycles.
+/// Share of the rows that is held out in blocks, or without cycles.
 const PART: f64 = 0.25;
 
-/// Blocks that are held out all over a recording. One block at the end would judge by one part of
-/// the motion.
+/// Number of held-out blocks. One block at the end would judge by one part of the motion.
 const BLOCKS: usize = 5;
 
-/// What to hold out.
+/// Rows to hold out.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum HoldOut {
     /// A quarter of the rows, in blocks all over the recording.
@@ -30,7 +29,7 @@ pub enum HoldOut {
     Nothing,
 }
 
-/// Text that does not name what to hold out.
+/// A text that does not name the rows to hold out.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is neither `blocks`, `last-cycle`, `none` nor a fraction between 0 and 1")]
 pub struct ParseHoldOutError(String);
@@ -62,28 +61,28 @@ impl fmt::Display for HoldOut {
     }
 }
 
-/// A recording, cut into rows for training and rows held out.
+/// A recording, split into training rows and held-out rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Split {
-    /// Blocks of rows that are held out, in order.
+    /// The held-out blocks, in order.
     held_out: Vec<Range<usize>>,
     rows: usize,
     kind: SplitKind,
 }
 
-/// What the held-out rows are.
+/// Kind of the held-out rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SplitKind {
     /// Blocks all over the recording.
     Blocks,
-    /// The last of so many cycles.
+    /// The last of the cycles.
     LastCycle {
         /// Cycles in the recording, not always whole.
         cycles: f64,
     },
     /// The last part, because there are no cycles.
     NoCycles,
-    /// The last part, as asked for.
+    /// The last part, as requested.
     Fraction,
     /// Nothing is held out.
     Nothing,
@@ -94,17 +93,17 @@ impl fmt::Display for SplitKind {
         match self {
             Self::Blocks => write!(f, "{BLOCKS} blocks all over the recording"),
             Self::LastCycle { cycles } => write!(f, "the last of {cycles:.2} cycles"),
-            Self::NoCycles => f.write_str("the last quarter, for the motion has no cycles"),
+            Self::NoCycles => f.write_str("the last quarter, because the motion has no cycles"),
             Self::Fraction => f.write_str("the last part"),
             Self::Nothing => f.write_str("nothing"),
         }
     }
 }
 
-/// Training would be left with too little.
+/// Too few rows are left for training.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "holding out {held_out} of {rows} rows leaves {training} for training, and it takes \
+    "holding out {held_out} of {rows} rows leaves {training} for training; a fit needs \
      {MIN_ROWS}; hold out less with --hold-out, or record more"
 )]
 pub struct SplitError {
@@ -114,11 +113,11 @@ pub struct SplitError {
 }
 
 impl Split {
-    /// Cuts a recording.
+    /// Splits a recording.
     ///
     /// # Errors
     ///
-    /// When fewer than [`MIN_ROWS`] rows would be left for training.
+    /// Fewer than [`MIN_ROWS`] rows would be left for training.
     pub fn new(recording: &Recording, hold_out: HoldOut) -> Result<Self, SplitError> {
         let rows = recording.rows().len();
         let before = |fraction: f64| rows - (rows as f64 * fraction).round() as usize;
@@ -152,7 +151,7 @@ impl Split {
         self.held_out.iter().cloned().flatten()
     }
 
-    /// The blocks that are held out, in order.
+    /// The held-out blocks, in order.
     #[must_use]
     pub fn blocks(&self) -> &[Range<usize>] {
         &self.held_out
@@ -164,7 +163,7 @@ impl Split {
         self.held_out().next().is_none()
     }
 
-    /// What the held-out rows are.
+    /// Kind of the held-out rows.
     #[must_use]
     pub fn kind(&self) -> SplitKind {
         self.kind

@@ -41,7 +41,7 @@ fn holding_out(hold_out: HoldOut) -> FitOptions {
     FitOptions { hold_out, ..options() }
 }
 
-/// Few restarts: these tests are not about the best of many.
+/// Few restarts: these tests do not need the best of many.
 fn options() -> FitOptions {
     FitOptions {
         choice: Choice::One(Family::Gmr),
@@ -69,7 +69,7 @@ fn bent(rows: usize) -> Recording {
     })
 }
 
-/// Both motors on one circle, the angles behind by a phase, as in the recording of the robot.
+/// Both motors on one circle, the angles delayed by a phase, as in the recording of the robot.
 fn circle() -> Recording {
     let mut random = noise(2);
     recording(250, |time| {
@@ -91,13 +91,13 @@ fn a_mixture_follows_a_bend_that_a_straight_model_cannot() {
     let outcome = fitted(&bent(2000), &options());
     for output in 0..2 {
         let [gmr, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, output));
-        assert!(gmr < 0.6 * linear && gmr < 0.45, "{gmr} beside {linear}");
+        assert!(gmr < 0.6 * linear && gmr < 0.45, "{gmr}, linear {linear}");
     }
     assert!(components(&outcome) > 1 && outcome.model.file().training.bic.is_some());
 }
 
 #[test]
-fn the_gain_and_the_noise_of_a_straight_snake_are_found() {
+fn gain_and_noise_of_a_straight_snake_are_found() {
     let mut random = noise(3);
     let snake = recording(400, |time| {
         let angles = straight(wander(time)).map(|angle| angle + 0.1 * random());
@@ -153,7 +153,7 @@ fn the_same_seed_gives_the_same_model() {
 }
 
 #[test]
-fn without_held_out_rows_there_are_no_held_out_metrics() {
+fn held_out_metrics_need_held_out_rows() {
     let outcome = fitted(&bent(400), &holding_out(HoldOut::Nothing));
     assert_eq!(outcome.report.training.len(), 400);
     let mut metrics = outcome.model.file().metrics.iter();
@@ -188,9 +188,9 @@ fn note(outcome: &FitOutcome) -> &str {
     judged.unwrap().note.as_deref().unwrap_or_default()
 }
 
-/// Inside of a circle a mixture knows nothing, and folds there.
+/// Inside the circle a mixture has no data, and folds there.
 #[test]
-fn a_mixture_without_an_inverse_is_smoothed_until_it_has_one_and_says_so() {
+fn smoothing_gives_a_mixture_an_inverse_and_a_note() {
     let outcome = fitted(&circle(), &with_components(Components::Exactly(8)));
     assert_eq!(components(&outcome), 8);
     assert!(note(&outcome).contains("of the covariance of all rows"), "{}", note(&outcome));
@@ -198,19 +198,19 @@ fn a_mixture_without_an_inverse_is_smoothed_until_it_has_one_and_says_so() {
 
 /// One motor at a time, as published: full strokes of the first, then of the second, with play.
 fn one_motor_at_a_time() -> Recording {
-    let (mut random, mut behind) = (noise(5), [0.0; 2]);
+    let (mut random, mut played) = (noise(5), [0.0; 2]);
     recording(1600, |time| {
         let stroke = (700.0 * (0.5 * time).sin()).round();
         let counts = if time < 160.0 { [stroke, 0.0] } else { [0.0, stroke] };
         for motor in 0..2 {
-            behind[motor] = f64::clamp(behind[motor], counts[motor] - 40.0, counts[motor] + 40.0);
+            played[motor] = f64::clamp(played[motor], counts[motor] - 40.0, counts[motor] + 40.0);
         }
-        (counts, straight(behind).map(|angle| angle + 0.05 * random()))
+        (counts, straight(played).map(|angle| angle + 0.05 * random()))
     })
 }
 
 #[test]
-fn every_number_of_components_flies_on_a_recording_of_one_motor_at_a_time() {
+fn single_motor_recordings_fit_with_any_number_of_components() {
     for count in [3, 5, 8, 12, 20] {
         let outcome = fitted(&one_motor_at_a_time(), &with_components(Components::Exactly(count)));
         let FamilyParameters::Gmr { mixture: Mixture::PerMotor(parts) } =
@@ -219,8 +219,9 @@ fn every_number_of_components_flies_on_a_recording_of_one_motor_at_a_time() {
             panic!("a mixture of both motors knows nothing between the axes")
         };
         let left = components(&outcome);
-        let said = note(&outcome).contains(&format!("{count} components asked, {left} left"));
-        assert!(parts.len() == 2 && (left == count || (left < count && said)), "{left}");
+        let is_noted =
+            note(&outcome).contains(&format!("{count} components requested, {left} left"));
+        assert!(parts.len() == 2 && (left == count || (left < count && is_noted)), "{left}");
         let examined = outcome.model.examine();
         assert!(examined.error < 0.1 && examined.usable > 0.99, "{count}: {examined:?}");
     }
@@ -266,7 +267,7 @@ fn recordings_that_cannot_be_fitted_are_refused_with_the_reason() {
         (&together, &options(), "the motors move together"),
         (&late_motor, &late, "motor 1 does not move in the rows used for training"),
         (&late_output, &late, "output `yaw` does not change"),
-        (&bent(400), &greedy, "component(s), and 60 are asked for; record more"),
+        (&bent(400), &greedy, "component(s); 60 were requested; record more"),
         (&bent(400), &too_much, "leaves 4 for training"),
     ] {
         assert_contains(&refused(recording, options), &[reason]);
@@ -274,7 +275,7 @@ fn recordings_that_cannot_be_fitted_are_refused_with_the_reason() {
 }
 
 #[test]
-fn the_model_is_fitted_to_all_rows_and_judged_on_rows_that_it_had_not_seen() {
+fn fit_uses_all_rows_and_is_judged_on_unseen_rows() {
     let outcome = fitted(&bent(400), &of_family(Family::Linear));
     assert_eq!(outcome.report.training.len(), 300);
     assert_eq!(outcome.model.file().training.rows, 400);
@@ -286,16 +287,16 @@ fn the_model_is_fitted_to_all_rows_and_judged_on_rows_that_it_had_not_seen() {
 }
 
 #[test]
-fn a_recording_of_one_axis_at_a_time_is_fitted_by_all_families() {
+fn all_families_fit_a_recording_of_single_axes() {
     let mut random = noise(8);
-    let mut behind = [0.0; 2];
+    let mut played = [0.0; 2];
     let axes = recording(1000, |time| {
         let [a, b] = wander(time);
         let counts = if time < 100.0 { [a, 0.0] } else { [0.0, b] };
         for motor in 0..2 {
-            behind[motor] = f64::clamp(behind[motor], counts[motor] - 60.0, counts[motor] + 60.0);
+            played[motor] = f64::clamp(played[motor], counts[motor] - 60.0, counts[motor] + 60.0);
         }
-        (counts, straight(behind).map(|angle| angle + 0.03 * random()))
+        (counts, straight(played).map(|angle| angle + 0.03 * random()))
     });
     let best = FitOptions { choice: Choice::Best, ..options() };
     let outcome = fitted(&axes, &best);
@@ -307,33 +308,33 @@ fn a_recording_of_one_axis_at_a_time_is_fitted_by_all_families() {
     assert_eq!(outcome.family, Family::ForceBalance, "{errors:?} {:?}", outcome.report.scores);
     for output in 0..2 {
         let [found, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, output));
-        assert!(found < 0.5 * linear, "{found} beside {linear}");
-        // What is not shown is not sure.
+        assert!(found < 0.5 * linear, "{found}, linear {linear}");
+        // The deviation is larger where the recording shows nothing.
         let FamilyParameters::ForceBalance { read_out, .. } = &outcome.model.file().family else {
             panic!("{:?}", outcome.model.file().family)
         };
         let deviation = read_out.covariance[output][output].sqrt();
-        assert!(deviation > 1.2 * found, "{deviation} beside {found}");
+        assert!(deviation > 1.2 * found, "{deviation}, found {found}");
     }
     assert!(errors.iter().all(|(_, error)| error.is_none()), "{errors:?}");
 }
 
-/// Gaps of 15 counts and noise of 0.03 deg; of a hundred rows one is a spike.
+/// Gaps of 15 counts and noise of 0.03 deg; one of a hundred rows is a spike.
 fn with_gaps_and_spikes(rows: usize) -> Recording {
-    let (mut random, mut behind, mut row) = (noise(8), [0.0; 2], 0_usize);
+    let (mut random, mut played, mut row) = (noise(8), [0.0; 2], 0_usize);
     recording(rows, |time| {
         let counts = wander(time);
         for motor in 0..2 {
-            behind[motor] = f64::clamp(behind[motor], counts[motor] - 15.0, counts[motor] + 15.0);
+            played[motor] = f64::clamp(played[motor], counts[motor] - 15.0, counts[motor] + 15.0);
         }
         row += 1;
         let spike = if row % 100 == 0 { 25.0 } else { 0.0 };
-        (counts, straight(behind).map(|angle| angle + 0.03 * random() + spike))
+        (counts, straight(played).map(|angle| angle + 0.03 * random() + spike))
     })
 }
 
 #[test]
-fn the_deviation_of_an_estimate_holds_on_later_motion_and_spikes_do_not_widen_it() {
+fn estimate_deviation_holds_on_later_motion_despite_spikes() {
     let model = fitted(&with_gaps_and_spikes(1000), &of_family(Family::ForceBalance)).model;
     let FamilyParameters::ForceBalance { read_out, .. } = &model.file().family else {
         panic!("{:?}", model.file().family)
@@ -352,7 +353,7 @@ fn the_deviation_of_an_estimate_holds_on_later_motion_and_spikes_do_not_widen_it
 }
 
 #[test]
-fn a_model_that_is_worse_than_a_constant_is_refused_unless_forced() {
+fn a_model_worse_than_a_constant_needs_force() {
     let mut random = noise(9);
     let unrelated = recording(400, |time| (wander(time), [random(), random()]));
     let linear = of_family(Family::Linear);
@@ -365,17 +366,17 @@ fn a_model_that_is_worse_than_a_constant_is_refused_unless_forced() {
 }
 
 /// Both motors to and fro on one circle, with gaps of 60 counts, and waves along the circle that
-/// fold the outputs: whatever follows them has no inverse.
+/// fold the outputs: a model that follows them has no inverse.
 fn folded() -> Recording {
     let mut random = noise(2);
-    let mut behind = [0.0; 2];
+    let mut played = [0.0; 2];
     recording(1000, |time| {
         let phase = 9.0 * (0.06 * time).sin();
         let at = [350.0 * phase.cos(), 350.0 * phase.sin()].map(f64::round);
         for motor in 0..2 {
-            behind[motor] = f64::clamp(behind[motor], at[motor] - 60.0, at[motor] + 60.0);
+            played[motor] = f64::clamp(played[motor], at[motor] - 60.0, at[motor] + 60.0);
         }
-        let [pitch, yaw] = straight(behind);
+        let [pitch, yaw] = straight(played);
         let waves = [4.0 * (3.0 * phase).sin(), -3.0 * (2.0 * phase).cos()];
         let mut lifted = |angle: f64, wave: f64| angle + wave + 0.2 * random();
         (at, [lifted(pitch, waves[0]), lifted(yaw, waves[1])])
@@ -390,43 +391,43 @@ fn a_model_with_memory_without_inverse_is_smoothed() {
     assert!(note.contains("of the covariance of all rows"), "{note}");
 }
 
-/// Motor 0 goes to its ends before motor 1 has moved at all, so that nobody knows the state there,
+/// Motor 0 goes to its ends before motor 1 has moved at all, so that the state there is unknown,
 /// and then not as far again.
 #[test]
 fn poses_that_were_measured_are_not_clipped() {
-    let (mut random, mut behind) = (noise(6), [0.0; 2]);
+    let (mut random, mut played) = (noise(6), [0.0; 2]);
     let recording = recording(800, |time| {
         let [a, b] = wander(time).map(|counts| 0.8 * counts);
         let counts = if time < 21.0 { [700.0 * (0.3 * time).sin(), 0.0] } else { [a, b] };
         for motor in 0..2 {
-            behind[motor] = f64::clamp(behind[motor], counts[motor] - 30.0, counts[motor] + 30.0);
+            played[motor] = f64::clamp(played[motor], counts[motor] - 30.0, counts[motor] + 30.0);
         }
-        (counts, straight(behind).map(|angle| angle + 0.03 * random()))
+        (counts, straight(played).map(|angle| angle + 0.03 * random()))
     });
     let outcome = fitted(&recording, &of_family(Family::ForceBalance));
-    // A few at the very edge miss by a rounding; of the first sweep fifty lie beyond the rest.
+    // A few at the very edge miss by rounding; of the first sweep fifty lie beyond the rest.
     let clipped = clipped_rows(&outcome.model, &recording);
     assert!(clipped.len() < 8, "{clipped:?}");
 }
 
-/// A tendon in a sheath: full strokes only, and a gap that takes up most of what smaller ones move.
+/// A tendon in a sheath: full strokes only, and a gap that exceeds most smaller strokes.
 fn sheath(gap: f64) -> Recording {
-    let (mut random, mut behind) = (noise(11), 0.0_f64);
+    let (mut random, mut played) = (noise(11), 0.0_f64);
     one_motor(504, |time| {
         let stroke = 4.0 * ((time / 20.0).fract() - 0.5).abs() - 1.0;
         let counts = (6000.0 * stroke).round();
-        behind = behind.clamp(counts - gap, counts + gap);
-        (counts, 0.01 * behind + 0.1 * random())
+        played = played.clamp(counts - gap, counts + gap);
+        (counts, 0.01 * played + 0.1 * random())
     })
 }
 
-/// In the second, most of what an examination moves lies in the gap.
+/// In the second, most of the motion of an examination lies in the gap.
 #[test]
-fn a_gap_wider_than_most_of_the_path_is_no_nonsense() {
+fn a_gap_wider_than_most_of_the_path_is_usable() {
     for gap in [2400.0, 4200.0] {
         let outcome = fitted(&sheath(gap), &FitOptions { choice: Choice::Best, ..options() });
         assert!(outcome.family.has_memory(), "{} {:?}", outcome.family, outcome.report.scores);
         let [found, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, 0));
-        assert!(found < 0.2 * linear, "{found} beside {linear}");
+        assert!(found < 0.2 * linear, "{found}, linear {linear}");
     }
 }

@@ -5,8 +5,8 @@ use i2ris::model::{Model, Query};
 use super::metrics::along;
 use crate::recording::Recording;
 
-/// Rows whose pose the inverse of a model clips, outside of what the robot may use, and how far
-/// that is, rad (m).
+/// Rows whose pose the inverse of a model clips, outside the range of the robot, and the distance,
+/// rad (m).
 #[must_use]
 pub fn clipped_rows(model: &Model, recording: &Recording) -> Vec<(usize, f64)> {
     let mut clipped = Vec::new();

@@ -9,12 +9,12 @@ use i2ris::units::MotorVec;
 use crate::recording::Recording;
 use i2ris_report::statistics::min_max;
 
-/// Turns from which on a motion counts as circulation, if it goes on in one direction.
-const LEAST_TURNS: f64 = 0.75;
+/// Minimum turns of a circulation, if the direction stays the same.
+const MIN_TURNS: f64 = 0.75;
 
-/// Net turning over total turning of a circulation: 1 for steady circling, about 0 for a motion
-/// that comes and goes.
-const LEAST_STEADINESS: f64 = 0.8;
+/// Minimum ratio of net to total turning of a circulation: 1 for steady circling, about 0 for a
+/// motion to and fro.
+const MIN_STEADINESS: f64 = 0.8;
 
 /// Rows closer to the centre than this part of the half range have no meaningful direction.
 const CENTRE_PART: f64 = 0.3;
@@ -41,7 +41,7 @@ pub(crate) fn circles(path: &[MotorVec]) -> Option<Vec<f64>> {
     let phases = unwrapped(points.iter().map(|[x, y]| y.atan2(*x)));
     let total: f64 = phases.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
     let net = turns(&phases);
-    (net >= LEAST_TURNS && net * TAU >= LEAST_STEADINESS * total).then_some(phases)
+    (net >= MIN_TURNS && net * TAU >= MIN_STEADINESS * total).then_some(phases)
 }
 
 /// Turns between the first and the last phase.
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn a_circle_is_recognised_despite_jitter_and_motion_there_and_back_is_none() {
+    fn circles_circulate_but_motion_to_and_fro_does_not() {
         let circle = motion(200, |time| {
             let jitter = 3.0 * (17.0 * time).sin();
             let (sin, cos) = (0.5 * time).sin_cos();

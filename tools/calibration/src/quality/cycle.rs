@@ -6,14 +6,14 @@ use super::circulation::circulation;
 use crate::recording::{Recording, Row};
 use i2ris_report::statistics::{median, min_max};
 
-/// Cycles that a motion needs, so that at least about one is left when the last is taken away. A
-/// little less than two, because a recording often stops just before it closes.
-const LEAST_CYCLES: f64 = 1.9;
+/// Minimum number of cycles, so that about one is left without the last. Slightly less than two,
+/// because a recording often stops just before it closes.
+const MIN_CYCLES: f64 = 1.9;
 
-/// Travel beyond the middle of its range that makes a crossing, as a part of the range.
+/// Minimum travel beyond the middle for a crossing, as a part of the range.
 const CROSSING_PART: f64 = 0.1;
 
-/// How far the length of a cycle may be from the usual one, as a part of it, in a motion that
+/// Maximum deviation of a cycle's length from the usual one, as a part of it, in a motion that
 /// repeats.
 const IRREGULARITY: f64 = 0.25;
 
@@ -26,9 +26,8 @@ pub(crate) struct Cycle {
     pub cycles: f64,
 }
 
-/// The last cycle: one turn before the end where the motors circulate, one period before the end
-/// where a motor oscillates regularly. `None` when the motion has no cycles or fewer than about
-/// two.
+/// The last cycle: one turn before the end if the motors circulate, one period before the end if a
+/// motor oscillates regularly. `None` if the motion has no cycles or fewer than about two.
 pub(crate) fn last_cycle(recording: &Recording) -> Option<Cycle> {
     let rhythm = rhythm(recording)?;
     Some(Cycle { start: rhythm.start(1.0)?, cycles: rhythm.cycles() })
@@ -46,7 +45,7 @@ impl Rhythm {
         ends.map_or(0.0, |(first, last)| (last - first) / self.cycle)
     }
 
-    /// The first row of the last so many cycles.
+    /// The first row of the last `cycles` cycles.
     fn start(&self, cycles: f64) -> Option<usize> {
         let from = self.progress.last()? - cycles * self.cycle;
         let before = self.progress.iter().rposition(|progress| *progress <= from)?;
@@ -63,14 +62,14 @@ fn rhythm(recording: &Recording) -> Option<Rhythm> {
         }
         Rhythm { progress, cycle: TAU }
     });
-    let repeats = |rhythm: &Rhythm| rhythm.cycles() >= LEAST_CYCLES;
+    let repeats = |rhythm: &Rhythm| rhythm.cycles() >= MIN_CYCLES;
     let back_and_forth = || (0..recording.motors()).find_map(|motor| periods(recording, motor));
     around.filter(repeats).or_else(|| back_and_forth().filter(repeats))
 }
 
 fn periods(recording: &Recording, motor: usize) -> Option<Rhythm> {
     let rows = recording.rows();
-    // Without time stamps the rows themselves are the clock.
+    // Without time stamps the row index is the time.
     let time = |(index, row): (usize, &Row)| row.time_s.unwrap_or(index as f64);
     let progress: Vec<f64> = rows.iter().enumerate().map(time).collect();
     let counts: Vec<f64> = rows.iter().map(|row| row.counts[motor]).collect();
@@ -82,8 +81,8 @@ fn periods(recording: &Recording, motor: usize) -> Option<Rhythm> {
     periods.iter().all(regular).then_some(Rhythm { progress, cycle })
 }
 
-/// Where the counts come up through the middle of their range, having been well below, and go on to
-/// well above.
+/// Indices at which the counts rise through the middle of their range, from well below to well
+/// above.
 fn upward_crossings(counts: &[f64]) -> Vec<usize> {
     let (low, high) = min_max(counts.iter().copied());
     let (middle, band) = (0.5 * (low + high), CROSSING_PART * (high - low));

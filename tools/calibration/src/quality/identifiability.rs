@@ -10,46 +10,46 @@ use super::circulation::{circles, turns};
 use crate::series::Series;
 use i2ris_report::statistics::min_max;
 
-/// A motor has turned back when it is this part of its range away from its turning point: noise and
-/// jitter stay below.
+/// Minimum return of a motor after a turning point, as a part of its range: larger than noise and
+/// jitter.
 const REVERSAL_PART: f64 = 0.02;
 
-/// Turning points below which there is no loop to see.
-const LEAST_TURNING_POINTS: usize = 2;
+/// Minimum turning points for a visible loop.
+const MIN_TURNING_POINTS: usize = 2;
 
 /// Turning points within this part of the range are the same one.
 const SAME_PART: f64 = 0.1;
 
-/// A loop is small where the motor turns back after less than this part of its range.
+/// Maximum stroke of a small loop, as a part of the range.
 const SMALL_PART: f64 = 0.5;
 
-/// Motors move together where the slower one does at least this part of what the faster one does.
+/// Motors move together if the slower one moves at least this part of the faster one.
 const TOGETHER_PART: f64 = 0.1;
 
-/// Least part of the path on which the motors have to move together to cover the plane.
-const LEAST_TOGETHER: f64 = 0.1;
+/// Minimum part of the path on which the motors must move together to cover the plane.
+const MIN_TOGETHER: f64 = 0.1;
 
-/// A limit of what a recording can show; no error.
+/// A limit of the information in a recording; not an error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Finding {
-    /// A motor that hardly ever turns back.
+    /// A motor that hardly ever reverses.
     FewReversals {
         /// Counted from 0.
         motor: usize,
-        /// How often it does.
+        /// Number of reversals.
         reversals: usize,
     },
-    /// Both motors go around one closed curve in one direction, at one frequency.
+    /// Both motors move along one closed curve in one direction, at one frequency.
     Circulation {
         /// Number of turns.
         turns: f64,
     },
-    /// A motor always turns back at the same two positions.
+    /// A motor always reverses at the same two positions.
     OneLoop {
         /// Counted from 0.
         motor: usize,
     },
-    /// A motor that turns back after large strokes only.
+    /// A motor reverses after large strokes only.
     LargeLoops {
         /// Counted from 0.
         motor: usize,
@@ -58,7 +58,7 @@ pub enum Finding {
     },
     /// The motors hardly ever move together.
     OneAxisAtATime {
-        /// Part of the path on which they do, percent.
+        /// Part of the path on which they move together, percent.
         percent: f64,
     },
     /// Motors that move nearly as one.
@@ -74,14 +74,14 @@ pub enum Finding {
 }
 
 impl Finding {
-    /// Whether the recording cannot show hysteresis at all, so that only models without memory can
-    /// be fitted. Otherwise a model with memory can be fitted, with the limit in the sentence.
+    /// Whether the recording cannot show hysteresis at all, so that only memoryless models can be
+    /// fitted. Otherwise a model with memory can be fitted, with the limit in the sentence.
     #[must_use]
     pub fn hides_hysteresis(&self) -> bool {
         matches!(self, Self::FewReversals { .. } | Self::Circulation { .. })
     }
 
-    /// Whether the recording shows nothing of the small loops inside of the large ones.
+    /// Whether the recording contains no small loops inside the large ones.
     #[must_use]
     pub fn hides_small_loops(&self) -> bool {
         matches!(self, Self::OneLoop { .. } | Self::LargeLoops { .. })
@@ -93,29 +93,29 @@ impl fmt::Display for Finding {
         match self {
             Self::FewReversals { motor, reversals } => write!(
                 f,
-                "motor {motor} turns back {reversals} time(s) only, so the recording cannot \
+                "motor {motor} reverses only {reversals} time(s), so the recording cannot \
                  separate hysteresis from the shape of the curve; record motion with many reversals"
             ),
             Self::Circulation { turns } => write!(
                 f,
-                "both motors go round one closed curve in one direction ({turns:.2} turns), so \
+                "both motors move along one closed curve in one direction ({turns:.2} turns), so \
                  every position is reached from one side only and hysteresis looks like a shift in \
                  phase: the recording cannot separate it from the shape of the curve; record \
                  motion with many reversals"
             ),
             Self::OneLoop { motor } => write!(
                 f,
-                "motor {motor} always turns back at the same two positions, so the recording shows \
-                 one loop and nothing of the smaller ones inside; record reversals of many sizes"
+                "motor {motor} always reverses at the same two positions, so the recording shows \
+                 one loop but none of the smaller ones inside; record reversals of many sizes"
             ),
             Self::LargeLoops { motor, percent } => write!(
                 f,
-                "motor {motor} never turns back within {percent:.0} % of its range, so the \
-                 recording shows nothing of smaller loops; record reversals of many sizes"
+                "motor {motor} never reverses within {percent:.0} % of its range, so the \
+                 recording shows no smaller loops; record reversals of many sizes"
             ),
             Self::OneAxisAtATime { percent } => write!(
                 f,
-                "the motors move together on {percent:.0} % of the path only, so the recording \
+                "the motors move together on only {percent:.0} % of the path, so the recording \
                  does not show the plane between their axes; record motion of both at once"
             ),
             Self::HardlySeparable { percent } => write!(
@@ -132,7 +132,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// The limits of the path of a series. Where it cannot show hysteresis at all, lesser findings are
+/// The limits of the path of a series. If it cannot show hysteresis at all, lesser findings are
 /// left out.
 pub(crate) fn limits_of_path(series: &Series) -> Vec<Finding> {
     let motors = (0..series.motors()).filter_map(|motor| motor_finding(series, motor));
@@ -147,7 +147,7 @@ fn motor_finding(series: &Series, motor: usize) -> Option<Finding> {
     let counts = || series.path().iter().map(|counts| counts[motor]);
     let (low, high) = min_max(counts());
     let points = turning_points(counts(), REVERSAL_PART * (high - low));
-    if points.len() < LEAST_TURNING_POINTS {
+    if points.len() < MIN_TURNING_POINTS {
         let reversals = points.len();
         return Some(Finding::FewReversals { motor, reversals });
     }
@@ -187,10 +187,10 @@ fn plane_finding(series: &Series) -> Option<Finding> {
         }
     }
     let percent = 100.0 * together / whole;
-    (together < LEAST_TOGETHER * whole).then_some(Finding::OneAxisAtATime { percent })
+    (together < MIN_TOGETHER * whole).then_some(Finding::OneAxisAtATime { percent })
 }
 
-/// Where a motor turns back by more than a band.
+/// Positions at which a motor reverses by more than a band.
 fn turning_points(counts: impl Iterator<Item = f64>, band: f64) -> Vec<f64> {
     let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
     let mut rising = None;
@@ -241,14 +241,14 @@ mod tests {
     fn few_reversals_and_circles_hide_hysteresis() {
         let up = findings_of_motor(100, |time| 100.0 * time + 10.0 * (9.0 * time).sin());
         assert!(up.len() == 1 && up[0].hides_hysteresis());
-        assert_contains(&up[0], &["motor 0 turns back 0 time(s) only"]);
+        assert_contains(&up[0], &["motor 0 reverses only 0 time(s)"]);
         let circle = findings_of(&circle(200));
         assert!(circle.len() == 1 && circle[0].hides_hysteresis());
         assert_contains(&circle[0], &["one closed curve", "one side only"]);
     }
 
     #[test]
-    fn equal_sweeps_and_one_axis_at_a_time_limit_what_is_shown() {
+    fn equal_sweeps_and_single_axes_limit_the_findings() {
         let sweeps = findings_of_motor(300, |time| 500.0 * (0.8 * time).sin());
         assert_eq!(sweeps, [Finding::OneLoop { motor: 0 }]);
         assert!(!sweeps[0].hides_hysteresis());
@@ -273,9 +273,9 @@ mod tests {
         assert_eq!(turning_points(counts.into_iter(), 2.0), [101.0, 0.0]);
     }
 
-    /// The recordings are beside the repository; see the example `recordings`.
+    /// The recordings are next to the repository; see the example `recordings`.
     #[test]
-    #[ignore = "needs the recordings beside the repository"]
+    #[ignore = "needs the recordings next to the repository"]
     fn known_recordings_are_classified() {
         let read = |name: &str| {
             let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");

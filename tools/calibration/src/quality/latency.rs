@@ -1,15 +1,15 @@
-//! How late the stamps of measured outputs are against those of the encoders.
+//! Latency of the stamps of measured outputs against those of the encoders.
 //!
-//! Plain cross-correlation of angle and counts is biased here: gaps and friction make the angle lag
-//! behind the motors at any speed, and that lag is not time. The features therefore include
-//! hysteresis without time, whose lag does not depend on the speed. The **multiple correlation** of
-//! these features, shifted in time, with the outputs is highest where the shift is the latency;
-//! around its peak, the squared residuals are a parabola.
+//! Plain cross-correlation of angle and counts is biased here: gaps and friction delay the angle at
+//! any speed, and that delay is not time. The features therefore include hysteresis without time,
+//! whose lag does not depend on the speed. The **multiple correlation** of these features, shifted
+//! in time, with the outputs has its maximum at the latency; around its peak, the squared residuals
+//! are a parabola.
 //!
-//! What the features miss of the hysteresis is no white noise: it comes again at every reversal,
+//! Hysteresis that the features do not represent is not white noise: it repeats at every reversal,
 //! and moves the peak. So the uncertainty is that of the jackknife over blocks of the recording:
-//! leaving out a block moves the estimate as far as its reversals disagree with the others.
-//! (B. Efron, C. Stein, "The jackknife estimate of variance", Annals of Statistics 9(3), 1981.)
+//! leaving out a block moves the estimate as far as its reversals disagree with the others. (B.
+//! Efron, C. Stein, "The jackknife estimate of variance", Annals of Statistics 9(3), 1981.)
 
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
 use nalgebra::{DMatrix, DVector};
@@ -21,34 +21,34 @@ use crate::parallel;
 use crate::regression::ridge::NormalEquations;
 use crate::series::blocks;
 
-/// Shifts that are tried, s: stamps may be early by one frame, and late by a camera and its
-/// processing.
+/// Range of shifts, s: stamps may be early by one frame, and late by a camera and its processing.
 const EARLIEST_S: f64 = -0.1;
 const LATEST_S: f64 = 0.4;
 const COARSE_S: f64 = 0.02;
 
-/// Half of the width of the parabola around the best shift, and how often it is laid anew, s.
+/// Half-width of the parabola around the best shift, s, and the number of refinements.
 const WIDTH_S: f64 = 0.01;
 const STEPS: usize = 4;
 
-/// More add hardly anything: of longer recordings every second, third, ... sample is used.
-const MOST_SAMPLES: usize = 5000;
+/// Maximum number of samples; more hardly improve the result: of longer recordings every second,
+/// third, ... is used.
+const MAX_SAMPLES: usize = 5000;
 
 /// Blocks of the jackknife.
 const BLOCKS: usize = 8;
 
-/// Penalty of the regression against features that are alike, relative to features of size 1.
+/// Penalty of the regression for features that are similar, relative to features of size 1.
 const PENALTY: f64 = 1e-9;
 
-/// The same where a block is left out: without it polynomials run away there.
+/// The penalty for blocks left out: without it polynomials diverge there.
 const LEFT_OUT_PENALTY: f64 = 1e-4;
 
-/// The least part of what a shift changes that other features must not make good. It is 2 to 8 %
-/// where every stroke has a speed of its own, and below 1 % in decaying sines, whose estimates are
-/// wrong by up to 140 ms.
-const LEAST_VISIBLE: f64 = 0.013;
+/// Minimum part of the effect of a shift that other features must not compensate. It is 2 to 8 % if
+/// every stroke has its own speed, and below 1 % in decaying sines, whose estimates are wrong by up
+/// to 140 ms.
+const MIN_VISIBLE: f64 = 0.013;
 
-/// Outputs with a stamp that may be late.
+/// Outputs with a possibly late stamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimedOutputs {
     /// s, on the clock of the encoders.
@@ -57,25 +57,25 @@ pub struct TimedOutputs {
     pub outputs: [f64; MAX_OUTPUTS],
 }
 
-/// An estimate.
+/// Estimated latency.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Latency {
     /// s. Outputs stamped `t` belong to the motors at `t - seconds`.
     pub seconds: f64,
-    /// Standard deviation of `seconds`, by the jackknife.
+    /// Standard deviation of `seconds`, from the jackknife.
     pub deviation_s: f64,
     /// Part of the outputs' variance that the features explain at this shift.
     pub r2: f64,
-    /// Whether it also helps on rows that the regression has not seen: left out block by block,
-    /// they are explained better at this shift than at none.
+    /// Whether the shift also helps on unseen rows: left out block by block, they are explained
+    /// better at this shift than at none.
     pub helps: bool,
 }
 
 /// Estimates the latency of `measured` from the path of `motors` motors, both in order of time.
 ///
-/// `None` when there is too little of either, nothing moves, the motion does not show it, parts of
-/// the recording contradict each other, or the best shift is at the end of the range: -100 to
-/// 400 ms.
+/// `None` if there is too little of either, nothing moves, the motion does not show it, parts of
+/// the recording contradict each other, or the best shift is at the end of the range: -100 to 400
+/// ms.
 #[must_use]
 pub fn estimate_latency(
     path: &[TimedCounts],
@@ -87,7 +87,7 @@ pub fn estimate_latency(
     let last = path.last()?.time_s + EARLIEST_S;
     let inside: Vec<&TimedOutputs> =
         measured.iter().filter(|outputs| (first..=last).contains(&outputs.time_s)).collect();
-    let every = inside.len().div_ceil(MOST_SAMPLES).max(1);
+    let every = inside.len().div_ceil(MAX_SAMPLES).max(1);
     let seen: Vec<&TimedOutputs> = inside.into_iter().step_by(every).collect();
     let search = Search {
         features: Features::new(path, motors, seen.len())?,
@@ -123,7 +123,7 @@ fn scaled_outputs(seen: &[&TimedOutputs]) -> Option<DMatrix<f64>> {
     (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
 }
 
-/// What all shifts are tried on.
+/// Data for trying all shifts.
 struct Search<'a> {
     features: Features<'a>,
     outputs: DMatrix<f64>,
@@ -146,7 +146,7 @@ impl Search<'_> {
         sums.into_iter().collect()
     }
 
-    /// Where the regression leaves least: on a grid, then by parabolas.
+    /// The shift with the smallest residual: on a grid, then by parabolas.
     fn best_shift(&self) -> Option<f64> {
         let steps = ((LATEST_S - EARLIEST_S) / COARSE_S).round() as u32;
         let tried = (0..=steps).filter_map(|step| {
@@ -161,8 +161,8 @@ impl Search<'_> {
         (EARLIEST_S..=LATEST_S).contains(&best).then_some(best)
     }
 
-    /// Whether the other features cannot imitate a shift. Of sines of one frequency, for example,
-    /// they can: there, being late looks like a wider gap.
+    /// Whether the other features cannot imitate a shift. With sines of one frequency, for example,
+    /// they can: there, latency looks like a wider gap.
     fn is_visible(&self, middle: f64, errors: [f64; 3]) -> Option<bool> {
         let sums = self.sums(middle)?;
         let coefficients = total(&sums, None)?.solve(PENALTY)?;
@@ -171,10 +171,11 @@ impl Search<'_> {
             Some(self.features.matrix(times)? * &coefficients)
         };
         let change = explained(middle + WIDTH_S)? - explained(middle - WIDTH_S)?;
-        // What a shift by the width changes, and what of it the regression cannot make good.
+        // The effect of a shift by the width, and the part of it that the regression cannot
+        // compensate.
         let changed = 0.25 * change.norm_squared() / self.seen.len() as f64;
         let kept = 0.5 * (errors[0] - 2.0 * errors[1] + errors[2]);
-        Some(kept > LEAST_VISIBLE * changed)
+        Some(kept > MIN_VISIBLE * changed)
     }
 
     /// See [`Latency::helps`].
@@ -188,20 +189,19 @@ impl Search<'_> {
     }
 }
 
-/// Mean squares that the regressions at three shifts leave, without one of the blocks.
+/// Mean squared residuals of the regressions at three shifts, without one of the blocks.
 fn errors(around: &[Sums; 3], without: Option<usize>) -> Option<[f64; 3]> {
     let [before, here, after] = around;
     Some([left(before, without)?, left(here, without)?, left(after, without)?])
 }
 
-/// Mean square that the regression leaves of the outputs, summed over them, without one of the
-/// blocks.
+/// Mean squared residual of the regression, summed over the outputs, without one of the blocks.
 fn left(sums: &Sums, without: Option<usize>) -> Option<f64> {
     let sum = total(sums, without)?;
     Some(sum.mean_error(&sum.solve(PENALTY)?))
 }
 
-/// The sum over blocks of the mean square that the regression on the others leaves.
+/// Sum over blocks of the mean squared residual of the regression on the others.
 fn left_out(sums: &Sums) -> Option<f64> {
     let error = |block: usize| {
         let coefficients = total(sums, Some(block))?.solve(LEFT_OUT_PENALTY)?;
@@ -216,13 +216,13 @@ fn total(sums: &Sums, without: Option<usize>) -> Option<NormalEquations> {
     Some(used.fold(first, |sum, block| sum.plus(&sums[block], 1.0)))
 }
 
-/// Where the parabola through three errors, so far apart, is lowest, relative to the middle.
+/// Minimum of the parabola through three errors at distance `apart`, relative to the middle.
 fn lowest([before, here, after]: [f64; 3], apart: f64) -> Option<f64> {
     let curvature = before - 2.0 * here + after;
     (curvature > 0.0).then(|| 0.5 * apart * (before - after) / curvature)
 }
 
-/// Of an estimate, from the estimates without one block each.
+/// Standard deviation of an estimate, from the estimates without one block each.
 pub(crate) fn jackknife_deviation(estimates: &[f64]) -> f64 {
     let count = estimates.len() as f64;
     let mean = estimates.iter().sum::<f64>() / count;
@@ -253,18 +253,18 @@ mod tests {
     /// Outputs of a snake with a gap of 60 counts, 30 times a second, stamped `late` seconds too
     /// late.
     fn seen(path: &[TimedCounts], late: f64, noise: f64) -> Vec<TimedOutputs> {
-        let mut behind = MotorVec::default();
+        let mut played = MotorVec::default();
         let mut random = gaussian(1);
         let mut seen = Vec::new();
         for (k, place) in path.iter().enumerate() {
-            for (behind, counts) in behind.iter_mut().zip(place.counts) {
-                *behind = behind.clamp(counts - 60.0, counts + 60.0);
+            for (played, counts) in played.iter_mut().zip(place.counts) {
+                *played = played.clamp(counts - 60.0, counts + 60.0);
             }
             if k % 8 == 0 {
                 let mut kick = || 0.58 * noise * random();
-                let bend = 40.0 * (behind[0] / 2500.0).sin();
-                let first = bend + 0.01 * behind[1] + kick();
-                let second = 0.02 * behind[1] - 0.005 * behind[0] + kick();
+                let bend = 40.0 * (played[0] / 2500.0).sin();
+                let first = bend + 0.01 * played[1] + kick();
+                let second = 0.02 * played[1] - 0.005 * played[0] + kick();
                 seen.push(TimedOutputs {
                     time_s: place.time_s + late,
                     outputs: [first, second, 0.0],
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_known_latency_is_found_behind_hysteresis() {
+    fn a_known_latency_is_found_despite_hysteresis() {
         let path = path(60.0);
         for late in [-0.03, 0.0, 0.047, 0.21] {
             let found = estimate_latency(&path, &seen(&path, late, 0.1), 2).unwrap();
@@ -284,8 +284,8 @@ mod tests {
         }
     }
 
-    /// A snake whose axes slide together behind one gap: with plays of single motors alone it looks
-    /// late by 15 ms.
+    /// A snake whose axes slide together with one gap: with plays of single motors alone it looks
+    /// 15 ms late.
     #[test]
     fn axes_that_slide_together_are_not_late() {
         let path = path(60.0);
@@ -293,10 +293,10 @@ mod tests {
         let mut random = gaussian(2);
         let mut seen = Vec::new();
         for (k, place) in path.iter().enumerate() {
-            let behind = [tip[0] - place.counts[0], tip[1] - place.counts[1]];
-            let kept = (80.0 / behind[0].hypot(behind[1]).max(1e-9)).min(1.0);
-            for (tip, (counts, behind)) in tip.iter_mut().zip(place.counts.iter().zip(behind)) {
-                *tip = counts + kept * behind;
+            let leash = [tip[0] - place.counts[0], tip[1] - place.counts[1]];
+            let kept = (80.0 / leash[0].hypot(leash[1]).max(1e-9)).min(1.0);
+            for (tip, (counts, leash)) in tip.iter_mut().zip(place.counts.iter().zip(leash)) {
+                *tip = counts + kept * leash;
             }
             if k % 8 == 0 {
                 let [first, second] = tip.map(|counts| 0.02 * counts + 0.06 * random());
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn sines_of_one_frequency_do_not_show_it() {
+    fn sines_of_one_frequency_do_not_show_latency() {
         let path: Vec<TimedCounts> = (0..30_000)
             .map(|k| {
                 let t = f64::from(k) * 0.004;
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn without_enough_information_there_is_no_estimate() {
+    fn too_little_information_gives_no_estimate() {
         let path = path(60.0);
         let measured = seen(&path, 0.0, 0.1);
         assert_eq!(estimate_latency(&path, &measured[..50], 2), None, "too few");

@@ -1,10 +1,10 @@
 //! Functions of the path of the motors that explain the outputs of a snake with hysteresis, and do
 //! not depend on the speed: a polynomial of the counts, and the lags of play operators times
-//! polynomials, for hysteresis changes with the pose.
+//! polynomials, because hysteresis changes with the pose.
 //!
 //! There are plays for every motor, and vector plays, in which both motors share one gap: the path
-//! pulls a point behind it on a leash. Without those, snakes whose axes slide together show
-//! latencies of up to 60 ms that they do not have.
+//! pulls a point on a leash. Without those, snakes whose axes slide together show false latencies
+//! of up to 60 ms.
 
 use i2ris::units::{MAX_MOTORS, MotorVec};
 use i2ris_report::statistics::min_max;
@@ -21,11 +21,11 @@ const LAGS: usize = MAX_MOTORS * (PLAYS.len() + LEASHES.len());
 /// Degree of the polynomial in the counts.
 const DEGREE: usize = 5;
 
-/// Degrees of the polynomials that lags are multiplied by, the best first. With less, a circle in
+/// Degrees of the polynomials that multiply lags, the best first. With lower degrees, a circle in
 /// one direction looks late.
 const LAG_DEGREES: [usize; 2] = [2, 1];
 
-/// For every feature there have to be so many samples.
+/// Minimum number of samples per feature.
 const SAMPLES_PER_FEATURE: usize = 9;
 
 /// Positions of the motors at an instant.
@@ -37,7 +37,7 @@ pub struct TimedCounts {
     pub counts: MotorVec,
 }
 
-/// A place of the motors, scaled to about -1...1, and how far the plays are from it.
+/// A place of the motors, scaled to about -1...1, and the distances of the plays from it.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     at: MotorVec,
@@ -53,7 +53,7 @@ pub(super) struct Features<'a> {
 }
 
 impl<'a> Features<'a> {
-    /// For so many samples. `None` where nothing moves, and for too few samples.
+    /// Features for a number of samples. `None` if nothing moves, and for too few samples.
     pub fn new(path: &'a [TimedCounts], motors: usize, samples: usize) -> Option<Self> {
         let (mut middle, mut half) = (MotorVec::default(), MotorVec::default());
         for (motor, (middle, half)) in middle.iter_mut().zip(&mut half).enumerate().take(motors) {
@@ -80,7 +80,7 @@ impl<'a> Features<'a> {
         })
     }
 
-    /// A row for every instant, the first feature is 1. `None` where two positions have one stamp.
+    /// A row for every instant; the first feature is 1. `None` if two positions have one stamp.
     pub fn matrix(&self, times_s: impl ExactSizeIterator<Item = f64>) -> Option<DMatrix<f64>> {
         let width = count(self.motors, self.lag_degree);
         // Column by column in memory: filled transposed, an instant after the other.
@@ -113,7 +113,7 @@ impl<'a> Features<'a> {
         }
     }
 
-    /// Linearly between two places.
+    /// Interpolates between two places.
     fn place(&self, time_s: f64) -> Option<Place> {
         let after = self.path.partition_point(|place| place.time_s < time_s);
         let after = after.clamp(1, self.path.len() - 1);
@@ -147,7 +147,7 @@ const fn count(motors: usize, lag_degree: usize) -> usize {
     monomials(motors, DEGREE) + lags(motors) * monomials(motors, lag_degree)
 }
 
-/// The plays behind the motors.
+/// Plays and leashes of the motors.
 struct Plays {
     motors: usize,
     plays: [[f64; PLAYS.len()]; MAX_MOTORS],
@@ -175,12 +175,12 @@ impl Plays {
             }
         }
         for (end, length) in self.leashes.iter_mut().zip(LEASHES) {
-            let behind = [end[0] - at[0], end[1] - at[1]];
-            let distance = behind[0].hypot(behind[1]);
+            let leash = [end[0] - at[0], end[1] - at[1]];
+            let distance = leash[0].hypot(leash[1]);
             let kept = (2.0 * length / distance.max(f64::MIN_POSITIVE)).min(1.0);
-            let behind = behind.map(|part| kept * part);
-            *end = [at[0] + behind[0], at[1] + behind[1]];
-            behind.into_iter().for_each(&mut push);
+            let leash = leash.map(|part| kept * part);
+            *end = [at[0] + leash[0], at[1] + leash[1]];
+            leash.into_iter().for_each(&mut push);
         }
         Place { at, lags }
     }

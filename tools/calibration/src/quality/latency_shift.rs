@@ -7,15 +7,16 @@ use crate::recording::{PathPoint, Recording, Row};
 use i2ris_report::statistics::median;
 
 /// Rows further apart in time are measured after the motors have come to rest: the path between
-/// them is not known.
+/// them is unknown.
 const SETTLED_S: f64 = 0.3;
 
-/// Positions further apart than this many times the usual are a gap: no outputs are moved into it.
+/// Positions further apart than this many times the usual distance are a gap: no outputs are moved
+/// into it.
 const GAP: f64 = 5.0;
 
 impl Recording {
-    /// How late the outputs are stamped against the counts; `None` without time stamps and where
-    /// the motion does not show it, see [`estimate_latency`].
+    /// Latency of the outputs' stamps against the counts; `None` without time stamps and if the
+    /// motion does not show it, see [`estimate_latency`].
     #[must_use]
     pub fn latency(&self) -> Option<Latency> {
         let times: Option<Vec<f64>> = self.path().iter().map(|point| point.time_s).collect();
@@ -36,9 +37,9 @@ impl Recording {
         estimate_latency(&path, &measured, self.motors())
     }
 
-    /// The recording with all outputs `seconds` earlier, at the counts that the motors had then.
-    /// Rows that leave the recording or come into a gap are left out; a recording without time
-    /// stamps stays as it is.
+    /// The recording with all outputs `seconds` earlier, at the motors' counts at that time. Rows
+    /// that leave the recording or fall into a gap are left out; a recording without time stamps
+    /// stays as it is.
     #[must_use]
     pub fn shifted(&self, seconds: f64) -> Self {
         let timed = self.path().iter().map(|point| Some((point.time_s?, point.counts)));
@@ -70,7 +71,7 @@ impl Recording {
 }
 
 /// The counts at an instant, on the straight line between two positions of a path in order of time
-/// (s, counts); `None` beyond its ends and where those two are more than `gap_s` apart.
+/// (s, counts); `None` beyond its ends and if those two are more than `gap_s` apart.
 fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap_s: f64) -> Option<MotorVec> {
     let after = path.partition_point(|(time, _)| *time < time_s);
     let (t1, b) = path.get(after)?;

@@ -1,4 +1,4 @@
-//! The quality of a recording: what it shows, before any family is fitted.
+//! The quality of a recording: its information, before any family is fitted.
 //!
 //! | file | contents |
 //! |---|---|
@@ -7,10 +7,10 @@
 //! | `identifiability` | whether the motion can show hysteresis |
 //! | `circulation` | motion of two motors around a closed curve |
 //! | `cycle` | the cycles of a repeating motion |
-//! | [`latency`] | how late the stamps of the outputs are |
-//! | `latency_features` | hysteresis without time, for that |
-//! | `latency_shift` | a recording with other stamps |
-//! | [`residual_pattern`] | what a model leaves beyond noise, and what that goes with |
+//! | [`latency`] | latency of the outputs' stamps |
+//! | `latency_features` | hysteresis without time, for the latency |
+//! | `latency_shift` | a recording with corrected stamps |
+//! | [`residual_pattern`] | model errors beyond noise, and their patterns |
 
 mod circulation;
 pub mod cycle;
@@ -38,7 +38,7 @@ use latency::Latency;
 use noise::noise_floor;
 use spike::spikes;
 
-/// With less independent motion than this part, the effects of two motors are separated badly.
+/// With less independent motion than this part, the effects of two motors are hard to separate.
 const HARDLY_SEPARABLE: f64 = 0.1;
 
 /// Properties of a recording.
@@ -48,21 +48,21 @@ pub struct Quality {
     pub noise: Vec<Option<NoiseFloor>>,
     /// Readings that were flagged, in order of rows.
     pub spikes: Vec<Spike>,
-    /// How late the outputs are stamped against the counts, where the motion shows it.
+    /// Latency of the outputs' stamps against the counts, if the motion shows it.
     pub latency: Option<Latency>,
     /// Limits of the recording.
     pub warnings: Vec<Finding>,
 }
 
-/// No snake that is calibrated bends by less than this, deg, and none by as many radians.
-const LEAST_BEND_DEG: f64 = 1.6;
+/// Minimum bend of a calibrated snake, deg; the largest angle in radians is smaller.
+const MIN_BEND_DEG: f64 = 1.6;
 
 impl Quality {
     /// Examines a recording.
     ///
     /// # Errors
     ///
-    /// When the motors do not span their space, so that not even an affine model can be fitted.
+    /// The motors do not span their space, so that not even an affine model can be fitted.
     pub fn new(recording: &Recording, options: &SpikeOptions) -> Result<Self, LinearError> {
         let rows = recording.rows();
         let indices = || 0..rows.len();
@@ -70,7 +70,7 @@ impl Quality {
         let linear = fit_linear(&inputs, &outputs(recording, indices()))?;
         let warnings = findings(recording);
         let mut quality = Self { noise: Vec::new(), spikes: Vec::new(), latency: None, warnings };
-        // Where hysteresis looks like a shift in phase, a shift in time does too.
+        // If hysteresis looks like a shift in phase, a shift in time does as well.
         if quality.hides_hysteresis().is_none() {
             quality.latency = recording.latency();
         }
@@ -87,13 +87,13 @@ impl Quality {
         Ok(quality)
     }
 
-    /// Why hysteresis cannot be found at all, if it cannot.
+    /// Why hysteresis cannot be found at all, if so.
     #[must_use]
     pub fn hides_hysteresis(&self) -> Option<Finding> {
         self.warnings.iter().find(|finding| finding.hides_hysteresis()).copied()
     }
 
-    /// Why the recording shows nothing between the axes of the motors, if it does not.
+    /// Why the recording lacks motion between the axes of the motors, if so.
     #[must_use]
     pub fn shows_one_axis_at_a_time(&self) -> Option<Finding> {
         let is_axes = |finding: &&Finding| matches!(finding, Finding::OneAxisAtATime { .. });
@@ -128,7 +128,7 @@ fn maybe_radians(recording: &Recording) -> Option<Finding> {
     let angles = recording.rows().iter().flat_map(|row| &row.outputs[..specs.len()]);
     let furthest = angles.fold(0.0, |most: f64, angle| most.max(angle.abs()));
     let degrees = specs.iter().all(|spec| spec.unit == OutputUnit::Deg);
-    (degrees && furthest < LEAST_BEND_DEG).then_some(Finding::MaybeRadians { furthest })
+    (degrees && furthest < MIN_BEND_DEG).then_some(Finding::MaybeRadians { furthest })
 }
 
 /// The counts of some rows, one column per motor.

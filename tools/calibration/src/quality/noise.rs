@@ -1,5 +1,5 @@
-//! The noise of the measurement itself, from the recording alone: the floor below which no model
-//! can get.
+//! The noise of the measurement itself, from the recording alone: the lower bound of any model's
+//! error.
 //!
 //! Two estimators, both robust against spikes and against the few rows where their assumption
 //! fails:
@@ -21,12 +21,12 @@ use serde::Serialize;
 use crate::recording::Row;
 use i2ris_report::statistics::median;
 
-/// A sensor that repeats more than this part of its readings while the motors move is slower than
-/// the rows.
-const MOST_HELD: f64 = 0.5;
+/// Maximum share of repeated readings while the motors move; a sensor with more is slower than the
+/// rows.
+const MAX_HELD: f64 = 0.5;
 
-/// The least number of samples for an estimate.
-const LEAST_SAMPLES: usize = 20;
+/// Minimum number of samples of an estimate.
+const MIN_SAMPLES: usize = 20;
 
 /// Standard deviation of a Gaussian over the median of its absolute values.
 pub(crate) const DEVIATION_PER_MAD: f64 = 1.4826;
@@ -36,13 +36,13 @@ pub(crate) const DEVIATION_PER_MAD: f64 = 1.4826;
 pub struct NoiseFloor {
     /// Standard deviation, in the unit of the output.
     pub deviation: f64,
-    /// How it was found.
+    /// Method.
     pub method: NoiseMethod,
-    /// Pairs or triples of rows that it was found from.
+    /// Pairs or triples of rows that it is based on.
     pub samples: usize,
 }
 
-/// How noise was found.
+/// Method of a noise estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum NoiseMethod {
@@ -62,13 +62,13 @@ impl fmt::Display for NoiseMethod {
 }
 
 /// The noise of one output: `rows`, its measured values, and their residuals from a linear model.
-/// From repeats where there are enough, otherwise from differences. `None` when there are too few
-/// rows, or when a sensor that is slower than the rows repeats its values too often.
+/// From repeats if there are enough, otherwise from differences. `None` if there are too few rows,
+/// or if a sensor that is slower than the rows repeats its values too often.
 pub(crate) fn noise_floor(rows: &[Row], measured: &[f64], residuals: &[f64]) -> Option<NoiseFloor> {
     let pairs = || rows.windows(2).zip(measured.windows(2));
     let moving = || pairs().filter(|(rows, _)| rows[0].counts != rows[1].counts);
     let held = moving().filter(|(_, pair)| pair[0] == pair[1]).count();
-    if held as f64 > MOST_HELD * moving().count() as f64 {
+    if held as f64 > MAX_HELD * moving().count() as f64 {
         return None;
     }
     let still = pairs().filter(|(rows, _)| rows[0].counts == rows[1].counts);
@@ -82,11 +82,7 @@ fn deviation(differences: Vec<f64>, variances: f64, method: NoiseMethod) -> Opti
     let samples = differences.len();
     let middle = median(&mut differences.into_iter().map(f64::abs).collect::<Vec<_>>())?;
     let deviation = DEVIATION_PER_MAD * middle / variances.sqrt();
-    (samples >= LEAST_SAMPLES && deviation > 0.0).then_some(NoiseFloor {
-        deviation,
-        method,
-        samples,
-    })
+    (samples >= MIN_SAMPLES && deviation > 0.0).then_some(NoiseFloor { deviation, method, samples })
 }
 
 #[cfg(test)]
@@ -106,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_found_in_slow_motion_in_steps_and_among_spikes() {
+    fn noise_is_found_despite_motion_steps_and_spikes() {
         let mut random = noise(3);
         let smooth = one_motor(2000, |time| (slow(time), 0.02 * slow(time) + 0.3 * random()));
         let floor_of = |recording: &Recording| floor(recording).unwrap();

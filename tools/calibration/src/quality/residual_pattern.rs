@@ -1,8 +1,7 @@
-//! What a model leaves of a recording beyond noise, and what that goes with: a snake that does what
-//! no parameter of the model can.
+//! Model errors beyond noise and their patterns: a snake that no parameters of the model represent.
 //!
-//! Each pattern is a ridge regression of the errors. It counts by what it explains of the rows that
-//! it has not seen: every fifth of forty blocks is left out in turn.
+//! Each pattern is a ridge regression of the errors. It is rated by the share that it explains of
+//! rows that it has not seen: every fifth of forty blocks is left out in turn.
 
 use std::f64::consts::TAU;
 use std::fmt::{self, Display, Formatter};
@@ -17,13 +16,13 @@ use crate::recording::Recording;
 use crate::regression::ridge::NormalEquations;
 use crate::series::blocks;
 
-/// The errors may be so many times the noise: then as much is left as there is noise.
+/// Maximum ratio of errors to noise: then the remaining error is as large as the noise.
 const BEYOND: f64 = std::f64::consts::SQRT_2;
 
-/// A pattern is named if it explains this part of what is beyond the noise.
+/// Minimum share of the error beyond the noise that a named pattern explains.
 const NAMED: f64 = 0.15;
 
-/// Of the laboratory's motors, whose encoders have 256 lines.
+/// Counts per turn of the laboratory's motors, whose encoders have 256 lines.
 const COUNTS_PER_TURN: f64 = 1024.0;
 
 const BLOCKS: usize = 40;
@@ -32,7 +31,7 @@ const FOLDS: usize = 5;
 /// Penalty, relative to features of size 1.
 const PENALTY: f64 = 1e-3;
 
-/// What errors may go with.
+/// Possible patterns of errors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Pattern {
@@ -108,13 +107,13 @@ pub struct Unexplained {
     pub noise: f64,
     /// The unit.
     pub unit: String,
-    /// What they go with, and the part of what is beyond the noise, the largest first.
+    /// Patterns, with the share of the error beyond the noise, the largest first.
     pub patterns: Vec<(Pattern, f64)>,
 }
 
 impl Unexplained {
-    /// Of predictions at some rows; `None` where they are as good as the noise allows, or that is
-    /// not known.
+    /// Analyses predictions at some rows; `None` if they are as good as the noise allows, or the
+    /// noise is not known.
     #[must_use]
     pub fn find(
         recording: &Recording,
@@ -152,19 +151,19 @@ impl Display for Unexplained {
         let Self { error, noise, unit, patterns } = self;
         write!(
             f,
-            "the model leaves {error:.3} {unit} on rows held out where the noise is {noise:.3} \
+            "the error of the model on held-out rows is {error:.3} {unit}, the noise is {noise:.3} \
              {unit}"
         )?;
         if patterns.is_empty() {
             return f.write_str(
-                ", and that goes neither with the turn of a motor nor with time, speed or pose; \
+                "; it depends neither on the turn of a motor nor on time, speed or pose; \
                  use the camera (adaptation.enabled), or record longer with more reversals",
             );
         }
         for (place, (pattern, part)) in patterns.iter().enumerate() {
-            let begin = if place == 0 { "; of that" } else { "," };
+            let begin = if place == 0 { "; of the difference," } else { "," };
             let (name, advice) = (pattern.name(), pattern.advice());
-            write!(f, "{begin} {:.0} % goes with {name}: {advice}", (100.0 * part).min(100.0))?;
+            write!(f, "{begin} {:.0} % depends on {name}: {advice}", (100.0 * part).min(100.0))?;
         }
         Ok(())
     }
@@ -218,7 +217,7 @@ impl<'a> Motion<'a> {
     }
 }
 
-/// Sum of squares that a regression leaves of rows that it has not seen.
+/// Sum of squared residuals of a regression on rows that it has not seen.
 fn left_out(features: &DMatrix<f64>, errors: &DMatrix<f64>) -> Option<f64> {
     let blocks = blocks(features.nrows(), BLOCKS);
     let of = |fold: usize| -> Vec<usize> {
@@ -246,7 +245,7 @@ mod tests {
     use crate::quality::{NoiseFloor, NoiseMethod};
     use crate::testing::{assert_contains, noise, one_motor};
 
-    /// What is found in errors of a motor that goes to and fro, beside noise of 0.05 deg.
+    /// Patterns in errors of a motor that moves to and fro, with noise of 0.05 deg.
     fn found(error: impl Fn(f64, f64) -> f64) -> Option<Unexplained> {
         let (mut random, counts) = (noise(5), |time: f64| 1500.0 * (0.13 * time).sin());
         let recording =
@@ -260,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_beyond_noise_is_named_with_what_it_goes_with() {
+    fn errors_beyond_noise_are_reported_with_their_pattern() {
         assert_eq!(found(|_, _| 0.0), None);
         let turn = |_: f64, counts: f64| 0.2 * (TAU * counts / COUNTS_PER_TURN).sin();
         let drift = |time: f64, _: f64| 0.001 * time;
@@ -272,9 +271,9 @@ mod tests {
         ] {
             let found = found.unwrap();
             assert_eq!(found.patterns[0].0, pattern, "{found}");
-            assert_contains(&found, &["where the noise is", advice]);
+            assert_contains(&found, &["the noise is", advice]);
         }
         let alone = found(|time, _| if (time as u32) & 1 == 0 { 0.3 } else { -0.3 }).unwrap();
-        assert_contains(&alone, &["neither with the turn of a motor nor"]);
+        assert_contains(&alone, &["neither on the turn of a motor nor"]);
     }
 }

@@ -15,17 +15,17 @@ use crate::recording::Row;
 use crate::regression::linear::LinearFit;
 use i2ris_report::statistics::median;
 
-/// How to look for spikes.
+/// Options of the spike filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpikeOptions {
     /// Rows on either side that make a neighbourhood. A run of more spikes than that is not seen.
     pub half_window: usize,
     /// Robust standard deviations of the recording beyond which a reading is a spike.
     pub threshold: f64,
-    /// Least distance of a spike, in the unit of the output: without noise, rounding would be
+    /// Minimum distance of a spike, in the unit of the output: without noise, rounding would be
     /// flagged.
     pub least: f64,
-    /// Whether flagged rows are used for training all the same.
+    /// Whether flagged rows are still used for training.
     pub keep: bool,
 }
 
@@ -44,15 +44,15 @@ pub struct Spike {
     pub line: u64,
     /// Index of the output.
     pub output: usize,
-    /// What was measured, in the unit of the output.
+    /// Measured value, in the unit of the output.
     pub measured: f64,
-    /// How far that is from its neighbourhood.
+    /// Distance from its neighbourhood.
     pub distance: f64,
 }
 
-/// Flags the readings of one output. `residuals` are what `linear` leaves of them, one per row;
-/// `noise` is the standard deviation of the measurement where it is known, so that slow
-/// motion with little noise does not make the filter too sensitive.
+/// Flags the readings of one output. `residuals` are those of `linear`, one per row; `noise` is the
+/// standard deviation of the measurement, if known, so that slow motion with little noise does not
+/// make the filter too sensitive.
 pub(crate) fn spikes(
     rows: &[Row],
     residuals: &[f64],

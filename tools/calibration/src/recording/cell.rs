@@ -1,6 +1,6 @@
-//! What a cell says: a number, a moment, or nothing.
+//! Content of a cell: a number, a time, or nothing.
 
-/// What programs write where nothing was measured, in small letters.
+/// Marks of missing values that programs write, in small letters.
 const MISSING: [&str; 9] =
     ["", "nan", "-nan", "nan(ind)", "-nan(ind)", "na", "n/a", "null", "none"];
 
@@ -8,7 +8,8 @@ pub(super) fn is_missing(cell: &str) -> bool {
     cell.is_empty() || MISSING.contains(&cell.to_lowercase().as_str())
 }
 
-/// A number, with a minus sign of any kind, and with a decimal comma where commas do not separate.
+/// Parses a number, with a minus sign of any kind, and with a decimal comma if commas do not
+/// separate.
 pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
     cell.parse().ok().or_else(|| {
         let plain = cell.replace(['\u{2212}', '\u{2013}'], "-");
@@ -16,8 +17,8 @@ pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
     })
 }
 
-/// A moment, s: a number of seconds, a date and a time of day as in ISO 8601, or the time of day
-/// alone. A date counts from 1970-01-01.
+/// Parses a time, s: a number of seconds, a date and a time of day as in ISO 8601, or the time of
+/// day alone. A date counts from 1970-01-01.
 #[must_use]
 pub fn seconds(cell: &str, decimal_comma: bool) -> Option<f64> {
     number(cell, decimal_comma).or_else(|| match cell.split_once(['T', 't', ' ']) {
@@ -26,7 +27,7 @@ pub fn seconds(cell: &str, decimal_comma: bool) -> Option<f64> {
     })
 }
 
-/// `HH:MM:SS`, with a fraction where there is one.
+/// `HH:MM:SS`, with an optional fraction.
 fn clock_s(text: &str) -> Option<f64> {
     let text = text.trim_end_matches(['Z', 'z']).replace(',', ".");
     let parts: Option<Vec<f64>> = text.split(':').map(|part| part.parse().ok()).collect();
@@ -36,7 +37,7 @@ fn clock_s(text: &str) -> Option<f64> {
     }
 }
 
-/// Days from 1970-01-01 to `YYYY-MM-DD`, in the calendar of today.
+/// Days from 1970-01-01 to `YYYY-MM-DD`, in the Gregorian calendar.
 fn days(date: &str) -> Option<f64> {
     let parts: Option<Vec<i64>> = date.split(['-', '/']).map(|part| part.parse().ok()).collect();
     let [year @ 1000..=9999, month @ 1..=12, day @ 1..=31] = parts?[..] else {
@@ -53,10 +54,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn moments_are_those_of_the_command_date() {
+    fn times_match_the_command_date() {
         for (cell, read) in [
             ("1970-01-01T00:00:00Z", Some(0.0)),
-            // What `date -u -d ... +%s` prints.
+            // Output of `date -u -d ... +%s`.
             ("2026-01-02T03:04:00.050Z", Some(1_767_323_040.05)),
             ("2000/02/29 23:59:59", Some(951_868_799.0)),
             ("03:04:00,5", Some(11_040.5)),

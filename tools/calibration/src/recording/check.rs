@@ -1,4 +1,4 @@
-//! Requirements that tables fulfil, row by row and from row to row.
+//! Requirements on tables, row by row and from row to row.
 
 use i2ris::units::MAX_MOTORS;
 
@@ -7,20 +7,20 @@ use super::error::{Problem, RecordingError};
 use super::steps::{glitches, wrap};
 use super::table::{ReadRow, Table};
 
-/// Slower and faster rows than these, Hz, are hardly in seconds.
+/// Plausible rates of rows, Hz; beyond them the stamps are hardly in seconds.
 const RATES_HZ: (f64, f64) = (0.5, 10_000.0);
 
-/// Below this rate, Hz, more rows than these are hardly in seconds.
+/// Below this rate, Hz, a table with more rows than this is hardly in seconds.
 const LONG: (f64, usize) = (2.0, 5000);
 
-/// From so many points on a trajectory is asked for its rate, too.
+/// Minimum number of points of a trajectory whose rate is checked as well.
 const POINTS: usize = 10;
 
 /// Rates of controllers and cameras, Hz.
 const USUAL_HZ: (f64, f64) = (2.0, 5000.0);
 
 impl Table<'_> {
-    /// Checks stamps, and steps of the motors; unwraps their counters where that was asked for.
+    /// Checks stamps, and steps of the motors; unwraps their counters if requested.
     pub fn check(&mut self) -> Result<(), RecordingError> {
         if self.wanted.rising {
             self.times_rise()?;
@@ -29,7 +29,7 @@ impl Table<'_> {
         (0..self.layout.counts.len()).try_for_each(|motor| self.steps_are_of_a_motor(motor))
     }
 
-    /// Columns that matter: the option that leaves it out, what it means if it never changes, and
+    /// Columns in use: the option that leaves the column out, the meaning if it never changes, and
     /// its cell in a row.
     fn used(&self) -> impl Iterator<Item = (&Column, [&'static str; 2], impl Fn(&ReadRow) -> f64)> {
         let Layout { time, counts, outputs, .. } = &self.layout;
@@ -47,11 +47,11 @@ impl Table<'_> {
         })
     }
 
-    /// How to do without a column.
+    /// Remedy that does without a column.
     fn without(&self, option: &str) -> String {
         match self.columns.options {
             true => format!("leave it out with {option}"),
-            false => "take that column out of the table".to_owned(),
+            false => "remove that column from the table".to_owned(),
         }
     }
 
@@ -103,7 +103,7 @@ impl Table<'_> {
         Err(RecordingError::new(self.place.line(line).column(&column.name), problem))
     }
 
-    /// Questions a rate that no camera has: stamps are often in ms under the name of seconds.
+    /// Checks for a rate that no camera has: stamps are often in ms with a name in seconds.
     fn rate_is_usual(&mut self) -> Result<(), RecordingError> {
         let Some(Column { name, .. }) = &self.layout.time else {
             return Ok(());
@@ -114,7 +114,7 @@ impl Table<'_> {
         let hz = steps.get(steps.len() / 2).map_or(USUAL_HZ.0, |step| 1.0 / step);
         let (unit, is_certain) = self.layout.seconds;
         let is_slow = hz < RATES_HZ.0 || hz < LONG.0 && steps.len() >= LONG.1;
-        // The points of a trajectory may be far apart. A table of many is a recorded one.
+        // The points of a trajectory may be far apart. A table with many points was recorded.
         let (is_trajectory, is_short) = (self.layout.counts.is_empty(), steps.len() < POINTS);
         if is_certain || !is_slow && hz <= RATES_HZ.1 || is_trajectory && is_short {
             return Ok(());
@@ -123,34 +123,34 @@ impl Table<'_> {
         let is_usual = |hz: f64| (USUAL_HZ.0..=USUAL_HZ.1).contains(&hz);
         let other = TIME_UNITS.iter().find(|(_, seconds)| is_usual(in_unit(*seconds)));
         let (guess, seconds) = other.map_or(("s", 1.0), |(names, seconds)| (names[0], *seconds));
-        let said = format!(
-            "column `{name}`: {} row(s) a second as it is read, {} if it is in {guess}",
+        let text = format!(
+            "column `{name}`: {} row(s) per second as read, {} if it is in {guess}",
             round(hz),
             in_unit(seconds)
         );
         let quote = if name.contains(' ') { "'" } else { "" };
-        let said = match self.columns.options {
+        let text = match self.columns.options {
             true => format!(
-                "{said}; say its unit with --time {quote}{name}={guess}{quote} (s, ms, us or ns)"
+                "{text}; give its unit with --time {quote}{name}={guess}{quote} (s, ms, us or ns)"
             ),
-            false => format!("{said}; call it `t_{guess}`, if that is its unit (s, ms, us, ns)"),
+            false => format!("{text}; call it `t_{guess}` if that is its unit (s, ms, us, ns)"),
         };
         if self.columns.options && !is_trajectory {
-            return Err(self.error(Problem::Rate(said)));
+            return Err(self.error(Problem::Rate(text)));
         }
-        self.notes.push(said);
+        self.notes.push(text);
         Ok(())
     }
 
-    /// Refuses counts that wrap and single wrong ones: no motor makes such a step, and no model.
+    /// Refuses counts that wrap, and single wrong counts: no motor makes such a step.
     fn steps_are_of_a_motor(&mut self, motor: usize) -> Result<(), RecordingError> {
         let (counts, lines): (Vec<f64>, Vec<u64>) =
             self.located().map(|row| (row.counts[motor], row.line)).unzip();
         let name = self.layout.counts[motor].name.clone();
         let at = |row: usize| self.place.line(lines[row]).column(&name);
         let remedy = match self.columns.options {
-            true => "read it as one that goes on with --unwrap",
-            false => "make one of it that goes on, as numpy.unwrap(counts, period=...) does",
+            true => "unwrap it with --unwrap",
+            false => "unwrap it, for example with numpy.unwrap(counts, period=...)",
         };
         if let Some(found) = wrap(&counts) {
             let (modulus, jumps) = (found.modulus, found.jumps.len());
@@ -161,8 +161,8 @@ impl Table<'_> {
             }
             let unwrapped = found.unwrapped(&counts);
             self.notes.push(format!(
-                "column `{name}`: a counter of {modulus} steps, unwrapped over {jumps} jump(s) \
-                 from {} on",
+                "column `{name}`: a counter of {modulus} steps, unwrapped at {jumps} jump(s) \
+                 starting at {}",
                 unwrapped[0]
             ));
             let rows = self.rows.iter_mut().filter(|row| row.located);
@@ -173,15 +173,15 @@ impl Table<'_> {
         let Some(&first) = wrong.first() else {
             return Ok(());
         };
-        let beside = counts.get(first.wrapping_sub(1)).or(counts.get(first + 1));
-        let (value, usual) = (counts[first], beside.copied().unwrap_or_default());
+        let neighbour = counts.get(first.wrapping_sub(1)).or(counts.get(first + 1));
+        let (value, usual) = (counts[first], neighbour.copied().unwrap_or_default());
         let all: Vec<String> = wrong.iter().map(|row| lines[*row].to_string()).collect();
         let lines = all.join(", ");
         Err(RecordingError::new(at(first), Problem::Glitch { value, usual, lines }))
     }
 }
 
-/// Two digits.
+/// Rounds to two digits.
 fn round(value: f64) -> f64 {
     let scale = 10.0_f64.powf(1.0 - value.abs().log10().floor());
     (value * scale).round() / scale

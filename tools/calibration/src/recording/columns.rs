@@ -1,10 +1,10 @@
 //! The meaning of each column.
 //!
-//! Two layouts are recognised: the common one (`t_s`, `q0_counts`, `q1_counts`,
-//! `pitch_deg`, `yaw_deg`, or `x_mm`, `y_mm`, `z_mm`) and the one that the laboratory's scripts
-//! write (`Enc TS`, `Encoder counts 0`, `Encoder counts 1`, `pitches`, `yaws`). Columns that
-//! are named in a [`ColumnMap`] replace those. Small and capital letters, and what is no letter and
-//! no digit, make no difference. Time may also be called `time`, `timestamp`, `t_ms`, ...
+//! Two layouts are recognised: the common one (`t_s`, `q0_counts`, `q1_counts`, `pitch_deg`,
+//! `yaw_deg`, or `x_mm`, `y_mm`, `z_mm`) and that of the laboratory's scripts (`Enc TS`,
+//! `Encoder counts 0`, `Encoder counts 1`, `pitches`, `yaws`). Columns that are named in a
+//! [`ColumnMap`] replace those. Case and characters other than letters and digits are ignored. Time
+//! may also be called `time`, `timestamp`, `t_ms`, ...
 
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -18,7 +18,7 @@ use super::error::{Place, Problem, RecordingError};
 /// the encoders.
 const TIMES: [&str; 2] = ["t_s", "Enc TS"];
 
-/// Words of which a name of time consists, beside its unit.
+/// Words in a name of time, besides its unit.
 const TIME_WORDS: [&str; 13] = [
     "t",
     "time",
@@ -47,7 +47,7 @@ pub(super) const TIME_UNITS: [(&[&str], f64); 4] = [
 const COUNTS: [[&str; MAX_MOTORS]; 2] =
     [["q0_counts", "q1_counts"], ["Encoder counts 0", "Encoder counts 1"]];
 
-/// Known columns of outputs, what they are, and their units.
+/// Known columns of outputs, their meaning, and their units.
 const OUTPUTS: [(&str, &str, OutputUnit); 7] = [
     ("pitch_deg", "pitch", OutputUnit::Deg),
     ("yaw_deg", "yaw", OutputUnit::Deg),
@@ -61,36 +61,36 @@ const OUTPUTS: [(&str, &str, OutputUnit); 7] = [
 /// Columns named by the caller. The default names none: known layouts are recognised.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct ColumnMap {
-    /// Where the time stamps are.
+    /// Column of the time stamps.
     pub time: TimeColumn,
     /// The column of each motor, in order of the motors. Empty: found by name.
     pub counts: Vec<String>,
     /// The column of each output. Empty: found by name.
     pub outputs: Vec<OutputColumn>,
-    /// Take counters that wrap for what they mean.
+    /// Unwrap counters that wrap.
     pub unwrap: bool,
-    /// Whoever reads has the options `--counts`, `--angles`, `--time` and `--unwrap`, so that a
-    /// remedy may name them.
+    /// The reader has the options `--counts`, `--angles`, `--time` and `--unwrap`, so that a remedy
+    /// may name them.
     pub options: bool,
 }
 
-/// What is to be found in a table.
+/// Required content of a table.
 #[derive(Debug, Clone)]
 pub struct Wanted {
-    /// What the table is.
+    /// Name of the table for messages.
     pub noun: &'static str,
-    /// Time is needed. Without, it is read where it is.
+    /// Time is required. Otherwise it is read if available.
     pub time: bool,
-    /// Time has to rise.
+    /// Time must increase.
     pub rising: bool,
-    /// How many motors.
+    /// Number of motors.
     pub motors: RangeInclusive<usize>,
     /// Outputs: none, these, or any (no entry).
     pub outputs: Option<Vec<OutputSpec>>,
 }
 
 impl Wanted {
-    /// Counts and outputs, and their time where there is one.
+    /// Counts and outputs, and their time if available.
     #[must_use]
     pub fn recording() -> Self {
         let (noun, motors, outputs) = ("recording", 1..=MAX_MOTORS, Some(Vec::new()));
@@ -103,7 +103,7 @@ impl Wanted {
         Self { time: true, outputs: None, ..Self::recording() }
     }
 
-    /// The path of so many motors. What time there is says nothing.
+    /// The path of this many motors. Time stamps are ignored.
     #[must_use]
     pub fn path_of(motors: usize) -> Self {
         Self { time: false, rising: false, motors: motors..=motors, ..Self::path() }
@@ -123,30 +123,30 @@ pub fn pitch_and_yaw() -> [OutputSpec; 2] {
     ["pitch", "yaw"].map(|name| output(name, OutputUnit::Deg))
 }
 
-/// Where the time stamps are.
+/// Column of the time stamps.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub enum TimeColumn {
-    /// Found by name; without one the recording has no time.
+    /// Found by name; if there is none, the recording has no time.
     #[default]
     Known,
-    /// The recording is to be read without time.
+    /// The recording is read without time.
     Ignored,
     /// In this column, s; after `COLUMN=ms`, `=us` or `=ns` in that unit.
     Named(String),
 }
 
-/// A column that holds an output.
+/// A column with an output.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OutputColumn {
-    /// As the header names it.
+    /// Name in the header.
     pub column: String,
-    /// What it is.
+    /// The output.
     pub output: OutputSpec,
 }
 
-/// Text that names no output.
+/// A text that does not name an output.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{text}` names no output: write COLUMN or COLUMN=NAME, with a name of 1 to 16 bytes")]
+#[error("`{text}` is not an output: write COLUMN or COLUMN=NAME, with a name of 1 to 16 bytes")]
 pub struct ParseColumnError {
     text: String,
 }
@@ -154,8 +154,8 @@ pub struct ParseColumnError {
 impl FromStr for OutputColumn {
     type Err = ParseColumnError;
 
-    /// `COLUMN=NAME`, or `COLUMN` alone, whose ending `_deg` or `_mm` then is not part of the name.
-    /// The unit is that of the ending of the column, degrees without one.
+    /// Parses `COLUMN=NAME`, or `COLUMN` alone, whose ending `_deg` or `_mm` then is not part of
+    /// the name. The unit is that of the ending of the column, degrees without one.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let (column, name) =
             text.rsplit_once('=').map_or((text, None), |(column, name)| (column, Some(name)));
@@ -182,11 +182,11 @@ pub(super) struct Column {
     pub name: String,
 }
 
-/// The columns that matter, found in the header.
+/// The columns in use, found in the header.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Layout {
     pub time: Option<Column>,
-    /// Of the unit of the time, and whether it was said which it is.
+    /// Factor of the time unit, and whether the unit was given.
     pub seconds: (f64, bool),
     pub counts: Vec<Column>,
     pub outputs: Vec<(Column, OutputSpec)>,
@@ -195,13 +195,13 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Every column that matters.
+    /// All columns in use.
     pub fn all(&self) -> impl Iterator<Item = &Column> {
         self.time.iter().chain(&self.counts).chain(self.outputs.iter().map(|(column, _)| column))
     }
 }
 
-/// Looks up in a header what a map names, and what is known where it names nothing.
+/// Looks up the columns of a map in a header, and known columns for the rest.
 pub(super) struct Header<'a> {
     pub names: &'a [String],
     pub map: &'a ColumnMap,
@@ -277,7 +277,7 @@ impl Header<'_> {
         }
     }
 
-    /// Angles before positions: a model has one kind only.
+    /// Finds angles before positions: a model has one kind only.
     fn outputs(&self) -> Result<Vec<(Column, OutputSpec)>, RecordingError> {
         let Some(wanted) = &self.wanted.outputs else {
             return Ok(Vec::new());
@@ -331,7 +331,7 @@ impl Header<'_> {
         self.column(name)?.ok_or_else(|| self.missing(&[name], option))
     }
 
-    /// The column of this name, or else of one that says the same.
+    /// The column with this name, or else one with an equivalent name.
     fn column(&self, name: &str) -> Result<Option<Column>, RecordingError> {
         let columns = || self.names.iter().enumerate();
         let exact = columns().filter(|(_, other)| *other == name);
@@ -350,8 +350,8 @@ impl Header<'_> {
             quoted.join(between)
         };
         let remedy = match self.map.options {
-            true => format!("name the right ones with {option}"),
-            false => "call the right ones so in the line that names the columns".to_owned(),
+            true => format!("select the columns with {option}"),
+            false => "rename the columns in the header line".to_owned(),
         };
         self.error(Problem::MissingColumn {
             wanted: list(&mut wanted.iter().copied(), " or "),
@@ -365,18 +365,18 @@ impl Header<'_> {
     }
 }
 
-/// The words of a name, in small letters.
+/// Words of a name, in small letters.
 fn words(name: &str) -> Vec<String> {
     let words = name.split(|letter: char| !letter.is_alphanumeric());
     words.filter(|word| !word.is_empty()).map(str::to_lowercase).collect()
 }
 
-/// A unit of time, s.
+/// Unit of time, s.
 pub(super) fn unit_s(unit: &str) -> Option<f64> {
     TIME_UNITS.iter().find(|(names, _)| names.contains(&unit)).map(|(_, seconds)| *seconds)
 }
 
-/// The unit of a column whose name says that it is time, s.
+/// Unit of a column whose name means time, s.
 fn seconds_of(name: &str) -> Option<f64> {
     let mut words = words(name);
     let unit = words.last().and_then(|word| unit_s(word));
@@ -385,7 +385,7 @@ fn seconds_of(name: &str) -> Option<f64> {
     (is_time && (unit.is_some() || !words.is_empty())).then(|| unit.unwrap_or(1.0))
 }
 
-/// As an output is called in a table.
+/// Name of an output in a table.
 #[must_use]
 pub fn column_of(OutputSpec { name, unit }: &OutputSpec) -> String {
     match unit {

@@ -1,10 +1,10 @@
-//! What is wrong with a table.
+//! Errors of a table.
 
 use std::fmt::{self, Display, Formatter};
 use std::io;
 use std::path::Path;
 
-/// Why a table could not be read: what is wrong, where, and what to do.
+/// Why a table could not be read: the problem, its place, and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {}", .0.0, .0.1)]
 pub struct RecordingError(Box<(Place, Problem)>);
@@ -15,7 +15,7 @@ impl RecordingError {
     }
 }
 
-/// Where something is.
+/// Place of an error.
 #[derive(Debug, Clone)]
 pub(super) struct Place {
     table: String,
@@ -24,7 +24,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// A file. `noun`: what it is for who reads it.
+    /// A file. `noun`: its purpose for the reader.
     pub fn new(noun: &str, path: &Path) -> Self {
         Self { table: format!("{noun} {}", path.display()), line: None, column: None }
     }
@@ -46,11 +46,11 @@ impl Display for Place {
     }
 }
 
-/// What is wrong and what to do. A `remedy` is one that the reader of the table can follow: not
-/// every command has options for columns.
+/// A problem with its remedy. A `remedy` must be possible for the reader of the table: not every
+/// command has options for columns.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Problem {
-    #[error("cannot be read: {0}; name a CSV file")]
+    #[error("cannot be read: {0}; give the path of a CSV file")]
     Read(io::Error),
     #[error("is empty; its first line must name the columns")]
     Empty,
@@ -61,9 +61,9 @@ pub(super) enum Problem {
          `t_s,q0_counts,q1_counts,pitch_deg,yaw_deg`"
     )]
     NoHeader,
-    #[error("has {found} cells, and the header names {expected} columns; {remedy}")]
+    #[error("has {found} cells, but the header names {expected} columns; {remedy}")]
     RowLength { found: usize, expected: usize, remedy: &'static str },
-    #[error("there is no column {wanted}; its columns are {present}; {remedy}")]
+    #[error("column {wanted} is missing; the columns are {present}; {remedy}")]
     MissingColumn { wanted: String, present: String, remedy: String },
     #[error("two columns are named `{0}`; rename one")]
     Ambiguous(String),
@@ -78,22 +78,23 @@ pub(super) enum Problem {
     #[error("column `{column}` is empty on every row; record it, or {remedy}")]
     EmptyColumn { column: String, remedy: String },
     #[error(
-        "column `{column}` is {value} on every row: {meaning}; record motion of it, or {remedy}"
+        "column `{column}` is {value} on every row: {meaning}; record data in which it changes, \
+         or {remedy}"
     )]
     ConstantColumn { column: String, value: f64, meaning: &'static str, remedy: String },
-    #[error("{rows} complete row(s), and a model takes at least {least}; record more")]
+    #[error("{rows} complete row(s), but a model needs at least {least}; record more")]
     TooFewRows { rows: usize, least: usize },
-    #[error("has no complete row; fill its cells")]
+    #[error("has no complete row; fill the empty cells")]
     NoRows,
     #[error("{0}")]
     Rate(String),
     #[error(
-        "counts jump by about {modulus} (from {from} in line {before} to {to}), and so {jumps} \
+        "counts jump by about {modulus} (from {from} in line {before} to {to}), {jumps} \
          time(s) in all: a counter that wraps; {remedy}"
     )]
     Wrap { modulus: f64, from: f64, before: u64, to: f64, jumps: usize, remedy: &'static str },
     #[error(
-        "counts are {value} and {usual} in the line beside it: a glitch of the encoder that no \
+        "counts are {value}, but {usual} in the adjacent line: an encoder glitch that no \
          motor makes (line {lines}); empty the cell, or remove the line"
     )]
     Glitch { value: f64, usual: f64, lines: String },

@@ -1,19 +1,19 @@
-//! Recordings: encoder counts of the motors with the outputs that were measured at the same time;
-//! and the reader of all tables that people hand over, of which they are one kind.
+//! Recordings: encoder counts of the motors with the outputs measured at the same time; and the
+//! reader of all tables supplied by users, including recordings.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `rows` | a recording in memory |
 //! | `columns` | the meaning of each column |
-//! | `sheet` | from bytes to cells: separators, comments, headers, ends that are cut off |
-//! | `cell` | a number, a moment, or nothing |
+//! | `sheet` | from bytes to cells: separators, comments, headers, truncated ends |
+//! | `cell` | a number, a time, or nothing |
 //! | `table` | from cells to rows of numbers |
-//! | `check` | requirements that tables fulfil |
+//! | `check` | requirements on tables |
 //! | `steps` | counters that wrap, and single wrong counts |
 //! | `plausible` | rows that no motor and no sensor makes |
 //! | `read` | a recording of a table |
 //! | `write` | the common format, written row by row |
-//! | `error` | what is wrong with a file, where, and what to do |
+//! | `error` | errors of a file: problem, place and remedy |
 
 mod cell;
 mod check;

@@ -10,7 +10,7 @@ use super::rows::MIN_ROWS;
 use super::rows::{PathPoint, Recording, Row, hash};
 use super::table::{ReadRow, Table};
 
-/// What was read and what was left out.
+/// Read and skipped parts of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct ReadReport {
     /// Rows of the file, without the header.
@@ -25,7 +25,7 @@ pub struct ReadReport {
     pub counts_columns: Vec<String>,
     /// The column of each output.
     pub output_columns: Vec<String>,
-    /// What else was left out, and what is strange.
+    /// Other skipped parts, and unusual findings.
     pub notes: Vec<String>,
 }
 
@@ -39,12 +39,12 @@ pub struct DroppedRow {
 }
 
 impl Recording {
-    /// Reads and checks a CSV file with a header. Rows with an empty cell in a column that matters
-    /// are left out and reported.
+    /// Reads and checks a CSV file with a header. Rows with an empty cell in a column in use are
+    /// left out and reported.
     ///
     /// # Errors
     ///
-    /// When the file cannot be read, a column is missing, or a value in it is wrong; see
+    /// The file cannot be read, a column is missing, or a value in it is wrong; see
     /// [`RecordingError`].
     pub fn read(path: &Path, columns: &ColumnMap) -> Result<(Self, ReadReport), RecordingError> {
         let name = path.file_name().unwrap_or(path.as_os_str());
@@ -61,8 +61,8 @@ impl Recording {
         if columns.options && !layout.left_out.is_empty() {
             let left_out = layout.left_out.join(",");
             table.notes.push(format!(
-                "a model has outputs of one unit, and this one is without {left_out}; a second \
-                 one has them: `i2ris calibrate fit {name} --angles {left_out} --output FILE`",
+                "all outputs of a model have one unit; this one omits {left_out}; a second \
+                 one can use them: `i2ris calibrate fit {name} --angles {left_out} --output FILE`",
                 name = path.display()
             ));
         }

@@ -7,10 +7,10 @@ use i2ris::model::file::OutputSpec;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use sha2::{Digest, Sha256};
 
-/// The least rows that a recording must have: fewer hold no motion.
+/// Minimum number of rows of a recording: fewer contain no motion.
 pub const MIN_ROWS: usize = 20;
 
-/// Between two recordings that are fitted together, s.
+/// Pause between two recordings that are fitted together, s.
 const PAUSE_S: f64 = 1.0;
 
 /// One row of a recording.
@@ -30,7 +30,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// A row to be written: its line and its path index do not matter.
+    /// A row for writing: its line and its path index do not matter.
     #[must_use]
     pub fn new(time_s: Option<f64>, counts: MotorVec, outputs: [f64; MAX_OUTPUTS]) -> Self {
         let (line, path_index) = (0, 0);
@@ -38,7 +38,7 @@ impl Row {
     }
 }
 
-/// A position on the path of the motors, with or without outputs that were measured there.
+/// A position on the path of the motors, with or without measured outputs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathPoint {
     /// Line in the file, counted from 1 with the header.
@@ -49,9 +49,8 @@ pub struct PathPoint {
     pub counts: MotorVec,
 }
 
-/// A recording that has been checked: at least `MIN_ROWS` rows, every number finite and within
-/// its range, no motor and no output constant, time (where there is one) strictly
-/// increasing.
+/// A recording that has been checked: at least `MIN_ROWS` rows, every number finite and within its
+/// range, no motor and no output constant, time (if available) strictly increasing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
     pub(super) name: String,
@@ -69,7 +68,7 @@ impl Recording {
         &self.name
     }
 
-    /// SHA-256 of the bytes of the file, hexadecimal: what `sha256sum` prints. Of two recordings
+    /// SHA-256 of the bytes of the file, hexadecimal, as printed by `sha256sum`. For two recordings
     /// together, that of both sums with a space between.
     #[must_use]
     pub fn sha256(&self) -> &str {
@@ -82,21 +81,21 @@ impl Recording {
         self.motors
     }
 
-    /// What was measured, 1 to 3 outputs.
+    /// Measured outputs, 1 to 3.
     #[must_use]
     pub fn outputs(&self) -> &[OutputSpec] {
         &self.outputs
     }
 
-    /// The path of the motors: every position of the file, in order, also those at which nothing
-    /// was measured.
+    /// The path of the motors: every position of the file, in order, including those without
+    /// outputs.
     #[must_use]
     pub fn path(&self) -> &[PathPoint] {
         &self.path
     }
 
-    /// The positions at some places of the path, each with the time since the one before, s: what a
-    /// model advances over. Without time stamps that is 0.
+    /// The positions at some places of the path, each with the time since the previous one, s: the
+    /// input of a model's memory. Without time stamps that is 0.
     pub fn steps(&self, places: Range<usize>) -> impl Iterator<Item = (&MotorVec, f64)> {
         let before = self.path.get(places.start.wrapping_sub(1)).or(self.path.first());
         let mut before = before.and_then(|point| point.time_s);
@@ -113,16 +112,16 @@ impl Recording {
         &self.rows
     }
 
-    /// Two recordings of one snake, the second a moment after the first. Between them the motors
-    /// are taken to have gone straight. Lines are those of either file.
+    /// Joins two recordings of one snake, the second shortly after the first. The motors are
+    /// assumed to have moved straight between them. Lines are those of either file.
     ///
     /// # Errors
     ///
-    /// The two are of other motors or outputs, or only one has time stamps.
+    /// The two have different motors or outputs, or only one has time stamps.
     pub fn followed_by(&self, later: &Self) -> Result<Self, String> {
         if (self.motors, &self.outputs) != (later.motors, &later.outputs) {
             return Err(format!(
-                "{} and {} are of other motors or outputs: they are not of one robot",
+                "{} and {} have different motors or outputs: they are not of one robot",
                 self.name, later.name
             ));
         }
@@ -133,7 +132,7 @@ impl Recording {
         let later_by = match (ends(self).1, ends(later).0) {
             (Some(end), Some(begin)) => end + PAUSE_S - begin,
             (None, None) => 0.0,
-            _ => return Err(format!("one of {} and {} has no times", self.name, later.name)),
+            _ => return Err(format!("one of {} and {} has no time stamps", self.name, later.name)),
         };
         let mut both = self.clone();
         let after = |time_s: Option<f64>| time_s.map(|time_s| time_s + later_by);
@@ -149,7 +148,7 @@ impl Recording {
         Ok(both)
     }
 
-    /// The same with another path and its rows.
+    /// The same recording with another path and its rows.
     pub(crate) fn with(&self, path: Vec<PathPoint>, rows: Vec<Row>) -> Self {
         Self { path, rows, ..self.clone() }
     }

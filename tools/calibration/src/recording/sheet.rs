@@ -1,27 +1,28 @@
-//! From bytes to cells: how a table is written, found out from the table itself.
+//! From bytes to cells: the format of a table, detected from the table itself.
 //!
-//! Cells are separated by commas, semicolons, tabs or blanks; numbers have points, or commas where
-//! commas do not separate. Comments begin with `#` or `%`, and one of them may name the columns.
-//! What a program left that was killed while it wrote is not read, and that is said.
+//! Cells are separated by commas, semicolons, tabs or blanks; numbers have decimal points, or
+//! decimal commas if commas do not separate. Comments begin with `#` or `%`, and one of them may
+//! name the columns. The incomplete end of a file, left by a program that was killed, is skipped
+//! and reported.
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 
 use super::cell::{is_missing, seconds};
 use super::error::{Place, Problem, RecordingError};
 
-/// In order of preference. Any number of blanks is one separator.
+/// Separators in order of preference. Any number of blanks is one separator.
 const SEPARATORS: [u8; 4] = [b'\t', b';', b',', b' '];
 
 /// The cells of a table.
 #[derive(Debug)]
 pub(super) struct Sheet {
     pub header: Vec<String>,
-    /// Line in the file, and as many cells as the header has.
+    /// Line in the file, and its cells, as many as in the header.
     pub rows: Vec<(u64, StringRecord)>,
     pub decimal_comma: bool,
-    /// A line of units under the header.
+    /// A line of units below the header.
     pub units: Option<(u64, StringRecord)>,
-    /// What was left out, and why.
+    /// Skipped parts, and the reasons.
     pub notes: Vec<String>,
 }
 
@@ -51,12 +52,12 @@ impl Sheet {
         rows.drain(..usize::from(units.is_some()));
         if rows.last().is_some_and(|row| width(row) < header.len()) || !ended && is_cut(&rows) {
             let line = rows.pop().map_or(0, |(line, _)| line);
-            notes.push(format!("line {line}, the last one, is cut off and left out"));
+            notes.push(format!("line {line}, the last one, is truncated and left out"));
         }
         if let Some(row) = rows.iter().find(|row| width(row) != header.len()) {
             let (found, expected) = (width(row), header.len());
             let remedy = match separator == b',' && found > expected {
-                true => "if commas stand in numbers, separate all cells by semicolons",
+                true => "if numbers contain commas, separate all cells by semicolons",
                 false => "complete or remove it",
             };
             let problem = Problem::RowLength { found, expected, remedy };
@@ -69,8 +70,8 @@ impl Sheet {
     }
 }
 
-/// The text of a file, and whether its last line is ended. Zeros at the end are what a file system
-/// leaves of a write that lost its power.
+/// The text of a file, and whether its last line is complete. Zeros at the end are left by a file
+/// system whose write lost its power.
 fn text<'a>(
     bytes: &'a [u8],
     place: &Place,
@@ -81,7 +82,7 @@ fn text<'a>(
     let (bytes, tail) = bytes.split_at(end);
     let zeros = tail.iter().filter(|byte| **byte == 0).count();
     if zeros > 0 {
-        notes.push(format!("{zeros} zero bytes at the end are left out: a write that was cut off"));
+        notes.push(format!("{zeros} zero bytes at the end are left out: an interrupted write"));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     match str::from_utf8(bytes) {
@@ -108,13 +109,13 @@ fn uncommented(line: &str) -> &str {
 }
 
 /// The separator that makes most numbers of the first line with numbers, and the index of that
-/// line; without numbers, that of the header.
+/// line; if there are no numbers, that of the header.
 fn separator(lines: &[&str]) -> (u8, usize) {
     let numbers = |line: &str, separator: u8| {
         let found = cells(line, separator);
         let is_number =
             |cell: &&str| !is_missing(cell) && seconds(cell, separator != b',').is_some();
-        // Blanks are in names and dates, too.
+        // Names and dates contain blanks as well.
         let is_whole = found.iter().all(|cell| is_missing(cell) || is_number(&cell));
         if separator != b' ' || is_whole { found.iter().filter(is_number).count() } else { 0 }
     };
@@ -134,8 +135,8 @@ fn separator(lines: &[&str]) -> (u8, usize) {
     (widest.copied().unwrap_or(b','), lines.len())
 }
 
-/// The line that names the columns: the first before the numbers with as many cells as they have,
-/// or else the last before them.
+/// The line that names the columns: the first before the numbers with the same number of cells, or
+/// else the last before them.
 fn head(lines: &[&str], separator: u8, first: usize) -> Option<usize> {
     let width = lines.get(first).map_or(0, |line| cells(line, separator).len());
     let mut before = (0..first).filter(|index| !lines[*index].trim().is_empty());
@@ -158,14 +159,14 @@ fn cells(line: &str, separator: u8) -> StringRecord {
     rows.into_iter().next().map(|(_, cells)| cells).unwrap_or_default()
 }
 
-/// Lines and their cells, without empty cells that are too much, and without blank lines.
+/// Lines and their cells, without surplus empty cells, and without blank lines.
 fn records(text: &str, separator: u8, width: usize) -> Vec<(u64, StringRecord)> {
     let mut builder = ReaderBuilder::new();
     builder.has_headers(false).flexible(true).trim(Trim::All);
     let delimiter = if separator == b' ' { b'\t' } else { separator };
     let mut reader = builder.delimiter(delimiter).from_reader(text.as_bytes());
     let mut rows = Vec::new();
-    // Text in memory has no error but that of its letters, and they are checked.
+    // The only error of text in memory is invalid UTF-8, which is checked before.
     for mut record in reader.records().map_while(Result::ok) {
         while record.len() > width && record.iter().next_back() == Some("") {
             record.truncate(record.len() - 1);
@@ -177,7 +178,8 @@ fn records(text: &str, separator: u8, width: usize) -> Vec<(u64, StringRecord)> 
     rows
 }
 
-/// The position of a record is where the reader began to look for it: blank lines may follow.
+/// Line of a record. Its position is where the reader began to search for it: blank lines may
+/// follow.
 fn line_of(record: &StringRecord, bytes: &[u8]) -> u64 {
     let Some(position) = record.position() else {
         return 0;

@@ -4,14 +4,14 @@ use i2ris_report::statistics::min_max;
 
 use super::rows::MIN_ROWS;
 
-/// Of counters. Not at round numbers: those are steps that people command.
+/// Bits of counters. Round numbers are not included: such steps are commanded.
 const BITS: std::ops::RangeInclusive<i32> = 10..=32;
 
-/// What a signed counter of 32 bits does not show: one without a sign is below 0.
+/// Range of a signed 32-bit counter; an unsigned one exceeds it.
 const BEYOND: f64 = 2_147_483_648.0;
 
-/// A wrong reading is so many ranges of the others (without the outer twentieths) away from them,
-/// and so many counts, for so many rows at most.
+/// Criterion of a wrong reading: distance from the others in ranges (without the outer twentieths)
+/// and in counts, and maximum number of rows.
 const AWAY: (f64, f64, usize) = (2.0, 2000.0, 3);
 
 /// A counter that wraps.
@@ -21,9 +21,8 @@ pub(super) struct Wrap {
     pub jumps: Vec<usize>,
 }
 
-/// Whether counts are those of a counter that wraps: they jump from one end of its range to the
-/// other, go on there as they came, and make no large step else. A counter that is beyond all
-/// signed ones wraps without a jump.
+/// Detects a counter that wraps: counts jump from one end of its range to the other, continue
+/// there, and make no other large step. A counter beyond all signed ones wraps without a jump.
 pub(super) fn wrap(counts: &[f64]) -> Option<Wrap> {
     let (low, high) = min_max(counts.iter().copied());
     if low >= BEYOND && !counts.is_empty() {
@@ -43,7 +42,7 @@ pub(super) fn wrap(counts: &[f64]) -> Option<Wrap> {
 }
 
 impl Wrap {
-    /// The counts without jumps, from where they begin, or from 0 if they leave 32 bits.
+    /// The counts without jumps, starting at the first count, or at 0 if they leave 32 bits.
     pub fn unwrapped(&self, counts: &[f64]) -> Vec<f64> {
         let mut turns = if counts.first() >= Some(&BEYOND) { -1.0 } else { 0.0 };
         let unwrap = |(row, count): (usize, &f64)| {
@@ -61,7 +60,7 @@ impl Wrap {
     }
 }
 
-/// Rows whose count is far from those of all others, for a moment.
+/// Rows whose count is far from those of all others, for a few rows.
 pub(super) fn glitches(counts: &[f64]) -> Vec<usize> {
     if counts.len() < MIN_ROWS {
         return Vec::new();

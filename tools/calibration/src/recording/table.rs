@@ -17,17 +17,17 @@ use super::sheet::Sheet;
 type Range = RangeInclusive<f64>;
 type Parse = fn(&str, bool) -> Option<f64>;
 
-/// Larger angles are no bending angles.
+/// Range of bending angles.
 const ANGLES_DEG: (Range, &str) =
     (-180.0..=180.0, "is not between -180 and 180 degrees; correct the cell or its unit");
 
-/// A snake with a diameter of 0.9 mm does not reach further than a metre.
+/// Range of positions: a snake with a diameter of 0.9 mm does not reach further than a metre.
 const POSITIONS_MM: (Range, &str) =
     (-1000.0..=1000.0, "is not between -1000 and 1000 mm; correct the cell or its unit");
 
-/// Encoders have 32 bits, with a sign or without.
+/// Range of encoders: 32 bits, signed or unsigned.
 const COUNTS: Range = -2_147_483_648.0..=4_294_967_295.0;
-/// What is said to be the unit of counts.
+/// Accepted units of counts.
 const COUNTS_UNITS: [&str; 9] = ["", "-", "1", "count", "counts", "cts", "inc", "qc", "ticks"];
 const TIMES: Range = f64::MIN..=f64::MAX;
 
@@ -39,25 +39,25 @@ pub(super) struct Table<'a> {
     pub wanted: &'a Wanted,
     pub layout: Layout,
     pub rows: Vec<ReadRow>,
-    /// What was left out, and what is strange.
+    /// Skipped parts, and unusual findings.
     pub notes: Vec<String>,
 }
 
-/// A row that was read; what is not there is not finite.
+/// A row that was read; missing values are not finite.
 #[derive(Debug)]
 pub(super) struct ReadRow {
     pub line: u64,
     pub time_s: Option<f64>,
     pub counts: MotorVec,
     pub outputs: [f64; MAX_OUTPUTS],
-    /// Time (where there is one) and all counts are there.
+    /// Time (if available) and all counts are present.
     pub located: bool,
     /// The first column whose cell is empty.
     pub empty: Option<String>,
 }
 
 impl<'a> Table<'a> {
-    /// Reads a table; its bytes, too. Steps from row to row are not checked yet.
+    /// Reads a table and its bytes. Steps from row to row are not checked yet.
     pub fn read(
         path: &Path,
         columns: &'a ColumnMap,
@@ -79,7 +79,7 @@ impl<'a> Table<'a> {
         Ok((table, bytes))
     }
 
-    /// Reads every cell, so that a wrong one beside an empty cell is still found.
+    /// Reads every cell, so that a wrong one next to an empty cell is still found.
     fn row(&self, line: u64, cells: &StringRecord, comma: bool) -> Result<ReadRow, RecordingError> {
         let mut empty = None;
         let mut cell = |column: &Column, parse: Parse, no_number, range: Range, beyond| {
@@ -107,7 +107,7 @@ impl<'a> Table<'a> {
         let (mut counts, mut outputs) = (MotorVec::default(), [0.0; MAX_OUTPUTS]);
         let no_number = "is not a number; correct the cell, or empty it";
         for (count, column) in counts.iter_mut().zip(motors) {
-            let beyond = "is out of the range of an encoder, 32 bits; correct the cell or name \
+            let beyond = "is outside the 32-bit range of an encoder; correct the cell, or select \
                           another column";
             *count = cell(column, number, no_number, COUNTS, beyond)?;
         }
@@ -122,39 +122,42 @@ impl<'a> Table<'a> {
         Ok(ReadRow { line, time_s, counts, outputs, located, empty })
     }
 
-    /// Takes the unit of time from a line of units, and refuses other ones than those of its
+    /// Takes the unit of time from a line of units, and refuses units that differ from those of the
     /// columns.
     fn read_units(&mut self, sheet: &Sheet) -> Result<(), RecordingError> {
         let Some((line, cells)) = &sheet.units else {
             return Ok(());
         };
-        let said = |column: &Column| {
+        let unit_of = |column: &Column| {
             let cell = cells.get(column.index).unwrap_or_default();
             cell.trim_matches(['[', ']', '(', ')', ' ']).to_lowercase()
         };
         let wrong = |column: &Column, reason| {
-            let (place, value) = (self.place.line(*line).column(&column.name), said(column));
+            let (place, value) = (self.place.line(*line).column(&column.name), unit_of(column));
             Err(RecordingError::new(place, Problem::Cell { value, reason }))
         };
         let Layout { time, counts, outputs, .. } = &self.layout;
-        if let Some(column) = counts.iter().find(|it| !COUNTS_UNITS.contains(&&*said(it))) {
-            return wrong(column, "is no unit of counts; remove the line, or name another column");
+        if let Some(column) = counts.iter().find(|it| !COUNTS_UNITS.contains(&&*unit_of(it))) {
+            return wrong(
+                column,
+                "is not a unit of counts; remove the line, or use another column",
+            );
         }
         for (column, spec) in outputs {
             let units = match spec.unit {
                 OutputUnit::Deg => ["", "-", "deg", "degree", "degrees", "\u{b0}"],
                 OutputUnit::Mm => ["", "-", "mm", "millimeter", "millimetre", "millimetres"],
             };
-            if !units.contains(&&*said(column)) {
-                return wrong(column, "is another unit than that of the column; convert its cells");
+            if !units.contains(&&*unit_of(column)) {
+                return wrong(column, "differs from the unit of the column; convert its cells");
             }
         }
         let mut seconds = self.layout.seconds;
-        if let Some(time) = time.as_ref().filter(|it| !["", "-"].contains(&&*said(it))) {
-            seconds = match unit_s(&said(time)) {
+        if let Some(time) = time.as_ref().filter(|it| !["", "-"].contains(&&*unit_of(it))) {
+            seconds = match unit_s(&unit_of(time)) {
                 Some(unit) if !seconds.1 => (unit, true),
                 Some(_) => seconds,
-                None => return wrong(time, "is no unit of time; write s, ms, us or ns"),
+                None => return wrong(time, "is not a unit of time; write s, ms, us or ns"),
             };
         }
         self.layout.seconds = seconds;
@@ -165,7 +168,7 @@ impl<'a> Table<'a> {
         RecordingError::new(self.place.clone(), problem)
     }
 
-    /// A column that rises like time, where no time was found.
+    /// A column that rises like time, if no time was found.
     fn unread_time(&self, sheet: &Sheet) -> Option<String> {
         if self.layout.time.is_some() || self.columns.time != TimeColumn::Known {
             return None;
@@ -181,31 +184,31 @@ impl<'a> Table<'a> {
         let found = (0..sheet.header.len()).filter(|it| !is_used(it)).find(|it| rises(*it))?;
         let name = &sheet.header[found];
         let remedy = match self.columns.options {
-            true => format!("name it with --time '{name}'"),
-            false => "call it `t_s`".to_owned(),
+            true => format!("select it with --time '{name}'"),
+            false => "rename it to `t_s`".to_owned(),
         };
         Some(format!(
-            "column `{name}` rises from row to row and is not read; if it is time, {remedy}"
+            "column `{name}` increases from row to row but is not read; if it is time, {remedy}"
         ))
     }
 }
 
-/// Complete rows of a table that is no recording.
+/// Complete rows of a table that is not a recording.
 #[derive(Debug)]
 pub struct Rows {
     /// In the order of the file; outputs in its units.
     pub rows: Vec<Row>,
-    /// How many motors the counts are of.
+    /// Number of motors.
     pub motors: usize,
-    /// What was left out, and what is strange.
+    /// Skipped parts, and unusual findings.
     pub notes: Vec<String>,
 }
 
-/// Reads a table that is no recording. Rows with an empty cell are left out.
+/// Reads a table that is not a recording. Rows with an empty cell are left out.
 ///
 /// # Errors
 ///
-/// When the table cannot be read, a column is missing, or a value in it is wrong.
+/// The table cannot be read, a column is missing, or a value in it is wrong.
 pub fn read_rows(
     path: &Path,
     columns: &ColumnMap,

@@ -77,7 +77,7 @@ fn rows_with_an_empty_cell_are_dropped_and_named() {
         report.dropped.iter().map(|row| (row.line, row.column.as_str())).collect();
     assert_eq!(dropped, [(5, "pitch_deg"), (35, "t_s")]);
     assert_eq!((report.rows, recording.rows().len()), (31, 29));
-    // The blank lines 11 to 13 are no rows, but they count as lines.
+    // The blank lines 11 to 13 are not rows, but they count as lines.
     assert_eq!(
         recording.rows().iter().map(|row| row.line).skip(7).take(3).collect::<Vec<_>>(),
         [10, 14, 15]
@@ -92,7 +92,7 @@ fn the_hash_is_that_of_the_bytes() {
     let (longer, _) = read(&lines.join("\n")).unwrap();
     assert_eq!(recording.rows(), longer.rows());
     assert_ne!(recording.sha256(), longer.sha256());
-    // What `printf abc | sha256sum` prints.
+    // Output of `printf abc | sha256sum`.
     let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
     assert_eq!(hash(b"abc"), abc);
 }
@@ -104,9 +104,9 @@ fn wrong_cells_are_named_with_line_and_column() {
         (7, 0, "left", "line 7, column `t_s`: `left` is not a time"),
         (9, 1, "-inf", "line 9, column `q0_counts`: `-inf` is not a finite number"),
         (9, 4, "180.5", "line 9, column `yaw_deg`: `180.5` is not between -180 and 180 degrees"),
-        (3, 2, "5e9", "line 3, column `q1_counts`: `5e9` is out of the range of an encoder"),
-        (3, 2, "3e9", "line 3, column `q1_counts`: counts are 3000000000 and -100 in the line"),
-        (3, 2, "1,2", "line 3: has 6 cells, and the header names 5 columns"),
+        (3, 2, "5e9", "line 3, column `q1_counts`: `5e9` is outside the 32-bit range"),
+        (3, 2, "3e9", "line 3, column `q1_counts`: counts are 3000000000, but -100 in the"),
+        (3, 2, "1,2", "line 3: has 6 cells, but the header names 5 columns"),
         (6, 0, "3.5", "line 6, column `t_s`: time 3.5 s occurs twice (3.5 s in line 5)"),
         (6, 0, "3.25", "line 6, column `t_s`: time 3.25 s goes backwards"),
     ] {
@@ -115,7 +115,7 @@ fn wrong_cells_are_named_with_line_and_column() {
     let bytes = [good().join("\n").as_bytes(), b"\n30,\xff,2,3,4"].concat();
     let error = read_as(&bytes, &ColumnMap::default()).unwrap_err();
     assert_contains(&error, &["line 32: is not text in UTF-8"]);
-    // Also beside an empty cell.
+    // An error next to an empty cell is found as well.
     let text = with_cell(7, 1, "").replace("\n5.5,,-75,", "\n5.5,,minus,");
     refused(&text, &["line 7, column `q1_counts`: `minus`"]);
 }
@@ -123,7 +123,7 @@ fn wrong_cells_are_named_with_line_and_column() {
 #[test]
 fn too_few_rows_are_counted() {
     refused("", &["is empty"]);
-    refused(COMMON, &["0 complete row(s), and a model takes at least 20"]);
+    refused(COMMON, &["0 complete row(s), but a model needs at least 20"]);
     refused(&good()[..2].join("\n"), &["1 complete row(s)"]);
     refused(&good()[..20].join("\n"), &["19 complete row(s)"]);
     assert!(read(&good()[..21].join("\n")).is_ok());
@@ -185,7 +185,7 @@ fn a_cell_that_was_not_measured_is_left_empty() {
 }
 
 #[test]
-fn positions_without_outputs_are_part_of_the_path_and_no_samples() {
+fn positions_without_outputs_are_path_points_only() {
     let mut lines = good();
     lines.insert(6, "4.95,55,0,,".to_owned());
     lines.insert(8, "5.95,57,0,3,".to_owned());

@@ -8,8 +8,8 @@ use super::columns::column_of;
 use super::rows::Row;
 
 /// Writes a recording in the common format: `t_s` (if timed), `q0_counts`, ..., then `NAME_deg` or
-/// `NAME_mm` per output. Numbers are written so that reading gives the same bits back. Every row
-/// goes to the writer at once, so that a recording that is cut off keeps what it has.
+/// `NAME_mm` per output. Numbers are read back bit by bit. Every row goes to the writer at once, so
+/// that an interrupted recording keeps its rows.
 #[derive(Debug)]
 pub struct RecordingWriter<W: Write> {
     to: W,
@@ -23,7 +23,7 @@ impl<W: Write> RecordingWriter<W> {
     ///
     /// # Errors
     ///
-    /// When the writer fails.
+    /// The writer fails.
     pub fn new(mut to: W, timed: bool, motors: usize, outputs: &[OutputSpec]) -> io::Result<Self> {
         let time = timed.then(|| "t_s".to_owned());
         let counts = (0..motors).map(|motor| format!("q{motor}_counts"));
@@ -33,12 +33,12 @@ impl<W: Write> RecordingWriter<W> {
         Ok(Self { to, timed, motors, outputs: outputs.len() })
     }
 
-    /// Writes a row; its `line` does not matter. A time that is missing in a timed recording, or a
-    /// number that is not finite, leaves its cell empty.
+    /// Writes a row; its `line` does not matter. A missing time in a timed recording, or a number
+    /// that is not finite, leaves its cell empty.
     ///
     /// # Errors
     ///
-    /// When the writer fails.
+    /// The writer fails.
     pub fn row(&mut self, row: &Row) -> io::Result<()> {
         let time = self.timed.then(|| row.time_s.unwrap_or(f64::NAN));
         let counts = row.counts.iter().take(self.motors);
@@ -55,7 +55,7 @@ impl<W: Write> RecordingWriter<W> {
     ///
     /// # Errors
     ///
-    /// When the writer fails.
+    /// The writer fails.
     pub fn finish(mut self) -> io::Result<W> {
         self.to.flush()?;
         Ok(self.to)

@@ -1,9 +1,9 @@
 //! The number of components of a mixture, by the error of the inverse of its regression on rows
-//! that it has not seen: the controller inverts it.
+//! that it has not seen, because the controller inverts it.
 //!
-//! Contiguous blocks are left out one at a time, because neighbouring rows are nearly the same.
-//! The likelihood, and so the BIC, would reward components that describe where the motors happened
-//! to be.
+//! Contiguous blocks are left out one at a time, because neighbouring rows are nearly the same. The
+//! likelihood, and so the BIC, would reward components that describe where the motors happened to
+//! be.
 
 use std::ops::Range;
 
@@ -20,18 +20,18 @@ use crate::series::blocks;
 /// Blocks left out one at a time.
 const BLOCKS: usize = 5;
 
-/// Most rows that the choice uses, evenly spaced.
+/// Maximum number of rows for the choice, evenly spaced.
 const ROWS: usize = 3000;
 
-/// Random starts of every mixture that is only tried.
+/// Random starts of every tested mixture.
 const RESTARTS: usize = 4;
 
-/// More components have to lower the mean square of the error by this part.
-const LEAST_GAIN: f64 = 0.02;
+/// Minimum relative reduction of the mean square error by more components.
+const MIN_GAIN: f64 = 0.02;
 
-/// For every number of components, the mean over the rows of the squared length of the error of
-/// the inverse, in outputs by the gain of a straight line, each row left out with its block.
-/// Infinite where a mixture could not be fitted.
+/// For every number of components, the mean squared error of the inverse over the rows, in outputs
+/// by the gain of a straight line, each row left out with its block. Infinite if a mixture could
+/// not be fitted.
 pub(crate) fn left_out_errors(
     data: &RegressionData,
     components: &[usize],
@@ -60,8 +60,8 @@ pub(crate) fn left_out_errors(
     squares.chunks(many).map(mean).collect()
 }
 
-/// The least of some numbers of components that comes near the least error; as many as the rows can
-/// carry where those are fewer.
+/// The smallest of some numbers of components whose error is near the minimum; as many as the rows
+/// support if those are fewer.
 pub(crate) fn choose_components(
     data: &RegressionData,
     tried: &[usize],
@@ -80,14 +80,14 @@ pub(crate) fn choose_components(
     }
 }
 
-/// Index of the first error that is hardly above the least one.
+/// Index of the first error that is hardly above the minimum.
 pub(crate) fn first_near_least(errors: &[f64]) -> Option<usize> {
     let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
-    let near = |error: &f64| error.is_finite() && *error <= least * (1.0 + LEAST_GAIN);
+    let near = |error: &f64| error.is_finite() && *error <= least * (1.0 + MIN_GAIN);
     errors.iter().position(near)
 }
 
-/// Sum of squared errors on a block, of a mixture that has not seen it.
+/// Sum of squared errors on a block of a mixture that has not seen it.
 fn block_error(
     data: &RegressionData,
     block: &Range<usize>,
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_relation_takes_one_component_and_a_bent_one_more() {
+    fn straight_relations_need_one_component_and_bent_ones_more() {
         let (straight, bent) = (errors(1e6), errors(8.0));
         assert_eq!(first_near_least(&straight), Some(0), "{straight:?}");
         assert_near(straight[0], 2.0 * 0.05 * 0.05, 0.002);

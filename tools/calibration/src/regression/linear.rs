@@ -14,9 +14,9 @@ const REGULARISATION: f64 = 1e-12;
 /// An affine model in the units of the data; `d` inputs, `m` outputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinearFit {
-    /// m rows of d.
+    /// Gain, m rows of d.
     pub gain: Vec<Vec<f64>>,
-    /// m.
+    /// Offset, m values.
     pub offset: Vec<f64>,
     /// Covariance of the residuals, m rows of m: their products divided by the rows beyond the
     /// parameters of an output.
@@ -43,18 +43,18 @@ pub enum LinearError {
         /// Rows needed.
         least: usize,
     },
-    /// A motor that does not move.
+    /// A motor does not move.
     #[error(
-        "motor {motor} does not move in the rows used for training; record motion of it, or hold \
+        "motor {motor} does not move in the rows used for training; move that motor, or hold \
          out other rows"
     )]
     Still {
         /// Counted from 0.
         motor: usize,
     },
-    /// Motors that move together.
+    /// Motors move together.
     #[error(
-        "the motors move together: only {percent:.2} % of the motion of one is independent of the \
+        "the motors move together: only {percent:.2} % of a motor's motion is independent of the \
          other, so their effects cannot be separated; record motion in which they move \
          separately, or name one motor with --counts"
     )]
@@ -84,7 +84,7 @@ pub fn independence(inputs: &DataTable) -> f64 {
 ///
 /// # Errors
 ///
-/// When there are too few rows, or the inputs do not span their space.
+/// There are too few rows, or the inputs do not span their space.
 pub fn fit_linear(inputs: &DataTable, outputs: &DataTable) -> Result<LinearFit, LinearError> {
     let rows = inputs.len().min(outputs.len());
     let (d, m) = (inputs.width(), outputs.width());
@@ -117,7 +117,7 @@ pub fn fit_linear(inputs: &DataTable, outputs: &DataTable) -> Result<LinearFit, 
     })
 }
 
-/// The `b` with the least `|y - x b|`; `None` when the columns of `x` do not determine it.
+/// The `b` with the smallest `|y - x b|`; `None` if the columns of `x` do not determine it.
 fn least_squares(x: &DMatrix<f64>, y: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let factors = x.clone().qr();
     let mut turned = y.clone();
@@ -126,7 +126,7 @@ fn least_squares(x: &DMatrix<f64>, y: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     r.solve_upper_triangular(&turned.rows(0, x.ncols()))
 }
 
-/// Covariance of residuals with so many degrees of freedom.
+/// Covariance of residuals with `freedom` degrees of freedom.
 pub(crate) fn residual_covariance(
     residuals: &DMatrix<f64>,
     outputs: &DataTable,
@@ -210,7 +210,7 @@ mod tests {
         };
         assert!(independence(&second(|i| i + 0.5 * (i % 2.0).floor())) < 0.03);
         let refusal = |inputs| fit_linear(&inputs, &y).unwrap_err();
-        assert_contains(&refusal(second(|i| 3.0 - 2.0 * i)), &["only 0.00 % of the motion"]);
+        assert_contains(&refusal(second(|i| 3.0 - 2.0 * i)), &["only 0.00 % of a motor"]);
         assert_eq!(refusal(second(|_| 3.0)), LinearError::Still { motor: 1 });
         let few = DataTable::from_rows(2, [[0.0, 1.0], [1.0, 0.0], [2.0, 2.0]]);
         assert_eq!(refusal(few), LinearError::TooFewRows { rows: 3, least: 4 });
@@ -224,7 +224,7 @@ mod tests {
     }
 
     proptest! {
-        /// The normal equations: what is left over has nothing in common with the inputs.
+        /// The normal equations: residuals are uncorrelated with the inputs.
         #[test]
         fn residuals_are_orthogonal_to_the_inputs(
             noise in prop::collection::vec(-5.0..5.0_f64, 40),

@@ -1,11 +1,11 @@
 //! The fit of a mixture regression: one mixture of all motors, or one per motor.
 //!
-//! Where the motors move together, a mixture over `[counts; outputs]` describes the plane of the
-//! motors. Where one motor moves at a time, as in the published protocol, such a mixture knows
-//! nothing of the plane between the axes, and its regression folds there. Then every motor has a
-//! mixture of its own over `[its counts; outputs]`, of the rows in which it moves, less what the
-//! regressions of the others give there; the sum of the regressions is the model. Rows in which
-//! both move, as at the start of a recording, are shared out by repeating this.
+//! If the motors move together, a mixture over `[counts; outputs]` describes the plane of the
+//! motors. If one motor moves at a time, as in the published protocol, such a mixture has no data
+//! between the axes, and its regression folds there. Then every motor has its own mixture over
+//! `[its counts; outputs]`, of the rows in which it moves, minus the regressions of the others; the
+//! sum of the regressions is the model. Rows in which both move, as at the start of a recording,
+//! are divided between the motors iteratively.
 
 use std::ops::Range;
 
@@ -22,16 +22,16 @@ use crate::em::restarts::{EmOptions, fit_mixture};
 use crate::progress::Progress;
 use crate::table::DataTable;
 
-/// Rows to either side by which a motor is seen to move: encoders flicker by a count.
+/// Window to either side to detect motion of a motor: encoders flicker by a count.
 const WINDOW: usize = 5;
 
-/// A motor moves where it covers this part of what the fastest covers, as parts of their ranges.
+/// A motor moves if it covers this part of the fastest motor's motion, as parts of their ranges.
 const MOVES: f64 = 0.1;
 
-/// The motors move together if they do in this part of the rows.
+/// The motors move together if they do so in this part of the rows.
 const TOGETHER: f64 = 0.5;
 
-/// How often rows in which both motors move are shared out, and the starts of all but the last.
+/// Number of passes that divide rows in which both motors move, and the starts of all but the last.
 const PASSES: usize = 2;
 const FIRST_STARTS: usize = 4;
 
@@ -43,7 +43,7 @@ pub(crate) const SMOOTHING: [f64; 8] = [0.0, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3
 pub(crate) struct RegressionData {
     pub inputs: DataTable,
     pub outputs: DataTable,
-    /// Which motors move in a row, where one moves at a time.
+    /// The moving motors of every row, if one moves at a time.
     moving: Option<Vec<[bool; 2]>>,
 }
 
@@ -66,7 +66,7 @@ impl RegressionData {
         Self { inputs, outputs, moving: moving.filter(|moving| !together(moving)) }
     }
 
-    /// For a mixture of all motors, however they move: of virtual counts, on which the outputs
+    /// Data for a mixture of all motors, in any motion: of virtual counts, on which the outputs
     /// depend nearly along a plane.
     pub fn joint(inputs: DataTable, outputs: DataTable) -> Self {
         Self { inputs, outputs, moving: None }
@@ -76,7 +76,7 @@ impl RegressionData {
         self.inputs.len()
     }
 
-    /// Every so many-th row.
+    /// Every `step`-th row.
     pub fn thinned(&self, step: usize) -> Self {
         self.of_rows(|row| row % step == 0)
     }
@@ -98,7 +98,7 @@ impl RegressionData {
         Self { inputs: kept(&self.inputs), outputs: kept(&self.outputs), moving }
     }
 
-    /// The most components that the rows can carry.
+    /// Maximum number of components for the rows.
     pub fn most_components(&self) -> usize {
         let outputs = self.outputs.width();
         match &self.moving {
@@ -110,7 +110,7 @@ impl RegressionData {
         }
     }
 
-    /// Fits mixtures of so many components, or of as many as find rows.
+    /// Fits mixtures of this many components, or of as many as get rows.
     pub fn fit(
         &self,
         components: usize,
@@ -137,13 +137,13 @@ impl RegressionData {
         Ok(RegressionFit { mixture: self.levelled(fit.mixture), ..fit })
     }
 
-    /// A mixture of these rows with a part of the covariance of all of them in every component.
-    /// With much of it the regression is a straight line.
+    /// A mixture of these rows with a part of the covariance of all rows in every component. With a
+    /// large part the regression is a straight line.
     pub fn smoothed(&self, mixture: &Mixture, part: f64) -> Mixture {
         self.levelled(smoothed(mixture, part))
     }
 
-    /// Of one mixture per motor, the last takes what all leave on average.
+    /// With one mixture per motor, the last absorbs the mean residual.
     fn levelled(&self, mut mixture: Mixture) -> Mixture {
         let (motors, outputs) = (self.inputs.width(), self.outputs.width());
         if let Ok(regression) = MixtureRegression::prepare(&mixture, motors, outputs)
@@ -166,7 +166,7 @@ impl RegressionData {
     }
 }
 
-/// Which motors move in every row; where all rest, the one that moved last.
+/// The motors that move in every row; if all rest, the one that moved last.
 fn moving(inputs: &DataTable) -> Vec<[bool; 2]> {
     let columns: [Vec<f64>; 2] = [0, 1].map(|motor| inputs.column(motor).collect());
     let covered = |motor: usize, rows: Range<usize>| {
@@ -188,19 +188,19 @@ fn moving(inputs: &DataTable) -> Vec<[bool; 2]> {
     moves.collect()
 }
 
-/// The regressions of the motors, and what they give at every row.
+/// The regressions of the motors, and their predictions at every row.
 struct Parts<'a> {
     data: &'a RegressionData,
     fits: Vec<Option<(MixtureFit, usize)>>,
     given: Vec<DMatrix<f64>>,
-    /// Of every motor, a row in which it rests: there its regression counts as 0 for the others.
-    /// The snake does not come to rest at the same pose after every motor, so the levels of the
-    /// regressions contradict each other, and repeating would drive them apart.
+    /// For every motor, a row in which it rests: there its regression counts as 0 for the others.
+    /// The snake does not rest at the same pose after every motor, so the levels of the regressions
+    /// contradict each other, and iterations would drive them apart.
     resting: Vec<usize>,
 }
 
 impl<'a> Parts<'a> {
-    /// At first straight lines.
+    /// Starts with straight lines.
     fn new(data: &'a RegressionData, moving: &[[bool; 2]]) -> Self {
         let straight = fit_linear(&data.inputs, &data.outputs).ok();
         let (rows, outputs) = (data.len(), data.outputs.width());
@@ -222,7 +222,7 @@ impl<'a> Parts<'a> {
         Self { data, fits, given, resting: motors.map(resting).collect() }
     }
 
-    /// What the regression of the other motor leaves.
+    /// Residual of the other motor's regression.
     fn rest(&self, motor: usize) -> DMatrix<f64> {
         let outputs = &self.data.outputs;
         let mut rest = DMatrix::from_row_slice(outputs.len(), outputs.width(), outputs.values());
@@ -275,9 +275,9 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// Every covariance with a part of that of the whole mixture: a component of average weight gets
-/// `part` of it, a light one more. It takes the slope of the whole where its rows show none of
-/// their own.
+/// Adds a part of the covariance of the whole mixture to every covariance: a component of average
+/// weight gets `part` of it, a light one more. It takes the overall slope if its rows show no slope
+/// of their own.
 fn smoothed(mixture: &Mixture, part: f64) -> Mixture {
     let each = |mixture: &MixtureParameters| {
         let MixtureParameters { weights, means, covariances } = mixture;
@@ -309,7 +309,7 @@ fn smoothed(mixture: &Mixture, part: f64) -> Mixture {
     }
 }
 
-/// Outputs (a row per sample) less their predictions.
+/// Outputs (a row per sample) minus their predictions.
 pub(crate) fn residuals(
     regression: &MixtureRegression,
     inputs: &[MotorVec],

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `linear` | affine least squares |
 //! | `ridge` | ridge regression, its penalty chosen on blocks left out |
-//! | [`nnls`] | least squares with unknowns that must not be negative |
+//! | [`nnls`] | least squares with non-negative unknowns |
 //! | `polynomial` | a smooth substitute for a mixture regression |
 //! | `mixture` | mixtures of all motors or one per motor, and their smoothing |
 //! | `component_choice` | the number of components, by the inverse on blocks left out |

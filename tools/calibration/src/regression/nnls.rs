@@ -1,4 +1,4 @@
-//! Least squares with unknowns that must not be negative, from the normal equations.
+//! Least squares with non-negative unknowns, from the normal equations.
 //!
 //! Source: C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", 1974, chapter 23: a set
 //! of free unknowns grows by the one with the largest gradient; unknowns that would become negative
@@ -22,8 +22,8 @@ pub fn nnls(gram: &DMatrix<f64>, rhs: &DVector<f64>) -> DVector<f64> {
         free: vec![false; size],
         barred: vec![false; size],
     };
-    // Each pass lowers the objective or bars an unknown; three passes per unknown are usual at
-    // most.
+    // Each pass lowers the objective or bars an unknown; at most three passes per unknown are
+    // usual.
     for _ in 0..10 * size {
         let Some(entering) = search.entering() else {
             break;
@@ -38,8 +38,8 @@ struct ActiveSet<'a> {
     rhs: &'a DVector<f64>,
     x: DVector<f64>,
     free: Vec<bool>,
-    /// Left at once after they had entered, by rounding: they wait until something else has
-    /// changed.
+    /// Unknowns that were removed directly after they had entered, by rounding: they wait for
+    /// another change.
     barred: Vec<bool>,
 }
 
@@ -72,7 +72,7 @@ impl ActiveSet<'_> {
                 return;
             }
         }
-        // Without a solution the free unknowns depend on each other: do without the newest.
+        // Without a solution the free unknowns depend on each other: remove the newest.
         (self.x[entering], self.free[entering], self.barred[entering]) = (0.0, false, true);
     }
 
@@ -133,7 +133,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_solution_is_the_least_and_meets_karush_kuhn_and_tucker(
+        fn the_solution_is_minimal_and_meets_the_kkt_conditions(
             entries in prop::collection::vec(-1.0..1.0_f64, 10 * SIZE),
             targets in prop::collection::vec(-5.0..5.0_f64, 10),
             other in prop::collection::vec(0.0..3.0_f64, SIZE),

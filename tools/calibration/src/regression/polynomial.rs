@@ -1,11 +1,11 @@
-//! A polynomial of the virtual counts: a smooth substitute for the regression behind the plays.
+//! A polynomial of the virtual counts: a smooth substitute for the regression after the plays.
 
 use nalgebra::{Cholesky, DMatrix, Dyn};
 
 /// Highest degree.
 const DEGREE: usize = 5;
 
-/// Samples that a monomial takes: with fewer, the degree falls.
+/// Samples per monomial: with fewer, the degree is lower.
 const ROWS_PER_MONOMIAL: usize = 15;
 
 /// Added to the diagonal of the normal equations, as a part of its mean: on a recording of one
@@ -22,7 +22,7 @@ pub(crate) struct Polynomial {
 }
 
 impl Polynomial {
-    /// `None` when nothing can be regressed on the virtual counts.
+    /// `None` if nothing can be regressed on the virtual counts.
     pub fn new(virtual_counts: &DMatrix<f64>) -> Option<Self> {
         let motors = virtual_counts.ncols();
         let degree = (1..=DEGREE)
@@ -38,7 +38,7 @@ impl Polynomial {
         Some(Self { normal: normal.cholesky()?, exponents, values })
     }
 
-    /// Coefficients of least squares: row: monomial, column: output.
+    /// Least-squares coefficients: row: monomial, column: output.
     pub fn coefficients(&self, outputs: &DMatrix<f64>) -> DMatrix<f64> {
         self.normal.solve(&self.values.tr_mul(outputs))
     }

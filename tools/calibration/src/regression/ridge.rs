@@ -15,8 +15,8 @@ const PENALTIES: [f64; 8] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
 /// Blocks left out one at a time.
 const BLOCKS: usize = 10;
 
-/// Features with a smaller deviation, beside the constant 1, never move and get no coefficient.
-const LEAST_DEVIATION: f64 = 1e-9;
+/// Minimum deviation of a feature; a smaller one, except for the constant 1, gets no coefficient.
+const MIN_DEVIATION: f64 = 1e-9;
 
 /// A ridge regression.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +63,7 @@ impl FeatureScaling {
     fn new(features: &DMatrix<f64>) -> Self {
         let mut means = features.row_mean().transpose();
         let mut deviations = features.row_variance().transpose().map(f64::sqrt);
-        for deviation in deviations.iter_mut().filter(|d| **d < LEAST_DEVIATION) {
+        for deviation in deviations.iter_mut().filter(|d| **d < MIN_DEVIATION) {
             *deviation = f64::INFINITY;
         }
         means[0] = 0.0;
@@ -91,7 +91,7 @@ impl FeatureScaling {
     }
 }
 
-/// Sums over rows: what the normal equations need.
+/// Sums over rows for the normal equations.
 #[derive(Clone)]
 pub(crate) struct NormalEquations {
     features: DMatrix<f64>,
@@ -127,12 +127,12 @@ impl NormalEquations {
         Some(matrix.cholesky()?.solve(&self.cross))
     }
 
-    /// Mean over the rows of the squared length of the error of given coefficients.
+    /// Mean over the rows of the squared error length with given coefficients.
     pub(crate) fn mean_error(&self, coefficients: &DMatrix<f64>) -> f64 {
         self.error(coefficients) / self.rows
     }
 
-    /// Sum of the squared errors of given coefficients.
+    /// Sum of squared errors with given coefficients.
     pub(crate) fn error(&self, coefficients: &DMatrix<f64>) -> f64 {
         let explained = coefficients.dot(&(&self.features * coefficients))
             - 2.0 * coefficients.dot(&self.cross);
@@ -146,7 +146,7 @@ mod tests {
     use crate::testing::{assert_near, noise};
 
     #[test]
-    fn a_straight_relation_is_found_and_a_feature_of_noise_gets_no_weight() {
+    fn straight_relation_is_found_and_noise_gets_no_weight() {
         let mut noise = noise(3);
         let rows = 400;
         let features = DMatrix::from_fn(rows, 4, |row, column| match column {

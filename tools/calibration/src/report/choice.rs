@@ -1,4 +1,4 @@
-//! Why the family was chosen: a sentence, and the scores of all families.
+//! Reasons of the choice: a sentence, and the scores of all families.
 
 use i2ris::model::file::OutputUnit;
 use i2ris_report::number::fixed;
@@ -9,8 +9,8 @@ use super::fit::{CalibrationReport, ChoiceScore};
 use crate::fit::choice::Score;
 use crate::fit::{Family, FitOutcome};
 
-/// Another family this near, relative to the score of the chosen one, would do as well on another
-/// recording.
+/// Relative distance to the chosen family's score within which another family would be as good on
+/// another recording.
 const NEAR: f64 = 0.1;
 
 /// A cell without a value.
@@ -31,13 +31,13 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
         format!("score ({unit})"),
         "travel".to_owned(),
     ];
-    let caption = "The choice: RMS length of the error on the rows held out; RMS length of the \
-                   tracking error when the inverse of the family moves the other families as a \
-                   robot, and the one where that goes worst; the score is both together, the root \
-                   of the sum of squares; travel of the motors in these trials, relative to that \
-                   of linear. Where a family has no tracking, the error on the rows held out \
-                   counts. A family whose error on the rows held out is far above the least, or \
-                   that no other can follow, is no robot to be tried on.";
+    let caption = "The choice: RMS length of the error on the held-out rows; RMS length of the \
+                   tracking error when the inverse of the family moves the other families as \
+                   robots, and the family with the largest error; the score is the root of the sum \
+                   of squares of both; travel of the motors in these trials, relative to linear. \
+                   If a family has no tracking error, the error on the held-out rows counts. A \
+                   family whose error on the held-out rows is far above the minimum, or that no \
+                   other can follow, is not used as a robot.";
     let mut table = Table::new(caption.to_owned(), header);
     for score in scores {
         let none = || NONE.to_owned();
@@ -61,7 +61,7 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     page.table(&table);
 }
 
-/// Why this one, and how sure that is; `None` where none was chosen.
+/// Reason of the choice, and its certainty; `None` if no family was chosen.
 pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> {
     let chosen = scores.iter().find(|score| score.chosen)?;
     let family = &chosen.family;
@@ -74,17 +74,18 @@ pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> 
     let (other, side) = (&next.family, if worse < 0.0 { "below" } else { "above" });
     let is_balance = *family == Family::ForceBalance.to_string();
     let sure = match worse {
-        worse if worse < 0.0 && is_balance => "so little that the balance of forces was taken",
-        worse if worse < 0.0 => "so little that the simpler family was taken",
-        worse if worse < error.max(NEAR) => "so near that another recording may turn it round",
+        worse if worse < 0.0 && is_balance => "so little that the force balance was chosen",
+        worse if worse < 0.0 => "so little that the simpler family was chosen",
+        worse if worse < error.max(NEAR) => "so close that another recording may reverse the order",
         _ => "a clear difference",
     };
     let held_out = fixed(chosen.held_out, 3);
     let tracking = match &chosen.tracking {
         Some((error, plant)) => {
-            format!("its inverse leaves {} {unit} on the others, most on {plant}", fixed(*error, 3))
+            let error = fixed(*error, 3);
+            format!("its inverse has an error of {error} {unit} on the others, most on {plant}")
         }
-        None => "no other family is near enough to try its inverse on".to_owned(),
+        None => "no other family is close enough to test its inverse".to_owned(),
     };
     Some(format!(
         "{family} was chosen: on the rows held out its error is {held_out} {unit}, and {tracking}. \
@@ -117,7 +118,7 @@ pub(super) fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
     }
 }
 
-/// How many times the error of a family is that of the chosen one; see [`Score::beside`].
+/// Error of a family relative to that of the chosen one; see [`Score::beside`].
 fn beside(score: &Score, outcome: &FitOutcome) -> (f64, f64) {
     let mut scores = outcome.report.scores.iter();
     let chosen = scores.find(|score| score.family == outcome.family);
@@ -142,13 +143,13 @@ mod tests {
     }
 
     #[test]
-    fn the_sentence_reports_how_sure_the_choice_is() {
+    fn the_sentence_reports_the_certainty_of_the_choice() {
         for (next, part) in [
             (
                 1.5,
                 "force-balance, is 50 % above it, with a standard error of 3 %: a clear difference",
             ),
-            (1.05, "is 5 % above it, with a standard error of 3 %: so near that another"),
+            (1.05, "is 5 % above it, with a standard error of 3 %: so close that another"),
             (0.98, "is 2 % below it, with a standard error of 3 %: so little that the simpler"),
         ] {
             let scores = [
@@ -158,11 +159,11 @@ mod tests {
             ];
             let text = explanation(&scores, "deg").unwrap();
             assert!(text.contains(part), "{text}");
-            assert!(text.contains("no other family is near enough"), "{text}");
+            assert!(text.contains("no other family is close enough"), "{text}");
         }
         let alike = [score("gmr-play", 0.98, false), score("force-balance", 1.0, true)];
         let text = explanation(&alike, "deg").unwrap();
-        assert!(text.contains("so little that the balance of forces was taken"), "{text}");
+        assert!(text.contains("so little that the force balance was chosen"), "{text}");
         let one = [score("linear", 1.0, true)];
         assert!(explanation(&one, "deg").unwrap().contains("the only family"));
     }

@@ -18,7 +18,7 @@ pub struct Comparison {
     /// Name, rows with angles, positions of the path.
     #[serde(skip)]
     recording: (String, usize, usize),
-    /// Rows that every model knows.
+    /// Rows with known memory in every model.
     #[serde(skip)]
     common: usize,
 }
@@ -28,26 +28,26 @@ struct ComparedModel {
     /// The file.
     model: String,
     family: String,
-    /// Whether it was fitted to this recording.
+    /// Whether the model was fitted to this recording.
     trained_on_it: bool,
     outputs: Vec<ComparedOutput>,
     /// Root mean square length of the error over all outputs, in their unit.
     rms_length: f64,
-    /// Rows at the start during which the memory of the model is not known yet.
+    /// Rows at the start with unknown memory.
     unknown_memory: usize,
     /// Rows outside the region that its calibration visited.
     outside: usize,
-    /// As `rms_length`, of the rows that every compared model knows; absent without any.
+    /// `rms_length` on the rows known to every compared model; absent if there are none.
     rms_length_of_common: Option<f64>,
     /// The same for every part of the recording.
     #[serde(skip)]
     parts: [Option<f64>; PARTS],
 }
 
-/// Parts of a recording, in which one model has to be better again and again to be better at all.
+/// Parts of a recording; a better model must be better in each.
 const PARTS: usize = 5;
 
-/// In the unit of the output.
+/// Errors in the unit of the output.
 #[derive(Debug, Serialize)]
 struct ComparedOutput {
     name: String,
@@ -58,7 +58,8 @@ struct ComparedOutput {
 }
 
 impl Comparison {
-    /// Compares models, with the names of their files, of the motors and outputs of a recording.
+    /// Compares models, with the names of their files, on a recording of the same motors and
+    /// outputs.
     ///
     /// # Errors
     ///
@@ -78,8 +79,8 @@ impl Comparison {
         })
     }
 
-    /// Which model is the best on the rows that all of them know, and how sure that is; `None` for
-    /// one model, and without such rows.
+    /// The best model on the rows known to all of them, and the certainty; `None` for one model,
+    /// and without such rows.
     fn verdict(&self) -> Option<String> {
         let known =
             self.models.iter().filter_map(|model| Some((model.rms_length_of_common?, model)));
@@ -90,13 +91,13 @@ impl Comparison {
         let pairs: Vec<(f64, f64)> = pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect();
         let (won, parts) = (pairs.iter().filter(|(a, b)| a < b).count(), pairs.len());
         let percent = 100.0 * (more / least - 1.0);
-        let sure = if won == parts { "" } else { "; another recording may turn it round" };
+        let sure = if won == parts { "" } else { "; another recording may reverse the order" };
         let flattered = match best.trained_on_it {
-            true => "; it was fitted to this very recording, which flatters it",
+            true => "; it was fitted to this recording, so its error is too optimistic",
             false => "",
         };
         Some(format!(
-            "{} is the best on the {} rows that every model knows: {least:.3} RMS length; the next, \
+            "{} is the best on the {} rows known to every model: {least:.3} RMS length; the next, \
              {}, leaves {percent:.0} % more, and is worse in {won} of {parts} parts{sure}{flattered}",
             best.model, self.common, next.model
         ))
@@ -147,8 +148,8 @@ impl ComparedModel {
     }
 }
 
-/// Of every row: whether the memory of the model is unknown there, and whether it is outside the
-/// region that its calibration visited.
+/// For every row: whether the memory of the model is unknown there, and whether it is outside the
+/// region of its calibration.
 fn doubts(model: &Model, recording: &Recording) -> Vec<[bool; 2]> {
     let (mut memory, mut next) = (model.new_memory(), 0);
     let mut doubt = |row: &crate::recording::Row| {
@@ -156,12 +157,12 @@ fn doubts(model: &Model, recording: &Recording) -> Vec<[bool; 2]> {
             model.advance_over(&mut memory, counts, time_s);
         }
         next = row.path_index + 1;
-        [!model.knows(&memory), !model.hull().contains(&row.counts)]
+        [!model.is_memory_known(&memory), !model.hull().contains(&row.counts)]
     };
     recording.rows().iter().map(&mut doubt).collect()
 }
 
-/// As in the file.
+/// Name of the family in the file.
 fn family(model: &Model) -> String {
     let value = serde_json::to_value(&model.file().family).unwrap_or_default();
     value.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?").to_owned()
@@ -186,7 +187,7 @@ impl fmt::Display for Comparison {
                 writeln!(f, " {p99:>9.3} {max:>9.3}{length}")?;
                 (family, length) = ("", String::new());
             }
-            let trained = if model.trained_on_it { ", fitted to this very recording" } else { "" };
+            let trained = if model.trained_on_it { ", fitted to this recording" } else { "" };
             writeln!(f, "  {}{trained}", model.model)?;
             model.write_doubts(f, *rows, self.common)?;
         }
@@ -198,7 +199,7 @@ impl fmt::Display for Comparison {
 }
 
 impl ComparedModel {
-    /// What the errors include that the model cannot know.
+    /// Writes the parts of the errors that are not due to the model.
     fn write_doubts(&self, f: &mut fmt::Formatter<'_>, rows: usize, common: usize) -> fmt::Result {
         let Self { unknown_memory, outside, .. } = *self;
         if unknown_memory > 0 {
@@ -219,7 +220,7 @@ impl ComparedModel {
         match self.rms_length_of_common.filter(|_| common < rows) {
             Some(rms) => writeln!(
                 f,
-                "  RMS length on the {common} rows that every compared model knows: {rms:.3}"
+                "  RMS length on the {common} rows known to every compared model: {rms:.3}"
             ),
             None => Ok(()),
         }

@@ -20,7 +20,7 @@ const AFTER: Stroke = Stroke::new(Color::BLUE, 0.9);
 #[derive(Debug, Serialize)]
 pub struct DriftReport {
     model: String,
-    /// Whether it is time for a new calibration.
+    /// Verdict on a new calibration.
     pub verdict: Verdict,
     #[serde(flatten)]
     drift: DriftEstimate,
@@ -31,7 +31,8 @@ pub struct DriftReport {
 }
 
 impl DriftReport {
-    /// Of a model, with the name of its file, and a recording of the same motors and outputs.
+    /// The drift from a model, with the name of its file, and a recording of the same motors and
+    /// outputs.
     ///
     /// # Errors
     ///

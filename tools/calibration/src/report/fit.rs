@@ -1,4 +1,4 @@
-//! What a fit found out: one value, which is printed, written as JSON, and shown on a page.
+//! Report of a fit: one value, which is printed, written as JSON, and shown on a page.
 
 use std::ops::Range;
 
@@ -16,11 +16,11 @@ use crate::recording::ReadReport;
 /// The family that others are compared with.
 pub(super) const BASELINE: &str = "linear";
 
-/// The memoryless mixture: what a model with memory has to be better than.
+/// The memoryless mixture, the reference for models with memory.
 const MEMORYLESS: &str = "gmr";
 
-/// What a fit found out, in the unit of the recording throughout. Its `Display` is the printed
-/// report, at most 100 columns wide; [`html`](Self::html) is the page.
+/// Report of a fit, in the unit of the recording throughout. Its `Display` is the printed report,
+/// at most 100 columns wide; [`html`](Self::html) is the page.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct CalibrationReport {
     pub(super) robot_id: String,
@@ -31,9 +31,9 @@ pub struct CalibrationReport {
     pub(super) recording: RecordingFacts,
     pub(super) outputs: Vec<OutputFacts>,
     pub(super) spikes: Vec<Spike>,
-    /// How late the outputs are stamped, if that stands out of its uncertainty.
+    /// Latency of the outputs' stamps, if it exceeds its uncertainty.
     pub(super) latency: Option<Latency>,
-    /// Taken off the stamps of the outputs before the fit, s.
+    /// Correction of the outputs' stamps before the fit, s.
     pub latency_taken_off_s: Option<f64>,
     /// Limits of the recording.
     pub(super) warnings: Vec<String>,
@@ -41,20 +41,20 @@ pub struct CalibrationReport {
     pub(super) families: Vec<FamilyResult>,
     /// Families that could not be fitted, and why.
     pub(super) failures: Vec<(String, String)>,
-    /// Whether the chosen family was chosen by its error on the rows held out: that error then
-    /// flatters it.
+    /// Whether the family was chosen by its error on the held-out rows: that error is then too
+    /// optimistic.
     pub(super) chosen_by_held_out: bool,
-    /// The scores that the family was chosen by; none where it was asked for.
+    /// The scores of the choice; empty if a family was requested.
     pub(super) choice: Vec<ChoiceScore>,
-    /// The part of the measured rows whose poses the robot may go to, percent.
+    /// Percentage of the measured rows whose poses the robot may use.
     pub(super) usable_percent: f64,
-    /// Hand that the limits of a configuration bear by default.
+    /// Hand motion within the default limits of a configuration.
     pub(super) hand: Option<HandLimits>,
-    /// Why the error in use will be above what the model states, if it will.
+    /// Why the error in use will be larger than the model states, if so.
     pub(super) beyond_model: Option<String>,
-    /// What the chosen model leaves beyond the noise.
+    /// The error of the chosen model beyond the noise.
     pub(super) unexplained: Option<Unexplained>,
-    /// How it was fitted: names and values.
+    /// Settings of the fit: names and values.
     pub(super) settings: Vec<(String, String)>,
     /// The program that fitted the models, with its version.
     pub(super) software: String,
@@ -70,12 +70,12 @@ pub(super) struct RecordingFacts {
     #[serde(flatten)]
     pub read: ReadReport,
     pub training: usize,
-    /// Every so many-th row that could be used was.
+    /// One of this many usable rows was used.
     pub every: usize,
     pub held_out: usize,
-    /// What was held out, in words: `the last of 3.97 cycles`.
+    /// Description of the held-out rows: `the last of 3.97 cycles`.
     pub held_out_rows: String,
-    /// Of the rows held out.
+    /// Flagged rows among the held-out rows.
     pub held_out_flagged: usize,
 }
 
@@ -84,7 +84,7 @@ pub(super) struct OutputFacts {
     pub name: String,
     pub unit: String,
     pub noise: Option<NoiseFloor>,
-    /// Of the affine model, per count of each motor.
+    /// Gain of the affine model, per count of each motor.
     pub gain: Vec<f64>,
     #[serde(skip)]
     pub straight: Straight,
@@ -94,20 +94,20 @@ pub(super) struct OutputFacts {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct ChoiceScore {
     pub family: String,
-    /// RMS length of the error on the rows held out.
+    /// RMS length of the error on the held-out rows.
     pub held_out: f64,
     /// RMS length of the tracking error of its inverse on the other families, and the name of the
-    /// one where it is worst; `None` without another credible one.
+    /// family with the largest error; `None` if there is no other credible one.
     pub tracking: Option<(f64, String)>,
-    /// How many times its error is that of the chosen family, as a logarithm: the mean over the
-    /// blocks, and its standard error.
+    /// Logarithm of its error relative to the chosen family: the mean over the blocks, and its
+    /// standard error.
     pub beside: (f64, f64),
-    /// Both together.
+    /// Combined score.
     pub total: f64,
     /// Travel of the motors, relative to that of `linear`.
     pub travel: f64,
     pub chosen: bool,
-    /// All of it in a sentence.
+    /// Summary in one sentence.
     pub sentence: String,
 }
 
@@ -117,19 +117,19 @@ pub(super) struct FamilyResult {
     pub name: String,
     /// Its name, with the components of a mixture: `gmr (K = 5)`.
     pub title: String,
-    /// What the fit took beside that: components that found no rows, smoothing.
+    /// Additional note on the fit: components without rows, smoothing.
     pub note: Option<String>,
     /// Whether this is the model that was written.
     pub chosen: bool,
     pub model_id: String,
     pub fit_seconds: f64,
-    /// Of every output, as in its file.
+    /// Metrics of every output, as in its file.
     pub metrics: Vec<OutputMetrics>,
     pub training: Option<Errors>,
     pub held_out: Option<Errors>,
-    /// What its parameters say about the robot, in lines.
+    /// Description of the robot by its parameters, in lines.
     pub reading: Option<String>,
-    /// Of every output.
+    /// Branches of every output.
     #[serde(skip)]
     pub branches: Vec<Branches>,
     #[serde(skip)]
@@ -141,12 +141,12 @@ pub(super) struct FamilyResult {
 pub(super) struct Errors {
     /// Root mean square of the length of the error over all outputs.
     pub rms_length: f64,
-    /// Of every output: 99 of 100 rows are closer.
+    /// 99th percentile of the error of every output.
     pub p99: Vec<f64>,
 }
 
 impl FamilyResult {
-    /// The errors that count: on the rows held out, or on those used for training where none are.
+    /// The errors that count: on the held-out rows, or on the training rows if none are held out.
     pub fn judged(&self) -> Option<&Errors> {
         self.held_out.as_ref().or(self.training.as_ref())
     }
@@ -161,8 +161,8 @@ impl CalibrationReport {
         self.families.iter().find(|family| family.name == name)
     }
 
-    /// What the chosen model is compared with in the figures: the memoryless mixture if there is
-    /// one, otherwise the baseline; nothing if that is the chosen one.
+    /// Reference of the chosen model in the figures: the memoryless mixture if available, otherwise
+    /// the baseline; nothing if that is the chosen one.
     pub(super) fn reference(&self) -> Option<&FamilyResult> {
         let named = |name: &str| self.family(name).filter(|family| !family.chosen);
         named(MEMORYLESS).or_else(|| named(BASELINE))
@@ -173,7 +173,7 @@ impl CalibrationReport {
         self.outputs.first().map_or("", |output| output.unit.as_str())
     }
 
-    /// The length of the noise over all outputs, where all are known.
+    /// Noise length over all outputs, if all are known.
     pub(super) fn noise(&self) -> Option<f64> {
         let noise = self.outputs.iter().map(|output| Some(output.noise?.deviation));
         let noise: Option<Vec<f64>> = noise.collect();
@@ -184,7 +184,7 @@ impl CalibrationReport {
 /// An affine function of the counts.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Straight {
-    /// Per count of each motor.
+    /// Slope per count of each motor.
     pub gain: MotorVec,
     /// At counts of 0.
     pub offset: f64,
@@ -210,11 +210,11 @@ impl Straight {
 /// Every row of a recording. All lists have one entry per row.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Track {
-    /// Time since the first row, s; the number of the row where there are no time stamps.
+    /// Time since the first row, s, or the row number if there are no time stamps.
     pub time: Vec<f64>,
     pub timed: bool,
     pub counts: Vec<MotorVec>,
-    /// Whether the counts along each output were last seen going up.
+    /// Whether the counts along each output rose last.
     pub rising: Vec<[bool; MAX_OUTPUTS]>,
     pub measured: Vec<[f64; MAX_OUTPUTS]>,
     /// Indices of the rows used for training, in rising order.

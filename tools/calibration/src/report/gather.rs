@@ -11,8 +11,8 @@ use super::fit::{
 };
 use super::mixture_figure::planar;
 use super::sweep::branches;
-use crate::fit::beyond_model::BeyondModel;
 use crate::fit::metrics::predictions;
+use crate::fit::model_mismatch::ModelMismatch;
 use crate::fit::outcome::FamilyOutcome;
 use crate::fit::split::Split;
 use crate::fit::usable_range::clipped_rows;
@@ -22,11 +22,11 @@ use crate::quality::{inputs, outputs};
 use crate::recording::{ReadReport, Recording};
 use crate::regression::linear::fit_linear;
 
-/// A direction has changed when the counts along an output have come back by so much.
+/// Minimum return of the counts along an output for a change of direction.
 const DEAD_BAND_COUNTS: f64 = 1.0;
 
 impl CalibrationReport {
-    /// Everything that a fit found out.
+    /// All results of a fit.
     #[must_use]
     pub fn new(
         recording: &Recording,
@@ -72,7 +72,7 @@ impl CalibrationReport {
                 &JointLimitConfig::default(),
             )),
             unexplained: outcome.unexplained(recording),
-            beyond_model: BeyondModel::find(outcome, recording).map(|found| found.to_string()),
+            beyond_model: ModelMismatch::find(outcome, recording).map(|found| found.to_string()),
             settings: settings(options),
             software: file.training.software.clone(),
             outputs: facts,
@@ -103,8 +103,8 @@ fn recording_facts(
 
 fn output_facts(recording: &Recording, outcome: &FitOutcome) -> Vec<OutputFacts> {
     let report = &outcome.report;
-    // Recordings that determine no straight line were refused before anything was fitted; then it
-    // is level.
+    // Recordings that determine no straight line were refused before any fit; otherwise it is
+    // level.
     let training = || report.training.iter().copied();
     let line = fit_linear(&inputs(recording, training()), &outputs(recording, training()));
     let straight = |index: usize| {
@@ -129,8 +129,8 @@ fn output_facts(recording: &Recording, outcome: &FitOutcome) -> Vec<OutputFacts>
     recording.outputs().iter().enumerate().map(facts).collect()
 }
 
-/// Nothing for a family that could not be fitted. The figures are those of the model that had not
-/// seen the rows held out; the chosen model that is written was fitted to all rows.
+/// `None` for a family that could not be fitted. The figures are those of the model that had not
+/// seen the held-out rows; the chosen model that is written was fitted to all rows.
 fn family_result(
     family: &FamilyOutcome,
     outcome: &FitOutcome,
@@ -222,7 +222,7 @@ fn track(recording: &Recording, split: &Split, training: &[usize], facts: &[Outp
     }
 }
 
-/// Whether the counts along each output were last seen going up, at every row.
+/// Whether the counts along each output rose last, at every row.
 fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUTS]> {
     let mut now = [true; MAX_OUTPUTS];
     // The furthest that the counts have gone in the present direction.

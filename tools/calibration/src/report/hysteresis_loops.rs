@@ -1,4 +1,4 @@
-//! Counts against angle: the loop that was measured, and the branches that the models make of it.
+//! Counts against angle: the measured loop, and the branches of the models.
 
 use i2ris_report::{
     Axis, Color, Dash, Figure, Line, Marker, Page, Panel, ReferenceLine, Scatter, Stroke,
@@ -24,9 +24,9 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     let figure = Figure::new(
         "loops",
         "Counts against angle",
-        "For every output: what was measured against the encoder counts, with the branches of the \
-         chosen model for rising and for falling counts; above the output itself, below how far it \
-         is from the straight line.",
+        "For every output: the measured values against encoder counts, with the branches of the \
+         chosen model for rising and for falling counts; above the output itself, below its \
+         distance from the straight line.",
     )
     .row(HEIGHTS[0], angles)
     .row(HEIGHTS[1], deviations);

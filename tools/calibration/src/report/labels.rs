@@ -6,7 +6,7 @@ use i2ris_report::{Color, Dash, Stroke};
 
 use super::fit::OutputFacts;
 
-/// A part of the motion of a motor below this is not named.
+/// Minimum part of a motor's motion that is named.
 const NEGLIGIBLE: f64 = 0.05;
 
 /// The chosen model.
@@ -16,7 +16,7 @@ pub(super) const ZERO: Stroke = Stroke::new(Color::DARK, 0.6);
 /// Levels of noise.
 pub(super) const NOISE: Stroke = Stroke::new(Color::DARK, 0.8).dash(Dash::Dotted);
 
-/// A length of an error, to three digits.
+/// An error length, to three digits.
 pub(super) fn error(value: f64) -> String {
     significant(value, 3)
 }
@@ -45,7 +45,7 @@ pub(super) fn along(direction: &MotorVec, motors: usize) -> String {
     }
 }
 
-/// Names in a row: `a, b and c`.
+/// A list of names: `a, b and c`.
 pub(super) fn list(names: &[String]) -> String {
     match names {
         [] => String::new(),

@@ -10,10 +10,10 @@ use super::labels::{CHOSEN, along, with_unit};
 
 const HEIGHT: f64 = 250.0;
 
-/// Of the ellipses and of the band.
+/// Size of the ellipses and of the band, standard deviations.
 const DEVIATIONS: f64 = 2.0;
 
-/// Points of an ellipse and of a mean, and the most rows that are drawn.
+/// Points of an ellipse and of a mean, and the maximum number of drawn rows.
 const POINTS: usize = 90;
 const ROWS: usize = 3000;
 
@@ -24,13 +24,13 @@ const BAND: Stroke = Stroke::new(Color::BLUE, 1.0).dash(Dash::Dashed);
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct PlanarMixture {
     output: usize,
-    /// Of the counts, of length 1.
+    /// Direction of the counts, of length 1.
     direction: MotorVec,
     /// Weight, mean, and the variances of counts and output with their covariance between them.
     components: Vec<(f64, [f64; 2], [f64; 3])>,
 }
 
-/// Those of a family: along every output, or of one mixture per motor along every motor.
+/// The mixtures of a family: along every output, or with one mixture per motor along every motor.
 pub(super) fn planar(
     mixture: &Mixture,
     straight: &[Straight],
@@ -103,7 +103,7 @@ fn ellipse((_, mean, [across, between, output]): &(f64, [f64; 2], [f64; 3])) -> 
     Line::new((0..=POINTS).map(point).collect(), ELLIPSE)
 }
 
-/// A figure for every family that has a mixture.
+/// Writes a figure for every family that has a mixture.
 pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     for family in data.families.iter().filter(|family| !family.mixtures.is_empty()) {
         let mut figure = Figure::new(
@@ -118,13 +118,13 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
             figure = figure
                 .row(HEIGHT, panels.map(|mixture| panel(data, family, mixture, output)).collect());
         }
-        let less = "With one mixture per motor, what the other motor contributes is taken off.";
+        let less = "With one mixture per motor, the contribution of the other motor is subtracted.";
         let caption = format!(
             "{}: components as ellipses of two standard deviations, the mean of the regression \
              (solid) and two standard deviations around it (dashed), over the measured rows. {less} \
-             What the loop is wider than the mean, the mixture does not know{}.",
+             The mixture does not represent the width of the loop around the mean{}.",
             family.title,
-            if family.name == "gmr" { "" } else { ": the plays in front of it do" }
+            if family.name == "gmr" { "" } else { "; the plays before it do" }
         );
         page.figure(&figure, &caption);
     }

@@ -1,9 +1,9 @@
 //! Reports: one value each, whose `Display` is the printed text, whose `Serialize` is the JSON, and
-//! whose `html` is a page with figures and tables that needs nothing but itself.
+//! whose `html` is a self-contained page with figures and tables.
 //!
 //! # Glossary
 //!
-//! - **straight line** of an output: the affine least-squares fit of it to the counts.
+//! - **straight line** of an output: its affine least-squares fit to the counts.
 //! - **counts along** an output: the counts projected on the direction in which its straight line
 //!   is steepest. With two motors that both move an output, this is the one axis on which a loop
 //!   shows.
@@ -15,10 +15,10 @@
 //! |---|---|
 //! | `comparison` | models side by side on one recording |
 //! | `drift` | the drift of a robot from a calibration |
-//! | `fit` | what a fit found out |
-//! | `gather`, `sweep` | that, from the fit |
-//! | `text` | as it is printed |
-//! | `page`, `choice` | as a page |
+//! | `fit` | report of a fit |
+//! | `gather`, `sweep` | its content, from the fit |
+//! | `text` | the printed form |
+//! | `page`, `choice` | the page |
 //! | `hysteresis_loops`, `mixture_figure` | figures of the models |
 //! | `labels` | numbers and names in the form of the page |
 

@@ -9,21 +9,20 @@ use super::fit::{BASELINE, CalibrationReport, Errors, FamilyResult, OutputFacts}
 use super::labels::{NOISE, error, list, with_unit};
 use super::{hysteresis_loops, mixture_figure};
 
-/// A model whose error on unseen rows is this much larger than in training has learned what does
-/// not carry over.
+/// Ratio of the errors on unseen and training rows above which a model does not generalise.
 const CARRIES_OVER: f64 = 1.5;
 
-/// A model within this factor of the noise leaves nothing to gain.
+/// Ratio to the noise below which a better model cannot be shown.
 const AT_THE_NOISE: f64 = 1.25;
 
-/// Height of a family in the figure of errors, and of all that is around them.
+/// Height of a family in the figure of errors, and of the rest of the figure.
 const HEIGHTS: [f64; 2] = [22.0, 66.0];
 
 /// Characters of a hash that identify a model in a table.
 const SHORT: usize = 12;
 
 impl CalibrationReport {
-    /// The report as an HTML document that needs nothing but itself.
+    /// The report as a self-contained HTML document.
     #[must_use]
     pub fn html(&self) -> String {
         let mut page = Page::new(format!("Calibration of {}", self.robot_id));
@@ -66,16 +65,16 @@ impl CalibrationReport {
             return format!("The model is of the family {name}.");
         };
         let text = format!("{} {}", error(judged.rms_length), self.unit());
-        let said = format!(
+        let result = format!(
             "The model is of the family {name}: root mean square error {text} on the {rows}"
         );
         let baseline = self.baseline().filter(|_| family.name != BASELINE);
         match baseline.map(|baseline| 100.0 * (1.0 - judged.rms_length / baseline.rms_length)) {
             Some(better) if better >= 0.0 => {
-                format!("{said}, {} % below {BASELINE}.", fixed(better, 0))
+                format!("{result}, {} % below {BASELINE}.", fixed(better, 0))
             }
-            Some(worse) => format!("{said}, {} % above {BASELINE}.", fixed(-worse, 0)),
-            None => format!("{said}."),
+            Some(worse) => format!("{result}, {} % above {BASELINE}.", fixed(-worse, 0)),
+            None => format!("{result}."),
         }
     }
 
@@ -104,19 +103,20 @@ impl CalibrationReport {
 
     fn notices(&self) -> Vec<String> {
         let mut notices: Vec<String> = self.warnings.iter().map(|words| sentence(words)).collect();
-        notices.extend(self.failures.iter().map(|(family, reason)| {
-            format!("There is no model of the family {family}: {reason}.")
-        }));
+        notices.extend(
+            self.failures
+                .iter()
+                .map(|(family, reason)| format!("Family {family} gave no model: {reason}.")),
+        );
         let flagged = self.recording.held_out_flagged;
         if flagged > 0 {
             notices.push(format!(
-                "The rows held out hold {flagged} that were flagged as spikes; they count in all \
-                 figures."
+                "The held-out rows include {flagged} flagged as spikes; they count in all figures."
             ));
         }
         if self.track.holds_nothing_out() {
             notices.push(
-                "No rows were held out: nothing here shows how the model does on other motion, and \
+                "No rows were held out: these figures do not show the error on other motion, and \
                  the family with the most parameters looks best."
                     .to_owned(),
             );
@@ -129,14 +129,14 @@ impl CalibrationReport {
         notices
     }
 
-    /// What follows from the errors of the chosen family.
+    /// Conclusions from the errors of the chosen family.
     fn findings(&self, family: &FamilyResult) -> Vec<String> {
         let mut findings = Vec::new();
         if self.chosen_by_held_out {
             findings.push(format!(
-                "The family was chosen among {} by its error on the rows held out and by its \
-                 inverse on the others, so that error flatters it. Quote one on another recording, \
-                 which neither a fit nor the choice has seen.",
+                "The family was chosen among {} by its error on the held-out rows and by its \
+                 inverse on the others, so that error is too optimistic. Quote the error on \
+                 another recording, which neither a fit nor the choice has seen.",
                 self.families.len()
             ));
         }
@@ -144,8 +144,8 @@ impl CalibrationReport {
             let ratio = held_out.rms_length / training.rms_length;
             if ratio > CARRIES_OVER {
                 findings.push(format!(
-                    "The error of {} on rows held out is {} times that in training: it has learned \
-                     what does not carry over, or the robot has changed during the recording.",
+                    "The error of {} on rows held out is {} times that in training: it does not \
+                     generalise, or the robot has changed during the recording.",
                     family.name,
                     fixed(ratio, 1)
                 ));
@@ -291,7 +291,7 @@ impl CalibrationReport {
         table
     }
 
-    /// Where everything comes from: names and values.
+    /// Origin of the models: names and values.
     fn facts(&self) -> Vec<(String, String)> {
         let (recording, read) = (&self.recording, &self.recording.read);
         let mut facts: Vec<(String, String)> = Vec::new();
@@ -306,14 +306,14 @@ impl CalibrationReport {
         read.time_column.iter().for_each(|column| fact("column of time", column.clone()));
         fact("rows dropped for an empty cell", read.dropped.len().to_string());
         fact("rows with positions only", read.positions.to_string());
-        let usable = format!("{} % of what was measured", fixed(self.usable_percent, 1));
+        let usable = format!("{} % of the measured range", fixed(self.usable_percent, 1));
         fact("range that the robot may use", usable);
         self.hand.iter().for_each(|hand| fact("limits as delivered", hand.to_string()));
         fact("readings flagged as spikes", self.spikes.len().to_string());
         if let Some(latency) = self.latency {
             let (ms, deviation) = (1e3 * latency.seconds, 1e3 * latency.deviation_s);
             let late = format!("{ms:.1} ms (standard deviation {deviation:.1} ms)");
-            fact("outputs are stamped late by", late);
+            fact("latency of the outputs", late);
         }
         for family in &self.families {
             if let Some(lines) = &family.reading {
@@ -333,7 +333,7 @@ impl CalibrationReport {
             fact(&format!("setting: {name}"), value.clone());
         }
         if let Some(seconds) = self.latency_taken_off_s {
-            fact("setting: latency taken off", format!("{:+.1} ms", 1e3 * seconds));
+            fact("setting: latency corrected", format!("{:+.1} ms", 1e3 * seconds));
         }
         fact("software", self.software.clone());
         facts

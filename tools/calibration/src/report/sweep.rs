@@ -1,4 +1,4 @@
-//! A sweep back and forth through the middle of the calibrated region: what shows the branches of
+//! A sweep back and forth through the middle of the calibrated region, which shows the branches of
 //! a model.
 
 use i2ris::model::{Hull, Model};
@@ -9,10 +9,10 @@ use super::fit::{Branches, Straight};
 /// Positions of the rising half, and of the falling half.
 const POSITIONS: usize = 160;
 
-/// Time from one to the next, which snakes that creep see, s.
+/// Time between two positions, which affects creeping snakes, s.
 const POSITION_S: f64 = 0.05;
 
-/// Sweeps before the one that counts: they make the memory independent of the past.
+/// Sweeps before the recorded one: they make the memory independent of the past.
 const SWEEPS_BEFORE: usize = 3;
 
 /// Halvings of the search for the end of a sweep: to a millionth of a count.
@@ -59,7 +59,7 @@ fn step(from: MotorVec, direction: MotorVec, distance: f64) -> MotorVec {
     std::array::from_fn(|motor| from[motor] + distance * direction[motor])
 }
 
-/// The branches of a model for one output; `unit` is one of the output in rad or m.
+/// The branches of a model for one output; `unit` is the output's unit in rad or m.
 pub(super) fn branches(model: &Model, output: usize, straight: &Straight, unit: f64) -> Branches {
     let sweep = Sweep::new(model.hull(), straight.direction());
     let mut memory = model.new_memory();

@@ -51,7 +51,7 @@ fn parse(text: &str) -> roxmltree::Document<'_> {
     roxmltree::Document::parse_with_options(text, options).unwrap()
 }
 
-/// That a report is well-formed, asks for nothing from elsewhere, and holds no number that is none.
+/// Asserts that a report is well-formed, self-contained, and has only finite numbers.
 #[track_caller]
 fn assert_valid(text: &str) {
     let document = parse(text);
@@ -94,20 +94,20 @@ fn a_report_has_all_figures_and_numbers() {
     }
 }
 
-/// A family that was chosen by an error must not be praised for that error without saying so.
+/// The error that a family was chosen by must not be shown without a remark.
 #[test]
 fn a_choice_by_the_error_that_is_shown_is_mentioned() {
     let mut data = gathered(&two_axes());
     assert!(!data.html().contains("flatters"));
     data.chosen_by_held_out = true;
     assert!(data.html().contains(
-        "chosen among 2 by its error on the rows held out and by its inverse on the others, so \
-             that error flatters it"
+        "chosen among 2 by its error on the held-out rows and by its inverse on the others, so \
+             that error is too optimistic"
     ));
 }
 
 #[test]
-fn names_cannot_break_out() {
+fn names_are_escaped() {
     let mut data = gathered(&two_axes());
     for name in [&mut data.robot_id, &mut data.recording.name, &mut data.software] {
         *name = NASTY.to_owned();
@@ -149,7 +149,7 @@ fn empty_data_make_a_report_too() {
     assert_valid(&data.html());
 }
 
-/// Rows of noise, which thinning finds hardest.
+/// Rows of noise, the worst case for thinning.
 #[test]
 fn thirty_thousand_rows_stay_below_two_megabytes() {
     let mut data = gathered(&two_axes());
@@ -191,7 +191,7 @@ fn directions_follow_the_counts_and_not_their_flicker() {
 
 /// A play of half-width r splits a straight line into two, 2 r counts apart.
 #[test]
-fn branches_are_as_far_apart_as_the_play_is_wide() {
+fn branches_are_apart_by_the_width_of_the_play() {
     let mut noise = noise(7);
     let recording = one_motor(300, |time| {
         let count = (400.0 * (0.7 * time).sin()).round();

@@ -8,7 +8,7 @@ use super::choice::explanation;
 use super::fit::{CalibrationReport, OutputFacts};
 use crate::quality::NoiseFloor;
 
-/// Lines of the recording that are named one by one before the rest is only counted.
+/// Number of recording lines that are listed before the rest is only counted.
 const NAMED: usize = 12;
 
 impl Display for CalibrationReport {
@@ -19,7 +19,7 @@ impl Display for CalibrationReport {
         for family in &self.families {
             if let Some(reading) = &family.reading {
                 let name = &family.name;
-                writeln!(f, "\n{name} says of the robot (lengths in the unit of the outputs):")?;
+                writeln!(f, "\n{name}: properties of the robot (lengths in output units):")?;
                 reading.lines().try_for_each(|line| write!(f, "{}", Wrapped("", line)))?;
             }
         }
@@ -27,16 +27,13 @@ impl Display for CalibrationReport {
             write!(f, "\n{}", Wrapped("warning", warning))?;
         }
         if !self.choice.is_empty() {
-            writeln!(
-                f,
-                "\nchoice     by rows held out, and by the inverse run on the other families"
-            )?;
+            writeln!(f, "\nchoice     by held-out rows, and by the inverse on the other families")?;
         }
         self.choice.iter().try_for_each(|score| write!(f, "{}", Wrapped("", &score.sentence)))?;
         if let Some(explanation) = explanation(&self.choice, self.unit()) {
             write!(f, "{}", Wrapped("", &explanation))?;
         }
-        let range = format!("the robot may use {:.1} % of what was measured", self.usable_percent);
+        let range = format!("the robot may use {:.1} % of the measured poses", self.usable_percent);
         write!(f, "\n{}", Wrapped("range", &range))?;
         if let Some(hand) = &self.hand {
             write!(f, "{}", Wrapped("limits", &format!("as delivered: {hand}")))?;
@@ -87,7 +84,7 @@ impl CalibrationReport {
             Some(NoiseFloor { deviation, method, samples }) => {
                 format!("{} {deviation:.3} {} ({samples} {method})", output.name, output.unit)
             }
-            None => format!("{} cannot be found from these rows", output.name),
+            None => format!("{} cannot be estimated from these rows", output.name),
         };
         writeln!(f, "noise      {}", joined(self.outputs.iter().map(noise)))?;
         write!(f, "{}", Wrapped("axes", &self.axes()))?;
@@ -95,7 +92,7 @@ impl CalibrationReport {
             let (ms, deviation) = (1e3 * latency.seconds, 1e3 * latency.deviation_s);
             let stands_out = ms.abs() > 4.0 * deviation.max(1.0);
             let hint = match stands_out {
-                true => "; `--latency-ms auto` takes off what rows held out confirm",
+                true => "; `--latency-ms auto` corrects it if held-out rows confirm it",
                 false => "",
             };
             writeln!(
@@ -106,7 +103,7 @@ impl CalibrationReport {
         }
         let every = match self.recording.every {
             1 => String::new(),
-            every => format!(": every {every}th, more add hardly anything"),
+            every => format!(": every {every}th row; more hardly improve the fit"),
         };
         writeln!(f, "training   {} row(s){every}", self.recording.training)?;
         match self.recording.held_out {
@@ -115,8 +112,7 @@ impl CalibrationReport {
         }
     }
 
-    /// What the motors do on average: who knows the robot sees columns that are swapped, and a
-    /// picture that is mirrored.
+    /// Average effect of the motors: it shows swapped columns and mirrored images.
     fn axes(&self) -> String {
         let motor = |motor: usize| {
             let moves = self.outputs.iter().map(|OutputFacts { name, unit, gain, .. }| {
@@ -124,11 +120,11 @@ impl CalibrationReport {
                 format!("{name} by {gain:+.4} {unit}")
             });
             let moves: Vec<_> = moves.collect();
-            format!("a count of motor {motor} moves {}", moves.join(" and "))
+            format!("one count of motor {motor} moves {}", moves.join(" and "))
         };
         format!(
-            "{}; where the robot does otherwise, two columns are swapped (--counts, --angles) or \
-             the picture is mirrored",
+            "{}; if the robot moves differently, two columns are swapped (--counts, --angles) or \
+             the image is mirrored",
             joined((0..self.recording.motors).map(motor))
         )
     }
@@ -162,7 +158,7 @@ impl CalibrationReport {
             0 => Ok(()),
             flagged => writeln!(
                 f,
-                "The rows held out hold {flagged} flagged row(s), which count in these figures."
+                "The held-out rows include {flagged} flagged row(s), which count in these figures."
             ),
         }
     }
@@ -181,7 +177,7 @@ fn joined(parts: impl Iterator<Item = String>) -> String {
     parts.collect::<Vec<_>>().join(", ")
 }
 
-/// Ends a line with the first few of some lines of the recording.
+/// Ends a line with the first of some lines of the recording.
 fn list(f: &mut Formatter<'_>, lines: impl ExactSizeIterator<Item = String>) -> fmt::Result {
     let count = lines.len();
     if count == 0 {

@@ -24,14 +24,14 @@ pub struct Arguments {
     /// The recording: a CSV file with encoder counts and measured angles
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
-    /// How far the robot is from each calibration: zero, gain and gaps, with their uncertainty, and
-    /// whether it is time for a new one
+    /// Drift of the robot from each calibration: zero, gain and gaps, with their uncertainty, and
+    /// whether to recalibrate
     #[arg(long)]
     drift: bool,
-    /// Where to write a page with figures of the drift from the first model
+    /// Page to write, with figures of the drift from the first model
     #[arg(long, value_name = "FILE.html", requires = "drift")]
     report: Option<PathBuf>,
-    /// Replace the page, if it exists
+    /// Overwrite the page if it exists
     #[arg(long, requires = "report")]
     overwrite: bool,
     /// Print the table as JSON
@@ -41,7 +41,7 @@ pub struct Arguments {
     columns: ColumnArguments,
 }
 
-/// Runs it.
+/// Runs the comparison.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(page) = &arguments.report {
         check_output("--report", page, &arguments.recording, arguments.overwrite)?;

@@ -1,4 +1,4 @@
-//! What every command on recordings has: options for their columns, checks, files that are written.
+//! Shared parts of the commands on recordings: column options, checks, output files.
 
 use std::fs;
 use std::path::Path;
@@ -7,21 +7,21 @@ use i2ris::model::Model;
 use i2ris::model::file::OutputSpec;
 use i2ris_calibration::recording::{ColumnMap, OutputColumn, Recording, TimeColumn};
 use i2ris_report::Failure;
-use i2ris_report::files::{check_not_there, make_folder_of, replace};
+use i2ris_report::files::{check_overwrite, make_folder_of, replace};
 
-/// Which columns of a recording are what.
+/// Columns of a recording.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Columns of the recording")]
 pub struct ColumnArguments {
     #[command(flatten)]
     path: PathColumns,
-    /// Measured angles, deg, and what they are [default: `pitch_deg,yaw_deg` or
+    /// Measured angles, deg, and their names [default: `pitch_deg,yaw_deg` or
     /// `pitches=pitch,yaws=yaw`]
     #[arg(long, value_name = "COLUMN=NAME,..", value_delimiter = ',')]
     angles: Vec<OutputColumn>,
 }
 
-/// Which columns have the path of the motors.
+/// Columns with the path of the motors.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Columns of the recording")]
 pub struct PathColumns {
@@ -33,13 +33,13 @@ pub struct PathColumns {
     /// `t_s`, `time`, `timestamp`, `t_ms`, `Enc TS`, ..., if there is one]
     #[arg(long, value_name = "COLUMN[=UNIT]|none")]
     time: Option<String>,
-    /// Take counters that wrap, of 12, 16 or 32 bits, for motors that go on
+    /// Unwrap counters of 12, 16 or 32 bits that overflow
     #[arg(long)]
     unwrap: bool,
 }
 
 impl PathColumns {
-    /// For reading the path.
+    /// Column map for reading the path.
     pub fn map(&self) -> ColumnMap {
         let time = match self.time.as_deref() {
             Some("none") => TimeColumn::Ignored,
@@ -52,7 +52,7 @@ impl PathColumns {
 }
 
 impl ColumnArguments {
-    /// For reading the recording.
+    /// Column map for reading the recording.
     pub fn map(&self) -> ColumnMap {
         ColumnMap { outputs: self.angles.clone(), ..self.path.map() }
     }
@@ -72,11 +72,11 @@ pub fn check_output(
     if same(output, recording) {
         return Err(format!("{option} {shown}: is the recording itself; name another file").into());
     }
-    check_not_there(option, output, overwrite)?;
+    check_overwrite(option, output, overwrite)?;
     Ok(make_folder_of(option, output)?)
 }
 
-/// Whether two names mean one file, which need not exist yet.
+/// Whether two paths name the same file, which need not exist yet.
 pub fn same(a: &Path, b: &Path) -> bool {
     match (fs::canonicalize(a), fs::canonicalize(b)) {
         (Ok(a), Ok(b)) => a == b,
@@ -86,13 +86,13 @@ pub fn same(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// Writes a page all at once: who looks at it finds the old one or the new one.
+/// Writes a page atomically: a reader finds the old or the new one.
 pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
     replace(path, text.as_bytes())
         .map_err(|error| format!("{}: {error}; choose another --report", path.display()).into())
 }
 
-/// Whether model and recording are of the same motors and outputs.
+/// Checks that model and recording have the same motors and outputs.
 pub fn check(model: &Model, recording: &Recording) -> Result<(), String> {
     if model.motors() != recording.motors() {
         return Err(format!(

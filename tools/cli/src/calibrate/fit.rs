@@ -22,10 +22,10 @@ use crate::model::show;
 use crate::progress_bar::Bar;
 use i2ris_report::Failure;
 
-/// The robot of recordings that name none.
+/// Robot id for recordings without one.
 const ROBOT_ID: &str = "i2ris";
 
-/// More is no latency of a camera, ms.
+/// Upper bound of a plausible camera latency, ms.
 const MAX_LATENCY_MS: f64 = 1000.0;
 
 /// Arguments of `i2ris calibrate fit`.
@@ -35,19 +35,19 @@ const MAX_LATENCY_MS: f64 = 1000.0;
   i2ris calibrate fit recording.csv trial.mcap --model model.json --output refined.json
   i2ris calibrate fit recording.csv --network gru.json --output gru-model.json
 
-With a trial, the model is fitted to its own recording and to the trial together, by its family: any
-recording of `i2ris record` since, with the zero of that day and with a camera that published; begin
-it with `i2ris command state condition`. Three quarters of the trial have to make a model that is
-better on its last quarter, or nothing is written. A trial may also be a CSV file, as `i2ris calibrate
-collect` writes it.
+With a trial, the model is refitted, in its family, to its own recording and the trial together.
+The trial is a later recording of `i2ris record`, with the zero of that day and a publishing camera;
+begin it with `i2ris command state condition`. A model fitted with three quarters of the trial must
+be better on its last quarter, or nothing is written. A trial may also be a CSV file, as written by
+`i2ris calibrate collect`.
 
-With a network, nothing is fitted: the recording gives hull, deviation and examination of a network
-that i2ris.model.from_torch or from_onnx (Python) wrote; the rows held out should be rows that it has
-not seen.")]
+With a network, nothing is fitted: the recording gives the hull, deviation and examination of a
+network written by i2ris.model.from_torch or from_onnx (Python). Hold out rows that the network was
+not trained on.")]
 pub struct Arguments {
     /// The recording: a CSV file with encoder counts and measured angles
     file: PathBuf,
-    /// A trial since then that a camera has seen: MCAP or CSV
+    /// A later trial with a camera: MCAP or CSV
     #[arg(requires = "model_file", conflicts_with_all = [
         "network", "json", "robot_id", "family", "components", "restarts", "seed", "hold_out", "force",
         "latency_ms", "counts", "angles", "time", "unwrap",
@@ -56,25 +56,25 @@ pub struct Arguments {
     /// With a trial: the model that was fitted to the recording
     #[arg(long = "model", id = "model_file", value_name = "MODEL.json", requires = "trial")]
     old: Option<PathBuf>,
-    /// A network that was trained elsewhere, to make a model of
+    /// Import a network that was trained elsewhere
     #[arg(long, value_name = "NETWORK.json", conflicts_with_all = [
         "json", "report", "family", "components", "restarts", "seed", "force", "latency_ms",
     ])]
     network: Option<PathBuf>,
-    /// Where to write the model; its folder is made
+    /// Model to write; its folder is created
     #[arg(long, short, value_name = "MODEL.json")]
     output: PathBuf,
-    /// Where to write a report with figures: one HTML file that needs nothing but itself
+    /// Report with figures to write: one self-contained HTML file
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Print what was found as JSON
+    /// Print the results as JSON
     #[arg(long)]
     json: bool,
-    /// Replace model and report, if they exist, all at once, when everything went well
+    /// Overwrite existing model and report, both together, if the fit succeeds
     #[arg(long)]
     overwrite: bool,
-    /// The robot that was recorded; the controller refuses models of another one [default: as in
-    /// the file beside the recording, or else i2ris]
+    /// The recorded robot; the controller refuses models of a different robot [default: from the
+    /// file next to the recording, or else i2ris]
     #[arg(long, value_name = "ID", value_parser = NonEmptyStringValueParser::new())]
     robot_id: Option<String>,
     #[command(flatten)]
@@ -86,12 +86,11 @@ pub struct Arguments {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Model")]
 struct ModelArguments {
-    /// Family of models, or `best`: all of them, and the one with the least error on the rows held
-    /// out is written
+    /// Model family, or `best`: fit all and write the one with the least held-out error
     #[arg(long, default_value_t = Choice::Best)]
     family: Choice,
-    /// Components of the mixture of `gmr`, 1 to 64; ..K: three up to K, chosen by the error of the
-    /// inverse on blocks left out
+    /// Mixture components of `gmr`, 1 to 64; ..K: three up to K, chosen by the error of the
+    /// inverse on held-out blocks
     #[arg(long, value_name = "K|..K", default_value = "..12", value_parser = components)]
     components: Components,
     /// Random starts per number of components
@@ -101,21 +100,21 @@ struct ModelArguments {
     /// Seed of the random starts: the same seed gives the same model
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// What to hold out for testing: `blocks` all over the recording, `last-cycle`, a fraction of
+    /// Rows to hold out for testing: `blocks` throughout the recording, `last-cycle`, a fraction of
     /// the rows at the end, or `none`
     #[arg(long, value_name = "WHAT", default_value_t = HoldOut::Blocks)]
     hold_out: HoldOut,
-    /// Write a model even if it is worse than a constant on the rows held out, marked: the
+    /// Write a model even if it is worse than a constant on held-out rows; it is marked, and the
     /// controller refuses it
     #[arg(long)]
     force: bool,
-    /// Take so much off the stamps of the angles first; 0 keeps them, `auto` takes off what the
-    /// recording itself says [default: what the recording says, where that is certain]
+    /// Subtract this camera latency from the stamps of the angles first; 0 keeps them, `auto`
+    /// uses the estimate from the recording [default: that estimate, where it is certain]
     #[arg(long, value_name = "MS", allow_negative_numbers = true)]
     latency_ms: Option<LatencyChoice>,
 }
 
-/// What to take off the stamps of the angles.
+/// Latency to subtract from the stamps of the angles.
 #[derive(Debug, Clone, Copy)]
 enum LatencyChoice {
     Auto,
@@ -137,8 +136,8 @@ impl FromStr for LatencyChoice {
 }
 
 impl LatencyChoice {
-    /// The recording without the latency, and the latency taken off.
-    fn take_off(self, recording: &Recording) -> Result<(Recording, f64), Failure> {
+    /// The recording without the latency, and the latency that was subtracted.
+    fn subtract_from(self, recording: &Recording) -> Result<(Recording, f64), Failure> {
         if recording.rows().iter().any(|row| row.time_s.is_none()) {
             return Err(
                 "--latency-ms: the recording has no time stamps; name their column with --time"
@@ -150,17 +149,16 @@ impl LatencyChoice {
             Self::Auto => match Quality::new(recording, &SpikeOptions::default())?.latency {
                 Some(latency) => latency.seconds,
                 None => {
-                    return Err(
-                        "--latency-ms auto: the motion of this recording does not show it; give it \
-                         in ms".into()
-                    );
+                    return Err("--latency-ms auto: it cannot be estimated from the motion of \
+                                    this recording; give it in ms"
+                        .into());
                 }
             },
         };
         let shifted = recording.shifted(seconds);
         if shifted.rows().len() < MIN_ROWS {
             return Err(format!(
-                "--latency-ms: {} row(s) are left; give less",
+                "--latency-ms: only {} row(s) remain; give a smaller value",
                 shifted.rows().len()
             )
             .into());
@@ -196,7 +194,7 @@ impl Arguments {
     }
 }
 
-/// Runs it. The model is written when all else has succeeded, and only then is anything printed.
+/// Runs the fit. Writes the model, and only then prints, when all else has succeeded.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { file, output, trial, old, .. } = arguments;
     check_output("--output", output, file, arguments.overwrite)?;
@@ -213,19 +211,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let (Some(trial), Some(old)) = (trial, old) {
         return refine::run([file, old, trial], output, arguments.report.as_deref());
     }
-    let beside = beside(file);
-    let robot_id = match (&arguments.robot_id, &beside) {
+    let metadata = metadata_of(file);
+    let robot_id = match (&arguments.robot_id, &metadata) {
         (Some(id), _) => id.clone(),
-        (None, Ok(beside)) => {
-            beside.as_ref().map_or_else(|| ROBOT_ID.to_owned(), |it| it.robot_id.clone())
+        (None, Ok(metadata)) => {
+            metadata.as_ref().map_or_else(|| ROBOT_ID.to_owned(), |it| it.robot_id.clone())
         }
         (None, Err(error)) => return Err(error.clone().into()),
     };
-    let beside = beside.ok().flatten();
-    let started = beside.as_ref().and_then(|beside| beside.started_unix_s);
+    let metadata = metadata.ok().flatten();
+    let started = metadata.as_ref().and_then(|metadata| metadata.started_unix_s);
     let recorded_at = started.map(|seconds| WallTime::from_unix_seconds(seconds).to_string());
     let mut options = arguments.options(robot_id, recorded_at);
-    options.drives = beside.map(|beside| beside.drives).unwrap_or_default();
+    options.drives = metadata.map(|metadata| metadata.drives).unwrap_or_default();
     let (mut recording, read) = Recording::read(file, &arguments.columns.map())?;
     if let Some(network) = &arguments.network {
         return of_network(network, recording, &options, output);
@@ -233,7 +231,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let taken_off;
     (recording, taken_off) = match arguments.model.latency_ms {
         Some(choice) => {
-            let (shifted, seconds) = choice.take_off(&recording)?;
+            let (shifted, seconds) = choice.subtract_from(&recording)?;
             (shifted, Some(seconds))
         }
         None => recording.without_latency(),
@@ -252,7 +250,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     print!("{report}");
     if let Some(seconds) = taken_off {
-        println!("latency    {:+.1} ms were taken off the stamps of the angles", 1e3 * seconds);
+        println!("latency    {:+.1} ms subtracted from the stamps of the angles", 1e3 * seconds);
     }
     println!("\nwrote {}", output.display());
     if let Some(page) = &arguments.report {
@@ -261,7 +259,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Makes a model of a network that was trained elsewhere.
+/// Builds a model from a network that was trained elsewhere.
 fn of_network(
     network: &Path,
     recording: Recording,
@@ -277,23 +275,23 @@ fn of_network(
     Ok(())
 }
 
-/// What the file beside a recording says of it, as `i2ris calibrate collect` writes it.
+/// Metadata of a recording from its sidecar file, written by `i2ris calibrate collect`.
 #[derive(serde::Deserialize)]
-struct Beside {
+struct RecordingMetadata {
     robot_id: String,
     started_unix_s: Option<u64>,
     #[serde(default)]
     drives: Vec<DriveFingerprint>,
 }
 
-fn beside(recording: &Path) -> Result<Option<Beside>, String> {
+fn metadata_of(recording: &Path) -> Result<Option<RecordingMetadata>, String> {
     let path = recording.with_extension("toml");
     let Ok(text) = fs::read_to_string(&path) else {
         return Ok(None);
     };
     toml::from_str(&text).map(Some).map_err(|error| {
         format!(
-            "{} beside the recording names no robot ({}); add --robot-id",
+            "{}, next to the recording, names no robot ({}); add --robot-id",
             path.display(),
             error.message()
         )

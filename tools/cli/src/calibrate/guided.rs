@@ -1,5 +1,5 @@
 //! `i2ris calibrate` without a command: from a straight snake to a checked model, step by step.
-//! Every step is a command of its own, is printed before it runs, and is left out if it was done.
+//! Every step is a separate command. It is printed before it runs, and skipped if it was done.
 
 mod check;
 mod in_use;
@@ -15,7 +15,7 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState};
 use i2ris_calibration::fit::Choice;
-use i2ris_report::exit::{Coded, NOT_KNOWN};
+use i2ris_report::exit::{Coded, NOT_CONFIRMED};
 use i2ris_report::stop::stop;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
@@ -30,17 +30,17 @@ const UNSEEN_S: f64 = 30.0;
 #[derive(Debug, clap::Args)]
 #[group(id = "guided")]
 pub struct Arguments {
-    /// Folder for recordings, model and report; it is made. What was done in it is not done again
+    /// Folder for recordings, model and report; it is created. Steps completed in it are skipped
     #[arg(long, value_name = "DIR", default_value = "calibration")]
     folder: PathBuf,
-    /// Home the robot, if its zero is not known, without asking: the present pose becomes the zero
+    /// Home the robot without asking if its zero is unknown: the present pose becomes the zero
     #[arg(long)]
     home: bool,
-    /// How long to record
+    /// Recording time
     #[arg(long, value_name = "S", default_value_t = 300.0, value_parser = above_zero)]
     duration_s: f64,
-    /// How long the snake moves as in use at the end, while the camera measures; the model is then
-    /// fitted to that as well, and taken if it is better there. 0 leaves this out
+    /// Duration of a final motion as in use, measured by the camera; the model is refitted to
+    /// include it, and the refit is used if it is better there. 0 skips this step
     #[arg(long, value_name = "S", default_value_t = 60)]
     motion_s: u32,
     /// Family of models, or `best`
@@ -92,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             _ => guided.perform(step, &progress, &interrupt)?,
         }
         let outcome = match doubt.as_ref().filter(|_| step == Step::Check) {
-            Some(doubt) => format!("done with a doubt: {doubt}"),
+            Some(doubt) => format!("done, but check: {doubt}"),
             None => progress.done(step).map(|()| "done".to_owned())?,
         };
         if let Some(next) = steps.get(number) {
@@ -105,19 +105,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let state = OperatingState::from_number(state.state).map_or("?", OperatingState::text);
     if let Some(doubt) = doubt {
         let sentence = format!(
-            "done with a doubt: the robot is {state} and runs with {model}; the report is {report}; \
-             {doubt}; then run `i2ris calibrate` again: it checks once more"
+            "done, but check: the robot is {state} and runs with {model}; the report is {report}; \
+             {doubt}; then run `i2ris calibrate` again: it repeats the check"
         );
-        return Err(Coded { code: NOT_KNOWN, sentence }.into());
+        return Err(Coded { code: NOT_CONFIRMED, sentence }.into());
     }
     say(&format!(
         "done: the robot is {state} and runs with {model}; the report is {report}\nafter a \
-         restart: run `i2ris calibrate` again, it goes on from here, or set control.model in the \
-         configuration; to calibrate again: --folder NEW"
+         restart: run `i2ris calibrate` again, which resumes here, or set control.model in the \
+         configuration; to recalibrate: --folder NEW"
     ))
 }
 
-/// Homing makes the present pose the zero: somebody has to say that the snake is straight.
+/// Homing makes the present pose the zero, so the operator must confirm that the snake is straight.
 fn ask_for_zero(client: &mut Client, domain: &Domain, is_allowed: bool) -> Result<(), Failure> {
     let state = client.wait_for(CONNECT, |_| true)?;
     if state.flags & OperatingStateMsg::HOMED != 0 || is_allowed {
@@ -131,13 +131,13 @@ fn ask_for_zero(client: &mut Client, domain: &Domain, is_allowed: bool) -> Resul
         );
     }
     say("the robot is not homed, and it will move. Straighten the snake: its pose becomes the \
-         zero. Enter starts, s stops the robot, Ctrl-C ends.")?;
+         zero. Press Enter to start, s to stop the robot, Ctrl-C to quit.")?;
     let mut typed = String::new();
     io::stdin().lock().read_line(&mut typed)?;
     match typed.trim() {
-        // The end of the input is no Enter.
+        // The end of the input is not an Enter.
         "" if typed.ends_with('\n') => Ok(()),
-        "" => Err("nothing was typed: the robot was not homed".into()),
+        "" => Err("no input: the robot was not homed".into()),
         _ => Err(stop(client, domain)?.text.into()),
     }
 }
@@ -166,7 +166,7 @@ impl Guided {
         minutes(left.fold(0.0, |sum, step| sum + self.usual_s(step, progress)))
     }
 
-    /// How long a step usually takes, s.
+    /// Usual duration of a step, s.
     fn usual_s(&self, step: Step, progress: &Progress) -> f64 {
         match step {
             Step::Collect => self.duration_s + 40.0,
@@ -179,7 +179,7 @@ impl Guided {
         }
     }
 
-    /// The commands that home and enable, as far as that is not done.
+    /// The remaining commands to home and enable.
     fn prepare(&mut self) -> Result<Vec<Vec<String>>, Failure> {
         let state = self.client.wait_for(CONNECT, |_| true)?;
         let is_in = |wanted: OperatingState| state.state == wanted.number();
@@ -223,7 +223,7 @@ impl Guided {
                 commands
             }
             Step::Check => {
-                // Once more after a restart: one turn shows whether the zero is the old one.
+                // Repeated after a restart: one turn shows whether the zero is still the same.
                 let duration_s = if progress.was_checked_before() { "6" } else { "18" };
                 let circle = ["command", "circle", "--radius-deg", "5", "--period-s", "6"];
                 vec![words(&[&circle[..], &["--duration-s", duration_s, "--enable"]].concat())]
@@ -239,7 +239,7 @@ impl Guided {
         [&collect[..], &options].concat().into_iter().map(str::to_owned).collect()
     }
 
-    /// Runs the commands of a step. One that fails ends the calibration with its exit code.
+    /// Runs the commands of a step. A failing command ends the calibration with its exit code.
     fn perform(
         &mut self,
         step: Step,
@@ -260,7 +260,7 @@ impl Guided {
         Ok(())
     }
 
-    /// A command of this program, which is printed.
+    /// A command of this program; prints it.
     fn command(&self, words: &[String]) -> Result<Command, Failure> {
         say(&format!("  $ i2ris {}", words.join(" ")))?;
         let mut command = Command::new(std::env::current_exe()?);
@@ -268,7 +268,7 @@ impl Guided {
         Ok(command)
     }
 
-    /// What is done, in this order.
+    /// The steps, in order.
     fn steps(&self) -> &'static [Step] {
         let all = &Step::ALL;
         if self.motion_s == 0 { &all[..all.len() - 1] } else { all }
@@ -280,7 +280,7 @@ fn words(words: &[&str]) -> Vec<String> {
 }
 
 fn stopped(step: Step, status: ExitStatus, is_interrupted: bool) -> Coded {
-    let again = "run `i2ris calibrate` again: it goes on with this step";
+    let again = "run `i2ris calibrate` again: it resumes at this step";
     let sentence = if is_interrupted {
         format!("interrupted in the step {step}; {again}")
     } else {
@@ -295,7 +295,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_reported_as_one_says_them() {
+    fn times_are_rounded_up_to_minutes() {
         assert_eq!(minutes(5.0), "5 s");
         assert_eq!(minutes(89.0), "89 s");
         assert_eq!(minutes(361.0), "7 min");

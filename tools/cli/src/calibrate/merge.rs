@@ -1,12 +1,12 @@
-//! `i2ris calibrate merge`: encoder counts of a recording with angles that were measured
-//! afterwards, brought together by their stamps.
+//! `i2ris calibrate merge`: combines the encoder counts of a recording with angles measured later,
+//! by their stamps.
 
 use std::path::PathBuf;
 
 use i2ris::units::MAX_OUTPUTS;
 use i2ris_calibration::recording::{ColumnMap, RecordingWriter, Row, Rows, Wanted, pitch_and_yaw};
 use i2ris_report::Failure;
-use i2ris_report::files::{check_not_there, replace};
+use i2ris_report::files::{check_overwrite, replace};
 use i2ris_report::statistics::TimeSeries;
 
 use super::collect::GAP_NS;
@@ -18,19 +18,19 @@ use crate::numbers::within;
 #[command(after_help = "Example:
   i2ris calibrate merge take.csv angles.csv --output pictures.csv
 
-For images that were filmed during `i2ris calibrate collect` and measured by `i2ris vision`
-afterwards. Of the recording, time and counts are read; its angles, if it has any, are replaced, and
-every image with angles gets the counts of its instant. Images from before the recording, from after
-it, from a gap of the encoders, or with the stamp of another image are left out and counted.")]
+For images filmed during `i2ris calibrate collect` and measured later by `i2ris vision`. The
+recording supplies time and counts; angles in it are replaced. Every image with angles gets the
+interpolated counts at its stamp. Images before or after the recording, in an encoder gap, or with
+the stamp of another image are skipped and counted.")]
 pub struct Arguments {
     /// The recording: encoder counts over time, with angles or without
     recording: PathBuf,
     /// The angles: CSV with t_s, pitch_deg and yaw_deg, as `i2ris vision` writes it
     angles: PathBuf,
-    /// Where to write the recording with these angles
+    /// Recording to write, with these angles
     #[arg(long, short, value_name = "FILE.csv")]
     output: PathBuf,
-    /// Replace that file, if it exists
+    /// Overwrite that file if it exists
     #[arg(long)]
     overwrite: bool,
     /// Add this to the stamps of the angles
@@ -46,7 +46,7 @@ fn shift(text: &str) -> Result<f64, String> {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    check_not_there("--output", &arguments.output, arguments.overwrite)?;
+    check_overwrite("--output", &arguments.output, arguments.overwrite)?;
     let columns = arguments.columns.map();
     let Rows { rows: path, motors, .. } =
         csv_table::read(&arguments.recording, &columns, &Wanted::path())?;
@@ -58,8 +58,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let [first, last] = [seen.first(), seen.last()].map(|row| row.map_or(0.0, time_s));
         let (recording, angles) = (arguments.recording.display(), arguments.angles.display());
         return Err(format!(
-            "no picture of {angles} ({first} to {last} s) lies within {recording} ({from} to {to} \
-             s): are the clocks and their units the same? See --shift-s and --time"
+            "no image of {angles} ({first} to {last} s) lies within {recording} ({from} to {to} \
+             s): check that clocks and units agree; see --shift-s and --time"
         )
         .into());
     }
@@ -69,8 +69,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(|error| format!("cannot write {}: {error}", arguments.output.display()))?;
     let Merged { rows, pictures, outside, twice } = merged;
     println!(
-        "{pictures} pictures with counts, {outside} left out without counts, {twice} left out with \
-         the stamp of another; wrote {} rows to {}",
+        "{pictures} images with counts; skipped: {outside} without counts, {twice} with a \
+         duplicate stamp; wrote {} rows to {}",
         rows.len(),
         arguments.output.display()
     );
@@ -81,14 +81,14 @@ fn time_s(row: &Row) -> f64 {
     row.time_s.unwrap_or_default()
 }
 
-/// Positions and pictures in the order of time.
+/// Positions and images in order of time.
 struct Merged {
     rows: Vec<Row>,
     /// Rows with angles.
     pictures: usize,
-    /// Pictures before, after, or in a gap of the encoders.
+    /// Images before or after the recording, or in an encoder gap.
     outside: usize,
-    /// Pictures on the stamp of another one, which stands.
+    /// Images with the stamp of an earlier image, which is kept.
     twice: usize,
 }
 
@@ -107,8 +107,7 @@ fn merge(path: &[Row], seen: &[Row], shift_s: f64) -> Merged {
         }
     }
     let found = rows.len() - path.len();
-    // Of a position and a picture at one instant the picture says more; of two pictures the first
-    // one stands.
+    // At equal stamps, an image replaces a position, and the first of two images is kept.
     let is_seen = |row: &Row| row.outputs[0].is_finite();
     rows.sort_by_key(|row| (ns(row), !is_seen(row)));
     rows.dedup_by_key(|row| ns(row));
@@ -121,8 +120,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_get_the_counts_of_their_instant_and_old_angles_go() {
-        // There is a hole of 0.2 s.
+    fn images_get_interpolated_counts_and_replace_old_angles() {
+        // With a gap of 0.2 s.
         let time = |k: i32| f64::from(k) * 0.01 + if k >= 50 { 0.2 } else { 0.0 };
         let row = |time: f64| Row::new(Some(time), [100.0 * time, -300.0 * time], [7.0, 7.0, 0.0]);
         let path: Vec<Row> = (0..100).map(|k| row(time(k))).collect();

@@ -1,5 +1,4 @@
-//! `i2ris calibrate fit` with a trial: a better model from a calibration and a trial that a camera
-//! has seen.
+//! `i2ris calibrate fit` with a trial: a better model from a calibration and a trial with a camera.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -21,15 +20,15 @@ use super::collect::Recorder;
 use super::files::{check, write};
 use crate::progress_bar::Bar;
 
-/// Fits a model to its recording and a trial. It is written when all else has succeeded. Files:
-/// the recording, the model and the trial.
+/// Fits a model to its recording and a trial, and writes it when all else has succeeded. Files: the
+/// recording, the model and the trial.
 pub fn run(
     [recording_file, model_file, trial_file]: [&Path; 3],
     output: &Path,
     report: Option<&Path>,
 ) -> Result<(), Failure> {
     let old = Model::load(model_file)?;
-    // As it was fitted: only counters of one that was unwrapped jump.
+    // As in the original fit: without --unwrap, it had no counters that jump.
     let columns = ColumnMap { unwrap: true, ..ColumnMap::default() };
     let (calibration, read) = Recording::read(recording_file, &columns)?;
     let named = &old.file().training;
@@ -67,9 +66,9 @@ pub fn run(
     refined.outcome.model.file().write(output)?;
     let [before, after] = refined.held_out;
     println!("in use     {in_use} frames of {}", trial_file.display());
-    println!("held out   {before:.3} before, {after:.3} after, on the last quarter of them");
+    println!("held out   {before:.3} before, {after:.3} after, on their last quarter");
     if let Some(seconds) = latency {
-        println!("latency    {:+.1} ms were taken off the stamps of the angles", 1e3 * seconds);
+        println!("latency    {:+.1} ms subtracted from the stamps of the angles", 1e3 * seconds);
     }
     println!("\nwrote {}", output.display());
     if let Some(page) = report {
@@ -84,8 +83,8 @@ fn family(model: &Model) -> Result<Choice, Failure> {
     Ok(parameters["kind"].as_str().unwrap_or_default().parse::<Choice>()?)
 }
 
-/// The trial as a recording. Tables of a recording of `i2ris record` are made beside the output and
-/// removed.
+/// The trial as a recording. Tables exported from an `i2ris record` file are created next to the
+/// output and removed.
 fn trial(file: &Path, output: &Path, outputs: &[OutputSpec]) -> Result<Recording, Failure> {
     if file.extension().is_none_or(|extension| extension != "mcap") {
         let (trial, read) = Recording::read(file, &ColumnMap::default())?;
@@ -94,18 +93,18 @@ fn trial(file: &Path, output: &Path, outputs: &[OutputSpec]) -> Result<Recording
     }
     let tables = output.with_extension(format!("refine-{}", process::id()));
     let recording = export(file, &tables).and_then(|()| joined(file, &tables, outputs));
-    // Nothing was made, or it is in the way of nothing.
+    // Remaining files do no harm.
     let _ = fs::remove_dir_all(&tables);
     recording
 }
 
 fn export(file: &Path, tables: &Path) -> Result<(), Failure> {
-    let program = find("record").ok_or("i2ris-record is not there: install it beside i2ris")?;
+    let program = find("record").ok_or("i2ris-record was not found: install it next to i2ris")?;
     let status = Command::new(program)
         .args(["export".as_ref(), file, "--output".as_ref(), tables])
         .stdout(process::Stdio::null())
         .status()?;
-    let failed = || format!("{}: cannot be read, see above", file.display());
+    let failed = || format!("{}: not readable, see above", file.display());
     if status.success() { Ok(()) } else { Err(failed().into()) }
 }
 
@@ -135,7 +134,7 @@ fn joined(file: &Path, tables: &Path, outputs: &[OutputSpec]) -> Result<Recordin
     let positions: Vec<Positions> = rows(tables, "actuators_measured_js.csv")?;
     let frames: Vec<Frame> = rows(tables, "external_measured_jp.csv")?;
     let Some(first) = positions.iter().find(|row| row.measured_stamp_ns_0 > 0) else {
-        return Err(format!("{}: there are no positions in it", file.display()).into());
+        return Err(format!("{}: contains no positions", file.display()).into());
     };
     let start = Nanos(first.measured_stamp_ns_0.min(first.measured_stamp_ns_1));
     let path = tables.join(file.file_name().unwrap_or_default()).with_extension("csv");

@@ -28,8 +28,8 @@ const WAIT: Nanos = Nanos::from_millis(3000);
   i2ris command fixture ball 1 0 15 0.5          X_MM Y_MM Z_MM RADIUS_MM
   i2ris command fixture half-space 0 0 1 18      NORMAL_X NORMAL_Y NORMAL_Z OFFSET_MM
 
-z is along the straight snake, yaw bends towards x, pitch towards y. A half-plane and a half-space
-are everything that is further than the offset in the direction of the normal."
+z is along the straight snake; yaw bends towards x, pitch towards y. A half-plane or half-space
+forbids everything beyond the offset in the direction of the normal."
 )]
 pub struct Arguments {
     /// What to do
@@ -46,23 +46,23 @@ pub struct Arguments {
 enum Action {
     /// Show the regions
     List,
-    /// All regions count
+    /// Switch all regions on
     On,
-    /// No region counts, until `on`. Needs the lease, and a robot that follows no goal
+    /// Switch all regions off, until `on`. Needs the lease and a robot without a goal
     Off,
-    /// Remove the regions that were added by request. As `off`
+    /// Remove the regions added by request. Same conditions as `off`
     Remove,
     /// Forbid a circle in the plane of pitch and yaw
     Circle,
     /// Forbid everything beyond a line in the plane of pitch and yaw
     HalfPlane,
-    /// Forbid a ball to the tip
+    /// Keep the tip out of a ball
     Ball,
-    /// Forbid everything beyond a plane to the tip
+    /// Keep the tip from going beyond a plane
     HalfSpace,
 }
 
-/// Carries it out, and prints the regions as they are then.
+/// Carries out the action and prints the resulting regions.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let request = request(arguments.action, &arguments.numbers)?;
     let domain = arguments.domain.domain()?;
@@ -81,7 +81,7 @@ fn carry_out(
     Ok(())
 }
 
-/// The request of a command; `None`: only the list is asked for.
+/// Request for an action; `None`: list only.
 fn request(
     action: Action,
     numbers: &[f64],
@@ -102,7 +102,7 @@ fn request(
         (Action::HalfSpace, &[x, y, z, offset]) => (FixtureKind::HalfSpace, [x, y, z, m(offset)]),
         (_, numbers) => {
             let sentence = format!(
-                "{} number(s) do not fit; `i2ris command fixture --help` shows which a region has",
+                "{} number(s) do not fit; see the regions in `i2ris command fixture --help`",
                 numbers.len()
             );
             return Err(Coded { code: 2, sentence }.into());
@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_shows_every_region_in_degrees_and_mm() {
+    fn table_shows_every_region_in_degrees_and_mm() {
         let mut message = VirtualFixturesMsg::default();
         assert_eq!(table(&message), "no virtual fixture");
         message.active = 0b10;
@@ -198,17 +198,17 @@ mod tests {
     }
 
     #[test]
-    fn degrees_and_mm_become_rad_and_m_and_other_numbers_are_refused() {
-        let asked =
+    fn degrees_and_mm_are_converted_and_wrong_counts_refused() {
+        let requested =
             |action, numbers: &[f64]| request(action, numbers).map_err(|error| error.to_string());
         let ball = Some((FixtureKind::Ball, [1e-3, 0.0, 1.5e-3, 2e-4]));
         assert_eq!(
-            asked(Action::Ball, &[1.0, 0.0, 1.5, 0.2]),
+            requested(Action::Ball, &[1.0, 0.0, 1.5, 0.2]),
             Ok(Some((FixtureAction::Add, ball)))
         );
-        assert_eq!(asked(Action::List, &[]), Ok(None));
+        assert_eq!(requested(Action::List, &[]), Ok(None));
         for (action, numbers) in [(Action::Ball, &[1.0, 2.0][..]), (Action::Off, &[1.0])] {
-            assert!(asked(action, numbers).unwrap_err().contains("do not fit"));
+            assert!(requested(action, numbers).unwrap_err().contains("do not fit"));
         }
     }
 }

@@ -1,5 +1,4 @@
-//! `i2ris command motor`: one motor goes a few counts there and back, before there is a camera or a
-//! model.
+//! `i2ris command motor`: moves one motor a few counts and back, without camera or model.
 
 use std::io::{self, BufRead, IsTerminal};
 
@@ -14,35 +13,35 @@ use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 use super::prepare::{FIRST_MESSAGE_TIMEOUT, HOMING, PrepareOptions, prepare};
 use super::stream_monitor::{StopReason, StreamMonitor};
 
-/// Most counts: enough to see a motor turn, too few to bend a snake far.
-const MOST: i32 = 100;
+/// Largest distance, counts: enough to see a motor turn, too little to bend a snake far.
+const MAX_COUNTS: i32 = 100;
 
-/// Slow enough to be followed by eye, and to be stopped by hand.
+/// Slow enough to watch, and to stop by hand.
 const SPEED_COUNTS_S: f64 = 50.0;
 
-/// Between two commands: well below the deadline of a controller.
+/// Command period: well below the deadline of a controller.
 const PERIOD: Nanos = Nanos::from_millis(5);
 
-/// Commands at each place before it is read: half a second.
+/// Commands at each target before reading the position: half a second.
 const RESTS: usize = 100;
 
-/// How long the controller may take to read the last command: many ticks.
+/// Time for the controller to read the last command: many ticks.
 const LAST_COMMAND: Nanos = Nanos::from_millis(50);
 
-/// A motor that is further off at its place has not followed, counts. An encoder may toggle.
-const MOST_OFF: i32 = 3;
+/// Position error above which a motor has not followed, counts. An encoder may toggle.
+const MAX_POSITION_ERROR: i32 = 3;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris command motor 0 20                       half way, there, half way, back
-  i2ris command motor 1 -20 --home               in a script: permission to home, enable and move
+  i2ris command motor 0 20                       half way, full, half way, back
+  i2ris command motor 1 -20 --home               in a script: permit homing, enabling and motion
 
-It needs no camera and no model. A robot whose zero is not known is homed: the present pose becomes
-the zero. The motor ends where it began, and the robot stays enabled. Ctrl-C stops, and it holds.")]
+Needs no camera and no model. A robot with unknown zero is homed: the present pose becomes the zero.
+The motor returns to where it started, and the robot stays enabled. On Ctrl-C it stops and holds.")]
 pub struct Arguments {
     /// Which motor
     motor: usize,
-    /// How far it goes; below 0: the other way
+    /// Distance; negative: the other direction
     #[arg(allow_negative_numbers = true, value_parser = few)]
     counts: i32,
     #[command(flatten)]
@@ -53,10 +52,10 @@ pub struct Arguments {
 
 fn few(text: &str) -> Result<i32, String> {
     let counts: i32 = text.parse().map_err(|error| format!("{error}"))?;
-    if (1..=MOST.unsigned_abs()).contains(&counts.unsigned_abs()) {
+    if (1..=MAX_COUNTS.unsigned_abs()).contains(&counts.unsigned_abs()) {
         return Ok(counts);
     }
-    Err(format!("1 to {MOST} counts, at most, either way; `i2ris calibrate collect` goes further"))
+    Err(format!("1 to {MAX_COUNTS} counts, either way; `i2ris calibrate collect` moves further"))
 }
 
 pub fn run(arguments: &Arguments, client: &mut Client) -> Result<(), Failure> {
@@ -67,14 +66,14 @@ pub fn run(arguments: &Arguments, client: &mut Client) -> Result<(), Failure> {
     }
     prepare(client, permission(arguments)?, &interrupt)?;
     let outcome = there_and_back(arguments, client, &interrupt);
-    // A command in transit would take the lease again.
+    // A command in transit would acquire the lease again.
     clock::sleep(LAST_COMMAND);
     let stopped = interrupt.came();
     client.state_command(if stopped { StateCommand::Hold } else { StateCommand::Release })?;
     outcome
 }
 
-/// Asks a person. A script has said it with `--enable` or `--home`.
+/// Asks the operator. A script gives permission by `--enable` or `--home`.
 fn permission(arguments: &Arguments) -> Result<PrepareOptions, Failure> {
     let Arguments { motor, counts, prepare, .. } = arguments;
     if prepare.is_given() {
@@ -82,22 +81,22 @@ fn permission(arguments: &Arguments) -> Result<PrepareOptions, Failure> {
     }
     if !io::stdin().is_terminal() {
         return Err(
-            "the motor moves, and nobody can be asked here: add --enable, or --home if its \
-                    zero is not known"
+            "the motor moves, and there is no operator to ask here: add --enable, or --home if \
+                    its zero is unknown"
                 .into(),
         );
     }
     say(&format!(
-        "motor {motor} goes {counts} counts and back. Its power is switched on; if its zero is not \
-         known, {HOMING}. Snake out of the eye, wires slack, one hand on the switch of the motor \
-         supply? Type yes."
+        "motor {motor} will move {counts} counts and back. Its power is switched on; if its zero \
+         is unknown, {HOMING}. Is the snake out of the eye, are the wires slack, and is one hand \
+         on the switch of the motor supply? Type yes."
     ))?;
     let mut typed = String::new();
     io::stdin().lock().read_line(&mut typed)?;
     if typed.trim() == "yes" {
         Ok(PrepareOptions::ALL)
     } else {
-        Err("not yes: nothing has moved".into())
+        Err("not confirmed: nothing has moved".into())
     }
 }
 
@@ -117,7 +116,7 @@ fn newest(motors: &mut Latest<ActuatorState>, after: Nanos) -> Result<ActuatorSt
     Err(StopReason::Silent.into())
 }
 
-/// Half way, there, half way, back: glides to each place, rests there, and prints a row.
+/// Half way, full, half way, back: glides to each target, rests there, and prints a row.
 fn there_and_back(
     arguments: &Arguments,
     client: &mut Client,
@@ -132,8 +131,8 @@ fn there_and_back(
     let mut ticker = Ticker::new(clock::now() + PERIOD, PERIOD, Nanos::ZERO);
     let step = SPEED_COUNTS_S * PERIOD.as_seconds();
     let (mut at, mut missed) = (0.0, Ok(()));
-    say("asked  measured  largest current")?;
-    for asked in [counts / 2, counts, counts / 2, 0] {
+    say("target  measured  largest current")?;
+    for target in [counts / 2, counts, counts / 2, 0] {
         let (mut rests, mut current_ma) = (0, 0i32);
         let (mut place, mut measured) = (from.setpoint_counts, 0);
         while rests < RESTS {
@@ -141,7 +140,7 @@ fn there_and_back(
             if interrupt.came() {
                 return Err("interrupted; the motor stopped on its way and holds".into());
             }
-            let left = f64::from(asked) - at;
+            let left = f64::from(target) - at;
             at += left.clamp(-step, step);
             rests += usize::from(left == 0.0);
             place[motor] = from.setpoint_counts[motor] + at.round() as i32;
@@ -154,11 +153,11 @@ fn there_and_back(
                 measured = state.measured_counts[motor] - from.setpoint_counts[motor];
             }
         }
-        say(&format!("{asked:5}  {measured:8}  {current_ma:12} mA"))?;
-        if (measured - asked).abs() > MOST_OFF && missed.is_ok() {
+        say(&format!("{target:6}  {measured:8}  {current_ma:12} mA"))?;
+        if (measured - target).abs() > MAX_POSITION_ERROR && missed.is_ok() {
             missed = Err(format!(
-                "motor {motor} was at {measured} counts where {asked} were asked: it is blocked, wired \
-                 or counted wrongly, or its current is too low"
+                "motor {motor} was at {measured} counts instead of {target}: it is blocked, its \
+                 wiring or encoder is wrong, or its current is too low"
             ));
         }
     }

@@ -9,10 +9,10 @@ use i2ris_report::{Failure, Interrupt, while_working};
 
 use super::stream_monitor::{StopReason, enabled};
 
-/// How long to wait for a controller that is just starting.
+/// Time to wait for a controller that is starting.
 pub const CONNECT: Nanos = Nanos::from_millis(2000);
 pub const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
-/// Time limit for what somebody else began.
+/// Time limit for a motion begun by another client.
 const MOTION_TIMEOUT: Nanos = Nanos::from_millis(300_000);
 
 pub const HOMING: &str = "the present pose becomes the zero (where no hard stop is configured)";
@@ -22,20 +22,20 @@ pub struct PrepareOptions {
     /// Enable the robot first, where necessary
     #[arg(long)]
     enable: bool,
-    /// Home the robot first, if its zero is not known, and enable it: the present pose becomes the
-    /// zero, so straighten the snake before
+    /// Home the robot first if its zero is unknown, and enable it: the present pose becomes the
+    /// zero, so straighten the snake first
     #[arg(long)]
     home: bool,
 }
 
 impl PrepareOptions {
-    /// What a person has allowed who typed yes.
+    /// Options allowed by an operator who typed yes.
     pub const ALL: Self = Self { enable: true, home: true };
 
-    /// The same where the zero stays what it is.
+    /// As `ALL`, without changing the zero.
     pub const ENABLE: Self = Self { enable: true, home: false };
 
-    /// Either is given: a permission to move.
+    /// Whether either option is given: a permission to move.
     pub fn is_given(self) -> bool {
         self.enable || self.home
     }
@@ -57,8 +57,8 @@ pub fn prepare(
         state = carry_out(client, StateCommand::Resume, interrupt)?;
     }
     if enable && enabled(&state) == Err(StopReason::NotEnabled(OperatingState::Disabled)) {
-        // Drives that are starting do not know yet whether they have kept their zero. The command
-        // waits for them, and is refused if they have not.
+        // Starting drives do not know yet whether they have kept their zero. The command waits for
+        // them, and is refused if they have not.
         state = match carry_out(client, StateCommand::Enable, interrupt) {
             Err(failure) if is_not_homed(&failure) && options.home => {
                 carry_out(client, StateCommand::Home, interrupt)?;
@@ -76,7 +76,7 @@ pub fn prepare(
     Ok(state)
 }
 
-/// Gives a state command and waits for its effect. What an interrupt leaves in motion is held.
+/// Sends a state command and waits for its effect. On an interrupt, a remaining motion is held.
 pub fn carry_out(
     client: &mut Client,
     command: StateCommand,
@@ -87,7 +87,7 @@ pub fn carry_out(
     }
     while_working(command.text(), || {
         let outcome = client.carry_out(command, || interrupt.came());
-        if matches!(outcome, Err(ClientError::GivenUp { command: StateCommand::Condition })) {
+        if matches!(outcome, Err(ClientError::WaitCancelled { command: StateCommand::Condition })) {
             client.state_command(StateCommand::Hold)?;
         }
         Ok(outcome?)
@@ -110,7 +110,7 @@ fn silent(error: ClientError) -> Failure {
     }
 }
 
-/// Waits until the robot is not busy with what somebody else began. A fault or an interrupt ends
+/// Waits until the robot is not busy with another client's motion. A fault or an interrupt ends
 /// the wait.
 fn wait_until_idle(
     client: &mut Client,

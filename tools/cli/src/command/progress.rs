@@ -1,4 +1,4 @@
-//! What a stream of commands prints, and how it goes on after the controller stopped the snake.
+//! Output of a command stream, and how it resumes after the controller stopped the snake.
 
 use i2ris::clock;
 use i2ris::ipc::StateCommand;
@@ -30,7 +30,7 @@ impl Progress {
         Ok(until_closed(self.screen.say(line))?)
     }
 
-    /// What the controller makes of the stream.
+    /// Monitor of the controller's response to the stream.
     pub fn monitor(&mut self) -> &mut StreamMonitor {
         &mut self.monitor
     }
@@ -59,13 +59,14 @@ impl Progress {
     }
 }
 
-/// Printed when a stream goes on from the setpoint.
+/// Printed when a stream resumes from the setpoint.
 pub const LOST_SETPOINT: &str = "the controller has stopped the snake, because commands came late \
-     or none were read; the motion goes on from where it is";
+     or were not read; the motion resumes from the present pose";
 
-/// Waits until no setpoint moves, and lets the stream begin as a new one: its own silence breaks
-/// nothing off. `release` is deliberate in every state, and never switches on or resumes. Somebody else who commands meanwhile is left alone, and is noticed by the lease.
-pub fn begin_anew(client: &mut Client) -> Result<OperatingStateMsg, ClientError> {
+/// Waits until no setpoint moves, then releases the lease, so that the next command starts a new
+/// stream. `release` is safe in every state: it never enables or resumes. If another client takes
+/// the lease in the meantime, nothing is sent, and the caller sees it by the lease.
+pub fn restart_stream(client: &mut Client) -> Result<OperatingStateMsg, ClientError> {
     let id = client.id();
     let is_ours = |state: &OperatingStateMsg| [0, id].contains(&state.lease_client_id);
     let state = client.wait_for(REST_TIMEOUT, |state| {

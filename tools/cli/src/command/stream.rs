@@ -8,24 +8,24 @@ use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
 use super::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
-use super::progress::{LOST_SETPOINT, Progress, begin_anew};
+use super::progress::{LOST_SETPOINT, Progress, restart_stream};
 use super::stream_monitor::{LateMonitor, StopReason, StreamMonitor};
 use super::tracking::{ClipMonitor, TrackingSummary};
 use super::trajectory::{Angles, Trajectory};
 use super::trajectory_player::TrajectoryPlayer;
 use i2ris_report::{Failure, Interrupt};
 
-/// A snake within this has arrived, deg: dead-band, rounding to counts, a motor that settles.
+/// Distance that counts as arrived, deg: dead-band, rounding to counts, a settling motor.
 const ARRIVED_DEG: f64 = 0.3;
 /// Time for the motors to cross their gaps after the end of a trajectory.
 const ARRIVAL_TIMEOUT: Nanos = Nanos::from_millis(5000);
 
-/// What to do when the controller has stopped the snake because commands came late.
+/// Reaction when the controller has stopped the snake because commands came late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum OnLate {
-    /// Go on, later than the times of the trajectory say
+    /// Resume, later than the times of the trajectory
     Continue,
-    /// End; the snake holds
+    /// Exit; the snake holds
     End,
 }
 
@@ -51,8 +51,8 @@ pub fn present_pose(client: &Client) -> Result<Angles, Failure> {
             Some(joint) if joint.flags & JointState::VALID != 0 => return two_angles(joint),
             Some(_) if clock::now().duration_since(start) > FIRST_MESSAGE_TIMEOUT => {
                 return Err(
-                    "the controller has no model loaded, so it cannot be commanded by angles; \
-                            name a model file in its configuration"
+                    "the controller has no model loaded and accepts no angles; name a model file \
+                            in its configuration"
                         .into(),
                 );
             }
@@ -74,7 +74,7 @@ pub fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
     }
 }
 
-/// Streams the plan until it ends, is interrupted, or the controller cannot follow any more.
+/// Streams the plan until it ends, is interrupted, or the controller stops following.
 /// Releases the lease.
 pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(), Failure> {
     let state = prepare(client, plan.prepare, interrupt)?;
@@ -139,8 +139,8 @@ impl Stream {
                 return Ok(());
             }
             let step_s = (now - last).as_seconds();
-            let may_go_on = self.progress.monitor().may_go_on();
-            let angles = self.player.advance(if may_go_on { step_s } else { 0.0 }, stop);
+            let may_continue = self.progress.monitor().may_continue();
+            let angles = self.player.advance(if may_continue { step_s } else { 0.0 }, stop);
             self.late.record_step(step_s);
             last = now;
             self.commander.servo_jp(&angles.map(f64::to_radians))?;
@@ -151,7 +151,7 @@ impl Stream {
         }
     }
 
-    /// The snake is where the trajectory ended; or nearest to it, where that is out of reach.
+    /// Whether the snake is at the end of the trajectory, or nearest to it if it is out of reach.
     fn has_arrived(&self, finished: &mut Option<Nanos>, now: Nanos) -> Result<bool, Failure> {
         let since = *finished.get_or_insert(now);
         let away_deg = self.tracking.away_deg();
@@ -162,15 +162,15 @@ impl Stream {
             return Ok(false);
         }
         Err(format!(
-            "the snake is {away_deg:.2} deg from where the trajectory ended; `i2ris status` says \
-             what keeps it"
+            "the snake is {away_deg:.2} deg from the end of the trajectory; `i2ris status` shows \
+             the cause"
         )
         .into())
     }
 
-    /// Goes on from the setpoint, where the controller stopped the snake.
+    /// Resumes from the setpoint where the controller stopped the snake.
     fn rejoin(&mut self, client: &mut Client) -> Result<Nanos, Failure> {
-        let state = begin_anew(client)?;
+        let state = restart_stream(client)?;
         self.player.rejoin(present_pose(client)?);
         let now = clock::now();
         self.progress.monitor().restart(&state, now);
@@ -186,11 +186,11 @@ impl Stream {
             if self.on_late == OnLate::End {
                 return Err(late.into());
             }
-            if !self.progress.say(&format!("{late} and goes on"))? {
+            if !self.progress.say(&format!("{late} and resumes"))? {
                 return Ok(false);
             }
         }
-        // The way to the start is not what was asked.
+        // The approach is not part of the trajectory.
         if let Some(measured) = self.measured.refresh()?
             && !self.player.is_approaching()
         {

@@ -1,18 +1,18 @@
 //! Checks the response of the controller to a stream of commands. Pure.
 
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Fault, Message, OperatingState, Refusal, ShownClient};
+use i2ris::ipc::{Fault, MaskedClientId, Message, OperatingState, Refusal};
 use i2ris::robot::{Cause, Reason, Stop};
 use i2ris::units::Nanos;
 
-use i2ris_simulation::motion::trajectory_time::LONGEST_STEP_S;
+use i2ris_simulation::motion::trajectory_time::MAX_STEP_S;
 
 /// Time without an accepted command, and age of the state, at which the program gives up.
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// How often in turn a stream begins again without a command that is followed. A controller that
-/// was held up reads the first commands late, and then finds the newest too far away.
+/// Number of consecutive restarts of a stream without a followed command. A controller that
+/// was delayed reads the first commands late, and then finds the newest too far away.
 const RESTARTS: u32 = 10;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -29,27 +29,27 @@ pub enum StopReason {
     )]
     NotEnabled(OperatingState),
     #[error(
-        "the controller has become {0} meanwhile: somebody has paused, disabled or ended it; the \
-         snake holds"
+        "the controller has changed to {0}: a client has paused or disabled it, or it was shut \
+         down; the snake holds"
     )]
     LeftEnabled(OperatingState),
     #[error(
-        "the robot is not homed: its zero is not known. Homing makes the present pose the zero: \
+        "the robot is not homed: its zero is unknown. Homing makes the present pose the zero: \
          straighten the snake, then add --home, or run `i2ris home`"
     )]
     NotHomed,
-    /// A state number of another release.
+    /// State number of a different release.
     #[error(
-        "the controller reports state {0}, which this program does not know; build both from one \
-         release"
+        "the controller reports state {0}, which is unknown to this program; build both from the \
+         same release"
     )]
     Unknown(u32),
     #[error(
-        "{} holds the lease; end that program first, or wait until it falls silent",
-        ShownClient(*.0)
+        "{} holds the lease; end that program first, or wait until it stops sending",
+        MaskedClientId(*.0)
     )]
     Lease(u64),
-    #[error("lost the lease to {}", ShownClient(*.0))]
+    #[error("lost the lease to {}", MaskedClientId(*.0))]
     LostLease(u64),
     #[error(
         "the controller refuses every command: {}",
@@ -85,13 +85,13 @@ pub struct StreamMonitor {
     accepted: u64,
     accepted_at: Nanos,
     refused: u64,
-    /// What had ended an activity when a command was last followed.
+    /// Last stop cause at the time of the last followed command.
     ended: Option<Stop>,
-    /// Why the newest commands are refused.
+    /// Reason why the newest commands are refused.
     refused_now: Option<Refusal>,
-    /// How often the stream may begin again before a command is followed.
+    /// Remaining restarts before a command is followed.
     restarts_left: u32,
-    /// It has begun again, and no command has been followed since.
+    /// The stream has restarted, and no command has been followed since.
     waits: bool,
     reported: Option<(Refusal, Nanos)>,
 }
@@ -113,13 +113,13 @@ impl StreamMonitor {
         }
     }
 
-    /// Whether commands that were followed are refused now, because the controller stopped the
-    /// snake meanwhile and they went on without it.
+    /// Whether commands are refused after having been followed, because they moved on while the
+    /// controller had stopped the snake.
     pub fn has_lost_setpoint(&self) -> bool {
-        self.refused_now == Some(Refusal::Step) && self.restarts_left > 0
+        self.refused_now == Some(Refusal::StepTooLarge) && self.restarts_left > 0
     }
 
-    /// Begins again with `state`, received at `now`: the next command starts at the setpoint.
+    /// Restarts with `state`, received at `now`: the next command starts at the setpoint.
     pub fn restart(&mut self, state: &OperatingStateMsg, now: Nanos) {
         self.accepted = state.accepted;
         self.restarts_left = self.restarts_left.saturating_sub(1);
@@ -129,13 +129,13 @@ impl StreamMonitor {
         self.waits = true;
     }
 
-    /// Whether the motion may go on. After a restart it has to wait: if the controller reads late,
-    /// it finds the newest command too far away once more.
-    pub fn may_go_on(&self) -> bool {
+    /// Whether the motion may continue. After a restart it must wait: a controller that reads late
+    /// finds the newest command too far away again.
+    pub fn may_continue(&self) -> bool {
         !self.waits
     }
 
-    /// Checks the newest state. Returns a refusal that is to be reported.
+    /// Checks the newest state. Returns a refusal to report.
     pub fn check(
         &mut self,
         state: &OperatingStateMsg,
@@ -154,7 +154,7 @@ impl StreamMonitor {
         self.check_lease(state.lease_client_id)?;
         let refusal = self.update_counters(state, now);
         let ended = state.broken_off().filter(|stop| self.ended != Some(*stop));
-        if let (Some(Refusal::BrokenOff), Some(stop)) = (refusal, ended) {
+        if let (Some(Refusal::StreamInterrupted), Some(stop)) = (refusal, ended) {
             return Err(StopReason::Stopped(stop));
         }
         self.check_progress(now)?;
@@ -182,7 +182,7 @@ impl StreamMonitor {
         }
         // Refusals of other clients' commands are not this client's concern.
         let (refused, reason) = state.refusals_of(self.client_id);
-        // The count starts again when others needed its entry.
+        // The count restarts when another client has taken its entry.
         let before = std::mem::replace(&mut self.refused, refused);
         if refused == 0 || refused == before {
             return None;
@@ -221,19 +221,19 @@ impl LateMonitor {
         Self { stale_stops: state.stale_stops, shift_s: 0.0 }
     }
 
-    /// Adds a step of time, s. What is longer than a step of the trajectory shifts it.
+    /// Adds a time step, s. The excess over a trajectory step shifts the trajectory.
     pub fn record_step(&mut self, step_s: f64) {
-        self.shift_s += (step_s - LONGEST_STEP_S).max(0.0);
+        self.shift_s += (step_s - MAX_STEP_S).max(0.0);
     }
 
-    /// Checks the newest state while this client commands. Returns a sentence after a stop.
+    /// Checks the newest state while this client commands. Returns a message after a stop.
     pub fn check(&mut self, state: &OperatingStateMsg) -> Option<String> {
         let stops = state.stale_stops.saturating_sub(self.stale_stops);
         self.stale_stops = state.stale_stops;
         (stops > 0).then(|| {
             format!(
-                "the controller has stopped the snake in between: commands came late; the \
-                 trajectory is {:.2} s behind its times",
+                "the controller stopped the snake in the meantime: commands came late; the \
+                 trajectory is delayed by {:.2} s",
                 self.shift_s
             )
         })
@@ -260,7 +260,7 @@ mod tests {
         Nanos::from_millis(10_000 + milliseconds)
     }
 
-    /// After this number of refused commands of one client.
+    /// State after this number of refused commands of one client.
     fn refused_state(now: Nanos, client_id: u64, count: u64, reason: Refusal) -> OperatingStateMsg {
         let mut state =
             OperatingStateMsg { refused: count, last_refusal: reason.number(), ..state(now) };
@@ -275,25 +275,26 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_is_reported_once_a_second() {
+    fn refusal_is_reported_once_a_second() {
         let mut monitor = monitor();
         let mut reported = 0;
         for step in 1..=250 {
             let now = at(step * 10);
-            let refusal = Refusal::Step;
+            let refusal = Refusal::StepTooLarge;
             let state =
                 OperatingStateMsg { accepted: step, ..refused_state(now, ME, step, refusal) };
-            reported += u64::from(monitor.check(&state, now).unwrap() == Some(Refusal::Step));
+            reported +=
+                u64::from(monitor.check(&state, now).unwrap() == Some(Refusal::StepTooLarge));
         }
         assert_eq!(reported, 3);
     }
 
     #[test]
-    fn a_followed_stream_that_is_refused_for_its_step_has_lost_the_setpoint() {
+    fn followed_stream_refused_for_its_step_has_lost_the_setpoint() {
         let mut monitor = monitor();
         let refused = |accepted, now, count| OperatingStateMsg {
             accepted,
-            ..refused_state(now, ME, count, Refusal::Step)
+            ..refused_state(now, ME, count, Refusal::StepTooLarge)
         };
         // Refused from the beginning: the stream does not start at the setpoint.
         monitor.check(&refused(0, at(5), 1), at(5)).unwrap();
@@ -301,21 +302,21 @@ mod tests {
         monitor.check(&refused(1, at(10), 1), at(10)).unwrap();
         assert!(!monitor.has_lost_setpoint());
         monitor.check(&refused(1, at(15), 2), at(15)).unwrap();
-        // Again and again, without a command that is followed in between: not for ever.
+        // Repeated restarts without a followed command are limited.
         for restart in 1..=RESTARTS {
             assert!(monitor.has_lost_setpoint());
             monitor.restart(&refused(1, at(900), 4), at(900));
-            assert!(!monitor.has_lost_setpoint() && !monitor.may_go_on());
+            assert!(!monitor.has_lost_setpoint() && !monitor.may_continue());
             monitor.check(&refused(1, at(905), 5), at(905)).unwrap();
             assert_eq!(monitor.has_lost_setpoint(), restart < RESTARTS);
         }
         assert_eq!(
             monitor.check(&refused(1, at(1910), 6), at(1910)),
-            Err(StopReason::Refused(Refusal::Step))
+            Err(StopReason::Refused(Refusal::StepTooLarge))
         );
-        assert!(!monitor.may_go_on());
+        assert!(!monitor.may_continue());
         monitor.check(&refused(2, at(1915), 6), at(1915)).unwrap();
-        assert!(monitor.may_go_on());
+        assert!(monitor.may_continue());
     }
 
     #[test]
@@ -333,24 +334,24 @@ mod tests {
     }
 
     #[test]
-    fn a_count_that_begins_anew_is_a_new_refusal() {
+    fn restarted_count_is_a_new_refusal() {
         let mut monitor = monitor();
         let refused = |now, client| OperatingStateMsg {
             accepted: 1,
-            ..refused_state(now, client, 1, Refusal::Step)
+            ..refused_state(now, client, 1, Refusal::StepTooLarge)
         };
-        assert_eq!(monitor.check(&refused(at(10), ME), at(10)), Ok(Some(Refusal::Step)));
+        assert_eq!(monitor.check(&refused(at(10), ME), at(10)), Ok(Some(Refusal::StepTooLarge)));
         let accepted = OperatingStateMsg { accepted: 2, ..refused(at(900), OTHER) };
-        assert_eq!(monitor.check(&accepted, at(900)), Ok(None), "its place is gone");
+        assert_eq!(monitor.check(&accepted, at(900)), Ok(None), "its entry is gone");
         let again = |now| OperatingStateMsg { accepted: 2, ..refused(now, ME) };
-        assert_eq!(monitor.check(&again(at(1800)), at(1800)), Ok(Some(Refusal::Step)));
+        assert_eq!(monitor.check(&again(at(1800)), at(1800)), Ok(Some(Refusal::StepTooLarge)));
         let ended = monitor.check(&again(at(1901)), at(1901));
-        assert_eq!(ended, Err(StopReason::Refused(Refusal::Step)));
+        assert_eq!(ended, Err(StopReason::Refused(Refusal::StepTooLarge)));
     }
 
     #[test]
-    fn a_stream_that_a_limit_broke_off_ends_with_its_name() {
-        let mut state = refused_state(at(5), ME, 1, Refusal::BrokenOff);
+    fn stream_interrupted_by_a_limit_names_it() {
+        let mut state = refused_state(at(5), ME, 1, Refusal::StreamInterrupted);
         state.flags = OperatingStateMsg::broken_off_by(Some(Stop::Hull));
         let ended = monitor().check(&state, at(5)).unwrap_err();
         assert_eq!(ended, StopReason::Stopped(Stop::Hull));
@@ -358,12 +359,13 @@ mod tests {
         // What ended another motion before is not the reason.
         let refusal = StreamMonitor::new(ME, &state, at(0)).check(
             &OperatingStateMsg {
-                refused_commands: refused_state(at(6), ME, 2, Refusal::BrokenOff).refused_commands,
+                refused_commands: refused_state(at(6), ME, 2, Refusal::StreamInterrupted)
+                    .refused_commands,
                 ..state
             },
             at(6),
         );
-        assert_eq!(refusal, Ok(Some(Refusal::BrokenOff)));
+        assert_eq!(refusal, Ok(Some(Refusal::StreamInterrupted)));
     }
 
     #[test]

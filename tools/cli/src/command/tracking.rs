@@ -1,4 +1,4 @@
-//! What was asked beside what the robot does: the tracking error, and goals out of reach. Pure.
+//! Commanded and measured pose: tracking error, and goals out of reach. Pure.
 
 use std::collections::VecDeque;
 
@@ -11,14 +11,14 @@ use super::trajectory::Angles;
 
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// What was asked is kept for so long: a camera's frame is older than the command it belongs to.
+/// Length of the command history: a camera frame is older than the command it belongs to.
 const REMEMBERED: Nanos = Nanos::from_millis(2000);
 
-/// Sums up the distance of the snake from what was asked: by the camera, where there is one, and by
+/// Sums up the distance of the snake from the commanded pose: by the camera, if available, and by
 /// the model's estimate from the encoders.
 #[derive(Debug, Default)]
 pub struct TrackingSummary {
-    asked: VecDeque<(Nanos, Angles)>,
+    commanded: VecDeque<(Nanos, Angles)>,
     camera: ErrorSum,
     delay: DelaySum,
     estimate: ErrorSum,
@@ -33,7 +33,7 @@ struct ErrorSum {
     largest: f64,
 }
 
-/// Least squares of the delay `d` in `asked - seen = d * velocity`.
+/// Least squares of the delay `d` in `commanded - seen = d * velocity`.
 #[derive(Debug, Default)]
 struct DelaySum {
     error_by_velocity: f64,
@@ -41,15 +41,15 @@ struct DelaySum {
 }
 
 impl DelaySum {
-    fn add(&mut self, asked: Angles, velocity_deg_s: Angles, seen: [f64; 3]) {
+    fn add(&mut self, commanded: Angles, velocity_deg_s: Angles, seen: [f64; 3]) {
         for axis in 0..2 {
-            let error = asked[axis] - seen[axis].to_degrees();
+            let error = commanded[axis] - seen[axis].to_degrees();
             self.error_by_velocity += error * velocity_deg_s[axis];
             self.velocity_squares += velocity_deg_s[axis].powi(2);
         }
     }
 
-    /// `None`: nothing moved. Hysteresis that is left counts as delay, as it does for the hand.
+    /// `None`: nothing moved. Residual hysteresis counts as delay, as it does for the operator.
     fn delay_ms(&self) -> Option<f64> {
         (self.velocity_squares > 0.0).then(|| 1e3 * self.error_by_velocity / self.velocity_squares)
     }
@@ -69,45 +69,45 @@ impl ErrorSum {
 }
 
 impl TrackingSummary {
-    /// Adds what is asked now, deg, and what the encoders say.
-    pub fn record(&mut self, now: Nanos, asked: Angles, measured: &JointState) {
-        self.asked.push_back((now, asked));
-        while self.asked.front().is_some_and(|(at, _)| now.duration_since(*at) > REMEMBERED) {
-            self.asked.pop_front();
+    /// Adds the commanded pose, deg, and the estimate from the encoders.
+    pub fn record(&mut self, now: Nanos, commanded: Angles, measured: &JointState) {
+        self.commanded.push_back((now, commanded));
+        while self.commanded.front().is_some_and(|(at, _)| now.duration_since(*at) > REMEMBERED) {
+            self.commanded.pop_front();
         }
         if measured.flags & JointState::VALID != 0 {
-            let away_deg = distance_deg(asked, measured.position);
+            let away_deg = distance_deg(commanded, measured.position);
             self.away_deg = Some(away_deg);
             self.estimate.add(away_deg);
         }
     }
 
-    /// Adds a frame of the camera, compared with what was asked when it was taken.
+    /// Adds a camera frame, compared with the pose commanded at its stamp.
     pub fn record_frame(&mut self, frame: &ExternalPosition) {
         let is_new = frame.stamp_ns > self.last_frame_ns;
         let is_valid = frame.flags & ExternalPosition::VALID != 0 && frame.count == 2;
         if is_new
             && is_valid
-            && let Some((asked, velocity_deg_s)) = self.requested_at(frame.stamp())
+            && let Some((commanded, velocity_deg_s)) = self.requested_at(frame.stamp())
         {
             self.last_frame_ns = frame.stamp_ns;
-            self.camera.add(distance_deg(asked, frame.position));
-            self.delay.add(asked, velocity_deg_s, frame.position);
+            self.camera.add(distance_deg(commanded, frame.position));
+            self.delay.add(commanded, velocity_deg_s, frame.position);
         }
     }
 
-    /// Interpolated, and its velocity, deg/s.
+    /// Interpolated command at a stamp, and its velocity, deg/s.
     fn requested_at(&self, stamp: Nanos) -> Option<(Angles, Angles)> {
-        let after = self.asked.partition_point(|(at, _)| *at < stamp);
-        let (to_at, to) = self.asked.get(after)?;
-        let (from_at, from) = self.asked.get(after.checked_sub(1)?)?;
+        let after = self.commanded.partition_point(|(at, _)| *at < stamp);
+        let (to_at, to) = self.commanded.get(after)?;
+        let (from_at, from) = self.commanded.get(after.checked_sub(1)?)?;
         let interval_s = to_at.duration_since(*from_at).as_seconds();
         let share = stamp.duration_since(*from_at).as_seconds() / interval_s;
         let velocity = std::array::from_fn(|axis| (to[axis] - from[axis]) / interval_s);
         Some((interpolate(from, to, share), velocity))
     }
 
-    /// Newest distance from what is asked, deg, by the model's estimate; infinite before there is one.
+    /// Newest distance from the command, deg, by the model's estimate; infinite before the first.
     pub fn away_deg(&self) -> f64 {
         self.away_deg.unwrap_or(f64::INFINITY)
     }
@@ -116,8 +116,8 @@ impl TrackingSummary {
         let estimate = (self.estimate.samples > 0).then(|| self.estimate.text())?;
         Some(match self.camera.samples {
             0 => format!(
-                "followed within {estimate}, of what was asked, by the model's own estimate; no \
-                 camera has seen it"
+                "followed within {estimate}, by the model's own estimate; not measured by a \
+                 camera"
             ),
             frames => {
                 let late = self
@@ -125,8 +125,8 @@ impl TrackingSummary {
                     .delay_ms()
                     .map_or_else(String::new, |delay_ms| format!(", {delay_ms:.0} ms late"));
                 format!(
-                    "followed within {}, of what was asked, by {frames} frames of the camera{late} \
-                     (by the model's own estimate: {estimate})",
+                    "followed within {}, by {frames} camera frames{late} (by the model's own \
+                     estimate: {estimate})",
                     self.camera.text()
                 )
             }
@@ -134,10 +134,10 @@ impl TrackingSummary {
     }
 }
 
-/// Notices poses that the controller clips to what the snake can reach.
+/// Detects poses that the controller clips to the reach of the snake.
 #[derive(Debug)]
 pub struct ClipMonitor {
-    /// Goals from before belong to another client.
+    /// Earlier goals belong to another client.
     since: Nanos,
     is_clipped: bool,
     /// A virtual fixture limits the newest goal.
@@ -148,15 +148,15 @@ pub struct ClipMonitor {
     farthest_deg: f64,
 }
 
-/// Why a stream that went to its end is no success.
+/// Reason why a complete stream is not a success.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
-    "out of reach: the snake stayed up to {farthest_deg:.1} deg away from what was asked; stay \
+    "out of reach: the snake stayed up to {farthest_deg:.1} deg away from the commanded pose; stay \
      inside the calibrated hull, the position limits and the virtual fixtures, or calibrate a \
      wider range"
 )]
 pub struct OutOfReach {
-    /// Largest distance between what was asked and the goal of the controller, deg.
+    /// Largest distance between the command and the goal of the controller, deg.
     pub farthest_deg: f64,
 }
 
@@ -174,7 +174,7 @@ impl ClipMonitor {
 
     /// Checks the newest goal of the controller. Returns a line to print when clipping begins, at
     /// most once a second.
-    pub fn check(&mut self, asked: Angles, goal: &JointState, now: Nanos) -> Option<String> {
+    pub fn check(&mut self, commanded: Angles, goal: &JointState, now: Nanos) -> Option<String> {
         let is_new = goal.stamp_ns > self.since.0;
         self.is_fixture = is_new && goal.flags & JointState::FIXTURE != 0;
         if !is_new || goal.flags & (JointState::CLIPPED | JointState::FIXTURE) == 0 {
@@ -182,7 +182,7 @@ impl ClipMonitor {
             return None;
         }
         let began = !std::mem::replace(&mut self.is_clipped, true);
-        let away = distance_deg(asked, goal.position);
+        let away = distance_deg(commanded, goal.position);
         self.farthest_deg = self.farthest_deg.max(away);
         let due = |last: Nanos| now.duration_since(last) >= REPEAT_PERIOD;
         if !began || !self.reported.is_none_or(due) {
@@ -193,20 +193,20 @@ impl ClipMonitor {
         let why = if self.is_fixture { "a virtual fixture is in the way" } else { "out of reach" };
         let [pitch, yaw, _] = goal.position.map(f64::to_degrees);
         Some(format!(
-            "{why}: pitch, yaw {:+.2} {:+.2} deg asked; the robot goes no further than \
+            "{why}: pitch, yaw {:+.2} {:+.2} deg commanded; the robot reaches only \
              about {pitch:+.2} {yaw:+.2} deg",
-            asked[0], asked[1]
+            commanded[0], commanded[1]
         ))
     }
 
-    /// The newest goal is nearer than the one that was asked for.
+    /// Whether the newest goal is nearer than the command.
     pub fn is_clipped(&self) -> bool {
         self.is_clipped
     }
 
     pub fn outcome(&self) -> Result<(), OutOfReach> {
         match self.reported {
-            // A fixture may only slow the snake down: what counts is the end.
+            // A fixture may only slow the snake down, so the end is judged.
             Some(_) if self.was_clipped || self.is_fixture => {
                 Err(OutOfReach { farthest_deg: self.farthest_deg })
             }
@@ -215,9 +215,9 @@ impl ClipMonitor {
     }
 }
 
-fn distance_deg(asked: Angles, position: [f64; 3]) -> f64 {
+fn distance_deg(commanded: Angles, position: [f64; 3]) -> f64 {
     let [pitch, yaw, _] = position.map(f64::to_degrees);
-    (asked[0] - pitch).hypot(asked[1] - yaw)
+    (commanded[0] - pitch).hypot(commanded[1] - yaw)
 }
 
 #[cfg(test)]
@@ -242,11 +242,14 @@ mod tests {
         tracking.record(at(10), [90.0, 0.0], &joint(0.0, 0));
         let alone = tracking.summary().unwrap();
         assert!(alone.contains("3.54 deg RMS, 4.00 deg at most"), "{alone}");
-        assert!(alone.ends_with("by the model's own estimate; no camera has seen it"), "{alone}");
+        assert!(
+            alone.ends_with("by the model's own estimate; not measured by a camera"),
+            "{alone}"
+        );
     }
 
     #[test]
-    fn where_a_camera_publishes_its_error_is_the_first_number() {
+    fn camera_error_is_printed_first_if_published() {
         let joint = JointState { flags: JointState::VALID, ..JointState::default() };
         let mut tracking = TrackingSummary::default();
         for step in 0..=100 {
@@ -259,13 +262,13 @@ mod tests {
             flags: ExternalPosition::VALID,
             ..ExternalPosition::default()
         };
-        // Between two commands, 0.1 deg behind what was asked then: 0.204 deg, moving at 2 deg/s.
+        // Between two commands, 0.1 deg behind the commanded 0.204 deg, moving at 2 deg/s.
         tracking.record_frame(&frame(102, 0.104));
         tracking.record_frame(&frame(102, 90.0));
         tracking.record_frame(&ExternalPosition { flags: 0, ..frame(200, 90.0) });
         let text = tracking.summary().unwrap();
-        let first = "followed within 0.10 deg RMS, 0.10 deg at most, of what was asked, by 1 frames \
-                     of the camera, 50 ms late (by the model's own estimate: 0.5";
+        let first = "followed within 0.10 deg RMS, 0.10 deg at most, by 1 camera frames, 50 ms \
+                     late (by the model's own estimate: 0.5";
         assert!(text.starts_with(first), "{text}");
     }
 
@@ -279,12 +282,12 @@ mod tests {
         };
         let clipped = JointState::VALID | JointState::CLIPPED;
         let mut clips = ClipMonitor::new(at(0));
-        // The goal of the client before.
+        // The goal of the previous client.
         assert_eq!(clips.check([60.0, 0.0], &goal(0, clipped), at(1)), None);
         assert_eq!(clips.check([5.0, 0.0], &goal(2, 1), at(2)), None);
         assert_eq!(clips.outcome(), Ok(()));
         let line = clips.check([30.0, 0.0], &goal(3, clipped), at(3)).unwrap();
-        assert!(line.contains("+30.00 +0.00 deg asked"), "{line}");
+        assert!(line.contains("+30.00 +0.00 deg commanded"), "{line}");
         assert!(line.contains("+20.00 +0.00"), "{line}");
         assert_eq!(clips.check([63.0, 0.0], &goal(4, clipped), at(4)), None);
         assert_eq!(clips.check([5.0, 0.0], &goal(5, 1), at(5)), None);

@@ -23,7 +23,7 @@ pub enum Trajectory {
         radius: f64,
         period_s: f64,
     },
-    /// Points of a file, joined by straight lines.
+    /// Points of a file, interpolated linearly.
     Waypoints(Waypoints),
 }
 
@@ -48,7 +48,7 @@ impl Trajectory {
         !matches!(self, Self::Point(_))
     }
 
-    /// Its length, s, if it has an end.
+    /// Duration, s, if it has an end.
     pub fn length_s(&self) -> Option<f64> {
         match self {
             Self::Waypoints(table) => Some(table.length_s()),
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_joined_by_straight_lines() {
+    fn rows_are_interpolated_linearly() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let text = "pitch_deg, t_s, note, yaw_deg\n0, 10, a, 4\n2, 11, b, 4\n2, 13, c, 0\n";
         std::fs::write(file.path(), text).unwrap();

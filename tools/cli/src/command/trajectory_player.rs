@@ -9,12 +9,12 @@ const PEAK_SPEED: f64 = 1.875;
 /// Peak acceleration of [`minimum_jerk`], relative to distance by time squared: 10 / sqrt(3).
 const PEAK_ACCELERATION: f64 = 5.773_503;
 
-/// Rest after an approach, s: motors that were slower than the hand come after. What follows is
-/// judged from the start of a motion on.
+/// Rest after an approach, s, in which slower motors catch up. Tracking is judged from the start
+/// of the trajectory.
 const SETTLE_S: f64 = 1.0;
 
-/// Time in which a trajectory comes up to speed, s. Its first tangent can ask a motor to cross a
-/// gap of 180 counts at 500 counts/s, and meanwhile the hand should not have gone far.
+/// Time in which a trajectory comes up to speed, s. Its first tangent may require a motor to cross
+/// a gap of 180 counts at 500 counts/s, in which the command should not move far.
 const START_S: f64 = 2.0;
 
 /// Plays a trajectory. Times below 0 are the approach to its start, or to where it was left.
@@ -32,7 +32,7 @@ pub struct TrajectoryPlayer {
 }
 
 impl TrajectoryPlayer {
-    /// From the pose `from` to the start of the trajectory, at no more than `speed_deg_s`, then
+    /// Plays from the pose `from` to the start of the trajectory, at most at `speed_deg_s`, then
     /// along it for `end_s` seconds, or to its end, or until stopped.
     pub fn new(from: Angles, trajectory: Trajectory, speed_deg_s: f64, end_s: Option<f64>) -> Self {
         let end_s = [end_s, trajectory.length_s()].into_iter().flatten().reduce(f64::min);
@@ -44,7 +44,7 @@ impl TrajectoryPlayer {
         player
     }
 
-    /// Goes on from rest at another pose: back to where the trajectory was, then along it.
+    /// Resumes from rest at another pose: back to the point reached, then along the trajectory.
     pub fn rejoin(&mut self, from: Angles) {
         if !self.is_approaching() {
             self.start_s = self.time.time_s;
@@ -53,14 +53,14 @@ impl TrajectoryPlayer {
         self.approach_s = approach_time(from, self.trajectory.at(self.start_s), self.speed_deg_s);
         let settles = self.trajectory.is_moving() && self.approach_s > 0.0;
         self.settle_s = if settles { SETTLE_S } else { 0.0 };
-        // The approach starts from rest by itself.
+        // The approach itself starts from rest.
         self.time = TrajectoryTime { time_s: -self.approach_s - self.settle_s, rate: 1.0 };
         if !self.is_approaching() {
             self.begin();
         }
     }
 
-    /// Advances by `step_s` seconds and returns the pose; `stop` asks to come to rest.
+    /// Advances by `step_s` seconds and returns the pose; `stop` brings the motion to rest.
     pub fn advance(&mut self, step_s: f64, stop: bool) -> Angles {
         let was_approaching = self.is_approaching();
         self.time.advance(step_s, stop || self.is_over(), START_S);
@@ -70,7 +70,7 @@ impl TrajectoryPlayer {
         self.angles()
     }
 
-    /// The approach has just come to rest; a trajectory starts from rest.
+    /// Starts the trajectory from rest, after the approach.
     fn begin(&mut self) {
         let rate = if self.trajectory.is_moving() { 0.0 } else { self.time.rate };
         self.time = TrajectoryTime { time_s: self.start_s, rate };
@@ -122,7 +122,7 @@ fn approach_time(from: Angles, to: Angles, speed_deg_s: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use i2ris_simulation::motion::trajectory_time::LONGEST_STEP_S;
+    use i2ris_simulation::motion::trajectory_time::MAX_STEP_S;
 
     const STEP_S: f64 = 0.005;
 
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_short_way_is_not_a_jerk() {
+    fn short_approach_is_smooth() {
         let poses = play(
             TrajectoryPlayer::new([0.0, 0.0], Trajectory::Point([0.1, 0.0]), 10.0, Some(0.1)),
             f64::INFINITY,
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_begins_at_the_present_pose_begins_softly() {
+    fn path_from_the_present_pose_starts_softly() {
         let (_, jump) = speeds(&play(
             TrajectoryPlayer::new([5.0, 0.0], circle(), 10.0, Some(1.0)),
             f64::INFINITY,
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_waits_at_its_start_for_motors_that_come_after() {
+    fn path_waits_at_its_start_for_slower_motors() {
         let mut player = TrajectoryPlayer::new([0.0, 0.0], circle(), 10.0, None);
         let steps = (SETTLE_S / STEP_S) as usize;
         let poses: Vec<Angles> =
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_comes_to_rest_at_once_but_not_at_a_stroke() {
+    fn stop_decelerates_smoothly_and_without_delay() {
         for stop_s in [0.1, 0.4, 2.0, 5.0] {
             let poses = play(TrajectoryPlayer::new([0.0, 0.0], circle(), 10.0, None), stop_s);
             let (_, jump) = speeds(&poses);
@@ -198,13 +198,13 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_was_held_up_does_not_jump() {
+    fn delayed_program_does_not_jump() {
         let mut player = TrajectoryPlayer::new([5.0, 0.0], circle(), 10.0, None);
         for _ in 0..400 {
             player.advance(STEP_S, false);
         }
         let before = player.angles();
         let after = player.advance(3.0, false);
-        assert!(distance(before, after) < 8.0 * LONGEST_STEP_S);
+        assert!(distance(before, after) < 8.0 * MAX_STEP_S);
     }
 }

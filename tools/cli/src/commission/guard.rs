@@ -1,9 +1,9 @@
-//! A drive with power: every motion of the commissioning goes through this file, and nothing else in
-//! it switches power on, or writes a setpoint or a current.
+//! A drive with power. Every motion of the commissioning goes through this file; nothing else in it
+//! switches power on, or writes a setpoint or a current.
 //!
-//! Power comes on for a [`Permit`] and goes off with the [`Guard`]. While it is on, every exchange
-//! is followed by a look at encoder, current and state, which [`Watch`] judges; whatever is not as
-//! it should be cuts the power at once. The drive holds the same limits itself.
+//! Power comes on for a [`Permit`] and goes off with the [`PoweredDrive`]. While it is on, encoder,
+//! current and state are read after every exchange and judged by [`Watch`]; any violation cuts the
+//! power at once. The same limits are set in the drive.
 
 use i2ris::config::AxisConfig;
 use i2ris::drive::bring_up::{configure_axis, switch_off};
@@ -15,75 +15,79 @@ use i2ris::drive::transport::Transport;
 use i2ris::units::{Counts, Nanos};
 
 use super::node::Node;
-use super::watch::{FEW, NEAR, Permit, SILENT, Seen, Trip, Watch};
+use super::watch::{FEW, NEAR, Permit, PowerCutReason, SILENT, Seen, Watch};
 
-/// A drive may take so long to switch its power on.
+/// Time limit for a drive to switch its power on.
 const ON_TIMEOUT: Nanos = Nanos::from_millis(2000);
-/// Speed limits of the drive, as it counts: a turn in a second for a way; for pulses so much that
-/// one shows, and that one which ends late by a stall of this computer goes few counts.
+/// Speed limits set in the drive: one turn per second for motions; for pulses, enough for one to be
+/// seen, but few counts if a stall of this computer ends it late.
 const SPEED_RPM: u32 = 60;
 const PULSE_RPM: u32 = 20;
-/// The drive itself stops a motor that is further from its setpoint, counts.
+/// Distance from the setpoint at which the drive itself stops the motor, counts.
 const WINDOW: u32 = 10;
 /// Pause between single counts.
 const STEP: Nanos = Nanos::from_millis(8);
-/// A pulse lasts so long, or as long as two writes take; it acts until the other.
+/// Duration of a pulse, or that of two writes, if longer: the second write ends it.
 const PULSE: Nanos = Nanos::from_millis(3);
 const COAST: Nanos = Nanos::from_millis(8);
 
-/// So many replies in a row may be lost on a line that answers otherwise.
-const MOST_MISSED: u32 = 2;
+/// Consecutive replies that may be lost on an otherwise working line.
+const MAX_LOST_REPLIES: u32 = 2;
 
-/// What the motor follows.
+/// Control mode of the motor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     Current,
     Position,
 }
 
-/// How power comes on.
+/// Options for switching the power on.
 #[derive(Debug, Clone, Copy)]
-pub struct How {
+pub struct PowerOnOptions {
     pub mode: Mode,
-    /// At most that of the configuration.
+    /// Current limit; capped by that of the configuration.
     pub current_ma: u32,
-    /// Position limits of the drive, counts from the start; `None`: what is permitted.
+    /// Position limits of the drive, counts from the start; `None`: the permitted range.
     pub limits: Option<i32>,
-    /// Written behind the limits.
+    /// Setting to write after the limits.
     pub extra: Option<Setting>,
-    /// From where counts count; `None`: from where the motor is.
+    /// Origin of the counts; `None`: the present position.
     pub origin: Option<i32>,
 }
 
-impl How {
+impl PowerOnOptions {
     pub fn new(mode: Mode, current_ma: u32) -> Self {
         Self { mode, current_ma, limits: None, extra: None, origin: None }
     }
 }
 
 /// A drive with power. Dropping it switches the drive off.
-pub struct Guard<'a, 'b, T: Transport> {
+pub struct PoweredDrive<'a, 'b, T: Transport> {
     node: &'a mut Node<'b, T>,
     watch: Watch,
     origin: i32,
     goal: i32,
     mode: Mode,
     unit_ma: f64,
-    /// How long currents have flowed.
+    /// Total time with current.
     pub flowed: Nanos,
     is_off: bool,
 }
 
-impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
-    /// Writes the limits, then switches the power on where the motor is.
-    pub fn on(node: &'a mut Node<'b, T>, permit: Permit, how: How) -> Result<Self, Trip> {
+impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
+    /// Writes the limits, then switches the power on at the present position.
+    pub fn on(
+        node: &'a mut Node<'b, T>,
+        permit: Permit,
+        how: PowerOnOptions,
+    ) -> Result<Self, PowerCutReason> {
         let Permit { most } = permit;
         let state = node.state()?;
         if state == DriveState::Fault {
-            return Err(Trip::Fault(node.fault()));
+            return Err(PowerCutReason::Fault(node.fault()));
         }
         if !state.is_off() {
-            return Err(Trip::Switched(state));
+            return Err(PowerCutReason::Switched(state));
         }
         let current_ma = how.current_ma.clamp(1, node.axis.current_limit_ma);
         let begin = node.link.now();
@@ -98,15 +102,20 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
         }
     }
 
-    /// From where counts count.
+    /// Origin of the counts.
     pub fn origin(&self) -> i32 {
         self.origin
     }
 
-    fn prepare(&mut self, most: i32, current_ma: u32, how: How) -> Result<(), Trip> {
+    fn prepare(
+        &mut self,
+        most: i32,
+        current_ma: u32,
+        how: PowerOnOptions,
+    ) -> Result<(), PowerCutReason> {
         let node = &mut *self.node;
         let position = node.read(object::POSITION)?;
-        // It may have been turned by hand.
+        // The motor may have been turned by hand.
         let is_near = |origin: &i32| (position - origin).abs() <= NEAR;
         self.origin = how.origin.filter(is_near).unwrap_or(position);
         self.goal = position - self.origin;
@@ -133,8 +142,8 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
         self.send()
     }
 
-    /// The target is where the motor is, however old the one in the drive was.
-    fn send(&mut self) -> Result<(), Trip> {
+    /// Sends the goal, to replace any old target in the drive.
+    fn send(&mut self) -> Result<(), PowerCutReason> {
         if self.mode == Mode::Current {
             return Ok(());
         }
@@ -144,7 +153,7 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
         Ok(())
     }
 
-    fn switch_on(&mut self) -> Result<(), Trip> {
+    fn switch_on(&mut self) -> Result<(), PowerCutReason> {
         let end = self.node.link.now() + ON_TIMEOUT;
         let mut commanded = None;
         loop {
@@ -157,23 +166,23 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
                     self.node.write(write, Retry::Never)?;
                     commanded = Some(word);
                 }
-                PowerStep::Blocked => return Err(Trip::Fault(self.node.fault())),
-                _ if seen.at > end => return Err(Trip::Switched(seen.state)),
+                PowerStep::Blocked => return Err(PowerCutReason::Fault(self.node.fault())),
+                _ if seen.at > end => return Err(PowerCutReason::Switched(seen.state)),
                 _ => {}
             }
         }
     }
 
-    fn see(&mut self) -> Result<Seen, Trip> {
+    fn see(&mut self) -> Result<Seen, PowerCutReason> {
         let node = &mut *self.node;
-        // A stall behind the reading is none of the motor.
+        // A stall of this computer after the reading says nothing about the motor.
         let at = node.link.now();
         let position = node.read(object::POSITION)?;
         let state = node.state()?;
         let current = node.family.object_map().current;
         let current_ma = match node.link.read_raw(node.axis.node_id, current) {
             Ok(reply) => current.signed(reply.value),
-            // Old firmware does not have it.
+            // Old firmware does not have this object.
             Err(LinkError::Refused(_)) => 0,
             Err(error) => {
                 return Err(AxisError::Exchange { object: current, error }.into());
@@ -182,28 +191,28 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
         Ok(Seen { at, counts: position.wrapping_sub(self.origin), current_ma, state })
     }
 
-    fn judge(&mut self, seen: Seen) -> Result<(), Trip> {
+    fn judge(&mut self, seen: Seen) -> Result<(), PowerCutReason> {
         if (self.node.is_interrupted)() {
-            return Err(Trip::Interrupted);
+            return Err(PowerCutReason::Interrupted);
         }
         self.watch.judge(seen)
     }
 
-    /// Looks, and cuts the power where something is not as it should be.
-    pub fn look(&mut self) -> Result<Seen, Trip> {
+    /// Reads and judges the drive state, and cuts the power on a violation.
+    pub fn look(&mut self) -> Result<Seen, PowerCutReason> {
         let looked = self.see().and_then(|seen| {
             self.judge(seen)?;
             match seen.state {
                 DriveState::OperationEnabled => Ok(seen),
-                state if state.is_fault() => Err(Trip::Fault(self.node.fault())),
-                state => Err(Trip::Switched(state)),
+                state if state.is_fault() => Err(PowerCutReason::Fault(self.node.fault())),
+                state => Err(PowerCutReason::Switched(state)),
             }
         });
         looked.map_err(|trip| self.end(trip))
     }
 
-    /// Looks for some time.
-    pub fn rest(&mut self, span: Nanos) -> Result<Seen, Trip> {
+    /// Monitors the drive for `span`.
+    pub fn rest(&mut self, span: Nanos) -> Result<Seen, PowerCutReason> {
         let end = self.node.link.now() + span;
         loop {
             let seen = self.look()?;
@@ -213,7 +222,7 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
         }
     }
 
-    /// Leaves the drive alone, without an exchange.
+    /// Waits for `span` without an exchange.
     pub fn be_silent(&mut self, span: Nanos) {
         let until = self.node.link.now() + span;
         while self.node.link.now() < until && !(self.node.is_interrupted)() {
@@ -222,8 +231,8 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
         }
     }
 
-    /// Lets a current flow for a few milliseconds. The counts that the encoder shows.
-    pub fn pulse(&mut self, ma: f64) -> Result<i32, Trip> {
+    /// Applies a current for a few milliseconds. Returns the encoder counts.
+    pub fn pulse(&mut self, ma: f64) -> Result<i32, PowerCutReason> {
         let before = self.look()?.counts;
         let pulse = self.node.current(ma / self.unit_ma);
         let zero = self.node.current(0.0);
@@ -240,9 +249,14 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
         Ok(self.rest(COAST)?.counts - before)
     }
 
-    /// Goes to a place, counts from the start, in steps of so many. Each waits for the encoder;
-    /// `at` sees every place.
-    pub fn go(&mut self, place: i32, step: i32, mut at: impl FnMut(Seen)) -> Result<Seen, Trip> {
+    /// Moves to `place`, counts from the start, in steps of `step` counts. Each step waits for the
+    /// encoder; `at` is called after each.
+    pub fn go(
+        &mut self,
+        place: i32,
+        step: i32,
+        mut at: impl FnMut(Seen),
+    ) -> Result<Seen, PowerCutReason> {
         self.permit(place)?;
         while self.goal != place {
             self.goal += (place - self.goal).clamp(-step, step);
@@ -258,32 +272,32 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
         self.look()
     }
 
-    /// Sends the motor to a place where it may not arrive, and looks where it is after a time.
-    pub fn try_place(&mut self, place: i32, span: Nanos) -> Result<Seen, Trip> {
+    /// Sends the motor to a place that it may not reach, and reads its position after `span`.
+    pub fn try_place(&mut self, place: i32, span: Nanos) -> Result<Seen, PowerCutReason> {
         self.permit(place)?;
         self.goal = place;
         self.send().map_err(|trip| self.end(trip))?;
         self.rest(span)
     }
 
-    fn permit(&mut self, place: i32) -> Result<(), Trip> {
+    fn permit(&mut self, place: i32) -> Result<(), PowerCutReason> {
         let most = self.watch.most;
         if place.abs() > most {
-            return Err(self.end(Trip::NotPermitted { asked: place, most }));
+            return Err(self.end(PowerCutReason::NotPermitted { requested: place, most }));
         }
         Ok(())
     }
 
     /// Begins or ends a halt.
-    pub fn halt(&mut self, halts: bool) -> Result<(), Trip> {
+    pub fn halt(&mut self, halts: bool) -> Result<(), PowerCutReason> {
         let word = Controlword::ENABLE_OPERATION.0 | u16::from(halts) << 8;
         let written = self.node.write(object::CONTROLWORD.set(word), Retry::Safe);
         written.map(|_| ()).map_err(|error| self.end(error.into()))
     }
 
-    /// Holds until something ends that: the last look that was good, when it was not, and why.
-    /// Then the power may still be on.
-    pub fn hold(mut self, span: Nanos) -> (Nanos, Nanos, Option<Trip>) {
+    /// Holds for `span` or until interrupted. Returns the time of the last good reading, the end
+    /// time, and the reason; then the power may still be on.
+    pub fn hold(mut self, span: Nanos) -> (Nanos, Nanos, Option<PowerCutReason>) {
         let mut good = self.node.link.now();
         let (end, mut missed) = (good + span, 0);
         loop {
@@ -298,16 +312,17 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
                 }
                 Ok(seen) => {
                     self.is_off = true;
-                    return (good, now, Some(Trip::Switched(seen.state)));
+                    return (good, now, Some(PowerCutReason::Switched(seen.state)));
                 }
-                // The line was synchronised behind it: a reply was lost, and the cable is in.
-                Err(Trip::Drive(AxisError::Exchange {
-                    error: LinkError::Unanswered(_), ..
-                })) if missed < MOST_MISSED => {
+                // The line was synchronised afterwards: a reply was lost, but the cable is in.
+                Err(PowerCutReason::Drive(AxisError::Exchange {
+                    error: LinkError::Unanswered(_),
+                    ..
+                })) if missed < MAX_LOST_REPLIES => {
                     missed += 1;
                 }
-                Err(trip @ Trip::Drive(_)) => {
-                    // Nothing reaches it now.
+                Err(trip @ PowerCutReason::Drive(_)) => {
+                    // The drive is out of reach now.
                     self.is_off = true;
                     return (good, now, Some(trip));
                 }
@@ -316,8 +331,8 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
         }
     }
 
-    /// Switches off in order.
-    pub fn off(mut self) -> Result<(), Trip> {
+    /// Switches off cleanly.
+    pub fn off(mut self) -> Result<(), PowerCutReason> {
         self.is_off = true;
         match switch_off(self.node.link, self.node.axis.node_id) {
             Ok(()) => Ok(()),
@@ -326,16 +341,16 @@ impl<'a, 'b, T: Transport> Guard<'a, 'b, T> {
     }
 
     /// Switches off at once, for this reason.
-    fn end(&mut self, trip: Trip) -> Trip {
+    fn end(&mut self, trip: PowerCutReason) -> PowerCutReason {
         self.is_off = true;
         match self.node.cut() {
             Ok(()) => trip,
-            Err(_) => Trip::NotOff(Box::new(trip)),
+            Err(_) => PowerCutReason::NotOff(Box::new(trip)),
         }
     }
 }
 
-impl<T: Transport> Drop for Guard<'_, '_, T> {
+impl<T: Transport> Drop for PoweredDrive<'_, '_, T> {
     fn drop(&mut self) {
         if !self.is_off {
             let _ = self.node.cut();

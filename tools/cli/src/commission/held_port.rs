@@ -1,8 +1,8 @@
 //! A port in a child process, which cuts the power of its drives when the commissioning ends, is
-//! killed or is suspended: who gets no time ends no pulse of current.
+//! killed or is suspended: a suspended process cannot end a current pulse.
 //!
 //! Every call on the line is a packet to the child and one back. Only the child has the port open,
-//! so nothing that comes late from a commissioning that goes on gets past it.
+//! so late calls from a resumed commissioning cannot bypass it.
 
 use std::fs;
 use std::io::{self, Read, Write};
@@ -25,17 +25,17 @@ use nix::unistd::{ForkResult, Pid, fork, getpid, getppid, setsid};
 
 use super::node::Node;
 
-/// Period of looking whether the commissioning runs: one of its pulses lasts 3 ms.
+/// Period of checking that the commissioning is running: one of its pulses lasts 3 ms.
 const LOOK: Nanos = Nanos::from_millis(5);
-/// Bytes of a packet, at most; those of a frame are far fewer.
+/// Maximum size of a packet, bytes; a frame is far smaller.
 const PACKET: usize = 8192;
 
-/// The calls, the first byte of a packet. An answer begins with 0 where the call failed.
+/// The calls, as first byte of a packet. A reply begins with 0 if the call failed.
 const WRITE: u8 = 1;
-/// An instant, ns, and so many bytes at most.
+/// Payload: deadline, ns, and maximum number of bytes.
 const READ: u8 = 2;
 const REOPEN: u8 = 3;
-/// The end in order: the power is as the commissioning left it.
+/// Clean end: the power stays as the commissioning left it.
 const END: u8 = 4;
 
 /// A line to the child that has the port open.
@@ -54,18 +54,18 @@ impl HeldPort {
         let (kind, flags) = (SockType::SeqPacket, SockFlag::SOCK_CLOEXEC);
         let (ours, theirs) = socketpair(AddressFamily::Unix, kind, None, flags).map_err(fail)?;
         let parent = getpid();
-        // SAFETY: the other thread of this process waits for a signal, and holds no lock that the
-        // child could want.
+        // SAFETY: the other thread of this process waits for a signal and holds no lock that the
+        // child could need.
         match unsafe { fork() }.map_err(fail)? {
             ForkResult::Parent { child } => Ok(Self { child, socket: ours.into() }),
             ForkResult::Child => {
                 drop(ours);
                 // Ctrl-C and Ctrl-Z are for the commissioning.
                 let _ = setsid();
-                // Not even a panic leads back into its code.
+                // A panic must not return into the parent's code.
                 let held = || hold(line, theirs.into(), parent, config);
                 let _ = catch_unwind(AssertUnwindSafe(held));
-                // SAFETY: ends this process, and nothing of the parent is flushed or removed.
+                // SAFETY: ends this process without flushing or removing anything of the parent.
                 unsafe { libc::_exit(0) }
             }
         }
@@ -127,12 +127,12 @@ impl Drop for HeldPort {
 /// Whether a process has ended or is suspended, as the system shows it.
 fn is_away(parent: Pid) -> bool {
     let state = fs::read_to_string(format!("/proc/{parent}/stat")).unwrap_or_default();
-    // Its name, in parentheses, may hold anything.
+    // The process name, in parentheses, may contain anything.
     let is_stopped = state.rsplit(") ").next().is_none_or(|state| state.starts_with('T'));
     getppid() != parent || is_stopped
 }
 
-/// Serves the calls of the commissioning, and cuts the power when it is away.
+/// Serves the calls of the commissioning, and cuts the power when it has ended or is suspended.
 fn hold(mut line: SerialTransport, mut socket: UnixStream, parent: Pid, config: &PortConfig) {
     let _ = socket.set_read_timeout(Some(Duration::from_nanos(LOOK.0)));
     let (mut packet, mut answer) = ([0; PACKET], [0; PACKET]);
@@ -142,7 +142,7 @@ fn hold(mut line: SerialTransport, mut socket: UnixStream, parent: Pid, config: 
             Ok(count) => count,
             Err(_) => continue,
         };
-        // What it sent before it was suspended is not carried out.
+        // Calls sent before the suspension are discarded.
         if is_away(parent) {
             break;
         }
@@ -161,7 +161,7 @@ fn hold(mut line: SerialTransport, mut socket: UnixStream, parent: Pid, config: 
     }
 }
 
-/// Waits for bytes as long as the commissioning wants them.
+/// Waits for bytes until the deadline of the call.
 fn read(
     line: &mut SerialTransport,
     payload: &[u8],

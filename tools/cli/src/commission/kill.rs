@@ -1,4 +1,4 @@
-//! A controller that is killed while it holds the drives, and the watchdog that stops them.
+//! Kills a controller while it holds the drives, and checks that the watchdog stops them.
 
 use std::fs;
 use std::path::Path;
@@ -15,12 +15,12 @@ use i2ris_report::{Failure, Interrupt};
 use crate::process::Process;
 use crate::start::wait;
 
-/// How long the controller holds before it is killed.
+/// Holding time of the controller before it is killed.
 const HOLDS: Nanos = Nanos::from_millis(2000);
 
-/// Starts both, has the drives switched on, and kills the controller. What the watchdog said of it.
+/// Starts both, enables the drives, and kills the controller. Returns the watchdog's log of it.
 ///
-/// Nothing moves: whatever the homing of the configuration is, the present pose becomes the zero.
+/// Nothing moves: regardless of the configured homing, the present pose becomes the zero.
 pub fn kill_controller(
     config: &Config,
     folder: &Path,
@@ -34,19 +34,19 @@ pub fn kill_controller(
         .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
     let domain = Domain::new(&config.domain)?;
     let start = |name: &'static str| -> Result<Process, Failure> {
-        let program = find(name).ok_or(format!("there is no program i2ris-{name}"))?;
+        let program = find(name).ok_or(format!("program i2ris-{name} not found"))?;
         let mut command = Command::new(program);
         command.env("I2RIS_DOMAIN", domain.name());
         let _ = fs::remove_file(folder.join(format!("{name}.log")));
         Process::start(name, command.arg("--config").arg(&file), folder)
     };
     let log = folder.join("watchdog.log");
-    let said = |word: &str| fs::read_to_string(&log).is_ok_and(|text| text.contains(word));
+    let has_logged = |word: &str| fs::read_to_string(&log).is_ok_and(|text| text.contains(word));
     let mut watchdog = start("watchdog")?;
     let mut controller = start("control")?;
     let both = &mut [&mut watchdog, &mut controller];
     wait(interrupt, both, "the controller", || Client::connect(&domain, Nanos::ZERO).is_ok())?;
-    wait(interrupt, both, "the watchdog", || said("watching the controller"))?;
+    wait(interrupt, both, "the watchdog", || has_logged("watching the controller"))?;
     let mut client = Client::connect(&domain, HOLDS)?;
     client.carry_out(StateCommand::Home, || interrupt.came())?;
     client.carry_out(StateCommand::Enable, || interrupt.came())?;
@@ -58,7 +58,7 @@ pub fn kill_controller(
     wait(interrupt, &mut [&mut watchdog], "the stop by the watchdog", stopped)?;
     let text = fs::read_to_string(&log)?;
     let after = text.lines().skip_while(|line| !line.contains("last heartbeat"));
-    let said: Vec<&str> = after.collect();
+    let lines: Vec<&str> = after.collect();
     watchdog.end()?;
-    Ok(format!("the watchdog said: {}", said.join(" | ")))
+    Ok(format!("log of the watchdog: {}", lines.join(" | ")))
 }

@@ -1,15 +1,15 @@
-//! `i2ris commission`: the first day on the robot, in stages, each with a permission of its own.
+//! `i2ris commission`: the first day on the robot, in stages, each with a separate permission.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `order` | the stages in their order |
-//! | `session` | what they share |
-//! | `person` | what is said and asked |
-//! | `watch`, `guard`, `node` | who may move how far; a drive with power; a drive |
+//! | `order` | the sequence of the stages |
+//! | `session` | shared state of the stages |
+//! | `person` | output and prompts |
+//! | `watch`, `guard`, `node` | motion limits; a drive with power; a drive |
 //! | `reading`, `moving`, `stopping` | the stages |
-//! | `record`, `page`, `proposal` | what was found, in a file and on a page; the configuration |
+//! | `record`, `page`, `proposal` | findings, in a file and on a page; the proposal |
 //! | `held_port` | a process that cuts the power when this one ends or is suspended |
-//! | `kill` | a controller that is killed |
+//! | `kill` | killing a controller |
 
 mod guard;
 mod held_port;
@@ -52,23 +52,23 @@ const EXCHANGES: usize = 10_000;
 #[command(after_help = "Examples:
   i2ris commission --config my-robot.toml
   i2ris commission --config my-robot.toml --device motor.dcf
-  i2ris commission --config my-robot.toml --apply       writes what was found into the file
+  i2ris commission --config my-robot.toml --apply       writes the findings into the file
 
-Every stage says what will move and how to stop it, and waits for a word. Nothing moves before, and
-no motor goes more than 20 counts without a second permission. It can be left at any time, also
-killed or suspended: the drives are switched off, and the same command takes it up again. No
-controller may run meanwhile.")]
+Every stage announces what will move and how to stop it, and waits for a typed permission. Nothing
+moves before that, and no motor moves more than 20 counts without a second permission. You can quit,
+kill or suspend it at any time: the drives are switched off; run the same command to resume. No
+controller may be running.")]
 pub struct Arguments {
     /// The configuration of the controller
     #[arg(long, value_name = "FILE")]
     config: PathBuf,
-    /// Folder for what is found: state, page, captured bytes; it is made
+    /// Folder for the results: state, page, captured bytes; it is created
     #[arg(long, value_name = "DIR", default_value = "commission")]
     folder: PathBuf,
-    /// What the drives should be set to: an EDS or DCF file of maxon's tool, or a table of one (CSV)
+    /// Expected drive settings: an EDS or DCF file of maxon's tool, or a table of one (CSV)
     #[arg(long, value_name = "FILE")]
     device: Option<PathBuf>,
-    /// Write what was found otherwise into the configuration, after a word; the old file is kept
+    /// After confirmation, write differing findings into the configuration; the old file is kept
     #[arg(long)]
     apply: bool,
 }
@@ -95,12 +95,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     let mut person = Terminal::new(interrupt.clone())?;
     let Arguments { config: file, folder, device, apply } = arguments;
-    // Its files are those beside it, also for a copy in the folder.
+    // Relative paths refer to the original file, also for the copy in the folder.
     let config = Config::load(&fs::canonicalize(file).unwrap_or_else(|_| file.clone()))?;
     let device = device.as_deref().map(DeviceFile::load).transpose()?;
     fs::create_dir_all(folder)
         .map_err(|error| format!("--folder {}: {error}", folder.display()))?;
-    let record = taken_up(&config, fs::read_to_string(file)?, folder, &mut person)?;
+    let record = resumed_record(&config, fs::read_to_string(file)?, folder, &mut person)?;
     let caught = interrupt.clone();
     let mut lines = SerialLines { config: &config, folder, interrupt: &interrupt };
     let mut session = Session {
@@ -126,8 +126,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     outcome
 }
 
-/// What was found before; nothing where the configuration has changed since.
-fn taken_up(
+/// Earlier findings; none if the configuration has changed since.
+fn resumed_record(
     config: &Config,
     text: String,
     folder: &Path,
@@ -135,14 +135,14 @@ fn taken_up(
 ) -> Result<Record, Failure> {
     match Record::load(folder)? {
         Some(record) if record.config == text => return Ok(record),
-        Some(_) => person.say("the configuration has changed: every stage is done again"),
+        Some(_) => person.say("the configuration has changed: every stage is repeated"),
         None => {}
     }
     let software = format!("i2ris {}", env!("CARGO_PKG_VERSION"));
     Ok(Record { robot_id: config.robot_id.clone(), software, config: text, ..Record::default() })
 }
 
-/// Writes the page, and says what is proposed: the changed file, and the lines that differ.
+/// Writes the page, and prints the proposal: the changed file and the lines that differ.
 fn finish(
     record: &Record,
     file: &Path,
@@ -157,27 +157,29 @@ fn finish(
     let found = found.map(|it| format!("{}, {}: {}", it.topic.name(), it.place, it.value));
     let (new, diff) = proposal::change(&record.config, &name, &record.changes);
     let proposed = (!diff.is_empty()).then(|| format!("\nproposed configuration:\n{diff}"));
-    let lines = iter::once("\nwhat is known:".to_owned()).chain(found).chain(proposed);
+    let lines = iter::once("\nfindings:".to_owned()).chain(found).chain(proposed);
     lines.for_each(|line| person.say(&line));
     person.say(&format!("\n{}\npage: {}", record.sum(), path.display()));
     Ok((new, diff))
 }
 
-/// Writes the changes that were shown into the configuration, if a person says so.
+/// Writes the printed changes into the configuration, if the operator confirms.
 fn write_changes(file: &Path, old: &str, new: &str, person: &mut Terminal) -> Result<(), Failure> {
     let copies = (1..100).map(|number| PathBuf::from(format!("{}.{number}", file.display())));
     let copy = copies.into_iter().find(|it| !it.exists()).ok_or("remove old copies of the file")?;
     let (name, copy_name) = (file.display(), copy.display());
-    let what = format!("These lines are written into {name}; as it is, it is kept as {copy_name}.");
-    if !matches!(permission(person, &what, "apply", "anything else changes nothing"), Ok(Some(_))) {
+    let what =
+        format!("These lines will be written into {name}; the old file is kept as {copy_name}.");
+    if !matches!(permission(person, &what, "apply", "any other input changes nothing"), Ok(Some(_)))
+    {
         return Ok(());
     }
     Config::parse(new, file)?;
     if fs::read_to_string(file)? != old {
-        return Err(format!("{name} was changed meanwhile; run the command again").into());
+        return Err(format!("{name} was changed in the meantime; run the command again").into());
     }
     fs::copy(file, &copy).map_err(|error| format!("cannot write {copy_name}: {error}"))?;
     replace(file, new.as_bytes()).map_err(|error| format!("cannot write {name}: {error}"))?;
-    person.say(&format!("{name} is written; the same command goes on with it"));
+    person.say(&format!("{name} is written; run the same command to continue with it"));
     Ok(())
 }

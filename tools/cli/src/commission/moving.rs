@@ -1,4 +1,4 @@
-//! The stages in which drives have power: every motion goes through [`Guard`].
+//! Stages with powered drives: every motion goes through [`PoweredDrive`].
 
 use i2ris::drive::capture::CapturedLine;
 use i2ris::drive::cia402::DriveState;
@@ -7,31 +7,31 @@ use i2ris::drive::object::Object;
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
 
-use super::guard::{Guard, How, Mode};
-use super::person::{Yes, permission};
+use super::guard::{Mode, PowerOnOptions, PoweredDrive};
+use super::person::{Permission, permission};
 use super::record::{NOT_THERE, Sweep, Topic};
 use super::session::{Halt, Motor, ms};
-use super::watch::{FEW, Permit, SILENT, Seen, Trip};
+use super::watch::{FEW, Permit, PowerCutReason, SILENT, Seen};
 
-/// How long a drive has power before it is left alone, and how long it is.
+/// Time with power before communication stops, and duration of that silence.
 const QUIET: Nanos = Nanos::from_millis(1000);
 const SILENCE: Nanos = Nanos::from_millis(3000);
-/// The motor has come to its place by then, or it does not.
+/// Time for the motor to reach its place.
 const SETTLED: Nanos = Nanos::from_millis(150);
-/// Most pulses of the first permission, and of the second, mA.
+/// Maximum pulse current of the first and of the second permission, mA.
 const FIRST_MA: f64 = 10.0;
 const SECOND_MA: f64 = 60.0;
-/// Where a motor may go while pulses are stronger than the first, counts.
+/// Permitted distance for pulses of the second permission, counts.
 const SECOND_COUNTS: i32 = 200;
-/// Smallest limit of the current in the position loop, mA.
-const LEAST_LIMIT_MA: u32 = 20;
-/// Position limits with which a setpoint beyond them is tried, and that setpoint, counts.
+/// Minimum current limit of the position loop, mA.
+const MIN_LIMIT_MA: u32 = 20;
+/// Position limits for the test of a setpoint beyond them, and that setpoint, counts.
 const LIMIT: i32 = 5;
 const BEYOND: i32 = 9;
 /// A setpoint during a halt, counts.
 const HALTED: i32 = 6;
-/// A turn of more counts is not tried.
-const MOST_TURN: i32 = 16_384;
+/// Largest turn that is tested, counts.
+const MAX_TURN_COUNTS: i32 = 16_384;
 
 /// Encoder pulses per turn, four counts each.
 const EPOS4_PULSES: Object<u32> = Object::of(0x3010, 1);
@@ -39,14 +39,15 @@ const EPOS2_PULSES: Object<u32> = Object::of(0x2210, 1);
 /// Period between two setpoints of an EPOS4, ms.
 const PERIOD: Object<u8> = Object::of(0x60C2, 1);
 
-pub fn power<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String, Halt> {
+pub fn power<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<String, Halt> {
     acknowledge(motor)?;
-    let mut guard = on(motor, Permit::power(yes), How::new(Mode::Current, FIRST_MA as u32))?;
+    let mut guard =
+        on(motor, Permit::power(yes), PowerOnOptions::new(Mode::Current, FIRST_MA as u32))?;
     guard.rest(QUIET)?;
     guard.be_silent(SILENCE);
     let value = match guard.look() {
         Ok(_) => "stays on".to_owned(),
-        Err(Trip::Fault(code)) => fault(code),
+        Err(PowerCutReason::Fault(code)) => fault(code),
         Err(trip) => return Err(trip.into()),
     };
     guard.off()?;
@@ -58,7 +59,7 @@ pub fn power<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String
     if value != "stays on" {
         acknowledge(motor)?;
     }
-    Ok(format!("power came on and nothing moved; left alone for 3 s it {value}"))
+    Ok(format!("power came on and nothing moved; without communication for 3 s it {value}"))
 }
 
 /// A fault as a value.
@@ -66,7 +67,7 @@ pub fn fault(code: u16) -> String {
     format!("fault 0x{code:04X}")
 }
 
-/// Acknowledges a fault, if there is one.
+/// Acknowledges a fault, if present.
 pub fn acknowledge<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     let node = &mut motor.node;
     if node.state()? != DriveState::Fault {
@@ -79,23 +80,23 @@ pub fn acknowledge<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     }
 }
 
-type OnGuard<'a, 'b, T> = Guard<'a, 'b, CapturedLine<T>>;
+type PoweredMotor<'a, 'b, T> = PoweredDrive<'a, 'b, CapturedLine<T>>;
 
-/// Switches a drive on. Counts are from where the motor was first.
+/// Switches a drive on. Counts are relative to the first position of the motor.
 fn on<'a, 'b, T: Transport>(
     motor: &'a mut Motor<'b, T>,
     permit: Permit,
-    how: How,
-) -> Result<OnGuard<'a, 'b, T>, Trip> {
-    let how = How { origin: *motor.origin, ..how };
-    let guard = Guard::on(&mut motor.node, permit, how)?;
+    how: PowerOnOptions,
+) -> Result<PoweredMotor<'a, 'b, T>, PowerCutReason> {
+    let how = PowerOnOptions { origin: *motor.origin, ..how };
+    let guard = PoweredDrive::on(&mut motor.node, permit, how)?;
     *motor.origin = Some(guard.origin());
     Ok(guard)
 }
 
-pub fn steps<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String, Halt> {
+pub fn steps<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<String, Halt> {
     let friction_ma = find_friction(motor, yes)?;
-    let how = How::new(Mode::Position, limit_ma(friction_ma));
+    let how = PowerOnOptions::new(Mode::Position, limit_ma(friction_ma));
     let mut guard = on(motor, Permit::few(yes), how)?;
     for there in [FEW, -FEW, 0] {
         guard.go(there, 1, |_| ())?;
@@ -104,17 +105,17 @@ pub fn steps<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String
     find_halt(motor, yes, how)?;
     find_soft_limit(motor, yes, how)?;
     find_interpolation(motor, yes, how)?;
-    Ok(format!("turns from {friction_ma:.0} mA on, went {FEW} counts to and fro and followed"))
+    Ok(format!("turns from {friction_ma:.0} mA up; moved {FEW} counts back and forth and followed"))
 }
 
 /// A limit for the position loop, above the friction of motor and gear.
 fn limit_ma(friction_ma: f64) -> u32 {
-    LEAST_LIMIT_MA.max((4.0 * friction_ma) as u32)
+    MIN_LIMIT_MA.max((4.0 * friction_ma) as u32)
 }
 
-/// The current from which on the motor turns, and that its encoder counts the same way: pulses to
-/// and fro, before a loop is closed that would run away otherwise.
-fn find_friction<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<f64, Halt> {
+/// Finds the current at which the motor turns, and checks the encoder direction, by pulses in both
+/// directions: a position loop with a reversed encoder would run away.
+fn find_friction<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<f64, Halt> {
     let unit = motor.node.current_unit_ma()?;
     let least = unit.max(2.0);
     let most = f64::from(motor.node.axis.current_limit_ma);
@@ -128,12 +129,12 @@ fn find_friction<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<f6
         motor.person,
         &format!(
             "{} does not turn with {last:.0} mA: it is blocked, its encoder gives no signal, \
-             or its friction is higher. Up to {SECOND_MA:.0} mA may follow. IF ITS ENCODER GIVES NO \
-             SIGNAL, IT MAY TURN FURTHER THAN {FEW} COUNTS.",
+             or its friction is higher. The next pulses go up to {SECOND_MA:.0} mA. IF ITS ENCODER \
+             GIVES NO SIGNAL, IT MAY TURN MORE THAN {FEW} COUNTS.",
             motor.place
         ),
         "more",
-        "anything else ends here",
+        "any other input ends here",
     )?;
     let still = "is blocked, its encoder gives no signal, or its friction is higher; turn it by \
                  hand with the power off and look at 0x6064:00 (`i2ris drives dump`)";
@@ -147,14 +148,14 @@ fn find_friction<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<f6
     found.ok_or_else(|| Halt::Failed(format!("it does not turn with more current: it {still}")))
 }
 
-/// Pulses of rising current to and fro, until the encoder shows both. `None`: it shows nothing.
+/// Pulses of rising current in both directions, until the encoder shows both. `None`: no counts.
 fn pulses<T: Transport>(
     motor: &mut Motor<'_, T>,
     permit: Permit,
     ladder: &[f64],
 ) -> Result<Option<f64>, Halt> {
     let Some(most) = ladder.last() else { return Ok(None) };
-    let mut guard = on(motor, permit, How::new(Mode::Current, most.ceil() as u32))?;
+    let mut guard = on(motor, permit, PowerOnOptions::new(Mode::Current, most.ceil() as u32))?;
     for &ma in ladder {
         let there = guard.pulse(ma)?;
         let back = guard.pulse(-ma)?;
@@ -181,7 +182,11 @@ fn pulses<T: Transport>(
     Ok(None)
 }
 
-fn find_halt<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes, how: How) -> Result<(), Halt> {
+fn find_halt<T: Transport>(
+    motor: &mut Motor<'_, T>,
+    yes: &Permission,
+    how: PowerOnOptions,
+) -> Result<(), Halt> {
     let mut guard = on(motor, Permit::few(yes), how)?;
     guard.halt(true)?;
     let seen = guard.try_place(HALTED, SETTLED)?;
@@ -200,14 +205,14 @@ fn find_halt<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes, how: How) -> Res
 
 fn find_soft_limit<T: Transport>(
     motor: &mut Motor<'_, T>,
-    yes: &Yes,
-    how: How,
+    yes: &Permission,
+    how: PowerOnOptions,
 ) -> Result<(), Halt> {
-    let mut guard = on(motor, Permit::few(yes), How { limits: Some(LIMIT), ..how })?;
+    let mut guard = on(motor, Permit::few(yes), PowerOnOptions { limits: Some(LIMIT), ..how })?;
     let (value, shown) = match guard.try_place(BEYOND, SETTLED) {
         Ok(seen) if seen.counts > (LIMIT + BEYOND) / 2 => ("ignored".to_owned(), seen.counts),
         Ok(seen) => ("clipped".to_owned(), seen.counts),
-        Err(Trip::Fault(code)) => (fault(code), 0),
+        Err(PowerCutReason::Fault(code)) => (fault(code), 0),
         Err(trip) => return Err(trip.into()),
     };
     if !value.starts_with("fault") {
@@ -223,25 +228,26 @@ fn find_soft_limit<T: Transport>(
 
 fn find_interpolation<T: Transport>(
     motor: &mut Motor<'_, T>,
-    yes: &Yes,
-    how: How,
+    yes: &Permission,
+    how: PowerOnOptions,
 ) -> Result<(), Halt> {
     if motor.node.is_epos2() {
         let why = "an EPOS2 interpolates only in its mode 7, which is not used".to_owned();
         motor.find(Topic::Interpolation, NOT_THERE, why);
         return Ok(());
     }
-    let how = How { extra: Some(PERIOD.set(10)), ..how };
+    let how = PowerOnOptions { extra: Some(PERIOD.set(10)), ..how };
     let waited = match on(motor, Permit::few(yes), how) {
         Ok(mut guard) => guard.rest(SETTLED).and_then(|_| guard.off()),
         Err(trip) => Err(trip),
     };
     let value = match waited {
         Ok(()) => "no timeout".to_owned(),
-        Err(Trip::Fault(code)) => fault(code),
-        Err(Trip::Drive(AxisError::Exchange { object, error: LinkError::Refused(code) }))
-            if object == PERIOD.address() =>
-        {
+        Err(PowerCutReason::Fault(code)) => fault(code),
+        Err(PowerCutReason::Drive(AxisError::Exchange {
+            object,
+            error: LinkError::Refused(code),
+        })) if object == PERIOD.address() => {
             let why = format!("this drive refuses 0x60C2:01: {code}");
             motor.find(Topic::Interpolation, NOT_THERE, why);
             return Ok(());
@@ -256,7 +262,7 @@ fn find_interpolation<T: Transport>(
     acknowledge(motor)
 }
 
-pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String, Halt> {
+pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<String, Halt> {
     let (object, name) = if motor.node.is_epos2() {
         (EPOS2_PULSES, "0x2210:01")
     } else {
@@ -268,16 +274,16 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String,
     };
     let turn = i32::try_from(pulses.saturating_mul(4)).unwrap_or(i32::MAX);
     let second = match turn {
-        FEW..=MOST_TURN => permission(
+        FEW..=MAX_TURN_COUNTS => permission(
             motor.person,
             &format!(
-                "{} MAY GO MORE THAN {FEW} COUNTS: one turn to positive counts and back, \
-                 {turn} counts by its setting {name} = {pulses}, in some seconds each way. Put a \
-                 mark on its shaft and count its turns on the way there.",
+                "{} MAY MOVE MORE THAN {FEW} COUNTS: one turn to positive counts and back, \
+                 {turn} counts by its setting {name} = {pulses}, a few seconds each way. Put a \
+                 mark on its shaft and count its turns on the way out.",
                 motor.place
             ),
             "turn",
-            "anything else leaves it at 20 counts",
+            "any other input leaves it at 20 counts",
         )?,
         _ => None,
     };
@@ -287,12 +293,12 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String,
         None => (Permit::few(yes), [FEW, -FEW]),
     };
     let step = (turn / 256).clamp(1, if second.is_some() { 8 } else { 1 });
-    let back = sweep(motor, permit, How::new(Mode::Position, limit), ends, step)?;
+    let back = sweep(motor, permit, PowerOnOptions::new(Mode::Position, limit), ends, step)?;
     note_play(motor, back);
     if pulses == 0 {
-        // The play was looked for all the same.
+        // The play has been measured in any case.
         let text = format!(
-            "counts per turn are not known, for this drive has no {name}: take four times the \
+            "counts per turn are unknown, because this drive has no {name}: take four times the \
              pulses in the data sheet of the encoder, and compare with 0x6064:00 before and after \
              a turn by hand (`i2ris drives dump`)"
         );
@@ -302,7 +308,7 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String,
     }
     let evidence = format!("{name} = {pulses}, four counts each");
     let Some(_) = second else {
-        let unseen = format!("{evidence}; no turn was permitted, so nobody has seen one");
+        let unseen = format!("{evidence}; no turn was permitted, so none was observed");
         motor.find(Topic::CountsPerTurn, &turn.to_string(), unseen);
         motor.skip(Topic::Direction, "no turn was permitted");
         return Ok(format!("{turn} counts per turn by its setting"));
@@ -310,7 +316,7 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Yes) -> Result<String,
     note_turn(motor, turn, name, &evidence)
 }
 
-/// The current found in the stage before, mA.
+/// The current found in the previous stage, mA.
 fn known_friction<T>(motor: &Motor<'_, T>) -> f64 {
     let mut found = motor.record.findings.iter();
     let found = found.find(|it| it.topic == Topic::Friction && it.place == motor.place);
@@ -318,11 +324,11 @@ fn known_friction<T>(motor: &Motor<'_, T>) -> f64 {
     ma.unwrap_or(FIRST_MA)
 }
 
-/// Goes to a place and back through another; the currents on the way back, in its direction.
+/// Moves to a place and back through another; returns the currents on the way back.
 fn sweep<T: Transport>(
     motor: &mut Motor<'_, T>,
     permit: Permit,
-    how: How,
+    how: PowerOnOptions,
     [there, back]: [i32; 2],
     step: i32,
 ) -> Result<Vec<(i32, i32)>, Halt> {
@@ -331,7 +337,7 @@ fn sweep<T: Transport>(
     let mut note = |seen: Seen| currents.push((seen.counts, -seen.current_ma));
     let outcome = guard
         .go(there, step, |_| ())
-        // A small play ends soon.
+        // A small play ends early.
         .and_then(|_| guard.go(back.max(there - 2 * FEW), 1, &mut note))
         .and_then(|_| guard.go(back, step, &mut note));
     outcome.and_then(|_| guard.go(0, step, |_| ()))?;
@@ -347,7 +353,7 @@ fn note_play<T: Transport>(motor: &mut Motor<'_, T>, back: Vec<(i32, i32)>) {
     match play(&back) {
         Some((counts, low, high)) => {
             let evidence = format!(
-                "after a reversal {low} mA turn the motor for {counts} counts, and {high} mA beyond"
+                "after a reversal, {low} mA turn the motor for {counts} counts, then {high} mA"
             );
             motor.find(Topic::Play, &format!("{counts} counts"), evidence);
         }
@@ -363,14 +369,14 @@ fn note_play<T: Transport>(motor: &mut Motor<'_, T>, back: Vec<(i32, i32)>) {
     motor.record.sweeps.push(Sweep { place: motor.place.clone(), back });
 }
 
-/// The play behind a reversal: counts until the current rises from one level to another, and both.
+/// The play after a reversal: counts until the current rises, and the current before and after.
 fn play(back: &[(i32, i32)]) -> Option<(i32, i32, i32)> {
     let median = |part: &[(i32, i32)]| {
         let mut currents: Vec<i32> = part.iter().map(|it| it.1).collect();
         currents.sort_unstable();
         currents.get(currents.len() / 2).copied()
     };
-    // The first places unload the loop.
+    // At the first places the loop unloads.
     let low = median(back.get(2..6)?)?;
     let high = median(back.get(back.len() - 5..)?)?;
     let (start, _) = *back.first()?;
@@ -382,7 +388,7 @@ fn play(back: &[(i32, i32)]) -> Option<(i32, i32, i32)> {
     Some((start - at, low, high))
 }
 
-/// What the person saw of a turn.
+/// Records the operator's observation of a turn.
 fn note_turn<T: Transport>(
     motor: &mut Motor<'_, T>,
     turn: i32,
@@ -390,34 +396,37 @@ fn note_turn<T: Transport>(
     evidence: &str,
 ) -> Result<String, Halt> {
     let seen = motor.person.answer(&format!(
-        "How many turns did the shaft of {} make on its way there (1, 0.5, 2, ...)? Enter: not seen.",
+        "How many turns did the shaft of {} make on its way out (1, 0.5, 2, ...)? Enter: not seen.",
         motor.place
     ))?;
     let way = motor.person.answer(
-        "Which way did it turn on its way there, seen at the end of the shaft: c (clockwise) or a \
+        "Which way did it turn on its way out, seen from the end of the shaft: c (clockwise) or a \
          (anticlockwise)? Enter: not seen.",
     )?;
     match way.as_str() {
         "c" | "a" => {
             let value = if way == "c" { "clockwise" } else { "anticlockwise" };
-            let evidence = format!("seen by a person on a way of {turn} counts");
+            let evidence = format!("seen by the operator over {turn} counts");
             motor.find(Topic::Direction, value, evidence);
         }
-        _ => motor.skip(Topic::Direction, "nobody saw it"),
+        _ => motor.skip(Topic::Direction, "the operator did not see it"),
     }
     let turns: Option<f64> = seen.parse().ok().filter(|turns: &f64| *turns > 0.0);
     let (value, evidence) = match turns {
         Some(turns) => {
             let value = (f64::from(turn) / turns).round();
-            (value.to_string(), format!("{evidence}; {turn} counts were seen as {turns} turns"))
+            (
+                value.to_string(),
+                format!("{evidence}; the operator counted {turns} turns for {turn} counts"),
+            )
         }
-        None => (turn.to_string(), format!("{evidence}; nobody saw the turn")),
+        None => (turn.to_string(), format!("{evidence}; the operator did not see the turn")),
     };
     motor.find(Topic::CountsPerTurn, &value, evidence);
     match turns {
         Some(turns) if (turns - 1.0).abs() > 0.1 => Err(Halt::Failed(format!(
-            "it counts at another resolution: one turn is {value} counts, and the drive takes \
-             {turn} for it; correct {name} in EPOS Studio"
+            "its encoder has another resolution: one turn is {value} counts, but the drive \
+             assumes {turn}; correct {name} in EPOS Studio"
         ))),
         _ => Ok(format!("{value} counts per turn")),
     }

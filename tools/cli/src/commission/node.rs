@@ -1,4 +1,4 @@
-//! A drive on a line: what is read of it, and its power cut.
+//! A drive on a line: reading it and cutting its power.
 
 use i2ris::config::{AxisConfig, PortConfig, Streaming};
 use i2ris::drive::DriveFamily;
@@ -10,7 +10,7 @@ use i2ris::drive::object::{self, Object, Setting, Value};
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
 
-use super::watch::Trip;
+use super::watch::PowerCutReason;
 
 /// Attempts to cut the power: the first may meet a line out of sync.
 const CUTS: usize = 4;
@@ -50,7 +50,7 @@ impl<'a, T: Transport> Node<'a, T> {
         outcome.map_err(|error| AxisError::Exchange { object: object.address(), error })
     }
 
-    /// For [`super::guard`] only. When it was sent.
+    /// Writes a setting; for [`super::guard`] only. Returns the time of sending.
     pub(super) fn write(&mut self, setting: Setting, retry: Retry) -> Result<Nanos, AxisError> {
         let outcome = self.link.write(self.axis.node_id, setting, retry);
         let object = setting.object;
@@ -62,12 +62,12 @@ impl<'a, T: Transport> Node<'a, T> {
         Statusword(statusword).state().ok_or(AxisError::UnknownState { statusword })
     }
 
-    /// The error code of a fault; 0 where there is none.
+    /// The error code of a fault; 0 without one.
     pub fn fault(&mut self) -> u16 {
         self.read(self.family.object_map().error_code).unwrap_or(0)
     }
 
-    /// The smallest current that can be asked for, mA.
+    /// The resolution of the commanded current, mA.
     pub fn current_unit_ma(&mut self) -> Result<f64, AxisError> {
         if self.is_epos2() {
             return Ok(1.0);
@@ -75,13 +75,13 @@ impl<'a, T: Transport> Node<'a, T> {
         Ok(f64::from(self.read(EPOS4_NOMINAL_MA)?) / 1000.0)
     }
 
-    /// A setpoint of current, in the smallest units.
+    /// A current setpoint, in units of the resolution.
     pub(super) fn current(&self, units: f64) -> Setting {
         let units = units.round() as i16;
         if self.is_epos2() { EPOS2_CURRENT.set(units) } else { EPOS4_TORQUE.set(units) }
     }
 
-    /// Acknowledges a fault; the power stays off. The state after it.
+    /// Acknowledges a fault; the power stays off. Returns the state after it.
     pub fn reset_fault(&mut self) -> Result<DriveState, AxisError> {
         for word in [Controlword::DISABLE_VOLTAGE, Controlword::FAULT_RESET] {
             self.write(object::CONTROLWORD.set(word.0), Retry::Safe)?;
@@ -90,17 +90,17 @@ impl<'a, T: Transport> Node<'a, T> {
         self.state()
     }
 
-    /// Cuts the power. `Ok`: it is known to be off.
-    pub fn cut(&mut self) -> Result<(), Trip> {
-        let mut last = Trip::Interrupted;
+    /// Cuts the power. `Ok`: the power is confirmed to be off.
+    pub fn cut(&mut self) -> Result<(), PowerCutReason> {
+        let mut last = PowerCutReason::Interrupted;
         for _ in 0..CUTS {
             let cut = object::CONTROLWORD.set(Controlword::DISABLE_VOLTAGE.0);
             match self.write(cut, Retry::Safe).and_then(|_| self.state()) {
                 Ok(state) if state.is_off() || state == DriveState::Fault => return Ok(()),
-                Ok(state) => last = Trip::Switched(state),
-                Err(error) => last = Trip::Drive(error),
+                Ok(state) => last = PowerCutReason::Switched(state),
+                Err(error) => last = PowerCutReason::Drive(error),
             }
         }
-        Err(Trip::NotOff(Box::new(last)))
+        Err(PowerCutReason::NotOff(Box::new(last)))
     }
 }

@@ -1,4 +1,4 @@
-//! The stages in their order: each with its permission, none behind one that failed.
+//! The sequence of the stages: each needs a permission, and none follows a failed one.
 
 use i2ris_report::Failure;
 
@@ -8,10 +8,10 @@ use super::session::{Halt, Lines, Session};
 use super::{moving, reading, stopping};
 
 impl<L: Lines> Session<'_, L> {
-    /// Goes on behind the last stage that is done. `Ok`: all are.
+    /// Continues after the last completed stage. `Ok`: all are done.
     pub fn run(&mut self) -> Result<(), Failure> {
         for stage in Stage::ALL {
-            // Drives may be others now.
+            // Drives may have been replaced.
             if stage != Stage::Identify && self.record.is_done(stage) {
                 self.person.say(&format!("stage {stage}: done before"));
                 continue;
@@ -33,13 +33,13 @@ impl<L: Lines> Session<'_, L> {
                     continue;
                 }
                 Outcome::Partly => {
-                    let again = "the same command asks again";
+                    let again = "run the same command for the rest";
                     self.person.say(&format!("stage {stage}: done in part, {again}. {text}"));
                     continue;
                 }
                 Outcome::Failed => format!("stage {stage} failed: {text}"),
                 Outcome::Left => format!(
-                    "stage {stage}: {text}; the drives are off; the same command takes it up again"
+                    "stage {stage}: {text}; the drives are off; run the same command to resume"
                 ),
             };
             return Err(why.into());
@@ -50,7 +50,7 @@ impl<L: Lines> Session<'_, L> {
     fn stage(&mut self, stage: Stage) -> Result<String, Halt> {
         let (number, all) = (stage as usize + 1, Stage::ALL.len());
         let what = format!("== {number} of {all}: {stage}\n{}", stage.announcement());
-        let yes = permission(self.person, &what, "yes", "anything else ends here")?;
+        let yes = permission(self.person, &what, "yes", "any other input ends here")?;
         let Some(yes) = yes else {
             // Not a failure of anything.
             return Err(Halt::Gone(Gone::NotPermitted));

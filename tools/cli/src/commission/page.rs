@@ -1,4 +1,4 @@
-//! The page at the end: stages, what was found and by what, currents, exchanges, and the proposed
+//! The final page: stages, findings with evidence, currents, exchanges, and the proposed
 //! configuration.
 
 use i2ris_report::mark::Line;
@@ -20,7 +20,7 @@ pub fn page(record: &Record, config_name: &str) -> Page {
         table.row(TableRow::new(cells).strong(it.outcome != Outcome::Done));
     }
     page.table(&table);
-    page.section("What was found");
+    page.section("Findings");
     let mut table = words("Unknowns", ["unknown", "where", "value", "evidence"]);
     for it in record.all_findings() {
         table.row(TableRow::new([it.topic.name().to_owned(), it.place, it.value, it.evidence]));
@@ -35,12 +35,12 @@ pub fn page(record: &Record, config_name: &str) -> Page {
     page.section("Proposed configuration");
     let (_, lines) = change(&record.config, config_name, &record.changes);
     if lines.is_empty() {
-        page.paragraph("As it is.");
+        page.paragraph("No changes.");
     }
     lines.lines().for_each(|line| page.paragraph(line));
     page.footer(format!(
-        "i2ris commission, {}. The bytes of every stage are beside this page (.pcapng): `i2ris wire \
-         show` prints them.",
+        "i2ris commission, {}. The bytes of every stage are next to this page (.pcapng): `i2ris \
+         wire show` prints them.",
         record.software
     ));
     page
@@ -54,16 +54,16 @@ fn currents(page: &mut Page, record: &Record) {
     if record.sweeps.is_empty() {
         return;
     }
-    page.section("Current behind a reversal");
+    page.section("Current after a reversal");
     let panels = record.sweeps.iter().map(|sweep| {
         let first = sweep.back.first().map_or(0, |it| it.0);
         let points = sweep.back.iter().map(|(at, ma)| [f64::from(first - at), f64::from(*ma)]);
         Panel::new(&sweep.place, Axis::linear("counts"), Axis::linear("mA").including(0.0))
             .with(Line::new(points.collect(), Stroke::new(Color::BLUE, 1.5)))
     });
-    let description = "Motor current over the counts behind a reversal, for every motor";
+    let description = "Motor current over the counts after a reversal, for every motor";
     let figure = Figure::new("currents", "Currents", description).row(200.0, panels.collect());
-    page.figure(&figure, "A step is the end of the play of the gear.");
+    page.figure(&figure, "A step marks the end of the gear play.");
 }
 
 fn exchanges(page: &mut Page, record: &Record) {
@@ -73,7 +73,7 @@ fn exchanges(page: &mut Page, record: &Record) {
     page.section("Exchanges");
     let panels = record.exchanges.iter().map(|(device, bars)| {
         let width = super::reading::BAR_US;
-        // Gaps between bars are bars of no height.
+        // Gaps between bars are bars of zero height.
         let (mut edges, mut heights) = (Vec::new(), Vec::new());
         for &(at, count) in bars {
             if let Some(&last) = edges.last()
@@ -95,7 +95,7 @@ fn exchanges(page: &mut Page, record: &Record) {
             Stroke::new(Color::BLUE, 1.5),
         ))
     });
-    let description = "Histogram of the duration of exchanges, for every port";
+    let description = "Histogram of exchange durations, for every port";
     let figure = Figure::new("exchanges", "Exchanges", description).row(200.0, panels.collect());
-    page.figure(&figure, "How long a request and its reply take.");
+    page.figure(&figure, "Duration of a request and its reply.");
 }

@@ -1,4 +1,4 @@
-//! The person at the bench: what is said and asked. Only what a person types permits anything.
+//! The operator at the bench: output and prompts. Only typed input permits anything.
 
 use std::fmt;
 use std::io::{self, IsTerminal, Read};
@@ -8,12 +8,12 @@ use i2ris_report::{Failure, Interrupt, Screen};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::termios::{FlushArg, tcflush};
 
-/// Why nobody answers.
+/// Why the operator gave no permission.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Gone {
     EndOfInput,
     Interrupted,
-    /// Something else was typed.
+    /// Another word was typed.
     NotPermitted,
 }
 
@@ -27,58 +27,58 @@ impl fmt::Display for Gone {
     }
 }
 
-/// Was typed by a person, for one stage or one motion. Nothing but [`permission`] makes one.
+/// A permission typed by the operator, for one stage or motion. Created only by [`permission`].
 #[derive(Debug)]
-pub struct Yes(());
+pub struct Permission(());
 
 pub trait Person {
     fn say(&mut self, text: &str);
 
-    /// Asks, and waits as long as it takes: no drive has power meanwhile.
+    /// Asks, and waits without limit: no drive has power in the meantime.
     fn answer(&mut self, question: &str) -> Result<String, Gone>;
 }
 
-/// Asks for a permission, which is this very word.
+/// Asks for a permission, given by typing `word`.
 pub fn permission(
     person: &mut dyn Person,
     what: &str,
     word: &str,
     otherwise: &str,
-) -> Result<Option<Yes>, Gone> {
+) -> Result<Option<Permission>, Gone> {
     let typed = person.answer(&format!("{what}\nType {word} for that; {otherwise}: "))?;
-    Ok((typed == word).then_some(Yes(())))
+    Ok((typed == word).then_some(Permission(())))
 }
 
-/// The person at a terminal.
+/// The operator at a terminal.
 pub struct Terminal {
     interrupt: Interrupt,
     screen: Screen,
 }
 
 impl Terminal {
-    /// Without a terminal nobody can permit anything.
+    /// Fails without a terminal: then no permission can be given.
     pub fn new(interrupt: Interrupt) -> Result<Self, Failure> {
         if !io::stdin().is_terminal() {
-            return Err("a person permits every stage, and nobody can be asked here: run it on a \
-                        terminal"
-                .into());
+            return Err(
+                "every stage needs a permission typed at a terminal: run it on a terminal".into()
+            );
         }
         Ok(Self { interrupt, screen: Screen::stdout() })
     }
 }
 
-/// Period of looking for Ctrl-C while a person thinks.
+/// Period of checking for Ctrl-C while waiting for input.
 const LOOK_MS: u16 = 50;
 
 impl Person for Terminal {
     fn say(&mut self, text: &str) {
-        // Whoever closed the output does not want to know more; drives are switched off all the same.
+        // A closed output is ignored: drives are switched off in any case.
         let _ = self.screen.say(text);
     }
 
     fn answer(&mut self, question: &str) -> Result<String, Gone> {
         let stdin = io::stdin();
-        // What was typed before the question is no answer to it.
+        // Input typed before the question is discarded.
         let _ = tcflush(&stdin, FlushArg::TCIFLUSH);
         self.say(&format!("\n{question}"));
         loop {

@@ -1,22 +1,22 @@
-//! The proposed configuration: what was found otherwise than it is written, as a diff.
+//! The proposed configuration: differing findings, as a diff.
 
 use std::fmt::Write as _;
 
 use serde::{Deserialize, Serialize};
 
-/// A key of a port, or of an axis of it, and its value.
+/// A key of a port, or of one of its axes, and its value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Change {
     /// Number of the port in the file.
     pub port: usize,
-    /// Number of the axis of the port.
+    /// Number of the axis on the port.
     pub axis: Option<usize>,
     pub key: String,
-    /// As in TOML.
+    /// Value in TOML syntax.
     pub value: String,
 }
 
-/// The changed text, and the lines that differ as `diff` prints them; empty where nothing does.
+/// The changed text, and the differing lines in `diff` format; empty if nothing differs.
 pub fn change(text: &str, name: &str, changes: &[Change]) -> (String, String) {
     let (mut port, mut axis) = (None, None);
     let (mut new, mut out) = (String::new(), String::new());
@@ -39,7 +39,7 @@ pub fn change(text: &str, name: &str, changes: &[Change]) -> (String, String) {
             }
         }
         new += &(changed + "\n");
-        // Of a block that has no such line: below its heading.
+        // A missing key is added below the heading of its block.
         let is_heading = line.trim_start().starts_with("[[ports");
         let is_absent = |it: &&Change| is_heading && (Some(it.port), it.axis) == (port, axis);
         let block = text.lines().skip(number).take_while(|line| !line.trim().starts_with('['));
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn changed_keys_of_ports_and_axes_are_lines_of_a_diff() {
+    fn changed_keys_of_ports_and_axes_are_diff_lines() {
         let text = include_str!("../../../../config/robot.toml");
         let of = |axis, key: &str, value: &str| {
             let (key, value) = (key.to_owned(), value.to_owned());

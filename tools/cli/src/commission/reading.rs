@@ -1,4 +1,4 @@
-//! The stages that only read: who the drives are, how they are set, and how long an exchange takes.
+//! Read-only stages: identity and settings of the drives, and duration of an exchange.
 
 use std::collections::BTreeMap;
 
@@ -20,17 +20,17 @@ use super::proposal::Change;
 use super::record::{NOT_THERE, Record, Topic};
 use super::session::{Halt, Lines, OpenPort, Session, ms};
 
-/// No drive has it.
+/// Address of an object that no drive has.
 const NOWHERE: Address =
     Address { index: 0x5FFF, subindex: 0, size: 4, name: "an object that no drive has" };
 
-/// The fault of a drive that nobody answers on CAN.
+/// Fault of a drive without another node on CAN.
 pub const NO_CAN: u16 = 0x8120;
 
-/// An exchange that takes longer is held back by its adapter.
+/// Duration of an exchange above which the adapter delays replies.
 const HELD_BACK: Nanos = Nanos::from_millis(10);
 
-/// Width of a bar of the histogram, microseconds.
+/// Width of a histogram bar, microseconds.
 pub const BAR_US: u32 = 50;
 
 pub fn identify<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> {
@@ -41,7 +41,7 @@ pub fn identify<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> 
         let seen = match inspect_link(&mut port.link, &port.config) {
             Ok(seen) => seen,
             Err(error) => {
-                if let DriveError::OtherFamily(_, _, other) = &error {
+                if let DriveError::WrongDriveFamily(_, _, other) = &error {
                     let value = format!("\"{}\"", other.to_lowercase());
                     propose(record, number, None, "family", value);
                 }
@@ -90,14 +90,14 @@ fn state_problem(seen: &Inspection) -> Option<String> {
         }
         Some(state) if state.is_off() => None,
         Some(state) => Some(format!(
-            "motor {motor} is switched on already ({state:?}): another program has enabled it, or a \
-             controller died; end that program, or switch the supply off and on"
+            "motor {motor} is already switched on ({state:?}): another program has enabled it, or \
+             a controller died; end that program, or switch the supply off and on"
         )),
         None => Some(format!("motor {motor} is in no known state")),
     }
 }
 
-/// What is known of the fault at power-up before the supply was switched.
+/// Records the power-up fault, as known before the supply is switched.
 fn note_power_up(record: &mut Record, seen: &Inspection) {
     let place = format!("motor {}", seen.motor);
     match seen.errors.iter().find(|fault| fault.code == NO_CAN) {
@@ -116,7 +116,7 @@ fn propose(record: &mut Record, port: usize, axis: Option<usize>, key: &str, val
     record.changes.push(Change { port, axis, key: key.to_owned(), value });
 }
 
-/// Drives that answer under the configured nodes, with other numbers.
+/// Proposes the serial numbers of drives that answer under the configured nodes.
 fn propose_serial_numbers<T: Transport>(
     port: &mut OpenPort<T>,
     number: usize,
@@ -139,7 +139,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ")
 }
 
-/// How the drives of a port answer what nobody knows the answers of.
+/// Finds the undocumented replies of the drives on a port.
 fn find_replies<T: Transport>(
     port: &mut OpenPort<T>,
     record: &mut Record,
@@ -157,7 +157,7 @@ fn find_replies<T: Transport>(
             Some([_, _, 0, 0]) => "zeros",
             Some([_, _, _, _]) => "filled",
             Some([_, _]) => "absent",
-            _ => "not known",
+            _ => "unknown",
         };
         let evidence = format!("the data of the reply to a read of 0x6041:00: {}", hex(&data));
         record.find(Topic::UpperBytes, &place, value, evidence);
@@ -185,7 +185,7 @@ pub fn settings<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> 
             let seen = seen.map_err(Halt::Failed)?;
             let of_limit = |(object, wanted, found): &(Address, u32, u32)| {
                 format!(
-                    "motor {}: {object} is {}; the controller writes {} at its start",
+                    "motor {}: {object} is {}; the controller writes {} at start-up",
                     seen.motor,
                     found.cast_signed(),
                     wanted.cast_signed()
@@ -232,10 +232,10 @@ pub fn exchanges<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt>
         let after = port.link.counters();
         let lost = after.timeouts - before.timeouts + after.crc_errors - before.crc_errors;
         let value = format!("median {}, 99 % {}, longest {}", ms(median), ms(high), ms(longest));
-        let mut evidence = format!("{count} reads of 0x6064:00, {lost} lost or damaged");
+        let mut evidence = format!("{count} reads of 0x6064:00, {lost} lost or corrupted");
         if median > HELD_BACK {
-            let mend = latency_timer::command(&port.config.device);
-            evidence += &format!("; an adapter holds the replies back: `{mend}`");
+            let remedy = latency_timer::command(&port.config.device);
+            evidence += &format!("; an adapter delays the replies: `{remedy}`");
         }
         session.record.find(Topic::Exchange, &device, &value, evidence);
         texts.push(format!("{device}: {value}"));

@@ -1,5 +1,5 @@
-//! What is known so far, in a file of the folder: stages with their results, and what was found with
-//! its evidence. A commissioning that was left is taken up again from it.
+//! The state so far, in a file of the folder: stages with their results, and findings with their
+//! evidence. An interrupted commissioning resumes from it.
 
 use std::path::Path;
 use std::{fmt, fs};
@@ -13,7 +13,7 @@ use super::proposal::Change;
 
 pub const FILE: &str = "commission.json";
 
-/// A stage, in this order.
+/// The stages, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stage {
@@ -32,39 +32,38 @@ impl Stage {
         [Identify, Settings, Power, Steps, Gear, Exchanges, Stops]
     };
 
-    /// What will happen and move, and how to stop it.
+    /// Announcement of what will happen and move, and how to stop it.
     pub fn announcement(self) -> &'static str {
         match self {
-            Self::Identify => "Every drive is asked who it is. Nothing is written, nothing moves.",
+            Self::Identify => "The identity of every drive is read. Nothing is written or moves.",
             Self::Settings => {
                 "Every setting of every drive is read and compared with the configuration. Nothing \
                  is written, nothing moves."
             }
             Self::Power => {
-                "Limits are written into every drive as the controller does, a fault of power-up is \
-                 acknowledged, and the power of one drive after the other is on for 5 s, with no \
-                 current. NOTHING MOVES; more than 2 counts cut the power. One hand on the switch \
-                 of the supply: it is the emergency stop. Ctrl-C switches off, too."
+                "Limits are written into every drive, a power-up fault is acknowledged, and one \
+                 drive after the other has power for 5 s, without current. NOTHING MOVES; a motion \
+                 of more than 2 counts cuts the power. Keep one hand on the supply switch: it is \
+                 the emergency stop. Ctrl-C also switches off."
             }
             Self::Steps => {
-                "EVERY MOTOR MOVES, one after the other, AT MOST 20 COUNTS either way: pulses of \
-                 current first, which show that encoder and motor agree, then single counts. \
-                 Motors without snake. One hand on the switch of the supply; Ctrl-C switches off."
+                "EVERY MOTOR MOVES, one after the other, AT MOST 20 COUNTS either way: first \
+                 current pulses, which show that encoder and motor agree, then single counts. \
+                 Detach the snake. Keep one hand on the supply switch; Ctrl-C switches off."
             }
             Self::Gear => {
-                "EVERY MOTOR MOVES, one after the other: AT MOST 20 COUNTS either way, and a whole \
-                 turn only where you type a second permission. The current shows the play of the \
-                 gear. Motors without snake. One hand on the switch of the supply; Ctrl-C switches \
-                 off."
+                "EVERY MOTOR MOVES, one after the other: AT MOST 20 COUNTS either way, and one \
+                 whole turn only after a second typed permission. The current shows the gear play. \
+                 Detach the snake. Keep one hand on the supply switch; Ctrl-C switches off."
             }
             Self::Exchanges => {
-                "The encoders are read 10000 times, which takes half a minute. The drives are off, \
+                "The encoders are read 10000 times, in about half a minute. The drives are off, \
                  nothing moves."
             }
             Self::Stops => {
-                "What happens when something fails: the cable is pulled, the controller is killed, \
-                 the supply is switched. Drives hold with power for at most 60 s, NOTHING MOVES. \
-                 Each has a permission of its own."
+                "Failure tests: the cable is pulled, the controller is killed, the supply is \
+                 switched. Drives hold with power for at most 60 s, NOTHING MOVES. Each test needs \
+                 a separate permission."
             }
         }
     }
@@ -80,10 +79,10 @@ impl fmt::Display for Stage {
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     Done,
-    /// So is the stage, but for what a person did not permit or see.
+    /// Done, except for tests that the operator did not permit or observe.
     Partly,
     Failed,
-    /// Nobody permitted it, or it was interrupted.
+    /// Not permitted, or interrupted.
     Left,
 }
 
@@ -96,7 +95,7 @@ pub struct StageRecord {
     pub text: String,
 }
 
-/// What is to be found. Up to `Play` nobody knows it before the first day.
+/// The findings. Those up to `Play` are unknown before the first day.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Topic {
@@ -143,7 +142,7 @@ impl Topic {
     }
 }
 
-/// What was found, and by what.
+/// A finding and its evidence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     pub topic: Topic,
@@ -153,12 +152,12 @@ pub struct Finding {
     pub evidence: String,
 }
 
-/// The value of what was not asked; the evidence says why.
+/// Value of a test that was not done; the evidence gives the reason.
 pub const NOT_ASKED: &str = "not asked";
-/// The value of what this drive does not have.
+/// Value where the drive lacks the feature.
 pub const NOT_THERE: &str = "does not apply";
 
-/// Currents along a way and back: counts from the start, and mA in the direction of the motion.
+/// Currents on the way back: counts from the start, and mA in the direction of motion.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Sweep {
     pub place: String,
@@ -169,13 +168,13 @@ pub struct Sweep {
 pub struct Record {
     pub robot_id: String,
     pub software: String,
-    /// The configuration as it was.
+    /// The configuration at the start.
     pub config: String,
     pub stages: Vec<StageRecord>,
     pub findings: Vec<Finding>,
     /// Settings that differ from the configuration or the file of the drive.
     pub differences: Vec<String>,
-    /// Ports, and how many of their exchanges took so long, microseconds.
+    /// Histograms of the exchange duration per port, microseconds.
     pub exchanges: Vec<(String, Vec<(u32, u32)>)>,
     pub sweeps: Vec<Sweep>,
     pub changes: Vec<Change>,
@@ -202,7 +201,7 @@ impl Record {
         self.stages.iter().any(|it| it.stage == stage && it.outcome == Outcome::Done)
     }
 
-    /// Notes how a stage ended. What comes behind it has to be done again.
+    /// Records the outcome of a stage. Later stages must be repeated.
     pub fn end_stage(&mut self, stage: Stage, outcome: Outcome, text: String) {
         let at = wall_clock::now().to_string();
         let goes_on = matches!(outcome, Outcome::Done | Outcome::Partly);
@@ -212,7 +211,7 @@ impl Record {
         self.stages.sort_by_key(|it| it.stage);
     }
 
-    /// Notes what was found, in the place of what was known before.
+    /// Records a finding, replacing an earlier one.
     pub fn find(&mut self, topic: Topic, place: &str, value: &str, evidence: String) {
         self.findings.retain(|it| (it.topic, it.place.as_str()) != (topic, place));
         let (place, value) = (place.to_owned(), value.to_owned());
@@ -224,28 +223,28 @@ impl Record {
         self.find(topic, place, NOT_ASKED, format!("because {why}"));
     }
 
-    /// How many stages are done, and what stands against the others.
+    /// Summary: number of completed stages, and reasons for the others.
     pub fn sum(&self) -> String {
         let done = Stage::ALL.into_iter().filter(|stage| self.is_done(*stage)).count();
         let open = self.stages.iter().filter(|it| it.outcome != Outcome::Done);
         let open: Vec<String> = open.map(|it| format!("; {}: {}", it.stage, it.text)).collect();
-        let again = if open.is_empty() { "" } else { "; the same command asks again" };
+        let again = if open.is_empty() { "" } else { "; run the same command for the rest" };
         format!("{done} of {} stages are done{}{again}.", Stage::ALL.len(), open.concat())
     }
 
-    /// What a stage did not ask, with the places.
+    /// Tests that a stage skipped, with their places.
     pub fn not_asked(&self, stage: Stage) -> Vec<String> {
         let is_of = |topic| Topic::ALL.iter().any(|it| (it.0, it.1) == (topic, stage));
         let open = self.findings.iter().filter(|it| it.value == NOT_ASKED && is_of(it.topic));
         open.map(|it| format!("{} ({})", it.topic.name(), it.place)).collect()
     }
 
-    /// What was found, and what was not, with the reason.
+    /// All findings, including skipped ones with the reason.
     pub fn all_findings(&self) -> Vec<Finding> {
         let mut all = self.findings.clone();
         for (topic, stage, _) in Topic::ALL {
             if !all.iter().any(|it| it.topic == topic) {
-                let evidence = format!("because the stage `{stage}` did not come so far");
+                let evidence = format!("because the stage `{stage}` did not get that far");
                 let (place, value) = ("-".to_owned(), NOT_ASKED.to_owned());
                 all.push(Finding { topic, place, value, evidence });
             }

@@ -1,4 +1,4 @@
-//! What the stages share: ports, motors, person and record.
+//! Shared state of the stages: ports, motors, operator and record.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,21 +19,21 @@ use i2ris::{clock, wall_clock};
 use i2ris_report::Failure;
 
 use super::node::Node;
-use super::person::{Gone, Person, Yes};
+use super::person::{Gone, Permission, Person};
 use super::record::{Record, Stage, Topic};
-use super::watch::Trip;
+use super::watch::PowerCutReason;
 
-/// Where lines come from, and what runs beside the commissioning.
+/// Source of the lines, and of processes next to the commissioning.
 pub trait Lines {
     type Line: Transport;
 
     fn open(&mut self, number: usize, port: &PortConfig) -> Result<Self::Line, DriveError>;
 
-    /// Kills a controller that holds the drives, and says what happened to them. The ports are free.
+    /// Kills a controller that holds the drives; returns the log of the stop. The ports are free.
     fn kill_controller(&mut self) -> Result<String, Failure>;
 }
 
-/// Why a stage ended before its end.
+/// Reason why a stage ended early.
 #[derive(Debug)]
 pub enum Halt {
     Failed(String),
@@ -46,10 +46,10 @@ impl From<Gone> for Halt {
     }
 }
 
-impl From<Trip> for Halt {
-    fn from(trip: Trip) -> Self {
+impl From<PowerCutReason> for Halt {
+    fn from(trip: PowerCutReason) -> Self {
         match trip {
-            Trip::Interrupted => Self::Gone(Gone::Interrupted),
+            PowerCutReason::Interrupted => Self::Gone(Gone::Interrupted),
             trip => Self::Failed(trip.to_string()),
         }
     }
@@ -68,7 +68,7 @@ impl From<DriveError> for Halt {
 }
 
 impl Halt {
-    /// Of this motor.
+    /// Adds the motor to the reason.
     pub fn at(self, place: &str) -> Self {
         match self {
             Self::Failed(text) => Self::Failed(format!("{place}: {text}")),
@@ -84,7 +84,7 @@ pub struct OpenPort<T> {
     pub capture: Capture,
 }
 
-/// Receives what is known behind a stage, and its bytes.
+/// Called after a stage with the record and the captured bytes.
 pub type Keep<'a> = dyn FnMut(&Record, Stage, &[CapturedPort]) -> Result<(), Failure> + 'a;
 
 /// A motor, for a stage.
@@ -97,12 +97,12 @@ pub struct Motor<'a, T> {
 }
 
 impl<T> Motor<'_, T> {
-    /// Notes what was found.
+    /// Records a finding.
     pub fn find(&mut self, topic: Topic, value: &str, evidence: String) {
         self.record.find(topic, &self.place, value, evidence);
     }
 
-    /// Notes why something was not asked.
+    /// Records why a test was skipped.
     pub fn skip(&mut self, topic: Topic, why: &str) {
         self.record.skip(topic, &self.place, why);
     }
@@ -115,25 +115,25 @@ pub struct Session<'a, L: Lines> {
     pub interrupted: Rc<dyn Fn() -> bool>,
     pub record: Record,
     pub ports: Vec<OpenPort<L::Line>>,
-    /// What the drives should be set to.
+    /// Expected drive settings.
     pub device: Option<DriveFingerprint>,
-    /// Exchanges of the histogram.
+    /// Number of exchanges for the histogram.
     pub exchanges: usize,
-    /// Where each motor was first.
+    /// First position of each motor.
     pub origins: BTreeMap<usize, Option<i32>>,
     pub keep: &'a mut Keep<'a>,
-    /// What went over lines that were closed since, and until when all of it was kept.
+    /// Captured bytes of lines closed since, and the time up to which they are complete.
     pub closed: Vec<CapturedPort>,
     pub kept: Nanos,
 }
 
 impl<L: Lines> Session<'_, L> {
-    /// Closes every port; what went over it is not lost.
+    /// Closes every port, keeping its captured bytes.
     pub fn close(&mut self) {
         self.closed.extend(self.ports.drain(..).map(|port| port.capture.read()));
     }
 
-    /// What went over the lines since the last call.
+    /// Bytes captured since the last call.
     pub fn take_captured(&mut self) -> Vec<CapturedPort> {
         let mut all = mem::take(&mut self.closed);
         all.extend(self.ports.iter().map(|port| port.capture.read()));
@@ -154,11 +154,11 @@ impl<L: Lines> Session<'_, L> {
         Ok(())
     }
 
-    /// Does something with every motor, one after the other.
+    /// Runs `stage` for every motor in turn.
     pub fn each_motor(
         &mut self,
-        yes: &Yes,
-        act: fn(&mut Motor<'_, L::Line>, &Yes) -> Result<String, Halt>,
+        yes: &Permission,
+        act: fn(&mut Motor<'_, L::Line>, &Permission) -> Result<String, Halt>,
     ) -> Result<String, Halt> {
         let mut texts = Vec::new();
         for port in 0..self.ports.len() {
@@ -184,7 +184,7 @@ impl<L: Lines> Session<'_, L> {
     }
 }
 
-/// Writes what is known, and the bytes of a stage, into the folder.
+/// Writes the record, and the bytes of a stage, into the folder.
 pub fn keep(
     folder: &Path,
     record: &Record,
@@ -194,7 +194,7 @@ pub fn keep(
     record.save(folder)?;
     let path = folder.join(format!("{stage}.pcapng"));
     if captured.iter().all(|port| port.events.is_empty()) {
-        // That of another day is not what happened now.
+        // Remove the capture of an earlier run.
         let _ = fs::remove_file(path);
         return Ok(());
     }

@@ -1,26 +1,26 @@
 //! The stops: what happens when the cable is pulled, the controller is killed, or the supply is
-//! switched. Each by hand, each with a permission of its own, each timed.
+//! switched. Each test is done by hand, with a separate permission, and timed.
 
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::error::AxisError;
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
 
-use super::guard::{Guard, How, Mode};
+use super::guard::{Mode, PowerOnOptions, PoweredDrive};
 use super::moving::{acknowledge, fault};
-use super::person::{Gone, Yes, permission};
+use super::person::{Gone, Permission, permission};
 use super::reading::NO_CAN;
 use super::record::Topic;
 use super::session::{Halt, Lines, Motor, Session, ms};
-use super::watch::{Permit, Trip};
+use super::watch::{Permit, PowerCutReason};
 
-/// How long a drive holds with power while nobody pulls or switches.
+/// Time that a drive holds with power, waiting for the operator.
 const PATIENCE: Nanos = Nanos::from_millis(30_000);
-/// How long a line may be away.
+/// Time limit for a line to return.
 const AWAY: Nanos = Nanos::from_millis(120_000);
-/// Period of trying whether it is back.
+/// Period of reconnection attempts.
 const POLL: Nanos = Nanos::from_millis(20);
-/// Enough to hold a motor at rest, mA.
+/// Current that holds a motor at rest, mA.
 const HOLDING_MA: u32 = 20;
 
 pub fn stops<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> {
@@ -40,13 +40,13 @@ pub fn stops<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> {
     Ok(texts.join("; "))
 }
 
-const OTHERWISE: &str = "anything else leaves it out";
+const OTHERWISE: &str = "any other input skips this test";
 
-/// A test by hand: the drive holds with power until its line or its state says otherwise.
+/// A test by hand: the drive holds with power until its line fails or its state changes.
 struct Outage {
-    /// Between the last good reply and the notice that there is none.
+    /// Time from the last good reply to the detection of the failure.
     noticed: Nanos,
-    /// Until it answered again.
+    /// Time from the last good reply until the drive answered again.
     back: Nanos,
     state: DriveState,
     code: u16,
@@ -54,8 +54,9 @@ struct Outage {
 
 fn cable<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     let what = format!(
-        "THE CABLE: {} holds with power for at most 30 s, nothing moves. When it is said, pull \
-         the cable of its port at the computer, and plug it in again when that is said.",
+        "THE CABLE: {} holds with power for at most 30 s, nothing moves. Wait for the prompt, \
+         then pull the cable of its port at the computer; plug it in again at the second prompt. \
+         A cable pulled before the prompt spoils the timing.",
         motor.place
     );
     let Some(yes) = permission(motor.person, &what, "cable", OTHERWISE)? else {
@@ -63,7 +64,7 @@ fn cable<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
         return Ok(());
     };
     let Some(outage) = outage(motor, &yes, "pull the cable NOW", "plug it in again")? else {
-        motor.skip(Topic::CablePulled, "nobody pulled the cable within 30 s");
+        motor.skip(Topic::CablePulled, "the cable was not pulled within 30 s");
         return Ok(());
     };
     let value = match outage.state {
@@ -77,9 +78,9 @@ fn cable<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
 
 fn supply<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     let what = format!(
-        "THE SUPPLY: {} holds with power for at most 30 s, nothing moves. When it is said, \
-         switch the supply of the drives off, and on again when that is said. The position is lost \
-         with it.",
+        "THE SUPPLY: {} holds with power for at most 30 s, nothing moves. Wait for the prompt, \
+         then switch the drive supply off; switch it on again at the second prompt. The position \
+         is lost.",
         motor.place
     );
     let Some(yes) = permission(motor.person, &what, "supply", OTHERWISE)? else {
@@ -88,14 +89,14 @@ fn supply<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     };
     let on_again = "switch the supply on again";
     let Some(outage) = outage(motor, &yes, "switch the supply off NOW", on_again)? else {
-        motor.skip(Topic::SupplySwitched, "nobody switched it within 30 s");
+        motor.skip(Topic::SupplySwitched, "it was not switched within 30 s");
         return Ok(());
     };
     let has_power = !outage.state.is_off() && outage.state != DriveState::Fault;
     let value = if has_power { "ON AGAIN WITH POWER" } else { "off, and stays off" };
     motor.find(Topic::SupplySwitched, value, times(&outage));
     let boot = if outage.code == 0 { "no fault".to_owned() } else { fault(outage.code) };
-    let evidence = "the error code when it answered again after the supply was switched";
+    let evidence = "the error code at the first reply after the supply was switched";
     motor.find(Topic::PowerUp, &boot, evidence.to_owned());
     off(motor)?;
     match (has_power, outage.code) {
@@ -117,30 +118,30 @@ fn times(outage: &Outage) -> String {
     )
 }
 
-/// Holds until the person has done what is said, then waits until the drive answers again. `None`:
-/// the person did nothing.
+/// Holds until the operator has acted, then waits until the drive answers again. `None`: the
+/// operator did not act.
 fn outage<T: Transport>(
     motor: &mut Motor<'_, T>,
-    yes: &Yes,
+    yes: &Permission,
     now: &str,
     then: &str,
 ) -> Result<Option<Outage>, Halt> {
-    // The supply of another drive may be its own, too.
+    // Another drive may share this supply.
     acknowledge(motor)?;
     let Motor { place, node, person, .. } = motor;
-    let how = How::new(Mode::Position, HOLDING_MA);
-    let guard = Guard::on(node, Permit::power(yes), how)?;
+    let how = PowerOnOptions::new(Mode::Position, HOLDING_MA);
+    let guard = PoweredDrive::on(node, Permit::power(yes), how)?;
     person.say(&format!("{place} has power: {now}"));
     let (good, noticed, trip) = guard.hold(PATIENCE);
     match trip {
         None => return Ok(None),
-        Some(Trip::Drive(_) | Trip::Switched(_)) => {}
+        Some(PowerCutReason::Drive(_) | PowerCutReason::Switched(_)) => {}
         Some(trip) => return Err(trip.into()),
     }
     person.say(then);
     let end = noticed + AWAY;
     loop {
-        // Whatever was sent before is not answered any more.
+        // Earlier requests are no longer answered.
         let answers = (!node.link.is_broken() || node.link.reopen().is_ok())
             && node.link.synchronise().is_ok();
         match node.state() {
@@ -152,8 +153,7 @@ fn outage<T: Transport>(
             Err(AxisError::UnknownState { .. }) | Ok(_) | Err(_) => {}
         }
         if (node.is_interrupted)() || node.link.now() > end {
-            let text =
-                "it does not answer any more. IT IS NOT KNOWN WHETHER IT IS OFF: cut its supply";
+            let text = "it no longer answers. THE DRIVE MAY STILL BE ON: cut its supply";
             return Err(Halt::Failed(text.to_owned()));
         }
         let next = node.link.now() + POLL;
@@ -161,7 +161,7 @@ fn outage<T: Transport>(
     }
 }
 
-/// Switches off what may have power, and acknowledges a fault.
+/// Switches off a drive that may have power, and acknowledges a fault.
 fn off<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     let node = &mut motor.node;
     node.cut()?;
@@ -170,9 +170,9 @@ fn off<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
 }
 
 fn controller<L: Lines>(session: &mut Session<'_, L>) -> Result<(), Halt> {
-    let what = "THE CONTROLLER: i2ris-watchdog and i2ris-control are started on this configuration. \
-                The controller takes the present pose as the zero, switches every drive on, holds \
-                for 2 s, and is killed. The watchdog has to stop every drive. Nothing moves.";
+    let what = "THE CONTROLLER: i2ris-watchdog and i2ris-control start with this configuration. \
+                The controller makes the present pose the zero, switches every drive on, holds \
+                for 2 s, and is killed. The watchdog must stop every drive. Nothing moves.";
     let Some(_) = permission(session.person, what, "kill", OTHERWISE)? else {
         session.record.skip(Topic::ControllerKilled, "all", "it was not permitted");
         return Ok(());
@@ -192,12 +192,16 @@ fn controller<L: Lines>(session: &mut Session<'_, L>) -> Result<(), Halt> {
         return Err(Gone::Interrupted.into());
     }
     let evidence = match killed {
-        Ok(said) => format!("{said}; then the drives said {states:?}"),
+        Ok(log) => format!("{log}; then the drives reported {states:?}"),
         Err(failure) => return Err(Halt::Failed(format!("killing a controller: {failure}"))),
     };
     let is_stopped = |state: &DriveState| *state != DriveState::OperationEnabled;
     let all = states.iter().all(is_stopped);
     let value = if all { "every drive is stopped by the watchdog" } else { "NOT STOPPED" };
     session.record.find(Topic::ControllerKilled, "all", value, evidence);
-    if all { Ok(()) } else { Err(Halt::Failed("a killed controller leaves drives on".into())) }
+    if all {
+        Ok(())
+    } else {
+        Err(Halt::Failed("drives stay on after the controller is killed".into()))
+    }
 }

@@ -1,6 +1,6 @@
-//! Whole commissionings in simulated time: every combination of what nobody knows, on both families
-//! and all lines, with healthy and wrong benches. Judged at the emulated motors, not by what the
-//! commissioning says.
+//! Whole commissionings in simulated time: every combination of the unknowns, on both families and
+//! all lines, with healthy and wrong benches. Judged at the emulated motors, not by the output of
+//! the commissioning.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -61,10 +61,10 @@ struct Case {
     line: Line,
     /// A bit for each of the first eight unknowns.
     unknowns: u8,
-    /// Play of the gears, counts; 0: nothing is coupled.
+    /// Gear play, counts; 0: nothing is coupled.
     play: u32,
     wrong: Option<Wrong>,
-    /// The motor with the mistake.
+    /// The faulty motor.
     bad: usize,
     seed: u64,
 }
@@ -142,7 +142,7 @@ impl Case {
         config
     }
 
-    /// What has to be found; `None`: it has to be said why it was not asked.
+    /// Expected finding; `None`: a reason for skipping is expected.
     fn truth(&self, topic: Topic, motor: usize) -> Option<String> {
         let either = |bit, yes: &str, no: &str| if self.is(bit) { yes } else { no }.to_owned();
         let is_epos2 = self.family == Family::Epos2;
@@ -179,11 +179,11 @@ impl Lines for BenchLines {
     }
 }
 
-/// A person at the bench, who does what is said, and a judge beside.
+/// An operator at the bench who follows the prompts, and a judge.
 struct Operator {
     case: Case,
     bench: Bench,
-    /// Questions until nobody is there.
+    /// Questions until the operator leaves.
     patience: Option<usize>,
     interrupted: Rc<Cell<bool>>,
     few: bool,
@@ -191,7 +191,7 @@ struct Operator {
 }
 
 impl Operator {
-    /// How far each motor went from its place.
+    /// Checks how far each motor went from its place.
     fn judge(&self) {
         for motor in 0..self.case.motors() {
             let [lowest, highest] = self.bench.with_drive(motor, |drive| drive.reached());
@@ -222,7 +222,7 @@ impl Person for Operator {
     fn say(&mut self, text: &str) {
         if self.case.wrong == Some(Wrong::NobodyActs) {
             if text.contains("pull the cable NOW") {
-                // A read, and its repetition behind the two of the synchronisation.
+                // A read, and its repetition after the two of the synchronisation.
                 self.bench.with_drive(motor_of(text), |drive| drive.lose(0b1001));
             }
             return;
@@ -335,7 +335,7 @@ fn commission(case: Case) -> (Result<(), String>, Record) {
     (outcome, record)
 }
 
-/// Whatever was found is right, and what was not has a reason.
+/// Every finding is right, and every missing one has a reason.
 fn check_findings(case: Case, record: &Record, is_whole: bool) {
     for (topic, ..) in Topic::ALL {
         let mut found = record.findings.iter().filter(|it| it.topic == topic).peekable();
@@ -344,7 +344,7 @@ fn check_findings(case: Case, record: &Record, is_whole: bool) {
             let motor = it.place.strip_prefix("motor ").map_or(0, |it| it.parse().unwrap());
             let is_asked = it.value != NOT_ASKED;
             let cable = (Topic::CablePulled, Some(Wrong::NobodyActs));
-            assert!(!is_asked || (topic, case.wrong) != cable, "nobody pulled: {it:?}");
+            assert!(!is_asked || (topic, case.wrong) != cable, "the cable was not pulled: {it:?}");
             if is_asked && let Some(truth) = case.truth(topic, motor) {
                 assert_eq!(it.value, truth, "{topic:?}, {}: {case:?}", it.evidence);
             }
@@ -363,22 +363,22 @@ fn check_findings(case: Case, record: &Record, is_whole: bool) {
 
 fn run(case: Case) {
     let (outcome, record) = commission(case);
-    let said = outcome.as_ref().err().map_or("", String::as_str);
+    let output = outcome.as_ref().err().map_or("", String::as_str);
     let parts: &[&str] = match case.wrong {
         None | Some(Wrong::NobodyActs | Wrong::NoPulses | Wrong::NotPermitted) => &[],
         Some(Wrong::Family) => &["identify", "is this an EPOS", "correct `family`"],
         Some(Wrong::Swapped) => &["identify", "serial number 62000002", "swapped"],
-        Some(Wrong::Enabled) => &["identify", "switched on already", "another program"],
+        Some(Wrong::Enabled) => &["identify", "already switched on", "another program"],
         Some(Wrong::Blocked | Wrong::NoSignal) => &["steps", "blocked", "no signal"],
         Some(Wrong::Reversed) => &["steps", "turns the other way", "0x3010:02"],
         Some(Wrong::Resolution) => &["gear", "another resolution", "1024 counts"],
         Some(Wrong::EndOfInput) => &["end of input", "drives are off"],
-        // It may come behind the end.
+        // It may come after the end.
         Some(Wrong::CtrlC) if outcome.is_ok() => &[],
         Some(Wrong::CtrlC) => &["interrupted"],
     };
-    assert_eq!(outcome.is_ok(), parts.is_empty(), "{said}: {case:?}");
-    parts.iter().for_each(|part| assert!(said.contains(part), "{part}: {said}: {case:?}"));
+    assert_eq!(outcome.is_ok(), parts.is_empty(), "{output}: {case:?}");
+    parts.iter().for_each(|part| assert!(output.contains(part), "{part}: {output}: {case:?}"));
     check_findings(case, &record, outcome.is_ok());
     let proposes = matches!(case.wrong, Some(Wrong::Family | Wrong::Swapped));
     assert_eq!(record.changes.is_empty(), !proposes, "{:?}: {case:?}", record.changes);
@@ -386,8 +386,8 @@ fn run(case: Case) {
     assert!(html.contains("Proposed configuration") && html.ends_with("</html>\n"), "{html}");
 }
 
-/// What is said at the end on a bench with this mistake, on the laboratory's line.
-pub fn said_of(bench: &str) -> String {
+/// Final output on a bench with this fault, on the laboratory's line.
+pub fn output_of(bench: &str) -> String {
     let wrong = match bench {
         "encoder has no object for its pulses" => Wrong::NoPulses,
         "encoder of another resolution" => Wrong::Resolution,
@@ -430,7 +430,7 @@ fn unknowns_are_found_and_nothing_moves_further_than_it_may() {
 #[test]
 #[ignore = "an hour: for .ci/nightly"]
 fn every_combination_of_the_unknowns_on_healthy_and_wrong_benches() {
-    // A part of them where a word in the environment says how many combinations.
+    // The environment may limit the number of combinations.
     let most = std::env::var("I2RIS_UNKNOWNS").map_or(256, |it| it.parse().unwrap());
     thread::scope(|scope| {
         for part in 0..2 {

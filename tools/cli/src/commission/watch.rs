@@ -1,27 +1,27 @@
-//! Who may move, and how far: the judge of every motion of the commissioning.
+//! Motion limits and supervision of every motion of the commissioning.
 //!
-//! A [`Permit`] is made of what a person typed, and [`Watch`] judges what is seen of the drive while
-//! it has power. No I/O, no clock.
+//! A [`Permit`] results from a typed [`Permission`], and [`Watch`] judges the readings of the drive
+//! while it has power. No I/O, no clock.
 
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::error::AxisError;
 use i2ris::units::Nanos;
 
-use super::person::Yes;
+use super::person::Permission;
 
-/// The most counts that one permission is worth: a twentieth of a degree of the snake.
+/// Maximum counts for one permission: a twentieth of a degree of the snake.
 pub const FEW: i32 = 20;
 /// An encoder at rest may toggle.
 const TOGGLE: i32 = 2;
-/// A motor that is nearer to its place has arrived, counts: friction keeps it from it.
+/// Distance that counts as arrived, counts: friction prevents an exact stop.
 pub const NEAR: i32 = 3;
-/// So long a motor may take to come nearer to its place, and so long currents may flow while the
-/// encoder shows nothing.
+/// Maximum time without progress towards the place, and maximum time of current without encoder
+/// counts.
 pub const SILENT: Nanos = Nanos::from_millis(50);
-/// Power goes off after so long, whatever happens.
-pub const MOST_POWERED: Nanos = Nanos::from_millis(60_000);
+/// Maximum time with power on.
+pub const MAX_POWERED_TIME: Nanos = Nanos::from_millis(60_000);
 
-/// What a person has permitted.
+/// Motion permitted by the operator.
 #[derive(Debug, Clone, Copy)]
 pub struct Permit {
     pub(super) most: i32,
@@ -29,86 +29,86 @@ pub struct Permit {
 
 impl Permit {
     /// Power, and no motion.
-    pub fn power(_: &Yes) -> Self {
+    pub fn power(_: &Permission) -> Self {
         Self { most: TOGGLE }
     }
 
-    pub fn few(_: &Yes) -> Self {
+    pub fn few(_: &Permission) -> Self {
         Self { most: FEW }
     }
 
-    /// More than a few counts take a second permission.
-    pub fn further(_: &Yes, _second: &Yes, most: i32) -> Self {
+    /// Permits up to `most` counts, which requires a second permission.
+    pub fn further(_: &Permission, _second: &Permission, most: i32) -> Self {
         Self { most }
     }
 }
 
-/// Why the power was cut.
+/// Reason for a power cut.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum Trip {
-    #[error("the encoder went {counts} counts from the start, and {most} are permitted")]
+pub enum PowerCutReason {
+    #[error("the encoder is {counts} counts from the start, but only {most} are permitted")]
     Beyond { counts: i32, most: i32 },
-    #[error("{asked} counts were asked, and {most} are permitted")]
-    NotPermitted { asked: i32, most: i32 },
-    #[error("{ma} mA flow, and the limit is {most}")]
+    #[error("{requested} counts were requested, but only {most} are permitted")]
+    NotPermitted { requested: i32, most: i32 },
+    #[error("the current is {ma} mA, and the limit is {most}")]
     Current { ma: i32, most: i32 },
     #[error(
-        "the encoder does not follow: it is at {counts} counts where {goal} were asked. The motor is \
+        "the encoder does not follow: it is at {counts} counts instead of {goal}. The motor is \
          blocked, its encoder gives no signal, or its current is too low"
     )]
     NoCounts { counts: i32, goal: i32 },
     #[error("the drive went into a fault: 0x{0:04X}")]
     Fault(u16),
-    #[error("the drive is in {0:?}: something else has switched it")]
+    #[error("the drive is in {0:?}: another program has switched it")]
     Switched(DriveState),
-    #[error("it was on for a minute")]
+    #[error("it was on for the maximum of one minute")]
     TooLong,
     #[error("interrupted")]
     Interrupted,
     #[error(transparent)]
     Drive(#[from] AxisError),
-    #[error("{0}. IT IS NOT KNOWN WHETHER THE DRIVE IS OFF: cut its supply now")]
+    #[error("{0}. THE DRIVE MAY STILL BE ON: cut its supply now")]
     NotOff(Box<Self>),
 }
 
-/// What a look at a drive shows.
+/// Reading of a drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Seen {
     pub at: Nanos,
-    /// From the place where the power came on.
+    /// Counts from the origin.
     pub counts: i32,
     pub current_ma: i32,
     pub state: DriveState,
 }
 
-/// Judges what is seen.
+/// Supervision of a powered drive.
 #[derive(Debug, Clone)]
 pub struct Watch {
     pub most: i32,
     pub most_ma: i32,
     pub begin: Nanos,
-    /// Where the motor is sent: the place, how near it came, and when.
+    /// Target of the motor, nearest distance reached, and when.
     pub sent: Option<(i32, i32, Nanos)>,
 }
 
 impl Watch {
-    pub fn judge(&mut self, seen: Seen) -> Result<(), Trip> {
+    pub fn judge(&mut self, seen: Seen) -> Result<(), PowerCutReason> {
         let Self { most, most_ma, .. } = *self;
         if seen.counts.abs() > most {
-            return Err(Trip::Beyond { counts: seen.counts, most });
+            return Err(PowerCutReason::Beyond { counts: seen.counts, most });
         }
         if seen.current_ma.abs() > 2 * most_ma {
-            return Err(Trip::Current { ma: seen.current_ma, most: most_ma });
+            return Err(PowerCutReason::Current { ma: seen.current_ma, most: most_ma });
         }
-        if seen.at - self.begin > MOST_POWERED {
-            return Err(Trip::TooLong);
+        if seen.at - self.begin > MAX_POWERED_TIME {
+            return Err(PowerCutReason::TooLong);
         }
         if let Some((goal, nearest, since)) = &mut self.sent {
             let off = (*goal - seen.counts).abs();
             if off <= NEAR || off < *nearest {
                 (*nearest, *since) = (off, seen.at);
             } else if seen.at - *since > SILENT {
-                return Err(Trip::NoCounts { counts: seen.counts, goal: *goal });
+                return Err(PowerCutReason::NoCounts { counts: seen.counts, goal: *goal });
             }
         }
         Ok(())
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_seen_is_judged_by_counts_current_progress_and_time() {
+    fn readings_are_judged_by_counts_current_progress_and_time() {
         let seen = |ms: u64, counts, current_ma| Seen {
             at: Nanos::from_millis(ms),
             counts,
@@ -130,10 +130,13 @@ mod tests {
         let watch = Watch { most: FEW, most_ma: 30, begin: Nanos::ZERO, sent: None };
         let judged = |sent, it| Watch { sent, ..watch.clone() }.judge(it);
         assert_eq!(judged(None, seen(1, -20, 60)), Ok(()));
-        let beyond = Trip::Beyond { counts: -21, most: 20 };
+        let beyond = PowerCutReason::Beyond { counts: -21, most: 20 };
         assert_eq!(judged(None, seen(1, -21, 0)), Err(beyond));
-        assert_eq!(judged(None, seen(1, 0, -61)), Err(Trip::Current { ma: -61, most: 30 }));
-        assert_eq!(judged(None, seen(60_001, 0, 0)), Err(Trip::TooLong));
+        assert_eq!(
+            judged(None, seen(1, 0, -61)),
+            Err(PowerCutReason::Current { ma: -61, most: 30 })
+        );
+        assert_eq!(judged(None, seen(60_001, 0, 0)), Err(PowerCutReason::TooLong));
         let mut moving = Watch { sent: Some((12, i32::MAX, Nanos::ZERO)), ..watch.clone() };
         for (ms, counts) in [(1, 0), (51, 0), (52, 1), (100, 1), (103, 9), (900, 9)] {
             let outcome = moving.judge(seen(ms, counts, 0));
@@ -142,6 +145,9 @@ mod tests {
         let sent = Some((12, i32::MAX, Nanos::ZERO));
         let mut stuck = Watch { sent, ..watch };
         assert_eq!(stuck.judge(seen(1, 4, 0)), Ok(()));
-        assert_eq!(stuck.judge(seen(52, 4, 0)), Err(Trip::NoCounts { counts: 4, goal: 12 }));
+        assert_eq!(
+            stuck.judge(seen(52, 4, 0)),
+            Err(PowerCutReason::NoCounts { counts: 4, goal: 12 })
+        );
     }
 }

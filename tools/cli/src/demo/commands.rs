@@ -19,11 +19,11 @@ use crate::progress_bar::{bar_of_time, spinner, tenths};
 use crate::start::{EmulatedRobot, text};
 use i2ris_simulation::motion::unseen_motion::RATE_HZ;
 
-/// Offset of the seeds of motions: no calibration has the same seed.
+/// Offset of motion seeds: no calibration has the same seed.
 const MOTION_SEEDS: u64 = 1000;
 const READ_PERIOD: Nanos = Nanos::from_millis(5);
 
-/// A folder of this run, removed at its end unless somebody named it.
+/// Folder of this run, removed at the end unless named by the user.
 struct Folder {
     path: PathBuf,
     is_kept: bool,
@@ -42,7 +42,7 @@ pub struct Demo {
     pub arguments: Arguments,
     interrupt: Interrupt,
     domain: Domain,
-    /// `None`: it was ended.
+    /// `None` after the end.
     robot: Option<EmulatedRobot>,
     folder: Folder,
 }
@@ -50,16 +50,16 @@ pub struct Demo {
 impl Demo {
     pub fn start(arguments: Arguments, interrupt: Interrupt) -> Result<Self, Failure> {
         let program = std::env::current_exe()?;
-        // Beside the folder of the programs: target/demo-PID.
+        // Next to the folder of the programs: target/demo-PID.
         let target =
-            program.parent().and_then(Path::parent).ok_or("the program lies in no folder")?;
+            program.parent().and_then(Path::parent).ok_or("the program is not in a folder")?;
         let name = format!("demo-{}", std::process::id());
         let (is_kept, domain) = (arguments.folder.is_some(), Domain::new(&name)?);
         let path = arguments.folder.clone().unwrap_or_else(|| target.join(&name));
         fs::create_dir_all(&path)
             .map_err(|error| format!("cannot create {}: {error}", path.display()))?;
         let folder = Folder { path: fs::canonicalize(path)?, is_kept };
-        // Of an earlier run, on another domain.
+        // From an earlier run, on another domain.
         let file = folder.path.join(crate::start::FILE);
         let _ = fs::remove_file(&file);
         let mut demo = Self { arguments, interrupt, domain, robot: None, folder };
@@ -67,7 +67,7 @@ impl Demo {
         let snake = &demo.arguments.snake;
         let options = ["--snake", snake, "--seed", &seed, "--log", &log].map(str::to_owned);
         let bar = spinner("start emulated drives, a snake and the controller");
-        // Models without memory, which it compares with the others, are wrong by a whole loop.
+        // Models without memory, which the demo compares, are wrong by a whole hysteresis loop.
         let (domain, line) = (demo.domain.name(), demo.arguments.line);
         let mut config = crate::start::config(&demo.folder.path, domain, line)?;
         config.limits.plausibility_deg = 0.0;
@@ -108,7 +108,7 @@ impl Demo {
         Ok(())
     }
 
-    /// The same behind the bar of the caller. `meanwhile` gets the time that has gone by, s.
+    /// As [`Self::run`], with the caller's progress bar. `meanwhile` receives the elapsed time, s.
     fn run_behind(
         &mut self,
         words: &[&str],
@@ -141,7 +141,7 @@ impl Demo {
         Ok(())
     }
 
-    /// Fits a family to a recording, unless the model is there.
+    /// Fits a family to a recording, unless the model exists.
     pub fn fit(&mut self, recording: &str, family: &str, model: &str) -> Result<(), Failure> {
         let output = self.path(&format!("{model}.json"));
         if output.exists() {
@@ -155,10 +155,10 @@ impl Demo {
         self.run(&format!("fit `{model}` to {recording}"), &[&fit[..], &options].concat())
     }
 
-    /// Takes a model into use, and follows every motion with it.
+    /// Activates a model, and follows every motion with it.
     pub fn follow(&mut self, model: &str) -> Result<Vec<Followed>, Failure> {
         let file = self.file(&format!("{model}.json"))?;
-        self.run(&format!("take `{model}` into use"), &["model", "use", &file])?;
+        self.run(&format!("activate `{model}`"), &["model", "use", &file])?;
         let client = self.connect()?;
         let mut followed = Vec::new();
         for motion in self.arguments.motions.clone() {

@@ -1,4 +1,4 @@
-//! Tracking of an unseen motion: goal against camera, and what the demo prints of it.
+//! Tracking of an unseen motion: goal against camera, and its output.
 
 use i2ris::ipc::client::{Client, Subscription};
 use i2ris::ipc::payload::{ExternalPosition, JointState};
@@ -9,7 +9,7 @@ use i2ris_simulation::motion::unseen_motion::Motion;
 
 /// Longest gap between two samples, ns. The controller publishes the goal every millisecond.
 const GAP_NS: u64 = 60_000_000;
-/// The goal has come to the start of the motion when it is this near, degrees.
+/// Distance at which the goal has reached the start of the motion, degrees.
 const NEAR_DEG: f64 = 0.2;
 
 #[derive(Debug, Default)]
@@ -18,7 +18,7 @@ pub struct MotionRun {
     pub errors_deg: Vec<[f64; 2]>,
 }
 
-/// Of pitch, yaw and their length; NaN without frames.
+/// RMS of pitch, yaw and their length; NaN without frames.
 pub fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
     let mean = |square: fn(&[f64; 2]) -> f64| {
         (errors_deg.iter().map(square).sum::<f64>() / errors_deg.len() as f64).sqrt()
@@ -72,7 +72,7 @@ impl TrackingRecorder {
         self.run
     }
 
-    /// The difference for every frame from an instant on, ns.
+    /// The difference for every frame after a time, ns.
     pub fn errors_since(&self, started: u64) -> Vec<[f64; 2]> {
         let error = |&(stamp, seen): &(u64, [f64; 2])| {
             let goal = self.goals.value_at(stamp, GAP_NS)?;

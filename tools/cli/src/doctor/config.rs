@@ -1,4 +1,4 @@
-//! `i2ris doctor config`: looking at a configuration without starting anything.
+//! `i2ris doctor config`: inspects a configuration without starting anything.
 
 mod describe;
 mod schema;
@@ -13,43 +13,42 @@ use i2ris_report::Failure;
 use i2ris_report::exit::{Coded, NOT_READY};
 use schema::Kind;
 
-/// As delivered.
+/// Configurations as delivered.
 const TEMPLATES: [&str; 2] = [
     include_str!("../../../../config/robot.toml"),
     include_str!("../../../../config/robot-rs232.toml"),
 ];
 
-/// Behind every line of them that a person has to look at.
+/// Mark after every line that the operator must check.
 const MARK: &str = " # CHECK";
 
-/// What `i2ris doctor config` can do.
+/// Commands of `i2ris doctor config`.
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
   i2ris doctor config check my-robot.toml
-  i2ris doctor config print config/robot.toml           every key with its meaning and its value
+  i2ris doctor config print config/robot.toml           all keys with values and meanings
   i2ris doctor config schema > robot.schema.json        for editors: completion, meanings, unknown keys
-  i2ris doctor config schema vision                     of the file that describes the views")]
+  i2ris doctor config schema vision                     for the file that describes the views")]
 pub enum Command {
-    /// Say whether a configuration is valid, or what is wrong with it and where
+    /// Validate a configuration
     Check {
         /// The configuration
         file: PathBuf,
-        /// As JSON
+        /// Print JSON
         #[arg(long)]
         json: bool,
     },
-    /// Print a configuration with every key and what it means, those that the file leaves out with
-    /// their defaults
+    /// Print all keys of a configuration, including defaults, with values and meanings
     Print {
         /// The configuration
         file: PathBuf,
-        /// As JSON, without meanings
+        /// Print JSON, without meanings
         #[arg(long)]
         json: bool,
     },
-    /// Print a JSON Schema: every key, its type, what it means
+    /// Print a JSON Schema: keys, types, meanings
     Schema {
-        /// Of which kind of file
+        /// Kind of file
         #[arg(value_enum, default_value_t = Kind::Controller)]
         kind: Kind,
     },
@@ -93,7 +92,7 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
     } else {
         println!("{}: valid; robot {robot}, {axes} axes, {motors} of the snake", file.display());
         println!(
-            "the motion stops with a position older than {stale_ms:.0} ms, FAULT after \
+            "the motion stops if a position is older than {stale_ms:.0} ms, FAULT after \
              {lost_ms:.0} ms"
         );
         for port in &config.ports {
@@ -108,7 +107,7 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
             );
         }
         hand.iter().for_each(|hand| println!("with its model, {hand}"));
-        config.watches_off().iter().for_each(|watch| println!("off: {watch}"));
+        config.disabled_monitors().iter().for_each(|watch| println!("off: {watch}"));
         findings.iter().for_each(|finding| println!("{finding}"));
     }
     match findings.len() {
@@ -120,9 +119,8 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
     }
 }
 
-/// The lines of a template that only a person can fill in, and nobody has: marked CHECK, with the
-/// value as delivered. Taking the mark away says that the value is right. A serial number of 0 is
-/// never right.
+/// Template lines still to be filled in by the operator: marked CHECK, with the value as delivered.
+/// Deleting the mark confirms the value. A serial number of 0 is never valid.
 pub fn as_delivered(text: &str, config: &Config) -> Vec<String> {
     let is_delivered = |line: &&str| {
         let mut delivered = TEMPLATES.iter().flat_map(|template| template.lines());
@@ -131,7 +129,7 @@ pub fn as_delivered(text: &str, config: &Config) -> Vec<String> {
     let lines = text.lines().enumerate().filter(|(_, line)| is_delivered(line));
     let marked = lines.map(|(index, line)| {
         let line = line.trim().trim_end_matches(MARK);
-        format!("line {}: {line}: as delivered; correct it, or take the mark CHECK away", index + 1)
+        format!("line {}: {line}: as delivered; correct it, or delete the mark CHECK", index + 1)
     });
     let unknown = config.axes().filter(|axis| axis.serial_number == 0);
     let unknown = unknown.map(|axis| {

@@ -1,4 +1,4 @@
-//! What a hand may hold: input devices, their profiles, and the permission to read them.
+//! Input devices, their profiles, and the permission to read them.
 
 use std::fs;
 use std::path::Path;
@@ -8,15 +8,15 @@ use i2ris_teleop::profile::Profile;
 
 use super::report::Report;
 
-/// A wireless device with less is to be charged before a trial, %.
+/// Battery level below which a device should be charged before a trial, %.
 const LOW_BATTERY: u32 = 20;
 
-/// Checks every input device of this computer. None is no fault: there is the keyboard.
+/// Checks every input device of this computer. None is required: the keyboard always works.
 pub fn check(report: &mut Report) {
     let profiles: Vec<_> = Profile::shipped().collect();
     let found = scan(&profiles);
     if found.is_empty() {
-        report.pass("input devices", "none is plugged in; `i2ris teleop --keyboard` needs none");
+        report.pass("input devices", "none plugged in; `i2ris teleop --keyboard` needs none");
     }
     for Found { path, description } in &found {
         match description {
@@ -36,10 +36,10 @@ pub fn check(report: &mut Report) {
             }
             Ok(device) => report.warn(
                 "input device",
-                format!("{} at {} is not known", device.identity, path.display()),
-                "`i2ris teleop input learn` asks what its controls are",
+                format!("{} at {} has no profile", device.identity, path.display()),
+                "`i2ris teleop input learn` creates a profile",
             ),
-            // Every keyboard is closed to who is no administrator: that is no news.
+            // Keyboards are readable by administrators only, so they are not reported.
             Err(_) => {}
         }
     }
@@ -53,8 +53,8 @@ pub fn check(report: &mut Report) {
     }
 }
 
-/// What is left of the battery of a device, %, where the kernel tells: `input/event7/device/device`
-/// and `hidraw/hidraw2/device` are where it hangs.
+/// Battery level of a device, %, if the kernel reports it, under `input/event7/device/device` or
+/// `hidraw/hidraw2/device`.
 fn battery(classes: &Path, device: &Path) -> Option<u32> {
     let name = device.file_name()?;
     let hangs = ["input", "hidraw"].map(|class| classes.join(class).join(name).join("device"));
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_battery_of_a_wireless_device_is_what_the_kernel_reports() {
+    fn battery_level_is_read_from_the_kernel() {
         let classes = tempfile::tempdir().unwrap();
         for (place, left) in [
             ("input/event7/device/device/power_supply/ps-controller-battery-1", "15\n"),

@@ -1,4 +1,4 @@
-//! Ports and the drives behind them.
+//! Ports and their drives.
 
 use std::collections::BTreeMap;
 
@@ -12,14 +12,14 @@ use i2ris::units::{AUXILIARY, MAX_AXES, Nanos};
 
 use super::report::Report;
 
-/// An exchange that takes longer is held back by something.
+/// Duration of an exchange above which something delays it.
 const SLOW: Nanos = Nanos::from_millis(4);
 
 /// Supply voltages that a small drive should see, volts.
 const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.0..=50.0;
 
-/// Differing limits that are named at most.
-const MOST_NAMED: usize = 3;
+/// Maximum number of differing limits to print.
+const MAX_NAMED: usize = 3;
 
 /// Checks a port, and its drives where `open`.
 pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut Report) {
@@ -51,7 +51,7 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
                     Err(why) => fail(name, &why, report),
                 }
             }
-            // What answered a moment ago answers.
+            // The drive answered a moment ago.
             list_nodes(port, &nodes(port).unwrap_or_default(), report);
         }
         Err(error @ DriveError::Busy { .. }) => {
@@ -59,15 +59,15 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
         }
         Err(error) => {
             let is_garbled =
-                matches!(&error, DriveError::NotUnderstood(.., heard) if !heard.is_frame());
+                matches!(&error, DriveError::InvalidReply(.., reply) if !reply.is_frame());
             let is_silent = matches!(error, DriveError::NoAnswer { .. });
             match (is_garbled || is_silent).then(|| answering_rate(port)).flatten() {
                 Some(baud) => say_other(port, baud, report),
                 None if is_silent => report.fail(
                     name,
-                    "nothing answers, at any rate from 9600 to 1000000 baud",
-                    "switch on the power of the drives, press in the cable at both ends, and check \
-                     that `device` is the port of the drives; an EPOS2 is driven over USB, not RS232",
+                    "no reply at any rate from 9600 to 1000000 baud",
+                    "switch on the drive supply, press in the cable at both ends, and check that \
+                     `device` is the port of the drives; an EPOS2 is driven over USB, not RS232",
                 ),
                 None => fail(name, &error.to_string(), report),
             }
@@ -75,26 +75,26 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
     }
 }
 
-/// A sentence of what, and how to mend it.
+/// Adds a failure from a text of the form `finding; fix`.
 fn fail(name: String, text: &str, report: &mut Report) {
     let (found, fix) = text.split_once("; ").unwrap_or((text, "check the drive"));
     report.fail(name, found, fix);
 }
 
-/// A drive answers, but not as it is written.
+/// Reports a drive that answers at another rate than configured.
 fn say_other(port: &PortConfig, baud: u32, report: &mut Report) {
-    let behind = nodes(&PortConfig { baud, ..port.clone() }).unwrap_or_default();
-    let behind: Vec<String> = behind
+    let found = nodes(&PortConfig { baud, ..port.clone() }).unwrap_or_default();
+    let found: Vec<String> = found
         .iter()
         .map(|it| format!("; node {} is an {} {}", it.node_id, it.family, it.serial_number))
         .collect();
     let found =
-        format!("nothing at {} baud; a drive answers at {baud}{}", port.baud, behind.concat());
+        format!("no reply at {} baud; a drive answers at {baud}{}", port.baud, found.concat());
     let fix = format!("set `baud = {baud}`");
     report.fail(port.device.display().to_string(), found, fix);
 }
 
-/// The drives on a port, and a table of those that the configuration does not name.
+/// Lists the drives on a port, with a table of those missing in the configuration.
 fn list_nodes(port: &PortConfig, found: &[FoundNode], report: &mut Report) {
     let is_known = |node: &FoundNode| {
         port.axes.iter().any(|axis| {
@@ -108,7 +108,7 @@ fn list_nodes(port: &PortConfig, found: &[FoundNode], report: &mut Report) {
         report.pass(format!("{device} node {node_id}"), what);
     }
     if !found.iter().all(is_known) {
-        // Whole, with the limits of the configuration: what is pasted has to be a valid file.
+        // Complete, with the configured limits, so that the pasted text is a valid file.
         let mut port = port.clone();
         rename_axes(&mut port, found);
         let table = BTreeMap::from([("ports", [port])]);
@@ -116,8 +116,8 @@ fn list_nodes(port: &PortConfig, found: &[FoundNode], report: &mut Report) {
     }
 }
 
-/// Gives the axes the nodes and serial numbers of the drives that were found: those of their node,
-/// and to what is left what is left. More drives are more axes.
+/// Gives the axes the nodes and serial numbers of the found drives, matched by node first; the rest
+/// are assigned in sequence. Additional drives become additional axes.
 pub fn rename_axes(port: &mut PortConfig, found: &[FoundNode]) {
     let mut left: Vec<&FoundNode> = found.iter().collect();
     let mut rest = Vec::new();
@@ -190,10 +190,10 @@ fn check_state(name: &str, seen: &Inspection, report: &mut Report) {
         Some(state @ (DriveState::OperationEnabled | DriveState::QuickStopActive)) => report.warn(
             name,
             format!("{state:?} without a controller, {homed}"),
-            "a controller died here; the next one switches the drive off in order at its start",
+            "left on by a controller that died; the next one switches it off cleanly at start-up",
         ),
         Some(state) => report.pass(name, format!("{state:?}, {homed}")),
-        None => report.fail(name, "no known state", "check that the firmware is supported"),
+        None => report.fail(name, "unknown state", "check that the firmware is supported"),
     }
 }
 
@@ -205,15 +205,15 @@ fn check_limits(name: &str, seen: &Inspection, report: &mut Report) {
     let listed: Vec<String> = seen
         .differences
         .iter()
-        .take(MOST_NAMED)
-        // What is near 2^32 is a number below 0.
+        .take(MAX_NAMED)
+        // A value near 2^32 is a negative number.
         .map(|(object, wanted, found)| {
             format!("{object} is {}, not {}", found.cast_signed(), wanted.cast_signed())
         })
         .collect();
-    let more = seen.differences.len().saturating_sub(MOST_NAMED);
+    let more = seen.differences.len().saturating_sub(MAX_NAMED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    // Every start of the controller writes them, so before the first one this is as it should be.
+    // The controller writes them at every start, so a difference before the first is expected.
     report.pass(
         name,
         format!("{}{more}; the controller writes them at its start", listed.join(", ")),

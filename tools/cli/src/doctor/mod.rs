@@ -1,7 +1,7 @@
-//! `i2ris doctor`: everything that must be right before a robot moves, a line each, with the fix.
+//! `i2ris doctor`: one line for each condition of a moving robot, with the fix.
 //!
-//! Nothing is changed: drives are read, not written. While a controller runs it holds the ports,
-//! and the drives cannot be looked at.
+//! Nothing is changed: drives are read, not written. A running controller holds the ports, and the
+//! drives cannot be read.
 
 mod config;
 mod devices;
@@ -34,7 +34,7 @@ use report::Report;
 pub struct Arguments {
     #[command(subcommand)]
     other: Option<Other>,
-    /// The configuration of the controller [default: that of the controller that runs in the domain,
+    /// The configuration of the controller [default: that of the controller running in the domain,
     /// or config/emulator.toml]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -48,12 +48,12 @@ pub struct Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Other {
-    /// Look at a configuration without starting anything
+    /// Inspect a configuration without starting anything
     #[command(subcommand)]
     Config(config::Command),
 }
 
-/// Runs it. Fails when a check does.
+/// Runs the checks. Fails when a check fails.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     if let Some(Other::Config(command)) = &arguments.other {
         return config::run(command);

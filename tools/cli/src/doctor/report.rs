@@ -1,11 +1,11 @@
-//! What was checked, and how it came out.
+//! Checks and their results.
 
 use std::fmt;
 
 use serde::Serialize;
 
-/// How a check came out: as it should; the robot works, but not as well as it could; the robot will
-/// not work.
+/// Result of a check: as expected; the robot works, but not as well as it could; the robot will not
+/// work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum Level {
@@ -16,11 +16,11 @@ enum Level {
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 struct Check {
-    /// What was looked at.
+    /// Subject of the check.
     name: String,
     level: Level,
     found: String,
-    /// What to do about it; empty when nothing is to be done.
+    /// Remedy; empty if none is needed.
     fix: String,
 }
 
@@ -28,7 +28,7 @@ struct Check {
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Report {
     checks: Vec<Check>,
-    /// To be pasted into the configuration.
+    /// Tables to paste into the configuration.
     found_tables: Vec<String>,
 }
 
@@ -81,7 +81,7 @@ impl Report {
         failed.map(|check| &*check.name)
     }
 
-    /// What is named first, and what to do about it, without what holds on a busy computer only.
+    /// First finding with its remedy, skipping those that contain `but`.
     #[cfg(test)]
     pub fn first(&self, but: &str) -> Option<[String; 2]> {
         let is_it = |check: &Check| !format!("{} {}", check.found, check.fix).contains(but);
@@ -112,10 +112,7 @@ impl fmt::Display for Report {
             }
         }
         self.found_tables.iter().try_for_each(|table| {
-            write!(
-                f,
-                "\nfound, to paste into the configuration in the place of this port:\n\n{table}"
-            )
+            write!(f, "\nfound, to paste into the configuration in place of this port:\n\n{table}")
         })
     }
 }
@@ -125,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_each_with_the_fix_below() {
+    fn each_check_is_a_line_with_the_fix_below() {
         let mut report = Report::default();
         report.pass("memory", "locked");
         report.fail("port 0", "does not exist", "plug it in");

@@ -1,4 +1,4 @@
-//! The machine: real-time scheduling, memory, processors, shared memory.
+//! The computer: real-time scheduling, memory, processors, shared memory.
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;
@@ -11,14 +11,14 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::ready::Ready;
 use i2ris::ipc::watchdog_presence::{WatchdogStatus, watchdog_process};
-use i2ris::realtime::{self, Wanted};
+use i2ris::realtime::{self, SchedulingRequest};
 use i2ris::units::Nanos;
 use i2ris::watchdog::PulseLine;
 use nix::unistd::{AccessFlags, access};
 
 use super::report::Report;
 
-/// Checks everything about the machine.
+/// Checks the computer.
 pub fn check(config: &Config, report: &mut Report) {
     check_kernel(report);
     check_granted(config, report);
@@ -29,19 +29,19 @@ pub fn check(config: &Config, report: &mut Report) {
     check_records(&config.record_folder, report);
 }
 
-/// The first motion is in the records only if they can be written before it. The controller makes
-/// the folder where it may.
+/// Checks that records can be written before the first motion. The controller creates the folder if
+/// permitted.
 fn check_records(folder: &Path, report: &mut Report) {
     let user = nix::unistd::geteuid();
     let mut above = folder.ancestors().skip_while(|folder| fs::symlink_metadata(folder).is_err());
     let above = above.next().filter(|above| !above.as_os_str().is_empty());
     let above = above.unwrap_or(Path::new("."));
     if above != folder && access(above, AccessFlags::W_OK | AccessFlags::X_OK).is_ok() {
-        return report.pass("records", format!("{} will be made", folder.display()));
+        return report.pass("records", format!("{} will be created", folder.display()));
     }
     let found = fs::metadata(folder).map_err(|error| error.to_string()).and_then(|found| {
         match access(folder, AccessFlags::W_OK | AccessFlags::X_OK) {
-            _ if !found.is_dir() => Err("is no folder".to_owned()),
+            _ if !found.is_dir() => Err("is not a folder".to_owned()),
             _ if found.uid() != user.as_raw() && !user.is_root() => {
                 Err("belongs to another user: there would be no black box and no run log"
                     .to_owned())
@@ -57,10 +57,10 @@ fn check_records(folder: &Path, report: &mut Report) {
     }
 }
 
-/// Switches the line once, which closes no relay that wants a pulse.
+/// Switches the line once, which does not close a relay that needs a pulse.
 fn check_pulse(config: &Config, report: &mut Report) {
     let Some(pulse) = &config.watchdog.pulse else {
-        let found = config.if_computer_dies().unwrap_or_default();
+        let found = config.host_failure_warning().unwrap_or_default();
         return report.warn("pulse", found, "the manual: stops and faults, when the computer dies");
     };
     let tried = PulseLine::open(&pulse.device, pulse.line).and_then(|line| {
@@ -76,7 +76,7 @@ fn check_pulse(config: &Config, report: &mut Report) {
             ("the line does not follow".to_owned(), "another adapter, or the other `line`")
         }
         Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {
-            return report.pass("pulse", "a watchdog has the adapter");
+            return report.pass("pulse", "the adapter is used by a watchdog");
         }
         Err(error) => (error.to_string(), "plug in the adapter, or correct [watchdog] pulse"),
     };
@@ -88,21 +88,23 @@ fn check_watchdog(config: &Config, report: &mut Report) {
         return; // Reported with the shared memory.
     };
     let (found, fix) = match WatchdogStatus::read(&domain, &config.ports_digest(), clock::now()) {
-        WatchdogStatus::Watching => return report.pass("watchdog", "runs and holds every port"),
+        WatchdogStatus::Watching => {
+            return report.pass("watchdog", "running, with access to every port");
+        }
         WatchdogStatus::Incomplete => (
-            "runs, but could not open every port: it cannot stop every drive",
-            "see its log, and let it open every port; nothing can be enabled until then",
+            "running, but without access to every port: it cannot stop every drive",
+            "see its log, and give it access to every port; nothing can be enabled until then",
         ),
         WatchdogStatus::Silent => (
-            "is there, but hangs or is stopped: it cannot stop any drive",
-            "`kill -KILL` this process, and start it again; nothing can be enabled until then",
+            "is running, but hung or suspended: it cannot stop any drive",
+            "`kill -KILL` this process, and restart it; nothing can be enabled until then",
         ),
         WatchdogStatus::OtherPorts => (
-            "runs for other ports: it cannot stop every drive of this configuration",
+            "is running for other ports: it cannot stop every drive of this configuration",
             "end it; start it with this configuration",
         ),
         WatchdogStatus::Absent => (
-            "does not run: nothing stops the drives if the controller dies",
+            "not running: nothing stops the drives if the controller dies",
             "start `i2ris-watchdog` with the same configuration, before the first motion",
         ),
     };
@@ -125,11 +127,14 @@ fn check_kernel(report: &mut Report) {
     }
 }
 
-/// Asks for what the controller would ask for, in a thread of its own.
+/// Requests the permissions that the controller would request, in a separate thread.
 fn check_granted(config: &Config, report: &mut Report) {
     let control = &config.control;
-    let wanted =
-        Wanted { priority: control.priority, cpu: control.cpu, lock_memory: control.priority > 0 };
+    let wanted = SchedulingRequest {
+        priority: control.priority,
+        cpu: control.cpu,
+        lock_memory: control.priority > 0,
+    };
     let Ok(granted) = thread::spawn(move || realtime::request(wanted)).join() else {
         return report.fail("scheduling", "the test thread ended early", "see above");
     };
@@ -137,12 +142,12 @@ fn check_granted(config: &Config, report: &mut Report) {
         let locked = if granted.memory_locked {
             "memory locked"
         } else {
-            "memory not locked, not asked for"
+            "memory not locked, not requested"
         };
         report.pass("scheduling", format!("SCHED_FIFO {}, {locked}", granted.priority));
     }
     for warning in granted.warnings {
-        // A sentence of what, why, and how to allow it.
+        // The text has the form `finding; fix`.
         let (found, fix) = warning.split_once("; ").unwrap_or((warning.as_str(), "see the README"));
         report.warn("scheduling", found, fix);
     }
@@ -171,7 +176,7 @@ fn check_processors(config: &Config, report: &mut Report) {
     }
 }
 
-/// Whether a list such as `1,4-6` holds a number.
+/// Whether a list such as `1,4-6` contains a number.
 fn contains(list: &str, wanted: usize) -> bool {
     list.split(',').any(|part| match part.trim().split_once('-') {
         Some((first, last)) => {
@@ -189,9 +194,9 @@ fn check_memory(config: &Config, report: &mut Report) {
     };
     if let Some(ready) = Ready::read(&domain) {
         let serves = format!("a controller serves `{}`, process {}", domain.name(), ready.pid);
-        let asked = Client::connect(&domain, Nanos::from_millis(1000))
+        let client = Client::connect(&domain, Nanos::from_millis(1000))
             .and_then(|mut client| client.version());
-        return match asked {
+        return match client {
             Ok(_) => report.pass("shared memory", serves),
             Err(error) => {
                 let sentence = error.to_string();
@@ -202,12 +207,12 @@ fn check_memory(config: &Config, report: &mut Report) {
     }
     let leftovers = count_leftovers(domain.directory(), Path::new("/dev/shm"), domain.prefix());
     if leftovers == 0 {
-        report.pass("shared memory", format!("nothing left over in `{}`", domain.name()));
+        report.pass("shared memory", format!("no leftovers in `{}`", domain.name()));
     } else {
         report.warn(
             "shared memory",
             format!("{leftovers} files of a controller that was killed in `{}`", domain.name()),
-            "nothing to do: the next controller removes them",
+            "no action needed: the next controller removes them",
         );
     }
 }
@@ -232,13 +237,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists_of_processors_are_understood() {
+    fn processor_lists_are_parsed() {
         assert!(contains("1,4-6", 5) && contains("1,4-6\n", 1) && contains("3", 3));
         assert!(!contains("1,4-6", 3) && !contains("", 0));
     }
 
     #[test]
-    fn leftovers_are_counted_and_the_lock_is_none() {
+    fn leftovers_are_counted_without_the_lock() {
         let base = tempfile::tempdir().unwrap();
         let (folder, memory) = (base.path().join("domain"), base.path().join("shm"));
         fs::create_dir_all(&folder).unwrap();

@@ -9,7 +9,7 @@ use super::report::Report;
 const EPOS2: [&str; 2] = ["0403", "a8b0"];
 const EPOS4: [&str; 2] = ["24e7", "3b01"];
 
-const RULES: &str = "for good: config/system/60-i2ris.rules";
+const RULES: &str = "to make this permanent, install config/system/60-i2ris.rules";
 
 /// Checks every adapter and drive on USB, as a tree such as `/sys` shows them.
 pub fn check(sys: &Path, report: &mut Report) {
@@ -21,7 +21,7 @@ pub fn check(sys: &Path, report: &mut Report) {
         if !is_ftdi && id != EPOS4 {
             continue;
         }
-        // Of an adapter without entry, loading its driver is enough.
+        // Other adapters only need their driver loaded.
         let (what, bind) = match id {
             EPOS2 => (
                 "EPOS2",
@@ -38,7 +38,7 @@ pub fn check(sys: &Path, report: &mut Report) {
             }
             None => report.warn(
                 &name,
-                "is there, but no driver makes a port of it",
+                "detected, but no driver has created a port for it",
                 format!("sudo sh -c '{bind}'; {RULES}"),
             ),
         }
@@ -54,7 +54,7 @@ fn check_port(name: &str, port: &Path, report: &mut Report) {
         Ok(0..=1) => report.pass(name, "1 ms"),
         Ok(ms) => report.warn(
             name,
-            format!("{ms} ms: some {} exchanges a second", 1000 / (ms + 2)),
+            format!("{ms} ms: about {} exchanges a second", 1000 / (ms + 2)),
             format!(
                 "echo 1 | sudo tee /sys/bus/usb-serial/devices/{}/latency_timer; {RULES}",
                 shown(port)
@@ -75,13 +75,13 @@ fn check_device(name: &str, device: &Path, report: &mut Report) {
     if text(&device.join("serial")).is_empty() {
         report.warn(
             format!("{name} name"),
-            "no serial number: another one of its kind takes its name in /dev/serial/by-id",
+            "no serial number: an identical adapter would get the same name in /dev/serial/by-id",
             "name it by its place: `ls -l /dev/serial/by-path`",
         );
     }
 }
 
-/// The interfaces of a device are folders in it, `1-4:1.0` in `1-4`.
+/// Interfaces of a device: folders in it, `1-4:1.0` in `1-4`.
 fn interfaces(device: &Path) -> Vec<PathBuf> {
     entries(device).into_iter().filter(|entry| shown(entry).contains(':')).collect()
 }
@@ -90,7 +90,7 @@ fn driver(interface: &Path) -> String {
     fs::read_link(interface.join("driver")).map_or_else(|_| String::new(), |to| shown(&to))
 }
 
-/// The port that a driver made of an interface: `ttyUSB0`, or `tty/ttyACM0`.
+/// The port that a driver created for an interface: `ttyUSB0`, or `tty/ttyACM0`.
 fn port(interface: &Path) -> Option<PathBuf> {
     let places = [entries(interface), entries(&interface.join("tty"))].concat();
     places.into_iter().find(|it| ["ttyUSB", "ttyACM"].iter().any(|tty| shown(it).starts_with(tty)))
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn driver_timer_autosuspend_and_name_are_checked_with_the_command_that_mends_each() {
+    fn driver_timer_autosuspend_and_name_are_checked_with_their_fix() {
         let sys = tempfile::tempdir().unwrap();
         let sys = sys.path();
         let [epos2, epos4, adapter] =
@@ -145,12 +145,12 @@ mod tests {
         plug("1-6", adapter, &[("1-6:1.0/ttyUSB1/latency_timer", "1"), ("power/control", "on")]);
         let mut report = Report::default();
         check(sys, &mut report);
-        let said = report.to_string();
+        let text = report.to_string();
         for part in [
-            "EPOS2 on USB 1-1                is there, but no driver",
+            "EPOS2 on USB 1-1                detected, but no driver",
             "echo 0403 a8b0 > /sys/bus/usb-serial/drivers/ftdi_sio/new_id",
             "EPOS2 on USB 1-2                /dev/ttyUSB0",
-            "16 ms: some 55 exchanges a second",
+            "16 ms: about 55 exchanges a second",
             "echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer",
             "echo on | sudo tee /sys/bus/usb/devices/1-2/power/control",
             "EPOS2 on USB 1-2 name           no serial number",
@@ -160,8 +160,8 @@ mod tests {
             "FTDI adapter on USB 1-6 latency timer  1 ms",
         ] {
             let squeezed = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
-            assert!(squeezed(&said).contains(&squeezed(part)), "{part}: {said}");
+            assert!(squeezed(&text).contains(&squeezed(part)), "{part}: {text}");
         }
-        assert!(!said.contains("1-5") && said.matches("WARN").count() == 5, "{said}");
+        assert!(!text.contains("1-5") && text.matches("WARN").count() == 5, "{text}");
     }
 }

@@ -1,4 +1,4 @@
-//! Columns of models in tables of numbers.
+//! Columns of a model in tables of numbers.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ pub fn si(model: &Model) -> f64 {
     model.file().outputs.first().map_or(1.0, |output| output.unit.si())
 }
 
-/// The path of the motors before, row by row; empty without a file.
+/// Earlier path of the motors, row by row; empty without a file.
 pub fn history(
     file: Option<&PathBuf>,
     columns: &ColumnMap,
@@ -41,7 +41,7 @@ pub fn check_output(output: &Path, inputs: &[&Path]) -> Result<(), Failure> {
     match inputs.iter().find(|input| same(input)) {
         Some(input) => {
             let (shown, input) = (output.display(), input.display());
-            Err(format!("--output {shown}: is the same file as {input}; name another one").into())
+            Err(format!("--output {shown}: is the same file as {input}; name another file").into())
         }
         None => Ok(()),
     }

@@ -24,10 +24,9 @@ use i2ris_report::statistics::{distance, interpolate};
 /// Speed of the approach to the first pose, degrees (mm) per second.
 const APPROACH: f64 = 10.0;
 
-/// The approach has come to rest when the setpoints have stood for so many ticks; it gets so many
-/// to do so.
+/// Ticks without motion after which the approach is at rest, and time limit for that, in ticks.
 const REST_TICKS: u32 = 50;
-const LONGEST_REST_TICKS: u32 = 10_000;
+const REST_TIMEOUT_TICKS: u32 = 10_000;
 
 /// Arguments of `i2ris model invert`.
 #[derive(Debug, clap::Args)]
@@ -35,27 +34,26 @@ const LONGEST_REST_TICKS: u32 = 10_000;
   i2ris model invert steel.json desired.csv --output counts.csv
   i2ris model invert steel.json desired.csv --history before.csv --config robot.toml --output counts.csv
 
-The trajectory has the columns t_s, pitch_deg, yaw_deg (or those of the model), joined by straight
-lines; the history has q0_counts, q1_counts. The output has the setpoints that the control loop
-would send, tick by tick. The snake first goes to the start of the trajectory,
-at 10 deg/s.")]
+The trajectory has the columns t_s, pitch_deg, yaw_deg (or those of the model), interpolated
+linearly; the history has q0_counts, q1_counts. The output contains the setpoints that the control
+loop would send, tick by tick. The snake first moves to the start of the trajectory, at 10 deg/s.")]
 pub struct Arguments {
     /// The model
     model: PathBuf,
-    /// The angles that are desired
+    /// The desired angles
     #[arg(value_name = "DESIRED.csv")]
     trajectory: PathBuf,
-    /// The path of the motors before: it sets the memory
+    /// Earlier path of the motors, which sets the memory
     #[arg(long, value_name = "COUNTS.csv")]
     history: Option<PathBuf>,
-    /// Where to write time, desired angles and counts
+    /// Output file: time, desired angles and counts
     #[arg(long, short, value_name = "COUNTS.csv")]
     output: PathBuf,
-    /// The configuration of the controller: rate, limits, filters [default: those of a robot as
+    /// Controller configuration: rate, limits, filters [default: those of a robot as
     /// delivered]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Without limits on velocity, acceleration, steps and position; the calibrated hull stays
+    /// Lift the limits on velocity, acceleration, steps and position, but not the calibrated hull
     #[arg(long)]
     no_limits: bool,
     /// Print the outcome as JSON
@@ -79,7 +77,7 @@ struct Outcome {
     travel_counts: Vec<f64>,
 }
 
-/// Runs it.
+/// Runs the inversion.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { trajectory, output, .. } = arguments;
     check_output(output, &[&arguments.model, trajectory])?;
@@ -91,7 +89,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let table = csv_table::read(trajectory, &map, &Wanted::trajectory(&model.file().outputs))?.rows;
     let unit = model.file().outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
     let desired = DesiredTrajectory { rows: &table, si: unit.si(), outputs: model.outputs() };
-    // The rehearsal goes through it tick by tick: its times are not looked at.
+    // The rehearsal runs tick by tick and ignores the times.
     let untimed = ColumnMap { time: TimeColumn::Ignored, ..map };
     let past = history(arguments.history.as_ref(), &untimed, &model)?;
     let mut past: Vec<MotorVec> = past.iter().map(|row| row.counts).collect();
@@ -100,7 +98,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let mut rehearsal = ClosedLoop::after(&config, &model, &past).map_err(|error| match error {
         LoopError::Command(_, refusal) => {
-            format!("the robot cannot be enabled where its history ends: {refusal}")
+            format!("the robot cannot be enabled at the end of the history: {refusal}")
         }
         other => other.to_string(),
     })?;
@@ -124,8 +122,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn print(outcome: &Outcome, output: &Path, unit: OutputUnit, json: bool) -> Result<(), Failure> {
     if !outcome.memory_known {
         eprintln!(
-            "warning: the memory is not known where the trajectory begins, so the counts may be \
-             off by the width of the hysteresis loop; give the path of the motors before it with \
+            "warning: the memory is unknown at the start of the trajectory, so the counts may be \
+             off by the width of the hysteresis loop; give the earlier path of the motors with \
              --history"
         );
     }
@@ -136,7 +134,7 @@ fn print(outcome: &Outcome, output: &Path, unit: OutputUnit, json: bool) -> Resu
     println!("wrote {} ticks to {}", outcome.ticks, output.display());
     if outcome.clipped_ticks > 0 {
         println!(
-            "{} of them are out of reach, by {:.2} {unit} at most: the nearest pose is in their place",
+            "{} of them are out of reach, by {:.2} {unit} at most: replaced by the nearest pose",
             outcome.clipped_ticks, outcome.clipped_farthest
         );
     }
@@ -159,7 +157,7 @@ impl DesiredTrajectory<'_> {
         self.rows.last().and_then(|row| row.time_s).unwrap_or_default()
     }
 
-    /// rad (m), linearly between the rows.
+    /// Desired outputs, rad (m), interpolated linearly.
     fn at(&self, time_s: f64) -> OutputVec {
         let time = |row: &Row| row.time_s.unwrap_or_default();
         let after = self
@@ -181,7 +179,7 @@ impl DesiredTrajectory<'_> {
     }
 }
 
-/// Goes to the first pose, straight in the outputs, and waits until the motors are at rest.
+/// Moves to the first pose, straight in the outputs, and waits until the motors are at rest.
 fn approach(
     rehearsal: &mut ClosedLoop<IdealMotors>,
     desired: &DesiredTrajectory,
@@ -201,7 +199,7 @@ fn approach(
         rehearsal.follow(desired.goal(here))?;
     }
     let (mut before, mut rested) = (rehearsal.report().setpoints, 0);
-    for _ in 0..LONGEST_REST_TICKS {
+    for _ in 0..REST_TIMEOUT_TICKS {
         let now = rehearsal.follow(desired.goal(to))?.setpoints;
         rested = if now == before { rested + 1 } else { 0 };
         before = now;
@@ -212,7 +210,7 @@ fn approach(
     Ok(())
 }
 
-/// One row per tick: time, what is desired, and the counts.
+/// One row per tick: time, desired outputs, and counts.
 fn play(
     rehearsal: &mut ClosedLoop<IdealMotors>,
     desired: &DesiredTrajectory,
@@ -252,7 +250,7 @@ fn explained(
     unit: OutputUnit,
 ) -> Failure {
     let remedy = match error {
-        LoopError::Goal(Refusal::Step) => {
+        LoopError::Goal(Refusal::StepTooLarge) => {
             let step = match unit {
                 OutputUnit::Deg => format!("{} deg", config.command.max_step_deg),
                 OutputUnit::Mm => format!("{} counts", config.command.max_step_counts),
@@ -278,8 +276,8 @@ fn config(arguments: &Arguments, model: &Model) -> Result<Config, Failure> {
     Ok(if arguments.no_limits { without_limits(&config) } else { config })
 }
 
-/// The robot of a model with the limits that it has as delivered, and position limits around the
-/// calibrated hull. Its motors are ideal: no line delays, so no goal is led.
+/// A robot for a model, with the limits as delivered, and position limits around the calibrated
+/// hull. Its motors are ideal: no line delays, so goals are not led.
 fn standard(model: &Model) -> Result<Config, Failure> {
     let corners: Vec<MotorVec> = model.hull().corners().collect();
     let axis = |motor: usize| {

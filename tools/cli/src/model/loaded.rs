@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use crate::command::prepare::{PrepareOptions, carry_out, prepare};
 use crate::exit::with_code;
 
-/// How long a staged model may take to catch up with the positions of the motors.
+/// Time limit for a staged model to catch up with the motor positions.
 const CATCH_UP: Nanos = Nanos::from_millis(5000);
 const POLL: Nanos = Nanos::from_millis(50);
 
@@ -24,26 +24,26 @@ const POLL: Nanos = Nanos::from_millis(50);
   i2ris model use config/models/steel.json --enable
   i2ris model use config/models/steel.json --no-condition --force
 
-The controller checks the model and compares it with the one in use (stage); then it takes over, also
-while the robot runs (activate); and where its hysteresis memory is unknown, a decaying stroke of all
-motors makes it known (condition): the snake moves. Where one step is refused, the model that was in
-use stays, and that is said.")]
+The controller checks the model and compares it with the one in use (stage), then activates it, even
+while the robot moves (activate). If its hysteresis memory is unknown, a decaying oscillation of all
+motors sets it (condition): the snake moves. If a step is refused, the previous model stays in use,
+and this is reported.")]
 pub struct UseArguments {
-    /// The model file; the controller reads it itself
+    /// The model file, read by the controller
     model: PathBuf,
     #[command(flatten)]
     prepare: PrepareOptions,
-    /// Only have it checked and kept ready; the same command without this takes it into use
+    /// Only check it and keep it ready; the same command without this option activates it
     #[arg(long, conflicts_with_all = ["no_condition", "enable", "home"])]
     no_activate: bool,
-    /// Also a model that was calibrated with other settings of the drives: another gear, encoder
+    /// Accept a model that was calibrated with different drive settings: another gear, encoder
     /// or gain
     #[arg(long)]
     other_drive: bool,
-    /// Condition nothing, so that nothing moves; a model whose memory is unknown is then refused
+    /// Do not condition, so that nothing moves; a model with unknown memory is then refused
     #[arg(long)]
     no_condition: bool,
-    /// With --no-condition: also while the hysteresis memory of the model is unknown
+    /// With --no-condition: activate it even if its hysteresis memory is unknown
     #[arg(long, requires = "no_condition")]
     force: bool,
     /// Print JSON
@@ -57,7 +57,7 @@ pub struct UseArguments {
 #[command(after_help = "Example:
   i2ris model back")]
 pub struct BackArguments {
-    /// Also while the hysteresis memory of the model is unknown
+    /// Return to it even if its hysteresis memory is unknown
     #[arg(long)]
     force: bool,
     /// Print JSON
@@ -76,7 +76,7 @@ pub fn back(arguments: &BackArguments) -> Result<(), Failure> {
     show(&client.roll_back_model(arguments.force)?, arguments.json)
 }
 
-/// Stages, activates and conditions. What is refused leaves the model in use that was before.
+/// Stages, activates and conditions. After a refusal the previous model stays in use.
 pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
     let mut client = crate::command::prepare::connect(&arguments.domain.domain()?)?;
     let interrupt = Interrupt::catch()?;
@@ -102,7 +102,7 @@ pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
         return print_outcome(&reply, &reply, false, arguments.json);
     }
     let conditions = staged.flags & ModelSlot::MEMORY_KNOWN == 0 && !arguments.no_condition;
-    // A permission to enable is an order to do so, also where nothing has to move.
+    // With permission to enable, the robot is enabled even if nothing has to move.
     if conditions || arguments.prepare.is_given() {
         prepare(&mut client, arguments.prepare, &interrupt).map_err(stays)?;
     }
@@ -112,7 +112,7 @@ pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
     say(format!("activate   {}", line(&active.slots[0])));
     if conditions {
         if let Err(failure) = carry_out(&mut client, StateCommand::Condition, &interrupt) {
-            return Err(taken_back(&mut client, failure, &before));
+            return Err(rolled_back(&mut client, failure, &before));
         }
         say("condition  done: the hysteresis memory is known".to_owned());
     } else if !arguments.no_condition {
@@ -137,7 +137,7 @@ fn print_outcome(
     Ok(())
 }
 
-/// Waits for a model that still catches up with the positions of the motors.
+/// Waits for a model that is still catching up with the motor positions.
 fn activate(client: &mut Client, id: ModelId, force: bool) -> Result<ModelReply, ClientError> {
     let start = clock::now();
     loop {
@@ -152,23 +152,23 @@ fn activate(client: &mut Client, id: ModelId, force: bool) -> Result<ModelReply,
     }
 }
 
-/// A failure after which the model is in use that was before.
+/// A failure after which the previous model stays in use.
 fn stays(failure: Failure, before: &ModelSlot) -> Failure {
     let failure = with_code(failure);
     let stays = match before.flags & ModelSlot::PRESENT {
-        0 => "no model is in use, as before",
+        0 => "still no model is in use",
         _ => "the model in use stays",
     };
     let sentence = format!("{failure}; {stays}");
     Coded { code: code(&failure), sentence }.into()
 }
 
-/// The conditioning failed: the model before takes over again, if there was one.
-fn taken_back(client: &mut Client, failure: Failure, before: &ModelSlot) -> Failure {
+/// Returns to the previous model, if any, after failed conditioning.
+fn rolled_back(client: &mut Client, failure: Failure, before: &ModelSlot) -> Failure {
     if before.flags & ModelSlot::PRESENT != 0 {
         match client.roll_back_model(true) {
             Ok(_) => return stays(failure, before),
-            Err(error) => eprintln!("warning: the model before does not take over: {error}"),
+            Err(error) => eprintln!("warning: cannot return to the previous model: {error}"),
         }
     }
     let failure = with_code(failure);
@@ -241,19 +241,19 @@ fn difference_json(difference: &ModelDifference) -> Value {
 
 fn print_difference(difference: &ModelDifference) {
     if difference.valid == 0 {
-        println!("nothing to compare with: no model is in use, or it has other outputs");
+        println!("no comparison: no model is in use, or it has other outputs");
         return;
     }
     let counts = |counts: [f64; 2]| format!("{:+.0} {:+.0}", counts[0], counts[1]);
     println!("the motors would turn by {} counts here", counts(difference.present_counts));
     println!(
-        "and by {} at {}, where it is most",
+        "and by at most {}, at {}",
         counts(difference.largest_counts),
         counts(difference.largest_at_counts)
     );
     if difference.unreached > 0.0 {
         println!(
-            "{:.0} % of the poses of the model in use are out of its reach",
+            "{:.0} % of the poses in reach of the model in use are out of its reach",
             difference.unreached * 100.0
         );
     }

@@ -14,18 +14,18 @@ use i2ris_report::Failure;
 #[command(after_help = "Example:
   i2ris model predict steel.json path.csv --history before.csv --output angles.csv
 
-The files are read as `i2ris calibrate fit` reads a recording. Where they have a time it is written
-beside the angles; rows with an empty cell are left out and counted.")]
+The files are read like a recording by `i2ris calibrate fit`. A time column is copied to the output;
+rows with an empty cell are skipped and counted.")]
 pub struct Arguments {
     /// The model
     model: PathBuf,
     /// The path of the motors
     #[arg(id = "path", value_name = "COUNTS.csv")]
     counts: PathBuf,
-    /// The path of the motors before that: it sets the memory
+    /// Earlier path of the motors, which sets the memory
     #[arg(long, value_name = "COUNTS.csv")]
     history: Option<PathBuf>,
-    /// Where to write angles and counts, and the time where the path has one
+    /// Output file: angles, counts, and the time if the path has one
     #[arg(long, short, value_name = "ANGLES.csv")]
     output: PathBuf,
     #[command(flatten)]
@@ -44,7 +44,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (si, mut unknown) = (si(&model), 0_usize);
     let mut rows = Vec::with_capacity(table.len());
     follow(&model, &mut memory, &table, |row, memory| {
-        unknown += usize::from(!model.knows(memory));
+        unknown += usize::from(!model.is_memory_known(memory));
         let angles = model.predict(&row.counts, memory).mean;
         let angles = angles.iter().take(model.outputs()).map(|angle| angle / si);
         let counts = row.counts.into_iter().take(model.motors());
@@ -57,21 +57,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     println!("wrote {} rows to {}", rows.len(), output.display());
     if model.creeps() && past.iter().chain(&table).any(|row| row.time_s.is_none()) {
         eprintln!(
-            "warning: this snake creeps, and the path has no times, so its angles are those of a snake \
-             that moves at once; give the counts with their times"
+            "warning: this snake creeps, but the path has no times, so the angles are those of an \
+             instantaneous motion; give the counts with times"
         );
     }
     if unknown > 0 {
         eprintln!(
-            "warning: in the first {unknown} row(s) the memory is not known, so their angles may \
-             be off by the width of the hysteresis loop; give the path of the motors before them \
+            "warning: in the first {unknown} row(s) the memory is unknown, so their angles may \
+             be off by the width of the hysteresis loop; give the earlier path of the motors \
              with --history"
         );
     }
     Ok(())
 }
 
-/// Advances a memory along a path, over the times that it has.
+/// Advances a memory along a path, using its times if present.
 fn follow(model: &Model, memory: &mut Memory, path: &[Row], mut at: impl FnMut(&Row, &Memory)) {
     let mut before = path.first().and_then(|row| row.time_s);
     for row in path {

@@ -53,7 +53,7 @@ pub fn show(path: &Path, json: bool) -> Result<(), Failure> {
     Ok(())
 }
 
-/// When the file was written. The day of the fit is not in it.
+/// Modification date of the file, which does not contain the day of the fit.
 fn written(file: &Path) -> Option<String> {
     let at = std::fs::metadata(file).ok()?.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
     Some(WallTime::from_unix_seconds(at.as_secs()).to_string())
@@ -82,7 +82,7 @@ fn header(path: &Path, model: &Model) {
     }
 }
 
-/// How the motors move the outputs in the middle of the hull, without memory.
+/// Prints the effect of the motors on the outputs in the middle of the hull, without memory.
 fn mechanics(model: &Model) {
     let gains = gains(model);
     let unit =
@@ -96,7 +96,7 @@ fn mechanics(model: &Model) {
     if let Some(rotation) = rotation_deg(model) {
         println!("rotation   {rotation:.1} deg from output 0 to the axis of motor 0");
     }
-    let wipe = model.wipe_counts();
+    let wipe = model.conditioning_range();
     if wipe.iter().any(|counts| *counts > 0.0) {
         let wipe: Vec<String> =
             wipe.iter().take(model.motors()).map(|counts| format!("{counts:.0}")).collect();
@@ -106,11 +106,11 @@ fn mechanics(model: &Model) {
     }
 }
 
-/// How the inverse does on the model itself, and why the model is marked, if it is.
+/// Prints the accuracy of the inverse on the model itself, and why the model is marked, if so.
 fn examination(model: &Model) {
     let found = model.examine();
     let gains = found.gains.map_or_else(String::new, |[least, most]| {
-        format!("; gain {least:.2} to {most:.2} times that of a straight line")
+        format!("; gain {least:.2} to {most:.2} times that of a linear fit")
     });
     println!(
         "inverse    misses {:.1} % of the motion, with {:.2} times the travel{gains}",
@@ -123,7 +123,7 @@ fn examination(model: &Model) {
     }
 }
 
-/// Length of the columns of the Jacobian in the middle of the hull, in units of the file per count.
+/// Norms of the Jacobian's columns in the middle of the hull, in units of the file per count.
 fn gains(model: &Model) -> Vec<f64> {
     let column =
         |motor: usize| slopes(model, motor).iter().map(|slope| slope * slope).sum::<f64>().sqrt();
@@ -199,7 +199,7 @@ fn play_table(plays: &PlayParameters, gains: &[f64]) {
     }
 }
 
-/// Lengths in counts.
+/// Prints the force-balance parameters, lengths in counts.
 fn balance_table(balance: &BalanceParameters) {
     println!(
         "\n{:<8}{:>14}{:>20}{:>20}{:>22}",
@@ -229,7 +229,7 @@ fn balance_table(balance: &BalanceParameters) {
     }
     if balance.creep != [0.0; CREEPING] {
         let parts = balance.creep.map(|part| format!("{part:.3}")).join(", ");
-        println!("creep   over 0.5, 5 and 50 s, as parts of the stiffness of a wire: {parts}");
+        println!("creep   over 0.5, 5 and 50 s, relative to the wire stiffness: {parts}");
     }
 }
 
@@ -252,7 +252,7 @@ fn metrics_line(name: &str, FitMetrics { r2, rmsd, nrmsd, mae, max }: &FitMetric
 fn training(model: &Model) {
     let training = &model.file().training;
     println!("\nfitted to  {} ({} rows)", training.data_file, training.rows);
-    let recorded = training.recorded_at.as_deref().unwrap_or("at a time that nothing says");
+    let recorded = training.recorded_at.as_deref().unwrap_or("at an unknown time");
     println!("           recorded {recorded}");
     println!("           SHA-256 {}", training.data_sha256);
     println!(

@@ -1,5 +1,5 @@
-//! The judgement on robots that are drawn at random, healthy ones and ones with a slow failure: the
-//! control cycle in front of emulated motors, snake and camera, in simulated time.
+//! Tests of the judgement on random robots, healthy or with a slow failure: the control cycle with
+//! emulated motors, snake and camera, in simulated time.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -47,7 +47,7 @@ impl Calibrated {
         Self { snake: SNAKE, model: Arc::new(Model::load(&file).unwrap()) }
     }
 
-    /// As a laboratory would calibrate it.
+    /// Fits a model as a laboratory would.
     fn fitted(snake: DrawnSnake) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("recording.csv");
@@ -66,7 +66,7 @@ impl Calibrated {
     }
 }
 
-/// Motors and snake; the plugs of the motors may be exchanged.
+/// Motors and snake; the motor plugs may be swapped.
 struct Bench {
     robot: Robot,
     is_swapped: bool,
@@ -101,7 +101,7 @@ struct Draw {
     motors: MotorConfig,
     is_swapped: bool,
     camera: CameraConfig,
-    /// What the camera makes of an angle.
+    /// Angle as seen by the camera.
     zoom: f64,
     start: Pair,
     seed: u64,
@@ -112,7 +112,7 @@ fn change(parameter: Parameter, by: f64) -> Change {
 }
 
 impl Draw {
-    /// A healthy robot: a little aged, with drives, camera and pose of its own.
+    /// A healthy robot: slightly aged, with random drives, camera and pose.
     fn healthy(seed: u64, Calibrated { snake, model }: Calibrated) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let mut within = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
@@ -204,7 +204,7 @@ impl Draw {
     }
 }
 
-/// What goes slowly wrong, and the name that the judgement has for it.
+/// Slow failures, and their names in the judgement.
 const FAILURES: [(&str, &str); 17] = [
     ("slack wire", "wire"),
     ("slipped coupling", "zero"),
@@ -225,7 +225,7 @@ const FAILURES: [(&str, &str); 17] = [
     ("homed while bent", "zero"),
 ];
 
-/// Goes wrong.
+/// Applies a failure.
 fn fail(name: &str, draw: &mut Draw, facts: &mut Measured) {
     let turn = draw.seed as usize / FAILURES.len();
     let (motor, sign) = (turn % 2, if turn % 4 < 2 { 1.0 } else { -1.0 });
@@ -256,10 +256,10 @@ fn fail(name: &str, draw: &mut Draw, facts: &mut Measured) {
         "clock" => {
             facts.camera.as_mut().unwrap().late_s = sign * draw.within(0.7, 4000.0);
         }
-        // Below that the following error ends the motion.
+        // Below that, the following error ends the motion.
         "slow position loop" => draw.motors.bandwidth_hz = draw.within(6.0, 15.0),
         "line" => {
-            // Two axes behind an adapter that holds every reply for 16 ms.
+            // Two axes on an adapter that delays every reply by 16 ms.
             let exchange_s = draw.within(0.016, 0.018);
             facts.lines[0].1[0] = draw.within(0.9, 4.0) * 2.0 * exchange_s;
         }
@@ -316,8 +316,8 @@ fn facts(draw: &mut Draw) -> Measured {
     }
 }
 
-/// What is said of a robot.
-fn said(seed: u64, failure: Option<&str>, of: &Calibrated) -> Report {
+/// Report on a robot.
+fn report(seed: u64, failure: Option<&str>, of: &Calibrated) -> Report {
     let mut draw = Draw::healthy(seed, of.clone());
     let mut measured = facts(&mut draw);
     if let Some(name) = failure {
@@ -327,32 +327,29 @@ fn said(seed: u64, failure: Option<&str>, of: &Calibrated) -> Report {
     judge(&measured)
 }
 
-/// Of a wrong bench.
-pub fn said_of(bench: &str) -> Report {
+/// Report on a wrong bench.
+pub fn output_of(bench: &str) -> Report {
     let swing = match bench {
-        "nobody can be asked" => NOBODY,
+        "no operator to ask" => NOBODY,
         "robot is paused" => PAUSED,
-        _ => return said(1021, Some(bench), &Calibrated::kept()),
+        _ => return report(1021, Some(bench), &Calibrated::kept()),
     };
     let mut measured = facts(&mut Draw::healthy(1, Calibrated::kept()));
     measured.swing = Swing::None(swing.map(str::to_owned));
     judge(&measured)
 }
 
-/// How many of so many draws are judged rightly, all failures in turn: named first, and healthy
-/// ones that are go.
+/// Counts the correct judgements: failures, in turn, that are named first, and healthy robots that
+/// are go.
 fn count(draws: usize, of: &Calibrated) -> [usize; 2] {
     let judge_one = |seed: usize| {
         let (failure, name) = FAILURES[seed % FAILURES.len()];
         let names = |report: Report| report.failed().map(str::to_owned).collect::<Vec<String>>();
-        let found = names(said(1000 + seed as u64, Some(failure), of));
-        let alarms = names(said(seed as u64, None, of));
+        let found = names(report(1000 + seed as u64, Some(failure), of));
+        let alarms = names(report(seed as u64, None, of));
         let is_named = found.first().is_some_and(|it| it == name);
         if !is_named || !alarms.is_empty() {
-            println!(
-                "{}, {seed}: {failure} is said to be {found:?}, healthy to be {alarms:?}",
-                of.snake
-            );
+            println!("{}, {seed}: {failure} is judged {found:?}, healthy {alarms:?}", of.snake);
         }
         [is_named, alarms.is_empty()]
     };
@@ -361,14 +358,14 @@ fn count(draws: usize, of: &Calibrated) -> [usize; 2] {
 }
 
 #[test]
-fn every_slow_failure_is_named_first_and_healthy_robots_are_go() {
+fn slow_failures_are_named_first_and_healthy_robots_go() {
     assert_eq!(count(FAILURES.len(), &Calibrated::kept()), [FAILURES.len(); 2]);
 }
 
-/// Snakes of all physics; of all but one neither snake nor model has been seen by a threshold.
+/// Snakes of all physics; only one of them was used to choose the thresholds.
 #[test]
 #[ignore = "minutes: for .ci/nightly"]
-fn of_two_hundred_draws_95_of_100_failures_are_named_and_98_healthy_robots_are_go() {
+fn percent_95_of_failures_named_and_98_of_healthy_go() {
     let mut right = count(60, &Calibrated::kept());
     let draws = 140 / Physics::ALL.len();
     for physics in Physics::ALL.iter().copied() {

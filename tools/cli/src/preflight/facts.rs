@@ -1,4 +1,4 @@
-//! What a preflight can know while nothing moves.
+//! Measurements of a preflight at rest.
 
 use std::fs;
 use std::path::Path;
@@ -60,11 +60,11 @@ pub fn gather(
         watchdog: WatchdogStatus::read(domain, &config.ports_digest(), clock::now()),
         swing: Swing::None(Default::default()),
     };
-    while_working("looking at drives, camera and clock", || look(client, config, &mut measured))?;
+    while_working("checking drives, camera and clock", || look(client, config, &mut measured))?;
     Ok(measured)
 }
 
-/// What the streams show of a robot at rest.
+/// Reads the streams of a robot at rest.
 fn look(client: &Client, config: &Config, measured: &mut Measured) -> Result<(), Failure> {
     let watcher = client.watcher();
     let (mut motors, mut frames) = (watcher.actuators(), watcher.external());
@@ -98,14 +98,14 @@ fn look(client: &Client, config: &Config, measured: &mut Measured) -> Result<(),
             measured.priority[1] = timing.priority;
         }
     }
-    // The norm of the difference of two that scatter alike is 1.67 times that in the middle.
+    // The median norm of the difference of two equal scatters is 1.67 times their deviation.
     let mut steps: Vec<f64> = places.windows(2).map(|it| (it[1] - it[0]).norm() / 1.67).collect();
-    // A single one may be that of a camera that has ended.
+    // A single frame may be the last of a camera that has ended.
     measured.camera = (late.len() > 1).then(|| CameraFacts {
         frames_per_s: late.len() as f64 / LOOK.as_seconds(),
         seen: places.len() as f64 / late.len() as f64,
         late_s: median(&mut late).unwrap_or(f64::INFINITY),
-        // 0 is a picture that stands still, and not one that is rounded.
+        // 0 means a frozen picture, not a rounded one.
         scatter_deg: match steps.iter().any(|step| *step > 0.0) {
             true => median(&mut steps).unwrap_or(0.0).max(f64::MIN_POSITIVE),
             false => 0.0,
@@ -121,14 +121,14 @@ fn look(client: &Client, config: &Config, measured: &mut Measured) -> Result<(),
     Ok(())
 }
 
-/// What is left where records go, for the user who runs this.
+/// Free space in the record folder, for the present user.
 fn free_mb(folder: &Path) -> Option<f64> {
     access(folder, AccessFlags::W_OK).ok()?;
     let found = statvfs(folder).ok()?;
     Some(found.blocks_available() as f64 * found.fragment_size() as f64 * 1e-6)
 }
 
-/// How far the wall clock was set since the first line of the run log with both clocks.
+/// Change of the wall clock since the first run-log line with both clocks, s.
 fn clock_step_s(runs: &[Value], boot_id: u64) -> f64 {
     let run = format!("{boot_id:016x}");
     let offset = |line: &Value| {

@@ -1,11 +1,11 @@
-//! The small motion of a preflight, and what is read out of it: gain, loop width, offset and lag of
-//! what the camera sees beside what the model says. Pure.
+//! The small motion of a preflight and its evaluation: gain, loop width, offset and lag of the
+//! camera relative to the model. Pure.
 //!
 //! The goal swings from the present pose to one side and back, one axis after the other, slowly and
-//! then fast. Everything that is seen is fitted, by least squares, with the goal `g`, its velocity
-//! `v` and its direction `s`: `y = mean + gain g - late v - width / 2 s`. Two speeds tell a lag
+//! then fast. All readings are fitted, by least squares, with the goal `g`, its velocity
+//! `v` and its direction `s`: `y = mean + gain g - late v - width / 2 s`. Two speeds separate a lag
 //! from a loop. The model's estimate and the counts of the motors are fitted in the same way, and
-//! the difference is the error of the model, free of what hand and drives do.
+//! the difference is the error of the model, independent of goal and drives.
 
 use std::f64::consts::TAU;
 
@@ -15,13 +15,12 @@ use nalgebra::{Matrix2, Matrix4, Matrix4x2, Vector2, Vector4};
 /// Pitch and yaw, or both motors.
 pub type Pair = Vector2<f64>;
 
-/// Half of the swing, deg. The snake goes twice this to one side of where it is.
+/// Half of the swing, deg. The snake moves twice this to one side of the present pose.
 const HALF_SWING_DEG: f64 = 0.5;
-/// No further than this from the start, whatever the model says, deg.
+/// Maximum distance from the start, independent of the model, deg.
 pub const FARTHEST_DEG: f64 = 1.9;
 
-/// Length of a turn, s, and how many: slow ones, the first of which only makes the memory known,
-/// and fast ones.
+/// Duration and number of turns: slow ones, the first of which only sets the memory, and fast ones.
 const SLOW_S: f64 = 4.0;
 const SLOW_TURNS: f64 = 2.0;
 const FAST_S: f64 = 1.6;
@@ -29,10 +28,10 @@ const FAST_TURNS: f64 = 3.0;
 const AXIS_S: f64 = SLOW_S * SLOW_TURNS + FAST_S * FAST_TURNS;
 pub const LENGTH_S: f64 = 2.0 * AXIS_S;
 
-/// Frames of the swing of an axis, at least.
-const FEWEST: usize = 20;
+/// Minimum number of frames for the swing of an axis.
+const MIN_FRAMES: usize = 20;
 
-/// Where the goal is at which time.
+/// The goal over time.
 #[derive(Debug, Clone, Copy)]
 pub struct Plan {
     /// Pitch and yaw, deg.
@@ -40,7 +39,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Axis, phase, length of the turn, and whether it counts.
+    /// Axis, phase, duration of the turn; true if it is evaluated.
     fn phase(time_s: f64) -> Option<(usize, f64, f64, bool)> {
         let axis = if time_s < AXIS_S { 0 } else { 1 };
         let slow_s = time_s - axis as f64 * AXIS_S;
@@ -67,7 +66,7 @@ impl Plan {
         goal
     }
 
-    /// The axis that moves and the terms of the fit; `None` where nothing is judged.
+    /// The moving axis and the terms of the fit; `None` if not evaluated.
     fn terms(&self, time_s: f64) -> Option<(usize, Vector4<f64>)> {
         let (axis, phase, turn_s, counts) = Self::phase(time_s)?;
         let half = self.half_swing(axis);
@@ -77,7 +76,7 @@ impl Plan {
     }
 }
 
-/// What is looked at: angles in deg, motors in counts.
+/// Series of readings: angles in deg, motors in counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Series {
     Estimate,
@@ -93,7 +92,7 @@ type Sample = (Vector4<f64>, Pair);
 struct Fit(Matrix4x2<f64>);
 
 impl Fit {
-    /// A few samples may be anything. `None`: too few, or all of one instant.
+    /// Fits robustly against a few outliers. `None`: too few samples, or all at one instant.
     fn new(samples: &[Sample]) -> Option<Self> {
         let mut fit = Self(Matrix4x2::zeros());
         let mut most = f64::INFINITY;
@@ -102,7 +101,7 @@ impl Fit {
                 samples.iter().filter(|sample| fit.off(sample) <= most).collect();
             let products: Matrix4<f64> = kept.iter().map(|(at, _)| at * at.transpose()).sum();
             let values: Matrix4x2<f64> = kept.iter().map(|(at, seen)| at * seen.transpose()).sum();
-            fit = Self(products.lu().solve(&values).filter(|_| kept.len() >= FEWEST)?);
+            fit = Self(products.lu().solve(&values).filter(|_| kept.len() >= MIN_FRAMES)?);
             let mut off: Vec<f64> = samples.iter().map(|sample| fit.off(sample)).collect();
             most = 4.0 * median(&mut off)?.max(1e-9);
         }
@@ -118,18 +117,18 @@ impl Fit {
     }
 }
 
-/// Gathers what is seen while the goal moves.
+/// Collects readings while the goal moves.
 #[derive(Debug)]
 pub struct Observer {
     plan: Plan,
-    /// By the axis that moves, and by series.
+    /// Samples by moving axis and series.
     samples: [[Vec<Sample>; 4]; 2],
-    /// What the camera saw in the first three frames, and in the last three, deg.
+    /// Camera readings of the first three frames, and of the last three, deg.
     first: Vec<Pair>,
     recent: [Pair; 3],
     seen: usize,
-    /// Where the camera saw the snake farthest from the start, in the middle of three frames, and
-    /// where the goal was then, from the start, deg.
+    /// Farthest camera position from the start, as a median of three frames, and the goal at that
+    /// time, from the start, deg.
     pub farthest: [Pair; 2],
 }
 
@@ -139,12 +138,12 @@ impl Observer {
         Self { plan, samples, first, recent, seen: 0, farthest }
     }
 
-    /// Whether the camera saw the snake further away than it may go.
+    /// Whether the camera saw the snake beyond the permitted distance.
     pub fn is_too_far(&self) -> bool {
         self.farthest[0].norm() > FARTHEST_DEG
     }
 
-    /// What is seen at a time from the beginning of the motion.
+    /// Adds a reading at a time from the beginning of the motion.
     pub fn see(&mut self, series: Series, time_s: f64, value: Pair) {
         if series == Series::Camera && time_s > 0.0 {
             self.note_place(time_s, value);
@@ -173,7 +172,7 @@ impl Observer {
         }
     }
 
-    /// What came of the whole motion; `None`: too little was seen of motors or model.
+    /// Evaluates the whole motion; `None`: too few samples of motors or model.
     pub fn finish(&self) -> Option<Motion> {
         let fits = |series: Series| {
             let [pitch, yaw] =
@@ -186,30 +185,30 @@ impl Observer {
     }
 }
 
-/// The motion: what the camera saw beside what the model said. "Counts of a motor" of an angle are
-/// those that would bend the snake so, by the model.
+/// The motion: camera relative to the model. "Counts of a motor" for an angle are those that bend
+/// the snake by that angle in the model.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion {
     pub seen: Option<Seen>,
-    /// The encoders behind the setpoints, s, and what they show of the motion, at least.
+    /// Lag of the encoders, s, and their smallest motion relative to the setpoints.
     pub follow_s: f64,
     pub followed: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
 pub struct Seen {
-    /// What is seen per motion of each motor: the unit matrix if the model is right.
+    /// Observed motion per motion of each motor: the unit matrix if the model is right.
     pub gain: Matrix2<f64>,
-    /// Where it is by the model, deg.
+    /// Pose by the model, deg.
     pub place_deg: Pair,
-    /// Seen less said, deg, and counts.
+    /// Camera minus model, deg, and counts.
     pub offset_deg: Pair,
     pub offset_counts: Pair,
-    /// Lost motion that the model does not know, counts.
+    /// Lost motion beyond the model, counts.
     pub lost_counts: Pair,
-    /// The camera behind the model, s.
+    /// Lag of the camera relative to the model, s.
     pub late_s: f64,
-    /// Full width of the loop of goal and camera, deg.
+    /// Full loop width between goal and camera, deg.
     pub width_deg: Pair,
 }
 
@@ -228,16 +227,16 @@ impl Motion {
                 [setpoint[axis], encoder[axis]].map(|fit| fit.row(2).dot(&fit.row(1)));
             (set - done) / encoder[axis].row(1).norm_squared()
         };
-        let seen = camera.zip(inverses).map(|(camera, (deg_per_count, said))| {
-            // Of a motion that is seen larger or smaller the lag is the same.
+        let seen = camera.zip(inverses).map(|(camera, (deg_per_count, modelled))| {
+            // The lag does not depend on the scale of the observed motion.
             let lag = |fits: &[Fit; 2]| -> f64 {
                 let of = |axis: usize| fits[axis].row(2)[axis] / fits[axis].row(1)[axis];
                 0.5 * (of(0) + of(1))
             };
             let less = |axis: usize, term| camera[axis].row(term) - estimate[axis].row(term);
             let offset_deg = 0.5 * (less(0, 0) + less(1, 0));
-            // Counts that are lost at a turn of a motor, which turns with the axis or against it: in
-            // the motion that shows more.
+            // Counts lost when a motor reverses, with or against the axis, by the motion that shows
+            // more.
             let lost = |motor: usize| {
                 let in_swing = |axis: usize| {
                     let counts = (counts_per_deg * less(axis, 3))[motor];
@@ -247,7 +246,7 @@ impl Motion {
                 if pitch.abs() > yaw.abs() { pitch } else { yaw }
             };
             Seen {
-                gain: counts_per_deg * gain(&camera) * said * deg_per_count,
+                gain: counts_per_deg * gain(&camera) * modelled * deg_per_count,
                 place_deg: 0.5 * (estimate[0].row(0) + estimate[1].row(0)),
                 offset_deg,
                 offset_counts: counts_per_deg * offset_deg,

@@ -1,4 +1,4 @@
-//! The small motion: permission, commands, and what is seen meanwhile.
+//! The small motion: permission, commands and measurement.
 
 use std::io::{self, BufRead, IsTerminal};
 
@@ -17,20 +17,19 @@ use crate::command::stream::present_pose;
 use crate::command::stream_monitor::{StopReason, StreamMonitor};
 
 const PERIOD: Nanos = Nanos::from_millis(5);
-/// Frames of the end are still on their way.
+/// Time for the last frames to arrive, s.
 const LAST_FRAMES_S: f64 = 0.5;
-/// A camera that shows no angle for so long cannot stop the motion.
+/// Time without a camera angle after which the camera cannot limit the motion.
 const BLIND: Nanos = Nanos::from_millis(1000);
 
-/// Why there is no motion, and what to do.
+/// Reasons for no motion, with remedy.
 pub const NOBODY: [&str; 2] =
-    ["none: nobody can be asked here", "run it at a terminal, or give the permission by --enable"];
+    ["none: no operator to ask here", "run it at a terminal, or give permission by --enable"];
 pub const PAUSED: [&str; 2] =
-    ["none: somebody has paused the robot", "`i2ris command state resume`, then run it again"];
-const AGAIN: &str = "mend what `i2ris status` shows (load of the computer, too), then run it again";
+    ["none: a client has paused the robot", "`i2ris command state resume`, then run it again"];
+const AGAIN: &str = "fix what `i2ris status` shows (also computer load), then run it again";
 
-/// Moves, if that is permitted and makes sense. What stands against it is a no-go; an interrupt is
-/// an error.
+/// Moves, if permitted and meaningful. An obstacle is a no-go; an interrupt is an error.
 pub fn run(
     client: &mut Client,
     mut options: PrepareOptions,
@@ -40,27 +39,30 @@ pub fn run(
     let none = |[why, fix]: [&str; 2]| Ok(Swing::None([why.to_owned(), fix.to_owned()]));
     let has_person = io::stdin().is_terminal();
     if !measured.is_memory_known {
-        return none(["none: the model does not know how the wires are", CONDITION]);
+        return none(["none: the hysteresis memory of the model is unknown", CONDITION]);
     }
     if measured.camera.is_some_and(|camera| !camera.is_alive() || !camera.is_sharp()) {
-        return none(["none: the camera could not stop it", PICTURE]);
+        return none(["none: the camera is frozen or too noisy to limit the motion", PICTURE]);
     }
-    // A script has said it with `--enable` or `--home`.
+    // A script gives permission by `--enable` or `--home`.
     if !options.is_given() {
         let question = format!(
-            "The snake swings by less than 2 deg to one side and back, in pitch, then in yaw, for \
-             {LENGTH_S:.0} s. Its power is switched on. Snake out of the eye, one hand on the \
-             switch of the motor supply?"
+            "The snake will swing by less than 2 deg to one side and back, in pitch, then in yaw, \
+             for {LENGTH_S:.0} s. Its power is switched on. Is one hand on the switch of the motor \
+             supply, and the snake out of the eye?"
         );
         if !has_person {
             return none(NOBODY);
         }
         if !is_yes(&question)? {
-            return none(["none: not yes", "run it again, and type yes when the snake may move"]);
+            return none([
+                "none: not confirmed",
+                "run it again, and type yes when the snake may move",
+            ]);
         }
         options = PrepareOptions::ENABLE;
     }
-    // The permission is one for a robot that nobody uses: it ends no stream, and no pause.
+    // The permission is for an unused robot: it must not end a stream or a pause.
     let state = client.wait_for(FIRST_MESSAGE_TIMEOUT, |_| true)?;
     let holder = state.lease_client_id;
     if ![0, client.id()].contains(&holder) {
@@ -74,7 +76,7 @@ pub fn run(
     let state = client.operating_state().ok().flatten();
     let holder = state.map_or(0, |state| state.lease_client_id);
     let released = match moved {
-        // Somebody was quicker.
+        // Another client took the lease first.
         Err(_) if ![0, client.id()].contains(&holder) => Ok(()),
         Err(_) => client.state_command(StateCommand::Hold).map(drop),
         Ok(_) => client.state_command(StateCommand::Release).map(drop),
@@ -87,14 +89,14 @@ pub fn run(
     released?;
     match observer.finish() {
         _ if observer.is_too_far() => Ok(Swing::TooFar(observer.farthest)),
-        None => none(["the controller told too little of it", AGAIN]),
+        None => none(["too few samples from the controller to judge it", AGAIN]),
         Some(motion) if motion.seen.is_some() || measured.camera.is_some() => {
             Ok(Swing::Done(motion))
         }
-        Some(_) if !has_person => none(["nobody and no camera has seen it", CAMERA]),
+        Some(_) if !has_person => none(["seen by neither operator nor camera", CAMERA]),
         Some(motion) => {
-            let question = "Did the tip swing in pitch only, then in yaw only, at once at every \
-                            turn, and is it back where it was?";
+            let question = "Did the tip swing in pitch only, then in yaw only, without delay at \
+                                            every turn, and is it back at the start?";
             Ok(Swing::ByEye(motion, is_yes(question)?))
         }
     }
@@ -152,10 +154,12 @@ fn swing(
                 return Ok(());
             }
             if has_camera && clock::now().duration_since(shown) > BLIND {
-                return Err("the camera has shown no angle for 1 s, and could not stop it".into());
+                return Err(
+                    "the camera has shown no angle for 1 s and cannot limit the motion".into()
+                );
             }
             if interrupt.came() {
-                return Err("interrupted; the snake stopped on its way and holds".into());
+                return Err("interrupted; the snake stopped and holds".into());
             }
             commander.servo_jp(plan.goal(now_s).map(f64::to_radians).as_slice())?;
             if let Some(state) = client.operating_state()? {
@@ -167,7 +171,7 @@ fn swing(
             let short = JointState::CLIPPED | JointState::FIXTURE;
             let goal = goal.refresh()?.filter(|goal| goal.stamp() > begin);
             if goal.is_some_and(|goal| goal.flags & short != 0) {
-                return Err("none: out of reach here; begin nearer to the straight pose".into());
+                return Err("none: out of reach here; start nearer to the straight pose".into());
             }
         }
     })?;

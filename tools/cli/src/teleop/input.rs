@@ -1,4 +1,4 @@
-//! `i2ris teleop input`: looks at input devices, records them, and plays what was recorded.
+//! `i2ris teleop input`: inspects, records and plays back input devices.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufWriter, Write};
@@ -8,7 +8,7 @@ use i2ris::clock;
 use i2ris::units::Nanos;
 use i2ris_report::{Failure, Interrupt, Screen, until_closed};
 use i2ris_teleop::device::Device;
-use i2ris_teleop::evdev_decoder::stamp_anew;
+use i2ris_teleop::evdev_decoder::restamp;
 use i2ris_teleop::finder;
 use i2ris_teleop::learning::{self, QUESTIONS, Snapshot};
 use i2ris_teleop::recording;
@@ -22,26 +22,25 @@ const DRAW: Nanos = Nanos::from_millis(100);
 
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
-  i2ris teleop input show                        which devices there are
-  i2ris teleop input show /dev/input/event7      what one of them tells
+  i2ris teleop input show                        list the devices
+  i2ris teleop input show /dev/input/event7      show the events of one
   i2ris teleop input record /dev/input/event7 --output hand.input
   mkfifo hand && i2ris teleop input play hand.input --to hand
   i2ris teleop input learn /dev/input/event7 --output mine.toml")]
 pub enum Command {
-    /// List the devices that a hand may hold, and whether they are known; of one device, show what
-    /// it tells, by the names that a profile uses
+    /// List devices, or the events of one, by the names used in profiles
     Show {
-        /// The device: /dev/input/event* or /dev/hidraw*, or a pipe through which one is played
+        /// The device: /dev/input/event* or /dev/hidraw*, or a pipe with a played recording
         device: Option<PathBuf>,
     },
-    /// Record what a device tells: its description, and raw bytes with their times
+    /// Record a device: its description, and raw bytes with times
     Record {
         /// The device
         device: PathBuf,
         /// The new file
         #[arg(long, value_name = "FILE")]
         output: PathBuf,
-        /// End after this time instead of with Ctrl-C
+        /// Stop after this time instead of on Ctrl-C
         #[arg(long, value_name = "S", value_parser = seconds)]
         duration_s: Option<Nanos>,
     },
@@ -53,7 +52,7 @@ pub enum Command {
         #[arg(long, value_name = "PIPE")]
         to: PathBuf,
     },
-    /// Ask what the controls of an unknown device are, and write its profile
+    /// Create a profile
     Learn {
         /// The device
         device: PathBuf,
@@ -68,7 +67,7 @@ pub fn run(command: &Command) -> Result<(), Failure> {
         Command::Show { device: None } => list(),
         Command::Show { device: Some(device) } => test(Device::open(device)?, &Interrupt::catch()?),
         Command::Record { output, .. } | Command::Learn { output, .. } if output.exists() => {
-            Err(format!("--output {}: exists; name another file", output.display()).into())
+            Err(format!("--output {}: already exists; name another file", output.display()).into())
         }
         Command::Record { device, output, duration_s } => {
             record(Device::open(device)?, output, *duration_s, &Interrupt::catch()?)
@@ -82,9 +81,9 @@ fn list() -> Result<(), Failure> {
     let profiles = profiles(&[])?;
     let found = finder::scan(&profiles);
     if found.is_empty() {
-        return Err("no device that a hand may hold: neither /dev/input/event* nor /dev/hidraw* \
-                    has one"
-            .into());
+        return Err(
+            "no input device found, neither in /dev/input/event* nor in /dev/hidraw*".into()
+        );
     }
     let mut screen = Screen::stdout();
     for found in &found {
@@ -95,7 +94,7 @@ fn list() -> Result<(), Failure> {
 
 fn test(mut device: Device, interrupt: &Interrupt) -> Result<(), Failure> {
     let mut screen = Screen::stdout();
-    until_closed(screen.say(&format!("{}; Ctrl-C ends", device.description().identity)))?;
+    until_closed(screen.say(&format!("{}; Ctrl-C exits", device.description().identity)))?;
     let mut next = clock::now();
     while !interrupt.came() {
         device.read(clock::now(), |_| {})?;
@@ -103,9 +102,9 @@ fn test(mut device: Device, interrupt: &Interrupt) -> Result<(), Failure> {
             next = next + DRAW;
             let (_, state) = device.parts();
             let axes = state.axes().map(|(axis, value)| format!("{axis} {value}"));
-            let mut told: Vec<_> = axes.collect();
-            told.extend(state.pressed().map(|key| format!("{key} pressed")));
-            if !until_closed(screen.draw(&[told.join("  ")]))? {
+            let mut events: Vec<_> = axes.collect();
+            events.extend(state.pressed().map(|key| format!("{key} pressed")));
+            if !until_closed(screen.draw(&[events.join("  ")]))? {
                 break;
             }
         }
@@ -147,7 +146,7 @@ fn record(
     Ok(ended?)
 }
 
-/// Writes each frame at its time, and with the time of now. Waits until somebody reads.
+/// Writes each frame at its recorded time, stamped with the present time. Waits for a reader.
 fn play(recording: &Path, to: &Path) -> Result<(), Failure> {
     let named = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     let file = File::open(recording).map_err(|error| named(recording, &error))?;
@@ -159,13 +158,13 @@ fn play(recording: &Path, to: &Path) -> Result<(), Failure> {
         for (at, bytes) in &mut frames {
             clock::sleep_until(start + *at);
             if head.protocol == Protocol::Evdev {
-                stamp_anew(bytes, clock::now());
+                restamp(bytes, clock::now());
             }
             recording::write_frame(&mut pipe, *at, bytes)?;
         }
         Ok(())
     };
-    // Who reads may end first.
+    // The reader may end first.
     until_closed(write())?;
     Ok(())
 }
@@ -176,7 +175,7 @@ fn learn(mut device: Device, output: &Path) -> Result<(), Failure> {
     for (answer, question) in answers.iter_mut().zip(QUESTIONS) {
         until_closed(screen.say(&format!("{question}, then press Enter")))?;
         if io::stdin().lock().read_line(&mut String::new())? == 0 {
-            return Err("the input has ended before the last answer; no profile is written".into());
+            return Err("the input ended before the last answer; no profile was written".into());
         }
         device.read(clock::now(), |_| {})?;
         *answer = Snapshot::of(device.parts().1);

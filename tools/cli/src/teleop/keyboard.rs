@@ -16,10 +16,9 @@ use i2ris_teleop::clutch::Open;
 
 use super::source::{HandRequest, Source, SourceLost};
 
-/// Longer than a keyboard waits before it repeats (250 to 660 ms), short enough for someone who has
-/// left.
+/// Longer than a keyboard's repeat delay (250 to 660 ms), short enough for an absent operator.
 const DEAD_MAN: Nanos = Nanos::from_millis(1000);
-/// Bytes that are read at once: all that a terminal of Linux keeps, so that no key is cut in two.
+/// Bytes per read: the full buffer of a Linux terminal, so that no key is split.
 const AT_ONCE: usize = 4096;
 
 /// The keyboard, in raw mode until dropped.
@@ -34,12 +33,12 @@ impl Keyboard {
     pub fn open() -> Result<Self, Failure> {
         let terminal = stdin();
         if !terminal.is_terminal() {
-            return Err("the keyboard needs a terminal: standard input is none".into());
+            return Err("the keyboard needs a terminal: standard input is not one".into());
         }
         let modes_before = tcgetattr(&terminal)?;
         let mut modes = modes_before.clone();
         cfmakeraw(&mut modes);
-        // Only the keys are raw: printed lines still begin at the left.
+        // Only the input is raw: printed lines still start at the left.
         modes.output_flags |= OutputFlags::OPOST | OutputFlags::ONLCR;
         tcsetattr(&terminal, SetArg::TCSANOW, &modes)?;
         Ok(Self { keys: Keys::default(), terminal, modes_before })
@@ -78,8 +77,8 @@ impl Source for Keyboard {
     }
 
     fn help(&self) -> String {
-        "Space closes the clutch; arrows: right, left, up and down; x opens the clutch, and so does a second \
-         without a key; s stops the robot, whoever commands it; q ends."
+        "Space closes the clutch; arrows: right, left, up and down; x, or a second without a key, \
+         opens the clutch; s stops the robot, whichever client commands it; q quits."
             .to_owned()
     }
 }
@@ -157,7 +156,7 @@ impl Keys {
             Key::Down => *up -= 1.0,
             Key::Right => *right += 1.0,
             Key::Left => *right -= 1.0,
-            // Any other key, hit in haste, is a reason to stop.
+            // Any other key may have been hit in an emergency, so it stops.
             Key::Other => self.closed = None,
         }
         if self.engaged(now) {
@@ -165,7 +164,7 @@ impl Keys {
         }
     }
 
-    /// A terminal that is silent for too long is a dead-man that is not pressed.
+    /// A silent terminal counts as a released dead-man.
     fn open(engaged: bool) -> Option<Open> {
         (!engaged).then_some(Open::Released)
     }

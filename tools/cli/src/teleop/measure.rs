@@ -1,4 +1,4 @@
-//! Measures how the picture lies: two small motions while a camera watches.
+//! Measures the orientation of the camera image by two small motions.
 
 use i2ris::clock;
 use i2ris::ipc::Message;
@@ -12,25 +12,26 @@ use i2ris_teleop::view::{SeenMotion, View};
 use crate::command::stream::present_pose;
 use crate::command::trajectory::Angles;
 
-/// How far each axis goes to both sides.
+/// Motion of each axis to both sides.
 const MOTION_DEG: f64 = 1.0;
 const SPEED_DEG_S: f64 = 2.0;
 const PERIOD: Nanos = Nanos::from_millis(5);
-/// The snake comes to rest, then the camera is asked.
+/// Rest of the snake before the camera is read.
 const REST: Nanos = Nanos::from_millis(500);
 const LOOK: Nanos = Nanos::from_millis(1000);
 const MIN_FRAMES: usize = 5;
 
-/// What the camera showed: mean, right and up, deg, and the variance of that mean.
+/// Camera reading: mean, right and up, deg, and the variance of that mean.
 struct Seen {
     mean: [f64; 2],
     variance: f64,
     setpoint: Angles,
 }
 
-/// Moves pitch and yaw by a degree to both sides, and returns to where it began.
+/// Moves pitch and yaw by a degree to both sides, and returns to the start.
 ///
-/// Both ends of a motion are reached from the same side, so backlash is not taken for a turn.
+/// Both ends of a motion are reached from the same side, so that backlash is not mistaken for a
+/// rotation.
 pub fn measure(client: &Client, interrupt: &Interrupt) -> Result<View, Failure> {
     let mut mover = Mover {
         commander: client.commander(),
@@ -69,7 +70,7 @@ struct Mover<'a> {
 }
 
 impl Mover<'_> {
-    /// Goes straight to a pose.
+    /// Moves straight to a pose.
     fn go(&mut self, to: Angles) -> Result<(), Failure> {
         let from = self.pose;
         let distance = (to[0] - from[0]).hypot(to[1] - from[1]);
@@ -86,13 +87,13 @@ impl Mover<'_> {
 
     fn send(&mut self) -> Result<(), Failure> {
         if self.interrupt.came() {
-            return Err("interrupted while the view was measured; the snake holds".into());
+            return Err("interrupted while measuring the view; the snake holds".into());
         }
         self.commander.servo_jp(&self.pose.map(f64::to_radians))?;
         Ok(())
     }
 
-    /// Holds still and looks.
+    /// Holds still and reads the camera.
     fn look(&mut self, client: &Client) -> Result<Seen, Failure> {
         let start = clock::now();
         let mut ticker = Ticker::new(start + PERIOD, PERIOD, Nanos::ZERO);
@@ -111,15 +112,15 @@ impl Mover<'_> {
             {
                 last = frame.stamp();
                 let [pitch, yaw, _] = frame.position;
-                // A camera calls up pitch, and right yaw.
+                // The camera's up is pitch, and its right is yaw.
                 frames.push([yaw.to_degrees(), pitch.to_degrees()]);
             }
         }
         let count = frames.len() as f64;
         if frames.len() < MIN_FRAMES {
             return Err(format!(
-                "the view cannot be measured: {} pictures in {} s; start `i2ris vision`, or type \
-                 the view with --view",
+                "the view cannot be measured: {} images in {} s; start `i2ris vision`, or give \
+                 the view by --view",
                 frames.len(),
                 LOOK.as_seconds()
             )

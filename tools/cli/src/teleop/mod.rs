@@ -1,12 +1,12 @@
-//! `i2ris teleop`: what a hand holds moves the snake. Dead-man, clutch, motion scaling, view.
+//! `i2ris teleop`: moves the snake by an input device. Dead-man, clutch, motion scaling, view.
 //!
 //! The hand moves a virtual master. While the dead-man is released the clutch is open: the snake
 //! holds, and the master stays at the pose of the snake. While it is held, the hand moves the
-//! master, and the snake follows. A device that is lost opens the clutch at once; when it is back,
-//! everything has to be at rest before the dead-man counts.
+//! master, and the snake follows. A lost device opens the clutch at once; when it returns, all
+//! controls must be at rest before the dead-man is accepted.
 
-mod hands;
 mod input;
+mod input_devices;
 mod keyboard;
 mod measure;
 mod options;
@@ -31,23 +31,23 @@ use crate::command::stream::{present_pose, two_angles};
 use crate::command::stream_monitor::StreamMonitor;
 use crate::command::tracking::ClipMonitor;
 use crate::exit::name_holder;
-use options::{HandOptions, Lie};
+use options::{CameraOrientation, HandOptions};
 use pulse::Pulses;
 use source::{HandRequest, Source};
 use task::{HandTask, HoldStillOptions, PursuitOptions, ReachOptions, TaskOptions};
 
-use hands::profiles;
+use input_devices::profiles;
 
-/// Longest delay of a command to the control loop: some ticks.
+/// Longest delay of a command to the control loop: a few ticks.
 const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
-/// A device that tells more often than this is not sent more often.
+/// Minimum period of commands, even if the device reports faster.
 const MIN_PERIOD: Nanos = Nanos::from_millis(1);
-/// How often monitors are told what the hand does.
-const TELL: Nanos = Nanos::from_millis(50);
-/// Where the controller takes turned angles for pitch and yaw.
-const TOLD_TURNED: &str = "warning: the camera tells the axes of its picture, and the controller compares them with \
-     pitch and yaw: it will stop; set limits.plausibility_deg to 0, or let `i2ris vision \
-     calibrate` find pitch and yaw";
+/// Period of publishing the hand's state to monitors.
+const PUBLISH_PERIOD: Nanos = Nanos::from_millis(50);
+/// Warning if the controller would mistake rotated image axes for pitch and yaw.
+const ROTATED_CAMERA: &str = "warning: the camera reports angles in image axes, but the controller \
+         compares them with pitch and yaw and will stop; set limits.plausibility_deg to 0, or let \
+         `i2ris vision calibrate` find pitch and yaw";
 
 /// Arguments of `i2ris teleop`.
 #[derive(Debug, clap::Args)]
@@ -56,12 +56,12 @@ const TOLD_TURNED: &str = "warning: the camera tells the axes of its picture, an
     after_help = "Examples:
   i2ris teleop --enable                           the known device that is plugged in, and its pedal
   i2ris teleop --keyboard --scale 0.5             space bar: dead-man; arrows steer
-  i2ris teleop --view 90,mirror                   how the picture of the camera lies
+  i2ris teleop --view 90,mirror                   orientation of the camera image
   i2ris teleop --view measure                     the snake moves by 1 deg while a camera watches
-  i2ris teleop task reach --targets 5             bring the snake to targets and hold it there
-  i2ris teleop input show                         which devices there are
+  i2ris teleop task reach --targets 5             move the snake to targets and hold it there
+  i2ris teleop input show                         list the input devices
 
-Ctrl-C ends; the snake holds."
+Ctrl-C exits; the snake holds."
 )]
 pub struct Arguments {
     #[command(subcommand)]
@@ -72,10 +72,10 @@ pub struct Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Other {
-    /// A task by hand. The monitor shows the target, `i2ris record report` scores a recording
+    /// Manual tasks: the monitor shows the target, `i2ris record report` scores a recording
     #[command(subcommand)]
     Task(Task),
-    /// Look at input devices, record them and play what was recorded
+    /// Inspect, record and play back input devices
     #[command(subcommand)]
     Input(input::Command),
 }
@@ -86,22 +86,21 @@ enum Other {
   i2ris teleop task pursuit --device /dev/input/event7
   i2ris teleop task hold-still --duration-s 20")]
 enum Task {
-    /// Bring the snake to targets, one after the other, and hold it there. With the keys of this
-    /// terminal or --device
+    /// Move the snake to targets, one after the other, and hold it there, by keyboard or --device
     Reach {
         #[command(flatten)]
         task: ReachOptions,
         #[command(flatten)]
         hand: HandOptions,
     },
-    /// Follow a target along a curve that cannot be foreseen
+    /// Track an unpredictable target
     Pursuit {
         #[command(flatten)]
         task: PursuitOptions,
         #[command(flatten)]
         hand: HandOptions,
     },
-    /// Keep the snake at a place
+    /// Hold the snake at a place
     HoldStill {
         #[command(flatten)]
         task: HoldStillOptions,
@@ -124,8 +123,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     steer(&domain, &hand, task.as_ref()).map_err(|failure| name_holder(failure, &domain))
 }
 
-/// Commands the snake until the operator or the system ends it, or the controller cannot follow any
-/// more. Then the snake holds and the lease is free.
+/// Commands the snake until the operator or the system ends it, or the controller stops following.
+/// Then the snake holds and the lease is free.
 fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Result<(), Failure> {
     let (client, interrupt) =
         (&mut crate::command::prepare::connect(domain)?, &Interrupt::catch()?);
@@ -134,14 +133,14 @@ fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Res
     let state = prepare(client, hand.prepare, interrupt)?;
     let monitor = StreamMonitor::new(client.id(), &state, clock::now());
     let mut progress = Progress::new(monitor);
-    let is_measured = hand.view == Lie::Measured;
-    let view = if let Lie::Typed { rotation_deg, is_mirrored } = hand.view {
+    let is_measured = hand.view == CameraOrientation::Measured;
+    let view = if let CameraOrientation::Typed { rotation_deg, is_mirrored } = hand.view {
         View::typed(rotation_deg, is_mirrored)
     } else {
         progress.say("measuring the view: the snake moves by a degree in pitch and in yaw")?;
         let view = measure::measure(client, interrupt)?;
         if view.is_turned() && state.flags & OperatingStateMsg::COMPARED != 0 {
-            progress.say(TOLD_TURNED)?;
+            progress.say(ROTATED_CAMERA)?;
         }
         view
     };
@@ -154,7 +153,7 @@ fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Res
         progress,
         is_measured,
         announcer: client.announcer(),
-        told: (Nanos::ZERO, None),
+        published: (Nanos::ZERO, None),
         event: (Nanos::ZERO, 0),
         pulses: hand.pulse.then(|| Pulses::new(client, domain)),
         marked: Nanos::ZERO,
@@ -169,12 +168,12 @@ fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Res
     teleoperation.progress.say(&format!("the view: {view}"))?;
     let period = Nanos((1e9 / hand.rate_hz) as u64);
     let outcome = teleoperation.run(client, source.as_mut(), period, interrupt);
-    // The clutch first: the lease is valid until it is released.
+    // Open the clutch first, while the lease is still valid.
     let held = teleoperation.hold();
     if teleoperation.is_stopped {
         teleoperation.progress.say(&stop(client, domain)?.text)?;
     }
-    // A command that arrives later would take the lease again.
+    // A command that arrives later would acquire the lease again.
     clock::sleep(COMMAND_DELAY);
     let released = client.state_command(StateCommand::Release);
     outcome?;
@@ -191,18 +190,18 @@ struct Teleoperation {
     mode: Mode,
     view: View,
     scales: Vec<f64>,
-    /// Which of them.
+    /// Index of the selected scale.
     scale: usize,
     progress: Progress,
     is_measured: bool,
     announcer: Announcer<TeleopMsg>,
-    /// When monitors were told last, and why the clutch was open then.
-    told: (Nanos, Option<Open>),
-    /// When the newest event came to the computer, and the command that it led to.
+    /// Time of the last published state, and why the clutch was open then.
+    published: (Nanos, Option<Open>),
+    /// Arrival of the newest event, and the command that it led to.
     event: (Nanos, u64),
-    /// Whether limits are felt.
+    /// Pulses at limits, if enabled.
     pulses: Option<Pulses>,
-    /// When the newest mark was asked for.
+    /// Time of the newest mark request.
     marked: Nanos,
     commander: Commander,
     setpoint: Latest<JointState>,
@@ -226,24 +225,24 @@ impl Teleoperation {
             source.wait(last + period);
             clock::sleep_until(last + MIN_PERIOD);
             let now = clock::now();
-            let asked = source.read(now)?;
-            if asked.quit {
-                self.is_stopped = asked.stop;
+            let request = source.read(now)?;
+            if request.quit {
+                self.is_stopped = request.stop;
                 break;
             }
-            let command = self.command(&asked, (now - last).as_seconds())?;
+            let command = self.command(&request, (now - last).as_seconds())?;
             last = now;
             let sequence = self.send(&command)?;
-            if let Some(came) = asked.newest {
+            if let Some(came) = request.newest {
                 self.event = (came, sequence);
             }
-            self.publish(&asked, now)?;
+            self.publish(&request, now)?;
             while let Some(news) = source.news() {
                 self.progress.say(&news)?;
             }
             self.goal.refresh()?;
             if let Some(pulses) = &mut self.pulses
-                && asked.open.is_none()
+                && request.open.is_none()
                 && pulses.due(now)?
             {
                 source.pulse();
@@ -254,7 +253,7 @@ impl Teleoperation {
                 self.progress.say(&clipped)?;
             }
             if let Some(task) = &mut self.task {
-                if let Some(outcome) = task.update(now, asked.open.is_none())? {
+                if let Some(outcome) = task.update(now, request.open.is_none())? {
                     self.progress.say(&outcome)?;
                 }
                 if task.is_finished() {
@@ -262,46 +261,48 @@ impl Teleoperation {
                 }
             }
             let (task, scale) = (self.task.as_ref(), self.scales[self.scale]);
-            if !self.progress.check(client, || line(&command, &asked, scale, task, now))? {
+            if !self.progress.check(client, || line(&command, &request, scale, task, now))? {
                 break;
             }
         }
         Ok(())
     }
 
-    fn command(&mut self, asked: &HandRequest, step_s: f64) -> Result<MasterCommand, Failure> {
-        self.scale = (self.scale + asked.scale_steps as usize) % self.scales.len();
+    fn command(&mut self, request: &HandRequest, step_s: f64) -> Result<MasterCommand, Failure> {
+        self.scale = (self.scale + request.scale_steps as usize) % self.scales.len();
         let snake = self.setpoint.refresh()?.map(two_angles).transpose()?;
         let motion = Motion {
-            engaged: asked.open.is_none(),
-            push: self.view.joints(asked.push),
-            steps: self.view.joints(asked.steps),
+            engaged: request.open.is_none(),
+            push: self.view.joints(request.push),
+            steps: self.view.joints(request.steps),
             scale: self.scales[self.scale],
         };
         Ok(self.master.update(&motion, snake, step_s))
     }
 
-    /// Returns the number of the command. Its stamp is now, and not that of the event: by it the
-    /// controller judges its age, and a stick that is held has no new event for long.
+    /// Returns the number of the command. Its stamp is the present time, not that of the event: the
+    /// controller judges its age by it, and a held stick may have no new event for long.
     fn send(&mut self, command: &MasterCommand) -> Result<u64, Failure> {
         self.commander.set_clutch(command.clutch_open);
         Ok(self.commander.servo_jp(&command.pose.map(f64::to_radians))?)
     }
 
-    /// Tells monitors and recorders what the hand does.
-    fn publish(&mut self, asked: &HandRequest, now: Nanos) -> Result<(), Failure> {
-        if asked.marks > 0 {
-            self.marked = asked.newest.unwrap_or(now);
-        } else if now.duration_since(self.told.0) < TELL && self.told.1 == asked.open {
+    /// Publishes the hand's state for monitors and recorders.
+    fn publish(&mut self, request: &HandRequest, now: Nanos) -> Result<(), Failure> {
+        if request.marks > 0 {
+            self.marked = request.newest.unwrap_or(now);
+        } else if now.duration_since(self.published.0) < PUBLISH_PERIOD
+            && self.published.1 == request.open
+        {
             return Ok(());
         }
-        self.told = (now, asked.open);
+        self.published = (now, request.open);
         let measured = if self.is_measured { TeleopMsg::VIEW_MEASURED } else { 0 };
-        let open = asked.open.map_or(0, |_| TeleopMsg::OPEN);
-        let why_open = asked.open.map(|why| why.to_string()).unwrap_or_default();
+        let open = request.open.map_or(0, |_| TeleopMsg::OPEN);
+        let why_open = request.open.map(|why| why.to_string()).unwrap_or_default();
         self.announcer.publish(TeleopMsg {
             view: self.view.seen(),
-            push: asked.push,
+            push: request.push,
             scale: self.scales[self.scale],
             event_ns: self.event.0.0,
             command_sequence: self.event.1,
@@ -314,7 +315,7 @@ impl Teleoperation {
         Ok(())
     }
 
-    /// Opens the clutch: the snake stops now and not at the deadline.
+    /// Opens the clutch: the snake stops now instead of at the deadline.
     fn hold(&mut self) -> Result<(), Failure> {
         let command = self.master.hold();
         self.send(&command).map(drop)
@@ -323,18 +324,18 @@ impl Teleoperation {
 
 fn line(
     command: &MasterCommand,
-    asked: &HandRequest,
+    request: &HandRequest,
     scale: f64,
     task: Option<&HandTask>,
     now: Nanos,
 ) -> String {
-    // Within 80 columns: a line that wraps cannot be drawn over.
+    // Within 80 columns: a wrapped line cannot be overwritten.
     if let Some(task) = task {
         let clutch = if command.clutch_open { "HOLDS" } else { "FOLLOWS" };
         return format!("{clutch}; {}", task.line(now));
     }
     let [pitch, yaw] = command.pose;
-    match asked.open {
+    match request.open {
         Some(why) => format!("HOLDS: {why}"),
         None => format!(
             "FOLLOWS at {:.0} %; pitch, yaw commanded {pitch:+.2} {yaw:+.2} deg",

@@ -1,4 +1,4 @@
-//! What a hand holds, and how it moves the snake: the options.
+//! Options: input device, and how it moves the snake.
 
 use std::path::PathBuf;
 
@@ -6,22 +6,22 @@ use i2ris_report::{DomainOption, Failure};
 use i2ris_teleop::master::{Mode, Settings};
 use i2ris_teleop::profile::Handedness;
 
-use super::hands::{Chosen, Hands};
+use super::input_devices::{Chosen, InputDevices};
 use super::keyboard::Keyboard;
 use super::source::Source;
 use crate::command::prepare::PrepareOptions;
 use crate::numbers::{finite, positive, rate, within};
 
 const STEP_DEG: f64 = 0.25;
-/// The same in a task: steps of the former would miss targets.
+/// Step in a task: larger steps would miss targets.
 const FINE_STEP_DEG: f64 = 0.1;
 
-/// What is held, and how it moves the snake.
+/// Input device, and how it moves the snake.
 #[derive(Debug, clap::Args)]
 pub(super) struct HandOptions {
     #[command(flatten)]
     pub domain: DomainOption,
-    /// Commands per second, at least; an event of the device is sent at once
+    /// Minimum command rate; device events are sent at once
     #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate)]
     pub rate_hz: f64,
     /// Speed of the snake at full deflection, and its limit
@@ -33,43 +33,43 @@ pub(super) struct HandOptions {
     #[arg(long, conflicts_with = "device")]
     keyboard: bool,
     /// An input device, or a pipe through which `i2ris teleop input play` plays a recording; a
-    /// second one is a pedal [default: those that are known]
+    /// second one is a pedal [default: the known devices]
     #[arg(long, value_name = "DEVICE")]
     device: Vec<PathBuf>,
-    /// The profile of a device that is not known; `i2ris teleop input learn` makes one
+    /// Profile of an unknown device; create one by `i2ris teleop input learn`
     #[arg(long, value_name = "FILE")]
     profile: Vec<PathBuf>,
-    /// What a deflection is: a speed; a distance from where the dead-man was pressed; or a distance
-    /// inside and a speed at the rim
+    /// Meaning of a deflection: a speed; a distance from the pose where the dead-man was pressed;
+    /// or a distance, with speed at the rim
     #[arg(long, value_enum, default_value_t = ModeWord::Rate)]
     mode: ModeWord,
     /// Distance of full deflection in position and hybrid
     #[arg(long, default_value_t = 1.5, value_name = "DEG", value_parser = positive)]
     reach_deg: f64,
-    /// How much of the motion reaches the snake; several are steps for a button of the device
+    /// Motion scaling; several values are steps for a button of the device
     #[arg(long, value_delimiter = ',', default_values_t = [1.0, 0.5, 0.25], value_name = "SHARE",
           value_parser = share)]
     pub scale: Vec<f64>,
-    /// How far one key press goes [default: 0.25, and 0.1 in a task]
+    /// Motion per key press [default: 0.25, and 0.1 in a task]
     #[arg(long, value_name = "DEG", value_parser = step)]
     step_deg: Option<f64>,
-    /// The device is held in the left hand: its controls of the other side are used
+    /// The device is held in the left hand: use the controls of the other side
     #[arg(long)]
     left_hand: bool,
     /// Let the device pulse, if it can: faster the nearer the tip is to a virtual fixture or to the
-    /// end of the hull
+    /// edge of the hull
     #[arg(long)]
     pub pulse: bool,
-    /// How the picture lies: DEG, turned counterclockwise (90, and +yaw goes up); DEG,mirror: then
-    /// left and right are swapped; or measure: by two small motions while a camera watches
+    /// Orientation of the camera image: DEG, rotated counterclockwise (at 90, +yaw is up);
+    /// DEG,mirror: then left and right swapped; or measure: by two small motions with a camera
     #[arg(long, default_value = "0", value_name = "DEG[,mirror]|measure", value_parser = view,
           allow_negative_numbers = true)]
-    pub view: Lie,
+    pub view: CameraOrientation,
 }
 
-/// How the picture of the camera lies.
+/// Orientation of the camera image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Lie {
+pub(super) enum CameraOrientation {
     Measured,
     Typed { rotation_deg: f64, is_mirrored: bool },
 }
@@ -101,7 +101,7 @@ impl HandOptions {
             return Ok(Box::new(Keyboard::open()?));
         }
         let hand = if self.left_hand { Handedness::Left } else { Handedness::Right };
-        Ok(Box::new(Hands::open(&Chosen {
+        Ok(Box::new(InputDevices::open(&Chosen {
             devices: self.device.clone(),
             profiles: self.profile.clone(),
             hand,
@@ -110,9 +110,9 @@ impl HandOptions {
     }
 }
 
-fn view(text: &str) -> Result<Lie, String> {
+fn view(text: &str) -> Result<CameraOrientation, String> {
     if text == "measure" {
-        return Ok(Lie::Measured);
+        return Ok(CameraOrientation::Measured);
     }
     let (deg, is_mirrored) = match text.strip_suffix("mirror") {
         Some(deg) => (deg.trim_end_matches(','), true),
@@ -120,7 +120,7 @@ fn view(text: &str) -> Result<Lie, String> {
     };
     let rotation_deg = if deg.is_empty() && is_mirrored { Ok(0.0) } else { finite(deg) };
     rotation_deg
-        .map(|rotation_deg| Lie::Typed { rotation_deg, is_mirrored })
+        .map(|rotation_deg| CameraOrientation::Typed { rotation_deg, is_mirrored })
         .map_err(|_| "must be DEG, DEG,mirror, mirror or measure".to_owned())
 }
 

@@ -1,5 +1,5 @@
-//! What a hand feels of limits, where its device can pulse: the same beats as the sound of the
-//! operator's page. Never a command.
+//! Pulses of the device near limits: the same beats as the sound of the operator's page. Never a
+//! command.
 
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Client, ClientError, Latest};
@@ -8,10 +8,10 @@ use i2ris::units::Nanos;
 use i2ris_report::model_poller::ModelPoller;
 use i2ris_report::view::{LatestMessages, View};
 
-/// Time between two looks for a limit: that of the fastest beat.
+/// Period of checking for a limit: that of the fastest beat.
 const LOOK: Nanos = Nanos::from_millis(100);
 
-/// When a device pulses.
+/// Timing of device pulses.
 pub(super) struct Pulses {
     measured: Latest<JointState>,
     state: Latest<OperatingStateMsg>,
@@ -36,7 +36,7 @@ impl Pulses {
         }
     }
 
-    /// Whether the device shall pulse now.
+    /// Whether the device should pulse now.
     pub fn due(&mut self, now: Nanos) -> Result<bool, ClientError> {
         if now.duration_since(self.looked) < LOOK {
             return Ok(false);
@@ -66,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hand_feels_a_fixture_sooner_the_nearer_it_is() {
+    fn pulses_are_faster_nearer_to_a_fixture() {
         let controller = Controller::enabled();
         let mut fixtures = VirtualFixturesMsg { active: 1, ..VirtualFixturesMsg::default() };
         fixtures.kind[0] = FixtureKind::Circle.number();
@@ -82,7 +82,7 @@ mod tests {
                 let measured = pulses.measured.refresh().unwrap();
                 measured.is_some_and(|it| (it.position[1].to_degrees() - yaw_deg).abs() < 0.01)
             });
-            // As if the last pulse had been so long ago: nothing here waits for a beat.
+            // Backdates the last pulse, so that the test need not wait for a beat.
             let due_after = |pulses: &mut Pulses, wait_ms: u64| {
                 let now = clock::now();
                 (pulses.looked, pulses.last) = (Nanos::ZERO, now - Nanos::from_millis(wait_ms));

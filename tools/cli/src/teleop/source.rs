@@ -1,26 +1,26 @@
-//! What a hand asks, whatever it holds.
+//! Requests of the operator's hand, independent of the device.
 
 use i2ris::units::Nanos;
 use i2ris_teleop::clutch::Open;
 use nix::errno::Errno;
 
-/// What a hand asks at a time. Directions are those of the picture: to the right, and up.
+/// Request of the hand at a time. Directions are those of the image: right, and up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct HandRequest {
-    /// Why the snake does not follow; `None`: it may.
+    /// Why the snake does not follow; `None`: it may follow.
     pub open: Option<Open>,
     /// Deflection, each -1 to 1.
     pub push: [f64; 2],
     /// Key presses since the last call.
     pub steps: [f64; 2],
-    /// How often the next scale was asked for since the last call.
+    /// Requests for the next scale since the last call.
     pub scale_steps: u32,
-    /// How often a mark of the trial was asked for since the last call.
+    /// Requests for a trial mark since the last call.
     pub marks: u32,
-    /// When the newest event since the last call came to the computer, where that is known.
+    /// Arrival of the newest event since the last call, if known.
     pub newest: Option<Nanos>,
     pub quit: bool,
-    /// Stop the robot, whoever commands it, and end.
+    /// Stop the robot, whichever client commands it, and quit.
     pub stop: bool,
 }
 
@@ -40,19 +40,19 @@ impl Default for HandRequest {
 }
 
 pub(super) trait Source {
-    /// What it asks now. Never waits.
+    /// The present request. Never waits.
     fn read(&mut self, now: Nanos) -> Result<HandRequest, SourceLost>;
-    /// Waits until it has something new, or until that time.
+    /// Waits until there is a new event, or until `until`.
     fn wait(&mut self, until: Nanos) {
         i2ris::clock::sleep_until(until);
     }
-    /// Lets the hand feel a limit, where the device can.
+    /// Pulses the device, if it can.
     fn pulse(&mut self) {}
-    /// Something that has to be said once.
+    /// A message to print once.
     fn news(&mut self) -> Option<String> {
         None
     }
-    /// How to use it, in one line.
+    /// Usage, in one line.
     fn help(&self) -> String;
 }
 

@@ -1,4 +1,4 @@
-//! Every advice, followed on a robot with emulated drives, leads out of what it is about.
+//! Every advice, followed on a robot with emulated drives, resolves its problem.
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Latest};
@@ -14,11 +14,11 @@ use crate::bench::{assert_says, ends, expect_stalls, fails, run, start, succeeds
 
 const POSE: &str = "command pose 1 1 --duration-s 0.2";
 
-/// The programs that a text tells to run.
+/// The commands in a text.
 fn commands(text: &str) -> Vec<String> {
     let quoted = text.split('`').skip(1).step_by(2);
     let words = quoted.filter_map(|it| it.strip_prefix("i2ris "));
-    // Those that only show something help a person to find the cause.
+    // Commands that only print something help the operator to find the cause.
     let changes = ["command", "home", "enable", "disable"];
     words
         .filter(|words| changes.iter().any(|it| words.starts_with(it)))
@@ -26,12 +26,12 @@ fn commands(text: &str) -> Vec<String> {
         .collect()
 }
 
-/// A command that is refused with this code, then what its advice says, then the command again.
+/// A command refused with this code, then its advice, then the command again.
 fn refused_then_followed(domain: &Domain, words: &str, code: &str) {
-    let said = run(domain, words);
-    assert_eq!(said.code, Some(4), "{words}: {}{}", said.output, said.error);
-    assert_says(&said.error, &[code]);
-    let (_, advice) = said.error.split_once(';').unwrap_or_else(|| panic!("{}", said.error));
+    let result = run(domain, words);
+    assert_eq!(result.code, Some(4), "{words}: {}{}", result.output, result.error);
+    assert_says(&result.error, &[code]);
+    let (_, advice) = result.error.split_once(';').unwrap_or_else(|| panic!("{}", result.error));
     let commands = commands(advice);
     assert!(!commands.is_empty(), "{advice}");
     for command in commands {
@@ -40,7 +40,7 @@ fn refused_then_followed(domain: &Domain, words: &str, code: &str) {
     succeeds(domain, words);
 }
 
-/// A `hold` is for everybody else, so also for the next command, for a second.
+/// A `hold` blocks all other clients, so also the next command, for a second.
 fn follow(domain: &Domain, command: &str) {
     succeeds(domain, command);
     if command.ends_with("hold") {
@@ -64,7 +64,7 @@ fn follow_status(domain: &Domain) {
 }
 
 #[test]
-fn a_watchdog_that_ends_is_reported_in_the_log_and_by_the_status() {
+fn ended_watchdog_is_reported_in_log_and_status() {
     let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     let domain = rig.domain();
@@ -75,7 +75,7 @@ fn a_watchdog_that_ends_is_reported_in_the_log_and_by_the_status() {
         let state = client.wait_for(TIMEOUT, |_| true).unwrap();
         has(&state, OperatingStateMsg::WATCHED)
     });
-    // The log looks ten times a second.
+    // The log is updated ten times a second.
     for _ in 0..30 {
         presence.alive(clock::now()).unwrap();
         clock::sleep(Nanos::from_millis(10));
@@ -84,9 +84,9 @@ fn a_watchdog_that_ends_is_reported_in_the_log_and_by_the_status() {
     let mut page = String::new();
     wait_until("status", || {
         page = succeeds(&domain, "status");
-        page.contains("stop 3: no watchdog watches")
+        page.contains("stop 3: no active watchdog")
     });
-    wait_until("log", || rig.log_text("controller").contains("stop 3: no watchdog watches"));
+    wait_until("log", || rig.log_text("controller").contains("stop 3: no active watchdog"));
     assert!(page.contains(", no watchdog"), "{page}");
 }
 
@@ -119,8 +119,7 @@ fn every_advice_that_is_followed_succeeds() {
         before.iter().for_each(|words| follow(&domain, words));
         refused_then_followed(&domain, words, code);
     }
-    // Off and without a zero: `status` leads to a robot that moves, and from a pause and a fault,
-    // too.
+    // Off and without a zero: `status` leads to a moving robot, also from a pause and a fault.
     follow_status(&domain);
     succeeds(&domain, "command state pause");
     follow_status(&domain);
@@ -133,16 +132,16 @@ fn every_advice_that_is_followed_succeeds() {
         "{why}"
     );
     follow_status(&domain);
-    // What is as asked already is done.
+    // A state that is already reached is done.
     succeeds(&domain, "enable");
     succeeds(&domain, "command state resume");
-    let said = run(&domain, "command state acknowledge");
-    assert_says(&said.error, &["refusal 28: there is no fault to acknowledge; do: go on"]);
-    // The holder of the lease has a name, and what is told to end can be ended.
+    let result = run(&domain, "command state acknowledge");
+    assert_says(&result.error, &["refusal 28: there is no fault to acknowledge; action: continue"]);
+    // The lease holder is named and can be ended.
     let mut first = start(&domain, "command pose");
     wait_for(&mut client, |state| state.lease_client_id != 0);
-    let said = run(&domain, POSE);
-    assert_says(&said.error, &["i2ris, process ", "holds the lease; end that program first"]);
+    let result = run(&domain, POSE);
+    assert_says(&result.error, &["i2ris, process ", "holds the lease; end that program first"]);
     assert_says(&succeeds(&domain, "status"), &["it follows i2ris command pose, process "]);
     first.interrupt();
     ends(first, 0, &[]);
@@ -150,12 +149,12 @@ fn every_advice_that_is_followed_succeeds() {
 }
 
 #[test]
-fn the_status_names_the_end_of_a_controller_and_its_records() {
+fn status_names_the_end_of_a_controller_and_its_records() {
     let mut rig = Rig::start();
     let domain = rig.domain();
     rig.enabled();
     rig.signal(Signal::SIGKILL);
     rig.wait_for_end();
-    let parts = ["was killed or has crashed after 20", "records/runs.jsonl; the next start"];
+    let parts = ["was killed or crashed after 20", "records/runs.jsonl; the next start"];
     fails(&domain, "status", 3, &parts);
 }

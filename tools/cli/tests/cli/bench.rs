@@ -11,8 +11,8 @@ use tempfile::TempDir;
 
 pub struct WorkFolder(TempDir);
 
-/// What a program left: exit code, standard output, standard error without lines about progress, of
-/// which a loaded machine has more.
+/// Result of a program: exit code, standard output, standard error without progress lines, whose
+/// number depends on the load.
 pub struct Ended {
     pub code: Option<i32>,
     pub output: String,
@@ -74,19 +74,24 @@ impl WorkFolder {
     /// Runs it, and expects success and nothing on standard error.
     #[track_caller]
     pub fn succeeds(&self, words: &str) -> String {
-        let said = self.run(words);
-        assert_eq!((said.code, said.error.as_str()), (Some(0), ""), "{words}");
-        said.output
+        let result = self.run(words);
+        assert_eq!((result.code, result.error.as_str()), (Some(0), ""), "{words}");
+        result.output
     }
 
     /// Runs it, and expects one sentence with these parts, and no result. Returns the sentence.
     #[track_caller]
     pub fn fails(&self, words: &str, parts: &[&str]) -> String {
-        let said = self.run(words);
-        assert_eq!((said.code, said.output.as_str()), (Some(1), ""), "{words}: {}", said.error);
-        assert!(said.error.starts_with("error: ") && said.error.lines().count() == 1);
-        assert_says(&said.error, parts);
-        said.error
+        let result = self.run(words);
+        assert_eq!(
+            (result.code, result.output.as_str()),
+            (Some(1), ""),
+            "{words}: {}",
+            result.error
+        );
+        assert!(result.error.starts_with("error: ") && result.error.lines().count() == 1);
+        assert_says(&result.error, parts);
+        result.error
     }
 }
 
@@ -122,18 +127,18 @@ pub fn end(program: Program) -> Ended {
 /// Runs it, and expects success. Returns what it printed.
 #[track_caller]
 pub fn succeeds(domain: &Domain, words: &str) -> String {
-    let said = run(domain, words);
-    assert_eq!(said.code, Some(0), "{words}: {}{}", said.output, said.error);
-    said.output
+    let result = run(domain, words);
+    assert_eq!(result.code, Some(0), "{words}: {}{}", result.output, result.error);
+    result.output
 }
 
 /// Expects the end of a program with a code and these parts in the error, which is returned.
 #[track_caller]
 pub fn ends(program: Program, code: i32, parts: &[&str]) -> Ended {
-    let said = end(program);
-    assert_eq!(said.code, Some(code), "{}{}", said.output, said.error);
-    assert_says(&said.error, parts);
-    said
+    let result = end(program);
+    assert_eq!(result.code, Some(code), "{}{}", result.output, result.error);
+    assert_says(&result.error, parts);
+    result
 }
 
 #[track_caller]
@@ -141,7 +146,7 @@ pub fn fails(domain: &Domain, words: &str, code: i32, parts: &[&str]) -> Ended {
     ends(start(domain, words), code, parts)
 }
 
-/// On a machine that tests share, commands of programs come late, and so do emulated drives.
+/// Raises limits: on a shared machine, commands and emulated drives are late.
 pub fn expect_stalls(rig: &mut Rig) {
     rig.config.command.deadline_ms = 500;
     rig.config.command.lease_timeout_ms = 2000;
@@ -149,7 +154,7 @@ pub fn expect_stalls(rig: &mut Rig) {
 }
 
 /// A domain that no controller serves.
-pub fn nobody() -> Domain {
+pub fn unused_domain() -> Domain {
     Domain::new(&format!("t{:016x}", random_id())).unwrap()
 }
 

@@ -18,7 +18,7 @@ use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::scene_setup::setup;
 
 use crate::bench::{
-    Ended, WorkFolder, assert_says, ends, expect_stalls, fails, nobody, run, start,
+    Ended, WorkFolder, assert_says, ends, expect_stalls, fails, run, start, unused_domain,
 };
 
 const ROBOT: &str = r#"
@@ -39,14 +39,14 @@ const ROBOT: &str = r#"
     position_max_counts = 400
 "#;
 
-/// What a camera sends.
+/// Frames of a test camera.
 #[derive(Clone, Copy, PartialEq)]
 enum Shows {
     /// Angles that follow the time.
     Angles,
-    /// That it sees nothing.
+    /// Frames without a snake.
     Nothing,
-    /// Stamps of another clock.
+    /// Frames with stamps of another clock.
     WallClock,
 }
 
@@ -69,7 +69,7 @@ fn camera(domain: &Domain, shows: Shows) -> Background {
     })
 }
 
-/// A controller that runs with the configuration of the bench, and a folder with it.
+/// A running controller with the configuration of the bench, and its folder.
 fn described(controller: Controller) -> (WorkFolder, Controller) {
     let config = Config::parse(ROBOT, Path::new("robot.toml")).unwrap();
     controller.robot().description = robot_description(&config);
@@ -101,11 +101,11 @@ fn a_short_run_moves_records_and_lets_go() {
     let (bench, controller) = described(Controller::start());
     let _camera = camera(&controller.domain, Shows::Angles);
     let options = "--duration-s 3 --home --json --speed-counts-s 400";
-    let said = ends(bench.collect(&controller.domain, options), 0, &[]);
+    let result = ends(bench.collect(&controller.domain, options), 0, &[]);
     let robot = controller.robot();
     let (enable, home) = (StateCommand::Enable, StateCommand::Home);
     let rest = [StateCommand::Condition, StateCommand::Release];
-    assert_eq!(robot.asked, [&[enable, home, enable][..], &rest].concat());
+    assert_eq!(robot.requested, [&[enable, home, enable][..], &rest].concat());
     assert_eq!(robot.lease, 0);
     assert!(robot.places.len() > 100, "{}", robot.places.len());
     for place in &robot.places {
@@ -116,7 +116,7 @@ fn a_short_run_moves_records_and_lets_go() {
     let (recording, report) =
         Recording::read(&bench.path("take.csv"), &ColumnMap::default()).unwrap();
     assert!(recording.rows().len() > 50 && report.positions > 500, "{report:?}");
-    let outcome: serde_json::Value = serde_json::from_str(&said.output).unwrap();
+    let outcome: serde_json::Value = serde_json::from_str(&result.output).unwrap();
     assert_eq!(outcome["outcome"]["complete"], true);
     assert_eq!(outcome["outcome"]["samples"], recording.rows().len());
     let sidecar: toml::Value = toml::from_str(&bench.read("take.toml")).unwrap();
@@ -131,16 +131,16 @@ fn an_interrupt_stops_softly_and_keeps_the_recording() {
     let mut program = bench.collect(&controller.domain, "");
     controller.wait("it moves", |robot| robot.places.len() > 300);
     program.interrupt();
-    let said = ends(program, 1, &["interrupted", "kept"]);
-    assert_says(&said.output, &["recorded"]);
+    let result = ends(program, 1, &["interrupted", "kept"]);
+    assert_says(&result.output, &["recorded"]);
     assert_eq!(controller.robot().lease, 0);
     assert!(bench.recording("take.csv").rows().len() > 20);
     assert_says(&bench.read("take.toml"), &["complete = false", "interrupted"]);
 }
 
-/// Somebody else moves the robot; Ctrl-C is the end of the recording, and not a failure.
+/// Another program moves the robot; Ctrl-C ends the recording without a failure.
 #[test]
-fn what_others_do_is_recorded_until_an_interrupt_and_nothing_is_requested() {
+fn watch_records_other_clients_until_interrupted_without_requests() {
     let (bench, controller) = described(Controller::start());
     let _camera = camera(&controller.domain, Shows::Angles);
     let mut run = bench.collect(&controller.domain, "--watch");
@@ -149,7 +149,7 @@ fn what_others_do_is_recorded_until_an_interrupt_and_nothing_is_requested() {
     });
     run.interrupt();
     ends(run, 0, &[]);
-    assert!(controller.robot().asked.is_empty(), "{:?}", controller.robot().asked);
+    assert!(controller.robot().requested.is_empty(), "{:?}", controller.robot().requested);
     assert!(bench.read("take.toml").contains("complete = true"));
     assert!(bench.read("take.csv").lines().count() > 20);
 }
@@ -178,11 +178,11 @@ fn without_a_camera_nothing_moves() {
     let _other_clock = camera(domain, Shows::WallClock);
     bench.collects_nothing(domain, "", &["CLOCK_MONOTONIC"]);
     let robot = controller.robot();
-    assert!(robot.asked.is_empty() && robot.places.is_empty());
+    assert!(robot.requested.is_empty() && robot.places.is_empty());
 }
 
 #[test]
-fn a_camera_that_falls_silent_ends_the_run_and_keeps_the_recording() {
+fn silent_camera_ends_the_run_and_keeps_the_recording() {
     let (bench, controller) = described(Controller::enabled());
     let camera = camera(&controller.domain, Shows::Angles);
     let program = bench.collect(&controller.domain, "");
@@ -195,7 +195,7 @@ fn a_camera_that_falls_silent_ends_the_run_and_keeps_the_recording() {
 }
 
 #[test]
-fn a_controller_that_cannot_condition_says_how_to_go_on() {
+fn controller_without_conditioning_reports_the_option() {
     let (bench, controller) = described(Controller::enabled());
     controller.robot().conditions = false;
     let _camera = camera(&controller.domain, Shows::Angles);
@@ -204,7 +204,7 @@ fn a_controller_that_cannot_condition_says_how_to_go_on() {
 }
 
 #[test]
-fn a_robot_that_is_not_enabled_or_refuses_is_not_moved() {
+fn disabled_or_refusing_robot_is_not_moved() {
     let (bench, controller) = described(Controller::start());
     let _camera = camera(&controller.domain, Shows::Angles);
     bench.collects_nothing(&controller.domain, "", &["--enable"]);
@@ -219,39 +219,39 @@ fn a_robot_that_is_not_enabled_or_refuses_is_not_moved() {
 fn what_the_controller_does_not_allow_moves_nothing() {
     let (bench, controller) = described(Controller::start());
     let _camera = camera(&controller.domain, Shows::Angles);
-    for (options, said) in [
+    for (options, result) in [
         ("--range-counts 320", "leave 300 counts"),
         ("--centre-counts 500,0", "not within the position limits"),
         ("--centre-counts 5", "1 value(s) for the 2 motor(s)"),
         ("--speed-counts-s 2500", "the controller allows 500"),
     ] {
-        bench.collects_nothing(&controller.domain, &format!("--home {options}"), &[said]);
+        bench.collects_nothing(&controller.domain, &format!("--home {options}"), &[result]);
     }
-    assert_eq!(controller.robot().asked, []);
+    assert_eq!(controller.robot().requested, []);
 }
 
 #[test]
-fn what_makes_no_sense_is_refused_before_a_controller_is_looked_for() {
-    let (bench, domain) = (WorkFolder::new(), nobody());
-    for (options, said) in [
+fn invalid_arguments_are_refused_before_connecting() {
+    let (bench, domain) = (WorkFolder::new(), unused_domain());
+    for (options, result) in [
         ("--speed-counts-s 0", "must be a number above 0"),
         ("--duration-s nan", "must be a number above 0"),
         ("--protocol dance", "possible values: reversals, cycles, decaying-sine, axes"),
         ("", "no controller serves domain"),
         ("--protocol axes", "trap"),
     ] {
-        bench.collects_nothing(&domain, options, &[said]);
+        bench.collects_nothing(&domain, options, &[result]);
     }
 }
 
 #[test]
 fn recordings_are_not_written_over_and_folders_not_invented() {
-    let (bench, domain) = (WorkFolder::new(), nobody());
+    let (bench, domain) = (WorkFolder::new(), unused_domain());
     bench.write("take.toml", "precious");
-    ends(bench.collect(&domain, ""), 1, &["not written over"]);
+    ends(bench.collect(&domain, ""), 1, &["is not overwritten"]);
     assert_eq!(bench.read("take.toml"), "precious");
     let collect = "calibrate collect --output";
-    fails(&domain, &format!("{collect} /nowhere/take.csv"), 1, &["there is no folder"]);
+    fails(&domain, &format!("{collect} /nowhere/take.csv"), 1, &["/nowhere does not exist"]);
     fails(&domain, &format!("{collect} take.txt"), 1, &["must end in .csv"]);
 }
 
@@ -281,7 +281,7 @@ impl Whole {
         self.rig.start_controller_thread();
     }
 
-    /// Words of which those that begin with `@` are files of the folder.
+    /// Words, where `@` marks files of the folder.
     fn words(&self, words: &str) -> String {
         let folder = self.rig.folder.path().to_str().unwrap();
         words.replace('@', &format!("{folder}/"))
@@ -313,8 +313,7 @@ impl Whole {
     }
 }
 
-/// Root mean square distance between the angles of two recordings at their common instants, and how
-/// many those are.
+/// RMS distance between the angles of two recordings at common times, and their number.
 fn apart_deg(one: &Recording, other: &Recording) -> (f64, usize) {
     let mut squares = Vec::new();
     for row in one.rows() {
@@ -327,7 +326,7 @@ fn apart_deg(one: &Recording, other: &Recording) -> (f64, usize) {
     ((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), squares.len())
 }
 
-/// Pictures of the snake at rest, before the recording begins, and of every sixth row of it.
+/// Images of the snake at rest, before the recording, and of every sixth row.
 fn draw(recording: &Recording, folder: &Path) {
     let rig = Scene::laboratory(640, 480, 100.0);
     setup(&rig).save(&folder.join("vision.toml")).unwrap();
@@ -346,7 +345,7 @@ fn draw(recording: &Recording, folder: &Path) {
 }
 
 #[test]
-fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
+fn recording_gives_a_model_from_angles_and_from_images() {
     let mut whole = Whole::start(|_| {});
     let collect = "calibrate collect --output @take.csv --home --json";
     let motion = "--duration-s 40 --range-counts 1200 --speed-counts-s 900";
@@ -354,7 +353,7 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     let sidecar: serde_json::Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(sidecar["outcome"]["complete"], true, "{printed}");
     assert_eq!(sidecar["robot_id"], "rig");
-    // The emulated camera stamps the exposure, so there is nothing to find.
+    // The emulated camera stamps the exposure, so there is no latency to find.
     let latency = sidecar["latency"]["estimate_ms"].as_f64().unwrap();
     assert!(latency.abs() < 15.0, "{printed}");
 
@@ -367,7 +366,7 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     assert_eq!(whole.rig.emulator.host_bugs(), 0);
     whole.fit("take.csv", "model.json");
 
-    // Pictures of what was recorded, the angles that are in them, and a model of those.
+    // Images of the recorded motion, their angles, and a model of those.
     draw(&recording, whole.rig.folder.path());
     let measure = "vision --setup @vision.toml @view0 @view1 --rest-s 0.001";
     whole.tool(&format!("{measure} --output @angles.csv"));
@@ -379,14 +378,13 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     whole.control(Some("seen.json"));
     whole.tool("command pose 8 -6 --duration-s 1 --enable");
     let [pitch, yaw] = whole.rig.emulator.snapshot().angles_deg;
-    // The model has no memory: half the width of the loop, and what friction has left of the motion
-    // before.
+    // The model has no memory: half the loop width, and the friction remaining from earlier motion.
     assert!((pitch - 8.0).hypot(yaw + 6.0) < 4.0, "{pitch} {yaw}");
 }
 
 #[test]
-fn collect_goes_on_from_the_setpoint_after_a_stall() {
-    // After a stall, a program goes on by what a motor moves in 20 ms: 18 counts at 900 counts/s.
+fn collect_resumes_from_the_setpoint_after_a_stall() {
+    // After a stall, a program continues by the motion of 20 ms: 18 counts at 900 counts/s.
     let whole = Whole::start(|config| config.command.max_step_counts = 8);
     let collect = "calibrate collect --output @take.csv --home --no-condition";
     let motion = "--duration-s 8 --range-counts 1200 --speed-counts-s 900";
@@ -405,7 +403,7 @@ fn collect_goes_on_from_the_setpoint_after_a_stall() {
             is_fast || collect.child().try_wait().unwrap().is_some()
         });
         if collect.child().try_wait().unwrap().is_some() {
-            // Too early: judged below, with its words.
+            // Too early: judged below, with its message.
             break;
         }
         collect.pause();
@@ -413,7 +411,7 @@ fn collect_goes_on_from_the_setpoint_after_a_stall() {
         collect.resume();
         clock::sleep(Nanos::from_millis(400));
     }
-    ends(collect, 0, &["goes on from where it is"]);
+    ends(collect, 0, &["resumes from the present pose"]);
     let sidecar = fs::read_to_string(whole.rig.folder.path().join("take.toml")).unwrap();
     assert_says(&sidecar, &["complete = true"]);
 }

@@ -1,17 +1,16 @@
 //! `i2ris command` against a controller without drives.
 
 use i2ris::clock;
-use i2ris::ipc::{Fault, OperatingState, Refusal, ShownClient, StateCommand};
+use i2ris::ipc::{Fault, MaskedClientId, OperatingState, Refusal, StateCommand};
 use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
 use i2ris_testing::Controller;
 
-use crate::bench::{WorkFolder, assert_says, end, ends, fails, nobody, start, succeeds};
+use crate::bench::{WorkFolder, assert_says, end, ends, fails, start, succeeds, unused_domain};
 
-/// Checks every accepted pose against the one before: no further than `speed_deg_s` allows in the
-/// time between their stamps. What the controller did not read in time is missing, so the steps
-/// themselves say nothing. The program plays at most 20 ms in one go, and its stamps jitter; a jump
-/// to a far pose is much more than that.
+/// Checks that each accepted pose is within `speed_deg_s` of the previous one, by their stamps.
+/// Late poses are missing, so the steps themselves prove nothing. The program plays at most 20 ms
+/// at a time, and its stamps jitter; a jump to a far pose is much more than that.
 pub fn assert_no_jump(poses: &[(Nanos, [f64; 2])], speed_deg_s: f64) {
     let mut before: Option<(Nanos, [f64; 2])> = None;
     for &(stamp, pose) in poses {
@@ -27,13 +26,13 @@ pub fn assert_near(pose: [f64; 2], target: [f64; 2]) {
 }
 
 #[test]
-fn a_pose_is_reached_without_a_jump_and_the_lease_given_back() {
+fn pose_is_reached_without_a_jump_and_lease_released() {
     let controller = Controller::start();
     let pose = "command pose -4 3.5 --home --speed-deg-s 30";
     let output = succeeds(&controller.domain, pose);
     let robot = controller.robot();
     let (enable, home) = (StateCommand::Enable, StateCommand::Home);
-    assert_eq!(robot.asked, [enable, home, enable, StateCommand::Release]);
+    assert_eq!(robot.requested, [enable, home, enable, StateCommand::Release]);
     assert_near(robot.pose, [-4.0, 3.5]);
     assert_no_jump(&robot.poses, 30.0);
     assert_eq!(robot.lease, 0);
@@ -41,11 +40,11 @@ fn a_pose_is_reached_without_a_jump_and_the_lease_given_back() {
 }
 
 #[test]
-fn a_pose_where_the_snake_does_not_arrive_is_no_success() {
+fn pose_that_is_not_reached_is_a_failure() {
     let controller = Controller::enabled();
     controller.robot().short_deg = 1.01;
     let pose = "command pose -4 3.5 --duration-s 0.2 --speed-deg-s 30";
-    fails(&controller.domain, pose, 1, &["1.01 deg from where the trajectory ended"]);
+    fails(&controller.domain, pose, 1, &["1.01 deg from the end of the trajectory"]);
 }
 
 #[test]
@@ -62,7 +61,7 @@ fn a_circle_is_round_and_ends_by_itself() {
 }
 
 #[test]
-fn a_file_is_followed_to_its_last_row_and_a_wrong_one_moves_nothing() {
+fn file_is_followed_to_its_end_and_invalid_file_refused() {
     let controller = Controller::enabled();
     let bench = WorkFolder::with("wrong.csv", "t_s,pitch_deg\n0,0\n");
     let wrong = bench.file("wrong.csv");
@@ -84,7 +83,7 @@ fn ctrl_c_stops_softly_and_gives_the_lease_back() {
     program.interrupt();
     ends(program, 0, &[]);
     let robot = controller.robot();
-    assert_eq!((robot.asked.as_slice(), robot.lease), ([StateCommand::Release].as_slice(), 0));
+    assert_eq!((robot.requested.as_slice(), robot.lease), ([StateCommand::Release].as_slice(), 0));
     // It came to rest: at the end it was much slower than before.
     let speed = |pair: &[(Nanos, [f64; 2])]| {
         (pair[1].1[0] - pair[0].1[0]).abs() / (pair[1].0 - pair[0].0).as_seconds()
@@ -104,16 +103,16 @@ fn a_held_pose_stays_where_it_is() {
 }
 
 #[test]
-fn a_robot_that_cannot_follow_is_left_alone_and_the_reason_reported() {
-    let one_sentence = fails(&nobody(), "command pose", 3, &["no controller serves domain"]);
+fn robot_that_cannot_follow_is_not_moved_and_reason_reported() {
+    let one_sentence = fails(&unused_domain(), "command pose", 3, &["no controller serves domain"]);
     assert_eq!(one_sentence.error.lines().count(), 1);
     let controller = Controller::start();
     fails(&controller.domain, "command pose", 4, &["DISABLED", "--enable"]);
-    assert_eq!(controller.robot().asked, []);
+    assert_eq!(controller.robot().requested, []);
 
     let controller = Controller::enabled();
     controller.robot().lease = 0xabc;
-    let holder = &format!("{} holds the lease", ShownClient(0xabc));
+    let holder = &format!("{} holds the lease", MaskedClientId(0xabc));
     fails(&controller.domain, "command pose", 4, &[holder]);
 
     let controller = Controller::enabled();
@@ -134,21 +133,21 @@ fn what_happens_on_the_way_ends_it_with_the_cause() {
         controller.robot().fault = Fault::FollowingError;
         controller.robot().state = OperatingState::Fault;
     };
-    on_the_way(fault, 5, &["FAULT: fault 3: setpoint and encoder are too far apart"]);
-    let lost = &format!("lost the lease to {}", ShownClient(0xabc));
+    on_the_way(fault, 5, &["FAULT: fault 3: following error too large"]);
+    let lost = &format!("lost the lease to {}", MaskedClientId(0xabc));
     on_the_way(|controller| controller.robot().lease = 0xabc, 4, &[lost]);
     let disable = |controller: &Controller| controller.robot().state = OperatingState::Disabled;
-    let said = on_the_way(disable, 4, &["disabled or ended"]);
-    assert!(!said.error.contains("--enable"), "{}", said.error);
+    let result = on_the_way(disable, 4, &["paused or disabled it"]);
+    assert!(!result.error.contains("--enable"), "{}", result.error);
 }
 
 #[test]
 fn refusals_are_reported_and_end_it_when_nothing_gets_through() {
     let controller = Controller::enabled();
-    controller.robot().refuse = Some(Refusal::Step);
+    controller.robot().refuse = Some(Refusal::StepTooLarge);
     let sentence = "refuses every command: refusal 3: step too large";
-    let said = fails(&controller.domain, "command pose", 4, &[sentence]);
-    assert_says(&said.output, &["refused: step too large"]);
+    let result = fails(&controller.domain, "command pose", 4, &[sentence]);
+    assert_says(&result.output, &["refused: step too large"]);
 }
 
 #[test]
@@ -173,7 +172,7 @@ fn states_are_changed_or_the_refusal_is_reported() {
 }
 
 #[test]
-fn disable_in_fault_says_that_the_fault_stays() {
+fn disable_in_fault_reports_the_remaining_fault() {
     let controller = Controller::enabled();
     controller.robot().state = OperatingState::Fault;
     let output = succeeds(&controller.domain, "disable");
@@ -181,7 +180,7 @@ fn disable_in_fault_says_that_the_fault_stays() {
 }
 
 #[test]
-fn a_pose_out_of_reach_is_reported_at_once_and_is_no_success() {
+fn pose_out_of_reach_is_reported_at_once_and_fails() {
     let controller = Controller::enabled();
     controller.robot().reach = 20.0;
     let pose = "command pose 63 -1 --speed-deg-s 60 --duration-s 0.2";
@@ -204,7 +203,7 @@ fn homing_needs_its_own_consent() {
 }
 
 #[test]
-fn a_state_command_ends_when_it_is_carried_out_and_no_wait_before() {
+fn state_command_waits_for_completion_unless_no_wait() {
     let controller = Controller::enabled();
     controller.robot().busy_for = Nanos::from_millis(1000);
     let condition = "command state condition";
@@ -223,7 +222,7 @@ fn a_state_command_ends_when_it_is_carried_out_and_no_wait_before() {
 }
 
 #[test]
-fn a_stop_by_late_commands_is_reported_and_can_end_the_path() {
+fn stop_by_late_commands_is_reported_and_may_end_path() {
     let bench = WorkFolder::with("path.csv", "t_s,pitch_deg,yaw_deg\n0,1,-1\n1.5,2,1\n");
     let path = format!("command file {}", bench.file("path.csv"));
     for (more, expected) in [("", 0), ("--on-late end", 1)] {
@@ -231,10 +230,10 @@ fn a_stop_by_late_commands_is_reported_and_can_end_the_path() {
         let program = start(&controller.domain, &format!("{path} {more}"));
         controller.wait("commands", |robot| robot.poses.len() > 5);
         controller.robot().stale_stops += 1;
-        let said = end(program);
-        assert_eq!(said.code, Some(expected), "{}", said.error);
+        let result = end(program);
+        assert_eq!(result.code, Some(expected), "{}", result.error);
         let notice = "commands came late; the trajectory is";
-        assert_says(&format!("{}{}", said.output, said.error), &[notice]);
+        assert_says(&format!("{}{}", result.output, result.error), &[notice]);
         controller.wait("the release", |robot| robot.lease == 0);
     }
 }

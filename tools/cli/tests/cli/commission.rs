@@ -1,5 +1,5 @@
-//! `i2ris commission` at a terminal. What drives and motors do is tested in simulated time, in
-//! `tools/cli/src/commission`; here it is what a person does: types ahead, leaves, comes back.
+//! `i2ris commission` at a terminal. Drives and motors are tested in simulated time, in
+//! `tools/cli/src/commission`; here the operator is: typing ahead, leaving, coming back.
 
 use std::fs;
 
@@ -19,7 +19,7 @@ fn is_powered(rig: &Rig) -> bool {
 }
 
 #[test]
-fn a_commissioning_is_left_at_every_moment_and_taken_up_again_and_drives_are_off() {
+fn interrupted_commissioning_resumes_with_drives_off() {
     let mut rig = Rig::on(Line::Rs232);
     let (folder, domain) = (rig.folder.path().to_owned(), rig.domain());
     let config = folder.join("commissioned.toml");
@@ -31,7 +31,7 @@ fn a_commissioning_is_left_at_every_moment_and_taken_up_again_and_drives_are_off
     assert_says(&error, &["run it on a terminal"]);
 
     let begin = clock::now();
-    // What was typed before the question permits nothing.
+    // Input typed before the question permits nothing.
     for (typed, last) in [("yes\nyes\n", "2 of 7"), ("yes\n", "2 of 7"), ("no\n", "not permitted")]
     {
         let mut terminal = Terminal::start(&domain, &words, 70, 120);
@@ -75,7 +75,7 @@ fn a_commissioning_is_left_at_every_moment_and_taken_up_again_and_drives_are_off
 }
 
 #[test]
-fn what_was_found_is_written_into_the_file_by_a_word_and_the_old_file_is_kept() {
+fn confirmed_findings_are_written_and_the_old_file_kept() {
     let mut rig = Rig::start();
     rig.config.ports[0].axes[1].serial_number = 0;
     let [config, result] = ["day.toml", "result"].map(|name| rig.folder.path().join(name));
@@ -98,7 +98,7 @@ fn what_was_found_is_written_into_the_file_by_a_word_and_the_old_file_is_kept() 
     assert_eq!(fs::read_to_string(config.with_extension("toml.1")).unwrap(), old);
 }
 
-/// A robot whose commissioning has come to a stage, and the words that take it up there.
+/// A robot whose commissioning has reached a stage, and the words that resume it there.
 fn at_stage(rig: &Rig, next: usize) -> Vec<String> {
     let (config, result) = (rig.folder.path().join("day.toml"), rig.folder.path().join("result"));
     let text = toml::to_string(&rig.config).unwrap();
@@ -116,7 +116,7 @@ fn at_stage(rig: &Rig, next: usize) -> Vec<String> {
     ["commission".to_owned(), "--config".to_owned(), config, "--folder".to_owned(), result].into()
 }
 
-/// Where the motors are, counts, whatever their zero is.
+/// Motor positions, counts, independent of the zero.
 fn motors(rig: &Rig) -> Vec<f64> {
     let seen = rig.emulator.snapshot();
     let axes = seen.axes.map(|axis| axis.drive.motor_counts);
@@ -128,7 +128,7 @@ fn farthest(now: &[f64], before: &[f64]) -> f64 {
 }
 
 #[test]
-fn a_commissioning_that_is_killed_or_suspended_in_a_pulse_leaves_no_drive_with_power() {
+fn killed_or_suspended_commissioning_leaves_drives_without_power() {
     for signal in [Signal::SIGKILL, Signal::SIGSTOP] {
         let rig = Rig::start();
         let words = at_stage(&rig, 4);

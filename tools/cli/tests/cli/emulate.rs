@@ -1,5 +1,4 @@
-//! `i2ris emulate` as a process: starts, serves, ends cleanly, and says in one sentence what is
-//! wrong.
+//! `i2ris emulate` as a process: starts, serves, ends cleanly, and reports errors in one sentence.
 
 use std::io::{BufRead, BufReader, Read};
 
@@ -10,9 +9,9 @@ use i2ris_testing::Program;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use crate::bench::{WorkFolder, assert_says, end, nobody, repository, start};
+use crate::bench::{WorkFolder, assert_says, end, repository, start, unused_domain};
 
-/// A program that has printed a line with a word.
+/// A program after it has printed a line with a given word.
 struct Running {
     program: Program,
     output: BufReader<std::process::ChildStdout>,
@@ -29,12 +28,12 @@ impl Running {
         Self { program, output, lines }
     }
 
-    /// Ends it in order; all that it has printed.
+    /// Ends it cleanly; returns all its output.
     fn end(mut self, signal: Signal) -> String {
         kill(Pid::from_raw(self.program.child().id().try_into().unwrap()), signal).unwrap();
         self.output.read_to_string(&mut self.lines).unwrap();
-        let said = end(self.program);
-        assert_eq!(said.code, Some(0), "{}{}", self.lines, said.error);
+        let result = end(self.program);
+        assert_eq!(result.code, Some(0), "{}{}", self.lines, result.error);
         self.lines
     }
 }
@@ -49,7 +48,8 @@ fn signals_end_it_cleanly() {
             "--no-camera --line rs232 --snake {} --ports {ports} --log {log}",
             snake.display()
         );
-        let running = Running::until("ready", start(&nobody(), &format!("emulate {options}")));
+        let running =
+            Running::until("ready", start(&unused_domain(), &format!("emulate {options}")));
         assert!(bench.exists("ports/axis0") && bench.exists("ports/axis1"));
         assert_says(&running.lines, &[&bench.file("ports/axis1"), "Epos4, serial number 62000002"]);
         running.end(signal);
@@ -66,18 +66,18 @@ fn bad_input_is_refused_with_a_reason() {
     for (options, words) in [
         ("--snake none.toml", &["none.toml", "name an existing file"][..]),
         ("--snake bad.toml", &["bad.toml", "drag"]),
-        ("--snake adder:1", &["`adder:1` names no snake", "brass", "preisach:SEED"]),
-        ("--snake dahl:x", &["`x` is no seed", "a whole number"]),
-        ("--device bad.toml", &["bad.toml: it is no EDS: line 1", "give a whole EDS or DCF"]),
+        ("--snake adder:1", &["`adder:1` is not a snake", "brass", "preisach:SEED"]),
+        ("--snake dahl:x", &["`x` is not a seed", "a whole number"]),
+        ("--device bad.toml", &["bad.toml: not an EDS file: line 1", "give a complete EDS or DCF"]),
         ("--ports file", &["file", "--ports"]),
         ("--ports ports --log /proc/none/log", &["/proc/none/log"]),
         ("--ports ports --domain a/b", &["a/b"]),
         ("--duration-s nan", &["--duration", "seconds"]),
     ] {
-        let said = bench.run(&format!("emulate {options}"));
-        assert!(said.code != Some(0) && !said.error.contains("panicked"), "{}", said.error);
-        assert_says(&said.error, &[&["error: "], words].concat());
-        assert!(!bench.exists("ports"), "{options} left something behind");
+        let result = bench.run(&format!("emulate {options}"));
+        assert!(result.code != Some(0) && !result.error.contains("panicked"), "{}", result.error);
+        assert_says(&result.error, &[&["error: "], words].concat());
+        assert!(!bench.exists("ports"), "{options} left files");
     }
 }
 
@@ -88,14 +88,14 @@ fn write_config(bench: &WorkFolder, change: impl Fn(String) -> String) {
 }
 
 #[test]
-fn the_doctor_looks_at_drives_and_machine_on_the_line_of_a_configuration() {
+fn doctor_checks_drives_and_computer_on_configured_line() {
     for baud in ["1000000", "115200"] {
         let bench = WorkFolder::new();
         write_config(&bench, |text| text.replace("baud = 1000000", &format!("baud = {baud}")));
         let file = bench.file("robot.toml");
         let emulate =
             format!("emulate --no-camera --config {file} --ports {}", bench.file("ports"));
-        let _running = Running::until("ready", start(&nobody(), &emulate));
+        let _running = Running::until("ready", start(&unused_domain(), &emulate));
         let healthy = bench.run("doctor --config robot.toml");
         assert_eq!(healthy.code, Some(0), "{}{}", healthy.output, healthy.error);
         let machine = ["kernel", "scheduling", "shared memory", "ms an exchange", "not homed"];
@@ -124,12 +124,12 @@ fn the_doctor_looks_at_drives_and_machine_on_the_line_of_a_configuration() {
 fn the_doctor_lists_the_drives_behind_a_port_to_paste() {
     let bench = WorkFolder::new();
     let emulate = format!("emulate --no-camera --ports {}", bench.file("ports"));
-    let _running = Running::until("ready", start(&nobody(), &emulate));
+    let _running = Running::until("ready", start(&unused_domain(), &emulate));
     write_config(&bench, |text| text);
     let healthy = bench.run("doctor --config robot.toml");
     assert_eq!(healthy.code, Some(0), "{}{}", healthy.output, healthy.error);
     assert!(!healthy.output.contains("to paste"), "{}", healthy.output);
-    // As delivered: one drive, whose number nobody has looked up. All three are found.
+    // As delivered: one drive, with unknown number. All three are found.
     write_config(&bench, |text| {
         let first = text.match_indices("[[ports.axes]]").nth(1).unwrap().0;
         text[..first].replace("62000001", "0")
@@ -144,14 +144,14 @@ fn the_doctor_lists_the_drives_behind_a_port_to_paste() {
 }
 
 #[test]
-fn the_devices_that_a_file_names_are_made_with_drives_of_other_numbers_and_removed() {
+fn configured_devices_are_created_with_their_drives_and_removed() {
     let bench = WorkFolder::new();
     let text = std::fs::read_to_string(repository("config/robot.toml")).unwrap();
     let device = "/dev/serial/by-id/usb-maxon-drive-of-the-snake";
     bench.write("robot.toml", &text.replace(device, &bench.file("dev/drive")));
     let options = format!("--ports {} --config {}", bench.file("ports"), bench.file("robot.toml"));
     let emulate = format!("emulate --no-camera {options}");
-    let running = Running::until("ready", start(&nobody(), &emulate));
+    let running = Running::until("ready", start(&unused_domain(), &emulate));
     let found = bench.run("doctor --config robot.toml");
     assert_says(&found.output, &["is not filled in: this drive is 62000003", "commission --apply"]);
     running.end(Signal::SIGINT);
@@ -159,18 +159,18 @@ fn the_devices_that_a_file_names_are_made_with_drives_of_other_numbers_and_remov
 }
 
 #[test]
-fn the_doctor_names_a_port_that_is_not_there_and_records_that_cannot_be_kept() {
+fn doctor_names_a_missing_port_and_unwritable_records() {
     let bench = WorkFolder::new();
     write_config(&bench, |text| text.replace("../target/records", "robot.toml"));
-    let said = bench.run("doctor --config robot.toml");
-    assert_ne!(said.code, Some(0));
-    assert_says(&said.output, &["FAIL", "axis0", "-> plug in the drive", "is no folder"]);
+    let result = bench.run("doctor --config robot.toml");
+    assert_ne!(result.code, Some(0));
+    assert_says(&result.output, &["FAIL", "axis0", "-> plug in the drive", "is not a folder"]);
 }
 
 #[test]
-fn snakes_by_name_are_there_in_every_folder_and_it_ends_by_itself_when_requested() {
+fn named_snakes_exist_in_every_folder_and_duration_ends_emulation() {
     for name in ["", "--snake brass", "--snake springs:2", "--snake lugre:3", "--snake wire"] {
-        let domain = nobody();
+        let domain = unused_domain();
         let options = format!("--duration-s 0.2 --ports ports --domain {} {name}", domain.name());
         let printed = WorkFolder::new().succeeds(&format!("emulate {options}"));
         let name = name.strip_prefix("--snake ").unwrap_or("steel");
@@ -182,7 +182,7 @@ fn snakes_by_name_are_there_in_every_folder_and_it_ends_by_itself_when_requested
 
 #[test]
 fn start_runs_emulator_controller_and_watchdog_and_ends_all() {
-    let (bench, domain) = (WorkFolder::new(), nobody());
+    let (bench, domain) = (WorkFolder::new(), unused_domain());
     let words = format!("start --no-monitor --folder {}", bench.file("here"));
     let running = Running::until("ready", start(&domain, &words));
     assert_says(&running.lines, &[domain.name()]);
@@ -196,14 +196,14 @@ fn start_runs_emulator_controller_and_watchdog_and_ends_all() {
     drop(DomainLock::acquire(&domain).unwrap());
 }
 
-/// Nothing that a rehearsal opens or writes is the robot's, and its file is as it was.
+/// A rehearsal neither opens nor writes anything of the robot, and leaves its file unchanged.
 #[test]
-fn a_rehearsal_puts_emulated_drives_under_the_file_of_a_robot() {
+fn rehearsal_emulates_drives_for_a_robot_configuration() {
     let shared_machine = "reply_timeout_ms = 1000\nfamily";
     for (template, serial_number) in
         [("robot.toml", "0"), ("robot-rs232.toml", "0"), ("robot.toml", "0x42E_03C0")]
     {
-        let (bench, domain) = (WorkFolder::new(), nobody());
+        let (bench, domain) = (WorkFolder::new(), unused_domain());
         let text = std::fs::read_to_string(repository("config").join(template)).unwrap();
         let text = text.replace("\nfamily", &format!("\n{shared_machine}"));
         let known = format!("serial_number = {serial_number} #");
@@ -216,7 +216,7 @@ fn a_rehearsal_puts_emulated_drives_under_the_file_of_a_robot() {
         let running =
             Running::until("next", start(&domain, &format!("start --no-monitor {options}")));
         let device = "device /dev/serial/by-id/usb-maxon-drive-of-";
-        let unknown = "serial_number = 0: the emulated";
+        let unknown = "serial_number = 0: valid for emulated";
         assert_says(&running.lines, &[device, "here/ports/axis0", unknown, domain.name()]);
         running.end(Signal::SIGINT);
         let log = bench.read("here/controller.log");

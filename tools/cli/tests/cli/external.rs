@@ -10,7 +10,7 @@ use i2ris_testing::{program, wait_until};
 
 use crate::bench::{WorkFolder, assert_says};
 
-/// `i2ris` in a folder of its own, where none of its programs are.
+/// `i2ris` in a separate folder, without its programs.
 struct Installed(WorkFolder);
 
 impl Installed {
@@ -38,21 +38,21 @@ impl Installed {
 
 #[test]
 fn a_program_gets_its_arguments_and_gives_its_exit_code() {
-    let (beside, on_path) = (Installed::new(), Installed::new());
+    let (neighbour, on_path) = (Installed::new(), Installed::new());
     on_path.add("i2ris-record", "echo path: \"$@\"; exit 5");
     let check = |arguments: &[&str], code, text| {
-        let output = beside.run(&on_path.0.path(""), arguments);
+        let output = neighbour.run(&on_path.0.path(""), arguments);
         assert_eq!(output.status.code(), Some(code), "{arguments:?}");
         assert_eq!(String::from_utf8_lossy(&output.stdout), text);
     };
     check(&["record", "--output", "x y"], 5, "path: --output x y\n");
-    beside.add("i2ris-record", "echo beside: \"$@\"");
-    check(&["record", "info"], 0, "beside: info\n");
-    check(&["help", "record"], 0, "beside: --help\n");
+    neighbour.add("i2ris-record", "echo neighbour: \"$@\"");
+    check(&["record", "info"], 0, "neighbour: info\n");
+    check(&["help", "record"], 0, "neighbour: --help\n");
 }
 
 #[test]
-fn without_the_program_one_sentence_says_how_to_build_it() {
+fn missing_program_is_reported_with_the_build_command() {
     let installed = Installed::new();
     let output = installed.run(Path::new("/nonexistent"), &["record", "report", "trial.mcap"]);
     let error = String::from_utf8_lossy(&output.stderr);

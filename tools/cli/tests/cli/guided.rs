@@ -1,5 +1,5 @@
 //! `i2ris calibrate` without a command, against a whole controller with emulated drives: all steps
-//! in a pipe, an interruption, and going on where it was.
+//! in a pipe, an interruption, and resuming.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -14,15 +14,15 @@ use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_testing::{Rig, settle_in, wait_until};
 use nix::sys::signal::{Signal, kill};
 
-use crate::bench::{WorkFolder, assert_says, end, expect_stalls, nobody, start};
+use crate::bench::{WorkFolder, assert_says, end, expect_stalls, start, unused_domain};
 
-/// The day after: recording, model and report are there, the controller was started again and knows
-/// nothing of them, and the drives have lost their zero.
+/// The day after: recording, model and report exist, the restarted controller has not loaded them,
+/// and the drives have lost their zero.
 #[test]
-fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
+fn second_day_resumes_with_the_model_of_the_first() {
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);
-    // The model is straight, and the snake is not.
+    // The model is linear, but the snake is not.
     rig.config.limits.plausibility_deg = 0.0;
     rig.start_controller_thread();
     let (domain, mut client) = (rig.domain(), rig.client());
@@ -48,8 +48,8 @@ fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
     }
 
     let words = format!("calibrate --folder {} --home", bench.file("here"));
-    let said = end(start(&domain, &words));
-    assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
+    let result = end(start(&domain, &words));
+    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
     let steps = [
         "step 2 of 6: fit: done before",
         "$ i2ris home",
@@ -59,35 +59,34 @@ fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
         "--duration-s 6 --enable",
         "done: the robot is ENABLED and runs with ",
     ];
-    assert_says(&said.output, &steps);
+    assert_says(&result.output, &steps);
     assert_eq!(client.models().unwrap().slots[0].model_id, id.0);
 
-    // Off again: what is left is to switch it on and to condition, and that is what is done.
+    // Off again: only enabling and conditioning remain, and are done.
     client.state_command(StateCommand::Disable).unwrap();
     settle_in(&mut client, OperatingState::Disabled);
-    let said = end(start(&domain, &words));
-    assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
-    assert!(!said.output.contains("model use"), "{}", said.output);
+    let result = end(start(&domain, &words));
+    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
+    assert!(!result.output.contains("model use"), "{}", result.output);
     assert_says(
-        &said.output,
+        &result.output,
         &["$ i2ris enable", "$ i2ris command state condition", "done: the robot is ENABLED"],
     );
 
-    // To have gone round is not to have followed.
+    // Completing the circle does not mean following it.
     rig.camera_is_shut.store(true, Ordering::Relaxed);
     fs::remove_file(bench.path("here/check.done")).unwrap();
-    let said = end(start(&domain, &words));
-    assert_eq!(said.code, Some(8), "{}{}", said.output, said.error);
-    let doubt =
-        ["done with a doubt: ", "the camera has not seen the circle", "it checks once more"];
-    assert_says(&format!("{}{}", said.output, said.error), &doubt);
+    let result = end(start(&domain, &words));
+    assert_eq!(result.code, Some(8), "{}{}", result.output, result.error);
+    let doubt = ["done, but check: ", "the camera did not see the circle", "it repeats the check"];
+    assert_says(&format!("{}{}", result.output, result.error), &doubt);
 }
 
 #[test]
-fn a_configuration_that_a_person_has_changed_is_kept_by_start() {
+fn start_keeps_a_configuration_changed_by_the_user() {
     let bench = WorkFolder::new();
     let folder = bench.path("robot");
-    let domain = nobody();
+    let domain = unused_domain();
     let words = format!("start --no-monitor --folder {}", folder.display());
     let mut first = start(&domain, &words);
     wait_until("the configuration", || folder.join("controller.toml").exists());
@@ -102,15 +101,15 @@ fn a_configuration_that_a_person_has_changed_is_kept_by_start() {
     second.interrupt();
     assert_eq!(end(second).code, Some(0));
     assert_eq!(bench.read(file), changed);
-    let other = nobody();
-    let said = end(start(&other, &words));
-    assert_eq!(said.code, Some(1));
-    assert_says(&said.error, &[&format!("is of domain {}, not {}", domain.name(), other.name())]);
+    let other = unused_domain();
+    let result = end(start(&other, &words));
+    assert_eq!(result.code, Some(1));
+    assert_says(&result.error, &[&format!("is of domain {}, not {}", domain.name(), other.name())]);
 }
 
 #[test]
 #[ignore = "five minutes of motion"]
-fn it_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use() {
+fn guided_calibration_resumes_and_ends_with_an_active_model() {
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);
     rig.config.command.max_step_counts = 250;
@@ -122,7 +121,7 @@ fn it_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use
         bench.file("here")
     );
 
-    // Ctrl-C while it records: what was recorded is put aside, and nothing else is lost.
+    // Ctrl-C while recording: only the recording is set aside.
     let mut first = start(&domain, &words);
     let mut lines = BufReader::new(first.child().stdout.take().unwrap()).lines();
     let line = lines.next().unwrap().unwrap();
@@ -137,12 +136,12 @@ fn it_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use
     first.interrupt();
     kill(nix::unistd::Pid::from_raw(step), Signal::SIGINT).unwrap();
     let _rest = lines.by_ref().count();
-    let said = end(first);
-    assert_ne!(said.code, Some(0));
-    assert_says(&said.error, &["run `i2ris calibrate` again: it goes on"]);
+    let result = end(first);
+    assert_ne!(result.code, Some(0));
+    assert_says(&result.error, &["run `i2ris calibrate` again: it resumes"]);
 
-    let said = end(start(&domain, &words));
-    assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
+    let result = end(start(&domain, &words));
+    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
     let steps = [
         "step 1 of 6: collect: ",
         "step 1 of 6 done; next: fit",
@@ -156,16 +155,16 @@ fn it_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use
         "in use     ",
         "done: the robot is ENABLED and runs with ",
     ];
-    assert_says(&said.output, &steps);
+    assert_says(&result.output, &steps);
     let [active, ..] = client.models().unwrap().slots;
-    // Refined where that is better in use, and as calibrated where it is not.
+    // Refined if that is better in use, otherwise as calibrated.
     let refined = Model::load(&bench.path("here/refined.json"));
     let model = refined.or_else(|_| Model::load(&bench.path("here/model.json")));
     assert_eq!(active.model_id, model.unwrap().id().0);
     let mut left = fs::read_dir(bench.path("here")).unwrap();
     assert!(left.any(|entry| entry.unwrap().path().extension() == Some("part".as_ref())));
 
-    // Nothing is left to do, and nothing is done again.
-    let said = end(start(&domain, &words));
-    assert_eq!((said.code, said.output.matches(": done before").count()), (Some(0), 7));
+    // All steps are done, and none is repeated.
+    let result = end(start(&domain, &words));
+    assert_eq!((result.code, result.output.matches(": done before").count()), (Some(0), 7));
 }

@@ -9,7 +9,7 @@ use i2ris_testing::Rig;
 use crate::bench::{WorkFolder, assert_says, expect_stalls, repository, run};
 
 #[test]
-fn every_command_has_an_example_and_the_first_page_reports_every_exit_code() {
+fn commands_have_examples_and_help_lists_exit_codes() {
     let own =
         "start emulate demo doctor home enable disable command teleop calibrate model drives wire";
     for name in own.split(' ').chain(PROGRAMS.map(|program| program.words)) {
@@ -25,7 +25,7 @@ fn every_command_has_an_example_and_the_first_page_reports_every_exit_code() {
     }
 }
 
-/// Examples that need no hand and end by themselves, as printed, on a robot with emulated drives.
+/// Examples that run unattended and end, as printed, on a robot with emulated drives.
 #[test]
 fn examples_of_the_help_run_as_printed() {
     let mut rig = Rig::with_model();
@@ -57,8 +57,8 @@ fn examples_of_the_help_run_as_printed() {
         let examples = help.lines().filter_map(|line| line.strip_prefix("  i2ris "));
         for words in examples.flat_map(|line| line.split("   ").next().unwrap().split("&& i2ris "))
         {
-            let said = run(&domain, &here(&format!(" {words}")));
-            assert_eq!(said.code, Some(0), "i2ris {words}: {}{}", said.output, said.error);
+            let result = run(&domain, &here(&format!(" {words}")));
+            assert_eq!(result.code, Some(0), "i2ris {words}: {}{}", result.output, result.error);
             ran += 1;
         }
     }

@@ -1,4 +1,4 @@
-//! `i2ris` as processes, as a person and a script meet it.
+//! `i2ris` as processes, as used by operators and scripts.
 #![allow(clippy::unwrap_used, clippy::print_stderr)]
 
 mod advice;

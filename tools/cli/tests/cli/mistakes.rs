@@ -1,4 +1,4 @@
-//! What a new user does wrong: message and exit code of each mistake, by real processes. The table
+//! Mistakes of new users: message and exit code of each, by real processes. The table
 //! of the manual is made from them: `I2RIS_UPDATE=1 cargo test -p i2ris-cli --test cli
 //! mistakes` writes it.
 
@@ -8,7 +8,9 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris_testing::{Rig, wait_for, wait_until_idle};
 
-use crate::bench::{WorkFolder, ends, expect_stalls, nobody, repository, run, start, succeeds};
+use crate::bench::{
+    WorkFolder, ends, expect_stalls, repository, run, start, succeeds, unused_domain,
+};
 
 /// The chapter of the manual that has the table.
 const CHAPTER: &str = "tools/manual/src/stops-and-faults.md";
@@ -26,12 +28,12 @@ struct Table {
 }
 
 impl Table {
-    /// Makes a mistake and notes what is said. `code`: the exit code that the help promises.
+    /// Makes a mistake and records the message. `code`: the exit code stated in the help.
     fn make(&mut self, domain: &Domain, what: &str, code: i32, words: &str) {
         let folder = self.bench.file("");
         let folder = folder.trim_end_matches('/');
-        let said = run(domain, &words.replace("FOLDER", folder));
-        let (found, error) = (said.code, said.error);
+        let result = run(domain, &words.replace("FOLDER", folder));
+        let (found, error) = (result.code, result.error);
         let generic = |text: &str| {
             let text = text.replace(folder, "FOLDER").replace(domain.name(), "DOMAIN");
             without_numbers(&text).replace('|', "\\|")
@@ -41,7 +43,7 @@ impl Table {
             self.wrong.push(format!("{what}: {found:?}, not {code}\n{error}"));
         }
         let command = generic(words);
-        // Other tests serve domains of their own.
+        // Other tests serve separate domains.
         let message = message.split(" (served: ").next().unwrap_or(message);
         let message = without_decimals(&generic(message.trim_start_matches("error: ")));
         self.rows.push(format!("| {what} | `i2ris {command}` | {message} | {code} |\n"));
@@ -75,7 +77,7 @@ fn without_decimals(text: &str) -> String {
     hidden.collect::<Vec<_>>().join(" ")
 }
 
-/// Files of the wrong kind, and files that are there already.
+/// Files of the wrong kind, and existing files.
 fn write_files(bench: &WorkFolder) {
     let head = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg";
     let rows = |count: u32, step: u32| {
@@ -99,11 +101,11 @@ fn write_files(bench: &WorkFolder) {
 }
 
 #[test]
-fn mistakes_of_new_users_end_with_a_sentence_and_the_right_exit_code() {
+fn user_mistakes_end_with_a_message_and_exit_code() {
     let bench = WorkFolder::new();
     write_files(&bench);
     let mut table = Table { bench, rows: Vec::new(), wrong: Vec::new() };
-    without_a_controller(&mut table, &nobody());
+    without_a_controller(&mut table, &unused_domain());
     let mut rig = Rig::start();
     expect_stalls(&mut rig);
     rig.config.robot_id = ROBOT.to_owned();
@@ -126,7 +128,7 @@ fn without_a_controller(table: &mut Table, domain: &Domain) {
         ("a domain with a slash", 2, "enable --domain a/b"),
         ("a typing error in a command", 2, "comand state pause"),
         ("an option is missing", 2, "calibrate fit FOLDER/there.csv"),
-        ("a number that is none", 2, "command circle --radius-deg five --period-s 6"),
+        ("a word for a number", 2, "command circle --radius-deg five --period-s 6"),
         ("no such recording", 1, "calibrate fit FOLDER/none.csv --output FOLDER/new.json"),
         (
             "a recording with stamps in ms",
@@ -144,17 +146,13 @@ fn without_a_controller(table: &mut Table, domain: &Domain) {
             "calibrate fit FOLDER/angles.csv --output FOLDER/new.json",
         ),
         ("a recording of a few rows", 1, "calibrate fit FOLDER/short.csv --output FOLDER/new.json"),
-        (
-            "a model file that is there",
-            1,
-            "calibrate fit FOLDER/there.csv --output FOLDER/there.json",
-        ),
+        ("an existing model file", 1, "calibrate fit FOLDER/there.csv --output FOLDER/there.json"),
         ("a CSV file for a model", 1, "model show FOLDER/there.csv"),
         ("a CSV file for an MCAP file", 1, "record info FOLDER/there.csv"),
         ("a CSV file for a black box", 1, "record replay FOLDER/there.csv"),
         ("no such configuration", 6, "doctor config check FOLDER/none.toml"),
         ("a key that does not exist", 6, "doctor config check FOLDER/typo.toml"),
-        ("a configuration that is no TOML", 6, "doctor config check FOLDER/broken.toml"),
+        ("a configuration that is not TOML", 6, "doctor config check FOLDER/broken.toml"),
         ("no such snake", 1, "emulate --snake FOLDER/none.toml --ports FOLDER/ports"),
     ] {
         table.make(domain, what, code, words);
@@ -168,9 +166,9 @@ fn before_homing(table: &mut Table, domain: &Domain) {
         ("acknowledge without a fault", 4, "command state acknowledge"),
         ("resume without pause", 4, "command state resume"),
         ("all steps in a script, before home", 1, "calibrate --folder FOLDER/here"),
-        ("a folder that is missing", 1, "calibrate collect --output FOLDER/none/new.csv"),
-        ("a recording that is there", 1, "calibrate collect --output FOLDER/there.csv"),
-        ("a model file that is missing", 4, "model use FOLDER/none.json"),
+        ("a missing folder", 1, "calibrate collect --output FOLDER/none/new.csv"),
+        ("an existing recording", 1, "calibrate collect --output FOLDER/there.csv"),
+        ("a missing model file", 4, "model use FOLDER/none.json"),
         ("a model of another robot", 4, "model use FOLDER/other-robot.json"),
         ("roll back without a previous model", 4, "model back"),
     ] {

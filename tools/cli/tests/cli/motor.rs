@@ -1,4 +1,4 @@
-//! `i2ris command motor` on emulated drives: no model, no camera, and a zero that nobody has set.
+//! `i2ris command motor` on emulated drives: no model, no camera, and an unknown zero.
 
 use std::sync::atomic::Ordering;
 
@@ -22,7 +22,7 @@ fn first_number(line: &str) -> Option<i32> {
 }
 
 #[test]
-fn a_motor_goes_a_few_counts_both_ways_and_ends_where_it_began() {
+fn motor_moves_a_few_counts_and_returns() {
     let rig = robot();
     let domain = rig.domain();
     let begin = clock::now();
@@ -37,17 +37,17 @@ fn a_motor_goes_a_few_counts_both_ways_and_ends_where_it_began() {
     assert!(!rig.moved_since(begin), "nothing moves before it is permitted");
     let origin = rig.emulator.snapshot().axes.map(|axis| axis.drive.motor_counts);
     for (motor, counts, permission) in [(0, 20, "--home"), (1, -20, "--enable")] {
-        let said = succeeds(&domain, &format!("command motor {motor} {counts} {permission}"));
-        let asked: Vec<i32> = said.lines().filter_map(first_number).collect();
-        // The exit code says that each was measured where it was asked.
-        assert_eq!(asked, [counts / 2, counts, counts / 2, 0], "{said}");
+        let result = succeeds(&domain, &format!("command motor {motor} {counts} {permission}"));
+        let targets: Vec<i32> = result.lines().filter_map(first_number).collect();
+        // The exit code shows that each target was reached.
+        assert_eq!(targets, [counts / 2, counts, counts / 2, 0], "{result}");
         let now = rig.emulator.snapshot().axes.map(|axis| axis.drive.motor_counts);
         let off = [0, 1].map(|axis| (now[axis] - origin[axis]).abs());
         assert!(off.iter().all(|off| *off <= 3.0), "both are where they began: {off:?}");
         let written = rig.setpoints(motor).into_iter().map(|(_, to)| to);
         let (low, high) = (counts.min(0), counts.max(0));
         let written: Vec<i32> = written.filter(|to| *to < low - 2 || *to > high + 2).collect();
-        assert!(written.is_empty(), "not further than it was asked: {written:?}");
+        assert!(written.is_empty(), "not beyond the target: {written:?}");
     }
 }
 
@@ -58,7 +58,10 @@ fn a_person_types_yes_and_ctrl_c_holds() {
     for (typed, end) in [("no\n", "nothing has moved"), ("yes\n", "    0 ")] {
         let mut terminal = Terminal::start(&domain, &["command", "motor", "0", "-20"], 30, 100);
         terminal.wait_for("Type yes.");
-        assert!(rig.setpoints(0).windows(2).all(|pair| pair[0].1 == pair[1].1), "asked first");
+        assert!(
+            rig.setpoints(0).windows(2).all(|pair| pair[0].1 == pair[1].1),
+            "no motion before permission"
+        );
         terminal.type_keys(typed);
         terminal.wait_for(end);
         assert_eq!(terminal.end().success(), typed == "yes\n");

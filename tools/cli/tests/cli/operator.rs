@@ -1,9 +1,9 @@
-//! An operator who sees nothing but the rendered picture, and moves a SpaceMouse towards what is
-//! seen there; with the emulated snake, the controller and `i2ris teleop` between hand and picture.
+//! An operator who sees only the rendered image, and moves a SpaceMouse towards the target seen
+//! there; with the emulated snake, the controller and `i2ris teleop` between hand and image.
 //!
-//! The operator begins every target in the belief that right is right and up is up, and corrects
-//! that by what a push does in the picture, as a person would. It is a script: its times compare
-//! views with each other, and say nothing of people.
+//! The operator starts every target assuming that right is right and up is up, and corrects that by
+//! the effect of a push in the image, as a person would. It is a script: its times compare views
+//! with each other, and say nothing about people.
 
 use std::f64::consts::TAU;
 use std::sync::Mutex;
@@ -32,34 +32,34 @@ use rand_pcg::Pcg64Mcg;
 use crate::bench::{ends, expect_stalls, start};
 use crate::played::{Played, identity};
 
-/// How near the target has to be, deg in the picture.
+/// Distance at which a target is reached, deg in the image.
 const NEAR_DEG: f64 = 0.3;
-/// How far away the operator lets go: the snake still moves while the picture is on its way.
+/// Distance at which the operator lets go: the snake still moves while the image arrives.
 const LET_GO_DEG: f64 = 0.18;
-/// A target that takes longer is missed.
+/// Time limit for a target.
 const PATIENCE: Nanos = Nanos::from_millis(60_000);
 const REST: Nanos = Nanos::from_millis(400);
-/// A hand tells at least so often.
-const TELL: Nanos = Nanos::from_millis(12);
-/// Of full deflection, as the program is started.
+/// Longest period between reports of the hand.
+const REPORT_PERIOD: Nanos = Nanos::from_millis(12);
+/// Speed at full deflection, as started.
 const SPEED_DEG_S: f64 = 10.0;
 
-/// How the cameras lie.
+/// Orientation of the cameras.
 #[derive(Debug, Clone, Copy)]
 struct Look {
     turned_deg: f64,
     mirrored: bool,
 }
 
-/// What the picture shows: right and up, deg, and when.
+/// Image reading: right and up, deg, and its time.
 type Seen = (Nanos, [f64; 2]);
 
-/// Renders the snake, reads the picture as `i2ris vision` does, and knows nothing of the turn.
+/// Renders the snake and reads the image like `i2ris vision`, without knowing the rotation.
 fn film(emulator: &Emulator, look: Look, domain: &Domain, stop: &AtomicBool, seen: &Mutex<Seen>) {
     let mut scene = Scene::laboratory(640, 480, 100.0);
     let setup = setup(&scene);
     for camera in &mut scene.cameras {
-        // Turned counterclockwise in the picture, as `--view` says it.
+        // Rotated counterclockwise in the image, as in `--view`.
         camera.plane_rad += look.turned_deg.to_radians();
     }
     let mut session = Session::new(&setup, REST);
@@ -82,7 +82,7 @@ fn film(emulator: &Emulator, look: Look, domain: &Domain, stop: &AtomicBool, see
             let Ok(angles) = row.seen else { continue };
             let [Some(up), Some(right)] = angles.angle_rad else { continue };
             let deviation = angles.std_rad.map(Option::unwrap_or_default);
-            // Fails while there is no controller.
+            // Fails without a controller.
             let _ = publisher.publish(row.stamp, &[up, right], &deviation);
             *seen.lock().unwrap() = (row.stamp, [right.to_degrees(), up.to_degrees()]);
         }
@@ -95,7 +95,7 @@ fn upside_down(image: &GreyImage) -> GreyImage {
     GreyImage::new(image.width(), image.height(), rows.flatten().copied().collect()).unwrap()
 }
 
-/// One who holds the mouse and looks at the picture.
+/// An operator with the mouse who sees the image.
 struct Operator<'a> {
     mouse: Played,
     picture: &'a Mutex<Seen>,
@@ -103,8 +103,8 @@ struct Operator<'a> {
     is_open: bool,
     is_lost: bool,
     tremble: bool,
-    /// What a push to the right, and one up, is believed to do in the picture.
-    belief: [[f64; 2]; 2],
+    /// Assumed effect of a push to the right, and of one up, in the image.
+    assumed: [[f64; 2]; 2],
 }
 
 /// A target that was reached.
@@ -120,7 +120,7 @@ impl Operator<'_> {
         let end = clock::now() + span;
         loop {
             self.tremble = !self.tremble;
-            // What the dead zone and the curve of the profile make of it again.
+            // Inverts the dead zone and the curve of the profile.
             let raw = push.map(|push: f64| {
                 if push.abs() < 0.005 {
                     return 0.0;
@@ -130,9 +130,9 @@ impl Operator<'_> {
             });
             let [x0, x1] = (raw[0] as i16).to_le_bytes();
             let [y0, y1] = (-raw[1] as i16).to_le_bytes();
-            // Nobody reads any more: the end of the program says why.
+            // The reader has ended: its result shows why.
             self.is_lost |= self.mouse.try_report(&[1, x0, x1, y0, y1, 0, 0]).is_err();
-            clock::sleep(TELL);
+            clock::sleep(REPORT_PERIOD);
             if clock::now() >= end {
                 return;
             }
@@ -141,14 +141,14 @@ impl Operator<'_> {
 
     fn newest(&mut self) -> Seen {
         let is_open = &mut self.is_open;
-        self.teleop.drain(|told| *is_open = told.flags & TeleopMsg::OPEN != 0).unwrap();
+        self.teleop.drain(|message| *is_open = message.flags & TeleopMsg::OPEN != 0).unwrap();
         *self.picture.lock().unwrap()
     }
 
-    /// Lets go of all, and presses the dead-man, until the program says that it follows.
+    /// Releases everything, and presses the dead-man, until the program follows.
     fn grip(&mut self) {
         wait_until("the clutch closes", || {
-            self.push([0.0; 2], TELL);
+            self.push([0.0; 2], REPORT_PERIOD);
             self.mouse.report(&[3, 0, 0]);
             clock::sleep(Nanos::from_millis(60));
             self.mouse.report(&[3, 1, 0]);
@@ -158,10 +158,10 @@ impl Operator<'_> {
         });
     }
 
-    /// The push that moves the picture in a direction, by what is believed.
+    /// The push that moves the image in a direction, by the assumed effect.
     fn towards(&self, [right, up]: [f64; 2]) -> [f64; 2] {
-        let [[a, c], [b, d]] = self.belief;
-        // Least squares, damped where the belief knows no direction at all.
+        let [[a, c], [b, d]] = self.assumed;
+        // Least squares, damped where the assumed effect has no direction.
         let (p, q, r) = (a * a + c * c + 0.02, a * b + c * d, b * b + d * d + 0.02);
         let (x, y) = (a * right + c * up, b * right + d * up);
         let determinant = p * r - q * q;
@@ -170,7 +170,7 @@ impl Operator<'_> {
         push.map(|push| push / size)
     }
 
-    /// Believes what was seen: the picture moved so while it was pushed so.
+    /// Updates the assumed effect by the observed motion of a push.
     fn learn(&mut self, moved: [f64; 2], pushed: [f64; 2]) {
         let (far, much) = (moved[0].hypot(moved[1]), pushed[0].hypot(pushed[1]));
         if far < 0.2 || much < 1e-3 {
@@ -178,15 +178,15 @@ impl Operator<'_> {
         }
         let (moved, pushed) = (moved.map(|it| it / far), pushed.map(|it| it / much));
         for axis in 0..2 {
-            let expected = self.belief[0][axis] * pushed[0] + self.belief[1][axis] * pushed[1];
-            for (belief, pushed) in self.belief.iter_mut().zip(pushed) {
-                belief[axis] += 0.7 * (moved[axis] - expected) * pushed;
+            let expected = self.assumed[0][axis] * pushed[0] + self.assumed[1][axis] * pushed[1];
+            for (assumed, pushed) in self.assumed.iter_mut().zip(pushed) {
+                assumed[axis] += 0.7 * (moved[axis] - expected) * pushed;
             }
         }
     }
 
     fn reach(&mut self, target: [f64; 2]) -> Option<Reached> {
-        self.belief = [[1.0, 0.0], [0.0, 1.0]];
+        self.assumed = [[1.0, 0.0], [0.0, 1.0]];
         let start = clock::now();
         let (mut last, mut path_deg, mut there) = (self.newest(), 0.0, 0);
         let (mut counted, mut learned, mut pushed) = (last.1, last.1, [0.0; 2]);
@@ -197,15 +197,15 @@ impl Operator<'_> {
                 continue;
             }
             if seen.0 == last.0 {
-                // No new picture: a careful hand lets go after a while.
+                // No new image: a careful operator lets go after a while.
                 let is_old = clock::now().duration_since(seen.0) > Nanos::from_millis(600);
-                self.push(if is_old { [0.0; 2] } else { pushed }, TELL);
+                self.push(if is_old { [0.0; 2] } else { pushed }, REPORT_PERIOD);
                 continue;
             }
             last = seen;
             let difference = |a: [f64; 2], b: [f64; 2]| [a[0] - b[0], a[1] - b[1]];
             let since = difference(seen.1, counted);
-            // Shorter ones are the noise of the picture.
+            // Shorter motions are image noise.
             if since[0].hypot(since[1]) > 0.2 {
                 (path_deg, counted) = (path_deg + since[0].hypot(since[1]), seen.1);
                 self.learn(difference(seen.1, learned), pushed);
@@ -220,7 +220,7 @@ impl Operator<'_> {
                 let share = (1.5 * far).clamp(0.8, 8.0) / SPEED_DEG_S;
                 pushed = self.towards(to_go.map(|it| it / far)).map(|push| push * share);
             }
-            self.push(pushed, TELL);
+            self.push(pushed, REPORT_PERIOD);
             if there >= 4 {
                 return Some(Reached {
                     time_s: clock::now().duration_since(start).as_seconds(),
@@ -232,7 +232,7 @@ impl Operator<'_> {
     }
 }
 
-/// Places in the picture, 3 to 6 deg from its middle.
+/// Places in the image, 3 to 6 deg from its middle.
 fn targets(seed: u64, count: usize) -> Vec<[f64; 2]> {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut place = || {
@@ -242,12 +242,12 @@ fn targets(seed: u64, count: usize) -> Vec<[f64; 2]> {
     (0..count).map(|_| place()).collect()
 }
 
-/// Lets the operator reach all targets, with the view measured or taken as it is by default.
+/// Lets the operator reach all targets, with a measured or the default view.
 fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Reached>> {
     let mut rig = Rig::with_model();
     rig.camera_is_shut.store(true, Ordering::Relaxed);
     expect_stalls(&mut rig);
-    // The camera tells the axes of its picture.
+    // The camera reports angles in image axes.
     rig.config.limits.plausibility_deg = 0.0;
     rig.start_controller_thread();
     let mut client = rig.client();
@@ -271,14 +271,12 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
             is_open: true,
             is_lost: false,
             tremble: false,
-            belief: [[0.0; 2]; 2],
+            assumed: [[0.0; 2]; 2],
         };
         wait_until("the view is known", || {
-            operator
-                .teleop
-                .newest()
-                .unwrap()
-                .is_some_and(|told| is_measured == (told.flags & TeleopMsg::VIEW_MEASURED != 0))
+            operator.teleop.newest().unwrap().is_some_and(|message| {
+                is_measured == (message.flags & TeleopMsg::VIEW_MEASURED != 0)
+            })
         });
         operator.grip();
         let reached = targets.iter().map(|target| operator.reach(*target)).collect();
@@ -297,17 +295,17 @@ impl Drop for StopOnDrop<'_> {
 }
 
 #[test]
-fn who_sees_only_a_picture_that_is_turned_and_mirrored_reaches_what_is_seen_there() {
+fn operator_reaches_targets_in_rotated_and_mirrored_image() {
     let look = Look { turned_deg: 37.0, mirrored: true };
     let reached = session(look, true, &targets(1, 2));
     assert!(reached.iter().all(Option::is_some), "{reached:?}");
 }
 
-/// Ten targets in every turn, with the view measured and without; takes ten minutes. Writes a
+/// Ten targets in every rotation, with and without measured view; takes ten minutes. Writes a
 /// figure to `I2RIS_OPERATOR_FIGURE`.
 #[test]
 #[ignore = "for .ci/nightly hand"]
-fn ten_targets_in_every_turn_are_reached_by_the_picture_alone() {
+fn ten_targets_are_reached_by_image_in_every_rotation() {
     let turns = [(0.0, false), (37.0, false), (90.0, false), (180.0, false), (0.0, true)];
     let targets = targets(1, 10);
     let mut curves: [[Vec<[f64; 2]>; 2]; 2] = Default::default();
@@ -323,7 +321,7 @@ fn ten_targets_in_every_turn_are_reached_by_the_picture_alone() {
             let all = session(Look { turned_deg, mirrored }, is_measured, &targets);
             let reached: Vec<_> = all.iter().flatten().collect();
             missed += if is_measured { all.len() - reached.len() } else { 0 };
-            // A target that was missed counts with all the time that it got.
+            // A missed target counts with its full time.
             let lost = (all.len() - reached.len()) as f64 * PATIENCE.as_seconds();
             let time_s =
                 (reached.iter().map(|it| it.time_s).sum::<f64>() + lost) / all.len() as f64;

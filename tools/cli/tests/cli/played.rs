@@ -1,4 +1,4 @@
-//! Devices of a hand that are played through pipes.
+//! Input devices played through pipes.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -6,7 +6,7 @@ use std::os::unix::fs::OpenOptionsExt;
 
 use i2ris::clock;
 use i2ris::units::Nanos;
-use i2ris_teleop::evdev_decoder::{encode, stamp_anew};
+use i2ris_teleop::evdev_decoder::{encode, restamp};
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
 use i2ris_teleop::state::{Description, Range};
@@ -59,7 +59,7 @@ impl Played {
         self.bench.file("device")
     }
 
-    /// The profile of a SpaceMouse that may be silent for longer than a loaded machine is.
+    /// Profile of a SpaceMouse that may be silent for longer than a loaded computer.
     pub fn patient_profile(&self) -> String {
         let shipped = include_str!("../../../../config/devices/spacemouse.toml");
         let patient = shipped.replace("silence_ms = 50\n", "silence_ms = 5000\n");
@@ -92,13 +92,13 @@ impl Played {
 
     /// A pad that is seen at rest.
     pub fn rest(&mut self) {
-        self.tell(AXIS, X, 0);
-        self.tell(AXIS, Y, 0);
-        self.tell(KEY, BTN_TR, 0);
+        self.send(AXIS, X, 0);
+        self.send(AXIS, Y, 0);
+        self.send(KEY, BTN_TR, 0);
     }
 
     /// An event, and the report that ends it.
-    pub fn tell(&mut self, kind: u16, code: u16, value: i32) {
+    pub fn send(&mut self, kind: u16, code: u16, value: i32) {
         self.report(&[encode(kind, code, value), encode(0, 0, 0)].concat());
     }
 
@@ -106,7 +106,7 @@ impl Played {
     pub fn report_stamped(&mut self, kind: u16, code: u16, value: i32) -> Nanos {
         let (now, mut event) =
             (clock::now(), [encode(kind, code, value), encode(0, 0, 0)].concat());
-        stamp_anew(&mut event, now);
+        restamp(&mut event, now);
         self.report(&event);
         Nanos(now.0 / 1000 * 1000)
     }

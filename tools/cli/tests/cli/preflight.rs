@@ -13,20 +13,20 @@ use serde_json::Value;
 
 use crate::bench::{assert_says, end, expect_stalls, run, start, succeeds};
 
-/// What is no go, by name, and everything that was said. A machine that stalls is no failure of a
-/// robot.
+/// The failed checks, by name, and the whole output. Repeated if the machine stalls, which is not a
+/// failure of the robot.
 fn no_go(domain: &Domain) -> (Vec<String>, String) {
     loop {
-        let said = run(domain, "preflight --enable --json");
-        let report: Value = serde_json::from_str(&said.output).unwrap();
-        if said.output.contains("commands came late") {
+        let result = run(domain, "preflight --enable --json");
+        let report: Value = serde_json::from_str(&result.output).unwrap();
+        if result.output.contains("commands came late") {
             continue;
         }
         let checks = report["checks"].as_array().unwrap().iter();
         let failed = checks.filter(|check| check["level"] == "fail");
         let names = failed.map(|check| check["name"].as_str().unwrap().to_owned());
         let of_machine = ["line", "disk"];
-        return (names.filter(|name| !of_machine.contains(&&**name)).collect(), said.output);
+        return (names.filter(|name| !of_machine.contains(&&**name)).collect(), result.output);
     }
 }
 
@@ -41,11 +41,10 @@ fn without_a_camera_a_person_is_asked_what_was_seen() {
     for words in ["home", "enable", "command state condition"] {
         succeeds(&domain, words);
     }
-    let (named, said) = no_go(&domain);
-    assert_eq!(named, ["watchdog", "motion"], "{said}");
-    assert_says(&said, &["nobody and no camera has seen it"]);
-    for (answer, outcome) in
-        [("no\n", "something else than was expected"), ("yes\n", "by eye only")]
+    let (named, result) = no_go(&domain);
+    assert_eq!(named, ["watchdog", "motion"], "{result}");
+    assert_says(&result, &["seen by neither operator nor camera"]);
+    for (answer, outcome) in [("no\n", "did not see the expected motion"), ("yes\n", "by eye only")]
     {
         let mut terminal = Terminal::start(&domain, &["preflight"], 50, 160);
         terminal.wait_for("one hand on the switch");
@@ -58,7 +57,7 @@ fn without_a_camera_a_person_is_asked_what_was_seen() {
     }
 }
 
-/// A robot with a model whose memory is known, ENABLED, and nothing that compares it with a camera.
+/// An ENABLED robot with a model and known memory, without comparison with a camera.
 fn conditioned() -> (Rig, Client) {
     let mut rig = Rig::with_fitted_model();
     expect_stalls(&mut rig);
@@ -72,29 +71,29 @@ fn conditioned() -> (Rig, Client) {
 }
 
 #[test]
-fn a_preflight_moves_by_permission_names_what_is_wrong_and_is_kept_for_the_trial() {
+fn preflight_moves_by_permission_names_faults_and_is_stored() {
     let (rig, mut client) = conditioned();
     let domain = rig.domain();
-    let (said, is_go) = Preflight::before_trial(&domain, clock::now());
-    assert!(!is_go && said.contains("no preflight"), "{said}");
+    let (result, is_go) = Preflight::before_trial(&domain, clock::now());
+    assert!(!is_go && result.contains("no preflight"), "{result}");
     let begin = clock::now();
     let refused = run(&domain, "preflight");
     assert_eq!(refused.code, Some(1));
     assert_says(&refused.error, &["no-go: ", "motion", "watchdog"]);
-    assert_says(&refused.output, &["nobody can be asked here"]);
+    assert_says(&refused.output, &["no operator to ask here"]);
     assert!(!rig.moved_since(begin), "nothing moves before it is permitted");
     succeeds(&domain, "command state pause");
     let begin = clock::now();
-    assert_says(&no_go(&domain).1, &["somebody has paused the robot"]);
-    assert!(!rig.moved_since(begin), "a pause is for who has paused");
+    assert_says(&no_go(&domain).1, &["a client has paused the robot"]);
+    assert!(!rig.moved_since(begin), "a pause belongs to the client that has paused");
     succeeds(&domain, "command state resume");
     let operator = start(&domain, "command circle --radius-deg 1 --period-s 4 --duration-s 6");
     wait_for(&mut client, |state| state.lease_client_id != 0 && state.accepted > 50);
     assert_says(&no_go(&domain).1, &["holds the lease; end that program first"]);
-    let said = end(operator);
-    assert_eq!(said.code, Some(0), "{}", said.error);
-    let (named, said) = no_go(&domain);
-    assert_eq!(named, ["watchdog"], "{said}");
+    let result = end(operator);
+    assert_eq!(result.code, Some(0), "{}", result.error);
+    let (named, result) = no_go(&domain);
+    assert_eq!(named, ["watchdog"], "{result}");
     let largest = rig.emulator.snapshot().angles_deg;
     assert!(largest.iter().all(|angle| angle.abs() < 2.0), "{largest:?}");
     rig.emulator.begin_ageing(Change {
@@ -105,10 +104,10 @@ fn a_preflight_moves_by_permission_names_what_is_wrong_and_is_kept_for_the_trial
         direction: None,
         course: Course::Step {},
     });
-    let (named, said) = no_go(&domain);
-    assert_eq!(named, ["watchdog", "wire"], "{said}");
-    let (said, is_go) = Preflight::before_trial(&domain, clock::now());
-    assert!(!is_go && said.contains("NO-GO (") && said.contains("wire"), "{said}");
+    let (named, result) = no_go(&domain);
+    assert_eq!(named, ["watchdog", "wire"], "{result}");
+    let (result, is_go) = Preflight::before_trial(&domain, clock::now());
+    assert!(!is_go && result.contains("NO-GO (") && result.contains("wire"), "{result}");
 }
 
 #[test]
@@ -120,9 +119,9 @@ fn a_camera_that_dies_in_the_swing_ends_it() {
     wait_for(&mut client, |state| state.accepted > accepted + 50);
     rig.camera_is_shut.store(true, Ordering::Relaxed);
     let shut = clock::now();
-    let said = end(program);
-    assert_says(&said.output, &["the camera has shown no angle for 1 s"]);
-    assert_says(&said.error, &["no-go: ", "motion"]);
-    // The whole motion takes half a minute, and is seen in the state after it.
+    let result = end(program);
+    assert_says(&result.output, &["the camera has shown no angle for 1 s"]);
+    assert_says(&result.error, &["no-go: ", "motion"]);
+    // The whole motion takes half a minute, and shows in the state after it.
     assert!(!rig.moved_since(shut + Nanos::from_millis(5000)));
 }

@@ -1,5 +1,5 @@
-//! The Python client against a controller without drives and a whole one, where there is a Python
-//! with what it needs.
+//! The Python client against a controller without drives and a whole one, if there is a suitable
+//! Python.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -53,26 +53,26 @@ with Arm(sys.argv[1], deadline_s=0.5) as arm:
     assert list(arm.actuators.measured_js().measured_counts) == [40, -20]
     try:
         arm.servo_jp([])
-        raise AssertionError('nothing is no pose')
+        raise AssertionError('an empty pose was accepted')
     except ValueError:
         pass
 
 try:
     Arm('nobody-' + sys.argv[1][-8:]).measured_js()
-    raise AssertionError('nobody serves there')
+    raise AssertionError('connected without a controller')
 except NoController as error:
     assert 'start i2ris-control' in str(error), error
 ";
 
 #[test]
-fn a_python_session_enables_moves_watches_and_gives_the_lease_back() {
+fn python_session_enables_moves_watches_and_releases_the_lease() {
     let Some(mut command) = python("iceoryx2, numpy") else {
         return;
     };
     let controller = Controller::start();
     runs(command.args(["-c", SCRIPT, controller.domain.name()]));
     let robot = controller.robot();
-    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
+    assert_eq!((robot.lease, robot.requested.last()), (0, Some(&StateCommand::Release)));
     assert!(
         (robot.pose[0] - 5.0).abs() < 1e-9 && (robot.pose[1] + 3.0).abs() < 1e-9,
         "{:?}",
@@ -162,7 +162,7 @@ for uses in (False, True):
 ";
 
 #[test]
-fn a_child_of_a_fork_leaves_the_connection_to_its_parent() {
+fn forked_child_leaves_the_connection_to_its_parent() {
     let Some(mut command) = python("iceoryx2, numpy") else {
         return;
     };
@@ -171,7 +171,7 @@ fn a_child_of_a_fork_leaves_the_connection_to_its_parent() {
 }
 
 #[test]
-fn a_notebook_has_values_at_once_and_gives_the_lease_back_at_its_end() {
+fn notebook_has_values_at_once_and_releases_the_lease() {
     let Some(mut command) = python("iceoryx2, numpy") else {
         return;
     };
@@ -245,7 +245,7 @@ with Arm(deadline_s=0.5) as arm:
 ";
 
 #[test]
-fn the_domain_is_that_of_the_environment_and_a_refused_stream_raises() {
+fn domain_is_from_environment_and_refused_stream_raises() {
     let Some(mut command) = python("iceoryx2, numpy") else {
         return;
     };
@@ -264,13 +264,13 @@ try:
         pass
     raise AssertionError('it speaks another version')
 except OtherInterface as error:
-    assert 'interface version 99, this package %d: take both from one release' % INTERFACE_VERSION in str(error), error
+    assert 'interface version 99, this package %d: use the same release for both' % INTERFACE_VERSION in str(error), error
 from i2ris.link import Link
 try:
     Link.check_iceoryx2('0.9.1')
     raise AssertionError('another wheel')
 except OtherInterface as error:
-    assert str(error) == 'iceoryx2 0.9.1 is installed, and interface version %d speaks with ' \\
+    assert str(error) == 'iceoryx2 0.9.1 is installed, but interface version %d needs ' \\
         'iceoryx2 0.10.0: pip install iceoryx2==0.10.0' % INTERFACE_VERSION, error
 ";
 
@@ -307,7 +307,7 @@ except Refused as refused:
     assert refused.code == 6 and 'not homed' in refused.reason, refused
 try:
     arm.home()
-    raise AssertionError('nobody said that the snake is straight')
+    raise AssertionError('homed without confirmation')
 except ValueError as error:
     assert 'straighten' in str(error), error
 arm.home(straightened=True).wait()
@@ -361,7 +361,7 @@ try:
         lead.model.rollback(force=True)
         raise AssertionError('nothing to go back to')
     except Refused as refused:
-        assert 'no model was in use before' in str(refused), refused
+        assert 'no previous model to return to' in str(refused), refused
     staging, looks = arm.model.stage(second), 0
     while not staging.is_done():
         looks += 1
@@ -412,13 +412,13 @@ fn models_are_swapped_from_python_while_the_snake_moves() {
     assert!(out.contains("swapped and back"), "{out}");
 }
 
-/// Fits, networks, benchmark, environment and notebook, and files equal to those of the command line.
+/// Fits, networks, benchmark, environment, notebook, and files equal to those of the command line.
 #[test]
 fn the_wheel_does_what_the_command_line_does() {
     let Some(mut pytest) = python("pytest, numpy, i2ris.model, i2ris_native") else {
         return;
     };
-    // The sources beside the tests have no compiled part.
+    // The source tree has no compiled part.
     pytest.env("PYTHONSAFEPATH", "1").env("I2RIS_CLI", env!("CARGO_BIN_EXE_i2ris"));
     println!("{}", runs(pytest.args(["-m", "pytest", "-q", "tests/test_model.py"])));
 }

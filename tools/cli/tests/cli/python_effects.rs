@@ -1,4 +1,4 @@
-//! What the Python client makes of refusals and of the operating state.
+//! Refusals and operating state in the Python client.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -31,7 +31,7 @@ with Arm(sys.argv[1], deadline_s=0.5) as arm:
 ";
 
 #[test]
-fn the_refusals_of_another_client_do_not_end_a_stream_from_python() {
+fn refusals_of_another_client_do_not_end_python_stream() {
     let Some(mut command) = python("iceoryx2, numpy") else {
         return;
     };
@@ -52,7 +52,7 @@ fn the_refusals_of_another_client_do_not_end_a_stream_from_python() {
     });
 }
 
-/// The table is that of Rust, which another test compares; here it is read at the right places.
+/// The table equals that of Rust, as another test checks; here its lookup is tested.
 const PROGRESS: &str = "
 from types import SimpleNamespace
 from i2ris.operation import progress
@@ -74,6 +74,6 @@ for command, state, flags, expected in [
 ";
 
 #[test]
-fn python_judges_the_effect_of_a_command_by_the_table_of_rust() {
+fn python_judges_command_effects_by_the_rust_table() {
     run_python("numpy", PROGRESS, &[]);
 }

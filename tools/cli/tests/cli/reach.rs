@@ -10,10 +10,10 @@ use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, home_and_enable, wait_un
 
 use crate::bench::{WorkFolder, assert_says, ends, expect_stalls, fails, start, succeeds};
 
-/// How long a task of two targets may take on a machine that does other things.
+/// Time limit of a task of two targets on a shared machine.
 const PATIENCE: Nanos = Nanos::from_millis(240_000);
 
-/// Plays the person: presses arrows towards the target until the task has ended.
+/// Plays the operator: presses arrows towards the target until the task ends.
 fn reach_by_keys(client: &Client, terminal: &mut Terminal) {
     let mut target = Latest::new(client.watcher().reach_target());
     let mut measured = Latest::new(client.watcher().measured_js());
@@ -41,7 +41,7 @@ fn reach_by_keys(client: &Client, terminal: &mut Terminal) {
 }
 
 #[test]
-fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
+fn targets_are_reached_with_keys_and_scored_by_report() {
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);
     // Away from the camera, so the estimate judges.
@@ -64,7 +64,7 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
     assert!(terminal.end().success());
     terminal.assert_restored();
 
-    // The recorder has everything that came before the signal.
+    // The recorder has everything from before the signal.
     clock::sleep(Nanos::from_millis(500));
     record.interrupt();
     ends(record, 0, &[]);
@@ -76,13 +76,13 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
     assert_eq!(targets.len(), 2);
     for target in targets {
         assert!(target["held_s"].as_f64().unwrap() >= 0.5, "{target}");
-        // Each is at least half the range from the one before.
+        // Each is at least half the range from the previous one.
         assert!(target["distance_deg"].as_f64().unwrap() > 0.8, "{target}");
     }
 }
 
 #[test]
-fn a_target_is_followed_by_keys_and_the_report_scores_it() {
+fn target_is_followed_with_keys_and_scored_by_report() {
     let bench = WorkFolder::new();
     for (words, moves, lag) in
         [("pursuit --seed 2", true, "pursuit"), ("hold-still", false, "held")]

@@ -1,4 +1,4 @@
-//! What scripts, shells, editors and systemd rely on: exit codes, readers that go away, JSON,
+//! Interfaces for scripts, shells, editors and systemd: exit codes, closed readers, JSON,
 //! completions, units.
 
 use std::fs;
@@ -8,29 +8,33 @@ use i2ris::ipc::{Domain, Fault, OperatingState, Refusal};
 use i2ris_testing::cycle::balance_model;
 use i2ris_testing::{Controller, program};
 
-use crate::bench::{WorkFolder, assert_says, nobody, repository, run};
+use crate::bench::{WorkFolder, assert_says, repository, run, unused_domain};
 
 fn code(domain: &Domain, words: &str) -> Option<i32> {
-    let said = run(domain, words);
-    let is_silent = said.error.is_empty();
-    assert!(said.code == Some(0) || !is_silent, "{words} fails without a word: {}", said.output);
-    said.code
+    let result = run(domain, words);
+    let is_silent = result.error.is_empty();
+    assert!(
+        result.code == Some(0) || !is_silent,
+        "{words} fails without a word: {}",
+        result.output
+    );
+    result.code
 }
 
 #[test]
 fn the_exit_code_reports_what_kind_of_failure_it_was() {
-    let nobody = nobody();
+    let unused = unused_domain();
     let bench = WorkFolder::with("bad.toml", "robot_id = 3");
     let controller = Controller::start();
     let domain = &controller.domain;
     for (domain, words, expected) in [
-        (&nobody, "--completions bash", 0),
-        (&nobody, "model show /nonexistent.json", 1),
-        (&nobody, "nonsense", 2),
-        (&nobody, "command", 2),
-        (&nobody, "command pose --domain a/b", 2),
-        (&nobody, "command pose", 3),
-        (&nobody, "model show", 3),
+        (&unused, "--completions bash", 0),
+        (&unused, "model show /nonexistent.json", 1),
+        (&unused, "nonsense", 2),
+        (&unused, "command", 2),
+        (&unused, "command pose --domain a/b", 2),
+        (&unused, "command pose", 3),
+        (&unused, "model show", 3),
         (domain, "enable", 4),
         (domain, "command pose", 4),
         (domain, &format!("doctor config check {}", bench.file("bad.toml")), 6),
@@ -56,7 +60,7 @@ fn output_that_goes_nowhere_ends_in_order_and_is_said() {
     let printed = fs::File::create(bench.file("printed")).unwrap();
     let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let closed = nix::pty::openpty(None, None).unwrap().slave;
-    for (output, code, said) in [
+    for (output, code, result) in [
         (Stdio::from(full), 1, "No space left on device"),
         (Stdio::from(printed), 1, "File too large"),
         (Stdio::from(closed), 130, "Input/output error"),
@@ -65,14 +69,14 @@ fn output_that_goes_nowhere_ends_in_order_and_is_said() {
         command.args(["-c", &format!("ulimit -f 1; exec {print}")]).stdout(output);
         let ended = command.stderr(Stdio::piped()).spawn().unwrap().wait_with_output().unwrap();
         let error = String::from_utf8(ended.stderr).unwrap();
-        assert_eq!(ended.status.code(), Some(code), "{said}: {error}");
-        assert!(error.contains(said) && !error.contains("panicked"), "{error}");
+        assert_eq!(ended.status.code(), Some(code), "{result}: {error}");
+        assert!(error.contains(result) && !error.contains("panicked"), "{error}");
     }
 }
 
-/// `| head -0`: nobody reads any of it.
+/// `| head -0`: the output is not read.
 #[test]
-fn a_reader_that_goes_away_is_no_error() {
+fn closed_reader_is_not_an_error() {
     let config = repository("config/robot.toml");
     let config = config.to_str().unwrap();
     for arguments in [
@@ -82,7 +86,7 @@ fn a_reader_that_goes_away_is_no_error() {
         &["doctor", "--config", config, "--no-drives"],
     ] {
         let mut child = program::command(arguments)
-            .env("I2RIS_DOMAIN", nobody().name())
+            .env("I2RIS_DOMAIN", unused_domain().name())
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -97,7 +101,7 @@ fn a_reader_that_goes_away_is_no_error() {
 }
 
 #[test]
-fn the_schema_knows_every_table_and_an_editor_can_read_it() {
+fn schema_covers_every_table_and_is_valid_for_editors() {
     let output = WorkFolder::new().succeeds("doctor config schema");
     let schema: serde_json::Value = serde_json::from_str(&output).unwrap();
     assert!(schema["$schema"].as_str().unwrap().contains("json-schema.org"));
@@ -116,15 +120,15 @@ fn a_configuration_is_judged_and_printed_with_its_defaults() {
     bench.write("printed.toml", &bench.succeeds("doctor config print good.toml"));
     bench.succeeds("doctor config check printed.toml");
     bench.write("bad.toml", &good.replace("rate_hz", "rate_herz"));
-    let said = bench.run("doctor config check bad.toml");
-    assert_eq!(said.code, Some(6));
-    assert_says(&said.error, &["bad.toml", "rate_herz"]);
+    let result = bench.run("doctor config check bad.toml");
+    assert_eq!(result.code, Some(6));
+    assert_says(&result.error, &["bad.toml", "rate_herz"]);
 }
 
 /// Gaps of 60 counts and friction that stretches the wires by 20 to either side: 100 counts, from
 /// rest to rest at 500 counts/s and 5000 counts/s^2. A motor moves the tip by 0.022 deg a count.
 #[test]
-fn a_configuration_with_a_model_says_what_hand_its_limits_bear() {
+fn configuration_with_a_model_reports_permitted_hand_motion() {
     let config = fs::read_to_string(repository("config/emulator.toml")).unwrap();
     let config = config.replace("\"i2ris-emulated\"", "\"bench\"");
     let bench = WorkFolder::new();
@@ -140,18 +144,18 @@ fn a_configuration_with_a_model_says_what_hand_its_limits_bear() {
 }
 
 #[test]
-fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
+fn unedited_template_is_not_ready_and_missing_values_reported() {
     for (name, axes, stale, lost) in [("robot.toml", 3, 56, 168), ("robot-rs232.toml", 2, 32, 96)] {
         let template = fs::read_to_string(repository("config").join(name)).unwrap();
         let bench = WorkFolder::with("robot.toml", &template);
-        let said = bench.run("doctor config check robot.toml");
-        assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
+        let result = bench.run("doctor config check robot.toml");
+        assert_eq!(result.code, Some(9), "{}{}", result.output, result.error);
         let marked = template.lines().filter(|line| line.ends_with("# CHECK")).count();
-        assert_eq!(said.output.matches("as delivered").count(), marked, "{}", said.output);
+        assert_eq!(result.output.matches("as delivered").count(), marked, "{}", result.output);
         let unknown = ["serial_number = 0: as delivered", "[motor 1].serial_number = 0"];
-        assert_says(&said.output, &unknown);
+        assert_says(&result.output, &unknown);
         assert_says(&bench.run("doctor --config robot.toml --no-drives").output, &["as delivered"]);
-        // Every value is right, or was corrected: the marks are gone.
+        // Every value was confirmed or corrected: the marks are deleted.
         let number = |text: String, number: i32| {
             text.replacen("serial_number = 0\n", &format!("serial_number = {number}\n"), 1)
         };
@@ -160,11 +164,11 @@ fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
         let output = bench.succeeds("doctor config check robot.toml");
         let ages = format!("older than {stale} ms, FAULT after {lost} ms");
         assert_says(&output, &[&format!("{axes} axes, 2 of the snake"), &ages]);
-        // What is right for one drive stops several nodes on a port by itself.
+        // With several nodes on a port, the setting of a single drive would stop them.
         bench.write("robot.toml", &format!("{ready}[limits]\nfeedback_stale_ms = 8\n"));
-        let said = bench.run("doctor config check robot.toml --json");
-        assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
-        let json: serde_json::Value = serde_json::from_str(&said.output).unwrap();
+        let result = bench.run("doctor config check robot.toml --json");
+        assert_eq!(result.code, Some(9), "{}{}", result.output, result.error);
+        let json: serde_json::Value = serde_json::from_str(&result.output).unwrap();
         assert_eq!((&json["axes"], &json["motors"]), (&axes.into(), &2.into()));
         let least = format!("at least {stale}");
         assert_says(&json["not_ready"].to_string(), &["limits.feedback_stale_ms = 8", &least]);
@@ -179,7 +183,7 @@ fn shells_get_every_subcommand() {
     }
 }
 
-/// The units, with the programs of this build in the place of the installed ones.
+/// The units, with the programs of this build instead of the installed ones.
 #[test]
 fn the_units_of_systemd_are_valid() {
     let probe = Command::new("systemd-analyze").arg("--version").output();
@@ -197,7 +201,7 @@ fn the_units_of_systemd_are_valid() {
         bench.path(name)
     });
     let output = Command::new("systemd-analyze").arg("verify").args(&units).output().unwrap();
-    let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
-    let ours: Vec<&str> = said.lines().filter(|line| line.contains("i2ris")).collect();
+    let result = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    let ours: Vec<&str> = result.lines().filter(|line| line.contains("i2ris")).collect();
     assert!(ours.is_empty(), "{ours:?}");
 }

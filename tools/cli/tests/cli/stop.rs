@@ -1,4 +1,4 @@
-//! Stopping by name and by key, and what is said of a command that something else has ended.
+//! Stopping by name and by key, and reports of commands that were interrupted.
 
 use std::fs;
 use std::process::{Command, Stdio};
@@ -17,7 +17,9 @@ use i2ris_testing::{
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use crate::bench::{assert_says, end, ends, expect_stalls, fails, nobody, run, start, succeeds};
+use crate::bench::{
+    assert_says, end, ends, expect_stalls, fails, run, start, succeeds, unused_domain,
+};
 
 /// A robot that is enabled, with its controller in this process.
 fn robot(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
@@ -36,30 +38,30 @@ fn is_busy(state: &OperatingStateMsg) -> bool {
 }
 
 #[test]
-fn a_cycle_that_a_stalled_line_has_ended_is_not_done() {
+fn cycle_ended_by_a_stalled_line_is_not_done() {
     let (rig, mut client) = robot(|rig| rig.config.limits.feedback_stale_ms = 300);
     let program = start(&rig.domain(), "command state condition");
     wait_for(&mut client, is_busy);
     rig.emulator.inject(1, Injection::Mute { for_ms: 900 });
-    ends(program, 4, &["`condition` was not carried out: stop 2: a drive gave no recent position"]);
+    ends(program, 4, &["`condition` was not carried out: stop 2: no recent position from a drive"]);
 }
 
 #[test]
 fn whatever_ends_a_cycle_is_named_with_its_exit_code() {
     let (rig, mut client) = robot(|_| ());
     let domain = rig.domain();
-    let mut broken_off = |by: &dyn Fn(&mut Client), code: i32, parts: &[&str]| {
+    let mut interrupted = |by: &dyn Fn(&mut Client), code: i32, parts: &[&str]| {
         let program = start(&domain, "command state condition");
         wait_for(&mut client, is_busy);
         by(&mut client);
         ends(program, code, parts);
     };
     let hold = |client: &mut Client| _ = client.state_command(StateCommand::Hold).unwrap();
-    broken_off(&hold, 4, &["stop 4: a later command broke it off"]);
-    // The hold is for the next program, too, until it has been silent for a second.
+    interrupted(&hold, 4, &["stop 4: move, homing or conditioning interrupted by a later command"]);
+    // The hold also blocks the next program, until the client has been silent for a second.
     clock::sleep(Nanos::from_millis(1100));
     let fault = |_: &mut Client| rig.emulator.raise_fault(0, 0x2310, false);
-    broken_off(&fault, 5, &["`condition` was not carried out: fault 1: a drive reports an error"]);
+    interrupted(&fault, 5, &["`condition` was not carried out: fault 1: a drive reports an error"]);
 }
 
 #[test]
@@ -67,31 +69,31 @@ fn a_controller_that_ends_during_a_cycle_ends_the_wait() {
     let controller = Controller::enabled();
     controller.robot().busy_for = Nanos::from_millis(3_600_000);
     let program = start(&controller.domain, "command state condition");
-    controller.wait("it is asked", |robot| !robot.asked.is_empty());
+    controller.wait("the request", |robot| !robot.requested.is_empty());
     drop(controller);
     ends(program, 3, &["no controller serves domain"]);
 }
 
-/// Nobody knows whether a drive has power that does not answer.
+/// The power state of a silent drive is unknown.
 #[test]
-fn drives_that_do_not_answer_are_not_reported_to_be_off() {
+fn silent_drives_are_not_reported_to_be_off() {
     let (rig, mut client) = robot(|rig| {
         rig.config.limits.feedback_stale_ms = 300;
         rig.config.ports.iter_mut().for_each(|port| port.reply_timeout_ms = 200);
     });
     rig.emulator.mute(1, true);
     wait_for(&mut client, |state| state.state == OperatingState::Fault.number());
-    let parts = ["effect of `disable` is not known to be there", "cut the power"];
+    let parts = ["effect of `disable` is not confirmed", "cut the power"];
     fails(&rig.domain(), "disable", 8, &parts);
-    fails(&rig.domain(), "stop", 8, &["FAULT, NOT KNOWN to be still"]);
-    let said = succeeds(&rig.domain(), "disable --no-wait");
-    let power = "until `i2ris command state acknowledge`; not every drive says that it is off";
-    assert_says(&said, &["accepted: disable; the controller is FAULT", power]);
+    fails(&rig.domain(), "stop", 8, &["FAULT, NOT CONFIRMED to be at rest"]);
+    let result = succeeds(&rig.domain(), "disable --no-wait");
+    let power = "until `i2ris command state acknowledge`; a drive has not confirmed power-off";
+    assert_says(&result, &["accepted: disable; the controller is FAULT", power]);
     rig.emulator.mute(1, false);
 }
 
 #[test]
-fn stop_holds_every_client_ends_every_motion_and_says_so() {
+fn stop_holds_every_client_ends_motion_and_reports_it() {
     let (rig, mut client) = robot(|_| ());
     let domain = rig.domain();
     let mut named = false;
@@ -100,10 +102,10 @@ fn stop_holds_every_client_ends_every_motion_and_says_so() {
         wait_for(&mut client, |state| state.lease_client_id != 0 && state.accepted > 50);
         let output = succeeds(&domain, name);
         assert_says(&output, &["the robot is ENABLED, holds still"]);
-        let said = end(circle);
-        assert_eq!(said.code, Some(4), "{}", said.error);
-        assert_says(&said.error, &["refusal 24"]);
-        // On a loaded machine the state before comes later than a stop may wait.
+        let result = end(circle);
+        assert_eq!(result.code, Some(4), "{}", result.error);
+        assert_says(&result.error, &["refusal 24"]);
+        // On a loaded machine the earlier state may arrive too late for the stop.
         named |= output.contains("stopped: i2ris, process");
         if named && name == "estop" {
             break;
@@ -114,10 +116,15 @@ fn stop_holds_every_client_ends_every_motion_and_says_so() {
     succeeds(&domain, "stop");
     let state = wait_until_holding(&mut client);
     assert!(has(&state, OperatingStateMsg::AT_REST) && !is_busy(&state));
-    assert_says(&succeeds(&domain, "stop"), &["holds still; stopped: nobody"]);
+    assert_says(&succeeds(&domain, "stop"), &["holds still; stopped: nothing"]);
     assert_says(&succeeds(&domain, "disable"), &["the controller is DISABLED; every drive is off"]);
     assert_says(&succeeds(&domain, "stop"), &["DISABLED, every drive is off"]);
-    fails(&nobody(), "stop", 3, &["NOT KNOWN to be stopped: no controller serves domain"]);
+    fails(
+        &unused_domain(),
+        "stop",
+        3,
+        &["NOT CONFIRMED to be stopped: no controller serves domain"],
+    );
 }
 
 #[test]
@@ -153,11 +160,11 @@ fn a_watchdog_that_hangs_is_named_by_its_process() {
     let pid = Pid::from_raw(watchdog.id().cast_signed());
     kill(pid, Signal::SIGSTOP).unwrap();
     wait_until("it hangs", || status() == WatchdogStatus::Silent);
-    let said = run(&domain, &format!("doctor --no-drives --config {}", file.display()));
+    let result = run(&domain, &format!("doctor --no-drives --config {}", file.display()));
     watchdog.kill().unwrap();
     watchdog.wait().unwrap();
-    let named = format!("process {pid} is there, but hangs or is stopped");
-    assert_says(&said.output, &[&named, "`kill -KILL` this process"]);
+    let named = format!("process {pid} is running, but hung or is stopped");
+    assert_says(&result.output, &[&named, "`kill -KILL` this process"]);
 }
 
 #[test]
@@ -173,13 +180,13 @@ fn s_stops_while_the_keyboard_steers() {
     let shown = terminal.screen.screen().contents();
     assert!(shown.contains("the robot is ENABLED, holds still"), "{shown}");
     let robot = controller.robot();
-    assert_eq!(robot.asked, [StateCommand::Hold, StateCommand::Release]);
+    assert_eq!(robot.requested, [StateCommand::Hold, StateCommand::Release]);
 }
 
-/// Who mistypes a stop must not be offered a motion.
+/// A mistyped stop must not suggest a motion.
 #[test]
 fn no_tip_names_what_moves_or_switches_on() {
-    let nobody = nobody();
+    let unused = unused_domain();
     let mut offered = Vec::new();
     for words in [
         "stp",
@@ -208,9 +215,9 @@ fn no_tip_names_what_moves_or_switches_on() {
         "doctor config chek",
         "doctr",
     ] {
-        let said = run(&nobody, words);
-        assert_eq!(said.code, Some(2), "{words}: {}", said.error);
-        let tips = said.error.lines().filter(|line| line.contains("tip:"));
+        let result = run(&unused, words);
+        assert_eq!(result.code, Some(2), "{words}: {}", result.error);
+        let tips = result.error.lines().filter(|line| line.contains("tip:"));
         offered.extend(tips.flat_map(|tip| tip.split('\'').skip(1).step_by(2)).map(str::to_owned));
     }
     for moving in [

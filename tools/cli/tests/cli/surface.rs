@@ -1,4 +1,4 @@
-//! How large the command line is: it grows by a decision, and not silently.
+//! Size of the command line: it must not grow silently.
 
 use std::collections::BTreeSet;
 

@@ -1,4 +1,4 @@
-//! Leading by hand: recordings of devices that are played through pipes, a keyboard by a
+//! Teleoperation: recorded devices played through pipes, a keyboard by a
 //! pseudo-terminal.
 
 use std::fs::File;
@@ -24,13 +24,13 @@ fn clutch_is_open(flags: u32) -> bool {
     flags & ServoJp::CLUTCH != 0
 }
 
-/// Where the snake is, and after how many commands.
+/// Pose of the snake, and number of commands.
 fn place(controller: &Controller) -> ([f64; 2], usize) {
     let robot = controller.robot();
     (robot.pose, robot.poses.len())
 }
 
-/// Expects that the clutch is open, and that nothing moves during fifty more commands.
+/// Expects an open clutch, and no motion during fifty more commands.
 fn assert_holds(controller: &Controller) -> [f64; 2] {
     controller.wait("the clutch", |robot| clutch_is_open(robot.flags));
     let (there, count) = place(controller);
@@ -40,66 +40,66 @@ fn assert_holds(controller: &Controller) -> [f64; 2] {
 }
 
 #[test]
-fn a_gamepad_steers_while_its_dead_man_is_held_and_is_found_again_by_what_it_is() {
+fn gamepad_steers_while_dead_man_is_held_and_reconnects() {
     let controller = Controller::enabled();
     let mut device = Played::new(&pad("1"));
     let words = format!("teleop --device {} --speed-deg-s 20 --scale 0.5", device.file());
     let mut program = start(&controller.domain, &words);
     controller.wait("commands with an open clutch", |robot| robot.poses.len() > 50);
     assert_holds(&controller);
-    // Held before anything was seen at rest: a deflected stick closes nothing.
-    device.tell(AXIS, X, 32767);
-    device.tell(KEY, BTN_TR, 1);
+    // Held before all controls were seen at rest: a deflected stick must not close the clutch.
+    device.send(AXIS, X, 32767);
+    device.send(KEY, BTN_TR, 1);
     assert_near(assert_holds(&controller), [1.0, -1.0]);
     device.rest();
     assert_holds(&controller);
-    device.tell(KEY, BTN_TR, 1);
+    device.send(KEY, BTN_TR, 1);
     controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
-    device.tell(AXIS, X, 32767);
+    device.send(AXIS, X, 32767);
     controller.wait("motion to the side", |robot| robot.pose[1] > 1.0);
-    device.tell(KEY, BTN_TR, 0);
+    device.send(KEY, BTN_TR, 0);
     let there = assert_holds(&controller);
     // Pulled out in motion.
-    device.tell(AXIS, X, 0);
+    device.send(AXIS, X, 0);
     assert_holds(&controller);
-    device.tell(KEY, BTN_TR, 1);
+    device.send(KEY, BTN_TR, 1);
     controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
-    device.tell(AXIS, X, 32767);
+    device.send(AXIS, X, 32767);
     controller.wait("motion again", |robot| robot.pose[1] > there[1] + 1.0);
     device.unplug();
     assert_holds(&controller);
-    // Another one in its place is not taken; the same one is, and has to be seen at rest.
+    // A different device is not accepted; the same one is, once it was seen at rest.
     device.plug_in(&pad("2"));
-    device.tell(KEY, BTN_TR, 1);
+    device.send(KEY, BTN_TR, 1);
     let there = assert_holds(&controller);
     device.unplug();
     device.plug_in(&pad("1"));
-    device.tell(AXIS, X, 32767);
-    device.tell(KEY, BTN_TR, 1);
+    device.send(AXIS, X, 32767);
+    device.send(KEY, BTN_TR, 1);
     assert_near(assert_holds(&controller), there);
     wait_until("it is taken again", || {
         device.rest();
         clock::sleep(Nanos::from_millis(100));
-        device.tell(KEY, BTN_TR, 1);
+        device.send(KEY, BTN_TR, 1);
         clock::sleep(Nanos::from_millis(100));
         !clutch_is_open(controller.robot().flags)
     });
     program.interrupt();
-    let said = end(program);
-    assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
-    for part in ["is gone (closed); the snake holds", "is back at", "+yaw goes → (+0 deg)"] {
-        assert!(said.output.contains(part), "{part}: {}", said.output);
+    let result = end(program);
+    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
+    for part in ["is gone (closed); the snake holds", "reconnected at", "+yaw goes → (+0 deg)"] {
+        assert!(result.output.contains(part), "{part}: {}", result.output);
     }
     let robot = controller.robot();
     assert!(clutch_is_open(robot.flags), "the last command opens the clutch");
-    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
+    assert_eq!((robot.lease, robot.requested.last()), (0, Some(&StateCommand::Release)));
     assert!((robot.pose[0] - 1.0).abs() < 1e-6, "the other axis stood still");
     // Half of 20 deg/s.
     assert_no_jump(&robot.poses, 10.0);
 }
 
 #[test]
-fn a_space_mouse_steers_under_a_pedal_and_the_loss_of_either_opens_the_clutch() {
+fn losing_space_mouse_or_pedal_opens_the_clutch() {
     let controller = Controller::enabled();
     let mouse_description = space_mouse::description(identity(0x256f, 0xc635, ""));
     let (mut mouse, mut foot) = (Played::new(&mouse_description), Played::new(&pedal()));
@@ -109,13 +109,13 @@ fn a_space_mouse_steers_under_a_pedal_and_the_loss_of_either_opens_the_clutch() 
     let mut program = start(&controller.domain, &words);
     mouse.report(&[1, 0, 0, 0, 0, 0, 0]);
     controller.wait("commands", |robot| robot.poses.len() > 50);
-    // Its own button does not count beside a pedal.
+    // Its own button is ignored if there is a pedal.
     mouse.report(&[3, 1, 0]);
     assert_holds(&controller);
     mouse.report(&[3, 0, 0]);
-    foot.tell(KEY, KEY_B, 1);
+    foot.send(KEY, KEY_B, 1);
     controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
-    // Pushed away from the person, by its full 350: up, by the reach of 1.5 deg.
+    // Pushed away from the operator, by its full 350: up, by the reach of 1.5 deg.
     mouse.report(&[1, 0, 0, 0xa2, 0xfe, 0, 0]);
     controller.wait("the whole way", |robot| robot.pose[0] > 2.5 - 1e-6);
     assert_near(controller.robot().pose, [2.5, -1.0]);
@@ -124,9 +124,9 @@ fn a_space_mouse_steers_under_a_pedal_and_the_loss_of_either_opens_the_clutch() 
     mouse.report(&[1, 0, 0, 0, 0, 0, 0]);
     foot.plug_in(&pedal());
     wait_until("the pedal is taken again", || {
-        foot.tell(KEY, KEY_B, 0);
+        foot.send(KEY, KEY_B, 0);
         clock::sleep(Nanos::from_millis(100));
-        foot.tell(KEY, KEY_B, 1);
+        foot.send(KEY, KEY_B, 1);
         clock::sleep(Nanos::from_millis(100));
         !clutch_is_open(controller.robot().flags)
     });
@@ -136,7 +136,7 @@ fn a_space_mouse_steers_under_a_pedal_and_the_loss_of_either_opens_the_clutch() 
     ends(program, 0, &[]);
 }
 
-/// A picture that is turned by 90 deg and mirrored: +pitch goes to the right, +yaw goes up.
+/// An image rotated by 90 deg and mirrored: +pitch is to the right, +yaw is up.
 fn show_turned(domain: &i2ris::ipc::Domain, stop: &AtomicBool) {
     let client = Client::connect(domain, TIMEOUT).unwrap();
     let mut setpoint: Latest<JointState> = Latest::new(client.watcher().setpoint_js());
@@ -144,7 +144,7 @@ fn show_turned(domain: &i2ris::ipc::Domain, stop: &AtomicBool) {
     while !stop.load(Ordering::Relaxed) {
         if let Some(joint) = setpoint.refresh().unwrap() {
             let [pitch, yaw, _] = joint.position;
-            // In the order of the payload: up, then right.
+            // In payload order: up, then right.
             camera.publish(clock::now(), &[yaw, pitch], &[]).unwrap();
         }
         clock::sleep(Nanos::from_millis(15));
@@ -152,7 +152,7 @@ fn show_turned(domain: &i2ris::ipc::Domain, stop: &AtomicBool) {
 }
 
 #[test]
-fn a_view_that_was_measured_lets_right_be_right_and_up_be_up() {
+fn measured_view_aligns_right_and_up() {
     let controller = Controller::enabled();
     let mut device = Played::new(&pad("1"));
     let stop = AtomicBool::new(false);
@@ -165,19 +165,21 @@ fn a_view_that_was_measured_lets_right_be_right_and_up_be_up() {
         assert_near(assert_holds(&controller), [1.0, -1.0]);
         device.rest();
         assert_holds(&controller);
-        device.tell(KEY, BTN_TR, 1);
+        device.send(KEY, BTN_TR, 1);
         controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
-        device.tell(AXIS, X, 32767);
+        device.send(AXIS, X, 32767);
         controller.wait("right is +pitch", |robot| robot.pose[0] > 2.0);
-        device.tell(AXIS, X, 0);
+        device.send(AXIS, X, 0);
         let pitch = controller.robot().pose[0];
-        device.tell(AXIS, Y, -32768);
+        device.send(AXIS, Y, -32768);
         controller.wait("up is +yaw", |robot| robot.pose[1] > 0.0);
         assert!(controller.robot().pose[0] < pitch + 1.0);
         stop.store(true, Ordering::Relaxed);
         program.interrupt();
-        let said = end(program);
-        assert!(said.output.contains("+pitch goes → (") && said.output.contains("+yaw goes ↑ ("));
+        let result = end(program);
+        assert!(
+            result.output.contains("+pitch goes → (") && result.output.contains("+yaw goes ↑ (")
+        );
     });
 }
 
@@ -190,28 +192,28 @@ fn without_a_camera_the_view_is_not_measured_and_reported() {
 }
 
 #[test]
-fn an_event_is_reported_with_its_time_and_its_command_and_a_button_marks() {
+fn event_is_published_with_time_and_command_and_button_marks() {
     let controller = Controller::enabled();
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let mut stream = client.watcher().teleop();
     let mut device = Played::new(&pad("1"));
     let mut program = start(&controller.domain, &format!("teleop --device {}", device.file()));
-    let mut told = TeleopMsg::default();
+    let mut newest = TeleopMsg::default();
     let mut wait = |what: &str, is_so: &dyn Fn(&TeleopMsg) -> bool| {
         wait_until(what, || {
-            stream.drain(|message| told = message).unwrap();
-            is_so(&told)
+            stream.drain(|message| newest = message).unwrap();
+            is_so(&newest)
         });
-        told
+        newest
     };
-    wait("the first message", &|told| told.sequence > 0);
+    wait("the first message", &|newest| newest.sequence > 0);
     let came = device.report_stamped(AXIS, X, 0);
-    let first = wait("the event", &|told| told.event_ns == came.0);
+    let first = wait("the event", &|newest| newest.event_ns == came.0);
     assert!(first.command_sequence > 0 && first.mark_ns == 0);
     let came = device.report_stamped(KEY, BTN_EAST, 1);
-    let marked = wait("the mark", &|told| told.mark_ns == came.0);
+    let marked = wait("the mark", &|newest| newest.mark_ns == came.0);
     assert!(marked.event_ns == came.0 && marked.command_sequence > first.command_sequence);
-    // Commands go on being of now, however long the last event is ago.
+    // Commands stay current, however old the last event is.
     let (_, count) = place(&controller);
     controller.wait("more commands", |robot| robot.poses.len() > count + 50);
     assert!(controller.robot().poses[count + 50].0 > came);
@@ -220,16 +222,16 @@ fn an_event_is_reported_with_its_time_and_its_command_and_a_button_marks() {
     ends(program, 0, &[]);
 }
 
-/// Memory of a process that belongs to it alone, KiB.
+/// Private memory of a process, KiB.
 fn own_memory_kib(id: u32) -> i64 {
     let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap();
     let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).unwrap();
     line.trim().trim_end_matches(" kB").parse().unwrap()
 }
 
-/// What a SpaceMouse reports in an hour, 125 times a second, as fast as the program takes it.
+/// An hour of SpaceMouse reports at 125 Hz, as fast as the program reads them.
 #[test]
-fn an_hour_of_reports_leaves_the_memory_as_it_was_and_commands_go_on_meanwhile() {
+fn hour_of_reports_does_not_grow_memory_or_block_commands() {
     const REPORTS: u32 = 125 * 3600;
     let controller = Controller::enabled();
     let mut mouse = Played::new(&space_mouse::description(identity(0x256f, 0xc635, "")));
@@ -252,16 +254,16 @@ fn an_hour_of_reports_leaves_the_memory_as_it_was_and_commands_go_on_meanwhile()
             (warm, commands) = (own_memory_kib(id), place(&controller).1);
         }
     }
-    assert!(place(&controller).1 > commands, "a device that tells much keeps no command back");
+    assert!(place(&controller).1 > commands, "a fast device does not delay commands");
     let grown = own_memory_kib(id) - warm;
     assert!(grown < 256, "{grown} KiB more than {warm}");
     program.interrupt();
     ends(program, 0, &[]);
 }
 
-/// The real controller, its line and the emulated drives behind it.
+/// The real controller, its line and emulated drives.
 #[test]
-fn the_snake_of_the_emulator_follows_a_device_and_holds_when_it_is_gone() {
+fn emulated_snake_follows_device_and_holds_on_its_loss() {
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);
     rig.start_controller_thread();
@@ -277,9 +279,9 @@ fn the_snake_of_the_emulator_follows_a_device_and_holds_when_it_is_gone() {
     wait_until("it follows", || {
         device.rest();
         clock::sleep(Nanos::from_millis(50));
-        device.tell(KEY, BTN_TR, 1);
+        device.send(KEY, BTN_TR, 1);
         clock::sleep(Nanos::from_millis(50));
-        device.tell(AXIS, X, 20_000);
+        device.send(AXIS, X, 20_000);
         clock::sleep(Nanos::from_millis(200));
         yaw_deg() > 0.5
     });
@@ -310,11 +312,11 @@ fn a_device_is_recorded_played_and_learned() {
     let words = format!("teleop input record {played} --output {file}");
     let mut program = start(&controller.domain, &words);
     wait_until("it records", || bench.exists("device.input"));
-    device.tell(AXIS, X, 32767);
-    device.tell(KEY, BTN_TR, 1);
+    device.send(AXIS, X, 32767);
+    device.send(KEY, BTN_TR, 1);
     wait_until("the head of the pipe is read", || {
         let frames = recording::read(File::open(bench.path("device.input")).unwrap());
-        device.tell(AXIS, Y, 0);
+        device.send(AXIS, Y, 0);
         clock::sleep(Nanos::from_millis(20));
         frames.is_ok_and(|(_, frames)| frames.len() > 2)
     });
@@ -324,7 +326,7 @@ fn a_device_is_recorded_played_and_learned() {
     assert_eq!(head, unknown);
     assert_eq!(frames[0].1, [encode(AXIS, X, 32767), encode(0, 0, 0)].concat());
     fails(&controller.domain, &words, 1, &["exists"]);
-    // Played into the questions: at rest, then what each answer shows.
+    // Played into the questions: at rest, then the control of each answer.
     device.unplug();
     device.plug_in(&unknown);
     let mut learn = i2ris_testing::program::command(&[
@@ -335,14 +337,14 @@ fn a_device_is_recorded_played_and_learned() {
     let mut answers = learn.stdin.take().unwrap();
     let mut questions = BufReader::new(learn.stdout.take().unwrap()).lines();
     for (question, events) in [
-        ("let go of everything", &[(AXIS, X, 0), (AXIS, Y, 0)][..]),
+        ("release all controls", &[(AXIS, X, 0), (AXIS, Y, 0)][..]),
         ("to the right", &[(AXIS, X, 32767)]),
         ("away from you", &[(AXIS, X, 0), (AXIS, Y, -32768)]),
         ("shall be the dead-man", &[(AXIS, Y, 0), (KEY, BTN_TR, 1)]),
     ] {
         assert!(questions.next().unwrap().unwrap().contains(question));
         for (kind, code, value) in events {
-            device.tell(*kind, *code, *value);
+            device.send(*kind, *code, *value);
         }
         answers.write_all(b"\n").unwrap();
     }
@@ -351,8 +353,7 @@ fn a_device_is_recorded_played_and_learned() {
     for part in ["1234:abcd", "right = \"ABS_X\"", "up = \"-ABS_Y\"", "dead_man = \"BTN_TR\""] {
         assert!(text.contains(part), "{part}: {text}");
     }
-    // The recording, played by the program: known now, and it steers nothing, as it was never at
-    // rest.
+    // The recording, played by the program: known now, but it steers nothing, being never at rest.
     device.unplug();
     let words = format!("teleop --device {played} --profile {profile}");
     let play = start(&controller.domain, &format!("teleop input play {file} --to {played}"));
@@ -365,7 +366,7 @@ fn a_device_is_recorded_played_and_learned() {
 }
 
 #[test]
-fn keys_steer_after_the_space_bar_and_a_second_without_one_opens_the_clutch() {
+fn keys_steer_after_space_and_silence_opens_the_clutch() {
     let controller = Controller::enabled();
     let words = ["teleop", "--keyboard", "--step-deg", "0.5"];
     let mut terminal = Terminal::start(&controller.domain, &words, 24, 80);
@@ -394,12 +395,12 @@ fn keys_steer_after_the_space_bar_and_a_second_without_one_opens_the_clutch() {
     assert!(terminal.end().success());
     terminal.assert_restored();
     let robot = controller.robot();
-    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
+    assert_eq!((robot.lease, robot.requested.last()), (0, Some(&StateCommand::Release)));
     assert_no_jump(&robot.poses, 10.0);
 }
 
 #[test]
-fn devices_that_are_none_and_two_masters_at_once_are_refused() {
+fn invalid_devices_and_two_masters_are_refused() {
     let controller = Controller::enabled();
     let device = Played::new(&pedal());
     let (pipe, folder) = (device.file(), device.bench.file(""));

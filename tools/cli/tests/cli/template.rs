@@ -1,17 +1,17 @@
 //! The shipped templates with devices, serial numbers, domain and record folder filled in, on
-//! emulated drives: what a person does on the first day, as root and as a plain user.
+//! emulated drives: the first day of a user, as root and as a plain user.
 
 use std::os::unix::fs::chown;
 
 use i2ris::ipc::Domain;
 use i2ris_testing::{Program, wait_until};
 
-use crate::bench::{Ended, WorkFolder, assert_says, end, nobody, repository};
+use crate::bench::{Ended, WorkFolder, assert_says, end, repository, unused_domain};
 
-/// Who has no right to anything.
+/// A user without rights.
 const PLAIN: u32 = 65_534;
 
-/// A machine that tests share stalls, and the emulated drives with it: that is no fault here.
+/// Raises limits: on a shared machine, stalls of emulated drives are not a fault.
 const SHARED_MACHINE: &str = "[limits]\nfeedback_stale_ms = 2000\n\
      following_error_counts = 3000\noverrun_ticks = 0\n[command]\ndeadline_ms = 500\n\
      lease_timeout_ms = 2000\n";
@@ -36,8 +36,8 @@ impl FirstDay {
 
     #[track_caller]
     fn succeeds(&self, words: &str) {
-        let said = self.run(words);
-        assert_eq!(said.code, Some(0), "{words}: {}{}", said.output, said.error);
+        let result = self.run(words);
+        assert_eq!(result.code, Some(0), "{words}: {}{}", result.output, result.error);
     }
 
     fn controller(&self, table: &str, axes: &str) -> Program {
@@ -48,7 +48,7 @@ impl FirstDay {
     }
 }
 
-/// A template, filled in: what is before the ports, and the ports.
+/// A completed template: the part before the ports, and the ports.
 fn filled_in(bench: &WorkFolder, domain: &Domain, template: &str) -> (String, String) {
     let template = std::fs::read_to_string(repository("config").join(template)).unwrap();
     let (head, ports) = template.split_once("[[ports]]").unwrap();
@@ -68,7 +68,7 @@ fn filled_in(bench: &WorkFolder, domain: &Domain, template: &str) -> (String, St
 }
 
 fn first_day(user: Option<u32>, template: &str, line: &str) {
-    let day = FirstDay { bench: WorkFolder::new(), domain: nobody(), user };
+    let day = FirstDay { bench: WorkFolder::new(), domain: unused_domain(), user };
     chown(day.bench.path(""), user, user).unwrap();
     let (head, ports) = filled_in(&day.bench, &day.domain, template);
     let snake = repository("config/snakes/steel.toml");
@@ -76,32 +76,32 @@ fn first_day(user: Option<u32>, template: &str, line: &str) {
         day.start(&format!("emulate --ports @ports --snake {} --line {line}", snake.display()));
     wait_until("the ports", || day.bench.exists("ports/axis0"));
 
-    // Counts and conditioning, before anybody knows what an angle is.
+    // Counts and conditioning, before there is a model.
     let mut controller = day.controller(&head, &ports);
     let collect = "calibrate collect --home --output @take.csv";
     day.succeeds(&format!("{collect} --duration-s 12"));
     day.succeeds("calibrate fit @take.csv --robot-id i2ris-1 --family linear --output @model.json");
     day.succeeds("model use @model.json --no-condition --force");
-    // Now the limits of angles hold, and the same works.
+    // Now angle limits apply, and the same works.
     day.succeeds("command state condition");
     day.succeeds("command circle --radius-deg 2 --period-s 4 --duration-s 4");
     day.succeeds("command state hold");
     day.succeeds("disable");
     controller.interrupt();
-    let said = end(controller);
-    assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
-    assert_says(&said.error, &["no model: joint_limits hold once one is in use"]);
+    let result = end(controller);
+    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
+    assert_says(&result.error, &["no model: joint_limits apply once one is in use"]);
 
     let head = format!("{head}[control]\nmodel = \"model.json\"\n");
     let mut controller = day.controller(&head, &ports);
     day.succeeds("enable");
     day.succeeds("command pose 1 1 --duration-s 1");
     controller.interrupt();
-    let said = end(controller);
-    assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
-    assert!(!said.error.contains("no model"), "{}", said.error);
+    let result = end(controller);
+    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
+    assert!(!result.error.contains("no model"), "{}", result.error);
     emulator.interrupt();
-    assert_says(&end(emulator).output, &[" 0 rules broken by the host"]);
+    assert_says(&end(emulator).output, &[" 0 rule violations by the host"]);
 }
 
 fn plain() -> Option<u32> {
@@ -109,21 +109,21 @@ fn plain() -> Option<u32> {
 }
 
 #[test]
-fn the_template_is_calibrated_and_used_by_root_with_a_port_for_each_drive() {
+fn template_is_calibrated_by_root_with_a_port_per_drive() {
     first_day(None, "robot-rs232.toml", "rs232");
 }
 
 #[test]
-fn the_template_is_calibrated_and_used_by_root_with_three_nodes_on_a_port() {
+fn template_is_calibrated_by_root_with_three_nodes_per_port() {
     first_day(None, "robot.toml", "lab");
 }
 
 #[test]
-fn the_template_is_calibrated_and_used_by_a_plain_user_with_a_port_for_each_drive() {
+fn template_is_calibrated_by_user_with_a_port_per_drive() {
     first_day(plain(), "robot-rs232.toml", "rs232");
 }
 
 #[test]
-fn the_template_is_calibrated_and_used_by_a_plain_user_with_three_nodes_on_a_port() {
+fn template_is_calibrated_by_user_with_three_nodes_per_port() {
     first_day(plain(), "robot.toml", "lab");
 }

@@ -1,4 +1,4 @@
-//! `i2ris wire` and `i2ris drives`: what went over the lines, and what the drives are set to.
+//! `i2ris wire` and `i2ris drives`: serial traffic and drive settings.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use crate::bench::{WorkFolder, assert_says, expect_stalls, fails, run, succeeds};
 
-/// A robot whose controller runs, and a folder for files.
+/// A robot with a running controller, and a folder for files.
 fn robot() -> (Rig, WorkFolder) {
     let mut rig = Rig::on(Line::Rs232);
     rig.config.control.model = Some(rig.sample_model("model.json", "rig", 1.0));
@@ -26,7 +26,7 @@ fn robot() -> (Rig, WorkFolder) {
 }
 
 #[test]
-fn a_capture_is_shown_replayed_and_compared_and_a_cut_one_as_far_as_it_is_whole() {
+fn capture_is_shown_replayed_and_compared_up_to_truncation() {
     let (mut rig, bench) = robot();
     let domain = rig.domain();
     let path = succeeds(&domain, "record dump").trim().to_owned();
@@ -51,17 +51,17 @@ fn a_capture_is_shown_replayed_and_compared_and_a_cut_one_as_far_as_it_is_whole(
     let whole = fs::read(bench.path("a.pcapng")).unwrap();
     fs::write(bench.path("cut.pcapng"), &whole[..whole.len() / 2 + 1]).unwrap();
     for words in ["show cut.pcapng", "replay cut.pcapng", "compare a.pcapng cut.pcapng"] {
-        let said = bench.run(&format!("wire {words}"));
-        assert_eq!(said.code, Some(10), "{words}: {}", said.error);
-        assert_says(&said.error, &["cut.pcapng is cut", "in front of the cut"]);
-        assert!(said.output.lines().count() > 1, "{words}");
+        let result = bench.run(&format!("wire {words}"));
+        assert_eq!(result.code, Some(10), "{words}: {}", result.error);
+        assert_says(&result.error, &["cut.pcapng is truncated", "complete events"]);
+        assert!(result.output.lines().count() > 1, "{words}");
     }
     fs::write(bench.path("other.pcapng"), "t_s,q0_counts\n").unwrap();
-    bench.fails("wire show other.pcapng", &["other.pcapng is no capture"]);
+    bench.fails("wire show other.pcapng", &["other.pcapng is not a capture"]);
 }
 
 #[test]
-fn settings_of_drives_are_dumped_compared_and_kept_by_models_and_recordings() {
+fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let (mut rig, bench) = robot();
     let domain = rig.domain();
     let now = succeeds(&domain, "drives dump");
@@ -79,8 +79,8 @@ fn settings_of_drives_are_dumped_compared_and_kept_by_models_and_recordings() {
     let pulses = drives[1].settings["0x3010:01"];
     bench.write("other.json", &serde_json::to_string(&other).unwrap());
     let named = format!("motor 1: encoder pulses (0x3010:01) {} -> {pulses}", pulses + 1);
-    let said = bench.run("drives compare other.json now.json");
-    assert_eq!((said.code, said.output.trim()), (Some(1), named.as_str()), "{}", said.error);
+    let result = bench.run("drives compare other.json now.json");
+    assert_eq!((result.code, result.output.trim()), (Some(1), named.as_str()), "{}", result.error);
 
     // As maxon's tool writes the settings of one drive of any motor.
     let value = |entry: &Entry| drives[0].settings.get(&key(entry)).copied();
@@ -93,15 +93,18 @@ fn settings_of_drives_are_dumped_compared_and_kept_by_models_and_recordings() {
     let rows: String = objects::of_family(Family::Epos4).map(row).collect();
     let table = format!("index,subindex,type,access,low,high,default,value\n{rows}");
     bench.write("motor_fw0170.csv", &table);
-    assert_says(&bench.succeeds("drives compare motor_fw0170.csv now.json"), &["same: 2 drives"]);
+    assert_says(
+        &bench.succeeds("drives compare motor_fw0170.csv now.json"),
+        &["no differences: 2 drives"],
+    );
     let changed = table.replace("0x3001,2,U32,rw,,,,300", "0x3001,2,U32,rw,,,,301");
     assert_ne!(table, changed, "{table}");
     bench.write("changed_fw0170.csv", &changed);
-    let said = bench.run("drives compare changed_fw0170.csv now.json");
+    let result = bench.run("drives compare changed_fw0170.csv now.json");
     let named_both = "motor 0: output current limit (0x3001:02) 301 -> 300\nmotor 1: output";
-    assert_says(&said.output, &[named_both]);
+    assert_says(&result.output, &[named_both]);
 
-    // A model of that drive is refused, unless it is told; one of other limits of the configuration
+    // A model of that drive is refused without --other-drive; a model with other configured limits
     // is of the same drive.
     let sample = rig.sample_model("sample.json", "rig", 1.0);
     let mut file = ModelFile::parse(&fs::read_to_string(&sample).unwrap()).unwrap();

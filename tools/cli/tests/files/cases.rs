@@ -1,5 +1,5 @@
-//! Small inputs that failed, made after public reports and recordings of others: each case is a row
-//! of one table, which is printed: what is right, and what happened.
+//! Small inputs that failed, after public reports and external recordings: each case is a row of a
+//! printed table with the expected and the actual result.
 
 use std::fmt::Write as _;
 use std::fs::read_to_string;
@@ -22,22 +22,22 @@ const COMMANDS: [(&str, &str); 8] = [
     ("file", "command file x.csv --domain nobody-serves-this"),
 ];
 
-/// Cases that are no tables of numbers: the test that runs each, beside what it is about.
+/// Cases that are not tables of numbers: name, file and test.
 const ELSEWHERE: [(&str, &str, &str); 11] = [
     (
         "choice-with-unseen-input",
         "tools/calibration/tests/choice.rs",
-        "an_input_that_is_not_in_the_table_does_not_hide_memory",
+        "an_unrecorded_input_does_not_hide_memory",
     ),
     (
         "mjpeg-bytes-between",
         "tools/vision/src/source/mjpeg.rs",
-        "bytes_between_pictures_are_skipped_and_a_damaged_picture_is_one_gap",
+        "padding_is_skipped_and_a_damaged_picture_is_one_gap",
     ),
     (
         "video-interlaced",
         "tools/vision/src/source/stream.rs",
-        "interlaced_pictures_are_refused_with_the_way_to_whole_ones",
+        "interlaced_pictures_are_refused_with_a_remedy",
     ),
     (
         "mcap-one-damaged-chunk",
@@ -47,32 +47,32 @@ const ELSEWHERE: [(&str, &str, &str); 11] = [
     (
         "shm-gone-while-it-runs",
         "tests/process/ipc_processes.rs",
-        "files_that_are_removed_while_it_runs_are_said_by_controller_and_clients",
+        "removed_ipc_files_are_reported_by_controller_and_clients",
     ),
     (
         "shm-too-small",
         "tests/process/start_refusals.rs",
-        "a_shared_memory_that_is_too_small_is_refused_with_what_is_needed",
+        "too_small_shared_memory_is_refused_with_required_size",
     ),
     (
         "played-first-frame",
         "tools/teleop/src/device.rs",
-        "a_frame_that_comes_with_the_head_is_read_before_anything_follows",
+        "frame_that_arrives_with_the_head_is_read",
     ),
     (
         "rt-cgroup-without-budget",
         "src/realtime/scheduling.rs",
-        "who_has_the_right_is_sent_to_the_control_group",
+        "control_group_is_named_to_a_process_with_the_right",
     ),
     (
         "serial-hex-typed-as-decimal",
         "tests/drive/bring_up.rs",
-        "another_drive_than_the_configured_one_is_refused_with_both_numbers",
+        "wrong_drive_is_refused_with_both_serial_numbers",
     ),
     (
         "drive-answers-otherwise",
         "tests/serial/conformance/bad_input.rs",
-        "what_answers_and_is_no_drive_is_shown_and_never_taken_for_silence",
+        "reply_from_non_drive_is_shown_not_reported_as_silence",
     ),
     (
         "drive-answers-otherwise, another family",
@@ -88,9 +88,9 @@ struct Table {
 }
 
 impl Table {
-    /// Runs the lines of a script: `+ COMMAND | what it says | ...`. Of the marks `+` is success,
-    /// `=` success with a model like that of the rows as they should be, `!` a refusal, and `3`
-    /// that no controller is there: the file has been read.
+    /// Runs the lines of a script: `+ COMMAND | expected text | ...`. The mark `+` means success,
+    /// `=` success with a model like that of the correct rows, `!` a refusal, and `3` a missing
+    /// controller after the file was read.
     fn case(&mut self, name: &str, text: &str, script: &str) {
         let folder = WorkFolder::with("x.csv", text);
         folder.write("right.csv", &written(&rows(), ","));
@@ -108,16 +108,16 @@ impl Table {
             let (command, says) = rest.split_once(" | ").unwrap_or((rest, ""));
             let (verb, options) = command.split_once(' ').unwrap_or((command, ""));
             let (_, words) = COMMANDS.iter().find(|(known, _)| *known == verb).unwrap();
-            let said = folder.run(&format!("{words} {options}"));
-            let text = format!("{}{}", said.error, said.output);
+            let result = folder.run(&format!("{words} {options}"));
+            let text = format!("{}{}", result.error, result.output);
             let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
             let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-6;
             let is_near = mark != "=" || gain().is_some_and(|it| it.iter().zip(&wanted).all(near));
             let code = ["+", "!", "2", "3"].iter().position(|it| mark.replace('=', "+") == **it);
-            let is_code = said.code.and_then(|code| usize::try_from(code).ok()) == code;
+            let is_code = result.code.and_then(|code| usize::try_from(code).ok()) == code;
             let is_right = is_code && is_near && says.split(" | ").all(|it| text.contains(it));
             self.wrong += usize::from(!is_right);
-            let (verdict, code) = (if is_right { "right" } else { "WRONG" }, said.code);
+            let (verdict, code) = (if is_right { "right" } else { "WRONG" }, result.code);
             let start: String = text.chars().take(200).collect();
             let _ = writeln!(self.printed, "{verdict} | {name} | {line} | {code:?}: {start}");
         }
@@ -139,12 +139,12 @@ fn all_cases_are_right() {
     assert_eq!(table.wrong, 0, "{}", table.printed);
 }
 
-/// The tests of the other cases run beside this one; here they are there.
+/// Checks that the tests of the other cases exist.
 fn elsewhere(table: &mut Table) {
     for (name, file, test) in ELSEWHERE {
-        let is_there = read_to_string(repository(file)).unwrap().contains(&format!("fn {test}()"));
-        table.wrong += usize::from(!is_there);
-        let verdict = if is_there { "right" } else { "WRONG" };
+        let exists = read_to_string(repository(file)).unwrap().contains(&format!("fn {test}()"));
+        table.wrong += usize::from(!exists);
+        let verdict = if exists { "right" } else { "WRONG" };
         let _ = writeln!(table.printed, "{verdict} | {name} | {file}: {test}");
     }
 }
@@ -188,7 +188,7 @@ fn with_cell(line: usize, column: usize, cell: &str) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Angles of 20 pictures, `step_s` apart by the stamps of a clock that goes on in `tick_s`.
+/// Angles of 20 images, `step_s` apart, with stamps of a clock in units of `tick_s`.
 fn angles(step_s: f64, tick_s: f64) -> String {
     let row = |k: u32| {
         let (angle, time) = (0.1 * f64::from(k), f64::from(k) * step_s / tick_s + 1e-9);
@@ -210,7 +210,7 @@ fn counters(table: &mut Table) {
             ! compare | jump by about MODULUS | --unwrap
             + compare --unwrap | unwrapped
             ! merge | jump by about MODULUS | --unwrap
-            + merge --unwrap | 20 pictures with counts";
+            + merge --unwrap | 20 images with counts";
         let script = script.replace("MODULUS", modulus);
         table.case(&format!("counts-wrap {bits} bits"), &unsigned, &script);
         table.case(&format!("counts-wrap {bits} bits, signed"), &signed, &script);
@@ -260,8 +260,8 @@ fn ends(table: &mut Table) {
     let whole = written(&rows(), ",");
     let zeros = format!("{whole}{}\n", "\0".repeat(32));
     for (name, text, says) in [
-        ("cut", &whole[..whole.len() - 8], "line 61, the last one, is cut off and left out"),
-        ("cut in the last cell", &whole[..whole.len() - 2], "line 61, the last one, is cut off"),
+        ("cut", &whole[..whole.len() - 8], "line 61, the last one, is truncated and left out"),
+        ("cut in the last cell", &whole[..whole.len() - 2], "line 61, the last one, is truncated"),
         ("zeros", &zeros, "32 zero bytes at the end are left out"),
     ] {
         let script =
@@ -270,7 +270,7 @@ fn ends(table: &mut Table) {
     }
     table.case("cut-last-line, whole without a line end", whole.trim_end(), "= fit | rows 60;");
     let middle =
-        "! fit | line 10: has 2 cells, and the header names 5 columns; complete or remove it";
+        "! fit | line 10: has 2 cells, but the header names 5 columns; complete or remove it";
     table.case("cut-last-line in the middle", &with_cell(9, 4, "1\n2,3"), middle);
 }
 
@@ -284,49 +284,43 @@ fn times(table: &mut Table) {
         ("t_ms", times(1e3, "t_ms")),
         ("time (us)", times(1e6, "time (us)")),
     ] {
-        table.case(
-            &format!("time-not-found {name}"),
-            &text,
-            "= fit | time `\n+ merge | 20 pictures",
-        );
+        table.case(&format!("time-not-found {name}"), &text, "= fit | time `\n+ merge | 20 images");
     }
-    let milliseconds =
-        "! fit | 0.02 row(s) a second as it is read, 20 if it is in ms | --time t_s=ms
+    let milliseconds = "! fit | 0.02 row(s) per second as read, 20 if it is in ms | --time t_s=ms
         = fit --time t_s=ms | time `t_s`
         + predict
-        ! merge | 0.02 row(s) a second as it is read, 20 if it is in ms | --time t_s=ms
-        + merge --time t_s=ms | 20 pictures";
+        ! merge | 0.02 row(s) per second as read, 20 if it is in ms | --time t_s=ms
+        + merge --time t_s=ms | 20 images";
     table.case("time-not-found milliseconds", &times(1e3, "t_s"), milliseconds);
-    let asked = "+ invert | 20 if it is in ms; say its unit with --time t_s=ms
+    let expected = "+ invert | 20 if it is in ms; give its unit with --time t_s=ms
         + invert --time t_s=ms
         3 file | 20 if it is in ms; call it `t_ms`";
-    // Eleven points: what is asked about is played, too.
+    // Eleven points: the trajectory in question is also played.
     let points = times(1e3, "t_s").lines().take(12).collect::<Vec<_>>().join("\n") + "\n";
-    table.case("time-not-found milliseconds of a trajectory", &points, asked);
-    let fast = "! fit | 20000 row(s) a second | --time t_s=\n= fit --time t_s=s";
+    table.case("time-not-found milliseconds of a trajectory", &points, expected);
+    let fast = "! fit | 20000 row(s) per second | --time t_s=\n= fit --time t_s=s";
     table.case("time-not-found 20 kHz", &times(1e-3, "t_s"), fast);
     let back = "! fit | line 52, column `t_s`: time 0.3 s goes backwards (2.45 s in line 51) | cut
         = fit --time none";
     table.case("time that goes back", &with_cell(52, 0, "0.300"), back);
-    let when = "+ fit | column `when` rises from row to row and is not read | --time 'when'
+    let when = "+ fit | column `when` increases from row to row but is not read | --time 'when'
         = fit --time when | time `when`";
     table.case("time-not-found when", &times(1.0, "when"), when);
 }
 
 fn merges(table: &mut Table) {
-    let twice = "+ merge-into | 10 pictures with counts | 10 left out with the stamp of another";
+    let twice = "+ merge-into | 10 images with counts | 10 with a duplicate stamp";
     table.case("merge-one-instant", &angles(0.03125, 0.0625), twice);
     let cells = |line: &str| line.splitn(4, ',').take(3).collect::<Vec<_>>().join(",") + "\n";
     let counts: String = written(&rows(), ",").lines().map(cells).collect();
-    let all =
-        "+ merge | 20 pictures with counts, 0 left out without counts, 0 left out with the stamp";
+    let all = "+ merge | 20 images with counts; skipped: 0 without counts, 0 with a duplicate";
     table.case("merge-without-angles", &counts, all);
     let empty = counts.replace('\n', ",,\n").replacen(",,\n", ",pitch_deg,yaw_deg\n", 1);
     table.case("merge-without-angles, empty", &empty, all);
     let short = counts.lines().take(19).collect::<Vec<_>>().join("\n");
-    table.case("merge-without-angles, 18 rows", &short, "+ merge | 8 pictures with");
-    let named = "! merge | no column `q0_counts` | name the right ones with --counts
-        + merge --counts left,right | 20 pictures";
+    table.case("merge-without-angles, 18 rows", &short, "+ merge | 8 images with");
+    let named = "! merge | column `q0_counts` | select the columns with --counts
+        + merge --counts left,right | 20 images";
     let odd = counts.replacen("q0_counts,q1_counts", "left,right", 1);
     table.case("merge-without-angles, other names", &odd, named);
 }
@@ -335,17 +329,17 @@ fn merges(table: &mut Table) {
 fn units(table: &mut Table) {
     let times = |scale: f64| with_column(0, |time| scale * time).replacen("t_s", "time", 1);
     let with = |text: &str, line: &str| text.replacen('\n', &format!("\n{line}\n"), 1);
-    let all = "= fit | rows 60;\n+ predict\n+ invert\n+ merge | 20 pictures\n3 file";
+    let all = "= fit | rows 60;\n+ predict\n+ invert\n+ merge | 20 images\n3 file";
     table.case("units", &with(&times(1.0), "s,counts,counts,deg,deg"), all);
     table.case("units in brackets", &with(&times(1e3), "[ms],[],[],[\u{b0}],[\u{b0}]"), all);
-    let rad = "! fit | line 2, column `pitch_deg`: `rad` is another unit | convert
-        ! invert | `rad` is another unit\n! file | `rad` is another unit\n+ predict";
+    let rad = "! fit | line 2, column `pitch_deg`: `rad` differs from the unit | convert
+        ! invert | `rad` differs from the unit\n! file | `rad` differs from the unit\n+ predict";
     table.case("units, radians", &with(&times(1.0), "s,counts,counts,rad,rad"), rad);
-    let unknown = "! fit | `hours` is no unit of time; write s, ms, us or ns\n! file | `hours`";
+    let unknown = "! fit | `hours` is not a unit of time; write s, ms, us or ns\n! file | `hours`";
     table.case("units, hours", &with(&times(1.0), "hours,,,deg,deg"), unknown);
 }
 
-/// Readers that are not fit take what fit takes.
+/// The other readers accept the same files as `fit`.
 fn other_readers(table: &mut Table) {
     let plain = written(&rows(), ",");
     let all = "+ predict\n+ history\n+ invert\n3 file";
@@ -363,13 +357,13 @@ fn other_readers(table: &mut Table) {
     table.case("predict-lab-names gap of angles", &with_cell(42, 3, "nan"), gap);
     let double = "+ predict\n+ history\n! invert | line 9, column `t_s`: time 0.3 s occurs twice";
     table.case("predict-lab-names double stamp", &with_cell(9, 0, "0.300"), double);
-    let odd = "! predict | no column `q0_counts` | --counts COLUMN
+    let odd = "! predict | column `q0_counts` | --counts COLUMN
         + predict --counts left,right --time when
-        ! fit --angles bend=pitch | no column `q0_counts` | `left`, `right`
+        ! fit --angles bend=pitch | column `q0_counts` | `left`, `right`
         = fit --counts left,right --angles up=pitch,side=yaw --time when | pitch `up`, yaw `side`
-        ! invert | no column `t_s` | --time COLUMN
+        ! invert | column `t_s` | --time COLUMN
         + invert --time when --angles up=pitch,side=yaw
-        ! file | no column `t_s` | call the right ones so";
+        ! file | column `t_s` | rename the columns";
     let named = plain.replacen(HEADER, "when,left,right,up,side", 1);
     table.case("predict-lab-names other names", &named, odd);
 }

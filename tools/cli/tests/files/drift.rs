@@ -1,4 +1,4 @@
-//! `i2ris calibrate compare --drift` and `fit` with a trial as a person meets them.
+//! `i2ris calibrate compare --drift` and `fit` with a trial as used.
 
 use std::fmt::Write as _;
 
@@ -36,12 +36,12 @@ fn bench() -> WorkFolder {
 }
 
 #[test]
-fn the_drift_of_a_snake_is_printed_with_a_verdict_and_a_page() {
+fn drift_is_reported_with_a_verdict_and_a_page() {
     let bench = bench();
     let today = "calibrate compare model.json --recording today.csv --drift";
     let with_page = format!("{today} --report page.html");
     let text = bench.succeeds(&with_page);
-    let verdict = "it has drifted: home it anew, or `i2ris calibrate fit` it with a trial";
+    let verdict = "it has drifted: home the robot again, or `i2ris calibrate fit` it with a trial";
     assert_says(&text, &["zero       pitch  +1.0", verdict]);
     assert_says(&bench.read("page.html"), &["<svg", "zero of pitch (deg)"]);
     let text = bench.succeeds("calibrate compare model.json --recording new.csv --drift");
@@ -55,7 +55,7 @@ fn the_drift_of_a_snake_is_printed_with_a_verdict_and_a_page() {
 }
 
 #[test]
-fn a_trial_refines_the_model_where_it_helps_and_another_zero_is_refused() {
+fn trial_refines_model_if_better_and_wrong_zero_is_refused() {
     let bench = bench();
     bench.write("trial.csv", &recording_with(300, 0.0, 90.0, 1.1));
     let refine = |trial: &str, output: &str| {
@@ -69,7 +69,9 @@ fn a_trial_refines_the_model_where_it_helps_and_another_zero_is_refused() {
     assert!(gain(&refined) > 1.02 * gain(&calibrated));
     assert_eq!(refined.file().training.data_file, "new.csv and trial.csv");
     bench.fails(&refine("trial.csv", "model.json"), &["model.json: exists", "--overwrite"]);
-    for (trial, words) in [("today.csv", "another zero"), ("new.csv", "no better on the rest")] {
+    for (trial, words) in
+        [("today.csv", "the zero has shifted"), ("new.csv", "not better on the rest")]
+    {
         bench.fails(&refine(trial, "other.json"), &[words]);
     }
     let other = "calibrate fit today.csv trial.csv --model model.json --output other.json";

@@ -1,5 +1,5 @@
-//! `i2ris calibrate fit` as a person meets it, with good recordings and with bad ones. What the
-//! reader refuses is tested where it is; here each kind of refusal stands once.
+//! `i2ris calibrate fit` as used, with good and bad recordings. The refusals of the reader are
+//! tested there; here each kind occurs once.
 
 use std::fmt::Write as _;
 
@@ -42,7 +42,7 @@ fn good(rows: u32) -> String {
     })
 }
 
-/// A snake with gaps, seen by a camera that makes something else of its angles.
+/// A snake with gaps, seen by a camera that transforms its angles.
 fn gappy(rows: u32, motion: fn(f64) -> [f64; 2], view: fn([f64; 2]) -> [f64; 2]) -> WorkFolder {
     let mut gaps = [0.0_f64; 2];
     let text = recording(rows, motion, |time, counts| {
@@ -67,20 +67,20 @@ impl WorkFolder {
         printed
     }
 
-    /// What a fit prints, without its line ends.
+    /// Output of a fit, without line ends.
     #[track_caller]
     fn prints(&self, options: &str) -> String {
-        let said = self.run(&format!("{FIT} --restarts 2 {options}"));
-        assert_eq!(said.code, Some(0), "{}", said.error);
-        said.output.split_whitespace().collect::<Vec<_>>().join(" ")
+        let result = self.run(&format!("{FIT} --restarts 2 {options}"));
+        assert_eq!(result.code, Some(0), "{}", result.error);
+        result.output.split_whitespace().collect::<Vec<_>>().join(" ")
     }
 
-    /// The sentence of a fit that names the recording and leaves nothing behind.
+    /// Error of a fit that names the recording and leaves no files.
     #[track_caller]
     fn refuses(&self, options: &str, parts: &[&str]) -> String {
         let sentence = self.fails(&format!("{FIT} {options}"), parts);
         assert_says(&sentence, &["rows.csv"]);
-        assert_eq!(self.names(), ["rows.csv"], "something was left behind");
+        assert_eq!(self.names(), ["rows.csv"], "files were left");
         sentence
     }
 
@@ -103,7 +103,7 @@ fn a_good_recording_gives_a_model_and_a_table() {
 }
 
 #[test]
-fn a_report_with_figures_is_written_beside_the_model() {
+fn a_report_with_figures_is_written_metadata_the_model() {
     let bench = WorkFolder::good(300);
     let options = "--components 2 --restarts 2 --robot-id a<b>&c --report report.html";
     let printed = bench.fits(options);
@@ -126,16 +126,17 @@ fn angles_and_millimetres_in_one_file_are_two_models() {
     let bench = WorkFolder::with("rows.csv", &both);
     let command = "`i2ris calibrate fit rows.csv --angles x_mm --output FILE`";
     assert_says(&bench.prints("--family linear"), &["this one is without x_mm", command]);
-    let said = bench.run("calibrate fit rows.csv --angles x_mm --family linear --output tip.json");
-    assert_eq!(said.code, Some(0), "{}", said.error);
+    let result =
+        bench.run("calibrate fit rows.csv --angles x_mm --family linear --output tip.json");
+    assert_eq!(result.code, Some(0), "{}", result.error);
     assert_eq!(Model::load(&bench.path("tip.json")).unwrap().file().outputs[0].name, "x");
 }
 
 #[test]
-fn a_file_that_cannot_be_written_is_found_before_the_work() {
+fn unwritable_file_is_found_before_the_work() {
     let bench = WorkFolder::good(100);
     for (options, part) in [
-        ("--report rows.csv/report.html", "--report rows.csv/report.html: cannot make the folder"),
+        ("--report rows.csv/report.html", "--report rows.csv/report.html: cannot create folder"),
         ("--report .", "is a folder; name a file in it"),
         ("--report rows.csv", "is the recording itself"),
         ("--report model.json", "is the model itself"),
@@ -143,7 +144,7 @@ fn a_file_that_cannot_be_written_is_found_before_the_work() {
         bench.fails(&format!("{FIT} {options}"), &[part]);
     }
     for (output, part) in [
-        ("rows.csv/model.json", "cannot make the folder"),
+        ("rows.csv/model.json", "cannot create folder"),
         (".", "is a folder; name a file in it"),
         ("rows.csv", "is the recording itself"),
     ] {
@@ -153,7 +154,7 @@ fn a_file_that_cannot_be_written_is_found_before_the_work() {
 }
 
 #[test]
-fn the_linear_family_needs_no_mixture_and_the_same_seed_gives_the_same_file() {
+fn linear_family_needs_no_mixture_and_is_reproducible() {
     let bench = WorkFolder::good(200);
     let printed = bench.fits("--family linear --hold-out none");
     assert!(printed.contains("held out   nothing") && !printed.contains("gmr"), "{printed}");
@@ -183,7 +184,7 @@ fn dropped_and_flagged_rows_are_named() {
 }
 
 #[test]
-fn a_model_is_replaced_only_when_requested_and_only_by_a_good_one() {
+fn model_is_replaced_only_on_request_by_a_good_one() {
     let bench = WorkFolder::good(100);
     bench.write("model.json", "mine");
     bench.fails(&format!("{FIT} --family linear"), &["model.json: exists", "--overwrite"]);
@@ -193,7 +194,7 @@ fn a_model_is_replaced_only_when_requested_and_only_by_a_good_one() {
 }
 
 #[test]
-fn a_model_gets_its_folder_and_the_robot_of_its_recording() {
+fn model_gets_its_folder_and_recorded_robot() {
     let bench = WorkFolder::good(400);
     bench.write("rows.toml", "format = \"i2ris-recording\"\nrobot_id = \"left\"\n");
     bench.succeeds("calibrate fit rows.csv --output models/new/x.json --family linear");
@@ -201,10 +202,11 @@ fn a_model_gets_its_folder_and_the_robot_of_its_recording() {
 }
 
 #[test]
-fn a_model_and_its_report_say_when_it_was_recorded_and_are_the_same_on_any_day() {
+fn model_and_report_state_recording_date_and_are_reproducible() {
     let bench = WorkFolder::good(400);
-    let beside = "format = \"i2ris-recording\"\nrobot_id = \"left\"\nstarted_unix_s = 1700000000\n";
-    bench.write("rows.toml", beside);
+    let metadata =
+        "format = \"i2ris-recording\"\nrobot_id = \"left\"\nstarted_unix_s = 1700000000\n";
+    bench.write("rows.toml", metadata);
     let output = bench.fits("--family linear --report page.html");
     assert!(output.contains("2023-11-14T22:13:20Z"), "{output}");
     assert!(bench.read("page.html").contains("2023-11-14T22:13:20Z"));
@@ -221,23 +223,23 @@ fn a_model_and_its_report_say_when_it_was_recorded_and_are_the_same_on_any_day()
 fn options_that_make_no_sense_are_refused() {
     let bench = WorkFolder::good(100);
     for (options, part) in [
-        ("--family cubic", "`cubic` is no family"),
+        ("--family cubic", "`cubic` is not a model family"),
         ("--hold-out 1.5", "`1.5` is neither `blocks`"),
         ("--components 0", "must be 1 to 64"),
         ("--restarts 0", "--restarts"),
         ("--components ..65", "must be 1 to 64"),
-        ("--angles a=", "`a=` names no output"),
+        ("--angles a=", "`a=` is not an output"),
     ] {
-        let said = bench.run(&format!("{FIT} {options}"));
-        assert_ne!(said.code, Some(0));
-        assert_says(&said.error, &[part]);
+        let result = bench.run(&format!("{FIT} {options}"));
+        assert_ne!(result.code, Some(0));
+        assert_says(&result.error, &[part]);
         assert!(!bench.exists("model.json"));
     }
 }
 
 #[test]
-fn angles_of_noise_alone_are_refused_and_forced_ones_are_marked() {
-    // The seconds of an angle, as if nothing but rounding were left of them.
+fn pure_noise_is_refused_and_forced_model_is_marked() {
+    // The seconds of an angle, as if only rounding remained.
     let bench = gappy(300, wander, |[pitch, yaw]| [(1e4 * pitch).sin(), (1e4 * yaw).cos()]);
     let sentence = "error: recording rows.csv: the model of family `linear` is worthless: on rows \
                     held out, R2 of `pitch` is -0.01, below that of a constant; record motion with \
@@ -252,14 +254,14 @@ fn angles_of_noise_alone_are_refused_and_forced_ones_are_marked() {
 }
 
 #[test]
-fn columns_and_units_that_were_mixed_up_show_in_what_is_printed() {
+fn swapped_columns_and_units_show_in_the_output() {
     let swapped = gappy(300, wander, |[pitch, yaw]| [yaw, pitch]).prints("--family linear");
-    let remedy = "where the robot does otherwise, two columns are swapped (--counts, --angles) or \
-                  the picture is mirrored";
-    let moved = "a count of motor 0 moves pitch by +0.0098 deg";
+    let remedy = "if the robot moves differently, two columns are swapped (--counts, --angles) or \
+                  the image is mirrored";
+    let moved = "one count of motor 0 moves pitch by +0.0098 deg";
     assert_says(&swapped, &[moved, "and yaw by +0.0294 deg", remedy]);
     let mirrored = gappy(300, wander, |[pitch, yaw]| [pitch, -yaw]).prints("--family linear");
-    let moved = "a count of motor 0 moves pitch by +0.0294 deg";
+    let moved = "one count of motor 0 moves pitch by +0.0294 deg";
     assert_says(&mirrored, &[moved, "and yaw by -0.0098 deg"]);
     let radians = gappy(300, wander, |angles| angles.map(f64::to_radians));
     let warning = "warning no angle is further from 0 than 0.290 deg; if they are radians, \
@@ -268,11 +270,11 @@ fn columns_and_units_that_were_mixed_up_show_in_what_is_printed() {
 }
 
 #[test]
-fn two_hundred_rows_give_a_model_and_a_hundred_thousand_are_thinned() {
+fn few_rows_give_a_model_and_many_are_thinned() {
     let short = gappy(200, wander, |angles| angles);
     assert_says(&short.prints(""), &["training 150 row(s) held out 50 row(s)"]);
     short.model();
-    assert_thinned(100_000, "every 4th, more add hardly anything");
+    assert_thinned(100_000, "every 4th row; more hardly improve the fit");
 }
 
 #[track_caller]

@@ -1,5 +1,5 @@
-//! `i2ris` on files alone. What computes without a pause is here: beside it the pseudo-terminals of
-//! emulated drives starve.
+//! `i2ris` on files alone. These tests compute without pause, so they are kept apart from emulated
+//! drives, whose pseudo-terminals would starve.
 #![allow(clippy::unwrap_used, clippy::print_stderr)]
 
 #[path = "../cli/bench.rs"]

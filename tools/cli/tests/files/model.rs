@@ -55,7 +55,7 @@ fn counts_lead_to_angles_and_angles_to_counts() {
     let rows = bench.rows("counts.csv", COUNTS);
     assert_eq!(rows.len(), 1501, "one per tick of 1 ms");
     for row in &rows {
-        // Coming up to 400 counts/s with 5000 counts/s^2 takes 16 counts of path; and rounding.
+        // Accelerating to 400 counts/s at 5000 counts/s^2 takes 16 counts, plus rounding.
         assert!(
             (row[3] - 100.0 * row[1]).abs() <= 17.0 && (row[4] - 100.0 * row[2]).abs() <= 17.0,
             "{row:?}"
@@ -119,7 +119,7 @@ fn models_are_compared_on_a_recording() {
         "{json}"
     );
     assert!(near(&yaw["r2"], 1.0) && near(&json[0]["rms_length"], 0.3), "{json}");
-    // A model that knows less is right there: both are judged on the rows that both know.
+    // A model with less memory is right there: both are judged on the rows known to both.
     let mut narrow: serde_json::Value = serde_json::from_str(&bench.read("model.json")).unwrap();
     narrow["family"]["offset"] = serde_json::json!([0.29, 0.0]);
     narrow["hull"]["corners"] =
@@ -129,11 +129,10 @@ fn models_are_compared_on_a_recording() {
     let output = bench.succeeds(both);
     let (_, rows) = output.split_once("RMS length on the ").unwrap();
     let rows = rows.split(' ').next().unwrap();
-    let says =
-        |rms| format!("RMS length on the {rows} rows that every compared model knows: {rms}");
+    let says = |rms| format!("RMS length on the {rows} rows known to every compared model: {rms}");
     assert_says(&output, &[&says("0.300"), &says("0.010")]);
     let verdict =
-        format!("verdict: narrow.json is the best on the {rows} rows that every model knows");
+        format!("verdict: narrow.json is the best on the {rows} rows known to every model");
     assert_says(
         &output,
         &[&verdict, "model.json, leaves 2900 % more, and is worse in 5 of 5 parts"],
@@ -157,16 +156,16 @@ fn mistakes_are_named_with_file_and_remedy() {
     bench.write("good.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n1,1,1\n");
     let invert = "model invert model.json --output out.csv";
     let predict = "model predict model.json text.csv --output";
-    for (command, more, said) in [
-        (invert, "wanted.csv", "no column `yaw_deg`"),
+    for (command, more, result) in [
+        (invert, "wanted.csv", "column `yaw_deg`"),
         (invert, "nothing.csv", "table nothing.csv: cannot be read"),
         (invert, "good.csv --config other.toml", "other"),
-        (invert, "good.csv --history wanted.csv", "no column `q0_counts`"),
+        (invert, "good.csv --history wanted.csv", "column `q0_counts`"),
         (predict, "out.csv", "text.csv, line 3"),
         (predict, "text.csv", "is the same file"),
         ("model show", "text.csv", "text.csv"),
     ] {
-        bench.fails(&format!("{command} {more}"), &[said]);
+        bench.fails(&format!("{command} {more}"), &[result]);
         assert!(!bench.exists("out.csv"));
     }
 }

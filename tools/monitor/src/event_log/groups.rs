@@ -16,13 +16,13 @@ const GROUP_WINDOW: Nanos = Nanos::from_millis(60_000);
 /// Something that happened, once or several times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group {
-    /// When it was last seen.
+    /// Time of the last occurrence.
     pub stamp: Nanos,
     pub severity: Severity,
-    /// What makes events the same: a code, or the text.
+    /// Key that makes events the same: a code, or the text.
     pub key: String,
     pub text: String,
-    /// What to do; may be empty.
+    /// Advice; may be empty.
     pub advice: String,
     pub count: u64,
 }
@@ -34,7 +34,7 @@ impl Group {
         Self { stamp, severity, key: text.clone(), text, advice: String::new(), count: 1 }
     }
 
-    /// As people see it.
+    /// Returns the event for display.
     pub fn event(&self, now: Nanos) -> Event {
         Event {
             age_ms: now.duration_since(self.stamp).0 / 1_000_000,
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_noisy_stream_is_one_line_and_never_displaces_a_fault() {
+    fn noisy_stream_is_one_line_and_never_displaces_a_fault() {
         let mut groups = EventGroups::default();
         groups.add(event(0, Severity::Alarm, "fault"));
         for step in 1..1000 {
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_repeat_moves_to_the_end_and_a_repeated_fault_stands_alone() {
+    fn slow_repeat_moves_to_the_end_but_faults_stay_apart() {
         let mut groups = EventGroups::default();
         for (milliseconds, severity, text) in [
             (0, Severity::Info, "lease"),

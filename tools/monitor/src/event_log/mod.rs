@@ -1,5 +1,5 @@
-//! The last events: the lines of the controller's log, the causes that it gives, and what only a
-//! client sees: connection, camera, missed ticks. Bounded; repeats are counted.
+//! The last events: lines of the controller's log, causes that it reports, and events that only a
+//! client detects: connection, camera, missed ticks. Bounded; repeats are counted.
 
 mod groups;
 #[cfg(test)]
@@ -17,7 +17,7 @@ use groups::{EventGroups, Group};
 #[derive(Debug, Clone, Default)]
 pub struct EventLog {
     events: EventGroups,
-    /// The last line, of which the next one may be the advice.
+    /// The last line; the next one may be its advice.
     line: Option<Group>,
     missed: Option<u64>,
     problem: Option<String>,
@@ -50,20 +50,20 @@ impl EventLog {
         self.problem = problem.map(str::to_owned);
     }
 
-    /// The controller was restarted: what is known of it is that of another one.
+    /// The controller was restarted: drops what is known of the previous one.
     pub fn restart(&mut self, now: Nanos) {
         let events = std::mem::take(&mut self.events);
         *self = Self { events, ..Self::default() };
         self.log(now, Severity::Warning, "the controller was restarted");
     }
 
-    /// A line of the controller's log. What it explains with a cause comes by itself, with its
-    /// advice: [`EventLog::update_reason`].
+    /// A line of the controller's log. Events with a cause arrive separately, with their advice:
+    /// [`EventLog::update_reason`].
     pub fn update_line(&mut self, message: &EventMsg) {
         let text = unpadded_text(&message.text);
         let text = text.split_once("] ").map_or(&*text, |(_, text)| text);
-        if text.starts_with("do: ") {
-            // Of a fault also how the state changed.
+        if text.starts_with("action: ") {
+            // Of a fault, keep also the change of state.
             return self.line = self.line.take().filter(|line| line.severity == Severity::Alarm);
         }
         self.end_of_lines();
@@ -92,7 +92,7 @@ impl EventLog {
         }
     }
 
-    /// How the camera is, as far as there is one.
+    /// State of the camera, if there is one.
     pub fn update_camera(&mut self, messages: &LatestMessages, now: Nanos) {
         let Some(camera) = &messages.camera else { return };
         let is = match camera {

@@ -26,15 +26,15 @@ fn assert_logged(event_log: &EventLog, expected: &[(&str, u64)]) {
 }
 
 #[test]
-fn lines_of_the_log_are_events_and_what_has_a_cause_comes_with_it() {
+fn log_lines_are_events_except_those_with_a_cause() {
     let mut event_log = EventLog::default();
     for (ms, text) in [
         (1, "2026-11-28T22:28:08Z [76268.952404] DISABLED -> ENABLED by command enable"),
         (2, "2026-11-28T22:28:08Z [76268.952404] refused client 00000000000000ab: step too large"),
-        (3, "2026-11-28T22:28:08Z [76268.952404] do: start at `setpoint_js`"),
+        (3, "2026-11-28T22:28:08Z [76268.952404] action: start at `setpoint_js`"),
         (4, "2026-11-28T22:28:08Z [76268.952404] warning: the camera is silent"),
         (5, "2026-11-28T22:28:08Z [76268.952404] ENABLED -> FAULT, fault 3: too far apart"),
-        (6, "2026-11-28T22:28:08Z [76268.952404] do: free the mechanism"),
+        (6, "2026-11-28T22:28:08Z [76268.952404] action: free the mechanism"),
         (7, "2026-11-28T22:28:08Z [76268.952404] motor 0: homed"),
     ] {
         event_log.update_line(&line(ms, text));
@@ -79,7 +79,7 @@ fn missed_ticks_and_cameras_are_logged() {
 fn causes_are_counted_and_stand_with_their_advice() {
     let mut event_log = EventLog::default();
     let step = Reason {
-        cause: Cause::Refusal(Refusal::Step),
+        cause: Cause::Refusal(Refusal::StepTooLarge),
         measurement: Some(Measurement::new(Quantity::Degrees, 9.0, Some(2.0))),
     };
     for ms in [20, 2_100, 4_200] {

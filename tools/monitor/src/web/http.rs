@@ -1,9 +1,9 @@
-//! As much of HTTP/1.1 (RFC 9112) as a page to look at needs. Bytes in, values out; the parser of
-//! the heads is `httparse`.
+//! Subset of HTTP/1.1 (RFC 9112) for a read-only page. Bytes in, values out; heads are parsed by
+//! `httparse`.
 
-/// The longest head that is read. Browsers send a few hundred bytes.
-pub const LONGEST_HEAD: usize = 8192;
-/// The most header fields.
+/// Maximum length of a head, bytes. Browsers send a few hundred.
+pub const MAX_HEAD_BYTES: usize = 8192;
+/// Maximum number of header fields.
 const FIELDS: usize = 64;
 
 /// A request, as far as it matters here.
@@ -15,18 +15,18 @@ pub struct Request {
     pub host: Option<String>,
     /// The connection stays open afterwards.
     pub keep_alive: bool,
-    /// A body follows, or says it does.
+    /// A body follows, or is announced.
     pub has_body: bool,
 }
 
-/// What the bytes so far are.
+/// Result of parsing the bytes so far.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Head {
     /// More has to come.
     Partial,
-    /// A request, and how many bytes it took.
+    /// A request, and its length in bytes.
     Whole(Request, usize),
-    /// No HTTP.
+    /// Not HTTP.
     Bad,
 }
 
@@ -54,7 +54,7 @@ pub fn parse(bytes: &[u8]) -> Head {
             continue;
         };
         match field.name.to_ascii_lowercase().as_str() {
-            // Two of them are a trick.
+            // Two of them are an attack.
             "host" if request.host.is_some() => return Head::Bad,
             "host" => request.host = Some(value.to_owned()),
             "connection" if value.eq_ignore_ascii_case("close") => request.keep_alive = false,
@@ -66,7 +66,7 @@ pub fn parse(bytes: &[u8]) -> Head {
     Head::Whole(request, length)
 }
 
-/// What is answered.
+/// Response to a request.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Response {
     pub status: u16,
@@ -75,7 +75,7 @@ pub struct Response {
 }
 
 impl Response {
-    /// The answer that was asked for.
+    /// A successful response.
     pub fn good(kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
         Self { status: 200, kind, body: body.into() }
     }
@@ -85,8 +85,8 @@ impl Response {
         Self { status, kind: "text/plain; charset=utf-8", body: format!("{text}\n").into_bytes() }
     }
 
-    /// What goes over the wire. The page may load nothing from elsewhere, be framed by nobody, and
-    /// nothing of it is kept.
+    /// Bytes to send. The page may load nothing from other hosts, may not be framed, and is not
+    /// cached.
     pub fn bytes(&self, keep_alive: bool) -> Vec<u8> {
         let reason = match self.status {
             200 => "OK",
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_http_is_reported() {
+    fn anything_but_http_is_rejected() {
         for text in [
             "hello\r\n\r\n",
             "GET / HTTP/9\r\n\r\n",

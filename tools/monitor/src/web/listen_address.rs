@@ -14,7 +14,7 @@ pub struct ListenAddress(pub SocketAddr);
 /// Neither a port nor an address.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "`{0}` is no PORT, ADDRESS or ADDRESS:PORT; for example 8080, 192.168.1.5 or 192.168.1.5:8080"
+    "`{0}` is not PORT, ADDRESS or ADDRESS:PORT; for example 8080, 192.168.1.5 or 192.168.1.5:8080"
 )]
 pub struct InvalidAddress(String);
 

@@ -1,4 +1,4 @@
-//! Which answer a request gets. Nothing here can be changed by asking.
+//! Responses to requests. No request can change anything.
 
 use std::net::IpAddr;
 
@@ -8,18 +8,18 @@ const HTML: &str = "text/html; charset=utf-8";
 const CSS: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
-/// What a browser has already.
+/// Data that a browser already has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Since {
-    /// Of which start of the monitor.
+    /// Start of the monitor that the numbers belong to.
     pub run: u64,
-    /// The number of the next sample, and of the next frame.
+    /// Numbers of the next sample and of the next frame.
     pub sample: u64,
     pub frame: u64,
 }
 
 impl Since {
-    /// From a query, `run=1&sample=2&frame=3`. What is missing or no number is 0: then everything
+    /// Parses a query, `run=1&sample=2&frame=3`. A missing or invalid number is 0: then everything
     /// is new.
     pub fn parse(query: &str) -> Self {
         let value = |name: &str| {
@@ -33,7 +33,7 @@ impl Since {
     }
 }
 
-/// What can be asked for, beside what is live.
+/// Files that can be requested, in addition to the live data.
 fn file(path: &str) -> Option<(&'static str, &'static str)> {
     Some(match path {
         "/" => (HTML, include_str!("page/page.html")),
@@ -56,7 +56,7 @@ fn file(path: &str) -> Option<(&'static str, &'static str)> {
     })
 }
 
-/// Answers a request. `live` gives what is new. `local`: the server listens on this machine only.
+/// Answers a request. `live` returns new data. `local`: the server listens on this machine only.
 pub fn answer(request: &Request, local: bool, live: impl FnOnce(&Since) -> String) -> Response {
     if request.method != "GET" {
         return Response::refusal(
@@ -67,7 +67,7 @@ pub fn answer(request: &Request, local: bool, live: impl FnOnce(&Since) -> Strin
     if request.has_body {
         return Response::refusal(400, "a GET has no body");
     }
-    // A page from elsewhere whose name leads to this machine must not read what is here.
+    // A foreign page whose name resolves to this machine must not read the data.
     if local && !request.host.as_deref().is_some_and(is_local) {
         return Response::refusal(403, "open this page by its address, 127.0.0.1 or localhost");
     }
@@ -75,7 +75,7 @@ pub fn answer(request: &Request, local: bool, live: impl FnOnce(&Since) -> Strin
     match (path, file(path)) {
         ("/live", _) => Response::good("application/json", live(&Since::parse(query))),
         (_, Some((kind, text))) => Response::good(kind, text),
-        _ => Response::refusal(404, "there is nothing here; the monitor is at /"),
+        _ => Response::refusal(404, "not found; the monitor is at /"),
     }
 }
 
@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn queries_are_read_and_nonsense_is_nothing() {
+    fn queries_are_parsed_and_invalid_ones_are_zero() {
         assert_eq!(Since::parse("run=5&sample=7&frame=2"), Since { run: 5, sample: 7, frame: 2 });
         assert_eq!(Since::parse("sample=-1&run=x&&="), Since::default());
     }

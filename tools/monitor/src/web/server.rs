@@ -11,23 +11,23 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::http::{Head, LONGEST_HEAD, Response, parse};
+use super::http::{Head, MAX_HEAD_BYTES, Response, parse};
 use super::route::answer;
 use super::source::Source;
 
 /// Connections at the same time. A browser opens up to six.
 const CONNECTIONS: usize = 48;
-/// How long a connection may be idle, how long a head may take once it has begun, and how long an
+/// Maximum time for which a connection may be idle, for a head once it has begun, and for an
 /// answer.
 const IDLE: Duration = Duration::from_secs(15);
 const HEAD: Duration = Duration::from_secs(5);
 const ANSWER: Duration = Duration::from_secs(5);
-/// Between two answers on one connection: who asks faster is no browser, and would take the
-/// processor from others.
+/// Minimum time between two answers on one connection: no browser requests faster, and a client
+/// that did would occupy the processor.
 const PACE: Duration = Duration::from_millis(10);
-/// How long the other side may take to end what it is saying when it has its answer.
+/// Maximum time for the other side to finish sending after it has its answer.
 const PARTING: Duration = Duration::from_millis(500);
-/// How long to wait after the system refused a connection.
+/// Waiting time after the system refused a connection.
 const BREATH: Duration = Duration::from_millis(50);
 
 /// Starts to serve, in threads that end with the process.
@@ -57,7 +57,7 @@ fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
         // Without a thread the connection is closed.
         let _ = thread::Builder::new().name("web page".to_owned()).spawn(move || {
             let _slot = slot;
-            // A browser that went away is not worth a word.
+            // A browser that went away is not an error.
             drop(serve(stream, &source, local));
         });
     }
@@ -69,7 +69,7 @@ struct ConnectionSlot(Arc<AtomicUsize>);
 impl ConnectionSlot {
     fn take(open: &Arc<AtomicUsize>) -> Option<Self> {
         let slot = Self(Arc::clone(open));
-        // Counted first: dropping it gives it back.
+        // Counted first: dropping the slot frees it.
         (open.fetch_add(1, Ordering::AcqRel) < CONNECTIONS).then_some(slot)
     }
 }
@@ -80,7 +80,7 @@ impl Drop for ConnectionSlot {
     }
 }
 
-/// A few hundred bytes always fit into the buffer of a new connection, so nothing is waited for.
+/// Does not wait: a few hundred bytes always fit into the buffer of a new connection.
 fn refuse(mut stream: TcpStream) {
     drop(write(
         &mut stream,
@@ -114,8 +114,8 @@ fn serve(mut stream: TcpStream, source: &Source, local: bool) -> io::Result<()> 
     }
 }
 
-/// Ends a connection in good order. Closing while something unread is there would reset it, and the
-/// answer could be lost.
+/// Ends a connection cleanly. Closing it with unread bytes would reset it, and the answer could be
+/// lost.
 fn part(stream: &mut TcpStream) -> io::Result<()> {
     stream.shutdown(Shutdown::Write)?;
     stream.set_read_timeout(Some(PARTING))?;
@@ -124,13 +124,13 @@ fn part(stream: &mut TcpStream) -> io::Result<()> {
     Ok(())
 }
 
-/// A head; `Partial` when it is too long; `None` when the other side has nothing more to say, or
-/// takes too long.
+/// Reads a head; `Partial` if it is too long; `None` if the other side sends no more, or takes too
+/// long.
 fn read_head(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> io::Result<Option<Head>> {
     let mut begun = (!bytes.is_empty()).then(Instant::now);
     loop {
         match parse(bytes) {
-            Head::Partial if bytes.len() < LONGEST_HEAD => {}
+            Head::Partial if bytes.len() < MAX_HEAD_BYTES => {}
             head => return Ok(Some(head)),
         }
         let left = begun.map_or(Some(IDLE), |begun: Instant| HEAD.checked_sub(begun.elapsed()));

@@ -1,5 +1,5 @@
-//! The data for a browser: the view of the robot, and the new part of the history. Pure. Ages are
-//! of the moment of the answer, because a browser knows nothing of the controller's clock.
+//! The data for a browser: the view of the robot, and the new part of the history. Pure. Ages refer
+//! to the time of the answer, because a browser does not know the controller's clock.
 
 use i2ris::model::kinematic::shape_mm;
 use i2ris::units::Nanos;
@@ -13,7 +13,7 @@ use crate::history::{CameraFrame, Sample};
 /// Everything that the page shows.
 #[derive(Debug, Serialize)]
 pub struct Snapshot<'a> {
-    /// Of which start of the monitor.
+    /// Start of the monitor that the numbers belong to.
     run: u64,
     domain: &'a str,
     version: &'static str,

@@ -1,4 +1,4 @@
-//! What the server answers from: a dashboard that one thread fills.
+//! Data source of the server: a dashboard that one thread fills.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -33,8 +33,8 @@ impl Source {
         // Milliseconds: a browser cannot count to the nanoseconds of an uptime.
         let run = self.origin.0 / 1_000_000;
         let since = if since.run == run { *since } else { Since { run, ..Since::default() } };
-        // Copied, so that the thread that fills the dashboard never waits for text to be made,
-        // however many browsers ask.
+        // Copied, so that the thread that fills the dashboard never waits for the formatting, for
+        // any number of browsers.
         let dashboard = self.dashboard().clone();
         let snapshot = Snapshot::new(&dashboard, &self.domain, self.origin, &since, clock::now());
         serde_json::to_string(&snapshot).unwrap_or_default()

@@ -34,7 +34,7 @@ pub struct Browser {
 pub fn open(url: &str, size: [u32; 2]) -> Option<Browser> {
     let program = find();
     if program.is_none() {
-        eprintln!("SKIPPED: no Chromium is installed, so the page was not looked at in a browser");
+        eprintln!("SKIPPED: Chromium is not installed, so the page was not opened in a browser");
     }
     program.map(|program| Browser::open(&program, url, size))
 }
@@ -126,10 +126,10 @@ impl Browser {
         }
     }
 
-    /// What a piece of script gives on the page.
+    /// Returns the value of a piece of script on the page.
     pub fn evaluate(&mut self, script: &str) -> Value {
-        let asked = json!({ "expression": script, "returnByValue": true, "awaitPromise": true });
-        let result = self.call("Runtime.evaluate", asked);
+        let request = json!({ "expression": script, "returnByValue": true, "awaitPromise": true });
+        let result = self.call("Runtime.evaluate", request);
         assert!(result["exceptionDetails"].is_null(), "{script}: {result}");
         result["result"]["value"].clone()
     }
@@ -155,14 +155,14 @@ impl Browser {
         }
     }
 
-    /// The addresses of everything that the page asked for.
+    /// The addresses of everything that the page requested.
     pub fn requested(&self) -> Vec<String> {
         let is_request = |event: &&Value| event["method"] == "Network.requestWillBeSent";
         let url = |event: &Value| event["params"]["request"]["url"].as_str().unwrap().to_owned();
         self.events.iter().filter(is_request).map(url).collect()
     }
 
-    /// Errors and warnings on the console, and exceptions that nobody caught.
+    /// Errors and warnings on the console, and uncaught exceptions.
     pub fn complaints(&self) -> Vec<String> {
         let bad = |event: &&Value| {
             let level = match event["method"].as_str() {
@@ -199,7 +199,7 @@ fn with_pipes(mut command: Command, input: &OwnedFd, output: &OwnedFd) -> Child 
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // All of its processes are in a group of their own.
+        // All of its processes are in their own group.
         let group = nix::unistd::Pid::from_raw(-i32::try_from(self.child.id()).unwrap_or(i32::MAX));
         let _ = nix::sys::signal::kill(group, nix::sys::signal::Signal::SIGKILL);
         let _ = self.child.wait();

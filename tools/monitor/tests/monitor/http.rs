@@ -1,4 +1,4 @@
-//! `i2ris status --web` as a process, and just enough of a browser to ask it.
+//! `i2ris status --web` as a process, and a minimal browser.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -37,7 +37,7 @@ impl Served {
         Self { program, address }
     }
 
-    /// Opens a page of it in a browser, if one is installed.
+    /// Opens one of its pages in a browser, if one is installed.
     pub fn open(&self, page: &str, size: [u32; 2]) -> Option<Browser> {
         chromium::open(&format!("http://{}/{page}", self.address), size)
     }
@@ -48,7 +48,7 @@ impl Served {
         stream
     }
 
-    /// Sends these bytes and reads until the other side closes, in good order or not.
+    /// Sends these bytes and reads until the other side closes, cleanly or not.
     pub fn exchange(&self, bytes: &[u8]) -> String {
         let mut stream = self.connect();
         let mut answer = Vec::new();
@@ -62,7 +62,7 @@ impl Served {
         wait_until("a place becomes free", || self.ask("GET", "/").0 == 200);
     }
 
-    /// Asks with a method; status and body.
+    /// Sends a request with a method; returns status and body.
     pub fn ask(&self, method: &str, target: &str) -> (u16, String) {
         let host = self.address;
         let answer = self.exchange(
@@ -74,7 +74,7 @@ impl Served {
         (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
     }
 
-    /// What a page receives.
+    /// Data that a page receives.
     pub fn live(&self, query: &str) -> Value {
         let (status, body) = self.ask("GET", &format!("/live?{query}"));
         assert_eq!(status, 200, "{body}");

@@ -1,5 +1,4 @@
-//! What both pages say at the moment, in a browser: reasons, faults, numbers, and the sound of
-//! limits.
+//! Content of both pages in a browser: reasons, faults, numbers, and the sound at limits.
 
 use i2ris::ipc::payload::{VirtualFixturesMsg, padded_text};
 use i2ris::ipc::{Fault, FixtureKind, OperatingState, Refusal};
@@ -19,21 +18,22 @@ fn reason(cause: Cause, measurement: Measurement) -> Reason {
 }
 
 #[test]
-fn both_pages_say_at_once_why_the_robot_does_not_follow() {
+fn both_pages_show_why_the_robot_does_not_follow() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     let pages = ["", "operator"].map(|page| served.open(page, [1280, 800]));
     let [Some(page), Some(operator)] = pages else { return };
     let mut pages = [page, operator];
     for page in &mut pages {
-        let present = format!("{WHY}?.startsWith('refusal 7: no model is loaded; do: ')");
-        page.wait("what keeps it now", &present);
+        let present = format!("{WHY}?.startsWith('refusal 7: no model is loaded; action: ')");
+        page.wait("the present reason", &present);
     }
     let step = Measurement::new(Quantity::Degrees, 9.25, Some(2.0));
     let clip = Measurement::new(Quantity::Degrees, 1.5, None);
-    for reason in
-        [reason(Cause::Refusal(Refusal::Step), step), reason(Cause::Clip(Clip::Reach), clip)]
-    {
+    for reason in [
+        reason(Cause::Refusal(Refusal::StepTooLarge), step),
+        reason(Cause::Clip(Clip::Reach), clip),
+    ] {
         let expected = format!("{WHY} === {}", json!(reason.to_string()));
         for page in &mut pages {
             // News for a few seconds only: sent again for every page.
@@ -56,7 +56,7 @@ fn both_pages_say_at_once_why_the_robot_does_not_follow() {
     // Noise does not displace the fault.
     for number in 0..60 {
         let noise = Measurement::new(Quantity::Degrees, f64::from(number), Some(2.0));
-        let noise = reason(Cause::Refusal(Refusal::Step), noise);
+        let noise = reason(Cause::Refusal(Refusal::StepTooLarge), noise);
         controller.robot().reasons.push((noise, 7));
     }
     page.wait(
@@ -68,7 +68,7 @@ fn both_pages_say_at_once_why_the_robot_does_not_follow() {
 }
 
 #[test]
-fn limits_sound_faster_as_they_come_nearer_and_only_when_somebody_requested() {
+fn sound_at_limits_is_optional_and_faster_when_closer() {
     let controller = Controller::enabled();
     let mut fixtures = VirtualFixturesMsg { active: 1, ..VirtualFixturesMsg::default() };
     fixtures.kind[0] = FixtureKind::Circle.number();
@@ -105,7 +105,7 @@ fn limits_sound_faster_as_they_come_nearer_and_only_when_somebody_requested() {
 }
 
 #[test]
-fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
+fn browser_shows_live_numbers_and_marks_stale_ones() {
     let mut robot = Rig::with_model();
     let client = robot.enabled();
     let commander = Background::start(move |stop| stream_angles(&client, swing_angles_until(stop)));
@@ -119,7 +119,7 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
         "/[0-9]/.test(document.querySelector('#joints td.camera, #joints td.parted').textContent)",
     );
     page.wait("the hull", "live.hull.length > 20");
-    page.wait("frames beside counts", "recent.frames.some((row) => row[3] !== null)");
+    page.wait("frames with counts", "recent.frames.some((row) => row[3] !== null)");
     page.wait(
         "rates",
         "/^[1-9]/.test(document.querySelectorAll('#motors tr')[1].children[4].textContent)",
@@ -129,7 +129,7 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
                  c.getContext('2d').getImageData(0, 0, c.width, c.height).data.buffer)).size > 50)";
     page.wait("curves on every canvas", drawn);
     page.wait(
-        "all of it on one screen",
+        "everything on one screen",
         "document.documentElement.scrollHeight <= window.innerHeight",
     );
 

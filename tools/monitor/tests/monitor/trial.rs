@@ -1,4 +1,4 @@
-//! The trial that is recorded, on both pages.
+//! The trial being recorded, on both pages.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -13,14 +13,14 @@ use crate::http::Served;
 use crate::pages::WHY;
 
 #[test]
-fn both_pages_show_the_trial_its_newest_mark_and_that_it_is_not_recorded() {
+fn both_pages_show_trial_newest_mark_and_failed_recording() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let mut recorder = client.announcer::<TrialMsg>();
     let flags = Arc::new(AtomicU32::new(0));
-    let (told, begun) = (Arc::clone(&flags), clock::now());
-    let telling = Background::start(move |stop| {
+    let (published, begun) = (Arc::clone(&flags), clock::now());
+    let publishing = Background::start(move |stop| {
         while !stop.load(Ordering::Relaxed) {
             recorder
                 .publish(TrialMsg {
@@ -29,7 +29,7 @@ fn both_pages_show_the_trial_its_newest_mark_and_that_it_is_not_recorded() {
                     mark_number: 2,
                     trial: padded_text("P07-joystick-02"),
                     mark: padded_text("contact"),
-                    flags: told.load(Ordering::Relaxed),
+                    flags: published.load(Ordering::Relaxed),
                     ..TrialMsg::default()
                 })
                 .unwrap();
@@ -52,5 +52,5 @@ fn both_pages_show_the_trial_its_newest_mark_and_that_it_is_not_recorded() {
         page.wait("a recording that failed", &format!("{shown}.includes('NOT RECORDED')"));
         page.wait("what to do", &format!("{WHY}.includes('make room on the disk')"));
     }
-    drop(telling);
+    drop(publishing);
 }

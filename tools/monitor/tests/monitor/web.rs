@@ -1,4 +1,4 @@
-//! `i2ris status --web`: what it answers, what it refuses, and that nobody can hold it up.
+//! `i2ris status --web`: answers, refusals, and robustness against slow clients.
 
 use std::fmt::Debug;
 use std::io::Write;
@@ -21,7 +21,7 @@ use serde_json::json;
 use crate::http::Served;
 
 #[test]
-fn a_page_gets_everything_and_then_what_is_new() {
+fn page_gets_everything_and_then_only_news() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     let live = served.wait("numbers", |live| {
@@ -87,7 +87,9 @@ fn everything_but_get_is_refused_and_moves_nothing() {
         assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{answer}");
     }
     let robot = controller.robot();
-    assert!(robot.asked.is_empty() && robot.asked_of_models.is_empty() && robot.poses.is_empty());
+    assert!(
+        robot.requested.is_empty() && robot.model_requests.is_empty() && robot.poses.is_empty()
+    );
     assert_eq!(robot.state, OperatingState::Enabled);
 }
 
@@ -95,19 +97,19 @@ fn everything_but_get_is_refused_and_moves_nothing() {
 fn strangers_and_nonsense_are_refused() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
-    let asked = |text: &str| served.exchange(text.as_bytes()).chars().take(12).collect::<String>();
-    assert_eq!(asked("GET /live HTTP/1.1\r\nHost: rebound.example\r\n\r\n"), "HTTP/1.1 403");
-    assert_eq!(asked("nonsense\r\n\r\n"), "HTTP/1.1 400");
+    let status = |text: &str| served.exchange(text.as_bytes()).chars().take(12).collect::<String>();
+    assert_eq!(status("GET /live HTTP/1.1\r\nHost: rebound.example\r\n\r\n"), "HTTP/1.1 403");
+    assert_eq!(status("nonsense\r\n\r\n"), "HTTP/1.1 400");
     let long = format!("GET / HTTP/1.1\r\nHost: localhost\r\nX-Long: {}", "x".repeat(9000));
-    assert_eq!(asked(&long), "HTTP/1.1 431");
-    assert_eq!(served.ask("GET", "/live").0, 200, "and it goes on");
+    assert_eq!(status(&long), "HTTP/1.1 431");
+    assert_eq!(served.ask("GET", "/live").0, 200, "and it continues");
 }
 
 #[test]
 fn browsers_that_stall_or_vanish_cost_the_others_nothing() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
-    // Some say half a sentence, some ask again and again and never read, some go.
+    // Some send half a request, some send many and never read, some disconnect.
     let stalled: Vec<TcpStream> = (0..30)
         .map(|number| {
             let mut stream = served.connect();
@@ -127,7 +129,7 @@ fn browsers_that_stall_or_vanish_cost_the_others_nothing() {
     served.wait_for_a_place();
     let before = served.live("")["next_sample"].as_u64().unwrap();
     let live = served
-        .wait("the stream goes on", |live| live["next_sample"].as_u64().unwrap() > before + 20);
+        .wait("the stream continues", |live| live["next_sample"].as_u64().unwrap() > before + 20);
     assert_eq!(live["state"]["stale"], json!(false));
     drop(stalled);
 }
@@ -143,7 +145,7 @@ fn too_many_browsers_are_informed() {
 }
 
 #[test]
-fn without_a_controller_the_page_waits_for_one_and_says_when_it_goes() {
+fn page_waits_for_a_controller_and_reports_its_end() {
     let served = Served::start(&unique_domain());
     let live = served.wait("the reason", |live| live["problem"].is_string());
     assert!(live["problem"].as_str().unwrap().contains("no controller serves domain"), "{live}");
@@ -167,7 +169,7 @@ fn without_a_controller_the_page_waits_for_one_and_says_when_it_goes() {
 }
 
 #[test]
-fn it_ends_with_ctrl_c_and_a_place_that_is_taken_is_named() {
+fn it_ends_with_ctrl_c_and_reports_a_used_port() {
     let controller = Controller::enabled();
     let mut served = Served::start(&controller.domain);
     let place = served.address.to_string();
@@ -242,7 +244,7 @@ fn the_page_has_no_way_to_command() {
     assert_eq!(watchers(), before + 1, "it is counted");
     assert_eq!(census.stream::<ServoJp>("i2ris/servo_jp").0, 0);
     assert_eq!(census.stream::<ServoActuator>("i2ris/actuators/servo_jp").0, 0);
-    // Every few seconds it asks which models are at hand; nothing stays open.
+    // Every few seconds it requests the list of models; nothing stays open.
     let askers = || {
         [
             census.askers::<StateCommandRequest, StateCommandReply>("i2ris/state_command"),
@@ -250,5 +252,5 @@ fn the_page_has_no_way_to_command() {
             census.askers::<ModelRequest, ModelReply>("i2ris/model"),
         ]
     };
-    wait_until("nobody could ask", || askers() == [0; 3]);
+    wait_until("no connection can send requests", || askers() == [0; 3]);
 }

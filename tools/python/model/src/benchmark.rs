@@ -1,4 +1,4 @@
-//! Emulated snakes, their recordings, and models that follow on them.
+//! Emulated snakes, their recordings, and models that track on them.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 use crate::model::Model;
 use crate::refused;
 
-/// Length and seed of the motions that are followed: those of [`tracked`].
+/// Length and seed of the motions to track: those of [`tracked`].
 const MOTION_S: f64 = 30.0;
 const MOTION_SEED: u64 = 1001;
 
@@ -26,7 +26,7 @@ fn source(physics: &str, seed: u64) -> PyResult<SnakeSource> {
         .map_err(refused)
 }
 
-/// An emulated snake with motors in front of it.
+/// An emulated snake with motors.
 #[pyclass(module = "i2ris_native")]
 pub struct Snake(Robot);
 
@@ -38,7 +38,7 @@ impl Snake {
         Ok(Self(robot(&source(physics, seed)?, aged)))
     }
 
-    /// So many ticks of a millisecond with these setpoints, counts; the true angles, deg.
+    /// Runs ticks of a millisecond with these setpoints, counts; returns the true angles, deg.
     fn step(&mut self, counts: [f64; 2], ticks: u32) -> [f64; 2] {
         for _ in 0..ticks {
             self.0.tick(counts);
@@ -80,7 +80,7 @@ pub fn record(
     let known = [Protocol::Reversals, Protocol::Axes, Protocol::Cycles];
     let protocol = known.into_iter().find(|known| known.name() == protocol).ok_or_else(|| {
         let names = known.map(Protocol::name).join(", ");
-        refused(format!("`{protocol}` is no protocol of the benchmark: there are {names}"))
+        refused(format!("`{protocol}` is not a protocol of the benchmark; it has {names}"))
     })?;
     let seed = first_seed + seed;
     let plan = RecordingPlan { protocol, duration_s, noise_deg, latency_ms, seed };
@@ -89,7 +89,7 @@ pub fn record(
     made.map_err(refused)
 }
 
-/// The goals of the motions of the benchmark, deg, 200 a second, as far as a recording reaches.
+/// Goals of the benchmark's motions, deg, 200 a second, within the range of a recording.
 #[pyfunction]
 pub fn motions(py: Python<'_>, recording: PathBuf) -> PyResult<Vec<(String, Vec<[f64; 2]>)>> {
     let made = py.detach(|| {
@@ -106,15 +106,15 @@ pub fn motions(py: Python<'_>, recording: PathBuf) -> PyResult<Vec<(String, Vec<
     Ok(made.into_iter().map(|(motion, goals)| (motion.to_string(), goals)).collect())
 }
 
-/// How long each tick of the control cycle takes with a model, in front of ideal motors, us: ten
-/// seconds of warming up, then what was asked for.
+/// Duration of each tick of the control cycle with a model, with ideal motors, us, after ten
+/// seconds of warming up.
 #[pyfunction]
 pub fn tick_times(py: Python<'_>, model: &Model, ticks: usize) -> PyResult<Vec<f64>> {
     py.detach(|| i2ris_bench::models::tick_times(&model.0, ticks)).map_err(refused)
 }
 
-/// RMS error of the tip, deg, while a model follows the motions of the benchmark on a snake; motion
-/// by motion, with the same of the straight line and of the exact inverse.
+/// RMS error of the tip, deg, while a model follows the motions of the benchmark on a snake; for
+/// each motion, with that of the straight line and of the exact inverse.
 #[pyfunction]
 pub fn track(
     py: Python<'_>,

@@ -26,10 +26,10 @@ use pyo3::prelude::*;
 use crate::model::Model;
 use crate::refused;
 
-/// Between two looks at Ctrl-C.
+/// Period of checking for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// How far a fit is, and whether it shall end.
+/// Progress of a fit, and whether it is to end.
 #[derive(Default)]
 struct Watched {
     part: Mutex<(String, f64, f64)>,
@@ -42,7 +42,7 @@ struct Watched {
 struct Interrupted;
 
 impl Watched {
-    /// The fit has no other end than its result: Ctrl-C unwinds it, silently.
+    /// A fit ends only with its result: Ctrl-C unwinds it silently.
     fn look(&self) {
         if self.stop.load(Ordering::Relaxed) {
             resume_unwind(Box::new(Interrupted));
@@ -80,7 +80,7 @@ impl Progress for Watched {
     fn end(&self) {}
 }
 
-/// Does work beside the interpreter, tells it how far the work is, and ends it on Ctrl-C.
+/// Runs work outside the interpreter, reports its progress, and ends it on Ctrl-C.
 fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -92,7 +92,7 @@ fn watched<T: Send>(
         let watched = &watched;
         scope.spawn(move || {
             let result = catch_unwind(AssertUnwindSafe(|| work(watched)));
-            // Nobody may wait any more.
+            // The receiver may be gone.
             let _ = done.send(result);
         });
         let finished = Mutex::new(finished);
@@ -108,11 +108,11 @@ fn watched<T: Send>(
                 }
                 Err(RecvTimeoutError::Timeout) => {}
             }
-            let told = py.check_signals().and_then(|()| match progress {
+            let reported = py.check_signals().and_then(|()| match progress {
                 Some(progress) => progress.call1(watched.share()).map(drop),
                 None => Ok(()),
             });
-            if let Err(error) = told {
+            if let Err(error) = reported {
                 watched.stop.store(true, Ordering::Relaxed);
                 py.detach(|| finished.lock().map(|finished| finished.recv()).is_ok());
                 return Err(error);
@@ -188,8 +188,8 @@ pub fn fit_mixture(
     Ok((weights, means, covariances))
 }
 
-/// Makes a model of a network that was trained elsewhere, as `i2ris calibrate fit --network FILE`
-/// does.
+/// Creates a model from a network that was trained elsewhere, like `i2ris calibrate fit --network
+/// FILE`.
 #[pyfunction]
 pub fn import_network(
     py: Python<'_>,
@@ -210,7 +210,7 @@ pub fn import_network(
     Ok(Model(made.map_err(refused)?.into()))
 }
 
-/// Writes a recording in the common format. What is not finite was not measured.
+/// Writes a recording in the common format. Values that are not finite were not measured.
 #[pyfunction]
 pub fn write_recording(
     path: PathBuf,

@@ -1,8 +1,8 @@
 //! The compiled part of `i2ris.model` and `i2ris.benchmark`: the code of the command line under
 //! Python.
 //!
-//! Arrays are checked in Python (`i2ris/model.py`); what is wrong with their contents is said here
-//! by the sentence of the command line. Long work runs without the interpreter's lock.
+//! Arrays are checked in Python (`i2ris/model.py`); errors in their contents are reported here with
+//! the sentence of the command line. Long work runs without the interpreter's lock.
 
 mod benchmark;
 mod fit;
@@ -31,5 +31,5 @@ mod i2ris_native {
     #[pymodule_export]
     use super::fit::{fit, fit_mixture, import_network, write_recording};
     #[pymodule_export]
-    use super::model::{Model, Tracker, walk};
+    use super::model::{Model, Tracker, steps_by_travel};
 }

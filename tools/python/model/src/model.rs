@@ -1,4 +1,4 @@
-//! Models, and memories that go tick by tick.
+//! Models, and memories that advance tick by tick.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -36,7 +36,7 @@ impl Model {
     }
 }
 
-/// Entries of a row, and 0 where there are none.
+/// Entries of a row, padded with 0.
 fn motors(rows: &ArrayView2<'_, f64>, row: usize) -> MotorVec {
     std::array::from_fn::<_, MAX_MOTORS, _>(|motor| rows.get((row, motor)).copied().unwrap_or(0.0))
 }
@@ -82,8 +82,8 @@ impl Model {
         (found.error, found.travel)
     }
 
-    /// Angles along a path of the motors, and their standard deviations, deg. `times_s`: of every
-    /// row, the time since the one before.
+    /// Angles along a path of the motors, and their standard deviations, deg. `times_s`: time from
+    /// the previous row to each row.
     #[pyo3(signature = (counts, times_s=None))]
     fn predict<'py>(
         &self,
@@ -134,7 +134,7 @@ impl Model {
         counts.into_pyarray(py)
     }
 
-    /// A memory that goes tick by tick, after a path of the motors.
+    /// A memory that advances tick by tick, after a path of the motors.
     fn tracker(&self, history: PyReadonlyArray2<'_, f64>) -> Tracker {
         Tracker::after(&self.0, &history.as_array())
     }
@@ -174,7 +174,7 @@ impl Tracker {
         Self { model: Model(Arc::clone(model)), memory, at }
     }
 
-    /// Goes to the counts for a goal. Whole counts, as drives have them.
+    /// Moves to the counts for a goal. Whole counts, like those of drives.
     fn next(&mut self, goal: &[f64]) -> (MotorVec, bool) {
         let (counts, clipped) = self.model.inverted(&self.memory, self.at, goal);
         self.at = counts.map(f64::round);
@@ -183,7 +183,7 @@ impl Tracker {
     }
 }
 
-/// Refuses what is not one finite number for each.
+/// Refuses values that are not one finite number for each.
 fn check(name: &str, values: &[f64], wanted: usize) -> PyResult<()> {
     match values.len() == wanted && values.iter().all(|value| value.is_finite()) {
         true => Ok(()),
@@ -195,7 +195,7 @@ fn check(name: &str, values: &[f64], wanted: usize) -> PyResult<()> {
 
 #[pymethods]
 impl Tracker {
-    /// The motors are at these counts now, so long after the call before.
+    /// Moves the motors to these counts, `time_s` after the previous call.
     #[pyo3(signature = (counts, time_s=0.0))]
     fn advance(&mut self, counts: Vec<f64>, time_s: f64) -> PyResult<()> {
         check("counts", &counts, self.model.0.motors())?;
@@ -209,7 +209,7 @@ impl Tracker {
         self.model.predicted(&self.memory, &self.at)
     }
 
-    /// The counts for angles, deg, and whether they had to be clipped. Nothing moves.
+    /// The counts for angles, deg, and whether they were clipped. Nothing moves.
     fn invert(&self, angles: Vec<f64>) -> PyResult<(Vec<f64>, bool)> {
         check("angles", &angles, self.model.0.outputs())?;
         let (counts, clipped) = self.model.inverted(&self.memory, self.at, &angles);
@@ -219,13 +219,13 @@ impl Tracker {
     /// Whether enough motion has been seen.
     #[getter]
     fn known(&self) -> bool {
-        self.model.0.knows(&self.memory)
+        self.model.0.is_memory_known(&self.memory)
     }
 }
 
-/// Where a network steps along a path, and how many steps were taken before each row.
+/// Counts at which a network steps along a path, and number of steps before each row.
 #[pyfunction]
-pub fn walk<'py>(
+pub fn steps_by_travel<'py>(
     py: Python<'py>,
     counts: PyReadonlyArray2<'py, f64>,
     step_counts: f64,
@@ -241,7 +241,7 @@ pub fn walk<'py>(
             steps.extend(&to[..width]);
             to
         });
-        i2ris::model::network::walk(&at.clone(), &to, step_counts, |position| {
+        i2ris::model::network::steps_by_travel(&at.clone(), &to, step_counts, |position| {
             steps.extend(&position[..width]);
             at = *position;
         });

@@ -17,18 +17,18 @@ pub enum Cell {
     Text(String),
 }
 
-/// What the entries of a field are in a table.
+/// Form of a field's entries in a table.
 #[derive(Clone, Copy)]
 enum Meaning {
     /// Bytes as hexadecimal digits.
     Hash,
-    /// So many texts.
+    /// This many texts.
     Texts(usize),
     /// A random number, written as everywhere else: 16 hexadecimal digits.
     Identity,
     /// The number of a value with a name.
     Name(fn(u32) -> Option<&'static str>),
-    /// One entry for each output of the model; with what follows the name of the output.
+    /// One entry for each output of the model, with the suffixes of the output's name.
     Outputs(&'static str, &'static str),
     Numbers,
 }
@@ -56,7 +56,7 @@ impl Meaning {
     }
 }
 
-/// Models of two outputs give angles, which are in degrees in tables; those of the tip positions.
+/// Unit in tables: degrees for models with two outputs (angles), metres for models of the tip.
 pub fn unit_of(outputs: &[String]) -> &'static str {
     if outputs.len() < MAX_OUTPUTS { "deg" } else { "m" }
 }
@@ -116,8 +116,8 @@ pub fn cells(
                 Cell::Text(name.unwrap_or_else(|| number.to_string()))
             })),
             Meaning::Outputs(..) => {
-                let is_there = valid == outputs.len();
-                let cell = |entry| output(entry, is_there, unit_of(outputs));
+                let is_valid = valid == outputs.len();
+                let cell = |entry| output(entry, is_valid, unit_of(outputs));
                 cells.extend(entries.into_iter().take(outputs.len()).map(cell));
             }
             Meaning::Numbers if field.count > 1 && field.kind == FieldType::F64 => {
@@ -135,14 +135,14 @@ pub fn seconds(ns: u64, start: u64) -> Cell {
     Cell::Seconds((i128::from(ns) - i128::from(start)) as f64 * 1e-9)
 }
 
-/// An entry that is not there is no 0.
+/// Value of a missing entry, to tell it from 0.
 const NO_NUMBER: Number = Number::Float(f64::NAN);
 
 /// An angle, rad in messages, or a position.
-fn output(entry: Number, is_there: bool, unit: &str) -> Cell {
+fn output(entry: Number, is_valid: bool, unit: &str) -> Cell {
     Cell::Number(match entry {
-        Number::Float(rad) if is_there && unit == "deg" => Number::Float(rad.to_degrees()),
-        entry if is_there => entry,
+        Number::Float(rad) if is_valid && unit == "deg" => Number::Float(rad.to_degrees()),
+        entry if is_valid => entry,
         _ => NO_NUMBER,
     })
 }
@@ -185,9 +185,9 @@ pub fn unit(column: &str) -> &'static str {
     }
 }
 
-/// Between two rows: a spreadsheet takes three hours of them.
+/// Distance of two rows, ns: a spreadsheet can hold three hours.
 const GRID_NS: usize = 10_000_000;
-/// Samples further apart than this are not interpolated: a slow camera has ten a second.
+/// Samples further apart than this are not interpolated: a slow camera sends ten a second.
 const GAP_NS: u64 = 110_000_000;
 
 /// Whether there is anything to put into the table for people.
@@ -206,7 +206,7 @@ pub fn overview_columns() -> Vec<String> {
     columns
 }
 
-/// Its rows. Angles are interpolated between samples, and empty where there are none near.
+/// Rows of that table. Angles are interpolated between samples, and empty without samples nearby.
 pub fn overview_rows(trial: &Trial) -> impl Iterator<Item = Vec<Cell>> + '_ {
     (trial.start_ns..=trial.end_ns).step_by(GRID_NS).map(|stamp| {
         let state = trial.state_at(stamp).unwrap_or_default().to_owned();

@@ -1,4 +1,4 @@
-//! Takes out of a recording what other programs read: attachments, and the commands of each client
+//! Extracts from a recording what other programs read: attachments, and the commands of each client
 //! as a table for `i2ris command file`.
 
 use std::collections::BTreeMap;
@@ -16,14 +16,14 @@ use crate::messages::cdr;
 use crate::messages::topic::Topic;
 use crate::read::{ReadError, Records};
 
-/// Angles of a command; models of the tip have three values.
+/// Number of angles in a command; models of the tip have three values.
 const ANGLES: u32 = 2;
 
 #[derive(Debug, Default)]
 pub struct Extracted {
-    /// File names, and what is in them.
+    /// File names with their sizes.
     pub files: Vec<(String, String)>,
-    /// Why the recording cannot be read to its end; `None`: it is complete.
+    /// Reason why the recording cannot be read to its end; `None`: it is complete.
     pub stopped_by: Option<ReadError>,
 }
 
@@ -51,9 +51,8 @@ impl Commands {
     }
 }
 
-/// Writes into a folder, which is created if necessary; files that are there stay as they are, and
-/// end it. Commands of an open clutch are displacements of a master and no poses: they are left
-/// out.
+/// Writes into a folder, created if necessary; an existing file is an error and stays unchanged.
+/// Commands with an open clutch are skipped: they are displacements of a master, not poses.
 pub fn extract(recording: &Path, folder: &Path) -> Result<Extracted, ExportError> {
     let mut records = Records::open(recording)?;
     fs::create_dir_all(folder)
@@ -77,7 +76,7 @@ pub fn extract(recording: &Path, folder: &Path) -> Result<Extracted, ExportError
                 }
             }
             Record::Attachment { header, data, .. } => {
-                // Of a path, only its last part: nothing is written beside the folder.
+                // Only the last part of a path: nothing is written outside the folder.
                 if let Some(name) = Path::new(&header.name).file_name() {
                     let name = name.to_string_lossy().into_owned();
                     write(&folder.join(&name), &data)?;

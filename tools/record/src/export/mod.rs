@@ -5,15 +5,15 @@
 //! digits. The first columns are `time`, UTC, `t_s`, seconds since the first message of the file,
 //! and `received_s`, the same for the arrival at the recorder. Entries that a message does not have
 //! are empty (NaN). `units.csv` has the unit of every column. `overview` is the table for people:
-//! all angles and the state on one grid. Pictures, if they are asked for, are files of their views,
-//! whose names are the `t_s` of their exposures.
+//! all angles and the state on one grid. Pictures, if requested, are files in one folder per view,
+//! named by the `t_s` of their exposure.
 //!
 //! | file | contains |
 //! |---|---|
 //! | `columns` | the columns of a payload and the cells of a message; all angles and the state on one grid |
 //! | [`extract`] | attachments and commands as files |
-//! | [`source`] | which recordings go into an export |
-//! | [`staged`] | a folder that is written whole or not at all |
+//! | [`source`] | selection of the recordings to export |
+//! | [`staged`] | a folder that is written completely or not at all |
 
 mod columns;
 pub mod extract;
@@ -38,16 +38,14 @@ use crate::recorder::{ALIGNMENT, HEADER, JOINTS, OUTCOME};
 use crate::report::Trial;
 use columns::Cell;
 
-/// Why tables cannot be written.
+/// Error while writing tables.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     #[error(transparent)]
     Read(#[from] ReadError),
-    #[error(
-        "cannot write {path}: {reason}; a file there is not complete, or not of this recording"
-    )]
+    #[error("cannot write {path}: {reason}; a file there is incomplete or of another recording")]
     Write { path: PathBuf, reason: String },
-    #[error("cannot make the folder {path}: {source}")]
+    #[error("cannot create the folder {path}: {source}")]
     Folder { path: PathBuf, source: io::Error },
 }
 
@@ -55,9 +53,9 @@ pub enum ExportError {
 pub struct ExportedTables {
     /// Rows of every table, by file name.
     pub rows: BTreeMap<String, u64>,
-    /// How late the stamps of the camera are, s; `None`: not measured.
+    /// Delay of the camera's stamps, s; `None`: not measured.
     pub camera_late_s: Option<f64>,
-    /// Why the recording cannot be read to its end; `None`: it is complete.
+    /// Reason why the recording cannot be read to its end; `None`: it is complete.
     pub stopped_by: Option<ReadError>,
 }
 
@@ -70,8 +68,8 @@ struct OpenTable {
     writer: CsvTable,
 }
 
-/// Writes tables into a folder, which is created if necessary, and pictures if asked to. A
-/// recording that was cut off gives the rows that it has.
+/// Writes tables into a folder, created if necessary, and pictures if requested. A truncated
+/// recording yields the rows that it has.
 pub fn export(
     recording: &Path,
     folder: &Path,
@@ -130,7 +128,7 @@ pub fn export(
     Ok(exported)
 }
 
-/// Makes the folder of a view.
+/// Creates the folder of a view.
 fn picture_folder(folder: &Path, view: &str) -> Result<PathBuf, ExportError> {
     let path = folder.join("pictures").join(view);
     fs::create_dir_all(&path)
@@ -138,7 +136,7 @@ fn picture_folder(folder: &Path, view: &str) -> Result<PathBuf, ExportError> {
     Ok(path)
 }
 
-/// Writes a picture under the name of its exposure. Messages that are none are left out.
+/// Writes a picture, named by its exposure. Messages that are not pictures are skipped.
 fn write_picture(view: &Path, start: u64, message: &[u8]) -> Result<(), ExportError> {
     let Some(Picture { unix_ns, jpeg }) = Picture::decode(message) else { return Ok(()) };
     let seconds = (i128::from(unix_ns) - i128::from(start)) as f64 * 1e-9;

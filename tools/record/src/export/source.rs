@@ -1,21 +1,21 @@
-//! Which recordings go into an export: files, trials, or all trials of a study.
+//! Selection of the recordings to export: files, trials, or all trials of a study.
 
 use std::path::{Path, PathBuf};
 
 use crate::trial::journal::{Journal, Outcome, TrialState};
 use crate::trial::{Study, StudyError};
 
-/// A recording, and what is known of it.
+/// A recording and its trial.
 #[derive(Debug, Clone)]
 pub struct Source {
-    /// Of the trial, or of the file.
+    /// Name of the trial, or of the file.
     pub name: String,
     pub recording: PathBuf,
-    /// What its journal says, if it is the trial of a study.
+    /// Trial from its journal, if it belongs to a study.
     pub trial: Option<TrialState>,
 }
 
-/// Recordings, and those that are left out with the reason.
+/// Recordings to export, and skipped ones with the reason.
 #[derive(Debug, Default)]
 pub struct Sources {
     pub taken: Vec<Source>,
@@ -23,7 +23,7 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// Paths of recordings, of trials, or of studies. Trials that were broken off are left out.
+    /// Finds recordings by paths of recordings, trials or studies. Skips aborted trials.
     pub fn find(paths: &[PathBuf]) -> Result<Self, StudyError> {
         let mut sources = Self::default();
         for path in paths {
@@ -42,7 +42,7 @@ impl Sources {
                 sources.add(name, path.clone(), state);
             }
         }
-        // Those that show the task first: a split is a range of numbers.
+        // Successful trials first: a split is a range of numbers.
         sources.taken.sort_by_key(|source| order(source.outcome()));
         Ok(sources)
     }
@@ -52,7 +52,7 @@ impl Sources {
         let others = (2..).map(|number| format!("{name}-{number}"));
         let name = std::iter::once(name.clone()).chain(others).find(is_free).unwrap_or_default();
         match trial.as_ref().map(|trial| trial.outcome) {
-            Some(None) => self.left_out.push((name, "runs, or was cut off")),
+            Some(None) => self.left_out.push((name, "still running, or truncated")),
             Some(Some(Outcome::Aborted)) => self.left_out.push((name, "aborted")),
             _ => self.taken.push(Source { name, recording, trial }),
         }

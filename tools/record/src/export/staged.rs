@@ -1,17 +1,17 @@
-//! A folder that is written whole or not at all.
+//! A folder that is written completely or not at all.
 
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-/// In every folder of an export: what it was made of. A folder without it is nobody's to replace.
+/// File in every export with its sources. A folder without it is never replaced.
 pub const MADE_OF: &str = "i2ris-export.json";
 
-/// Why a folder is not written.
+/// Reason why a folder is not written.
 #[derive(Debug, thiserror::Error)]
 pub enum StagedError<E: std::error::Error> {
     #[error("--output {0}: exists; name another folder, or add --overwrite")]
     Exists(PathBuf),
-    #[error("--output {0}: is no export of i2ris (it has no {MADE_OF}), and is left as it is")]
+    #[error("--output {0}: not an export of i2ris (it has no {MADE_OF}); left unchanged")]
     Foreign(PathBuf),
     #[error("--output {path}: {error}")]
     Io { path: PathBuf, error: io::Error },
@@ -19,35 +19,35 @@ pub enum StagedError<E: std::error::Error> {
     Write(E),
 }
 
-/// Writes beside the folder, and puts the whole in its place at the end. After an error everything
-/// is as before.
+/// Writes into a temporary folder next to the target and renames it at the end. An error leaves the
+/// target unchanged.
 pub fn staged<T, E: std::error::Error>(
     folder: &Path,
     overwrite: bool,
     write: impl FnOnce(&Path) -> Result<T, E>,
 ) -> Result<T, StagedError<E>> {
     let io = |error| StagedError::Io { path: folder.to_owned(), error };
-    let is_there = fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
-    if is_there && !overwrite {
+    let has_files = fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
+    if has_files && !overwrite {
         return Err(StagedError::Exists(folder.to_owned()));
     }
-    if (folder.exists() && !folder.is_dir()) || (is_there && !folder.join(MADE_OF).exists()) {
+    if (folder.exists() && !folder.is_dir()) || (has_files && !folder.join(MADE_OF).exists()) {
         return Err(StagedError::Foreign(folder.to_owned()));
     }
-    let beside = |ending: &str| {
+    let sibling = |ending: &str| {
         let mut name = folder.as_os_str().to_owned();
         name.push(ending);
         PathBuf::from(name)
     };
-    let (part, old) = (beside(".part"), beside(".old"));
-    // Of an export that was killed.
+    let (part, old) = (sibling(".part"), sibling(".old"));
+    // Left over from an export that was killed.
     let _ = fs::remove_dir_all(&part);
     fs::create_dir_all(&part).map_err(io)?;
     let place = |part: &Path| {
         if folder.exists() {
             fs::rename(folder, &old)?;
         }
-        // Where the new one cannot go, the old one returns.
+        // If the new folder cannot be moved there, the old one is restored.
         fs::rename(part, folder).inspect_err(|_| drop(fs::rename(&old, folder)))
     };
     let written = write(&part).map_err(StagedError::Write);

@@ -13,7 +13,7 @@ use crate::messages::topic::Topic;
 /// Time between two poses of the tip and the links, as in ROS.
 const POSE_PERIOD: Nanos = Nanos::from_millis(20);
 
-/// What standard messages say besides the values.
+/// Content of standard messages besides the values.
 #[derive(Debug, Clone)]
 pub struct StandardMessages {
     /// Unix time minus monotonic time, ns.
@@ -68,10 +68,10 @@ impl StandardMessages {
         Some(self.angles(state.stamp_ns, state.position.get(..count)?, velocity))
     }
 
-    /// Where the tip and the links are, if that is due; nothing without valid angles.
+    /// Poses of the tip and the links, if due; nothing without valid angles.
     pub fn poses(&mut self, state: &JointState) -> Vec<(Topic, Vec<u8>)> {
         let stamp = Nanos(state.stamp_ns);
-        // A controller that was started again may be on another computer's clock.
+        // A restarted controller may use another computer's clock.
         let is_due = stamp >= self.next_pose || self.next_pose.duration_since(stamp) > POSE_PERIOD;
         if state.flags & JointState::VALID == 0 || !(1..=2).contains(&state.count) || !is_due {
             return Vec::new();
@@ -173,7 +173,7 @@ pub fn text(text: &str) -> Vec<u8> {
     encoder.finish()
 }
 
-/// Names of the joints where a controller tells none.
+/// Names of the joints if a controller reports none.
 pub const DEFAULT_NAMES: [&str; 2] = ["pitch", "yaw"];
 
 /// The snake in URDF and frames. All robots have the same; where several are shown together, each
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_that_are_not_valid_are_none() {
+    fn invalid_angles_have_no_message() {
         let messages = StandardMessages::new(0, Vec::new(), String::new());
         assert_eq!(messages.joint_state(&JointState::default()), None);
         assert_eq!(messages.servo_jp(&ServoJp::default()), None);

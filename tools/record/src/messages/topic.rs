@@ -25,13 +25,13 @@ const fn standard(stream: Stream) -> Option<StandardType> {
 /// A topic of the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Topic {
-    /// `i2ris/NAME`: payloads, bit by bit.
+    /// `i2ris/NAME`: payloads, bit for bit.
     Payload(Stream),
     /// `NAME`: the same as a standard message.
     Standard(Stream),
-    /// `measured_cp`: where the tip is, as the base sees it.
+    /// `measured_cp`: pose of the tip relative to the base.
     Tip,
-    /// `tf`: where the links are.
+    /// `tf`: poses of the links.
     Links,
     /// `robot_description`: the URDF of the robot, once.
     Description,
@@ -59,7 +59,7 @@ impl Topic {
         ])
     }
 
-    /// Its name in the file.
+    /// Name in the file.
     pub fn name(self) -> String {
         match self {
             Self::Payload(stream) => format!("/i2ris/{}", stream.name()),
@@ -70,7 +70,7 @@ impl Topic {
         }
     }
 
-    /// Its schema.
+    /// Schema of the topic.
     pub fn schema(self) -> TopicSchema {
         let payload = |stream: Stream| {
             let layout = stream.layout();

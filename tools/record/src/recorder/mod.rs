@@ -1,10 +1,10 @@
-//! Writes messages into a file that survives its writer.
+//! Writes messages into a file that survives a crash.
 //!
-//! The caller passes messages on and never waits; a thread writes them. It completes a chunk of the
-//! file every [`FLUSH_PERIOD`]: a program that is killed loses no more than that. It synchronizes
-//! the disk every [`SYNC_PERIOD`], in case the power fails. If the disk is slow, the queue fills,
-//! and messages that do not fit are dropped and counted. If the disk is full, the recording ends
-//! with an error. Pictures have a budget, on the disk and in the queue; states go on without them.
+//! The caller never waits; a thread writes the messages. It completes a chunk of the file every
+//! [`FLUSH_PERIOD`]: a program that is killed loses no more than that. It synchronizes the disk
+//! every [`SYNC_PERIOD`], in case the power fails. If the disk is slow, the queue fills, and
+//! messages that do not fit are dropped and counted. If the disk is full, the recording ends with
+//! an error. Pictures have a budget, on the disk and in the queue; states are recorded beyond it.
 
 pub mod run_log;
 
@@ -29,9 +29,9 @@ use crate::messages::topic::Topic;
 use crate::messages::{cdr, schema};
 use crate::pictures::{self, Picture};
 
-/// The most that is lost when the program is killed.
+/// Maximum loss if the program is killed.
 pub const FLUSH_PERIOD: Duration = Duration::from_millis(200);
-/// The most that is lost when the power fails.
+/// Maximum loss if the power fails.
 pub const SYNC_PERIOD: Duration = Duration::from_millis(1000);
 /// Messages that can wait for the disk: ten seconds of all streams.
 const QUEUE_LENGTH: usize = 1 << 16;
@@ -41,25 +41,24 @@ const PICTURE_QUEUE: usize = 64 << 20;
 
 /// Name of the metadata at the start.
 pub const HEADER: &str = "i2ris.header";
-/// The entry of it with the names of the joints.
+/// Its entry with the names of the joints.
 pub const JOINTS: &str = "joints";
-/// The entries of the metadata at the end with how late the stamps of the camera are, s, measured
-/// by the motion of the snake, and the standard deviation of that.
+/// Entry of the metadata at the end with the delay of the camera's stamps, s, measured from the
+/// motion of the snake, and with its standard deviation.
 pub const ALIGNMENT: &str = "camera_late_s";
 pub const ALIGNMENT_DEVIATION: &str = "camera_late_deviation_s";
 /// Name of the metadata at the end of a recording that ended without an error.
 pub const OUTCOME: &str = "i2ris.outcome";
 
-/// Why a recording cannot begin, or ended.
+/// Reason why a recording cannot start, or ended.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     #[error(
-        "cannot make {path}: {source}; name a file that does not exist yet, in a folder that you \
-         may write to"
+        "cannot create {path}: {source}; name a file that does not exist yet, in a writable folder"
     )]
     Create { path: PathBuf, source: io::Error },
     #[error(
-        "{path}: {}; what was written until then can be read after `i2ris record recover`",
+        "{path}: {}; data written until then can be read after `i2ris record recover`",
         cause(source)
     )]
     Write { path: PathBuf, source: McapError },
@@ -68,7 +67,7 @@ pub enum RecordError {
     Thread { path: PathBuf },
 }
 
-/// What the system says where the format only says that it was an error of the system.
+/// Error of the system where the format only wraps it.
 fn cause(error: &McapError) -> String {
     match error {
         McapError::Io(error) if error.kind() == io::ErrorKind::StorageFull => {
@@ -118,15 +117,15 @@ pub struct MessageCounts {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PictureCounts {
     pub recorded: u64,
-    /// The disk was too slow for them.
+    /// Dropped because the disk was too slow.
     pub dropped: u64,
-    /// The budget was used up.
+    /// Dropped because the budget was used up.
     pub over_budget: u64,
 }
 
 type McapFile = Writer<BufWriter<File>>;
 
-/// Where a message goes.
+/// Destination of a message.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 enum Channel {
     Topic(Topic),
@@ -175,7 +174,7 @@ impl TrialRecorder {
     /// Creates the file, which must not exist, and writes its header.
     pub fn start(path: &Path, header: RecordingHeader) -> Result<Self, RecordError> {
         let create = |source| RecordError::Create { path: path.to_owned(), source };
-        // What a trial has seen is its owner's, as the black boxes are.
+        // Recordings are readable by their owner alone, like black boxes.
         let mut options = OpenOptions::new();
         let file = options.write(true).create_new(true).mode(0o600).open(path).map_err(create)?;
         let disk = file.try_clone().map_err(create)?;
@@ -245,7 +244,7 @@ impl TrialRecorder {
         let length = bytes.len();
         let channel = Channel::View(view.to_owned());
         let message = QueuedMessage { channel, sequence: number as u32, stamp, received, bytes };
-        // Before it is sent: the thread takes it off when it is written.
+        // Added before sending: the thread subtracts it after writing.
         self.waiting.fetch_add(length, Ordering::Relaxed);
         let is_queued = !is_full && self.send(message);
         if !is_queued {
@@ -322,7 +321,7 @@ fn write_header(file: File, header: &RecordingHeader) -> Result<McapFile, McapEr
     Ok(file)
 }
 
-/// Writes the URDF where tools of ROS look for it, and attaches it.
+/// Writes the URDF where ROS tools look for it, and attaches it.
 fn describe(file: &mut McapFile, header: &RecordingHeader) -> Result<(), McapError> {
     let now = header.unix_offset_ns.wrapping_add(i2ris::clock::now().0);
     let message = MessageHeader {
@@ -396,7 +395,7 @@ fn write_messages(
                         channels.insert(message.channel.clone(), channel_id);
                         channel_id
                     }
-                    // All topics are there.
+                    // All topics exist.
                     (None, Channel::Topic(_)) => continue,
                 };
                 let header = MessageHeader {

@@ -1,7 +1,7 @@
 //! Events in words, from the streams and from the run log if it is attached.
 
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Fault, OperatingState, Refusal, ShownClient};
+use i2ris::ipc::{Fault, MaskedClientId, OperatingState, Refusal};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -11,7 +11,7 @@ use super::trial::Trial;
 pub struct TrialEvent {
     pub t_s: f64,
     pub what: String,
-    /// It was not intended: a fault, a stop, a refusal.
+    /// Unintended event: a fault, a stop, a refusal.
     pub is_trouble: bool,
 }
 
@@ -31,7 +31,7 @@ const FLAGS: [(u32, &str, &str); 5] = [
     (OperatingStateMsg::FIFO, "loop under SCHED_FIFO", "loop without SCHED_FIFO"),
 ];
 
-/// All events in the order of time.
+/// All events, sorted by time.
 pub fn trial_events(trial: &Trial) -> Vec<TrialEvent> {
     let event = |stamp, (what, is_trouble): Description| TrialEvent {
         t_s: trial.seconds(stamp),
@@ -67,7 +67,7 @@ fn state_text(number: u32) -> &'static str {
 fn state_changes(before: &OperatingStateMsg, now: &OperatingStateMsg) -> Vec<Description> {
     let mut changes = Vec::new();
     if before.boot_id != now.boot_id {
-        changes.push(("the controller was started anew".to_owned(), true));
+        changes.push(("the controller was restarted".to_owned(), true));
     }
     if before.state != now.state {
         let is_fault = now.state == OperatingState::Fault.number();
@@ -89,7 +89,7 @@ fn state_changes(before: &OperatingStateMsg, now: &OperatingStateMsg) -> Vec<Des
     if before.lease_client_id != now.lease_client_id {
         let what = match now.lease_client_id {
             0 => "no client commands".to_owned(),
-            client => format!("{} commands", ShownClient(client)),
+            client => format!("{} commands", MaskedClientId(client)),
         };
         changes.push((what, false));
     }

@@ -181,7 +181,7 @@ fn loop_timing(report: &TrialReport) -> Panel {
 type Curve = (&'static str, usize, f64);
 
 const DEG: f64 = 180.0 / std::f64::consts::PI;
-/// The latency is estimated and not applied.
+/// Index of the latency, which is estimated but not applied.
 const LATENCY: usize = 8;
 
 const GROUPS: [(&str, &str, &[Curve]); 5] = [
@@ -210,7 +210,7 @@ const GROUPS: [(&str, &str, &[Curve]); 5] = [
     ("latency of the camera", "estimate (ms)", &[("beyond its stamps", LATENCY, 1000.0)]),
 ];
 
-/// What was applied of the drift, parameter by parameter; below, the share of the budget.
+/// The applied drift correction by parameter; below, the share of the budget.
 pub fn adaptation(trial: &Trial) -> Figure {
     const HEIGHT: f64 = 170.0;
     let line = |stroke, value: &dyn Fn(&AdaptationMsg) -> f64| {
@@ -221,8 +221,8 @@ pub fn adaptation(trial: &Trial) -> Figure {
     let mut figure = Figure::new(
         "adaptation",
         "Drift over time",
-        "What was applied of the drift that the camera showed, parameter by parameter, and below \
-         the share of the budget.",
+        "The applied correction of the drift that the camera showed, by parameter, and below the \
+         share of the budget.",
     );
     for (name, unit, curves) in GROUPS {
         let lines = curves.iter().zip(DRIFT).map(|((label, index, factor), stroke)| {

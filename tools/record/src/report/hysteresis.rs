@@ -9,13 +9,13 @@ use serde::Serialize;
 
 use super::trial::Trial;
 
-/// The least motion that has a direction, counts.
+/// Minimum motion that has a direction, counts.
 const TURN_COUNTS: f64 = 3.0;
 
 /// Bins along the stroke for the width of the loop.
 const BINS: usize = 24;
-/// The least number of samples of a branch in a bin.
-const LEAST_SAMPLES: usize = 5;
+/// Minimum number of samples of a branch in a bin.
+const MIN_SAMPLES: usize = 5;
 
 /// Counts further apart in time than this are not interpolated, ns.
 const GAP_NS: u64 = 20_000_000;
@@ -151,7 +151,7 @@ fn loop_width(rising: &[[f64; 3]], falling: &[[f64; 3]]) -> Option<f64> {
             *sum += distance;
             *count += 1;
         }
-        sums.map(|(sum, count)| (count >= LEAST_SAMPLES).then(|| sum / count as f64))
+        sums.map(|(sum, count)| (count >= MIN_SAMPLES).then(|| sum / count as f64))
     };
     let branches = bin_means(falling).into_iter().zip(bin_means(rising));
     let widths = branches.filter_map(|(falling, rising)| Some(falling? - rising?));
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn without_play_the_width_is_0_and_without_motion_there_is_no_loop() {
+    fn loop_has_no_width_without_play_and_needs_motion() {
         let widths = hysteresis_loops(&trial(0.0)).into_iter().map(|found| found.width_deg);
         assert!(widths.flatten().all(|width| width.abs() < 1e-6));
         assert!(hysteresis_loops(&Trial::default()).is_empty());

@@ -1,4 +1,4 @@
-//! From command to serial line, age of encoder positions, and timing of the control loop.
+//! Time from command to serial line, age of encoder positions, and timing of the control loop.
 
 use hdrhistogram::Histogram;
 use i2ris::ipc::payload::{ActuatorState, PeriodStatistics, SpanSummary};
@@ -7,7 +7,7 @@ use i2ris_report::statistics::{quantile, quantile_of_unsorted, sort};
 use serde::Serialize;
 
 /// Longer durations count as this one, ns: ten seconds.
-const LONGEST_NS: u64 = 10_000_000_000;
+const MAX_LATENCY_NS: u64 = 10_000_000_000;
 
 /// Bins of a histogram per factor of ten.
 const BINS_PER_DECADE: f64 = 20.0;
@@ -15,7 +15,7 @@ const BINS_PER_DECADE: f64 = 20.0;
 /// Latencies of a trial, of both motors.
 #[derive(Debug)]
 pub struct Latencies {
-    /// From the stamp of a command until its setpoint was passed to the serial line, ns.
+    /// Time from the stamp of a command until its setpoint was passed to the serial line, ns.
     pub to_line: Histogram<u64>,
     /// Age of the encoder position in each tick, ns.
     pub age: Histogram<u64>,
@@ -26,7 +26,7 @@ pub struct Latencies {
 impl Default for Latencies {
     #[allow(clippy::expect_used, reason = "constant bounds, which a test passes to it")]
     fn default() -> Self {
-        let empty = Histogram::new_with_bounds(1, LONGEST_NS, 3).expect("constant bounds");
+        let empty = Histogram::new_with_bounds(1, MAX_LATENCY_NS, 3).expect("constant bounds");
         Self { to_line: empty.clone(), age: empty, sequence: [0; MAX_MOTORS] }
     }
 }
@@ -51,7 +51,7 @@ impl Latencies {
 }
 
 fn record(histogram: &mut Histogram<u64>, ns: u64) {
-    histogram.saturating_record(ns.clamp(1, LONGEST_NS));
+    histogram.saturating_record(ns.clamp(1, MAX_LATENCY_NS));
 }
 
 /// Edges of bins in ms, at equal distances on a logarithmic axis, and the share of each, percent.

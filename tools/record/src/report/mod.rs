@@ -5,9 +5,9 @@
 //! |---|---|
 //! | `trial` | the data of a recording, read once; when the robot followed commands |
 //! | `tracking` | tracking error by the model's estimate and by the camera |
-//! | `out_of_reach` | asked against reached: commands out of reach |
+//! | `out_of_reach` | requested against reached pose: commands out of reach |
 //! | `reaches` | point-to-point motion and reach-and-hold tasks: time, overshoot, detour |
-//! | `pursuit` | targets that were followed: error and lag |
+//! | `pursuit` | targets to follow: error and lag |
 //! | `hysteresis` | counts against angle, width of the loop |
 //! | `latency` | percentiles; from command to serial line, age of encoder positions, the control loop |
 //! | `events` | events in words |
@@ -49,41 +49,41 @@ pub(crate) use trial::Trial;
 /// The report of a trial. As JSON it has the numbers without the series.
 #[derive(Debug, Serialize)]
 pub struct TrialReport {
-    /// Name of the file.
+    /// Name of the recording's file.
     pub file: String,
-    /// Date and time of its start, UTC.
+    /// Date and time of the start, UTC.
     pub recorded: Option<String>,
     pub length_s: f64,
-    /// Why it cannot be read to its end; `None`: it is complete.
+    /// Reason why it cannot be read to its end; `None`: it is complete.
     pub cut_off: Option<String>,
-    /// Metadata from its start.
+    /// Metadata from the start of the recording.
     pub about: BTreeMap<String, String>,
-    /// Metadata from its end.
+    /// Metadata from the end of the recording.
     pub outcome: BTreeMap<String, String>,
     /// Attached files and their bytes.
     pub attached: BTreeMap<String, usize>,
     pub streams: Vec<StreamCount>,
-    /// Share of the motion of the hand that reached the snake, and number of virtual fixtures.
+    /// Motion scale from hand to snake, and number of virtual fixtures.
     pub scale: Option<f64>,
     pub fixtures: Option<u32>,
     /// Error by the camera.
     pub camera: Option<TrackingError>,
     /// Error by the model's estimate from the encoders.
     pub estimate: Option<TrackingError>,
-    /// What it was asked for and could not reach.
+    /// Requested poses that the robot could not reach.
     pub out_of_reach: Option<OutOfReach>,
     pub reaches: Option<ReachScore>,
     pub targets: Option<TargetScore>,
-    /// Targets that were followed.
+    /// Scores of the targets to follow.
     pub pursuits: Vec<Pursuit>,
     pub hysteresis: Vec<HysteresisLoop>,
-    /// From the stamp of a command until its setpoint was passed to the serial line, ms.
+    /// Time from the stamp of a command until its setpoint was passed to the serial line, ms.
     pub command_to_line_ms: Option<Percentiles>,
     /// Age of the encoder position in each tick, ms.
     pub reading_age_ms: Option<Percentiles>,
     pub control_loop: Option<LoopTiming>,
     pub events: Vec<TrialEvent>,
-    /// What the figures are drawn from.
+    /// Data of the figures.
     #[serde(skip)]
     trial: Trial,
 }
@@ -98,7 +98,7 @@ pub struct StreamCount {
 }
 
 impl TrialReport {
-    /// Reads a recording, complete or cut off, and evaluates it.
+    /// Reads a recording, complete or truncated, and evaluates it.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let trial = Trial::read(path)?;
         let streams = trial.streams.iter().map(|(stream, count)| StreamCount {
@@ -133,7 +133,7 @@ impl TrialReport {
         })
     }
 
-    /// Mean pitch and yaw between two instants, by what observes the snake.
+    /// Mean pitch and yaw between two instants, by camera or estimate.
     pub(crate) fn observed_mean(&self, from_s: f64, to_s: f64) -> Option<[f64; 2]> {
         let (_, series) = self.trial.observed();
         let at = |(stamp_ns, _): &&(u64, [f64; 2])| {
@@ -144,12 +144,12 @@ impl TrialReport {
         Some([of(0)?, of(1)?])
     }
 
-    /// As a few lines of text.
+    /// Returns a few lines of text.
     pub fn text(&self) -> String {
         text::text(self)
     }
 
-    /// As an HTML page with figures.
+    /// Returns an HTML page with figures.
     pub fn page(&self) -> Page {
         page::page(self)
     }

@@ -1,4 +1,4 @@
-//! Asked against reached: commands beyond what the snake can reach.
+//! Requested against reached pose: commands beyond the reach of the snake.
 
 use i2ris::ipc::payload::JointState;
 use i2ris_report::statistics::median;
@@ -7,39 +7,40 @@ use serde::Serialize;
 use super::tracking::GAP_NS;
 use super::trial::Trial;
 
-/// A median distance above this between commands and goals that were not clipped shows that a
-/// clutch or a scale is between them: then no command says which pose was asked for, deg.
+/// Median distance between commands and unclipped goals above which a clutch or a scale must be
+/// between them, so that the requested pose is unknown, deg.
 const COUPLED_DEG: f64 = 0.5;
 
-/// What the robot was asked for and could not reach.
+/// Requested poses that the robot could not reach.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct OutOfReach {
-    /// How long the goal was clipped, seconds.
+    /// Time for which the goal was clipped, seconds.
     pub clipped_s: f64,
-    /// Where it was worst: pitch and yaw that were asked for, degrees.
+    /// Requested pitch and yaw in the worst case, degrees.
     pub asked_deg: [f64; 2],
-    /// Where the robot was then, degrees.
+    /// Pitch and yaw of the robot at that time, degrees.
     pub reached_deg: [f64; 2],
-    /// The distance of both.
+    /// Distance of both, degrees.
     pub short_deg: f64,
-    /// What observed the snake: `camera` or `estimate`.
+    /// Source of the robot's pose: `camera` or `estimate`.
     pub by: &'static str,
 }
 
 impl OutOfReach {
-    /// In one sentence.
+    /// Returns one sentence.
     pub fn sentence(&self) -> String {
         let Self { clipped_s, asked_deg: [pitch, yaw], reached_deg, short_deg, by } = self;
         format!(
-            "asked for pitch, yaw {pitch:+.1} {yaw:+.1} deg, the robot reached {:+.1} {:+.1} deg by \
-             the {by}: {short_deg:.1} deg short; {clipped_s:.1} s of the commands were out of reach",
+            "requested pitch, yaw {pitch:+.1} {yaw:+.1} deg, the robot reached {:+.1} {:+.1} deg \
+             by the {by}: {short_deg:.1} deg short; {clipped_s:.1} s of the commands were out of \
+             reach",
             reached_deg[0], reached_deg[1]
         )
     }
 }
 
-/// The worst of it; `None`: every command was in reach, or a clutch or a scale was between command
-/// and goal.
+/// Returns the worst case; `None`: every command was in reach, or a clutch or a scale was between
+/// command and goal.
 pub fn out_of_reach(trial: &Trial) -> Option<OutOfReach> {
     let (by, observed) = trial.observed();
     let (mut in_reach, mut clipped_ticks) = (Vec::new(), 0_u64);
@@ -77,19 +78,19 @@ mod tests {
 
     use super::*;
 
-    /// A pose of 60 deg is asked for; the goal stays at 37.3, and so does the snake. `scale`: of
-    /// the goal beside the command.
+    /// A pose of 60 deg is requested; the goal stays at 37.3, and so does the snake. `scale`: goal
+    /// divided by command.
     fn trial(scale: f64) -> Trial {
         let mut trial = Trial::default();
         trial.states.push(OperatingStateMsg { state: 1, ..OperatingStateMsg::default() });
         for ms in 0..20_000_u64 {
             let stamp = ms * 1_000_000;
-            let asked = (ms as f64 * 0.01).min(60.0);
-            let goal = [(asked * scale).min(37.3), 0.0];
-            trial.commands.push(stamp, [asked, 0.0]);
+            let requested = (ms as f64 * 0.01).min(60.0);
+            let goal = [(requested * scale).min(37.3), 0.0];
+            trial.commands.push(stamp, [requested, 0.0]);
             trial.goal.push(stamp, goal);
             trial.measured.push(stamp, goal);
-            let is_clipped = asked * scale > 37.3;
+            let is_clipped = requested * scale > 37.3;
             trial.goal_flags.push((stamp, if is_clipped { JointState::CLIPPED } else { 0 }));
         }
         trial
@@ -100,7 +101,7 @@ mod tests {
         let found = out_of_reach(&trial(1.0)).unwrap();
         assert!((found.short_deg - 22.7).abs() < 1e-9 && found.by == "estimate", "{found:?}");
         assert!((found.clipped_s - 16.27).abs() < 0.02, "{found:?}");
-        let text = "asked for pitch, yaw +60.0 +0.0 deg, the robot reached +37.3 +0.0 deg by the \
+        let text = "requested pitch, yaw +60.0 +0.0 deg, the robot reached +37.3 +0.0 deg by the \
                     estimate: 22.7 deg short; 16.3 s of the commands were out of reach";
         assert_eq!(found.sentence(), text);
         // With a scale, the command is a displacement of the master.

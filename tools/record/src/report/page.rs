@@ -9,9 +9,9 @@ use super::latency::Percentiles;
 use super::reaches::ARRIVED_DEG;
 use super::{TrialReport, figures};
 
-/// The most events and reaches in their tables. Further ones are only counted.
-const MOST_EVENTS: usize = 200;
-const MOST_REACHES: usize = 100;
+/// Maximum number of events and reaches in their tables. Further ones are only counted.
+const MAX_EVENTS: usize = 200;
+const MAX_REACHES: usize = 100;
 
 pub fn page(report: &TrialReport) -> Page {
     let mut page = Page::new(format!("Trial {}", report.file));
@@ -54,7 +54,7 @@ fn main_result(report: &TrialReport) -> String {
         (None, Some(estimate)) => format!(
             "{length}, no camera. While it followed commands, the model's estimate was {:.2} deg \
              from {goal} (root mean square of the two-dimensional error). This recording does \
-             not contain how far the robot itself was.",
+             not contain the error of the robot itself.",
             estimate.length_rms_deg
         ),
         (None, None) => format!("{length}. The robot followed no commands in angles."),
@@ -66,13 +66,13 @@ fn notices(report: &TrialReport) -> Vec<String> {
     if let Some(reason) = &report.cut_off {
         notices.push(format!("The recording is not complete ({reason})."));
     } else if report.outcome.is_empty() {
-        notices.push("The recorder did not end in order: the recording has no outcome.".to_owned());
+        notices.push("The recorder did not end cleanly: the recording has no outcome.".to_owned());
     }
     let missing: u64 = report.streams.iter().map(|stream| stream.missing).sum();
     if missing > 0 {
         notices.push(format!("{missing} message(s) of the controller are missing."));
     }
-    notices.extend(report.trial.unread().map(|said| format!("{said}.")));
+    notices.extend(report.trial.unread().map(|text| format!("{text}.")));
     if report.trial.is_tip {
         let tip =
             "The outputs are positions of the tip, not angles: this report does not draw them.";
@@ -102,13 +102,13 @@ fn facts(report: &TrialReport) -> Vec<(String, String)> {
 fn write_tracking(page: &mut Page, report: &TrialReport) {
     page.section("Tracking");
     if report.trial.goal.is_empty() && report.trial.measured.is_empty() {
-        page.paragraph("There are no angles: no model was in use.");
+        page.paragraph("No angles: no model was in use.");
         return;
     }
     page.figure(
         &figures::angles(report),
         "Angles over time, and the error while commands were followed. The estimate is the \
-         model's, from the encoders: it is only as right as the model.",
+         model's, from the encoders: it is only as accurate as the model.",
     );
     let header = "against/samples/pitch RMS/yaw RMS/length RMS/p50/p90/p99/max".split('/');
     let caption = "Error while commands were followed, degrees; length: of the two-dimensional \
@@ -158,7 +158,7 @@ fn write_reaches(page: &mut Page, report: &TrialReport) {
     let header = "at (s)/from (deg)/to (deg)/goal moves (s)/arrived (s)/overshoot (deg)/detour";
     let caption = "Every reach; detour: path of the goal divided by the distance.";
     let mut table = Table::new(caption, header.split('/'));
-    for reach in score.reaches.iter().take(MOST_REACHES) {
+    for reach in score.reaches.iter().take(MAX_REACHES) {
         table.row(TableRow::new([
             fixed(reach.t_s, 2),
             pose(reach.from_deg),
@@ -223,8 +223,8 @@ fn write_adaptation(page: &mut Page, report: &TrialReport) {
     page.section("Adaptation");
     page.figure(
         &figures::adaptation(&report.trial),
-        "What was applied of the drift, and the share of the budget: a warning at 70 %; at 100 % \
-         nothing more is learned.",
+        "The applied drift correction, and the share of the budget: a warning at 70 %; at 100 % \
+         adaptation stops.",
     );
     page.facts(adaptation_facts(last));
 }
@@ -232,7 +232,7 @@ fn write_adaptation(page: &mut Page, report: &TrialReport) {
 fn adaptation_facts(last: &AdaptationMsg) -> [(String, String); 3] {
     let dropped: u64 = last.frames_dropped.iter().sum();
     let frames = format!(
-        "{} learned from, {} refused, {} while nothing was learned, {dropped} dropped",
+        "{} used, {} rejected, {} while adaptation was paused, {dropped} dropped",
         last.frames_used, last.frames_refused, last.frames_paused
     );
     let errors = format!(
@@ -243,7 +243,7 @@ fn adaptation_facts(last: &AdaptationMsg) -> [(String, String); 3] {
     [
         ("frames".to_owned(), frames),
         ("camera, last window of 10 s".to_owned(), errors),
-        ("taken back".to_owned(), last.taken_back.to_string()),
+        ("reverted".to_owned(), last.taken_back.to_string()),
     ]
 }
 
@@ -285,17 +285,17 @@ fn write_latencies(page: &mut Page, report: &TrialReport) {
 fn write_events(page: &mut Page, report: &TrialReport) {
     page.section("Events");
     if report.events.is_empty() {
-        page.paragraph("There are no events.");
+        page.paragraph("No events.");
         return;
     }
     let mut table = Table::new("Unintended events are bold.", ["time (s)", "what"]).text_column(1);
-    for event in report.events.iter().take(MOST_EVENTS) {
+    for event in report.events.iter().take(MAX_EVENTS) {
         let cells = [fixed(event.t_s, 3), event.what.clone()];
         table.row(TableRow::new(cells).strong(event.is_trouble));
     }
     page.table(&table);
-    if report.events.len() > MOST_EVENTS {
-        let more = report.events.len() - MOST_EVENTS;
+    if report.events.len() > MAX_EVENTS {
+        let more = report.events.len() - MAX_EVENTS;
         page.paragraph(format!("And {more} more, which `i2ris record report --json` lists."));
     }
 }

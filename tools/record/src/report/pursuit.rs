@@ -1,4 +1,4 @@
-//! Targets that were followed: how far the snake was from them, and how late.
+//! Targets to follow: distance and lag of the snake.
 //!
 //! The lag is where the cross-correlation of target and snake, of both axes together, is largest.
 
@@ -10,35 +10,35 @@ use super::trial::{Followed, Trial};
 
 /// Grid of the correlation, ns.
 const STEP_NS: u64 = 10_000_000;
-/// Lags that are looked at: a person is behind, and may foresee a little.
+/// Lags that are searched: a person lags, and may anticipate a little.
 const LAGS: std::ops::RangeInclusive<i64> = -50..=150;
 /// Samples further apart are not interpolated, ns.
 const GAP_NS: u64 = 200_000_000;
 /// A target that moves less than this rests, deg.
 const RESTS_DEG: f64 = 0.02;
-/// With less correlation, nobody followed.
-const LEAST_CORRELATION: f64 = 0.5;
+/// Minimum correlation: below, the target was not followed.
+const MIN_CORRELATION: f64 = 0.5;
 
-/// How a target was followed. The run-in does not count.
+/// Score of a target to follow. The run-in does not count.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Pursuit {
-    /// What observed the snake: `camera` or `estimate`.
+    /// Source of the snake's pose: `camera` or `estimate`.
     pub by: &'static str,
-    /// When it was shown, seconds.
+    /// Time at which it was shown, seconds.
     pub t_s: f64,
     pub length_s: f64,
-    /// Whether the target moved; one that rests was to be held.
+    /// Whether the target moved; one at rest was to be held.
     pub moves: bool,
     /// Distance from the target, root mean square, degrees.
     pub rms_deg: f64,
-    /// How late the snake was, seconds; `None`: the target rested, or nobody followed.
+    /// Lag of the snake, seconds; `None`: the target rested, or was not followed.
     pub lag_s: Option<f64>,
-    /// The distance from where the target was so much earlier.
+    /// RMS distance from the target's position one lag earlier, degrees.
     pub rms_without_lag_deg: Option<f64>,
 }
 
 impl Pursuit {
-    /// In one line.
+    /// Returns one line.
     pub fn line(&self) -> String {
         let Self { by, length_s, rms_deg, .. } = self;
         let what = if self.moves { "pursuit" } else { "held still" };
@@ -46,7 +46,7 @@ impl Pursuit {
             (true, Some(lag_s), Some(rms_deg)) => {
                 format!("; {lag_s:.2} s late, {rms_deg:.2} deg without the lag")
             }
-            (true, ..) => "; no lag: nobody followed".to_owned(),
+            (true, ..) => "; no lag: the target was not followed".to_owned(),
             (false, ..) => String::new(),
         };
         format!(
@@ -55,7 +55,7 @@ impl Pursuit {
     }
 }
 
-/// Scores every target that was followed; none that nothing observed.
+/// Scores every target to follow for which the snake was observed.
 pub fn pursuits(trial: &Trial) -> Vec<Pursuit> {
     let (by, snake) = trial.observed();
     { trial.followed.iter() }.filter_map(|followed| pursuit(trial, followed, by, snake)).collect()
@@ -111,13 +111,13 @@ fn lag(target: &[(u64, [f64; 2])], snake: &TimeSeries<2>) -> Option<(f64, f64)> 
     let best = (0..all.len()).max_by(|a, b| all[*a].1.total_cmp(&all[*b].1))?;
     let (lag, most) = all[best];
     let (before, after) = (all.get(best.checked_sub(1)?)?.1, all.get(best + 1)?.1);
-    if most < LEAST_CORRELATION {
+    if most < MIN_CORRELATION {
         return None;
     }
     let bend = before - 2.0 * most + after;
-    let beside = if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
+    let offset = if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
     let away = at(lag).into_iter().map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
-    Some(((lag as f64 + beside) * STEP_NS as f64 * 1e-9, root_mean_square(away)?))
+    Some(((lag as f64 + offset) * STEP_NS as f64 * 1e-9, root_mean_square(away)?))
 }
 
 fn correlation(pairs: &[([f64; 2], [f64; 2])]) -> Option<f64> {
@@ -140,8 +140,8 @@ fn correlation(pairs: &[([f64; 2], [f64; 2])]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// A target on a curve for 20 s, and a snake that is behind by `lag_s` and beside by `beside`.
-    fn followed(lag_s: f64, beside: f64, swing: f64) -> Pursuit {
+    /// A target on a curve for 20 s, and a snake that lags by `lag_s` and is off by `offset`.
+    fn followed(lag_s: f64, offset: f64, swing: f64) -> Pursuit {
         let curve = |t: f64| [swing * (0.9 * t).sin(), swing * (1.7 * t + 1.0).sin()];
         let mut trial = Trial::default();
         for ms in (0..20_000_u64).step_by(10) {
@@ -155,18 +155,18 @@ mod tests {
                 flags: ReachTarget::FOLLOW | ended,
                 ..ReachTarget::default()
             });
-            // The camera looks 4 ms after the target is told.
+            // The camera's exposure is 4 ms after the target.
             let [pitch, yaw] = curve(t_s + 0.004 - lag_s);
-            trial.camera.push(ms * 1_000_000 + 4_000_001, [pitch + beside, yaw]);
+            trial.camera.push(ms * 1_000_000 + 4_000_001, [pitch + offset, yaw]);
         }
         let all = pursuits(&trial);
         let [pursuit] = all[..] else { panic!("{all:?}") };
-        assert!(trial.targets.is_empty(), "nothing was to be reached");
+        assert!(trial.targets.is_empty(), "no target to reach");
         pursuit
     }
 
     #[test]
-    fn a_snake_that_is_behind_has_a_lag_and_no_error_without_it() {
+    fn late_snake_has_a_lag_and_no_error_without_it() {
         for lag_s in [0.0, 0.123, 0.5] {
             let found = followed(lag_s, 0.0, 3.0);
             assert!((found.lag_s.unwrap() - lag_s).abs() < 2e-3, "{lag_s}: {found:?}");
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_snake_that_nobody_moves_has_no_lag() {
+    fn motionless_snake_has_no_lag() {
         let mut trial = Trial::default();
         for ms in (0..20_000_u64).step_by(10) {
             trial.add_target(ReachTarget {
@@ -202,6 +202,6 @@ mod tests {
         }
         let found = pursuits(&trial)[0];
         assert_eq!(found.lag_s, None);
-        assert!(found.line().ends_with("nobody followed"), "{}", found.line());
+        assert!(found.line().ends_with("was not followed"), "{}", found.line());
     }
 }

@@ -2,10 +2,9 @@
 //!
 //! A reach begins when the goal leaves a place where it has rested, and ends where it rests next,
 //! whoever moves it: a program, a keyboard or a gamepad. A target of a task counts from the moment
-//! it was shown to a person. Whether it was held is the verdict of the task, which stands in the
-//! recording: what the person was told is what counts. A target that a task was broken off at has
-//! none, and does not count. Observed angles are averaged over short windows, because a camera has
-//! noise.
+//! it was shown to a person. Whether it was held is the task's verdict, as recorded and shown to
+//! the person. A target at which a task was aborted has no verdict, and does not count. Observed
+//! angles are averaged over short windows, because a camera has noise.
 
 use i2ris::ipc::payload::ReachTarget;
 use i2ris_report::statistics::{TimeSeries, quantile_of_unsorted};
@@ -15,10 +14,10 @@ use super::trial::{Trial, degrees};
 
 /// The goal rests while it stays within this distance, deg, ...
 const REST_DEG: f64 = 0.02;
-/// ... for so long, ns.
+/// ... for this time, ns.
 const REST_NS: u64 = 500_000_000;
-/// A shorter motion is no reach, deg.
-const SHORTEST_DEG: f64 = 0.5;
+/// Minimum length of a reach, deg.
+const MIN_REACH_DEG: f64 = 0.5;
 /// A nearer target has no direction, deg.
 const NEAREST_DEG: f64 = 1e-3;
 /// The snake has arrived within this distance of the end, deg.
@@ -44,7 +43,7 @@ pub struct Reach {
     /// Time until the snake was within 0.15 deg of the end, seconds; `None`: it did not come there
     /// before the next reach.
     pub arrived_s: Option<f64>,
-    /// How far the snake went beyond the end, along the line of the reach, degrees.
+    /// Overshoot of the snake beyond the end, along the line of the reach, degrees.
     pub overshoot_deg: f64,
     /// Length of the path of the goal divided by the distance: 1 is straight.
     pub detour: f64,
@@ -52,7 +51,7 @@ pub struct Reach {
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReachScore {
-    /// What observed the snake: `camera` or `estimate`.
+    /// Source of the snake's pose: `camera` or `estimate`.
     pub by: &'static str,
     /// Share of the reaches in which the snake arrived.
     pub arrived: f64,
@@ -78,7 +77,7 @@ pub struct TargetReach {
     pub arrived_s: Option<f64>,
     /// Time until it had stayed within the tolerance for the time of the task; `None`: never.
     pub held_s: Option<f64>,
-    /// How far the snake went beyond it, along the line from where it was, degrees.
+    /// Overshoot of the snake beyond it, along the line from its start, degrees.
     pub overshoot_deg: f64,
     /// Length of the path of the goal divided by the distance: 1 is straight.
     pub detour: f64,
@@ -86,7 +85,7 @@ pub struct TargetReach {
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TargetScore {
-    /// What the task judged by: `camera` or `estimate`.
+    /// Source of the task's verdict: `camera` or `estimate`.
     pub by: &'static str,
     /// Distance within which a target counts, degrees, of the last target.
     pub tolerance_deg: f64,
@@ -104,7 +103,7 @@ pub struct TargetScore {
 }
 
 impl TargetScore {
-    /// The score in one line.
+    /// Returns the score in one line.
     pub fn line(&self) -> String {
         format!(
             "{} targets: {:.0} % held for {:.1} s within {:.2} deg by the {}{}; overshoot \
@@ -126,8 +125,8 @@ pub fn times(times: Option<[f64; 2]>) -> String {
     format!(", after {median:.2} s (median), {p95:.2} s (95 %)")
 }
 
-/// Scores the reaches of a trial by the camera, or without one by the model's estimate; `None`: the
-/// goal made none, or nothing observed them.
+/// Scores the reaches of a trial by the camera, or without one by the model's estimate; `None`:
+/// without reaches, or without an observed pose.
 pub fn reach_score(trial: &Trial) -> Option<ReachScore> {
     let (by, series) = trial.observed();
     let samples: Vec<Sample> = series.iter().copied().collect();
@@ -145,7 +144,7 @@ pub fn reach_score(trial: &Trial) -> Option<ReachScore> {
     })
 }
 
-/// Scores the targets of a trial; `None`: there were none, or nothing observed the snake.
+/// Scores the targets of a trial; `None`: without targets, or without an observed pose.
 pub fn target_score(trial: &Trial) -> Option<TargetScore> {
     let (_, series) = trial.observed();
     let samples: Vec<Sample> = series.iter().copied().collect();
@@ -210,7 +209,7 @@ fn rests(goal: &TimeSeries<2>) -> Vec<Rest> {
 fn reach(trial: &Trial, samples: &[Sample], from: Rest, to: Rest) -> Option<Reach> {
     let (onset, distance_deg) = (from.to_ns, distance(from.at, to.at));
     let samples = between(samples, onset, to.to_ns)?;
-    (distance_deg >= SHORTEST_DEG).then(|| Reach {
+    (distance_deg >= MIN_REACH_DEG).then(|| Reach {
         t_s: trial.seconds(onset),
         from_deg: from.at,
         to_deg: to.at,
@@ -250,7 +249,7 @@ fn between(samples: &[Sample], from_ns: u64, to_ns: u64) -> Option<&[Sample]> {
     samples.get(first..after).filter(|samples| !samples.is_empty())
 }
 
-/// How far the means of short windows go beyond the end, along the line from the start.
+/// Overshoot of the means of short windows beyond the end, along the line from the start.
 fn overshoot_deg(samples: &[Sample], from: [f64; 2], to: [f64; 2]) -> f64 {
     let length = distance(from, to);
     let direction = [0, 1].map(|axis| (to[axis] - from[axis]) / length);
@@ -274,12 +273,12 @@ fn path_deg(series: &TimeSeries<2>, from_ns: u64, to_ns: u64) -> f64 {
 
 /// The first stamp from which two means in a row are at the end.
 fn arrival(samples: &[Sample], to: [f64; 2]) -> Option<u64> {
-    let is_there = |first| {
+    let has_arrived = |first| {
         mean(samples, first, ARRIVED_NS).is_some_and(|mean| distance(mean, to) <= ARRIVED_DEG)
     };
     let found = (0..samples.len()).find(|first| {
         let after = samples.partition_point(|(stamp, _)| *stamp < samples[*first].0 + ARRIVED_NS);
-        is_there(*first) && is_there(after)
+        has_arrived(*first) && has_arrived(after)
     });
     found.map(|first| samples[first].0)
 }
@@ -338,7 +337,7 @@ mod tests {
     }
 
     #[test]
-    fn a_snake_that_stays_away_does_not_arrive_and_a_short_way_is_no_reach() {
+    fn distant_snake_never_arrives_and_short_motion_is_ignored() {
         let mut away = trial(0, 0.0);
         away.measured = TimeSeries::default();
         for ms in 0..5000 {
@@ -357,8 +356,8 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// A snake that goes 4 deg in the first second, 0.5 deg too far until 1.4 s, and then is there
-    /// until 2 s; afterwards it is `later_deg` away.
+    /// A snake that goes 4 deg in the first second, 0.5 deg too far until 1.4 s, and then is at the
+    /// target until 2 s; afterwards it is `later_deg` away.
     fn task(later_deg: f64) -> Trial {
         let mut trial = Trial::default();
         for ms in 0..5000 {
@@ -384,20 +383,20 @@ mod tests {
     }
 
     #[test]
-    fn a_target_is_held_when_the_snake_stays_and_overshoot_counts_along_the_line() {
+    fn held_target_has_its_time_and_overshoot_along_the_line() {
         let score = target_score(&task(0.0)).unwrap();
         let reach = score.targets[0];
         assert_eq!((score.by, score.held, reach.number), ("estimate", 1.0, 1));
         assert!((reach.distance_deg - 4.0).abs() < 1e-9 && (reach.detour - 1.0).abs() < 0.01);
         assert!((reach.overshoot_deg - 0.5).abs() < 1e-6);
-        assert_eq!(reach.held_s, Some(4.9), "as the task said");
+        assert_eq!(reach.held_s, Some(4.9), "the verdict of the task");
         // Means of 200 ms are within 0.15 deg from 1.34 s on.
         let arrived = reach.arrived_s.unwrap();
         assert!((1.3..1.41).contains(&arrived), "{arrived}");
     }
 
     #[test]
-    fn a_target_that_the_task_says_was_missed_was_arrived_at_and_is_not_held() {
+    fn missed_target_was_reached_but_not_held() {
         let score = target_score(&task(0.3)).unwrap();
         let reach = score.targets[0];
         assert!(reach.arrived_s.is_some() && reach.held_s.is_none());
@@ -406,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_that_the_task_was_broken_off_at_does_not_count() {
+    fn target_of_an_aborted_task_does_not_count() {
         let mut broken_off = task(0.0);
         let open = ReachTarget { flags: 0, number: 2, ..broken_off.targets[0] };
         broken_off.targets.push(open);
@@ -414,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn without_targets_there_is_no_score() {
+    fn score_needs_targets() {
         let mut none = task(0.0);
         none.targets.clear();
         assert_eq!(target_score(&none), None);

@@ -9,9 +9,9 @@ pub fn text(report: &TrialReport) -> String {
     let recorded = report.recorded.as_deref().unwrap_or("at an unknown time");
     let (file, length_s) = (&report.file, report.length_s);
     let mut lines = vec![format!("{file}: {length_s:.1} s, recorded {recorded}")];
-    let preflight = report.about.get("preflight").filter(|said| !said.is_empty());
-    lines.extend(preflight.map(|said| format!("  {said}")));
-    lines.extend(report.trial.unread().map(|said| format!("  {said}")));
+    let preflight = report.about.get("preflight").filter(|text| !text.is_empty());
+    lines.extend(preflight.map(|text| format!("  {text}")));
+    lines.extend(report.trial.unread().map(|text| format!("  {text}")));
     let short = report.out_of_reach.as_ref();
     lines.extend(short.map(|found| format!("  {}", found.sentence())));
     lines.extend(report.camera.as_ref().map(|found| tracking("goal against camera", found)));

@@ -1,4 +1,4 @@
-//! How far the robot was from the goal while it followed commands.
+//! Distance of the robot from the goal while it followed commands.
 
 use i2ris_report::statistics::{TimeSeries, root_mean_square};
 use serde::Serialize;
@@ -18,7 +18,7 @@ pub struct TrackingError {
     pub samples: u64,
     pub pitch_rms_deg: f64,
     pub yaw_rms_deg: f64,
-    /// Of the length of the two-dimensional error.
+    /// RMS of the length of the two-dimensional error.
     pub length_rms_deg: f64,
     pub length: Percentiles,
 }

@@ -27,7 +27,7 @@ pub struct Trial {
     pub file: String,
     /// Metadata from the start of the file.
     pub about: BTreeMap<String, String>,
-    /// Metadata from its end; empty if the file was cut off.
+    /// Metadata from the end; empty if the file is truncated.
     pub outcome: BTreeMap<String, String>,
     /// Attached files with their sizes, bytes.
     pub attached: BTreeMap<String, usize>,
@@ -44,9 +44,9 @@ pub struct Trial {
     pub goal: TimeSeries<2>,
     /// Stamp and flags of every goal.
     pub goal_flags: Vec<(u64, u32)>,
-    /// The commands of the client that led, degrees.
+    /// Commands of the client that controlled the robot, degrees.
     pub commands: TimeSeries<2>,
-    /// What the controller sends after all limits, degrees.
+    /// Setpoint of the controller after all limits, degrees.
     pub setpoint: TimeSeries<2>,
     /// The model's estimate, degrees.
     pub measured: TimeSeries<2>,
@@ -56,8 +56,8 @@ pub struct Trial {
     pub counts: TimeSeries<2>,
     /// Stamp and id of every model from which estimates came.
     pub models: Vec<(u64, [u8; 32])>,
-    /// Share of the motion of a hand that reached the snake, and the regions that counted, as last
-    /// said; `None`: no hand, or none was said.
+    /// Last reported motion scale of a hand, and number of active regions; `None`: no hand, or
+    /// nothing was reported.
     pub scale: Option<f64>,
     pub fixtures: Option<u32>,
     /// Operating states without repetitions.
@@ -67,12 +67,12 @@ pub struct Trial {
     pub adaptation: Vec<AdaptationMsg>,
     /// The targets of reach-and-hold tasks: the last message of each.
     pub targets: Vec<ReachTarget>,
-    /// The targets that were to be followed.
+    /// The targets to follow.
     pub followed: Vec<Followed>,
     pub latencies: Latencies,
-    /// Outputs are positions of the tip, not angles: the series do not contain them.
+    /// Whether outputs are positions of the tip, not angles: the series do not contain them.
     pub is_tip: bool,
-    /// Why the recording cannot be read to its end.
+    /// Reason why the recording cannot be read to its end.
     pub stopped_by: Option<String>,
 }
 
@@ -107,7 +107,7 @@ impl StreamStatistics {
 }
 
 impl Trial {
-    /// Reads a recording. A recording that was cut off gives what it has.
+    /// Reads a recording. A truncated recording gives what it has.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let mut trial = Self {
             file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -162,7 +162,7 @@ impl Trial {
         self.add(message);
     }
 
-    /// What is not in the report because another release recorded it.
+    /// Streams that are not in the report because another release recorded them.
     pub fn unread(&self) -> impl Iterator<Item = String> {
         let streams = self.streams.iter().filter(|(_, statistics)| statistics.unread > 0);
         streams.map(|(stream, StreamStatistics { unread, .. })| {
@@ -241,7 +241,7 @@ impl Trial {
         intervals
     }
 
-    /// What observed the snake: the camera, or without one the model's estimate.
+    /// Source and series of the snake's pose: the camera, or without one the model's estimate.
     pub fn observed(&self) -> (&'static str, &TimeSeries<2>) {
         if self.camera.is_empty() { ("estimate", &self.measured) } else { ("camera", &self.camera) }
     }
@@ -297,12 +297,12 @@ impl Trial {
         }
     }
 
-    /// Of the messages that come 50 times a second, the drift needs no more than these.
+    /// Keeps five of the 50 messages a second: enough to show the drift.
     fn add_adaptation(&mut self, message: AdaptationMsg) {
-        const LEAST_INTERVAL_NS: u64 = 200_000_000;
+        const MIN_INTERVAL_NS: u64 = 200_000_000;
         let last = self.adaptation.last().map_or(0, |last| last.stamp_ns);
         let is_on = message.flags & AdaptationMsg::ON != 0;
-        if is_on && message.stamp_ns.saturating_sub(last) >= LEAST_INTERVAL_NS {
+        if is_on && message.stamp_ns.saturating_sub(last) >= MIN_INTERVAL_NS {
             self.adaptation.push(message);
         }
     }
@@ -394,19 +394,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn messages_of_another_layout_are_counted_and_said() {
+    fn messages_of_another_layout_are_counted_and_reported() {
         let mut trial = Trial::default();
         let message = cdr::encode(AdaptationMsg { stamp_ns: 5, ..Default::default() }.bytes());
         trial.take(Stream::Adaptation, 10, 1, &message);
         assert_eq!(trial.unread().count(), 0);
         trial.take(Stream::Adaptation, 20, 2, &message[..message.len() - 128]);
         trial.take(Stream::Adaptation, 30, 3, &[&message[..], &[0; 8]].concat());
-        let said: Vec<String> = trial.unread().collect();
-        assert!(said.len() == 1 && said[0].starts_with("2 message(s) of `adaptation`"), "{said:?}");
+        let text: Vec<String> = trial.unread().collect();
+        assert!(text.len() == 1 && text[0].starts_with("2 message(s) of `adaptation`"), "{text:?}");
     }
 
     #[test]
-    fn intervals_without_following_end_with_the_next_state_or_the_recording() {
+    fn intervals_without_following_end_with_state_or_recording() {
         let state = |seconds: u64, state: OperatingState| OperatingStateMsg {
             stamp_ns: seconds * 1_000_000_000,
             state: state.number(),

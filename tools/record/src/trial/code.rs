@@ -1,28 +1,28 @@
-//! Codes of participants and conditions. What looks like a name, a date of birth or an address is
-//! refused: a study holds no person.
+//! Codes of participants and conditions. Anything that looks like a name, a date of birth or an
+//! address is refused: a study stores no personal data.
 
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// Why a code is none.
+/// Reason why a code is invalid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum CodeError {
-    #[error("`{0}` looks like an e-mail address; give a code as P07: no person is stored")]
+    #[error("`{0}` looks like an e-mail address; give a code such as P07: no person is stored")]
     Address(String),
-    #[error("`{0}` looks like a date; give a code as P07: no date of birth is stored")]
+    #[error("`{0}` looks like a date; give a code such as P07: no date of birth is stored")]
     Date(String),
-    #[error("`{0}` looks like a name; give a code as P07: letters, then a number")]
+    #[error("`{0}` looks like a name; give a code such as P07: letters, then a number")]
     Name(String),
-    #[error("`{0}` is no code: one to three capital letters and a number, as P07")]
+    #[error("`{0}` is not a code: one to three capital letters and a number, such as P07")]
     Form(String),
     #[error(
-        "`{new}` reads like {known}, which is another code of this study; write {known}, or \
-             another number"
+        "`{new}` reads like {known}, a different code in this study; write {known}, or use a \
+             different number"
     )]
     Alike { new: Participant, known: Participant },
-    #[error("`{0}` is no condition: small letters, digits and -, at most 24, as joystick")]
+    #[error("`{0}` is not a condition: small letters, digits and -, at most 24, such as joystick")]
     Condition(String),
 }
 
@@ -62,8 +62,8 @@ impl Participant {
         (letters.to_owned(), self.0[letters.len()..].parse().unwrap_or(0))
     }
 
-    /// Refuses a code that would be taken for another one of the study.
-    pub fn check_beside(&self, known: impl IntoIterator<Item = Self>) -> Result<(), CodeError> {
+    /// Refuses a code that could be confused with a different one of the study.
+    pub fn check_distinct(&self, known: impl IntoIterator<Item = Self>) -> Result<(), CodeError> {
         let alike = known.into_iter().find(|other| other != self && other.key() == self.key());
         alike.map_or(Ok(()), |known| Err(CodeError::Alike { new: self.clone(), known }))
     }
@@ -119,7 +119,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn codes_are_taken_and_persons_refused_with_the_reason() {
+    fn codes_are_accepted_and_personal_data_is_refused() {
         for good in ["P07", "S1", "ABC1234"] {
             assert_eq!(good.parse::<Participant>().unwrap().to_string(), good);
         }
@@ -131,10 +131,10 @@ mod tests {
             ("Ann", "looks like a name"),
             ("Müller", "looks like a name"),
             ("P", "looks like a name"),
-            ("p07", "is no code"),
-            ("P-07", "is no code"),
-            ("../P07", "is no code"),
-            ("", "is no code"),
+            ("p07", "is not a code"),
+            ("P-07", "is not a code"),
+            ("../P07", "is not a code"),
+            ("", "is not a code"),
         ] {
             let error = bad.parse::<Participant>().unwrap_err().to_string();
             assert!(error.contains(part), "{bad}: {error}");
@@ -145,10 +145,10 @@ mod tests {
     }
 
     #[test]
-    fn a_code_that_reads_like_another_one_is_refused() {
+    fn code_that_reads_like_a_known_one_is_refused() {
         let code = |text: &str| text.parse::<Participant>().unwrap();
-        assert_eq!(code("P07").check_beside([code("P07"), code("P08"), code("S7")]), Ok(()));
-        let error = code("P7").check_beside([code("P07")]).unwrap_err().to_string();
+        assert_eq!(code("P07").check_distinct([code("P07"), code("P08"), code("S7")]), Ok(()));
+        let error = code("P7").check_distinct([code("P07")]).unwrap_err().to_string();
         assert!(error.contains("reads like P07"), "{error}");
     }
 }

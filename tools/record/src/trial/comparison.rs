@@ -1,11 +1,11 @@
-//! Compares the conditions of a study: each participant with itself, so that a skilled hand is no
+//! Compares the conditions of a study within each participant, so that skill is not mistaken for an
 //! effect of a condition.
 //!
 //! Intervals: paired bootstrap of the participants' means (Efron and Tibshirani, An Introduction to
 //! the Bootstrap, 1993, chapter 13, percentiles), always with the same random numbers.
 //!
 //! Throughput: ISO 9241-411, `log2(D / We + 1) / MT`, with the effective width `We = 4.133 s` of
-//! the end points along the way to the target. The time of holding is no time of movement.
+//! the end points along the way to the target. The hold time is not part of the movement time.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -24,12 +24,12 @@ const RESAMPLES: usize = 10_000;
 const SEED: u64 = 9241;
 /// Ratio of the effective width to the standard deviation: 96 % of the end points.
 const WIDTH: f64 = 4.133;
-/// Fewer participants have no interval: of two, the bootstrap gives the two themselves.
-const LEAST_PARTICIPANTS: usize = 8;
-/// Fewer targets have no spread that means something.
+/// Fewer participants have no interval: with two, the bootstrap returns just these two.
+const MIN_PARTICIPANTS: usize = 8;
+/// Fewer targets have no meaningful spread.
 const MIN_TARGETS: usize = 5;
 
-/// What is compared. Each is a number of one trial.
+/// A compared measure: one number per trial.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
@@ -47,9 +47,9 @@ pub enum Measure {
     ErrorDeg,
     /// RMS distance from a target that moved, deg.
     PursuitDeg,
-    /// How late the snake was behind it, s.
+    /// Lag of the snake, s.
     PursuitLagS,
-    /// RMS distance from a place that was to be held, deg.
+    /// RMS distance from a position to hold, deg.
     HoldStillDeg,
     /// NASA-TLX, 0 to 100.
     Workload,
@@ -84,7 +84,7 @@ impl Measure {
         }
     }
 
-    /// Its value in a trial; `None`: the trial does not show it.
+    /// Value in a trial; `None`: the trial does not show it.
     fn of(self, state: &TrialState, report: &TrialReport) -> Option<f64> {
         let targets = report.targets.as_ref();
         let of_targets = |value: fn(&TargetReach) -> Option<f64>| {
@@ -110,7 +110,7 @@ impl Measure {
     }
 }
 
-/// Of all held targets of a trial.
+/// Throughput over all held targets of a trial.
 fn throughput(report: &TrialReport) -> Option<f64> {
     let score = report.targets.as_ref()?;
     let end = |target: &TargetReach| {
@@ -142,18 +142,18 @@ pub struct TrialNumbers {
     pub outcome: Option<Outcome>,
     pub marks: usize,
     pub workload: Option<Workload>,
-    /// What it was made with: robot, model, share of the motion, number of virtual fixtures.
+    /// Setup of the trial: robot, model, motion scale, number of virtual fixtures.
     pub made_with: MadeWith,
-    /// Of the targets that were to be reached.
+    /// Scores of the targets to reach.
     #[serde(skip)]
     pub targets: Vec<TargetReach>,
-    /// In the order of [`Measure::ALL`].
+    /// Values in the order of [`Measure::ALL`].
     pub values: [Option<f64>; Measure::ALL.len()],
-    /// Why it does not count; `None`: it does.
+    /// Reason why it does not count; `None`: it does.
     pub left_out: Option<String>,
 }
 
-/// What a trial was made with, as text; empty where the recording does not tell.
+/// Setup of a trial as text; empty where the recording does not contain it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct MadeWith {
     pub robot: String,
@@ -186,9 +186,9 @@ impl MadeWith {
 pub struct Effect {
     /// Mean over the participants: condition less the first condition.
     pub difference: f64,
-    /// Of eight participants or more.
+    /// 95 % interval, from eight participants or more.
     pub interval: Option<[f64; 2]>,
-    /// Of each participant.
+    /// Difference of each participant.
     pub differences: Vec<f64>,
 }
 
@@ -198,9 +198,9 @@ pub struct Row {
     pub measure: Measure,
     /// Mean over the participants, by condition.
     pub means: Vec<Option<f64>>,
-    /// Against the first condition.
+    /// Effects relative to the first condition.
     pub effects: Vec<Option<Effect>>,
-    /// By participant and condition.
+    /// Values by participant and condition.
     #[serde(skip)]
     pub by_participant: BTreeMap<String, Vec<Option<f64>>>,
 }
@@ -212,12 +212,12 @@ pub struct StudyReport {
     pub conditions: Vec<String>,
     pub trials: Vec<TrialNumbers>,
     pub rows: Vec<Row>,
-    /// What else differs within a condition, a sentence each.
+    /// Other differences within a condition, one sentence each.
     pub mixed: Vec<String>,
 }
 
 impl StudyReport {
-    /// Reads all recordings of a study. `progress` is told each name.
+    /// Reads all recordings of a study. Calls `progress` with each name.
     pub fn read(folder: &Path, mut progress: impl FnMut(&str)) -> Result<Self, StudyError> {
         let study = Study::open(folder)?;
         let conditions: Vec<_> = study.conditions().iter().map(ToString::to_string).collect();
@@ -239,7 +239,7 @@ impl StudyReport {
                 left_out: None,
             };
             match (state.outcome, TrialReport::read(&trial.recording())) {
-                (None, _) => numbers.left_out = Some("it runs, or was cut off".into()),
+                (None, _) => numbers.left_out = Some("still running, or truncated".into()),
                 (Some(Outcome::Aborted), _) => numbers.left_out = Some("aborted".into()),
                 (_, Err(error)) => numbers.left_out = Some(error.to_string()),
                 (_, Ok(report)) => {
@@ -265,7 +265,7 @@ impl StudyReport {
     }
 }
 
-/// A difference between conditions is none of theirs where something else differs within one.
+/// Lists what else differs within a condition: such trials do not show the effect of a condition.
 fn mixed(conditions: &[String], trials: &[TrialNumbers]) -> Vec<String> {
     let mut sentences = Vec::new();
     for condition in conditions {
@@ -314,7 +314,7 @@ fn row<'a>(
 fn effect(differences: &[f64]) -> Option<Effect> {
     let difference = mean(differences.iter().copied())?;
     let count = differences.len();
-    let interval = (count >= LEAST_PARTICIPANTS).then(|| {
+    let interval = (count >= MIN_PARTICIPANTS).then(|| {
         let mut random = Pcg64::seed_from_u64(SEED);
         let mut resample = |_| {
             let sum: f64 = (0..count).map(|_| differences[random.random_range(0..count)]).sum();
@@ -356,11 +356,11 @@ mod tests {
 
     #[test]
     fn few_participants_have_differences_and_no_interval() {
-        for count in 1..LEAST_PARTICIPANTS {
+        for count in 1..MIN_PARTICIPANTS {
             let few = effect(&vec![0.3; count]).unwrap();
             assert_eq!((few.interval, few.differences), (None, vec![0.3; count]));
         }
-        assert!(effect(&[0.3; LEAST_PARTICIPANTS]).unwrap().interval.is_some());
+        assert!(effect(&[0.3; MIN_PARTICIPANTS]).unwrap().interval.is_some());
         assert_eq!(effect(&[]), None);
     }
 

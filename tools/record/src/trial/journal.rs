@@ -1,4 +1,4 @@
-//! The journal of a trial: what is true of it, one line of JSON per event.
+//! The journal of a trial: its facts, one line of JSON per event.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -18,13 +18,13 @@ pub const FILE: &str = "journal.jsonl";
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
-    /// The task was done
+    /// Task completed
     Success,
-    /// It was not
+    /// Task not completed
     Failure,
-    /// It was done after something had gone wrong
+    /// Task completed after a problem
     Recovery,
-    /// It was broken off, and does not count
+    /// Trial aborted; it does not count
     Aborted,
 }
 
@@ -39,19 +39,19 @@ pub enum Event {
         task: String,
         note: String,
     },
-    /// The recorder has the first messages of a controller; again when that was restarted.
+    /// The recorder received the first messages of a controller; repeated after a restart.
     Recording {
         time: String,
         boot_id: String,
         software: String,
         model: String,
-        /// Its `robot_id`; empty where it has none.
+        /// `robot_id` of the controller; empty if it has none.
         #[serde(default)]
         robot: String,
-        /// Of the recorder.
+        /// Process of the recorder.
         pid: i32,
     },
-    /// What the preflight before it said, or that there was none.
+    /// Result of the preflight before the trial, or that there was none.
     Preflight {
         time: String,
         said: String,
@@ -72,14 +72,14 @@ pub enum Event {
         outcome: Outcome,
         note: String,
     },
-    /// What the participant said of the workload; the last time counts.
+    /// Workload reported by the participant; the last report counts.
     Workload {
         time: String,
         answers: Workload,
     },
 }
 
-/// What a journal says.
+/// State of a trial according to its journal.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct TrialState {
     pub participant: String,
@@ -87,7 +87,7 @@ pub struct TrialState {
     pub task: String,
     pub started: String,
     pub ended: Option<String>,
-    /// `None` while it runs, or was cut off and not closed yet.
+    /// `None` while it is running, or if it is truncated and not closed yet.
     pub outcome: Option<Outcome>,
     pub note: String,
     /// See [`Event::Preflight`].
@@ -149,7 +149,7 @@ impl Follower {
         Self { path: folder.join(FILE), read: 0 }
     }
 
-    /// Whole lines only: one that is being written, or was torn, comes later or never.
+    /// Reads complete lines only: an unfinished one is returned later, a torn one never.
     pub fn new_events(&mut self) -> io::Result<Vec<Event>> {
         let bytes = std::fs::read(&self.path)?;
         let new = bytes.get(self.read..).unwrap_or_default();
@@ -172,14 +172,14 @@ fn time() -> String {
 }
 
 impl Journal {
-    /// The journal of a folder, made if there is none.
+    /// Opens the journal of a folder, and creates it if there is none.
     pub fn open(folder: &Path) -> Result<Self, StudyError> {
         let path = folder.join(FILE);
         let file = OpenOptions::new().create(true).append(true).open(&path);
         Ok(Self { file: file.map_err(io_error(&path))?, path })
     }
 
-    /// What the journal of a folder says; `None`: the folder has none.
+    /// State from the journal of a folder; `None`: the folder has none.
     pub fn read(folder: &Path) -> Result<Option<TrialState>, StudyError> {
         let mut follower = Follower::new(folder);
         let events = match follower.new_events() {
@@ -199,7 +199,7 @@ impl Journal {
         Ok((!state.participant.is_empty()).then_some(state))
     }
 
-    /// Whether a recorder holds the trial. The system takes the lock back when its process ends,
+    /// Whether a recorder holds the trial. The system releases the lock when its process ends,
     /// however it ends.
     pub fn is_held(folder: &Path) -> bool {
         let file = File::open(folder.join(FILE));
@@ -218,8 +218,7 @@ impl Journal {
         let path = self.path.clone();
         let line = serde_json::to_string(event)
             .map_err(|error| StudyError::Damaged { path: path.clone(), error })?;
-        // What tore the last line may have left all of it but its end: it was not there, and stays
-        // so.
+        // A torn last line may lack only its line end: it was not valid, and must stay so.
         let is_torn =
             std::fs::read(&path).is_ok_and(|bytes| bytes.last().is_some_and(|byte| *byte != b'\n'));
         let begin = if is_torn { " (torn)\n" } else { "" };
@@ -266,7 +265,7 @@ impl Journal {
         })
     }
 
-    /// Appends a mark and returns its number. Two at once wait for each other: the folder is
+    /// Appends a mark and returns its number. Concurrent calls wait for each other: the folder is
     /// locked, because the recorder holds the file.
     pub fn mark(&mut self, at: Nanos, text: &str) -> Result<u32, StudyError> {
         let folder = self.path.parent().unwrap_or(Path::new("."));
@@ -292,9 +291,9 @@ impl Journal {
         self.append(&Event::Workload { time: time(), answers })
     }
 
-    /// Ends a trial whose recorder is gone.
+    /// Ends a trial whose recorder has ended.
     pub fn cut_off(&mut self) -> Result<(), StudyError> {
-        self.stop(Outcome::Aborted, "cut off: its recorder was gone")
+        self.stop(Outcome::Aborted, "truncated: its recorder had ended")
     }
 }
 
@@ -329,7 +328,7 @@ mod tests {
 
         /// A power cut leaves a beginning of the file.
         #[test]
-        fn a_torn_journal_loses_its_last_line_and_goes_on(cut in 0..600_usize) {
+        fn torn_journal_loses_its_last_line_and_continues(cut in 0..600_usize) {
             let folder = tempfile::tempdir().unwrap();
             journal(folder.path());
             let file = folder.path().join(FILE);

@@ -8,8 +8,8 @@
 //!     recording.mcap          every stream, as `i2ris record` writes it
 //! ```
 //!
-//! What is true of a trial is its journal. A line that a power cut tore is not there; a trial
-//! without a stop whose recorder is gone was cut off.
+//! The journal is the truth about a trial. A line torn by a power cut is ignored; a trial without a
+//! stop whose recorder has ended is truncated.
 
 pub mod code;
 pub mod comparison;
@@ -37,44 +37,45 @@ pub(crate) const STUDY: &str = "study.json";
 /// Trials of one participant under one condition.
 const MAX_TRIALS: u32 = 999;
 
-/// Why a study cannot be used.
+/// Reason why a study cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     #[error("{path}: {error}", path = path.display())]
     Io { path: PathBuf, error: io::Error },
     #[error(
-        "{path} is no study: it has no study.json; make one with `i2ris record trial new FOLDER`, name it \
-         with --study",
+        "{path} is not a study: it has no study.json; create one with `i2ris record trial new \
+         FOLDER`, or name one with --study",
         path = path.display()
     )]
     NoStudy { path: PathBuf },
-    #[error("{path} is there already; name another folder", path = path.display())]
+    #[error("{path} already exists; name a different folder", path = path.display())]
     Exists { path: PathBuf },
     #[error(
-        "{path}: a study of format {found}, this program knows {FORMAT}: use the release that made it",
+        "{path}: study format {found}, but this program supports {FORMAT}: use the release that \
+         created it",
         path = path.display()
     )]
     Format { path: PathBuf, found: u32 },
-    #[error("{path}: {error}; it was changed by something else than i2ris", path = path.display())]
+    #[error("{path}: {error}; it was modified outside i2ris", path = path.display())]
     Damaged { path: PathBuf, error: serde_json::Error },
-    #[error("condition `{condition}` is none of this study: {known}")]
+    #[error("condition `{condition}` is not in this study: {known}")]
     Condition { condition: Condition, known: String },
     #[error(
-        "the trials of this study are of robot `{known}`, this controller serves `{found}`: make \
-         another study for it"
+        "the trials of this study are of robot `{known}`, this controller serves `{found}`: create \
+         a separate study for it"
     )]
     Robot { known: String, found: String },
     #[error(transparent)]
     Code(#[from] CodeError),
-    #[error("{0} runs: end it with `i2ris record trial stop` first")]
+    #[error("{0} is running: end it with `i2ris record trial stop` first")]
     Runs(String),
-    #[error("another `i2ris record trial start` is at work in this study")]
+    #[error("another `i2ris record trial start` is running in this study")]
     Starts,
-    #[error("no trial runs; `i2ris record trial start` begins one")]
+    #[error("no trial is running; `i2ris record trial start` starts one")]
     NoneRuns,
     #[error("no trial has ended yet")]
     NoneEnded,
-    #[error("{0} is no trial of this study; see `i2ris record trial list`")]
+    #[error("{0} is not a trial of this study; see `i2ris record trial list`")]
     NoTrial(String),
     #[error("the trial is not recorded: {0}")]
     Recorder(String),
@@ -114,7 +115,7 @@ fn io_error(path: &Path) -> impl FnOnce(io::Error) -> StudyError {
 }
 
 impl Study {
-    /// Makes the folder of a new study.
+    /// Creates the folder of a new study.
     pub fn create(
         folder: &Path,
         conditions: Vec<Condition>,
@@ -156,7 +157,7 @@ impl Study {
         Ok(Self { folder: folder.to_owned(), conditions: description.conditions })
     }
 
-    /// Refuses a robot that is not that of the trials before.
+    /// Refuses a robot other than that of the earlier trials.
     pub fn check_robot(&self, found: &str) -> Result<(), StudyError> {
         let mut robots = self.trials()?.into_iter().map(|trial| trial.state.robot);
         let other = robots.find(|known| !known.is_empty() && known != found);
@@ -164,8 +165,8 @@ impl Study {
         other.map_or(Ok(()), |known| Err(StudyError::Robot { known, found }))
     }
 
-    /// Lets one process at a time begin a trial: what has begun and is not recorded yet is not cut
-    /// off. The system takes the lock back when the process ends.
+    /// Lets one process at a time start a trial: one that is not recorded yet must not be taken for
+    /// truncated. The system releases the lock when the process ends.
     pub fn lock(&self) -> Result<Flock<File>, StudyError> {
         let file = self.folder.join(STUDY);
         let opened = File::open(&file).map_err(io_error(&file))?;
@@ -190,13 +191,13 @@ impl Study {
         Ok(trials)
     }
 
-    /// The trial that runs now.
+    /// The running trial.
     pub fn running(&self) -> Result<Option<TrialFolder>, StudyError> {
         let mut open = self.trials()?.into_iter().filter(|trial| trial.state.outcome.is_none());
         Ok(open.find(|trial| Journal::is_held(&trial.folder)))
     }
 
-    /// The trial of a name; without one, the last that has ended.
+    /// The trial of a name; without a name, the last that has ended.
     pub fn ended(&self, name: Option<&str>) -> Result<TrialFolder, StudyError> {
         let Some(name) = name else {
             let mut ended = self.trials()?;
@@ -228,7 +229,7 @@ impl Study {
         Ok(closed)
     }
 
-    /// The folder of a new trial; the folder is made, and belongs to nobody else.
+    /// Creates the folder of a new trial for this process alone.
     pub fn new_trial(
         &self,
         participant: &Participant,
@@ -241,7 +242,7 @@ impl Study {
         }
         let trials = self.trials()?;
         let known = trials.iter().filter_map(|trial| trial.state.participant.parse().ok());
-        participant.check_beside(known)?;
+        participant.check_distinct(known)?;
         for number in 1..=MAX_TRIALS {
             let name = format!("{participant}-{condition}-{number:02}");
             let folder = self.folder.join(&name);

@@ -27,7 +27,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_condition_is_in_every_place_and_after_every_other_one_equally_often() {
+    fn conditions_are_balanced_by_place_and_predecessor() {
         for count in 1..=6 {
             let rows = if count % 2 == 0 { count } else { 2 * count };
             let mut places = vec![vec![0; count]; count];

@@ -7,8 +7,8 @@ use i2ris_report::{Axis, Color, Figure, Line, Page, Panel, Scatter, Stroke, Tabl
 use super::comparison::{Effect, Measure, Row, StudyReport};
 
 const ROW_HEIGHT: f64 = 210.0;
-/// Measures beside each other on a sheet.
-const MOST_COLUMNS: usize = 5;
+/// Maximum number of measures side by side on a sheet.
+const MAX_COLUMNS: usize = 5;
 const PARTICIPANT: Stroke = Stroke::new(Color::GREY, 0.9);
 const MEAN: Stroke = Stroke::new(Color::BLUE, 2.2);
 
@@ -47,7 +47,7 @@ fn rows(mut figure: Figure, mut panels: impl Iterator<Item = Panel>) -> Figure {
 }
 
 impl StudyReport {
-    /// As a few lines of text.
+    /// Returns a few lines of text.
     pub fn text(&self) -> String {
         let counted = self.trials.iter().filter(|trial| trial.left_out.is_none()).count();
         let mut text = format!("{}: {counted} of {} trials count\n", self.study, self.trials.len());
@@ -67,7 +67,7 @@ impl StudyReport {
         text
     }
 
-    /// As an HTML page.
+    /// Returns an HTML page.
     pub fn page(&self) -> Page {
         let mut page = Page::new(format!("Study {}", self.study));
         let counted = self.trials.iter().filter(|trial| trial.left_out.is_none()).count();
@@ -103,9 +103,8 @@ impl StudyReport {
             .chain(self.conditions.iter().cloned())
             .chain(others.map(|name| format!("{name} − {reference}")));
         let mut table = Table::new(
-            "Means over the participants, and the mean difference of each participant from itself: \
-             with its 95 % interval (paired bootstrap), or below eight participants with the \
-             differences of all.",
+            "Means over the participants, and the mean difference within the participants: with \
+             its 95 % interval (paired bootstrap), or below eight participants with all differences.",
             header,
         );
         for Row { measure, means, effects, .. } in self.known() {
@@ -121,21 +120,21 @@ impl StudyReport {
         );
         if self.conditions.len() > 1 {
             let caption = format!(
-                "Difference from {reference}, of each participant from itself (grey): mean, and 95 % \
-                 interval of eight participants or more. An interval across zero does not show \
-                 that there is no difference: the study was too small to tell."
+                "Difference from {reference} within each participant (grey): mean, and 95 % \
+                 interval from eight participants or more. An interval across zero does not show \
+                 that there is no difference: the study was too small to decide."
             );
             page.figure(&self.effect_figure(), &caption);
         }
         page.paragraph(
             "Throughput after ISO 9241-411, with the effective width of the end points along the way; \
-             the time of holding is no time of movement. Error: between goal and camera. Lag of a \
+             the hold time is not part of the movement time. Error: between goal and camera. Lag of a \
              pursuit: where the cross-correlation of target and snake is largest; its first 3 s do \
              not count. Workload: NASA-TLX without weights. Trials that were aborted do not count.",
         );
     }
 
-    /// What any trial shows.
+    /// Measures that any trial shows.
     fn known(&self) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(|row| row.means.iter().any(Option::is_some))
     }
@@ -202,10 +201,10 @@ impl StudyReport {
             .with(Line::new(points(&row.means), MEAN))
     }
 
-    /// Every trial; a second table where one is wider than a sheet.
+    /// Tables of every trial; a second one if the first is wider than a sheet.
     fn trial_tables(&self) -> Vec<Table> {
         let known: Vec<Measure> = self.known().map(|row| row.measure).collect();
-        known.chunks(MOST_COLUMNS).map(|measures| self.trial_table(measures)).collect()
+        known.chunks(MAX_COLUMNS).map(|measures| self.trial_table(measures)).collect()
     }
 
     fn trial_table(&self, measures: &[Measure]) -> Table {

@@ -1,5 +1,5 @@
-//! Begins, marks and ends trials. The recording is a process of its own, so that none of these
-//! commands has to stay; what it holds and what it says stands in the journal.
+//! Starts, marks and ends trials. The recording is a separate process, so that none of these
+//! commands has to keep running; its journal has its process and its messages.
 
 use std::fs::{self, File};
 use std::os::unix::process::CommandExt;
@@ -16,23 +16,23 @@ use super::code::{Condition, Participant};
 use super::journal::{Event, Follower, Journal, Outcome};
 use super::{Study, StudyError, TrialFolder, io_error};
 
-/// How long a recorder may take until it has a controller, and until it has written its end.
-const BEGIN: Nanos = Nanos::from_millis(20_000);
-const END: Nanos = Nanos::from_millis(20_000);
+/// Maximum time until a recorder has a controller, and until it has completed its file.
+const START_TIMEOUT: Nanos = Nanos::from_millis(20_000);
+const STOP_TIMEOUT: Nanos = Nanos::from_millis(20_000);
 const POLL: Nanos = Nanos::from_millis(10);
-/// How often the journal is read, and how often a trial is told to those who join.
-const READ: Nanos = Nanos::from_millis(50);
-const TELL: Nanos = Nanos::from_millis(500);
+/// Period of reading the journal, and of publishing the trial for clients that connect later.
+const READ_PERIOD: Nanos = Nanos::from_millis(50);
+const PUBLISH_PERIOD: Nanos = Nanos::from_millis(500);
 const LOG: &str = "recorder.log";
 
-/// What a trial is about.
+/// Plan of a trial.
 #[derive(Debug)]
 pub struct Plan<'a> {
     pub participant: &'a Participant,
     pub condition: &'a Condition,
     pub task: &'a str,
     pub note: &'a str,
-    /// What the preflight before it said.
+    /// Result of the preflight before the trial.
     pub preflight: &'a str,
     /// The domain of the controller.
     pub domain: &'a str,
@@ -41,7 +41,7 @@ pub struct Plan<'a> {
 }
 
 impl Study {
-    /// Begins a trial: returns when its recorder has the first messages of the controller.
+    /// Starts a trial: returns when its recorder has the first messages of the controller.
     pub fn start(&self, plan: &Plan<'_>) -> Result<TrialFolder, StudyError> {
         if let Some(running) = self.running()? {
             return Err(StudyError::Runs(running.name));
@@ -49,7 +49,7 @@ impl Study {
         let (_, folder) = self.new_trial(plan.participant, plan.condition)?;
         let begun = self.begin(plan, &folder);
         if begun.is_err() {
-            // Nothing was recorded: no trace, so that the number is free.
+            // Nothing was recorded: the folder is deleted, so that its number stays free.
             let _ = fs::remove_dir_all(&folder);
         }
         begun?;
@@ -73,7 +73,7 @@ impl Study {
             .stdin(Stdio::null())
             .stdout(output)
             .stderr(error)
-            // A Ctrl-C at this terminal is not for it.
+            // A Ctrl-C at this terminal must not end it.
             .process_group(0)
             .spawn()
             .map_err(io_error(plan.recorder))?;
@@ -85,14 +85,14 @@ impl Study {
         begun
     }
 
-    /// Marks the trial that runs: its name and the number of the mark.
+    /// Marks the running trial; returns its name and the number of the mark.
     pub fn mark(&self, at: Nanos, text: &str) -> Result<(String, u32), StudyError> {
         let running = self.running()?.ok_or(StudyError::NoneRuns)?;
         let number = Journal::open(&running.folder)?.mark(at, text)?;
         Ok((running.name, number))
     }
 
-    /// Ends the trial that runs: waits until its recording is whole.
+    /// Ends the running trial: waits until its recording is complete.
     pub fn stop(&self, outcome: Outcome, note: &str) -> Result<TrialFolder, StudyError> {
         let running = self.running()?.ok_or(StudyError::NoneRuns)?;
         let mut follower = Follower::new(&running.folder);
@@ -102,12 +102,12 @@ impl Study {
             _ => None,
         });
         if let Some(pid) = pid {
-            // It holds the trial, so the number is still its own.
+            // It holds the trial, so the process number is still its own.
             let _ = kill(Pid::from_raw(pid), Signal::SIGINT);
         }
         let start = clock::now();
         while Journal::is_held(&running.folder) {
-            if clock::now().duration_since(start) > END {
+            if clock::now().duration_since(start) > STOP_TIMEOUT {
                 return Err(StudyError::Recorder(format!(
                     "its recorder, process {}, does not end; end it, then run `i2ris record trial stop` \
                      again",
@@ -136,20 +136,20 @@ fn wait_for_first(recorder: &mut Child, folder: &Path) -> Result<(), StudyError>
             let error = log.lines().find_map(|line| line.strip_prefix("error: "));
             return ended(error.unwrap_or("its recorder has ended").to_owned());
         }
-        if clock::now().duration_since(start) > BEGIN {
-            return ended("its recorder does not begin".to_owned());
+        if clock::now().duration_since(start) > START_TIMEOUT {
+            return ended("its recorder does not start".to_owned());
         }
         clock::sleep(POLL);
     }
 }
 
-/// The trial as its recorder tells it: reads the journal, makes messages.
+/// Publisher of a trial: reads the journal, makes messages.
 #[derive(Debug)]
 pub struct TrialPublisher {
     follower: Follower,
     message: TrialMsg,
     next_read: Nanos,
-    next_tell: Nanos,
+    next_publish: Nanos,
 }
 
 impl TrialPublisher {
@@ -158,17 +158,17 @@ impl TrialPublisher {
         let message =
             TrialMsg { started_ns: now.0, trial: padded_text(&name), ..TrialMsg::default() };
         let follower = Follower::new(folder);
-        Self { follower, message, next_read: now, next_tell: now }
+        Self { follower, message, next_read: now, next_publish: now }
     }
 
-    /// The messages that are due: one for each new mark, else one twice a second.
+    /// Messages that are due: one for each new mark, else one twice a second.
     pub fn messages(&mut self, now: Nanos) -> Vec<TrialMsg> {
         if now < self.next_read {
             return Vec::new();
         }
-        self.next_read = now + READ;
+        self.next_read = now + READ_PERIOD;
         let mut due = Vec::new();
-        // A journal that cannot be read now is read the next time.
+        // A journal that cannot be read now is read next time.
         for event in self.follower.new_events().unwrap_or_default() {
             if let Event::Mark { monotonic_ns, number, text, .. } = event {
                 (self.message.mark_ns, self.message.mark_number) = (monotonic_ns, number);
@@ -176,19 +176,19 @@ impl TrialPublisher {
                 due.push(self.message);
             }
         }
-        if due.is_empty() && now >= self.next_tell {
+        if due.is_empty() && now >= self.next_publish {
             due.push(self.message);
         }
         if !due.is_empty() {
-            self.next_tell = now + TELL;
+            self.next_publish = now + PUBLISH_PERIOD;
         }
         due
     }
 
-    /// From now on the trial goes on unrecorded.
+    /// Reports the trial as unrecorded from now on.
     pub fn fail(&mut self) {
         self.message.flags |= TrialMsg::FAILED;
-        self.next_tell = Nanos::ZERO;
+        self.next_publish = Nanos::ZERO;
     }
 
     /// The last message.

@@ -1,5 +1,5 @@
-//! NASA-TLX: what a trial cost the participant, on six scales (Hart and Staveland, in Human Mental
-//! Workload, 1988, p. 139), without weights (raw TLX: Hart, Proc. HFES 50, 904, 2006).
+//! NASA-TLX: workload of the participant in a trial on six scales (Hart and Staveland, in Human
+//! Mental Workload, 1988, p. 139), without weights (raw TLX: Hart, Proc. HFES 50, 904, 2006).
 
 use std::str::FromStr;
 
@@ -27,12 +27,12 @@ pub const SCALES: [(&str, &str, [&str; 2]); 6] = [
     ),
 ];
 
-/// Why an answer is none.
+/// Reason why an answer is invalid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WorkloadError {
-    #[error("`{0}` is no answer: 0 to 100 in steps of 5")]
+    #[error("`{0}` is not an answer: 0 to 100 in steps of 5")]
     Answer(String),
-    #[error("{0} answers, where there are six scales: {names}", names = names())]
+    #[error("{0} answers for six scales: {names}", names = names())]
     Count(usize),
 }
 
@@ -77,10 +77,10 @@ mod tests {
         let workload: Workload = "55, 30,25,0,100,0".parse().unwrap();
         assert_eq!((workload.0, workload.mean()), ([55, 30, 25, 0, 100, 0], 35.0));
         for (bad, part) in [
-            ("", "`` is no answer"),
+            ("", "`` is not an answer"),
             ("7", "steps of 5"),
             ("105", "0 to 100"),
-            ("55,30,25,0,100", "5 answers, where there are six scales: mental, physical"),
+            ("55,30,25,0,100", "5 answers for six scales: mental, physical"),
             ("55,30,25,0,100,0,0", "7 answers"),
         ] {
             let error = bad.parse::<Workload>().unwrap_err().to_string();

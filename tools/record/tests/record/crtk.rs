@@ -1,4 +1,4 @@
-//! A recording has what a recording of a dVRK has: standard messages and those of CRTK, and the
+//! A recording contains the same as one of a dVRK: standard messages and those of CRTK, and the
 //! robot as a URDF.
 
 use std::path::{Path, PathBuf};
@@ -71,7 +71,7 @@ fn recording() -> (TempDir, PathBuf) {
     (folder, file)
 }
 
-/// What both readers check, with the messages by topic in `seen`.
+/// Checks of both readers, with the messages by topic in `seen`.
 const CHECKS: &str = "
 import math
 states = [f'{m.state} {m.is_homed} {m.is_busy}' for m in seen['/operating_state']]

@@ -33,7 +33,7 @@ fn jpeg(number: u64) -> Vec<u8> {
     file
 }
 
-/// Records so many seconds of a motion, with a hole from 1.0 to 1.5 s if asked for.
+/// Records this many seconds of a motion, with a hole from 1.0 to 1.5 s if requested.
 fn record(path: &Path, seconds: u64, has_pictures: bool, has_hole: bool) {
     let header = RecordingHeader {
         about: BTreeMap::from([("robot_id".to_owned(), "R1".to_owned())]),
@@ -121,16 +121,16 @@ fn export(arguments: &[&str]) -> Output {
 #[track_caller]
 fn exports(arguments: &[&str]) -> String {
     let output = export(arguments);
-    let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
-    assert!(output.status.success(), "{arguments:?}: {said}");
-    said
+    let printed = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    assert!(output.status.success(), "{arguments:?}: {printed}");
+    printed
 }
 
 #[track_caller]
 fn refuses(arguments: &[&str], part: &str) {
     let output = export(arguments);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(!output.status.success() && said.contains(part), "{arguments:?}: {said}");
+    let printed = String::from_utf8(output.stderr).unwrap();
+    assert!(!output.status.success() && printed.contains(part), "{arguments:?}: {printed}");
 }
 
 const OUTCOMES: [Outcome; 4] =
@@ -149,10 +149,10 @@ assert [it["why"] for it in found.left_out] == ["aborted"], found.left_out
 assert [trial.about["task"] for trial, _, _ in found.episodes] == ["reach"] * 3
 late = 0
 for trial, part, rows in found.episodes:
-    # Without pictures, the last instant has a row, too.
+    # Without pictures, the last instant also has a row.
     assert part == 1 and len(rows) == (50 if has_pictures else 51), len(rows)
     for frame, row in enumerate(rows):
-        # The state is that of the exposure, which jitter tells.
+        # The state is that of the exposure, shown by the jitter.
         jitter, = row["observation.meta.jitter_s"]
         t = frame / 25 + jitter
         late += jitter > 0.003
@@ -175,7 +175,7 @@ for trial, part, rows in found.episodes:
 assert late == (30 if has_pictures else 0), late
 "#;
 
-/// Reads a data set with LeRobot, and what it has in it.
+/// Reads a data set with LeRobot and checks its content.
 const LOAD: &str = r#"
 import sys
 from importlib.metadata import version
@@ -216,8 +216,8 @@ fn becomes_a_data_set(kind: &str) {
     let study = study(folder.path(), &OUTCOMES, kind == "pictures");
     let tables = folder.path().join("tables");
     let [study, tables] = [&study, &tables].map(|path| path.to_str().unwrap());
-    let said = exports(&[study, "--output", tables, "--pictures"]);
-    assert!(said.contains("P07-with-03: aborted"), "{said}");
+    let printed = exports(&[study, "--output", tables, "--pictures"]);
+    assert!(printed.contains("P07-with-03: aborted"), "{printed}");
     run_python_of("I2RIS_PYTHON", "csv", ROWS, &[tables, kind]);
     for python in PYTHONS {
         let set = folder.path().join(python);
@@ -231,7 +231,7 @@ fn becomes_a_data_set(kind: &str) {
 }
 
 #[test]
-fn the_tip_of_a_data_set_is_that_of_the_snake() {
+fn data_set_has_the_tip_of_the_snake() {
     let script = "import sys\n\
         from i2ris.lerobot import tip_m\n\
         pitch, yaw, *known = map(float, sys.argv[1:])\n\
@@ -245,7 +245,7 @@ fn the_tip_of_a_data_set_is_that_of_the_snake() {
 }
 
 #[test]
-fn without_lerobot_one_sentence_says_how_to_get_it_and_nothing_is_left() {
+fn missing_lerobot_is_reported_and_leaves_no_files() {
     let folder = tempfile::tempdir().unwrap();
     let study = study(folder.path(), &[Outcome::Success], false);
     let [tables, set] = ["tables", "set"].map(|name| folder.path().join(name));
@@ -254,11 +254,11 @@ fn without_lerobot_one_sentence_says_how_to_get_it_and_nothing_is_left() {
     let script = "import contextlib, io, os, sys\n\
         sys.modules['lerobot'] = None\n\
         from i2ris.lerobot import main\n\
-        said = io.StringIO()\n\
-        with contextlib.redirect_stderr(said):\n    \
+        printed = io.StringIO()\n\
+        with contextlib.redirect_stderr(printed):\n    \
             assert main([sys.argv[1], '--output', sys.argv[2]]) == 1\n\
-        assert 'pip install lerobot' in said.getvalue(), said.getvalue()\n\
-        assert said.getvalue().count('\\n') == 1 and not os.path.exists(sys.argv[2])";
+        assert 'pip install lerobot' in printed.getvalue(), printed.getvalue()\n\
+        assert printed.getvalue().count('\\n') == 1 and not os.path.exists(sys.argv[2])";
     run_python_of("I2RIS_PYTHON", "csv", script, &[tables, set]);
 }
 
@@ -273,7 +273,7 @@ fn a_study_without_pictures_becomes_a_data_set_of_lerobot() {
 }
 
 #[test]
-fn an_export_is_whole_or_not_there_and_never_over_another() {
+fn export_is_complete_or_absent_and_replaces_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let study = study(folder.path(), &[Outcome::Success, Outcome::Success], false);
     let output = folder.path().join("set");
@@ -287,45 +287,45 @@ fn an_export_is_whole_or_not_there_and_never_over_another() {
     // The second trial cannot be read: nothing is left of the first, and the old set stays.
     let second = study.join("P07-with-02/recording.mcap");
     fs::write(&second, b"no recording").unwrap();
-    refuses(&overwriting, "is no recording");
+    refuses(&overwriting, "is not a recording");
     assert_eq!(fs::read(output.join("i2ris-export.json")).unwrap(), before);
     let fresh = folder.path().join("fresh");
-    refuses(&[paths[0], "--output", fresh.to_str().unwrap()], "is no recording");
+    refuses(&[paths[0], "--output", fresh.to_str().unwrap()], "is not a recording");
     let left: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|it| it.unwrap().path()).collect();
     assert_eq!(left.len(), 2, "the study and the set: {left:?}");
-    // What is somebody else's is never replaced.
+    // Foreign files are never replaced.
     fs::create_dir(&fresh).unwrap();
     fs::write(fresh.join("thesis.tex"), b"years").unwrap();
     let foreign = [paths[0], "--output", fresh.to_str().unwrap(), "--overwrite"];
-    refuses(&foreign, "is no export of i2ris");
+    refuses(&foreign, "not an export of i2ris");
     assert!(fresh.join("thesis.tex").exists());
     let file = fresh.join("thesis.tex");
     let file = [paths[0], "--output", file.to_str().unwrap(), "--overwrite"];
-    refuses(&file, "is no export of i2ris");
+    refuses(&file, "not an export of i2ris");
 }
 
-/// What `python -m i2ris.lerobot` says of an export that is no data set.
+/// Messages of `python -m i2ris.lerobot` for an export that is not a data set.
 const REFUSED: &str = r#"
 import sys
 from pathlib import Path
 from i2ris.lerobot import DatasetError, plan
 try:
     found = plan(Path(sys.argv[1]), 30, sys.argv[3] == "without")
-    said = f"{len(found.episodes)} episodes"
+    printed = f"{len(found.episodes)} episodes"
 except DatasetError as error:
-    said = str(error)
-assert sys.argv[2] in said, said
+    printed = str(error)
+assert sys.argv[2] in printed, printed
 "#;
 
 #[test]
-fn recordings_with_gaps_other_clocks_other_pictures_or_nothing_are_parted_or_refused() {
+fn inconsistent_recordings_are_split_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let [hole, pictures, jumped, empty] =
         ["hole.mcap", "pictures.mcap", "jumped.mcap", "empty.mcap"].map(path);
     record(Path::new(&hole), 3, false, true);
     record(Path::new(&pictures), 2, true, false);
-    // A clock that jumps: the controller's stamps begin anew.
+    // A clock that jumps: the controller's stamps restart.
     let mut trial = TrialRecorder::start(Path::new(&jumped), RecordingHeader::default()).unwrap();
     for stamp in [9000, 9001, 1000, 1001] {
         let stamp = Nanos::from_millis(stamp);
@@ -349,13 +349,13 @@ fn recordings_with_gaps_other_clocks_other_pictures_or_nothing_are_parted_or_ref
 }
 
 #[test]
-fn tables_of_many_trials_have_a_folder_each_and_pandas_reads_them() {
+fn tables_of_trials_have_folders_and_pandas_reads_them() {
     let folder = tempfile::tempdir().unwrap();
     let study = study(folder.path(), &[Outcome::Success, Outcome::Failure], false);
     let output = folder.path().join("tables");
     let paths = [&study, &output].map(|path| path.to_str().unwrap());
-    let said = exports(&[paths[0], "--output", paths[1]]);
-    assert!(said.contains("P07-with-02/measured_js.csv"), "{said}");
+    let printed = exports(&[paths[0], "--output", paths[1]]);
+    assert!(printed.contains("P07-with-02/measured_js.csv"), "{printed}");
     let script = "import sys, pandas\n\
         table = pandas.read_csv(sys.argv[1] + '/P07-with-01/measured_js.csv')\n\
         assert len(table) == 1001 and table['pitch_deg'].max() > 11, table.describe()";

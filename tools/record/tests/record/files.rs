@@ -111,7 +111,7 @@ fn csv_tables_have_every_row() {
 }
 
 #[test]
-fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
+fn overview_has_angles_in_degrees_state_and_time() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let header = RecordingHeader { unix_offset_ns: UNIX, ..RecordingHeader::default() };
@@ -143,7 +143,7 @@ fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
                 flags: ExternalPosition::VALID,
                 ..ExternalPosition::default()
             };
-            // It falls silent.
+            // The camera stops.
             if ms <= 600 {
                 trial.record(&StreamMessage::External(camera), stamp);
             }
@@ -178,7 +178,7 @@ fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
 }
 
 #[test]
-fn a_trial_that_ends_short_of_what_was_requested_says_so_first() {
+fn report_starts_with_commands_out_of_reach() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let mut trial = TrialRecorder::start(&file, RecordingHeader::default()).unwrap();
@@ -186,18 +186,18 @@ fn a_trial_that_ends_short_of_what_was_requested_says_so_first() {
     trial.record(&StreamMessage::State(state), Nanos(1));
     for ms in 1..=9000_u64 {
         let stamp = Nanos::from_millis(ms);
-        let asked = (ms as f64 * 0.01).min(60.0);
-        let flags = if asked > 37.3 { JointState::CLIPPED } else { 0 };
+        let requested = (ms as f64 * 0.01).min(60.0);
+        let flags = if requested > 37.3 { JointState::CLIPPED } else { 0 };
         let command = ServoJp {
             stamp_ns: stamp.0,
             client_id: 7,
-            position: [asked.to_radians(), 0.0, 0.0],
+            position: [requested.to_radians(), 0.0, 0.0],
             count: 2,
             ..ServoJp::default()
         };
         let goal = JointState {
             stamp_ns: stamp.0,
-            position: [asked.min(37.3).to_radians(), 0.0, 0.0],
+            position: [requested.min(37.3).to_radians(), 0.0, 0.0],
             count: 2,
             flags: JointState::VALID | flags,
             ..JointState::default()
@@ -211,7 +211,7 @@ fn a_trial_that_ends_short_of_what_was_requested_says_so_first() {
     let text = report.text();
     assert!(text.lines().nth(1).unwrap().contains("22.7 deg short"), "{text}");
     let page = report.page().to_string();
-    let short = page.find("asked for pitch, yaw +60.0 +0.0 deg").unwrap();
+    let short = page.find("requested pitch, yaw +60.0 +0.0 deg").unwrap();
     assert!(short < page.find("deg from the nearest goal in reach").unwrap());
     assert!(!page.contains("from its goal"));
 }
@@ -270,7 +270,7 @@ fn a_damaged_place_costs_one_chunk_and_is_counted() {
         at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
     }
     // Data of the first chunk, which alone names the channel; of the last; and lengths of records,
-    // behind which nothing is where it should be.
+    // after which nothing is where it should be.
     let (first, middle, last) = (chunks[0], chunks[CHUNKS as usize / 2], chunks[29]);
     for at in [first + 200, last + 200, first + 1, middle + 2, middle + 7] {
         let mut damaged = bytes.clone();
@@ -278,7 +278,7 @@ fn a_damaged_place_costs_one_chunk_and_is_counted() {
         fs::write(&bad, damaged).unwrap();
         let _ = fs::remove_file(&out);
         let recovered = recover(&bad, &out).unwrap();
-        let why = recovered.stopped_by.expect("damage is said").to_string();
+        let why = recovered.stopped_by.expect("damage is reported").to_string();
         assert!(why.contains("1 damaged place"), "{at}: {why}");
         assert_eq!(recovered.messages, CHUNKS - 1, "{at}: {why}");
         assert!(recover(&out, &folder.path().join(format!("{at}"))).unwrap().stopped_by.is_none());
@@ -287,7 +287,7 @@ fn a_damaged_place_costs_one_chunk_and_is_counted() {
 
 /// The default of the `mcap` tools.
 #[test]
-fn chunks_of_zstd_are_no_damage_and_nothing_is_made_of_them() {
+fn zstd_chunks_are_refused_but_not_reported_as_damage() {
     let (folder, whole) = recording();
     let mut bytes = fs::read(&whole).unwrap();
     let mut at = mcap::MAGIC.len();
@@ -308,8 +308,8 @@ fn chunks_of_zstd_are_no_damage_and_nothing_is_made_of_them() {
     );
     assert!(!out.exists());
     let exported = export(&whole, &folder.path().join("tables"), false).unwrap();
-    let said = exported.stopped_by.unwrap().incomplete().to_string();
-    assert!(said.contains("zstd") && !said.contains("not complete"), "{said}");
+    let text = exported.stopped_by.unwrap().incomplete().to_string();
+    assert!(text.contains("zstd") && !text.contains("not complete"), "{text}");
 }
 
 #[test]
@@ -326,9 +326,9 @@ fn damaged_bytes_cause_no_panic() {
     }
 }
 
-/// A record whose body ends with a length, after so many bytes, and more bytes after it.
+/// A record whose body ends with a length, after this many bytes, and more bytes after it.
 #[test]
-fn a_length_that_is_announced_is_no_memory_before_the_file_has_so_much() {
+fn declared_length_allocates_only_what_the_file_holds() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bad.mcap");
     let (long, longer) = (&[0xFF; 4][..], &[0xFF; 8][..]);
@@ -360,9 +360,9 @@ fn a_length_that_is_announced_is_no_memory_before_the_file_has_so_much() {
             let mut shell = Command::new("sh");
             let output = shell.args(limited).arg(info.get_program()).arg(&path).output().unwrap();
             let error = String::from_utf8_lossy(&output.stderr);
-            let is_told =
+            let is_reported =
                 matches!(output.status.code(), Some(1 | 10)) && error.contains("bad.mcap");
-            assert!(is_told, "{what}, {announced}: {:?} {error}", output.status);
+            assert!(is_reported, "{what}, {announced}: {:?} {error}", output.status);
         }
     }
 }

@@ -60,7 +60,7 @@ fn the_header_for_cpp_is_current_and_compiles() {
     let mut compiler = Command::new("c++");
     compiler.args("-std=c++17 -Wall -Wextra -Werror -fsyntax-only -include".split(' ')).arg(&path);
     let Ok(output) = compiler.args(["-x", "c++", "/dev/null"]).output() else {
-        eprintln!("skipped: there is no C++ compiler");
+        eprintln!("skipped: no C++ compiler");
         return;
     };
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -80,7 +80,7 @@ fn the_manual_has_every_service_with_payload_and_direction() {
         let name = format!("`{service}`");
         let mut found = rows.iter().filter(|row| row[1].split(", ").any(|it| it == name));
         let row = found.next().unwrap_or_else(|| panic!("the manual does not have {service}"));
-        assert!(found.next().is_none(), "{service} is there twice");
+        assert!(found.next().is_none(), "{service} is listed twice");
         assert_eq!(row[2], pattern, "{service}");
         assert!(row[3].starts_with(payloads), "{service}: {row:?}");
         assert!(row[4].starts_with(direction), "{service}: {row:?}");

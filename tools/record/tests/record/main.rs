@@ -4,7 +4,7 @@
     clippy::expect_used,
     clippy::print_stdout,
     clippy::print_stderr,
-    reason = "tests, which say when they skip"
+    reason = "tests, which report when they skip"
 )]
 
 mod crtk;

@@ -1,5 +1,5 @@
-//! Pictures of a camera beside the states: all of them, with their stamps, within a budget; and how
-//! late the stamps are.
+//! Pictures of a camera together with the states: all of them, with their stamps, within a budget;
+//! and the delay of the stamps.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -31,7 +31,7 @@ fn recorder(domain: &Domain, file: &Path, more: &[&str]) -> Child {
         .unwrap()
 }
 
-/// Ends the recorder, and returns what it said.
+/// Ends the recorder, and returns its output.
 fn end(recorder: Child) -> String {
     kill(Pid::from_raw(recorder.id().cast_signed()), Signal::SIGINT).unwrap();
     let output = recorder.wait_with_output().unwrap();
@@ -63,7 +63,7 @@ fn pictures(file: &Path) -> Vec<(String, Picture)> {
 }
 
 #[test]
-fn pictures_are_recorded_as_they_came_with_the_stamp_of_their_exposure() {
+fn pictures_are_recorded_unchanged_with_their_exposure_stamp() {
     let controller = Controller::enabled();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
@@ -80,15 +80,15 @@ fn pictures_are_recorded_as_they_came_with_the_stamp_of_their_exposure() {
         clock::sleep(Nanos::from_millis(5));
         number == 200 + 100
     });
-    let said = end(recorder);
-    assert!(said.contains("pictures of top"), "{said}");
+    let printed = end(recorder);
+    assert!(printed.contains("pictures of top"), "{printed}");
     let (pictures, report) = (pictures(&file), TrialReport::read(&file).unwrap());
     for view in ["top", "side"] {
         let taken = pictures.iter().filter(|(name, _)| name == view).map(|(_, picture)| picture);
         let taken: Vec<&Picture> = taken.collect();
         assert!(taken.len() > 100, "{view}: {}", taken.len());
-        // Those before the recorder was there are lost, and no others but those that it counted
-        // while it was held up. The last one is never lost: newer ones replace older ones.
+        // Only those before the recorder started are lost, and those that it counted while it was
+        // held up. The last one is never lost: newer ones replace older ones.
         let offset = taken[taken.len() - 1].unix_ns - (begun.0 + 300);
         let numbers: Vec<u64> = taken.iter().map(|it| it.unix_ns - offset - begun.0).collect();
         for (number, picture) in numbers.iter().zip(&taken) {
@@ -102,25 +102,25 @@ fn pictures_are_recorded_as_they_came_with_the_stamp_of_their_exposure() {
 }
 
 #[test]
-fn pictures_over_the_budget_are_counted_and_states_go_on() {
+fn pictures_over_budget_are_counted_and_states_recorded() {
     let controller = Controller::enabled();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     let recorder = recorder(&controller.domain, &file, &["--pictures-mb", "1"]);
     let mut camera = PicturePublisher::new(&controller.domain, "top");
-    wait_until("the recorder is there", || file.exists());
+    wait_until("the recorder is running", || file.exists());
     for number in 0..100 {
         camera.publish(clock::now(), &[number; 50_000]).unwrap();
         clock::sleep(Nanos::from_millis(5));
     }
-    let said = end(recorder);
-    assert!(said.contains("more were over the budget of --pictures-mb"), "{said}");
+    let printed = end(recorder);
+    assert!(printed.contains("more exceeded the budget --pictures-mb"), "{printed}");
     assert!(pictures(&file).len() <= 20, "{}", pictures(&file).len());
     let report = TrialReport::read(&file).unwrap();
     assert!(report.cut_off.is_none() && report.length_s > 0.1, "{}", report.length_s);
 }
 
-/// Pictures per second of the emulated scene, and how late its stamps are.
+/// Pictures per second of the emulated scene, and the delay of its stamps.
 const FPS: f64 = 15.0;
 const LATE_S: f64 = 0.037;
 
@@ -130,8 +130,8 @@ fn motion(time: f64) -> [f64; 2] {
     [size * (1.1 * time).sin(), size * (1.7 * time + 1.0).sin()]
 }
 
-/// The snake behind play: it follows the motors only where they pull.
-fn behind_play(motors: [f64; 2], snake: &mut [f64; 2]) {
+/// The snake with play: it follows the motors only where they pull.
+fn with_play(motors: [f64; 2], snake: &mut [f64; 2]) {
     const HALF_RAD: f64 = 0.02;
     for (snake, motor) in snake.iter_mut().zip(motors) {
         *snake = snake.clamp(motor - HALF_RAD, motor + HALF_RAD);
@@ -139,7 +139,7 @@ fn behind_play(motors: [f64; 2], snake: &mut [f64; 2]) {
 }
 
 #[test]
-fn the_motion_of_the_snake_in_its_pictures_shows_how_late_their_stamps_are() {
+fn snake_motion_in_pictures_shows_their_delay() {
     let rig = Rig::laboratory(640, 480, 100.0);
     let setup = setup(&rig);
     let (seconds, mut snake) = (60.0, [0.0; 2]);
@@ -150,7 +150,7 @@ fn the_motion_of_the_snake_in_its_pictures_shows_how_late_their_stamps_are() {
     let (mut rows, mut number) = (Vec::new(), 0_u64);
     for ms in 0..(1000.0 * seconds) as u64 {
         let motors = motion(ms as f64 * 1e-3);
-        behind_play(motors, &mut snake);
+        with_play(motors, &mut snake);
         let state = ActuatorState {
             stamp_ns: 1_000_000 * ms + 1_000_000_000,
             measured_counts: motors.map(|angle| (1e5 * angle) as i32),

@@ -135,7 +135,7 @@ fn what_was_written_before_kill_9_is_recovered() {
     wait_for_size(&file, 100_000);
     program.child().kill().unwrap();
     program.end();
-    assert!(!run(&["record", "info", name(&file)]).0, "a file that was cut off is an error");
+    assert!(!run(&["record", "info", name(&file)]).0, "a truncated file is an error");
     let whole = folder.path().join("whole.mcap");
     let (success, output, _) = run(&["record", "recover", name(&file), "--output", name(&whole)]);
     assert!(success && output.contains("1 metadata records"), "{output}");
@@ -144,7 +144,7 @@ fn what_was_written_before_kill_9_is_recovered() {
 }
 
 #[test]
-fn a_full_disk_ends_the_recording_with_a_reason_and_leaves_what_was_written() {
+fn full_disk_ends_the_recording_and_keeps_written_data() {
     let controller = Controller::enabled();
     let (folder, file) = examination_path();
     let arguments = [
@@ -162,7 +162,7 @@ fn a_full_disk_ends_the_recording_with_a_reason_and_leaves_what_was_written() {
         !output.status.success() && error.contains("trial.mcap") && error.contains("recover"),
         "{error}"
     );
-    // The limit on the size of a file, which takes the place of the disk here.
+    // The limit on the size of a file, which replaces the full disk here.
     assert!(error.contains("File too large"), "{error}");
     let whole = folder.path().join("whole.mcap");
     let (success, output, _) = run(&["record", "recover", name(&file), "--output", name(&whole)]);
@@ -170,7 +170,7 @@ fn a_full_disk_ends_the_recording_with_a_reason_and_leaves_what_was_written() {
 }
 
 #[test]
-fn two_recorders_do_not_disturb_each_other_and_never_share_a_file() {
+fn two_recorders_are_independent_and_never_share_a_file() {
     let controller = Controller::enabled();
     let (folder, file) = examination_path();
     let arguments = |file| ["record", "--output", file, "--duration-s", "1"];
@@ -185,8 +185,7 @@ fn two_recorders_do_not_disturb_each_other_and_never_share_a_file() {
     assert!([&file, &other].iter().all(|file| run(&["record", "info", name(file)]).0));
 }
 
-/// What a program writes beyond so many bytes of a file is refused, as by a full disk; also what
-/// the programs write that it starts.
+/// Limits the size of files that a program and its children write, like a full disk.
 pub fn limit_files(command: &mut Command, bytes: u64) {
     // SAFETY: both calls are async-signal-safe and touch no memory of the parent.
     unsafe {
@@ -208,7 +207,7 @@ fn with_full_disk(arguments: &[&str], bytes: u64) -> Output {
 }
 
 #[test]
-fn a_report_is_made_of_complete_and_of_cut_off_recordings() {
+fn report_accepts_complete_and_truncated_recordings() {
     let controller = Controller::enabled();
     let (folder, file) = examination_path();
     let options = ["--duration-s", "1", "--note", "a <short> one"];
@@ -237,7 +236,7 @@ fn a_report_is_made_of_complete_and_of_cut_off_recordings() {
 }
 
 #[test]
-fn reports_and_tables_on_a_full_disk_end_with_a_reason() {
+fn reports_and_tables_fail_with_a_reason_on_full_disk() {
     let controller = Controller::enabled();
     let (folder, file) = examination_path();
     let (success, error) = record(&controller, &file, &["--duration-s", "1"]);
@@ -255,7 +254,7 @@ fn reports_and_tables_on_a_full_disk_end_with_a_reason() {
 }
 
 #[test]
-fn the_run_log_of_this_run_is_attached_to_the_recording() {
+fn recording_contains_the_run_log_of_this_run() {
     let controller = Controller::enabled();
     let (folder, file) = examination_path();
     let config = folder.path().join("robot.toml");
@@ -288,7 +287,7 @@ fn files_that_cannot_be_created_are_refused_first() {
     // /proc is read-only for everyone, root included.
     for path in ["/nonexistent/folder/trial.mcap", "/proc/trial.mcap"] {
         let (success, error) = record(&controller, Path::new(path), &[]);
-        assert!(!success && error.contains(&format!("cannot make {path}")), "{error}");
+        assert!(!success && error.contains(&format!("cannot create {path}")), "{error}");
     }
 }
 
@@ -319,7 +318,7 @@ fn model_file(robot_id: &str) -> String {
 }
 
 #[test]
-fn the_model_in_use_is_attached_and_no_other_one_in_its_file() {
+fn only_the_model_in_use_is_attached() {
     let controller = Controller::enabled();
     let (folder, file) = examination_path();
     let model = folder.path().join("staged.json");
@@ -327,20 +326,20 @@ fn the_model_in_use_is_attached_and_no_other_one_in_its_file() {
     let id: ModelId = ModelFile::read(&model).unwrap().id().unwrap();
     controller.robot().model_file = Some((model.clone(), id));
     let (success, error) = record(&controller, &file, &["--duration-s", "0.2"]);
-    assert!(success && !error.contains("does not hold it"), "{error}");
+    assert!(success && !error.contains("does not contain it"), "{error}");
     let (_, info, _) = run(&["record", "info", name(&file)]);
     assert!(info.contains("attached staged.json"), "{info}");
-    // Another model has been written over it.
+    // A different model has been written over it.
     fs::write(&model, model_file("elsewhere")).unwrap();
     let other = folder.path().join("other.mcap");
     let (success, error) = record(&controller, &other, &["--duration-s", "0.2"]);
-    assert!(success && error.contains("does not hold it"), "{error}");
+    assert!(success && error.contains("does not contain it"), "{error}");
     let (_, info, _) = run(&["record", "info", name(&other)]);
     assert!(!info.contains("attached staged.json"), "{info}");
 }
 
 #[test]
-fn configuration_and_run_log_come_from_the_controller_that_serves_and_are_taken_out_again() {
+fn configuration_and_run_log_are_recorded_and_extracted() {
     let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     let (folder, file) = examination_path();
@@ -389,7 +388,7 @@ fn configuration_and_run_log_come_from_the_controller_that_serves_and_are_taken_
 }
 
 #[test]
-fn a_configuration_of_another_robot_is_not_recorded_as_this_one() {
+fn configuration_of_a_different_robot_is_refused() {
     let controller = Controller::enabled();
     let (_folder, file) = examination_path();
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
@@ -400,9 +399,9 @@ fn a_configuration_of_another_robot_is_not_recorded_as_this_one() {
 }
 
 #[test]
-fn another_kind_of_file_is_named_as_such() {
+fn foreign_file_is_reported_as_not_a_recording() {
     let (_folder, file) = examination_path();
     fs::write(&file, "t_s,q0_counts\n0,1\n").unwrap();
     let (success, _, error) = run(&["record", "info", name(&file)]);
-    assert!(!success && error.contains("is no recording"), "{error}");
+    assert!(!success && error.contains("is not a recording"), "{error}");
 }

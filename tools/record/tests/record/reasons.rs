@@ -1,5 +1,5 @@
-//! Every cause of standing still reads the same in `i2ris status`, the recording and the
-//! Python client.
+//! Every cause of no motion reads the same in `i2ris status`, the recording and the Python
+//! client.
 
 use std::fs;
 use std::path::Path;
@@ -10,7 +10,7 @@ use i2ris::robot::{Cause, Measurement, Quantity, Reason};
 use i2ris::units::Nanos;
 use i2ris_testing::{Controller, Program, program, python};
 
-/// Messages that `error` and `warning` keep for those who come later.
+/// Messages that `error` and `warning` keep for later subscribers.
 const KEPT: usize = 16;
 
 fn reasons() -> Vec<Reason> {
@@ -66,7 +66,7 @@ fn every_cause_reads_the_same_in_status_and_recording() {
         }
         let (text, json) = status(&controller);
         for reason in batch {
-            let advice = format!("  do: {}", reason.cause.advice());
+            let advice = format!("  action: {}", reason.cause.advice());
             let line = text.lines().position(|line| line.starts_with(&reason.text()));
             let line = line.unwrap_or_else(|| panic!("{reason}\n{text}"));
             assert_eq!(text.lines().nth(line + 1), Some(advice.as_str()));
@@ -168,7 +168,7 @@ with Arm(sys.argv[1]) as arm:
     while len(arm.warnings()) + len(arm.errors()) < int(sys.argv[2]) and time.monotonic() < end:
         time.sleep(0.005)
     for reason in arm.warnings() + arm.errors():
-        line = f'{reason.text}; do: {reason.advice}'
+        line = f'{reason.text}; action: {reason.advice}'
         if reason.kind == 2:
             error = Refused('x', reason.code, measured=reason.measured)
             assert str(error) == 'the controller refuses x: ' + line, (str(error), line)

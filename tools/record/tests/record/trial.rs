@@ -59,15 +59,15 @@ impl StudyRig {
 
     #[track_caller]
     pub fn succeeds(&self, words: &str) -> String {
-        let (code, said) = self.run(words);
-        assert_eq!(code, Some(0), "{words}: {said}");
-        said
+        let (code, printed) = self.run(words);
+        assert_eq!(code, Some(0), "{words}: {printed}");
+        printed
     }
 
     #[track_caller]
     pub fn fails(&self, words: &str, part: &str) {
-        let (code, said) = self.run(words);
-        assert!(code != Some(0) && said.contains(part), "{words}: {code:?} {said}");
+        let (code, printed) = self.run(words);
+        assert!(code != Some(0) && printed.contains(part), "{words}: {code:?} {printed}");
     }
 
     pub fn trial(&self, name: &str) -> PathBuf {
@@ -93,50 +93,50 @@ pub fn newest(stream: &mut Subscription<TrialMsg>) -> Option<TrialMsg> {
 }
 
 #[test]
-fn a_trial_is_recorded_with_its_marks_and_reported_to_those_who_watch() {
+fn trial_is_recorded_with_marks_and_published() {
     let controller = Controller::enabled();
     let bench = StudyRig::new(&controller.domain);
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let mut stream = client.watcher().trial();
-    // Two at once: the second neither begins nor takes the first for cut off.
+    // Two at once: the second neither starts nor takes the first for truncated.
     let another = Study::open(&bench.study()).unwrap().lock().unwrap();
-    bench.fails(START, "another `i2ris record trial start` is at work");
+    bench.fails(START, "another `i2ris record trial start` is running");
     drop(another);
     assert!(bench.succeeds(START).starts_with("P07-joystick-01 is being recorded"));
-    bench.fails(START, "P07-joystick-01 runs: end it");
+    bench.fails(START, "P07-joystick-01 is running: end it");
     assert!(bench.succeeds("mark contact").contains("P07-joystick-01: mark 1, contact"));
     bench.succeeds("mark free");
-    let mut told = TrialMsg::default();
-    wait_until("the mark is told", || {
-        told = newest(&mut stream).unwrap_or(told);
-        told.mark_number == 2
+    let mut published = TrialMsg::default();
+    wait_until("the mark is published", || {
+        published = newest(&mut stream).unwrap_or(published);
+        published.mark_number == 2
     });
-    assert_eq!(unpadded_text(&told.trial), "P07-joystick-01");
-    assert_eq!((unpadded_text(&told.mark).as_str(), told.flags), ("free", 0));
-    assert!(told.started_ns < told.mark_ns && told.mark_ns <= clock::now().0);
+    assert_eq!(unpadded_text(&published.trial), "P07-joystick-01");
+    assert_eq!((unpadded_text(&published.mark).as_str(), published.flags), ("free", 0));
+    assert!(published.started_ns < published.mark_ns && published.mark_ns <= clock::now().0);
     assert!(bench.succeeds("stop --outcome recovery --note lost").contains("recovery, 2 marks"));
-    wait_until("its end is told", || {
-        told = newest(&mut stream).unwrap_or(told);
-        told.flags == TrialMsg::ENDED
+    wait_until("its end is published", || {
+        published = newest(&mut stream).unwrap_or(published);
+        published.flags == TrialMsg::ENDED
     });
-    bench.fails("mark late", "no trial runs");
-    bench.fails("stop --outcome success", "no trial runs");
+    bench.fails("mark late", "no trial is running");
+    bench.fails("stop --outcome success", "no trial is running");
     // The recording is whole, and has the marks.
     let recording = bench.trial("P07-joystick-01").join("recording.mcap");
     let report = i2ris_record::report::TrialReport::read(&recording).unwrap();
     assert!(report.cut_off.is_none());
     assert_eq!(report.about.get("note").unwrap(), "P07 joystick reach");
     assert!(report.text().contains("no preflight of this controller"), "{}", report.text());
-    // The next one has the next number; the list has both. Marked from another folder, and ended as
-    // it says.
-    let said = bench.succeeds(START);
+    // The next one has the next number; the list has both. It is marked from another folder, and
+    // ended with the printed command.
+    let printed = bench.succeeds(START);
     let elsewhere = |words: &str| {
         let mut command = bench.command(words);
         let output = command.env_remove("I2RIS_STUDY").current_dir("/").output().unwrap();
         assert!(output.status.success(), "{words}: {output:?}");
     };
     elsewhere("mark here");
-    let advice = said.split('`').nth(1).unwrap().strip_prefix("i2ris record trial ").unwrap();
+    let advice = printed.split('`').nth(1).unwrap().strip_prefix("i2ris record trial ").unwrap();
     elsewhere(advice);
     let list = bench.succeeds("list");
     let trials = list.lines().filter(|line| line.starts_with("P07-joystick-0")).count();
@@ -150,21 +150,21 @@ fn a_trial_is_recorded_with_its_marks_and_reported_to_those_who_watch() {
 }
 
 #[test]
-fn a_button_of_the_hand_marks_the_trial_once_each_time_it_is_pressed() {
+fn each_button_press_marks_the_trial_once() {
     let controller = Controller::enabled();
     let bench = StudyRig::new(&controller.domain);
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let (mut stream, mut hand) = (client.watcher().trial(), client.announcer());
-    // Pressed before the trial: no mark of it.
-    let mut told = TeleopMsg { mark_ns: clock::now().0, ..TeleopMsg::default() };
-    hand.publish(told).unwrap();
+    // Pressed before the trial: not a mark.
+    let mut published = TeleopMsg { mark_ns: clock::now().0, ..TeleopMsg::default() };
+    hand.publish(published).unwrap();
     bench.succeeds(START);
     for number in 1..=2 {
-        hand.publish(told).unwrap();
-        told.mark_ns = clock::now().0;
+        hand.publish(published).unwrap();
+        published.mark_ns = clock::now().0;
         wait_until("the mark", || {
-            // What it says 20 times a second.
-            hand.publish(told).unwrap();
+            // Published 20 times a second.
+            hand.publish(published).unwrap();
             clock::sleep(Nanos::from_millis(20));
             newest(&mut stream).is_some_and(|trial| trial.mark_number == number)
         });
@@ -174,28 +174,28 @@ fn a_button_of_the_hand_marks_the_trial_once_each_time_it_is_pressed() {
     let mark = &json["P07-joystick-01"]["marks"][1];
     assert_eq!(
         (mark["text"].as_str(), mark["monotonic_ns"].as_u64()),
-        (Some("by hand"), Some(told.mark_ns))
+        (Some("by hand"), Some(published.mark_ns))
     );
 }
 
 #[test]
-fn what_is_no_code_no_condition_or_no_study_is_refused_and_leaves_nothing() {
-    let nobody = Domain::new("nobody-serves-this").unwrap();
-    let bench = StudyRig::new(&nobody);
+fn invalid_code_condition_or_study_is_refused_without_traces() {
+    let unserved = Domain::new("nobody-serves-this").unwrap();
+    let bench = StudyRig::new(&unserved);
     for (words, part) in [
         ("start --participant Ann --condition joystick", "looks like a name"),
         ("start --participant ann@example.org --condition joystick", "e-mail"),
         ("start --participant 1990-01-31 --condition joystick", "date of birth"),
-        ("start --participant P07 --condition mouse", "none of this study: joystick, keyboard"),
+        ("start --participant P07 --condition mouse", "not in this study: joystick, keyboard"),
         ("start --participant P07 --condition joystick", "no controller"),
-        ("new STUDY --condition joystick", "is there already"),
-        ("list --study /nonexistent", "is no study"),
-        ("list P01-joystick-01", "is no trial"),
+        ("new STUDY --condition joystick", "already exists"),
+        ("list --study /nonexistent", "is not a study"),
+        ("list P01-joystick-01", "is not a trial"),
     ] {
         bench.fails(words, part);
     }
     let list = bench.succeeds("list");
-    assert!(list.starts_with("no trial yet; `i2ris record trial start` begins one\n"), "{list}");
+    assert!(list.starts_with("no trial yet; `i2ris record trial start` starts one\n"), "{list}");
     for order in ["participant 1, 3, ...: joystick, keyboard", "2, 4, ...: keyboard, joystick"] {
         assert!(list.contains(order), "{list}");
     }
@@ -203,7 +203,7 @@ fn what_is_no_code_no_condition_or_no_study_is_refused_and_leaves_nothing() {
     let description = fs::read_to_string(bench.study().join("study.json")).unwrap();
     let later = description.replace("\"format\": 1", "\"format\": 2");
     fs::write(bench.study().join("study.json"), later).unwrap();
-    bench.fails("list", "a study of format 2, this program knows 1");
+    bench.fails("list", "study format 2, but this program supports 1");
 }
 
 pub fn recorder_of(trial: &Path) -> Pid {
@@ -221,8 +221,8 @@ fn content(trial: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     files.into_iter().map(|file| (file.clone(), fs::read(file).unwrap())).collect()
 }
 
-/// Cuts the power at random moments, `cut` being given the recorder: what was there before is
-/// untouched, the trial keeps its recording up to a second before, and the next start finds its
+/// Cuts the power at random moments with `cut`, which receives the recorder: earlier files are
+/// untouched, the trial keeps its recording except the last second, and the next start finds its
 /// state. `back`: the power is back.
 fn power_cuts(cases: u32, domain: &Domain, cut: impl Fn(Pid), back: impl Fn()) {
     let bench = StudyRig::new(domain);
@@ -239,7 +239,7 @@ fn power_cuts(cases: u32, domain: &Domain, cut: impl Fn(Pid), back: impl Fn()) {
     TestRunner::new(config)
         .run(&(0..1500_u64, 0..3_u32), |(after_ms, marks)| {
             number.set(number.get() + 1);
-            let said = bench.succeeds(START);
+            let printed = bench.succeeds(START);
             let trial = bench.trial(&format!("P07-joystick-{:02}", number.get()));
             let begun = clock::now();
             for mark in 0..marks {
@@ -250,8 +250,8 @@ fn power_cuts(cases: u32, domain: &Domain, cut: impl Fn(Pid), back: impl Fn()) {
             wait_until("the recorder is gone", || !Journal::is_held(&trial));
             let length_s = clock::now().duration_since(begun).as_seconds();
             back();
-            prop_assert!(said.contains("is being recorded"));
-            bench.fails("mark late", "no trial runs");
+            prop_assert!(printed.contains("is being recorded"));
+            bench.fails("mark late", "no trial is running");
             let report =
                 i2ris_record::report::TrialReport::read(&trial.join("recording.mcap")).unwrap();
             most_lost_s.set(most_lost_s.get().max(length_s - report.length_s));
@@ -260,8 +260,8 @@ fn power_cuts(cases: u32, domain: &Domain, cut: impl Fn(Pid), back: impl Fn()) {
         })
         .unwrap();
     println!("{cases} power cuts, {:.2} s lost at most", most_lost_s.get());
-    let said = bench.succeeds(START);
-    assert_eq!(said.matches("had been cut off").count(), 1, "each once: {said}");
+    let printed = bench.succeeds(START);
+    assert_eq!(printed.matches("was truncated").count(), 1, "each once: {printed}");
     bench.succeeds("stop --outcome success");
     assert_eq!(content(&bench.trial("P07-joystick-01")), first);
     let trials = Study::open(&bench.study()).unwrap().trials().unwrap();
@@ -274,7 +274,7 @@ fn end_at_once(recorder: Pid) {
 }
 
 #[test]
-fn power_cuts_lose_a_second_at_most_and_never_the_trial_before() {
+fn power_cuts_lose_at_most_a_second_of_one_trial() {
     let controller = Controller::enabled();
     power_cuts(3, &controller.domain, end_at_once, || {});
 }

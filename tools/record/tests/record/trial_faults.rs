@@ -1,4 +1,4 @@
-//! What goes wrong in a trial, and what the participant says of it.
+//! Faults during a trial, and the participant's workload.
 
 use std::fs;
 use std::io::Write;
@@ -20,32 +20,35 @@ use crate::trial::{START, StudyRig, newest, recorder_of};
 const FIRST: &str = "P07-joystick-01";
 
 #[test]
-fn the_workload_is_requested_and_stored_with_the_trial_that_ended_last() {
+fn workload_is_stored_with_the_last_ended_trial() {
     let controller = Controller::enabled();
     let bench = StudyRig::new(&controller.domain);
     bench.fails("workload --answers 55,30,25,60,50,20", "no trial has ended yet");
     bench.succeeds(START);
-    bench.fails(&format!("workload {FIRST} --answers 55,30,25,60,50,20"), "runs: end it with");
-    bench.fails("start --participant P7 --condition keyboard", "P07-joystick-01 runs");
+    let early = format!("workload {FIRST} --answers 55,30,25,60,50,20");
+    bench.fails(&early, "is running: end it with");
+    bench.fails("start --participant P7 --condition keyboard", "P07-joystick-01 is running");
     bench.succeeds("stop --outcome success");
     bench.fails("start --participant P7 --condition keyboard", "reads like P07");
-    bench.fails("workload --answers 55,30", "2 answers, where there are six scales");
-    bench.fails("workload P01-joystick-01 --answers 5,5,5,5,5,5", "is no trial of this study");
+    bench.fails("workload --answers 55,30", "2 answers for six scales");
+    bench.fails("workload P01-joystick-01 --answers 5,5,5,5,5,5", "is not a trial of this study");
     let answer = |lines: &str| {
         let mut form = bench.command("workload");
         form.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut form = form.spawn().unwrap();
         form.stdin.take().unwrap().write_all(lines.as_bytes()).unwrap();
         let output = form.wait_with_output().unwrap();
-        let said = [output.stdout, output.stderr].concat();
-        (output.status.success(), String::from_utf8(said).unwrap())
+        let printed = [output.stdout, output.stderr].concat();
+        (output.status.success(), String::from_utf8(printed).unwrap())
     };
-    let (is_stored, said) = answer("55\n30\n");
-    assert!(!is_stored && said.contains("nothing is stored"), "{said}");
-    let (is_stored, said) = answer("55\nmany\n30\n25\n60\n50\n20\n");
-    assert!(is_stored, "{said}");
-    for part in ["mental: How mentally", "`many` is no answer", "P07-joystick-01: workload 40 of"] {
-        assert!(said.contains(part), "{part}: {said}");
+    let (is_stored, printed) = answer("55\n30\n");
+    assert!(!is_stored && printed.contains("nothing is stored"), "{printed}");
+    let (is_stored, printed) = answer("55\nmany\n30\n25\n60\n50\n20\n");
+    assert!(is_stored, "{printed}");
+    let parts =
+        ["mental: How mentally", "`many` is not an answer", "P07-joystick-01: workload 40 of"];
+    for part in parts {
+        assert!(printed.contains(part), "{part}: {printed}");
     }
     let show = bench.succeeds(&format!("list {FIRST}"));
     assert!(show.contains("workload 40 of 100: mental 55, physical 30"), "{show}");
@@ -63,7 +66,7 @@ fn the_workload_is_requested_and_stored_with_the_trial_that_ended_last() {
 }
 
 #[test]
-fn a_controller_that_restarts_in_a_trial_is_another_run_of_the_same_trial() {
+fn restarted_controller_is_a_new_run_of_the_trial() {
     let controller = Controller::enabled();
     let bench = StudyRig::new(&controller.domain);
     bench.succeeds(START);
@@ -74,7 +77,7 @@ fn a_controller_that_restarts_in_a_trial_is_another_run_of_the_same_trial() {
     clock::sleep(Nanos::from_millis(300));
     bench.succeeds("stop --outcome recovery");
     let show = bench.succeeds(&format!("list {FIRST}"));
-    assert!(show.contains("the controller was started 2 times in it"), "{show}");
+    assert!(show.contains("the controller was started 2 times during the trial"), "{show}");
     assert_ne!(boots()[0], boots()[1]);
     let report = TrialReport::read(&bench.trial(FIRST).join("recording.mcap")).unwrap();
     assert!(report.cut_off.is_none() && report.length_s > 0.2, "{}", report.length_s);
@@ -82,7 +85,7 @@ fn a_controller_that_restarts_in_a_trial_is_another_run_of_the_same_trial() {
 }
 
 #[test]
-fn a_full_disk_in_a_trial_is_reported_at_once_and_the_robot_and_what_was_written_stay() {
+fn full_disk_is_reported_and_robot_and_data_stay() {
     let controller = Controller::enabled();
     let bench = StudyRig::new(&controller.domain);
     bench.succeeds(START);
@@ -95,12 +98,12 @@ fn a_full_disk_in_a_trial_is_reported_at_once_and_the_robot_and_what_was_written
     limit_files(&mut start, 1 << 40);
     let output = start.output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let mut told = TrialMsg::default();
-    wait_until("it is told", || {
-        told = newest(&mut stream).unwrap_or(told);
-        unpadded_text(&told.trial) == "P07-joystick-02"
+    let mut published = TrialMsg::default();
+    wait_until("the trial is published", || {
+        published = newest(&mut stream).unwrap_or(published);
+        unpadded_text(&published.trial) == "P07-joystick-02"
     });
-    // From here on the disk is full; what goes through shared memory is there already.
+    // From here on the disk is full; files of the shared memory already exist.
     let limit = nix::libc::rlimit { rlim_cur: 20_000, rlim_max: 20_000 };
     let recorder = recorder_of(&bench.trial("P07-joystick-02")).as_raw();
     // SAFETY: reads the value that it is given, and writes nothing.
@@ -109,20 +112,20 @@ fn a_full_disk_in_a_trial_is_reported_at_once_and_the_robot_and_what_was_written
         nix::libc::prlimit(recorder, nix::libc::RLIMIT_FSIZE, &raw const limit, none)
     };
     assert_eq!(limited, 0);
-    wait_until("it is said that the trial is not recorded", || {
-        told = newest(&mut stream).unwrap_or(told);
-        told.flags & TrialMsg::FAILED != 0
+    wait_until("the failed recording is published", || {
+        published = newest(&mut stream).unwrap_or(published);
+        published.flags & TrialMsg::FAILED != 0
     });
-    assert_eq!(told.flags, TrialMsg::FAILED, "it goes on unrecorded");
+    assert_eq!(published.flags, TrialMsg::FAILED, "it continues unrecorded");
     let (found, why, _) = i2ris_testing::Program::run(&controller.domain, &["status"]);
-    assert!(found && why.contains("P07-joystick-02 is not recorded any more"), "{why}");
+    assert!(found && why.contains("P07-joystick-02 is no longer recorded"), "{why}");
     let list = bench.succeeds("list");
-    assert!(list.contains("runs, but is not recorded any more"), "{list}");
-    // Nobody else takes it for ended, and marks are kept where there is room for them.
-    bench.fails(START, "P07-joystick-02 runs");
+    assert!(list.contains("running, but no longer recorded"), "{list}");
+    // Other commands do not take it for ended, and marks are kept if they fit.
+    bench.fails(START, "P07-joystick-02 is running");
     bench.succeeds("mark still-here");
     let mut first = 0;
-    wait_until("the state goes on", || {
+    wait_until("the state continues", || {
         let stamp = measured.refresh().unwrap().map_or(0, |it| it.stamp_ns);
         first = if first == 0 { stamp } else { first };
         stamp > first
@@ -158,7 +161,7 @@ fn a_study_of_another_robot_is_refused_and_leaves_nothing() {
 }
 
 #[test]
-fn marks_a_hundred_times_a_second_are_all_kept_and_recorded() {
+fn a_hundred_marks_a_second_are_all_recorded() {
     let controller = Controller::enabled();
     let bench = StudyRig::new(&controller.domain);
     bench.succeeds(START);

@@ -82,11 +82,11 @@ impl Joint {
     }
 }
 
-/// Where a link is, as another one sees it.
+/// Pose of a link in the frame of another link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinkPose {
     pub position_m: [f64; 3],
-    /// Of its axes: x, y, z, w.
+    /// Orientation: x, y, z, w.
     pub quaternion: [f64; 4],
 }
 
@@ -103,7 +103,7 @@ impl From<Isometry3<f64>> for LinkPose {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snake {
     name: String,
-    /// Turn by the whole bend, and carry links without bodies beside the chain.
+    /// Turn by the whole bend, and carry links without bodies outside the chain.
     masters: [Joint; 2],
     joints: Vec<Joint>,
 }

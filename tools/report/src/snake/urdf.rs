@@ -1,7 +1,7 @@
 //! The snake as a URDF.
 //!
 //! The revolute joints mimic two joints `pitch` and `yaw`, whose names are those in `measured_js`.
-//! These two carry links without bodies beside the chain, so that nothing else turns with them.
+//! These two carry links without bodies outside the chain, so that nothing else turns with them.
 
 use std::fmt::Write as _;
 

@@ -6,10 +6,10 @@ use serde::Serialize;
 
 use super::json;
 
-/// From this share of the budget on it is marked.
+/// Share of the budget from which it is marked.
 const WARNING: f64 = 0.7;
 
-/// Estimate, budget, and why nothing is learned.
+/// Estimate, budget, and why learning is paused.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Adaptation {
     pub on: bool,
@@ -21,7 +21,7 @@ pub struct Adaptation {
     #[serde(serialize_with = "json::drift")]
     pub budget_used: [f64; PARAMETERS],
     pub total_used: f64,
-    /// Whether the motion shows the parameter.
+    /// Whether the motion excites the parameter.
     pub excited: [bool; PARAMETERS],
     pub pauses: Vec<&'static str>,
     pub frames: Frames,
@@ -30,7 +30,7 @@ pub struct Adaptation {
     pub taken_back: u32,
 }
 
-/// What became of the frames of the camera.
+/// Camera frames by their use.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Frames {
     pub used: u64,
@@ -89,16 +89,16 @@ impl Adaptation {
         format!("{name} {:.0} %", 100.0 * used)
     }
 
-    /// Why nothing is learned, or what the windows say.
+    /// Why learning is paused, or the errors of the windows.
     fn learning(&self) -> String {
         let errors = format!(
-            "camera {:.2} deg from the calibrated, {:.2} deg from the adapted model",
+            "camera {:.2} deg from the calibrated model, {:.2} deg from the adapted one",
             self.calibrated_error_deg, self.adapted_error_deg
         );
         if self.pauses.is_empty() {
             format!("learning; {errors}")
         } else {
-            format!("nothing is learned: {}; {errors}", self.pauses.join(", "))
+            format!("learning paused: {}; {errors}", self.pauses.join(", "))
         }
     }
 }
@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn estimate_budget_and_reasons_are_shown_while_it_is_on() {
+    fn estimate_budget_and_reasons_are_shown_while_active() {
         let message = AdaptationMsg {
             estimate: [
                 0.01, -0.02, 0.05, 0.0, 0.0, -0.1, 0.4, 0.0, 0.012, 0.0, 0.021, 0.0, 0.0, -0.003,
@@ -131,7 +131,7 @@ mod tests {
             ..message
         };
         let state = &Adaptation::new(&paused).lines()[1];
-        assert!(state.starts_with("BUDGET USED UP 100 %, nothing is learned"), "{state}");
+        assert!(state.starts_with("BUDGET USED UP 100 %, learning paused"), "{state}");
         assert!(state.contains("too little motion"), "{state}");
         let off = Adaptation::new(&AdaptationMsg::default());
         assert!(!off.on && off.lines().is_empty());

@@ -18,9 +18,9 @@ pub struct ControlLoop {
     pub missed: u64,
     pub missed_in_window: u64,
     pub ticks: u64,
-    /// What the system granted; capitals where something is missing.
+    /// Granted scheduling and memory locking; capitals if one is missing.
     pub granted: String,
-    /// What the slowest line to the drives allows.
+    /// Limits of the slowest line to the drives.
     pub line: String,
     pub real_time: bool,
     #[serde(flatten)]
@@ -39,7 +39,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// With as many digits as mean something.
+    /// The quantiles with their significant digits.
     pub fn texts(&self) -> [String; 3] {
         let digits = |us: f64| if us < 10.0 { format!("{us:.1}") } else { format!("{us:.0}") };
         [self.p50_us, self.p99_us, self.max_us].map(digits)
@@ -73,7 +73,7 @@ impl ControlLoop {
 fn line(message: &PeriodStatistics) -> String {
     let ms = |nanos: u64| format!("{:.1} ms", nanos as f64 * 1e-6);
     format!(
-        "{} an exchange, {:.0} setpoints/s an axis, motion stops at feedback {} old, a stop takes {}",
+        "{} per exchange, {:.0} setpoints/s per axis, hold at feedback age {}, a stop takes {}",
         ms(message.line_exchange_ns),
         message.line_setpoints_hz,
         ms(message.line_stale_ns),

@@ -1,19 +1,19 @@
-//! How near the tip is to a virtual fixture, or to the end of what the model has been calibrated
-//! for: what a sound or a pulse tells. Never a command.
+//! Distance of the tip to a virtual fixture, or to the edge of the calibrated range of the model,
+//! for a sound or a pulse. Never a command.
 
 use i2ris::units::Nanos;
 use serde::Serialize;
 
 use super::{View, json};
 
-/// From here on it is told, deg.
+/// Distance below which it is signalled, deg.
 const FAR_DEG: f64 = 3.0;
 /// Nearer than this the tip touches, deg.
 const TOUCH_DEG: f64 = 0.1;
-/// Between two beats, s: at [`FAR_DEG`], and when the tip touches.
+/// Time between two beats, s: at [`FAR_DEG`], and at contact.
 const BEATS_S: [f64; 2] = [1.0, 0.1];
 
-/// What is near.
+/// Nearest boundary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Near {
@@ -21,13 +21,13 @@ pub enum Near {
     Hull,
 }
 
-/// What is nearest, and how near.
+/// The nearest boundary and its distance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Cue {
     pub kind: Near,
     pub deg: f64,
     pub touches: bool,
-    /// From one beat to the next.
+    /// Time between two beats, s.
     pub beat_s: f64,
 }
 
@@ -40,15 +40,15 @@ impl Cue {
         Self { kind, deg: json::short(deg), touches, beat_s }
     }
 
-    /// From one beat to the next.
+    /// Time between two beats.
     pub fn beat(&self) -> Nanos {
         Nanos((1e9 * self.beat_s) as u64)
     }
 }
 
 impl View {
-    /// What the tip is near; `None`: nothing, or the angles are not known. `hull`: the edge of the
-    /// model's hull, pitch and yaw in degrees, closed; empty where it is not known.
+    /// The nearest boundary; `None`: nothing is near, or the angles are not known. `hull`: the edge
+    /// of the model's hull, pitch and yaw in degrees, closed; empty if it is not known.
     pub fn cue(&self, hull: &[[f64; 2]]) -> Option<Cue> {
         let tip = self.estimate?.fresh()?;
         let fixtures = self.fixtures.iter().filter(|fixture| fixture.active);
@@ -103,12 +103,12 @@ mod tests {
         assert_eq!(near([-13.0, 14.0]), None, "5 deg from the corner");
         assert_eq!(near([-10.0, 12.5]), Some((Near::Hull, 2.5, 0.85)));
         assert_eq!(near([9.95, 3.0]), Some((Near::Hull, 0.05, 0.1)));
-        assert_eq!(at([0.0, 9.0], true).cue(&HULL), None, "where it was is not where it is");
+        assert_eq!(at([0.0, 9.0], true).cue(&HULL), None, "a stale pose gives no cue");
         assert_eq!(at([0.0, 9.0], false).cue(&[]), None, "no hull is known");
     }
 
     #[test]
-    fn a_fixture_that_is_off_is_silent_and_one_that_holds_the_goal_touches() {
+    fn inactive_fixture_is_silent_and_limiting_fixture_touches() {
         let outline = Some(vec![[0.0, 4.0], [1.0, 4.0], [1.0, 5.0]]);
         let fixture = Fixture { name: "lens".into(), text: "lens".into(), active: true, outline };
         let mut view = View { fixtures: vec![fixture], ..at([0.5, 2.0], false) };

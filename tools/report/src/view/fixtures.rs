@@ -21,7 +21,7 @@ const OVER: Nanos = Nanos::from_millis(1000);
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Fixture {
     pub name: String,
-    /// Name and kind, and `OFF` where it does not count.
+    /// Name and kind, and `OFF` if it is not active.
     pub text: String,
     pub active: bool,
     /// Pitch and yaw, degrees; `None` for a region of the tip.
@@ -64,7 +64,7 @@ fn outline(kind: FixtureKind, values: &[f64; 17]) -> Option<Vec<[f64; 2]>> {
     Some(points.into_iter().map(|point| point.map(json::short)).collect())
 }
 
-/// The target that a person shall reach.
+/// The target that the operator must reach.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Target {
     pub deg: [f64; 2],
@@ -73,14 +73,14 @@ pub struct Target {
     pub total: u32,
     pub hold_s: f64,
     pub held_s: f64,
-    /// It is to be followed for `hold_s`, of which `held_s` are over.
+    /// The target must be followed for `hold_s`, of which `held_s` have passed.
     pub follow: bool,
-    /// What is compared with it: `camera` or `estimate`.
+    /// Pose compared with the target: `camera` or `estimate`.
     pub by: &'static str,
 }
 
 impl Target {
-    /// `None`: there is none any more.
+    /// `None`: there is no target any more.
     pub(super) fn new(message: &ReachTarget, now: Nanos) -> Option<Self> {
         let is_last = message.flags & ReachTarget::ENDED != 0 && message.number >= message.total;
         if is_last || message.age(now) > OVER {

@@ -1,4 +1,4 @@
-//! What a hand holds, while `i2ris teleop` runs.
+//! The input device of a running `i2ris teleop`.
 
 use i2ris::ipc::Message;
 use i2ris::ipc::payload::{TeleopMsg, unpadded_text};
@@ -19,7 +19,7 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// `None`: nobody steers by hand now.
+    /// `None`: no input device is in use now.
     pub(super) fn new(message: &TeleopMsg, now: Nanos) -> Option<Self> {
         let is_open = message.flags & TeleopMsg::OPEN != 0;
         let direction = |[right, up]: [f64; 2]| up.atan2(right).to_degrees().round();

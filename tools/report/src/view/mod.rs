@@ -1,5 +1,5 @@
-//! The robot as people see it: one value, made from the last message of every stream. Text,
-//! JSON and web page show it. Pure.
+//! The robot as shown to people: one value, made from the last message of every stream. Text, JSON
+//! and web page show it. Pure.
 //!
 //! Degrees, counts, milliampere, seconds. As JSON, angles have three digits (a thousandth of a
 //! degree; more is noise, and bytes), and ages are in milliseconds.
@@ -17,7 +17,7 @@ use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
     PeriodStatistics, ReachTarget, ReasonMsg, TeleopMsg, TrialMsg, VirtualFixturesMsg,
 };
-use i2ris::ipc::{Fault, Message, OperatingState, Refusal, ShownClient};
+use i2ris::ipc::{Fault, MaskedClientId, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::{MAX_MOTORS, Nanos};
 use serde::Serialize;
@@ -32,7 +32,7 @@ pub use trial::Trial;
 
 /// Age at which a value is marked as stale.
 pub const STALE: Nanos = Nanos::from_millis(500);
-/// How long the last refusal, stop or clip is news.
+/// Time for which the last refusal, stop or clip is shown.
 const WARNING_SHOWN: Nanos = Nanos::from_millis(5000);
 
 /// Pitch and yaw, degrees.
@@ -55,7 +55,7 @@ pub struct LatestMessages {
     pub fixtures: Option<VirtualFixturesMsg>,
     /// The target of a reach-and-hold task.
     pub target: Option<ReachTarget>,
-    /// What a person does with an input device.
+    /// State of the operator's input device.
     pub hand: Option<TeleopMsg>,
     pub trial: Option<TrialMsg>,
     /// The last fault.
@@ -76,14 +76,14 @@ impl LatestMessages {
     }
 }
 
-/// What people see of the robot.
+/// The robot as shown to people.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct View {
     /// Why the controller is not reachable, if it is not.
     pub problem: Option<String>,
     pub state: Option<State>,
-    /// What keeps the robot from moving now, the one that matters most first; then what was refused
-    /// or clipped a short time ago.
+    /// Reasons why the robot does not move now, the most important first; then recent refusals and
+    /// clips.
     pub why: Vec<Why>,
     pub goal: Option<Pose>,
     pub setpoint: Option<Pose>,
@@ -94,7 +94,7 @@ pub struct View {
     pub jaw: Option<Pose>,
     #[serde(rename = "loop")]
     pub control_loop: Option<ControlLoop>,
-    /// What failed or was lost since the start of the controller; in capitals if anything did.
+    /// Failures and losses since the start of the controller; in capitals if there are any.
     pub health: Option<String>,
     pub adaptation: Option<Adaptation>,
     pub fixtures: Vec<Fixture>,
@@ -201,13 +201,13 @@ pub struct Motor {
     pub age: Age,
 }
 
-/// What is known about models.
+/// The loaded models, as far as they are known.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Models {
     pub known: bool,
     pub used: Option<LoadedModel>,
     pub staged: Option<LoadedModel>,
-    /// The one that was in use before.
+    /// The model that was in use before.
     pub previous: Option<LoadedModel>,
     /// Why there are no models to name.
     pub problem: Option<String>,
@@ -222,7 +222,7 @@ pub struct LoadedModel {
     pub id: ModelId,
     /// Family and the beginning of the identity.
     pub name: String,
-    /// The end of the path of its file.
+    /// The last part of the path of its file.
     pub file: String,
     pub memory_known: bool,
 }
@@ -243,13 +243,13 @@ pub struct Event {
     pub age_ms: u64,
     pub severity: Severity,
     pub text: String,
-    /// What to do; may be empty.
+    /// Recommended action; may be empty.
     pub advice: String,
     pub count: u64,
 }
 
 impl View {
-    /// What the messages say. Models and events are known to the monitor only.
+    /// Builds the view from the messages. Only the monitor knows models and events.
     pub fn new(messages: &LatestMessages, now: Nanos) -> Self {
         let LatestMessages { trial, .. } = messages;
         let warning = messages.warning.filter(|it| it.age(now) < WARNING_SHOWN);
@@ -293,7 +293,7 @@ fn state(message: &OperatingStateMsg, now: Nanos) -> State {
         compared: has(OperatingStateMsg::COMPARED),
         commander: None,
         lease: (message.lease_client_id != 0)
-            .then(|| ShownClient(message.lease_client_id).to_string()),
+            .then(|| MaskedClientId(message.lease_client_id).to_string()),
         accepted: message.accepted,
         refused: message.refused,
         last_refusal: last.map(Refusal::text),

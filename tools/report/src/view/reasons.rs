@@ -1,4 +1,4 @@
-//! Why the robot does not move, or not as asked, and what to do.
+//! Why the robot does not move as commanded, with the recommended action.
 
 use i2ris::drive::drive_fault::DriveFault;
 use i2ris::ipc::Message;
@@ -9,19 +9,19 @@ use serde::Serialize;
 
 use super::{Hand, LatestMessages, STALE, Trial};
 
-/// What is said where there is no reason.
+/// Text shown if there is no reason.
 pub const NOTHING: &str = "nothing keeps the robot from moving: it waits for commands";
 
 /// A reason with its advice.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Why {
-    /// `fault 3`, `refusal 9`, ...; empty for one of a later release.
+    /// `fault 3`, `refusal 9`, ...; empty for a reason of a later release.
     pub code: String,
-    /// What it means.
+    /// Meaning.
     pub sentence: String,
     /// Measured value and limit; empty where they are not known.
     pub measured: String,
-    /// What to do.
+    /// Recommended action.
     pub advice: String,
     /// Age of a refusal, stop or clip; `None`: it keeps the robot from moving now.
     pub age_s: Option<f64>,
@@ -49,8 +49,8 @@ impl Why {
     }
 }
 
-/// What keeps the robot from moving now, then the last warning of every cause, newest first.
-/// `warnings` are in the order in which they came.
+/// The reasons why the robot does not move now, then the last warning of every cause, newest first.
+/// `warnings` are in order of arrival.
 pub fn reasons(messages: &LatestMessages, warnings: &[ReasonMsg], now: Nanos) -> Vec<Why> {
     let LatestMessages { state: Some(state), error, hand, trial, .. } = messages else {
         return Vec::new();
@@ -63,8 +63,8 @@ pub fn reasons(messages: &LatestMessages, warnings: &[ReasonMsg], now: Nanos) ->
     let mut all: Vec<Why> = present.collect();
     let open = hand.as_ref().and_then(|hand| Hand::new(hand, now)).and_then(|hand| hand.open);
     all.extend(open.map(|why| {
-        // What is wrong, and after a colon what to do about it.
-        let (sentence, advice) = why.split_once(": ").unwrap_or((&why, "press it, and steer"));
+        // The text before the colon is the reason, the text after it the action.
+        let (sentence, advice) = why.split_once(": ").unwrap_or((&why, "press it and steer"));
         let (text, advice) = (format!("the clutch is open: {sentence}"), advice.to_owned());
         Why { sentence: text.clone(), text, advice, ..Why::default() }
     }));
@@ -78,7 +78,7 @@ pub fn reasons(messages: &LatestMessages, warnings: &[ReasonMsg], now: Nanos) ->
         }
         seen.push((message.kind, message.number));
         all.push(match message.reason() {
-            // It watches again: there is nothing to start.
+            // The watchdog is running again: there is nothing to start.
             Some(Reason { cause: Cause::Stop(Stop::Watchdog), .. })
                 if state.flags & OperatingStateMsg::WATCHED != 0 =>
             {
@@ -100,12 +100,12 @@ pub fn reasons(messages: &LatestMessages, warnings: &[ReasonMsg], now: Nanos) ->
         own.for_each(|why| why.advice.clone_from(&advice));
     }
     if let Some(missed) = missed_ticks(messages) {
-        // A computer that comes too late reads and writes too late: nothing is wrong with the line.
+        // If the computer is late, reads and writes are late: the line is not at fault.
         let late = |why: &&mut Why| ["fault 2", "stop 2"].contains(&&*why.code);
         all.iter_mut().filter(late).for_each(|why| {
             why.text += &format!("; the loop has {missed}");
             why.advice =
-                "take load off the computer, or give it real-time permission; if it comes \
+                "reduce the load on the computer, or grant real-time permission; if it happens \
                           again without missed ticks, check cable and supply (`i2ris doctor`)"
                     .to_owned();
         });
@@ -113,7 +113,7 @@ pub fn reasons(messages: &LatestMessages, warnings: &[ReasonMsg], now: Nanos) ->
     all
 }
 
-/// What the loop misses of its ticks, where that is more than a hundredth.
+/// Missed ticks of the loop, if they are more than a hundredth.
 fn missed_ticks(messages: &LatestMessages) -> Option<String> {
     let it = messages.statistics.as_ref()?;
     let all = [(it.missed, it.ticks), (it.total_missed, it.total_ticks)];
@@ -122,7 +122,7 @@ fn missed_ticks(messages: &LatestMessages) -> Option<String> {
     is_late.then(|| format!("{missed} missed ticks of {ticks}"))
 }
 
-/// A camera that has sent frames since the start of the controller, and sends none any more.
+/// A camera that sent frames after the start of the controller and has stopped.
 fn silent_camera(messages: &LatestMessages, now: Nanos) -> Option<Why> {
     let age = messages.camera.map(|camera| camera.age(now));
     let frames = messages.adaptation.map_or(0, |it| {
@@ -131,8 +131,8 @@ fn silent_camera(messages: &LatestMessages, now: Nanos) -> Option<Why> {
     });
     let is_silent = age.map_or(frames > 0, |age| age > STALE);
     is_silent.then(|| {
-        let text = "the camera is silent: the pose is not compared, and no drift is followed";
-        let advice = "look at its cable, and start `i2ris vision` again";
+        let text = "the camera is silent: the pose is not checked, and drift is not corrected";
+        let advice = "check its cable, and restart `i2ris vision`";
         let age_s = Some(age.unwrap_or(STALE).as_seconds());
         let (sentence, text, advice) = (text.to_owned(), text.to_owned(), advice.to_owned());
         Why { sentence, text, advice, age_s, ..Why::default() }
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_shows_its_own_measurement_and_not_that_of_another_one() {
+    fn a_fault_shows_only_its_own_measurement() {
         let state = OperatingStateMsg {
             state: OperatingState::Fault.number(),
             fault: Fault::FollowingError.number(),
@@ -205,13 +205,13 @@ mod tests {
     }
 
     #[test]
-    fn the_last_message_of_every_cause_comes_newest_first_after_what_holds_now() {
+    fn last_warning_of_every_cause_follows_present_reasons_newest_first() {
         let state = OperatingStateMsg {
             state: OperatingState::Paused.number(),
             flags: OperatingStateMsg::BUSY,
             ..OperatingStateMsg::default()
         };
-        let (step, lease) = (Refusal::Step, Refusal::Lease);
+        let (step, lease) = (Refusal::StepTooLarge, Refusal::Lease);
         let warnings = [(step, 1000), (lease, 2000), (step, 3000)];
         let warnings = warnings.map(|(cause, stamp)| message(Cause::Refusal(cause), stamp));
         let all = reasons(&all(state), &warnings, Nanos::from_millis(4000));
@@ -230,27 +230,27 @@ mod tests {
     }
 
     #[test]
-    fn an_open_clutch_is_a_reason_while_somebody_steers() {
-        let why = "the dead-man is half pressed: let go of it, then press it well";
+    fn an_open_clutch_is_a_reason_while_teleop_runs() {
+        let why = "the dead-man is half pressed: release it, then press it fully";
         let mut hand = TeleopMsg {
             flags: TeleopMsg::OPEN,
             why_open: i2ris::ipc::payload::padded_text(why),
             ..TeleopMsg::default()
         };
-        let said = |hand: &TeleopMsg, ms| {
+        let shown = |hand: &TeleopMsg, ms| {
             let messages = LatestMessages { hand: Some(*hand), ..all(ready()) };
             let found = reasons(&messages, &[], Nanos::from_millis(ms));
             found.into_iter().map(|why| (why.text, why.advice)).collect::<Vec<_>>()
         };
         let open = "the clutch is open: the dead-man is half pressed".to_owned();
-        assert_eq!(said(&hand, 100), [(open, "let go of it, then press it well".to_owned())]);
-        assert_eq!(said(&hand, 1000), [], "nobody steers any more");
+        assert_eq!(shown(&hand, 100), [(open, "release it, then press it fully".to_owned())]);
+        assert_eq!(shown(&hand, 1000), [], "teleop has ended");
         hand.flags = 0;
-        assert_eq!(said(&hand, 100), []);
+        assert_eq!(shown(&hand, 100), []);
     }
 
     #[test]
-    fn a_camera_that_sends_nothing_any_more_is_a_reason_and_one_that_never_came_is_none() {
+    fn silent_camera_is_a_reason_but_missing_camera_is_not() {
         let camera = Some(ExternalPosition { stamp_ns: 1_000_000_000, ..Default::default() });
         let adaptation = Some(AdaptationMsg { frames_used: 3, ..Default::default() });
         let ages = |messages: LatestMessages, ms| {
@@ -261,7 +261,7 @@ mod tests {
         let seen = LatestMessages { camera, ..all(ready()) };
         assert_eq!(ages(seen, 1100), []);
         assert_eq!(ages(seen, 4000), [Some(3.0)]);
-        // Who asks later has heard no frame.
+        // A later reader has received no frame.
         assert_eq!(ages(LatestMessages { adaptation, ..all(ready()) }, 4000), [Some(0.5)]);
     }
 }

@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::Why;
 
-/// Its recorder tells twice a second.
+/// Age at which the recorder counts as silent; it reports twice a second.
 const SILENT: Nanos = Nanos::from_millis(2000);
 
-/// The trial that runs.
+/// The running trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Trial {
     /// Participant, condition and number.
@@ -20,7 +20,7 @@ pub struct Trial {
     pub mark: Option<(u32, String)>,
     /// Since then.
     pub mark_age_s: Option<f64>,
-    /// Why it is not recorded any more.
+    /// Why recording has stopped.
     pub problem: Option<&'static str>,
 }
 
@@ -48,7 +48,7 @@ impl Trial {
     pub fn line(&self) -> String {
         let Self { name, for_s, .. } = self;
         match (self.problem, &self.mark) {
-            (Some(problem), _) => format!("TRIAL {name} IS NOT RECORDED: {problem}"),
+            (Some(problem), _) => format!("TRIAL {name} IS NOT BEING RECORDED: {problem}"),
             (None, Some((number, text))) => {
                 format!("trial {name} for {for_s:.0} s, mark {number}: {text}")
             }
@@ -56,11 +56,11 @@ impl Trial {
         }
     }
 
-    /// What is wrong with it, and what to do.
+    /// The problem and the recommended action.
     pub(super) fn why(&self) -> Option<Why> {
-        let text = format!("trial {} is not recorded any more: {}", self.name, self.problem?);
-        let advice = "make room on the disk where it is full, then `i2ris record trial stop \
-                      --outcome aborted`, and begin it again; the robot goes on";
+        let text = format!("trial {} is no longer recorded: {}", self.name, self.problem?);
+        let advice = "free disk space if the disk is full, then run `i2ris record trial stop \
+                      --outcome aborted` and repeat the trial; the robot keeps running";
         let (sentence, advice) = (text.clone(), advice.to_owned());
         Some(Why { sentence, text, advice, age_s: Some(0.0), ..Why::default() })
     }
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trial_is_shown_while_it_runs_with_its_newest_mark() {
+    fn a_running_trial_is_shown_with_its_newest_mark() {
         let now = Nanos::from_millis(9100);
         assert_eq!(Trial::new(&message(), now).unwrap().line(), "trial P07-joystick-01 for 4 s");
         let marked = TrialMsg {
@@ -99,14 +99,14 @@ mod tests {
     }
 
     #[test]
-    fn a_trial_that_is_not_recorded_says_so() {
+    fn an_unrecorded_trial_is_reported() {
         let failed = TrialMsg { flags: TrialMsg::FAILED, ..message() };
         for (message, now, why) in [
             (failed, 9100, "its recording has failed"),
             (message(), 11_100, "its recorder is silent"),
         ] {
             let shown = Trial::new(&message, Nanos::from_millis(now)).unwrap();
-            assert_eq!(shown.line(), format!("TRIAL P07-joystick-01 IS NOT RECORDED: {why}"));
+            assert_eq!(shown.line(), format!("TRIAL P07-joystick-01 IS NOT BEING RECORDED: {why}"));
             assert!(shown.why().unwrap().text.ends_with(why));
         }
     }

@@ -1,14 +1,13 @@
-//! How many messages a client sends.
+//! Message rate of a client.
 
 use i2ris::units::Nanos;
 
 use super::Reason;
 
-/// The most messages of one client, per second. Twice as many as the loop has ticks.
+/// Maximum message rate of one client, 1/s: twice the rate of the loop.
 pub(super) const PER_SECOND: u32 = 2000;
 
-/// Long enough that a client which catches up after a stall of the machine does not count as one
-/// that floods.
+/// Long enough for a client that catches up after a stall of the machine.
 const WINDOW: Nanos = Nanos::from_millis(1000);
 
 /// The messages of one client.
@@ -16,7 +15,7 @@ const WINDOW: Nanos = Nanos::from_millis(1000);
 pub(super) struct Flood {
     start: Nanos,
     count: u32,
-    /// The window before had too many.
+    /// Whether the previous window had too many.
     flooding: bool,
 }
 
@@ -25,8 +24,8 @@ impl Flood {
     ///
     /// # Errors
     ///
-    /// [`Reason::Flood`] for too many in this window or in the one before: a client that floods
-    /// does not get through now and then.
+    /// [`Reason::Flood`] for too many in this window or in the previous one: a client that floods
+    /// never gets through.
     pub fn check(&mut self, count: u32, now: Nanos) -> Result<(), Reason> {
         let elapsed = now.duration_since(self.start);
         if elapsed >= WINDOW {
@@ -53,18 +52,18 @@ mod tests {
     }
 
     #[test]
-    fn a_thousand_a_second_are_taken_and_a_flood_ends_after_its_first_moment() {
+    fn a_thousand_messages_a_second_pass_and_a_flood_ends() {
         assert_eq!(share_taken(1000, 3), 1.0);
         // 2000 in the first second, and nothing after that.
         assert!(share_taken(10_000, 3) < 0.07);
     }
 
     #[test]
-    fn a_client_that_stops_flooding_is_heard_again() {
+    fn client_that_stops_flooding_passes_again() {
         let mut flood = Flood::default();
         let ms = |ms: u64| Nanos::from_millis(1000 + ms);
         assert!(flood.check(5000, ms(0)).is_err());
-        assert!(flood.check(1, ms(1100)).is_err(), "the window before");
+        assert!(flood.check(1, ms(1100)).is_err(), "the previous window");
         assert!(flood.check(1, ms(2200)).is_ok());
     }
 }

@@ -1,14 +1,14 @@
-//! Whose commands are passed on to the controller. Without I/O.
+//! Admission of commands to the controller, by sender and age. Without I/O.
 //!
 //! | file | contains |
 //! |---|---|
-//! | `peers` | those that take part, a bounded number |
-//! | `flood` | how many messages a client sends |
-//! | `reason` | why something is not passed on |
+//! | `peers` | known participants, a bounded number |
+//! | `flood` | message rate of a client |
+//! | `reason` | reasons for a refusal |
 //!
-//! The controller itself checks lease, deadline, step and state of every command. What it cannot
-//! know is checked here: who sent it, how old it is by clocks that differ, and whether somebody kept
-//! it. ROS 2 has neither keys nor sessions, so a message alone has to tell.
+//! The controller itself checks lease, deadline, step and state of every command. This module
+//! checks the rest: the sender, the age by clocks that differ, and whether the message was stored
+//! on the way. ROS 2 has neither keys nor sessions, so the message is the only evidence.
 
 mod flood;
 mod peers;
@@ -28,22 +28,21 @@ use peers::Peers;
 /// Participants that are remembered.
 const PARTICIPANTS: usize = 64;
 
-/// Age at which nothing is passed on any more, so that a stream in motion breaks off. The
-/// controller refuses what is older than its own deadline, which is shorter.
+/// Age from which nothing is passed on, so that a stream in motion is interrupted. The controller
+/// refuses commands older than its own deadline, which is shorter.
 const LATE: Nanos = Nanos::from_millis(250);
 
-/// Clients in one participant: objects that publish the same topics beside each other.
+/// Maximum number of clients in one participant: objects that publish the same topics.
 const CLIENTS_PER_PARTICIPANT: usize = 4;
 
-/// How old a command may be that is sent once, by its stamp.
+/// Maximum age of a command that is sent once, by its stamp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ages {
     pub oldest: Nanos,
-    /// How far it may be in the future: the clock of its sender may be ahead.
+    /// Maximum time in the future: the clock of its sender may be ahead.
     pub ahead: Nanos,
-    /// Since when commands are listened to, by the same clock. Those that were sent earlier are for
-    /// somebody else: implementations of DDS deliver what they keep also to readers that do not ask
-    /// for it.
+    /// Start of the subscription, by the same clock. Earlier commands are for a different reader:
+    /// implementations of DDS deliver stored messages also to readers that do not request them.
     pub since_ns: u64,
 }
 
@@ -146,7 +145,7 @@ impl Topic {
 pub struct Times {
     pub arrived: Nanos,
     pub arrived_unix_ns: u64,
-    /// When its writer sent it, by its own wall clock; `None`: it does not say.
+    /// Time of sending, by the wall clock of its writer; `None`: not given.
     pub sent_unix_ns: Option<u64>,
 }
 
@@ -160,7 +159,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The pose so far from another one.
+    /// The pose at this distance from another.
     #[must_use]
     pub fn from(&self, start: &OutputVec) -> Self {
         Self { position: std::array::from_fn(|i| self.position[i] + start[i]), ..*self }
@@ -185,14 +184,14 @@ pub fn checked(values: &[f64], joints: usize) -> Result<Pose, Reason> {
     Ok(Pose { position, count: joints as u32 })
 }
 
-/// One commander as the controller sees it.
+/// A commander in the view of the controller.
 #[derive(Debug)]
 struct Client {
     id: u64,
     /// Its writer on every topic.
     writers: [Option<Writer>; Topic::ALL.len()],
     flood: Flood,
-    /// The first message of its stream has come, and of the one of the auxiliary axis.
+    /// Whether the first message of its stream has arrived, and of that of the auxiliary axis.
     has_begun: [bool; 2],
 }
 
@@ -207,7 +206,7 @@ impl Client {
     }
 }
 
-/// Everything of one process that takes part.
+/// State of one participating process.
 #[derive(Debug, Default)]
 struct Peer {
     clients: Vec<Client>,
@@ -215,8 +214,7 @@ struct Peer {
 }
 
 impl Peer {
-    /// The client that a writer belongs to: the first that has this writer on the topic, or has
-    /// none there yet.
+    /// The client of a writer: the first that has this writer on the topic, or none there yet.
     fn client(&mut self, writer: Writer, topic: Topic) -> Result<&mut Client, Reason> {
         let place = topic as usize;
         let own = |client: &Client| client.writers[place] == Some(writer);
@@ -242,7 +240,7 @@ impl Peer {
 pub struct Admitted {
     /// The client's identity for the controller.
     pub client_id: u64,
-    /// When it was sent, at the latest; monotonic.
+    /// Latest possible time of sending; monotonic.
     pub stamp: Nanos,
 }
 
@@ -250,7 +248,7 @@ pub struct Admitted {
 #[derive(Debug)]
 pub struct Admission {
     peers: Peers<Participant, Peer>,
-    /// Of commands that are sent once, by their own stamp and by the one of their writer.
+    /// Age limits of commands that are sent once, by their own stamp and by that of their writer.
     ages: Ages,
 }
 
@@ -264,8 +262,8 @@ impl Admission {
     ///
     /// # Errors
     ///
-    /// Why it is not passed on. A client that was never heard has the reason
-    /// [`Reason::FirstOfStream`] once: it may be a message that was kept for late joiners.
+    /// The reason for the refusal. The first message of a client is refused with
+    /// [`Reason::FirstOfStream`]: it may have been stored for late joiners.
     pub fn servo(
         &mut self,
         writer: Writer,
@@ -274,7 +272,7 @@ impl Admission {
         times: &Times,
     ) -> Result<Admitted, Reason> {
         let now = times.arrived;
-        let peer = self.peers.heard_or_new(&writer.participant(), now);
+        let peer = self.peers.known_or_new(&writer.participant(), now);
         let sent = times.sent_unix_ns.ok_or(Reason::NoStamp)?;
         let age = peer.clock.age(sent, now);
         let client = peer.client(writer, topic)?;
@@ -290,10 +288,10 @@ impl Admission {
         Ok(Admitted { client_id: client.id, stamp: now - age })
     }
 
-    /// The client that stops the robot. What only stops is always right: whatever its age, however
-    /// many came, and from whichever publisher. It ends the client's stream, if it is no flood.
+    /// Returns the client that stops the robot. A stop always passes, at any age and rate, and from
+    /// any publisher. It ends the client's stream unless it is a flood.
     pub fn stop(&mut self, writer: Writer, topic: Topic, times: &Times) -> u64 {
-        let peer = self.peers.heard_or_new(&writer.participant(), times.arrived);
+        let peer = self.peers.known_or_new(&writer.participant(), times.arrived);
         match peer.client(writer, topic) {
             Ok(client) => {
                 if client.flood.check(1, times.arrived).is_ok() {
@@ -301,7 +299,7 @@ impl Admission {
                 }
                 client.id
             }
-            // One of too many publishers: any name will do.
+            // One of too many publishers: any identity will do.
             Err(_) => peer.clients.first().map_or_else(random_id, |client| client.id),
         }
     }
@@ -310,7 +308,7 @@ impl Admission {
     ///
     /// # Errors
     ///
-    /// Why it is not passed on.
+    /// The reason for the refusal.
     pub fn once(
         &mut self,
         writer: Writer,
@@ -318,7 +316,7 @@ impl Admission {
         header_unix_ns: Option<u64>,
         times: &Times,
     ) -> Result<u64, Reason> {
-        let peer = self.peers.heard_or_new(&writer.participant(), times.arrived);
+        let peer = self.peers.known_or_new(&writer.participant(), times.arrived);
         let client = peer.client(writer, topic)?;
         let sent = times.sent_unix_ns.ok_or(Reason::NoStamp)?;
         for stamp in [Some(sent), header_unix_ns].into_iter().flatten() {
@@ -329,26 +327,26 @@ impl Admission {
         Ok(client.id)
     }
 
-    /// Counts what a camera sees.
+    /// Counts measurements of a camera.
     ///
     /// # Errors
     ///
     /// [`Reason::Flood`], [`Reason::TooManyWriters`].
     pub fn camera(&mut self, writer: Writer, count: u32, times: &Times) -> Result<(), Reason> {
         let now = times.arrived;
-        let peer = self.peers.heard_or_new(&writer.participant(), now);
+        let peer = self.peers.known_or_new(&writer.participant(), now);
         peer.client(writer, Topic::External)?.flood.check(count, now)
     }
 
     /// The identity of the client that a writer belongs to.
     #[must_use]
     pub fn client_id(&mut self, writer: Writer, topic: Topic, now: Nanos) -> Option<u64> {
-        let peer = self.peers.heard_or_new(&writer.participant(), now);
+        let peer = self.peers.known_or_new(&writer.participant(), now);
         peer.client(writer, topic).ok().map(|client| client.id)
     }
 
-    /// A participant is gone, or was silent for so long that it counts as gone: what comes back may
-    /// have been kept.
+    /// Forgets a participant that is gone, or was silent for long: its next message may be a stored
+    /// one.
     pub fn lost(&mut self, participant: Participant) {
         if let Some(peer) = self.peers.get_mut(&participant) {
             for client in &mut peer.clients {

@@ -9,7 +9,7 @@ fn writer(participant: u8, entity: u8) -> Writer {
     Writer(bytes)
 }
 
-/// A message that was sent and arrives at so many milliseconds.
+/// Times of a message that was sent and arrives at these milliseconds.
 fn times(sent_ms: u64, arrived_ms: u64) -> Times {
     Times {
         arrived: Nanos(50_000 * MS + arrived_ms * MS),
@@ -18,7 +18,7 @@ fn times(sent_ms: u64, arrived_ms: u64) -> Times {
     }
 }
 
-/// Since so many milliseconds.
+/// Admission that listens since these milliseconds.
 fn listening(since_ms: u64) -> Admission {
     let limit = Nanos::from_millis(2000);
     let since_ns = START_UNIX_NS + since_ms * MS;
@@ -40,7 +40,7 @@ fn servo(
 }
 
 #[test]
-fn values_of_the_wrong_number_and_values_that_are_not_finite_are_refused() {
+fn values_of_wrong_number_or_not_finite_are_refused() {
     assert_eq!(pose(0.25).position, [0.25, 0.0, 0.0]);
     for wrong in [&[][..], &[1.0], &[1.0; 3], &[0.0; 1000]] {
         let given = wrong.len();
@@ -54,21 +54,21 @@ fn values_of_the_wrong_number_and_values_that_are_not_finite_are_refused() {
 }
 
 #[test]
-fn the_first_message_only_reports_the_clock_and_a_kept_one_moves_nothing() {
+fn first_message_sets_the_clock_and_stored_ones_are_refused() {
     let (mut admission, one) = (listening(0), writer(1, 1));
-    // Kept for a minute, and delivered with nine others in one burst.
+    // Stored for a minute, and delivered with nine others in one burst.
     let kept = servo(&mut admission, one, 1000, 61_000);
     assert_eq!(kept, Err(Reason::FirstOfStream));
     let live = servo(&mut admission, one, 61_010, 61_010).unwrap();
     assert_eq!(live.stamp, times(0, 61_010).arrived);
     let late = servo(&mut admission, one, 61_020, 61_220).unwrap();
-    // Less what the clocks may have drifted apart meanwhile.
+    // Minus the possible drift of the clocks in this time.
     let in_transit = late.stamp.duration_since(times(0, 61_020).arrived);
     assert!(in_transit < Nanos::from_millis(1), "200 ms in transit: {in_transit:?}");
 }
 
 #[test]
-fn a_delay_that_stays_is_silence_for_the_controller() {
+fn constant_delay_counts_as_silence() {
     let (mut admission, one) = (listening(0), writer(1, 1));
     let _ = servo(&mut admission, one, 0, 0);
     for at in (10..1000).step_by(10) {
@@ -84,7 +84,7 @@ fn a_delay_that_stays_is_silence_for_the_controller() {
 }
 
 #[test]
-fn clocks_that_differ_by_hours_do_not_matter_for_a_stream() {
+fn clock_offset_of_hours_does_not_affect_a_stream() {
     let (mut admission, one) = (listening(0), writer(1, 1));
     let ahead = 7_200_000;
     let _ = servo(&mut admission, one, ahead, 0);
@@ -93,7 +93,7 @@ fn clocks_that_differ_by_hours_do_not_matter_for_a_stream() {
 }
 
 #[test]
-fn topics_of_one_client_are_one_identity_and_a_second_publisher_is_another() {
+fn one_client_has_one_identity_unlike_a_second_publisher() {
     let mut admission = listening(0);
     let mut id = |writer, topic| {
         let now = times(0, 0).arrived;
@@ -104,12 +104,12 @@ fn topics_of_one_client_are_one_identity_and_a_second_publisher_is_another() {
     assert_eq!(id(writer(1, 3), Topic::StateCommand), servo);
     assert_eq!(id(writer(1, 1), Topic::ServoJp), servo);
     let second = id(writer(1, 4), Topic::ServoJp);
-    assert_ne!(second, servo, "the same process, another publisher");
-    assert_ne!(id(writer(2, 1), Topic::ServoJp), servo, "another process");
+    assert_ne!(second, servo, "the same process, a different publisher");
+    assert_ne!(id(writer(2, 1), Topic::ServoJp), servo, "a different process");
 }
 
 #[test]
-fn a_process_with_many_publishers_and_many_processes_do_not_fill_the_memory() {
+fn many_publishers_or_processes_do_not_fill_the_memory() {
     let mut admission = listening(0);
     let refused = (0..200).filter(|entity| {
         let outcome = servo(&mut admission, writer(1, *entity), 0, 0);
@@ -129,7 +129,7 @@ fn a_process_with_many_publishers_and_many_processes_do_not_fill_the_memory() {
 }
 
 #[test]
-fn an_old_command_that_is_sent_once_is_refused_by_either_stamp() {
+fn old_single_command_is_refused_by_either_stamp() {
     let (mut admission, one) = (listening(0), writer(1, 1));
     let mut once = |header_ms: Option<u64>, times: &Times| {
         let header = header_ms.map(|ms| START_UNIX_NS + ms * MS);
@@ -146,7 +146,7 @@ fn an_old_command_that_is_sent_once_is_refused_by_either_stamp() {
 }
 
 #[test]
-fn a_command_from_before_we_listened_is_refused_however_young_it_is() {
+fn command_from_before_subscription_is_refused() {
     let mut admission = listening(1000);
     let mut once = |times| admission.once(writer(1, 1), Topic::MoveJp, None, &times);
     assert!(matches!(once(times(999, 1500)), Err(Reason::Old { .. })));
@@ -154,14 +154,14 @@ fn a_command_from_before_we_listened_is_refused_however_young_it_is() {
 }
 
 #[test]
-fn hold_is_passed_on_however_old_it_is() {
+fn hold_passes_at_any_age() {
     let mut admission = listening(0);
     let old = times(0, 100_000);
     assert_ne!(admission.stop(writer(1, 1), Topic::Hold, &old), 0);
 }
 
 #[test]
-fn what_stops_passes_without_a_stamp_in_a_flood_and_from_one_publisher_too_many() {
+fn stop_passes_without_stamp_in_floods_from_any_publisher() {
     for topic in [Topic::Hold, Topic::StateCommand] {
         let mut admission = listening(0);
         for entity in 0..=CLIENTS_PER_PARTICIPANT as u8 {
@@ -174,7 +174,7 @@ fn what_stops_passes_without_a_stamp_in_a_flood_and_from_one_publisher_too_many(
 }
 
 #[test]
-fn hold_is_passed_on_in_a_flood_and_does_not_end_it() {
+fn hold_passes_in_a_flood_without_ending_it() {
     let (mut admission, one) = (listening(0), writer(1, 1));
     for _ in 0..5000 {
         let _ = servo(&mut admission, one, 0, 0);
@@ -186,9 +186,9 @@ fn hold_is_passed_on_in_a_flood_and_does_not_end_it() {
     }
 }
 
-/// What somebody kept while it was gone.
+/// A message that was stored while its client was gone.
 #[test]
-fn the_first_message_of_a_client_that_was_gone_is_not_followed() {
+fn first_message_of_a_returning_client_is_refused() {
     let (mut admission, one) = (listening(0), writer(1, 1));
     let _ = servo(&mut admission, one, 0, 0);
     servo(&mut admission, one, 10, 10).unwrap();

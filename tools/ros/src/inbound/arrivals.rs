@@ -1,7 +1,7 @@
-//! What arrived together.
+//! Messages that arrived together.
 //!
-//! A reliable writer delivers what it kept in one go, after a stall or at a match. Of a stream only
-//! the newest counts then.
+//! A reliable writer delivers its stored messages at once, after a stall or at a match. Of a stream
+//! only the newest counts then.
 
 use i2ris::units::Nanos;
 use ros2_client::{Gid, MessageInfo, ROSTime, Subscription};
@@ -10,11 +10,11 @@ use serde::de::DeserializeOwned;
 use crate::admission::{Times, Writer};
 use crate::clock::Moment;
 
-/// Messages of one topic that are read at once: more are left for the next time, so that a flood on
-/// one topic does not keep `hold` waiting.
+/// Maximum number of messages of one topic read at once: a flood on one topic must not delay
+/// `hold`.
 const AT_ONCE: usize = 256;
 
-/// How long a message can have waited here.
+/// Maximum time for which a message can have waited here.
 const WAITED: Nanos = Nanos::from_millis(10_000);
 
 #[derive(Debug)]
@@ -26,7 +26,7 @@ pub(super) struct Received<M> {
 
 #[derive(Debug)]
 pub(super) struct Arrivals<M> {
-    /// In the order of arrival, each with how many messages it stands for.
+    /// Messages in the order of arrival, each with the number of messages it replaces.
     pub messages: Vec<(Received<M>, u32)>,
     /// Messages without the type of the topic. Their writers are not known.
     pub undecodable: u64,

@@ -1,4 +1,4 @@
-//! Everything that can move the robot.
+//! All commands that can move the robot.
 
 use std::collections::VecDeque;
 
@@ -20,20 +20,20 @@ use crate::message::{Header, JOINTS, JointState, Point, StringStamped};
 use crate::refusals::Refused;
 use crate::topics::Inputs;
 
-/// How old a command may be that is sent once.
+/// Maximum age of a command that is sent once.
 const ONCE_LIMIT: Nanos = Nanos::from_millis(2000);
 
-/// A goal is continued by `servo_jr` for so long; after that it starts at the setpoint.
+/// Time for which `servo_jr` continues a goal; after that it starts at the setpoint.
 const CONTINUES: Nanos = Nanos::from_millis(200);
 
-/// A setpoint older than this is none: the controller is gone or hangs.
+/// Maximum age of a setpoint: beyond, the controller is gone or hangs.
 const FRESH: Nanos = Nanos::from_millis(500);
 
-/// How long ago an exposure of a camera may have been, and how far its clock may be ahead.
+/// Maximum age of a camera's exposure, and maximum lead of its clock.
 const EXPOSURE_LIMIT: Nanos = Nanos::from_millis(1000);
 
-/// Clients that are remembered as told.
-const TOLD: usize = 64;
+/// Maximum number of clients remembered as warned.
+const MAX_WARNED: usize = 64;
 
 /// Subscriptions, and the connections to the controller.
 pub(super) struct Commands {
@@ -43,11 +43,11 @@ pub(super) struct Commands {
     requests: Requests,
     camera: ExternalPublisher,
     setpoint: Latest<JointPayload>,
-    /// The last goal that was passed on: whose, where, when.
+    /// The last goal that was passed on: client, pose, time.
     last: Option<(u64, OutputVec, Nanos)>,
     sequence: u64,
-    /// Those who were told that their velocities are not used.
-    told_of_velocity: VecDeque<u64>,
+    /// Clients that were warned that their velocities are not used.
+    warned_of_velocity: VecDeque<u64>,
     shared: Shared,
 }
 
@@ -65,7 +65,7 @@ impl Commands {
             setpoint: Latest::new(Watcher::new(domain).setpoint_js()),
             last: None,
             sequence: 0,
-            told_of_velocity: VecDeque::new(),
+            warned_of_velocity: VecDeque::new(),
             shared,
         })
     }
@@ -74,8 +74,8 @@ impl Commands {
         self.admission.lost(participant);
     }
 
-    /// Does what arrived: first what stops the robot. That is read last, so that no pose is read
-    /// without the hold that was sent before it.
+    /// Executes all commands that arrived, those that stop the robot first. They are read last, so
+    /// that no pose is read without the hold that was sent before it.
     pub fn take_all(&mut self, graph: &Graph) {
         let of_joints = { self.inputs.joints.iter() }
             .map(|(topic, input)| (*topic, take(input).newest()))
@@ -100,7 +100,7 @@ impl Commands {
                 Ok(())
             });
         }
-        // Every one, in order: the newest alone may mean something else.
+        // All of them, in sequence: the newest alone may have a different meaning.
         let arrivals = take(&self.inputs.state_command);
         self.judge(graph, Topic::StateCommand, arrivals, |commands, received, _| {
             commands.change_state(received)
@@ -136,7 +136,7 @@ impl Commands {
             let velocity = commands.in_frame(&message.header, &message.linear)?;
             commands.stream(Topic::ServoCv, *writer, times, &velocity, count).map(drop)
         });
-        // Kept, so that the first command finds it.
+        // Stored, so that the first command finds it.
         let _ = self.setpoint.refresh();
     }
 
@@ -148,7 +148,7 @@ impl Commands {
         mut carry_out: impl FnMut(&mut Self, &Received<M>, u32) -> Result<(), Reason>,
     ) {
         if arrivals.undecodable > 0 {
-            let client = "somebody".to_owned();
+            let client = "unknown".to_owned();
             self.refuse(client, topic, Reason::Undecodable, arrivals.undecodable);
         }
         for (received, count) in arrivals.messages {
@@ -157,7 +157,7 @@ impl Commands {
                 self.shared.names.note(client_id, &name);
             }
             match carry_out(self, &received, count) {
-                // What was expected: the next one is followed.
+                // Expected: the next one is followed.
                 Ok(()) | Err(Reason::FirstOfStream) => {}
                 Err(reason) => self.refuse(name, topic, reason, count.into()),
             }
@@ -213,7 +213,7 @@ impl Commands {
         Ok(())
     }
 
-    /// Passes a command of a stream on. Returns its client.
+    /// Passes on a command of a stream. Returns its client.
     fn stream(
         &mut self,
         topic: Topic,
@@ -250,7 +250,7 @@ impl Commands {
         Ok(admitted.client_id)
     }
 
-    /// A place or a velocity of the tip, at the base of the snake.
+    /// A position or a velocity of the tip, in the frame of the base.
     fn in_frame(&self, header: &Header, values: &Point) -> Result<Pose, Reason> {
         let own = format!("{}_base", self.shared.robot);
         if !header.frame_id.is_empty() && header.frame_id != own {
@@ -272,21 +272,21 @@ impl Commands {
         self.requests.ask(client_id, What::Move(topic, goal))
     }
 
-    /// Says once to a client that commands have positions only.
+    /// Warns a client once that commands have positions only.
     fn warn_of_velocity(&mut self, client_id: u64, topic: Topic, message: &JointState) {
         let is_zero = message.velocity.iter().all(|velocity| *velocity == 0.0);
-        if is_zero || self.told_of_velocity.contains(&client_id) {
+        if is_zero || self.warned_of_velocity.contains(&client_id) {
             return;
         }
-        self.told_of_velocity.truncate(TOLD - 1);
-        self.told_of_velocity.push_front(client_id);
+        self.warned_of_velocity.truncate(MAX_WARNED - 1);
+        self.warned_of_velocity.push_front(client_id);
         let (name, topic) = (self.shared.names.of(client_id).unwrap_or_default(), topic.name());
         let line = format!("{name}: {topic}: its velocity is not used, only its position");
         self.shared.events.report(Event::Warning(line));
     }
 
-    /// What a camera saw. Its stamp is the time of the exposure; nothing moves by it, so a stamp
-    /// that can be true is taken as it is.
+    /// Passes on a camera's measurement. Its stamp is the exposure; it moves nothing, so any
+    /// plausible stamp is accepted.
     fn see(&mut self, received: &Received<JointState>, count: u32) -> Result<(), Reason> {
         let Received { message, writer, times } = received;
         self.admission.camera(*writer, count, times)?;
@@ -334,7 +334,7 @@ impl Commands {
         setpoint.filter(valid).ok_or(Reason::NoSetpoint)
     }
 
-    /// Where the goal of a client is: where it last was if it still streams, else the setpoint.
+    /// The goal of a client: its last one if it still streams, else the setpoint.
     fn goal_of(&mut self, writer: Writer, topic: Topic, now: Nanos) -> Result<OutputVec, Reason> {
         let client_id = self.admission.client_id(writer, topic, now);
         match self.last {
@@ -348,7 +348,7 @@ impl Commands {
     }
 }
 
-/// Values in the order of the joints: by their names if there are some, else as they are.
+/// Values in the order of the joints: by their names if given, else unchanged.
 fn in_order(names: &[String], values: &[f64], joints: usize) -> Result<Vec<f64>, Reason> {
     if names.is_empty() {
         return Ok(values.to_vec());
@@ -365,7 +365,7 @@ fn in_order(names: &[String], values: &[f64], joints: usize) -> Result<Vec<f64>,
     })
 }
 
-/// What a client wrote, for a line.
+/// Text of a client, shortened for a line.
 fn shortened(text: &str) -> String {
     text.chars().take(40).collect()
 }

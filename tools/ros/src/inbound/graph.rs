@@ -1,4 +1,4 @@
-//! Who takes part: names of participants, those that went, and those whose topics do not fit.
+//! Participants: their names, those that left, and those with incompatible topics.
 
 use std::collections::BTreeMap;
 
@@ -16,10 +16,10 @@ use crate::event::{Event, Events};
 use crate::participant::NODE;
 use crate::topics::Inputs;
 
-/// Participants whose names are kept.
+/// Maximum number of stored participant names.
 const NAMES: usize = 256;
 
-/// Where rmw announces which nodes a participant has.
+/// Topic on which rmw announces the nodes of a participant.
 const DISCOVERY: &str = "ros_discovery_info";
 
 pub(super) struct Graph {
@@ -58,9 +58,9 @@ impl Graph {
         known.unwrap_or_else(|| format!("participant {participant}"))
     }
 
-    /// Takes in what is new. `lost` is called for participants that went.
+    /// Processes new events. `lost` is called for participants that left.
     pub fn update(&mut self, events: &Events, mut lost: impl FnMut(Participant)) {
-        // Undecodable announcements are somebody else's problem.
+        // Undecodable announcements are not ours.
         while let Ok(Some((info, _))) = self.nodes.take() {
             let names: Vec<String> =
                 { info.nodes().iter() }.map(|node| node.fully_qualified_name()).collect();
@@ -100,7 +100,7 @@ impl Graph {
             DomainParticipantStatusEvent::RemoteReaderMatched { local_writer, .. }
                 if local_writer == self.state_writer =>
             {
-                events.report(Event::ReaderCame);
+                events.report(Event::ReaderFound);
             }
             DomainParticipantStatusEvent::RemoteWriterQosIncompatible {
                 remote_writer,
@@ -150,7 +150,7 @@ impl Graph {
             return;
         }
         events.report(Event::Warning(format!(
-            "{name} {verb} {}, and here is {}: nothing is exchanged",
+            "{name} {verb} {}, but this side has {}: nothing is exchanged",
             words(theirs),
             words(ours)
         )));

@@ -1,5 +1,5 @@
-//! Forward and inverse kinematics, as CRTK asks for them. Nothing moves by them, and no model is in
-//! them: they are the shape of the snake at its angles.
+//! Forward and inverse kinematics as required by CRTK. They move nothing and use no model: they are
+//! the shape of the snake at its angles.
 
 use i2ris::model::kinematic::bend_to;
 use i2ris_report::snake::{Bend, LinkPose, Snake};
@@ -10,7 +10,7 @@ use crate::message::{
     QueryInverseKinematicsResponse,
 };
 
-/// A place is reached if the tip comes as near as this, m.
+/// Distance of the tip below which a position counts as reached, m.
 const REACHED_M: f64 = 1e-6;
 
 fn bend(jp: &[f64]) -> Result<Bend, String> {
@@ -32,7 +32,7 @@ pub(super) fn forward(
     }
 }
 
-/// Pitch and yaw decide on the orientation of the tip, too: that of the request is not used.
+/// The orientation in the request is not used: pitch and yaw also determine the orientation.
 pub(super) fn inverse(request: &QueryInverseKinematics) -> QueryInverseKinematicsResponse {
     let failed = |message| QueryInverseKinematicsResponse { message, ..Default::default() };
     let from = if request.jp.is_empty() { Ok(Bend::default()) } else { bend(&request.jp) };

@@ -1,12 +1,12 @@
-//! From ROS to the controller: one thread that waits for messages, and one that waits for answers.
+//! Path from ROS to the controller: one thread waits for messages, one for answers.
 //!
 //! | file | contains |
 //! |---|---|
-//! | `arrivals` | what arrived together |
-//! | `commands` | everything that can move the robot |
-//! | `requests` | the thread that asks the controller |
-//! | `kinematics` | from joints to the tip and back, for those who ask |
-//! | `graph` | who takes part in ROS |
+//! | `arrivals` | messages that arrived together |
+//! | `commands` | all commands that can move the robot |
+//! | `requests` | the thread that sends requests to the controller |
+//! | `kinematics` | forward and inverse kinematics as services |
+//! | `graph` | participants in ROS |
 
 mod arrivals;
 mod commands;
@@ -34,16 +34,16 @@ use crate::topics::{Inputs, Services};
 use commands::Commands;
 use graph::Graph;
 
-/// How long to wait for messages before anything else is looked at.
+/// Time to wait for messages before other work.
 const WAIT: Duration = Duration::from_millis(10);
 
-/// Requests of one service that are answered at once: more wait, so that they keep no command.
+/// Maximum number of requests of one service answered at once, so that they delay no command.
 const AT_ONCE: usize = 16;
 
-/// The version of CRTK's messages that these are.
+/// The version of CRTK that these messages follow.
 const CRTK_VERSION: &str = "1.3.0";
 
-/// What the threads share.
+/// State shared by the threads.
 #[derive(Debug, Clone)]
 pub(crate) struct Shared {
     pub domain: Domain,
@@ -53,7 +53,7 @@ pub(crate) struct Shared {
     pub events: Events,
     pub names: ClientNames,
     pub state: SharedState,
-    /// What publishes the operating state.
+    /// Writer of the operating state.
     pub state_writer: GUID,
 }
 
@@ -67,7 +67,7 @@ pub(crate) struct Inbound {
 }
 
 impl Inbound {
-    /// Begins to listen. Without `inputs` nothing moves the robot.
+    /// Starts to listen. Without `inputs` nothing moves the robot.
     pub fn new(
         context: &Context,
         node: &mut Node,
@@ -149,7 +149,7 @@ impl Inbound {
     }
 }
 
-/// Answers what was asked of a service; what cannot be sent is asked again.
+/// Answers the requests of a service; the client repeats a request if the answer cannot be sent.
 fn answer<Q, R>(server: &Server<Q, R>, respond: impl Fn(Q) -> R)
 where
     Q: Message + Clone + 'static,

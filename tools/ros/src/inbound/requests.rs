@@ -1,5 +1,5 @@
-//! Asks the controller, one request after the other, so that a stream of commands does not wait
-//! behind a request. What stops has a thread of its own and waits behind nothing.
+//! Sends requests to the controller one after the other, so that a stream of commands does not wait
+//! for a request. Stops have a separate thread and wait for nothing.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -25,7 +25,7 @@ pub(super) const STOPS: [StateCommand; 3] =
 struct Ask {
     client_id: u64,
     what: What,
-    /// Stops before it.
+    /// Number of stops before it.
     stops: u64,
 }
 
@@ -44,14 +44,14 @@ impl What {
     }
 }
 
-/// What is to be stopped, and by whom, for the thread that does nothing else.
+/// Pending stops with their clients, for the thread that does nothing else.
 #[derive(Debug, Default)]
 struct Stops {
     /// The client that wants each of [`STOPS`]; 0: none.
     wanted: [AtomicU64; STOPS.len()],
-    /// How many there were: what waited when one came is not carried out any more.
+    /// Number of stops: requests that waited when one arrived are not carried out.
     count: AtomicU64,
-    /// How many of them the controller has answered, or not in time: what came after waits for it.
+    /// Number of stops answered or timed out: later requests wait for this.
     done: AtomicU64,
 }
 
@@ -90,15 +90,14 @@ impl Requests {
         if taken { Ok(()) } else { Err(Reason::Waiting) }
     }
 
-    /// Asks for one of [`STOPS`]. Never refused: what waits is overtaken, and not carried out after
-    /// it.
+    /// Requests one of [`STOPS`]. Never refused: pending requests are overtaken and dropped.
     pub fn stop(&self, client_id: u64, command: StateCommand) {
         let place = STOPS.iter().position(|stop| *stop == command);
         if let Some(wanted) = place.and_then(|place| self.stops.wanted.get(place)) {
             wanted.store(client_id, Ordering::Release);
         }
         self.stops.count.fetch_add(1, Ordering::AcqRel);
-        // If it is awake, or is to be woken already, it looks at all of them.
+        // A thread that is awake, or about to wake, checks all of them.
         let _ = self.stopper.as_ref().is_some_and(|stopper| stopper.ask(()));
     }
 }
@@ -124,7 +123,7 @@ struct Asker {
 
 impl Asker {
     fn take(&mut self, ask: Ask) {
-        // A pose right after a hold would find the robot that is not held yet.
+        // A pose right after a hold would find the robot not yet held.
         while self.stops.done.load(Ordering::Acquire) < ask.stops {
             clock::sleep(Nanos::from_millis(1));
         }
@@ -156,9 +155,9 @@ impl Asker {
                     StateCommand::Home => "; `unhome` first to set a new zero",
                     _ => "",
                 };
-                let line = format!("{name}: {command}: it is so already{more}");
+                let line = format!("{name}: {command}: already in this state{more}");
                 self.events.report(Event::Status(line));
-                self.events.report(Event::AskedAgain);
+                self.events.report(Event::StateRepeated);
             }
             What::State(command) => self.change_state(ask.client_id, command),
             What::Move(topic, pose) => self.move_to(ask.client_id, topic, &pose),
@@ -178,13 +177,13 @@ impl Asker {
             let line = format!("{name}: {command}; the controller is {state}");
             self.events.report(Event::Status(line));
             if again {
-                self.events.report(Event::AskedAgain);
+                self.events.report(Event::StateRepeated);
             }
         }
     }
 
     fn move_to(&mut self, client_id: u64, topic: Topic, pose: &Pose) {
-        self.events.report_move(Event::MoveAsked);
+        self.events.report_move(Event::MoveRequested);
         let reply = self.controller.move_jp(MoveRequest {
             client_id,
             position: pose.position,
@@ -226,7 +225,7 @@ impl Asker {
         None
     }
 
-    /// Whether a command asks for what is there. CRTK's clients wait for the state to be said.
+    /// Whether a command requests the present state. CRTK's clients wait for a state message.
     fn is_so_already(&mut self, command: StateCommand) -> bool {
         let Some(state) = self.state.refresh().ok().flatten() else {
             return false;
@@ -254,7 +253,7 @@ mod tests {
     use crate::event;
 
     #[test]
-    fn what_waits_when_a_stop_comes_is_not_carried_out_after_it() {
+    fn requests_before_a_stop_are_dropped() {
         let (events, reported) = event::channel();
         let domain = Domain::new(&format!("t{:016x}", i2ris::ipc::random_id())).unwrap();
         let requests = Requests::start(&domain, &events, &ClientNames::default()).unwrap();
@@ -267,7 +266,7 @@ mod tests {
         };
         let before = Ask { client_id: 7, what: What::State(StateCommand::Enable), stops: 0 };
         for _ in 0..100 {
-            // Never refused, however many wait.
+            // Never refused, for any number of pending requests.
             requests.stop(7, StateCommand::Disable);
         }
         asker.take(before);

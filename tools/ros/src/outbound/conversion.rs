@@ -1,4 +1,4 @@
-//! From the controller's messages to those of ROS. Without I/O.
+//! Conversion of the controller's messages to those of ROS. Without I/O.
 
 use i2ris::ipc::payload::{JointState as Payload, PeriodStatistics};
 use i2ris::units::Nanos;
@@ -63,7 +63,7 @@ fn bend(state: &Payload) -> Bend {
     Bend { pitch: angle(0), yaw: angle(1) }
 }
 
-/// The tip, as the base sees it. Without valid angles: stamp 0.
+/// The tip in the frame of the base. Without valid angles: stamp 0.
 pub(super) fn tip(snake: &Snake, state: Option<&Payload>, now: &Moment) -> PoseStamped {
     let state = valid(state, now);
     let pose = state.map_or_else(Pose::default, |state| {
@@ -73,7 +73,7 @@ pub(super) fn tip(snake: &Snake, state: Option<&Payload>, now: &Moment) -> PoseS
     PoseStamped { header: header(state, now, &snake.base()), pose }
 }
 
-/// The velocity of the tip, as the base sees it. Without valid angles: stamp 0.
+/// The velocity of the tip in the frame of the base. Without valid angles: stamp 0.
 pub(super) fn twist(snake: &Snake, state: Option<&Payload>, now: &Moment) -> TwistStamped {
     let state = valid(state, now);
     let velocity = state.map_or([0.0; 6], |state| {
@@ -102,7 +102,7 @@ pub(super) fn jacobian(snake: &Snake, state: Option<&Payload>, now: &Moment) -> 
     })
 }
 
-/// Timing of the control loop; NaN for what the controller does not count.
+/// Timing of the control loop; NaN for values that the controller does not count.
 pub(super) fn statistics(of: &PeriodStatistics, now: &Moment) -> IntervalStatistics {
     let seconds = |ns: u64| Nanos(ns).as_seconds();
     let unix_ns = now.unix_ns_at(Nanos(of.stamp_ns));
@@ -123,7 +123,7 @@ pub(super) fn statistics(of: &PeriodStatistics, now: &Moment) -> IntervalStatist
     }
 }
 
-/// All links; `None` without valid angles: a frame with stamp 0 would be one for all times.
+/// All links; `None` without valid angles: a frame with stamp 0 would be valid for all times.
 pub(super) fn links(snake: &Snake, state: Option<&Payload>, now: &Moment) -> Option<Transforms> {
     let state = valid(state, now)?;
     let transforms = snake.link_poses(bend(state)).map(|(joint, pose)| {
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn the_stamp_is_that_of_the_values_on_the_wall_clock() {
+    fn stamp_is_the_wall_clock_time_of_the_values() {
         let message = joint_state(Some(&payload()), &NOW);
         let stamp = message.header.stamp.unix_ns().unwrap();
         assert_eq!(stamp, NOW.unix_ns - 1_000_000);
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_are_not_valid_have_stamp_zero_and_are_left_out() {
+    fn invalid_values_are_omitted_with_stamp_zero() {
         let not_valid = Payload { flags: 0, ..payload() };
         let old = Payload { stamp_ns: NOW.monotonic.0 - FRESH.0, ..payload() };
         let of_the_tip = Payload { count: 3, ..payload() };

@@ -1,6 +1,6 @@
-//! What happened, as lines for `error`, `warning` and `status`.
+//! Events as lines for `error`, `warning` and `status`.
 
-use i2ris::ipc::ShownClient;
+use i2ris::ipc::MaskedClientId;
 use i2ris::ipc::client::ClientError;
 use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
 use i2ris::robot::{Cause, OperatingState, Reason, Refusal};
@@ -25,14 +25,14 @@ impl Level {
     }
 }
 
-/// What is younger is told without its age.
+/// Maximum age of an event that is reported without its age.
 const RECENT: Nanos = Nanos::from_millis(5000);
 
 #[derive(Debug)]
 pub(super) struct Lines {
     names: ClientNames,
     last: Option<OperatingStateMsg>,
-    /// The absence of the controller was said.
+    /// Whether the absence of the controller was reported.
     absent: bool,
 }
 
@@ -64,13 +64,13 @@ impl Lines {
         let lease = now.lease_client_id;
         if before.map_or(0, |before| before.lease_client_id) != lease {
             let text = if lease == 0 {
-                "nobody commands".to_owned()
+                "no client commands".to_owned()
             } else {
                 format!("{} commands", self.client(lease))
             };
             lines.push((Level::Status, text));
         }
-        // "Not busy any more" says nothing of the effect.
+        // "No longer busy" says nothing about the effect.
         let was = before.and_then(|before| before.broken_off());
         if let Some(stop) = now.broken_off().filter(|stop| before.is_some() && was != Some(*stop)) {
             let why = Reason::from(Cause::Stop(stop));
@@ -79,8 +79,7 @@ impl Lines {
         lines
     }
 
-    /// What is news since an instant. What was said before is over, but for the fault that the
-    /// robot is in.
+    /// Returns news since an instant. Earlier reasons are over, except the present fault.
     pub fn news(
         &self,
         mut reasons: Vec<(Level, ReasonMsg)>,
@@ -97,8 +96,7 @@ impl Lines {
         present.into_iter().chain(reasons).collect()
     }
 
-    /// A reason that the controller gives, with the client that it concerns, and how long ago it
-    /// was if somebody may wonder.
+    /// A reason from the controller, with the client that it concerns, and its age if not recent.
     pub fn reason(&self, message: &ReasonMsg, now: Nanos) -> String {
         let (text, advice) = (message.text(), message.advice());
         let lease = Cause::Refusal(Refusal::Lease);
@@ -114,7 +112,7 @@ impl Lines {
             true => String::new(),
             false => format!(" ({:.0} s ago)", age.as_seconds()),
         };
-        let line = format!("{text}{by}{ago}; do: {advice}");
+        let line = format!("{text}{by}{ago}; action: {advice}");
         match message.client_id {
             0 => line,
             client_id => format!("{}: {line}", self.client(client_id)),
@@ -123,7 +121,7 @@ impl Lines {
 
     fn client(&self, client_id: u64) -> String {
         let name = self.names.of(client_id);
-        name.unwrap_or_else(|| format!("{} outside of ROS", ShownClient(client_id)))
+        name.unwrap_or_else(|| format!("{} outside of ROS", MaskedClientId(client_id)))
     }
 }
 
@@ -142,8 +140,8 @@ mod tests {
         let names = ClientNames::default();
         names.note(7, "/console");
         let mut lines = Lines::new(names);
-        let said = lines.state(&message(OperatingState::Enabled));
-        assert_eq!(said, [(Level::Status, "the robot is ENABLED".to_owned())]);
+        let shown = lines.state(&message(OperatingState::Enabled));
+        assert_eq!(shown, [(Level::Status, "the robot is ENABLED".to_owned())]);
         let leased = OperatingStateMsg { lease_client_id: 7, ..message(OperatingState::Enabled) };
         let commands = (Level::Status, "/console commands".to_owned());
         assert_eq!(lines.state(&leased), [commands]);
@@ -151,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn one_who_is_refused_learns_who_commands_and_what_to_do() {
+    fn refused_client_learns_who_commands_and_what_to_do() {
         let names = ClientNames::default();
         names.note(7, "/console");
         names.note(8, "/intruder");
@@ -162,8 +160,8 @@ mod tests {
         };
         let line = reason(Cause::Refusal(Refusal::Lease), 8);
         assert!(line.starts_with("/intruder: refusal 4: another client"), "{line}");
-        assert!(line.contains(": /console; do: "), "{line}");
+        assert!(line.contains(": /console; action: "), "{line}");
         let line = reason(Cause::Fault(Fault::Link), 0);
-        assert!(line.starts_with("fault 2: ") && line.contains("; do: "), "{line}");
+        assert!(line.starts_with("fault 2: ") && line.contains("; action: "), "{line}");
     }
 }

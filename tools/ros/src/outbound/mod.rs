@@ -1,10 +1,10 @@
-//! From the controller to ROS: reads what the controller publishes, and publishes it.
+//! Path from the controller to ROS: reads what the controller publishes, and publishes it.
 //!
 //! | file | contains |
 //! |---|---|
 //! | `conversion` | messages of the controller as messages of ROS |
-//! | `state` | when an operating state is published |
-//! | `lines` | what happened, as lines for `error`, `warning` and `status` |
+//! | `state` | publication of operating states |
+//! | `lines` | events as lines for `error`, `warning` and `status` |
 
 mod conversion;
 mod lines;
@@ -35,20 +35,20 @@ use crate::topics::Outputs;
 use lines::{Level, Lines};
 use state::{Snapshot, StateReport, UNDEFINED};
 
-/// The pose of the tip and the frames are published so often, as cisst-ros does.
+/// Period of publishing the pose of the tip and the frames, as in cisst-ros.
 const POSE_PERIOD: Nanos = Nanos::from_millis(20);
 
-/// The state is looked at so often.
+/// Polling period of the state.
 const LOOK_PERIOD: Nanos = Nanos::from_millis(2);
 
-/// A new reader gets the state so often: what is sent before it knows of the writer is lost where
-/// it asks for nothing kept.
+/// Number of times that a new reader gets the state: messages sent before it knows the writer are
+/// lost if it requests no stored ones.
 const GREETINGS: u32 = 5;
 
 /// Time between two of these.
 const GREETING_PERIOD: Nanos = Nanos::from_millis(250);
 
-/// The operating state that was published last, for those who ask.
+/// The operating state that was published last, for services.
 pub(crate) type SharedState = Arc<Mutex<OperatingState>>;
 
 pub(crate) fn lock(state: &SharedState) -> MutexGuard<'_, OperatingState> {
@@ -70,9 +70,9 @@ pub(crate) struct Outbound {
     warnings: Subscription<ReasonMsg>,
     events: Receiver<Event>,
     report: StateReport,
-    /// Of the last operating state.
+    /// Stamp of the last operating state.
     stamp_unix_ns: u64,
-    /// How often new readers are still to get it, and when.
+    /// Number of times that new readers still get it, and the next time.
     greetings: (u32, Nanos),
     shared: SharedState,
     refusals: Refusals,
@@ -81,7 +81,7 @@ pub(crate) struct Outbound {
 }
 
 impl Outbound {
-    /// A publisher of everything, `period` between two messages of the joints.
+    /// Creates a publisher of everything, with `period` between joint messages.
     pub fn new(
         (outputs, node): (Outputs, Node),
         domain: &Domain,
@@ -115,7 +115,7 @@ impl Outbound {
         }
     }
 
-    /// Publishes until `stop`; every line is said, too.
+    /// Publishes until `stop`; passes every line also to `say`.
     pub fn run(mut self, stop: impl Fn() -> bool, mut say: impl FnMut(&str)) {
         let description = self.snake.urdf();
         publish(&self.outputs.description, Text { data: description });
@@ -139,9 +139,9 @@ impl Outbound {
         }
     }
 
-    /// Takes in what the controller and the other threads say.
+    /// Reads messages of the controller and events of the other threads.
     fn look(&mut self, now: Nanos, say: &mut impl FnMut(&str)) {
-        // Before the states: an answer changes how they are understood.
+        // Before the states: an answer changes their meaning.
         while let Ok(event) = self.events.try_recv() {
             self.take(event, now, say);
         }
@@ -175,7 +175,7 @@ impl Outbound {
         }
     }
 
-    /// Faults, and what was refused, stopped or clipped, as the controller says it.
+    /// Reads faults, refusals, stops and clips of the controller.
     fn read_reasons(&mut self, say: &mut impl FnMut(&str)) {
         let mut reasons = Vec::new();
         // Without a controller there are none.
@@ -196,9 +196,9 @@ impl Outbound {
             }
             Event::Status(line) => self.say(Level::Status, line, say),
             Event::Warning(line) => self.say(Level::Warning, line, say),
-            Event::AskedAgain => self.publish_state(self.report.published()),
-            Event::ReaderCame => self.greetings = (GREETINGS, now),
-            Event::MoveAsked => self.report.move_requested(),
+            Event::StateRepeated => self.publish_state(self.report.published()),
+            Event::ReaderFound => self.greetings = (GREETINGS, now),
+            Event::MoveRequested => self.report.move_requested(),
             Event::MoveAnswered(since) => {
                 if let Some(snapshot) = self.report.move_answered(since) {
                     self.publish_state(snapshot);
@@ -207,8 +207,8 @@ impl Outbound {
         }
     }
 
-    /// Tells new readers the state, as of when it was said: a client that waits for the end of its
-    /// motion takes nothing that is older than its command.
+    /// Sends the state to new readers, with its old stamp: a client that waits for the end of its
+    /// motion ignores states older than its command.
     fn greet(&mut self, now: Nanos) {
         let (left, due) = self.greetings;
         if left > 0 && now >= due {
@@ -290,13 +290,13 @@ impl Outbound {
     }
 }
 
-/// The next instant of a grid after `now`: what was missed is left out.
+/// The next instant of a grid after `now`; missed ones are skipped.
 fn following(planned: Nanos, period: Nanos, now: Nanos) -> Nanos {
     let next = planned + period;
     if next > now { next } else { now + period }
 }
 
-/// Publishes, or drops it where a reader is stopped: it gets the next one.
+/// Publishes, or drops the message if a reader is stopped: it gets the next one.
 fn publish<M: Serialize>(publisher: &Publisher<M>, message: M) {
     let _ = publisher.publish(message);
 }

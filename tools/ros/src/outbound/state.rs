@@ -1,4 +1,4 @@
-//! When an operating state is published, and what it says. Without I/O.
+//! Times and contents of operating state messages. Without I/O.
 //!
 //! It is published on change. A motion by `move_jp` is two messages, busy and then not busy, also
 //! when its path has no length: CRTK's client waits for both.
@@ -17,20 +17,19 @@ pub(crate) struct Snapshot {
 /// Without a controller, or with one of another release.
 pub(crate) const UNDEFINED: Snapshot = Snapshot { state: "UNDEFINED", homed: false, busy: false };
 
-/// What has been published, and what is going on.
+/// Published state, and motion in progress.
 #[derive(Debug)]
 pub(crate) struct StateReport {
     published: Snapshot,
-    /// A motion was asked for, and is not answered yet: what the controller says of being busy may
-    /// be about it, and waits.
-    asked: bool,
-    /// The controller moves since then.
+    /// A motion was requested, and is not answered yet: the busy flag may belong to it, and waits.
+    requested: bool,
+    /// Start of the controller's motion.
     moving: Option<Nanos>,
 }
 
 impl Default for StateReport {
     fn default() -> Self {
-        Self { published: UNDEFINED, asked: false, moving: None }
+        Self { published: UNDEFINED, requested: false, moving: None }
     }
 }
 
@@ -47,7 +46,7 @@ impl StateReport {
         {
             self.moving = None;
         }
-        let busy = match (self.moving, self.asked) {
+        let busy = match (self.moving, self.requested) {
             (Some(_), _) => true,
             (None, true) => self.published.busy,
             (None, false) => busy,
@@ -65,13 +64,12 @@ impl StateReport {
     }
 
     pub fn move_requested(&mut self) {
-        self.asked = true;
+        self.requested = true;
     }
 
-    /// The controller began it at this instant, or refused. A motion that was accepted is always
-    /// published.
+    /// Sets the start of the motion, or its refusal. An accepted motion is always published.
     pub fn move_answered(&mut self, since: Option<Nanos>) -> Option<Snapshot> {
-        self.asked = false;
+        self.requested = false;
         let since = since?;
         self.moving = Some(since);
         self.published.busy = true;
@@ -131,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_that_ends_before_its_answer_is_seen_is_one_pair() {
+    fn motion_that_ends_before_its_answer_is_one_pair() {
         let mut report = enabled();
         report.move_requested();
         assert_eq!(report.state(&message(5, true)), None, "waits for the answer");
@@ -141,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refused_motion_changes_nothing_and_the_one_under_way_goes_on() {
+    fn refused_motion_leaves_the_running_one_unchanged() {
         let mut report = enabled();
         report.move_requested();
         assert_eq!(report.move_answered(None), None);

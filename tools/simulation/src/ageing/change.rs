@@ -5,10 +5,10 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use serde::{Deserialize, Serialize};
 
 /// Largest relative change, and largest change of the zero, degrees.
-const MOST_RELATIVE: f64 = 10.0;
-const MOST_DEG: f64 = 90.0;
+const MAX_RELATIVE: f64 = 10.0;
+const MAX_ZERO_DEG: f64 = 90.0;
 
-/// What changes.
+/// A parameter of the snake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -25,7 +25,7 @@ pub enum Parameter {
     Zero,
 }
 
-/// How it changes.
+/// Course of a change over time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(tag = "course", rename_all = "kebab-case", deny_unknown_fields)]
@@ -53,9 +53,9 @@ pub enum Course {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Change {
-    /// What changes.
+    /// The parameter.
     pub parameter: Parameter,
-    /// The whole change: relative, 0.4 being 40 % more; of the zero in degrees.
+    /// The whole change: relative, 0.4 being 40 % more; for the zero in degrees.
     pub by: f64,
     /// When it begins, seconds after the start, or after the command.
     #[serde(default)]
@@ -85,15 +85,15 @@ impl Change {
     ///
     /// # Errors
     ///
-    /// When a value is out of its range, or a place does not fit the parameter.
+    /// A value is out of its range, or a place does not fit the parameter.
     pub fn check(&self) -> Result<(), ChangeError> {
         let refuse = |key, value, reason| Err(ChangeError { key, value, reason });
         let by = self.by;
         let is_zero = self.parameter == Parameter::Zero;
-        if is_zero && (by.is_nan() || by.abs() > MOST_DEG) {
+        if is_zero && (by.is_nan() || by.abs() > MAX_ZERO_DEG) {
             return refuse("by", by, "must be degrees, at most 90 to either side");
         }
-        if !is_zero && (by.is_nan() || by <= -1.0 || by > MOST_RELATIVE) {
+        if !is_zero && (by.is_nan() || by <= -1.0 || by > MAX_RELATIVE) {
             return refuse("by", by, "must be relative: above -1 (nothing left), at most 10");
         }
         if !(0.0..=1e9).contains(&self.start_s) {
@@ -106,7 +106,7 @@ impl Change {
             return refuse(key, span_s, "must be seconds above 0, at most 1e9");
         }
         if let Some(motor) = self.motor.filter(|motor| *motor > 1) {
-            return refuse("motor", motor as f64, "there are 0 and 1");
+            return refuse("motor", motor as f64, "must be 0 or 1");
         }
         let Some(direction) = self.direction else {
             return Ok(());
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_sense_is_refused() {
+    fn meaningless_changes_are_refused() {
         for (text, words) in [
             ("parameter = \"gap\"\ncourse = \"step\"\nby = -1.0", "above -1"),
             ("parameter = \"gap\"\ncourse = \"step\"\nby = nan", "above -1"),

@@ -13,7 +13,7 @@ use super::change::{Change, Course};
 #[derive(Debug, Clone)]
 pub(super) struct RunningChange {
     pub(super) change: Change,
-    /// Since its begin; negative before it.
+    /// Time since its start; negative before it.
     time_s: f64,
     random: Pcg64Mcg,
     walked: f64,

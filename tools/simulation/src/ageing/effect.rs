@@ -6,11 +6,11 @@ use super::course::RunningChange;
 /// The grid, seconds; a power of two, so that sums of steps are exact.
 const GRID_S: f64 = 0.125;
 
-/// Most steps of the grid at once: a pause of ten hours.
+/// Maximum number of grid steps at once: a pause of ten hours.
 const MAX_PAUSE_S: f64 = 36_000.0;
 
-/// The least that is left of a parameter.
-const LEAST: f64 = 0.05;
+/// Minimum factor of a parameter.
+const MIN_FACTOR: f64 = 0.05;
 
 /// A snake compared with a new one. In pairs: motor 0 and motor 1, or pitch and yaw.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +23,7 @@ pub(crate) struct AgeingEffect {
     pub travel_deg: [f64; 2],
     /// Pitch and yaw, degrees.
     pub zero_deg: [f64; 2],
-    /// Of pitch and yaw, symmetric.
+    /// Gain matrix of pitch and yaw, symmetric.
     pub angle_gain: [[f64; 2]; 2],
 }
 
@@ -75,7 +75,8 @@ impl AgeingEffect {
             if motor.is_some_and(|motor| motor != number) {
                 continue;
             }
-            *entry = if is_factor { (*entry * (1.0 + value)).max(LEAST) } else { *entry + value };
+            *entry =
+                if is_factor { (*entry * (1.0 + value)).max(MIN_FACTOR) } else { *entry + value };
         }
     }
 }
@@ -95,7 +96,7 @@ impl Ageing {
         ageing
     }
 
-    /// A change begins, after its own `start_s`.
+    /// Starts a change, after its own `start_s`.
     pub(crate) fn begin(&mut self, change: Change) {
         let number = self.changes.len() as u64;
         let seed = self.seed.wrapping_mul(1000).wrapping_add(number);
@@ -158,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_random_walk_spreads_as_configured_and_does_not_depend_on_the_steps() {
+    fn random_walk_spreads_as_configured_for_any_step() {
         let walk = Course::RandomWalk { over_s: 100.0 };
         let changes = [change(Parameter::Zero, 0.5, walk)];
         let squares = (0..400).map(|seed| {

@@ -5,7 +5,7 @@
 //! socket. It acts on both motors, on one, or along a direction of pitch and yaw. Changes of the
 //! same parameter add up: factors multiply.
 //!
-//! What a parameter means depends on the physics:
+//! The meaning of a parameter depends on the physics:
 //!
 //! | parameter | springs | drawn physics |
 //! |---|---|---|
@@ -15,7 +15,7 @@
 //! | friction | all break-away forces | that of the physics, if it has any |
 //! | zero | angles, or travel of a motor | the same |
 //!
-//! Where a physics has no gap, growth is a play in front of it, and a decrease has no effect.
+//! If a physics has no gap, growth adds a play before it, and a decrease has no effect.
 //!
 //! | file | content |
 //! |---|---|

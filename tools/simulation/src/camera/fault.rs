@@ -1,4 +1,4 @@
-//! Faults of a camera: what it measures wrongly, and from when on.
+//! Faults of a camera: wrong measurements, and their times.
 
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::Nanos;
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "fault", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum CameraFault {
-    /// A share of the frames is off, evenly up to a size in pitch and in yaw.
+    /// A share of the frames has errors, evenly distributed up to a size in pitch and in yaw.
     Outliers {
         /// 0 to 1.
         share: f64,
@@ -28,7 +28,7 @@ pub enum CameraFault {
         /// Pitch and yaw.
         axes: [bool; 2],
     },
-    /// The stamps are later than the exposures by so much; earlier if negative.
+    /// The stamps are later than the exposures by this time; earlier if negative.
     LateStamps {
         /// Milliseconds.
         ms: f64,
@@ -110,7 +110,7 @@ impl CameraFaults {
         self.running.clear();
     }
 
-    /// The frame that is delivered in the place of a good one, if any.
+    /// The frame delivered instead of a good one, if any.
     pub(super) fn apply(&mut self, mut frame: ExternalPosition) -> Option<ExternalPosition> {
         let exposed = Nanos(frame.stamp_ns);
         let Self { running, random } = self;

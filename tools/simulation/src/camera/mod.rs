@@ -19,7 +19,7 @@ pub struct CameraConfig {
     pub rate_hz: f64,
     /// Standard deviation of a measured angle, degrees.
     pub noise_deg: f64,
-    /// From the exposure to the delivery, milliseconds.
+    /// Delay from exposure to delivery, milliseconds.
     pub latency_ms: u64,
     pub faults: Vec<TimedCameraFault>,
 }
@@ -69,7 +69,7 @@ impl Camera {
         self.next_exposure.min(delivery.unwrap_or(self.next_exposure))
     }
 
-    /// A fault begins, after its own `start_s`.
+    /// Starts a fault, after its own `start_s`.
     pub fn begin_fault(&mut self, fault: &TimedCameraFault, now: Nanos) {
         self.faults.begin(fault, now);
     }
@@ -160,13 +160,13 @@ mod tests {
         assert!((0.045..0.055).contains(&spread), "{spread}");
     }
 
-    /// Frames after a fault has begun, at 2 s.
+    /// Frames after a fault that starts at 2 s.
     fn with(fault: CameraFault) -> Vec<(Nanos, ExternalPosition)> {
         let timed = TimedCameraFault { start_s: 2.0, for_s: Some(10.0), fault };
         assert_eq!(timed.check(), Ok(()));
         let frames = run_with(&[timed], 14_000);
         let good = run(14_000);
-        // Before and after, nothing is wrong.
+        // Frames before and after are correct.
         let outside = |(now, _): &&(Nanos, ExternalPosition)| {
             let ms = now.0 / 1_000_000;
             !(2000..12_100).contains(&ms)
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_do_what_they_say_within_their_time() {
+    fn faults_act_only_within_their_time() {
         for (fault, expected) in [
             (CameraFault::Bias { deg: [1.0, 2.0] }, [11.0, -18.0]),
             (CameraFault::Swapped {}, [-20.0, 10.0]),

@@ -7,7 +7,7 @@
 pub enum Abort {
     /// Toggle bit of a segment not alternated.
     Toggle = 0x0503_0000,
-    /// No reply from the node behind the gateway.
+    /// No reply from a node on the CAN bus.
     SdoTimeout = 0x0504_0000,
     Crc = 0x0504_0004,
     /// Access of this kind is not supported.

@@ -1,4 +1,4 @@
-//! What a controlword starts, and what a fault does.
+//! Effects of controlwords and faults.
 
 use super::device::{Drive, Homing, Setpoints};
 use super::event::{EventKind, HostBug};
@@ -44,8 +44,8 @@ impl Drive {
         self.setpoints = Setpoints::default();
     }
 
-    /// Ends the ramp of a stop: enters the state behind it, then executes the controlword that came
-    /// in the meantime.
+    /// Ends the ramp of a stop: enters the next state, then executes the controlword that was
+    /// received in the meantime.
     pub(super) fn finish_stop(&mut self, then: State) {
         self.power_off();
         self.enter(then);
@@ -88,7 +88,7 @@ impl Drive {
         self.start_mode();
     }
 
-    /// Leaves operation as an option code says: 0 at once, 1 after a ramp.
+    /// Leaves operation according to an option code: 0 at once, 1 after a ramp.
     fn leave(&mut self, option: u16, to: State) {
         if self.dictionary.get(option, 0) == 0 {
             self.power_off();
@@ -211,7 +211,7 @@ impl Drive {
         }
     }
 
-    /// Removes the cause of a persistent fault.
+    /// Clears the cause of a persistent fault.
     pub fn remove_cause(&mut self) {
         self.cause_persists = false;
         self.warning = false;

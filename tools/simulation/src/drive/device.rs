@@ -46,7 +46,7 @@ pub struct Drive {
     pub(super) task: Task,
     pub(super) demand: Demand,
     pub(super) motor: Motor,
-    /// The encoder does not count: it shows this position of the motor.
+    /// The encoder does not count: it reports this position of the motor.
     pub(super) frozen: Option<f64>,
     /// Counts that the encoder has missed.
     lost_counts: f64,
@@ -64,17 +64,17 @@ pub struct Drive {
     /// NMT state is operational.
     pub(super) operational: bool,
     pub(super) boot_left_s: f64,
-    /// It is cut off from its line, and goes on as it is.
+    /// The drive is cut off from its line and keeps running.
     pub(super) silent: bool,
     /// See [`Drive::lose`].
     pub(super) lost: u16,
     pub(super) transfer: SegmentedTransfer,
-    /// The node behind its port whose segments are read.
-    pub(super) transfer_behind: Option<u8>,
+    /// The other node on this port whose segments are read.
+    pub(super) transfer_node: Option<u8>,
     pub(super) events: Vec<EventKind>,
 }
 
-/// What a drive shows to tests.
+/// State of a drive for tests.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriveSnapshot {
     pub state: State,
@@ -123,7 +123,7 @@ impl Drive {
             silent: false,
             lost: 0,
             transfer: SegmentedTransfer::default(),
-            transfer_behind: None,
+            transfer_node: None,
             events: Vec::new(),
         };
         drive.lose_position();
@@ -201,22 +201,22 @@ impl Drive {
         self.config.family.map()
     }
 
-    /// The value of an object of the family's object map.
+    /// The value of an object in the family's map.
     pub(super) fn stored(&self, (index, sub): Address) -> i64 {
         self.dictionary.get(index, sub)
     }
 
-    /// Cuts it off from its line, or connects it again.
+    /// Cuts the drive off from its line, or connects it again.
     pub fn set_silent(&mut self, silent: bool) {
         self.silent = silent;
     }
 
-    /// Which of the next requests are lost on the way, a bit for each, the first the lowest.
+    /// Loses requests on the way: one bit for each of the next requests, the first the lowest.
     pub fn lose(&mut self, requests: u16) {
         self.lost = requests;
     }
 
-    /// Stops the encoder, or lets it count again from where it stopped, as an incremental one does.
+    /// Stops the encoder, or lets it resume counting where it stopped, like an incremental encoder.
     pub fn freeze_encoder(&mut self, freeze: bool) {
         match (self.frozen, freeze) {
             (None, true) => self.frozen = Some(self.motor.position),
@@ -248,12 +248,12 @@ impl Drive {
         clamp_i32(self.encoder() - self.origin)
     }
 
-    /// From counts of the motor to counts of the drive.
+    /// Converts counts of the motor to counts of the drive.
     pub(super) fn to_drive(&self, motor: f64) -> i32 {
         clamp_i32(motor.round() as i64 - self.origin)
     }
 
-    /// From counts of the drive to counts of the motor.
+    /// Converts counts of the drive to counts of the motor.
     pub(super) fn to_motor(&self, counts: i64) -> f64 {
         (counts + self.origin) as f64
     }

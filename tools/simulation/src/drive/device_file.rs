@@ -1,7 +1,7 @@
-//! Objects of a real drive, as maxon's tool wrote them: EDS and DCF files (CiA 306), or a table of
+//! Objects of a real drive, as written by maxon's tool: EDS and DCF files (CiA 306), or a table of
 //! such a file, `index,subindex,type,access,low,high,default,value` (CSV).
 //!
-//! Where a file gives no range, that of the table of objects holds, unless models differ in it.
+//! If a file gives no range, the range in the table of objects applies, unless models differ.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,14 +15,14 @@ use super::family::Family;
 #[derive(Debug, Clone, PartialEq)]
 pub struct DeviceFile {
     pub family: Family,
-    /// By index and subindex.
+    /// The objects, ordered by index and subindex.
     pub objects: Arc<[Entry]>,
 }
 
 /// Why a file holds no objects of a drive.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "{}: {reason}; give a whole EDS or DCF file of an EPOS4 or EPOS2, or a table of one (CSV)",
+    "{}: {reason}; give a complete EDS or DCF file of an EPOS4 or EPOS2, or a table of one (CSV)",
     file.display()
 )]
 pub struct DeviceFileError {
@@ -30,7 +30,7 @@ pub struct DeviceFileError {
     reason: String,
 }
 
-/// Without these nothing is a drive.
+/// Objects that every drive has.
 const ESSENTIAL: [(u16, u8); 8] = [
     (0x1018, 1),
     (0x1018, 4),
@@ -67,8 +67,8 @@ impl DeviceFile {
             .map_err(|reason| DeviceFileError { file: file.to_owned(), reason })
     }
 
-    /// Reads the content of a file. A table says nothing about the firmware: it is the four digits
-    /// after `fw` in the name of the file.
+    /// Reads the content of a file. A table has no firmware version; it is taken from the four
+    /// digits after `fw` in the name of the file.
     pub fn parse(text: &str, name: &str) -> Result<Self, String> {
         let (objects, product, firmware) = if text.starts_with("index,subindex,type,access") {
             let digits = name.split_once("fw").and_then(|(_, rest)| rest.get(..4));
@@ -81,20 +81,20 @@ impl DeviceFile {
         };
         if let Some((index, sub)) = ESSENTIAL.iter().find(|&it| !objects.contains_key(it)) {
             return Err(format!(
-                "it is cut, or of no drive: object 0x{index:04X}:{sub:02X} is absent"
+                "truncated, or not a drive file: object 0x{index:04X}:{sub:02X} is missing"
             ));
         }
         let is_epos2 = objects.contains_key(&(0x2062, 0));
         let family = if is_epos2 { Family::Epos2 } else { Family::Epos4 };
         let entry = |(address, keys)| {
-            let told = match address {
+            let derived = match address {
                 (0x1018, 2) => Some(product.unwrap_or(0) << 16),
                 (0x1018, 3) => firmware.map(|firmware| firmware << 16),
                 (0x2003, 1) if is_epos2 => firmware,
                 (0x2003, 2) if is_epos2 => product,
                 _ => None,
             };
-            entry(family, address, &keys, told)
+            entry(family, address, &keys, derived)
         };
         let objects: Result<_, String> = objects.into_iter().map(entry).collect();
         Ok(Self { family, objects: objects? })
@@ -112,7 +112,7 @@ fn read_csv(text: &str) -> Result<BTreeMap<(u16, u8), Keys<'_>>, String> {
                     let keys = COLUMNS.map(str::to_owned).into_iter().zip(fields);
                     Ok(((index as u16, sub as u8), keys.collect()))
                 }
-                _ => Err(format!("line {} is cut, or no object: `{line:.40}`", at + 1)),
+                _ => Err(format!("line {} is truncated, or not an object: `{line:.40}`", at + 1)),
             }
         })
         .collect()
@@ -131,15 +131,15 @@ fn sections(text: &str) -> Result<BTreeMap<String, Keys<'_>>, String> {
         {
             keys.insert(key.trim().to_lowercase(), value.trim());
         } else if !line.is_empty() && !line.starts_with(';') {
-            let what = if sections.is_empty() { "no EDS" } else { "cut" };
-            return Err(format!("it is {what}: line {} is `{line:.40}`", at + 1));
+            let what = if sections.is_empty() { "not an EDS file" } else { "truncated" };
+            return Err(format!("{what}: line {} is `{line:.40}`", at + 1));
         }
     }
     Ok(sections)
 }
 
-/// The objects among the sections. All that are listed must be there, with their subindices: a file
-/// that is cut lacks the last.
+/// The objects among the sections. All listed objects must exist, with their subindices: in a
+/// truncated file the last are missing.
 fn read_eds<'a>(
     sections: &BTreeMap<String, Keys<'a>>,
 ) -> Result<BTreeMap<(u16, u8), Keys<'a>>, String> {
@@ -148,7 +148,7 @@ fn read_eds<'a>(
         sections.keys().filter(|name| name.starts_with(&prefix)).count() as i64
     };
     for list in ["mandatoryobjects", "optionalobjects", "manufacturerobjects"] {
-        let absent = || format!("it is no EDS, or cut: [{list}] is absent or not whole");
+        let absent = || format!("not an EDS file, or truncated: [{list}] is missing or incomplete");
         let keys = sections.get(list).ok_or_else(absent)?;
         let listed = |key: &str| keys.get(key).and_then(|value| number(value, Kind::U32));
         let count = listed("supportedobjects").ok_or_else(absent)?;
@@ -157,7 +157,7 @@ fn read_eds<'a>(
             let keys = sections.get(&index);
             let least = keys.map(|keys| i64::from(keys.contains_key("subnumber")));
             if least.is_none_or(|least| subs(&index) < least) {
-                return Err(format!("it is cut: object 0x{index} is listed, but absent"));
+                return Err(format!("truncated: object 0x{index} is listed but missing"));
             }
         }
     }
@@ -170,17 +170,19 @@ fn read_eds<'a>(
     Ok(objects.filter_map(|(name, keys)| Some((address(name)?, keys.clone()))).collect())
 }
 
-/// An object from its keys. `told`: its value from elsewhere in the file.
+/// An object from its keys. `derived`: its value from elsewhere in the file.
 fn entry(
     family: Family,
     address: (u16, u8),
     keys: &Keys<'_>,
-    told: Option<i64>,
+    derived: Option<i64>,
 ) -> Result<Entry, String> {
     let (index, subindex) = address;
     let get = |key: &str| keys.get(key).copied().unwrap_or_default();
-    let wrong =
-        |key: &str| format!("object 0x{index:04X}:{subindex:02X} is cut: {key} is `{}`", get(key));
+    let wrong = |key: &str| {
+        let text = get(key);
+        format!("object 0x{index:04X}:{subindex:02X} is truncated: {key} is `{text}`")
+    };
     let kind = kind(get("datatype")).ok_or_else(|| wrong("datatype"))?;
     let access = match get("accesstype").to_lowercase().as_str() {
         "ro" | "const" => Access::Ro,
@@ -199,7 +201,7 @@ fn entry(
         (None, None) => usual,
         (low, high) => Some((low.unwrap_or(i64::MIN), high.unwrap_or(i64::MAX))),
     };
-    let set = value("parametervalue")?.or(value("defaultvalue")?).or(told);
+    let set = value("parametervalue")?.or(value("defaultvalue")?).or(derived);
     let default = set.or(known.map(|known| known.default)).unwrap_or(0);
     let known = known.unwrap_or(&objects::ALL[0]);
     Ok(Entry { index, subindex, kind, access, default, range, varies: false, ..*known })
@@ -220,8 +222,8 @@ fn kind(text: &str) -> Option<Kind> {
     })
 }
 
-/// A number as these files write it: decimal, hexadecimal, behind `$NODEID+`, and signed ones also
-/// as their bits (0xFFFF for -1). What follows a semicolon is a comment.
+/// A number in the notation of these files: decimal, hexadecimal, after `$NODEID+`, and signed
+/// numbers also as their bits (0xFFFF for -1). A semicolon starts a comment.
 fn number(text: &str, kind: Kind) -> Option<i64> {
     let text = text.split(';').next()?.trim();
     let text = text.rsplit_once('+').map_or(text, |(_, offset)| offset.trim());
@@ -251,10 +253,9 @@ mod tests {
             ((0x3001, 2), Kind::U32, Access::Rw, 3600, Some((0, 3600))),
             ((0x3001, 10), Kind::U8, Access::Wo, 1, Some((0, 255))),
             ((0x607F, 0), Kind::U32, Access::Rw, 12_000, Some((1, i64::MAX))),
-            // The value that was set counts. Where the file gives no range, that of the family
-            // does.
+            // The configured value counts. If the file gives no range, that of the family applies.
             ((0x6085, 0), Kind::U32, Access::Rw, 8000, Some((1, 0xFFFF_FFFF))),
-            // Signed values as their bits.
+            // Signed values, written as their bits.
             ((0x60B2, 0), Kind::I16, Access::Rw, -1, Some((-1000, 1000))),
         ] {
             let found = file.objects.iter().find(|it| (it.index, it.subindex) == address).unwrap();
@@ -264,17 +265,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_device_file_or_is_cut_is_one_clear_error() {
+    fn truncated_and_foreign_files_give_a_clear_error() {
         for at in 0..SAMPLE.len() - 100 {
             let cut = DeviceFile::parse(&SAMPLE[..at], "drive.eds").unwrap_err();
-            assert!(cut.starts_with("it is ") || cut.contains(" is cut"), "{at}: {cut}");
+            assert!(cut.starts_with("not ") || cut.contains("truncated"), "{at}: {cut}");
         }
         let head = "index,subindex,type,access,low,high,default,value\n";
         for (text, part) in [
-            ("robot_id = \"x\"", "it is no EDS: line 1"),
-            ("\u{0}\u{1}\u{7f}ELF", "it is no EDS: line 1"),
-            (&format!("{head}0x1000,0,U32,r"), "line 2 is cut"),
-            (&format!("{head}0x1000,0,U32,ro,,,,\n"), "object 0x1018:01 is absent"),
+            ("robot_id = \"x\"", "not an EDS file: line 1"),
+            ("\u{0}\u{1}\u{7f}ELF", "not an EDS file: line 1"),
+            (&format!("{head}0x1000,0,U32,r"), "line 2 is truncated"),
+            (&format!("{head}0x1000,0,U32,ro,,,,\n"), "object 0x1018:01 is missing"),
         ] {
             let error = DeviceFile::parse(text, "file").unwrap_err();
             assert!(error.contains(part), "{error}");

@@ -36,7 +36,7 @@ impl Value {
 }
 
 impl Dictionary {
-    /// The objects of a file, or all that the family is known to have, with their defaults.
+    /// The objects of a file, or all known objects of the family, with their defaults.
     pub fn new(family: Family, file: Option<&DeviceFile>) -> Self {
         let entries: Arc<[Entry]> = match file {
             Some(file) => Arc::clone(&file.objects),
@@ -46,8 +46,8 @@ impl Dictionary {
         Self { family, entries, values }
     }
 
-    /// The stored value. Where the drive has no such object, its firmware acts with the usual value
-    /// of the family; what the family does not know is 0: it has no effect.
+    /// The stored value. If the drive has no such object, its firmware uses the default of the
+    /// family; an object unknown to the family is 0: it has no effect.
     pub fn get(&self, index: u16, sub: u8) -> i64 {
         let usual = || objects::find(self.family.config(), index, sub).map(|object| object.default);
         let stored = self.find(index, sub).map(|found| self.values[found]);
@@ -118,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reads_return_the_value_or_the_abort_code_of_the_mistake() {
+    fn reads_return_the_value_or_an_abort_code() {
         for (family, index, sub, expected) in [
             (Epos4, 0x5000, 0, Err(Abort::NoObject)),
             (Epos4, 0x2080, 0, Err(Abort::NoObject)),

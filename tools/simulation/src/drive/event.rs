@@ -1,4 +1,4 @@
-//! What can happen on one axis, for the log.
+//! Events of an axis, for the log.
 
 use super::family::Mode;
 use super::state::State;
@@ -8,9 +8,9 @@ pub enum EventKind {
     /// A setpoint (object 0x607A) was received, in counts.
     Setpoint(i32),
     State {
-        /// Before.
+        /// State before.
         from: State,
-        /// After.
+        /// State after.
         to: State,
     },
     Mode(Mode),
@@ -22,7 +22,7 @@ pub enum EventKind {
     Boot,
     /// The line carried something that the drive could not use.
     Line(LineTrouble),
-    /// A test or a scenario injected this fault into the axis, its line or its wire.
+    /// A test or a scenario has injected this fault into the axis, its line or its wire.
     Injected(&'static str),
     /// The host broke a rule that a real drive would punish.
     HostBug(HostBug),
@@ -35,7 +35,7 @@ pub enum LineTrouble {
     Crc,
     /// A frame that was not complete within the frame timeout. It is dropped without a reply.
     FrameTimeout,
-    /// The gateway has waited for this drive in vain.
+    /// The gateway got no answer from this drive.
     NoAnswer,
 }
 
@@ -69,7 +69,7 @@ impl EventKind {
             Self::HostBug(HostBug::Pipelined) => ("host-bug", 0, "bytes before the reply"),
             Self::HostBug(HostBug::Opcode(opcode)) => ("host-bug", opcode.into(), "unknown opcode"),
             Self::HostBug(HostBug::SetpointIgnored) => {
-                ("host-bug", 0, "setpoint ignored: bit 4 was not lowered")
+                ("host-bug", 0, "setpoint ignored: bit 4 was not cleared")
             }
         }
     }

@@ -9,7 +9,7 @@ pub enum Family {
 }
 
 impl Family {
-    /// The same, as the table of objects names it.
+    /// The family in the table of objects.
     pub(super) const fn config(self) -> i2ris::config::Family {
         match self {
             Self::Epos4 => i2ris::config::Family::Epos4,

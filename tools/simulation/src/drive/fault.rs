@@ -2,14 +2,14 @@
 
 use super::family::Family;
 
-/// What a drive does about a fault.
+/// Reaction of a drive to a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reaction {
     /// Disables the power stage at once, without a controlled stop.
     Disable,
-    /// As object 0x605E says.
+    /// Reacts according to object 0x605E.
     FaultOption,
-    /// As object 0x6007 says.
+    /// Reacts according to object 0x6007.
     AbortOption,
     /// Sets the warning bit only.
     Warning,
@@ -27,8 +27,8 @@ impl Fault {
     /// No setpoint in time although interpolation is on.
     pub const RPDO_TIMEOUT: Self = Self(0x8250);
 
-    /// The reaction of the drive (EPOS4 Firmware Specification, table of errors; EPOS2: the same
-    /// where it has the error). An unknown code disables the power stage.
+    /// The reaction of the drive (EPOS4 Firmware Specification, table of errors; EPOS2: the same,
+    /// if it has the error). An unknown code disables the power stage.
     pub fn reaction(self, family: Family) -> Reaction {
         match (family, self.0) {
             (Family::Epos2, 0xFF06 | 0xFF07 | 0xFF09) => Reaction::FaultOption,

@@ -1,4 +1,4 @@
-//! The V2 frame of the EPOS4 serial line, as the drive sees it: requests in, replies out.
+//! The V2 frame of the EPOS4 serial line from the drive's side: requests in, replies out.
 //!
 //! `90 02 OpCode Len Data.. CRC`, every 0x90 after the first two bytes sent twice. Written from the
 //! reference and independent of the controller's code: a misreading on one side fails the tests.
@@ -23,7 +23,7 @@ const REPLY: u8 = 0x00;
 
 const CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_XMODEM);
 
-/// A request whose CRC is right.
+/// A request with a valid CRC.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Request {
     pub opcode: u8,
@@ -34,7 +34,7 @@ pub struct Request {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Incoming {
     Request(Request),
-    /// A frame whose CRC is wrong.
+    /// A frame with a wrong CRC.
     WrongCrc,
 }
 
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_with_a_wrong_crc_is_reported_and_the_next_one_is_read() {
+    fn the_frame_after_a_wrong_crc_is_read() {
         let mut wire = bytes("90 02 60 02 01 41 60 00 23 D1");
         wire.extend(bytes("90 02 60 02 01 64 60 00 29 5A"));
         let incoming = parse(&mut Parser::default(), &wire);

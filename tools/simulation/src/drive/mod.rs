@@ -2,7 +2,7 @@
 //! no clock and no line: requests and time steps in, replies and motor positions out.
 //!
 //! Sources: `epos4-serial.md`, sections 1 and 3, which names the clauses of maxon's documents.
-//! Where the documents leave something open, the drive does what a careless host handles worst.
+//! Where the documents leave something open, the drive chooses the worst case for a careless host.
 //!
 //! | file | content |
 //! |---|---|
@@ -10,14 +10,14 @@
 //! | `family`, `object_map` | EPOS4 and EPOS2, their modes of operation, and the objects that differ between them |
 //! | `abort` | abort codes |
 //! | `dictionary` | values of the objects, and the checks on access; types, access and ranges are those of the controller's table of objects, or of a file |
-//! | `device_file` | objects of a real drive, as maxon's tool wrote them |
-//! | `state` | CiA 402 state machine, and what the drive does with its motor |
-//! | `controlword`, `statusword` | what a controlword starts; objects computed when they are read |
-//! | `motion` | what modes of operation do in every time step |
+//! | `device_file` | objects of a real drive, as written by maxon's tool |
+//! | `state` | CiA 402 state machine, and the motor task of the drive |
+//! | `controlword`, `statusword` | effects of a controlword; objects computed when they are read |
+//! | `motion` | the modes of operation in every time step |
 //! | `profile`, `motor` | position demand, the motor that follows it, parameters of a drive |
-//! | `frame` | the V2 frame, as the drive sees it |
+//! | `frame` | the V2 frame, from the drive's side |
 //! | `command_set` | opcodes and their parameters |
-//! | `service`, `segmented_transfer` | requests to replies, also of drives behind the one at the port |
+//! | `service`, `segmented_transfer` | requests to replies, also of other drives on the CAN bus |
 //! | `fault`, `event` | fault codes, events for the log |
 
 mod abort;

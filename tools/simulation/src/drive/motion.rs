@@ -94,8 +94,8 @@ impl Drive {
         (self.dictionary.get(0x607D, 1), self.dictionary.get(0x607D, 2))
     }
 
-    /// The setpoint that acts at once, counts of the motor. It is clamped to the position limits
-    /// where the family has no fault for a setpoint beyond them.
+    /// The setpoint that acts at once, counts of the motor. It is clamped to the position limits if
+    /// the family has no fault for a setpoint beyond them.
     fn direct_target(&self) -> f64 {
         let target = self.stored(self.map().direct_target) + self.dictionary.get(0x60B0, 0);
         let (low, high) = self.position_limits();
@@ -185,13 +185,13 @@ impl Drive {
     }
 
     fn move_motor(&mut self, dt_s: f64) {
-        // A drive limits the speed that it sees, and with the sign that it believes in.
+        // A drive limits the speed that its encoder reports, with the sign that it assumes.
         let sees_speed = self.frozen.is_none() && !self.config.motor.reversed;
         let limits = Limits {
             current_ma: self.stored(self.map().current_limit) as f64,
             speed: if sees_speed { self.max_motor_speed() } else { f64::INFINITY },
         };
-        // The error that the position controller sees. The motor may be elsewhere.
+        // The error seen by the position controller. The motor may be elsewhere.
         let error = self.demand.position - self.measured();
         let target_ma = self.target_current_ma();
         let (motor, config) = (&mut self.motor, &self.config.motor);

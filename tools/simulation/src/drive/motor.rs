@@ -8,8 +8,8 @@ use super::family::Family;
 pub struct MotorConfig {
     /// Pulses of the encoder per turn; four increments (counts) each.
     pub encoder_pulses: u32,
-    /// Bandwidth of the closed position loop, Hz. Its lag behind a ramp is the ramp divided by pi
-    /// times this.
+    /// Bandwidth of the closed position loop, Hz. On a ramp it lags by the ramp divided by pi times
+    /// this.
     pub bandwidth_hz: f64,
     /// Acceleration per current, counts per second squared and mA.
     pub acceleration_per_ma: f64,
@@ -17,19 +17,19 @@ pub struct MotorConfig {
     pub friction_ma: f64,
     /// Current that holds the load of the wires, mA per degree of wire stretch.
     pub load_ma_per_deg: f64,
-    /// Current turns it away from where its encoder counts up.
+    /// Positive current turns the motor against the counting direction of its encoder.
     pub reversed: bool,
     /// Play of its gear, counts.
     pub gear_play: f64,
-    /// Current that overcomes the friction behind the gear, mA: only where a flank pushes.
+    /// Current that overcomes the friction after the gear, mA: only while a flank pushes.
     pub output_friction_ma: f64,
     /// Hard stops, counts from the position of the motor at the start of the emulator.
     pub stops: [f64; 2],
 }
 
 impl Default for MotorConfig {
-    /// Close to a maxon DCX 8 M with a gearhead: 0.9 mNm at 300 mA on 3e-9 kg m2, a third of it
-    /// left by the gear.
+    /// Close to a maxon DCX 8 M with a gearhead: 0.9 mNm at 300 mA on 3e-9 kg m2, of which the gear
+    /// leaves a third.
     fn default() -> Self {
         Self {
             encoder_pulses: 256,
@@ -62,7 +62,7 @@ pub struct Motor {
     pub current_ma: f64,
     /// Load of the wires, degrees of wire stretch; positive: it pulls back to lower counts.
     pub load: f64,
-    /// The middle of the play of the gear, counts.
+    /// Centre of the gear play, counts.
     pub output: f64,
     /// The lowest and the highest position so far, counts.
     pub reached: [f64; 2],
@@ -147,7 +147,7 @@ impl Motor {
 #[derive(Debug, Clone, PartialEq)]
 pub struct DriveConfig {
     pub family: Family,
-    /// The objects of a real drive of the family. Absent: all that the family is known to have.
+    /// The objects of a real drive of the family. Absent: all known objects of the family.
     pub device: Option<DeviceFile>,
     /// CAN node id (object 0x2000). The drive also answers to 0.
     pub node_id: u8,
@@ -158,11 +158,11 @@ pub struct DriveConfig {
     pub boot_ms: u64,
     /// A fault that is present after every boot, such as 0x8120 when no CAN bus is connected.
     pub boot_fault: Option<u16>,
-    /// Data words of an error reply to a read, 2 or 4. maxon does not document which it is.
+    /// Data words of an error reply to a read, 2 or 4. maxon does not document the length.
     pub error_reply_words: u8,
     /// Fill the unused upper bytes of short values with garbage, as first-generation drives do.
     pub fill_unused_bytes: bool,
-    /// Short values come in one data word in place of two, as some hosts have read them.
+    /// Short values have one data word instead of two, as some hosts have read them.
     pub one_word_reads: bool,
     /// Maximum bytes in one segment of a segmented read, 1 to 255.
     pub segment_bytes: u8,
@@ -173,11 +173,12 @@ pub struct DriveConfig {
     pub interpolation_timeout: bool,
     /// Whether a halt acts in the modes that follow every setpoint.
     pub cyclic_halt: bool,
-    /// A setpoint beyond the position limits is clipped to them, where the family has a fault.
+    /// A setpoint beyond the position limits is clipped to them, even if the family has a fault for
+    /// it.
     pub clips_setpoints: bool,
     /// The gateway forwards segmented reads.
     pub forwards_segments: bool,
-    /// Fault 0x8130 after so long with power and without a request, milliseconds.
+    /// Fault 0x8130 after this time with power and without a request, milliseconds.
     pub silence_fault_ms: Option<u64>,
 }
 

@@ -10,7 +10,7 @@ pub(super) enum SegmentedTransfer {
     /// None.
     #[default]
     Idle,
-    /// The bytes that are still to be read.
+    /// The bytes that are left to read.
     Read { left: Vec<u8>, toggle: bool },
     /// The bytes that have been written so far, of `length`.
     Write { to: Address, length: usize, written: Vec<u8>, toggle: bool },
@@ -29,7 +29,7 @@ impl SegmentedTransfer {
         *self = Self::Write { to, length, written, toggle };
     }
 
-    /// The next segment of at most `most` bytes, and whether it is the last. A wrong toggle bit
+    /// The next segment of at most `most` bytes, and the flag of the last one. A wrong toggle bit
     /// ends the transfer.
     pub(super) fn read(&mut self, toggle: bool, most: usize) -> Result<(Vec<u8>, bool), Abort> {
         match std::mem::take(self) {

@@ -13,13 +13,13 @@ use super::state::State;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reply {
-    /// Error code, and the data behind it.
+    /// Error code, then the data.
     pub data: Vec<u8>,
-    /// Delay beyond the usual processing time.
+    /// Delay in addition to the usual processing time.
     pub delay: Nanos,
 }
 
-/// What is in the bytes that a short value does not need: garbage, and the upper word that public
+/// Content of the bytes that a short value does not need: garbage, and the upper word that public
 /// code has read from an EPOS2.
 const UNUSED_BYTES: [u8; 4] = [0xA5, 0x5A, 0x90, 0x80];
 
@@ -33,12 +33,12 @@ impl Drive {
         self.state == State::NotReadyToSwitchOn
     }
 
-    /// The reply to a frame at its own port, or `None` while booting or silent. `behind`: the
-    /// drives on the CAN bus behind this one, and the round-trip time to them.
+    /// The reply to a frame at its own port, or `None` while booting or silent. `others`: the other
+    /// drives on its CAN bus, and the round-trip time to them.
     pub fn reply_at_port(
         &mut self,
         incoming: &Incoming,
-        behind: Option<(Vec<&mut Self>, Nanos)>,
+        others: Option<(Vec<&mut Self>, Nanos)>,
     ) -> Option<Reply> {
         let is_lost = self.lost & 1 == 1;
         self.lost >>= 1;
@@ -55,10 +55,10 @@ impl Drive {
             Ok(addressed) => addressed,
             Err(abort) => return Some(self.reply(Err(abort), is_read)),
         };
-        // Segments of an EPOS2 name no node: they go where the transfer was begun.
+        // Segments of an EPOS2 name no node: they go to the node of the initial transfer.
         let is_next = node.is_none() && service.is_segmented();
-        let node = if is_next { self.transfer_behind } else { node };
-        self.transfer_behind = node.filter(|_| service.is_segmented());
+        let node = if is_next { self.transfer_node } else { node };
+        self.transfer_node = node.filter(|_| service.is_segmented());
         // 0 and no node address the drive at the port.
         if node.is_none_or(|node| node == 0 || node == self.config.node_id) {
             let has_reply = service.has_reply(self.config.family);
@@ -66,22 +66,22 @@ impl Drive {
             return has_reply.then(|| self.reply(outcome, is_read));
         }
         let timeout = Nanos::from_millis(self.config.gateway_timeout_ms);
-        let (others, round_trip) = behind.unwrap_or_default();
-        let is_asked = |other: &&mut Self| Some(other.config.node_id) == node;
+        let (others, round_trip) = others.unwrap_or_default();
+        let is_addressed = |other: &&mut Self| Some(other.config.node_id) == node;
         let is_mute = |other: &&mut Self| other.is_booting() || other.silent;
-        let (mute, mut asked): (Vec<_>, Vec<_>) =
-            others.into_iter().filter(is_asked).partition(is_mute);
+        let (mute, mut addressed): (Vec<_>, Vec<_>) =
+            others.into_iter().filter(is_addressed).partition(is_mute);
         for other in mute {
             other.events.push(EventKind::Line(LineTrouble::NoAnswer));
         }
-        let (delay, abort) = Gateway { round_trip, timeout }.forward(!asked.is_empty());
-        let (outcome, delay) = match (abort, asked.split_first_mut()) {
+        let (delay, abort) = Gateway { round_trip, timeout }.forward(!addressed.is_empty());
+        let (outcome, delay) = match (abort, addressed.split_first_mut()) {
             (None, Some(_)) if service.is_segmented() && !self.config.forwards_segments => {
                 (Err(Abort::UnsupportedAccess), Nanos::ZERO)
             }
             (None, Some((first, more))) => {
                 let outcome = first.execute(service.clone());
-                // Two nodes with one id send at once: what differs destroys both frames.
+                // Two nodes with one id send at once: differences destroy both frames.
                 let is_same =
                     more.iter_mut().all(|other| other.execute(service.clone()) == outcome);
                 if is_same { (outcome, delay) } else { (Err(Abort::SdoTimeout), timeout) }
@@ -122,7 +122,7 @@ impl Drive {
         Reply { data, delay }
     }
 
-    /// Executes a service. Returns the data behind the error code of the reply.
+    /// Executes a service. Returns the data after the error code of the reply.
     fn execute(&mut self, service: Service) -> Result<Vec<u8>, Abort> {
         self.since_request_s = 0.0;
         match service {
@@ -256,19 +256,19 @@ impl Drive {
     }
 }
 
-/// How a gateway treats the host. Until it has answered a request for another node it takes nothing
-/// else: what arrives meanwhile is lost.
+/// How a gateway treats the host. Until it has answered a request for another node it accepts
+/// nothing else: bytes that arrive in the meantime are lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Gateway {
     /// Round trip over CAN to a node that answers.
     pub round_trip: Nanos,
-    /// How long it waits for a node that does not.
+    /// Timeout for a node that does not answer.
     pub timeout: Nanos,
 }
 
 impl Gateway {
-    /// How long a request for a node takes beside the usual time, and what the gateway answers
-    /// in the place of a node that does not.
+    /// Additional time for a request to a node, and the abort code of the gateway for a node that
+    /// does not answer.
     #[must_use]
     pub fn forward(self, node_answers: bool) -> (Nanos, Option<Abort>) {
         if node_answers { (self.round_trip, None) } else { (self.timeout, Some(Abort::SdoTimeout)) }

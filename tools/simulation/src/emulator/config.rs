@@ -13,17 +13,17 @@ use crate::drive::{DriveConfig, Family};
 /// Default folder of the ports.
 pub const DEFAULT_FOLDER: &str = "/tmp/i2ris-emulator";
 
-/// What a request to a node behind another takes over CAN, there and back, microseconds.
+/// Round trip over CAN of a request to another node, microseconds.
 pub const GATEWAY_US: u64 = 600;
 
-/// The node id of a drive that is only addressed as the one at its port: the highest of CANopen.
+/// Node id of a drive that is only addressed at its own port: the highest of CANopen.
 const OWN_NODE: u8 = 127;
 
 /// How drives and computer are connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum Line {
-    /// The laboratory's: three EPOS2 on one USB port, node 1 with nodes 2 and 3 behind it; the
-    /// third turns the auxiliary axis
+    /// The laboratory's line: three EPOS2 on one USB port, where node 1 forwards to nodes 2 and 3;
+    /// the third turns the auxiliary axis
     #[default]
     Lab,
     /// An EPOS2 on USB for each motor
@@ -68,12 +68,12 @@ pub struct EmulatorConfig {
     /// One port only: the first drive forwards requests to the others over CAN, with this
     /// round-trip time in microseconds. Absent: a port for every drive.
     pub gateway_us: Option<u64>,
-    /// The drives of each port where it is neither, the one that the port belongs to first.
+    /// The drives of each port for other layouts, the one with the port first.
     pub layout: Option<Vec<Vec<usize>>>,
     /// Faults injected into drives, lines and wires.
     pub scenario: Scenario,
     pub drives: [DriveConfig; 2],
-    /// A third drive behind the gateway: a gripper or a roll, which pulls no wire of the snake.
+    /// A third drive on the gateway: a gripper or a roll, which pulls no wire of the snake.
     pub auxiliary: Option<DriveConfig>,
     pub camera: CameraConfig,
     /// A file for the log, CSV.
@@ -100,7 +100,7 @@ impl EmulatorConfig {
         }
     }
 
-    /// The drives of each port, the one that the port belongs to first.
+    /// The drives of each port, the one with the port first.
     pub(crate) fn ports(&self) -> Vec<Vec<usize>> {
         match (&self.layout, self.gateway_us) {
             (Some(layout), _) => layout.clone(),
@@ -109,19 +109,19 @@ impl EmulatorConfig {
         }
     }
 
-    /// Takes drives and lines from the configuration of a controller: families, rate, nodes
-    ///  and serial numbers.
+    /// Takes drives and lines from the configuration of a controller: families, rate, nodes and
+    /// serial numbers.
     ///
     /// # Errors
     ///
-    /// When its ports differ in what all emulated ones have in common.
+    /// The ports differ in a property that all emulated ports share.
     pub fn rehearse(&mut self, ports: &[PortConfig]) -> Result<(), &'static str> {
-        let [first, ..] = ports else { return Err("there is no port to emulate") };
+        let [first, ..] = ports else { return Err("no port to emulate") };
         if ports.iter().any(|port| port.baud != first.baud) {
-            return Err("ports that differ in `baud` are not emulated together");
+            return Err("ports with different `baud` cannot be emulated together");
         }
         let usb = LineConfig::usb();
-        // Nobody runs RS232 at such a rate.
+        // RS232 does not reach such a rate.
         self.line = if first.baud >= usb.baud { usb } else { LineConfig::default() };
         self.line.baud = first.baud;
         self.gateway_us = Some(GATEWAY_US);

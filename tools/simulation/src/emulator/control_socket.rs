@@ -1,8 +1,8 @@
 //! The control socket: one line in, one line out.
 //!
 //! `{axis = 0, kind = "late-reply", delay_ms = 60}` injects that fault; `ageing = {..}` lets the
-//! snake age; `camera = {..}` spoils the camera ([`super::scenario`] has all of them); `state`
-//! returns the state of the drives.
+//! snake age; `camera = {..}` adds a fault to the camera ([`super::scenario`] describes all of
+//! them); `state` returns the state of the drives.
 
 use std::fs;
 use std::io::{self, BufRead, BufReader, Write};
@@ -37,7 +37,7 @@ pub(crate) fn listen(path: &Path) -> io::Result<UnixListener> {
 pub(crate) fn serve(listener: &UnixListener, path: &Path, shared: &Shared) {
     while !shared.is_stopping() {
         match listener.accept() {
-            // A client that disconnects is no error of the emulator.
+            // A client that disconnects is not an error of the emulator.
             Ok((stream, _)) => drop(serve_client(stream, shared)),
             Err(_) => clock::sleep(POLL),
         }

@@ -114,7 +114,7 @@ pub struct AxisInjection {
     /// Axis number.
     #[serde(default)]
     pub axis: usize,
-    /// What.
+    /// The injection.
     #[serde(flatten)]
     pub injection: Injection,
 }
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_kind_has_the_same_name_in_files_and_in_the_log() {
+    fn kinds_have_the_same_name_in_files_and_log() {
         let axis = 0;
         let all = Injection::all(&mut Pcg64Mcg::new(3));
         assert_eq!(all.len(), Injection::NAMES.len());

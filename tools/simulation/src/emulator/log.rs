@@ -11,13 +11,13 @@ use i2ris::units::Nanos;
 
 pub use crate::drive::event::{EventKind, HostBug, LineTrouble};
 
-/// Maximum events in memory: half an hour of two axes at full rate.
+/// Maximum number of events in memory: half an hour of two axes at full rate.
 const MAX_EVENTS: usize = 1_000_000;
 
 /// Something that happened on one axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Event {
-    /// When, on the monotonic clock.
+    /// Time on the monotonic clock.
     pub stamp: Nanos,
     pub axis: usize,
     pub kind: EventKind,
@@ -49,7 +49,7 @@ struct Inner {
 
 /// Why a log file cannot be written.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write the log {path}: {source}; name a file in a folder that exists and is yours")]
+#[error("cannot write the log {path}: {source}; choose an existing folder with write permission")]
 pub struct LogError {
     path: PathBuf,
     source: io::Error,

@@ -1,9 +1,10 @@
-//! Two emulated drives on pseudo-terminals with a snake behind them: the threads, and the handle
-//! for tests and the command line.
+//! Two emulated drives on pseudo-terminals with a snake: the threads, and the handle for tests and
+//! the command line.
 //!
 //! | file | content |
 //! |---|---|
-//! | `config`, `snake_source` | what to emulate; snakes by name, by physics and seed, or from a file |
+//! | `config`, `snake_source` | configuration; snakes by name, by physics and seed, or from a file
+//! |
 //! | `plant`, `wire` | drives, wires and snake in time steps; pure |
 //! | [`injection`], [`scenario`], `scenario_player` | injected faults, and files with their times |
 //! | `port` | pseudo-terminals, line timing, damaged bytes |
@@ -194,7 +195,7 @@ impl Emulator {
         })
     }
 
-    /// A change of the snake begins, after its own `start_s`. It has been checked
+    /// Starts a change of the snake, after its own `start_s`. It has been checked
     /// ([`Change::check`]).
     pub fn begin_ageing(&self, change: Change) {
         self.shared.begin_ageing(change);
@@ -205,11 +206,12 @@ impl Emulator {
         self.shared.inject(axis, injection);
     }
 
-    /// The device file of an axis: a link of a stable name. With a gateway both axes have the same.
+    /// The device file of an axis: a link with a stable name. With a gateway both axes have the
+    /// same.
     ///
     /// # Panics
     ///
-    /// When there is no such axis: they are 0 and 1.
+    /// The axis is not 0 or 1.
     pub fn device(&self, axis: usize) -> &Path {
         &self.devices[self.shared.port_of(axis)]
     }
@@ -245,8 +247,8 @@ impl Emulator {
         self.shared.line(axis).muted.store(mute, Ordering::Relaxed);
     }
 
-    /// Cuts a drive off from its line, or connects it again. It goes on as it is: a gateway waits
-    /// for it in vain.
+    /// Cuts a drive off from its line, or connects it again. The drive keeps running, but a gateway
+    /// gets no answer from it.
     pub fn silence(&self, axis: usize, silent: bool) {
         self.disturb(axis, |drive| drive.set_silent(silent));
     }
@@ -256,7 +258,7 @@ impl Emulator {
         self.disturb(axis, |drive| drive.raise(Fault(code), persists));
     }
 
-    /// Removes the cause of a persistent fault, so that it can be reset.
+    /// Clears the cause of a persistent fault, so that it can be reset.
     pub fn remove_cause(&self, axis: usize) {
         self.disturb(axis, Drive::remove_cause);
     }

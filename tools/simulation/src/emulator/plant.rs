@@ -1,4 +1,4 @@
-//! Both drives and the snake behind them, advanced in fixed small time steps.
+//! Both drives and their snake, advanced in fixed small time steps.
 
 use std::sync::Arc;
 
@@ -14,12 +14,12 @@ use crate::physics::Snake;
 /// Time step of the plant: a tenth of the time constant of a position loop.
 const STEP: Nanos = Nanos::from_micros(500);
 
-/// After a longer stall (a suspended machine) the time before is skipped.
+/// After a longer stall (a suspended machine) the missed time is skipped.
 const MAX_CATCH_UP: Nanos = Nanos::from_millis(2000);
 
 #[derive(Debug)]
 pub(crate) struct Plant {
-    /// Those of the motors, and then that of the auxiliary axis, if there is one.
+    /// Drives of the motors, then that of the auxiliary axis, if there is one.
     pub(crate) drives: Vec<Drive>,
     pub(crate) snake: Snake,
     /// The wires between motors and snake.
@@ -84,18 +84,18 @@ impl Plant {
     ) -> Option<Reply> {
         self.advance_to(arrived);
         let (layout, trip) = &self.gateways;
-        let beside = layout.iter().find(|axes| axes.first() == Some(&axis));
+        let port_axes = layout.iter().find(|axes| axes.first() == Some(&axis));
         let (mut port, mut others) = (None, Vec::new());
         for (other, drive) in self.drives.iter_mut().enumerate() {
             if other == axis {
                 port = Some(drive);
-            } else if beside.is_some_and(|axes| axes.contains(&other)) {
+            } else if port_axes.is_some_and(|axes| axes.contains(&other)) {
                 others.push(drive);
             }
         }
         let gateway = (!others.is_empty()).then_some((others, *trip));
         let reply = port?.reply_at_port(incoming, gateway);
-        // A late thread cannot change the past: its setpoints count from the present time.
+        // A late thread cannot change the past: its setpoints act from the present time.
         self.record(self.time.max(arrived));
         reply
     }

@@ -1,4 +1,4 @@
-//! Scenario files: which faults are injected when.
+//! Scenario files: injected faults and their times.
 //!
 //! ```toml
 //! seed = 7
@@ -54,7 +54,7 @@ pub struct TimedInjection {
 pub struct RandomInjections {
     /// The mean interval, milliseconds.
     pub every_ms: u64,
-    /// The kinds to choose from; none: all.
+    /// The kinds to choose from; empty: all.
     #[serde(default)]
     pub kinds: Vec<String>,
 }
@@ -79,7 +79,7 @@ pub enum SocketCommand {
     Inject(AxisInjection),
     Age(Change),
     Camera(TimedCameraFault),
-    /// All faults of the camera end.
+    /// Ends all faults of the camera.
     CameraGood,
 }
 
@@ -155,7 +155,7 @@ fn check_change(change: &Change) -> Result<(), ScenarioError> {
 }
 
 fn check_axis(axis: usize) -> Result<(), ScenarioError> {
-    let error = || ScenarioError::Value(format!("axis {axis}: there are 0 and 1"));
+    let error = || ScenarioError::Value(format!("axis {axis}: must be 0 or 1"));
     if axis < 2 { Ok(()) } else { Err(error()) }
 }
 
@@ -169,7 +169,7 @@ impl RandomInjections {
             None => Ok(()),
             Some(kind) => {
                 let known = Injection::NAMES.join(", ");
-                Err(format!("no kind {kind}; there are {known}"))
+                Err(format!("unknown kind {kind}; known kinds: {known}"))
             }
         }
     }
@@ -213,7 +213,7 @@ mod tests {
             ("[[at]]\nms = 1\naxis = 2\nkind = \"reset\"", "axis 2"),
             ("[[at]]\nms = 1\nkind = \"late-reply\"", "delay_ms"),
             ("[[at]]\nms = 1\nkind = \"cut-reply\"\nplace = 3", "offset"),
-            ("[random]\nevery_ms = 5\nkinds = [\"reset\", \"rest\"]", "no kind rest"),
+            ("[random]\nevery_ms = 5\nkinds = [\"reset\", \"rest\"]", "unknown kind rest"),
             ("[random]\nevery_ms = 0", "above 0"),
         ] {
             let error = Scenario::parse(text).unwrap_err().to_string();
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_of_the_socket_ages_the_snake_or_spoils_the_camera() {
+    fn socket_lines_age_the_snake_or_disturb_the_camera() {
         let line = "ageing = {parameter = \"zero\", by = 1, course = \"step\"}";
         let SocketCommand::Age(change) = parse_line(line).unwrap() else { panic!("{line}") };
         assert_eq!(change.by, 1.0);

@@ -23,14 +23,14 @@ pub(crate) struct Shared {
     stop: AtomicBool,
     /// One for each port.
     lines: Vec<Line>,
-    /// The axes behind each.
+    /// The axes of each port.
     layout: Vec<Vec<usize>>,
-    /// When the encoders of these axes count again.
+    /// Times at which the encoders of these axes resume counting.
     frozen: Mutex<Vec<(Nanos, usize)>>,
     camera: Mutex<Vec<CameraCommand>>,
 }
 
-/// What the camera's thread has to do.
+/// Command for the camera's thread.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum CameraCommand {
     Begin(TimedCameraFault),
@@ -92,7 +92,7 @@ impl Shared {
         lock(&self.plant)
     }
 
-    /// The port of an axis; the first for one that has none.
+    /// The port of an axis; the first if the axis has none.
     pub(crate) fn port_of(&self, axis: usize) -> usize {
         self.layout.iter().position(|axes| axes.contains(&axis)).unwrap_or(0)
     }
@@ -111,7 +111,7 @@ impl Shared {
         }
     }
 
-    /// A change of the snake begins.
+    /// Starts a change of the snake.
     pub(crate) fn begin_ageing(&self, change: Change) {
         let mut plant = self.plant();
         plant.advance_to(clock::now());
@@ -122,7 +122,7 @@ impl Shared {
         lock(&self.camera).push(command);
     }
 
-    /// What was sent to the camera since the last call.
+    /// Commands sent to the camera since the last call.
     pub(crate) fn take_camera_commands(&self) -> Vec<CameraCommand> {
         std::mem::take(&mut lock(&self.camera))
     }
@@ -165,7 +165,7 @@ impl Shared {
         change(&mut plant.wires[axis], motor);
     }
 
-    /// Advances the plant, and lets frozen encoders count again.
+    /// Advances the plant, and lets frozen encoders resume counting.
     pub(crate) fn advance(&self, now: Nanos) {
         let due: Vec<_> = lock(&self.frozen).extract_if(.., |(until, _)| *until <= now).collect();
         let mut plant = self.plant();

@@ -1,4 +1,4 @@
-//! Which snake to emulate, as named on a command line.
+//! The snake to emulate, as named on a command line.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -16,19 +16,19 @@ const EMBEDDED: [(&str, &str); 4] = [
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum SnakeSource {
-    /// By the parameters of a file.
+    /// Parameters from a file.
     Described(Box<SnakeConfig>),
-    /// By a physics and a seed.
+    /// Physics and seed.
     Drawn(DrawnSnake),
 }
 
-/// Why there is no such snake.
+/// Why a text does not name a snake.
 #[derive(Debug, thiserror::Error)]
 pub enum SnakeSourceError {
     #[error(transparent)]
     File(#[from] SnakeConfigError),
     #[error(
-        "`{0}` names no snake: there are {embedded}, {drawn}, and files, such as {example}",
+        "`{0}` is not a snake: use {embedded}, {drawn}, or a file such as {example}",
         embedded = EMBEDDED.map(|(name, _)| name).join(", "),
         drawn = drawn_names(),
         example = "config/snakes/steel.toml"
@@ -59,7 +59,7 @@ impl SnakeSource {
         }
     }
 
-    /// The file that a text means, if it means one: a path, or a name that ends in `.toml`.
+    /// The file that a text names, if any: a path, or a name that ends in `.toml`.
     pub fn file(text: &str) -> Option<PathBuf> {
         let path = Path::new(text);
         let is_toml = path.extension().is_some_and(|it| it == "toml");

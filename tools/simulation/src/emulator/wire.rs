@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_slack_wire_follows_after_its_play_and_a_broken_one_never() {
+    fn slack_wires_lag_by_their_play_and_broken_wires_stay() {
         let mut wire = Wire::default();
         assert_eq!(wire.pull(100.0), 100.0);
         wire.slacken(100.0, 40.0);

@@ -1,5 +1,4 @@
-//! Motions: those that calibrate, those that no calibration has seen, and the time along them.
-//! Pure.
+//! Motions: those for calibration, those that are in no calibration, and the time along them. Pure.
 
 pub mod paced_motion;
 pub mod protocol;

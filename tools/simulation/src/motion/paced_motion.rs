@@ -1,4 +1,4 @@
-//! A motion of the motors as positions at a steady rate, and playing it. Pure.
+//! A motion of the motors as positions at a steady rate, and its playback. Pure.
 
 use i2ris::units::MotorVec;
 
@@ -7,22 +7,22 @@ use super::trajectory_time::{RAMP_S, TrajectoryTime};
 /// Time between two positions of a motion, s.
 pub const STEP_S: f64 = 0.01;
 
-/// Places of the motors, counts, [`STEP_S`] apart.
+/// Positions of the motors, counts, [`STEP_S`] apart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
     positions: Vec<MotorVec>,
 }
 
 impl Motion {
-    /// Passes through points that are [`STEP_S`] apart, or further where a motor would be faster
-    /// than `speed_counts_s`.
+    /// Passes through points that are [`STEP_S`] apart, or further if a motor would exceed
+    /// `speed_counts_s`.
     pub fn paced(points: impl IntoIterator<Item = MotorVec>, speed_counts_s: f64) -> Self {
         let mut points = points.into_iter();
         let Some(mut before) = points.next() else {
             return Self { positions: Vec::new() };
         };
         let mut positions = vec![before];
-        // In steps: when the last point is reached, and the next place.
+        // In steps: arrival at the last point, and the next position.
         let (mut time, mut next) = (0.0, 1.0);
         for point in points {
             let span = (distance(&before, &point) / (speed_counts_s * STEP_S)).max(1.0);
@@ -32,7 +32,7 @@ impl Motion {
             }
             (before, time) = (point, time + span);
         }
-        // What is left of the last step.
+        // The rest of the last step.
         if positions.last() != Some(&before) {
             positions.push(before);
         }
@@ -68,17 +68,18 @@ impl Motion {
 pub struct Playback {
     motion: Motion,
     time: TrajectoryTime,
-    /// Leads back to the motion, from a position beside it.
+    /// Leads back to the motion from a position off its path.
     approach: Option<Box<Playback>>,
 }
 
 impl Playback {
-    /// At the start, at rest.
+    /// A playback at the start, at rest.
     pub fn new(motion: Motion) -> Self {
         Self { motion, time: TrajectoryTime { time_s: 0.0, rate: 0.0 }, approach: None }
     }
 
-    /// Goes on from rest at another position: back to where the motion was, then along it.
+    /// Resumes from rest at another position: back to the point of interruption, then along the
+    /// motion.
     pub fn rejoin(&mut self, from: MotorVec, speed_counts_s: f64) {
         self.time.rate = 0.0;
         let to = self.motion.position(self.time.time_s);
@@ -86,7 +87,7 @@ impl Playback {
         self.approach = Some(Box::new(Self::new(approach)));
     }
 
-    /// Advances by `step_s` seconds and returns the position; `stop` asks to come to rest.
+    /// Advances by `step_s` seconds and returns the position; `stop` requests a stop.
     pub fn advance(&mut self, step_s: f64, stop: bool) -> MotorVec {
         if let Some(approach) = &mut self.approach {
             let position = approach.advance(step_s, stop);
@@ -99,7 +100,7 @@ impl Playback {
         self.motion.position(self.time.time_s)
     }
 
-    /// Nothing moves any more: the motion is over, or was stopped.
+    /// Whether the motion is at rest: finished, or stopped.
     pub fn is_finished(&self, stop: bool) -> bool {
         let is_at_rest = match &self.approach {
             Some(approach) => approach.time.rate == 0.0,
@@ -113,7 +114,7 @@ impl Playback {
         (self.motion.length_s() - self.time.time_s).max(0.0)
     }
 
-    /// Time gone by along the motion, s.
+    /// Elapsed time along the motion, s.
     pub fn elapsed_s(&self) -> f64 {
         self.time.time_s
     }
@@ -142,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jump_becomes_motion_at_the_speed_limit_and_slow_motion_keeps_its_time() {
+    fn jumps_are_slowed_down_and_slow_motion_is_kept() {
         let motion = Motion::paced([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [101.0, -50.0]], 400.0);
         assert!((motion.length_s() - 0.27).abs() < 1e-9, "{}", motion.length_s());
         assert!((fastest(&motion) - 400.0).abs() < 1e-6, "{}", fastest(&motion));
@@ -152,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_comes_to_rest_softly_and_the_end_is_reached() {
+    fn a_stop_is_smooth_and_the_end_is_reached() {
         let mut playback = Playback::new(Motion::paced([[0.0, 0.0], [1000.0, 0.0]], 500.0));
         let (mut place, mut ticks) = ([0.0, 0.0], 0);
         while !playback.is_finished(ticks > 200) {
@@ -169,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_is_rejoined_from_beside_it_without_a_jump() {
+    fn a_motion_is_rejoined_without_a_jump() {
         let mut playback = Playback::new(Motion::paced([[0.0, 0.0], [1000.0, 0.0]], 500.0));
         for _ in 0..200 {
             playback.advance(0.005, false);

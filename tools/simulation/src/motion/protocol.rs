@@ -1,4 +1,4 @@
-//! The motions that calibrate. Pure; the same seed gives the same motion.
+//! The calibration motions. Pure; the same seed gives the same motion.
 //!
 //! All stay in a disc around a centre, because the motors act on both angles: the corners of a
 //! square would bend the snake further than either motor does alone.
@@ -13,11 +13,11 @@ use super::reversals;
 /// Turns of a decaying sine.
 const DECAYING_TURNS: f64 = 8.0;
 
-/// Parses an option that has to be above 0.
+/// Parses an option that must be above 0.
 ///
 /// # Errors
 ///
-/// For the user, what it must be.
+/// A message for the user with the valid range.
 pub fn above_zero(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "must be a number above 0".to_owned())
@@ -26,15 +26,15 @@ pub fn above_zero(text: &str) -> Result<f64, String> {
 /// The motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Protocol {
-    /// Both motors wander over the whole disc, in turns with reversals of all sizes: calibrates
-    /// best
+    /// Both motors wander over the whole disc and make strokes of all sizes, in turns (best
+    /// calibration)
     Reversals,
-    /// The laboratory's sawtooth: full-range strokes of both motors that cross the disc on ever
-    /// other lines
+    /// The laboratory's sawtooth: full-range strokes of both motors that cross the disc on changing
+    /// lines
     Cycles,
     /// Sines of both motors that decay
     DecayingSine,
-    /// One motor at a time: a model made of this does not know the plane between
+    /// One motor at a time; the model does not know combined motions
     Axes,
 }
 
@@ -75,15 +75,15 @@ impl Region {
 pub struct MotionRequest {
     pub protocol: Protocol,
     pub region: Region,
-    /// Of the faster motor.
+    /// Speed of the faster motor.
     pub speed_counts_s: f64,
-    /// `None`: the usual duration of the protocol.
+    /// `None`: the default duration of the protocol.
     pub duration_s: Option<f64>,
     pub seed: u64,
 }
 
 impl MotionRequest {
-    /// How long the protocol takes by itself, s: five minutes of reversals, eight strokes of the
+    /// Default duration of the protocol, s: five minutes of reversals, eight strokes of the
     /// sawtooth, four decaying sines, four rounds for each axis.
     pub fn duration_s(&self) -> f64 {
         let cycles = match self.protocol {
@@ -140,8 +140,7 @@ impl MotionRequest {
         [triangle(share * (strokes - 1.0)), triangle(share * strokes)]
     }
 
-    /// Grows over the first turn, decays over the others; a quarter of a turn lies between the
-    /// motors.
+    /// Grows over the first turn, decays over the others; the motors are a quarter of a turn apart.
     fn decaying(&self, time_s: f64) -> MotorVec {
         let turns = (time_s / self.turn_s()).rem_euclid(DECAYING_TURNS);
         let size = turns.min((DECAYING_TURNS - turns) / (DECAYING_TURNS - 1.0));
@@ -183,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn every_protocol_stays_in_the_disc_below_the_speed_limit_and_ends_in_the_centre() {
+    fn protocols_keep_disc_and_speed_and_end_centred() {
         for protocol in ALL {
             let request = request(protocol);
             let motion = request.motion([0.0, 0.0]);

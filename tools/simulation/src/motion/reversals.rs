@@ -1,11 +1,11 @@
-//! Two-axis motion rich in reversals: in turns, wandering over the disc and strokes of both motors
-//! at random.
+//! Two-axis motion rich in reversals: in turns, wandering over the disc and random strokes of both
+//! motors.
 //!
-//! Hysteresis shows in what follows a reversal, for as long as it takes to wipe it out. So there
-//! have to be reversals of all sizes, from a fraction of a gap to the full range, inside each
-//! other, at every place of the plane and in all directions. The strokes give the sizes,
-//! log-uniform, nested because each begins where the last one ended; the wandering gives positions
-//! and directions as a hand would. Either alone calibrates worse than both.
+//! Hysteresis shows after a reversal, until it is wiped out. So reversals of all sizes are needed,
+//! from a fraction of a gap to the full range, inside each other, at every place of the plane and
+//! in all directions. The strokes give the sizes, log-uniform, nested because each starts at the
+//! end of the last; the wandering gives positions and directions like a hand. Either alone
+//! calibrates worse than both.
 
 use std::f64::consts::PI;
 
@@ -15,20 +15,20 @@ use rand_pcg::Pcg64Mcg;
 
 use super::paced_motion::STEP_S;
 
-/// Length of one kind of motion before the other takes over, s.
+/// Duration of one kind of motion before the other, s.
 const BLOCK_S: f64 = 15.0;
 
 /// The smallest stroke, as a part of the radius; the largest goes from end to end.
 const SMALLEST: f64 = 0.02;
 
-/// The shortest way of wandering to where it turns, as a part of the radius.
+/// The shortest path of wandering to a turn, as a part of the radius.
 const NEAREST: f64 = 0.05;
 
 /// The slowest motion, as a part of the speed limit.
 const SLOWEST: f64 = 0.4;
 
-/// No stroke is over sooner, s: the motors have to come round.
-const SHORTEST_S: f64 = 0.15;
+/// Minimum duration of a stroke, s: the motors need time to reverse.
+const MIN_STROKE_S: f64 = 0.15;
 
 /// Peak of the speed along a cosine ramp, relative to its mean.
 const COSINE_PEAK: f64 = PI / 2.0;
@@ -68,7 +68,7 @@ fn wander(from: MotorVec, steps: usize, speed: f64, random: &mut Pcg64Mcg) -> Ve
     while way.len() < steps {
         let [_, a, b, _] = knots;
         let pace = speed * log_uniform(SLOWEST, 1.0, random);
-        let span = ((a[0] - b[0]).hypot(a[1] - b[1]) / pace).max(SHORTEST_S);
+        let span = ((a[0] - b[0]).hypot(a[1] - b[1]) / pace).max(MIN_STROKE_S);
         let count = (span / STEP_S).ceil() as usize;
         way.extend((1..=count).map(|k| spline(&knots, k as f64 / count as f64)));
         knots = [knots[1], knots[2], knots[3], somewhere(knots[3], random)];
@@ -77,7 +77,7 @@ fn wander(from: MotorVec, steps: usize, speed: f64, random: &mut Pcg64Mcg) -> Ve
     way
 }
 
-/// In turns of chance, anywhere in the disc, or not far from a point.
+/// A random point, in turns anywhere in the disc or close to a point.
 fn somewhere(near: MotorVec, random: &mut Pcg64Mcg) -> MotorVec {
     let angle = 2.0 * PI * random.random::<f64>();
     let (middle, radius) = if random.random::<bool>() {
@@ -89,7 +89,8 @@ fn somewhere(near: MotorVec, random: &mut Pcg64Mcg) -> MotorVec {
 }
 
 /// Between the second and the third knot: a cubic Hermite curve with the directions of Catmull and
-/// Rom, and tangents no longer than the way, so that a near knot between far ones makes no loop.
+/// Rom, and tangents no longer than the distance, so that a near knot between far ones makes no
+/// loop.
 fn spline(knots: &[MotorVec; 4], t: f64) -> MotorVec {
     let [before, a, b, after] = knots;
     let way = (b[0] - a[0]).hypot(b[1] - a[1]);
@@ -112,7 +113,7 @@ fn strokes(from: f64, steps: usize, speed: f64, random: &mut Pcg64Mcg) -> Vec<f6
     let mut direction = if random.random::<bool>() { 1.0 } else { -1.0 };
     while way.len() < steps {
         let wanted = at + direction * log_uniform(SMALLEST, 2.0, random);
-        // Not always the very end: there the motors would have to go round the rim together.
+        // Not always the very end: there the motors would move along the rim together.
         let to = if wanted.abs() > 1.0 {
             direction * (0.6 + 0.4 * random.random::<f64>())
         } else {
@@ -120,7 +121,7 @@ fn strokes(from: f64, steps: usize, speed: f64, random: &mut Pcg64Mcg) -> Vec<f6
         };
         let pace = speed * log_uniform(SLOWEST, 1.0, random);
         let count =
-            ((COSINE_PEAK * (to - at).abs() / pace).max(SHORTEST_S) / STEP_S).ceil() as usize;
+            ((COSINE_PEAK * (to - at).abs() / pace).max(MIN_STROKE_S) / STEP_S).ceil() as usize;
         way.extend(
             (1..=count)
                 .map(|k| at + (to - at) * 0.5 * (1.0 - (PI * k as f64 / count as f64).cos())),

@@ -1,4 +1,4 @@
-//! Motions that no calibration has seen. The tracking error is measured on them.
+//! Motions that are in no calibration. The tracking error is measured on them.
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -15,8 +15,8 @@ pub const RATE_HZ: f64 = 200.0;
 /// Range of teleoperation, deg.
 const SPAN_DEG: f64 = 30.0;
 
-/// Largest speed of every motion without its tremor, deg/s. The limits of a robot as delivered bear
-/// 9 to 12 on emulated snakes, and take 0.2 to 0.4 s for a reversal.
+/// Maximum speed of every motion without its tremor, deg/s. The limits of a robot as delivered
+/// allow 9 to 12 on emulated snakes, and take 0.2 to 0.4 s for a reversal.
 const SPEED_DEG_S: f64 = 4.0;
 
 /// Amplitude of a hand's tremor per axis, deg, and its frequency, Hz.
@@ -26,15 +26,15 @@ const TREMOR_HZ: f64 = 10.0;
 /// A motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Motion {
-    /// As a hand would move: wandering, with nested minor loops and tremor
+    /// Motion of a hand: wandering, with nested minor loops and tremor
     Teleoperation,
     /// Turns of 31 s on a circle of 20 deg
     Circle,
     /// Once round a square of 36 deg, with a rest in every corner
     Square,
-    /// From point to point, with a rest at each
+    /// Moves between random points, with a rest at each
     Points,
-    /// At four poses to and fro in one direction, by less and less
+    /// Nested reversals around four poses, along one direction, ever smaller
     MinorLoops,
 }
 
@@ -55,8 +55,8 @@ impl Motion {
     pub const ALL: [Self; 5] =
         [Self::Teleoperation, Self::MinorLoops, Self::Circle, Self::Square, Self::Points];
 
-    /// Pitch and yaw, deg, [`RATE_HZ`] times a second from the straight pose on. `duration_s` and
-    /// `seed` are those of teleoperation; the points and the minor loops have a seed too.
+    /// Pitch and yaw, deg, [`RATE_HZ`] times a second, starting at the straight pose. `duration_s`
+    /// and `seed` are those of teleoperation; the points and the minor loops use the seed as well.
     pub fn path(self, duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
         match self {
             Self::Teleoperation => teleoperation(duration_s, seed),
@@ -106,7 +106,7 @@ fn visit(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     let mut from = [0.0; 2];
     for to in points {
         let step = [to[0] - from[0], to[1] - from[1]];
-        // Motion of minimum jerk is 1.875 times as fast in its middle as in the mean.
+        // Minimum-jerk motion is 1.875 times as fast in the middle as on average.
         let duration_s = (1.875 * step[0].hypot(step[1]) / SPEED_DEG_S).max(0.5);
         path.extend(
             samples(duration_s)
@@ -191,7 +191,7 @@ fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
     slowed.into_iter().zip(samples(duration_s)).map(trembling).collect()
 }
 
-/// The same path with limited speed, cut to the same number of samples.
+/// The same path with limited speed, truncated to the same number of samples.
 fn slow_down(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let most = SPEED_DEG_S / RATE_HZ;
     let mut slowed = Vec::with_capacity(path.len());
@@ -207,11 +207,11 @@ fn slow_down(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
     slowed
 }
 
-/// A goal has to be this much inside the reach of a model: gaps need room, too.
+/// A goal must be this much inside the reach of a model: gaps need room as well.
 const MARGIN: f64 = 1.15;
 
-/// Motions, made smaller where the calibrated hull of a model does not reach: what is judged is the
-/// model, not the size of the hull.
+/// Motions, scaled down if they exceed the calibrated hull of a model: the result shall depend on
+/// the model, not on the size of the hull.
 #[must_use]
 pub fn within_reach(
     motions: &[(Motion, Vec<[f64; 2]>)],
@@ -239,7 +239,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_motion_starts_straight_and_keeps_its_limits_of_range_and_speed() {
+    fn every_motion_starts_straight_within_range_and_speed_limits() {
         for motion in Motion::ALL {
             let path = motion.path(30.0, 5);
             let far = path.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
@@ -264,7 +264,7 @@ mod tests {
     #[test]
     fn the_tremor_has_the_requested_amplitude() {
         let path = Motion::Teleoperation.path(20.0, 3);
-        // Second differences let the tremor through and hold the rest back.
+        // Second differences pass the tremor and suppress the rest.
         let gain = 2.0 - 2.0 * (TAU * TREMOR_HZ / RATE_HZ).cos();
         let second = |w: &[[f64; 2]]| (w[2][0] - 2.0 * w[1][0] + w[0][0]).powi(2);
         let rms =

@@ -5,7 +5,7 @@
 //! axes that share a yield surface); C. H. Wang, Y. K. Wen, "Evaluation of pre-Northridge low-rise
 //! steel buildings", 1998 (the asymmetric term); T. S. Low, W. Guo, "Modeling of a three-layer
 //! piezoelectric bimorph beam with hysteresis", Journal of Microelectromechanical Systems 4(4),
-//! 1995 (the output: what was put in less `z`).
+//! 1995 (the output: input minus `z`).
 //!
 //! With travel `u` in units of the yield travel, and `z` from about -1 to 1:
 //!
@@ -31,7 +31,7 @@ struct Axis {
 impl Axis {
     fn draw(draw: &mut Draw, depth: f64) -> Self {
         let beta = draw.uniform(0.4, 0.65);
-        // From here on the bend would go back where the motor goes on.
+        // Below this the bend would reverse while the motor moves on.
         let least = depth * (2.0 * beta).max(1.0);
         Self {
             depth,
@@ -52,7 +52,7 @@ impl Axis {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct BoucWen {
     axes: [Axis; 2],
-    /// How much sliding in one axis frees the other.
+    /// How much sliding in one axis frees the other axis.
     shared: f64,
     /// Growth of depth and yield travel.
     friction: Pair,

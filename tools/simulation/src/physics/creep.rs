@@ -1,4 +1,4 @@
-//! A snake that creeps under its load, over seconds to a minute, behind Dahl's friction.
+//! A snake that creeps under its load, over seconds to a minute, in series with Dahl's friction.
 //!
 //! Source: W. N. Findley, J. S. Lai, K. Onaran, "Creep and Relaxation of Nonlinear Viscoelastic
 //! Materials", North-Holland, 1976 (a chain of Kelvin-Voigt elements): each bends towards its part
@@ -12,7 +12,7 @@ use crate::ageing::AgeingEffect;
 /// Times of the elements, s.
 const TIMES_S: [f64; 3] = [0.5, 5.0, 50.0];
 
-/// Part of the bend that comes late, at least and at most.
+/// Delayed part of the bend, minimum and maximum.
 const LATE: [f64; 2] = [0.02, 0.05];
 
 #[derive(Debug, Clone, PartialEq)]
@@ -20,7 +20,7 @@ pub(super) struct Creep {
     wire: Dahl,
     /// Parts of the bend.
     parts: [f64; 3],
-    /// Bend that each element has seen by now, degrees.
+    /// Bend that each element has followed so far, degrees.
     seen: [Pair; 3],
 }
 

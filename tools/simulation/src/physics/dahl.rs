@@ -1,4 +1,4 @@
-//! Dahl: friction that grows with the travel since the last reversal, up to a limit, behind an
+//! Dahl: friction that grows with the travel since the last reversal, up to a limit, with an
 //! elastic wire.
 //!
 //! Source: P. R. Dahl, "A solid friction model", The Aerospace Corporation, TOR-158(3107-18),

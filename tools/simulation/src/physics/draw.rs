@@ -1,10 +1,10 @@
-//! What is common to the physics: pairs of values, parameters at random by a seed, and friction
-//! that grows with the bend, because the wires press harder on their guides.
+//! Shared by the physics: pairs of values, random parameters from a seed, and friction that grows
+//! with the bend, because the wires press harder on their guides.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// Half of the lost motion of a motor, counts: what robots of this kind show.
+/// Half of the lost motion of a motor, counts, as on robots of this kind.
 const HALF_GAP_COUNTS: [f64; 2] = [20.0, 110.0];
 
 /// Spreads the seeds of one physics away from those of another (the golden ratio in 64 bits).
@@ -45,8 +45,7 @@ impl Draw {
 /// Bend at which the growth is counted, degrees.
 const FULL_BEND_DEG: f64 = 40.0;
 
-/// Growth of the friction of a motor at full bend of this motor and of the other, relative to that
-/// of the straight snake.
+/// Relative friction growth of a motor at full bend, by this motor and by the other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct FrictionGrowth {
     own: f64,
@@ -54,12 +53,12 @@ pub(super) struct FrictionGrowth {
 }
 
 impl FrictionGrowth {
-    /// Up to so much growth by either motor.
+    /// Draws the growth by either motor, up to these limits.
     pub(super) fn draw(draw: &mut Draw, own: f64, other: f64) -> Self {
         Self { own: draw.uniform(0.0, own), other: draw.uniform(0.0, other) }
     }
 
-    /// Factor on the friction at bends of this motor and of the other, degrees.
+    /// Factor on the friction at these bends of this motor and the other, degrees.
     pub(super) fn factor(&self, own: f64, other: f64) -> f64 {
         1.0 + (self.own * own.abs() + self.other * other.abs()) / FULL_BEND_DEG
     }

@@ -39,9 +39,9 @@ impl fmt::Display for DrawnSnake {
 /// Text that names no drawn snake.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ParseDrawnSnakeError {
-    #[error("`{0}` is no physics of a snake: there are {names}", names = Physics::NAMES.join(", "))]
+    #[error("`{0}` is not a physics of a snake: use {names}", names = Physics::NAMES.join(", "))]
     Physics(String),
-    #[error("`{0}` is no seed: write a whole number after the colon, such as preisach:3")]
+    #[error("`{0}` is not a seed: write a whole number after the colon, such as preisach:3")]
     Seed(String),
 }
 

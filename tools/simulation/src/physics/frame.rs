@@ -1,5 +1,5 @@
-//! What all drawn snakes share around their hysteresis: the gains of the motors, how they pull on
-//! each other, the planes in which they bend, and the shape of the bend. No memory.
+//! Shared by all drawn snakes besides the hysteresis: the gains of the motors, their coupling, the
+//! planes in which they bend, and the shape of the bend. No memory.
 
 use super::draw::{Draw, Pair};
 use crate::ageing::AgeingEffect;
@@ -7,12 +7,12 @@ use crate::ageing::AgeingEffect;
 /// Largest valid motor position, counts.
 const MAX_COUNTS: f64 = 1e4;
 
-/// From counts to wire travel, and from the bend that each motor causes to pitch and yaw.
+/// Maps counts to wire travel, and the bend of each motor to pitch and yaw.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Frame {
     /// Wire travel per count, degrees of bend without losses.
     pub deg_per_count: Pair,
-    /// Part of the travel of the other motor that a motor's wires see: the pulleys share an axle.
+    /// Share of the other motor's travel that a motor's wires see: the pulleys share an axle.
     pull: Pair,
     /// The plane that each motor bends, as a direction in pitch and yaw.
     planes: [Pair; 2],
@@ -25,8 +25,8 @@ pub(super) struct Frame {
 impl Frame {
     pub(super) fn draw(draw: &mut Draw) -> Self {
         let gain = draw.uniform(0.0225, 0.026);
-        // As on the robot, the motors bend at 45 degrees to pitch and yaw, made as well as that
-        // size allows.
+        // As on the robot, the motors bend at 45 degrees to pitch and yaw, with the tolerance of
+        // this size.
         let turn = 45.0 + draw.uniform(-6.0, 6.0);
         let planes = [turn, turn + 90.0 + draw.uniform(-5.0, 5.0)].map(|angle: f64| {
             let (sin, cos) = angle.to_radians().sin_cos();

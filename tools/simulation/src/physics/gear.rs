@@ -1,7 +1,7 @@
-//! A gear with lost motion and compliance in front of a snake with dry friction.
+//! A gear with lost motion and compliance that drives a snake with dry friction.
 //!
 //! Sources: M. Nordin, P.-O. Gutman, "Controlling mechanical systems with backlash - a survey",
-//! Automatica 38, 2002 (an elastic shaft behind a dead zone); teeth that stiffen with load, as in
+//! Automatica 38, 2002 (an elastic shaft after a dead zone); teeth that stiffen with load, as in
 //! the models of strain wave gears since T. D. Tuttle, W. P. Seering, "A nonlinear model of a
 //! harmonic drive gear transmission", IEEE Transactions on Robotics and Automation 12(3), 1996.
 //!

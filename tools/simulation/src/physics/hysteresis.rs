@@ -1,4 +1,4 @@
-//! What a physics has to do: wire travel in, bend of each motor out.
+//! Interface of a physics: wire travel in, bend of each motor out.
 
 use std::fmt::Debug;
 
@@ -17,22 +17,22 @@ pub(super) trait Hysteresis: Copied + Debug + Send + Sync {
 
     fn set_ageing(&mut self, effect: &AgeingEffect);
 
-    /// Half of the lost motion of each motor as it was new, degrees, where the theory has no gap
-    /// that could grow by itself.
+    /// Half of the lost motion of each motor when new, degrees, if the theory has no gap of its own
+    /// that could grow.
     fn half_lost_deg(&self) -> Option<Pair>;
 
     /// Force of each motor on its wires at a travel, degrees of wire stretch: the spring of the
-    /// snake, and what stretches the wire.
+    /// snake, plus the force that stretches the wire.
     fn load(&self, travel: Pair) -> Pair {
         let bend = self.bend();
         [0, 1].map(|motor: usize| SNAKE_STIFFNESS * bend[motor] + travel[motor] - bend[motor])
     }
 }
 
-/// Stiffness of the snake against that of the wire.
+/// Stiffness of the snake relative to the wire.
 pub(super) const SNAKE_STIFFNESS: f64 = 0.15;
 
-/// Copies what is behind a `dyn`.
+/// Copies a `dyn` value.
 pub(super) trait Copied {
     fn copied(&self) -> Box<dyn Hysteresis>;
 }

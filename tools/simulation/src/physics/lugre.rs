@@ -1,5 +1,5 @@
-//! LuGre: bristles with the Stribeck effect and viscous friction behind an elastic wire. It
-//! depends on speed.
+//! LuGre: bristles with the Stribeck effect and viscous friction, with an elastic wire. It depends
+//! on speed.
 //!
 //! Source: C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control of
 //! systems with friction", IEEE Transactions on Automatic Control 40(3), 1995, equations 1 to 5:
@@ -16,7 +16,7 @@ use super::draw::{Draw, FrictionGrowth, Pair};
 use super::hysteresis::Hysteresis;
 use crate::ageing::AgeingEffect;
 
-/// Halvings of the interval of the speed.
+/// Halvings of the speed interval.
 const HALVINGS: u32 = 45;
 
 /// Shortest time step, s, so that speeds stay finite.

@@ -36,7 +36,7 @@ pub enum Physics {
     Wire,
     /// A gear with lost motion and compliance.
     Gear,
-    /// The same gear behind a transmission error, which repeats with the turn of the motor.
+    /// The same gear with a transmission error, which repeats with the turn of the motor.
     TransmissionError,
     /// A snake that creeps under its load: depends on time.
     Creep,
@@ -54,7 +54,7 @@ impl Physics {
         !matches!(self, Self::Springs | Self::LuGre | Self::Creep)
     }
 
-    /// What it is, in a few words.
+    /// Short description.
     pub fn summary(self) -> &'static str {
         match self {
             Self::Springs => "gear, loose wires, friction by bristles, segments",
@@ -66,7 +66,7 @@ impl Physics {
             Self::Wire => "a wire in pieces with capstan friction",
             Self::Gear => "a gear with lost motion and compliance",
             Self::TransmissionError => {
-                "such a gear, and an error that repeats with the motor's turn"
+                "the same gear, and an error that repeats with the motor's turn"
             }
             Self::Creep => "a snake that creeps under its load; depends on time",
             Self::VectorFriction => "friction that acts on both wires as one vector",

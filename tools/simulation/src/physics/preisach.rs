@@ -2,7 +2,7 @@
 //!
 //! Source: I. D. Mayergoyz, "Mathematical Models of Hysteresis", Springer 1991, chapter 1: the
 //! output is the integral of the density over the relays that are on; between two turning points
-//! it changes by the Everett function, the mass of the triangle between them. Passing an earlier
+//! output is the integral of the density over the active relays; between two turning points
 //! turning point wipes out what lies after it.
 //!
 //! The plane is cut into square cells of even density. So the Everett function is bilinear in
@@ -68,7 +68,7 @@ impl Everett {
         Self(table)
     }
 
-    /// The mass between a lower and a higher place.
+    /// The mass between a lower and a higher position.
     fn between(&self, low: f64, high: f64) -> f64 {
         let place = |at: f64| {
             let cells = (at + RANGE_DEG) / CELL_DEG;
@@ -83,7 +83,7 @@ impl Everett {
     }
 }
 
-/// A place, and the output there.
+/// A position, and the output there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Place {
     input: f64,
@@ -93,14 +93,15 @@ struct Place {
 #[derive(Debug, Clone, PartialEq)]
 struct Relays {
     everett: Arc<Everett>,
-    /// From the lower end of the range on: low, high, low, ..., each inside the two before.
+    /// Turning points, starting at the lower end of the range: low, high, low, ..., each inside the
+    /// two before.
     turns: Vec<Place>,
     now: Place,
     is_rising: bool,
 }
 
 impl Relays {
-    /// Without memory of a direction: after ever smaller strokes around 0.
+    /// Relays without memory of a direction: after ever smaller strokes around 0.
     fn new(everett: Everett) -> Self {
         let total = everett.between(-RANGE_DEG, RANGE_DEG);
         let start = Place { input: -RANGE_DEG, output: -0.5 * total };

@@ -35,9 +35,9 @@ enum Kind {
 struct DrawnState {
     frame: Frame,
     transmission: Option<TransmissionError>,
-    /// Counts behind the transmission error, the last finite ones.
+    /// Counts after the transmission error, the last finite ones.
     counts: Pair,
-    /// Degrees, behind the play.
+    /// Travel after the play, degrees.
     travel: Pair,
     hysteresis: Box<dyn Hysteresis>,
     ageing: Ageing,
@@ -51,8 +51,8 @@ impl From<SpringSnake> for Snake {
 }
 
 impl Snake {
-    /// Straight and at rest. `physics` is not [`Physics::Springs`], which has a frame of its own.
-    /// `seed` determines what is random about ageing.
+    /// A straight snake at rest. `physics` is not [`Physics::Springs`], which has its own frame.
+    /// `seed` determines random ageing.
     pub(super) fn drawn(physics: Physics, draw: &mut Draw, seed: u64) -> Self {
         let frame = Frame::draw(draw);
         let gain = frame.deg_per_count;
@@ -110,7 +110,7 @@ impl Snake {
         }
     }
 
-    /// A change of this snake begins, after its own `start_s`. It has been checked
+    /// Starts a change of this snake, after its own `start_s`. It has been checked
     /// ([`Change::check`]).
     pub fn begin_ageing(&mut self, change: Change) {
         match &mut self.0 {
@@ -145,13 +145,13 @@ impl DrawnState {
         }
     }
 
-    /// Travel of the motors, degrees, in front of the play.
+    /// Travel of the motors before the play, degrees.
     fn ahead(&mut self, motor_counts: Pair) -> Pair {
         let counts = self.transmission.map_or(motor_counts, |error| error.turned(motor_counts));
         self.frame.travel(counts, &mut self.counts, &self.effect)
     }
 
-    /// Half of the play of each motor by growth of its gap, degrees.
+    /// Half of the play that each motor has from gap growth, degrees.
     fn play_deg(&self) -> Pair {
         let lost = self.hysteresis.half_lost_deg();
         lost.map_or([0.0; 2], |lost| {

@@ -4,7 +4,7 @@ use super::*;
 use crate::ageing::{Change, Course, Parameter};
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// How far a stroke goes, counts, as in a calibration.
+/// Amplitude of a stroke, counts, as in a calibration.
 const FULL: f64 = 1800.0;
 
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=6;
@@ -44,7 +44,7 @@ fn loop_at(snake: &mut Snake, counts: f64, counts_s: f64) -> [f64; 2] {
 }
 
 #[test]
-fn a_stroke_has_the_range_and_the_gain_of_the_robot() {
+fn a_stroke_has_range_and_gain_of_the_robot() {
     for drawn in all() {
         let mut snake = drawn.build();
         let top = go(&mut snake, 0.0, FULL, 500.0);
@@ -149,7 +149,7 @@ fn the_seed_determines_the_snake() {
 }
 
 #[test]
-fn a_copy_goes_its_own_way() {
+fn a_copy_is_independent() {
     for drawn in all() {
         let mut snake = drawn.build();
         go(&mut snake, 0.0, 500.0, 500.0);
@@ -181,8 +181,8 @@ fn names_are_parsed_and_printed() {
     let seed_one: DrawnSnake = "preisach".parse().unwrap();
     assert_eq!(seed_one.to_string(), "preisach:1");
     let refused = |text: &str| text.parse::<DrawnSnake>().unwrap_err().to_string();
-    assert!(refused("adder:1").contains("`adder` is no physics of a snake: there are springs, "));
-    assert!(refused("preisach:x").contains("`x` is no seed"));
+    assert!(refused("adder:1").contains("`adder` is not a physics of a snake: use springs, "));
+    assert!(refused("preisach:x").contains("`x` is not a seed"));
 }
 
 /// The snake, aged at once, after the first step of the grid.
@@ -255,7 +255,7 @@ fn the_load_follows_the_bend_and_vanishes_in_a_play() {
 }
 
 #[test]
-fn time_turn_and_vector_act_where_a_physics_is_named_for_them() {
+fn creep_transmission_and_vector_friction_have_their_effect() {
     for seed in SEEDS {
         let mut snake = DrawnSnake { physics: Physics::Creep, seed }.build();
         go(&mut snake, 0.0, 1500.0, 500.0);

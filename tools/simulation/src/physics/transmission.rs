@@ -2,13 +2,13 @@
 //! and twice in every turn of the motor.
 //!
 //! Source: D. B. Welbourn, "Fundamental knowledge of gear noise - a survey", Conference on Noise
-//! and Vibrations of Engines and Transmissions, 1979 (the term, and that it repeats with the turn).
+//! and Vibrations of Engines and Transmissions, 1979 (the term, and its repetition with the turn).
 
 use std::f64::consts::TAU;
 
 use super::draw::{Draw, Pair};
 
-/// Counts of an encoder of 256 lines in a turn of the motor.
+/// Counts per motor turn of a 256-line encoder.
 const TURN_COUNTS: f64 = 1024.0;
 
 /// Sizes of the parts that repeat once and twice a turn, counts.
@@ -34,7 +34,7 @@ impl TransmissionError {
         Self([0, 1].map(|_| Wheel(SIZES.map(&mut part))))
     }
 
-    /// What the gear makes of positions of the motors, counts. At 0 it has no error.
+    /// Motor positions with the transmission error, counts. At 0 the error is 0.
     pub(super) fn turned(&self, counts: Pair) -> Pair {
         [0, 1].map(|motor: usize| {
             let wheel = &self.0[motor];

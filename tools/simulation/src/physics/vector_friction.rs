@@ -1,5 +1,5 @@
-//! Friction that acts on the vector of both wires, as that of a disc which slides on another: a
-//! motor that moves frees the other one.
+//! Friction that acts on the vector of both wires, like that of a disc which slides on another: a
+//! moving motor frees the other.
 //!
 //! Source: M. A. Krasnosel'skii, A. V. Pokrovskii, "Systems with Hysteresis", Springer, 1989 (the
 //! play of a vector): the centre of a circle is pulled by a point that it must not lose. Some
@@ -9,7 +9,7 @@ use super::draw::{Draw, FrictionGrowth, Pair};
 use super::hysteresis::Hysteresis;
 use crate::ageing::AgeingEffect;
 
-/// Radii of the circles by half of the lost motion, at most and at least, and how many there are.
+/// Radii of the circles relative to half of the lost motion, minimum and maximum of each.
 const RADII: [[f64; 2]; 3] = [[0.2, 0.5], [0.7, 1.1], [1.2, 1.6]];
 
 #[derive(Debug, Clone, PartialEq)]

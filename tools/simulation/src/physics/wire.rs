@@ -7,8 +7,8 @@
 //! Robotics 26(5), 2010.
 //!
 //! The wires of a motor pull against each other with a pretension, so the force on the guides is
-//! the sum of both. A turn frees one piece after the other, from the motor on; the tip rests until
-//! the last one slides.
+//! the sum of both. A reversal frees one piece after the other, starting at the motor; the tip
+//! rests until the last one slides.
 
 use super::draw::{Draw, Pair};
 use super::hysteresis::Hysteresis;
@@ -36,7 +36,7 @@ struct Wire {
     /// Growth of both.
     pretension_factor: f64,
     friction_factor: f64,
-    /// Half of the lost motion as it was new, degrees.
+    /// Half of the lost motion when new, degrees.
     half_lost: f64,
     /// Wrap of the straight snake at each guide, radians.
     wrap: [f64; PIECES],
@@ -51,7 +51,7 @@ impl Wire {
         let shares: [f64; PIECES] = std::array::from_fn(|_| draw.uniform(0.4, 1.6));
         let total: f64 = shares.iter().sum();
         let wrap_rad = draw.uniform(2.0, 4.0);
-        // Friction stretches the wire by half of its sum, for it adds up from the tip on.
+        // Friction stretches the wire by half of its sum, because it adds up from the tip.
         let friction = half_gap / (compliance * pretension * wrap_rad);
         Self {
             stiffness: PIECES as f64 / compliance,
@@ -66,7 +66,7 @@ impl Wire {
         }
     }
 
-    /// Where the wire enters a piece: at the motor, or at the guided point before.
+    /// Position at the start of a piece: the motor, or the previous guided point.
     fn before(&self, piece: usize, travel: f64) -> f64 {
         match piece {
             0 => travel,
@@ -74,7 +74,7 @@ impl Wire {
         }
     }
 
-    /// The most that each guide can hold, with the snake bent by `bend_rad` altogether.
+    /// Maximum force that each guide can hold, with the snake bent by `bend_rad` in total.
     fn limits(&self, travel: f64, bend_rad: f64) -> [f64; PIECES] {
         let pretension = self.pretension_factor * self.pretension;
         let friction = self.friction_factor * self.friction;
@@ -87,7 +87,7 @@ impl Wire {
         })
     }
 
-    /// The balance: a piece moves until the rest of the force is what its guide can hold.
+    /// Solves the balance: a piece moves until its guide can hold the remaining force.
     fn advance(&mut self, travel: f64, bend_rad: f64) {
         let limits = self.limits(travel, bend_rad);
         for _ in 0..MAX_SWEEPS {

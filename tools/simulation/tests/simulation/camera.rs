@@ -47,7 +47,7 @@ fn frames_reach_every_controller_of_the_domain() {
     }
 }
 
-/// Sends a line to the control socket; the reply.
+/// Sends a line to the control socket and returns the reply.
 fn request(socket: &Path, line: &str) -> String {
     let mut stream = UnixStream::connect(socket).unwrap();
     writeln!(stream, "{line}").unwrap();
@@ -65,7 +65,7 @@ fn wait_for(frames: &Receiver<[f64; 2]>, what: &str, is_met: impl Fn([f64; 2]) -
 }
 
 #[test]
-fn the_control_socket_ages_the_snake_and_spoils_the_camera() {
+fn the_control_socket_ages_the_snake_and_disturbs_the_camera() {
     let folder = tempfile::tempdir().unwrap();
     let ports = folder.path().join("ports");
     let source = SnakeSource::load("preisach:2").unwrap();

@@ -22,7 +22,7 @@ fn the_configuration_of_the_controller_matches_the_emulated_drives() {
     let reply_timeout_ms = controller.ports[0].reply_timeout_ms;
     let ports = ports.into_iter().map(|port| PortConfig { reply_timeout_ms, ..port });
     assert!(ports.eq(controller.ports.iter().cloned()), "{:?}", controller.ports);
-    // As from the file itself.
+    // Same as from the file itself.
     let mut rehearsed = emulator.clone();
     rehearsed.rehearse(&controller.ports).unwrap();
     assert_eq!(rehearsed, EmulatorConfig { layout: Some(vec![vec![0, 1, 2]]), ..emulator });
@@ -43,9 +43,9 @@ fn the_limits_allow_the_full_bend_of_the_snakes() {
     }
 }
 
-/// All but ports, and watches of time that a shared machine breaks.
+/// All but the ports, and time limits that a shared machine would break.
 #[test]
-fn the_emulator_has_the_limits_of_the_templates_and_of_a_file_that_names_none() {
+fn the_emulator_has_the_limits_of_the_templates() {
     let limits = |name: &str| {
         let Config { command, mut limits, joint_limits, compensation, .. } =
             Config::load(&file(name)).unwrap();
@@ -83,13 +83,13 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn physics_ageing_and_drives_import_no_code_of_the_controller_but_units_and_the_table_of_objects() {
+fn physics_ageing_and_drives_share_no_code_with_the_controller() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     for folder in ["physics", "ageing", "drive"] {
         for file in files(&source.join(folder)) {
             let text = fs::read_to_string(&file).unwrap();
             for line in text.lines().filter(|line| line.contains("i2ris::")) {
-                // The one table of what real drives have, and the name of a family in it.
+                // The only table of real drives' objects, and the name of a family in it.
                 let shared = ["i2ris::units", "i2ris::drive::objects", "i2ris::config::Family"];
                 let is_shared = shared.iter().any(|it| line.contains(it));
                 assert!(is_shared, "{}: {line}", file.display());

@@ -1,4 +1,4 @@
-//! The emulator through its serial ports, as a host sees it.
+//! The emulator through its serial ports, from the host's side.
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -190,7 +190,7 @@ fn set_points_follow_each_other_no_faster_than_the_line() {
     }
     let mut setpoints = emulator.log();
     setpoints.retain(|event| matches!(event.kind, EventKind::Setpoint(_)));
-    // Request and reply are 24 bytes of ten bits, at least. The first may count as sent a little
+    // Request and reply are at least 24 bytes of ten bits. The first may count as sent slightly
     // before it was read.
     let (exchange, slack) = (Nanos(24 * 10 * 1_000_000_000 / 9_600), Nanos::from_millis(1));
     let mut earliest = before;

@@ -56,7 +56,7 @@ pub struct Bench {
     /// Something that counts, read before and after every step, and the sum of the differences.
     pub probe: fn() -> u64,
     pub probed: u64,
-    /// Where the motors have been, and how far that is, as the thread that stages models knows it.
+    /// Motor path and its cursor, as kept by the thread that stages models.
     pub history: History,
     pub mark: HistoryCursor,
     /// Fills while there is one.
@@ -66,7 +66,7 @@ pub struct Bench {
     watch: InvariantCheck,
 }
 
-/// What a black box would be filled with.
+/// Content of a black box.
 #[derive(Default)]
 pub struct Recording {
     pub ticks: Vec<TickRecord>,
@@ -226,7 +226,7 @@ impl Bench {
         if mark != self.mark {
             let position = self.out.report.feedback.map(|drive| drive.position.as_f64());
             let time_s = self.config.control.period().as_seconds();
-            self.history.note_over(&position, time_s);
+            self.history.push_after(&position, time_s);
             self.mark = mark;
         }
     }

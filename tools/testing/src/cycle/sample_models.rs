@@ -41,8 +41,8 @@ pub const ROBOT: &str = r#"
     position_max_counts = 1000
 "#;
 
-/// The robot with further tables in front of its ports. A stream may begin as far away as it may
-/// go on, so that a test need not lead up to every goal.
+/// The robot with additional tables. The first step of a stream may be as large as later ones, so
+/// that a test need not approach every goal.
 pub fn config(tables: &str) -> Config {
     let mut config = strict_config(tables);
     config.command.first_step_deg = config.command.max_step_deg;
@@ -50,13 +50,13 @@ pub fn config(tables: &str) -> Config {
     config
 }
 
-/// As [`config`], and a stream begins where the snake is.
+/// Configuration like [`config`], but a stream must start at the present pose.
 pub fn strict_config(tables: &str) -> Config {
     let (head, ports) = ROBOT.split_once("[[ports]]").unwrap();
     fast_config(&format!("{head}\n{tables}\n[[ports]]{ports}"))
 }
 
-/// The same with a jaw that turns by a degree for ten counts, the other way round.
+/// Adds a jaw that turns by a degree for ten counts, in the opposite direction.
 pub fn with_jaw(mut config: Config) -> Config {
     let mut jaw = config.ports[0].axes[0].clone();
     (jaw.motor, jaw.node_id, jaw.serial_number) = (2, 3, 3);
@@ -82,7 +82,7 @@ pub fn flying() -> Vec<Flight> {
     families::all().iter().flat_map(|row| row.flies).copied().collect()
 }
 
-/// The variable of the environment that names one of [`flying`] in the place of the default.
+/// Environment variable that selects one of [`flying`] instead of the default.
 const FAMILY: &str = "I2RIS_TEST_FAMILY";
 const DEFAULT: &str = "force-balance";
 
@@ -118,11 +118,11 @@ pub fn sample_model() -> Arc<Model> {
 
 /// Whether the standard model remembers where its motors have been.
 pub fn has_memory() -> bool {
-    standard_model().wipe_counts() != [0.0; 2]
+    standard_model().conditioning_range() != [0.0; 2]
 }
 
-/// How far the standard model is behind its motors once they have gone on in one direction, counts;
-/// `None` of a fitted one, whose numbers nobody can work out and which is not at 0 at 0 counts.
+/// Lag of the standard model after motion in one direction, counts; `None` for a fitted model,
+/// which cannot be computed by hand and is not at 0 at 0 counts.
 pub fn lag_counts() -> Option<f64> {
     let is_by_hand = standard_model().id() == balance_model().id();
     if is_by_hand { Some(50.0) } else { (!has_memory()).then_some(0.0) }
@@ -164,7 +164,7 @@ pub fn fitted_model() -> Arc<Model> {
     Arc::new(Model::from_file(file).unwrap())
 }
 
-/// The same behind gaps of 100 counts to either side of every motor.
+/// The standard model with gaps of 100 counts to either side of every motor.
 pub fn play_model() -> Arc<Model> {
     scaled_play_model(1.0)
 }
@@ -197,9 +197,8 @@ pub fn scaled_play_model(factor: f64) -> Arc<Model> {
     Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
 }
 
-/// The same of the default family: motors that do not know of each other, each with a gap of 30
-/// counts to either side and a friction that stretches its wires by 20. A motor that goes on in a
-/// direction bends the snake as one without them does 50 counts behind it.
+/// A model of the default family with independent motors, each with a gap of 30 counts to either
+/// side and a friction that stretches its wires by 20: in motion, the snake lags by 50 counts.
 pub fn balance_model() -> Arc<Model> {
     scaled_balance_model(1.0)
 }
@@ -280,7 +279,7 @@ pub fn rad(pitch_deg: f64, yaw_deg: f64) -> OutputVec {
     [pitch_deg.to_radians(), yaw_deg.to_radians(), 0.0]
 }
 
-/// The counts at which the model says these angles.
+/// The counts at which the model predicts these angles.
 pub fn counts_at(pitch_deg: f64, yaw_deg: f64) -> [f64; 2] {
     [(pitch_deg - yaw_deg) / (2.0 * GAIN_DEG), (pitch_deg + yaw_deg) / (2.0 * GAIN_DEG)]
 }

@@ -1,5 +1,4 @@
-//! A simulated line with simple drives behind it, in simulated time: exact, and as fast as the
-//! processor.
+//! A simulated line with simple drives, in simulated time: exact, and as fast as the processor.
 //!
 //! It uses the controller's own frame encoder and parser, so it does not test frames; the emulator
 //! does, with its own. It places disturbances, delays and states exactly where a test needs them.
@@ -66,7 +65,7 @@ type Act = Box<dyn FnOnce() + Send>;
 pub struct LineState {
     pub now: Nanos,
     pub drives: Vec<MiniDrive>,
-    /// Disturbances of the next requests, in order.
+    /// Disturbances of the next requests, in sequence.
     pub disturbances: VecDeque<Disturbance>,
     /// Nothing answers.
     pub silent: bool,
@@ -74,9 +73,9 @@ pub struct LineState {
     pub booting_until: Nanos,
     /// This node does not answer; the others do, unless it is the gateway to them.
     pub silent_node: Option<u8>,
-    /// How the drive at the port forwards requests to the others.
+    /// Forwarding of requests by the drive at the port.
     pub gateway: Gateway,
-    /// How long an adapter holds a reply back.
+    /// Delay of replies by an adapter.
     pub adapter_hold: Nanos,
     /// Disturbs the next write of this value to this object.
     pub disturb_write: Option<(u16, u32, Disturbance)>,
@@ -87,7 +86,7 @@ pub struct LineState {
     /// Requests that were sent before the reply to the previous one was read.
     pub pipelined: u32,
     pub requests: Vec<ReceivedRequest>,
-    /// Requests that were forwarded, and whether the node answered.
+    /// Forwarded requests, with a flag for a reply of the node.
     pub forwarded: Vec<(ReceivedRequest, bool)>,
     byte_time: Nanos,
     busy_until: Nanos,
@@ -159,7 +158,7 @@ impl SimulatedLine {
         self.state().request(&[0x90, 0x02, 0x60, 0x02, 0x01, 0x64, 0x60, 0x00, 0x29, 0x5A]);
     }
 
-    /// The same to any node.
+    /// A request of a killed controller to any node.
     pub fn send_stale_request_to(&self, node: u8) {
         let data = [node, 0x64, 0x60, 0x00];
         let mut encoder = FrameEncoder::default();
@@ -167,7 +166,7 @@ impl SimulatedLine {
         self.state().request(&request);
     }
 
-    /// Does something at an instant, also in the middle of an exchange.
+    /// Schedules an action, also in the middle of an exchange.
     pub fn plan(&self, at: Nanos, act: impl FnOnce() + Send + 'static) {
         self.state().planned.0.push((at, Box::new(act)));
     }
@@ -367,7 +366,7 @@ impl Transport for SimulatedLine {
     }
 }
 
-/// What is planned; it happens before the host goes on.
+/// Runs scheduled actions, before the host continues.
 #[derive(Default)]
 struct Planned(Vec<(Nanos, Act)>);
 
@@ -377,7 +376,7 @@ impl fmt::Debug for Planned {
     }
 }
 
-/// Goes on to an instant, and does what is planned until then.
+/// Advances to an instant, running scheduled actions.
 fn advance(mut state: MutexGuard<'_, LineState>, now: Nanos) {
     state.now = now;
     let due: Vec<_> = state.planned.0.extract_if(.., |(at, _)| *at <= now).collect();

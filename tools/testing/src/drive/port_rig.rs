@@ -14,7 +14,7 @@ use super::mini_drive::MiniDrive;
 
 pub const NODE: u8 = 1;
 
-/// Between two requests of the control loop.
+/// Period of requests of the control loop.
 const LOOP: Nanos = Nanos::from_millis(10);
 
 pub struct PortRig {
@@ -24,7 +24,7 @@ pub struct PortRig {
     pub events: Vec<PortEvent>,
 }
 
-/// The control loop's ends, and what it requests.
+/// The control loop's channel ends, and its requests.
 struct Ends {
     links: Vec<AxisLink>,
     requests: Vec<AxisRequest>,
@@ -39,7 +39,7 @@ impl Ends {
     }
 }
 
-/// Writes requests for as long as time goes on, as the control loop does.
+/// Writes requests over time, as the control loop does.
 fn keep_writing(line: &SimulatedLine, ends: &Arc<Mutex<Ends>>, at: Nanos) {
     let (again, all) = (line.clone(), Arc::clone(ends));
     line.plan(at, move || {
@@ -48,7 +48,7 @@ fn keep_writing(line: &SimulatedLine, ends: &Arc<Mutex<Ends>>, at: Nanos) {
     });
 }
 
-/// One drive behind the port.
+/// A single drive on the port.
 pub fn one_drive() -> MiniDrive {
     MiniDrive::new(NODE, SERIAL_NUMBER)
 }
@@ -77,7 +77,7 @@ impl PortRig {
         Self::of(line.clone(), Port::over(line, &config))
     }
 
-    /// One drive whose motor may turn so fast, found disabled.
+    /// One drive with a motor speed limit, found disabled.
     pub fn with_motor_speed(rpm: u32) -> Self {
         let (line, mut config, _) = open(vec![one_drive()]);
         config.axes[0].motor_speed_rpm = rpm;

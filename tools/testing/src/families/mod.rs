@@ -1,7 +1,7 @@
-//! One list of the families of models, with samples and promises: the conformance suite of the
-//! models, the cycle and others run with every row of it.
+//! The list of model families, with samples and promises: the conformance suites of models, cycle
+//! and others run with each row.
 //!
-//! To take a family out, remove its row here and its function in `rows`.
+//! To delete a family, remove its row here and its function in `rows`.
 
 mod networks;
 mod parameters;
@@ -19,7 +19,7 @@ pub use networks::*;
 pub use parameters::*;
 pub use samples::*;
 
-/// Hands the list to a macro: a name, and the variant of [`FamilyParameters`].
+/// Passes the list to a macro: a name, and the variant of [`FamilyParameters`].
 #[macro_export]
 macro_rules! for_each_family {
     ($then:ident) => {
@@ -56,19 +56,18 @@ macro_rules! list {
 }
 for_each_family!(list);
 
-/// A model that flies in the tests of the cycle, by name: its numbers can be worked out by hand, or
-/// it is fitted.
+/// A model used in the cycle tests, by name: it can be computed by hand, or it is fitted.
 pub type Flight = (&'static str, fn() -> Arc<Model>);
 
 /// A family in the tests.
 #[derive(Clone)]
 pub struct Sample {
     pub name: &'static str,
-    /// Two motors and two angles of the robot of the cycle, about as [`crate::cycle::model`].
+    /// Two motors and two angles of the cycle's robot, similar to [`crate::cycle::model`].
     pub file: ModelFile,
     /// Motors and outputs of the random models.
     pub sizes: &'static [(usize, usize)],
-    /// Random models of a size. A model that is refused is none.
+    /// Random models of a size. A refused model is `None`.
     pub random: fn(usize, usize) -> BoxedStrategy<ModelFile>,
     pub promise: Promise,
     pub flies: &'static [Flight],
@@ -87,7 +86,7 @@ impl Sample {
     }
 }
 
-/// What a family promises, in counts: an error of the outputs counts by what one count moves.
+/// Promises of a family, in counts: output errors are divided by the effect of one count.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Promise {
     /// The prediction depends on past motion.
@@ -96,27 +95,27 @@ pub struct Promise {
     pub has_gap: bool,
     /// A part of the compensation is possible; none gives the counts of a model without memory.
     pub compensates: bool,
-    /// Outputs and counts of an inverse beside those that gave the goal. Where a motor is in a gap,
-    /// other counts are as good: infinite.
+    /// Error of outputs and counts of an inverse. If a motor is in a gap, other counts are as good:
+    /// infinite.
     pub inverse: [f64; 2],
-    /// A pose that is computed with its slope beside one that is computed alone, rad.
+    /// Difference between a pose computed with its slope and one computed alone, rad.
     pub shared: f64,
-    /// The Jacobian beside differences, relative.
+    /// Relative difference between Jacobian and finite differences.
     pub slope: f64,
-    /// Motion for a goal that is where the snake is, to a part of a thousandth of a count.
+    /// Motion for a goal at the present pose, resolved to less than a thousandth of a count.
     pub stays: f64,
-    /// After conditioning, what remains of the past.
+    /// Remaining effect of the past after conditioning.
     pub remains: f64,
-    /// A prediction beside that after the motion of a tick.
+    /// Difference between a prediction and that after the motion of a tick.
     pub tick: f64,
     /// Motion in steps of another length.
     pub steps: f64,
-    /// A memory that comes back from a history.
+    /// Error of a memory restored from a history.
     pub recall: f64,
 }
 
 impl Promise {
-    /// Of a family without memory.
+    /// Promises of a family without memory.
     pub const EXACT: Self = Self {
         has_memory: false,
         has_gap: false,

@@ -11,8 +11,8 @@ fn weights(height: usize, width: usize, size: f64) -> Vec<Vec<f64>> {
     (0..height).map(|i| (0..width).map(|j| number(i, j)).collect()).collect()
 }
 
-/// Gates from two inputs for so many units: `open` are the biases of the gates, and the gate `new`
-/// looks at one motor.
+/// Gates from two inputs for the given units: `open` are the biases of the gates, and the gate
+/// `new` depends on one motor.
 fn gates(units: usize, open: &[f64], new: usize) -> [Vec<Vec<f64>>; 2] {
     let mut input = weights(open.len() * units, 2, 0.05);
     for (unit, row) in input[new * units..(new + 1) * units].iter_mut().enumerate() {
@@ -41,7 +41,7 @@ pub fn gru(units: usize) -> Layer {
     Layer::Gru { input_weight, recurrent_weight, input_bias, recurrent_bias }
 }
 
-/// A GRU that hands on the average of each kind of input.
+/// A GRU that outputs the average of each kind of input.
 pub fn gru_of(inputs: usize, units: usize) -> Layer {
     let Layer::Gru { recurrent_weight, input_bias, recurrent_bias, .. } = gru(units) else {
         unreachable!()
@@ -63,7 +63,7 @@ pub fn lstm(units: usize) -> Layer {
     Layer::Lstm { input_weight, recurrent_weight, input_bias, recurrent_bias }
 }
 
-/// Looks at the present and at two steps of the past.
+/// A network of the present and two past steps.
 pub fn conv(activation: Activation) -> Layer {
     let tap = |size: f64| vec![vec![size, 0.02], vec![-0.03, size], vec![0.5 * size, 0.1]];
     let taps = vec![tap(0.1), tap(0.15), tap(0.4)];

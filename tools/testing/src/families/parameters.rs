@@ -11,13 +11,13 @@ use proptest::prelude::*;
 
 use super::samples::{REACH, file, region};
 
-/// A balance of forces of a snake with slack, backlash and friction: a typical sample of
+/// Force balance of a snake with slack, backlash and friction: a typical sample of
 /// [`balances`].
 pub fn some_balance(motors: usize) -> BalanceParameters {
     balance_of(motors, [6.0, 9.0], [-12.0, -6.0, 15.0, 8.0], [0.2, 0.3])
 }
 
-/// A balance of forces whose outputs are nearly straight, by so many degrees per count.
+/// Force balance with nearly linear outputs of the given degrees per count.
 pub fn balance_family(balance: BalanceParameters, gain: &[Vec<f64>]) -> FamilyParameters {
     let motors = balance.motors.len();
     let curvature = if motors == 1 { &[0.5][..] } else { &[0.5, 0.2, 0.1] };
@@ -89,7 +89,7 @@ fn balance_of(
     }
 }
 
-/// Balances of forces of snakes: taut and slack, with and without backlash.
+/// Force balances of snakes: taut and slack, with and without backlash.
 pub fn balances(motors: usize) -> impl Strategy<Value = BalanceParameters> {
     let gap = prop::array::uniform2(0.0..60.0_f64);
     let preload = prop::array::uniform4(-60.0..80.0_f64);
@@ -98,13 +98,13 @@ pub fn balances(motors: usize) -> impl Strategy<Value = BalanceParameters> {
         .prop_map(move |(gap, preload, by_tension)| balance_of(motors, gap, preload, by_tension))
 }
 
-/// The least weight of threshold 0 of [`plays`]. Where virtual counts differ by one, counts may
+/// Minimum weight of threshold 0 of [`plays`]. Where virtual counts differ by one, counts may
 /// differ by its reciprocal.
-pub const LEAST_WEIGHT: f64 = 0.1;
+pub const MIN_WEIGHT: f64 = 0.1;
 
 /// Thresholds and weights of one motor.
 fn plays_of_a_motor() -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
-    (LEAST_WEIGHT..1.0_f64, vec((2.0..60.0_f64, 0.0..1.0_f64), 0..5)).prop_map(|(first, others)| {
+    (MIN_WEIGHT..1.0_f64, vec((2.0..60.0_f64, 0.0..1.0_f64), 0..5)).prop_map(|(first, others)| {
         let total: f64 = others.iter().map(|(_, weight)| weight).sum::<f64>().max(1e-9);
         let mut thresholds = vec![0.0];
         let mut weights = vec![if others.is_empty() { 1.0 } else { first }];
@@ -135,7 +135,7 @@ pub fn plays(motors: usize, planar: usize) -> impl Strategy<Value = PlayParamete
     })
 }
 
-/// A residual of up to so many degrees that depends on the virtual counts and the lags.
+/// A residual up to the given degrees that depends on the virtual counts and the lags.
 pub fn residual(motors: usize, lags: usize, outputs: usize, size: f64) -> ResidualParameters {
     let features = if motors == 1 { count::<1>(2, 1, lags) } else { count::<2>(2, 1, lags) };
     let coefficient = |i: usize, j: usize| size * (1.7 * i as f64 + 2.3 * j as f64).sin();

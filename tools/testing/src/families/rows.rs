@@ -118,7 +118,7 @@ pub fn force_balance() -> Sample {
     let promise = Promise {
         compensates: false,
         inverse: [0.02, f64::INFINITY],
-        // A search that ends at other iterates; a count is worth 3e-4 rad.
+        // A search that ends at other iterates; one count is 3e-4 rad.
         shared: 2e-6,
         slope: 1e-3,
         stays: f64::INFINITY,
@@ -154,7 +154,7 @@ pub fn network() -> Sample {
         stays: 0.1,
         slope: 2e-3,
         remains: 0.1,
-        // Random weights: its state goes in steps of its own, and between them it holds still.
+        // Random weights: the state advances in its own steps, and is constant between them.
         tick: 20.0,
         steps: 20.0,
         recall: 20.0,

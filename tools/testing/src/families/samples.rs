@@ -100,7 +100,7 @@ pub fn region(motors: usize, half_width: f64) -> Vec<Vec<f64>> {
     if motors == 1 { vec![vec![-half_width], vec![half_width]] } else { square(half_width) }
 }
 
-/// Half the width of the hull of [`smooth_gmr`].
+/// Half-width of the [`smooth_gmr`] hull.
 pub const REACH: f64 = 500.0;
 
 /// A mixture that follows a smooth invertible map: components on a lattice of motor space, each
@@ -143,7 +143,7 @@ impl SmoothMap {
         (mean, (0..size).map(|i| (0..size).map(|j| entry(i, j)).collect()).collect())
     }
 
-    /// Straight lines.
+    /// Linear outputs.
     pub fn straight(gain: &[&[f64]]) -> Self {
         Self { gain: gain.iter().map(|row| row.to_vec()).collect(), bend: 0.0, steps: 1 }
     }
@@ -166,7 +166,7 @@ impl SmoothMap {
         MixtureParameters { weights, means, covariances }
     }
 
-    /// The same for fewer motors or outputs.
+    /// The map for fewer motors or outputs.
     pub fn of_size(&self, motors: usize, outputs: usize) -> Self {
         let gain = self.gain.iter().take(outputs).map(|row| row[..motors].to_vec());
         Self { gain: gain.collect(), ..self.clone() }
@@ -197,7 +197,7 @@ pub fn position(motors: usize) -> impl Strategy<Value = [f64; 2]> {
         .prop_map(move |(a, b)| if motors == 1 { [a, 0.0] } else { [a, b] })
 }
 
-/// Any number, also one that is none.
+/// Any number, including NaN.
 pub fn any_number() -> impl Strategy<Value = f64> {
     prop_oneof![
         any::<f64>(),
@@ -221,7 +221,7 @@ pub fn memory_after(model: &Model, path: &[MotorVec]) -> Memory {
     memory
 }
 
-/// What one count of the motor with the larger effect is worth.
+/// Effect of one count of the motor with the larger effect.
 pub fn one_count(model: &Model, counts: &MotorVec, memory: &Memory) -> f64 {
     let jacobian = model.jacobian(counts, memory);
     (0..2).map(|motor| distance(&jacobian.map(|row| row[motor]), &[0.0; 3])).fold(0.0, f64::max)

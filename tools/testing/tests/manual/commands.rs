@@ -1,7 +1,7 @@
 //! Commands in README and manual.
 //!
-//! A chapter with `sh run` blocks is a session: its blocks run in order in one folder, as printed,
-//! with the programs of this build. `sh background` blocks run until the session ends.
+//! A chapter with `sh run` blocks is a session: its blocks run in sequence in one folder, as
+//! printed, with the programs of this build. `sh background` blocks run until the session ends.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,11 +13,11 @@ use nix::unistd::Pid;
 
 use super::markdown::{Document, root};
 
-/// What a background program prints when the next command may start.
+/// Output of a background program after which the next command may start.
 const READY: [(&str, &str); 2] =
     [("i2ris emulate", "ready:"), ("i2ris-control", "motor 1: Starting -> Disabled")];
 
-/// A folder with the configuration of the repository, in a domain of its own.
+/// A folder with the configuration of the repository, in a separate domain.
 struct Session {
     folder: tempfile::TempDir,
     domain: String,
@@ -104,7 +104,7 @@ impl Session {
 
 impl Drop for Session {
     fn drop(&mut self) {
-        // The controller before the emulator, so that the drives go off in order.
+        // The controller before the emulator, so that the drives are switched off cleanly.
         for child in self.background.iter_mut().rev() {
             let _ = kill(Pid::from_raw(child.id() as i32), Signal::SIGINT);
             let _ = child.wait();

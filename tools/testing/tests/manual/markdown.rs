@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// A fenced block.
 pub struct Block {
-    /// What follows the opening fence, for example `sh run`.
+    /// Info string of the opening fence, for example `sh run`.
     pub info: String,
     /// The lines, joined.
     pub text: String,

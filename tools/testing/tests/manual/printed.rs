@@ -1,5 +1,5 @@
-//! Every command of `i2ris` that is printed anywhere is parsed by the program that it starts: lines
-//! of README and manual, examples of every `--help`, and what sources and their texts name.
+//! Every printed `i2ris` command is parsed by its program: lines of README and manual, examples of
+//! every `--help`, and commands in sources and messages.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::markdown::{Document, root};
 
-/// What is forgiven to a command that is only named, and not printed to be typed.
+/// Errors that are permitted for a command that is only named, not printed to be typed.
 const INCOMPLETE: [&str; 6] = [
     "MissingRequiredArgument",
     "MissingSubcommand",
@@ -21,7 +21,7 @@ const INCOMPLETE: [&str; 6] = [
     "TooFewValues",
 ];
 
-/// What stands for words of a command.
+/// Placeholders for words of a command.
 const PLACEHOLDERS: [&str; 3] = ["NAME", "{words}", "{command}"];
 
 /// The mistakes in printed commands, each with its place.
@@ -132,7 +132,7 @@ fn commands_of_readme_and_manual_are_parsed() {
             }
         }
         let text = fs::read_to_string(&document.path).unwrap();
-        // Mistakes are what nobody should type, and have a test of their own.
+        // Deliberate mistakes have a separate test.
         let text = text.split("<!-- mistakes:").next().unwrap_or_default();
         printed.named(text, |line| format!("{path}:{line}"));
     }
@@ -152,7 +152,7 @@ fn examples(description: &Value, words: &[&str], printed: &mut Printed) {
     let output = program::output(&[words, &["--help"]].concat());
     let text = String::from_utf8(output.stdout).unwrap().replace("\\\n", " ");
     for line in text.lines().filter_map(|line| line.strip_prefix("  i2ris ")) {
-        // What it does stands behind two spaces.
+        // The description follows after two spaces.
         let line = line.split("   ").next().unwrap();
         printed.line(&format!("i2ris {line}"), &format!("{} --help", words.join(" ")));
     }

@@ -1,10 +1,10 @@
-//! Where the base comes into the image.
+//! Detection of the base where it enters the image.
 
 use super::intensity_profile::{Candidate, IntensityProfile};
 use super::settings::DetectorSettings;
 use crate::image::{GreyImage, Px, across, advance, step};
 
-/// Sections behind the border in which the base is searched.
+/// Sections inside the border in which the base is searched.
 const SECTIONS: usize = 9;
 /// The base must show at this many of them.
 const MIN_COUNT: usize = 5;
@@ -19,7 +19,7 @@ const OFF_LINE: f64 = 2.0;
 
 #[derive(Debug, Clone, Copy)]
 pub struct BaseDetection {
-    /// On the base, `MARGIN` px behind the border.
+    /// Point on the base, `MARGIN` px inside the border.
     pub start: Px,
     pub direction_rad: f64,
     pub contrast: f32,
@@ -178,8 +178,7 @@ impl BorderFrame {
     }
 }
 
-/// How far the base reaches behind the border where `line` crosses it: the length of the trace
-/// before its first point.
+/// Length of the base from the border to the first point of the trace, px.
 pub fn before_start() -> f64 {
     MARGIN
 }

@@ -11,8 +11,8 @@ pub const STRIDE: f64 = 2.0;
 const MEMORY: usize = 32;
 /// With fewer than this, the direction of the entry counts.
 const MIN_COUNT: usize = 10;
-/// A reading this far from where the last stretch points to is something else, px, beside a part of
-/// the thickness.
+/// A reading this far from the direction of the last stretch is something else, px, in addition to
+/// a part of the thickness.
 const GATE: f64 = 2.5;
 /// Per pixel that was bridged the gate opens by this: a direction known to 4 deg.
 const GATE_GROWTH: f64 = 0.07;
@@ -41,7 +41,7 @@ const MAX_STEPS: usize = 4000;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TracePoint {
     pub at: Px,
-    /// Along the fibre from where the trace begins, px.
+    /// Distance along the fibre from the start of the trace, px.
     pub along: f64,
     pub width: f64,
     /// It was read as bare fibre, not as body.
@@ -52,7 +52,7 @@ pub struct TracePoint {
 pub enum TraceEnd {
     /// Ground ahead: the fibre ends.
     Background,
-    /// Something lies over it and it did not come back in view.
+    /// Something covers it, and it did not reappear.
     Covered,
     Border,
 }
@@ -64,7 +64,7 @@ pub struct Centreline {
     pub stop: TraceEnd,
     /// Contrast at its end, grey levels.
     pub contrast: f32,
-    /// Ground beside its end.
+    /// Brightness of the ground next to its end.
     pub ground: f32,
 }
 
@@ -80,7 +80,7 @@ struct CentrelineTracker<'a> {
     entry: BaseDetection,
     points: Vec<TracePoint>,
     is_fibre: bool,
-    /// Mean thickness of the readings of this part, and how many they are.
+    /// Mean thickness of the readings in this part, and their number.
     thickness: (f64, f64),
     contrast: f32,
     ground: f32,
@@ -115,8 +115,7 @@ pub fn follow(
 impl CentrelineTracker<'_> {
     fn run(&mut self) -> TraceEnd {
         let mut along = 0.0;
-        // What was met since the last reading, px: ground, and things that are neither fibre nor
-        // ground.
+        // Lengths since the last reading, px: ground, and things that are neither fibre nor ground.
         let (mut bare, mut covered) = (0.0, 0.0);
         for _ in 0..MAX_STEPS {
             let (place, direction) = self.predict(along);
@@ -167,8 +166,8 @@ impl CentrelineTracker<'_> {
         x >= margin && y >= margin && x <= right && y <= bottom
     }
 
-    /// Where the fibre should be `along` px from the start, and its direction there: a parabola
-    /// through the last readings, its curvature held back towards 0 by what the snake can do.
+    /// Expected position and direction of the fibre `along` px from the start: a parabola through
+    /// the last readings, its curvature limited by that of the snake.
     fn predict(&self, along: f64) -> (Px, f64) {
         let recent = &self.points[self.points.len().saturating_sub(MEMORY)..];
         let (Some(first), Some(last)) = (recent.first(), recent.last()) else {
@@ -209,7 +208,7 @@ impl CentrelineTracker<'_> {
         let width = self.width();
         let gap = (along - self.last_along() - STRIDE).max(0.0);
         let gate = GATE + 0.08 * width + GATE_GROWTH * gap;
-        // Room for the thickest candidate at the edge of the gate and for the ground beside it.
+        // Room for the thickest candidate at the edge of the gate and for the ground next to it.
         let half = (0.65 * width + gate + (0.5 * width).clamp(8.0, 16.0)) as usize;
         self.profile.read(self.image, self.settings.ground, place, across(direction), half);
         if let Some(candidate) =
@@ -233,7 +232,7 @@ impl CentrelineTracker<'_> {
         }
     }
 
-    /// The one candidate within the gate; none if there are two that could be it.
+    /// The only candidate within the gate; none if there are two.
     fn nearest(&mut self, width: f64, gate: f64) -> Option<Candidate> {
         let contrast = (CONTRAST_KEPT * self.contrast).max(MIN_CONTRAST);
         self.profile.find(width, contrast, &mut self.found);
@@ -281,7 +280,7 @@ impl CentrelineTracker<'_> {
     }
 }
 
-/// Removes short runs of readings behind a break at the end of the trace.
+/// Removes short runs of readings after a break at the end of the trace.
 fn drop_islands(points: &mut Vec<TracePoint>) {
     while let Some(start) = last_island(points) {
         points.truncate(start);
@@ -306,14 +305,14 @@ mod tests {
     }
 
     #[test]
-    fn short_runs_behind_a_break_are_dropped_from_the_end_on() {
+    fn short_runs_after_a_break_are_dropped_from_the_end() {
         let mut some = points(&[(0.0, 50), (200.0, 4), (300.0, 3)]);
         drop_islands(&mut some);
         assert_eq!(some.len(), 50);
     }
 
     #[test]
-    fn long_runs_behind_a_break_stay() {
+    fn long_runs_after_a_break_stay() {
         let mut some = points(&[(0.0, 50), (200.0, 20)]);
         drop_islands(&mut some);
         assert_eq!(some.len(), 70);

@@ -3,15 +3,15 @@
 use super::settings::Background;
 use crate::image::{GreyImage, Px, advance};
 
-/// Lines beside each other whose mean is read: at -1, 0 and 1 px.
+/// Parallel lines whose mean is read: at -1, 0 and 1 px.
 const LINES: [f64; 3] = [-1.0, 0.0, 1.0];
 /// An edge counts if it is this many times as high as the noise.
 const EDGE_TO_NOISE: f32 = 4.5;
-/// From the median absolute difference of neighbours to the standard deviation of one value.
+/// Ratio of the standard deviation of one value to the median absolute difference of neighbours.
 const DIFFERENCE_TO_SIGMA: f32 = 1.4826 / std::f32::consts::SQRT_2;
-/// An edge is evaluated this many times as far to both sides as it takes at its steepest to get
-/// over its height. Blurred by a normal distribution it is then seen to 4.3 standard deviations;
-/// farther inside lie glints, farther outside specks.
+/// An edge is evaluated to both sides over this multiple of its height divided by its maximum
+/// slope. For a Gaussian blur this covers 4.3 standard deviations; farther inside are glints,
+/// farther outside specks.
 const EDGE_REACH: f64 = 1.7;
 /// Thickness may differ from what is expected by this part.
 const WIDTH_TOLERANCE: f64 = 0.3;
@@ -24,7 +24,7 @@ pub struct Candidate {
     pub width: f64,
     /// Ground minus inside, the lower of both sides, grey levels.
     pub contrast: f32,
-    /// Ground beside it, mean of both sides.
+    /// Brightness of the adjacent ground, mean of both sides.
     pub ground: f32,
 }
 
@@ -40,7 +40,7 @@ pub struct IntensityProfile {
 
 impl IntensityProfile {
     /// Reads the profile from `-half` to `half` px along `unit` through `centre`, mean of three
-    /// lines. What lies outside the image continues its border.
+    /// lines. Outside the image, its border is continued.
     pub fn read(
         &mut self,
         image: &GreyImage,
@@ -51,14 +51,14 @@ impl IntensityProfile {
     ) {
         self.half = half;
         self.values.clear();
-        let beside = [unit[1], -unit[0]];
+        let sideways = [unit[1], -unit[0]];
         let (right, bottom) =
             ((image.width() as f64 - 1.001).max(0.0), (image.height() as f64 - 1.001).max(0.0));
         for i in 0..=2 * half {
             let on_line = advance(centre, unit, i as f64 - half as f64);
             let sum: f32 = LINES
                 .iter()
-                .map(|offset| advance(on_line, beside, *offset))
+                .map(|offset| advance(on_line, sideways, *offset))
                 .filter_map(|[x, y]| image.sample(x.clamp(0.0, right), y.clamp(0.0, bottom)))
                 .sum();
             let mean = sum / LINES.len() as f32;
@@ -74,7 +74,7 @@ impl IntensityProfile {
         self.noise = noise(&self.values);
     }
 
-    /// Mean from `from` to `to` px of the middle; the nearest value where that holds none.
+    /// Mean from `from` to `to` px of the middle; the nearest value if there are none in between.
     pub fn mean(&self, from: f64, to: f64) -> f32 {
         let index = |offset: f64| {
             ((offset + self.half as f64).round().max(0.0) as usize).min(self.values.len() - 1)
@@ -143,7 +143,7 @@ impl IntensityProfile {
         })
     }
 
-    /// How far to both sides an edge at index `at` has to be evaluated.
+    /// Distance to both sides over which an edge at index `at` is evaluated.
     fn edge_reach(&self, at: usize, width: f64) -> f64 {
         let most = (width / 3.0).clamp(3.0, 10.0);
         let (start, end) = (at.saturating_sub(most as usize).max(1), at + most as usize);
@@ -155,9 +155,8 @@ impl IntensityProfile {
         (EDGE_REACH * f64::from(height / slope)).clamp(3.0, most)
     }
 
-    /// The place of an edge near index `at`, to a fraction of a pixel: where a sharp step of the
-    /// same height would have to be to leave the same area under the profile. Blur does not move
-    /// it, nor does a slope in the light.
+    /// Subpixel position of an edge near index `at`: that of a sharp step of the same height with
+    /// the same area under the profile. Neither blur nor a gradient of the light moves it.
     fn edge(&self, at: f64, reach: f64) -> Option<Edge> {
         let mut edge = Edge { at, before: 0.0, after: 0.0 };
         for _ in 0..2 {
@@ -202,7 +201,7 @@ fn noise(values: &[f32]) -> f32 {
 mod tests {
     use super::*;
 
-    /// A image of vertical stripes with the brightness that `f` gives for a column.
+    /// An image of vertical stripes with the brightness `f` of each column.
     fn stripes(f: impl Fn(f64) -> f64) -> GreyImage {
         let row: Vec<u8> = (0..200).map(|x| f(f64::from(x)).round() as u8).collect();
         GreyImage::new(200, 20, row.repeat(20)).unwrap()
@@ -220,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_middle_to_a_fraction_of_a_pixel_in_sloping_light() {
+    fn finds_the_subpixel_middle_in_a_light_gradient() {
         let image = stripes(|x| {
             (200.0 - 130.0 * (soft_step(x - 88.3) - soft_step(x - 113.1))) * (0.7 + 0.0015 * x)
         });
@@ -231,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bright_fibre_on_dark_ground_is_the_same_in_reverse() {
+    fn bright_fibre_on_dark_ground_gives_the_same() {
         let image = stripes(|x| 40.0 + 130.0 * (soft_step(x - 90.0) - soft_step(x - 115.0)));
         let found = candidates(&image, Background::Dark, 25.0);
         assert_eq!(found.len(), 1);
@@ -240,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_wide_or_too_narrow_is_left_out() {
+    fn too_wide_or_too_narrow_stretches_are_ignored() {
         let image = stripes(|x| 200.0 - 130.0 * (soft_step(x - 70.0) - soft_step(x - 120.0)));
         assert!(candidates(&image, Background::Bright, 25.0).is_empty());
         assert_eq!(candidates(&image, Background::Bright, 50.0).len(), 1);

@@ -2,8 +2,8 @@
 //!
 //! Start: median of slopes between points half the stretch apart (after Theil and Sen). Then least
 //! squares with Tukey's biweight, its scale from the median absolute deviation (Huber and
-//! Ronchetti, Robust Statistics, chapters 5 and 7). Errors of neighbouring points are alike because
-//! both saw the same pixels; the standard deviation is widened by their correlation (a first-order
+//! Ronchetti, Robust Statistics, chapters 5 and 7). Errors of neighbouring points are correlated
+//! because they share pixels; the standard deviation is widened accordingly (a first-order
 //! autoregressive process with correlation r is worth (1 - r) / (1 + r) of its points).
 
 use i2ris_report::statistics::median;
@@ -12,26 +12,26 @@ use crate::image::{Px, across, advance, relative, step};
 
 /// Tukey's constant: 95 % efficiency on normal errors.
 const TUKEY: f64 = 4.685;
-/// From median absolute deviation to standard deviation of a normal distribution.
+/// Ratio of the standard deviation to the median absolute deviation of a normal distribution.
 const MAD: f64 = 1.4826;
-/// Errors of synthetic images without noise would be nothing; no image is better than this, px.
+/// Minimum error of an image, px: synthetic images without noise would have none.
 const SIGMA_FLOOR: f64 = 0.01;
 const ROUNDS: usize = 10;
-/// The fewest points that make a line.
+/// Minimum number of points for a line.
 const MIN_COUNT: usize = 8;
 
 /// A straight line through a stretch of the trace.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedLine {
     pub middle: [f64; 2],
-    /// Its direction, rad, counter-clockwise as seen.
+    /// Its direction, rad, counter-clockwise in the image.
     pub direction_rad: f64,
     pub std_rad: f64,
     /// Standard deviation of the points across the line, px.
     pub sigma_px: f64,
-    /// From end to end of the points, px.
+    /// Length from the first to the last point, px.
     pub length_px: f64,
-    /// How much the direction turns from the middle to the end of the stretch if it is bent and not
+    /// Change of direction from the middle to the end of the stretch if it is bent instead of
     /// straight, rad.
     pub bend_rad: f64,
     pub bend_std_rad: f64,
@@ -40,7 +40,7 @@ pub struct FittedLine {
 }
 
 impl FittedLine {
-    /// The place on the line `along` px from its middle.
+    /// Point on the line `along` px from its middle.
     pub fn at(&self, along: f64) -> [f64; 2] {
         advance(self.middle, step(self.direction_rad), along)
     }
@@ -137,7 +137,7 @@ impl WeightedFit {
     }
 }
 
-/// What the residuals say about the fit.
+/// Uncertainty of the fit by its residuals.
 struct FitUncertainty {
     slope_std: f64,
     bend: f64,
@@ -160,7 +160,7 @@ impl FitUncertainty {
             curved.iter().zip(&residuals).zip(&fit.weights).map(|((c, r), w)| w * c * r).sum();
         let length = (u.last()? - u.first()?).abs();
         let widened = fit.sigma * inflation(&residuals, &fit.weights).sqrt();
-        // What is bent scatters around its bend, not around the line.
+        // A bent stretch scatters around its bend, not around the line.
         let bend = cr / cc;
         let left: Vec<f64> = residuals.iter().zip(&curved).map(|(r, c)| r - bend * c).collect();
         let left_squares: f64 = left.iter().zip(&fit.weights).map(|(r, w)| w * r * r).sum();
@@ -175,7 +175,7 @@ impl FitUncertainty {
     }
 }
 
-/// By how much neighbours that err alike widen the variance of a mean.
+/// Factor by which correlated neighbours increase the variance of a mean.
 fn inflation(residuals: &[f64], weights: &[f64]) -> f64 {
     let (mut same, mut next) = (0.0, 0.0);
     for i in 1..residuals.len() {

@@ -1,12 +1,12 @@
-//! From one image to base line, tip line and tip position.
+//! Measurement of base line, tip line and tip position in one image.
 //!
 //! The steps, each in a file:
 //!
 //! 1. `base_detection`: finds the base at the border of the image. Pairs of edges at the expected
-//!    distance, in several sections behind the border, that lie on one line.
+//!    distance, in several sections inside the border, that lie on one line.
 //! 2. `centreline`: follows it. Every step reads the intensity profile across the fibre, finds two
 //!    edges at the expected distance near the predicted position, and takes their middle. It
-//!    bridges what covers the fibre and ends at the background.
+//!    bridges covered parts of the fibre and ends at the background.
 //! 3. `tip_detection`: finds the end of the fibre in its direction, and checks that only background
 //!    is beyond.
 //! 4. `line_fit`: robust straight lines through the first and the last section.

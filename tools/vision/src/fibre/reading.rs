@@ -1,4 +1,4 @@
-//! The angle between base and tip, and how far it can be trusted.
+//! The angle between base and tip, and its quality.
 
 use i2ris_report::statistics::median;
 
@@ -13,8 +13,8 @@ pub const GOOD: f64 = 0.5;
 
 /// Blur and an oblique cut spoil this much of the tip, px, for the direction.
 const CUT: f64 = 3.0;
-/// Part of the straight stretch at the tip that is used. Where it begins is known only roughly, and
-/// a bend of 40 deg towards the camera or away from it shortens the stretch in the image to cos
+/// Part of the straight stretch at the tip that is used. Its start is known only roughly, and a
+/// bend of 40 deg towards the camera or away from it shortens the stretch in the image to cos
 /// 40 deg = 0.77.
 const USED: f64 = 0.7;
 
@@ -39,7 +39,7 @@ mod limit {
     pub const CUT: f64 = 0.7;
 }
 
-/// Why a reading is missing or not good.
+/// Reason why a reading is missing or not good.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, thiserror::Error)]
 pub enum QualityIssue {
     #[error("no base in view")]
@@ -66,11 +66,10 @@ pub enum QualityIssue {
     Noise,
 }
 
-/// What one image says. Where the quality is below [`GOOD`] the values are for looking at, not
-/// for using.
+/// Measurement of one image. Values with a quality below [`GOOD`] are for display only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reading {
-    /// From the direction of the base to that of the tip, rad, counter-clockwise as seen.
+    /// Angle from the base to the tip, rad, counter-clockwise in the image.
     pub angle_rad: f64,
     /// Its standard deviation, rad, from the scatter of the trace around both lines.
     pub std_rad: f64,
@@ -78,11 +77,11 @@ pub struct Reading {
     pub tip_px: [f64; 2],
     pub base: FittedLine,
     pub tip: FittedLine,
-    /// From the border of the image along the fibre to its end, px.
+    /// Length from the border of the image along the fibre to its end, px.
     pub length_px: f64,
     /// 0 to 1; [`GOOD`] or more can be used.
     pub quality: f64,
-    /// What limits the quality, if it is not good.
+    /// Issue that limits the quality, if it is not good.
     pub issue: Option<QualityIssue>,
     /// The middle of the fibre as traced, px; for showing.
     pub trace: Vec<[f64; 2]>,
@@ -93,7 +92,7 @@ impl Reading {
         self.quality >= GOOD
     }
 
-    /// Adds what another check found: `size` of the trouble, `limit` at which it is too much.
+    /// Adds the result of a further check: `size` of the issue, `limit` from which it is too large.
     pub fn limit_quality(&mut self, issue: QualityIssue, size: f64, limit: f64) {
         let quality = score(size, limit);
         if quality < self.quality {
@@ -103,8 +102,8 @@ impl Reading {
     }
 }
 
-/// Reads a image.
-/// An error is the doubt that leaves nothing to report.
+/// Measures an image.
+/// An error is an issue that leaves no measurement.
 pub fn measure(image: &GreyImage, settings: &DetectorSettings) -> Result<Reading, QualityIssue> {
     let entry = base_detection::find(image, settings).map_err(|none| match none {
         base_detection::BaseNotFound::Nothing => QualityIssue::NoBase,
@@ -187,12 +186,12 @@ fn evaluate(
     reading
 }
 
-/// Where the straight tip surely has begun, along the trace.
+/// Position along the trace from which the tip is certainly straight.
 fn tip_from(settings: &DetectorSettings, last: f64) -> f64 {
     last - USED * settings.tip_length
 }
 
-/// The angle between both edges of a stretch, as far as scatter does not explain it, rad.
+/// The angle between both edges of a stretch in excess of its scatter, rad.
 fn taper(trace: &Centreline, from: f64, to: f64) -> f64 {
     let readings = trace.points.iter().filter(|p| (from..=to).contains(&p.along));
     let widths: Vec<Px> = readings.map(|p| [p.along, -p.width]).collect();
@@ -213,12 +212,12 @@ fn direction(points: &[Px]) -> Option<f64> {
     Some(f64::atan2(middle(first, 1)? - middle(last, 1)?, middle(last, 0)? - middle(first, 0)?))
 }
 
-/// The part of a size that its uncertainty does not explain.
+/// The part of a size in excess of its uncertainty.
 fn significant(size: f64, std: f64) -> f64 {
     (size.abs() - 2.0 * std).max(0.0)
 }
 
-/// 1 for no trouble, [`GOOD`] at the limit, towards 0 beyond.
+/// Quality: 1 without the issue, [`GOOD`] at the limit, towards 0 beyond.
 fn score(size: f64, limit: f64) -> f64 {
     let size = size.max(0.0);
     if limit <= 0.0 { f64::from(size <= 0.0) } else { 1.0 / (1.0 + (size / limit).powi(2)) }

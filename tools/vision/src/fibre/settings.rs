@@ -34,7 +34,7 @@ pub struct DetectorSettings {
     /// The background of the fibre.
     pub ground: Background,
     pub side: EntrySide,
-    /// Where along that side, and how far from there at most, px. `None`: anywhere.
+    /// Position along that side, and maximum distance from it, px. `None`: anywhere.
     pub near: Option<[f64; 2]>,
     /// Thickness of the base and of the bending section.
     pub body_width: f64,

@@ -1,4 +1,4 @@
-//! Where the fibre ends, and whether it is really its end.
+//! Detection of the end of the fibre, and a check that it is the end.
 
 use i2ris_report::statistics::median;
 
@@ -7,7 +7,7 @@ use super::line_fit::FittedLine;
 use super::settings::{Background, DetectorSettings};
 use crate::image::{GreyImage, Px, across, relative};
 
-/// Ground differs from what it should be by less than this part of the contrast.
+/// Ground differs from its expected brightness by less than this part of the contrast.
 const GROUND_LIKE: f32 = 0.4;
 const SAMPLES: i32 = 5 * 15;
 /// This part of the places around the end must be ground.
@@ -17,11 +17,11 @@ pub const FREE: f64 = 0.9;
 pub struct TipDetection {
     /// Its middle, px.
     pub at: Px,
-    /// How far it lies beyond the last reading of the trace, px.
+    /// Distance beyond the last reading of the trace, px.
     pub beyond: f64,
-    /// Part of the places ahead of it and beside them that are ground, 0 to 1.
+    /// Share of the places ahead of the end, and on both sides of them, that are ground, 0 to 1.
     pub free: f64,
-    /// How much farther the left half reaches than the right, as an angle: 0 for a square cut, rad.
+    /// Angle of the cut, positive if the left half reaches farther: 0 for a square cut, rad.
     pub cut_rad: f64,
 }
 
@@ -52,7 +52,7 @@ struct TipWindow<'a> {
     image: &'a GreyImage,
     ground: Background,
     line: &'a FittedLine,
-    /// Along the line, where distances count from.
+    /// Origin of distances along the line.
     from: f64,
 }
 
@@ -79,8 +79,7 @@ impl TipWindow<'_> {
             .collect()
     }
 
-    /// Where brightness rises from the fibre's to the ground's: the sharp step that leaves the same
-    /// area.
+    /// Position at which brightness rises from fibre to ground: the sharp step with the same area.
     fn crossing(&self, lane: [f64; 2], width: f64, contrast: f32) -> Option<f64> {
         let values = self.lane(lane, width);
         let (back, _) = reach(width);

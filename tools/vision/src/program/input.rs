@@ -1,4 +1,4 @@
-//! Where the frames of `i2ris vision` come from.
+//! Sources of the frames of `i2ris vision`.
 
 use std::fs::File;
 use std::io::{BufReader, Read, stdin};
@@ -14,17 +14,17 @@ use i2ris_vision::source::{
 
 /// Frames per second of a numbered folder, by default.
 const FOLDER_FPS: f64 = 30.0;
-/// Enough to take a stream in large pieces.
+/// Buffer of a stream, bytes: large enough for large reads.
 const BUFFER: usize = 1 << 18;
 
-/// How frames are read.
+/// Options for reading frames.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Format {
-    /// What streams hold
+    /// Format of streams
     #[arg(long, value_enum, default_value_t = StreamFormat::Y4m)]
     format: StreamFormat,
-    /// Frames were taken at this rate: stamps by number. Streams are otherwise stamped as they
-    /// arrive
+    /// Frames were taken at this rate: stamps by number. Otherwise, frames of a stream are stamped
+    /// on arrival
     #[arg(long, value_name = "HZ", value_parser = positive)]
     fps: Option<f64>,
     /// Frames arrive this long after they were taken
@@ -32,7 +32,7 @@ pub struct Format {
     latency_ms: f64,
 }
 
-/// What a stream holds.
+/// Format of a stream.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum StreamFormat {
     Y4m,
@@ -91,7 +91,7 @@ impl Format {
         }
     }
 
-    /// Whether frames of these paths come from a camera now, and not from a recording.
+    /// Whether frames of these paths come live from a camera, not from a recording.
     pub fn is_live(&self, paths: &[PathBuf]) -> bool {
         self.fps.is_none() && !paths.iter().any(|path| path.is_dir())
     }

@@ -1,4 +1,4 @@
-//! `i2ris vision`: from microscope images to angles.
+//! `i2ris vision`: measures angles in microscope images.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 mod input;

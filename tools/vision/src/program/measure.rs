@@ -27,8 +27,8 @@ use super::picture_forwarding::PictureForwarding;
 const STALL_TIMEOUT: Duration = Duration::from_secs(1);
 /// Poll period for the end.
 const POLL: Duration = Duration::from_millis(100);
-/// Looks of one view that wait for the other: a second and more of a camera, little memory of a
-/// recording.
+/// Results of one view that can wait for the other: more than a second of a camera, little memory
+/// for a recording.
 const QUEUE_LENGTH: usize = 64;
 
 /// Arguments of `i2ris vision`.
@@ -43,19 +43,19 @@ pub struct Arguments {
     setup: PathBuf,
     #[command(flatten)]
     format: Format,
-    /// The frames begin at rest for this long: what angles count from
+    /// The frames begin at rest for this long: reference of the angles
     #[arg(long, value_name = "SECONDS", default_value = "2", value_parser = span)]
     rest_s: Nanos,
-    /// Where to write the angles, CSV [default: standard output]
+    /// File to write the angles to, CSV [default: standard output]
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Publish the angles as external/measured_jp
     #[arg(long)]
     publish: bool,
-    /// Folder for every image with what was measured drawn over it, PNG
+    /// Folder for every image with the measurement drawn over it, PNG
     #[arg(long, value_name = "DIR")]
     overlays: Option<PathBuf>,
-    /// Hand the pictures on to recordings: a JPEG as it came, others compressed
+    /// Forward the pictures to recordings: a JPEG unchanged, others compressed
     #[arg(long)]
     pictures: bool,
     #[command(flatten)]
@@ -80,7 +80,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let output = AngleOutput::open(&arguments, live, session.axes())?;
     let interrupt = Interrupt::catch()?;
     if arguments.pictures && !live {
-        return Err("--pictures needs frames as they are taken: a stream, and no --fps".into());
+        return Err("--pictures needs live frames: a stream, without --fps".into());
     }
     if let Some(folder) = &arguments.overlays {
         fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -105,7 +105,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     outcome?;
     match run.failure {
         Some(failure) => Err(failure.into()),
-        None if run.session.statistics().good == 0 => Err("not one angle could be measured".into()),
+        None if run.session.statistics().good == 0 => Err("no angle could be measured".into()),
         None => Ok(()),
     }
 }
@@ -133,7 +133,7 @@ fn report(setup: &VisionSetup, session: &Session) -> String {
     text
 }
 
-/// Looks at the frames of one view until they end, or until nobody listens.
+/// Measures the frames of one view until they end, or until the receiver is gone.
 fn watch(
     path: &Path,
     format: &Format,
@@ -186,7 +186,7 @@ struct Run {
     output: AngleOutput,
     live: bool,
     interrupt: Interrupt,
-    /// What ended a view before its end.
+    /// Error that ended a view early.
     failure: Option<SourceError>,
 }
 
@@ -211,7 +211,7 @@ impl Run {
                 Next::Interrupted => return Ok(()),
             }
             let rows = match self.session.rows() {
-                // Why there is no frame says more than that there is none.
+                // The reason for a missing frame says more than its absence.
                 Err(error) => {
                     return self
                         .failure
@@ -230,7 +230,7 @@ impl Run {
     fn next(&self, view: usize) -> Next {
         let start = Instant::now();
         loop {
-            // Not only when a wait has ended: a camera that goes on ends none.
+            // Not only after a timeout: a running camera never causes one.
             if self.interrupt.came() {
                 return Next::Interrupted;
             }
@@ -253,7 +253,7 @@ enum Next {
     Interrupted,
 }
 
-/// Where rows go.
+/// Destination of the rows.
 struct AngleOutput {
     recorder: Recorder<Box<dyn Write>>,
     publisher: Option<ExternalPublisher>,
@@ -264,12 +264,10 @@ struct AngleOutput {
 impl AngleOutput {
     fn open(arguments: &Arguments, live: bool, axes: [bool; 2]) -> Result<Self, Failure> {
         if arguments.publish && !live {
-            return Err("--publish needs frames as they are taken: a stream, and no --fps".into());
+            return Err("--publish needs live frames: a stream, without --fps".into());
         }
         if arguments.publish && !axes[0] {
-            return Err(
-                "--publish needs pitch: external/measured_jp has no way to say yaw alone".into()
-            );
+            return Err("--publish needs pitch: external/measured_jp cannot carry yaw alone".into());
         }
         let to: Box<dyn Write> = match &arguments.output {
             None => Box::new(stdout()),
@@ -290,7 +288,7 @@ impl AngleOutput {
         })
     }
 
-    /// Writes and publishes. `false`: nobody reads any more.
+    /// Writes and publishes. `false`: the reader is gone.
     fn put(&mut self, rows: &[AngleRow]) -> Result<bool, Failure> {
         for row in rows {
             if !until_closed(self.recorder.row(row))? {

@@ -1,5 +1,5 @@
-//! Pictures, handed on to recordings while they are measured. Measuring does not wait for it: a
-//! picture for which there is no room is dropped and counted.
+//! Forwards pictures to recordings while they are measured. The measurement does not wait: a
+//! picture without room is dropped and counted.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,7 +14,7 @@ use i2ris_vision::source::SourceItem;
 
 /// Pictures that wait to be compressed.
 const QUEUE_LENGTH: usize = 4;
-/// Of 100: compression that does not show on a fibre.
+/// JPEG quality of 100: compression that does not show on a fibre.
 const QUALITY: u8 = 90;
 
 enum Taken {
@@ -22,7 +22,7 @@ enum Taken {
     Grey(GreyImage),
 }
 
-/// What became of the pictures of a view.
+/// Picture counts of a view.
 #[derive(Debug, Default)]
 pub struct Counts {
     view: String,
@@ -38,14 +38,14 @@ impl fmt::Display for Counts {
                 .map(|count| count.load(Ordering::Relaxed));
         write!(
             f,
-            "{}: {handed_on} pictures handed on, {dropped} dropped, {without} while no controller \
+            "{}: {handed_on} pictures forwarded, {dropped} dropped, {without} while no controller \
              served the domain",
             self.view
         )
     }
 }
 
-/// Hands on the pictures of a view.
+/// Forwards the pictures of a view.
 pub struct PictureForwarding {
     to: SyncSender<(Nanos, Taken)>,
     counts: Arc<Counts>,
@@ -92,7 +92,7 @@ fn publish(mut publisher: PicturePublisher, from: &Receiver<(Nanos, Taken)>, cou
     }
 }
 
-/// With three colours, as those expect who learn from pictures.
+/// Compresses with three colours, as expected by programs that learn from pictures.
 fn compress(image: &GreyImage) -> Option<Vec<u8>> {
     let pixels: Vec<u8> = image.data().iter().flat_map(|grey| [*grey; 3]).collect();
     let (width, height) = (image.width().try_into().ok()?, image.height().try_into().ok()?);

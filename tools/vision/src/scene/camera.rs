@@ -1,18 +1,18 @@
 //! A pinhole camera that looks at the snake from the side.
 
-/// Where the camera is and what it resolves.
+/// Position and resolution of the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PinholeCamera {
     /// Columns of the image.
     pub width: usize,
     /// Rows of the image.
     pub height: usize,
-    /// Scale where the base lies, px/mm.
+    /// Scale at the base, px/mm.
     pub px_per_mm: f64,
-    /// From the base to the pinhole, mm. What comes nearer by a hundredth of it is drawn one per
-    /// cent larger.
+    /// Distance from the base to the pinhole, mm. An object nearer by a hundredth of this is drawn
+    /// one per cent larger.
     pub distance_mm: f64,
-    /// Where the bending section begins in the image, px.
+    /// Start of the bending section in the image, px.
     pub origin_px: [f64; 2],
     /// Direction that the view calls positive, turned from x (pitch) towards y (yaw).
     pub plane_rad: f64,
@@ -35,7 +35,7 @@ impl PinholeCamera {
         }
     }
 
-    /// A point as the view sees it, mm: along the base, across it (positive side), towards the
+    /// A point in the frame of the view, mm: along the base, across it (positive side), towards the
     /// camera.
     pub fn in_view(&self, [x, y, z]: [f64; 3]) -> (f64, f64, f64) {
         let (sin, cos) = self.plane_rad.sin_cos();

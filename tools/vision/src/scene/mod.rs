@@ -1,6 +1,6 @@
 //! Synthetic microscope images at known angles, for tests and for the emulator.
 //!
-//! The images are made as a camera makes them: a curve in space is projected through a pinhole,
+//! The images are made like those of a camera: a curve in space is projected through a pinhole,
 //! painted with its shading and the clutter in front of it, blurred by the optics, lit unevenly,
 //! and sampled with noise. The detector uses nothing of this module.
 //!
@@ -8,7 +8,7 @@
 //! pitch, `y` in the direction of positive yaw, origin at the start of the bending section. Lengths
 //! in millimetres.
 //!
-//! A scene with its image and its true values stands here, with the cameras around one snake.
+//! This file has a scene with its image and its true values, and the cameras around one snake.
 //!
 //! | file | content |
 //! |---|---|
@@ -39,12 +39,12 @@ pub struct Scene {
     pub pose: JointPose,
     pub camera: PinholeCamera,
     pub paint: Brightness,
-    /// What lies in front of it, the nearest last.
+    /// Objects in front of the snake, the nearest last.
     pub clutter: Vec<Clutter>,
     pub optics: Optics,
 }
 
-/// What a perfect measurement of a scene would say.
+/// Result of a perfect measurement of a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truth {
     /// Bending angle in the plane of the view, rad; positive towards the camera's positive side.
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tip_is_painted_where_the_truth_says() {
+    fn tip_is_painted_at_its_true_position() {
         let scene = scene();
         let image = scene.render(&mut Pcg64Mcg::seed_from_u64(1));
         let Truth { tip_px: [x, y], angle_rad } = scene.truth();
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn a_positive_angle_bends_upwards_and_in_the_view_of_its_own_axis_only() {
+    fn positive_angle_bends_up_in_its_own_view_only() {
         let mut scene = scene();
         let straight_y = scene.camera.project([0.0, 0.0, 0.0]).0[1];
         assert!(scene.truth().tip_px[1] < straight_y - 30.0);
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn images_of_one_instant_and_of_one_pose_all_differ_in_noise() {
+    fn images_of_one_instant_or_pose_differ_in_noise() {
         let rig = Rig::laboratory(160, 120, 25.0);
         let (first, again, next) = (
             rig.render_views(JointPose::default(), 1),

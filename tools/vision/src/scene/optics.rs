@@ -8,9 +8,9 @@ use crate::image::GreyImage;
 /// Brightness of everything, in grey levels before uneven light: 0 black, 255 white.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Brightness {
-    /// The ground behind.
+    /// The background.
     pub ground: f32,
-    /// The snake's body, in the middle of it.
+    /// The middle of the snake's body.
     pub body: f32,
     /// The fibre at its tip.
     pub fibre: f32,
@@ -76,8 +76,7 @@ impl Optics {
                 data.push((value * light + self.noise * noise.next() + 0.5) as u8);
             }
         }
-        // A canvas has exactly as many values as pixels; an empty one gives the smallest image
-        // there is.
+        // A canvas has exactly as many values as pixels; an empty one gives the smallest image.
         GreyImage::new(width, height, data).unwrap_or_else(GreyImage::black)
     }
 }
@@ -102,7 +101,7 @@ impl<R: Rng> Noise<'_, R> {
     }
 }
 
-/// Gaussian blur, rows then columns; beyond the border the border goes on.
+/// Gaussian blur, rows then columns; the border is continued outside.
 fn blur(canvas: &mut Raster, sigma: f64) {
     if sigma <= 0.0 {
         return;

@@ -1,6 +1,6 @@
 //! Painting with soft edges.
 
-/// A long thing with round sides: a polyline with half-widths, cut off square at its end.
+/// A rod with round sides: a polyline with half-widths, cut square at its end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rod {
     /// x, y and half the thickness of every corner, px. A rod with fewer than two corners is not
@@ -10,7 +10,7 @@ pub struct Rod {
     pub rim: f32,
 }
 
-/// A image in the making: brightness in floating point, not yet blurred.
+/// An unfinished image: brightness in floating point, not yet blurred.
 pub struct Raster {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -37,7 +37,7 @@ impl Raster {
         Self { width, height, data: vec![ground; width * height] }
     }
 
-    /// Paints a rod over what is there.
+    /// Paints a rod over the existing image.
     pub fn rod(&mut self, rod: &Rod) {
         let mut touches = vec![UNCOVERED; self.data.len()];
         let Some(cut) = Cut::of(&rod.points) else {
@@ -76,7 +76,7 @@ impl Raster {
         let low = if is_outer[0] { f64::NEG_INFINITY } else { -BEYOND };
         let high = if is_outer[1] { f64::INFINITY } else { length + BEYOND };
         for row in rows {
-            for column in beside(columns.clone(), [low, high], a, [ux, uy], row) {
+            for column in columns_along(columns.clone(), [low, high], a, [ux, uy], row) {
                 let (x, y) = (column as f64, row as f64);
                 let (px, py) = (x - a[0], y - a[1]);
                 let t = px * ux + py * uy;
@@ -84,7 +84,7 @@ impl Raster {
                 let side = ux * py - uy * px;
                 let half = a[2] + (b[2] - a[2]) * clamped / length;
                 let (kept, is_at_end) = cut.kept([x, y]);
-                // At the end the rod is cut off square, so only the distance from its middle line
+                // At the end the rod is cut square, so only the distance from its middle line
                 // counts there.
                 let distance = if is_at_end {
                     side.abs()
@@ -130,8 +130,8 @@ impl Raster {
     }
 }
 
-/// The columns of a row that lie beside a piece: between `low` and `high` along it.
-fn beside(
+/// The columns of a row that lie between `low` and `high` along a piece.
+fn columns_along(
     columns: std::ops::Range<usize>,
     [low, high]: [f64; 2],
     from: [f64; 3],
@@ -143,13 +143,13 @@ fn beside(
     }
     let at = |t: f64| from[0] + (t - (row as f64 - from[1]) * uy) / ux;
     let (one, other) = (at(low), at(high));
-    // Casts of what lies outside give the ends of the range.
+    // Casts of values outside give the ends of the range.
     let first = (one.min(other).floor() as usize).max(columns.start);
     let end = (one.max(other).ceil() as usize).saturating_add(1).min(columns.end);
     first.min(end)..end
 }
 
-/// Without the care of `hypot` for huge numbers, which takes most of the time of a image.
+/// Without the overflow protection of `hypot`, which would take most of the time of an image.
 fn distance(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
@@ -173,12 +173,12 @@ impl Cut {
         })
     }
 
-    /// How much of a pixel the cut leaves, and whether it lies so close to the cut that the rod is
-    /// straight there.
+    /// Share of a pixel that the cut leaves, and whether it is close enough to the cut for the rod
+    /// to be straight.
     fn kept(&self, [x, y]: [f64; 2]) -> (f64, bool) {
         let (dx, dy) = (x - self.at[0], y - self.at[1]);
         let inside = -(dx * self.unit[0] + dy * self.unit[1]);
-        // Farther away the rod may come round again, and is not cut.
+        // Farther away the rod may return, and is not cut.
         let is_near = dx.hypot(dy) < 2.0 * self.half + 3.0;
         (if is_near { edge(inside) } else { 1.0 }, is_near && inside < 1.0)
     }
@@ -191,7 +191,7 @@ impl Rod {
     }
 }
 
-/// How much of a pixel is covered whose centre lies `inside` px inside a straight edge.
+/// Covered share of a pixel whose centre lies `inside` px inside a straight edge.
 fn edge(inside: f64) -> f64 {
     (inside + 0.5).clamp(0.0, 1.0)
 }
@@ -201,14 +201,14 @@ fn edge(inside: f64) -> f64 {
 pub enum Clutter {
     /// A straight instrument that tapers from `from` to its free end `to`.
     Instrument {
-        /// Where it comes from, usually outside the image.
+        /// Its fixed end, usually outside the image.
         from: [f64; 2],
         to: [f64; 2],
         /// Half its thickness at both ends.
         half_width: [f64; 2],
         /// Brightness along its middle.
         brightness: f32,
-        /// How much darker its rims are.
+        /// Darkening of its rims.
         rim: f32,
     },
     /// A speck of dust, a bubble, a drop.
@@ -230,7 +230,7 @@ impl Clutter {
     }
 }
 
-/// A sheet of one brightness over the circle of `radius` around `centre`: hides whatever is there.
+/// A sheet of one brightness over the circle of `radius` around `centre`: hides everything below.
 pub fn cover(centre: [f64; 2], radius: f64, brightness: f32) -> Clutter {
     Clutter::Speck { centre, half: [radius, radius], turn_rad: 0.0, brightness }
 }

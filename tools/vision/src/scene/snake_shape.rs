@@ -111,7 +111,7 @@ pub struct JointPose {
 }
 
 impl JointPose {
-    /// The angle that a camera sees whose positive side is turned by `plane_rad` from x towards y.
+    /// The angle in a camera whose positive side is turned by `plane_rad` from x towards y.
     pub fn view_angle_rad(&self, plane_rad: f64) -> f64 {
         (self.pitch_rad.tan() * plane_rad.cos() + self.yaw_rad.tan() * plane_rad.sin()).atan()
     }
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tip_points_where_pitch_and_yaw_say() {
+    fn tip_points_in_the_direction_of_pitch_and_yaw() {
         let (snake, pose) = (SnakeShape::robot(), JointPose { pitch_rad: 0.4, yaw_rad: -0.2 });
         let (end, before) = (snake.tip(&pose), snake.at(&pose, snake.arc_mm + snake.tip_mm - 0.1));
         let d: Vec<f64> = end.iter().zip(before).map(|(a, b)| a - b).collect();
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn the_curve_is_as_long_as_its_parameter_says() {
+    fn curve_has_the_length_of_its_parameter() {
         let (snake, pose) = (SnakeShape::fibre(0.1), JointPose { pitch_rad: 0.5, yaw_rad: 0.5 });
         let points: Vec<_> = (0..=1000).map(|i| snake.at(&pose, f64::from(i) * 0.003)).collect();
         let length: f64 = points

@@ -8,10 +8,10 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::image::GreyImage;
 
-/// The most pixels that an image may have: a file that claims more is not a microscope's.
+/// Maximum number of pixels of an image: a file that claims more is not from a microscope.
 const MAX_PIXELS: usize = 64 << 20;
 
-/// Why a file is no image.
+/// Reason why a file is not an image.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct DecodeError(String);
@@ -60,7 +60,7 @@ fn brightness(pixel: &[u8]) -> u8 {
 }
 
 fn decode_jpeg(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
-    // Decoders fill what is missing with grey, so an end that is missing has to be noticed here.
+    // Decoders fill missing data with grey, so a missing end has to be detected here.
     let whole = bytes
         .iter()
         .rposition(|b| *b != 0 && *b != b'\n' && *b != b'\r')

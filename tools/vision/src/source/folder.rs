@@ -10,7 +10,7 @@ use super::frame::{Frame, FrameFault, SourceError, SourceItem};
 use super::stream::FrameSource;
 use super::timestamps;
 
-/// More missing numbers in a row than this are reported as one gap each no more: the numbering
+/// Maximum number of missing frames in a row that are reported one by one: beyond, the numbering
 /// jumped.
 const MAX_GAP: u64 = 10_000;
 
@@ -28,7 +28,7 @@ enum Entry {
 }
 
 impl ImageFolder {
-    /// Opens a folder. `fps` gives the stamps where only numbers in the file names do.
+    /// Opens a folder. `fps` gives the stamps if file names have only numbers.
     pub fn open(path: &Path, fps: f64) -> Result<Self, SourceError> {
         let read = |error| SourceError::file(path, error);
         let mut names = Vec::new();
@@ -84,7 +84,7 @@ impl FrameSource for ImageFolder {
 
 fn is_image(name: &str) -> bool {
     let ending = name.rsplit_once('.').map_or("", |(_, ending)| ending).to_ascii_lowercase();
-    // macOS writes a `._img.png` beside an `img.png` on foreign disks.
+    // macOS writes a `._img.png` next to an `img.png` on foreign disks.
     !name.starts_with('.') && matches!(ending.as_str(), "png" | "jpg" | "jpeg")
 }
 
@@ -98,7 +98,7 @@ fn timed(names: &[String]) -> Option<VecDeque<(Nanos, Entry)>> {
     Some(all.into())
 }
 
-/// Stamps from numbers; every missing number is an entry of its own.
+/// Stamps from numbers; every missing number is a separate entry.
 fn numbered(files: &BTreeMap<u64, String>, fps: f64) -> VecDeque<(Nanos, Entry)> {
     let Some(first) = files.keys().next().copied() else {
         return VecDeque::new();

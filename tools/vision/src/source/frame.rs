@@ -8,8 +8,7 @@ use crate::image::GreyImage;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// When it was taken. Streams: monotonic clock of this machine. Folders: as its names, its list
-    /// or its rate say.
+    /// Exposure. Streams: monotonic clock of this machine. Folders: by their names, list or rate.
     pub stamp: Nanos,
     /// File name, or number in the stream; for messages and overlays.
     pub name: String,
@@ -18,7 +17,7 @@ pub struct Frame {
     pub jpeg: Option<Vec<u8>>,
 }
 
-/// Why there is no frame where one should be.
+/// Reason for a missing frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, thiserror::Error)]
 pub enum FrameFault {
     #[error("file missing")]
@@ -27,7 +26,7 @@ pub enum FrameFault {
     Undecodable,
     #[error("wrong size")]
     WrongSize,
-    #[error("frozen: identical to the one before")]
+    #[error("frozen: identical to the previous one")]
     Frozen,
     #[error("identical to a frame of the other view")]
     SameCamera,
@@ -42,9 +41,9 @@ pub enum FrameFault {
 #[derive(Debug, Clone, PartialEq)]
 pub enum SourceItem {
     Frame(Frame),
-    /// None, and why.
+    /// Missing frame, with the reason.
     Missing {
-        /// When it should have been taken.
+        /// Expected exposure.
         stamp: Nanos,
         name: String,
         cause: FrameFault,
@@ -87,7 +86,7 @@ impl std::str::FromStr for ImageSize {
             .split_once('x')
             .and_then(|(w, h)| Some(Self { width: w.parse().ok()?, height: h.parse().ok()? }));
         size.filter(|s| (16..=1 << 14).contains(&s.width) && (16..=1 << 14).contains(&s.height))
-            .ok_or_else(|| format!("{text:?} is no size; write columns x rows, such as 1280x960"))
+            .ok_or_else(|| format!("{text:?} is not a size; write columns x rows, e.g. 1280x960"))
     }
 }
 

@@ -8,23 +8,23 @@ use super::decode::decode;
 use super::frame::{Frame, FrameFault, SourceError, SourceItem};
 use super::stream::{FrameClock, FrameSource};
 
-/// A file that is longer is none of a camera.
+/// Maximum length of a file, bytes: a longer one is not from a camera.
 const MAX_LENGTH: usize = 64 << 20;
 
-/// The start of a picture, and of the marker behind it.
+/// The start of a picture, and of the marker after it.
 const START: [u8; 3] = [0xFF, 0xD8, 0xFF];
 
-/// A stream of JPEG files. What lies between them is skipped: encoders pad, and say the end twice.
+/// A stream of JPEG files. Bytes between them are skipped: encoders pad, and repeat the end marker.
 pub struct MjpegStream<R> {
     reader: BufReader<R>,
-    /// Read, and not yet taken: from the first start behind a damaged picture on.
+    /// Read, but not yet used: from the first start after a damaged picture on.
     pending: VecDeque<u8>,
     clock: FrameClock,
     number: u64,
     has_picture: bool,
 }
 
-/// What lies between two starts of pictures.
+/// Data between two starts of pictures.
 enum Piece {
     Whole(Vec<u8>),
     Damaged,
@@ -85,14 +85,13 @@ impl<R: Read + Send> MjpegStream<R> {
         }
         let mut file = START.to_vec();
         let outcome = self.rest(&mut file);
-        // A picture that was cut is followed by the next one, which lies in what was taken for its
-        // own.
+        // A truncated picture is followed by the next one, which was read as part of it.
         let next = file.windows(START.len()).skip(1).position(|bytes| bytes == START);
         match (outcome, next) {
             (Ok(true), None) => Ok(Some(Piece::Whole(file))),
             (Err(error), None) => Err(error),
             (_, next) => {
-                // The last bytes may be those of a start that is not read to its end.
+                // The last bytes may be an incomplete start.
                 let open = (1..START.len()).rev().find(|&n| file.ends_with(&START[..n]));
                 let begin = next.map_or(file.len() - open.unwrap_or(0), |next| next + 1);
                 for byte in file.drain(begin..).rev() {
@@ -103,22 +102,22 @@ impl<R: Read + Send> MjpegStream<R> {
         }
     }
 
-    /// The rest of a file, behind its start; whether it has the form of one.
+    /// Reads the rest of a file, after its start; returns whether it is well-formed.
     fn rest(&mut self, file: &mut Vec<u8>) -> Result<bool, SourceError> {
         self.take(file, 1)?;
         loop {
             let [.., fill, marker] = file[..] else { return Ok(false) };
             match (fill, marker) {
                 (0xFF, 0xD9) => return Ok(true),
-                // A start within a picture, or no marker where one has to be.
+                // A start within a picture, or a missing marker.
                 (0xFF, 0xD8) | (..0xFF, _) => return Ok(false),
                 _ => {}
             }
             self.take(file, 2)?;
             let length = [file[file.len() - 2], file[file.len() - 1]];
             self.take(file, usize::from(u16::from_be_bytes(length)).saturating_sub(2))?;
-            // The next marker; behind the begin of a scan, at its end: FF within it is followed by
-            // 0 or is a restart.
+            // The next marker; in a scan, at its end: FF within it is followed by 0 or is a
+            // restart.
             self.take(file, 2)?;
             let is_data = |end: &[u8]| !matches!(end, [.., 0xFF, 1..=0xCF | 0xD8..=0xFE]);
             while marker == 0xDA && is_data(file) {
@@ -159,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_are_parted_where_they_end_and_keep_their_bytes() {
+    fn pictures_are_split_at_their_ends_and_keep_their_bytes() {
         let files = [jpeg(0), jpeg(100), jpeg(200)];
         let all = files.concat();
         let mut stream = MjpegStream::new(&all[..], FrameClock::Rate(10.0));
@@ -172,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_cut_off_or_no_picture_ends_with_a_sentence() {
+    fn truncated_or_foreign_data_end_with_a_message() {
         let file = jpeg(3);
         for length in START.len()..file.len() {
             let mut stream = MjpegStream::new(&file[..length], FrameClock::Rate(10.0));
@@ -183,9 +182,9 @@ mod tests {
         assert!(stream.next().unwrap_err().to_string().contains("is this a stream of JPEG"));
     }
 
-    /// Padding as encoders write it, an end said twice, and a picture of which a part is missing.
+    /// Padding as written by encoders, a repeated end marker, and a picture with a missing part.
     #[test]
-    fn bytes_between_pictures_are_skipped_and_a_damaged_picture_is_one_gap() {
+    fn padding_is_skipped_and_a_damaged_picture_is_one_gap() {
         let [a, b, c] = [jpeg(0), jpeg(100), jpeg(200)];
         for between in [&[0; 3][..], b"\n", &[0xFF, 0xD9], &[0xFF, 0, 0xFF]] {
             let all = [&a, between, &b, between, &c, between].concat();

@@ -2,9 +2,8 @@
 //!
 //! It is what `ffmpeg -f yuv4mpegpipe` and mplayer write: a line of text for the stream, a
 //! line for each frame, then its planes. Only the first plane, brightness, is kept. 8 bit only. A
-//! program that knows when it took a frame says so with `XT=` and seconds of the monotonic clock in
-//! the line of the frame (`FRAME XT=12.345678901`): words that begin with X are left to
-//! applications.
+//! program that knows the exposure writes `XT=` and seconds of the monotonic clock into the line of
+//! the frame (`FRAME XT=12.345678901`): words that begin with X are reserved for applications.
 
 use std::io::{BufRead, BufReader, Read};
 
@@ -14,10 +13,10 @@ use super::frame::{Frame, ImageSize, SourceError, SourceItem};
 use super::timestamps::seconds;
 use crate::image::GreyImage;
 
-/// What a frame begins with.
+/// Start of a frame.
 const FRAME: &str = "FRAME";
 
-/// No header line is longer.
+/// Maximum length of a header line, bytes.
 const MAX_LINE: usize = 512;
 
 pub trait FrameSource: Send {
@@ -25,12 +24,11 @@ pub trait FrameSource: Send {
     fn next(&mut self) -> Result<Option<SourceItem>, SourceError>;
 }
 
-/// What gives a frame of a stream its stamp.
+/// Source of the stamps of frames in a stream.
 pub enum FrameClock {
     /// The instant that its last byte arrived.
     Arrival(Box<dyn FnMut() -> Nanos + Send>),
-    /// Its number and the rate: for recordings that are piped in faster or slower than they were
-    /// taken.
+    /// Its number and the rate: for recordings piped in at a different rate.
     Rate(f64),
 }
 
@@ -44,11 +42,11 @@ impl FrameClock {
     }
 }
 
-/// What a stream is made of.
+/// Format of a stream.
 #[derive(Debug, Clone, PartialEq)]
 struct Format {
     size: ImageSize,
-    /// Bytes of the planes behind the first one.
+    /// Bytes of the planes after the first one.
     colour_bytes: usize,
 }
 
@@ -70,15 +68,15 @@ impl<R: Read + Send> FrameStream<R> {
         Ok(Self { reader, format, clock, number: 0 })
     }
 
-    /// What a frame says of its stamp; `None` at the end of the stream.
+    /// Begins a frame; returns its stamp if it has one. `None` at the end of the stream.
     fn begin(&mut self) -> Result<Option<Option<Nanos>>, SourceError> {
         let Some(words) = self.find()? else { return Ok(None) };
         let stamp = words.split(' ').find_map(|word| word.strip_prefix("XT="));
         Ok(Some(stamp.and_then(seconds)))
     }
 
-    /// The words of the line that begins the next frame; `None` at the end of the stream. What came
-    /// between two frames, or is left of one of which bytes were lost, is skipped.
+    /// The words of the line that begins the next frame; `None` at the end of the stream. Bytes
+    /// between two frames, and the rest of an incomplete one, are skipped.
     fn find(&mut self) -> Result<Option<String>, SourceError> {
         let mut last = [0; FRAME.len() + 1];
         let longest = 4 * (self.format.size.bytes() + self.format.colour_bytes);
@@ -160,14 +158,14 @@ fn parse(line: &str) -> Result<Format, String> {
             Some(("W", rest)) => width = rest,
             Some(("H", rest)) => height = rest,
             Some(("C", rest)) => colour = rest,
-            // Half of the lines are of another instant: the snake has moved between them.
+            // Half of the lines have a different exposure: the snake has moved in between.
             Some(("I", fields @ ("t" | "b" | "m"))) => {
                 return Err(format!(
-                    "interlaced pictures (I{fields}): every picture is of two instants; make whole \
-                     ones of them with `ffmpeg -i FILE -vf yadif -f yuv4mpegpipe -`"
+                    "interlaced pictures (I{fields}): every picture has two exposures; deinterlace \
+                     them with `ffmpeg -i FILE -vf yadif -f yuv4mpegpipe -`"
                 ));
             }
-            // Rate, aspect and comments do not change where the bytes are.
+            // Rate, aspect and comments do not change the layout of the bytes.
             _ => {}
         }
     }
@@ -216,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_says_when_it_was_taken_is_believed() {
+    fn frame_with_an_exposure_stamp_keeps_it() {
         let mut bytes = b"YUV4MPEG2 W16 H16 Cmono\nFRAME Ip XT=12.345678901\n".to_vec();
         bytes.extend([0; 256]);
         let mut source = FrameStream::y4m(&bytes[..], FrameClock::Rate(30.0)).unwrap();
@@ -237,9 +235,9 @@ mod tests {
         assert_eq!(source.next().unwrap(), None);
     }
 
-    /// Two instants in one picture cost 0.3 deg where a whole one has 0.02.
+    /// Two exposures in one picture cause 0.3 deg of error instead of 0.02.
     #[test]
-    fn interlaced_pictures_are_refused_with_the_way_to_whole_ones() {
+    fn interlaced_pictures_are_refused_with_a_remedy() {
         for (word, is_taken) in [("Ip", true), ("I?", true), ("It", false), ("Ib", false)] {
             let bytes = stream(&format!("YUV4MPEG2 W16 H16 {word} Cmono"), &[vec![1; 256]]);
             let source = FrameStream::y4m(&bytes[..], FrameClock::Rate(30.0));
@@ -250,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_that_ends_within_a_frame_says_so() {
+    fn truncated_frame_is_reported() {
         let mut bytes = stream("YUV4MPEG2 W16 H16 Cmono", &[vec![1; 256], vec![2; 256]]);
         bytes.truncate(bytes.len() - 10);
         let mut source = FrameStream::y4m(&bytes[..], FrameClock::Rate(30.0)).unwrap();

@@ -1,4 +1,4 @@
-//! What a camera must not do: change its size, freeze, go back in time, be the other camera.
+//! Detects camera faults: changed size, frozen image, stamps that decrease, the wrong camera.
 
 use std::collections::VecDeque;
 
@@ -6,8 +6,7 @@ use i2ris::units::Nanos;
 
 use super::frame::{Frame, FrameFault, ImageSize, SourceItem};
 
-/// Looks at the frames of one view one after the other and turns those that cannot be trusted
-/// into gaps.
+/// Checks the frames of one view one after the other and turns invalid ones into gaps.
 #[derive(Debug, Default)]
 pub struct StreamCheck {
     size: Option<ImageSize>,
@@ -21,8 +20,8 @@ impl StreamCheck {
         self.last_digest
     }
 
-    /// A frame whose size differs from the first one's, that was not taken after the one before,
-    /// or that is identical to it becomes a gap. A sensor has noise: two identical frames are one
+    /// Turns a frame into a gap if its size differs from the first one's, or if it is not newer
+    /// than the previous one, or identical to it. A sensor has noise: two identical frames are one
     /// frame twice.
     pub fn check(&mut self, item: SourceItem) -> SourceItem {
         match item {
@@ -51,8 +50,8 @@ impl StreamCheck {
 
 /// Detects that both views show the same camera.
 ///
-/// Two programs that read one camera need not get the same frames of it, so one identical frame
-/// puts all under suspicion for a while.
+/// Two programs that read one camera may get different frames from it, so one identical frame makes
+/// all suspect for a while.
 #[derive(Debug, Default)]
 pub struct DuplicateCameraMonitor {
     recent: [VecDeque<u64>; 2],
@@ -65,7 +64,7 @@ const REMEMBERED: usize = 16;
 const SUSPICION: u32 = 128;
 
 impl DuplicateCameraMonitor {
-    /// Notes a frame of `view` (0 or 1) and says whether both views are under suspicion.
+    /// Records a frame of `view` (0 or 1) and returns whether both views are suspect.
     pub fn is_same_camera(&mut self, view: usize, digest: u64) -> bool {
         let [first, second] = &mut self.recent;
         let (own, other) = if view == 0 { (first, second) } else { (second, first) };
@@ -104,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn one_camera_in_both_views_is_noticed_though_each_view_misses_every_other_frame() {
+    fn one_camera_in_both_views_is_detected_despite_missing_frames() {
         let mut duplicates = DuplicateCameraMonitor::default();
         let mut suspected = 0;
         for image in 0..200_u64 {

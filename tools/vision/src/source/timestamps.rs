@@ -1,4 +1,4 @@
-//! When the frames of a folder were taken.
+//! Exposures of frames in a folder.
 //!
 //! A time in the file names, or else the number in the file name and the rate.
 
@@ -35,13 +35,13 @@ fn since_1970(number: u64) -> Option<Nanos> {
     number.checked_mul(nanos).map(Nanos)
 }
 
-/// The time in a file name, in seconds behind `t`: `top_t12.345678.png` is 12.345678 s; or the
+/// The time in a file name, in seconds after `t`: `top_t12.345678.png` is 12.345678 s; or the
 /// number in it, if it is a time since 1970.
 pub fn time_in(name: &str) -> Option<Nanos> {
-    behind_t(name).or_else(|| since_1970(number(name)?))
+    after_t(name).or_else(|| since_1970(number(name)?))
 }
 
-fn behind_t(name: &str) -> Option<Nanos> {
+fn after_t(name: &str) -> Option<Nanos> {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let (before, time) = stem.rsplit_once('t')?;
     let stands_alone = before.chars().last().is_none_or(|c| !c.is_ascii_alphanumeric());

@@ -1,4 +1,4 @@
-//! One reading at a time: what the detector makes of a scene, and what it says when it cannot.
+//! Single readings: results of the detector for a scene, and its issues.
 
 use i2ris_vision::fibre::{EntrySide, QualityIssue, Reading, measure};
 use i2ris_vision::image::GreyImage;
@@ -132,7 +132,7 @@ fn a_covered_end_is_doubted() {
 }
 
 #[test]
-fn a_tip_hidden_by_something_as_bright_as_the_ground_is_doubted() {
+fn tip_hidden_by_a_ground_like_object_is_doubted() {
     let mut scene = scene(40.0);
     // It hides the whole straight tip: what is left to see ends in the arc.
     scene.clutter.push(cover(on_fibre(&scene, 2.4), 95.0, scene.paint.ground));
@@ -154,7 +154,7 @@ fn a_covered_base_is_doubted() {
 }
 
 #[test]
-fn two_fibres_on_one_side_are_doubted_unless_the_place_is_reported() {
+fn two_fibres_on_one_side_need_a_configured_place() {
     let mut scene = scene(10.0);
     scene.clutter.push(Clutter::Instrument {
         from: [-50.0, 380.0],

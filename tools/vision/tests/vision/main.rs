@@ -1,10 +1,10 @@
-//! What the detector reads, what it refuses, and the program around it.
+//! Readings and refusals of the detector, and the program around it.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::print_stdout,
     clippy::print_stderr,
-    reason = "tests, which say when they skip"
+    reason = "tests, which report when they skip"
 )]
 
 mod fibre;

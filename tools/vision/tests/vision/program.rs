@@ -95,7 +95,7 @@ fn assert_near(row: &[String], expected: [f64; 2], within: f64) {
 }
 
 #[test]
-fn two_folders_become_angles_and_a_missing_and_a_truncated_file_become_gaps() {
+fn two_folders_become_angles_and_bad_files_gaps() {
     let place = Place::new();
     place.film("view", &rig(), &[[10.0, -20.0], [-30.0, 5.0], [25.0, 25.0], [1.0, 2.0]]);
     fs::remove_file(place.path("view0/image_0007.png")).unwrap();
@@ -122,7 +122,7 @@ fn two_folders_become_angles_and_a_missing_and_a_truncated_file_become_gaps() {
     assert_eq!(fs::read_dir(&overlays).unwrap().count(), 18);
 }
 
-/// A stream of the first view, alone. The setup goes beside it.
+/// A stream of the first view alone, with the setup next to it.
 fn stream(place: &Place, rig: &Rig, poses: usize) -> Vec<u8> {
     let mut one = setup(rig);
     one.views.truncate(1);
@@ -150,7 +150,7 @@ fn feed(mut command: Command, bytes: Vec<u8>) -> Output {
 }
 
 #[test]
-fn a_truncated_stream_keeps_what_came_and_says_where_it_ends() {
+fn truncated_stream_keeps_its_frames_and_reports_its_end() {
     let place = Place::new();
     let mut bytes = stream(&place, &rig(), 9);
     bytes.truncate(bytes.len() - 1000);
@@ -165,8 +165,8 @@ fn a_truncated_stream_keeps_what_came_and_says_where_it_ends() {
 /// Six frames of [`send_frames`] are at rest, however late they come.
 const AT_REST: &[&str] = &["--rest-s", "0.0055"];
 
-/// What a camera sends that takes the frames of `bytes` again and again. Every frame says when it
-/// was taken: a millisecond after the one before.
+/// Sends like a camera that takes the frames of `bytes` repeatedly, each stamped a millisecond
+/// after the previous one.
 fn send_frames(
     to: &mut impl Write,
     bytes: &[u8],
@@ -225,11 +225,11 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
         last.stamp_ns == before.0 + number * 1_000_000 && number < 29,
         "the frame's own stamp: {last:?}"
     );
-    assert_eq!(seen.last().unwrap().flags, 0, "an empty frame is said to show nothing");
+    assert_eq!(seen.last().unwrap().flags, 0, "an empty frame is reported to show nothing");
 }
 
 #[test]
-fn it_ends_when_it_is_requested_to_while_the_camera_goes_on() {
+fn it_ends_on_request_while_the_camera_is_running() {
     let place = Place::new();
     let frames = stream(&place, &rig(), 2);
     let (setup, csv) = (place.name("one.toml"), place.name("angles.csv"));
@@ -240,7 +240,7 @@ fn it_ends_when_it_is_requested_to_while_the_camera_goes_on() {
         .spawn()
         .unwrap();
     let mut to = child.stdin.take().unwrap();
-    // Until nobody reads.
+    // Until the reader is gone.
     let camera =
         std::thread::spawn(move || send_frames(&mut to, &frames, clock::now(), usize::MAX));
     wait_until("it measures", || {

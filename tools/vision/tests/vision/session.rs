@@ -196,7 +196,7 @@ fn no_frame_at_all() {
 }
 
 #[test]
-fn a_camera_that_stalls_lets_the_other_one_go_on_without_angles() {
+fn stalled_camera_leaves_the_other_running_without_angles() {
     let rig = rig();
     let (mut session, mut detectors) = session(&rig);
     let [first, second] = film(&rig);
@@ -216,7 +216,7 @@ fn a_camera_that_stalls_lets_the_other_one_go_on_without_angles() {
 }
 
 #[test]
-fn a_snake_that_moves_in_the_first_seconds_is_no_reference() {
+fn moving_snake_gives_no_reference() {
     let rig = rig();
     let mut items = film(&rig);
     for view in &mut items {
@@ -227,7 +227,7 @@ fn a_snake_that_moves_in_the_first_seconds_is_no_reference() {
 }
 
 #[test]
-fn something_else_of_another_length_is_not_taken_for_the_snake() {
+fn object_of_a_different_length_is_not_measured() {
     let rig = rig();
     let mut items = film(&rig);
     let short =

@@ -7,20 +7,21 @@ use super::{BalanceOrigin, ForceBalance};
 use crate::model::maths::regression::{array, vector};
 use crate::units::MotorVec;
 
-/// A pulley that has to move by less than this does not move, units of travel: what a search
-/// leaves beside its goal is no reason to cross a gap.
+/// A pulley that has to move by less than this does not move, units of travel: the rest error of a
+/// search must not make it cross a gap.
 const STILL: f64 = 1e-2;
 
-/// What is rounding in a goal, virtual counts: a drive takes whole counts, and the goal of one
-/// motor moves a little to and fro while the other one moves.
+/// Rounding in a goal, virtual counts: a drive takes whole counts, and the goal of one motor moves
+/// a little to and fro while the other one moves.
 const ROUNDING: f64 = 0.5;
 
 /// Further than that a motor does not go for a rounding, counts: it would cross a gap or the slack
 /// of its wires there and back again.
 const FAR: f64 = 2.0;
 
-/// A rounding is none while the other motor goes further than this, units of travel: it drags the
-/// bend along, by coupling and by the friction that both share. In a tick no motor goes that far.
+/// A difference is not rounding while the other motor moves more than this, units of travel: it
+/// drags the bend along, by coupling and by the friction that both share. In a tick no motor goes
+/// that far.
 const DRAGGING: f64 = 30.0;
 
 impl<const D: usize> ForceBalance<D> {
@@ -56,7 +57,7 @@ impl<const D: usize> ForceBalance<D> {
         counts
     }
 
-    /// See [`super::Operator::slack`]: a gap, and what a motor that stays has not gone.
+    /// See [`super::Operator::slack`]: a gap, and the remaining motion of a motor that stays.
     pub(super) fn slack_of(
         &self,
         origin: &BalanceOrigin<'_, D>,

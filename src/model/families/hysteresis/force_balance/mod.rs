@@ -1,5 +1,5 @@
-//! A balance of forces between gear, wires, spring and friction: the model of a tendon-driven
-//! snake, and the family `force-balance`.
+//! Force balance of gear, wires, spring and friction: the model of a tendon-driven snake, and the
+//! family `force-balance`.
 //!
 //! # Terms
 //!
@@ -12,17 +12,18 @@
 //! - **bend** `u`: the travel that the bend of the snake takes up, by motor.
 //! - **stretch** `e = x - u`. The **tension** of the two wires of a motor is `k+ c(P+ + e)` and
 //!   `k- c(P- - e)`; `c(y) = max(0, y)`, rounded over a softness `w` on both sides of 0.
-//! - **creep** `a_k`: stiffness of an element of the spring that resists a bend at once and forgets
-//!   it over a time `tau_k` of 0.5, 5 or 50 s (a Maxwell element; W. N. Findley, J. S. Lai, K.
+//! - **creep** `a_k`: stiffness of a spring element that resists a bend at once and forgets it over
+//!   a time `tau_k` of 0.5, 5 or 50 s (a Maxwell element; W. N. Findley, J. S. Lai, K.
 //!   Onaran, "Creep and Relaxation of Nonlinear Viscoelastic Materials", 1976): `w_k` is the bend
 //!   that it has got used to, `w_k' = (u - w_k) / tau_k`.
-//! - **transmission error**: what the pulley is ahead of the motor, once and twice a turn.
-//! - **preload** `P`: the stretch of a wire of a straight snake at rest; below 0 it is slack. It
-//!   grows with the squares of both bends: the path of a wire through a bent snake is another one.
+//! - **transmission error**: lead of the pulley over the motor, once and twice a turn.
+//! - **preload** `P`: the stretch of a wire in a straight snake at rest; below 0 it is slack. It
+//!   grows with the squares of both bends: a wire's path through a bent snake has another length.
 //! - **stop**: an elastic element of stiffness `s` that slips at a force (Maxwell slip; the
-//!   elements of A. Y. Ishlinskii 1944 and L. Prandtl 1928). An **own** stop resists the bend of one motor, a
-//!   **shared** stop the bend in the plane: its reach is a disc (return mapping, J. C. Simo and T.
-//!   J. R. Hughes, "Computational Inelasticity", 1998). A stop may **yield** before it slips.
+//!   elements of A. Y. Ishlinskii 1944 and L. Prandtl 1928). An **own** stop resists the bend of
+//!   one motor, a **shared** stop the bend in the plane: its reach is a disc (return mapping, J. C.
+//!   Simo and T. J. R. Hughes, "Computational Inelasticity", 1998). A stop may **yield** before it
+//!   slips.
 //!
 //! # Balance
 //!
@@ -44,14 +45,14 @@
 //! Sun 1993). The shortest motion moves the bend least, also where limits have changed (`still`).
 //!
 //! A step takes a time. Its `w_k` are those at its end, as if the snake had been at its last bend
-//! for all of it (implicit Euler): so the balance is one with less stiff elements, in a long time
-//! without them, and it changes with time also while no motor moves. A motion is taken to be
+//! throughout the step (implicit Euler): so the balance is one with less stiff elements, in a long
+//! time without them, and it changes with time also while no motor moves. A motion is taken to be
 //! uniform, and `local`, the inverse and a state that begins see no time pass.
 //!
 //! The inverse needs no search: a bend gives the forces that hold it, these give the stretch of the
 //! wires, the pulleys, and the motors, each across its gap in the direction of its motion. So a gap
 //! is crossed in one tick as far as the limits of the motor allow. The transmission error is small
-//! and smooth: two steps of Newton's method take it off.
+//! and smooth: two steps of Newton's method remove it.
 //!
 //! **Virtual counts** are the bend in counts: as if wires were taut and there were no gap and no
 //! friction.
@@ -61,7 +62,7 @@
 //! | `inverse` | the counts of a bend |
 //! | `parameters` | parameters in a file, and their checks |
 //! | [`sensitivity`] | derivatives of the bend by the parameters, for calibration |
-//! | `state` | the state, and what a step takes from it |
+//! | `state` | the state, and the terms that a step takes from it |
 //! | `wires` | the force of two wires, and its inverse |
 //! | `still` | the balance of a snake that hardly moves |
 //! | `stops` | elastic elements that slip |
@@ -107,16 +108,16 @@ const TICK: f64 = 4.0;
 const STEP_S: f64 = 0.25;
 const MAX_CREEP_STEPS: f64 = 8.0;
 
-/// The most steps of one advance. A longer motion uses longer steps.
+/// Maximum steps of one advance. A longer motion uses longer steps.
 const MAX_STEPS: u32 = 64;
 
 /// Safety factor on the estimate of the conditioning range, which leaves out the other motor.
 const CONDITIONING_MARGIN: f64 = 1.2;
 
 /// Stops with less than this share of the friction do not count for the conditioning range.
-const LEAST_SHARE: f64 = 0.05;
+const MIN_SHARE: f64 = 0.05;
 
-/// A prepared balance of forces of D motors.
+/// A prepared force balance of D motors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ForceBalance<const D: usize> {
     motors: [BalanceMotor; D],
@@ -126,14 +127,14 @@ pub struct ForceBalance<const D: usize> {
     shared_growth: f64,
     creep: [f64; CREEPING],
     has_creep: bool,
-    /// Turn of a motor per count, rad, and whether any motor has a transmission error.
+    /// Turn of a motor per count, rad; the flag says whether any motor has a transmission error.
     turn_per_count: f64,
     has_transmission_error: bool,
     loose_stiffness: f64,
     softness: f64,
     stays: f64,
     is_coarse: bool,
-    /// From pulleys to travel, without the neutral positions, and back.
+    /// Map from pulleys to travel, without the neutral positions, and back.
     coupling: SMatrix<f64, D, D>,
     uncoupling: SMatrix<f64, D, D>,
     /// Bend per travel of each motor with taut wires and without friction.
@@ -226,7 +227,7 @@ impl<const D: usize> ForceBalance<D> {
         self.positions(virtual_counts).component_mul(&self.gain)
     }
 
-    /// The pulleys after a straight motion of the motors; not a number where the motor is none.
+    /// The pulleys after a straight motion of the motors; NaN for a motor at NaN.
     fn drag(&self, state: &BalanceState, positions: &SVector<f64, D>) -> SVector<f64, D> {
         SVector::from_fn(|i, _| {
             let (gap, pulley) = (self.gap(state, i), state.pulley[i]);
@@ -241,7 +242,7 @@ impl<const D: usize> ForceBalance<D> {
         })
     }
 
-    /// The positions of the steps of an advance, each with its part of the way.
+    /// The step positions of an advance, each with its share of the way.
     fn steps(
         &self,
         state: &BalanceState,
@@ -255,8 +256,8 @@ impl<const D: usize> ForceBalance<D> {
         let crept =
             if self.has_creep { (time_s / STEP_S).ceil().min(MAX_CREEP_STEPS) } else { 0.0 };
         let steps = if steps > 0 { steps.max(crept as usize) } else { 0 };
-        // The last step ends at the counts to the bit: a pulley that a rounded sum leaves beside
-        // them would move again at the same counts.
+        // The last step ends exactly at the counts: a pulley left slightly off by a rounded sum
+        // would move again at the same counts.
         (0..steps).map(move |step| match step + 1 {
             last if last == steps => (1.0, to),
             step => {
@@ -393,9 +394,9 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
 
     /// An estimate: the gap, the slack, the change of the stretch from one direction of friction to
     /// the other, and the bend that drags the widest stop from one end to the other.
-    fn wipe_counts(&self) -> MotorVec {
+    fn conditioning_range(&self) -> MotorVec {
         let widest = |stops: &[Stop]| {
-            let counted = stops.iter().filter(|stop| stop.share > LEAST_SHARE);
+            let counted = stops.iter().filter(|stop| stop.share > MIN_SHARE);
             counted.map(|stop| stop.reach).fold(0.0, f64::max)
         };
         let reach = widest(&self.own).max(if D > 1 { widest(self.shared_stops()) } else { 0.0 });

@@ -1,4 +1,4 @@
-//! The parameters of a balance of forces in a model file, and their checks.
+//! Parameters of a force balance in a model file, and their checks.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,12 +8,12 @@ use crate::model::maths::matrix_checks::parameters;
 /// The most own stops of a motor.
 pub const OWN_STOPS: usize = 6;
 
-/// The most shared stops.
+/// Maximum number of shared stops.
 pub const SHARED_STOPS: usize = 4;
 
-/// The most of a motor's turn that its transmission error may be per motion: above, the position of
-/// the pulley would turn back while the motor does not.
-const MOST_TRANSMISSION: f64 = 0.5;
+/// Maximum change of the transmission error per motor motion: above it, the pulley would turn back
+/// while the motor does not.
+const MAX_TRANSMISSION: f64 = 0.5;
 
 /// Creeping elements, and their times, s.
 pub const CREEPING: usize = 3;
@@ -22,13 +22,13 @@ pub(super) const TIMES_S: [f64; CREEPING] = [0.5, 5.0, 50.0];
 /// The bend to which growth with the bend refers, units of travel: half the range of a calibration.
 pub const REACH: f64 = 1000.0;
 
-/// The largest length or force. It keeps squares and cubes far from overflow.
-const LARGEST: f64 = 1e6;
+/// Maximum length or force. It keeps squares and cubes far from overflow.
+const MAX_VALUE: f64 = 1e6;
 
-/// The least stiffness and softness: slopes are divided by them.
-const LEAST: f64 = 1e-4;
+/// Minimum stiffness and softness: slopes are divided by them.
+const MIN_STIFFNESS: f64 = 1e-4;
 
-/// The parameters of a balance of forces in a model file. Lengths and forces are in units of
+/// Parameters of a force balance in a model file. Lengths and forces are in units of
 /// travel, stiffnesses ratios to that of a taut wire.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -39,27 +39,26 @@ pub struct BalanceParameters {
     pub own_stops: Vec<BalanceStop>,
     /// Up to [`SHARED_STOPS`]; none for one motor.
     pub shared_stops: Vec<BalanceStop>,
-    /// Relative growth of the friction of the shared stops with the length of the bend, at
-    /// [`REACH`].
+    /// Relative growth of the shared stops' friction with the bend length, at [`REACH`].
     #[serde(default, skip_serializing_if = "is_zero")]
     pub shared_growth: f64,
     /// Stiffness while both wires are slack.
     pub loose_stiffness: f64,
-    /// Half the length of the transition of a wire from slack to taut.
+    /// Half the length over which a wire goes from slack to taut.
     pub softness: f64,
     /// Part of the friction above its limit that stays while the limit falls, 0 to 1.
     #[serde(default)]
     pub friction_stays: f64,
-    /// Stiffnesses of the elements of the spring that creep, not negative, the quickest first: they
-    /// resist a bend at once, and forget it over 0.5, 5 and 50 s.
+    /// Stiffnesses of the creeping spring elements, not negative, the quickest first: they resist a
+    /// bend at once, and forget it over 0.5, 5 and 50 s.
     #[serde(default, skip_serializing_if = "are_zero")]
     pub creep: [f64; CREEPING],
-    /// Counts of a turn of a motor, to which its transmission error refers.
+    /// Counts per motor turn, to which the transmission error refers.
     #[serde(default = "usual_turn", skip_serializing_if = "is_usual_turn")]
     pub counts_per_turn: f64,
 }
 
-/// Counts per turn of the motors of this robot: encoders of 256 lines.
+/// Counts per motor turn of this robot: encoders of 256 lines.
 pub const USUAL_TURN: f64 = 1024.0;
 
 fn usual_turn() -> f64 {
@@ -76,7 +75,7 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
-/// A motor, its gear, its wires, and what resists it.
+/// A motor, its gear, its wires and its resistances.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BalanceMotor {
@@ -90,14 +89,14 @@ pub struct BalanceMotor {
     pub gap: f64,
     /// Travel per travel of the other motor.
     pub coupling: f64,
-    /// Of the wire that pulls to positive bends, and of the other; below 0 it is slack.
+    /// Preload of the wire that pulls to positive bends, and of the other; below 0 it is slack.
     pub preload: [f64; 2],
     /// Growth of both with the square of the bend, at a bend of [`REACH`].
     pub preload_growth: f64,
     /// The same with the square of the other motor's bend.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub preload_growth_by_other: f64,
-    /// Of both wires.
+    /// Stiffness of both wires.
     pub stiffness: [f64; 2],
     /// Stiffness of the bend, and its relative growth with the square of the bend at [`REACH`].
     pub spring: f64,
@@ -117,10 +116,10 @@ pub struct BalanceMotor {
     pub friction_growth: [f64; 2],
     /// Relative growth of the friction along the bend of this motor, at [`REACH`].
     pub friction_slope: f64,
-    /// Relative excess of the friction of rising over that of falling bends, halved.
+    /// Half the relative excess of friction for rising over falling bends.
     pub friction_asymmetry: f64,
-    /// Transmission error of the gear: what the pulley is ahead of the motor, by the sine and the
-    /// cosine of the turn of the motor, then by those of twice the turn.
+    /// Transmission error of the gear, the lead of the pulley over the motor: amplitudes of sine
+    /// and cosine of the motor angle, then of twice the angle.
     #[serde(default, skip_serializing_if = "are_zero")]
     pub transmission_error: [f64; 4],
 }
@@ -164,25 +163,25 @@ impl BalanceParameters {
             require(range.contains(&stops.len()), key, stops.len(), "are too many or too few")?;
             for (index, stop) in stops.iter().enumerate() {
                 let named = |field: &str| format!("{name}[{index}].{field}");
-                within(stop.stiffness, LEAST, LARGEST, &named("stiffness"))?;
-                within(stop.share, 0.0, LARGEST, &named("share"))?;
+                within(stop.stiffness, MIN_STIFFNESS, MAX_VALUE, &named("stiffness"))?;
+                within(stop.share, 0.0, MAX_VALUE, &named("share"))?;
             }
         }
-        within(self.loose_stiffness, LEAST, LARGEST, "loose_stiffness")?;
-        within(self.softness, LEAST, LARGEST, "softness")?;
+        within(self.loose_stiffness, MIN_STIFFNESS, MAX_VALUE, "loose_stiffness")?;
+        within(self.softness, MIN_STIFFNESS, MAX_VALUE, "softness")?;
         within(self.friction_stays, 0.0, 1.0, "friction_stays")?;
-        within(self.shared_growth, -LARGEST, LARGEST, "shared_growth")?;
+        within(self.shared_growth, -MAX_VALUE, MAX_VALUE, "shared_growth")?;
         for stiffness in self.creep {
-            within(stiffness, 0.0, LARGEST, "creep")?;
+            within(stiffness, 0.0, MAX_VALUE, "creep")?;
         }
-        within(self.counts_per_turn, 1.0, LARGEST, "counts_per_turn")?;
+        within(self.counts_per_turn, 1.0, MAX_VALUE, "counts_per_turn")?;
         for (index, motor) in self.motors.iter().enumerate() {
             let [sine, cosine, twice_sine, twice_cosine] = motor.transmission_error;
             let amplitude = sine.hypot(cosine) + 2.0 * twice_sine.hypot(twice_cosine);
             let slope =
                 amplitude * std::f64::consts::TAU / (motor.travel_per_count * self.counts_per_turn);
             let name = format!("motors[{index}].transmission_error");
-            within(slope, 0.0, MOST_TRANSMISSION, &name)?;
+            within(slope, 0.0, MAX_TRANSMISSION, &name)?;
         }
         let product: f64 = self.motors.iter().map(|motor| motor.coupling).product();
         let key = || "family.balance.motors.coupling".to_owned();
@@ -206,7 +205,7 @@ impl BalanceMotor {
             ("spring", self.spring),
         ];
         for (field, value) in positive {
-            within(value, 1e-9, LARGEST, &name(field))?;
+            within(value, 1e-9, MAX_VALUE, &name(field))?;
         }
         let not_negative = [
             ("gap", self.gap),
@@ -217,7 +216,7 @@ impl BalanceMotor {
             ("friction_by_tension", self.friction_by_tension[1]),
         ];
         for (field, value) in not_negative {
-            within(value, 0.0, LARGEST, &name(field))?;
+            within(value, 0.0, MAX_VALUE, &name(field))?;
         }
         let signed = [
             ("neutral", self.neutral),
@@ -233,7 +232,7 @@ impl BalanceMotor {
             ("friction_asymmetry", self.friction_asymmetry),
         ];
         for (field, value) in signed {
-            within(value, -LARGEST, LARGEST, &name(field))?;
+            within(value, -MAX_VALUE, MAX_VALUE, &name(field))?;
         }
         Ok(())
     }

@@ -1,8 +1,8 @@
-//! How the bend along a path changes with the parameters: what a calibration needs to find them.
+//! Derivatives of the bend along a path by the parameters, for calibration.
 //!
 //! The derivatives of the state go with the state from step to step. Those of a balance follow from
-//! its equation, without a search: the change of the rest of the forces at a constant bend, through
-//! the slope that Newton's method uses.
+//! its equation, without a search: the change of the residual force at a constant bend, through the
+//! slope that Newton's method uses.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -90,7 +90,7 @@ impl BalanceParameters {
     }
 }
 
-/// Places of the parameters of a motor, in the order of [`BalanceParameters::numbers`].
+/// Indices of a motor's parameters, in the order of [`BalanceParameters::numbers`].
 #[derive(Clone, Copy)]
 struct Places(usize);
 
@@ -246,8 +246,8 @@ impl<const D: usize> ForceBalance<D> {
         self.balance(at, limits, (&self.travel(pulleys), &by_travel), held);
     }
 
-    /// What a step leaves of a jump of the bend, and its derivatives; see `still`. `before`: those
-    /// of the pulleys.
+    /// Rest of a bend jump after a step, and its derivatives; see `still`. `before`: those of the
+    /// pulleys.
     fn held_back_sensitive(
         &self,
         at: &SensitiveState<D>,
@@ -420,7 +420,7 @@ impl<const D: usize> ForceBalance<D> {
     }
 }
 
-/// Derivatives of the tension of both wires of a motor.
+/// Tension derivatives of both wires of a motor.
 fn tension_slopes(
     motor: usize,
     wires: &Wires,

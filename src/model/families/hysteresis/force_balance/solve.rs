@@ -9,17 +9,17 @@ use super::state::{BalanceState, Limits};
 /// A balance is found when the rest of the forces is below this.
 const TOLERANCE: f64 = 1e-6;
 
-/// The most steps of Newton's method. From the state before a step it takes three to six.
+/// Maximum steps of Newton's method. From the state before a step it takes three to six.
 const MAX_ITERATIONS: u32 = 40;
 
-/// The least part of a step that the line search tries. There the direction is taken all the same:
-/// a corner between two pieces is passed so.
-const LEAST_PART: f64 = 0.02;
+/// Minimum share of a step that the line search tries. It is then taken in any case, which passes
+/// a corner between two pieces.
+const MIN_STEP_FRACTION: f64 = 0.02;
 
-/// A part of a step has to lower the square of the rest by this part of it.
+/// Minimum decrease of the squared residual, relative to the share of the step.
 const DESCENT: f64 = 0.2;
 
-/// What resists a bend, and how that grows with it.
+/// Resistance to a bend and its growth with the bend.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Resistance<const D: usize> {
     pub force: SVector<f64, D>,
@@ -101,7 +101,7 @@ impl<const D: usize> ForceBalance<D> {
         rest
     }
 
-    /// The bend after a step from a state to a travel; not a number if the travel is none.
+    /// The bend after a step from a state to a travel; NaN if the travel is NaN.
     pub(super) fn solve(
         &self,
         state: &BalanceState,
@@ -134,7 +134,7 @@ impl<const D: usize> ForceBalance<D> {
                 let next = bend + step * part;
                 let at = self.rest(state, limits, travel, &next);
                 let left = at.force.norm_squared();
-                if left < square * (1.0 - DESCENT * part) || part < LEAST_PART {
+                if left < square * (1.0 - DESCENT * part) || part < MIN_STEP_FRACTION {
                     (bend, rest, square) = (next, at, left);
                     break;
                 }

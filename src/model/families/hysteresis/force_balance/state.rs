@@ -1,4 +1,4 @@
-//! The state of a balance of forces, and what a step takes from it.
+//! State of a force balance, and the terms that a step takes from it.
 
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
@@ -10,16 +10,16 @@ use crate::model::families::gap_scale::UNSCALED;
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// Factors on friction stay above this, however far a snake is bent.
-pub(super) const LEAST_FACTOR: f64 = 0.1;
+pub(super) const MIN_FACTOR: f64 = 0.1;
 
-/// Growth with the bend ends here, relative to [`REACH`]: no calibration goes further, and after
-/// readings that were wrong the wires must not be so tight that nothing moves any more.
-pub(super) const FARTHEST: f64 = 1.5;
+/// Maximum bend for growth, relative to [`REACH`]: no calibration goes further, and wrong readings
+/// must not tighten the wires until nothing moves any more.
+pub(super) const MAX_BEND: f64 = 1.5;
 
 /// A bend relative to [`REACH`], as far as preload and friction grow with it, and spring creeps.
 #[inline]
 pub(super) fn grown(bend: f64) -> f64 {
-    (bend / REACH).clamp(-FARTHEST, FARTHEST)
+    (bend / REACH).clamp(-MAX_BEND, MAX_BEND)
 }
 
 /// Positions of motors and pulleys, bend, tension of the wires, deflections of all stops, and the
@@ -37,7 +37,7 @@ pub struct BalanceState {
     pub(super) crept: [[f64; CREEPING]; MAX_MOTORS],
     /// Factor on gap, slack and friction of every motor: 1 as calibrated.
     pub(in crate::model) gap_scale: MotorVec,
-    /// On top of that: loss of preload of both wires, and growth of the gap.
+    /// In addition: preload loss of both wires, and growth of the gap.
     pub(in crate::model) slack: MotorVec,
     pub(in crate::model) play: MotorVec,
 }
@@ -61,14 +61,14 @@ impl BalanceState {
 }
 
 impl BalanceState {
-    /// Shares of [`REACH`]; what is no number changes nothing.
+    /// Shares of [`REACH`]; NaN changes nothing.
     pub(in crate::model) fn set_lost_travel(&mut self, slack: &MotorVec, play: &MotorVec) {
         let travel = |share: f64| if share.is_finite() { REACH * share } else { 0.0 };
         (self.slack, self.play) = (slack.map(travel), play.map(travel));
     }
 }
 
-/// What stays as before during a step: preload and limits of friction.
+/// Terms that stay constant during a step: preload and friction limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Limits<const D: usize> {
     pub preload: [[f64; 2]; D],
@@ -76,12 +76,11 @@ pub(super) struct Limits<const D: usize> {
     pub own: [[f64; 2]; D],
     /// Force at which all shared stops would slip if they had all the friction.
     pub shared: f64,
-    /// Relative hardening of the spring of every motor by the bend of the other one.
+    /// Relative hardening of every motor's spring by the bend of the other one.
     pub hardened: [f64; D],
     /// Part of the friction above a limit that stays.
     pub stays: f64,
-    /// What creeping elements take over of the way to the bend, and the stiffness that they have
-    /// left.
+    /// Share of the way to the bend that creeping elements follow, and their remaining stiffness.
     pub passed: [f64; CREEPING],
     pub late: [f64; CREEPING],
 }
@@ -102,7 +101,7 @@ impl<const D: usize> Limits<D> {
 }
 
 impl<const D: usize> ForceBalance<D> {
-    /// What creeping elements take over of the way to a bend in some time, s.
+    /// Share of the way to a bend that creeping elements follow within a time, s.
     pub(super) fn passed(&self, time_s: f64) -> [f64; CREEPING] {
         let is_nothing = !self.has_creep || time_s <= 0.0;
         TIMES_S.map(|all_s| if is_nothing { 0.0 } else { -(-time_s / all_s).exp_m1() })
@@ -141,15 +140,15 @@ impl<const D: usize> ForceBalance<D> {
                 + own_growth * own.abs()
                 + other_growth * across.abs()
                 + motor.friction_slope * own;
-            let factor = scale * pose.max(LEAST_FACTOR);
+            let factor = scale * pose.max(MIN_FACTOR);
             let friction = (motor.friction + load + other).max(0.0) * factor;
             limits.own[i] = [-motor.friction_asymmetry, motor.friction_asymmetry]
-                .map(|sense| friction * (1.0 + sense).max(LEAST_FACTOR));
+                .map(|sense| friction * (1.0 + sense).max(MIN_FACTOR));
             base += scale * motor.friction / D as f64;
             squared_load += (load * factor).powi(2);
         }
         let length = relative.iter().map(|part| part * part).sum::<f64>().sqrt();
-        let pose = (1.0 + self.shared_growth * length).max(LEAST_FACTOR);
+        let pose = (1.0 + self.shared_growth * length).max(MIN_FACTOR);
         limits.shared = (base + squared_load.sqrt()) * pose;
         limits
     }

@@ -15,7 +15,7 @@ use crate::model::maths::regression::vector;
 pub(super) const SMALL_MOTION: f64 = 0.5;
 const SMALL_TIME_S: f64 = 0.01;
 
-/// What a step leaves of a jump.
+/// Rest of a jump after a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct HeldBack<const D: usize> {
     /// The change of the bend at the pulleys of the state.
@@ -49,7 +49,7 @@ impl<const D: usize> ForceBalance<D> {
         held.map_or(bend, |held| bend - held.jump * held.part)
     }
 
-    /// What a step leaves of the jump; `None` if all of it takes effect.
+    /// Rest of the jump after a step; `None` if the whole jump takes effect.
     pub(super) fn held_back(
         &self,
         state: &BalanceState,

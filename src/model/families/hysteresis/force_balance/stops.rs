@@ -26,9 +26,9 @@ pub(super) struct Stop {
 pub(super) struct Held {
     pub deflection: f64,
     pub by_moved: f64,
-    /// By the deflection before.
+    /// Derivative by the previous deflection.
     pub by_from: f64,
-    /// By the deflections at which it slips, the falling one first.
+    /// Derivatives by the deflections at which it slips, the falling one first.
     pub by_ends: [f64; 2],
     pub by_stays: f64,
 }
@@ -44,18 +44,17 @@ impl Held {
 pub(super) struct HeldInPlane {
     pub deflection: [f64; 2],
     pub by_moved: [[f64; 2]; 2],
-    /// By the deflection before.
+    /// Derivative by the previous deflection.
     pub by_from: [[f64; 2]; 2],
-    /// By the deflection at which it slips.
+    /// Derivative by the deflection at which it slips.
     pub by_reach: [f64; 2],
 }
 
-/// A stop of less reach holds nothing: what stays of a friction that is gone halves until it is no
-/// number that can be divided by.
-const LEAST_REACH: f64 = 1e-12;
+/// Minimum reach of a stop that holds: a vanished friction halves until division by it would fail.
+const MIN_REACH: f64 = 1e-12;
 
-/// Exponentials of less count as 0.
-const LEAST_EXPONENT: f64 = -50.0;
+/// Exponents below this count as 0.
+const MIN_EXPONENT: f64 = -50.0;
 
 const NOTHING: [[f64; 2]; 2] = [[0.0; 2]; 2];
 const IDENTITY: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
@@ -104,11 +103,11 @@ impl Stop {
             return Held { by_moved: if is_free { 1.0 } else { 0.0 }, ..held };
         }
         let (start, end) = (within(from), end(usize::from(moved >= 0.0)));
-        if end.deflection.abs() < LEAST_REACH {
+        if end.deflection.abs() < MIN_REACH {
             return end;
         }
         let way = (moved / end.deflection).abs();
-        let left = exp_above(-way, LEAST_EXPONENT);
+        let left = exp_above(-way, MIN_EXPONENT);
         let rest = (end.deflection - start.deflection) * left;
         let of_end = 1.0 - left - rest * way / end.deflection;
         Held {
@@ -129,12 +128,12 @@ impl Stop {
         }
         let start = within(from, reach);
         let way = length(moved);
-        let holds = reach > LEAST_REACH;
+        let holds = reach > MIN_REACH;
         if !holds || way <= 0.0 {
             return HeldInPlane { by_moved: if holds { IDENTITY } else { NOTHING }, ..start };
         }
         let along = moved.map(|part| part / way);
-        let left = exp_above(-way / reach, LEAST_EXPONENT);
+        let left = exp_above(-way / reach, MIN_EXPONENT);
         let across = reach * (1.0 - left) / way;
         let rest: [f64; 2] =
             std::array::from_fn(|i| (start.deflection[i] - reach * along[i]) * left);
@@ -216,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_of_a_friction_that_is_gone_is_a_number() {
+    fn rest_of_vanished_friction_is_finite() {
         let held = stop(true).moved(1e-308, 1.0, [0.0; 2], 0.1);
         let slopes = [held.by_moved, held.by_from, held.by_ends[1], held.by_stays];
         assert!(slopes.iter().all(|slope| slope.is_finite()), "{held:?}");
@@ -225,7 +224,7 @@ mod tests {
     }
 
     proptest! {
-        /// In the plane, too, there is one balance.
+        /// The balance is unique in the plane as well.
         #[test]
         fn the_force_rises_along_every_motion(
             yields: bool,

@@ -1,5 +1,5 @@
-//! The transmission error of the gear of a motor: an eccentric pinion is ahead and behind once a
-//! turn, an oval one twice.
+//! Transmission error of a motor's gear: an eccentric pinion leads and lags once a turn, an oval
+//! one twice.
 
 use nalgebra::SVector;
 
@@ -9,7 +9,7 @@ use super::ForceBalance;
 const DRIVING_STEPS: usize = 2;
 
 impl<const D: usize> ForceBalance<D> {
-    /// Sine and cosine of the turn of a motor, and of twice the turn.
+    /// Sine and cosine of the motor angle, and of twice the angle.
     pub(super) fn turn(&self, counts: f64) -> [f64; 4] {
         let (sine, cosine) = (self.turn_per_count * counts).sin_cos();
         [sine, cosine, 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine]
@@ -27,7 +27,7 @@ impl<const D: usize> ForceBalance<D> {
         [a * sin + b * cos + c * sin_2 + d * cos_2, slope * self.turn_per_count]
     }
 
-    /// What the gear makes of the counts of the motors, units of travel; and back.
+    /// Pulley positions for motor counts, units of travel; and back.
     pub(super) fn driven(&self, counts: &SVector<f64, D>) -> SVector<f64, D> {
         let mut positions = self.positions(counts);
         for (i, position) in positions.iter_mut().enumerate() {

@@ -7,7 +7,7 @@ pub(super) struct Wires {
     pub stiffness: [f64; 2],
     /// Half the length of the transition from slack to taut.
     pub softness: f64,
-    /// Of both wires slack.
+    /// Stiffness with both wires slack.
     pub loose: f64,
 }
 
@@ -57,7 +57,7 @@ impl Wires {
         let soft = self.softness;
         let mut knots = [plus - soft, plus + soft, minus - soft, minus + soft];
         knots.sort_unstable_by(f64::total_cmp);
-        // Before the first knot and behind the last the curve is straight.
+        // Before the first knot and after the last the curve is straight.
         let mut from = knots[0];
         let mut at = self.force(from);
         if force <= at.value {

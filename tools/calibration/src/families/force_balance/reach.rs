@@ -37,7 +37,7 @@ impl<const D: usize> Visited<D> {
         let along = follow(operator.begin(&first));
         let (mut apart, mut possible) = (vec![0.0; along.len()], along.clone());
         // As if every motor had come from as far as the snake remembers, from one side or the other.
-        let range = operator.wipe_counts();
+        let range = operator.conditioning_range();
         for corner in 0..1 << D {
             let side = |i: usize| if (corner >> i) & 1 == 0 { -range[i] } else { range[i] };
             let mut state = operator.begin(&(first + SVector::from_fn(|i, _| side(i))));

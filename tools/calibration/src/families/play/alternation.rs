@@ -1,5 +1,5 @@
-//! Weights behind the mixture itself: expectation maximisation on the virtual counts and a step in
-//! the weights take turns for as long as that lowers the error on blocks left out.
+//! Weights for the mixture itself: expectation maximisation on the virtual counts alternates with a
+//! step in the weights, as long as that lowers the error on blocks left out.
 
 use i2ris::model::MixtureRegression;
 use nalgebra::DMatrix;
@@ -15,23 +15,23 @@ use crate::regression::polynomial::Polynomial;
 use crate::series::blocks;
 use crate::table::DataTable;
 
-/// Components of the mixture behind which weights are improved.
+/// Components of the mixture for which weights are improved.
 const COMPONENTS: usize = 8;
 
-/// Starts of its fit.
+/// Starts of its mixture fit.
 const RESTARTS: usize = 3;
 
-/// Most passes.
+/// Maximum number of passes.
 const PASSES: usize = 3;
 
-/// A pass has to lower the error by this part of it.
-const LEAST_GAIN: f64 = 0.005;
+/// Minimum relative reduction of the error by a pass.
+const MIN_GAIN: f64 = 0.005;
 
 /// Half the step of the differences for slopes, scaled virtual counts.
 const HALF_STEP: f64 = 1e-4;
 
-/// Fits weights behind a polynomial and improves them behind a mixture; also returns how often
-/// weights and mixture took turns. `None` when the outputs cannot be regressed on the counts.
+/// Fits weights with a polynomial and improves them with a mixture; also returns the number of
+/// passes. `None` if the outputs cannot be regressed on the counts.
 pub(super) fn alternate(
     states: &PlayStates,
     em: &EmOptions,
@@ -76,7 +76,7 @@ fn errors_after_passes(seen: &PlayStates, unseen: &PlayStates, em: &EmOptions) -
 /// The last pass of those that each lower the error of all blocks together.
 fn best_pass(blocks: &[Vec<f64>]) -> usize {
     let after = |pass: usize| blocks.iter().map(|errors| errors[pass]).sum::<f64>();
-    let lowers = |pass: &usize| after(pass + 1) < after(*pass) * (1.0 - LEAST_GAIN);
+    let lowers = |pass: &usize| after(pass + 1) < after(*pass) * (1.0 - MIN_GAIN);
     (0..PASSES).take_while(lowers).count()
 }
 
@@ -96,12 +96,13 @@ fn behind_mixture(
     let virtual_counts = states.virtual_counts(weights);
     let residuals =
         |inputs: &DMatrix<f64>| residuals(regression, &motor_vectors(inputs), &states.outputs);
-    let beside = |motor: usize, step: f64| {
-        let mut beside = virtual_counts.clone();
-        beside.column_mut(motor).add_scalar_mut(step);
-        residuals(&beside)
+    let shifted = |motor: usize, step: f64| {
+        let mut shifted_counts = virtual_counts.clone();
+        shifted_counts.column_mut(motor).add_scalar_mut(step);
+        residuals(&shifted_counts)
     };
-    let slope = |motor| (beside(motor, -HALF_STEP) - beside(motor, HALF_STEP)) / (2.0 * HALF_STEP);
+    let step = HALF_STEP;
+    let slope = |motor| (shifted(motor, -step) - shifted(motor, step)) / (2.0 * step);
     Some(Linearised {
         error: residuals(&virtual_counts),
         slopes: (0..virtual_counts.ncols()).map(slope).collect(),
@@ -114,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn passes_go_on_only_while_they_help_all_blocks_together() {
+    fn passes_continue_while_the_total_error_falls() {
         for (blocks, passes) in [
             (vec![vec![4.0, 3.0, 2.0, 1.0], vec![4.0, 3.0, 3.5, 3.0]], 3),
             (vec![vec![4.0, 3.0, 3.0, 1.0], vec![4.0; 4]], 1),

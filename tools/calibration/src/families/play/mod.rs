@@ -1,22 +1,22 @@
 //! The fit of play operators: family `gmr-play`.
 //!
-//! 1. **Thresholds** are in geometric steps between what one step of the motor still shows and the
-//!    longest travel between two turning points. How many, and how far up, is chosen by leaving
-//!    out contiguous blocks.
-//! 2. **Weights** are fitted by variable projection behind a polynomial, a substitute for the
-//!    later regression, and then behind a Gaussian mixture for as long as that lowers the error on
-//!    blocks left out.
-//! 3. The **chain** behind the operator is fitted: mixture on the virtual counts, residual on the
+//! 1. **Thresholds** are in geometric steps from the smallest gap that a motor step can show to the
+//!    longest travel between two turning points. Their number and range are chosen by leaving out
+//!    contiguous blocks.
+//! 2. **Weights** are fitted by variable projection with a polynomial, a substitute for the later
+//!    regression, and then with a Gaussian mixture as long as that lowers the error on blocks left
+//!    out.
+//! 3. The **chain** after the operator is fitted: mixture on the virtual counts, residual on the
 //!    lags.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `thresholds` | thresholds, and the range of them that a path can show |
-//! | `threshold_search` | how many thresholds, and up to where |
+//! | `threshold_search` | number and range of the thresholds |
 //! | `states` | the states of the plays at every sample |
 //! | `weights` | variable projection |
-//! | `alternation` | weights behind a mixture |
-//! | [`play_fit`] | all of it in order |
+//! | `alternation` | weights for a mixture |
+//! | [`play_fit`] | the whole fit |
 
 mod alternation;
 pub mod play_fit;
@@ -35,12 +35,12 @@ use crate::regression::linear::LinearError;
 /// Why no plays could be fitted.
 #[derive(Debug, thiserror::Error)]
 pub enum PlayError {
-    /// Not enough samples given, and the number needed.
+    /// Too few samples: their number, and the number needed.
     #[error("{0} sample(s) do not determine play operators, {1} might; record more")]
     TooFewSamples(usize, usize),
     /// A motor, counted from 0, that hardly moves.
     #[error(
-        "motor {0} hardly moves in the rows used for training; record motion of it, or hold out \
+        "motor {0} hardly moves in the rows used for training; move that motor, or hold out \
          other rows"
     )]
     Still(usize),
@@ -56,7 +56,7 @@ pub enum PlayError {
     /// Virtual counts that move as one.
     #[error(transparent)]
     Linear(#[from] LinearError),
-    /// Nothing could be fitted behind the operator.
+    /// Nothing could be fitted after the operator.
     #[error(transparent)]
     Chain(#[from] ChainError),
 }

@@ -16,27 +16,27 @@ use crate::recording::MIN_ROWS;
 use crate::series::Series;
 use crate::table::DataTable;
 
-/// Fitted plays and the chain behind them.
+/// Fitted plays and the following chain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlayFit {
-    /// From counts to virtual counts.
+    /// Maps counts to virtual counts.
     pub plays: PlayParameters,
-    /// From virtual counts to outputs.
+    /// Maps virtual counts to outputs.
     pub chain: ChainFit,
     /// Properties of the mechanism.
     pub mechanism: PlayMechanism,
-    /// RMS length of the error on blocks left out of the chosen thresholds.
+    /// RMS error on blocks left out, with the chosen thresholds.
     pub search_rms: f64,
-    /// How often weights and mixture took turns.
+    /// Passes that alternated weights and mixture.
     pub passes: usize,
 }
 
 impl PlayFit {
-    /// Fits the chain behind the same plays again, for example with fewer components.
+    /// Fits the chain after the same plays again, for example with fewer components.
     ///
     /// # Errors
     ///
-    /// As [`fit_play`].
+    /// See [`fit_play`].
     pub fn refit(
         &self,
         series: &Series,
@@ -59,8 +59,8 @@ impl PlayFit {
     }
 }
 
-/// Fits plays and the chain behind them; the seed of `options` is that of everything. The same
-/// seed gives the same fit to the bit, on any number of cores.
+/// Fits plays and the chain after them. The same `options`, with their seed, give the same fit to
+/// the bit, on any number of cores.
 ///
 /// # Errors
 ///

@@ -13,7 +13,7 @@ use crate::series::Series;
 /// The plays at every sample. Counts are divided by `scale`.
 #[derive(Debug, Clone)]
 pub(super) struct PlayStates {
-    /// With counts for virtual counts.
+    /// Trace points with counts as virtual counts.
     points: Vec<TracePoint>,
     /// Per motor: a row per sample, a column per threshold.
     pub plays: Vec<DMatrix<f64>>,
@@ -60,14 +60,14 @@ impl PlayStates {
         }
     }
 
-    /// The last samples, so many of them, and of those evenly spaced ones, not more than `most`.
+    /// The last `last` samples, thinned evenly to at most `most`.
     pub fn thinned(&self, last: usize, most: usize) -> Self {
         let step = last.div_ceil(most).max(1);
         let rows = (self.rows().saturating_sub(last)..self.rows()).step_by(step);
         self.select(&rows.collect::<Vec<_>>())
     }
 
-    /// Without a block of samples, and the block.
+    /// Splits off a block of samples: the rest, and the block.
     pub fn split(&self, block: &Range<usize>) -> (Self, Self) {
         let (unseen, seen): (Vec<usize>, Vec<usize>) =
             (0..self.rows()).partition(|row| block.contains(row));
@@ -81,7 +81,7 @@ impl PlayStates {
         DMatrix::from_columns(&columns)
     }
 
-    /// Features of a residual on all lags, with a shape and lags times a shape of given degrees.
+    /// Features of a residual on all lags: a shape, and lags times a shape, of the given degrees.
     pub fn features(&self, weights: &[DVector<f64>], degrees: (usize, usize)) -> DMatrix<f64> {
         let lags = self.points.first().map_or(0, |point| point.lags.as_slice().len());
         let scaled = motor_vectors(&self.virtual_counts(weights));

@@ -25,7 +25,7 @@ fn thresholds(some: &[f64]) -> Thresholds {
     Thresholds { motors: vec![some.to_vec(); 2], planar: Vec::new() }
 }
 
-/// A snake that is a play sum behind a bent curve, with noise of a deviation in degrees.
+/// A snake that is a play sum with a bent curve, with noise of the given deviation in degrees.
 fn snake(rows: usize, weights: [&[f64]; 2], deviation: f64) -> Recording {
     let parameters = PlayParameters {
         thresholds_counts: vec![THRESHOLDS.to_vec(); 2],
@@ -63,7 +63,7 @@ fn apart(found: &DVector<f64>, expected: &[f64]) -> f64 {
 }
 
 #[test]
-fn the_weights_of_a_play_sum_are_recovered_through_a_bent_curve() {
+fn play_weights_are_recovered_through_a_bent_curve() {
     let (first, second) = ([0.1, 0.0, 0.3, 0.6, 0.0], [0.3, 0.5, 0.0, 0.0, 0.2]);
     let series = Series::whole(&snake(1500, [&first, &second], 0.05));
     let weights = fit_weights(&states(&series, &THRESHOLDS)).unwrap();
@@ -72,7 +72,7 @@ fn the_weights_of_a_play_sum_are_recovered_through_a_bent_curve() {
 }
 
 #[test]
-fn the_inverse_always_gets_its_share_of_the_threshold_0() {
+fn the_threshold_0_keeps_its_minimum_weight() {
     let only_wide = [0.001, 0.0, 0.0, 0.999, 0.0];
     let series = Series::whole(&snake(800, [&only_wide, &only_wide], 0.0));
     for motor in fit_weights(&states(&series, &THRESHOLDS)).unwrap() {

@@ -1,6 +1,6 @@
-//! The choice of the thresholds: how many, and how far up, by the error on blocks left out.
+//! The choice of the thresholds: number and range, by the error on blocks left out.
 //!
-//! Each choice is tested with what the whole model will have: virtual counts with weights from the
+//! Each choice is tested with the parts of the whole model: virtual counts with weights from the
 //! other samples, and a ridge regression on their shape and on all lags.
 
 use i2ris::model::ModelError;
@@ -20,7 +20,7 @@ const DEGREES: [(usize, usize); 2] = [(5, 0), (5, 1)];
 /// Blocks left out one at a time.
 pub(super) const BLOCKS: usize = 5;
 
-/// Most samples that a choice uses.
+/// Maximum number of samples of a choice.
 pub(super) const ROWS: usize = 4000;
 
 /// Tops that are tried for all motors together, as parts of the range.
@@ -35,8 +35,8 @@ const COUNTS: [usize; 4] = [8, 7, 9, 10];
 /// Numbers of planar plays that are tried; the first one is the start.
 const PLANAR: [usize; 4] = [6, 0, 4, 10];
 
-/// A larger model has to lower the error by this part of it.
-const LEAST_GAIN: f64 = 0.005;
+/// Minimum relative reduction of the error by a larger model.
+const MIN_GAIN: f64 = 0.005;
 
 #[derive(Debug, Clone, PartialEq)]
 struct ThresholdChoice {
@@ -52,7 +52,7 @@ impl ThresholdChoice {
         let low = ranges.iter().map(|range| range.low).fold(f64::INFINITY, f64::min);
         let high = pairs().map(|(range, top)| range.top(*top)).fold(low, f64::max);
         let planar = if ranges.len() < 2 { 0 } else { self.planar };
-        // The first one is a step above the least: there two plays of one motor are the same.
+        // The first one is a step above the minimum, where two plays of one motor are the same.
         let step = (high / low).powf(1.0 / planar.max(1) as f64);
         Thresholds {
             motors: pairs().map(|(range, top)| range.grid(self.count, *top)).collect(),
@@ -115,7 +115,7 @@ pub(super) fn search(
 struct ThresholdSearch<'a> {
     series: &'a Series,
     ranges: &'a [ThresholdRange],
-    /// All choices are compared on the last samples, so many of them.
+    /// Number of last samples on which all choices are compared.
     rows: usize,
     best: Option<(ThresholdChoice, f64)>,
     progress: &'a dyn Progress,
@@ -128,11 +128,11 @@ impl ThresholdSearch<'_> {
         };
         let before = choice.size();
         change(&mut choice);
-        let gain = if choice.size() > before { LEAST_GAIN } else { -LEAST_GAIN };
+        let gain = if choice.size() > before { MIN_GAIN } else { -MIN_GAIN };
         self.consider(choice, gain)
     }
 
-    /// Keeps a choice that lowers the error by at least a part of it.
+    /// Keeps a choice that lowers the error by at least this part.
     fn consider(&mut self, choice: ThresholdChoice, gain: f64) -> Result<(), ModelError> {
         let states = self.states(&choice)?;
         let error = left_out_error(&states.thinned(self.rows.min(states.rows()), ROWS));
@@ -150,7 +150,7 @@ impl ThresholdSearch<'_> {
 }
 
 /// Mean square of the error on blocks that neither weights nor regression have seen, with the
-/// better of the degrees.
+/// better degrees.
 fn left_out_error(states: &PlayStates) -> Option<f64> {
     let blocks = blocks(states.rows(), BLOCKS);
     let errors = parallel::map(blocks.len(), |block| {

@@ -6,8 +6,8 @@ use nalgebra::DVector;
 use crate::series::Series;
 use i2ris_report::statistics::median;
 
-/// Below a few counts a gap cannot be distinguished from the rounding of the encoder.
-const LEAST_COUNTS: f64 = 4.0;
+/// Minimum width of a gap that can be distinguished from the rounding of the encoder, counts.
+const MIN_COUNTS: f64 = 4.0;
 
 /// Thresholds of the plays of all motors, and of the planar plays, counts.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,15 +38,15 @@ impl Thresholds {
 /// The thresholds that the travel of one motor can show.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ThresholdRange {
-    /// The least that shows, counts: a quarter of the usual step between positions, for a gap that
-    /// is crossed within one step is the same as none.
+    /// Smallest visible threshold, counts: a quarter of the usual step between positions, because a
+    /// gap crossed within one step cannot be seen.
     pub low: f64,
     /// Half the longest travel between two turning points, counts: a wider gap is never crossed.
     pub high: f64,
 }
 
 impl ThresholdRange {
-    /// Of every motor of a series; the error is the motor that hardly moves.
+    /// Ranges of every motor of a series; the error is the motor that hardly moves.
     pub fn of_motors(series: &Series) -> Result<Vec<Self>, usize> {
         let counts = |motor: usize| series.path().iter().map(move |counts| counts[motor]);
         let range = |motor: usize| Self::new(&counts(motor).collect::<Vec<_>>()).ok_or(motor);
@@ -57,7 +57,7 @@ impl ThresholdRange {
         let steps = counts.windows(2).map(|pair| (pair[1] - pair[0]).abs());
         let usual = median(&mut steps.filter(|step| *step > 0.0).collect::<Vec<_>>())?;
         let high = 0.5 * longest_travel(counts);
-        let low = LEAST_COUNTS.max(0.25 * usual);
+        let low = MIN_COUNTS.max(0.25 * usual);
         (high > 2.0 * low).then_some(Self { low, high })
     }
 
@@ -112,13 +112,13 @@ mod tests {
         assert_near(range.high, 500.0, 2.0);
         let grid = range.grid(8, 0.7);
         assert_eq!(grid[..2], [0.0, range.low]);
-        assert!(range.low >= LEAST_COUNTS && grid.len() == 9 && grid.is_sorted_by(|a, b| a < b));
+        assert!(range.low >= MIN_COUNTS && grid.len() == 9 && grid.is_sorted_by(|a, b| a < b));
         assert_near(grid[8], range.top(0.7), 1e-9);
         assert_near(range.top(1.0), range.high, 1e-9);
     }
 
     #[test]
-    fn a_motor_that_stands_has_no_range() {
+    fn a_motor_at_rest_has_no_range() {
         assert_eq!(ThresholdRange::new(&[3.0; 10]), None);
         assert_eq!(ThresholdRange::new(&[3.0, 5.0, 3.0, 5.0]), None);
     }

@@ -1,10 +1,10 @@
 //! Weights of the plays, by variable projection.
 //!
-//! The outputs are taken for `shape(v)`, `v_i = sum_j w_ij z_ij`, with weights `w >= 0` and a shape
-//! that is linear in its own coefficients. Those are projected out: for given weights they follow
-//! by linear least squares, and a Gauss-Newton step in the weights sees only what no change of the
-//! coefficients can do (G. Golub and V. Pereyra 1973, in the form of L. Kaufman 1975). The step
-//! itself is a least-squares problem with non-negative unknowns.
+//! The outputs are modelled as `shape(v)`, `v_i = sum_j w_ij z_ij`, with weights `w >= 0` and a
+//! shape that is linear in its own coefficients. These are projected out: for given weights they
+//! follow by linear least squares, and a Gauss-Newton step in the weights sees only what the
+//! coefficients cannot compensate (G. Golub and V. Pereyra 1973, in the form of L. Kaufman 1975).
+//! The step itself is a least-squares problem with non-negative unknowns.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -18,12 +18,12 @@ const STEPS: usize = 4;
 /// Halvings of a step that does not lower the error.
 const HALVINGS: usize = 4;
 
-/// The least weight of the threshold 0, when the weights of a motor sum to 1: the inverse may be up
-/// to its reciprocal steeper than the counts at a turning point.
+/// Minimum weight of the threshold 0, if the weights of a motor sum to 1: at a turning point the
+/// inverse may be steeper than the counts by up to its reciprocal.
 pub(super) const FIRST_WEIGHT: f64 = 0.02;
 
-/// How much weights are held where they were, as a part of the mean of the normal equations'
-/// diagonal: the scale of the weights of a motor is free, for the shape can undo it.
+/// Inertia of the weights, as a part of the mean of the normal equations' diagonal: the scale of a
+/// motor's weights is free, because the shape can undo it.
 const INERTIA: f64 = 1e-6;
 
 /// Weights of every motor, each summing to 1.
@@ -31,11 +31,11 @@ pub(super) type Weights = Vec<DVector<f64>>;
 
 /// A shape about given weights.
 pub(super) struct Linearised {
-    /// What the shape leaves of the outputs: row: sample, column: output.
+    /// Residual of the outputs; row: sample, column: output.
     pub error: DMatrix<f64>,
     /// Per motor: derivative of the shape with respect to the virtual counts.
     pub slopes: Vec<DMatrix<f64>>,
-    /// What changes of the shape's coefficients can do.
+    /// Effects of changes of the shape's coefficients.
     pub basis: Polynomial,
 }
 
@@ -104,7 +104,7 @@ fn starts(weights: &Weights) -> impl Iterator<Item = usize> {
     })
 }
 
-/// Scaled to the sum 1, with no less than the least weight of the threshold 0.
+/// Scales to the sum 1, with at least the minimum weight of the threshold 0.
 fn normalised(weights: DVector<f64>) -> DVector<f64> {
     let mut weights = &weights / weights.sum();
     if weights[0] < FIRST_WEIGHT {
@@ -121,12 +121,12 @@ fn even(states: &PlayStates) -> Weights {
     sizes.map(|size| DVector::from_element(size, 1.0 / size as f64)).collect()
 }
 
-/// Fits weights behind a polynomial. `None` when the outputs cannot be regressed on the counts.
+/// Fits weights with a polynomial. `None` if the outputs cannot be regressed on the counts.
 pub(super) fn fit_weights(states: &PlayStates) -> Option<Weights> {
     improve(states, even(states)).map(|(weights, _)| weights)
 }
 
-/// Improves weights, and gives the sum of squares that is left. No step is taken that raises it.
+/// Improves weights, and returns the remaining sum of squares. No step raises it.
 pub(super) fn improve(states: &PlayStates, mut weights: Weights) -> Option<(Weights, f64)> {
     let mut here = Linearised::polynomial(states, &weights)?;
     for _ in 0..STEPS {

@@ -1,4 +1,4 @@
-//! Networks and recordings that fit, and some that do not.
+//! Networks and recordings that match, and some that do not.
 
 use i2ris::model::network::{Activation, Layer};
 
@@ -14,7 +14,7 @@ fn bent(rows: usize) -> Recording {
     })
 }
 
-/// The network that knows that snake.
+/// A network that represents that snake exactly.
 fn exact() -> NetworkFile {
     let weight = vec![vec![20.0 / 12.0, -15.0 / 12.0], vec![15.0 / 12.0, 20.0 / 12.0]];
     let bias = vec![2.0 / 12.0, -5.0 / 12.0];
@@ -54,7 +54,7 @@ fn a_network_becomes_a_model_with_hull_deviation_and_range() {
     let file = model.file();
     assert!(file.metrics.iter().all(|metrics| metrics.held_out.is_some_and(|it| it.rmsd < 0.07)));
     let FamilyParameters::Network { memory_counts, .. } = &file.family else { panic!() };
-    // It has no memory: the least range that is tried is enough.
+    // It has no memory: the smallest tested range is enough.
     let widths = [0, 1].map(|motor: usize| {
         let corners = || model.hull().corners().map(|corner| corner[motor]);
         corners().fold(f64::MIN, f64::max) - corners().fold(f64::MAX, f64::min)
@@ -64,23 +64,23 @@ fn a_network_becomes_a_model_with_hull_deviation_and_range() {
 }
 
 #[test]
-fn other_columns_units_and_ways_round_are_refused() {
+fn wrong_columns_units_and_directions_are_refused() {
     let reverse = |file: &mut NetworkFile| {
         file.inputs = ["pitch_deg", "yaw_deg"].map(str::to_owned).into();
     };
     refused(reverse, 300, &["from pitch_deg, yaw_deg", "from counts to angles in degrees"]);
     refused(|file| file.outputs.swap(0, 1), 300, &["to yaw_deg, pitch_deg"]);
-    refused(|file| file.version = 2, 300, &["no network of this version: `i2ris-network 2`"]);
+    refused(|file| file.version = 2, 300, &["not a network of this version: `i2ris-network 2`"]);
     let radians = |file: &mut NetworkFile| {
         for gain in file.network.output_gain.iter_mut().flatten() {
             *gain = gain.to_radians();
         }
     };
-    refused(radians, 1500, &["nonsense"]);
+    refused(radians, 1500, &["unusable"]);
 }
 
 #[test]
-fn a_window_longer_than_the_recording_and_a_network_of_another_robot_are_refused() {
+fn too_long_windows_and_foreign_networks_are_refused() {
     let window = |file: &mut NetworkFile| {
         let taps = vec![vec![vec![0.01; 2]; 2]; 2];
         let bias = vec![0.0; 2];
@@ -90,11 +90,11 @@ fn a_window_longer_than_the_recording_and_a_network_of_another_robot_are_refused
     };
     refused(window, 300, &["looks at 60", "record more"]);
     let other = |file: &mut NetworkFile| file.network.output_offset = vec![4.0, 0.0];
-    refused(other, 1500, &["a straight line by", "another robot"]);
+    refused(other, 1500, &["that of a straight line", "another robot"]);
 }
 
 #[test]
-fn a_file_of_a_gigabyte_is_refused_by_its_length_and_an_unknown_layer_by_its_name() {
+fn huge_files_and_unknown_layers_are_refused() {
     let file = tempfile::NamedTempFile::new().unwrap();
     file.as_file().set_len(1 << 30).unwrap();
     let error = NetworkFile::read(file.path()).unwrap_err();

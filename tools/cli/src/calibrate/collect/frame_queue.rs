@@ -1,4 +1,4 @@
-//! Camera frames that wait for their turn in the recording, and for the next frame, which shows
+//! Camera frames waiting for their place in the recording, and for the next frame, which shows
 //! whether they are outliers. Pure.
 
 use std::collections::VecDeque;
@@ -11,8 +11,8 @@ use i2ris::units::{MAX_OUTPUTS, Nanos};
 const NEIGHBOURS_NS: u64 = 300_000_000;
 
 /// The largest possible values, in degrees and mm: recordings with larger ones are refused.
-const MOST_DEG: f64 = 180.0;
-const MOST_MM: f64 = 1000.0;
+const MAX_ANGLE_DEG: f64 = 180.0;
+const MAX_POSITION_MM: f64 = 1000.0;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFrame {
@@ -42,7 +42,7 @@ pub struct FrameQueue {
     /// Distance in one output from both neighbours that makes an outlier, in the unit.
     outlier: f64,
     queue: VecDeque<CameraFrame>,
-    /// The last good one that was handed out.
+    /// Last good frame returned by `pop`.
     before: Option<CameraFrame>,
 }
 
@@ -51,7 +51,7 @@ impl FrameQueue {
         Self { unit, outputs, outlier, queue: VecDeque::new(), before: None }
     }
 
-    /// Takes in what the camera sent; false if its stamp is not above that of the one before.
+    /// Adds a camera frame; false if its stamp is not above that of the previous frame.
     pub fn push(&mut self, seen: &ExternalPosition) -> bool {
         let stamp = Nanos(seen.stamp_ns);
         let rises = self.queue.back().is_none_or(|last| last.stamp < stamp);
@@ -64,8 +64,7 @@ impl FrameQueue {
         rises
     }
 
-    /// The stamp of the next frame that can be assessed: one that has a successor, unless all have
-    /// to go.
+    /// Stamp of the next frame that can be assessed: one with a successor, or any if `all`.
     pub fn next(&self, all: bool) -> Option<Nanos> {
         let ready = self.queue.len() > 1 || all;
         self.queue.front().filter(|_| ready).map(|frame| frame.stamp)
@@ -82,8 +81,8 @@ impl FrameQueue {
 
     fn impossible(&self, frame: &CameraFrame) -> bool {
         let most = match self.unit {
-            OutputUnit::Deg => MOST_DEG,
-            OutputUnit::Mm => MOST_MM,
+            OutputUnit::Deg => MAX_ANGLE_DEG,
+            OutputUnit::Mm => MAX_POSITION_MM,
         };
         frame.outputs.iter().any(|output| output.is_nan() || output.abs() > most)
     }
@@ -130,19 +129,19 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_far_from_both_neighbours_is_an_outlier() {
+    fn frame_far_from_both_neighbours_is_an_outlier() {
         assert_eq!(judge(&[(0, 1.0), (33, 9.0), (66, 1.4), (99, 1.6)]), [true, false, true, true]);
     }
 
     #[test]
-    fn fast_motion_a_step_and_a_lone_picture_are_none() {
+    fn fast_motion_step_and_single_frame_are_not_outliers() {
         assert_eq!(judge(&[(0, 1.0), (33, 5.0), (66, 9.0)]), [true, true, true]);
         assert_eq!(judge(&[(0, 1.0), (33, 1.0), (66, 9.0), (99, 9.0)]), [true, true, true, true]);
         assert_eq!(judge(&[(0, 1.0), (1000, 9.0), (2000, 1.0)]), [true, true, true]);
     }
 
     #[test]
-    fn an_angle_that_no_snake_has_is_always_one() {
+    fn impossible_angle_is_always_an_outlier() {
         assert_eq!(judge(&[(0, 200.0), (33, f64::NAN), (66, 1.0)]), [false, false, true]);
     }
 

@@ -1,11 +1,10 @@
-//! `i2ris calibrate collect`: moves the motors through a protocol and records them with what a
-//! camera sees.
+//! `i2ris calibrate collect`: moves the motors through a protocol and records motors and camera.
 //!
 //! | file | contents |
 //! |---|---|
 //! | `session` | driving the robot while recording motors and camera |
 //! | `recorder`, `frame_queue` | from messages to rows |
-//! | `sidecar` | the file beside the recording: settings, outcome, flags |
+//! | `sidecar` | the file next to the recording: settings, outcome, flags |
 //! | `printed_report` | the printed outcome |
 
 mod frame_queue;
@@ -38,7 +37,7 @@ use recorder::RecordedRows;
 use session::{Ending, Session, Subscriptions};
 use sidecar::{Limits, Outcome, ProtocolRecord, Sidecar};
 
-/// Part of the way to the nearest position limit that a protocol uses by itself.
+/// Default range of a protocol, as a fraction of the distance to the nearest position limit.
 const USED_PART: f64 = 0.75;
 
 #[derive(Debug, clap::Args)]
@@ -47,40 +46,39 @@ const USED_PART: f64 = 0.75;
   i2ris calibrate collect --range-counts 300 --output first.csv
   i2ris calibrate collect --protocol cycles --json --output cycles.csv
 
-The controller has to run: robot and limits are its own; and a camera process that publishes
-external/measured_jp. Ctrl-C stops
-the robot and keeps the recording. Beside FILE.csv, FILE.toml holds the settings, the outcome and
-the flagged moments.")]
+Needs a running controller, which defines robot and limits, and a camera process that publishes
+external/measured_jp. Ctrl-C stops the robot and keeps the recording. FILE.toml, next to FILE.csv,
+holds the settings, the outcome and the flagged intervals.")]
 pub struct Arguments {
-    /// Where to record: a CSV file that does not exist yet
+    /// Recording to write: a CSV file that does not exist yet
     #[arg(long, short, value_name = "FILE.csv")]
     output: PathBuf,
     /// Motion of the motors
     #[arg(long, value_enum, default_value_t = Protocol::Reversals)]
     protocol: Protocol,
-    /// How long [default: the usual duration of the protocol; 300 for reversals]
+    /// Duration [default: that of the protocol; 300 for reversals]
     #[arg(long, value_name = "S", value_parser = above_zero)]
     duration_s: Option<f64>,
-    /// How far to go from the centre [default: three quarters of the way to the nearest position
+    /// Range around the centre [default: three quarters of the distance to the nearest position
     /// limit]
     #[arg(long, value_name = "COUNTS", value_parser = above_zero)]
     range_counts: Option<f64>,
-    /// The centre, motor by motor [default: 0,0]
+    /// Centre of the motion, one value per motor [default: 0,0]
     #[arg(long, value_name = "COUNTS,..", value_delimiter = ',', num_args = 1,
           allow_negative_numbers = true, value_parser = value_parser!(i32))]
     centre_counts: Vec<i32>,
     /// Speed limit of the motors
     #[arg(long, value_name = "COUNTS_PER_S", default_value_t = 450.0, value_parser = above_zero)]
     speed_counts_s: f64,
-    /// Seed of what is random: the same seed gives the same motion
+    /// Random seed: the same seed gives the same motion
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Only record, until Ctrl-C: somebody else moves the robot
+    /// Only record, until Ctrl-C; another program moves the robot
     #[arg(long, conflicts_with_all = ["protocol", "duration_s", "enable", "home"])]
     watch: bool,
     #[command(flatten)]
     prepare: PrepareOptions,
-    /// Do without the conditioning cycle: the hysteresis at the beginning is then unknown
+    /// Skip the conditioning cycle: the initial hysteresis is then unknown
     #[arg(long)]
     no_condition: bool,
     #[command(flatten)]
@@ -94,9 +92,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     check_output(&arguments.output)?;
     if arguments.protocol == Protocol::Axes {
         eprintln!(
-            "warning: moving one motor at a time is a trap: a model of it does not know the plane \
-             between the axes, and its inverse runs off there. Use it to look at one axis, and \
-             --protocol reversals to calibrate."
+            "warning: do not calibrate with one motor moving at a time: the model does not learn \
+             the plane between the axes, and its inverse diverges there. Use this to look at one \
+             axis, and --protocol reversals to calibrate."
         );
     }
     let domain = arguments.domain.domain()?;
@@ -138,7 +136,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recorded = recorder.finish().map_err(|error| cannot_write(&arguments.output, &error))?;
 
     sidecar.outcome = Some(outcome(&recorded, &ending, subscriptions.missed()));
-    // As `calibrate fit` finds it.
+    // The same estimate as in `calibrate fit`.
     let read = Recording::read(&arguments.output, &ColumnMap::default()).ok();
     let latency = read.and_then(|(recording, _)| recording.latency());
     sidecar.latency = latency.map(|latency| printed_report::record(&latency));
@@ -148,7 +146,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     match ending? {
         Ending::Complete => Ok(()),
         Ending::Interrupted => {
-            Err("interrupted; the robot holds, and what was recorded is kept".into())
+            Err("interrupted; the robot holds, and the recording is kept".into())
         }
     }
 }
@@ -175,14 +173,14 @@ fn request(arguments: &Arguments, version: &Version) -> Result<MotionRequest, Fa
             .min(centre - f64::from(version.position_min_counts[motor]));
     }
     if room <= 0.0 {
-        return Err("--centre-counts: is not within the position limits of the controller".into());
+        return Err("--centre-counts: not within the position limits of the controller".into());
     }
     let radius = arguments.range_counts.unwrap_or(USED_PART * room);
     if radius > room {
         return Err(format!(
-            "--range-counts {radius}: the position limits leave {room} counts around the centre; ask \
-             for less, move the centre with --centre-counts, or widen the limits in the configuration \
-             and restart the controller"
+            "--range-counts {radius}: the position limits leave {room} counts around the centre; \
+             reduce the range, move the centre with --centre-counts, or widen the limits in the \
+             configuration and restart the controller"
         )
         .into());
     }
@@ -209,7 +207,7 @@ fn check_output(output: &Path) -> Result<(), Failure> {
     let shown = output.display();
     if output.extension().is_none_or(|extension| extension != "csv") {
         return Err(format!(
-            "--output {shown}: must end in .csv; a .toml of the same name is written beside it"
+            "--output {shown}: must end in .csv; a .toml of the same name is written next to it"
         )
         .into());
     }
@@ -217,20 +215,22 @@ fn check_output(output: &Path) -> Result<(), Failure> {
         [output.to_owned(), Sidecar::path(output)].iter().find(|path| path.exists())
     {
         return Err(format!(
-            "--output {shown}: {} exists, and recordings are not written over; name another file",
+            "--output {shown}: {} already exists and is not overwritten; name another file",
             recorded.display()
         )
         .into());
     }
     if !folder.is_dir() {
-        return Err(
-            format!("--output {shown}: there is no folder {}; make it", folder.display()).into()
-        );
+        return Err(format!(
+            "--output {shown}: the folder {} does not exist; create it",
+            folder.display()
+        )
+        .into());
     }
     Ok(())
 }
 
-/// Outputs of the camera: as the controller's model names it, if there is one that fits.
+/// Outputs of the camera, with the names from the controller's model if it matches.
 fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
     let (unit, known): (_, &[&str]) = if count == 3 {
         (OutputUnit::Mm, &["x", "y", "z"])

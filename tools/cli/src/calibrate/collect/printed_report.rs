@@ -7,16 +7,16 @@ use i2ris_calibration::quality::latency::Latency;
 use super::sidecar::{FlagKind, LatencyRecord, Sidecar};
 use i2ris_report::Failure;
 
-/// A latency below this is none: the encoders are read every 4 ms.
+/// Latencies below this are negligible: the encoders are read every 4 ms.
 const SMALL_MS: f64 = 4.0;
 
-/// As in the file.
+/// The latency as written to the sidecar file.
 pub fn record(latency: &Latency) -> LatencyRecord {
     let round = |seconds: f64| (seconds * 1e5).round() / 1e2;
     LatencyRecord { estimate_ms: round(latency.seconds), deviation_ms: round(latency.deviation_s) }
 }
 
-/// Prints it, for a person or for a script.
+/// Prints the outcome as text or JSON.
 pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Failure> {
     if json {
         println!("{}", serde_json::to_string_pretty(sidecar)?);
@@ -36,7 +36,7 @@ pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Fail
     println!("latency    {}", latency_text(sidecar.latency.as_ref()));
     println!("flags      {}", flags_text(sidecar));
     if outcome.missed_messages > 0 {
-        println!("missed     {} message(s): this program was held up", outcome.missed_messages);
+        println!("missed     {} message(s): this program was delayed", outcome.missed_messages);
     }
     println!("wrote      {} and {}", recording.display(), Sidecar::path(recording).display());
     if outcome.complete {
@@ -51,12 +51,12 @@ pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Fail
 
 fn latency_text(latency: Option<&LatencyRecord>) -> String {
     match latency {
-        None => "of the camera's stamps cannot be found from this motion".to_owned(),
+        None => "of the camera's stamps cannot be estimated from this motion".to_owned(),
         Some(LatencyRecord { estimate_ms, deviation_ms }) => {
             let what = if estimate_ms.abs() > SMALL_MS.max(3.0 * deviation_ms) {
-                "; `i2ris calibrate fit` takes off what rows held out confirm"
+                "; `i2ris calibrate fit` corrects it if held-out rows confirm it"
             } else {
-                ", as good as none"
+                ", negligible"
             };
             format!("{estimate_ms:+.1} +- {deviation_ms:.1} ms in the camera's stamps{what}")
         }

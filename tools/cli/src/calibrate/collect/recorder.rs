@@ -1,4 +1,4 @@
-//! From messages to the rows of a recording, in order of time. Pure except for the writer.
+//! Converts messages to rows of a recording, in order of time. Pure except for the writer.
 //!
 //! Every position of motor 0 makes a row, with the other motor between its own positions around
 //! that instant; every frame makes a row with its angles and both motors between their positions
@@ -29,7 +29,7 @@ pub struct Recorder<W: Write> {
     outputs: usize,
     encoders: [TimeSeries<1>; MAX_MOTORS],
     frames: FrameQueue,
-    /// Number of the position of motor 0 that is to be written next.
+    /// Index of the next position of motor 0 to write.
     next: usize,
     written: Option<Nanos>,
     last_seen: Option<Nanos>,
@@ -39,7 +39,7 @@ pub struct Recorder<W: Write> {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedRows {
-    /// All rows; `outputs` are not numbers where nothing was measured.
+    /// All rows; `outputs` are NaN where nothing was measured.
     pub rows: Vec<Row>,
     pub flags: Vec<Flag>,
 }
@@ -60,7 +60,7 @@ pub fn is_sample(row: &Row) -> bool {
 const OUTLIER: f64 = 3.0;
 
 impl<W: Write> Recorder<W> {
-    /// Begins with the header. `start` is the instant that the recording counts from.
+    /// Writes the header. `start` is the time zero of the recording.
     pub fn new(to: W, start: Nanos, motors: usize, outputs: &[OutputSpec]) -> io::Result<Self> {
         let unit = outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
         Ok(Self {
@@ -140,7 +140,7 @@ impl<W: Write> Recorder<W> {
         Ok(RecordedRows { rows: self.rows, flags: self.flags })
     }
 
-    /// Every motor has a position at an instant or after it.
+    /// Whether every motor has a position at or after `stamp`.
     fn covered(&self, stamp: Nanos) -> bool {
         self.encoders
             .iter()
@@ -208,7 +208,7 @@ impl<W: Write> Recorder<W> {
         self.writer.row(&row)
     }
 
-    /// One flag while the camera sees nothing.
+    /// Extends a single flag while the camera sees nothing.
     fn nothing_seen(&mut self, stamp: Nanos) {
         let t_s = stamp.duration_since(self.start).as_seconds();
         match self.flags.last_mut() {
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_outliers_and_blind_pictures_are_flagged_and_give_no_angles() {
+    fn gaps_outliers_and_blind_frames_are_flagged_without_angles() {
         let mut file = Vec::new();
         let mut recorder = recorder(&mut file);
         (0..=200).step_by(4).for_each(|time| recorder.positions(&positions(time)));

@@ -11,7 +11,7 @@ use i2ris::units::{MotorVec, Nanos};
 use indicatif::ProgressBar;
 
 use super::recorder::Recorder;
-use crate::command::progress::{LOST_SETPOINT, begin_anew};
+use crate::command::progress::{LOST_SETPOINT, restart_stream};
 use crate::command::stream_monitor::StreamMonitor;
 use crate::progress_bar::tenths;
 use i2ris_report::{Failure, Interrupt};
@@ -23,7 +23,7 @@ const PERIOD: Nanos = Nanos::from_millis(5);
 
 const CAMERA_WAIT: Nanos = Nanos::from_millis(3000);
 
-/// A camera without a message for so long has failed.
+/// Time without a message after which a camera has failed.
 const CAMERA_SILENCE: Nanos = Nanos::from_millis(2000);
 
 /// A frame whose stamp is further from now is not on this machine's monotonic clock.
@@ -32,7 +32,7 @@ const CLOCK_TOLERANCE: Nanos = Nanos::from_millis(10_000);
 /// Rows are written this much later, because frames arrive late.
 const WRITE_DELAY: Nanos = Nanos::from_millis(1000);
 
-/// How long to continue after the motion, for delayed frames.
+/// Time to continue after the motion, for delayed frames.
 const LAST_FRAMES: Nanos = Nanos::from_millis(1000);
 
 /// How long the controller may take to read the last command: many ticks.
@@ -65,7 +65,7 @@ impl Subscriptions {
         let mut blind = false;
         loop {
             let now = clock::now();
-            // The last frame of a camera that has ended is still there for whoever joins.
+            // New subscribers still receive the last frame of a camera that has ended.
             while let Some(seen) = subscriptions.external.read()? {
                 let valid = seen.flags & ExternalPosition::VALID != 0;
                 blind |= !valid;
@@ -131,8 +131,8 @@ fn check_clock(seen: &ExternalPosition, now: Nanos) -> Result<(), Failure> {
 
 fn no_camera(domain: &str, blind: bool) -> String {
     if blind {
-        return "the camera sees nothing: every frame on external/measured_jp is marked as not \
-         valid; look at the snake in its frame"
+        return "the camera sees nothing: every frame on external/measured_jp is marked invalid; \
+         check that the snake is in the image"
             .to_owned();
     }
     format!(
@@ -142,19 +142,19 @@ fn no_camera(domain: &str, blind: bool) -> String {
     )
 }
 
-/// A robot that is ENABLED, and everything that is needed to move and record it.
+/// An ENABLED robot, and all that is needed to move and record it.
 pub struct Session<'a> {
     pub client: &'a mut Client,
     pub interrupt: &'a Interrupt,
     pub subscriptions: &'a mut Subscriptions,
-    /// Shows time; its length is set here.
+    /// Progress bar over time; this session sets its length.
     pub bar: &'a ProgressBar,
 }
 
 impl Session<'_> {
-    /// Conditions the robot, if asked, and moves it. What arrives goes to `recorder` all the while.
-    /// An interrupt stops the motion softly; whatever happens, the robot holds in the end and the
-    /// lease is free.
+    /// Conditions the robot, if requested, and moves it, while messages go to `recorder`. An
+    /// interrupt stops the motion softly. In every case the robot holds in the end and the lease is
+    /// free.
     pub fn perform<W: Write>(
         &mut self,
         recorder: &mut Recorder<W>,
@@ -168,7 +168,7 @@ impl Session<'_> {
         let outcome = self
             .current_setpoints(recorder)
             .and_then(|from| self.play(recorder, motion(from), speed_counts_s));
-        // A command in transit would take the lease again.
+        // A command in transit would acquire the lease again.
         clock::sleep(LAST_COMMAND);
         let released = self.client.state_command(StateCommand::Release);
         let ending = outcome?;
@@ -177,7 +177,7 @@ impl Session<'_> {
         Ok(ending)
     }
 
-    /// Records what somebody else does with the robot, until an interrupt.
+    /// Records while another program moves the robot, until an interrupt.
     pub fn watch<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<Ending, Failure> {
         while !self.interrupt.came() {
             self.subscriptions.receive(recorder)?;
@@ -198,7 +198,7 @@ impl Session<'_> {
                 Some(setpoint) => return Ok(setpoint),
                 None if clock::now().duration_since(start) > CAMERA_WAIT => {
                     return Err(
-                        "the controller does not report where the motors are; look at its log"
+                        "the controller does not report the motor positions; look at its log"
                             .into(),
                     );
                 }
@@ -216,12 +216,12 @@ impl Session<'_> {
         });
         match outcome {
             Ok(_) => recorded.map(|()| Ending::Complete),
-            Err(ClientError::GivenUp { .. }) => {
+            Err(ClientError::WaitCancelled { .. }) => {
                 self.client.state_command(StateCommand::Hold)?;
                 recorded.map(|()| Ending::Interrupted)
             }
             Err(ClientError::Refused { refusal: Refusal::Unsupported, .. }) => Err(
-                "this controller knows no conditioning cycle; add --no-condition to go without \
+                "this controller has no conditioning cycle; add --no-condition to record without \
                      it"
                 .into(),
             ),
@@ -254,7 +254,7 @@ impl Session<'_> {
                     Ending::Interrupted
                 });
             }
-            let step_s = if watch.may_go_on() { (now - last).as_seconds() } else { 0.0 };
+            let step_s = if watch.may_continue() { (now - last).as_seconds() } else { 0.0 };
             let place = playback.advance(step_s, stop);
             last = now;
             let counts = place.map(|counts| counts.round() as i32);
@@ -264,7 +264,7 @@ impl Session<'_> {
                 watch.check(&state, clock::now())?;
             }
             if watch.has_lost_setpoint() {
-                let state = begin_anew(self.client)?;
+                let state = restart_stream(self.client)?;
                 playback.rejoin(self.current_setpoints(recorder)?, speed_counts_s);
                 last = clock::now();
                 watch.restart(&state, last);

@@ -1,7 +1,6 @@
-//! What a recording does not say by itself, in a TOML file beside it.
+//! Metadata of a recording, in a TOML file next to it.
 //!
-//! Written when the recording begins, so that one that is cut off has it, too, and again when it
-//! has ended.
+//! Written when the recording begins, so that an interrupted one also has it, and again at the end.
 
 use std::path::{Path, PathBuf};
 
@@ -14,11 +13,11 @@ use i2ris_report::files::replace;
 pub struct Sidecar {
     /// Always `i2ris-recording`.
     pub format: &'static str,
-    /// Of this file's layout.
+    /// Version of this file's layout.
     pub schema_version: u32,
     /// Name of the recording, without folders.
     pub recording: String,
-    /// As in the controller's configuration.
+    /// Robot id of the controller's configuration.
     pub robot_id: String,
     pub software: String,
     pub controller: String,
@@ -28,15 +27,15 @@ pub struct Sidecar {
     /// When `t_s` was 0, on the wall clock, seconds since 1970.
     pub started_unix_s: u64,
     pub protocol: ProtocolRecord,
-    /// How it went; absent while it goes on.
+    /// The outcome; absent while recording.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outcome: Option<Outcome>,
-    /// Of the camera's stamps; absent where it cannot be found.
+    /// Latency of the camera's stamps; absent if it cannot be estimated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub latency: Option<LatencyRecord>,
-    /// The settings of the drives; empty where the controller does not say them.
+    /// The drive settings; empty if the controller does not report them.
     pub drives: Vec<DriveFingerprint>,
-    /// Moments to know of.
+    /// Intervals with problems.
     pub flags: Vec<Flag>,
 }
 
@@ -48,7 +47,7 @@ pub struct ProtocolRecord {
     pub centre_counts: Vec<f64>,
     pub range_counts: f64,
     pub speed_counts_s: f64,
-    /// A conditioning stroke came first; it is part of the recording.
+    /// A conditioning cycle came first; it is part of the recording.
     pub conditioned: bool,
     pub limits: Limits,
 }
@@ -64,15 +63,15 @@ pub struct Limits {
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outcome {
-    /// The protocol was gone through to its end.
+    /// The protocol ran to its end.
     pub complete: bool,
-    /// Why not; empty when complete.
+    /// Reason if incomplete; empty otherwise.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub reason: String,
     pub rows: usize,
     /// Rows with angles.
     pub samples: usize,
-    /// From the first row to the last, s.
+    /// Time from the first row to the last, s.
     pub length_s: f64,
     /// Rows without angles, per second.
     pub encoder_rate_hz: f64,
@@ -84,7 +83,7 @@ pub struct Outcome {
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LatencyRecord {
-    /// What is in the stamps of the recording, ms.
+    /// Latency contained in the stamps of the recording, ms.
     pub estimate_ms: f64,
     /// Standard deviation of the estimate, ms.
     pub deviation_ms: f64,
@@ -104,15 +103,15 @@ impl Sidecar {
     }
 }
 
-/// A moment with a problem. The recording has no row with angles for it.
+/// An interval with a problem. The recording has no row with angles for it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Flag {
-    /// As in the recording, s.
+    /// Time as in the recording, s.
     pub t_s: f64,
     pub kind: FlagKind,
-    /// How long it lasted, s; 0 for a single reading.
+    /// Duration, s; 0 for a single reading.
     pub span_s: f64,
-    /// What was measured, in the unit of the recording; empty where nothing was.
+    /// Measured values, in the unit of the recording; may be empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub measured: Vec<f64>,
 }
@@ -130,8 +129,7 @@ pub enum FlagKind {
     NothingSeen,
     /// Far from the frames before and after, which agree; or an angle that is impossible.
     Outlier,
-    /// Arrived after later rows had been written, or with a stamp that does not
-    /// rise.
+    /// Arrived after later rows had been written, or with a stamp that does not rise.
     Late,
 }
 

@@ -1,4 +1,4 @@
-//! The circle of the check, judged by the camera: to have gone round is not to have followed.
+//! Check circle, judged by the camera: completing the circle does not mean following it.
 
 use i2ris::clock;
 use i2ris::model::Model;
@@ -9,13 +9,13 @@ use super::progress::Progress;
 use super::{Guided, Step, stopped};
 use crate::demo::tracking::{TrackingRecorder, rms_deg};
 
-/// What camera and line add on a circle of 5 deg/s, deg: frames that are 60 ms late, and noise.
+/// Error added by camera and line at 5 deg/s, deg: frames 60 ms late, and noise.
 const ADDED_DEG: f64 = 0.5;
 
 const POLL: Nanos = Nanos::from_millis(5);
 
 impl Guided {
-    /// Follows the circle. `Some`: what is doubtful about it.
+    /// Follows the circle. `Some`: the reason to doubt the result.
     pub fn check(
         &mut self,
         progress: &Progress,
@@ -27,7 +27,7 @@ impl Guided {
             let mut circle = self.command(&words)?.spawn()?;
             let mut read = Ok(());
             let status = loop {
-                // The circle is not left alone, whatever happens here.
+                // In every case the circle is waited for or stopped.
                 read = read.and_then(|()| recorder.read());
                 if let Some(status) = circle.try_wait()? {
                     break status;
@@ -43,12 +43,12 @@ impl Guided {
             let limit = 2.0 * stated + ADDED_DEG;
             doubt = (error.is_nan() || error > limit).then(|| {
                 let seen = match error.is_nan() {
-                    true => "the camera has not seen the circle".to_owned(),
-                    false => format!("the camera saw it followed within {error:.2} deg RMS"),
+                    true => "the camera did not see the circle".to_owned(),
+                    false => format!("the camera measured a tracking error of {error:.2} deg RMS"),
                 };
                 format!(
-                    "{seen}, and the limit is {limit:.2} (twice what the model states, and \
-                     {ADDED_DEG} for camera and line); `i2ris preflight` says what is wrong"
+                    "{seen}; the limit is {limit:.2} (twice the stated model error, plus \
+                     {ADDED_DEG} for camera and line); `i2ris preflight` shows the cause"
                 )
             });
         }
@@ -56,7 +56,7 @@ impl Guided {
     }
 }
 
-/// What is left of the fit on rows that it has not seen, both outputs together, deg.
+/// Held-out error of the fit, both outputs together, deg.
 fn stated_deg(model: &Model) -> f64 {
     let fits = model.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training).rmsd);
     fits.map(|rmsd| rmsd * rmsd).sum::<f64>().sqrt()

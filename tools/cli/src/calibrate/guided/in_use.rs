@@ -1,5 +1,5 @@
-//! The last step: the snake moves as in use, and the model is fitted to that as well. A calibration
-//! covers the whole range; work stays in a part of it, and crosses gaps as fast as the motors can.
+//! The last step: the snake moves as in use, and the model is refitted to include that motion. A
+//! calibration covers the whole range; use covers part of it, and crosses gaps at full motor speed.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -14,30 +14,29 @@ use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ, within_reach};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use super::progress::{REFINED, put_aside};
+use super::progress::{REFINED, set_aside};
 use super::{Guided, Step, say, stopped, words};
 
 /// No other motion has this seed.
 const SEED: u64 = 3;
 
 impl Guided {
-    /// Moves, fits, and lets the new model take over. Where it is not better, the model of the
-    /// calibration stays.
+    /// Moves, fits, and switches to the new model. If it is not better, the calibrated model stays.
     pub fn refine(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         let [model, refined] = ["model.json", REFINED].map(|name| self.file(name));
         let [recording, in_use] = ["recording.csv", "use.csv"].map(|name| self.file(name));
         let loaded = Model::load(&self.folder.join("model.json"))?;
         if loaded.outputs() != 2 {
-            return say("the model has other outputs than pitch and yaw: there is nothing to do");
+            return say("the model has other outputs than pitch and yaw: step skipped");
         }
         self.write_path(&loaded)?;
         let prepare = self.prepare()?;
         for words in prepare {
             self.run(Step::Refine, &words, interrupt)?;
         }
-        put_aside(&self.folder.join("use.csv"))?;
+        set_aside(&self.folder.join("use.csv"))?;
         self.record_use(&in_use, interrupt)?;
-        // One of an earlier model would be taken for this one's.
+        // A file from an earlier model would be mistaken for this one's.
         let _ = fs::remove_file(self.folder.join(REFINED));
         let refine = ["calibrate", "fit", &recording, &in_use, "--model", &model];
         let refine = words(&[&refine[..], &["--output", &refined]].concat());
@@ -46,12 +45,12 @@ impl Guided {
             return Err(stopped(Step::Refine, status, true).into());
         }
         if !status.success() {
-            return say("the model of the calibration stays");
+            return say("the calibrated model stays");
         }
         self.run(Step::Refine, &words(&["model", "use", &refined]), interrupt)
     }
 
-    /// A motion as of a hand, in the reach of the model.
+    /// A motion like that of a hand, within reach of the model.
     fn write_path(&self, model: &Model) -> Result<(), Failure> {
         let path = Motion::Teleoperation.path(f64::from(self.motion_s), SEED);
         let within = within_reach(&[(Motion::Teleoperation, path)], model);
@@ -81,7 +80,7 @@ impl Guided {
         self.run(Step::Refine, &words(&["command", "state", "condition"]), interrupt)?;
         let path = self.file("use-path.csv");
         let status = self.command(&words(&["command", "file", &path]))?.status()?;
-        // What the limits cut off was not reached, and what was reached was recorded.
+        // Poses beyond the limits were clipped; the recording contains the clipped motion.
         let is_moved = status.success() || status.code() == Some(i32::from(OUT_OF_REACH));
         if !is_moved || interrupt.came() {
             return Err(stopped(Step::Refine, status, interrupt.came()).into());

@@ -1,5 +1,5 @@
-//! Which steps are done: read from the files that they leave and from the controller, so that a
-//! calibration goes on after an interruption, a failure or a restart of the controller.
+//! Completed steps, read from their files and the controller, so that a calibration resumes after
+//! an interruption, a failure or a restart of the controller.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use i2ris_report::Failure;
 use super::steps::Step;
 use crate::command::prepare::CONNECT;
 
-/// The model that was fitted to the use as well, if it is better there.
+/// The model refitted to motion as in use, if it is better there.
 pub const REFINED: &str = "refined.json";
 
 #[derive(Debug)]
@@ -22,14 +22,14 @@ pub struct Progress {
     folder: PathBuf,
     done: Vec<Step>,
     model: Option<ModelId>,
-    /// What the use has made of it.
+    /// The refined model.
     refined: Option<ModelId>,
-    /// The model was checked on a circle, maybe with another start of the controller.
+    /// The model was checked on a circle, maybe before a controller restart.
     checked_before: bool,
 }
 
 impl Progress {
-    /// What an earlier run has left in the folder. A recording that was not completed is put aside.
+    /// Reads the results of an earlier run. An incomplete recording is set aside.
     pub fn read(folder: &Path, client: &mut Client) -> Result<Self, Failure> {
         let mut progress = Self {
             folder: folder.to_owned(),
@@ -40,13 +40,13 @@ impl Progress {
         };
         let recording = folder.join("recording.csv");
         if !is_complete(&recording) {
-            put_aside(&recording)?;
+            set_aside(&recording)?;
             return Ok(progress);
         }
         progress.done.push(Step::Collect);
         let unseen = folder.join("unseen.csv");
         if !is_complete(&unseen) {
-            put_aside(&unseen)?;
+            set_aside(&unseen)?;
         }
         let Some(model) = fitted(&folder.join("model.json"), &recording) else {
             return Ok(progress);
@@ -66,19 +66,19 @@ impl Progress {
         if is(&active, in_use) && is_ready(client)? {
             progress.done.push(Step::Use);
         } else {
-            // The circle was followed with another start of the controller.
+            // The circle was followed before a controller restart.
             progress.done.retain(|step| *step != Step::Check);
         }
         Ok(progress)
     }
 
-    /// The model of the folder is the one in use.
+    /// Whether the model of the folder is in use.
     pub fn is_active(&self, client: &mut Client) -> Result<bool, Failure> {
         let [active, ..] = client.models()?.slots;
         Ok(self.refined.or(self.model).is_some_and(|model| is(&active, model)))
     }
 
-    /// The file in the folder that the robot runs with in the end.
+    /// File name of the final model.
     pub fn model_file(&self) -> &'static str {
         if self.refined.is_some() { REFINED } else { "model.json" }
     }
@@ -96,7 +96,7 @@ impl Progress {
         self.done.contains(&step)
     }
 
-    /// Notes that a step was done now.
+    /// Marks a step as done.
     pub fn done(&mut self, step: Step) -> Result<(), Failure> {
         if step == Step::Fit {
             self.model = Some(Model::load(&self.folder.join("model.json"))?.id());
@@ -113,7 +113,7 @@ impl Progress {
         Ok(())
     }
 
-    /// The file that says for which model a step was done.
+    /// File with the identity of the model for which a step was done.
     fn note(&self, step: Step) -> PathBuf {
         self.folder.join(format!("{step}.done"))
     }
@@ -130,17 +130,17 @@ fn is(slot: &ModelSlot, model: ModelId) -> bool {
     slot.flags & ModelSlot::PRESENT != 0 && ModelId(slot.model_id) == model
 }
 
-/// Whether the file beside a recording says that it is complete.
+/// Whether the sidecar file marks a recording as complete.
 pub fn is_complete(recording: &Path) -> bool {
-    let beside = fs::read_to_string(recording.with_extension("toml"));
-    let table = beside.ok().and_then(|text| text.parse::<toml::Table>().ok());
+    let sidecar = fs::read_to_string(recording.with_extension("toml"));
+    let table = sidecar.ok().and_then(|text| text.parse::<toml::Table>().ok());
     let complete =
         table.as_ref().and_then(|table| table.get("outcome")?.get("complete")?.as_bool());
     recording.is_file() && complete == Some(true)
 }
 
-/// Renames a recording that is not complete, with the file beside it: nothing is written over.
-pub fn put_aside(recording: &Path) -> Result<(), Failure> {
+/// Renames an incomplete recording and its sidecar file, overwriting nothing.
+pub fn set_aside(recording: &Path) -> Result<(), Failure> {
     for path in [recording.to_owned(), recording.with_extension("toml")] {
         if !path.exists() {
             continue;
@@ -168,26 +168,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_a_recording_whose_file_says_so_is_complete_and_others_are_put_aside() {
+    fn recordings_without_complete_sidecar_are_set_aside() {
         let folder = tempfile::tempdir().unwrap();
         let recording = folder.path().join("recording.csv");
         assert!(!is_complete(&recording));
         fs::write(&recording, "t_s\n").unwrap();
         assert!(!is_complete(&recording));
-        let beside = recording.with_extension("toml");
-        fs::write(&beside, "[outcome]\ncomplete = false\n").unwrap();
+        let sidecar = recording.with_extension("toml");
+        fs::write(&sidecar, "[outcome]\ncomplete = false\n").unwrap();
         assert!(!is_complete(&recording));
-        put_aside(&recording).unwrap();
-        assert!(!recording.exists() && !beside.exists());
+        set_aside(&recording).unwrap();
+        assert!(!recording.exists() && !sidecar.exists());
         fs::write(&recording, "t_s\n").unwrap();
-        put_aside(&recording).unwrap();
+        set_aside(&recording).unwrap();
         let mut left: Vec<_> = { fs::read_dir(folder.path()).unwrap() }
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
             .collect();
         left.sort();
         assert_eq!(left.len(), 3, "{left:?}");
         fs::write(&recording, "t_s\n").unwrap();
-        fs::write(&beside, "[outcome]\ncomplete = true\n").unwrap();
+        fs::write(&sidecar, "[outcome]\ncomplete = true\n").unwrap();
         assert!(is_complete(&recording));
     }
 }

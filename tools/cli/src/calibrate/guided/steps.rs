@@ -30,7 +30,7 @@ impl Step {
     pub const ALL: [Self; 6] =
         [Self::Collect, Self::Fit, Self::Compare, Self::Use, Self::Check, Self::Refine];
 
-    /// The robot moves, so its zero has to be known.
+    /// Whether the robot moves, which requires a known zero.
     pub fn moves(self) -> bool {
         matches!(self, Self::Collect | Self::Use | Self::Check | Self::Refine)
     }
@@ -39,13 +39,13 @@ impl Step {
         match self {
             Self::Collect => "the motors move through the plane while the camera measures",
             Self::Fit => "a model is fitted to the recording",
-            Self::Compare => "the model is judged on a short recording that it has not seen",
+            Self::Compare => "the model is judged on a short recording that it was not fitted to",
             Self::Use => {
-                "the controller checks the model, which takes over; a conditioning cycle \
+                "the controller checks and activates the model; a conditioning cycle \
                           makes it exact"
             }
             Self::Check => "the snake follows a circle, and the camera measures the error",
-            Self::Refine => "the snake moves as in use, and the model is fitted to that as well",
+            Self::Refine => "the snake moves as in use, and the model is refitted to include it",
         }
     }
 }

@@ -18,7 +18,7 @@ pub fn describe(config: &Config) -> Result<String, Failure> {
     Ok(text.trim_start_matches('\n').to_owned())
 }
 
-/// Plain values first: in TOML, everything after the head of a table belongs to it.
+/// Writes plain values first: in TOML, everything after a table header belongs to that table.
 fn write_table(text: &mut String, table: &toml::Table, node: Node<'_>, path: &str) {
     let keys = node.keys();
     for (key, inner) in &keys {
@@ -97,7 +97,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_printed_configuration_is_equal_and_names_every_key() {
+    fn printed_configuration_is_equal_and_names_every_key() {
         for file in ["robot.toml", "robot-rs232.toml", "emulator.toml"] {
             let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(file);
             let config = Config::parse(&std::fs::read_to_string(&path).unwrap(), &path).unwrap();

@@ -1,4 +1,4 @@
-//! The JSON Schema of the files that people write: keys, types, and the meaning of each key.
+//! JSON Schema of the configuration files: keys, types, and the meaning of each key.
 //!
 //! The crates that read these files derive the schemas in their tests, so that no program depends
 //! on the derivation; `config/schema` holds the result.
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 pub enum Kind {
-    /// What `i2ris-control` is given
+    /// Configuration of `i2ris-control`
     Controller,
     /// A snake of the emulator
     Snake,
@@ -39,7 +39,7 @@ impl<'a> Node<'a> {
         Self { root, here: root }
     }
 
-    /// The keys of a table, in the order of the alphabet; empty for what is no table.
+    /// The keys of a table, in alphabetical order; empty if it is not a table.
     pub fn keys(self) -> Vec<(&'a str, Self)> {
         let object = self.resolved().here.get("properties").and_then(Value::as_object);
         object
@@ -58,7 +58,7 @@ impl<'a> Node<'a> {
         self.here.get("description").and_then(Value::as_str)
     }
 
-    /// The range of a number, where it has one.
+    /// The range of a number, if limited.
     pub fn range(self) -> Option<String> {
         let bound = |name: &str| self.here.get(name).filter(|value| value.is_number());
         let high = bound("maximum")?;
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn every_key_of_the_configurations_here_is_in_the_schema_with_its_meaning() {
+    fn every_configuration_key_here_has_a_meaning_in_the_schema() {
         for (kind, file) in [
             (Kind::Controller, "robot.toml"),
             (Kind::Controller, "robot-rs232.toml"),
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn every_key_of_the_schema_has_a_meaning_and_tables_are_closed() {
+    fn schema_keys_have_a_meaning_and_tables_are_closed() {
         for (kind, least) in [(Kind::Controller, 60), (Kind::Snake, 20), (Kind::Vision, 12)] {
             let schema = of(kind).unwrap();
             let (mut found, mut count) = (Vec::new(), 0);

@@ -1,7 +1,7 @@
-//! A target to be followed for a time: one that moves along a seeded curve, or one that rests.
+//! A target to be followed for a time: moving along a seeded curve, or at rest.
 //!
-//! The curve is a sum of sines that no person foresees (McRuer and Jex, IEEE Trans. Human Factors
-//! Electron. HFE-8, 231, 1967), and fades in.
+//! The curve is a sum of sines that an operator cannot predict (McRuer and Jex, IEEE Trans. Human
+//! Factors Electron. HFE-8, 231, 1967), and fades in.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
@@ -14,12 +14,12 @@ use rand_pcg::Pcg64;
 use super::Course;
 use crate::command::trajectory::Angles;
 
-/// Frequencies of pitch and of yaw, Hz: none is a multiple of another one.
+/// Frequencies of pitch and yaw, Hz: none is a multiple of another.
 const FREQUENCIES_HZ: [[f64; 4]; 2] = [[0.05, 0.11, 0.19, 0.29], [0.07, 0.13, 0.17, 0.31]];
 /// Radius of the circle that a monitor draws, deg. Nothing depends on it.
 const DRAWN_DEG: f64 = 0.5;
 
-/// Where the target is, over time.
+/// Target position over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
     centre: Angles,
@@ -32,7 +32,7 @@ impl Curve {
         Self { centre, sines: [[(0.0, 0.0); 4]; 2] }
     }
 
-    /// Never further from the middle than `range_deg`. Slow sines are wide, so all are as fast.
+    /// At most `range_deg` from the middle. Slow sines are wider, so that all have the same speed.
     pub fn seeded(centre: Angles, range_deg: f64, seed: u64) -> Self {
         let mut random = Pcg64::seed_from_u64(seed);
         let sines = FREQUENCIES_HZ.map(|frequencies| {
@@ -61,7 +61,7 @@ impl Curve {
 pub struct Follow {
     curve: Curve,
     length: Nanos,
-    /// When the clutch closed first.
+    /// Time when the clutch first closed.
     began: Option<Nanos>,
     is_finished: bool,
     last_seen: Option<Nanos>,
@@ -152,7 +152,7 @@ impl Course for Follow {
     fn summary(&self) -> String {
         match root_mean_square(self.away_deg.iter().copied()) {
             Some(rms) => format!("{rms:.2} deg from the target (root mean square)"),
-            None => "nothing was seen of the snake after the run-in".to_owned(),
+            None => "the snake was not observed after the run-in".to_owned(),
         }
     }
 }
@@ -164,14 +164,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_target_is_followed_from_the_first_closed_clutch_for_its_time() {
+    fn target_is_followed_from_first_closed_clutch_for_its_time() {
         let curve = Curve::seeded([1.0, 2.0], 4.0, 7);
         let mut task = Follow::new(curve.clone(), Nanos::from_millis(10_000));
         assert_eq!(task.update(Nanos::from_millis(5), false, None), None);
         assert!(task.message(Nanos::from_millis(5)).is_none());
         let mut ended = Vec::new();
         for ms in (1000..=11_000).step_by(10) {
-            // A tenth of a second behind.
+            // Lagging by a tenth of a second.
             let now = Nanos::from_millis(ms);
             let at = curve.at((ms as f64 - 1100.0) * 1e-3);
             ended.extend(task.update(now, true, Some((now, at))));
@@ -197,7 +197,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_curve_begins_in_its_middle_stays_in_its_disc_and_is_never_fast(
+        fn curve_starts_in_the_middle_and_is_bounded_and_slow(
             seed in any::<u64>(), range_deg in 0.5..20.0_f64, t_s in 0.0..100.0_f64,
         ) {
             let centre = [1.0, -2.0];

@@ -1,5 +1,5 @@
-//! Tasks of a person with whatever a hand holds: reach (targets, one after the other), pursuit (a
-//! target that moves), and holding still.
+//! Manual tasks with any input device: reach (targets, one after the other), pursuit (a moving
+//! target), and holding still.
 //!
 //! The target is published, so that the monitor shows it and a recording has it; `i2ris record
 //! report` scores it, by the camera's angles if there is a camera, otherwise by the model's
@@ -19,18 +19,18 @@ use crate::numbers::{finite, pair, positive};
 use follow::{Curve, Follow};
 use reach::{Disc, Reach, Settings, seeded_targets};
 
-/// Age at which the angles of a camera do not count any more.
+/// Age at which camera angles are ignored.
 const CAMERA_STALE: Nanos = Nanos::from_millis(500);
 const PUBLISH_PERIOD: Nanos = Nanos::from_millis(50);
-/// Of a target that moves: between two messages it is taken for a straight line.
+/// Publishing period of a moving target: between two messages, its path is taken as straight.
 const MOVING_PERIOD: Nanos = Nanos::from_millis(10);
 
 /// The course of a task. Pure: time and angles are arguments.
 trait Course {
     fn is_finished(&self) -> bool;
 
-    /// Takes in new angles, and returns the last message of a target that ends now. A task begins
-    /// when the clutch closes for the first time: who has not begun loses no time.
+    /// Adds new angles, and returns the last message of a target that ends now. A task begins when
+    /// the clutch first closes, so that waiting costs no time.
     fn update(
         &mut self,
         now: Nanos,
@@ -38,13 +38,13 @@ trait Course {
         seen: Option<(Nanos, Angles)>,
     ) -> Option<ReachTarget>;
 
-    /// The message of the present target; `None`: none is shown.
+    /// Message of the present target; `None`: no target is shown.
     fn message(&self, now: Nanos) -> Option<ReachTarget>;
 
-    /// What to do, within 70 columns.
+    /// Instruction for the operator, within 70 columns.
     fn line(&self, now: Nanos) -> String;
 
-    /// How a target ended.
+    /// Outcome of a target.
     fn outcome(&self, ended: &ReachTarget, now: Nanos) -> String;
 
     fn summary(&self) -> String;
@@ -64,38 +64,38 @@ pub struct ReachOptions {
     #[arg(long, default_value_t = 10, value_name = "N",
           value_parser = clap::value_parser!(u32).range(1..=1000))]
     targets: u32,
-    /// The same number gives the same targets
+    /// Random seed: the same number gives the same targets
     #[arg(long, default_value_t = 1, value_name = "NUMBER")]
     seed: u64,
     #[command(flatten)]
     area: AreaOptions,
-    /// How long a target has to be held
+    /// Time for which a target must be held
     #[arg(long, default_value_t = 1.0, value_name = "S", value_parser = positive)]
     hold_s: f64,
-    /// Distance within which it is reached
+    /// Distance within which a target is reached
     #[arg(long, default_value_t = 0.15, value_name = "DEG", value_parser = positive)]
     tolerance_deg: f64,
-    /// A target that is not held by then is missed, and the next one is shown
+    /// Time limit: a target not held by then is missed, and the next one is shown
     #[arg(long, default_value_t = 30.0, value_name = "S", value_parser = positive)]
     limit_s: f64,
 }
 
 #[derive(Debug, Clone, clap::Args)]
 pub struct PursuitOptions {
-    /// How long the target moves
+    /// Duration of the target motion
     #[arg(long, default_value_t = 30.0, value_name = "S", value_parser = positive)]
     duration_s: f64,
-    /// The same number gives the same curve
+    /// Random seed: the same number gives the same curve
     #[arg(long, default_value_t = 1, value_name = "NUMBER")]
     seed: u64,
     #[command(flatten)]
     area: AreaOptions,
 }
 
-/// Where targets are.
+/// Area of the targets.
 #[derive(Debug, Clone, clap::Args)]
 struct AreaOptions {
-    /// Centre of where the target may be
+    /// Centre of the area
     #[arg(long, num_args = 2, value_names = ["PITCH_DEG", "YAW_DEG"], default_values_t = [0.0, 0.0],
           value_parser = finite, allow_negative_numbers = true)]
     centre_deg: Vec<f64>,
@@ -106,10 +106,10 @@ struct AreaOptions {
 
 #[derive(Debug, Clone, clap::Args)]
 pub struct HoldStillOptions {
-    /// How long to hold still
+    /// Duration
     #[arg(long, default_value_t = 20.0, value_name = "S", value_parser = positive)]
     duration_s: f64,
-    /// Where
+    /// Pose to hold
     #[arg(long, num_args = 2, value_names = ["PITCH_DEG", "YAW_DEG"], default_values_t = [0.0, 0.0],
           value_parser = finite, allow_negative_numbers = true)]
     centre_deg: Vec<f64>,
@@ -126,7 +126,7 @@ pub struct HandTask {
 }
 
 impl HandTask {
-    /// Begins with the first closed clutch.
+    /// Creates a task, which begins when the clutch first closes.
     pub fn new(options: &TaskOptions, client: &Client) -> Self {
         let (course, period): (Box<dyn Course>, _) = match options {
             TaskOptions::Reach(options) => {
@@ -165,8 +165,8 @@ impl HandTask {
         self.course.is_finished()
     }
 
-    /// Takes in where the snake is, and publishes the target when a message is due. Returns a line
-    /// when a target has ended.
+    /// Updates the pose of the snake, and publishes the target when a message is due. Returns a
+    /// line when a target has ended.
     pub fn update(&mut self, now: Nanos, is_engaged: bool) -> Result<Option<String>, Failure> {
         let seen = self.observe(now)?;
         if let Some(ended) = self.course.update(now, is_engaged, seen) {
@@ -197,7 +197,7 @@ impl HandTask {
         self.course.summary()
     }
 
-    /// New angles of what judges, degrees, with their stamp.
+    /// New angles of the camera or the estimate, degrees, with their stamp.
     fn observe(&mut self, now: Nanos) -> Result<Option<(Nanos, [f64; 2])>, Failure> {
         let seen = self.camera.refresh()?.copied().filter(|camera| {
             camera.flags & ExternalPosition::VALID != 0
@@ -209,7 +209,7 @@ impl HandTask {
                 && joint.count == 2
                 && joint.age(now) <= CAMERA_STALE
         });
-        // A camera that falls silent shows nothing; the estimate does not take its place.
+        // A silent camera shows nothing; the estimate does not replace it.
         self.by_camera |= seen.is_some();
         let degrees = |position: [f64; 3]| [position[0].to_degrees(), position[1].to_degrees()];
         Ok(match (seen, estimate) {

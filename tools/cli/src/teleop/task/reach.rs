@@ -13,7 +13,7 @@ use rand_pcg::Pcg64;
 use super::Course;
 use crate::command::trajectory::Angles;
 
-/// Window of the mean that has to be within the tolerance: a camera has noise.
+/// Averaging window for the tolerance: a camera has noise.
 const WINDOW: Nanos = Nanos::from_millis(200);
 
 #[derive(Debug, Clone, Copy)]
@@ -29,10 +29,10 @@ pub struct Reach {
     targets: Vec<Angles>,
     settings: Settings,
     index: usize,
-    /// When the present target was shown; `None` before the first.
+    /// Time when the present target was shown; `None` before the first.
     shown: Option<Nanos>,
     window: VecDeque<(Nanos, Angles)>,
-    /// Since when the mean is within the tolerance.
+    /// Time since which the mean is within the tolerance.
     within: Option<Nanos>,
     /// Times of the targets that were held, s.
     held_s: Vec<f64>,
@@ -53,7 +53,7 @@ impl Reach {
 
     fn add(&mut self, seen: Option<(Nanos, Angles)>) {
         let Some((stamp, angles)) = seen else {
-            // Nothing shows where the snake is.
+            // The pose of the snake is unknown.
             self.window.clear();
             return;
         };
@@ -180,8 +180,8 @@ pub struct Disc {
     pub range_deg: f64,
 }
 
-/// Targets of a disc, evenly distributed over its area, each at least half of its radius from the
-/// one before.
+/// Targets evenly distributed over a disc, each at least half of the radius from the
+/// previous one.
 pub fn seeded_targets(number: usize, seed: u64, disc: Disc) -> Vec<Angles> {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut last = disc.centre;
@@ -190,7 +190,7 @@ pub fn seeded_targets(number: usize, seed: u64, disc: Disc) -> Vec<Angles> {
             let (sin, cos) = random.random_range(0.0..TAU).sin_cos();
             let radius = disc.range_deg * random.random_range(0.0_f64..1.0).sqrt();
             let target = [disc.centre[0] + radius * cos, disc.centre[1] + radius * sin];
-            // More than half of the disc is that far away from any point of it.
+            // More than half of the disc is that far away from any of its points.
             if (target[0] - last[0]).hypot(target[1] - last[1]) >= 0.5 * disc.range_deg {
                 last = target;
                 return target;
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_is_held_after_its_time_and_the_next_one_follows() {
+    fn next_target_follows_a_held_one() {
         let mut task = task();
         let ended = stay(&mut task, [1.05, 0.1], 0, 1100);
         let [(ms, message)] = ended[..] else { panic!("{ended:?}") };
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn leaving_the_target_begins_the_time_again() {
+    fn leaving_the_target_restarts_the_time() {
         let mut task = task();
         assert!(stay(&mut task, [1.0, 0.0], 0, 900).is_empty());
         assert!(stay(&mut task, [1.4, 0.0], 900, 1100).is_empty());
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn without_angles_nothing_is_held_and_the_target_is_missed() {
+    fn target_is_missed_without_angles() {
         let mut task = task();
         stay(&mut task, [1.0, 0.0], 0, 900);
         let mut ended = Vec::new();
@@ -281,7 +281,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn targets_are_in_the_disc_apart_and_the_same_for_the_same_seed(
+        fn targets_are_in_the_disc_and_apart_and_reproducible(
             seed in any::<u64>(), range_deg in 0.5..20.0_f64, pitch in -5.0..5.0_f64,
         ) {
             let disc = Disc { centre: [pitch, 1.0], range_deg };

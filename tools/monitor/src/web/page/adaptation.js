@@ -1,4 +1,4 @@
-// The adaptation: a panel of its own, which is there only while the adaptation is on.
+// The adaptation: a separate panel, shown only while the adaptation is on.
 'use strict';
 
 const DRIFT = [

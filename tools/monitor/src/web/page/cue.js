@@ -1,5 +1,5 @@
-// A sound for the operator: the nearer the tip is to a virtual fixture, or to the end of what the model has been calibrated
-// for, the faster it beats. Off until somebody asks for it (key s). It sends nothing.
+// A sound for the operator: the closer the tip is to a virtual fixture, or to the end of the calibrated range, the faster
+// it beats. Off until the operator switches it on (key s). It sends nothing.
 'use strict';
 
 const CUES = { fixture: { hz: 880, words: 'a fixture' }, hull: { hz: 440, words: 'the end of the hull' } };
@@ -10,7 +10,7 @@ let nextBeep = 0;
 function beep(hz, span) {
   const [tone, volume, now] = [audio.createOscillator(), audio.createGain(), audio.currentTime];
   tone.frequency.value = hz;
-  // Without a rise and a fall it would click.
+  // Without ramps it would click.
   volume.gain.setValueAtTime(0, now);
   volume.gain.linearRampToValueAtTime(0.2, now + 0.005);
   volume.gain.setValueAtTime(0.2, now + span - 0.01);
@@ -20,22 +20,22 @@ function beep(hz, span) {
   tone.stop(now + span);
 }
 
-/** Sounds if it is time to, and says in words what it stands for; `old`: what is shown is not of now. */
+/** Beeps when due, and shows the meaning in words; `old`: the data shown are stale. */
 function soundCue(live, old) {
   const cue = audio && !old ? live.cue : null;
   byId('cue').textContent = cue ? `${cue.deg.toFixed(1)}° to ${CUES[cue.kind].words}` : '';
   const now = performance.now() / 1000;
   if (!cue || now < nextBeep) return;
   nextBeep = now + cue.beat_s;
-  // Touching has no gaps.
+  // A continuous tone on contact.
   beep(CUES[cue.kind].hz, cue.touches ? 1.5 * cue.beat_s : BEEP_S);
 }
 
 function toggleSound() {
-  // A browser lets a page sound only after a person has asked for it.
+  // A browser allows sound only after a user action.
   if (audio) audio.close();
   audio = audio ? null : new AudioContext();
-  byId('sound').textContent = audio ? 'sound is on (s)' : 'sound of limits (s)';
+  byId('sound').textContent = audio ? 'sound is on (s)' : 'sound at limits (s)';
   byId('sound').setAttribute('aria-pressed', String(audio !== null));
 }
 

@@ -1,11 +1,11 @@
-// Asks the monitor for what is new, ten times a second at most. It sends nothing but this question.
+// Polls the monitor for new data, at most ten times a second. It sends nothing but these requests.
 'use strict';
 
 const PERIOD_MS = 100;
 const KEEP_S = 30;
 const recent = { run: 0, sample: 0, frame: 0, samples: [], frames: [] };
 let live = null;
-// When the last answer came, on the clock of this browser.
+// Arrival of the last answer, by the clock of this browser.
 let answeredAt = performance.now();
 
 function take(answer) {
@@ -27,12 +27,12 @@ async function ask() {
     const answer = await fetch(question, { cache: 'no-store', signal: AbortSignal.timeout(3000) });
     if (answer.ok) take(await answer.json());
   } catch {
-    // The page shows the age of the last answer; the next question may do better.
+    // The page shows the age of the last answer; the next request may succeed.
   }
   setTimeout(ask, performance.now() - answeredAt > 2000 ? 1000 : PERIOD_MS);
 }
 
-/** Calls `show` ten times a second, and not on a page that nobody sees: requestAnimationFrame pauses there. */
+/** Calls `show` ten times a second, but not on a hidden page: requestAnimationFrame pauses there. */
 function start(show) {
   let waits = false;
   setInterval(() => {

@@ -16,10 +16,10 @@ function showTarget(lag, old) {
   drawPlane(plane, recent, live, live.now_s + lag / 1000, old ? 'STALE' : '');
 }
 
-/** From here on the error is a warning, deg, and from twice of it on an alarm; another one: /operator?limit=0.3. */
+/** The error is a warning above this, deg, and an alarm above twice this; to change it: /operator?limit=0.3. */
 const LIMIT_DEG = Number(new URLSearchParams(location.search).get('limit')) || 0.5;
 
-/** What a person at the robot has to know beside the state; what is as it should be is not said. */
+/** Flags that the operator needs in addition to the state; normal conditions are not shown. */
 function showFlags() {
   const { state, camera, hand } = live;
   const flags = [];
@@ -52,7 +52,7 @@ start((lag) => {
   showWhy(live, lag);
   showFlags();
   const old = lag > 1500 || !live.estimate || live.estimate.stale || !live.estimate.deg;
-  // To be read from afar: a digit less, and twice the size.
+  // For reading from a distance: one digit less, and twice the size.
   const angle = (axis) => (old ? '–' : signed(live.estimate.deg[axis], 1));
   [byId('pitch').textContent, byId('yaw').textContent] = [angle(0), angle(1)];
   const error = lastError(recent, live);
@@ -61,7 +61,7 @@ start((lag) => {
   byId('error').textContent = length === null ? '–' : length.toFixed(2) + '°';
   const level = length === null ? '' : length > 2 * LIMIT_DEG ? ' far' : length > LIMIT_DEG ? ' off' : ' near';
   byId('error-tile').className = 'angle' + (parted ? ' parted' : level);
-  byId('error-tile').firstElementChild.textContent = parted ? 'error; camera and estimate part' :
+  byId('error-tile').firstElementChild.textContent = parted ? 'error; camera and estimate disagree' :
     `error, goal − camera (limit ${LIMIT_DEG}°)`;
   showTarget(lag, old);
   soundCue(live, old);

@@ -4,7 +4,7 @@
 const plots = Object.fromEntries(
   ['pitch', 'yaw', 'error', 'plane', 'loop0', 'loop1', 'side', 'front'].map((id) => [id, new Plot(id)]));
 
-/** Why the plots do not move, if they do. */
+/** Reason why the plots do not move, if they do not. */
 function staleText(lag) {
   if (lag > 1500) return 'NO ANSWER FROM THE MONITOR';
   if (live.problem) return 'NO CONTROLLER';

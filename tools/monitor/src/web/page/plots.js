@@ -1,4 +1,4 @@
-// Plots on canvas. A value that is null is a gap, and what is not known is not drawn.
+// Plots on canvas. A value that is null is a gap; unknown values are not drawn.
 'use strict';
 
 const COLOURS = {};
@@ -26,7 +26,7 @@ class Plot {
     this.pen = this.canvas.getContext('2d');
   }
 
-  /** Clears it and fits it to its place. False: there is no room. */
+  /** Clears the canvas and fits it to its place. False: not enough room. */
   begin(title) {
     const ratio = window.devicePixelRatio || 1;
     const { width, height } = this.canvas.getBoundingClientRect();
@@ -132,7 +132,7 @@ class Plot {
     if (hollow) pen.stroke(); else pen.fill();
   }
 
-  /** Says in the plot what is missing. */
+  /** Shows in the plot what is missing. */
   say(text) {
     const pen = this.pen;
     pen.font = '600 ' + (this.size + 2) + FAMILY;
@@ -146,7 +146,7 @@ class Plot {
     pen.fillText(text, x, y + 1);
   }
 
-  /** The same for what is no failure. */
+  /** The same for a condition that is not a failure. */
   note(text) {
     const pen = this.pen;
     pen.font = this.size + FAMILY;
@@ -159,7 +159,7 @@ class Plot {
 
 const number = (value) => String(Math.round(value * 100) / 100).replace('-', '−');
 
-/** About so many round numbers in a range, and at least two: one is no scale. */
+/** About this many round numbers in a range, and at least two: one is not a scale. */
 function ticks([low, high], wanted) {
   const raw = (high - low) / Math.max(1, wanted);
   const power = 10 ** Math.floor(Math.log10(raw));
@@ -191,7 +191,7 @@ function equal(x, y, plot) {
 
 const point = (x, y, t) => (x === null || y === null || x === undefined || y === undefined ? null : [x, y, t]);
 
-/** The virtual fixtures: filled where they count, an outline where they are off. */
+/** The virtual fixtures: filled if active, an outline if off. */
 function drawFixtures(plot, fixtures) {
   const pen = plot.pen;
   for (const { name, active, outline } of fixtures) {
@@ -217,7 +217,7 @@ function drawFixtures(plot, fixtures) {
   }
 }
 
-/** The target that a person shall reach: its tolerance as a circle, and around it a ring that closes while it is held. */
+/** The target to reach: its tolerance as a circle, and around it a ring that closes while it is held. */
 function drawTarget(plot, target) {
   const pen = plot.pen;
   const [x, y] = [plot.x(target.deg[1]), plot.y(target.deg[0])];

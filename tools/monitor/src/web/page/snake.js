@@ -79,7 +79,7 @@ function ring(plot, [x, y], colour, isDashed, fill) {
   pen.stroke();
 }
 
-/** Where the camera sees the tip. */
+/** Position of the tip by the camera. */
 function mark(plot, [x, y], colour) {
   const [across, down, size] = [plot.x(x), plot.y(y), 9];
   plot.pen.strokeStyle = colour;

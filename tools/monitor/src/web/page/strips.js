@@ -2,7 +2,7 @@
 'use strict';
 
 const STRIP_S = 20;
-/** Camera and estimate part from this distance on, deg, or from three standard deviations of the estimate. */
+/** Camera and estimate disagree from this distance on, deg, or from three standard deviations of the estimate. */
 const PART_DEG = 1;
 
 /** The value of a column of samples at an instant, between two samples; null in a gap. */
@@ -18,7 +18,7 @@ function at(samples, place, instant) {
   return from + share * (to - from);
 }
 
-/** How far a frame is from the estimate at its instant on one axis, where that is too far, deg; else 0. */
+/** Distance of a frame from the estimate at its instant on one axis, if that is too far, deg; else 0. */
 function parting(frame, samples, axis) {
   const estimate = at(samples, ESTIMATE + axis, frame[T]);
   const deviation = at(samples, DEVIATION + axis, frame[T]);

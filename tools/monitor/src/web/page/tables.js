@@ -1,4 +1,4 @@
-// What the page shows in words and numbers. Text goes in as text, never as markup.
+// Words and numbers of the page. Text is inserted as text, never as markup.
 'use strict';
 
 const byId = (id) => document.getElementById(id);
@@ -10,7 +10,7 @@ function element(kind, text, style) {
   return made;
 }
 
-/** Puts new text only where it differs: the browser then has nothing to lay out again. */
+/** Inserts new text only where it differs, which saves the browser a new layout. */
 function fill(place, rows) {
   const key = JSON.stringify(rows);
   if (place.dataset.key === key) return;
@@ -22,7 +22,7 @@ function fill(place, rows) {
   }));
 }
 
-/** What rounds to zero has no sign: an error within the noise of the camera would flicker. */
+/** A value that rounds to zero has no sign: an error within the noise of the camera would flicker. */
 const signed = (value, digits = 2) => {
   if (value === null || value === undefined) return '–';
   const size = Math.abs(value).toFixed(digits);
@@ -41,7 +41,7 @@ function showBadge(live, lag) {
   document.title = `${name} · i2ris`;
 }
 
-/** Who commands, by name where it is known. */
+/** The commander, by name if it is known. */
 function commander(state) {
   if (!state) return '';
   return state.lease ? `commander: ${state.commander || 'client ' + state.lease}` : 'no commander';
@@ -71,7 +71,7 @@ function showHeader(live, lag, parted) {
   byId('place').textContent = `domain ${live.domain} · monitor ${live.version} · read-only`;
 }
 
-/** The trial that is recorded, with its newest mark. */
+/** The trial being recorded, with its newest mark. */
 function trialFlags(trial) {
   if (!trial) return [];
   if (trial.problem) return [[`TRIAL ${trial.name} NOT RECORDED: ${trial.problem}`, 'warn']];
@@ -79,7 +79,7 @@ function trialFlags(trial) {
   return [[`trial ${trial.name}, ${trial.for_s} s`, 'on'], ...(mark ? [mark] : [])];
 }
 
-/** Why the robot does not move as asked, and what to do: the fault, or a fresh refusal, or what keeps it now. */
+/** Why the robot does not move as commanded, and what to do: the fault, or a fresh refusal, or the present reason. */
 function showWhy(live, lag) {
   const place = byId('why');
   const known = lag <= 1500 && !live.problem && live.state && !live.state.stale;
@@ -91,7 +91,7 @@ function showWhy(live, lag) {
   place.dataset.key = key;
   place.className = style;
   if (!reason) return place.replaceChildren(known ? 'nothing keeps the robot from moving' : '');
-  place.replaceChildren(reason.text, element('span', '; do: ' + reason.advice));
+  place.replaceChildren(reason.text, element('span', '; action: ' + reason.advice));
 }
 
 function fillList(place, items) {
@@ -137,7 +137,7 @@ function showJoints(live, error, parted) {
   showMarks('joints', marks);
 }
 
-/** What is old or missing, below a table. */
+/** Stale or missing data, below a table. */
 function showMarks(id, texts) {
   const place = byId(id);
   let line = place.nextElementSibling;
@@ -198,7 +198,7 @@ function showModels(live) {
   showMarks('models', [models.problem, models.hull_problem].filter(Boolean));
 }
 
-/** Faults are in a list of their own, so that nothing displaces them; when the robot has left FAULT, they move to the others. */
+/** Faults are in a separate list, so that nothing displaces them; when the robot has left FAULT, they move to the others. */
 const FAULT_NEWS_MS = 60000;
 function showEvents(live, lag) {
   const time = (event) => new Date(Date.now() - event.age_ms - lag).toLocaleTimeString([], { hour12: false });
@@ -217,7 +217,7 @@ function fillEvents(place, rows) {
   place.replaceChildren(...rows.map(([when, text, severity, advice]) => {
     const line = element('li', undefined, severity);
     line.append(element('time', when), text);
-    if (advice) line.append(element('small', 'do: ' + advice));
+    if (advice) line.append(element('small', 'action: ' + advice));
     return line;
   }));
 }

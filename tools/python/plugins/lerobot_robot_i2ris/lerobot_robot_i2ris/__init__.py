@@ -1,7 +1,7 @@
 """The I2RIS snake robot as a robot of LeRobot: `--robot.type=i2ris`.
 
 Thin over `i2ris.arm`: lease, deadline, limits and virtual fixtures of the controller stay in force,
-whatever a policy asks for. Angles are rad.
+for any action of a policy. Angles are rad.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from lerobot.robots import Robot, RobotConfig
 
 from i2ris.arm import Arm, Refused
 
-#: A stream begins at the snake: from farther away it is moved there first, rad.
+#: Maximum distance at which a stream starts; from farther away the snake is moved first, rad.
 BEGIN_RAD = np.radians(0.25)
-#: The refusal of a stream that fell silent in motion.
-BROKEN_OFF = 24
+#: Refusal of a stream that fell silent in motion.
+STREAM_INTERRUPTED = 24
 AXES = ("pitch", "yaw")
 
 
@@ -27,7 +27,7 @@ AXES = ("pitch", "yaw")
 class I2risConfig(RobotConfig):
     #: Domain of the controller; None: `I2RIS_DOMAIN`, or `i2ris`.
     domain: str | None = None
-    #: False: somebody else commands (`i2ris teleop`), and this one watches.
+    #: False: another client commands (`i2ris teleop`), and this one watches.
     commands: bool = True
     #: Age at which an action is stale and the snake holds, s; None: the controller's default.
     deadline_s: float | None = None
@@ -88,7 +88,7 @@ class I2ris(Robot):
             self._arm.measured_js(), self._arm.actuators.measured_js(), self._arm.operating_state(),
         )
         if not joints.valid:
-            raise RuntimeError("the controller has no model: no angle is known")
+            raise RuntimeError("the controller has no model: angles are unknown")
         seen: dict = {"memory_known": float(state.memory_known)}
         for index, axis in enumerate(AXES):
             seen[f"{axis}.pos"] = float(joints.position[index])
@@ -97,7 +97,7 @@ class I2ris(Robot):
         return seen | {name: camera.read() for name, camera in self.cameras.items()}
 
     def send_action(self, action: dict) -> dict:
-        """Streams the goal. Where the stream has stopped, the snake goes to the goal by `move_jp` first."""
+        """Streams the goal. If the stream was interrupted, the snake first moves to the goal by `move_jp`."""
         goal = np.array([float(action[f"{axis}.pos"]) for axis in AXES])
         if not self.config.commands:
             return action
@@ -108,8 +108,8 @@ class I2ris(Robot):
         try:
             self._arm.servo_jp(goal)
         except Refused as refused:
-            # A policy that was stopped in motion does not go on by itself.
-            if refused.code == BROKEN_OFF:
+            # A policy that was stopped in motion does not resume automatically.
+            if refused.code == STREAM_INTERRUPTED:
                 raise
             # A step that is too large: the next action moves there.
             self._arm.hold()

@@ -65,7 +65,7 @@ class I2risTeleop(Teleoperator):
     def get_action(self) -> dict:
         goal = self._arm.goal_js()
         if not goal.valid:
-            raise RuntimeError("the controller has no model: no goal is known")
+            raise RuntimeError("the controller has no model: the goal is unknown")
         return {f"{axis}.pos": float(goal.position[index]) for index, axis in enumerate(AXES)}
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:

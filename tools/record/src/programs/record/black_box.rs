@@ -1,5 +1,5 @@
-//! `i2ris record replay`: the last seconds of a controller once more, through the same cycle; and
-//! `i2ris record dump`, which writes them down.
+//! `i2ris record replay`: runs the last seconds of a controller again, through the same cycle; and
+//! `i2ris record dump`, which saves them.
 
 use std::path::PathBuf;
 
@@ -12,10 +12,10 @@ use i2ris_report::{DomainOption, Failure, while_working};
 #[command(after_help = "Example:
   i2ris record replay $(i2ris record dump)")]
 pub struct Arguments {
-    /// The black box: a file that i2ris-control wrote on a fault, at its end, or for `i2ris record
+    /// Black box: a file that i2ris-control writes on a fault, at its end, or for `i2ris record
     /// dump`
     file: PathBuf,
-    /// Print every event, too
+    /// Also print every event
     #[arg(long)]
     events: bool,
 }
@@ -35,7 +35,7 @@ pub fn dump(arguments: &DumpArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Runs a black box again. A tick that comes out otherwise is a failure.
+/// Replays a black box. A tick with a different result is a failure.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let content = while_working("reading", || BlackBox::read(&arguments.file))?;
     header(&content);
@@ -45,15 +45,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let replayed = while_working("replaying", || replay(&content))?;
     let ReplayResult { ticks, swaps, skipped, difference } = &replayed;
     if *skipped > 0 {
-        println!(
-            "skipped    {skipped} ticks that come after a gap, or before the first state that was \
-             kept"
-        );
+        println!("skipped    {skipped} ticks after a gap, or before the first stored state");
     }
     match difference {
-        None => println!(
-            "replayed   {ticks} ticks with {swaps} swaps of models: all the same to the bit"
-        ),
+        None => {
+            println!("replayed   {ticks} ticks with {swaps} model swaps: identical bit for bit")
+        }
         Some(difference) => return Err(describe(difference, *ticks).into()),
     }
     Ok(())
@@ -79,7 +76,7 @@ fn header(content: &BlackBox) {
     }
     if header.lost > 0 {
         println!(
-            "lost       {} ticks since the start, for which the recorder was too slow",
+            "lost       {} ticks since the start, because the recorder was too slow",
             header.lost
         );
     }
@@ -97,11 +94,10 @@ fn events(outputs: &CycleOutputs) {
 fn describe(difference: &ReplayDifference, ticks: u64) -> String {
     let ReplayDifference { number, field, recorded, replayed } = difference;
     format!(
-        "tick {number} differs, after {} that came out the same; the first field that does is \
-         {field}\n  recorded: {recorded}\n  \
-         replayed: {replayed}\nthe file was written by other software than this, or on another \
-         kind of machine, or here is \
-         a mistake in the software",
+        "tick {number} differs, after {} identical ones; first different field: {field}\n  \
+         recorded: {recorded}\n  \
+         replayed: {replayed}\nthe file is from a different version of the software or a \
+         different kind of machine, or the software has a bug",
         ticks.saturating_sub(1)
     )
 }

@@ -1,4 +1,4 @@
-//! What cameras hand on: pictures, and how late their stamps are.
+//! Pictures from cameras, and the delay of their stamps.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use i2ris_record::recorder::{ALIGNMENT, ALIGNMENT_DEVIATION, MessageCounts, Tria
 pub struct Cameras {
     pictures: PictureSubscription,
     pub alignment: Alignment,
-    /// The last number of each camera, and how many were not read in time.
+    /// Last number of each camera, and how many pictures were not read in time.
     missed: BTreeMap<String, (u64, u64)>,
 }
 
@@ -27,14 +27,14 @@ impl Cameras {
         let _ = self.pictures.drain(|header, jpeg| {
             let view = header.view();
             let (last, missed) = missed.entry(view.clone()).or_insert((header.sequence, 0));
-            // A camera that was started anew counts from the beginning.
+            // A restarted camera counts from the beginning.
             *missed += header.sequence.saturating_sub(*last + 1);
             *last = header.sequence;
             trial.record_picture(&view, Nanos(header.stamp_ns), jpeg, now);
         });
     }
 
-    /// What the recording says of it at its end.
+    /// Entries for the metadata at the end of the recording.
     pub fn outcome(&self, counts: &MessageCounts) -> BTreeMap<String, String> {
         let mut outcome = BTreeMap::new();
         for (view, pictures) in &counts.pictures {

@@ -15,7 +15,7 @@ use mcap::records::Record;
 /// Arguments of `i2ris record recover`.
 #[derive(Debug, clap::Args)]
 pub struct RecoverArguments {
-    /// The recording that was cut off
+    /// Truncated recording
     recording: PathBuf,
     /// File to write
     #[arg(long, short, value_name = "FILE.mcap")]
@@ -25,10 +25,10 @@ pub struct RecoverArguments {
 /// Arguments of `i2ris record info`.
 #[derive(Debug, clap::Args)]
 pub struct InfoArguments {
-    /// The recording, complete or cut off
+    /// Recording, complete or truncated
     recording: PathBuf,
-    /// New folder for what is attached (configuration, models, run log) and for the commands of
-    /// each client, for `i2ris command file`
+    /// New folder for the attachments (configuration, models, run log) and for the commands of each
+    /// client (for `i2ris command file`)
     #[arg(long, short, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Print JSON
@@ -36,7 +36,7 @@ pub struct InfoArguments {
     json: bool,
 }
 
-/// Makes a complete file.
+/// Repairs a truncated recording.
 pub fn copy(arguments: &RecoverArguments) -> Result<(), Failure> {
     let recovered =
         while_working("recovering", || recover(&arguments.recording, &arguments.output))?;
@@ -45,7 +45,7 @@ pub fn copy(arguments: &RecoverArguments) -> Result<(), Failure> {
         std::fs::remove_file(&arguments.output)?;
         let file = arguments.recording.display();
         let why = stopped_by.map_or("it is empty".to_owned(), |error| error.cause());
-        return Err(format!("nothing of {file} can be recovered: {why}").into());
+        return Err(format!("nothing in {file} can be recovered: {why}").into());
     }
     println!(
         "recovered {messages} messages, {metadata} metadata records, {attachments} attachments"
@@ -53,13 +53,13 @@ pub fn copy(arguments: &RecoverArguments) -> Result<(), Failure> {
     match stopped_by {
         None => println!("the old file is complete"),
         Some(error @ ReadError::Damaged { .. }) => return Err(error.incomplete()),
-        Some(error) => println!("the old file ends there: {}", error.cause()),
+        Some(error) => println!("the old file ends at that point: {}", error.cause()),
     }
     Ok(())
 }
 
 /// Writes attachments and commands.
-fn take_out(recording: &Path, output: &Path) -> Result<(), Failure> {
+fn write_extracted(recording: &Path, output: &Path) -> Result<(), Failure> {
     let extracted = extract(recording, output)?;
     for (name, what) in &extracted.files {
         println!("{what:>16}  {}", output.join(name).display());
@@ -81,7 +81,7 @@ struct TopicStatistics {
 /// The content of a recording.
 #[derive(Default, serde::Serialize)]
 struct Content {
-    /// Date and time of its begin and its end, UTC.
+    /// Date and time of start and end, UTC.
     recorded: Option<[String; 2]>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     /// Name, media type and bytes.
@@ -146,10 +146,10 @@ impl Content {
     }
 }
 
-/// Prints the content of a recording, or takes it out.
+/// Prints the content of a recording, or extracts it.
 pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
     if let Some(output) = &arguments.output {
-        return take_out(&arguments.recording, output);
+        return write_extracted(&arguments.recording, output);
     }
     let mut records = Records::open(&arguments.recording)?;
     let content = Content::read(&mut records);

@@ -1,4 +1,4 @@
-//! `i2ris record export`: recordings as tables. Whole, or not at all.
+//! `i2ris record export`: writes recordings as tables, completely or not at all.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,14 +15,14 @@ use serde_json::{Value, json};
 /// Arguments of `i2ris record export`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Recordings, complete or cut off; folders of trials; or studies, of which all trials that
-    /// were not aborted are taken
+    /// Recordings, complete or truncated; folders of trials; or studies (all trials except aborted
+    /// ones)
     #[arg(required = true, value_name = "RECORDING|TRIAL|STUDY")]
     recordings: Vec<PathBuf>,
-    /// Folder to write; of several recordings, each has its tables in a folder of its own
+    /// Folder to write; each of several recordings gets its own subfolder
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Write the pictures of cameras, too: pictures/VIEW/SECONDS.jpg
+    /// Also write the pictures of cameras: pictures/VIEW/SECONDS.jpg
     #[arg(long)]
     pictures: bool,
     /// Replace an earlier export
@@ -36,12 +36,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         eprintln!("left out: {name}: {why}");
     }
     if sources.taken.is_empty() {
-        return Err("there is no trial to export".into());
+        return Err("no trial to export".into());
     }
     tables(arguments, &sources)
 }
 
-/// How many recordings are done, on stderr if that is a terminal.
+/// Progress over the recordings, on stderr if that is a terminal.
 fn bar(sources: &[Source]) -> ProgressBar {
     let target = ProgressDrawTarget::stderr();
     let bar = ProgressBar::with_draw_target(Some(sources.len() as u64), target);
@@ -92,7 +92,7 @@ fn tables(arguments: &Arguments, sources: &Sources) -> Result<(), Failure> {
     Err(last.incomplete())
 }
 
-/// What readers of the tables have to know of a recording.
+/// Facts about a recording for readers of the tables.
 fn about(source: &Source, folder: &Path, camera_late_s: Option<f64>) -> Value {
     let trial = source.trial.as_ref();
     json!({

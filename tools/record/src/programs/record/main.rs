@@ -16,7 +16,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use i2ris_report::Failure;
 
-/// Record the robot; tables, pages and trials of recordings
+/// Record trials; report, export and replay them
 #[derive(Debug, Parser)]
 #[command(name = "i2ris-record", bin_name = "i2ris record", version, propagate_version = true)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
@@ -42,21 +42,21 @@ struct Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Task {
-    /// Make a complete file of one that was cut off: messages, metadata, attachments
+    /// Repair a truncated recording: messages, metadata, attachments
     Recover(existing::RecoverArguments),
     /// Write recordings, or the trials of a study, as CSV tables
     Export(export::Arguments),
-    /// Print the content of a recording, and take out what is in it
+    /// List or extract the contents of a recording
     Info(existing::InfoArguments),
-    /// Make a page of a recorded trial: tracking error, hysteresis, latencies, events; or of all
-    /// trials of a study
+    /// Report on a recorded trial (tracking error, hysteresis, latencies, events), or on all trials
+    /// of a study
     Report(report::Arguments),
-    /// Run the trials of a study: begin, mark, end, list
+    /// Run the trials of a study: start, mark, stop, list
     #[command(subcommand)]
     Trial(trial::Task),
-    /// Have the running controller write its black box: the last seconds of every tick
+    /// Save the black box of the running controller: every tick of the last seconds
     Dump(black_box::DumpArguments),
-    /// Run the black box of a controller again and compare to the bit
+    /// Replay a black box of a controller and compare bit for bit
     Replay(black_box::Arguments),
 }
 

@@ -1,5 +1,5 @@
-//! A recording that is the trial of a study: it holds the trial, tells what its journal says, and
-//! writes into it what only the recorder knows.
+//! The recording of a study's trial: it holds the trial, publishes its journal, and adds to it what
+//! only the recorder knows.
 
 use std::fs::File;
 use std::io::Write;
@@ -21,12 +21,12 @@ pub struct OfStudy {
     publisher: TrialPublisher,
     announcer: Announcer<TrialMsg>,
     hand: Subscription<TeleopMsg>,
-    /// When a button last asked for a mark.
+    /// Stamp of the last mark by a button.
     marked: Nanos,
     boot_id: u64,
     software: String,
     robot: String,
-    /// What the preflight before it said.
+    /// Result of the preflight before the trial.
     pub preflight: String,
     _held: Flock<File>,
 }
@@ -53,7 +53,7 @@ impl OfStudy {
         })
     }
 
-    /// A controller that starts anew is another run.
+    /// Enters each run of the controller into the journal.
     pub fn see(&mut self, joint: &JointState) {
         if joint.boot_id != self.boot_id {
             self.boot_id = joint.boot_id;
@@ -62,9 +62,9 @@ impl OfStudy {
         }
     }
 
-    /// Marks what a pedal or a button asks for.
+    /// Sets the marks of a pedal or a button.
     fn mark(&mut self) -> Result<(), StudyError> {
-        // Without a controller nobody steers.
+        // Without a controller there are no commands by hand.
         while let Some(hand) = self.hand.read().ok().flatten() {
             if hand.mark_ns > self.marked.0 {
                 self.marked = Nanos(hand.mark_ns);
@@ -74,21 +74,21 @@ impl OfStudy {
         Ok(())
     }
 
-    pub fn tell(&mut self, now: Nanos) {
+    pub fn publish(&mut self, now: Nanos) {
         warn(self.mark());
         for message in self.publisher.messages(now) {
-            // Nobody to tell while there is no controller; the journal has it.
+            // Not received without a controller; the journal has it.
             let _ = self.announcer.publish(message);
         }
     }
 
-    /// The recording has failed: says so until the trial is stopped.
-    pub fn go_on_unrecorded(&mut self, why: &str, interrupt: &Interrupt) {
+    /// After a failed recording: publishes the failure until the trial is stopped.
+    pub fn publish_failure(&mut self, why: &str, interrupt: &Interrupt) {
         self.publisher.fail();
-        self.tell(i2ris::clock::now());
+        self.publish(i2ris::clock::now());
         warn(self.journal.failed(why));
         while !interrupt.came() {
-            self.tell(i2ris::clock::now());
+            self.publish(i2ris::clock::now());
             i2ris::clock::sleep(PERIOD);
         }
     }
@@ -98,10 +98,10 @@ impl OfStudy {
     }
 }
 
-/// The recording goes on without its journal.
+/// Prints a warning; the recording continues without its journal.
 fn warn(outcome: Result<(), StudyError>) {
     if let Err(error) = outcome {
-        // The log may be on the same full disk: what cannot be written there is no reason to end.
+        // The log may be on the same full disk: a failed write must not end the recording.
         let _ = writeln!(std::io::stderr(), "warning: {error}");
     }
 }

@@ -39,21 +39,21 @@ pub struct Arguments {
     /// MCAP file to write, which must not exist yet
     #[arg(long, short, value_name = "FILE.mcap", required = true)]
     output: Option<PathBuf>,
-    /// The configuration that goes into the file [default: what the controller was started with]
+    /// Configuration to store in the file [default: that of the controller]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Text that goes into the file
+    /// Text to store in the file
     #[arg(long, value_name = "TEXT", default_value = "")]
     note: String,
-    /// End after this time instead of with Ctrl-C
+    /// Stop after this many seconds instead of on Ctrl-C
     #[arg(long, value_name = "S", value_parser = above_zero)]
     duration_s: Option<f64>,
-    /// The most that pictures may take; then states alone are recorded
+    /// Maximum size of all pictures; beyond it, only states are recorded
     #[arg(long, value_name = "MB", default_value_t = 10_000)]
     pictures_mb: u64,
     #[command(flatten)]
     domain: DomainOption,
-    /// Folder of the trial of a study that this records: `i2ris record trial start` gives it
+    /// Folder of the study's trial to record, set by `i2ris record trial start`
     #[arg(long = "study", value_name = "FOLDER", hide = true)]
     of_trial: Option<PathBuf>,
     /// Print the outcome as JSON
@@ -66,7 +66,7 @@ fn above_zero(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "must be a number above 0".to_owned())
 }
 
-/// Runs it.
+/// Records until it is stopped.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let output = arguments.output.as_deref().ok_or("give --output FILE.mcap")?;
     let interrupt = Interrupt::catch()?;
@@ -108,13 +108,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     outcome.extend(cameras.outcome(trial.counts()));
     // The run log has causes and callers, which the streams do not have.
     let run_log = config.and_then(|found| run_log(&found.1, "audit.jsonl", version.boot_id));
-    // Models that took over meanwhile.
+    // Models activated since the last read.
     let mut attachments = models.take_new(&mut client);
     attachments.extend(run_log);
     let counts = trial.finish(outcome, &attachments);
     if let Some(of_study) = &mut of_study {
         if let Err(error) = &counts {
-            of_study.go_on_unrecorded(&error.to_string(), &interrupt);
+            of_study.publish_failure(&error.to_string(), &interrupt);
         }
         of_study.end();
     }
@@ -122,8 +122,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     print_outcome(arguments.json, output, &counts, &missed, length_s, absent?)
 }
 
-/// The configuration of the controller: the file that it was started with, or the one that is
-/// named, which must be the same.
+/// The configuration of the controller: the file that it was started with, or the named one, which
+/// must be the same.
 fn served_configuration(
     named: Option<&Path>,
     version: &Version,
@@ -131,15 +131,15 @@ fn served_configuration(
     let served = served_file(version.pid);
     let Some(path) = named.or(served.as_deref()) else {
         eprintln!(
-            "warning: the configuration of this controller cannot be found; it is not in the \
-             recording, nor is the run log; name it with --config"
+            "warning: the configuration of this controller was not found; the recording contains \
+             neither it nor the run log; name it with --config"
         );
         return Ok(None);
     };
     let config = Config::load(path)?;
     if let Some(difference) = version.robot_difference(&robot_description(&config)) {
         return Err(format!(
-            "--config {}: {difference} as the file says; name the file of this controller",
+            "--config {}: {difference} according to this file; name the file of this controller",
             path.display()
         )
         .into());
@@ -148,8 +148,7 @@ fn served_configuration(
         && read(path)? != read(served)?
     {
         return Err(format!(
-            "--config {}: differs from {}, which the controller was started with; leave --config \
-             out",
+            "--config {}: differs from {}, which the controller was started with; omit --config",
             path.display(),
             served.display()
         )
@@ -168,7 +167,7 @@ fn attachment(name: String, media_type: &'static str, content: Vec<u8>) -> Attac
     AttachedFile { name, media_type, content }
 }
 
-/// Records to the end. Returns how long there was no controller.
+/// Records to the end. Returns the time without a controller.
 fn record(
     arguments: &Arguments,
     interrupt: &Interrupt,
@@ -194,7 +193,7 @@ fn record(
         let drained = subscriptions.drain(record);
         cameras.record(trial, now);
         if let Some(of_study) = of_study.as_mut() {
-            of_study.tell(now);
+            of_study.publish(now);
         }
         match drained {
             Ok(()) => {}
@@ -211,7 +210,7 @@ fn record(
             let dropped = trial.counts().dropped;
             let seconds = now.duration_since(start).as_seconds();
             screen.draw(&[format!(
-                "recording {seconds:.1} s, {messages} messages, {dropped} dropped; Ctrl-C ends"
+                "recording {seconds:.1} s, {messages} messages, {dropped} dropped; Ctrl-C to stop"
             )])?;
         }
         before = now;
@@ -264,15 +263,15 @@ fn header(
 struct RecordedModels(BTreeSet<ModelId>);
 
 impl RecordedModels {
-    /// The files of models that are in use, or were before, and are not attached yet. Only a file
-    /// that still holds the model is attached.
+    /// Returns the files of the current and previous models that are not attached yet. A file that
+    /// no longer holds the model is not attached.
     fn take_new(&mut self, client: &mut Client) -> Vec<AttachedFile> {
         let Ok(reply) = client.models() else {
             // The controller has ended, and its models are unknown.
             return Vec::new();
         };
         let [used, _, previous] = reply.slots;
-        // What was in use before the recording is no part of it.
+        // Models used only before the recording are not part of it.
         let is_first = self.0.is_empty();
         let slots = [Some(used), (!is_first).then_some(previous)];
         slots
@@ -297,8 +296,8 @@ fn model_file(slot: &ModelSlot, id: ModelId) -> Option<AttachedFile> {
         }
         _ => {
             eprintln!(
-                "warning: the model {id} is in use, and {} does not hold it (any more): it is not \
-                 in the recording",
+                "warning: the model {id} is in use, but {} does not contain it: it is not in the \
+                 recording",
                 path.display()
             );
             None
@@ -349,7 +348,7 @@ fn print_outcome(
         let PictureCounts { recorded, dropped, over_budget } = pictures;
         println!("  pictures of {view:<12} {recorded:>9}, {dropped} dropped");
         if *over_budget > 0 {
-            println!("  {over_budget} more were over the budget of --pictures-mb");
+            println!("  {over_budget} more exceeded the budget --pictures-mb");
         }
     }
     if absent > Nanos::ZERO {

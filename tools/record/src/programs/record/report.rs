@@ -14,11 +14,11 @@ use i2ris_report::{Failure, files, while_working};
   i2ris record report trial.mcap --json
   i2ris record report reach-study                  all trials of a study, page and CSV
 
-The page needs nothing but itself: no network, no scripts. It prints on A4.")]
+The page is self-contained (no network, no scripts) and prints on A4.")]
 pub struct Arguments {
-    /// The recording, complete or cut off; or the folder of a study
+    /// Recording, complete or truncated; or the folder of a study
     recording: PathBuf,
-    /// HTML file to write [default: beside the recording]
+    /// HTML file to write [default: next to the recording]
     #[arg(long, short, value_name = "FILE.html")]
     output: Option<PathBuf>,
     /// Print the numbers as JSON; a page is written only with --output
@@ -55,7 +55,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     })
 }
 
-/// All trials of a study: a page, and its numbers as CSV beside it.
+/// Writes the page of all trials of a study, and its numbers as CSV next to it.
 fn study(arguments: &Arguments) -> Result<(), Failure> {
     let folder = &arguments.recording;
     let report = while_working("reading", || StudyReport::read(folder, |_| {}))?;
@@ -79,8 +79,8 @@ fn study(arguments: &Arguments) -> Result<(), Failure> {
         write(&output.with_file_name(format!("{name}{end}.csv")), &table)?;
     }
     if !arguments.json {
-        let beside = output.with_file_name(format!("{name}*.csv"));
-        println!("written: {}, {}", output.display(), beside.display());
+        let csv = output.with_file_name(format!("{name}*.csv"));
+        println!("written: {}, {}", output.display(), csv.display());
     }
     Ok(())
 }

@@ -1,5 +1,5 @@
-//! `i2ris record trial`: the trials of a study, from a participant at the console to a recording
-//! with marks.
+//! `i2ris record trial`: runs the trials of a study, from a participant at the console to a
+//! recording with marks.
 
 use std::ffi::OsStr;
 use std::io;
@@ -24,7 +24,7 @@ pub struct InStudy {
 }
 
 impl InStudy {
-    /// The study that is named, or that this folder is, or the one of which a trial runs.
+    /// Opens the named study, or that in this folder, or the one with a running trial.
     fn open(&self) -> Result<Study, StudyError> {
         match Study::open(&self.study) {
             Err(StudyError::NoStudy { .. }) if self.study.as_os_str() == "." => match &*running() {
@@ -36,18 +36,18 @@ impl InStudy {
     }
 }
 
-/// The studies of which a trial is being recorded in the domain of this terminal: recorders have
-/// both on the command line.
+/// Studies with a trial being recorded in the domain of this terminal: recorders have both on the
+/// command line.
 fn running() -> Vec<PathBuf> {
     let domain = std::env::var_os("I2RIS_DOMAIN").unwrap_or_else(|| "i2ris".into());
     let study = |process: &Path| {
         let line = std::fs::read(process.join("cmdline")).ok()?;
         let words: Vec<_> = line.split(|byte| *byte == 0).map(OsStr::from_bytes).collect();
-        let behind = |name: &str| words.get(words.iter().position(|word| *word == name)? + 1);
+        let after = |name: &str| words.get(words.iter().position(|word| *word == name)? + 1);
         let is_recorder = Path::new(*words.first()?).file_name()? == "i2ris-record";
-        // A relative folder is one of the process.
-        let trial = process.join("cwd").join(behind("--study")?).canonicalize().ok()?;
-        (is_recorder && *behind("--domain")? == domain)
+        // A relative path starts at the folder of the process.
+        let trial = process.join("cwd").join(after("--study")?).canonicalize().ok()?;
+        (is_recorder && *after("--domain")? == domain)
             .then(|| trial.parent().map(Path::to_owned))?
     };
     let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
@@ -68,66 +68,66 @@ fn running() -> Vec<PathBuf> {
 I2RIS_STUDY names the study for all of them. Participants are codes; names are refused."
 )]
 pub enum Task {
-    /// Make the folder of a study, and print in which order each participant meets the conditions:
-    /// a balanced Latin square
+    /// Create a study with balanced conditions (a Latin square), and print their order for each
+    /// participant
     New {
         /// The new folder
         study: PathBuf,
-        /// What is compared, as joystick,keyboard
+        /// Conditions to compare, e.g. joystick,keyboard
         #[arg(long, required = true, value_delimiter = ',', value_name = "NAMES")]
         condition: Vec<Condition>,
     },
-    /// Begin a trial; its recording runs until `stop`
+    /// Start a trial; its recording runs until `stop`
     Start {
         #[command(flatten)]
         study: InStudy,
         #[command(flatten)]
         domain: DomainOption,
-        /// Code of the participant, as P07
+        /// Code of the participant, e.g. P07
         #[arg(long, value_name = "CODE")]
         participant: Participant,
-        /// One of the conditions of the study
+        /// Condition of the study
         #[arg(long, value_name = "NAME")]
         condition: Condition,
-        /// What is done
+        /// Task
         #[arg(long, value_name = "NAME", default_value = "")]
         task: String,
-        /// What shall be remembered
+        /// Note to store
         #[arg(long, value_name = "TEXT", default_value = "")]
         note: String,
     },
-    /// Mark this moment of the trial that runs
+    /// Mark this moment of the running trial
     Mark {
-        /// What happens
+        /// Text of the mark
         text: String,
         #[command(flatten)]
         study: InStudy,
     },
-    /// End the trial that runs
+    /// Stop the running trial
     Stop {
-        /// How it ended
+        /// Outcome of the trial
         #[arg(long, value_enum)]
         outcome: Outcome,
-        /// What shall be remembered
+        /// Note to store
         #[arg(long, value_name = "TEXT", default_value = "")]
         note: String,
         #[command(flatten)]
         study: InStudy,
     },
-    /// Ask the participant for the workload of a trial: the six scales of NASA-TLX
+    /// Ask the participant for the workload of a trial: six scales of NASA-TLX
     Workload {
-        /// Its name, as P07-joystick-02 [default: the trial that ended last]
+        /// Name of the trial, e.g. P07-joystick-02 [default: the last one that ended]
         name: Option<String>,
-        /// The answers from a form on paper, as 55,30,25,60,50,20
+        /// Answers from a paper form, e.g. 55,30,25,60,50,20
         #[arg(long, value_name = "SIX")]
         answers: Option<Workload>,
         #[command(flatten)]
         study: InStudy,
     },
-    /// List all trials, and in which order participants meet the conditions; or show one trial with
-    /// its marks
+    /// List all trials and the order of conditions for participants; or show one trial with its
+    /// marks
     List {
-        /// Its name, as P07-joystick-02
+        /// Name of a trial, e.g. P07-joystick-02
         #[arg(conflicts_with = "json")]
         name: Option<String>,
         #[command(flatten)]
@@ -139,7 +139,7 @@ pub enum Task {
 }
 
 pub fn run(task: Task) -> Result<(), Failure> {
-    // Before anything else: a mark is where it was asked for.
+    // Before anything else: a mark has the time of its request.
     let now = clock::now();
     match task {
         Task::New { study, condition } => {
@@ -153,7 +153,7 @@ pub fn run(task: Task) -> Result<(), Failure> {
             let study = Study::open(&folder)?;
             let _one_at_a_time = study.lock()?;
             for name in study.close_cut_off()? {
-                println!("{name} had been cut off: closed as aborted; what was recorded is kept");
+                println!("{name} was truncated: closed as aborted; its recording is kept");
             }
             let recorder = std::env::current_exe()?;
             let domain = domain.domain()?;
@@ -197,7 +197,7 @@ pub fn run(task: Task) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The form, on the terminal.
+/// Fills in the form on the terminal.
 fn ask(trial: &str) -> Result<Workload, Failure> {
     println!("{trial}. Each answer is 0 to 100 in steps of 5.");
     let mut answers = [0; SCALES.len()];
@@ -224,8 +224,8 @@ fn line(trial: &TrialFolder) -> String {
         (Some(Outcome::Failure), _) => "failure",
         (Some(Outcome::Recovery), _) => "recovery",
         (Some(Outcome::Aborted), _) => "aborted",
-        (None, Some(_)) => "runs, but is not recorded any more",
-        (None, None) => "runs, or was cut off",
+        (None, Some(_)) => "running, but no longer recorded",
+        (None, None) => "running, or truncated",
     };
     let marks = match state.marks.len() {
         1 => "1 mark".to_owned(),
@@ -246,7 +246,7 @@ fn list(study: &Study, json: bool) -> Result<(), Failure> {
             .collect::<Result<_, serde_json::Error>>()?;
         println!("{}", serde_json::to_string_pretty(&trials)?);
     } else if trials.is_empty() {
-        println!("no trial yet; `i2ris record trial start` begins one");
+        println!("no trial yet; `i2ris record trial start` starts one");
     } else {
         trials.iter().for_each(|trial| println!("{}", line(trial)));
     }
@@ -256,7 +256,7 @@ fn list(study: &Study, json: bool) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The square; a participant beyond it begins it again.
+/// Prints the square; participants beyond its last row start at the first again.
 fn orders(study: &Study) {
     let conditions = study.conditions();
     let rows = conditions.len() * (1 + conditions.len() % 2);
@@ -278,7 +278,7 @@ fn show(study: &Study, name: &str) -> Result<(), Failure> {
         println!("  not recorded to its end: {why}");
     }
     if trial.state.boots.len() > 1 {
-        println!("  the controller was started {} times in it", trial.state.boots.len());
+        println!("  the controller was started {} times during the trial", trial.state.boots.len());
     }
     if let Some(workload) = trial.state.workload {
         let scales = SCALES.iter().zip(workload.0).map(|((name, ..), it)| format!("{name} {it}"));

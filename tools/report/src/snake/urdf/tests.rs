@@ -37,12 +37,12 @@ fn tip(document: &Document<'_>, bend: Bend) -> Isometry3<f64> {
         pose = Isometry3::from_parts(Translation3::from(origin), turn) * pose;
         link = attribute(*joint, "parent", "link").unwrap();
     }
-    assert_eq!(link, "eye_base", "the tip hangs on the base");
+    assert_eq!(link, "eye_base", "the chain of the tip starts at the base");
     pose
 }
 
 #[test]
-fn a_reader_of_the_urdf_finds_the_tip_where_the_snake_has_it() {
+fn the_urdf_has_the_tip_pose_of_the_snake() {
     let snake = Snake::new("eye");
     let text = snake.urdf();
     let document = Document::parse(&text).unwrap();
@@ -59,7 +59,7 @@ fn a_reader_of_the_urdf_finds_the_tip_where_the_snake_has_it() {
 }
 
 #[test]
-fn every_link_has_one_joint_and_every_joint_has_limits_it_can_keep() {
+fn every_link_has_one_joint_and_every_joint_valid_limits() {
     let text = Snake::new("eye").urdf();
     let document = Document::parse(&text).unwrap();
     let robot = document.root_element();
@@ -70,7 +70,7 @@ fn every_link_has_one_joint_and_every_joint_has_limits_it_can_keep() {
     assert_eq!(children.len(), links.len() - 1, "all but the base");
     for (place, child) in children.iter().enumerate() {
         assert!(links.contains(child), "{child}");
-        assert!(!children[..place].contains(child), "{child} hangs twice");
+        assert!(!children[..place].contains(child), "{child} has two parents");
     }
     let limit = |name: &str| -> f64 {
         let joint = named("joint").find(|it| it.attribute("name") == Some(name));

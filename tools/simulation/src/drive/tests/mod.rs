@@ -1,4 +1,4 @@
-//! The drive as a host sees it, grouped by kind of request.
+//! Tests of the drive from the host's side, grouped by kind of request.
 
 mod modes;
 mod services;

@@ -78,7 +78,7 @@ fn the_handshake_moves_the_motor() {
 }
 
 #[test]
-fn a_second_target_behind_a_raised_bit_is_ignored() {
+fn a_target_without_a_new_edge_is_ignored() {
     let mut bench = DriveUnderTest::enabled(Mode::ProfilePosition);
     bench.write(0x607A, 0, 100);
     bench.write(0x6040, 0, 0x3F);

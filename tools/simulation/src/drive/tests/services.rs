@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_wrong_crc_and_an_unknown_opcode_have_an_error_reply() {
+fn wrong_crc_and_unknown_opcode_give_an_error_reply() {
     let mut bench = DriveUnderTest::fresh();
     let wrong_crc = bench.drive.reply_at_port(&Incoming::WrongCrc, None).unwrap();
     assert_eq!(
@@ -32,7 +32,7 @@ fn each_wrong_access_has_its_own_abort_code() {
 }
 
 #[test]
-fn an_error_reply_to_a_read_is_as_long_as_configured() {
+fn the_error_reply_to_a_read_has_the_configured_length() {
     for words in [2, 4] {
         let mut bench =
             DriveUnderTest::new(DriveConfig { error_reply_words: words, ..DriveConfig::default() });

@@ -18,7 +18,7 @@ fn disabling_operation_ramps_down_before_the_power_goes() {
 }
 
 #[test]
-fn shutdown_cuts_the_power_at_once_unless_the_option_asks_for_a_ramp() {
+fn shutdown_cuts_the_power_or_ramps_as_configured() {
     for (option, masked) in [(0, 0x21), (1, 0x27)] {
         let mut bench = DriveUnderTest::enabled(Mode::ProfileVelocity);
         bench.write(0x605B, 0, option);

@@ -52,7 +52,7 @@ impl ExchangeFault {
         }
     }
 
-    /// Data of an unsolicited reply that comes first.
+    /// Data of an unsolicited reply that is sent first.
     pub(super) fn stray_reply(self) -> Option<Vec<u8>> {
         matches!(self.0, Some(Injection::StrayReply)).then(|| vec![0, 0, 0, 0, 9, 9, 0, 0])
     }
@@ -82,8 +82,8 @@ fn truncate(bytes: &mut Vec<u8>, offset: usize) {
     bytes.truncate(offset % bytes.len().max(1));
 }
 
-/// Ends a frame after the first half of a doubled byte, or with a single DLE in place of its last
-/// two bytes.
+/// Truncates a frame after the first half of a doubled byte, or with a single DLE instead of its
+/// last two bytes.
 fn truncate_in_pair(bytes: &mut Vec<u8>) {
     if bytes.is_empty() {
         return;

@@ -1,12 +1,12 @@
 //! Timing of a serial line: when bytes arrive and when replies are complete.
 //!
-//! A pseudo-terminal delivers any number of bytes at once. Here they take the time that they take
-//! on a real line. All instants follow from the earlier ones and not from the wake-up time of a
-//! thread, so late wake-ups do not accumulate.
+//! A pseudo-terminal delivers any number of bytes at once. Here they take as long as on a real
+//! line. All instants follow from the earlier ones and not from the wake-up time of a thread, so
+//! late wake-ups do not accumulate.
 //!
-//! Behind a USB adapter a request and a reply each wait for a frame of USB, and a reply before that
-//! for the latency timer: FTDI's chips hand bytes over when 62 are there, or when the timer
-//! expires, which starts again with everything that is handed over (FTDI AN232B-04).
+//! With a USB adapter, a request and a reply each wait for a USB frame, and a reply before that for
+//! the latency timer: FTDI chips transfer 62 bytes at once, or all bytes when the timer expires.
+//! The timer restarts with every transfer (FTDI AN232B-04).
 
 use i2ris::units::Nanos;
 
@@ -21,10 +21,10 @@ pub struct LineConfig {
     pub processing_us: u64,
     /// Maximum random time added to it, microseconds.
     pub jitter_us: u64,
-    /// The latency timer of the FTDI chip between line and computer, milliseconds; 0: there is
+    /// The latency timer of the FTDI chip, milliseconds; 0: no chip.
     /// none.
     pub latency_timer_ms: u64,
-    /// How much of a late wake-up is not counted as the host's time, microseconds: bytes that are
+    /// Part of a late wake-up that is not counted as the host's time, microseconds: bytes that are
     /// read this long after the line was free count as sent when it became free. A wake-up takes
     /// about 70.
     pub allowance_us: u64,
@@ -44,15 +44,15 @@ impl Default for LineConfig {
 }
 
 impl LineConfig {
-    /// An EPOS2 on USB: a bridge of FTDI with 1,000,000 baud behind it, its timer set to 1 ms. An
-    /// exchange takes 2 ms, as others have measured.
+    /// An EPOS2 on USB: an FTDI bridge at 1,000,000 baud, with its timer set to 1 ms. An exchange
+    /// takes 2 ms, as others have measured.
     #[must_use]
     pub fn usb() -> Self {
         Self { baud: 1_000_000, latency_timer_ms: 1, processing_us: 300, ..Self::default() }
     }
 }
 
-/// What a bridge of FTDI hands over at once.
+/// Packet size of an FTDI bridge.
 const PACKET: usize = 62;
 
 /// Timing of both directions of a line.
@@ -81,7 +81,7 @@ impl LineTiming {
         }
     }
 
-    /// What was read at `read` waited so long for a frame of USB.
+    /// Bytes read at `read` have waited `wait` for a USB frame.
     pub(crate) fn wait_for_frame(&mut self, read: Nanos, wait: Nanos) {
         self.free = self.free.max(read - (self.allowance + self.late)) + wait;
     }
@@ -92,21 +92,21 @@ impl LineTiming {
         self.free
     }
 
-    /// The arrival time of a frame that was read whole at `read`: not before the host had sent it.
+    /// The arrival time of a frame that was read whole at `read`: not before the host sent it.
     pub(crate) fn complete(&mut self, read: Nanos) -> Nanos {
         self.free = self.free.max(read);
         self.free
     }
 
-    /// The end of a reply of `bytes` that starts at `start`. The host cannot respond before.
+    /// When a reply of `bytes` that starts at `start` ends. The host cannot respond before.
     pub(crate) fn depart(&mut self, start: Nanos, bytes: usize) -> Nanos {
         let end = start + Nanos(self.byte.0 * bytes as u64);
         self.free = self.free.max(end);
         end
     }
 
-    /// When the host gets a reply of `bytes` whose last one arrived at `end`, and what is handed
-    /// over waits so long for a frame of USB.
+    /// When the host gets a reply of `bytes` whose last one arrived at `end`. The transfer waits
+    /// `wait` for a USB frame.
     pub(crate) fn deliver(&mut self, end: Nanos, bytes: usize, wait: Nanos) -> Nanos {
         if self.timer == Nanos::ZERO {
             return end;
@@ -114,13 +114,13 @@ impl LineTiming {
         if bytes >= PACKET {
             self.started = end - Nanos(self.byte.0 * (bytes % PACKET) as u64);
         }
-        // Without bytes to hand over, it expires all the same.
+        // Without bytes to transfer, it still expires.
         let expiries = (end - self.started).0.div_ceil(self.timer.0);
         self.started = self.started + Nanos(expiries * self.timer.0) + wait;
         self.started
     }
 
-    /// Notes that the reply due at `due` was delivered at `now`.
+    /// Records that the reply due at `due` was delivered at `now`.
     pub(super) fn hand_over(&mut self, due: Nanos, now: Nanos) {
         self.late = now - due;
     }
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn the_delay_of_a_late_reply_is_not_the_host_s() {
+    fn a_late_reply_does_not_delay_the_host() {
         let mut timing = timing();
         let due = timing.depart(Nanos::from_millis(10), 1);
         timing.hand_over(due, due + Nanos::from_micros(700));
@@ -171,13 +171,13 @@ mod tests {
     }
 
     #[test]
-    fn short_replies_wait_for_the_latency_timer_and_full_packets_do_not() {
+    fn only_short_replies_wait_for_the_latency_timer() {
         let config = LineConfig { latency_timer_ms: 16, baud: 10_000, ..LineConfig::default() };
         let mut timing = LineTiming::new(&config);
         let mut deliver = |end_ms, bytes| timing.deliver(Nanos::from_millis(end_ms), bytes, BYTE);
         assert_eq!([3, 18, 50].map(|ms| deliver(ms, 10)), [17, 34, 51].map(Nanos::from_millis));
         assert_eq!(deliver(100, 62), Nanos::from_millis(101));
-        assert_eq!(deliver(104, 10), Nanos::from_millis(118), "it started again at 101");
+        assert_eq!(deliver(104, 10), Nanos::from_millis(118), "it restarted at 101");
         assert_eq!(deliver(200, 72), Nanos::from_millis(207), "10 bytes wait, since 190");
         let mut wire = LineTiming::new(&LineConfig::default());
         assert_eq!(wire.deliver(BYTE, 10, BYTE), BYTE);

@@ -1,10 +1,10 @@
-//! One serial port: a pseudo-terminal, the timing of the line, and the drive behind it.
+//! One serial port: a pseudo-terminal, the timing of the line, and its drive.
 //!
 //! | file | content |
 //! |---|---|
 //! | `pty` | the pseudo-terminal |
-//! | `port_folder` | links of stable names to the pseudo-terminals |
-//! | `line_timing` | when bytes arrive and replies are complete |
+//! | `port_folder` | links with stable names to the pseudo-terminals |
+//! | `line_timing` | arrival of bytes, completion of replies |
 //! | `fault_injection` | damage to the bytes of one exchange |
 
 mod fault_injection;
@@ -34,11 +34,11 @@ use fault_injection::ExchangeFault;
 pub(crate) use line_timing::LineTiming;
 use pty::Pty;
 
-/// Maximum sleep before the thread polls whether to end.
+/// Maximum sleep before the thread checks for the end.
 const POLL: Nanos = Nanos::from_millis(20);
 
-/// The longest that a request waits for USB, a frame, and a reply, which the host polls for more
-/// often; microseconds. Where in a frame they fall is not known.
+/// Maximum wait for USB of a request, one frame, and of a reply, which the host polls for more
+/// often; microseconds. The position in a frame is random.
 pub(crate) const REQUEST_WAIT_US: u64 = 1000;
 pub(crate) const REPLY_WAIT_US: u64 = 500;
 
@@ -47,14 +47,14 @@ const STALL: Nanos = Nanos::from_millis(30);
 
 /// A port.
 pub(crate) struct Port {
-    /// That of the drive that it belongs to.
+    /// Axis of the drive with the port.
     axis: usize,
     pty: Pty,
     config: LineConfig,
     timing: LineTiming,
     parser: Parser,
     fault: ExchangeFault,
-    /// The link of a stable name to the device.
+    /// The link with a stable name to the device.
     link: Option<PathBuf>,
     random: Pcg64Mcg,
     /// Arrival of the last byte.
@@ -114,7 +114,7 @@ impl Port {
         }
     }
 
-    /// Closes the pseudo-terminal as if the cable was pulled, then opens another one.
+    /// Closes the pseudo-terminal as if the cable was pulled, then opens a new one.
     fn hang_up(&mut self, span: Nanos) {
         let until = clock::now() + span;
         if let Some(link) = &self.link {
@@ -125,7 +125,7 @@ impl Port {
         while clock::now() < until && !self.shared.is_stopping() {
             clock::sleep_until(until.min(clock::now() + POLL));
         }
-        // If no pseudo-terminal is left, the port stays closed, as may happen with a real one.
+        // If no pseudo-terminal is left, the port stays closed, as on a real machine.
         if let Ok(pty) = Pty::open() {
             self.pty = pty;
             if let Some(link) = &self.link {
@@ -174,7 +174,7 @@ impl Port {
                 }
                 self.exchange(&incoming, self.last_byte);
                 self.early_byte_logged = false;
-                // The drive does not receive the bytes behind the frame.
+                // The drive does not receive the bytes after the frame.
                 return;
             }
         }
@@ -199,7 +199,7 @@ impl Port {
         Some((reply, start))
     }
 
-    /// Executes one request. Nothing is received before the reply is complete.
+    /// Executes one request. Bytes are ignored until the reply is complete.
     fn exchange(&mut self, incoming: &Incoming, arrived: Nanos) {
         self.watch_for_early_bytes(arrived);
         let Some((answer, ready)) = self.execute(incoming, arrived) else {
@@ -219,7 +219,7 @@ impl Port {
         self.line().replies.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Sends bytes from `start` on, and delivers them when the last has arrived.
+    /// Sends bytes, starting at `start`, and delivers them when the last has arrived.
     fn send(&mut self, bytes: Vec<u8>, start: Nanos) {
         let end = self.timing.depart(start, bytes.len());
         let wait = self.up_to(REPLY_WAIT_US);

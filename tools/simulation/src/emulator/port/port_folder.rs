@@ -1,4 +1,4 @@
-//! The folder with a link of a stable name to every port.
+//! The folder with a link of stable name to every port.
 
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io;
@@ -27,14 +27,12 @@ pub enum FolderError {
     )]
     Io { path: PathBuf, source: io::Error },
     #[error(
-        "{path} is in the way: it is not a folder of the emulator; choose another one with --ports"
+        "{path} exists and is not a folder of the emulator; choose another folder with --ports"
     )]
     NotOurs { path: PathBuf },
-    #[error("{path} can be changed by others; remove it, or choose another folder with --ports")]
+    #[error("{path} is writable by other users; remove it, or choose another folder with --ports")]
     Unsafe { path: PathBuf },
-    #[error(
-        "{path} is used by another emulator; stop that one, or choose another folder with --ports"
-    )]
+    #[error("{path} is used by another emulator; stop it, or choose another folder with --ports")]
     InUse { path: PathBuf },
 }
 
@@ -127,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_that_others_can_change_are_refused() {
+    fn folders_writable_by_others_are_refused() {
         let base = tempfile::tempdir().unwrap();
         let path = base.path().join("ports");
         fs::create_dir(&path).unwrap();

@@ -1,7 +1,7 @@
 //! Parameters of a snake: TOML, units in the key names, unknown keys refused.
 //!
-//! Lengths are degrees of bend: the wire travel that would bend the snake by so much without
-//! losses. Forces are in degrees of wire stretch: the stiffness of the wire is 1 by definition.
+//! Lengths are degrees of bend: the wire travel that would cause this bend without losses. Forces
+//! are in degrees of wire stretch: the stiffness of the wire is 1 by definition.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use crate::ageing::{AgeingEffect, Change, ChangeError};
 /// Maximum number of segments.
 pub(super) const MAX_SEGMENTS: usize = 4;
 
-/// Maximum number of kinds of bristles.
+/// Maximum number of bristle kinds.
 pub(super) const MAX_BRISTLES: usize = 4;
 
 /// One snake.
@@ -42,7 +42,7 @@ pub struct SnakeConfig {
     pub segments: Vec<SegmentConfig>,
     /// Slow random changes.
     pub drift: DriftConfig,
-    /// What changes as it ages.
+    /// Changes with age.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ageing: Vec<Change>,
 }
@@ -116,7 +116,7 @@ pub struct SegmentConfig {
     pub stiffening: f64,
     /// Bend at which its joints meet their stops, degrees, for pitch and yaw alike.
     pub limit_deg: f64,
-    /// Its friction, as a share of the friction of the wires.
+    /// Its friction, relative to the wire friction.
     pub friction: f64,
 }
 
@@ -125,11 +125,11 @@ pub struct SegmentConfig {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DriftConfig {
-    /// Standard deviation of the zero of pitch and yaw in the long run, degrees.
+    /// Long-term standard deviation of the pitch and yaw zero, degrees.
     pub offset_deg: f64,
     /// Its time constant, seconds.
     pub offset_time_s: f64,
-    /// Relative standard deviation of the friction in the long run.
+    /// Long-term relative standard deviation of the friction.
     pub friction: f64,
     /// Its time constant, seconds.
     pub friction_time_s: f64,
@@ -188,7 +188,7 @@ impl SnakeConfig {
         }
     }
 
-    /// The snake with aged gear and wires. Gains, friction of the wires and zeros change elsewhere.
+    /// The snake with aged gear and wires. Gains, wire friction and zeros change elsewhere.
     pub(super) fn aged(&self, effect: &AgeingEffect) -> Self {
         let mut aged = self.clone();
         for motor in 0..2 {
@@ -235,7 +235,7 @@ impl SnakeConfig {
         Ok(())
     }
 
-    /// Divisors, and values that make the balance of forces solvable.
+    /// Divisors, and values that make the force balance solvable.
     fn positive(&self) -> Vec<(&'static str, f64)> {
         let mut values = vec![
             ("deg_per_count", self.deg_per_count),
@@ -289,7 +289,7 @@ mod tests {
     use super::*;
 
     /// The JSON Schema of the snake in `config/schema` follows from the code.
-    /// After a change of the snake: run this test with `I2RIS_UPDATE_SCHEMA=1` and commit the file.
+    /// After a change of the snake, run this test with `I2RIS_UPDATE_SCHEMA=1` and commit the file.
     #[test]
     fn the_schema_file_is_up_to_date() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/schema/snake.json");

@@ -1,5 +1,5 @@
-//! The snake of [`crate::physics::springs`]: gear, loose wires, bristles under the capstan equation
-//! and segments in series, with parameters at random.
+//! The snake of [`crate::physics::springs`] with random parameters: gear, loose wires, bristles
+//! under the capstan equation and segments in series.
 //!
 //! Sources: see there. Unlike the snakes in `config/snakes` it does not drift, so that two runs
 //! can be compared.
@@ -46,7 +46,7 @@ pub(in crate::physics) fn draw(draw: &mut Draw, name: String) -> SnakeConfig {
     }
 }
 
-/// In series, each bends by itself, so that the stiffness of the whole is that of one.
+/// Segments in series; each bends separately, so that the total stiffness is that of one.
 fn segments(draw: &mut Draw, count: usize) -> Vec<SegmentConfig> {
     let whole = draw.uniform(0.12, 0.17);
     let limit = draw.uniform(50.0, 60.0);

@@ -1,4 +1,4 @@
-//! Slow random changes of the zero of the angles and of the friction.
+//! Slow random changes of friction and the zero.
 //!
 //! Both are Ornstein-Uhlenbeck processes with a known standard deviation in the long run. They
 //! advance on a fixed time grid, so the path does not depend on the time steps of the caller.

@@ -1,4 +1,4 @@
-//! The balance of forces on pulleys and segments during one small step.
+//! The force balance on pulleys and segments during one small step.
 //!
 //! ```text
 //! motor --(backlash)-- pulley ~~wire~~ [segment 1 | segment 2 | ...] tip
@@ -196,8 +196,7 @@ impl<'a> Step<'a> {
     }
 }
 
-/// Force of a motor on its pulley through the backlash of the gear; `travel`: of the motor less
-/// that of the pulley.
+/// Force of a motor on its pulley through the backlash of the gear; `travel`: motor minus pulley.
 fn flank_force(gear: &GearConfig, motor: usize, travel: f64) -> Force {
     let half = 0.5 * gear.backlash_deg[motor];
     gap(travel, half, gear.softness_deg).scaled(gear.contact_stiffness)

@@ -17,9 +17,9 @@ pub(super) struct BreakAway {
 }
 
 impl BreakAway {
-    /// By the capstan equation: `base + sum over wires of tension * (exp(coefficient * wrap) - 1)`.
-    /// `tensions` are by motor and direction. The two pairs of wires press at right angles, so
-    /// their loads add as vectors.
+    /// Break-away forces from the capstan equation: `base + sum over wires of tension *
+    /// (exp(coefficient * wrap) - 1)`. `tensions` are by motor and direction. The two pairs of
+    /// wires press at right angles, so their loads add as vectors.
     pub(super) fn new(
         config: &FrictionConfig,
         tensions: [[Force; 2]; 2],
@@ -42,12 +42,12 @@ impl BreakAway {
     }
 }
 
-/// Deflections of the bristles of one segment, degrees of bend.
+/// Deflections of one segment's bristles, degrees of bend.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Bristles {
     /// In the joints, by kind: pitch and yaw, limited by a circle.
     shared: [Pair; MAX_BRISTLES],
-    /// In the guides, by kind: motor 0 and motor 1, each limited by itself.
+    /// In the guides, by kind: motor 0 and motor 1, each with its own limit.
     own: [Pair; MAX_BRISTLES],
 }
 
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn sliding_in_one_axis_frees_the_other_only_where_friction_is_shared() {
+    fn sliding_frees_the_other_axis_only_with_shared_friction() {
         for (shared, frees) in [(1.0, true), (0.0, false)] {
             let config = config(shared);
             let break_away = BreakAway::new(&config, tensions(0.0), [0.0; 2], [1.0; 2]);

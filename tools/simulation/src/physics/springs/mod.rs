@@ -6,7 +6,7 @@
 //!
 //! # Glossary
 //!
-//! - **wire travel**: how far a motor has pulled its wires, in degrees of the bend that it would
+//! - **wire travel**: how far a motor has pulled its wires, in degrees of the bend that this would
 //!   cause without losses.
 //! - **slack**: how loose a wire is while the snake is straight. While both wires of a motor are
 //!   loose, the snake hardly follows.
@@ -22,10 +22,10 @@
 //! | `model` | [`SpringSnake`]: time steps and drift |
 //! | `config` | parameters and their file |
 //! | `force_law` | force laws with their slopes |
-//! | `force_balance` | the balance of forces in one step |
+//! | `force_balance` | the force balance in one step |
 //! | `friction` | friction of a segment: bristles and their limits |
 //! | `newton` | the solver of the balance |
-//! | `drawn` | such a snake with parameters at random |
+//! | `drawn` | such a snake with random parameters |
 //! | `drift` | slow random changes of zero and friction |
 
 mod config;

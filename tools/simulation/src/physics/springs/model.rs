@@ -22,9 +22,9 @@ const MIN_STEP_S: f64 = 1e-9;
 /// One snake. It starts straight, with loose wires and without memory.
 #[derive(Debug, Clone)]
 pub struct SpringSnake {
-    /// As it was new.
+    /// Parameters when new.
     new: SnakeConfig,
-    /// As it is now.
+    /// Present parameters.
     config: SnakeConfig,
     axes: [Pair; 2],
     state: State,
@@ -34,7 +34,7 @@ pub struct SpringSnake {
 }
 
 impl SpringSnake {
-    /// A snake with these parameters. `seed` determines what is random about drift and ageing.
+    /// A snake with these parameters. `seed` determines random drift and ageing.
     pub fn new(config: &SnakeConfig, seed: u64) -> Self {
         let (sin, cos) = config.motor_axes_deg.to_radians().sin_cos();
         Self {

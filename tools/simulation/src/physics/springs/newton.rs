@@ -1,4 +1,4 @@
-//! Newton's method for a balance of forces, the gradient of a strictly convex potential.
+//! Newton's method for a force balance, the gradient of a strictly convex potential.
 //!
 //! The slopes of the laws have kinks, so a full step can overshoot. Along the direction of a step
 //! the force of a convex potential is monotonic: the step is shortened by regula falsi until it

@@ -81,7 +81,7 @@ fn memoryless_fit(samples: &[(f64, f64)]) -> (f64, f64) {
 }
 
 #[test]
-fn the_error_of_a_memoryless_function_is_that_of_the_robot() {
+fn a_memoryless_function_errs_as_on_the_robot() {
     for (name, rmsd_band) in [("steel", 1.5..2.1), ("brass", 2.3..3.1), ("multi", 1.9..2.7)] {
         let samples = cycles(&mut SpringSnake::new(&config(name), 1));
         let (r2, rmsd) = memoryless_fit(&samples);
@@ -166,7 +166,7 @@ fn invalid_files_are_refused_with_their_key() {
         ("share = 0.5", "share = 0.6", "friction.bristles.share"),
         ("shared = 0.2", "shared = 1.2", "friction.shared"),
         ("drag_s", "drag", "drag"),
-        // The former key: the message names the new one.
+        // An old key: the message names the new one.
         ("backlash_deg", "gap_deg", "expected one of `backlash_deg`"),
     ] {
         assert!(text.contains(from));

@@ -2,14 +2,14 @@
 
 use super::super::ForceBalance;
 use super::super::parameters::REACH;
-use super::super::state::{FARTHEST, LEAST_FACTOR, grown};
+use super::super::state::{MAX_BEND, MIN_FACTOR, grown};
 use super::{
     ASYMMETRY, BY_OTHER, BY_TENSION, FRICTION, GROWTH, HARDENING_BY_OTHER, OTHER_GROWTH,
     POSE_SLOPE, PRELOAD, PRELOAD_GROWTH, PRELOAD_GROWTH_BY_OTHER, Places, SHARED_GROWTH,
     SensitiveState, Slopes,
 };
 
-/// Derivatives of the limits of a step.
+/// Derivatives of a step's limits.
 pub(super) struct LimitSlopes<const D: usize> {
     pub preload: [[Slopes; 2]; D],
     pub own: [[Slopes; 2]; D],
@@ -18,12 +18,12 @@ pub(super) struct LimitSlopes<const D: usize> {
 }
 
 /// A number and its derivatives.
-struct Known {
+struct Dual {
     value: f64,
     slopes: Slopes,
 }
 
-impl Known {
+impl Dual {
     fn nothing() -> Self {
         Self { value: 0.0, slopes: Slopes::zeros() }
     }
@@ -45,12 +45,12 @@ impl<const D: usize> ForceBalance<D> {
             shared: none,
             hardened: [none; D],
         };
-        let (mut base, mut square) = (Known::nothing(), Known::nothing());
+        let (mut base, mut square) = (Dual::nothing(), Dual::nothing());
         for (i, motor) in self.motors.iter().enumerate() {
             let (places, other) = (Places::of(i), D - 1 - i);
             self.bend_slopes(at, i, &mut found);
             let load = self.load(at, i);
-            let mut friction = Known { value: motor.friction + load.value, slopes: load.slopes };
+            let mut friction = Dual { value: motor.friction + load.value, slopes: load.slopes };
             friction.slopes[places.at(FRICTION)] += 1.0;
             if D > 1 {
                 let tension: f64 = at.state.tension[other].iter().sum();
@@ -65,8 +65,8 @@ impl<const D: usize> ForceBalance<D> {
                 for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
                     let sense = 1.0 + sign * motor.friction_asymmetry;
                     let by_limit = &mut found.own[i][side];
-                    *by_limit = force.slopes * sense.max(LEAST_FACTOR);
-                    if sense > LEAST_FACTOR {
+                    *by_limit = force.slopes * sense.max(MIN_FACTOR);
+                    if sense > MIN_FACTOR {
                         by_limit[places.at(ASYMMETRY)] += sign * force.value;
                     }
                 }
@@ -87,10 +87,10 @@ impl<const D: usize> ForceBalance<D> {
     }
 
     /// The bend of a motor as far as all else grows with it, relative to the reach.
-    fn grown(at: &SensitiveState<D>, i: usize) -> Known {
+    fn grown(at: &SensitiveState<D>, i: usize) -> Dual {
         let value = grown(at.state.bend[i]);
-        let is_within = value.abs() < FARTHEST;
-        Known { value, slopes: if is_within { at.bend[i] / REACH } else { Slopes::zeros() } }
+        let is_within = value.abs() < MAX_BEND;
+        Dual { value, slopes: if is_within { at.bend[i] / REACH } else { Slopes::zeros() } }
     }
 
     /// Preload and hardening by both bends.
@@ -113,9 +113,9 @@ impl<const D: usize> ForceBalance<D> {
         }
     }
 
-    /// Friction by the tension of the wires of a motor.
-    fn load(&self, at: &SensitiveState<D>, i: usize) -> Known {
-        let mut load = Known::nothing();
+    /// Friction by the wire tension of a motor.
+    fn load(&self, at: &SensitiveState<D>, i: usize) -> Dual {
+        let mut load = Dual::nothing();
         for side in 0..2 {
             let (tension, by) =
                 (at.state.tension[i][side], self.motors[i].friction_by_tension[side]);
@@ -127,17 +127,17 @@ impl<const D: usize> ForceBalance<D> {
     }
 
     /// The factor on the friction of a motor by both bends.
-    fn pose(&self, at: &SensitiveState<D>, i: usize) -> Known {
+    fn pose(&self, at: &SensitiveState<D>, i: usize) -> Dual {
         let (motor, places) = (&self.motors[i], Places::of(i));
         let own = Self::grown(at, i);
-        let across = if D > 1 { Self::grown(at, D - 1 - i) } else { Known::nothing() };
+        let across = if D > 1 { Self::grown(at, D - 1 - i) } else { Dual::nothing() };
         let [own_growth, other_growth] = motor.friction_growth;
         let pose = 1.0
             + own_growth * own.value.abs()
             + other_growth * across.value.abs()
             + motor.friction_slope * own.value;
-        let mut factor = Known { value: pose.max(LEAST_FACTOR), ..Known::nothing() };
-        if pose > LEAST_FACTOR {
+        let mut factor = Dual { value: pose.max(MIN_FACTOR), ..Dual::nothing() };
+        if pose > MIN_FACTOR {
             factor.slopes = own.slopes * (own_growth * own.value.signum() + motor.friction_slope)
                 + across.slopes * (other_growth * across.value.signum());
             factor.slopes[places.at(GROWTH)] += own.value.abs();
@@ -150,12 +150,12 @@ impl<const D: usize> ForceBalance<D> {
     }
 
     /// The factor on the friction of the shared stops by the length of the bend.
-    fn shared_pose(&self, at: &SensitiveState<D>) -> Known {
-        let bend: [Known; D] = std::array::from_fn(|i| Self::grown(at, i));
+    fn shared_pose(&self, at: &SensitiveState<D>) -> Dual {
+        let bend: [Dual; D] = std::array::from_fn(|i| Self::grown(at, i));
         let length = bend.iter().map(|part| part.value.powi(2)).sum::<f64>().sqrt();
         let pose = 1.0 + self.shared_growth * length;
-        let mut factor = Known { value: pose.max(LEAST_FACTOR), ..Known::nothing() };
-        if pose > LEAST_FACTOR && length > 0.0 {
+        let mut factor = Dual { value: pose.max(MIN_FACTOR), ..Dual::nothing() };
+        if pose > MIN_FACTOR && length > 0.0 {
             for part in &bend {
                 factor.slopes += part.slopes * (self.shared_growth * part.value / length);
             }

@@ -1,4 +1,4 @@
-//! The derivatives beside differences.
+//! Derivatives compared with differences.
 
 use super::super::{BalanceMotor, BalanceStop};
 use super::*;
@@ -43,7 +43,7 @@ fn balance() -> BalanceParameters {
     }
 }
 
-/// Time of a step of a path, s: between the times of the elements.
+/// Time per path step, s: between the times of the elements.
 const STEP_S: f64 = 0.2;
 
 fn bend<const D: usize>(

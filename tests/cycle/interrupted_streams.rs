@@ -1,5 +1,5 @@
-//! A stream that fell silent while it moved the snake needs something deliberate before it is
-//! followed again, whatever it consists of.
+//! A stream of any kind that fell silent while it moved the snake is followed again only after a
+//! deliberate action.
 
 use i2ris::core::{ServoCommand, ServoGoal};
 use i2ris::ipc::{Refusal, StateCommand};
@@ -8,7 +8,7 @@ use i2ris::model::kinematic::tip_position;
 use i2ris::units::{Counts, Nanos};
 use i2ris_testing::cycle::{Bench, CLIENT, config, model, rad, strict_config, with_jaw};
 
-/// A goal of every kind that moves with the time in s, slowly.
+/// Goals of every kind that move slowly with time (s).
 pub type Kind = fn(f64) -> ServoGoal;
 
 pub const KINDS: [(&str, Kind); 6] = [
@@ -24,7 +24,7 @@ pub fn bench() -> Bench {
     Bench::enabled_with(with_jaw(strict_config("")), Some(model(OutputUnit::Deg)))
 }
 
-/// At 100 Hz for a second; the end of the way for the next command.
+/// Streams at 100 Hz for a second; the next command would be the end of the path.
 pub fn stream(bench: &mut Bench, goal: Kind) {
     for k in 0..100 {
         let command = bench.servo(goal(f64::from(k) * 0.01));
@@ -45,7 +45,7 @@ pub fn is_followed(bench: &mut Bench) -> Refusal {
 }
 
 #[test]
-fn a_stream_of_any_kind_that_broke_off_in_motion_is_not_followed_again_by_itself() {
+fn stream_interrupted_in_motion_does_not_resume_automatically() {
     for (name, goal) in KINDS {
         let mut bench = bench();
         stream(&mut bench, goal);
@@ -55,12 +55,12 @@ fn a_stream_of_any_kind_that_broke_off_in_motion_is_not_followed_again_by_itself
             bench.run(pause);
             let same = bench.servo(goal);
             for command in [same, here(&mut bench)] {
-                assert_eq!(bench.send(command), Refusal::BrokenOff, "{name}, {pause}");
+                assert_eq!(bench.send(command), Refusal::StreamInterrupted, "{name}, {pause}");
             }
         }
-        // What another client does is nothing that this one did.
+        // An action of another client does not count as one of this client.
         assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Enable).refusal, Refusal::None);
-        assert_eq!(is_followed(&mut bench), Refusal::BrokenOff, "{name}");
+        assert_eq!(is_followed(&mut bench), Refusal::StreamInterrupted, "{name}");
         assert_eq!(bench.targets(), held, "{name}");
         assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
         assert_eq!(is_followed(&mut bench), Refusal::None, "{name}");
@@ -68,7 +68,7 @@ fn a_stream_of_any_kind_that_broke_off_in_motion_is_not_followed_again_by_itself
 }
 
 #[test]
-fn a_second_client_that_came_and_went_does_not_let_a_stream_go_on() {
+fn departed_second_client_does_not_let_stream_resume() {
     for (name, goal) in KINDS {
         let mut bench = bench();
         stream(&mut bench, goal);
@@ -94,15 +94,15 @@ fn a_second_client_that_came_and_went_does_not_let_a_stream_go_on() {
 }
 
 #[test]
-fn one_command_that_was_stopped_on_its_way_broke_off_too() {
+fn single_command_stopped_in_motion_counts_as_interrupted() {
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
     assert_eq!(bench.joint(4.0, 0.0), Refusal::None);
     bench.run(700);
-    assert_eq!(is_followed(&mut bench), Refusal::BrokenOff);
+    assert_eq!(is_followed(&mut bench), Refusal::StreamInterrupted);
 }
 
 #[test]
-fn a_gap_is_no_end_and_a_stream_that_stood_still_goes_on() {
+fn short_gap_or_stream_at_rest_does_not_interrupt() {
     let mut bench = bench();
     stream(&mut bench, KINDS[0].1);
     bench.run(400);
@@ -125,7 +125,7 @@ fn a_gap_is_no_end_and_a_stream_that_stood_still_goes_on() {
 }
 
 #[test]
-fn every_command_of_its_client_and_an_open_clutch_let_it_begin_anew() {
+fn own_state_command_or_open_clutch_lets_stream_restart() {
     type Act = fn(&mut Bench) -> Refusal;
     let acts: [(&str, Act); 5] = [
         ("hold", |bench| {
@@ -152,15 +152,15 @@ fn every_command_of_its_client_and_an_open_clutch_let_it_begin_anew() {
         let mut bench = bench();
         stream(&mut bench, KINDS[0].1);
         bench.run(700);
-        assert_eq!(is_followed(&mut bench), Refusal::BrokenOff, "{name}");
+        assert_eq!(is_followed(&mut bench), Refusal::StreamInterrupted, "{name}");
         assert_eq!(act(&mut bench), Refusal::None, "{name}");
         assert_eq!(is_followed(&mut bench), Refusal::None, "{name}");
     }
 }
 
-/// What arrives too old is no sign of life.
+/// A command that arrives stale does not count as activity.
 #[test]
-fn a_delay_that_stays_and_ends_does_not_let_a_stream_go_on() {
+fn stale_commands_do_not_let_stream_resume() {
     let mut bench = bench();
     stream(&mut bench, KINDS[0].1);
     for _ in 0..100 {
@@ -168,11 +168,11 @@ fn a_delay_that_stays_and_ends_does_not_let_a_stream_go_on() {
         assert_eq!(bench.send(late), Refusal::Stale);
         bench.run(9);
     }
-    assert_eq!(is_followed(&mut bench), Refusal::BrokenOff);
+    assert_eq!(is_followed(&mut bench), Refusal::StreamInterrupted);
 }
 
 #[test]
-fn the_jaw_that_broke_off_in_motion_waits_too_and_the_joints_do_not() {
+fn interrupted_jaw_stream_does_not_block_joints() {
     let mut bench = bench();
     let turn = |bench: &mut Bench, angle_deg: f64| {
         let command = bench.servo(ServoGoal::Joint([angle_deg.to_radians(), 0.0, 0.0], 1));
@@ -189,7 +189,7 @@ fn the_jaw_that_broke_off_in_motion_waits_too_and_the_joints_do_not() {
     let held = bench.jaw.feedback.position;
     for _ in 0..10 {
         assert!(!turn(&mut bench, 9.9));
-        assert_eq!(bench.report().last_refusal, Refusal::BrokenOff);
+        assert_eq!(bench.report().last_refusal, Refusal::StreamInterrupted);
     }
     assert_eq!(bench.jaw.feedback.position, held);
     assert_eq!(is_followed(&mut bench), Refusal::None);

@@ -1,9 +1,8 @@
-//! That a snake does what its model cannot: in use the error will be above twice the deviation that
-//! the model states.
+//! Detects a snake whose error in use will be above twice the deviation that the model states.
 //!
-//! The robot and the adaptation trust that deviation. Two things tell at the end of a fit that it
-//! is too small: measured poses that the inverse does not reach, and another family that explains
-//! the recording, but on which the inverse fails.
+//! The robot and the adaptation trust that deviation. Two signs at the end of a fit show that it is
+//! too small: measured poses that the inverse does not reach, and another family that explains the
+//! recording, but on which the inverse fails.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -16,25 +15,25 @@ use super::outcome::FitOutcome;
 use super::usable_range::clipped_rows;
 use crate::recording::Recording;
 
-/// An error may be so many times the stated deviation: of a normal one 95 % are within.
-const MOST: f64 = 2.0;
+/// Maximum error, relative to the stated deviation: 95 % of normal errors are within.
+const MAX_RATIO: f64 = 2.0;
 
-/// What tells that the error will be larger than stated, unit of the outputs.
+/// Evidence for an error larger than stated, unit of the outputs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct BeyondModel {
+pub struct ModelMismatch {
     unit: OutputUnit,
-    /// RMS length of the deviation that the model states.
+    /// RMS length of the stated deviation.
     stated: f64,
-    /// RMS distance of the measured poses from those that the inverse reaches, and the part of them
-    /// that it does not reach, percent.
+    /// RMS distance of the measured poses from those that the inverse reaches, and the share of
+    /// unreachable poses, percent.
     clipped: (f64, f64),
-    /// What the inverse leaves on the nearest of the other families.
+    /// Remaining error of the inverse on the nearest of the other families.
     other: Option<(f64, Family)>,
 }
 
-impl BeyondModel {
-    /// That the error in use will be above twice the deviation that the model states; `None` where
-    /// nothing tells so.
+impl ModelMismatch {
+    /// Looks for evidence that the error in use will be above twice the stated deviation; `None` if
+    /// there is none.
     #[must_use]
     pub fn find(outcome: &FitOutcome, recording: &Recording) -> Option<Self> {
         let unit = outcome.model.file().outputs.first()?.unit;
@@ -61,7 +60,7 @@ impl BeyondModel {
 
     fn reasons(&self) -> impl Iterator<Item = String> {
         let Self { unit, stated, clipped: (off, percent), other } = *self;
-        let most = MOST * stated;
+        let most = MAX_RATIO * stated;
         let range = (stated.hypot(off) > most).then(|| {
             format!(
                 "{percent:.1} % of the measured poses are beyond its reach, {off:.3} {unit} over \
@@ -70,20 +69,21 @@ impl BeyondModel {
         });
         let other = other.filter(|(error, _)| *error > most).map(|(error, family)| {
             format!(
-                "if {family} is right, which explains the recording, too, it will be {error:.3} \
-                 {unit} off: record longer, and compare both on a trial (i2ris calibrate compare)"
+                "if {family} is right, which also explains the recording, the error will be \
+                 {error:.3} {unit}: record longer, and compare both on a trial (i2ris calibrate \
+                 compare)"
             )
         });
         [range, other].into_iter().flatten()
     }
 }
 
-impl Display for BeyondModel {
+impl Display for ModelMismatch {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Self { unit, stated, .. } = self;
         write!(
             f,
-            "this snake does what the model cannot: its error will be above twice the {stated:.3} \
+            "the model cannot represent this snake: its error will exceed twice the {stated:.3} \
              {unit} that the model states"
         )?;
         self.reasons().try_for_each(|reason| write!(f, "; {reason}"))
@@ -96,8 +96,8 @@ mod tests {
     use crate::testing::assert_contains;
 
     #[test]
-    fn what_is_twice_the_stated_deviation_is_named_with_what_to_do() {
-        let found = |off, other| BeyondModel {
+    fn twice_the_stated_deviation_is_reported_with_a_remedy() {
+        let found = |off, other| ModelMismatch {
             unit: OutputUnit::Deg,
             stated: 0.3,
             clipped: (off, 12.0),
@@ -106,10 +106,10 @@ mod tests {
         assert_eq!(found(0.4, 0.5).reasons().next(), None);
         for (found, reason) in [
             (found(0.6, 0.5), "12.0 % of the measured poses are beyond its reach, 0.600 deg"),
-            (found(0.0, 0.7), "if gmr-play is right, which explains the recording, too"),
+            (found(0.0, 0.7), "if gmr-play is right, which also explains the recording"),
         ] {
             assert_eq!(found.reasons().count(), 1, "{found}");
-            assert_contains(&found, &["does what the model cannot", "0.300 deg", reason]);
+            assert_contains(&found, &["cannot represent this snake", "0.300 deg", reason]);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What came on a line and is no answer: the evidence for a message, in fixed memory.
+//! Bytes received instead of a valid reply: the evidence for a message, in fixed memory.
 
 use std::fmt;
 
@@ -7,9 +7,9 @@ use super::serial_frame::SerialFrame;
 /// Bytes that are kept: a short reply, or a word of text.
 const KEPT: usize = 12;
 
-/// What came in place of an answer.
+/// Bytes received instead of a valid reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Heard {
+pub struct UnexpectedReply {
     family: &'static str,
     bytes: u32,
     frames: u32,
@@ -18,19 +18,19 @@ pub struct Heard {
     kept: u8,
 }
 
-impl Heard {
-    /// Nothing yet, where a drive of this family is expected.
-    pub(super) fn nothing_from(family: &'static str) -> Self {
+impl UnexpectedReply {
+    /// Nothing received yet from a drive of this family.
+    pub(super) fn none_from(family: &'static str) -> Self {
         Self { family, ..Self::default() }
     }
 
-    /// Nothing came.
+    /// Whether nothing was received.
     #[must_use]
     pub fn is_silence(&self) -> bool {
         (self.bytes, self.frames) == (0, 0)
     }
 
-    /// A whole frame came.
+    /// Whether a whole frame was received.
     #[must_use]
     pub fn is_frame(&self) -> bool {
         self.frames > 0
@@ -50,7 +50,7 @@ impl Heard {
         }
     }
 
-    /// A whole frame that is no answer to the request.
+    /// Records a whole frame that is not a reply to the request.
     pub(super) fn note_frame(&mut self, frame: &SerialFrame<'_>) {
         self.frames = self.frames.saturating_add(1);
         self.kept = 0;
@@ -67,15 +67,15 @@ impl Heard {
     }
 }
 
-impl fmt::Display for Heard {
+impl fmt::Display for UnexpectedReply {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { family, bytes, frames, .. } = self;
         match (bytes, frames) {
             (0, 0) => return f.write_str("the line is silent"),
-            (1, 0) => f.write_str("something answers, and it is no drive: 1 byte, no frame:")?,
-            (_, 0) => write!(f, "something answers, and it is no drive: {bytes} bytes, no frame:")?,
-            (_, 1) => write!(f, "something answers, but not as {family}:")?,
-            _ => write!(f, "something answers, but not as {family}: {frames} frames, the last:")?,
+            (1, 0) => f.write_str("received 1 byte, not a drive frame:")?,
+            (_, 0) => write!(f, "received {bytes} bytes, not a drive frame:")?,
+            (_, 1) => write!(f, "received a frame, but not a reply of {family}:")?,
+            _ => write!(f, "received {frames} frames, but not a reply of {family}, the last:")?,
         }
         let last = self.last.get(..usize::from(self.kept)).unwrap_or_default();
         last.iter().try_for_each(|byte| write!(f, " {byte:02X}"))?;
@@ -92,20 +92,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_came_is_said_in_one_clause() {
-        let mut heard = Heard::nothing_from("EPOS2");
-        assert_eq!(heard.to_string(), "the line is silent");
-        heard.note_bytes(b"roll=0.1 pitch=-3.4\r\n");
+    fn received_bytes_are_described_in_one_clause() {
+        let mut unexpected = UnexpectedReply::none_from("EPOS2");
+        assert_eq!(unexpected.to_string(), "the line is silent");
+        unexpected.note_bytes(b"roll=0.1 pitch=-3.4\r\n");
         assert_eq!(
-            heard.to_string(),
-            "something answers, and it is no drive: 21 bytes, no frame: 70 69 74 63 68 3D 2D 33 2E \
+            unexpected.to_string(),
+            "received 21 bytes, not a drive frame: 70 69 74 63 68 3D 2D 33 2E \
              34 0D 0A (text: \"pitch=-3.4\")"
         );
-        heard.note_frame(&SerialFrame { opcode: 0, data: &[6, 0] });
-        assert_eq!(heard.to_string(), "something answers, but not as EPOS2: 06 00");
-        heard.note_frame(&SerialFrame { opcode: 0x60, data: &[1; 300] });
-        heard.note_bytes(&[7; 300]);
-        let echo = "EPOS2: 2 frames, the last: 60 01 01 01 01 01 01 01 01 01 01 01";
-        assert!(heard.to_string().ends_with(echo), "{heard}");
+        unexpected.note_frame(&SerialFrame { opcode: 0, data: &[6, 0] });
+        assert_eq!(unexpected.to_string(), "received a frame, but not a reply of EPOS2: 06 00");
+        unexpected.note_frame(&SerialFrame { opcode: 0x60, data: &[1; 300] });
+        unexpected.note_bytes(&[7; 300]);
+        let echo =
+            "2 frames, but not a reply of EPOS2, the last: 60 01 01 01 01 01 01 01 01 01 01 01";
+        assert!(unexpected.to_string().ends_with(echo), "{unexpected}");
     }
 }

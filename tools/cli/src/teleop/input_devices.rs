@@ -1,4 +1,4 @@
-//! The devices of a hand: found, opened, read together, and found again after a loss.
+//! Input devices: found, opened, read together, and found again after a loss.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,23 +17,23 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use super::source::{HandRequest, Source, SourceLost};
 
-/// How often a device that is gone is looked for.
+/// Search period for a lost device.
 const SEARCH: Nanos = Nanos::from_millis(500);
 
-/// Which devices, and how they are held.
+/// Selected devices, and how they are held.
 #[derive(Debug, Clone)]
 pub struct Chosen {
-    /// `/dev/input/event*`, `/dev/hidraw*`, or pipes through which recordings are played; none:
-    /// those that are known.
+    /// `/dev/input/event*`, `/dev/hidraw*`, or pipes through which recordings are played; empty:
+    /// the known devices.
     pub devices: Vec<PathBuf>,
     /// Files with profiles, before the shipped ones.
     pub profiles: Vec<PathBuf>,
     pub hand: Handedness,
-    /// Limits are felt, where a device can make pulses.
+    /// Pulse at limits, if a device can.
     pub pulses: bool,
 }
 
-/// Profiles of these files, then those that come with the software.
+/// Profiles of these files, then the shipped ones.
 pub fn profiles(files: &[PathBuf]) -> Result<Vec<Profile>, Failure> {
     let mut profiles = Vec::new();
     for file in files {
@@ -50,7 +50,7 @@ fn gone() -> Reading {
 }
 
 struct Part {
-    /// `None` while it is gone.
+    /// `None` while it is disconnected.
     device: Option<Device>,
     path: PathBuf,
     is_played: bool,
@@ -59,15 +59,15 @@ struct Part {
     next_search: Nanos,
 }
 
-/// All devices of a hand.
-pub(super) struct Hands {
+/// All input devices in use.
+pub(super) struct InputDevices {
     parts: Vec<Part>,
     clutch: Clutch,
     pulses: bool,
     news: Vec<String>,
 }
 
-impl Hands {
+impl InputDevices {
     pub fn open(chosen: &Chosen) -> Result<Self, Failure> {
         let profiles = profiles(&chosen.profiles)?;
         let mut parts = Vec::new();
@@ -80,26 +80,26 @@ impl Hands {
             parts.push(Part::open(&path, &profiles, chosen.hand)?);
         }
         if !parts.iter().any(|part| part.control.has_axes()) {
-            return Err("a device that steers is missing: a pedal alone moves nothing".into());
+            return Err("no steering device: a pedal alone moves nothing".into());
         }
         if !parts.iter().any(|part| part.control.has_dead_man()) {
-            return Err("a dead-man is missing: name one in the profile, or add a pedal with a \
-                        second --device"
+            return Err("no dead-man: name one in the profile, or add a pedal with a second \
+                        --device"
                 .into());
         }
         let mut news = Vec::new();
         if chosen.pulses && !parts.iter_mut().any(Part::can_pulse) {
-            news.push("no device of these can pulse: limits are not felt".to_owned());
+            news.push("none of these devices can pulse: limits cannot be felt".to_owned());
         }
         Ok(Self { parts, clutch: Clutch::default(), pulses: chosen.pulses, news })
     }
 }
 
-/// The known device that steers, and a known pedal beside it. Several, or none, are asked.
+/// The known steering device, and a known pedal. Fails if there are several, or none.
 ///
-/// One device has several files: a DualSense has its sensors and its touchpad beside the pad, a
-/// pedal a mouse beside its keys, a SpaceMouse its events beside its reports. Only a file with all
-/// controls of the profile counts, and reports before events.
+/// One device has several files: a DualSense has pad, sensors and touchpad, a pedal keys and mouse,
+/// a SpaceMouse reports and events. Only a file with all controls of the profile is used, and
+/// reports are preferred to events.
 fn only_known(found: &[Found], profiles: &[Profile]) -> Result<Vec<PathBuf>, Failure> {
     let list = found.iter().map(|found| format!("\n  {}", finder::line(found, profiles)));
     let list = list.collect::<String>();
@@ -140,8 +140,8 @@ impl Part {
         let profile = known(description, profiles).ok_or_else(|| {
             let path = path.display();
             format!(
-                "{path}: {} is not known, and nothing is guessed; `i2ris teleop input learn {path} \
-                 --output mine.toml` asks what its controls are, then add --profile mine.toml",
+                "{path}: {} has no profile: create one by `i2ris teleop input learn {path} \
+                 --output mine.toml`, then add --profile mine.toml",
                 description.identity
             )
         })?;
@@ -157,7 +157,7 @@ impl Part {
         })
     }
 
-    /// What it says, and what has to be said of it.
+    /// The reading, and a message to print.
     fn read(&mut self, now: Nanos) -> (Reading, Option<String>) {
         let Some(device) = &mut self.device else {
             return (gone(), self.search(now));
@@ -165,7 +165,7 @@ impl Part {
         if let Err(error) = device.read(now, |_| {}) {
             self.device = None;
             self.next_search = now + SEARCH;
-            return (gone(), Some(format!("{error}; the snake holds until it is back")));
+            return (gone(), Some(format!("{error}; the snake holds until it is reconnected")));
         }
         let (description, state) = device.parts();
         (self.control.read(description, state, now), None)
@@ -184,11 +184,11 @@ impl Part {
         device.grab().ok()?;
         self.path = device.path().to_owned();
         self.device = Some(device);
-        Some(format!("{} is back at {}", self.identity, self.path.display()))
+        Some(format!("{} reconnected at {}", self.identity, self.path.display()))
     }
 }
 
-impl Source for Hands {
+impl Source for InputDevices {
     fn read(&mut self, now: Nanos) -> Result<HandRequest, SourceLost> {
         let mut readings = Vec::with_capacity(self.parts.len());
         for part in &mut self.parts {
@@ -216,7 +216,7 @@ impl Source for Hands {
         let mut ready: Vec<_> = devices
             .map(|device| PollFd::new(std::os::fd::AsFd::as_fd(device), PollFlags::POLLIN))
             .collect();
-        // An event is sent at once; milliseconds are fine enough for the period.
+        // Events are sent at once; a resolution of milliseconds suffices for the period.
         let span = until.duration_since(clock::now()).0.div_ceil(1_000_000);
         let span = u16::try_from(span).unwrap_or(u16::MAX);
         if ready.is_empty() || poll(&mut ready, PollTimeout::from(span)).is_err() {
@@ -235,7 +235,7 @@ impl Source for Hands {
     fn help(&self) -> String {
         let names = self.parts.iter().map(|part| part.identity.to_string());
         let names = names.collect::<Vec<_>>().join(" and ");
-        format!("{names}: hold the dead-man and steer; let go, and the snake holds. Ctrl-C ends.")
+        format!("{names}: hold the dead-man and steer; release it to hold. Ctrl-C exits.")
     }
 }
 
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_with_several_files_is_one_device() {
+    fn device_with_several_files_is_one_device() {
         let profiles: Vec<_> = Profile::shipped().collect();
         let chosen = |without: &str| {
             let mut found = plugged_in();

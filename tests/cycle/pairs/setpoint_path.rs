@@ -1,6 +1,6 @@
-//! The way: at no time is the setpoint anywhere but between where it was and where it was expected
-//! to go. Nothing that a stage adds may lead it further: neither the blend of a swap, which ends
-//! where it was expected to, nor a correction.
+//! The setpoint path: the setpoint always lies between where it was and where it was expected to
+//! go. No stage may lead it further: neither the blend of a swap, which ends where expected, nor a
+//! correction.
 
 use std::collections::VecDeque;
 
@@ -13,15 +13,15 @@ use super::oracle::adapted;
 use super::routes::plus;
 use super::snake::Snake;
 
-/// Ticks that are looked at together: what a tremor filter leaves of a goal after these is little.
+/// Ticks that are checked together; a tremor filter has nearly reached its goal after these.
 const WINDOW: usize = 300;
-/// They are looked at every so many ticks.
+/// Interval of the check, ticks.
 const EVERY: usize = 8;
-/// Rounding to counts, dead-bands and what the inverse leaves, degrees.
+/// Rounding to counts, dead-bands and error of the inverse, degrees.
 const TOLERANCE_DEG: f64 = 0.3;
 /// Ticks over which speed is measured.
 const SPEED: usize = 10;
-/// How far around it is past a circle.
+/// Detour around a circle.
 const AROUND_DEG: f64 = 3.0;
 
 /// Pitch, yaw, and the same along the motors: either the angles do not arrive at the same time, or
@@ -32,47 +32,47 @@ fn views([pitch, yaw]: Angles) -> Views {
     [pitch, yaw, 0.5 * (pitch - yaw), 0.5 * (pitch + yaw)]
 }
 
-/// A tick: where the setpoint was, and what was expected.
+/// Setpoint and expected goals of a tick.
 struct Entry {
     seen: Angles,
-    /// Between these the goals were.
+    /// Bounds of the goals.
     low: Views,
     high: Views,
-    /// What a rate asks for in this tick, downwards and upwards.
+    /// Motion requested by a rate in this tick, downwards and upwards.
     by_rate: [Views; 2],
-    /// How far the goal of a rate was from the setpoint.
+    /// Maximum distance of a rate's goal from the setpoint.
     ahead: f64,
     around: f64,
 }
 
-pub struct Way {
+pub struct SetpointPath {
     pub expected: Expected,
     past: VecDeque<Entry>,
-    /// The disagreement of the models at the last swap, and when it has faded out.
+    /// Difference between the models at the last swap, and the end of its blend.
     blend: (f64, Nanos),
     /// deg/s^2.
     braking: f64,
     ticks: usize,
 }
 
-impl Way {
+impl SetpointPath {
     pub fn new(expected: Expected, braking: f64) -> Self {
         let past = VecDeque::new();
         Self { expected, past, blend: (0.0, Nanos::ZERO), braking, ticks: 0 }
     }
 
-    /// The snake is seen anew.
+    /// Discards the history.
     pub fn begin(&mut self) {
         self.past.clear();
     }
 
-    /// Another model sees the snake elsewhere by so much.
+    /// Records a swap, and by how much the new model sees the snake elsewhere.
     pub fn swapped(&mut self, by: f64, until: Nanos) {
         self.blend = (by, until);
         self.past.clear();
     }
 
-    /// Notes the tick that has just been, and looks at the last ones.
+    /// Records the last tick and checks the last ones.
     pub fn check(&mut self, bench: &Bench, snake: &Snake, seen: Angles) {
         let report = bench.report();
         if report.holding || report.state != OperatingState::Enabled {
@@ -145,13 +145,13 @@ impl Way {
         );
     }
 
-    /// Motion that is not expected for any more takes its way to end.
+    /// Distance that motion without a goal still needs to stop.
     fn overshoot(&self) -> f64 {
         let pairs = self.past.iter().zip(self.past.iter().skip(SPEED)).step_by(SPEED);
         let ways = pairs.map(|(from, to)| plus(to.seen, from.seen, -1.0));
         let speeds = ways.map(|[pitch, yaw]| pitch.hypot(yaw) / (1e-3 * SPEED as f64));
         let fastest = speeds.fold(0.0, f64::max);
-        // A move that another one takes the place of comes to rest more slowly.
+        // A move that is replaced by another comes to rest more slowly.
         let slow_s = if let What::Pose(_) = self.expected.what { 0.12 } else { 0.02 };
         0.5 * fastest * fastest / self.braking + slow_s * fastest
     }
