@@ -259,7 +259,7 @@ mod tests {
             "the controller with process id 7 already serves domain `eye`; stop it, or choose \
              another domain"
         );
-        assert!(taken(None).starts_with("another controller serves"));
+        assert!(taken(None).starts_with("another controller already serves"));
     }
 
     #[test]

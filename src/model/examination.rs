@@ -323,6 +323,6 @@ mod tests {
         assert!(matches!(found(f64::NAN, 1.0).verdict(), Err(ModelError::NoMotion)));
         let sentence = found(0.8, 9.0).verdict().unwrap_err().to_string();
         assert!(sentence.contains("misses 80 % of the motion"), "{sentence}");
-        assert!(sentence.contains("with 9.0 times the travel"), "{sentence}");
+        assert!(sentence.contains("with 9.0 times the motor travel"), "{sentence}");
     }
 }

@@ -115,7 +115,7 @@ fn failed_start_keeps_one_serial_capture() {
         let ended = rig.spawn_controller("failed").wait().unwrap();
         assert_eq!(ended.code(), Some(1), "{}", rig.log_text("failed"));
         let log = rig.log_text("failed");
-        assert!(log.contains(&format!("drives said: {}", file.display())), "{log}");
+        assert!(log.contains(&format!("failed start: {}", file.display())), "{log}");
         let kept = capture::file::read(&file).unwrap();
         assert!(kept.ports[0].attempts().len() > 10, "{kept:?}");
     }
