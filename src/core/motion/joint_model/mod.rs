@@ -1,7 +1,6 @@
 //! Joint model: a model with the memory that it needs in the loop.
 //!
-//! `memory`: the positions of the motors, replayed into it. `correction`: the interface of the
-//! adaptation.
+//! `memory`: motor positions, replayed into it. `correction`: the interface of the adaptation.
 
 mod correction;
 mod memory;
@@ -304,9 +303,8 @@ impl JointModel {
         self.state.held_back = vector::difference(&led, allowed);
     }
 
-    /// Remaining motion of the snake to the requested goal. It excludes deliberate offsets (lead,
-    /// blend and the uncompensated part), or a goal limited by it would run away. It includes the
-    /// dead-band, which leaves up to [`JointModel::dead_band_width`].
+    /// Remaining motion of the snake to the requested goal, without deliberate offsets (a goal that
+    /// they limit would run away), with up to [`JointModel::dead_band_width`] of the dead-band.
     pub fn remaining_motion(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
         let left =
             vector::difference(&self.pose(&self.state.search_start)?, &self.pose(setpoints)?);
