@@ -1,4 +1,4 @@
-//! `i2ris drives`: reads and compares drive settings. Nothing is written to a drive.
+//! `i2ris doctor drives`: reads and compares drive settings. Nothing is written to a drive.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,14 +10,14 @@ use i2ris::robot::DriveFingerprint;
 use i2ris_report::{DomainOption, Failure, while_working};
 use i2ris_simulation::drive::DeviceFile;
 
-/// Commands of `i2ris drives`.
+/// Commands of `i2ris doctor drives`.
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
-  i2ris drives dump > drives.json                the drives of the running controller
-  i2ris drives dump --config my-robot.toml       while no controller runs
-  i2ris drives compare drives.json               with the present drives
-  i2ris drives compare before.json after.json
-  i2ris drives compare motor.dcf                 as EPOS Studio exports it
+  i2ris doctor drives dump > drives.json                the drives of the running controller
+  i2ris doctor drives dump --config my-robot.toml       while no controller runs
+  i2ris doctor drives compare drives.json               with the present drives
+  i2ris doctor drives compare before.json after.json
+  i2ris doctor drives compare motor.dcf                 as EPOS Studio exports it
 
 Drives are read, and nothing is written to them.")]
 pub enum Command {
@@ -40,7 +40,7 @@ pub struct Present {
 
 #[derive(Debug, clap::Args)]
 pub struct CompareArguments {
-    /// Settings: from `i2ris drives dump`, a model, or a DCF file
+    /// Settings: from `i2ris doctor drives dump`, a model, or a DCF file
     first: PathBuf,
     /// Settings to compare with [default: those of the present drives]
     second: Option<PathBuf>,
@@ -130,7 +130,8 @@ fn load(path: &Path) -> Result<(Vec<DriveFingerprint>, bool), Failure> {
     }
     let model = Model::load(path).map_err(|_| {
         format!(
-            "{} contains no settings: name a file of `i2ris drives dump`, a model, or a DCF file",
+            "{} contains no settings: name a file of `i2ris doctor drives dump`, a model, or a DCF \
+             file",
             path.display()
         )
     })?;

@@ -88,19 +88,13 @@ enum Task {
     /// Use, inspect and roll back models
     #[command(subcommand)]
     Model(model::Command),
-    /// Print and compare drive settings (read-only)
-    #[command(subcommand)]
-    Drives(drives::Command),
-    /// Inspect serial captures
-    #[command(subcommand)]
-    Wire(wire::Command),
 }
 
 impl Task {
     /// Whether it only prints, see [`end_with_reader`].
     fn only_prints(&self) -> bool {
         match self {
-            Self::Doctor(_) | Self::Drives(_) | Self::Wire(_) => true,
+            Self::Doctor(_) => true,
             Self::Calibrate(arguments) => arguments.only_prints(),
             Self::Model(command) => command.only_prints(),
             Self::Start(_)
@@ -133,8 +127,6 @@ impl Task {
             Self::Teleop(arguments) => teleop::run(arguments),
             Self::Calibrate(arguments) => calibrate::run(arguments),
             Self::Model(command) => model::run(command),
-            Self::Drives(command) => drives::run(&command),
-            Self::Wire(command) => wire::run(&command),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `i2ris wire`: inspects the serial traffic in the captures next to black boxes.
+//! `i2ris doctor wire`: inspects the serial traffic in the captures next to black boxes.
 
 use std::path::{Path, PathBuf};
 
@@ -15,12 +15,12 @@ use i2ris_report::exit::{Coded, INCOMPLETE};
 /// Maximum number of printed differences of a port.
 const MAX_SHOWN: usize = 5;
 
-/// Commands of `i2ris wire`.
+/// Commands of `i2ris doctor wire`.
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
-  i2ris wire show records/20260131-120000-fault.pcapng
-  i2ris wire replay records/20260131-120000-fault.pcapng
-  i2ris wire compare good.pcapng bad.pcapng
+  i2ris doctor wire show records/20260131-120000-fault.pcapng
+  i2ris doctor wire replay records/20260131-120000-fault.pcapng
+  i2ris doctor wire compare good.pcapng bad.pcapng
 
 The controller writes such a file next to every black box. Wireshark can also open it.")]
 pub enum Command {

@@ -51,12 +51,21 @@ enum Other {
     /// Inspect a configuration without starting anything
     #[command(subcommand)]
     Config(config::Command),
+    /// Print and compare drive settings (read-only)
+    #[command(subcommand)]
+    Drives(crate::drives::Command),
+    /// Inspect serial captures
+    #[command(subcommand)]
+    Wire(crate::wire::Command),
 }
 
 /// Runs the checks. Fails when a check fails.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    if let Some(Other::Config(command)) = &arguments.other {
-        return config::run(command);
+    match &arguments.other {
+        Some(Other::Config(command)) => return config::run(command),
+        Some(Other::Drives(command)) => return crate::drives::run(command),
+        Some(Other::Wire(command)) => return crate::wire::run(command),
+        None => {}
     }
     let mut report = Report::default();
     let file = arguments.config.clone().or_else(running);

@@ -213,7 +213,7 @@ fn judge_robot(measured: &Measured, report: &mut Report) {
     check(report, "memory", measured.is_memory_known, found, CONDITION);
     if let [first, more @ ..] = &measured.drive_differences[..] {
         let found = format!("changed since the calibration: {first}, and {} more", more.len());
-        report.fail("drive gains", found, "restore them, or calibrate: `i2ris drives`");
+        report.fail("drive gains", found, "restore them, or calibrate: `i2ris doctor drives`");
     }
     let found = match measured.is_homed {
         true => format!("motors at {first} and {second} counts from it"),
@@ -273,7 +273,7 @@ fn judge_follow(motion: &Motion, line_s: f64, report: &mut Report) -> bool {
             follow_s * 1e3,
             100.0 * followed
         );
-        report.fail("drive gains", found, "compare the drives: `i2ris drives`; tune them");
+        report.fail("drive gains", found, "compare the drives: `i2ris doctor drives`; tune them");
     }
     is_right
 }

@@ -1,4 +1,4 @@
-//! `i2ris wire` and `i2ris drives`: serial traffic and drive settings.
+//! `i2ris doctor wire` and `i2ris doctor drives`: serial traffic and drive settings.
 
 use std::fs;
 use std::path::Path;
@@ -34,7 +34,7 @@ fn capture_is_shown_replayed_and_compared_up_to_truncation() {
     rig.signal(Signal::SIGTERM);
     rig.wait_for_end();
     fs::copy(&path, bench.path("a.pcapng")).unwrap();
-    let shown = bench.succeeds("wire show a.pcapng");
+    let shown = bench.succeeds("doctor wire show a.pcapng");
     let names = ["read statusword (0x6041:00)", "read actual position (0x6064:00)"];
     assert_says(&shown, &names);
     let says = [
@@ -44,34 +44,34 @@ fn capture_is_shown_replayed_and_compared_up_to_truncation() {
         "90 02 ",
     ];
     assert_says(&shown, &says);
-    let replayed = bench.succeeds("wire replay a.pcapng");
+    let replayed = bench.succeeds("doctor wire replay a.pcapng");
     assert_eq!(replayed.matches(" 0 differences").count(), 2, "{replayed}");
-    assert_says(&bench.succeeds("wire compare a.pcapng a.pcapng"), &["differ     0 of"]);
+    assert_says(&bench.succeeds("doctor wire compare a.pcapng a.pcapng"), &["differ     0 of"]);
 
     let whole = fs::read(bench.path("a.pcapng")).unwrap();
     fs::write(bench.path("cut.pcapng"), &whole[..whole.len() / 2 + 1]).unwrap();
     for words in ["show cut.pcapng", "replay cut.pcapng", "compare a.pcapng cut.pcapng"] {
-        let result = bench.run(&format!("wire {words}"));
+        let result = bench.run(&format!("doctor wire {words}"));
         assert_eq!(result.code, Some(10), "{words}: {}", result.error);
         assert_says(&result.error, &["cut.pcapng is truncated", "complete events"]);
         assert!(result.output.lines().count() > 1, "{words}");
     }
     fs::write(bench.path("other.pcapng"), "t_s,q0_counts\n").unwrap();
-    bench.fails("wire show other.pcapng", &["other.pcapng is not a capture"]);
+    bench.fails("doctor wire show other.pcapng", &["other.pcapng is not a capture"]);
 }
 
 #[test]
 fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let (mut rig, bench) = robot();
     let domain = rig.domain();
-    let now = succeeds(&domain, "drives dump");
+    let now = succeeds(&domain, "doctor drives dump");
     let drives: Vec<DriveFingerprint> = serde_json::from_str(&now).unwrap();
     assert_eq!(drives.iter().map(|drive| drive.motor).collect::<Vec<_>>(), [0, 1]);
     let limit = i64::from(rig.config.ports[0].axes[0].current_limit_ma);
     assert_eq!(drives[0].settings["0x3001:02"], limit);
     bench.write("now.json", &now);
     assert_says(
-        &succeeds(&domain, &format!("drives compare {}", bench.file("now.json"))),
+        &succeeds(&domain, &format!("doctor drives compare {}", bench.file("now.json"))),
         &["same"],
     );
     let mut other = drives.clone();
@@ -79,7 +79,7 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let pulses = drives[1].settings["0x3010:01"];
     bench.write("other.json", &serde_json::to_string(&other).unwrap());
     let named = format!("motor 1: encoder pulses (0x3010:01) {} -> {pulses}", pulses + 1);
-    let result = bench.run("drives compare other.json now.json");
+    let result = bench.run("doctor drives compare other.json now.json");
     assert_eq!((result.code, result.output.trim()), (Some(1), named.as_str()), "{}", result.error);
 
     // As maxon's tool writes the settings of one drive of any motor.
@@ -94,13 +94,13 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let table = format!("index,subindex,type,access,low,high,default,value\n{rows}");
     bench.write("motor_fw0170.csv", &table);
     assert_says(
-        &bench.succeeds("drives compare motor_fw0170.csv now.json"),
+        &bench.succeeds("doctor drives compare motor_fw0170.csv now.json"),
         &["no differences: 2 drives"],
     );
     let changed = table.replace("0x3001,2,U32,rw,,,,300", "0x3001,2,U32,rw,,,,301");
     assert_ne!(table, changed, "{table}");
     bench.write("changed_fw0170.csv", &changed);
-    let result = bench.run("drives compare changed_fw0170.csv now.json");
+    let result = bench.run("doctor drives compare changed_fw0170.csv now.json");
     let named_both = "motor 0: output current limit (0x3001:02) 301 -> 300\nmotor 1: output";
     assert_says(&result.output, &[named_both]);
 
@@ -130,7 +130,7 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     rig.signal(Signal::SIGTERM);
     rig.wait_for_end();
     let config = rig.folder.path().join("robot.toml");
-    let read = bench.succeeds(&format!("drives dump --config {}", config.display()));
+    let read = bench.succeeds(&format!("doctor drives dump --config {}", config.display()));
     let read: Vec<DriveFingerprint> = serde_json::from_str(&read).unwrap();
     assert_eq!(read, drives);
     rig.config.control.model = Some(strange.to_string().into());
@@ -140,5 +140,5 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let log = fs::read_to_string(rig.folder.path().join("records/runs.jsonl")).unwrap();
     let begin: Value = serde_json::from_str(log.lines().next().unwrap()).unwrap();
     assert_eq!(begin["drives"][0]["settings"]["0x3001:02"], limit);
-    assert_eq!(run(&domain, "drives dump").code, Some(3));
+    assert_eq!(run(&domain, "doctor drives dump").code, Some(3));
 }
