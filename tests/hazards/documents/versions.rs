@@ -20,3 +20,11 @@ fn readme_versions_match_the_sources() {
         assert_eq!(code(&rows[0][1]).first(), Some(&version), "{part} in the README");
     }
 }
+
+/// It is a program of another language that knows nothing of this library.
+#[test]
+fn foreign_client_has_the_version_of_the_interface() {
+    let client = read("tools/python/examples/foreign_client.py");
+    let line = format!("if interface != \"{}\":", i2ris::ipc::ready::INTERFACE_VERSION);
+    assert!(client.contains(&line), "{line}");
+}

@@ -71,8 +71,8 @@ def connect(domain: str) -> Any:
     if not is_served(folder):
         sys.exit(f"no controller serves domain {domain}")
     boot, interface, _process = (folder / "ready").read_text().split()
-    if interface != "6":
-        sys.exit(f"the controller has interface version {interface}, this client 6: use the same release for both")
+    if interface != "7":
+        sys.exit(f"the controller has interface version {interface}, this client 7: use the same release for both")
     config = iox2.config.default()
     config.global_cfg.root_path = iox2.Path.new(str(folder / boot))
     config.global_cfg.prefix = iox2.FileName.new(f"{folder.name}_{boot}_")
