@@ -34,6 +34,14 @@ pub fn path(program: &str) -> PathBuf {
     path
 }
 
+/// Runs an example of a package to its end; its standard output.
+pub fn example(name: &str, arguments: &[&str]) -> String {
+    let output = Command::new(path(&format!("examples/{name}"))).args(arguments).output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{name}: {error}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
 /// Runs `i2ris` with these arguments to its end, without input.
 pub fn output(arguments: &[&str]) -> Output {
     command(arguments).stdin(Stdio::null()).output().unwrap()

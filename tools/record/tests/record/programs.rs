@@ -98,6 +98,8 @@ fn a_recording_has_every_stream_and_is_exported() {
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["metadata"]["i2ris.header"]["robot_id"], "i2ris-emulated");
     assert_eq!(json["topics"]["/i2ris/measured_js"]["messages"], messages);
+    let read = program::example("read_recording", &[name(&file)]);
+    assert!(read.starts_with(&format!("{messages} samples\npitch: ")), "{read}");
     assert!(json["recorded"][0].as_str().unwrap().ends_with('Z'), "{json}");
     let tables = folder.path().join("tables");
     let export = ["record", "export", name(&file), "--output", name(&tables)];
