@@ -3,6 +3,7 @@
 //!
 //! `I2RIS_UPDATE=1 cargo test --test real_time up_to_date` writes all of them.
 
+mod english;
 mod map;
 mod nightly;
 mod packages;
