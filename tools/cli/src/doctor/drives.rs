@@ -66,7 +66,7 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
                 None if is_silent => report.fail(
                     name,
                     "no reply at any rate from 9600 to 1000000 baud",
-                    "switch on the drive supply, press in the cable at both ends, and check that \
+                    "switch on the power of the drives, press in the cable at both ends, and check that \
                      `device` is the port of the drives; an EPOS2 is driven over USB, not RS232",
                 ),
                 None => fail(name, &error.to_string(), report),

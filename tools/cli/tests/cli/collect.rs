@@ -238,7 +238,7 @@ fn invalid_arguments_are_refused_before_connecting() {
         ("--duration-s nan", "must be a number above 0"),
         ("--protocol dance", "possible values: reversals, cycles, decaying-sine, axes"),
         ("", "no controller serves domain"),
-        ("--protocol axes", "trap"),
+        ("--protocol axes", "do not calibrate with one motor"),
     ] {
         bench.collects_nothing(&domain, options, &[result]);
     }

@@ -174,7 +174,7 @@ fn named_snakes_exist_in_every_folder_and_duration_ends_emulation() {
         let options = format!("--duration-s 0.2 --ports ports --domain {} {name}", domain.name());
         let printed = WorkFolder::new().succeeds(&format!("emulate {options}"));
         let name = name.strip_prefix("--snake ").unwrap_or("steel");
-        assert_says(&printed, &[&format!("ready: snake {name}"), "ended: 0 rules broken"]);
+        assert_says(&printed, &[&format!("ready: snake {name}"), "ended: 0 rule violations"]);
     }
     let help = WorkFolder::new().succeeds("emulate --help");
     Physics::NAMES.iter().for_each(|name| assert_says(&help, &[&format!("- {name}: ")]));

@@ -104,7 +104,10 @@ fn start_keeps_a_configuration_changed_by_the_user() {
     let other = unused_domain();
     let result = end(start(&other, &words));
     assert_eq!(result.code, Some(1));
-    assert_says(&result.error, &[&format!("is of domain {}, not {}", domain.name(), other.name())]);
+    assert_says(
+        &result.error,
+        &[&format!("is for domain {}, not {}", domain.name(), other.name())],
+    );
 }
 
 #[test]

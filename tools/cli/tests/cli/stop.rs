@@ -163,7 +163,7 @@ fn a_watchdog_that_hangs_is_named_by_its_process() {
     let result = run(&domain, &format!("doctor --no-drives --config {}", file.display()));
     watchdog.kill().unwrap();
     watchdog.wait().unwrap();
-    let named = format!("process {pid} is running, but hung or is stopped");
+    let named = format!("process {pid} is running, but hung or suspended");
     assert_says(&result.output, &[&named, "`kill -KILL` this process"]);
 }
 

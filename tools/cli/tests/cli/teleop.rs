@@ -188,7 +188,7 @@ fn without_a_camera_the_view_is_not_measured_and_reported() {
     let controller = Controller::enabled();
     let device = Played::new(&pad("1"));
     let words = format!("teleop --device {} --view measure", device.file());
-    fails(&controller.domain, &words, 1, &["0 pictures", "--view"]);
+    fails(&controller.domain, &words, 1, &["0 images", "--view"]);
 }
 
 #[test]
@@ -306,7 +306,7 @@ fn a_device_is_recorded_played_and_learned() {
         &controller.domain,
         &format!("teleop --device {played}"),
         1,
-        &["teleop input learn", "not known"],
+        &["teleop input learn", "has no profile"],
     );
     device.plug_in(&unknown);
     let words = format!("teleop input record {played} --output {file}");

@@ -72,7 +72,7 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     bench.write("now.json", &now);
     assert_says(
         &succeeds(&domain, &format!("doctor drives compare {}", bench.file("now.json"))),
-        &["same"],
+        &["no differences"],
     );
     let mut other = drives.clone();
     *other[1].settings.get_mut("0x3010:01").unwrap() += 1;

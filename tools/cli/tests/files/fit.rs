@@ -125,7 +125,7 @@ fn angles_and_millimetres_in_one_file_are_two_models() {
     });
     let bench = WorkFolder::with("rows.csv", &both);
     let command = "`i2ris calibrate fit rows.csv --angles x_mm --output FILE`";
-    assert_says(&bench.prints("--family linear"), &["this one is without x_mm", command]);
+    assert_says(&bench.prints("--family linear"), &["this one omits x_mm", command]);
     let result =
         bench.run("calibrate fit rows.csv --angles x_mm --family linear --output tip.json");
     assert_eq!(result.code, Some(0), "{}", result.error);
@@ -243,8 +243,7 @@ fn pure_noise_is_refused_and_forced_model_is_marked() {
     let bench = gappy(300, wander, |[pitch, yaw]| [(1e4 * pitch).sin(), (1e4 * yaw).cos()]);
     let sentence = "error: recording rows.csv: the model of family `linear` is worthless: on rows \
                     held out, R2 of `pitch` is -0.01, below that of a constant; record motion with \
-                    reversals of many sizes of both motors, or write it all the same, marked, with \
-                    --force\n";
+                    reversals of many sizes of both motors, or use --force to write it with a mark\n";
     assert_eq!(bench.refuses("--restarts 2 --family linear", &[]), sentence);
     bench.prints("--family linear --force");
     let model = bench.model();
