@@ -50,7 +50,7 @@ fn both_pages_show_trial_newest_mark_and_failed_recording() {
     flags.store(TrialMsg::FAILED, Ordering::Relaxed);
     for page in &mut pages {
         page.wait("a recording that failed", &format!("{shown}.includes('NOT RECORDED')"));
-        page.wait("what to do", &format!("{WHY}.includes('make room on the disk')"));
+        page.wait("what to do", &format!("{WHY}.includes('free disk space')"));
     }
     drop(publishing);
 }
