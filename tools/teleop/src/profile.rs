@@ -310,7 +310,7 @@ mod tests {
             ("scale = 'BTN_0'", "neither axes nor a dead-man"),
             ("right = 'BTN_0'\nup = 'ABS_X'", "is a key"),
             ("dead_man = 'BTN_0'\nscale = 'ABS_X'", "needs a key"),
-            ("dead_man = 'BTN_99999'", "no axis or key"),
+            ("dead_man = 'BTN_99999'", "not an axis or key"),
         ] {
             let profile = Profile::parse(&text(line)).unwrap();
             let error = profile.controls(&device, Handedness::Right).unwrap_err();
