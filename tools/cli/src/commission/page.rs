@@ -40,7 +40,7 @@ pub fn page(record: &Record, config_name: &str) -> Page {
     lines.lines().for_each(|line| page.paragraph(line));
     page.footer(format!(
         "i2ris commission, {}. The bytes of every stage are next to this page (.pcapng): `i2ris \
-         wire show` prints them.",
+         doctor wire show` prints them.",
         record.software
     ));
     page
