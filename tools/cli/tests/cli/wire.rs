@@ -121,7 +121,12 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     file.write(&strange).unwrap();
     let strange = strange.display();
     let words = format!("model use {strange} --no-activate");
-    fails(&domain, &words, 4, &["calibrated with other settings", &named, "--other-drive"]);
+    fails(
+        &domain,
+        &words,
+        4,
+        &["calibrated with different drive settings", &named, "--other-drive"],
+    );
     succeeds(&domain, &format!("{words} --other-drive"));
     succeeds(&domain, &format!("record --duration-s 0.5 --output {}", bench.file("a.mcap")));
     assert_says(&bench.succeeds("record info a.mcap"), &["0x3001:02"]);
