@@ -3,7 +3,7 @@
 
 use i2ris::model::file::OutputUnit;
 use i2ris::units::MAX_MOTORS;
-use i2ris_report::statistics::min_max;
+use i2ris_report::statistics::{median, min_max, quantile_of_unsorted};
 use nalgebra::{Matrix3, Vector3};
 
 use super::error::{Problem, RecordingError};
@@ -32,9 +32,9 @@ const FOLLOWED: f64 = 0.25;
 /// Rows on each side of a step whose medians have to differ by it.
 const AROUND: usize = 5;
 
-/// Equal rows in a row that a camera makes only if it repeats itself, unless pairs of equal rows are
-/// more than a share of all others: then its resolution is coarse, and the motors must have moved
-/// through a share of their range.
+/// Equal rows in a row that only a camera makes that repeats itself. If pairs of equal rows are more
+/// than a share of all others, its resolution is coarse: the motors must then have moved through a
+/// share of their range.
 const MIN_REPEATS: usize = 5;
 const COARSE: (f64, f64) = (0.002, 0.5);
 /// Motors that move less during repeats are at rest, share of their range.
@@ -48,10 +48,8 @@ const EQUAL_STROKES: f64 = 0.8;
 
 /// A quantile of the sizes of some numbers; 0 of none.
 fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
-    let mut values: Vec<f64> = values.map(f64::abs).filter(|it| it.is_finite()).collect();
-    values.sort_by(f64::total_cmp);
-    let last = values.len().saturating_sub(1) as f64;
-    values.get((share * last) as usize).copied().unwrap_or_default()
+    let mut sizes: Vec<f64> = values.map(f64::abs).filter(|it| it.is_finite()).collect();
+    quantile_of_unsorted(&mut sizes, share).unwrap_or_default()
 }
 
 fn span(values: impl Iterator<Item = f64>) -> f64 {
@@ -248,11 +246,7 @@ impl Table<'_> {
         for ((column, spec), values) in self.layout.outputs.iter().zip(self.outputs()) {
             let found = steps(&values);
             let limit = OUTPUT_STEP * quantile(found.iter().copied(), 0.99);
-            let middle = |rows: &[f64]| {
-                let mut rows = rows.to_vec();
-                rows.sort_by(f64::total_cmp);
-                rows[rows.len() / 2]
-            };
+            let middle = |rows: &[f64]| median(&mut rows.to_vec()).unwrap_or_default();
             let lasts = |at: usize| {
                 let before = &values[(at + 1).saturating_sub(AROUND)..=at];
                 let after = &values[at + 1..(at + 1 + AROUND).min(values.len())];
