@@ -5,9 +5,9 @@ use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::{MAX_MOTORS, MotorVec};
 use i2ris_calibration::quality::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
+use i2ris_report::ros::{CompressedImage, Header};
 
-use crate::messages::cdr::{ENCAPSULATION, Encoder};
-use crate::messages::standard::header;
+use crate::messages::cdr;
 
 /// A picture of a camera.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,31 +29,18 @@ pub fn view(topic: &str) -> Option<&str> {
 
 impl Picture {
     pub fn encode(&self, view: &str) -> Vec<u8> {
-        let mut encoder = Encoder::default();
-        header(&mut encoder, self.unix_ns, view);
-        encoder.string("jpeg");
-        encoder.u8s(&self.jpeg);
-        encoder.finish()
+        let (header, format) = (Header::new(self.unix_ns, view), "jpeg".to_owned());
+        let mut bytes = cdr::encode_standard(&CompressedImage { header, format, data: Vec::new() });
+        // Not byte by byte: pictures are large.
+        bytes.truncate(bytes.len() - size_of::<u32>());
+        [&bytes[..], &(self.jpeg.len() as u32).to_le_bytes(), &self.jpeg].concat()
     }
 
     /// Decodes a message; `None` if it is not a picture.
     pub fn decode(message: &[u8]) -> Option<Self> {
-        let body = message.strip_prefix(&ENCAPSULATION)?;
-        let number = |at: usize| {
-            let at = at.next_multiple_of(4);
-            let bytes = body.get(at..at + 4)?.try_into().ok()?;
-            Some((u32::from_le_bytes(bytes) as usize, at + 4))
-        };
-        let ((seconds, at), (nanos, _)) = (number(0)?, number(4)?);
-        let mut at = at + 4;
-        // Frame and format.
-        for _ in 0..2 {
-            let (length, begin) = number(at)?;
-            at = begin.checked_add(length)?;
-        }
-        let (length, begin) = number(at)?;
-        let jpeg = body.get(begin..begin.checked_add(length)?)?.to_vec();
-        Some(Self { unix_ns: seconds as u64 * 1_000_000_000 + nanos as u64, jpeg })
+        let (header, _, jpeg): (Header, String, &[u8]) = cdr::decode_standard(message)?;
+        let unix_ns = header.stamp.unix_ns().unwrap_or_default();
+        Some(Self { unix_ns, jpeg: jpeg.to_vec() })
     }
 }
 

@@ -34,6 +34,7 @@
 //! | [`description`] | a command line as JSON, for the shell completions of `i2ris` |
 //! | [`exit`] | exit codes |
 //! | [`snake`] | the links of the snake and where they are at a bend, also as a URDF |
+//! | [`ros`] | messages of ROS 2, for the bridge and for recordings |
 //! | [`screen`] | standard output, redrawn on a terminal; a spinner during long work |
 //! | [`stop`] | holds every client and ends every activity |
 //! | [`tips`] | advice about a wrong command line |
@@ -60,6 +61,7 @@ pub mod plot;
 pub mod preflight;
 pub mod program;
 pub mod programs;
+pub mod ros;
 pub mod screen;
 pub mod snake;
 pub mod statistics;

@@ -48,7 +48,7 @@ use i2ris::units::Nanos;
 pub use ros2_client::ServiceMapping;
 
 pub use master::{MasterOptions, follow};
-pub use participant::{MAX_DOMAIN, NODE, join};
+pub use participant::{NODE, RosNetwork, join};
 
 use event::ClientNames;
 use inbound::{Inbound, Shared};
@@ -61,9 +61,7 @@ pub struct Options {
     pub domain: Domain,
     /// The name of the robot, and prefix of its topics.
     pub robot: String,
-    pub ros_domain: u16,
-    /// Addresses of this computer in the networks to take part in; none: this computer only.
-    pub networks: Vec<IpAddr>,
+    pub ros: RosNetwork,
     pub read_only: bool,
     /// Whether clients may make the present pose the zero.
     pub may_home: bool,
@@ -83,7 +81,8 @@ pub fn run(
     stop: impl Fn() -> bool,
     mut say: impl FnMut(&str),
 ) -> Result<(), RosError> {
-    let (context, mut node) = join(options.ros_domain, &options.networks, NODE)?;
+    let RosNetwork { ros_domain, network } = &options.ros;
+    let (context, mut node) = join(*ros_domain, network, NODE)?;
     let robot = options.robot.as_str();
     let outputs = Outputs::new(&mut node, robot)?;
     let services = Services::new(&mut node, robot, options.services)?;
@@ -112,9 +111,8 @@ pub fn run(
         state,
     );
     say(&format!(
-        "/{robot} is in ROS domain {}, {}, {}; Ctrl-C to stop",
-        options.ros_domain,
-        reach(&options.networks),
+        "/{robot} is in ROS domain {ros_domain}, {}, {}; Ctrl-C to stop",
+        reach(network),
         match options.read_only {
             true => "read-only",
             false => "every user of this computer can command",
@@ -130,6 +128,21 @@ pub fn run(
         ended.store(true, Ordering::Relaxed);
         Ok(())
     })
+}
+
+/// A name that is valid in topics of ROS and in links of URDF.
+///
+/// # Errors
+///
+/// What a name must be.
+pub fn robot_name(text: &str) -> Result<String, String> {
+    let letters = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let begins = text.starts_with(|c: char| c.is_ascii_alphabetic());
+    if begins && text.chars().all(letters) && !text.contains("__") && !text.ends_with('_') {
+        Ok(text.to_owned())
+    } else {
+        Err("must be letters, digits and single _, beginning with a letter".to_owned())
+    }
 }
 
 fn reach(networks: &[IpAddr]) -> String {
@@ -159,5 +172,20 @@ pub enum RosError {
 impl RosError {
     pub(crate) fn thread(source: io::Error) -> Self {
         Self::System { action: "start a thread", source }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_names_valid_in_ros_are_accepted() {
+        for good in ["i2ris", "PSM1", "left_eye"] {
+            assert_eq!(robot_name(good).as_deref(), Ok(good));
+        }
+        for bad in ["", "1eye", "_eye", "eye_", "left__eye", "left/eye", "eye ", "äuge"] {
+            assert!(robot_name(bad).is_err(), "{bad}");
+        }
     }
 }

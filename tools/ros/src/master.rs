@@ -9,7 +9,6 @@
 //! If its messages end, or come from a different program, the device is unplugged.
 
 use std::fs::{self, File, OpenOptions};
-use std::net::IpAddr;
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
@@ -21,11 +20,12 @@ use i2ris_teleop::profile::DEAD_MAN_MS;
 use i2ris_teleop::recording::{write_frame, write_head};
 use i2ris_teleop::state::{Description, Range};
 use nix::sys::stat::Mode;
-use ros2_client::{Gid, Message, Subscription};
+use ros2_client::{Gid, Subscription};
+use serde::de::DeserializeOwned;
 
 use crate::message::{JointState, Joy, PoseStamped};
-use crate::topics::Listener;
-use crate::{RosError, join};
+use crate::topics::Maker;
+use crate::{RosError, RosNetwork, join, robot_name};
 
 /// Timeout of a master: without messages for this time it is gone. CRTK streams at 100 Hz and more.
 const SILENCE: Nanos = Nanos::from_millis(200);
@@ -44,19 +44,37 @@ const BTN_TRIGGER: u16 = 0x120;
 const CRTK: (u16, u16) = (0x6372, 0x746b);
 
 /// Master to follow, and its axes.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, clap::Args)]
 pub struct MasterOptions {
-    pub ros_domain: u16,
-    pub networks: Vec<IpAddr>,
-    /// Name of the arm, such as `MTML`.
-    pub arm: String,
-    /// The topic of its pedal, `sensor_msgs/Joy`: the first button.
-    pub pedal: String,
-    /// Axes to the right and up in the picture: `x`, `y`, `z`, or a joint; `-` reverses one.
-    pub axes: [String; 2],
-    /// Travel of full deflection, m or rad.
-    pub full: f64,
-    pub pipe: PathBuf,
+    /// Name of the arm, e.g. MTML
+    #[arg(value_parser = robot_name)]
+    arm: String,
+    /// Topic of the pedal that is the dead-man (sensor_msgs/Joy, first button)
+    #[arg(long, default_value = "/footpedals/coag", value_name = "TOPIC")]
+    pedal: String,
+    /// Axes to the right and up in the picture: x, y, z of measured_cp, or joints of measured_js; a
+    /// leading - reverses the direction
+    #[arg(long, default_value = "x,y", value_name = "RIGHT,UP", allow_hyphen_values = true,
+          value_parser = axes)]
+    axes: [Axis; 2],
+    /// Travel of full deflection, m or rad; `i2ris teleop` sets the resulting motion
+    #[arg(long, default_value_t = 0.05, value_name = "WAY", value_parser = way)]
+    full: f64,
+    /// The pipe; created if it does not exist
+    #[arg(long, value_name = "PIPE")]
+    to: PathBuf,
+    #[command(flatten)]
+    ros: RosNetwork,
+}
+
+fn way(text: &str) -> Result<f64, String> {
+    let way = text.parse().ok().filter(|way: &f64| (0.001..=10.0).contains(way));
+    way.ok_or_else(|| "must be 0.001 to 10".to_owned())
+}
+
+fn axes(text: &str) -> Result<[Axis; 2], String> {
+    let (right, up) = text.split_once(',').ok_or("must be two, with a comma between them")?;
+    Ok([right, up].map(Axis::new))
 }
 
 /// One direction of a master.
@@ -179,7 +197,7 @@ impl Arm {
     }
 }
 
-fn newest<M: Message + 'static>(
+fn newest<M: DeserializeOwned + 'static>(
     topic: &Subscription<M>,
     at: impl Fn(&M) -> [Option<f64>; 2],
 ) -> Option<([f64; 2], Gid)> {
@@ -198,22 +216,21 @@ pub fn follow(
     stop: impl Fn() -> bool,
     mut say: impl FnMut(&str),
 ) -> Result<(), RosError> {
-    let (_context, mut node) = join(options.ros_domain, &options.networks, "i2ris_master")?;
-    let axes = options.axes.each_ref().map(|axis| Axis::new(axis));
-    let mut listener = Listener::new(&mut node, &options.arm);
-    let pedal = listener.subscription::<Joy>(&options.pedal)?;
+    let MasterOptions { arm: name, axes, full, to, ros, .. } = options;
+    let (_context, mut node) = join(ros.ros_domain, &ros.network, "i2ris_master")?;
+    let mut make = Maker { node: &mut node, robot: name };
+    let pedal = make.subscription::<Joy>(&options.pedal)?;
     let arm = if axes.iter().all(|axis| axis.of_pose().is_some()) {
-        Arm::Pose(listener.subscription("measured_cp")?)
+        Arm::Pose(make.subscription("measured_cp")?)
     } else {
-        Arm::Joints(listener.subscription("measured_js")?)
+        Arm::Joints(make.subscription("measured_js")?)
     };
-    let _pipe = Pipe::make(&options.pipe)?;
+    let _pipe = Pipe::make(to)?;
     say(&format!(
-        "waiting for /{}; `i2ris teleop --mode position --device {}` follows it; Ctrl-C to stop",
-        options.arm,
-        options.pipe.display()
+        "waiting for /{name}; `i2ris teleop --mode position --device {}` follows it; Ctrl-C to stop",
+        to.display()
     ));
-    let mut follower = Follower::new(options.full);
+    let mut follower = Follower::new(*full);
     let (mut plug, mut last_seen) = (None::<Plug>, Nanos::ZERO);
     while !stop() {
         let now = clock::now();
@@ -221,22 +238,22 @@ pub fn follow(
             let is_pressed = joy.buttons.first().is_some_and(|button| *button != 0);
             follower.pedal = (is_pressed, now);
         }
-        if let Some((at, from)) = arm.newest(&axes) {
+        if let Some((at, from)) = arm.newest(axes) {
             last_seen = now;
             if plug.as_ref().is_some_and(|plug| plug.from != from) {
                 say("a different program sends for the master now: plugging it in again");
                 (plug, follower.centre) = (None, None);
             } else if let Some(events) = follower.events(at, now) {
                 if plug.is_none() {
-                    say(&format!("/{} is connected", options.arm));
-                    plug = Some(Plug::new(&options.pipe, &options.arm, from)?);
+                    say(&format!("/{name} is connected"));
+                    plug = Some(Plug::new(to, name, from)?);
                 }
                 // The reader is late, or gone: the next message repeats everything.
                 let _ = plug.as_mut().map(|plug| write_frame(&mut plug.pipe, now, &events));
             }
         } else if plug.is_some() && now.duration_since(last_seen) > SILENCE {
-            say(&format!("/{} is silent: unplugged until it sends again", options.arm));
-            (plug, follower) = (None, Follower::new(options.full));
+            say(&format!("/{name} is silent: unplugged until it sends again"));
+            (plug, follower) = (None, Follower::new(*full));
         }
         clock::sleep(POLL);
     }

@@ -29,6 +29,24 @@ pub const MAX_DOMAIN: u16 = 232;
 /// The name of the node.
 pub const NODE: &str = "i2ris_ros";
 
+/// Domain and networks of ROS.
+#[derive(Debug, Clone, clap::Args)]
+pub struct RosNetwork {
+    /// Domain of ROS
+    #[arg(
+        long,
+        env = "ROS_DOMAIN_ID",
+        default_value_t = 0,
+        value_name = "NUMBER",
+        value_parser = clap::value_parser!(u16).range(0..=i64::from(MAX_DOMAIN))
+    )]
+    pub ros_domain: u16,
+    /// Address of this computer in a network to join; may be repeated. Without one, ROS is
+    /// restricted to this computer
+    #[arg(long, value_name = "ADDRESS")]
+    pub network: Vec<IpAddr>,
+}
+
 /// Whether sockets that are opened now are for this computer only.
 static ONLY_HERE: AtomicBool = AtomicBool::new(false);
 

@@ -44,26 +44,10 @@ const COMMAND: QosProfile = qos(Durability::Volatile, 1);
 /// Services, as in rmw.
 const SERVICE: QosProfile = qos(Durability::Volatile, 10);
 
-/// Listens to the streams of another arm.
-pub(crate) struct Listener<'a>(Maker<'a>);
-
-impl<'a> Listener<'a> {
-    pub fn new(node: &'a mut Node, robot: &'a str) -> Self {
-        Self(Maker { node, robot })
-    }
-
-    pub fn subscription<M: DeserializeOwned + Typed + 'static>(
-        &mut self,
-        name: &str,
-    ) -> Result<Subscription<M>, RosError> {
-        self.0.subscription_to(name)
-    }
-}
-
 /// Makes topics under the name of a robot.
-struct Maker<'a> {
-    node: &'a mut Node,
-    robot: &'a str,
+pub(crate) struct Maker<'a> {
+    pub node: &'a mut Node,
+    pub robot: &'a str,
 }
 
 impl Maker<'_> {
@@ -83,14 +67,7 @@ impl Maker<'_> {
         made.map_err(self.failed(name))
     }
 
-    fn subscription<M: DeserializeOwned + Typed + 'static>(
-        &mut self,
-        topic: Topic,
-    ) -> Result<Subscription<M>, RosError> {
-        self.subscription_to(topic.name())
-    }
-
-    fn subscription_to<M: DeserializeOwned + Typed + 'static>(
+    pub fn subscription<M: DeserializeOwned + Typed + 'static>(
         &mut self,
         name: &str,
     ) -> Result<Subscription<M>, RosError> {
@@ -125,89 +102,77 @@ impl Maker<'_> {
     }
 }
 
-/// Topics from the robot.
-pub(crate) struct Outputs {
-    pub measured_js: Publisher<JointState>,
-    pub setpoint_js: Publisher<JointState>,
-    pub goal_js: Publisher<JointState>,
-    pub jaw_measured_js: Publisher<JointState>,
-    pub measured_cp: Publisher<PoseStamped>,
-    pub setpoint_cp: Publisher<PoseStamped>,
-    pub measured_cv: Publisher<TwistStamped>,
-    pub jacobian: Publisher<MultiArray>,
-    pub period_statistics: Publisher<IntervalStatistics>,
-    pub transforms: Publisher<Transforms>,
-    pub operating_state: Publisher<OperatingState>,
-    pub error: Publisher<Text>,
-    pub warning: Publisher<Text>,
-    pub status: Publisher<Text>,
-    pub description: Publisher<Text>,
+macro_rules! outputs {
+    ($($field:ident: $message:ident $name:literal $qos:ident,)*) => {
+        /// Topics from the robot.
+        pub(crate) struct Outputs { $(pub $field: Publisher<$message>,)* }
+
+        impl Outputs {
+            pub fn new(node: &mut Node, robot: &str) -> Result<Self, RosError> {
+                let mut make = Maker { node, robot };
+                Ok(Self { $($field: make.publisher($name, &$qos)?,)* })
+            }
+        }
+    };
 }
 
-impl Outputs {
-    pub fn new(node: &mut Node, robot: &str) -> Result<Self, RosError> {
-        let mut make = Maker { node, robot };
-        Ok(Self {
-            measured_js: make.publisher("measured_js", &STREAM)?,
-            setpoint_js: make.publisher("setpoint_js", &STREAM)?,
-            goal_js: make.publisher("goal_js", &STREAM)?,
-            jaw_measured_js: make.publisher("jaw/measured_js", &STREAM)?,
-            measured_cp: make.publisher("measured_cp", &STREAM)?,
-            setpoint_cp: make.publisher("setpoint_cp", &STREAM)?,
-            measured_cv: make.publisher("measured_cv", &STREAM)?,
-            jacobian: make.publisher("jacobian", &STREAM)?,
-            period_statistics: make.publisher("period_statistics", &STREAM)?,
-            transforms: make.publisher("/tf", &STREAM)?,
-            operating_state: make.publisher("operating_state", &LATCHED)?,
-            error: make.publisher("error", &LATCHED)?,
-            warning: make.publisher("warning", &LATCHED)?,
-            status: make.publisher("status", &LATCHED)?,
-            description: make.publisher("robot_description", &LATCHED)?,
-        })
-    }
+outputs! {
+    measured_js: JointState "measured_js" STREAM,
+    setpoint_js: JointState "setpoint_js" STREAM,
+    goal_js: JointState "goal_js" STREAM,
+    jaw_measured_js: JointState "jaw/measured_js" STREAM,
+    measured_cp: PoseStamped "measured_cp" STREAM,
+    setpoint_cp: PoseStamped "setpoint_cp" STREAM,
+    measured_cv: TwistStamped "measured_cv" STREAM,
+    jacobian: MultiArray "jacobian" STREAM,
+    period_statistics: IntervalStatistics "period_statistics" STREAM,
+    transforms: Transforms "/tf" STREAM,
+    operating_state: OperatingState "operating_state" LATCHED,
+    error: Text "error" LATCHED,
+    warning: Text "warning" LATCHED,
+    status: Text "status" LATCHED,
+    description: Text "robot_description" LATCHED,
 }
 
 /// Topics to the robot. A read-only robot has none of them.
 pub(crate) struct Inputs {
     /// Topics that stop the robot.
-    pub stops: [(Topic, Subscription<Empty>); 2],
+    pub stops: Vec<(Topic, Subscription<Empty>)>,
     pub state_command: Subscription<StringStamped>,
-    pub joints: [(Topic, Subscription<JointState>); 8],
+    pub joints: Vec<(Topic, Subscription<JointState>)>,
     /// Positions of the tip.
-    pub places: [(Topic, Subscription<PoseStamped>); 2],
+    pub places: Vec<(Topic, Subscription<PoseStamped>)>,
     pub twist: Subscription<TwistStamped>,
 }
 
 impl Inputs {
     pub fn new(node: &mut Node, robot: &str) -> Result<Self, RosError> {
         let mut make = Maker { node, robot };
-        let mut joints = |topic| -> Result<_, RosError> { Ok((topic, make.subscription(topic)?)) };
-        let joints = [
-            joints(Topic::ServoJp)?,
-            joints(Topic::ServoJr)?,
-            joints(Topic::ServoJv)?,
-            joints(Topic::InterpolateJp)?,
-            joints(Topic::MoveJp)?,
-            joints(Topic::MoveJr)?,
-            joints(Topic::Jaw)?,
-            joints(Topic::External)?,
-        ];
-        let mut stops = |topic| -> Result<_, RosError> { Ok((topic, make.subscription(topic)?)) };
-        let stops = [stops(Topic::Hold)?, stops(Topic::Free)?];
-        let mut places = |topic| -> Result<_, RosError> { Ok((topic, make.subscription(topic)?)) };
         Ok(Self {
-            stops,
-            places: [places(Topic::ServoCp)?, places(Topic::MoveCp)?],
-            twist: make.subscription(Topic::ServoCv)?,
-            state_command: make.subscription(Topic::StateCommand)?,
-            joints,
+            stops: named(&mut make, [Topic::Hold, Topic::Free])?,
+            state_command: make.subscription(Topic::StateCommand.name())?,
+            joints: named(
+                &mut make,
+                [
+                    Topic::ServoJp,
+                    Topic::ServoJr,
+                    Topic::ServoJv,
+                    Topic::InterpolateJp,
+                    Topic::MoveJp,
+                    Topic::MoveJr,
+                    Topic::Jaw,
+                    Topic::External,
+                ],
+            )?,
+            places: named(&mut make, [Topic::ServoCp, Topic::MoveCp])?,
+            twist: make.subscription(Topic::ServoCv.name())?,
         })
     }
 
     /// Whether a topic of DDS with commands to this robot has this type; true for topics of others.
     pub fn is_own_type(robot: &str, dds_topic: &str, dds_type: &str) -> bool {
         let name = dds_topic.strip_prefix(&format!("rt/{robot}/")).unwrap_or_default();
-        let Some(topic) = Topic::ALL.into_iter().find(|topic| topic.name() == name) else {
+        let Some(topic) = Topic::ALL.iter().find(|topic| topic.name() == name) else {
             return true;
         };
         let (package, kind) = match topic {
@@ -219,6 +184,14 @@ impl Inputs {
         };
         dds_type == format!("{package}::msg::dds_::{kind}_")
     }
+}
+
+/// Subscriptions of one type, each with its topic.
+fn named<M: DeserializeOwned + Typed + 'static, const N: usize>(
+    make: &mut Maker<'_>,
+    topics: [Topic; N],
+) -> Result<Vec<(Topic, Subscription<M>)>, RosError> {
+    topics.into_iter().map(|topic| Ok((topic, make.subscription(topic.name())?))).collect()
 }
 
 /// Services of the robot.

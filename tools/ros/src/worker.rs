@@ -11,8 +11,8 @@ pub const WAITING: usize = 16;
 /// Does one task after the other. Ends when it is dropped, once its last task is done.
 #[derive(Debug)]
 pub struct Worker<T> {
-    tasks: SyncSender<T>,
-    thread: JoinHandle<()>,
+    tasks: Option<SyncSender<T>>,
+    thread: Option<JoinHandle<()>>,
 }
 
 impl<T: Send + 'static> Worker<T> {
@@ -29,17 +29,18 @@ impl<T: Send + 'static> Worker<T> {
         let (tasks, to_do) = sync_channel(waiting);
         let run = move || to_do.into_iter().for_each(&mut work);
         let thread = thread::Builder::new().name(name.to_owned()).spawn(run)?;
-        Ok(Self { tasks, thread })
+        Ok(Self { tasks: Some(tasks), thread: Some(thread) })
     }
 
     /// `false`: too many tasks wait already.
     pub fn ask(&self, task: T) -> bool {
-        self.tasks.try_send(task).is_ok()
+        self.tasks.as_ref().is_some_and(|tasks| tasks.try_send(task).is_ok())
     }
+}
 
-    /// Waits until the last task is done.
-    pub fn finish(self) {
-        drop(self.tasks);
-        let _ = self.thread.join();
+impl<T> Drop for Worker<T> {
+    fn drop(&mut self) {
+        self.tasks = None;
+        let _ = self.thread.take().map(JoinHandle::join);
     }
 }

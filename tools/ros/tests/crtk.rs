@@ -14,18 +14,14 @@ use ros2_client::qos::Durability;
 use ros2_client::{Message, Name, ServiceMapping, ServiceTypeName, Subscription};
 
 use crate::common::{ROBOT, start};
-use crate::peer::{Peer, publisher, qos};
+use crate::peer::{Peer, qos, unix_ns};
 
 #[test]
 fn repeated_state_command_republishes_state() {
     let (_robot, bridge, mut peer) = start(&[]);
     peer.enable();
-    let now = || {
-        let unix = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-        unix.unwrap().as_nanos() as u64
-    };
     for word in ["enable", "resume", "home", "pause", "pause", "disable", "disable"] {
-        let sent = now();
+        let sent = unix_ns();
         peer.command(word);
         peer.wait_for(word, |state| state.header.stamp.unix_ns() > Some(sent));
         let state = if word == "pause" { "PAUSED" } else { "ENABLED" };
@@ -46,8 +42,7 @@ fn joints_are_matched_by_name_and_foreign_names_refused() {
         ..JointState::default()
     };
     peer.send_message("move_jp", named(["yaw", "pitch"], [-2.0, 4.0]));
-    peer.wait_for("it is busy", |state| state.is_busy);
-    peer.wait_for("it has moved", |state| !state.is_busy);
+    peer.wait_for_motion();
     let [pitch, yaw] = peer.setpoint_degrees();
     assert!((pitch - 4.0).abs() < 0.2 && (yaw + 2.0).abs() < 0.2, "{pitch} {yaw}");
     robot.wait_until_still();
@@ -93,12 +88,9 @@ fn a_velocity_that_is_not_used_is_reported_once() {
 fn the_tip_and_the_frames_are_those_of_the_bend() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.enable();
-    let kind = ("tf2_msgs", "TFMessage");
-    let frames: Subscription<Transforms> =
-        peer.subscription("/tf", kind, &qos(Durability::Volatile));
+    let frames: Subscription<Transforms> = peer.subscription("/tf");
     peer.send_degrees("move_jp", [8.0, 0.0]);
-    peer.wait_for("it is busy", |state| state.is_busy);
-    peer.wait_for("it has moved", |state| !state.is_busy);
+    peer.wait_for_motion();
     let tip = peer.next_tip(|tip| tip.header.stamp != Time::INVALID);
     let [pitch, yaw] = peer.measured_degrees();
     let bend = Bend { pitch: pitch.to_radians(), yaw: yaw.to_radians() };
@@ -120,18 +112,11 @@ fn the_tip_and_the_frames_are_those_of_the_bend() {
 fn tip_topics_and_loop_statistics_are_published() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.enable();
-    let volatile = qos(Durability::Volatile);
-    let pose = ("geometry_msgs", "PoseStamped");
-    let setpoints: Subscription<PoseStamped> = peer.subscription("setpoint_cp", pose, &volatile);
-    let goals: Subscription<JointState> =
-        peer.subscription("goal_js", ("sensor_msgs", "JointState"), &volatile);
-    let twist = ("geometry_msgs", "TwistStamped");
-    let twists: Subscription<TwistStamped> = peer.subscription("measured_cv", twist, &volatile);
-    let array = ("std_msgs", "Float64MultiArray");
-    let jacobians: Subscription<MultiArray> = peer.subscription("jacobian", array, &volatile);
-    let statistics = ("cisst_msgs", "IntervalStatistics");
-    let statistics: Subscription<IntervalStatistics> =
-        peer.subscription("period_statistics", statistics, &volatile);
+    let setpoints: Subscription<PoseStamped> = peer.subscription("setpoint_cp");
+    let goals: Subscription<JointState> = peer.subscription("goal_js");
+    let twists: Subscription<TwistStamped> = peer.subscription("measured_cv");
+    let jacobians: Subscription<MultiArray> = peer.subscription("jacobian");
+    let statistics: Subscription<IntervalStatistics> = peer.subscription("period_statistics");
     peer.send_degrees("move_jp", [8.0, -3.0]);
     // While it moves, along the bend.
     let moving = wait_until("a velocity", || {
@@ -190,8 +175,7 @@ fn a_pose_right_after_a_hold_is_not_refused() {
 #[test]
 fn free_takes_the_power_off_the_motors() {
     let (_robot, _bridge, mut peer) = start(&[]);
-    let kind = ("std_msgs", "Empty");
-    let free = publisher::<Empty>(&mut peer.node, ROBOT, "free", kind, &qos(Durability::Volatile));
+    let free = peer.publisher::<Empty>("free");
     peer.enable();
     free.publish(Empty::default()).unwrap();
     peer.wait_for("off", |state| state.state == "DISABLED" && !state.is_busy);
@@ -237,12 +221,9 @@ fn rates_move_the_snake_and_zero_stops_it() {
 #[test]
 fn tip_goals_are_accepted_in_the_base_frame_only() {
     let (robot, _bridge, mut peer) = start(&[]);
-    let volatile = qos(Durability::Volatile);
-    let pose = ("geometry_msgs", "PoseStamped");
-    let twist = ("geometry_msgs", "TwistStamped");
-    let servo = publisher::<PoseStamped>(&mut peer.node, ROBOT, "servo_cp", pose, &volatile);
-    let moves = publisher::<PoseStamped>(&mut peer.node, ROBOT, "move_cp", pose, &volatile);
-    let twists = publisher::<TwistStamped>(&mut peer.node, ROBOT, "servo_cv", twist, &volatile);
+    let servo = peer.publisher::<PoseStamped>("servo_cp");
+    let moves = peer.publisher::<PoseStamped>("move_cp");
+    let twists = peer.publisher::<TwistStamped>("servo_cv");
     peer.enable();
     let snake = Snake::new(ROBOT);
     let at = |pitch_deg: f64, frame: &str| {
@@ -285,16 +266,9 @@ fn tip_goals_are_accepted_in_the_base_frame_only() {
 
 #[test]
 fn jaw_has_its_own_topics() {
-    let mut robot = i2ris_testing::Rig::with_model();
-    robot.start_controller_thread();
-    i2ris_testing::wait_until_idle(&mut robot.client());
-    let domain = crate::peer::ros_domain();
-    let _bridge = crate::common::Bridge::start(&robot.domain(), domain, &[]);
-    let mut peer = Peer::new(domain, ROBOT, "console");
-    let kind = ("sensor_msgs", "JointState");
-    let volatile = qos(Durability::Volatile);
-    let seen: Subscription<JointState> = peer.subscription("jaw/measured_js", kind, &volatile);
-    let jaw = peer.publisher("jaw/servo_jp", &volatile);
+    let (_robot, _bridge, mut peer) = start(&[]);
+    let seen: Subscription<JointState> = peer.subscription("jaw/measured_js");
+    let jaw = peer.publisher::<JointState>("jaw/servo_jp");
     peer.enable();
     let to = |angles: &[f64]| {
         let message = JointState { position: angles.to_vec(), ..JointState::default() };

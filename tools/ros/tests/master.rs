@@ -27,12 +27,9 @@ struct Hand {
 fn speak(domain: u16, hand: &Mutex<Hand>) {
     let (_context, mut node) = i2ris_ros::join(domain, &[], "mtm").unwrap();
     let qos = qos(Durability::Volatile);
-    let place = ("geometry_msgs", "PoseStamped");
-    let arm = publisher::<PoseStamped>(&mut node, "MTML", "measured_cp", place, &qos);
-    let place = ("sensor_msgs", "JointState");
-    let joints = publisher::<JointState>(&mut node, "MTML", "measured_js", place, &qos);
-    let foot = ("sensor_msgs", "Joy");
-    let pedal = publisher::<Joy>(&mut node, "MTML", "/footpedals/coag", foot, &qos);
+    let arm = publisher::<PoseStamped>(&mut node, "MTML", "measured_cp", &qos);
+    let joints = publisher::<JointState>(&mut node, "MTML", "measured_js", &qos);
+    let pedal = publisher::<Joy>(&mut node, "MTML", "/footpedals/coag", &qos);
     for number in 0.. {
         let Hand { at: [x, y], pressed, speaks, ended } = *hand.lock().unwrap();
         if ended {

@@ -8,14 +8,14 @@ use i2ris::clock;
 use i2ris::ipc::OperatingState;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
-use i2ris_ros::message::{Header, JointState, StringStamped, Text, Time};
+use i2ris_ros::message::{Header, JointState, StringStamped, Text};
 use i2ris_testing::wait_until;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use ros2_client::qos::Durability;
 
 use crate::common::{Bridge, ROBOT, robot, start, wait_for};
-use crate::peer::{Peer, publisher, qos, ros_domain};
+use crate::peer::{Peer, publisher_as, qos, ros_domain, unix_ns};
 
 fn swing(t: f64) -> [f64; 2] {
     [3.0 * (2.0 * t).sin(), 2.0 * (1.5 * t).sin()]
@@ -108,15 +108,9 @@ fn h24_a_state_command_with_an_old_stamp_is_refused() {
     let (robot, bridge, mut peer) = start(&[]);
     peer.connect();
     peer.wait_for("a robot that waits", |state| !state.is_busy);
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    let now = now.unwrap().as_nanos() as u64;
-    for (seconds, word) in [(60_u64, "home"), (3, "home")] {
-        let header = Header {
-            stamp: Time::from_unix_ns(now - seconds * 1_000_000_000),
-            ..Header::default()
-        };
-        let string = word.to_owned();
-        peer.send_state_command(StringStamped { header, string });
+    for seconds in [60, 3] {
+        let header = Header::new(unix_ns() - seconds * 1_000_000_000, "");
+        peer.send_state_command(StringStamped { header, string: "home".to_owned() });
     }
     peer.wait_for_line("warning", "stored for late joiners");
     assert!(!peer.seen.iter().any(|state| state.is_homed));
@@ -209,7 +203,7 @@ fn a_second_writer_is_refused_by_name() {
 fn two_publishers_in_one_process_are_two_clients() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.enable();
-    let second = peer.publisher("servo_jp", &qos(Durability::Volatile));
+    let second = peer.publisher("servo_jp");
     clock::sleep(Nanos::from_millis(1000));
     peer.stream(|t| {
         let message = JointState { position: vec![0.0, 0.0], ..JointState::default() };
@@ -286,13 +280,11 @@ fn a_message_of_another_type_moves_nothing() {
     peer.enable();
     robot.wait_until_still();
     let from = clock::now();
-    let volatile = qos(Durability::Volatile);
     // A different type by its name: the two never match.
-    let kind = ("std_msgs", "String");
-    let text = publisher::<Text>(&mut peer.node, ROBOT, "servo_jp", kind, &volatile);
+    let text = peer.publisher::<Text>("servo_jp");
     // Different content under the right name.
-    let kind = ("sensor_msgs", "JointState");
-    let liar = publisher::<Text>(&mut peer.node, ROBOT, "servo_jp", kind, &volatile);
+    let (kind, volatile) = (("sensor_msgs", "JointState"), qos(Durability::Volatile));
+    let liar = publisher_as::<Text>(&mut peer.node, ROBOT, "servo_jp", kind, &volatile);
     clock::sleep(Nanos::from_millis(1000));
     for _ in 0..100 {
         for publisher in [&text, &liar] {

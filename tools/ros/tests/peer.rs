@@ -5,7 +5,9 @@ use std::sync::atomic::{AtomicU16, Ordering};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
-use i2ris_ros::message::{Empty, JointState, OperatingState, PoseStamped, StringStamped, Text};
+use i2ris_ros::message::{
+    Empty, JointState, OperatingState, PoseStamped, StringStamped, Text, Typed,
+};
 use i2ris_testing::wait_until;
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{Context, MessageTypeName, Name, Node, Publisher, QosProfile, Subscription};
@@ -26,10 +28,6 @@ pub fn qos(durability: Durability) -> QosProfile {
         .durability(durability)
         .history(History::KeepLast { depth: 10 })
 }
-
-const JOINT_STATE: (&str, &str) = ("sensor_msgs", "JointState");
-const POSE: (&str, &str) = ("geometry_msgs", "PoseStamped");
-const STATE: (&str, &str) = ("crtk_msgs", "OperatingState");
 
 pub struct Peer {
     pub node: Node,
@@ -61,23 +59,20 @@ impl Peer {
         ];
         let volatile = qos(Durability::Volatile);
         let joints = joints.map(|topic| {
-            let publisher = publisher(&mut node, robot, topic, JOINT_STATE, &volatile);
+            let publisher = publisher::<JointState>(&mut node, robot, topic, &volatile);
             (topic, publisher)
         });
         let latched = qos(Durability::TransientLocal);
-        let stamped = ("crtk_msgs", "StringStamped");
-        let texts = ["error", "warning", "status"].map(|topic| {
-            let kind = ("std_msgs", "String");
-            (topic, subscription(&mut node, robot, topic, kind, &latched))
-        });
+        let texts = ["error", "warning", "status"]
+            .map(|topic| (topic, subscription::<Text>(&mut node, robot, topic, &latched)));
         Self {
             joints: joints.into(),
-            state_command: publisher(&mut node, robot, "state_command", stamped, &latched),
-            hold: publisher(&mut node, robot, "hold", ("std_msgs", "Empty"), &volatile),
-            measured: subscription(&mut node, robot, "measured_js", JOINT_STATE, &volatile),
-            setpoint: subscription(&mut node, robot, "setpoint_js", JOINT_STATE, &volatile),
-            tip: subscription(&mut node, robot, "measured_cp", POSE, &volatile),
-            states: subscription(&mut node, robot, "operating_state", STATE, &latched),
+            state_command: publisher(&mut node, robot, "state_command", &latched),
+            hold: publisher(&mut node, robot, "hold", &volatile),
+            measured: subscription(&mut node, robot, "measured_js", &volatile),
+            setpoint: subscription(&mut node, robot, "setpoint_js", &volatile),
+            tip: subscription(&mut node, robot, "measured_cp", &volatile),
+            states: subscription(&mut node, robot, "operating_state", &latched),
             texts: texts.into(),
             seen: Vec::new(),
             lines: Vec::new(),
@@ -87,17 +82,15 @@ impl Peer {
         }
     }
 
-    pub fn publisher(&mut self, topic: &str, qos: &QosProfile) -> Publisher<JointState> {
-        publisher(&mut self.node, &self.robot, topic, JOINT_STATE, qos)
+    pub fn publisher<M: Serialize + Typed>(&mut self, topic: &str) -> Publisher<M> {
+        publisher(&mut self.node, &self.robot, topic, &qos(Durability::Volatile))
     }
 
-    pub fn subscription<M: DeserializeOwned + 'static>(
-        &mut self,
-        topic: &str,
-        kind: (&str, &str),
-        qos: &QosProfile,
-    ) -> Subscription<M> {
-        subscription(&mut self.node, &self.robot, topic, kind, qos)
+    pub fn subscription<M>(&mut self, topic: &str) -> Subscription<M>
+    where
+        M: DeserializeOwned + Typed + 'static,
+    {
+        subscription(&mut self.node, &self.robot, topic, &qos(Durability::Volatile))
     }
 
     pub fn send(&self, topic: &str, position: &[f64]) {
@@ -187,6 +180,12 @@ impl Peer {
         });
     }
 
+    /// Waits until a motion begins, and ends.
+    pub fn wait_for_motion(&mut self) {
+        self.wait_for("it is busy", |state| state.is_busy);
+        self.wait_for("it has moved", |state| !state.is_busy);
+    }
+
     pub fn enable(&mut self) {
         self.connect();
         self.wait_for("a robot that waits", |state| state.state == "DISABLED" && !state.is_busy);
@@ -250,7 +249,17 @@ fn topic(
     node.create_topic(&Name::parse(&full).unwrap(), kind, qos).unwrap()
 }
 
-pub fn publisher<M: Serialize>(
+pub fn publisher<M: Serialize + Typed>(
+    node: &mut Node,
+    robot: &str,
+    name: &str,
+    qos: &QosProfile,
+) -> Publisher<M> {
+    publisher_as(node, robot, name, M::TYPE, qos)
+}
+
+/// Publishes under the name of a type, whatever the message is.
+pub fn publisher_as<M: Serialize>(
     node: &mut Node,
     robot: &str,
     name: &str,
@@ -261,13 +270,17 @@ pub fn publisher<M: Serialize>(
     node.create_publisher(&topic, Some(qos.clone())).unwrap()
 }
 
-pub fn subscription<M: DeserializeOwned + 'static>(
+pub fn subscription<M: DeserializeOwned + Typed + 'static>(
     node: &mut Node,
     robot: &str,
     name: &str,
-    kind: (&str, &str),
     qos: &QosProfile,
 ) -> Subscription<M> {
-    let topic = topic(node, robot, name, kind, qos);
+    let topic = topic(node, robot, name, M::TYPE, qos);
     node.create_subscription(&topic, Some(qos.clone())).unwrap()
+}
+
+pub fn unix_ns() -> u64 {
+    let unix = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    unix.unwrap().as_nanos() as u64
 }

@@ -8,16 +8,16 @@ use i2ris::ipc::payload::ExternalPosition;
 use i2ris::robot::StateCommand;
 use i2ris::units::Nanos;
 use i2ris_report::snake::Snake;
-use i2ris_ros::message::{JointState, OperatingState, Text, Time};
+use i2ris_ros::message::{Header, JointState, OperatingState, Text, Time};
 use i2ris_testing::wait_until;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use ros2_client::qos::Durability;
 use ros2_client::{QosProfile, Subscription};
 
 use crate::common::{Bridge, ROBOT, robot, start, wait_for};
-use crate::peer::{Peer, qos, ros_domain};
+use crate::peer::{Peer, publisher, qos, ros_domain, subscription, unix_ns};
 
-fn unix_ns(state: &OperatingState) -> u64 {
+fn stamp(state: &OperatingState) -> u64 {
     state.header.stamp.unix_ns().unwrap()
 }
 
@@ -28,14 +28,12 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     // From rest to rest.
     peer.seen.clear();
     peer.send_degrees("move_jp", [4.0, -2.0]);
-    peer.wait_for("it is busy", |state| state.is_busy);
-    peer.wait_for("it has moved", |state| !state.is_busy);
+    peer.wait_for_motion();
     let [pitch, yaw] = peer.setpoint_degrees();
     assert!((pitch - 4.0).abs() < 0.2 && (yaw + 2.0).abs() < 0.2, "{pitch} {yaw}");
     // By a difference.
     peer.send_degrees("move_jr", [-4.0, 2.0]);
-    peer.wait_for("it is busy", |state| state.is_busy);
-    peer.wait_for("it has moved back", |state| !state.is_busy);
+    peer.wait_for_motion();
     let [pitch, yaw] = peer.setpoint_degrees();
     assert!(pitch.abs() < 0.2 && yaw.abs() < 0.2, "{pitch} {yaw}");
     // A stream.
@@ -77,7 +75,7 @@ fn zero_length_move_is_busy_then_idle_with_rising_stamps() {
             busy.ends_with(&[true, false])
         });
     }
-    let stamps: Vec<u64> = peer.seen.iter().map(unix_ns).collect();
+    let stamps: Vec<u64> = peer.seen.iter().map(stamp).collect();
     assert!(stamps.windows(2).all(|pair| pair[0] < pair[1]), "{stamps:?}");
 }
 
@@ -89,10 +87,10 @@ fn a_late_subscriber_gets_the_state_and_earlier_reports() {
     late.wait_for("the latched state", |state| state.state == "ENABLED");
     late.wait_for_line("status", "the robot is ENABLED");
     assert!(late.seen.len() > 1, "also the earlier states");
-    assert!(late.seen.windows(2).all(|pair| unix_ns(&pair[0]) < unix_ns(&pair[1])));
-    let kind = ("std_msgs", "String");
+    assert!(late.seen.windows(2).all(|pair| stamp(&pair[0]) < stamp(&pair[1])));
+    let latched = qos(Durability::TransientLocal);
     let description: Subscription<Text> =
-        late.subscription("robot_description", kind, &qos(Durability::TransientLocal));
+        subscription(&mut late.node, ROBOT, "robot_description", &latched);
     let urdf = wait_until("the URDF", || description.take().ok().flatten());
     assert_eq!(urdf.0.data, Snake::new(ROBOT).urdf());
 }
@@ -222,10 +220,9 @@ fn a_camera_of_ros_feeds_the_controller() {
     peer.connect();
     let mut seen = robot.client().watcher().external();
     let found = wait_until("a measurement", || {
-        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-        let mut message = JointState { position: vec![0.02, -0.01], ..JointState::default() };
-        let exposed = now.unwrap().as_nanos() as u64 - 30_000_000;
-        message.header.stamp = Time::from_unix_ns(exposed);
+        let header = Header::new(unix_ns() - 30_000_000, "");
+        let position = vec![0.02, -0.01];
+        let message = JointState { header, position, ..JointState::default() };
         peer.send_message("external/measured_jp", message);
         clock::sleep(Nanos::from_millis(10));
         // The robot also has its own camera.
@@ -245,15 +242,15 @@ fn quality_of_service_that_does_not_fit_is_reported() {
     peer.enable();
     let best_effort = QosProfile::subscription_default();
     // Fits: a reader may request less than is offered.
-    let kind = ("sensor_msgs", "JointState");
-    let less: Subscription<JointState> = peer.subscription("measured_js", kind, &best_effort);
+    let less: Subscription<JointState> =
+        subscription(&mut peer.node, ROBOT, "measured_js", &best_effort);
     wait_until("a best-effort reader is served", || less.take().ok().flatten());
     // Does not fit: a reader requests stored samples of a stream.
     let _more: Subscription<JointState> =
-        peer.subscription("measured_js", kind, &qos(Durability::TransientLocal));
+        subscription(&mut peer.node, ROBOT, "measured_js", &qos(Durability::TransientLocal));
     peer.wait_for_line("warning", "wants RELIABLE TRANSIENT_LOCAL");
     // Does not fit: a writer offers less than commands need.
-    let careless = peer.publisher("servo_jp", &best_effort);
+    let careless = publisher::<JointState>(&mut peer.node, ROBOT, "servo_jp", &best_effort);
     peer.wait_for_line("warning", "publishes BEST_EFFORT VOLATILE");
     let from = clock::now();
     for step in 0..100 {

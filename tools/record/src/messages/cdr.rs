@@ -4,8 +4,10 @@
 //! The bytes of a payload are its CDR encoding: its fields are aligned the same way and there is no
 //! padding.
 
+use byteorder::LittleEndian;
 use i2ris::ipc::payload::{FieldType, PayloadLayout};
 use i2ris::ipc::{Stream, StreamMessage};
+use serde::{Deserialize, Serialize};
 
 /// Encapsulation header: classic CDR, little endian, no options.
 pub const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
@@ -23,68 +25,16 @@ pub fn decode(stream: Stream, message: &[u8]) -> Option<StreamMessage> {
     StreamMessage::from_bytes(stream, message.strip_prefix(&ENCAPSULATION)?)
 }
 
-/// Encodes messages that are not payloads.
-#[derive(Debug)]
-pub struct Encoder(Vec<u8>);
-
-impl Default for Encoder {
-    fn default() -> Self {
-        Self(ENCAPSULATION.to_vec())
-    }
+/// Encodes a standard message.
+pub fn encode_standard(message: &impl Serialize) -> Vec<u8> {
+    // All messages can be encoded: none has a sequence of unknown length.
+    encode(&cdr_encoding::to_vec::<_, LittleEndian>(message).unwrap_or_default())
 }
 
-impl Encoder {
-    fn primitive<const N: usize>(&mut self, bytes: [u8; N]) {
-        let end = self.0.len() - ENCAPSULATION.len();
-        self.0.resize(ENCAPSULATION.len() + end.next_multiple_of(N), 0);
-        self.0.extend_from_slice(&bytes);
-    }
-
-    /// Appends `int32`.
-    pub fn i32(&mut self, value: i32) {
-        self.primitive(value.to_le_bytes());
-    }
-
-    /// Appends `uint32`, also the length of a sequence.
-    pub fn u32(&mut self, value: u32) {
-        self.primitive(value.to_le_bytes());
-    }
-
-    /// Appends `float64`.
-    pub fn f64(&mut self, value: f64) {
-        self.primitive(value.to_le_bytes());
-    }
-
-    /// Appends `bool`.
-    pub fn bool(&mut self, value: bool) {
-        self.primitive([u8::from(value)]);
-    }
-
-    /// Appends `string`.
-    pub fn string(&mut self, text: &str) {
-        self.u32(text.len() as u32 + 1);
-        self.0.extend_from_slice(text.as_bytes());
-        self.0.push(0);
-    }
-
-    /// Appends `float64[]`.
-    pub fn f64s(&mut self, values: &[f64]) {
-        self.u32(values.len() as u32);
-        for value in values {
-            self.f64(*value);
-        }
-    }
-
-    /// Appends `uint8[]`.
-    pub fn u8s(&mut self, bytes: &[u8]) {
-        self.u32(bytes.len() as u32);
-        self.0.extend_from_slice(bytes);
-    }
-
-    /// The message.
-    pub fn finish(self) -> Vec<u8> {
-        self.0
-    }
+/// Decodes a standard message; `None` if it is not one of this type.
+pub fn decode_standard<'a, M: Deserialize<'a>>(message: &'a [u8]) -> Option<M> {
+    let body = message.strip_prefix(&ENCAPSULATION)?;
+    cdr_encoding::from_bytes::<M, LittleEndian>(body).ok().map(|(message, _)| message)
 }
 
 /// One number of a payload.
@@ -147,10 +97,7 @@ mod tests {
 
     #[test]
     fn strings_and_sequences_are_aligned_after_the_encapsulation() {
-        let mut encoder = Encoder::default();
-        encoder.string("ab");
-        encoder.f64s(&[1.0]);
-        let bytes = encoder.finish();
+        let bytes = encode_standard(&("ab", vec![1.0]));
         // Length 3, a, b, NUL, one byte of padding.
         assert_eq!(bytes[4..12], [3, 0, 0, 0, b'a', b'b', 0, 0]);
         // Count 1, padding to a multiple of 8 after the encapsulation, the number.

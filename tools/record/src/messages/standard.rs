@@ -5,9 +5,10 @@
 use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp, Version, unpadded_text};
 use i2ris::ipc::{OperatingState, StreamMessage};
 use i2ris::units::Nanos;
-use i2ris_report::snake::{Bend, LinkPose, Snake};
+use i2ris_report::ros::{self, Header, PoseStamped, Transforms};
+use i2ris_report::snake::{Bend, Snake};
 
-use crate::messages::cdr::Encoder;
+use crate::messages::cdr::encode_standard;
 use crate::messages::topic::Topic;
 
 /// Time between two poses of the tip and the links, as in ROS.
@@ -42,24 +43,25 @@ impl StandardMessages {
 
     /// The standard message of a message; `None` if there is none.
     pub fn message(&mut self, message: &StreamMessage) -> Option<Vec<u8>> {
-        match message {
+        let joints = match message {
             StreamMessage::Measured(state)
             | StreamMessage::Setpoint(state)
-            | StreamMessage::Goal(state) => self.joint_state(state),
-            StreamMessage::State(state) => self.operating_state(state),
-            StreamMessage::ServoJp(command) => self.servo_jp(command),
+            | StreamMessage::Goal(state) => self.joint_state(state)?,
+            StreamMessage::State(state) => {
+                return self.operating_state(state).map(|state| encode_standard(&state));
+            }
+            StreamMessage::ServoJp(command) => self.servo_jp(command)?,
             StreamMessage::Jaw(state) if state.flags & JointState::VALID != 0 => {
-                Some(self.named("jaw", state.stamp_ns, state.position[0]))
+                self.jaw(state.stamp_ns, state.position[0])
             }
-            StreamMessage::ServoJaw(command) => {
-                Some(self.named("jaw", command.stamp_ns, command.position[0]))
-            }
-            _ => None,
-        }
+            StreamMessage::ServoJaw(command) => self.jaw(command.stamp_ns, command.position[0]),
+            _ => return None,
+        };
+        Some(encode_standard(&joints))
     }
 
     /// Angles; `None` if they are not valid.
-    fn joint_state(&self, state: &JointState) -> Option<Vec<u8>> {
+    fn joint_state(&self, state: &JointState) -> Option<ros::JointState> {
         let count = state.count as usize;
         if state.flags & JointState::VALID == 0 || count == 0 {
             return None;
@@ -77,23 +79,19 @@ impl StandardMessages {
             return Vec::new();
         }
         self.next_pose = stamp + POSE_PERIOD;
-        let unix_ns = state.stamp_ns.wrapping_add(self.unix_offset_ns);
         let [pitch, yaw, _] = state.position;
         let bend = Bend { pitch, yaw: if state.count == 2 { yaw } else { 0.0 } };
-        let mut tip = self.header(unix_ns);
-        pose(&mut tip, &self.snake.tip_pose(bend));
-        let mut links = Encoder::default();
-        links.u32(self.snake.link_poses(bend).count() as u32);
-        for (joint, place) in self.snake.link_poses(bend) {
-            header(&mut links, unix_ns, &joint.parent);
-            links.string(&joint.child);
-            pose(&mut links, &place);
-        }
-        vec![(Topic::Tip, tip.finish()), (Topic::Links, links.finish())]
+        let (header, pose) = (self.header(state.stamp_ns), self.snake.tip_pose(bend).into());
+        let unix_ns = state.stamp_ns.wrapping_add(self.unix_offset_ns);
+        let links = Transforms::of_links(&self.snake, bend, unix_ns);
+        vec![
+            (Topic::Tip, encode_standard(&PoseStamped { header, pose })),
+            (Topic::Links, encode_standard(&links)),
+        ]
     }
 
     /// A command, as it was sent; `None` if it has no values for joints.
-    fn servo_jp(&self, command: &ServoJp) -> Option<Vec<u8>> {
+    fn servo_jp(&self, command: &ServoJp) -> Option<ros::JointState> {
         let values = command.position.get(..command.count as usize)?;
         let of_joints = command.flags & ServoJp::TIP == 0 && !values.is_empty();
         let is_rate = command.flags & ServoJp::RATE != 0;
@@ -101,33 +99,24 @@ impl StandardMessages {
         of_joints.then(|| self.angles(command.stamp_ns, position, velocity))
     }
 
-    /// One joint with a name of its own.
-    fn named(&self, name: &str, stamp_ns: u64, angle: f64) -> Vec<u8> {
-        let mut encoder = self.header(stamp_ns.wrapping_add(self.unix_offset_ns));
-        encoder.u32(1);
-        encoder.string(name);
-        encoder.f64s(&[angle]);
-        encoder.f64s(&[]);
-        encoder.f64s(&[]);
-        encoder.finish()
+    fn jaw(&self, stamp_ns: u64, angle: f64) -> ros::JointState {
+        ros::JointState { name: vec!["jaw".to_owned()], ..self.angles(stamp_ns, &[angle], &[]) }
     }
 
-    fn angles(&self, stamp_ns: u64, position: &[f64], velocity: &[f64]) -> Vec<u8> {
-        let mut encoder = self.header(stamp_ns.wrapping_add(self.unix_offset_ns));
-        let joints = position.len().max(velocity.len());
-        encoder.u32(joints as u32);
-        for joint in 0..joints {
-            encoder.string(self.joints.get(joint).map_or("", String::as_str));
+    fn angles(&self, stamp_ns: u64, position: &[f64], velocity: &[f64]) -> ros::JointState {
+        let joints = 0..position.len().max(velocity.len());
+        ros::JointState {
+            header: self.header(stamp_ns),
+            name: joints.map(|joint| self.joints.get(joint).cloned().unwrap_or_default()).collect(),
+            position: position.to_vec(),
+            velocity: velocity.to_vec(),
+            effort: Vec::new(),
         }
-        encoder.f64s(position);
-        encoder.f64s(velocity);
-        encoder.f64s(&[]);
-        encoder.finish()
     }
 
     /// The operating state as in CRTK; `None` if it is that of the last call, because CRTK sends
     /// changes. Stamps rise strictly: clients of CRTK ignore a message that is not newer.
-    fn operating_state(&mut self, message: &OperatingStateMsg) -> Option<Vec<u8>> {
+    fn operating_state(&mut self, message: &OperatingStateMsg) -> Option<ros::OperatingState> {
         let flags = OperatingStateMsg::HOMED | OperatingStateMsg::BUSY;
         let value = [message.state, message.flags & flags];
         let unix_ns = message.stamp_ns.wrapping_add(self.unix_offset_ns);
@@ -137,40 +126,18 @@ impl StandardMessages {
             None => unix_ns,
         };
         self.last_state = Some((value, unix_ns));
-        let mut encoder = self.header(unix_ns);
         let state = OperatingState::from_number(message.state);
-        encoder.string(&state.map_or_else(String::new, |state| state.to_string()));
-        encoder.bool(message.flags & OperatingStateMsg::HOMED != 0);
-        encoder.bool(message.flags & OperatingStateMsg::BUSY != 0);
-        Some(encoder.finish())
+        Some(ros::OperatingState {
+            header: Header::new(unix_ns, &self.frame),
+            state: state.map_or_else(String::new, |state| state.to_string()),
+            is_homed: message.flags & OperatingStateMsg::HOMED != 0,
+            is_busy: message.flags & OperatingStateMsg::BUSY != 0,
+        })
     }
 
-    fn header(&self, unix_ns: u64) -> Encoder {
-        let mut encoder = Encoder::default();
-        header(&mut encoder, unix_ns, &self.frame);
-        encoder
+    fn header(&self, stamp_ns: u64) -> Header {
+        Header::new(stamp_ns.wrapping_add(self.unix_offset_ns), &self.frame)
     }
-}
-
-/// Appends `std_msgs/Header`.
-pub(crate) fn header(encoder: &mut Encoder, unix_ns: u64, frame: &str) {
-    encoder.i32(i32::try_from(unix_ns / 1_000_000_000).unwrap_or(i32::MAX));
-    encoder.u32((unix_ns % 1_000_000_000) as u32);
-    encoder.string(frame);
-}
-
-/// Appends `geometry_msgs/Pose`, and `Transform`, which is the same.
-fn pose(encoder: &mut Encoder, pose: &LinkPose) {
-    for value in pose.position_m.iter().chain(&pose.quaternion) {
-        encoder.f64(*value);
-    }
-}
-
-/// A text, as `std_msgs/String`.
-pub fn text(text: &str) -> Vec<u8> {
-    let mut encoder = Encoder::default();
-    encoder.string(text);
-    encoder.finish()
 }
 
 /// Names of the joints if a controller reports none.
@@ -206,7 +173,7 @@ mod tests {
             ..OperatingStateMsg::default()
         };
         let (enabled, busy) = (OperatingState::Enabled, OperatingStateMsg::BUSY);
-        let stamp = |message: &[u8]| u32::from_le_bytes(message[8..12].try_into().unwrap());
+        let stamp = |message: &ros::OperatingState| message.header.stamp.nanosec;
         let first = messages.operating_state(&at(5, enabled, 0)).unwrap();
         assert_eq!(stamp(&first), 5);
         assert_eq!(messages.operating_state(&at(6, enabled, 0)), None);
@@ -216,8 +183,8 @@ mod tests {
         let second = messages.operating_state(&at(7, enabled, busy)).unwrap();
         let third = messages.operating_state(&at(7, enabled, 0)).unwrap();
         assert_eq!((stamp(&second), stamp(&third)), (7, 8));
-        assert!(first.windows(7).any(|bytes| bytes == b"ENABLED"));
-        assert_eq!((second[second.len() - 1], third[third.len() - 1]), (1, 0));
+        assert_eq!(first.state, "ENABLED");
+        assert_eq!((second.is_busy, third.is_busy), (true, false));
     }
 
     #[test]

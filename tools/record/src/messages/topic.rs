@@ -4,20 +4,20 @@ use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
 use i2ris::ipc::Stream;
+use i2ris_report::ros::{JointState, OperatingState, PoseStamped, Text, Transforms, Typed};
 
-use crate::messages::cdr;
-use crate::messages::schema::{self, StandardType};
+use crate::messages::{cdr, schema};
 
-/// The standard message with the content of a stream, if there is one.
-const fn standard(stream: Stream) -> Option<StandardType> {
+/// Schema of the standard message with the content of a stream, if there is one.
+fn standard(stream: Stream) -> Option<TopicSchema> {
     match stream {
         Stream::Measured
         | Stream::Setpoint
         | Stream::Goal
         | Stream::ServoJp
         | Stream::Jaw
-        | Stream::ServoJaw => Some(schema::JOINT_STATE),
-        Stream::State => Some(schema::OPERATING_STATE),
+        | Stream::ServoJaw => Some(TopicSchema::of::<JointState>()),
+        Stream::State => Some(TopicSchema::of::<OperatingState>()),
         _ => None,
     }
 }
@@ -76,18 +76,12 @@ impl Topic {
             let layout = stream.layout();
             TopicSchema { name: schema::name(&layout), definition: schema::definition(&layout) }
         };
-        let standard_type = |standard: StandardType| TopicSchema {
-            name: standard.name.to_owned(),
-            definition: standard.definition(),
-        };
         match self {
             Self::Payload(stream) => payload(stream),
-            Self::Standard(stream) => {
-                standard(stream).map_or_else(|| payload(stream), standard_type)
-            }
-            Self::Tip => standard_type(schema::POSE),
-            Self::Links => standard_type(schema::TRANSFORMS),
-            Self::Description => standard_type(schema::STRING),
+            Self::Standard(stream) => standard(stream).unwrap_or_else(|| payload(stream)),
+            Self::Tip => TopicSchema::of::<PoseStamped>(),
+            Self::Links => TopicSchema::of::<Transforms>(),
+            Self::Description => TopicSchema::of::<Text>(),
         }
     }
 
@@ -101,8 +95,23 @@ impl Topic {
         self,
         file: &mut mcap::Writer<W>,
     ) -> mcap::McapResult<u16> {
-        let TopicSchema { name, definition } = self.schema();
-        let schema = file.add_schema(&name, schema::ENCODING, definition.as_bytes())?;
-        file.add_channel(schema, &self.name(), cdr::ENCODING, &BTreeMap::new())
+        self.schema().declare(file, &self.name())
+    }
+}
+
+impl TopicSchema {
+    /// Schema of a standard message.
+    pub fn of<M: Typed>() -> Self {
+        Self { name: M::full_name(), definition: M::definition() }
+    }
+
+    /// Declares a topic of this schema in a file and returns its channel number.
+    pub(crate) fn declare<W: Write + Seek>(
+        &self,
+        file: &mut mcap::Writer<W>,
+        topic: &str,
+    ) -> mcap::McapResult<u16> {
+        let schema = file.add_schema(&self.name, schema::ENCODING, self.definition.as_bytes())?;
+        file.add_channel(schema, topic, cdr::ENCODING, &BTreeMap::new())
     }
 }

@@ -21,12 +21,13 @@ use std::time::{Duration, Instant};
 
 use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::units::Nanos;
+use i2ris_report::ros::{CompressedImage, Text};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 
-use crate::messages::standard::{StandardMessages, text};
-use crate::messages::topic::Topic;
-use crate::messages::{cdr, schema};
+use crate::messages::cdr;
+use crate::messages::standard::StandardMessages;
+use crate::messages::topic::{Topic, TopicSchema};
 use crate::pictures::{self, Picture};
 
 /// Maximum loss if the program is killed.
@@ -330,7 +331,8 @@ fn describe(file: &mut McapFile, header: &RecordingHeader) -> Result<(), McapErr
         log_time: now,
         publish_time: now,
     };
-    file.write_to_known_channel(&message, &text(&header.urdf))?;
+    let description = cdr::encode_standard(&Text { data: header.urdf.clone() });
+    file.write_to_known_channel(&message, &description)?;
     let attachment = AttachedFile {
         name: "robot.urdf".to_owned(),
         media_type: "application/xml",
@@ -365,12 +367,6 @@ fn attach(
     Ok(())
 }
 
-fn declare_view(file: &mut McapFile, view: &str) -> Result<u16, McapError> {
-    let kind = schema::COMPRESSED_IMAGE;
-    let schema = file.add_schema(kind.name, schema::ENCODING, kind.definition().as_bytes())?;
-    file.add_channel(schema, &pictures::topic(view), cdr::ENCODING, &BTreeMap::new())
-}
-
 /// Writes messages until the sender is gone.
 fn write_messages(
     mut file: McapFile,
@@ -391,7 +387,8 @@ fn write_messages(
                 let channel_id = match (channels.get(&message.channel), &message.channel) {
                     (Some(channel_id), _) => *channel_id,
                     (None, Channel::View(view)) => {
-                        let channel_id = declare_view(&mut file, view)?;
+                        let schema = TopicSchema::of::<CompressedImage>();
+                        let channel_id = schema.declare(&mut file, &pictures::topic(view))?;
                         channels.insert(message.channel.clone(), channel_id);
                         channel_id
                     }

@@ -2,7 +2,6 @@
 //!
 //! | file | contains |
 //! |---|---|
-//! | `peers` | known participants, a bounded number |
 //! | `flood` | message rate of a client |
 //! | `reason` | reasons for a refusal |
 //!
@@ -11,9 +10,9 @@
 //! on the way. ROS 2 has neither keys nor sessions, so the message is the only evidence.
 
 mod flood;
-mod peers;
 mod reason;
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use i2ris::ipc::random_id;
@@ -23,7 +22,6 @@ pub use reason::Reason;
 
 use crate::clock::SenderClock;
 use flood::Flood;
-use peers::Peers;
 
 /// Participants that are remembered.
 const PARTICIPANTS: usize = 64;
@@ -81,63 +79,39 @@ impl fmt::Display for Participant {
     }
 }
 
-/// A topic with commands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Topic {
-    ServoJp,
-    ServoJr,
-    ServoJv,
-    InterpolateJp,
-    ServoCp,
-    ServoCv,
-    MoveJp,
-    MoveJr,
-    MoveCp,
-    Jaw,
-    StateCommand,
-    Hold,
-    Free,
-    External,
+macro_rules! topics {
+    ($($topic:ident $name:literal,)*) => {
+        /// A topic with commands.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum Topic { $($topic,)* }
+
+        impl Topic {
+            /// All, in the order of their numbers.
+            pub const ALL: &'static [Self] = &[$(Self::$topic,)*];
+
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$topic => $name,)* }
+            }
+        }
+    };
 }
 
-impl Topic {
-    /// All, in the order of their numbers.
-    pub const ALL: [Self; 14] = [
-        Self::ServoJp,
-        Self::ServoJr,
-        Self::ServoJv,
-        Self::InterpolateJp,
-        Self::ServoCp,
-        Self::ServoCv,
-        Self::MoveJp,
-        Self::MoveJr,
-        Self::MoveCp,
-        Self::Jaw,
-        Self::StateCommand,
-        Self::Hold,
-        Self::Free,
-        Self::External,
-    ];
-
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::ServoJp => "servo_jp",
-            Self::ServoJr => "servo_jr",
-            Self::ServoJv => "servo_jv",
-            Self::InterpolateJp => "interpolate_jp",
-            Self::ServoCp => "servo_cp",
-            Self::ServoCv => "servo_cv",
-            Self::MoveJp => "move_jp",
-            Self::MoveJr => "move_jr",
-            Self::MoveCp => "move_cp",
-            Self::Jaw => "jaw/servo_jp",
-            Self::StateCommand => "state_command",
-            Self::Hold => "hold",
-            Self::Free => "free",
-            Self::External => "external/measured_jp",
-        }
-    }
+topics! {
+    ServoJp "servo_jp",
+    ServoJr "servo_jr",
+    ServoJv "servo_jv",
+    InterpolateJp "interpolate_jp",
+    ServoCp "servo_cp",
+    ServoCv "servo_cv",
+    MoveJp "move_jp",
+    MoveJr "move_jr",
+    MoveCp "move_cp",
+    Jaw "jaw/servo_jp",
+    StateCommand "state_command",
+    Hold "hold",
+    Free "free",
+    External "external/measured_jp",
 }
 
 /// When a message was sent and when it arrived.
@@ -247,7 +221,8 @@ pub struct Admitted {
 /// Judges every message of ROS by its writer and its times.
 #[derive(Debug)]
 pub struct Admission {
-    peers: Peers<Participant, Peer>,
+    /// Known participants, at most [`PARTICIPANTS`], with the time of their last message.
+    peers: BTreeMap<Participant, (Nanos, Peer)>,
     /// Age limits of commands that are sent once, by their own stamp and by that of their writer.
     ages: Ages,
 }
@@ -255,7 +230,21 @@ pub struct Admission {
 impl Admission {
     #[must_use]
     pub const fn new(ages: Ages) -> Self {
-        Self { peers: Peers::new(PARTICIPANTS), ages }
+        Self { peers: BTreeMap::new(), ages }
+    }
+
+    /// Notes a message of a participant. A new one replaces the one that has been silent for
+    /// longest: a sender that changes its identity with every message does not fill the memory.
+    fn peer(&mut self, participant: Participant, now: Nanos) -> &mut Peer {
+        if !self.peers.contains_key(&participant) && self.peers.len() >= PARTICIPANTS {
+            let oldest = self.peers.iter().min_by_key(|(_, (last_seen, _))| *last_seen);
+            if let Some(oldest) = oldest.map(|(oldest, _)| *oldest) {
+                self.peers.remove(&oldest);
+            }
+        }
+        let (last_seen, peer) = self.peers.entry(participant).or_default();
+        *last_seen = now;
+        peer
     }
 
     /// Counts `count` servo commands that arrived together, and judges the newest of them.
@@ -272,7 +261,7 @@ impl Admission {
         times: &Times,
     ) -> Result<Admitted, Reason> {
         let now = times.arrived;
-        let peer = self.peers.known_or_new(&writer.participant(), now);
+        let peer = self.peer(writer.participant(), now);
         let sent = times.sent_unix_ns.ok_or(Reason::NoStamp)?;
         let age = peer.clock.age(sent, now);
         let client = peer.client(writer, topic)?;
@@ -291,7 +280,7 @@ impl Admission {
     /// Returns the client that stops the robot. A stop always passes, at any age and rate, and from
     /// any publisher. It ends the client's stream unless it is a flood.
     pub fn stop(&mut self, writer: Writer, topic: Topic, times: &Times) -> u64 {
-        let peer = self.peers.known_or_new(&writer.participant(), times.arrived);
+        let peer = self.peer(writer.participant(), times.arrived);
         match peer.client(writer, topic) {
             Ok(client) => {
                 if client.flood.check(1, times.arrived).is_ok() {
@@ -316,11 +305,11 @@ impl Admission {
         header_unix_ns: Option<u64>,
         times: &Times,
     ) -> Result<u64, Reason> {
-        let peer = self.peers.known_or_new(&writer.participant(), times.arrived);
-        let client = peer.client(writer, topic)?;
+        let ages = self.ages;
+        let client = self.peer(writer.participant(), times.arrived).client(writer, topic)?;
         let sent = times.sent_unix_ns.ok_or(Reason::NoStamp)?;
         for stamp in [Some(sent), header_unix_ns].into_iter().flatten() {
-            self.ages.check(stamp, times.arrived_unix_ns)?;
+            ages.check(stamp, times.arrived_unix_ns)?;
         }
         client.flood.check(1, times.arrived)?;
         client.has_begun = [false; 2];
@@ -334,21 +323,21 @@ impl Admission {
     /// [`Reason::Flood`], [`Reason::TooManyWriters`].
     pub fn camera(&mut self, writer: Writer, count: u32, times: &Times) -> Result<(), Reason> {
         let now = times.arrived;
-        let peer = self.peers.known_or_new(&writer.participant(), now);
+        let peer = self.peer(writer.participant(), now);
         peer.client(writer, Topic::External)?.flood.check(count, now)
     }
 
     /// The identity of the client that a writer belongs to.
     #[must_use]
     pub fn client_id(&mut self, writer: Writer, topic: Topic, now: Nanos) -> Option<u64> {
-        let peer = self.peers.known_or_new(&writer.participant(), now);
+        let peer = self.peer(writer.participant(), now);
         peer.client(writer, topic).ok().map(|client| client.id)
     }
 
     /// Forgets a participant that is gone, or was silent for long: its next message may be a stored
     /// one.
     pub fn lost(&mut self, participant: Participant) {
-        if let Some(peer) = self.peers.get_mut(&participant) {
+        if let Some((_, peer)) = self.peers.get_mut(&participant) {
             for client in &mut peer.clients {
                 client.has_begun = [false; 2];
             }

@@ -7,6 +7,8 @@ use i2ris::ipc::client::{ExternalPublisher, Forwarder, Latest, Watcher};
 use i2ris::ipc::payload::{JointState as JointPayload, ServoJp};
 use i2ris::robot::StateCommand;
 use i2ris::units::{Nanos, OutputVec};
+use ros2_client::Subscription;
+use serde::de::DeserializeOwned;
 
 use super::Shared;
 use super::arrivals::{Arrivals, Received, take};
@@ -16,7 +18,7 @@ use crate::RosError;
 use crate::admission::{Admission, Ages, Participant, Pose, Reason, Times, Topic, Writer, checked};
 use crate::clock::Moment;
 use crate::event::Event;
-use crate::message::{Header, JOINTS, JointState, Point, StringStamped};
+use crate::message::{Header, JOINTS, JointState, Point, StringStamped, Vector3};
 use crate::refusals::Refused;
 use crate::topics::Inputs;
 
@@ -77,16 +79,10 @@ impl Commands {
     /// Executes all commands that arrived, those that stop the robot first. They are read last, so
     /// that no pose is read without the hold that was sent before it.
     pub fn take_all(&mut self, graph: &Graph) {
-        let of_joints = { self.inputs.joints.iter() }
-            .map(|(topic, input)| (*topic, take(input).newest()))
-            .collect::<Vec<_>>();
-        let of_places = { self.inputs.places.iter() }
-            .map(|(topic, input)| (*topic, take(input).newest()))
-            .collect::<Vec<_>>();
+        let of_joints = take_newest(&self.inputs.joints);
+        let of_places = take_newest(&self.inputs.places);
         let of_twist = take(&self.inputs.twist).newest();
-        for place in 0..self.inputs.stops.len() {
-            let (topic, input) = &self.inputs.stops[place];
-            let (topic, arrivals) = (*topic, take(input).newest());
+        for (topic, arrivals) in take_newest(&self.inputs.stops) {
             self.judge(graph, topic, arrivals, |commands, Received { writer, times, .. }, _| {
                 let client_id = commands.admission.stop(*writer, topic, times);
                 commands.requests.stop(
@@ -122,7 +118,8 @@ impl Commands {
         for (topic, arrivals) in of_places {
             self.judge(graph, topic, arrivals, |commands, received, count| {
                 let Received { message, writer, times } = received;
-                let place = commands.in_frame(&message.header, &message.pose.position)?;
+                let Point { x, y, z } = message.pose.position;
+                let place = commands.in_frame(&message.header, [x, y, z])?;
                 if topic == Topic::ServoCp {
                     return commands.stream(topic, *writer, times, &place, count).map(drop);
                 }
@@ -133,7 +130,8 @@ impl Commands {
         }
         self.judge(graph, Topic::ServoCv, of_twist, |commands, received, count| {
             let Received { message, writer, times } = received;
-            let velocity = commands.in_frame(&message.header, &message.linear)?;
+            let Vector3 { x, y, z } = message.linear;
+            let velocity = commands.in_frame(&message.header, [x, y, z])?;
             commands.stream(Topic::ServoCv, *writer, times, &velocity, count).map(drop)
         });
         // Stored, so that the first command finds it.
@@ -251,12 +249,12 @@ impl Commands {
     }
 
     /// A position or a velocity of the tip, in the frame of the base.
-    fn in_frame(&self, header: &Header, values: &Point) -> Result<Pose, Reason> {
+    fn in_frame(&self, header: &Header, values: [f64; 3]) -> Result<Pose, Reason> {
         let own = format!("{}_base", self.shared.robot);
         if !header.frame_id.is_empty() && header.frame_id != own {
             return Err(Reason::Frame { frame: shortened(&header.frame_id), own });
         }
-        checked(&[values.x, values.y, values.z], 3)
+        checked(&values, 3)
     }
 
     fn move_to(&mut self, topic: Topic, received: &Received<JointState>) -> Result<(), Reason> {
@@ -346,6 +344,13 @@ impl Commands {
             _ => Ok(self.setpoint()?.position),
         }
     }
+}
+
+/// The newest messages of several topics.
+fn take_newest<M: DeserializeOwned + 'static>(
+    inputs: &[(Topic, Subscription<M>)],
+) -> Vec<(Topic, Arrivals<M>)> {
+    inputs.iter().map(|(topic, input)| (*topic, take(input).newest())).collect()
 }
 
 /// Values in the order of the joints: by their names if given, else unchanged.

@@ -2,11 +2,11 @@
 //! the shape of the snake at its angles.
 
 use i2ris::model::kinematic::bend_to;
-use i2ris_report::snake::{Bend, LinkPose, Snake};
+use i2ris_report::snake::{Bend, Snake};
 
 use crate::admission::checked;
 use crate::message::{
-    JOINTS, Pose, QueryForwardKinematics, QueryForwardKinematicsResponse, QueryInverseKinematics,
+    JOINTS, QueryForwardKinematics, QueryForwardKinematicsResponse, QueryInverseKinematics,
     QueryInverseKinematicsResponse,
 };
 
@@ -24,9 +24,8 @@ pub(super) fn forward(
 ) -> QueryForwardKinematicsResponse {
     match bend(&request.jp) {
         Ok(bend) => {
-            let LinkPose { position_m, quaternion } = snake.tip_pose(bend);
-            let cp = Pose { position: position_m.into(), orientation: quaternion.into() };
-            QueryForwardKinematicsResponse { cp, result: true, message: String::new() }
+            let (cp, message) = (snake.tip_pose(bend).into(), String::new());
+            QueryForwardKinematicsResponse { cp, result: true, message }
         }
         Err(message) => QueryForwardKinematicsResponse { message, ..Default::default() },
     }

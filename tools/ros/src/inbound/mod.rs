@@ -91,21 +91,15 @@ impl Inbound {
 
     fn register(&mut self) -> io::Result<()> {
         let services = &mut self.services;
+        let Services { operating_state, crtk_version, forward, inverse } = services;
         let mut sources: Vec<&mut dyn Source> =
-            vec![&mut services.operating_state, &mut services.crtk_version];
-        sources.extend([&mut services.forward as &mut dyn Source, &mut services.inverse]);
+            vec![operating_state, crtk_version, forward, inverse];
         if let Some(Commands { inputs, .. }) = &mut self.commands {
-            for (_, input) in &mut inputs.stops {
-                sources.push(input);
-            }
-            sources.push(&mut inputs.state_command);
-            for (_, input) in &mut inputs.joints {
-                sources.push(input);
-            }
-            for (_, input) in &mut inputs.places {
-                sources.push(input);
-            }
-            sources.push(&mut inputs.twist);
+            let Inputs { stops, state_command, joints, places, twist } = inputs;
+            sources.extend(stops.iter_mut().map(|(_, input)| input as &mut dyn Source));
+            sources.extend([state_command as &mut dyn Source, twist]);
+            sources.extend(joints.iter_mut().map(|(_, input)| input as &mut dyn Source));
+            sources.extend(places.iter_mut().map(|(_, input)| input as &mut dyn Source));
         }
         for (place, source) in sources.into_iter().enumerate() {
             source.register(self.poll.registry(), Token(place), Interest::READABLE)?;

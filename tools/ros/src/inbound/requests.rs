@@ -55,11 +55,11 @@ struct Stops {
     done: AtomicU64,
 }
 
-/// Ends when dropped, once its last request is answered.
+/// Ends when dropped, once its last request is answered; stops come first.
 #[derive(Debug)]
 pub(super) struct Requests {
-    worker: Option<Worker<Ask>>,
-    stopper: Option<Worker<()>>,
+    stopper: Worker<()>,
+    worker: Worker<Ask>,
     stops: Arc<Stops>,
 }
 
@@ -78,7 +78,7 @@ impl Requests {
         let stopper = Worker::start("stops", 1, move |()| stopping.stop_all());
         let (worker, stopper) =
             (worker.map_err(RosError::thread)?, stopper.map_err(RosError::thread)?);
-        Ok(Self { worker: Some(worker), stopper: Some(stopper), stops })
+        Ok(Self { stopper, worker, stops })
     }
 
     /// # Errors
@@ -86,8 +86,7 @@ impl Requests {
     /// [`Reason::Waiting`].
     pub fn ask(&self, client_id: u64, what: What) -> Result<(), Reason> {
         let ask = Ask { client_id, what, stops: self.stops.count.load(Ordering::Acquire) };
-        let taken = self.worker.as_ref().is_some_and(|worker| worker.ask(ask));
-        if taken { Ok(()) } else { Err(Reason::Waiting) }
+        if self.worker.ask(ask) { Ok(()) } else { Err(Reason::Waiting) }
     }
 
     /// Requests one of [`STOPS`]. Never refused: pending requests are overtaken and dropped.
@@ -98,18 +97,7 @@ impl Requests {
         }
         self.stops.count.fetch_add(1, Ordering::AcqRel);
         // A thread that is awake, or about to wake, checks all of them.
-        let _ = self.stopper.as_ref().is_some_and(|stopper| stopper.ask(()));
-    }
-}
-
-impl Drop for Requests {
-    fn drop(&mut self) {
-        if let Some(stopper) = self.stopper.take() {
-            stopper.finish();
-        }
-        if let Some(worker) = self.worker.take() {
-            worker.finish();
-        }
+        let _ = self.stopper.ask(());
     }
 }
 

@@ -2,12 +2,12 @@
 
 use i2ris::ipc::payload::{JointState as Payload, PeriodStatistics};
 use i2ris::units::Nanos;
-use i2ris_report::snake::{Bend, LinkPose, Snake};
+use i2ris_report::snake::{Bend, Snake};
 
 use crate::clock::Moment;
 use crate::message::{
     Header, IntervalStatistics, JOINTS, JointState, MultiArray, MultiArrayDimension, Pose,
-    PoseStamped, Time, TransformStamped, Transforms, TwistStamped,
+    PoseStamped, Transforms, TwistStamped,
 };
 
 /// Values older than this are not valid: the controller is gone or hangs.
@@ -23,8 +23,7 @@ fn valid<'a>(state: Option<&'a Payload>, now: &Moment) -> Option<&'a Payload> {
 }
 
 fn header(state: Option<&Payload>, now: &Moment, frame_id: &str) -> Header {
-    let unix_ns = state.map_or(0, |state| now.unix_ns_at(Nanos(state.stamp_ns)));
-    Header { stamp: Time::from_unix_ns(unix_ns), frame_id: frame_id.to_owned() }
+    Header::new(state.map_or(0, |state| now.unix_ns_at(Nanos(state.stamp_ns))), frame_id)
 }
 
 /// Angles and their velocities. Without valid ones: stamp 0 and no values.
@@ -66,10 +65,7 @@ fn bend(state: &Payload) -> Bend {
 /// The tip in the frame of the base. Without valid angles: stamp 0.
 pub(super) fn tip(snake: &Snake, state: Option<&Payload>, now: &Moment) -> PoseStamped {
     let state = valid(state, now);
-    let pose = state.map_or_else(Pose::default, |state| {
-        let LinkPose { position_m, quaternion } = snake.tip_pose(bend(state));
-        Pose { position: position_m.into(), orientation: quaternion.into() }
-    });
+    let pose = state.map_or_else(Pose::default, |state| snake.tip_pose(bend(state)).into());
     PoseStamped { header: header(state, now, &snake.base()), pose }
 }
 
@@ -105,9 +101,8 @@ pub(super) fn jacobian(snake: &Snake, state: Option<&Payload>, now: &Moment) -> 
 /// Timing of the control loop; NaN for values that the controller does not count.
 pub(super) fn statistics(of: &PeriodStatistics, now: &Moment) -> IntervalStatistics {
     let seconds = |ns: u64| Nanos(ns).as_seconds();
-    let unix_ns = now.unix_ns_at(Nanos(of.stamp_ns));
     IntervalStatistics {
-        header: Header { stamp: Time::from_unix_ns(unix_ns), frame_id: String::new() },
+        header: Header::new(now.unix_ns_at(Nanos(of.stamp_ns)), ""),
         period_avg: seconds(of.window_ns) / of.ticks.max(1) as f64,
         period_std_dev: f64::NAN,
         period_min: f64::NAN,
@@ -126,21 +121,14 @@ pub(super) fn statistics(of: &PeriodStatistics, now: &Moment) -> IntervalStatist
 /// All links; `None` without valid angles: a frame with stamp 0 would be valid for all times.
 pub(super) fn links(snake: &Snake, state: Option<&Payload>, now: &Moment) -> Option<Transforms> {
     let state = valid(state, now)?;
-    let transforms = snake.link_poses(bend(state)).map(|(joint, pose)| {
-        let LinkPose { position_m, quaternion } = pose;
-        TransformStamped {
-            header: header(Some(state), now, &joint.parent),
-            child_frame_id: joint.child.clone(),
-            translation: position_m.into(),
-            rotation: quaternion.into(),
-        }
-    });
-    Some(Transforms { transforms: transforms.collect() })
+    let unix_ns = now.unix_ns_at(Nanos(state.stamp_ns));
+    Some(Transforms::of_links(snake, bend(state), unix_ns))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message::Time;
 
     const NOW: Moment =
         Moment { monotonic: Nanos(10_000_000_000), unix_ns: 1_795_000_000_000_000_000 };

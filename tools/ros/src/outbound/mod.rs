@@ -28,7 +28,7 @@ use serde::Serialize;
 
 use crate::clock::Moment;
 use crate::event::{ClientNames, Event};
-use crate::message::{Header, OperatingState, Text, Time};
+use crate::message::{Header, OperatingState, Text};
 use crate::participant::NODE;
 use crate::refusals::Refusals;
 use crate::topics::Outputs;
@@ -223,9 +223,8 @@ impl Outbound {
 
     fn publish_state_at(&mut self, snapshot: Snapshot, unix_ns: u64) {
         self.stamp_unix_ns = state::rising(self.stamp_unix_ns, unix_ns);
-        let stamp = Time::from_unix_ns(self.stamp_unix_ns);
         let message = OperatingState {
-            header: Header { stamp, frame_id: String::new() },
+            header: Header::new(self.stamp_unix_ns, ""),
             state: snapshot.state.to_owned(),
             is_homed: snapshot.homed,
             is_busy: snapshot.busy,
