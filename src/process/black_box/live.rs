@@ -125,16 +125,16 @@ impl LiveFiles {
 /// Joins two files. The later one begins with the models and offers still in use.
 fn join(mut earlier: BlackBox, later: BlackBox) -> BlackBox {
     earlier.header = later.header;
-    let models = later.models.into_iter();
-    let models: Vec<Vec<u8>> = models.filter(|model| !earlier.models.contains(model)).collect();
-    let offers = later.offers.into_iter();
-    let offers = offers.filter(|offer| !earlier.offers.contains(offer));
-    let offers: Vec<OfferRecord> = offers.collect();
-    earlier.models.extend(models);
-    earlier.offers.extend(offers);
+    extend_with_new(&mut earlier.models, later.models);
+    extend_with_new(&mut earlier.offers, later.offers);
     earlier.snapshots.extend(later.snapshots);
     earlier.ticks.extend(later.ticks);
     earlier
+}
+
+fn extend_with_new<T: PartialEq>(known: &mut Vec<T>, more: Vec<T>) {
+    let more: Vec<T> = more.into_iter().filter(|it| !known.contains(it)).collect();
+    known.extend(more);
 }
 
 fn create(path: &Path) -> io::Result<File> {
@@ -185,14 +185,7 @@ mod tests {
     use crate::realtime::TickTiming;
 
     fn begin() -> BlackBox {
-        BlackBox {
-            header: BlackBoxHeader::default(),
-            config: "text".to_owned(),
-            models: vec![vec![1]],
-            offers: vec![],
-            snapshots: vec![],
-            ticks: vec![],
-        }
+        BlackBox { models: vec![vec![1]], ..BlackBox::default() }
     }
 
     fn cycle() -> ControlCycle {

@@ -1,7 +1,7 @@
 //! The black box: a recording of every tick of the last seconds, and its replay.
 //!
 //! | file | content |
-//! | file | content |
+//! |---|---|
 //! | `ring` | the last seconds, tick by tick |
 //! | `file` | the file: versioned, with a checksum |
 //! | `live` | the last seconds in shared memory: they survive SIGKILL |

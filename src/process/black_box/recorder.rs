@@ -230,18 +230,7 @@ impl Recorder {
 
     fn push_live_snapshot(&mut self, snapshot: &CycleSnapshot, now: Nanos) {
         if let Some(mut live) = self.live.take() {
-            live.push_snapshot(snapshot, now, || {
-                let written = wall_clock::now().to_string();
-                let models = self.models.values();
-                BlackBox {
-                    header: self.header("killed", &written),
-                    config: toml::to_string(&self.config).unwrap_or_default(),
-                    models: models.filter_map(|model| model.file().canonical_form().ok()).collect(),
-                    offers: self.offers.iter().cloned().collect(),
-                    snapshots: vec![],
-                    ticks: vec![],
-                }
-            });
+            live.push_snapshot(snapshot, now, || self.origin("killed", |_| true));
             self.live = Some(live);
         }
     }
@@ -278,8 +267,12 @@ impl Recorder {
     }
 
     fn write(&self, cause: &str) -> Result<(PathBuf, u64), BlackBoxError> {
-        let written = wall_clock::now().to_string();
-        let (path, ticks) = self.write_content(&self.content(cause, &written))?;
+        let used: Vec<ModelId> = self.used_models().collect();
+        let (path, ticks) = self.write_content(&BlackBox {
+            snapshots: self.ring.snapshots().copied().collect(),
+            ticks: self.ring.ticks().copied().collect(),
+            ..self.origin(cause, |id| used.contains(id))
+        })?;
         write_captures(&self.captures, &path.with_extension(CAPTURE), &self.software)?;
         Ok((path, ticks))
     }
@@ -293,27 +286,22 @@ impl Recorder {
         Ok((path, content.ticks.len() as u64))
     }
 
-    fn header(&self, cause: &str, written: &str) -> BlackBoxHeader {
-        BlackBoxHeader {
-            software: self.software.clone(),
-            boot_id: self.boot_id,
-            cause: cause.to_owned(),
-            written: written.to_owned(),
-            lost: self.lost,
-            drives: self.drives.clone(),
-        }
-    }
-
-    fn content(&self, cause: &str, written: &str) -> BlackBox {
-        let used: Vec<ModelId> = self.used_models().collect();
-        let models = self.models.iter().filter(|(id, _)| used.contains(id));
+    /// A file with these models, without snapshots and ticks.
+    fn origin(&self, cause: &str, is_used: impl Fn(&ModelId) -> bool) -> BlackBox {
+        let models = self.models.iter().filter(|(id, _)| is_used(id));
         BlackBox {
-            header: self.header(cause, written),
+            header: BlackBoxHeader {
+                software: self.software.clone(),
+                boot_id: self.boot_id,
+                cause: cause.to_owned(),
+                written: wall_clock::now().to_string(),
+                lost: self.lost,
+                drives: self.drives.clone(),
+            },
             config: toml::to_string(&self.config).unwrap_or_default(),
             models: models.filter_map(|(_, model)| model.file().canonical_form().ok()).collect(),
             offers: self.offers.iter().cloned().collect(),
-            snapshots: self.ring.snapshots().copied().collect(),
-            ticks: self.ring.ticks().copied().collect(),
+            ..BlackBox::default()
         }
     }
 }
@@ -420,14 +408,7 @@ mod tests {
         let taken = |name: String| fs::write(folder.path().join(name), "").unwrap();
         taken("a.box".to_owned());
         (2..1000).for_each(|number| taken(format!("a-{number}.box")));
-        let content = BlackBox {
-            header: BlackBoxHeader::default(),
-            config: String::new(),
-            models: vec![],
-            offers: vec![],
-            snapshots: vec![],
-            ticks: vec![],
-        };
+        let content = BlackBox::default();
         assert!(write_new(&content, folder.path(), "a").is_err());
         assert!(write_new(&content, folder.path(), "b").is_ok());
     }
