@@ -41,13 +41,10 @@ impl<T> FramePairer<T> {
 
     pub fn pop(&mut self) -> Option<PairResult<T>> {
         match [0, 1].map(|view| self.waiting[view].front().map(|(stamp, _)| *stamp)) {
-            [Some(a), Some(b)] if a.duration_since(b).max(b.duration_since(a)) <= self.within => {
+            [Some(a), Some(b)] if a.0.abs_diff(b.0) <= self.within.0 => {
                 let (_, first) = self.waiting[0].pop_front()?;
                 let (_, second) = self.waiting[1].pop_front()?;
-                Some(PairResult::Matched(
-                    Nanos(a.0 / 2 + b.0 / 2 + (a.0 & b.0 & 1)),
-                    [first, second],
-                ))
+                Some(PairResult::Matched(Nanos(a.0.midpoint(b.0)), [first, second]))
             }
             [Some(a), Some(b)] => self.alone(usize::from(b < a)),
             [Some(_), None] if self.ended[1] => self.alone(0),

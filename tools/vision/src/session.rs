@@ -176,10 +176,8 @@ impl Session {
             causes.push((missing, Rejection::Frame(FrameFault::NoPartner)));
         }
         if let [(_, a), (_, b)] = results.as_slice() {
-            self.statistics.skew = self
-                .statistics
-                .skew
-                .max(a.stamp.duration_since(b.stamp).max(b.stamp.duration_since(a.stamp)));
+            let skew = Nanos(a.stamp.0.abs_diff(b.stamp.0));
+            self.statistics.skew = self.statistics.skew.max(skew);
         }
         let sized: Option<Vec<_>> = results
             .iter()

@@ -141,45 +141,33 @@ fn evaluate(
     };
     let missing =
         |line: &FittedLine, length: f64| 1.0 - line.followed * centreline::STRIDE / length;
-    reading.limit_quality(
-        QualityIssue::BaseCovered,
+    let (base_missing, tip_missing) = (
         missing(&base, settings.base_length - CUT),
-        limit::BASE_MISSING,
-    );
-    reading.limit_quality(
-        QualityIssue::TipCovered,
         missing(&tip, USED * settings.tip_length - CUT),
-        limit::TIP_MISSING,
     );
-    reading.limit_quality(
-        QualityIssue::BaseBent,
-        significant(base.bend_rad, base.bend_std_rad),
-        limit::BASE_BEND,
-    );
-    reading.limit_quality(
-        QualityIssue::TipBent,
-        significant(tip.bend_rad, tip.bend_std_rad),
-        limit::TIP_BEND,
-    );
-    let ends = [
-        (QualityIssue::BaseCovered, 0.0, settings.base_length),
-        (QualityIssue::TipCovered, tip_from(settings, last), last - CUT),
-    ];
-    for (issue, from, to) in ends {
-        reading.limit_quality(issue, taper(trace, from, to), limit::TAPER);
+    let bend = |line: &FittedLine| significant(line.bend_rad, line.bend_std_rad);
+    let base_taper = taper(trace, 0.0, settings.base_length);
+    let tip_taper = taper(trace, tip_from(settings, last), last - CUT);
+    let scatter = base.sigma_px.max(tip.sigma_px);
+    for (issue, size, limit) in [
+        (QualityIssue::BaseCovered, base_missing, limit::BASE_MISSING),
+        (QualityIssue::TipCovered, tip_missing, limit::TIP_MISSING),
+        (QualityIssue::BaseBent, bend(&base), limit::BASE_BEND),
+        (QualityIssue::TipBent, bend(&tip), limit::TIP_BEND),
+        (QualityIssue::BaseCovered, base_taper, limit::TAPER),
+        (QualityIssue::TipCovered, tip_taper, limit::TAPER),
+        (QualityIssue::Noise, reading.std_rad, limit::STD),
+        (QualityIssue::Noise, scatter, limit::SCATTER),
+    ] {
+        reading.limit_quality(issue, size, limit);
     }
-    reading.limit_quality(QualityIssue::Noise, reading.std_rad, limit::STD);
-    reading.limit_quality(QualityIssue::Noise, base.sigma_px.max(tip.sigma_px), limit::SCATTER);
     match (trace.stop, end) {
         (TraceEnd::Border, _) => reading.limit_quality(QualityIssue::OutOfPicture, 1.0, 0.0),
         (TraceEnd::Covered, _) => reading.limit_quality(QualityIssue::EndCovered, 1.0, 0.0),
         (TraceEnd::Background, None) => reading.limit_quality(QualityIssue::NoEnd, 1.0, 0.0),
         (TraceEnd::Background, Some(end)) => {
-            reading.limit_quality(
-                QualityIssue::EndCovered,
-                1.0 - end.free,
-                1.0 - tip_detection::FREE,
-            );
+            let covered = 1.0 - end.free;
+            reading.limit_quality(QualityIssue::EndCovered, covered, 1.0 - tip_detection::FREE);
             reading.limit_quality(QualityIssue::EndCovered, end.cut_rad.abs(), limit::CUT);
         }
     }

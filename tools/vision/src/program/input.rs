@@ -1,7 +1,7 @@
 //! Sources of the frames of `i2ris vision`.
 
 use std::fs::File;
-use std::io::{BufReader, Read, stdin};
+use std::io::{Read, stdin};
 use std::path::{Path, PathBuf};
 
 use i2ris::clock;
@@ -14,8 +14,6 @@ use i2ris_vision::source::{
 
 /// Frames per second of a numbered folder, by default.
 const FOLDER_FPS: f64 = 30.0;
-/// Buffer of a stream, bytes: large enough for large reads.
-const BUFFER: usize = 1 << 18;
 
 /// Options for reading frames.
 #[derive(Debug, Clone, clap::Args)]
@@ -76,10 +74,9 @@ impl Format {
         &self,
         from: R,
     ) -> Result<Box<dyn FrameSource>, SourceError> {
-        let reader = BufReader::with_capacity(BUFFER, from);
         Ok(match self.format {
-            StreamFormat::Mjpeg => Box::new(MjpegStream::new(reader, self.clock())),
-            StreamFormat::Y4m => Box::new(FrameStream::y4m(reader, self.clock())?),
+            StreamFormat::Mjpeg => Box::new(MjpegStream::new(from, self.clock())),
+            StreamFormat::Y4m => Box::new(FrameStream::y4m(from, self.clock())?),
         })
     }
 

@@ -31,9 +31,13 @@ const POLL: Duration = Duration::from_millis(100);
 /// for a recording.
 const QUEUE_LENGTH: usize = 64;
 
-/// Arguments of `i2ris vision`.
-#[derive(Debug, clap::Args)]
-#[group(id = "measure")]
+/// Measure angles in microscope images
+#[derive(Debug, clap::Parser)]
+#[command(name = "i2ris-vision", bin_name = "i2ris vision", version)]
+#[command(after_help = "Examples:
+  i2ris vision --setup vision.toml P/top P/side --overlays drawn
+  i2ris vision --setup vision.toml top.fifo side.fifo --latency-ms 40 --publish \\
+      --output angles.csv")]
 pub struct Arguments {
     /// Frames of each view of the setup: a folder, a file, a FIFO, or `-` for the standard input
     #[arg(value_name = "IMAGES", num_args = 1..=2, required = true)]
@@ -141,34 +145,28 @@ fn watch(
     (pictures, overlays): (Option<PictureForwarding>, Option<(PathBuf, String)>),
     to: &SyncSender<ViewMessage>,
 ) {
-    let mut source = match format.open(path) {
-        Ok(source) => source,
-        Err(error) => {
-            let _ = to.send(Err(error));
-            return;
-        }
-    };
-    for number in 1.. {
-        let reported = match source.next() {
-            Ok(None) => return,
-            Ok(Some(item)) => {
-                if let Some(pictures) = &pictures {
-                    pictures.forward(&item);
-                }
-                let mut result = detector.detect(item);
-                let drawn = overlays.as_ref().map_or(Ok(()), |(folder, view)| {
-                    draw(&folder.join(format!("{view}_{number:05}.png")), view, &result)
-                });
-                // Many of them wait in the channel.
-                result.image = None;
-                drawn.map(|()| result)
+    let mut measure = || -> Result<(), SourceError> {
+        let mut source = format.open(path)?;
+        for number in 1.. {
+            let Some(item) = source.next()? else { break };
+            if let Some(pictures) = &pictures {
+                pictures.forward(&item);
             }
-            Err(error) => Err(error),
-        };
-        let is_last = reported.is_err();
-        if to.send(reported).is_err() || is_last {
-            return;
+            let mut result = detector.detect(item);
+            if let Some((folder, view)) = &overlays {
+                draw(&folder.join(format!("{view}_{number:05}.png")), view, &result)?;
+            }
+            // Many of them wait in the channel.
+            result.image = None;
+            if to.send(Ok(result)).is_err() {
+                break;
+            }
         }
+        Ok(())
+    };
+    if let Err(error) = measure() {
+        // The receiver may be gone.
+        let _ = to.send(Err(error));
     }
 }
 
@@ -210,16 +208,10 @@ impl Run {
                 }
                 Next::Interrupted => return Ok(()),
             }
-            let rows = match self.session.rows() {
-                // The reason for a missing frame says more than its absence.
-                Err(error) => {
-                    return self
-                        .failure
-                        .take()
-                        .map_or(Err(error.into()), |failure| Err(failure.into()));
-                }
-                Ok(rows) => rows,
-            };
+            // The reason for a missing frame says more than its absence.
+            let rows = self.session.rows().map_err(|error| -> Failure {
+                self.failure.take().map_or_else(|| error.into(), Failure::from)
+            })?;
             if !self.output.put(&rows)? {
                 return Ok(());
             }
@@ -275,17 +267,10 @@ impl AngleOutput {
                 File::create(path).map_err(|error| format!("{}: {error}", path.display()))?,
             ),
         };
-        let publisher = if arguments.publish {
-            Some(ExternalPublisher::new(&arguments.domain.domain()?))
-        } else {
-            None
-        };
-        Ok(Self {
-            recorder: Recorder::new(to, axes)?,
-            publisher,
-            published: 0,
-            without_controller: 0,
-        })
+        let domain = arguments.publish.then(|| arguments.domain.domain()).transpose()?;
+        let publisher = domain.as_ref().map(ExternalPublisher::new);
+        let recorder = Recorder::new(to, axes)?;
+        Ok(Self { recorder, publisher, published: 0, without_controller: 0 })
     }
 
     /// Writes and publishes. `false`: the reader is gone.

@@ -6,7 +6,7 @@ use std::io::{BufReader, Read};
 
 use super::decode::decode;
 use super::frame::{Frame, FrameFault, SourceError, SourceItem};
-use super::stream::{FrameClock, FrameSource};
+use super::stream::{BUFFER, FrameClock, FrameSource};
 
 /// Maximum length of a file, bytes: a longer one is not from a camera.
 const MAX_LENGTH: usize = 64 << 20;
@@ -24,15 +24,9 @@ pub struct MjpegStream<R> {
     has_picture: bool,
 }
 
-/// Data between two starts of pictures.
-enum Piece {
-    Whole(Vec<u8>),
-    Damaged,
-}
-
 impl<R: Read + Send> MjpegStream<R> {
     pub fn new(reader: R, clock: FrameClock) -> Self {
-        let (reader, pending) = (BufReader::new(reader), VecDeque::new());
+        let (reader, pending) = (BufReader::with_capacity(BUFFER, reader), VecDeque::new());
         Self { reader, pending, clock, number: 0, has_picture: false }
     }
 
@@ -78,8 +72,8 @@ impl<R: Read + Send> MjpegStream<R> {
         Ok(true)
     }
 
-    /// The next file; `None` at the end of the stream.
-    fn file(&mut self) -> Result<Option<Piece>, SourceError> {
+    /// The next file, if it is not damaged; `None` at the end of the stream.
+    fn file(&mut self) -> Result<Option<Option<Vec<u8>>>, SourceError> {
         if !self.find_start()? {
             return Ok(None);
         }
@@ -88,7 +82,7 @@ impl<R: Read + Send> MjpegStream<R> {
         // A truncated picture is followed by the next one, which was read as part of it.
         let next = file.windows(START.len()).skip(1).position(|bytes| bytes == START);
         match (outcome, next) {
-            (Ok(true), None) => Ok(Some(Piece::Whole(file))),
+            (Ok(true), None) => Ok(Some(Some(file))),
             (Err(error), None) => Err(error),
             (_, next) => {
                 // The last bytes may be an incomplete start.
@@ -97,7 +91,7 @@ impl<R: Read + Send> MjpegStream<R> {
                 for byte in file.drain(begin..).rev() {
                     self.pending.push_front(byte);
                 }
-                Ok(Some(Piece::Damaged))
+                Ok(Some(None))
             }
         }
     }
@@ -129,11 +123,11 @@ impl<R: Read + Send> MjpegStream<R> {
 
 impl<R: Read + Send> FrameSource for MjpegStream<R> {
     fn next(&mut self) -> Result<Option<SourceItem>, SourceError> {
-        let Some(piece) = self.file()? else { return Ok(None) };
+        let Some(file) = self.file()? else { return Ok(None) };
         let stamp = self.clock.stamp(self.number);
         self.number += 1;
         let name = format!("frame {}", self.number);
-        if let Piece::Whole(jpeg) = piece
+        if let Some(jpeg) = file
             && let Ok(image) = decode(&jpeg)
         {
             return Ok(Some(SourceItem::Frame(Frame { stamp, name, image, jpeg: Some(jpeg) })));

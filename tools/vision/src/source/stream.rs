@@ -16,6 +16,9 @@ use crate::image::GreyImage;
 /// Start of a frame.
 const FRAME: &str = "FRAME";
 
+/// Buffer of a stream, bytes: large enough for large reads.
+pub(super) const BUFFER: usize = 1 << 18;
+
 /// Maximum length of a header line, bytes.
 const MAX_LINE: usize = 512;
 
@@ -62,17 +65,10 @@ pub struct FrameStream<R> {
 impl<R: Read + Send> FrameStream<R> {
     /// Reads the header of YUV4MPEG2.
     pub fn y4m(reader: R, clock: FrameClock) -> Result<Self, SourceError> {
-        let mut reader = BufReader::new(reader);
+        let mut reader = BufReader::with_capacity(BUFFER, reader);
         let line = read_line(&mut reader)?.ok_or_else(|| SourceError::Stream("empty".into()))?;
         let format = parse(&line).map_err(SourceError::Stream)?;
         Ok(Self { reader, format, clock, number: 0 })
-    }
-
-    /// Begins a frame; returns its stamp if it has one. `None` at the end of the stream.
-    fn begin(&mut self) -> Result<Option<Option<Nanos>>, SourceError> {
-        let Some(words) = self.find()? else { return Ok(None) };
-        let stamp = words.split(' ').find_map(|word| word.strip_prefix("XT="));
-        Ok(Some(stamp.and_then(seconds)))
     }
 
     /// The words of the line that begins the next frame; `None` at the end of the stream. Bytes
@@ -99,11 +95,13 @@ impl<R: Read + Send> FrameStream<R> {
 
 impl<R: Read + Send> FrameSource for FrameStream<R> {
     fn next(&mut self) -> Result<Option<SourceItem>, SourceError> {
-        let Some(reported) = self.begin()? else { return Ok(None) };
+        let Some(words) = self.find()? else { return Ok(None) };
+        let reported = words.split(' ').find_map(|word| word.strip_prefix("XT=")).and_then(seconds);
         self.number += 1;
         let (number, Format { size, colour_bytes, .. }) = (self.number, &self.format);
-        let mut data = vec![0; size.bytes() + colour_bytes];
-        let (got, expected) = (fill(&mut self.reader, &mut data)?, data.len());
+        let expected = size.bytes() + colour_bytes;
+        let mut data = Vec::with_capacity(expected);
+        let got = self.reader.by_ref().take(expected as u64).read_to_end(&mut data)?;
         if got < expected {
             return Err(SourceError::Stream(format!(
                 "ends within frame {number}, after {got} of {expected} bytes; is the size {size} \
@@ -116,20 +114,6 @@ impl<R: Read + Send> FrameSource for FrameStream<R> {
         let image = GreyImage::new(size.width, size.height, data);
         Ok(image.map(|image| SourceItem::Frame(Frame { stamp, name, image, jpeg: None })))
     }
-}
-
-/// Fills `data`; fewer bytes mean the end of the stream.
-fn fill(reader: &mut impl Read, data: &mut [u8]) -> Result<usize, std::io::Error> {
-    let mut got = 0;
-    while got < data.len() {
-        match reader.read(&mut data[got..]) {
-            Ok(0) => break,
-            Ok(count) => got += count,
-            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(got)
 }
 
 /// One line without its end; `None` at the end of the stream.

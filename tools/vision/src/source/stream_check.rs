@@ -81,26 +81,6 @@ impl DuplicateCameraMonitor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::GreyImage;
-
-    fn item(stamp: u64, size: usize, value: u8) -> SourceItem {
-        let image = GreyImage::new(size, size, vec![value; size * size]).unwrap();
-        SourceItem::Frame(Frame { stamp: Nanos(stamp), name: "x".into(), image, jpeg: None })
-    }
-
-    fn causes(items: impl IntoIterator<Item = SourceItem>) -> Vec<Option<FrameFault>> {
-        let mut guard = StreamCheck::default();
-        let cause = |item| match item {
-            SourceItem::Frame(_) => None,
-            SourceItem::Missing { cause, .. } => Some(cause),
-        };
-        items.into_iter().map(|item| cause(guard.check(item))).collect()
-    }
-
-    #[test]
-    fn good_frames_pass() {
-        assert_eq!(causes([item(1, 8, 1), item(2, 8, 2), item(3, 8, 1)]), [None; 3]);
-    }
 
     #[test]
     fn one_camera_in_both_views_is_detected_despite_missing_frames() {
