@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::Write as _;
 use std::path::Path;
 
@@ -11,7 +11,7 @@ use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::ServoJp;
 use mcap::records::Record;
 
-use crate::export::ExportError;
+use crate::export::{ExportError, create_folder, failed};
 use crate::messages::cdr;
 use crate::messages::topic::Topic;
 use crate::read::{ReadError, Records};
@@ -55,8 +55,7 @@ impl Commands {
 /// Commands with an open clutch are skipped: they are displacements of a master, not poses.
 pub fn extract(recording: &Path, folder: &Path) -> Result<Extracted, ExportError> {
     let mut records = Records::open(recording)?;
-    fs::create_dir_all(folder)
-        .map_err(|source| ExportError::Folder { path: folder.to_owned(), source })?;
+    create_folder(folder)?;
     let mut extracted = Extracted::default();
     let (mut channels, mut clients) = (BTreeMap::new(), BTreeMap::<u64, Commands>::new());
     for record in records.by_ref() {
@@ -99,7 +98,5 @@ pub fn extract(recording: &Path, folder: &Path) -> Result<Extracted, ExportError
 }
 
 fn write(path: &Path, content: &[u8]) -> Result<(), ExportError> {
-    File::create_new(path)
-        .and_then(|mut file| file.write_all(content))
-        .map_err(|error| ExportError::Write { path: path.to_owned(), reason: error.to_string() })
+    File::create_new(path).and_then(|mut file| file.write_all(content)).map_err(failed(path))
 }

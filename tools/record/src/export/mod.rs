@@ -65,7 +65,17 @@ struct OpenTable {
     layout: PayloadLayout,
     outputs: Vec<String>,
     columns: Vec<String>,
-    writer: CsvTable,
+    writer: csv::Writer<BufWriter<File>>,
+}
+
+/// Error of writing into a file.
+fn failed<E: ToString>(path: &Path) -> impl FnOnce(E) -> ExportError {
+    let path = path.to_owned();
+    move |error| ExportError::Write { path, reason: error.to_string() }
+}
+
+fn create_folder(path: &Path) -> Result<(), ExportError> {
+    fs::create_dir_all(path).map_err(|source| ExportError::Folder { path: path.to_owned(), source })
 }
 
 /// Writes tables into a folder, created if necessary, and pictures if requested. A truncated
@@ -77,8 +87,7 @@ pub fn export(
 ) -> Result<ExportedTables, ExportError> {
     let mut records = Records::open(recording)?;
     let mut views: BTreeMap<u16, PathBuf> = BTreeMap::new();
-    fs::create_dir_all(folder)
-        .map_err(|source| ExportError::Folder { path: folder.to_owned(), source })?;
+    create_folder(folder)?;
     let mut tables: BTreeMap<u16, OpenTable> = BTreeMap::new();
     let mut exported = ExportedTables::default();
     let (mut start, mut outputs) = (None, DEFAULT_NAMES.map(str::to_owned).to_vec());
@@ -119,20 +128,18 @@ pub fn export(
     let joined = joined_table(recording, folder, &mut exported)?;
     let tables: Vec<OpenTable> = joined.into_iter().chain(tables.into_values()).collect();
     let units = units(&tables);
-    for OpenTable { path, writer, .. } in tables {
-        writer.finish().map_err(|reason| ExportError::Write { path, reason })?;
+    for OpenTable { path, mut writer, .. } in tables {
+        writer.flush().map_err(failed(&path))?;
     }
     let path = folder.join("units.csv");
-    fs::write(&path, units)
-        .map_err(|error| ExportError::Write { path, reason: error.to_string() })?;
+    fs::write(&path, units).map_err(failed(&path))?;
     Ok(exported)
 }
 
 /// Creates the folder of a view.
 fn picture_folder(folder: &Path, view: &str) -> Result<PathBuf, ExportError> {
     let path = folder.join("pictures").join(view);
-    fs::create_dir_all(&path)
-        .map_err(|source| ExportError::Folder { path: path.clone(), source })?;
+    create_folder(&path)?;
     Ok(path)
 }
 
@@ -141,7 +148,7 @@ fn write_picture(view: &Path, start: u64, message: &[u8]) -> Result<(), ExportEr
     let Some(Picture { unix_ns, jpeg }) = Picture::decode(message) else { return Ok(()) };
     let seconds = (i128::from(unix_ns) - i128::from(start)) as f64 * 1e-9;
     let path = view.join(format!("{seconds:.9}.jpg"));
-    fs::write(&path, jpeg).map_err(|error| ExportError::Write { path, reason: error.to_string() })
+    fs::write(&path, jpeg).map_err(failed(&path))
 }
 
 /// The table of all angles; `None` if the recording has none.
@@ -191,10 +198,10 @@ impl OpenTable {
     ) -> Result<Self, ExportError> {
         let name = format!("{name}.csv");
         let path = folder.join(&name);
-        match CsvTable::create(&path, &columns) {
-            Ok(writer) => Ok(Self { name, path, layout, outputs: Vec::new(), columns, writer }),
-            Err(reason) => Err(ExportError::Write { path, reason }),
-        }
+        let file = File::create(&path).map_err(failed(&path))?;
+        let mut writer = csv::Writer::from_writer(BufWriter::new(file));
+        writer.write_record(&columns).map_err(failed(&path))?;
+        Ok(Self { name, path, layout, outputs: Vec::new(), columns, writer })
     }
 
     /// Writes a row; `false` if the message has another layout.
@@ -212,8 +219,13 @@ impl OpenTable {
     }
 
     fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
-        let written = self.writer.write_row(cells);
-        written.map_err(|reason| ExportError::Write { path: self.path.clone(), reason })
+        let texts = cells.into_iter().map(|cell| match cell {
+            Cell::Time(ns) => iso(ns),
+            Cell::Seconds(seconds) => format!("{seconds:.9}"),
+            Cell::Number(number) => number.to_string(),
+            Cell::Text(text) => text,
+        });
+        self.writer.write_record(texts).map_err(failed(&self.path))
     }
 }
 
@@ -221,30 +233,4 @@ impl OpenTable {
 fn iso(unix_ns: u64) -> String {
     let second = WallTime::from_unix_seconds(unix_ns / 1_000_000_000).to_string();
     format!("{}.{:06}Z", second.trim_end_matches('Z'), unix_ns / 1000 % 1_000_000)
-}
-
-/// A CSV file in progress.
-struct CsvTable(csv::Writer<BufWriter<File>>);
-
-impl CsvTable {
-    fn create(path: &Path, columns: &[String]) -> Result<Self, String> {
-        let file = File::create(path).map_err(|error| error.to_string())?;
-        let mut writer = csv::Writer::from_writer(BufWriter::new(file));
-        writer.write_record(columns).map_err(|error| error.to_string())?;
-        Ok(Self(writer))
-    }
-
-    fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), String> {
-        let texts = cells.into_iter().map(|cell| match cell {
-            Cell::Time(ns) => iso(ns),
-            Cell::Seconds(seconds) => format!("{seconds:.9}"),
-            Cell::Number(number) => number.to_string(),
-            Cell::Text(text) => text,
-        });
-        self.0.write_record(texts).map_err(|error| error.to_string())
-    }
-
-    fn finish(mut self) -> Result<(), String> {
-        self.0.flush().map_err(|error| error.to_string())
-    }
 }
