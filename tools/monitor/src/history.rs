@@ -212,8 +212,6 @@ impl<T> Ring<T> {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
 
     fn moving(milliseconds: u64) -> LatestMessages {
@@ -275,6 +273,4 @@ mod tests {
         let counts: Vec<_> = history.samples(0).0.map(|sample| sample.counts.is_some()).collect();
         assert_eq!(counts, [true, false]);
     }
-
-    proptest! {}
 }

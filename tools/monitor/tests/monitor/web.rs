@@ -51,11 +51,10 @@ fn page_gets_everything_and_then_only_news() {
 }
 
 #[test]
-fn the_page_and_all_of_its_parts_come_from_here() {
+fn the_pages_and_all_of_their_parts_come_from_here() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     for (target, part) in [
-        ("/", "<!doctype html>"),
         ("/page.css", "canvas"),
         ("/page.js", "drawPlane("),
         ("/live.js", "fetch("),
@@ -65,7 +64,21 @@ fn the_page_and_all_of_its_parts_come_from_here() {
         assert!(status == 200 && body.contains(part), "{target}: {status}\n{body}");
         assert!(!body.contains("//cdn") && !body.contains("https:"), "{target}");
     }
-    assert_eq!(served.ask("GET", "/none").0, 404);
+    for target in ["/", "/operator"] {
+        let (status, page) = served.ask("GET", target);
+        assert!(status == 200 && page.contains("<!doctype html>"), "{status}\n{page}");
+        let elsewhere = ["http:", "https:", "//cdn"].iter().find(|part| page.contains(**part));
+        assert_eq!(elsewhere, None, "{target}");
+        let is_file = |part: &&str| part.ends_with(".js") || part.ends_with(".css");
+        let named: Vec<&str> = page.split('"').filter(is_file).collect();
+        assert!(named.len() >= 2, "{named:?}");
+        for name in named {
+            assert_eq!(served.ask("GET", &format!("/{name}")).0, 200, "{name}");
+        }
+    }
+    for target in ["/none", "/../etc/passwd"] {
+        assert_eq!(served.ask("GET", target).0, 404);
+    }
 }
 
 #[test]
