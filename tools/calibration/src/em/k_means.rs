@@ -119,14 +119,8 @@ fn draw(weights: &[f64], fraction: f64) -> Option<usize> {
 }
 
 fn nearest<const N: usize>(centres: &[SVector<f64, N>], point: &SVector<f64, N>) -> usize {
-    let mut best = (0, f64::INFINITY);
-    for (index, centre) in centres.iter().enumerate() {
-        let square = (point - centre).norm_squared();
-        if square < best.1 {
-            best = (index, square);
-        }
-    }
-    best.0
+    let squares = centres.iter().map(|centre| (point - centre).norm_squared()).enumerate();
+    squares.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(index, _)| index)
 }
 
 #[cfg(test)]
