@@ -16,7 +16,8 @@ use i2ris_record::trial::journal::{Journal, Outcome};
 use i2ris_report::snake::Bend;
 use i2ris_testing::{Controller, run_python_of};
 
-const UNIX: u64 = 1_700_000_000_000_000_000;
+use crate::{header, joints};
+
 /// Pictures per second, and how late the last one of five is.
 const FPS: u64 = 25;
 const LATE_MS: u64 = 4;
@@ -37,24 +38,18 @@ fn jpeg(number: u64) -> Vec<u8> {
 fn record(path: &Path, seconds: u64, has_pictures: bool, has_hole: bool) {
     let header = RecordingHeader {
         about: BTreeMap::from([("robot_id".to_owned(), "R1".to_owned())]),
-        unix_offset_ns: UNIX,
-        joints: vec!["pitch".to_owned(), "yaw".to_owned()],
         picture_budget: 1 << 40,
-        ..RecordingHeader::default()
+        ..header()
     };
     let mut trial = TrialRecorder::start(path, header).unwrap();
     for ms in (0..=1000 * seconds).filter(|ms| !has_hole || !(1000..1500).contains(ms)) {
         let stamp = Nanos::from_millis(1000 + ms);
         let angle = ms as f64 * 1e-4;
         let joints = JointState {
-            sequence: ms,
-            stamp_ns: stamp.0,
-            position: [angle, -angle, 0.0],
             deviation: [0.01, 0.02, 0.0],
             model_id: [0xAB; 32],
-            count: 2,
             flags: JointState::VALID | JointState::MEMORY_KNOWN,
-            ..JointState::default()
+            ..joints(ms, stamp, [angle, -angle, 0.0])
         };
         if ms % 50 == 0 {
             clock::sleep(WRITES);
@@ -137,73 +132,9 @@ const OUTCOMES: [Outcome; 4] =
     [Outcome::Failure, Outcome::Success, Outcome::Aborted, Outcome::Recovery];
 
 /// Rows as `i2ris.lerobot` makes them of an export, without LeRobot.
-const ROWS: &str = r#"
-import sys
-from pathlib import Path
-from i2ris.lerobot import plan
-has_pictures = sys.argv[2] == "pictures"
-found = plan(Path(sys.argv[1]), 25)
-assert found.fps == 25 and found.views == (["top"] if has_pictures else []), found.views
-assert found.splits() == {"train": "0:1", "recovery": "1:2", "failure": "2:3"}, found.splits()
-assert [it["why"] for it in found.left_out] == ["aborted"], found.left_out
-assert [trial.about["task"] for trial, _, _ in found.episodes] == ["reach"] * 3
-late = 0
-for trial, part, rows in found.episodes:
-    # Without pictures, the last instant also has a row.
-    assert part == 1 and len(rows) == (50 if has_pictures else 51), len(rows)
-    for frame, row in enumerate(rows):
-        # The state is that of the exposure, shown by the jitter.
-        jitter, = row["observation.meta.jitter_s"]
-        t = frame / 25 + jitter
-        late += jitter > 0.003
-        expected = [0.1 * t, -0.1 * t, 0.01, 0.02, 1, 1000 * t, 7]
-        for value, known in zip(row["observation.state"], expected, strict=True):
-            assert abs(value - known) < 1e-3, (frame, row, t)
-        assert abs(row["action"][0] - 0.1 * t) < 1e-5
-        # The hand's view: pitch is up, yaw is right.
-        right, up = row["action.tip_motion"]
-        is_last = frame == len(rows) - 1
-        assert right == up == 0 if is_last else right > 0 and up > 0, (frame, right, up)
-        seen = row["ground_truth.camera"]
-        assert abs(seen[0] - 0.1 * t - 0.5) < 1e-5 and seen[2] == 1, (t, seen)
-        assert row["observation.meta.model_id"] == "ab" * 32
-        assert row["observation.meta.clutch"] == ("open" if t < 0.5 else "closed"), (t, row)
-        assert row["observation.meta.stamp_ns"] == 1_000_000_000 + round(1e9 * t), (t, row)
-        if has_pictures:
-            file = row["observation.images.top"]
-            assert abs(float(file.stem) - t) < 1e-6 and file.read_bytes()[:2] == b"\xff\xd8", file
-assert late == (30 if has_pictures else 0), late
-"#;
-
+const ROWS: &str = include_str!("python/rows.py");
 /// Reads a data set with LeRobot and checks its content.
-const LOAD: &str = r#"
-import sys
-from importlib.metadata import version
-from lerobot.datasets.lerobot_dataset import LeRobotDataset
-root, has_pictures = sys.argv[1], sys.argv[2] == "pictures"
-rows = 50 if has_pictures else 51
-dataset = LeRobotDataset("i2ris/test", root=root, video_backend="pyav")
-assert dataset.num_episodes == 3 and dataset.fps == 25, (dataset.num_episodes, dataset.fps)
-assert dataset.num_frames == len(dataset) == 3 * rows, len(dataset)
-meta = dataset.meta
-assert meta.info["splits"] == {"train": "0:1", "recovery": "1:2", "failure": "2:3"}
-assert meta.stats["observation.state"]["max"].shape == (7,)
-for index in range(len(dataset)):
-    row = dataset[index]
-    frame = index % rows
-    assert int(row["episode_index"]) == index // rows and int(row["frame_index"]) == frame
-    assert abs(float(row["timestamp"]) - frame / 25) < 1e-6
-    t = frame / 25 + float(row["observation.meta.jitter_s"])
-    assert abs(float(row["action"][0]) - 0.1 * t) < 1e-5
-    assert int(row["observation.meta.stamp_ns"]) >= 1_000_000_000
-    assert row["observation.meta.model_id"] == "ab" * 32
-    assert row["task"] == "reach (with)"
-    if has_pictures:
-        picture = row["observation.images.top"]
-        assert tuple(picture.shape) == (3, 48, 64), picture.shape
-        assert abs(255 * float(picture.mean()) - frame) < 3, (frame, 255 * float(picture.mean()))
-print("lerobot", version("lerobot"), "read", len(dataset), "rows")
-"#;
+const LOAD: &str = include_str!("python/load.py");
 
 /// Variables that name a Python with LeRobot: 0.3 writes v2.1, 0.4 and newer v3.0.
 const PYTHONS: [&str; 2] = ["I2RIS_LEROBOT21_PYTHON", "I2RIS_LEROBOT3_PYTHON"];
@@ -305,17 +236,7 @@ fn export_is_complete_or_absent_and_replaces_nothing_else() {
 }
 
 /// Messages of `python -m i2ris.lerobot` for an export that is not a data set.
-const REFUSED: &str = r#"
-import sys
-from pathlib import Path
-from i2ris.lerobot import DatasetError, plan
-try:
-    found = plan(Path(sys.argv[1]), 30, sys.argv[3] == "without")
-    printed = f"{len(found.episodes)} episodes"
-except DatasetError as error:
-    printed = str(error)
-assert sys.argv[2] in printed, printed
-"#;
+const REFUSED: &str = include_str!("python/refused.py");
 
 #[test]
 fn inconsistent_recordings_are_split_or_refused() {
@@ -329,8 +250,7 @@ fn inconsistent_recordings_are_split_or_refused() {
     let mut trial = TrialRecorder::start(Path::new(&jumped), RecordingHeader::default()).unwrap();
     for stamp in [9000, 9001, 1000, 1001] {
         let stamp = Nanos::from_millis(stamp);
-        let state = JointState { stamp_ns: stamp.0, count: 2, flags: 1, ..JointState::default() };
-        trial.record(&StreamMessage::Measured(state), stamp);
+        trial.record(&StreamMessage::Measured(joints(0, stamp, [0.0; 3])), stamp);
     }
     trial.finish(BTreeMap::new(), &[]).unwrap();
     let trial = TrialRecorder::start(Path::new(&empty), RecordingHeader::default()).unwrap();
@@ -366,27 +286,7 @@ fn tables_of_trials_have_folders_and_pandas_reads_them() {
 #[test]
 fn the_plugins_of_lerobot_watch_and_command_a_controller() {
     let controller = Controller::enabled();
-    let script = r#"
-import sys, time
-sys.path[:0] = ["plugins/lerobot_robot_i2ris", "plugins/lerobot_teleoperator_i2ris"]
-from lerobot.robots.utils import make_robot_from_config
-from lerobot.teleoperators.utils import make_teleoperator_from_config
-from lerobot_robot_i2ris import I2risConfig
-from lerobot_teleoperator_i2ris import I2risTeleopConfig
-robot = make_robot_from_config(I2risConfig(domain=sys.argv[1]))
-hand = make_teleoperator_from_config(I2risTeleopConfig(domain=sys.argv[1]))
-robot.connect(); hand.connect()
-assert set(robot.get_observation()) == set(robot.observation_features)
-begin = robot.get_observation()["pitch.pos"]
-for step in range(30):
-    yaw = robot.get_observation()["yaw.pos"]
-    robot.send_action({"pitch.pos": begin + 0.001 * step, "yaw.pos": yaw})
-    time.sleep(0.01)
-assert robot.get_observation()["pitch.pos"] > begin + 0.02, robot.get_observation()
-assert abs(hand.get_action()["pitch.pos"] - begin) < 0.05
-assert set(hand.get_action()) == set(robot.action_features)
-robot.disconnect(); hand.disconnect()
-"#;
+    let script = include_str!("python/plugins.py");
     let modules = "lerobot.robots, iceoryx2";
     run_python_of("I2RIS_LEROBOT3_PYTHON", modules, script, &[controller.domain.name()]);
 }

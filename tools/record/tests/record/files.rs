@@ -18,7 +18,8 @@ use i2ris_testing::{program, run_python};
 use mcap::records::op;
 use tempfile::TempDir;
 
-const UNIX: u64 = 1_700_000_000_000_000_000;
+use crate::{UNIX, header, joints};
+
 const MESSAGES: u64 = 2000;
 
 /// Records two seconds.
@@ -30,23 +31,14 @@ fn record(path: &Path) {
             media_type: "application/toml",
             content: b"robot_id = \"x\"".to_vec(),
         }],
-        unix_offset_ns: UNIX,
-        joints: vec!["pitch".to_owned(), "yaw".to_owned()],
-        ..RecordingHeader::default()
+        ..header()
     };
     let mut trial = TrialRecorder::start(path, header).unwrap();
     for number in 1..=MESSAGES {
         let stamp = Nanos::from_millis(number);
         let angle = number as f64 * 1e-4;
-        let joints = JointState {
-            sequence: number,
-            stamp_ns: stamp.0,
-            position: [angle, -angle, 0.0],
-            model_id: [0xAB; 32],
-            count: 2,
-            flags: JointState::VALID,
-            ..JointState::default()
-        };
+        let joints = joints(number, stamp, [angle, -angle, 0.0]);
+        let joints = JointState { model_id: [0xAB; 32], ..joints };
         trial.record(&StreamMessage::Measured(joints), stamp);
         let counts = [number as i32, -(number as i32)];
         let motors = ActuatorState {
@@ -118,14 +110,8 @@ fn overview_has_angles_in_degrees_state_and_time() {
     let mut trial = TrialRecorder::start(&file, header).unwrap();
     for ms in 0..=1000_u64 {
         let stamp = Nanos::from_millis(ms);
-        let joint = |degrees: f64| JointState {
-            sequence: ms,
-            stamp_ns: stamp.0,
-            position: [degrees.to_radians(), -degrees.to_radians(), 0.0],
-            count: 2,
-            flags: JointState::VALID,
-            ..JointState::default()
-        };
+        let joint =
+            |degrees: f64| joints(ms, stamp, [degrees.to_radians(), -degrees.to_radians(), 0.0]);
         trial.record(&StreamMessage::Goal(joint(4.0)), stamp);
         trial.record(&StreamMessage::Setpoint(joint(3.0)), stamp);
         trial.record(&StreamMessage::Measured(joint(2.0)), stamp);
@@ -195,13 +181,8 @@ fn report_starts_with_commands_out_of_reach() {
             count: 2,
             ..ServoJp::default()
         };
-        let goal = JointState {
-            stamp_ns: stamp.0,
-            position: [requested.min(37.3).to_radians(), 0.0, 0.0],
-            count: 2,
-            flags: JointState::VALID | flags,
-            ..JointState::default()
-        };
+        let goal = joints(0, stamp, [requested.min(37.3).to_radians(), 0.0, 0.0]);
+        let goal = JointState { flags: JointState::VALID | flags, ..goal };
         trial.record(&StreamMessage::ServoJp(command), stamp);
         trial.record(&StreamMessage::Goal(goal), stamp);
         trial.record(&StreamMessage::Measured(goal), stamp);
@@ -370,32 +351,6 @@ fn declared_length_allocates_only_what_the_file_holds() {
 #[test]
 fn python_opens_it_with_named_fields() {
     let (_folder, file) = recording();
-    let script = "
-import sys
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
-reader = make_reader(open(sys.argv[1], 'rb'), decoder_factories=[DecoderFactory()])
-names = {metadata.name: metadata.metadata for metadata in reader.iter_metadata()}
-assert names['i2ris.header']['note'] == 'a test' and names['i2ris.outcome']['dropped'] == '0', names
-assert [a.data for a in reader.iter_attachments()] == [b'robot_id = \"x\"']
-counts = {}
-for schema, channel, message, decoded in reader.iter_decoded_messages():
-    k = counts[channel.topic] = counts.get(channel.topic, 0) + 1
-    if channel.topic == '/measured_js':
-        assert schema.name == 'sensor_msgs/msg/JointState'
-        assert decoded.name == ['pitch', 'yaw'] and list(decoded.effort) == []
-        assert abs(decoded.position[0] - k * 1e-4) < 1e-12
-        assert abs(decoded.position[1] + k * 1e-4) < 1e-12
-        stamp = decoded.header.stamp
-        assert stamp.sec * 1000 + stamp.nanosec // 1000000 == 1700000000000 + k
-    elif channel.topic == '/i2ris/actuators/measured_js':
-        assert list(decoded.measured_counts) == [k, -k] and decoded.sequence == k
-    elif channel.topic == '/i2ris/measured_js':
-        assert bytes(decoded.model_id) == bytes([0xAB] * 32) and decoded.count == 2
-    elif channel.topic == '/i2ris/period_statistics':
-        assert decoded.lateness.p99_ns == 4321
-assert counts == {'/measured_js': 2000, '/i2ris/measured_js': 2000,
-                  '/i2ris/actuators/measured_js': 2000, '/i2ris/period_statistics': 2}, counts
-";
+    let script = include_str!("python/named_fields.py");
     run_python("mcap, mcap_ros2", script, &[file.to_str().unwrap()]);
 }

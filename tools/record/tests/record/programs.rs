@@ -14,7 +14,7 @@ use i2ris::model::ModelId;
 use i2ris::model::file::ModelFile;
 use i2ris::process::robot_description;
 use i2ris::units::Nanos;
-use i2ris_testing::{Controller, Program, Rig, program};
+use i2ris_testing::{Controller, Program, Rig, program, wait_until};
 use tempfile::TempDir;
 
 fn text(bytes: &[u8]) -> String {
@@ -33,11 +33,7 @@ fn examination_path() -> (TempDir, PathBuf) {
 
 /// Waits until a file has some size.
 fn wait_for_size(file: &Path, bytes: u64) {
-    let end = clock::now() + Nanos::from_millis(30_000);
-    while fs::metadata(file).map_or(0, |data| data.len()) < bytes {
-        assert!(clock::now() < end, "{} does not grow", file.display());
-        clock::sleep(Nanos::from_millis(10));
-    }
+    wait_until("the file grows", || fs::metadata(file).map_or(0, |data| data.len()) >= bytes);
 }
 
 /// Records into a file; success and standard error.
@@ -130,10 +126,8 @@ fn a_recording_has_every_stream_and_is_exported() {
 fn what_was_written_before_kill_9_is_recovered() {
     let controller = Controller::enabled();
     let (folder, file) = examination_path();
-    let mut program = Program::start(
-        &controller.domain,
-        &["record", "--output", name(&file), "--note", "killed"],
-    );
+    let killed = ["record", "--output", name(&file), "--note", "killed"];
+    let mut program = Program::start(&controller.domain, &killed);
     wait_for_size(&file, 100_000);
     program.child().kill().unwrap();
     program.end();
@@ -149,16 +143,9 @@ fn what_was_written_before_kill_9_is_recovered() {
 fn full_disk_ends_the_recording_and_keeps_written_data() {
     let controller = Controller::enabled();
     let (folder, file) = examination_path();
-    let arguments = [
-        "record",
-        "--output",
-        name(&file),
-        "--duration-s",
-        "30",
-        "--domain",
-        controller.domain.name(),
-    ];
-    let output = with_full_disk(&arguments, 60_000);
+    let domain = ["--duration-s", "30", "--domain", controller.domain.name()];
+    let record = [&["record", "--output", name(&file)], &domain[..]].concat();
+    let output = with_full_disk(&record, 60_000);
     let error = text(&output.stderr);
     assert!(
         !output.status.success() && error.contains("trial.mcap") && error.contains("recover"),

@@ -4,11 +4,9 @@
 use std::fs;
 use std::path::Path;
 
-use i2ris::clock;
 use i2ris::ipc::{Fault, OperatingState};
 use i2ris::robot::{Cause, Measurement, Quantity, Reason};
-use i2ris::units::Nanos;
-use i2ris_testing::{Controller, Program, program, python};
+use i2ris_testing::{Controller, Program, program, python, wait_until};
 
 /// Messages that `error` and `warning` keep for later subscribers.
 const KEPT: usize = 16;
@@ -52,11 +50,7 @@ fn every_cause_reads_the_same_in_status_and_recording() {
     let file = folder.path().join("trial.mcap");
     let name = file.to_str().unwrap();
     let mut recorder = Program::start(&controller.domain, &["record", "--output", name]);
-    let end = clock::now() + Nanos::from_millis(30_000);
-    while !file.exists() {
-        assert!(clock::now() < end, "no recording begins");
-        clock::sleep(Nanos::from_millis(10));
-    }
+    wait_until("a recording begins", || file.exists());
     let all = reasons();
     let (faults, others): (Vec<&Reason>, Vec<&Reason>) =
         all.iter().partition(|reason| reason.cause.is_error());
@@ -158,25 +152,7 @@ fn python_has_the_versions_of_the_controller() {
     }
 }
 
-const SCRIPT: &str = "
-import json, sys, time
-from i2ris.arm import Arm, Fault, Refused
-from i2ris.values import _sentence
-
-with Arm(sys.argv[1]) as arm:
-    end = time.monotonic() + 20.0
-    while len(arm.warnings()) + len(arm.errors()) < int(sys.argv[2]) and time.monotonic() < end:
-        time.sleep(0.005)
-    for reason in arm.warnings() + arm.errors():
-        line = f'{reason.text}; action: {reason.advice}'
-        if reason.kind == 2:
-            error = Refused('x', reason.code, measured=reason.measured)
-            assert str(error) == 'the controller refuses x: ' + line, (str(error), line)
-        if reason.kind == 1:
-            error = Fault('', reason.code, reason.measured)
-            assert str(error) == 'the robot is in FAULT: ' + line, (str(error), line)
-        print(line)
-";
+const SCRIPT: &str = include_str!("python/reasons.py");
 
 #[test]
 fn every_cause_reads_the_same_in_an_exception_of_python() {
