@@ -35,7 +35,8 @@ enum Record {
 /// The two files.
 #[derive(Debug)]
 pub(super) struct LiveFiles {
-    paths: [PathBuf; 2],
+    /// Empty without a folder for them.
+    paths: Vec<PathBuf>,
     span: Nanos,
     /// Number of the current file.
     number: u64,
@@ -46,31 +47,26 @@ pub(super) struct LiveFiles {
 }
 
 impl LiveFiles {
-    /// Files in this folder; creates nothing yet.
-    pub fn new(folder: &Path, span: Nanos) -> Self {
-        Self {
-            paths: ["ticks-0", "ticks-1"].map(|name| folder.join(name)),
-            span,
-            number: 0,
-            file: None,
-            begun: Nanos::ZERO,
-        }
+    /// Files in this folder, if there is one; creates nothing yet.
+    pub fn new(folder: Option<&Path>, span: Nanos) -> Self {
+        let names = |folder: &Path| ["ticks-0", "ticks-1"].map(|name| folder.join(name));
+        let paths = folder.into_iter().flat_map(names).collect();
+        Self { paths, span, number: 0, file: None, begun: Nanos::ZERO }
     }
 
-    /// Adds a snapshot; begins the other file if the current one covers the span.
-    pub fn push_snapshot(
-        &mut self,
-        snapshot: &CycleSnapshot,
-        now: Nanos,
-        begin: impl FnOnce() -> BlackBox,
-    ) {
-        if self.file.is_none() || now.duration_since(self.begun) >= self.span {
+    /// Whether the next snapshot begins a file: the current one covers the span.
+    pub fn is_due(&self, now: Nanos) -> bool {
+        self.file.is_none() || now.duration_since(self.begun) >= self.span
+    }
+
+    /// Adds a snapshot, after the beginning of the other file if that is due.
+    pub fn push_snapshot(&mut self, snapshot: &CycleSnapshot, now: Nanos, begin: Option<BlackBox>) {
+        if let Some(begin) = begin {
             self.begun = now;
             self.number += 1;
-            let [even, odd] = &self.paths;
-            let path = if self.number.is_multiple_of(2) { even } else { odd };
-            self.file = create(path).ok().map(BufWriter::new);
-            self.write(&Record::Begin(self.number, Box::new(begin())));
+            let path = self.paths.get((self.number % 2) as usize);
+            self.file = path.and_then(|path| create(path).ok()).map(BufWriter::new);
+            self.write(&Record::Begin(self.number, Box::new(begin)));
         }
         self.write(&Record::Snapshot(Box::new(*snapshot)));
     }
@@ -197,10 +193,12 @@ mod tests {
 
     /// Records ticks 1 to `last`, with a snapshot before every tenth, 1 s apart, in a span of 3 s.
     fn record(folder: &Path, last: u64) -> LiveFiles {
-        let (mut live, mut cycle) = (LiveFiles::new(folder, Nanos::from_millis(3000)), cycle());
+        let mut live = LiveFiles::new(Some(folder), Nanos::from_millis(3000));
+        let mut cycle = cycle();
         for number in 1..=last {
             let now = Nanos::from_millis(1000 + number * 100);
             if number % 10 == 1 {
+                let begin = live.is_due(now).then(begin);
                 live.push_snapshot(&cycle.snapshot().unwrap(), now, begin);
             }
             let inputs = CycleInputs::default();

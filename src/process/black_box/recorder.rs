@@ -78,8 +78,7 @@ pub struct Recorder {
     /// A snapshot whose next tick has not arrived.
     waiting: Option<CycleSnapshot>,
     ring: Ring,
-    /// `None`: the name of the domain is not valid.
-    live: Option<LiveFiles>,
+    live: LiveFiles,
     /// Captures of the serial ports.
     captures: Vec<Capture>,
     drives: Vec<DriveFingerprint>,
@@ -107,6 +106,8 @@ impl Recorder {
     ) -> (Self, RecorderChannels) {
         let (ticks_in, ticks) = RingBuffer::new(TICKS);
         let (snapshots_in, snapshots) = RingBuffer::new(SNAPSHOTS);
+        // Without a valid name of a domain there is no folder.
+        let domain = Domain::new(&config.domain).ok();
         let recorder = Self {
             config: config.clone(),
             software: software.to_owned(),
@@ -115,9 +116,7 @@ impl Recorder {
             snapshots,
             waiting: None,
             ring: Ring::new(SPAN),
-            live: Domain::new(&config.domain)
-                .ok()
-                .map(|domain| LiveFiles::new(domain.directory(), SPAN)),
+            live: LiveFiles::new(domain.as_ref().map(Domain::directory), SPAN),
             captures,
             drives: drives.to_vec(),
             models: model.into_iter().map(|model| (model.id(), Arc::clone(model))).collect(),
@@ -158,7 +157,7 @@ impl Recorder {
 
     /// Writes the file of a controller that was killed in the same domain.
     fn recover(&self, report: &mut impl FnMut(String)) {
-        if let Some(content) = self.live.as_ref().and_then(LiveFiles::take_leftovers) {
+        if let Some(content) = self.live.take_leftovers() {
             report(match self.write_content(&content) {
                 Ok((path, ticks)) => format!(
                     "the previous controller was killed: black box of its last {ticks} ticks \
@@ -177,9 +176,8 @@ impl Recorder {
         for request in requests.try_iter() {
             match request {
                 RecorderRequest::Offer(offer, model) => {
-                    if let (Some(live), Ok(text)) = (&mut self.live, model.file().canonical_form())
-                    {
-                        live.push_offer(&offer, text);
+                    if let Ok(text) = model.file().canonical_form() {
+                        self.live.push_offer(&offer, text);
                     }
                     self.models.insert(offer.model, model);
                     self.offers.push_back(*offer);
@@ -190,9 +188,7 @@ impl Recorder {
         while let Ok(tick) = self.ticks.pop() {
             self.add(tick);
         }
-        if let Some(live) = &mut self.live {
-            live.flush();
-        }
+        self.live.flush();
         self.drop_unused_models();
         for token in writes {
             let outcome = self.write("request").map_err(|error| error.to_string());
@@ -218,21 +214,13 @@ impl Recorder {
         self.waiting = self.waiting.take().or_else(|| self.snapshots.pop().ok());
         let is_due = |snapshot: &mut CycleSnapshot| snapshot.ticks() < tick.number;
         while let Some(snapshot) = self.waiting.take_if(is_due) {
-            self.push_live_snapshot(&snapshot, now);
+            let begin = self.live.is_due(now).then(|| self.origin("killed", |_| true));
+            self.live.push_snapshot(&snapshot, now, begin);
             self.ring.push_snapshot(snapshot);
             self.waiting = self.snapshots.pop().ok();
         }
-        if let Some(live) = &mut self.live {
-            live.push_tick(&tick);
-        }
+        self.live.push_tick(&tick);
         self.ring.push(tick);
-    }
-
-    fn push_live_snapshot(&mut self, snapshot: &CycleSnapshot, now: Nanos) {
-        if let Some(mut live) = self.live.take() {
-            live.push_snapshot(snapshot, now, || self.origin("killed", |_| true));
-            self.live = Some(live);
-        }
     }
 
     /// Drops models that no tick in the ring uses.
