@@ -7,7 +7,6 @@
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -43,16 +42,18 @@ pub fn start(listener: TcpListener, source: Arc<Source>, local: bool) -> io::Res
 }
 
 fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
-    let open = Arc::new(AtomicUsize::new(0));
+    // Every connection holds one more.
+    let open = Arc::new(());
     loop {
         let Ok((stream, _)) = listener.accept() else {
             thread::sleep(BREATH);
             continue;
         };
-        let Some(slot) = ConnectionSlot::take(&open) else {
+        if Arc::strong_count(&open) > CONNECTIONS {
             refuse(stream);
             continue;
-        };
+        }
+        let slot = Arc::clone(&open);
         let source = Arc::clone(source);
         // Without a thread the connection is closed.
         let _ = thread::Builder::new().name("web page".to_owned()).spawn(move || {
@@ -60,23 +61,6 @@ fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
             // A browser that went away is not an error.
             drop(serve(stream, &source, local));
         });
-    }
-}
-
-/// One of the permitted connections; dropping it frees the slot.
-struct ConnectionSlot(Arc<AtomicUsize>);
-
-impl ConnectionSlot {
-    fn take(open: &Arc<AtomicUsize>) -> Option<Self> {
-        let slot = Self(Arc::clone(open));
-        // Counted first: dropping the slot frees it.
-        (open.fetch_add(1, Ordering::AcqRel) < CONNECTIONS).then_some(slot)
-    }
-}
-
-impl Drop for ConnectionSlot {
-    fn drop(&mut self) {
-        self.0.fetch_sub(1, Ordering::AcqRel);
     }
 }
 

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
+use super::ExportError;
+
 /// File in every export with its sources. A folder without it is never replaced.
 pub const MADE_OF: &str = "i2ris-export.json";
 
 /// Reason why a folder is not written.
 #[derive(Debug, thiserror::Error)]
-pub enum StagedError<E: std::error::Error> {
+pub enum StagedError {
     #[error("--output {0}: exists; name another folder, or add --overwrite")]
     Exists(PathBuf),
     #[error("--output {0}: not an export of i2ris (it has no {MADE_OF}); left unchanged")]
@@ -16,16 +18,16 @@ pub enum StagedError<E: std::error::Error> {
     #[error("--output {path}: {error}")]
     Io { path: PathBuf, error: io::Error },
     #[error(transparent)]
-    Write(E),
+    Write(ExportError),
 }
 
 /// Writes into a temporary folder next to the target and renames it at the end. An error leaves the
 /// target unchanged.
-pub fn staged<T, E: std::error::Error>(
+pub fn staged<T>(
     folder: &Path,
     overwrite: bool,
-    write: impl FnOnce(&Path) -> Result<T, E>,
-) -> Result<T, StagedError<E>> {
+    write: impl FnOnce(&Path) -> Result<T, ExportError>,
+) -> Result<T, StagedError> {
     let io = |error| StagedError::Io { path: folder.to_owned(), error };
     let has_files = fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
     if has_files && !overwrite {

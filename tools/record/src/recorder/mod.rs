@@ -134,6 +134,17 @@ enum Channel {
     View(String),
 }
 
+impl Channel {
+    fn declare(&self, file: &mut McapFile) -> Result<u16, McapError> {
+        match self {
+            Self::Topic(topic) => topic.declare(file),
+            Self::View(view) => {
+                TopicSchema::of::<CompressedImage>().declare(file, &pictures::topic(view))
+            }
+        }
+    }
+}
+
 struct QueuedMessage {
     channel: Channel,
     sequence: u32,
@@ -375,25 +386,19 @@ fn write_messages(
     messages: &Receiver<QueuedMessage>,
     waiting: &AtomicUsize,
 ) -> Result<McapFile, McapError> {
-    let mut channels = BTreeMap::new();
-    for topic in Topic::all() {
-        channels.insert(Channel::Topic(topic), topic.declare(&mut file)?);
-    }
+    let mut channels: BTreeMap<Channel, u16> = BTreeMap::new();
     let unix = |Nanos(monotonic)| monotonic.wrapping_add(unix_offset_ns);
     let (mut flushed, mut synced) = (Instant::now(), Instant::now());
     loop {
         match messages.recv_timeout(FLUSH_PERIOD.saturating_sub(flushed.elapsed())) {
             Ok(message) => {
-                let channel_id = match (channels.get(&message.channel), &message.channel) {
-                    (Some(channel_id), _) => *channel_id,
-                    (None, Channel::View(view)) => {
-                        let schema = TopicSchema::of::<CompressedImage>();
-                        let channel_id = schema.declare(&mut file, &pictures::topic(view))?;
+                let channel_id = match channels.get(&message.channel) {
+                    Some(channel_id) => *channel_id,
+                    None => {
+                        let channel_id = message.channel.declare(&mut file)?;
                         channels.insert(message.channel.clone(), channel_id);
                         channel_id
                     }
-                    // All topics exist.
-                    (None, Channel::Topic(_)) => continue,
                 };
                 let header = MessageHeader {
                     channel_id,
