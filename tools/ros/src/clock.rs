@@ -9,10 +9,8 @@
 //! [`Moment`] reads monotonic and wall clock together, at sending or arrival: a step of the wall
 //! clock changes later stamps, but no age.
 
-use std::time::{SystemTime, UNIX_EPOCH};
-
-use i2ris::clock;
 use i2ris::units::Nanos;
+use i2ris::{clock, wall_clock};
 
 /// The same instant on both clocks of this computer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,8 +23,7 @@ pub struct Moment {
 impl Moment {
     #[must_use]
     pub fn now() -> Self {
-        let unix = SystemTime::now().duration_since(UNIX_EPOCH);
-        Self { monotonic: clock::now(), unix_ns: unix.map_or(0, |since| since.as_nanos() as u64) }
+        Self { unix_ns: wall_clock::unix_time().0, monotonic: clock::now() }
     }
 
     /// Unix time of an instant that has passed.

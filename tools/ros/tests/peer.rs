@@ -281,6 +281,5 @@ pub fn subscription<M: DeserializeOwned + Typed + 'static>(
 }
 
 pub fn unix_ns() -> u64 {
-    let unix = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    unix.unwrap().as_nanos() as u64
+    i2ris::wall_clock::unix_time().0
 }
