@@ -90,14 +90,6 @@ mod tests {
     }
 
     #[test]
-    fn missing_frame_leaves_only_its_partner_unpaired() {
-        let found = run(&[100, 133, 166], &[101, 167]);
-        assert_eq!(found[1], PairResult::Unmatched(0, Nanos(133), 133));
-        assert!(matches!(found[2], PairResult::Matched(_, [166, 167])));
-        assert_eq!(found.len(), 3);
-    }
-
-    #[test]
     fn frames_after_the_end_of_the_other_view_are_unpaired() {
         assert_eq!(run(&[100, 133], &[]).len(), 2);
         assert!(run(&[], &[5]).iter().all(|t| *t == PairResult::Unmatched(1, Nanos(5), 5)));

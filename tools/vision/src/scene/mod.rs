@@ -125,46 +125,6 @@ impl Rig {
 mod tests {
     use super::*;
 
-    fn scene() -> Scene {
-        Scene {
-            snake: SnakeShape::fibre(0.125),
-            pose: JointPose { pitch_rad: 0.3, yaw_rad: 0.0 },
-            camera: PinholeCamera::microscope(640, 480, 100.0),
-            paint: Brightness::dark(),
-            clutter: Vec::new(),
-            optics: Optics::clean(),
-        }
-    }
-
-    fn brightness(image: &GreyImage, [x, y]: [f64; 2]) -> f32 {
-        image.sample(x, y).unwrap()
-    }
-
-    #[test]
-    fn tip_is_painted_at_its_true_position() {
-        let scene = scene();
-        let image = scene.render(&mut Pcg64Mcg::seed_from_u64(1));
-        let Truth { tip_px: [x, y], angle_rad } = scene.truth();
-        let ahead =
-            |distance: f64| [x + distance * angle_rad.cos(), y - distance * angle_rad.sin()];
-        assert!(brightness(&image, ahead(-3.0)) < 80.0);
-        assert!(brightness(&image, ahead(3.0)) > 180.0);
-        assert!(
-            (brightness(&image, ahead(0.0)) - 122.0).abs() < 25.0,
-            "half covered at the very end"
-        );
-    }
-
-    #[test]
-    fn positive_angle_bends_up_in_its_own_view_only() {
-        let mut scene = scene();
-        let straight_y = scene.camera.project([0.0, 0.0, 0.0]).0[1];
-        assert!(scene.truth().tip_px[1] < straight_y - 30.0);
-        scene.camera.plane_rad = std::f64::consts::FRAC_PI_2;
-        assert!(scene.truth().angle_rad.abs() < 1e-12);
-        assert!((scene.truth().tip_px[1] - straight_y).abs() < 1.0);
-    }
-
     #[test]
     fn images_of_one_instant_or_pose_differ_in_noise() {
         let rig = Rig::laboratory(160, 120, 25.0);

@@ -44,11 +44,6 @@ pub struct Optics {
 }
 
 impl Optics {
-    /// No blur, no noise, even light.
-    pub const fn clean() -> Self {
-        Self { blur_px: 0.0, noise: 0.0, vignette: 0.0, slope: [0.0, 0.0] }
-    }
-
     /// A well adjusted microscope.
     pub const fn light() -> Self {
         Self { blur_px: 1.0, noise: 3.0, vignette: 0.25, slope: [0.1, -0.1] }

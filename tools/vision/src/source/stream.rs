@@ -231,19 +231,6 @@ mod tests {
         }
     }
 
-    #[test]
-    fn truncated_frame_is_reported() {
-        let mut bytes = stream("YUV4MPEG2 W16 H16 Cmono", &[vec![1; 256], vec![2; 256]]);
-        bytes.truncate(bytes.len() - 10);
-        let mut source = FrameStream::y4m(&bytes[..], FrameClock::Rate(30.0)).unwrap();
-        assert!(matches!(source.next(), Ok(Some(SourceItem::Frame(_)))));
-        let error = source.next().unwrap_err();
-        assert_eq!(
-            error.to_string(),
-            "frame stream: ends within frame 2, after 246 of 256 bytes; is the size 16x16 right?"
-        );
-    }
-
     proptest! {
         #[test]
         fn arbitrary_bytes_do_not_panic(

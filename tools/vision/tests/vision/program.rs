@@ -156,7 +156,9 @@ fn truncated_stream_keeps_its_frames_and_reports_its_end() {
     bytes.truncate(bytes.len() - 1000);
     let setup = place.name("one.toml");
     let output = feed(vision(&["--setup", &setup, "-", "--fps", "30", "--rest-s", "0.15"]), bytes);
-    assert_refused(&output, &["ends within frame 9", "306200 of 307200"]);
+    let words = "frame stream: ends within frame 9, after 306200 of 307200 bytes; is the size \
+                 640x480 right?";
+    assert_refused(&output, &[words]);
     let rows = rows(&text(&output.stdout));
     assert_eq!(rows.len(), 8);
     assert!((number(&rows[7][1]) - f64::to_degrees(0.2)).abs() < 0.1);
