@@ -20,7 +20,6 @@ mod commission;
 mod csv_table;
 mod demo;
 mod doctor;
-mod drives;
 mod emulate;
 mod exit;
 mod external;
@@ -33,7 +32,6 @@ mod start;
 mod state;
 mod stop;
 mod teleop;
-mod wire;
 #[cfg(test)]
 mod wrong_benches;
 

@@ -16,7 +16,7 @@ use i2ris_report::view::{LatestMessages, reasons};
 use i2ris_simulation::drive::DriveConfig;
 use i2ris_simulation::{Emulator, EmulatorConfig, Line, SnakeSource};
 
-use crate::doctor::drives::check_port;
+use crate::doctor::ports::check_port;
 use crate::doctor::report::Report;
 use crate::{commission, preflight};
 

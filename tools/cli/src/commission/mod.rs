@@ -110,7 +110,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         interrupted: Rc::new(move || caught.came()),
         record,
         ports: Vec::new(),
-        device: device.as_ref().map(crate::drives::of_device),
+        device: device.as_ref().map(crate::doctor::drives::of_device),
         exchanges: EXCHANGES,
         origins: BTreeMap::new(),
         keep: &mut |record, stage, captured| keep(folder, record, stage, captured),

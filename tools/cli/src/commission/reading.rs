@@ -14,7 +14,7 @@ use i2ris::drive::transport::Transport;
 use i2ris::robot::DriveFingerprint;
 use i2ris::units::Nanos;
 
-use crate::doctor::drives::rename_axes;
+use crate::doctor::ports::rename_axes;
 
 use super::proposal::Change;
 use super::record::{NOT_THERE, Record, Topic};

@@ -1,221 +1,163 @@
-//! Ports and their drives.
+//! `i2ris doctor drives`: reads and compares drive settings. Nothing is written to a drive.
 
-use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
 
-use i2ris::config::{AxisConfig, Config, PortConfig};
-use i2ris::drive::DriveError;
-use i2ris::drive::cia402::DriveState;
-use i2ris::drive::inspect::{Inspection, inspect};
-use i2ris::drive::latency_timer;
-use i2ris::drive::survey::{FoundNode, answering_rate, nodes};
-use i2ris::units::{AUXILIARY, MAX_AXES, Nanos};
+use i2ris::config::{Config, Family};
+use i2ris::drive::fingerprint::{differences, key, read_port, settings};
+use i2ris::model::Model;
+use i2ris::robot::DriveFingerprint;
+use i2ris_report::{DomainOption, Failure, while_working};
+use i2ris_simulation::drive::DeviceFile;
 
-use super::report::Report;
+/// Commands of `i2ris doctor drives`.
+#[derive(Debug, clap::Subcommand)]
+#[command(after_help = "Examples:
+  i2ris doctor drives dump > drives.json                the drives of the running controller
+  i2ris doctor drives dump --config my-robot.toml       while no controller runs
+  i2ris doctor drives compare drives.json               with the present drives
+  i2ris doctor drives compare before.json after.json
+  i2ris doctor drives compare motor.dcf                 as EPOS Studio exports it
 
-/// Duration of an exchange above which something delays it.
-const SLOW: Nanos = Nanos::from_millis(4);
+Drives are read, and nothing is written to them.")]
+pub enum Command {
+    /// Print every setting of every drive as JSON
+    Dump(Present),
+    /// List settings that differ
+    Compare(CompareArguments),
+}
 
-/// Supply voltages that a small drive should see, volts.
-const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.0..=50.0;
+// Where the drives are.
+#[derive(Debug, clap::Args)]
+pub struct Present {
+    /// Read the drives of this configuration; no controller may be running [default: the settings
+    /// that the running controller read at its start]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    #[command(flatten)]
+    domain: DomainOption,
+}
 
-/// Maximum number of differing limits to print.
-const MAX_NAMED: usize = 3;
+#[derive(Debug, clap::Args)]
+pub struct CompareArguments {
+    /// Settings: from `i2ris doctor drives dump`, a model, or a DCF file
+    first: PathBuf,
+    /// Settings to compare with [default: those of the present drives]
+    second: Option<PathBuf>,
+    #[command(flatten)]
+    present: Present,
+}
 
-/// Checks a port, and its drives where `open`.
-pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut Report) {
-    let name = port.device.display().to_string();
-    if !port.device.exists() {
-        let fix = "plug in the drive, or correct `device` (`ls -l /dev/serial/by-id`)";
-        return report.fail(name, "does not exist", fix);
-    }
-    if !open {
-        return report.pass(name, "exists; not opened");
-    }
-    match inspect(port) {
-        Ok(seen) => {
-            let found = format!("answers; {}", port.describe_line(seen.exchange));
-            if seen.exchange > SLOW {
-                let shorten = latency_timer::command(&port.device);
-                report.warn(name, found, format!("`{shorten}`, and use no hub"));
-            } else {
-                report.pass(name, found);
-            }
-            for finding in config.line_findings(port, seen.exchange) {
-                let found = format!("{} = {}", finding.key, finding.value);
-                report.warn("feedback", found, finding.reason);
-            }
-            for (axis, seen) in port.axes.iter().zip(seen.axes) {
-                let name = format!("motor {}", axis.motor);
-                match seen {
-                    Ok(seen) => check_drive(&name, &seen, report),
-                    Err(why) => fail(name, &why, report),
-                }
-            }
-            // The drive answered a moment ago.
-            list_nodes(port, &nodes(port).unwrap_or_default(), report);
+pub fn run(command: &Command) -> Result<(), Failure> {
+    match command {
+        Command::Dump(present) => {
+            println!("{}", serde_json::to_string_pretty(&read(present)?)?);
+            Ok(())
         }
-        Err(error @ DriveError::Busy { .. }) => {
-            report.warn(name, error.to_string(), "end the controller to check its drives")
-        }
-        Err(error) => {
-            let is_garbled =
-                matches!(&error, DriveError::InvalidReply(.., reply) if !reply.is_frame());
-            let is_silent = matches!(error, DriveError::NoAnswer { .. });
-            match (is_garbled || is_silent).then(|| answering_rate(port)).flatten() {
-                Some(baud) => say_other(port, baud, report),
-                None if is_silent => report.fail(
-                    name,
-                    "no reply at any rate from 9600 to 1000000 baud",
-                    "switch on the power of the drives, press in the cable at both ends, and check that \
-                     `device` is the port of the drives; an EPOS2 is driven over USB, not RS232",
-                ),
-                None => fail(name, &error.to_string(), report),
-            }
-        }
+        Command::Compare(arguments) => compare(arguments),
     }
 }
 
-/// Adds a failure from a text of the form `finding; fix`.
-fn fail(name: String, text: &str, report: &mut Report) {
-    let (found, fix) = text.split_once("; ").unwrap_or((text, "check the drive"));
-    report.fail(name, found, fix);
-}
-
-/// Reports a drive that answers at another rate than configured.
-fn say_other(port: &PortConfig, baud: u32, report: &mut Report) {
-    let found = nodes(&PortConfig { baud, ..port.clone() }).unwrap_or_default();
-    let found: Vec<String> = found
-        .iter()
-        .map(|it| format!("; node {} is an {} {}", it.node_id, it.family, it.serial_number))
-        .collect();
-    let found =
-        format!("no reply at {} baud; a drive answers at {baud}{}", port.baud, found.concat());
-    let fix = format!("set `baud = {baud}`");
-    report.fail(port.device.display().to_string(), found, fix);
-}
-
-/// Lists the drives on a port, with a table of those missing in the configuration.
-fn list_nodes(port: &PortConfig, found: &[FoundNode], report: &mut Report) {
-    let is_known = |node: &FoundNode| {
-        port.axes.iter().any(|axis| {
-            [0, node.node_id].contains(&axis.node_id)
-                && axis.short_serial_number() == node.serial_number
-        })
-    };
-    let device = port.device.display();
-    for FoundNode { node_id, family, firmware, serial_number } in found {
-        let what = format!("{family}, firmware 0x{firmware:04X}, serial number {serial_number}");
-        report.pass(format!("{device} node {node_id}"), what);
+fn read(present: &Present) -> Result<Vec<DriveFingerprint>, Failure> {
+    if let Some(path) = &present.config {
+        let config = Config::load(path)?;
+        let drives = while_working("reading every setting", || {
+            config.ports.iter().map(read_port).collect::<Result<Vec<_>, _>>()
+        })?;
+        return Ok(drives.concat());
     }
-    if !found.iter().all(is_known) {
-        // Complete, with the configured limits, so that the pasted text is a valid file.
-        let mut port = port.clone();
-        rename_axes(&mut port, found);
-        let table = BTreeMap::from([("ports", [port])]);
-        report.paste(toml::to_string(&table).unwrap_or_default());
-    }
-}
-
-/// Gives the axes the nodes and serial numbers of the found drives, matched by node first; the rest
-/// are assigned in sequence. Additional drives become additional axes.
-pub fn rename_axes(port: &mut PortConfig, found: &[FoundNode]) {
-    let mut left: Vec<&FoundNode> = found.iter().collect();
-    let mut rest = Vec::new();
-    for (index, axis) in port.axes.iter_mut().enumerate() {
-        let is_it =
-            |node: &&FoundNode| axis.node_id == node.node_id || axis.node_id == 0 && index == 0;
-        match left.iter().position(is_it) {
-            Some(found) => axis.serial_number = left.remove(found).serial_number.into(),
-            None => rest.push(axis),
-        }
-    }
-    let mut left = left.into_iter();
-    for (axis, node) in rest.into_iter().zip(&mut left) {
-        (axis.node_id, axis.serial_number) = (node.node_id, node.serial_number.into());
-    }
-    for node in left.take(MAX_AXES.saturating_sub(port.axes.len())) {
-        let motor = port.axes.len();
-        let (node_id, serial_number) = (node.node_id, node.serial_number.into());
-        let auxiliary_counts_per_deg = (motor == AUXILIARY).then_some(20.0);
-        let like = port.axes.first().cloned();
-        port.axes.extend(like.map(|like| AxisConfig {
-            motor,
-            node_id,
-            serial_number,
-            auxiliary_counts_per_deg,
-            ..like
-        }));
-    }
-}
-
-fn check_drive(name: &str, seen: &Inspection, report: &mut Report) {
-    let Inspection { family, serial_number, firmware, .. } = seen;
-    report
-        .pass(name, format!("{family}, serial number {serial_number}, firmware 0x{firmware:04X}"));
-    check_state(name, seen, report);
-    if let Some(volts) = seen.supply_v {
-        let (name, found) = (format!("{name} supply"), format!("{volts:.1} V"));
-        if SUPPLY_V.contains(&volts) {
-            report.pass(name, found);
-        } else {
-            report.fail(name, found, "check the power supply of the drive");
-        }
-    }
-    let errors = format!("{name} errors");
-    if seen.errors.is_empty() {
-        report.pass(errors, "none in the history");
-    } else {
-        let listed: Vec<String> = seen.errors.iter().map(ToString::to_string).collect();
-        report.warn(
-            errors,
-            listed.join("; "),
-            "remove the cause of the first; write 0 to object 0x1003:00 to clear",
+    let domain = present.domain.domain()?;
+    crate::command::prepare::connect(&domain)?;
+    let drives = domain.drives();
+    if drives.is_empty() {
+        return Err(
+            "this controller does not report the settings of its drives; end it, and name its \
+                    configuration with --config"
+                .into(),
         );
     }
-    check_limits(name, seen, report);
+    Ok(drives)
 }
 
-fn check_state(name: &str, seen: &Inspection, report: &mut Report) {
-    let name = format!("{name} state");
-    let homed = if seen.homed { "homed" } else { "not homed" };
-    match seen.state {
-        Some(DriveState::Fault | DriveState::FaultReaction) => {
-            let newest = seen.errors.first().map(|error| format!(" ({error})")).unwrap_or_default();
-            report.fail(
-                name,
-                format!("fault{newest}, {homed}"),
-                "remove the cause, then acknowledge: `i2ris command state acknowledge`",
-            );
-        }
-        Some(state @ (DriveState::OperationEnabled | DriveState::QuickStopActive)) => report.warn(
-            name,
-            format!("{state:?} without a controller, {homed}"),
-            "left on by a controller that died; the next one switches it off cleanly at start-up",
-        ),
-        Some(state) => report.pass(name, format!("{state:?}, {homed}")),
-        None => report.fail(name, "unknown state", "check that the firmware is supported"),
-    }
-}
-
-fn check_limits(name: &str, seen: &Inspection, report: &mut Report) {
-    let name = format!("{name} limits");
-    if seen.differences.is_empty() {
-        return report.pass(name, "as configured");
-    }
-    let listed: Vec<String> = seen
-        .differences
-        .iter()
-        .take(MAX_NAMED)
-        // A value near 2^32 is a negative number.
-        .map(|(object, wanted, found)| {
-            format!("{object} is {}, not {}", found.cast_signed(), wanted.cast_signed())
-        })
-        .collect();
-    let more = seen.differences.len().saturating_sub(MAX_NAMED);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    // The controller writes them at every start, so a difference before the first is expected.
-    report.pass(
-        name,
-        format!("{}{more}; the controller writes them at its start", listed.join(", ")),
+fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
+    let CompareArguments { first, second, present } = arguments;
+    let (before, after) = (
+        load(first)?,
+        match second {
+            Some(second) => load(second)?,
+            None => (read(present)?, false),
+        },
     );
+    let (mut compared, mut lines) = (0, Vec::new());
+    for old in &before.0 {
+        for new in &after.0 {
+            // A DCF file names no motor.
+            let is_pair = old.motor == new.motor || before.1 || after.1;
+            if !is_pair || old.family != new.family {
+                continue;
+            }
+            compared += 1;
+            let (old, new) = match (before.1, after.1) {
+                (true, _) => (&DriveFingerprint { motor: new.motor, ..old.clone() }, new),
+                _ => (old, new),
+            };
+            lines.extend(differences(old, new, false));
+        }
+    }
+    if compared == 0 {
+        return Err("the two have no drive of the same motor and family in common".into());
+    }
+    lines.iter().for_each(|line| println!("{line}"));
+    match lines.len() {
+        0 => {
+            println!("no differences: {compared} drives");
+            Ok(())
+        }
+        count => Err(format!("{count} settings differ").into()),
+    }
+}
+
+/// The drives of a file, and whether it describes a single drive without a motor.
+fn load(path: &Path) -> Result<(Vec<DriveFingerprint>, bool), Failure> {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    if ["dcf", "eds", "csv"].contains(&extension.as_str()) {
+        return Ok((vec![of_device(&DeviceFile::load(path)?)], true));
+    }
+    let text = fs::read_to_string(path)
+        .map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+    if let Ok(drives) = serde_json::from_str(&text) {
+        return Ok((drives, false));
+    }
+    let model = Model::load(path).map_err(|_| {
+        format!(
+            "{} contains no settings: name a file of `i2ris doctor drives dump`, a model, or a DCF \
+             file",
+            path.display()
+        )
+    })?;
+    let drives = &model.file().training.drives;
+    if drives.is_empty() {
+        let path = path.display();
+        return Err(format!("the model {path} does not name the drives it was made with").into());
+    }
+    Ok((drives.clone(), false))
+}
+
+/// The settings in a device file, which names no motor.
+pub fn of_device(file: &DeviceFile) -> DriveFingerprint {
+    let family = match file.family {
+        i2ris_simulation::drive::Family::Epos4 => Family::Epos4,
+        i2ris_simulation::drive::Family::Epos2 => Family::Epos2,
+    };
+    let value = |entry: &i2ris::drive::objects::Entry| {
+        let address = (entry.index, entry.subindex);
+        file.objects.iter().find(|it| (it.index, it.subindex) == address).map(|it| it.default)
+    };
+    DriveFingerprint {
+        motor: 0,
+        family: format!("{family:?}").to_uppercase(),
+        firmware: String::new(),
+        serial_number: 0,
+        settings: settings(family).filter_map(|it| Some((key(it), value(it)?))).collect(),
+    }
 }

@@ -6,9 +6,11 @@
 mod config;
 mod devices;
 pub mod drives;
+pub mod ports;
 pub mod report;
 mod system;
 mod usb;
+mod wire;
 
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt as _;
@@ -53,18 +55,18 @@ enum Other {
     Config(config::Command),
     /// Print and compare drive settings (read-only)
     #[command(subcommand)]
-    Drives(crate::drives::Command),
+    Drives(drives::Command),
     /// Inspect serial captures
     #[command(subcommand)]
-    Wire(crate::wire::Command),
+    Wire(wire::Command),
 }
 
 /// Runs the checks. Fails when a check fails.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match &arguments.other {
         Some(Other::Config(command)) => return config::run(command),
-        Some(Other::Drives(command)) => return crate::drives::run(command),
-        Some(Other::Wire(command)) => return crate::wire::run(command),
+        Some(Other::Drives(command)) => return drives::run(command),
+        Some(Other::Wire(command)) => return wire::run(command),
         None => {}
     }
     let mut report = Report::default();
@@ -79,7 +81,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             }
             system::check(&config, &mut report);
             for port in &config.ports {
-                drives::check_port(&config, port, !arguments.no_drives, &mut report);
+                ports::check_port(&config, port, !arguments.no_drives, &mut report);
             }
         }
         Err(error) => report.fail(
