@@ -26,6 +26,7 @@ mod external;
 mod model;
 mod numbers;
 mod preflight;
+mod procedure;
 mod process;
 mod progress_bar;
 mod start;

@@ -1,11 +1,12 @@
 //! `i2ris home`, `enable`, `disable`, and `i2ris command state`: changes of the state.
 
 use i2ris::ipc::{Domain, OperatingState, StateCommand};
-use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
+use i2ris_report::{DomainOption, Failure, Interrupt};
 
 use crate::command::prepare::{FIRST_MESSAGE_TIMEOUT, carry_out};
 use crate::command::stream_monitor::StopReason;
 use crate::exit::name_holder;
+use crate::procedure::person::say;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -58,6 +59,5 @@ fn change(domain: &Domain, arguments: &Arguments, command: StateCommand) -> Resu
         };
         format!("{how}: {command}; the controller is {state}{power}")
     };
-    until_closed(Screen::stdout().say(&report))?;
-    Ok(())
+    say(&report)
 }

@@ -8,7 +8,9 @@ use i2ris::ipc::ready::{served_by_others, served_domains};
 use i2ris::units::Nanos;
 use i2ris_report::exit::{self, Coded, NOT_CONFIRMED};
 use i2ris_report::stop::stop;
-use i2ris_report::{Failure, Screen, until_closed};
+
+use crate::procedure::person::say;
+use i2ris_report::Failure;
 
 /// A running controller connects immediately.
 const CONNECT: Nanos = Nanos::from_millis(500);
@@ -49,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let text = outcome.as_ref().map_or_else(ToString::to_string, Clone::clone);
         let line = format!("domain {name}: {text}");
         if outcome.is_ok() || !is_one {
-            until_closed(Screen::stdout().say(&line))?;
+            say(&line)?;
         }
         if let Err(coded) = outcome {
             let coded = Coded { sentence: line, ..coded };
@@ -58,7 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     // Robots that can be stopped come first.
     for line in others(&served_by_others()).filter(|_| arguments.domain.is_none()) {
-        until_closed(Screen::stdout().say(&line))?;
+        say(&line)?;
     }
     worst.map_or(Ok(()), |worst| Err(worst.into()))
 }

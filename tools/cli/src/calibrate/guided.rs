@@ -7,7 +7,6 @@ mod progress;
 mod steps;
 
 use std::fs;
-use std::io::{self, BufRead, IsTerminal};
 use std::path::PathBuf;
 use std::process::{Command, ExitStatus};
 
@@ -17,9 +16,11 @@ use i2ris::ipc::{Domain, OperatingState};
 use i2ris_calibration::fit::Choice;
 use i2ris_report::exit::{Coded, NOT_CONFIRMED};
 use i2ris_report::stop::stop;
-use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
+use i2ris_report::{DomainOption, Failure, Interrupt};
 
 use crate::command::prepare::CONNECT;
+use crate::procedure::person::{Gone, Person, Terminal, say};
+use crate::procedure::{Ended, Halt, Place, Procedure};
 use i2ris_simulation::motion::protocol::above_zero;
 use progress::{Progress, is_complete};
 use steps::Step;
@@ -50,101 +51,25 @@ pub struct Arguments {
     domain: DomainOption,
 }
 
-struct Guided {
+struct Guided<'a> {
+    arguments: &'a Arguments,
     domain: Domain,
-    folder: PathBuf,
-    duration_s: f64,
-    motion_s: u32,
-    family: Choice,
     client: Client,
+    interrupt: Interrupt,
+    progress: Progress,
+    doubt: Option<String>,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let domain = arguments.domain.domain()?;
-    let client = crate::command::prepare::connect(&domain)?;
+    let mut client = crate::command::prepare::connect(&domain)?;
     let interrupt = Interrupt::catch()?;
     fs::create_dir_all(&arguments.folder)
         .map_err(|error| format!("--folder {}: {error}", arguments.folder.display()))?;
-    let mut guided = Guided {
-        domain,
-        folder: arguments.folder.clone(),
-        duration_s: arguments.duration_s,
-        motion_s: arguments.motion_s,
-        family: arguments.family,
-        client,
-    };
-    let mut progress = Progress::read(&guided.folder, &mut guided.client)?;
-    let steps = guided.steps();
-    let (total, mut doubt) = (steps.len(), None);
-    for (number, step) in (1..).zip(steps.iter().copied()) {
-        if progress.is_done(step) {
-            say(&format!("step {number} of {total}: {step}: done before"))?;
-            continue;
-        }
-        if step.moves() {
-            ask_for_zero(&mut guided.client, &guided.domain, arguments.home)?;
-        }
-        let (purpose, left) = (step.purpose(), guided.time_left(&progress));
-        say(&format!("step {number} of {total}: {step}: {purpose}; about {left} to go"))?;
-        match step {
-            Step::Refine => guided.refine(&interrupt)?,
-            Step::Check => doubt = guided.check(&progress, &interrupt)?,
-            _ => guided.perform(step, &progress, &interrupt)?,
-        }
-        let outcome = match doubt.as_ref().filter(|_| step == Step::Check) {
-            Some(doubt) => format!("done, but check: {doubt}"),
-            None => progress.done(step).map(|()| "done".to_owned())?,
-        };
-        if let Some(next) = steps.get(number) {
-            let left = guided.time_left(&progress);
-            say(&format!("step {number} of {total} {outcome}; next: {next}; about {left} to go"))?;
-        }
-    }
-    let [model, report] = [progress.model_file(), "report.html"].map(|name| guided.file(name));
-    let state = guided.client.wait_for(CONNECT, |_| true)?;
-    let state = OperatingState::from_number(state.state).map_or("?", OperatingState::text);
-    if let Some(doubt) = doubt {
-        let sentence = format!(
-            "done, but check: the robot is {state} and runs with {model}; the report is {report}; \
-             {doubt}; then run `i2ris calibrate` again: it repeats the check"
-        );
-        return Err(Coded { code: NOT_CONFIRMED, sentence }.into());
-    }
-    say(&format!(
-        "done: the robot is {state} and runs with {model}; the report is {report}\nafter a \
-         restart: run `i2ris calibrate` again, which resumes here, or set control.model in the \
-         configuration; to recalibrate: --folder NEW"
-    ))
-}
-
-/// Homing makes the present pose the zero, so the operator must confirm that the snake is straight.
-fn ask_for_zero(client: &mut Client, domain: &Domain, is_allowed: bool) -> Result<(), Failure> {
-    let state = client.wait_for(CONNECT, |_| true)?;
-    if state.flags & OperatingStateMsg::HOMED != 0 || is_allowed {
-        return Ok(());
-    }
-    if !io::stdin().is_terminal() {
-        return Err(
-            "the robot is not homed: straighten the snake, then add --home: its pose becomes the \
-             zero"
-                .into(),
-        );
-    }
-    say("the robot is not homed, and it will move. Straighten the snake: its pose becomes the \
-         zero. Press Enter to start, s to stop the robot, Ctrl-C to quit.")?;
-    let mut typed = String::new();
-    io::stdin().lock().read_line(&mut typed)?;
-    match typed.trim() {
-        // The end of the input is not an Enter.
-        "" if typed.ends_with('\n') => Ok(()),
-        "" => Err("no input: the robot was not homed".into()),
-        _ => Err(stop(client, domain)?.text.into()),
-    }
-}
-
-fn say(line: &str) -> Result<(), Failure> {
-    until_closed(Screen::stdout().say(line))?;
-    Ok(())
+    let progress = Progress::read(&arguments.folder, &mut client)?;
+    let mut guided = Guided { arguments, domain, client, interrupt, progress, doubt: None };
+    guided.run()?;
+    guided.report()
 }
 
 fn minutes(seconds: f64) -> String {
@@ -155,27 +80,133 @@ fn minutes(seconds: f64) -> String {
     }
 }
 
-impl Guided {
-    fn file(&self, name: &str) -> String {
-        self.folder.join(name).display().to_string()
+impl Procedure for Guided<'_> {
+    type Stage = Step;
+
+    fn stages(&self) -> &'static [Step] {
+        let all = &Step::ALL;
+        if self.arguments.motion_s == 0 { &all[..all.len() - 1] } else { all }
     }
 
-    fn time_left(&self, progress: &Progress) -> String {
-        let steps = self.steps().iter().copied();
-        let left = steps.filter(|step| !progress.is_done(*step));
-        minutes(left.fold(0.0, |sum, step| sum + self.usual_s(step, progress)))
+    fn title(&self, at: &Place<Step>) -> String {
+        format!("step {} of {}: {}", at.number, at.of, at.stage)
+    }
+
+    fn is_done(&self, step: Step) -> bool {
+        self.progress.is_done(step)
+    }
+
+    fn say(&mut self, line: &str) -> Result<(), Failure> {
+        say(line)
+    }
+
+    fn perform(&mut self, at: &Place<Step>) -> Result<Ended, Halt> {
+        let step = at.stage;
+        if step.moves() {
+            self.ask_for_zero()?;
+        }
+        let (purpose, left) = (step.purpose(), self.time_left());
+        say(&format!("{}: {purpose}; about {left} to go", self.title(at)))?;
+        match step {
+            Step::Refine => self.refine()?,
+            Step::Check => {
+                if let Some(doubt) = self.check()? {
+                    return Ok(Ended::Doubtful(doubt));
+                }
+            }
+            _ => {
+                for words in self.commands(step)? {
+                    self.carry_out(step, &words)?;
+                }
+            }
+        }
+        Ok(Ended::Done("done".to_owned()))
+    }
+
+    fn conclude(&mut self, at: &Place<Step>, ended: Result<Ended, Halt>) -> Result<(), Failure> {
+        let outcome = match ended {
+            Ok(Ended::Done(text)) => {
+                self.progress.done(at.stage)?;
+                text
+            }
+            Ok(Ended::Doubtful(doubt)) => {
+                let text = format!("done, but check: {doubt}");
+                self.doubt = Some(doubt);
+                text
+            }
+            Err(Halt::Failed(failure)) => return Err(failure),
+            Err(Halt::Gone(gone)) => return Err(format!("{gone}: the robot was not homed").into()),
+        };
+        let Some(next) = at.next else { return Ok(()) };
+        let (number, of, left) = (at.number, at.of, self.time_left());
+        say(&format!("step {number} of {of} {outcome}; next: {next}; about {left} to go"))
+    }
+}
+
+impl Guided<'_> {
+    /// Prints the result of all steps. A doubt is a failure: another run repeats the check.
+    fn report(&mut self) -> Result<(), Failure> {
+        let [model, report] = [self.progress.model_file(), "report.html"].map(|it| self.file(it));
+        let state = self.client.wait_for(CONNECT, |_| true)?;
+        let state = OperatingState::from_number(state.state).map_or("?", OperatingState::text);
+        let result = format!("the robot is {state} and runs with {model}; the report is {report}");
+        if let Some(doubt) = &self.doubt {
+            let sentence = format!(
+                "done, but check: {result}; {doubt}; then run `i2ris calibrate` again: it repeats \
+                 the check"
+            );
+            return Err(Coded { code: NOT_CONFIRMED, sentence }.into());
+        }
+        say(&format!(
+            "done: {result}\nafter a restart: run `i2ris calibrate` again, which resumes here, or \
+             set control.model in the configuration; to recalibrate: --folder NEW"
+        ))
+    }
+
+    /// Homing makes the present pose the zero, so the operator must confirm that the snake is
+    /// straight.
+    fn ask_for_zero(&mut self) -> Result<(), Halt> {
+        let state = self.client.wait_for(CONNECT, |_| true).map_err(Failure::from)?;
+        if state.flags & OperatingStateMsg::HOMED != 0 || self.arguments.home {
+            return Ok(());
+        }
+        let Some(mut person) = Terminal::open(&self.interrupt) else {
+            let why = "the robot is not homed: straighten the snake, then add --home: its pose \
+                       becomes the zero";
+            return Err(why.to_owned().into());
+        };
+        match person.answer(
+            "the robot is not homed, and it will move. Straighten the snake: its pose becomes the \
+             zero. Press Enter to start, s to stop the robot, Ctrl-C to quit.",
+        ) {
+            Ok(typed) if typed.is_empty() => Ok(()),
+            Ok(_) => Err(stop(&mut self.client, &self.domain).map_err(Failure::from)?.text.into()),
+            // The end of the input is not an Enter.
+            Err(Gone::EndOfInput) => Err("no input: the robot was not homed".to_owned().into()),
+            Err(gone) => Err(gone.into()),
+        }
+    }
+
+    fn file(&self, name: &str) -> String {
+        self.arguments.folder.join(name).display().to_string()
+    }
+
+    fn time_left(&self) -> String {
+        let steps = self.stages().iter().copied();
+        let left = steps.filter(|step| !self.progress.is_done(*step));
+        minutes(left.fold(0.0, |sum, step| sum + self.usual_s(step)))
     }
 
     /// Usual duration of a step, s.
-    fn usual_s(&self, step: Step, progress: &Progress) -> f64 {
+    fn usual_s(&self, step: Step) -> f64 {
         match step {
-            Step::Collect => self.duration_s + 40.0,
-            Step::Fit if self.family == Choice::Best => 240.0,
+            Step::Collect => self.arguments.duration_s + 40.0,
+            Step::Fit if self.arguments.family == Choice::Best => 240.0,
             Step::Fit | Step::Use => 30.0,
             Step::Compare => UNSEEN_S + 40.0,
-            Step::Check if progress.was_checked_before() => 10.0,
+            Step::Check if self.progress.was_checked_before() => 10.0,
             Step::Check => 25.0,
-            Step::Refine => f64::from(self.motion_s) + 60.0,
+            Step::Refine => f64::from(self.arguments.motion_s) + 60.0,
         }
     }
 
@@ -195,69 +226,54 @@ impl Guided {
         Ok(commands)
     }
 
-    fn commands(&mut self, step: Step, progress: &Progress) -> Result<Vec<Vec<String>>, Failure> {
-        let (recording, unseen) = (self.file("recording.csv"), self.file("unseen.csv"));
-        let [model, in_use] = ["model.json", progress.model_file()].map(|name| self.file(name));
+    fn commands(&mut self, step: Step) -> Result<Vec<Vec<String>>, Failure> {
+        let [recording, unseen] = ["recording.csv", "unseen.csv"].map(|name| self.file(name));
+        let [model, report] = ["model.json", "report.html"].map(|name| self.file(name));
         Ok(match step {
-            Step::Collect => vec![self.collect(&recording, self.duration_s, 1)],
+            Step::Collect => vec![collect(&recording, self.arguments.duration_s, 1)],
             Step::Fit => {
-                let (family, report) = (self.family.to_string(), self.file("report.html"));
+                let family = self.arguments.family.to_string();
                 let fit = ["calibrate", "fit", &recording, "--family", &family, "--output", &model];
                 vec![words(&[&fit[..], &["--report", &report, "--overwrite"]].concat())]
             }
             Step::Compare => {
+                let is_recorded = is_complete(&self.arguments.folder.join("unseen.csv"));
+                let record = (!is_recorded).then(|| collect(&unseen, UNSEEN_S, 2));
                 let compare = words(&["calibrate", "compare", &model, "--recording", &unseen]);
-                if is_complete(&self.folder.join("unseen.csv")) {
-                    vec![compare]
-                } else {
-                    vec![self.collect(&unseen, UNSEEN_S, 2), compare]
-                }
+                record.into_iter().chain([compare]).collect()
             }
             Step::Use => {
                 let mut commands = self.prepare()?;
-                commands.push(if progress.is_active(&mut self.client)? {
+                commands.push(if self.progress.is_active(&mut self.client)? {
                     words(&["command", "state", "condition"])
                 } else {
-                    words(&["model", "use", &in_use])
+                    words(&["model", "use", &self.file(self.progress.model_file())])
                 });
                 commands
             }
-            Step::Check => {
-                // Repeated after a restart: one turn shows whether the zero is still the same.
-                let duration_s = if progress.was_checked_before() { "6" } else { "18" };
-                let circle = ["command", "circle", "--radius-deg", "5", "--period-s", "6"];
-                vec![words(&[&circle[..], &["--duration-s", duration_s, "--enable"]].concat())]
-            }
-            Step::Refine => Vec::new(),
+            Step::Check | Step::Refine => Vec::new(),
         })
     }
 
-    fn collect(&self, output: &str, duration_s: f64, seed: u64) -> Vec<String> {
-        let (duration, seed) = (duration_s.to_string(), seed.to_string());
-        let collect = ["calibrate", "collect", "--home"];
-        let options = ["--duration-s", &duration, "--seed", &seed, "--output", output];
-        [&collect[..], &options].concat().into_iter().map(str::to_owned).collect()
-    }
-
-    /// Runs the commands of a step. A failing command ends the calibration with its exit code.
-    fn perform(
-        &mut self,
-        step: Step,
-        progress: &Progress,
-        interrupt: &Interrupt,
-    ) -> Result<(), Failure> {
-        for words in self.commands(step, progress)? {
-            self.run(step, &words, interrupt)?;
-        }
-        Ok(())
-    }
-
-    fn run(&self, step: Step, words: &[String], interrupt: &Interrupt) -> Result<(), Failure> {
+    /// Runs a command. If it fails, the calibration ends with its exit code.
+    fn carry_out(&self, step: Step, words: &[String]) -> Result<(), Failure> {
         let status = self.command(words)?.status()?;
-        if !status.success() || interrupt.came() {
-            return Err(stopped(step, status, interrupt.came()).into());
+        self.check_status(step, status, status.success())
+    }
+
+    fn check_status(&self, step: Step, status: ExitStatus, is_done: bool) -> Result<(), Failure> {
+        let is_interrupted = self.interrupt.came();
+        if is_done && !is_interrupted {
+            return Ok(());
         }
-        Ok(())
+        let again = "run `i2ris calibrate` again: it resumes at this step";
+        let sentence = if is_interrupted {
+            format!("interrupted in the step {step}; {again}")
+        } else {
+            format!("the step {step} failed, see above; {again}")
+        };
+        let code = status.code().and_then(|code| u8::try_from(code).ok());
+        Err(Coded { code: code.filter(|code| *code != 0).unwrap_or(1), sentence }.into())
     }
 
     /// A command of this program; prints it.
@@ -267,27 +283,16 @@ impl Guided {
         command.args(words).env("I2RIS_DOMAIN", self.domain.name());
         Ok(command)
     }
-
-    /// The steps, in order.
-    fn steps(&self) -> &'static [Step] {
-        let all = &Step::ALL;
-        if self.motion_s == 0 { &all[..all.len() - 1] } else { all }
-    }
 }
 
 fn words(words: &[&str]) -> Vec<String> {
     words.iter().map(|word| (*word).to_owned()).collect()
 }
 
-fn stopped(step: Step, status: ExitStatus, is_interrupted: bool) -> Coded {
-    let again = "run `i2ris calibrate` again: it resumes at this step";
-    let sentence = if is_interrupted {
-        format!("interrupted in the step {step}; {again}")
-    } else {
-        format!("the step {step} failed, see above; {again}")
-    };
-    let code = status.code().and_then(|code| u8::try_from(code).ok());
-    Coded { code: code.filter(|code| *code != 0).unwrap_or(1), sentence }
+fn collect(output: &str, duration_s: f64, seed: u64) -> Vec<String> {
+    let (duration, seed) = (duration_s.to_string(), seed.to_string());
+    let collect = ["calibrate", "collect", "--home", "--duration-s", &duration, "--seed", &seed];
+    words(&[&collect[..], &["--output", output]].concat())
 }
 
 #[cfg(test)]

@@ -6,14 +6,18 @@ use i2ris::ipc::{Domain, FixtureAction, FixtureKind};
 use i2ris::units::Nanos;
 
 use i2ris_report::exit::Coded;
-use i2ris_report::{DomainOption, Failure, Screen, until_closed};
+use i2ris_report::{DomainOption, Failure};
 
 use super::stream_monitor::StopReason;
 use crate::exit::name_holder;
 use crate::numbers::finite;
+use crate::procedure::person::say;
 
 /// Kind and values of a region, rad or m.
 type Region = (FixtureKind, [f64; 4]);
+
+/// `None`: list only.
+type Request = Option<(FixtureAction, Option<Region>)>;
 
 /// The stream is sent once a second.
 const WAIT: Nanos = Nanos::from_millis(3000);
@@ -69,23 +73,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     carry_out(&domain, request).map_err(|failure| name_holder(failure, &domain))
 }
 
-fn carry_out(
-    domain: &Domain,
-    request: Option<(FixtureAction, Option<Region>)>,
-) -> Result<(), Failure> {
+fn carry_out(domain: &Domain, request: Request) -> Result<(), Failure> {
     let mut client = crate::command::prepare::connect(domain)?;
     if let Some((action, region)) = request {
         client.virtual_fixture(action, region)?;
     }
-    until_closed(Screen::stdout().say(&table(&newest(&client)?)))?;
-    Ok(())
+    say(&table(&newest(&client)?))
 }
 
-/// Request for an action; `None`: list only.
-fn request(
-    action: Action,
-    numbers: &[f64],
-) -> Result<Option<(FixtureAction, Option<Region>)>, Failure> {
+fn request(action: Action, numbers: &[f64]) -> Result<Request, Failure> {
     let (rad, m) = (f64::to_radians, |mm: f64| mm * 1e-3);
     let region = match (action, numbers) {
         (Action::List, []) => return Ok(None),

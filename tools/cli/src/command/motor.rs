@@ -1,17 +1,16 @@
 //! `i2ris command motor`: moves one motor a few counts and back, without camera or model.
 
-use std::io::{self, BufRead, IsTerminal};
-
 use i2ris::clock;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::{Client, Latest};
 use i2ris::ipc::payload::ActuatorState;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
-use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
+use i2ris_report::{DomainOption, Failure, Interrupt};
 
 use super::prepare::{FIRST_MESSAGE_TIMEOUT, HOMING, PrepareOptions, prepare};
 use super::stream_monitor::{StopReason, StreamMonitor};
+use crate::procedure::person::{Person, Terminal, say};
 
 /// Largest distance, counts: enough to see a motor turn, too little to bend a snake far.
 const MAX_COUNTS: i32 = 100;
@@ -64,7 +63,7 @@ pub fn run(arguments: &Arguments, client: &mut Client) -> Result<(), Failure> {
     if arguments.motor >= usize::from(motors) {
         return Err(format!("motor {}: there are {motors}, from 0", arguments.motor).into());
     }
-    prepare(client, permission(arguments)?, &interrupt)?;
+    prepare(client, permission(arguments, &interrupt)?, &interrupt)?;
     let outcome = there_and_back(arguments, client, &interrupt);
     // A command in transit would acquire the lease again.
     clock::sleep(LAST_COMMAND);
@@ -74,35 +73,24 @@ pub fn run(arguments: &Arguments, client: &mut Client) -> Result<(), Failure> {
 }
 
 /// Asks the operator. A script gives permission by `--enable` or `--home`.
-fn permission(arguments: &Arguments) -> Result<PrepareOptions, Failure> {
+fn permission(arguments: &Arguments, interrupt: &Interrupt) -> Result<PrepareOptions, Failure> {
     let Arguments { motor, counts, prepare, .. } = arguments;
     if prepare.is_given() {
         return Ok(*prepare);
     }
-    if !io::stdin().is_terminal() {
-        return Err(
-            "the motor moves, and there is no operator to ask here: add --enable, or --home if \
-                    its zero is unknown"
-                .into(),
-        );
-    }
-    say(&format!(
+    let mut person = Terminal::open(interrupt).ok_or(
+        "the motor moves, and there is no operator to ask here: add --enable, or --home if its \
+         zero is unknown",
+    )?;
+    let typed = person.answer(&format!(
         "motor {motor} will move {counts} counts and back. Its power is switched on; if its zero \
          is unknown, {HOMING}. Is the snake out of the eye, are the wires slack, and is one hand \
          on the switch of the motor supply? Type yes."
-    ))?;
-    let mut typed = String::new();
-    io::stdin().lock().read_line(&mut typed)?;
-    if typed.trim() == "yes" {
-        Ok(PrepareOptions::ALL)
-    } else {
-        Err("not confirmed: nothing has moved".into())
+    ));
+    match typed.as_deref() {
+        Ok("yes") => Ok(PrepareOptions::ALL),
+        _ => Err("not confirmed: nothing has moved".into()),
     }
-}
-
-fn say(line: &str) -> Result<(), Failure> {
-    until_closed(Screen::stdout().say(line))?;
-    Ok(())
 }
 
 /// The newest state of the motors after this instant.

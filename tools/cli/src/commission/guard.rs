@@ -41,9 +41,10 @@ pub enum Mode {
     Position,
 }
 
-/// Options for switching the power on.
+/// Permission and options for switching the power on.
 #[derive(Debug, Clone, Copy)]
-pub struct PowerOnOptions {
+pub struct PowerOn {
+    pub permit: Permit,
     pub mode: Mode,
     /// Current limit; capped by that of the configuration.
     pub current_ma: u32,
@@ -55,9 +56,9 @@ pub struct PowerOnOptions {
     pub origin: Option<i32>,
 }
 
-impl PowerOnOptions {
-    pub fn new(mode: Mode, current_ma: u32) -> Self {
-        Self { mode, current_ma, limits: None, extra: None, origin: None }
+impl PowerOn {
+    pub fn new(permit: Permit, mode: Mode, current_ma: u32) -> Self {
+        Self { permit, mode, current_ma, limits: None, extra: None, origin: None }
     }
 }
 
@@ -76,12 +77,8 @@ pub struct PoweredDrive<'a, 'b, T: Transport> {
 
 impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
     /// Writes the limits, then switches the power on at the present position.
-    pub fn on(
-        node: &'a mut Node<'b, T>,
-        permit: Permit,
-        how: PowerOnOptions,
-    ) -> Result<Self, PowerCutReason> {
-        let Permit { most } = permit;
+    pub fn on(node: &'a mut Node<'b, T>, how: PowerOn) -> Result<Self, PowerCutReason> {
+        let Permit { most } = how.permit;
         let state = node.state()?;
         if state == DriveState::Fault {
             return Err(PowerCutReason::Fault(node.fault()));
@@ -96,7 +93,7 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         let (origin, goal) = (0, 0);
         let mut guard =
             Self { node, watch, origin, goal, mode, unit_ma, flowed: Nanos::ZERO, is_off: false };
-        match guard.prepare(most, current_ma, how).and_then(|()| guard.switch_on()) {
+        match guard.prepare(current_ma, how).and_then(|()| guard.switch_on()) {
             Ok(()) => Ok(guard),
             Err(trip) => Err(guard.end(trip)),
         }
@@ -107,19 +104,14 @@ impl<'a, 'b, T: Transport> PoweredDrive<'a, 'b, T> {
         self.origin
     }
 
-    fn prepare(
-        &mut self,
-        most: i32,
-        current_ma: u32,
-        how: PowerOnOptions,
-    ) -> Result<(), PowerCutReason> {
+    fn prepare(&mut self, current_ma: u32, how: PowerOn) -> Result<(), PowerCutReason> {
         let node = &mut *self.node;
         let position = node.read(object::POSITION)?;
         // The motor may have been turned by hand.
         let is_near = |origin: &i32| (position - origin).abs() <= NEAR;
         self.origin = how.origin.filter(is_near).unwrap_or(position);
         self.goal = position - self.origin;
-        let around = how.limits.unwrap_or(most.max(FEW));
+        let around = how.limits.unwrap_or(how.permit.most.max(FEW));
         let speed_rpm = if self.mode == Mode::Current { PULSE_RPM } else { SPEED_RPM };
         let axis = AxisConfig {
             position_min_counts: Counts(self.origin - around),

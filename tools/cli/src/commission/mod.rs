@@ -4,7 +4,6 @@
 //! |---|---|
 //! | `order` | the sequence of the stages |
 //! | `session` | shared state of the stages |
-//! | `person` | output and prompts |
 //! | `watch`, `guard`, `node` | motion limits; a drive with power; a drive |
 //! | `reading`, `moving`, `stopping` | the stages |
 //! | `record`, `page`, `proposal` | findings, in a file and on a page; the proposal |
@@ -18,7 +17,6 @@ mod moving;
 mod node;
 mod order;
 mod page;
-mod person;
 mod proposal;
 mod reading;
 mod record;
@@ -41,9 +39,11 @@ use i2ris_report::{Failure, Interrupt};
 use i2ris_simulation::drive::DeviceFile;
 
 use held_port::HeldPort;
-use person::{Person, Terminal, permission};
 use record::Record;
 use session::{Lines, Session, keep};
+
+use crate::procedure::Procedure;
+use crate::procedure::person::{Person, Terminal, permission};
 
 /// Exchanges of the histogram.
 const EXCHANGES: usize = 10_000;
@@ -93,7 +93,8 @@ impl Lines for SerialLines<'_> {
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
-    let mut person = Terminal::new(interrupt.clone())?;
+    let mut person = Terminal::open(&interrupt)
+        .ok_or("every stage needs a permission typed at a terminal: run it on a terminal")?;
     let Arguments { config: file, folder, device, apply } = arguments;
     // Relative paths refer to the original file, also for the copy in the folder.
     let config = Config::load(&fs::canonicalize(file).unwrap_or_else(|_| file.clone()))?;

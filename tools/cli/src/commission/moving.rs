@@ -7,11 +7,12 @@ use i2ris::drive::object::Object;
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
 
-use super::guard::{Mode, PowerOnOptions, PoweredDrive};
-use super::person::{Permission, permission};
+use super::guard::{Mode, PowerOn, PoweredDrive};
 use super::record::{NOT_THERE, Sweep, Topic};
-use super::session::{Halt, Motor, ms};
+use super::session::{Motor, ms};
 use super::watch::{FEW, Permit, PowerCutReason, SILENT, Seen};
+use crate::procedure::Halt;
+use crate::procedure::person::{Permission, permission};
 
 /// Time with power before communication stops, and duration of that silence.
 const QUIET: Nanos = Nanos::from_millis(1000);
@@ -41,22 +42,19 @@ const PERIOD: Object<u8> = Object::of(0x60C2, 1);
 
 pub fn power<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<String, Halt> {
     acknowledge(motor)?;
-    let mut guard =
-        on(motor, Permit::power(yes), PowerOnOptions::new(Mode::Current, FIRST_MA as u32))?;
+    let how = PowerOn::new(Permit::power(yes), Mode::Current, FIRST_MA as u32);
+    let mut guard = on(motor, how)?;
     guard.rest(QUIET)?;
     guard.be_silent(SILENCE);
-    let value = match guard.look() {
-        Ok(_) => "stays on".to_owned(),
-        Err(PowerCutReason::Fault(code)) => fault(code),
-        Err(trip) => return Err(trip.into()),
-    };
+    let looked = or_fault(guard.look())?;
     guard.off()?;
+    let value = looked.map_or_else(fault, |_| "stays on".to_owned());
     let evidence = format!(
         "with power and 0 mA, {} without an exchange; then 0x6041:00 and the error code were read",
         ms(SILENCE)
     );
     motor.find(Topic::Silence, &value, evidence);
-    if value != "stays on" {
+    if looked.is_err() {
         acknowledge(motor)?;
     }
     Ok(format!("power came on and nothing moved; without communication for 3 s it {value}"))
@@ -67,6 +65,15 @@ pub fn fault(code: u16) -> String {
     format!("fault 0x{code:04X}")
 }
 
+/// The reaction of a drive to a test, which may be a fault.
+fn or_fault<V>(outcome: Result<V, PowerCutReason>) -> Result<Result<V, u16>, Halt> {
+    match outcome {
+        Ok(seen) => Ok(Ok(seen)),
+        Err(PowerCutReason::Fault(code)) => Ok(Err(code)),
+        Err(trip) => Err(trip.into()),
+    }
+}
+
 /// Acknowledges a fault, if present.
 pub fn acknowledge<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     let node = &mut motor.node;
@@ -75,7 +82,7 @@ pub fn acknowledge<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     }
     let fault = node.family.fault(node.fault());
     match node.reset_fault()? {
-        DriveState::Fault => Err(Halt::Failed(format!("{fault}; it cannot be acknowledged"))),
+        DriveState::Fault => Err(format!("{fault}; it cannot be acknowledged").into()),
         _ => Ok(()),
     }
 }
@@ -85,26 +92,25 @@ type PoweredMotor<'a, 'b, T> = PoweredDrive<'a, 'b, CapturedLine<T>>;
 /// Switches a drive on. Counts are relative to the first position of the motor.
 fn on<'a, 'b, T: Transport>(
     motor: &'a mut Motor<'b, T>,
-    permit: Permit,
-    how: PowerOnOptions,
+    how: PowerOn,
 ) -> Result<PoweredMotor<'a, 'b, T>, PowerCutReason> {
-    let how = PowerOnOptions { origin: *motor.origin, ..how };
-    let guard = PoweredDrive::on(&mut motor.node, permit, how)?;
+    let how = PowerOn { origin: *motor.origin, ..how };
+    let guard = PoweredDrive::on(&mut motor.node, how)?;
     *motor.origin = Some(guard.origin());
     Ok(guard)
 }
 
 pub fn steps<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<String, Halt> {
     let friction_ma = find_friction(motor, yes)?;
-    let how = PowerOnOptions::new(Mode::Position, limit_ma(friction_ma));
-    let mut guard = on(motor, Permit::few(yes), how)?;
+    let how = PowerOn::new(Permit::few(yes), Mode::Position, limit_ma(friction_ma));
+    let mut guard = on(motor, how)?;
     for there in [FEW, -FEW, 0] {
         guard.go(there, 1, |_| ())?;
     }
     guard.off()?;
-    find_halt(motor, yes, how)?;
-    find_soft_limit(motor, yes, how)?;
-    find_interpolation(motor, yes, how)?;
+    find_halt(motor, how)?;
+    find_soft_limit(motor, how)?;
+    find_interpolation(motor, how)?;
     Ok(format!("turns from {friction_ma:.0} mA up; moved {FEW} counts back and forth and followed"))
 }
 
@@ -139,13 +145,13 @@ fn find_friction<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Re
     let still = "is blocked, its encoder gives no signal, or its friction is higher; turn it by \
                  hand with the power off and look at 0x6064:00 (`i2ris doctor drives dump`)";
     let Some(more) = more else {
-        return Err(Halt::Failed(format!("it does not turn with {last:.0} mA: it {still}")));
+        return Err(format!("it does not turn with {last:.0} mA: it {still}").into());
     };
     let second = std::iter::successors(Some(last.max(least)), |ma| Some((1.3 * ma).max(ma + unit)));
     let second: Vec<f64> = second.skip(1).take_while(|ma| *ma <= SECOND_MA.min(most)).collect();
     let permit = Permit::further(yes, &more, SECOND_COUNTS);
     let found = pulses(motor, permit, &second)?;
-    found.ok_or_else(|| Halt::Failed(format!("it does not turn with more current: it {still}")))
+    found.ok_or_else(|| format!("it does not turn with more current: it {still}").into())
 }
 
 /// Pulses of rising current in both directions, until the encoder shows both. `None`: no counts.
@@ -155,7 +161,7 @@ fn pulses<T: Transport>(
     ladder: &[f64],
 ) -> Result<Option<f64>, Halt> {
     let Some(most) = ladder.last() else { return Ok(None) };
-    let mut guard = on(motor, permit, PowerOnOptions::new(Mode::Current, most.ceil() as u32))?;
+    let mut guard = on(motor, PowerOn::new(permit, Mode::Current, most.ceil() as u32))?;
     for &ma in ladder {
         let there = guard.pulse(ma)?;
         let back = guard.pulse(-ma)?;
@@ -167,11 +173,12 @@ fn pulses<T: Transport>(
                  direction of the encoder (0x3010:02; EPOS2 0x2210:04) or two phases of the motor"
             );
             motor.find(Topic::Direction, "against the current", evidence);
-            return Err(Halt::Failed(text));
+            return Err(text.into());
         }
         if there - back >= 2 {
             guard.off()?;
             motor.find(Topic::Friction, &format!("{ma:.0} mA"), evidence);
+            motor.record.frictions_ma.insert(motor.place.clone(), ma);
             return Ok(Some(ma));
         }
         if guard.flowed > SILENT {
@@ -182,12 +189,8 @@ fn pulses<T: Transport>(
     Ok(None)
 }
 
-fn find_halt<T: Transport>(
-    motor: &mut Motor<'_, T>,
-    yes: &Permission,
-    how: PowerOnOptions,
-) -> Result<(), Halt> {
-    let mut guard = on(motor, Permit::few(yes), how)?;
+fn find_halt<T: Transport>(motor: &mut Motor<'_, T>, how: PowerOn) -> Result<(), Halt> {
+    let mut guard = on(motor, how)?;
     guard.halt(true)?;
     let seen = guard.try_place(HALTED, SETTLED)?;
     guard.try_place(0, SETTLED)?;
@@ -203,19 +206,15 @@ fn find_halt<T: Transport>(
     Ok(())
 }
 
-fn find_soft_limit<T: Transport>(
-    motor: &mut Motor<'_, T>,
-    yes: &Permission,
-    how: PowerOnOptions,
-) -> Result<(), Halt> {
-    let mut guard = on(motor, Permit::few(yes), PowerOnOptions { limits: Some(LIMIT), ..how })?;
-    let (value, shown) = match guard.try_place(BEYOND, SETTLED) {
+fn find_soft_limit<T: Transport>(motor: &mut Motor<'_, T>, how: PowerOn) -> Result<(), Halt> {
+    let mut guard = on(motor, PowerOn { limits: Some(LIMIT), ..how })?;
+    let tried = or_fault(guard.try_place(BEYOND, SETTLED))?;
+    let (value, shown) = match tried {
         Ok(seen) if seen.counts > (LIMIT + BEYOND) / 2 => ("ignored".to_owned(), seen.counts),
         Ok(seen) => ("clipped".to_owned(), seen.counts),
-        Err(PowerCutReason::Fault(code)) => (fault(code), 0),
-        Err(trip) => return Err(trip.into()),
+        Err(code) => (fault(code), 0),
     };
-    if !value.starts_with("fault") {
+    if tried.is_ok() {
         guard.try_place(0, SETTLED)?;
     }
     guard.off()?;
@@ -226,34 +225,28 @@ fn find_soft_limit<T: Transport>(
     acknowledge(motor)
 }
 
-fn find_interpolation<T: Transport>(
-    motor: &mut Motor<'_, T>,
-    yes: &Permission,
-    how: PowerOnOptions,
-) -> Result<(), Halt> {
+fn find_interpolation<T: Transport>(motor: &mut Motor<'_, T>, how: PowerOn) -> Result<(), Halt> {
     if motor.node.is_epos2() {
         let why = "an EPOS2 interpolates only in its mode 7, which is not used".to_owned();
         motor.find(Topic::Interpolation, NOT_THERE, why);
         return Ok(());
     }
-    let how = PowerOnOptions { extra: Some(PERIOD.set(10)), ..how };
-    let waited = match on(motor, Permit::few(yes), how) {
-        Ok(mut guard) => guard.rest(SETTLED).and_then(|_| guard.off()),
-        Err(trip) => Err(trip),
-    };
-    let value = match waited {
-        Ok(()) => "no timeout".to_owned(),
-        Err(PowerCutReason::Fault(code)) => fault(code),
-        Err(PowerCutReason::Drive(AxisError::Exchange {
-            object,
-            error: LinkError::Refused(code),
-        })) if object == PERIOD.address() => {
-            let why = format!("this drive refuses 0x60C2:01: {code}");
-            motor.find(Topic::Interpolation, NOT_THERE, why);
-            return Ok(());
-        }
-        Err(trip) => return Err(trip.into()),
-    };
+    let how = PowerOn { extra: Some(PERIOD.set(10)), ..how };
+    let waited = on(motor, how).and_then(|mut guard| {
+        guard.rest(SETTLED)?;
+        guard.off()
+    });
+    if let Err(PowerCutReason::Drive(AxisError::Exchange {
+        object,
+        error: LinkError::Refused(code),
+    })) = &waited
+        && *object == PERIOD.address()
+    {
+        let why = format!("this drive refuses 0x60C2:01: {code}");
+        motor.find(Topic::Interpolation, NOT_THERE, why);
+        return Ok(());
+    }
+    let value = or_fault(waited)?.map_or_else(fault, |()| "no timeout".to_owned());
     let evidence = format!(
         "0x60C2:01 = 10 (ms), power on, {} without a setpoint; then the error code was read",
         ms(SETTLED)
@@ -287,13 +280,14 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<
         )?,
         _ => None,
     };
-    let limit = limit_ma(known_friction(motor));
+    let found_ma = motor.record.frictions_ma.get(&motor.place).copied();
+    let limit = limit_ma(found_ma.unwrap_or(FIRST_MA));
     let (permit, ends) = match &second {
         Some(second) => (Permit::further(yes, second, turn + FEW), [turn, 0]),
         None => (Permit::few(yes), [FEW, -FEW]),
     };
     let step = (turn / 256).clamp(1, if second.is_some() { 8 } else { 1 });
-    let back = sweep(motor, permit, PowerOnOptions::new(Mode::Position, limit), ends, step)?;
+    let back = sweep(motor, PowerOn::new(permit, Mode::Position, limit), ends, step)?;
     note_play(motor, back);
     if pulses == 0 {
         // The play has been measured in any case.
@@ -316,24 +310,15 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<
     note_turn(motor, turn, name, &evidence)
 }
 
-/// The current found in the previous stage, mA.
-fn known_friction<T>(motor: &Motor<'_, T>) -> f64 {
-    let mut found = motor.record.findings.iter();
-    let found = found.find(|it| it.topic == Topic::Friction && it.place == motor.place);
-    let ma = found.and_then(|it| it.value.split(' ').next()?.parse().ok());
-    ma.unwrap_or(FIRST_MA)
-}
-
 /// Moves to a place and back through another; returns the currents on the way back.
 fn sweep<T: Transport>(
     motor: &mut Motor<'_, T>,
-    permit: Permit,
-    how: PowerOnOptions,
+    how: PowerOn,
     [there, back]: [i32; 2],
     step: i32,
 ) -> Result<Vec<(i32, i32)>, Halt> {
     let mut currents = Vec::new();
-    let mut guard = on(motor, permit, how)?;
+    let mut guard = on(motor, how)?;
     let mut note = |seen: Seen| currents.push((seen.counts, -seen.current_ma));
     let outcome = guard
         .go(there, step, |_| ())
@@ -396,12 +381,13 @@ fn note_turn<T: Transport>(
     evidence: &str,
 ) -> Result<String, Halt> {
     let seen = motor.person.answer(&format!(
-        "How many turns did the shaft of {} make on its way out (1, 0.5, 2, ...)? Enter: not seen.",
+        "\nHow many turns did the shaft of {} make on its way out (1, 0.5, 2, ...)? Enter: not \
+         seen.",
         motor.place
     ))?;
     let way = motor.person.answer(
-        "Which way did it turn on its way out, seen from the end of the shaft: c (clockwise) or a \
-         (anticlockwise)? Enter: not seen.",
+        "\nWhich way did it turn on its way out, seen from the end of the shaft: c (clockwise) or \
+         a (anticlockwise)? Enter: not seen.",
     )?;
     match way.as_str() {
         "c" | "a" => {
@@ -424,10 +410,11 @@ fn note_turn<T: Transport>(
     };
     motor.find(Topic::CountsPerTurn, &value, evidence);
     match turns {
-        Some(turns) if (turns - 1.0).abs() > 0.1 => Err(Halt::Failed(format!(
+        Some(turns) if (turns - 1.0).abs() > 0.1 => Err(format!(
             "its encoder has another resolution: one turn is {value} counts, but the drive \
              assumes {turn}; correct {name} in EPOS Studio"
-        ))),
+        )
+        .into()),
         _ => Ok(format!("{value} counts per turn")),
     }
 }

@@ -2,63 +2,43 @@
 
 use i2ris_report::Failure;
 
-use super::person::{Gone, permission};
 use super::record::{Outcome, Stage};
-use super::session::{Halt, Lines, Session};
+use super::session::{Lines, Session};
 use super::{moving, reading, stopping};
+use crate::procedure::person::{Gone, permission};
+use crate::procedure::{Ended, Halt, Place, Procedure};
 
-impl<L: Lines> Session<'_, L> {
-    /// Continues after the last completed stage. `Ok`: all are done.
-    pub fn run(&mut self) -> Result<(), Failure> {
-        for stage in Stage::ALL {
-            // Drives may have been replaced.
-            if stage != Stage::Identify && self.record.is_done(stage) {
-                self.person.say(&format!("stage {stage}: done before"));
-                continue;
-            }
-            let (outcome, text) = match self.stage(stage) {
-                Ok(text) => match &self.record.not_asked(stage)[..] {
-                    [] => (Outcome::Done, text),
-                    open => (Outcome::Partly, format!("not asked: {}; {text}", open.join(", "))),
-                },
-                Err(Halt::Failed(text)) => (Outcome::Failed, text),
-                Err(Halt::Gone(gone)) => (Outcome::Left, gone.to_string()),
-            };
-            self.record.end_stage(stage, outcome, text.clone());
-            let captured = self.take_captured();
-            (self.keep)(&self.record, stage, &captured)?;
-            let why = match outcome {
-                Outcome::Done => {
-                    self.person.say(&format!("stage {stage}: done. {text}"));
-                    continue;
-                }
-                Outcome::Partly => {
-                    let again = "run the same command for the rest";
-                    self.person.say(&format!("stage {stage}: done in part, {again}. {text}"));
-                    continue;
-                }
-                Outcome::Failed => format!("stage {stage} failed: {text}"),
-                Outcome::Left => format!(
-                    "stage {stage}: {text}; the drives are off; run the same command to resume"
-                ),
-            };
-            return Err(why.into());
-        }
+impl<L: Lines> Procedure for Session<'_, L> {
+    type Stage = Stage;
+
+    fn stages(&self) -> &'static [Stage] {
+        &Stage::ALL
+    }
+
+    fn title(&self, at: &Place<Stage>) -> String {
+        format!("stage {}", at.stage)
+    }
+
+    fn is_done(&self, stage: Stage) -> bool {
+        // Drives may have been replaced.
+        stage != Stage::Identify && self.record.is_done(stage)
+    }
+
+    fn say(&mut self, line: &str) -> Result<(), Failure> {
+        self.person.say(line);
         Ok(())
     }
 
-    fn stage(&mut self, stage: Stage) -> Result<String, Halt> {
-        let (number, all) = (stage as usize + 1, Stage::ALL.len());
-        let what = format!("== {number} of {all}: {stage}\n{}", stage.announcement());
+    fn perform(&mut self, at: &Place<Stage>) -> Result<Ended, Halt> {
+        let Place { stage, number, of, .. } = *at;
+        let what = format!("== {number} of {of}: {stage}\n{}", stage.announcement());
         let yes = permission(self.person, &what, "yes", "any other input ends here")?;
-        let Some(yes) = yes else {
-            // Not a failure of anything.
-            return Err(Halt::Gone(Gone::NotPermitted));
-        };
+        // Not a failure of anything.
+        let yes = yes.ok_or(Gone::NotPermitted)?;
         if self.ports.is_empty() {
             self.open()?;
         }
-        match stage {
+        let text = match stage {
             Stage::Identify => reading::identify(self),
             Stage::Settings => reading::settings(self),
             Stage::Power => self.each_motor(&yes, moving::power),
@@ -66,6 +46,34 @@ impl<L: Lines> Session<'_, L> {
             Stage::Gear => self.each_motor(&yes, moving::gear),
             Stage::Exchanges => reading::exchanges(self),
             Stage::Stops => stopping::stops(self),
+        }?;
+        Ok(match &self.record.not_asked(stage)[..] {
+            [] => Ended::Done(text),
+            open => Ended::Doubtful(format!("not asked: {}; {text}", open.join(", "))),
+        })
+    }
+
+    fn conclude(&mut self, at: &Place<Stage>, ended: Result<Ended, Halt>) -> Result<(), Failure> {
+        let (stage, title) = (at.stage, self.title(at));
+        let (outcome, text) = match ended {
+            Ok(Ended::Done(text)) => (Outcome::Done, text),
+            Ok(Ended::Doubtful(text)) => (Outcome::Partly, text),
+            Err(Halt::Failed(failure)) => (Outcome::Failed, failure.to_string()),
+            Err(Halt::Gone(gone)) => (Outcome::Left, gone.to_string()),
+        };
+        self.record.end_stage(stage, outcome, text.clone());
+        let captured = self.take_captured();
+        (self.keep)(&self.record, stage, &captured)?;
+        let again = "run the same command";
+        match outcome {
+            Outcome::Done => self.say(&format!("{title}: done. {text}")),
+            Outcome::Partly => {
+                self.say(&format!("{title}: done in part, {again} for the rest. {text}"))
+            }
+            Outcome::Failed => Err(format!("{title} failed: {text}").into()),
+            Outcome::Left => {
+                Err(format!("{title}: {text}; the drives are off; {again} to resume").into())
+            }
         }
     }
 }

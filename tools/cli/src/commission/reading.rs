@@ -15,10 +15,12 @@ use i2ris::robot::DriveFingerprint;
 use i2ris::units::Nanos;
 
 use crate::doctor::ports::rename_axes;
+use crate::procedure::Halt;
+use crate::procedure::person::Gone;
 
 use super::proposal::Change;
 use super::record::{NOT_THERE, Record, Topic};
-use super::session::{Halt, Lines, OpenPort, Session, ms};
+use super::session::{Lines, OpenPort, Session, ms};
 
 /// Address of an object that no drive has.
 const NOWHERE: Address =
@@ -63,12 +65,11 @@ pub fn identify<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> 
         if seen.axes.iter().any(Result::is_err) {
             propose_serial_numbers(port, number, record);
         } else if problems.len() == before {
-            find_replies(port, record).map_err(|error| {
-                Halt::Failed(format!("{}: {error}", port.config.device.display()))
-            })?;
+            find_replies(port, record)
+                .map_err(|error| format!("{}: {error}", port.config.device.display()))?;
         }
     }
-    if problems.is_empty() { Ok(found.join("; ")) } else { Err(Halt::Failed(problems.join("; "))) }
+    if problems.is_empty() { Ok(found.join("; ")) } else { Err(problems.join("; ").into()) }
 }
 
 fn identity(seen: &Inspection) -> String {
@@ -182,7 +183,7 @@ pub fn settings<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt> 
     for port in &mut session.ports {
         let seen = inspect_link(&mut port.link, &port.config)?;
         for seen in seen.axes {
-            let seen = seen.map_err(Halt::Failed)?;
+            let seen = seen?;
             let of_limit = |(object, wanted, found): &(Address, u32, u32)| {
                 format!(
                     "motor {}: {object} is {}; the controller writes {} at start-up",
@@ -213,11 +214,11 @@ pub fn exchanges<L: Lines>(session: &mut Session<'_, L>) -> Result<String, Halt>
     let (mut texts, mut all) = (Vec::new(), Vec::new());
     for port in &mut session.ports {
         let device = port.config.device.display().to_string();
-        let failed = |error: LinkError| Halt::Failed(format!("{device}: {error}"));
+        let failed = |error: LinkError| format!("{device}: {error}");
         let (mut spans, before) = (Vec::with_capacity(count), port.link.counters());
         for axis in port.config.axes.iter().cycle().take(count) {
             if (session.interrupted)() {
-                return Err(super::person::Gone::Interrupted.into());
+                return Err(Gone::Interrupted.into());
             }
             let begin = port.link.now();
             port.link.read(axis.node_id, object::POSITION).map_err(failed)?;

@@ -1,6 +1,7 @@
 //! The state so far, in a file of the folder: stages with their results, and findings with their
 //! evidence. An interrupted commissioning resumes from it.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::{fmt, fs};
 
@@ -177,6 +178,9 @@ pub struct Record {
     /// Histograms of the exchange duration per port, microseconds.
     pub exchanges: Vec<(String, Vec<(u32, u32)>)>,
     pub sweeps: Vec<Sweep>,
+    /// Current that turns a motor, mA, by place.
+    #[serde(default)]
+    pub frictions_ma: BTreeMap<String, f64>,
     pub changes: Vec<Change>,
 }
 

@@ -19,9 +19,10 @@ use i2ris::{clock, wall_clock};
 use i2ris_report::Failure;
 
 use super::node::Node;
-use super::person::{Gone, Permission, Person};
 use super::record::{Record, Stage, Topic};
 use super::watch::PowerCutReason;
+use crate::procedure::Halt;
+use crate::procedure::person::{Gone, Permission, Person};
 
 /// Source of the lines, and of processes next to the commissioning.
 pub trait Lines {
@@ -33,47 +34,24 @@ pub trait Lines {
     fn kill_controller(&mut self) -> Result<String, Failure>;
 }
 
-/// Reason why a stage ended early.
-#[derive(Debug)]
-pub enum Halt {
-    Failed(String),
-    Gone(Gone),
-}
-
-impl From<Gone> for Halt {
-    fn from(gone: Gone) -> Self {
-        Self::Gone(gone)
-    }
-}
-
 impl From<PowerCutReason> for Halt {
     fn from(trip: PowerCutReason) -> Self {
         match trip {
             PowerCutReason::Interrupted => Self::Gone(Gone::Interrupted),
-            trip => Self::Failed(trip.to_string()),
+            trip => trip.to_string().into(),
         }
     }
 }
 
 impl From<AxisError> for Halt {
     fn from(error: AxisError) -> Self {
-        Self::Failed(error.to_string())
+        error.to_string().into()
     }
 }
 
 impl From<DriveError> for Halt {
     fn from(error: DriveError) -> Self {
-        Self::Failed(error.to_string())
-    }
-}
-
-impl Halt {
-    /// Adds the motor to the reason.
-    pub fn at(self, place: &str) -> Self {
-        match self {
-            Self::Failed(text) => Self::Failed(format!("{place}: {text}")),
-            gone => gone,
-        }
+        error.to_string().into()
     }
 }
 

@@ -6,13 +6,14 @@ use i2ris::drive::error::AxisError;
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
 
-use super::guard::{Mode, PowerOnOptions, PoweredDrive};
+use super::guard::{Mode, PowerOn, PoweredDrive};
 use super::moving::{acknowledge, fault};
-use super::person::{Gone, Permission, permission};
 use super::reading::NO_CAN;
 use super::record::Topic;
-use super::session::{Halt, Lines, Motor, Session, ms};
+use super::session::{Lines, Motor, Session, ms};
 use super::watch::{Permit, PowerCutReason};
+use crate::procedure::Halt;
+use crate::procedure::person::{Gone, Permission, permission};
 
 /// Time that a drive holds with power, waiting for the operator.
 const PATIENCE: Nanos = Nanos::from_millis(30_000);
@@ -100,11 +101,11 @@ fn supply<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     motor.find(Topic::PowerUp, &boot, evidence.to_owned());
     off(motor)?;
     match (has_power, outage.code) {
-        (true, _) => Err(Halt::Failed("it has power after its supply was switched".to_owned())),
+        (true, _) => Err("it has power after its supply was switched".to_owned().into()),
         (false, 0 | NO_CAN) => Ok(()),
         (false, code) => {
             let fault = motor.node.family.fault(code);
-            Err(Halt::Failed(format!("it comes up with a fault: {fault}")))
+            Err(format!("it comes up with a fault: {fault}").into())
         }
     }
 }
@@ -129,8 +130,8 @@ fn outage<T: Transport>(
     // Another drive may share this supply.
     acknowledge(motor)?;
     let Motor { place, node, person, .. } = motor;
-    let how = PowerOnOptions::new(Mode::Position, HOLDING_MA);
-    let guard = PoweredDrive::on(node, Permit::power(yes), how)?;
+    let how = PowerOn::new(Permit::power(yes), Mode::Position, HOLDING_MA);
+    let guard = PoweredDrive::on(node, how)?;
     person.say(&format!("{place} has power: {now}"));
     let (good, noticed, trip) = guard.hold(PATIENCE);
     match trip {
@@ -154,7 +155,7 @@ fn outage<T: Transport>(
         }
         if (node.is_interrupted)() || node.link.now() > end {
             let text = "it no longer answers. THE DRIVE MAY STILL BE ON: cut its supply";
-            return Err(Halt::Failed(text.to_owned()));
+            return Err(text.to_owned().into());
         }
         let next = node.link.now() + POLL;
         node.link.sleep_until(next);
@@ -193,7 +194,7 @@ fn controller<L: Lines>(session: &mut Session<'_, L>) -> Result<(), Halt> {
     }
     let evidence = match killed {
         Ok(log) => format!("{log}; then the drives reported {states:?}"),
-        Err(failure) => return Err(Halt::Failed(format!("killing a controller: {failure}"))),
+        Err(failure) => return Err(format!("killing a controller: {failure}").into()),
     };
     let is_stopped = |state: &DriveState| *state != DriveState::OperationEnabled;
     let all = states.iter().all(is_stopped);
@@ -202,6 +203,6 @@ fn controller<L: Lines>(session: &mut Session<'_, L>) -> Result<(), Halt> {
     if all {
         Ok(())
     } else {
-        Err(Halt::Failed("drives stay on after the controller is killed".into()))
+        Err("drives stay on after the controller is killed".to_owned().into())
     }
 }

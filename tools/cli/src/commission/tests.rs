@@ -23,9 +23,10 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::page::page;
-use super::person::{Gone, Person};
 use super::record::{NOT_ASKED, Record, Topic};
 use super::session::{Lines, Session};
+use crate::procedure::Procedure;
+use crate::procedure::person::{Gone, Person};
 
 const TURN: f64 = 1024.0;
 const LINES: [Line; 3] = [Line::Lab, Line::UsbEach, Line::Rs232];

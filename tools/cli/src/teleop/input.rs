@@ -16,6 +16,7 @@ use i2ris_teleop::state::Protocol;
 
 use super::profiles;
 use crate::numbers::seconds;
+use crate::procedure::person::say;
 
 const POLL: Nanos = Nanos::from_millis(5);
 const DRAW: Nanos = Nanos::from_millis(100);
@@ -142,7 +143,7 @@ fn record(
         clock::sleep(Nanos::from_millis(1));
     }
     file.flush().map_err(named)?;
-    until_closed(Screen::stdout().say(&format!("{}: {frames} frames", output.display())))?;
+    say(&format!("{}: {frames} frames", output.display()))?;
     Ok(ended?)
 }
 

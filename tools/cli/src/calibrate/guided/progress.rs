@@ -17,7 +17,7 @@ use crate::command::prepare::CONNECT;
 /// The model refitted to motion as in use, if it is better there.
 pub const REFINED: &str = "refined.json";
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Progress {
     folder: PathBuf,
     done: Vec<Step>,
@@ -31,13 +31,7 @@ pub struct Progress {
 impl Progress {
     /// Reads the results of an earlier run. An incomplete recording is set aside.
     pub fn read(folder: &Path, client: &mut Client) -> Result<Self, Failure> {
-        let mut progress = Self {
-            folder: folder.to_owned(),
-            done: Vec::new(),
-            model: None,
-            refined: None,
-            checked_before: false,
-        };
+        let mut progress = Self { folder: folder.to_owned(), ..Self::default() };
         let recording = folder.join("recording.csv");
         if !is_complete(&recording) {
             set_aside(&recording)?;

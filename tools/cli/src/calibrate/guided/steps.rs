@@ -15,14 +15,7 @@ pub enum Step {
 
 impl fmt::Display for Step {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Collect => "collect",
-            Self::Fit => "fit",
-            Self::Compare => "compare",
-            Self::Use => "use",
-            Self::Check => "check",
-            Self::Refine => "refine",
-        })
+        f.write_str(&format!("{self:?}").to_lowercase())
     }
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 use std::io::{self, IsTerminal, Read};
 use std::os::fd::AsFd;
 
-use i2ris_report::{Failure, Interrupt, Screen};
+use i2ris_report::{Failure, Interrupt, Screen, until_closed};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::termios::{FlushArg, tcflush};
 
@@ -45,8 +45,14 @@ pub fn permission(
     word: &str,
     otherwise: &str,
 ) -> Result<Option<Permission>, Gone> {
-    let typed = person.answer(&format!("{what}\nType {word} for that; {otherwise}: "))?;
+    let typed = person.answer(&format!("\n{what}\nType {word} for that; {otherwise}: "))?;
     Ok((typed == word).then_some(Permission(())))
+}
+
+/// Prints a line. A reader that has left is not a failure.
+pub fn say(line: &str) -> Result<(), Failure> {
+    until_closed(Screen::stdout().say(line))?;
+    Ok(())
 }
 
 /// The operator at a terminal.
@@ -56,14 +62,10 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// Fails without a terminal: then no permission can be given.
-    pub fn new(interrupt: Interrupt) -> Result<Self, Failure> {
-        if !io::stdin().is_terminal() {
-            return Err(
-                "every stage needs a permission typed at a terminal: run it on a terminal".into()
-            );
-        }
-        Ok(Self { interrupt, screen: Screen::stdout() })
+    /// `None` without a terminal: then no permission can be given.
+    pub fn open(interrupt: &Interrupt) -> Option<Self> {
+        let terminal = || Self { interrupt: interrupt.clone(), screen: Screen::stdout() };
+        io::stdin().is_terminal().then(terminal)
     }
 }
 
@@ -80,7 +82,7 @@ impl Person for Terminal {
         let stdin = io::stdin();
         // Input typed before the question is discarded.
         let _ = tcflush(&stdin, FlushArg::TCIFLUSH);
-        self.say(&format!("\n{question}"));
+        self.say(question);
         loop {
             let mut waited = [PollFd::new(stdin.as_fd(), PollFlags::POLLIN)];
             let ready = poll(&mut waited, PollTimeout::from(LOOK_MS)).unwrap_or(0) > 0;
