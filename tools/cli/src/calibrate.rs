@@ -10,7 +10,7 @@ mod refine;
 
 use i2ris_report::Failure;
 
-pub use files::{ColumnArguments, PathColumns};
+pub use files::{ColumnArguments, PathColumns, same};
 
 /// `i2ris calibrate`: one step, or all of them.
 #[derive(Debug, clap::Args)]
@@ -34,7 +34,7 @@ pub struct Arguments {
 
 impl Arguments {
     pub fn only_prints(&self) -> bool {
-        self.command.as_ref().is_some_and(Command::only_prints)
+        !matches!(self.command, None | Some(Command::Collect(_)))
     }
 }
 
@@ -48,12 +48,6 @@ enum Command {
     Fit(fit::Arguments),
     /// Insert angles measured later from images
     Merge(merge::Arguments),
-}
-
-impl Command {
-    fn only_prints(&self) -> bool {
-        !matches!(self, Self::Collect(_))
-    }
 }
 
 pub fn run(arguments: Arguments) -> Result<(), Failure> {

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use i2ris_calibration::recording::{ColumnMap, RecordingError, Rows, Wanted, read_rows};
+use i2ris::units::OutputVec;
+use i2ris_calibration::recording::{ColumnMap, RecordingError, Row, Rows, Wanted, read_rows};
+use i2ris_report::statistics::interpolate;
 
 /// The columns of desired or measured angles.
 pub const ANGLES: [&str; 3] = ["t_s", "pitch_deg", "yaw_deg"];
@@ -12,6 +14,21 @@ pub fn read(path: &Path, columns: &ColumnMap, wanted: &Wanted) -> Result<Rows, R
     let table = read_rows(path, columns, wanted)?;
     table.notes.iter().for_each(|note| eprintln!("warning: {note}"));
     Ok(table)
+}
+
+/// Outputs at a time: linear between rows of rising times, constant before and after.
+pub fn at(rows: &[Row], time_s: f64) -> OutputVec {
+    let time = |row: &Row| row.time_s.unwrap_or_default();
+    let next = rows.partition_point(|row| time(row) <= time_s);
+    let before = next.checked_sub(1).and_then(|row| rows.get(row));
+    match (before, rows.get(next)) {
+        (Some(from), Some(to)) => {
+            let share = (time_s - time(from)) / (time(to) - time(from));
+            interpolate(&from.outputs, &to.outputs, share)
+        }
+        (Some(row), None) | (None, Some(row)) => row.outputs,
+        (None, None) => OutputVec::default(),
+    }
 }
 
 pub fn write<T: AsRef<[u8]>>(path: &Path, columns: &[T], rows: &[Vec<f64>]) -> Result<(), String> {

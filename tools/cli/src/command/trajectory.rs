@@ -59,35 +59,25 @@ impl Trajectory {
 
 /// Points of a file: at least one, times rising from 0.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Waypoints(Vec<(f64, Angles)>);
+pub struct Waypoints(Vec<Row>);
 
 impl Waypoints {
     /// Reads a CSV file with time, pitch and yaw; other columns are ignored.
     pub fn load(path: &Path) -> Result<Self, RecordingError> {
         let wanted = Wanted::trajectory(&pitch_and_yaw());
-        let rows = csv_table::read(path, &ColumnMap::default(), &wanted)?.rows;
-        let time_s = |row: &Row| row.time_s.unwrap_or_default();
-        let start_s = rows.first().map_or(0.0, time_s);
-        let point = |row: &Row| (time_s(row) - start_s, [row.outputs[0], row.outputs[1]]);
-        Ok(Self(rows.iter().map(point).collect()))
+        let mut rows = csv_table::read(path, &ColumnMap::default(), &wanted)?.rows;
+        let start_s = rows.first().and_then(|row| row.time_s).unwrap_or_default();
+        rows.iter_mut().for_each(|row| row.time_s = row.time_s.map(|time_s| time_s - start_s));
+        Ok(Self(rows))
     }
 
     fn length_s(&self) -> f64 {
-        self.0.last().map_or(0.0, |(t_s, _)| *t_s)
+        self.0.last().and_then(|row| row.time_s).unwrap_or_default()
     }
 
-    /// Linear between rows, constant before the first and after the last.
     fn at(&self, t_s: f64) -> Angles {
-        let next = self.0.partition_point(|(row_s, _)| *row_s <= t_s);
-        let before = next.checked_sub(1).and_then(|row| self.0.get(row));
-        match (before, self.0.get(next)) {
-            (Some((start_s, from)), Some((end_s, to))) => {
-                let share = (t_s - start_s) / (end_s - start_s);
-                [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])]
-            }
-            (Some((_, angles)), None) | (None, Some((_, angles))) => *angles,
-            (None, None) => Angles::default(),
-        }
+        let [pitch, yaw, _] = csv_table::at(&self.0, t_s);
+        [pitch, yaw]
     }
 }
 

@@ -6,6 +6,7 @@ use i2ris::model::Model;
 use i2ris_calibration::recording::{ColumnMap, Row, Wanted, column_of};
 use i2ris_report::Failure;
 
+use crate::calibrate::same;
 use crate::csv_table;
 
 pub fn counts_columns(model: &Model) -> Vec<String> {
@@ -34,11 +35,7 @@ pub fn history(
 }
 
 pub fn check_output(output: &Path, inputs: &[&Path]) -> Result<(), Failure> {
-    let same = |input: &&Path| match (input.canonicalize(), output.canonicalize()) {
-        (Ok(input), Ok(output)) => input == output,
-        _ => false,
-    };
-    match inputs.iter().find(|input| same(input)) {
+    match inputs.iter().find(|input| same(input, output)) {
         Some(input) => {
             let (shown, input) = (output.display(), input.display());
             Err(format!("--output {shown}: is the same file as {input}; name another file").into())

@@ -19,7 +19,7 @@ use super::columns::{check_output, counts_columns, history, output_columns};
 use crate::calibrate::ColumnArguments;
 use crate::csv_table;
 use i2ris_report::Failure;
-use i2ris_report::statistics::{distance, interpolate};
+use i2ris_report::statistics::distance;
 
 /// Speed of the approach to the first pose, degrees (mm) per second.
 const APPROACH: f64 = 10.0;
@@ -159,19 +159,7 @@ impl DesiredTrajectory<'_> {
 
     /// Desired outputs, rad (m), interpolated linearly.
     fn at(&self, time_s: f64) -> OutputVec {
-        let time = |row: &Row| row.time_s.unwrap_or_default();
-        let after = self
-            .rows
-            .partition_point(|row| time(row) < time_s)
-            .min(self.rows.len().saturating_sub(1));
-        let (Some(from), Some(to)) = (self.rows.get(after.saturating_sub(1)), self.rows.get(after))
-        else {
-            return OutputVec::default();
-        };
-        let (start, end) = (time(from), time(to));
-        let share =
-            if end > start { ((time_s - start) / (end - start)).clamp(0.0, 1.0) } else { 1.0 };
-        interpolate(&from.outputs, &to.outputs, share).map(|value| value * self.si)
+        csv_table::at(self.rows, time_s).map(|value| value * self.si)
     }
 
     fn goal(&self, angles: OutputVec) -> ServoGoal {
