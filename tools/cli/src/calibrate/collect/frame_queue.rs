@@ -21,20 +21,6 @@ pub struct CameraFrame {
     pub outputs: [f64; MAX_OUTPUTS],
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum JudgedFrame {
-    Good(CameraFrame),
-    Outlier(CameraFrame),
-}
-
-impl JudgedFrame {
-    pub fn frame(&self) -> &CameraFrame {
-        match self {
-            Self::Good(frame) | Self::Outlier(frame) => frame,
-        }
-    }
-}
-
 #[derive(Debug)]
 pub struct FrameQueue {
     unit: OutputUnit,
@@ -70,13 +56,14 @@ impl FrameQueue {
         self.queue.front().filter(|_| ready).map(|frame| frame.stamp)
     }
 
-    pub fn pop(&mut self) -> Option<JudgedFrame> {
+    /// The next frame, and whether it is an outlier.
+    pub fn pop(&mut self) -> Option<(CameraFrame, bool)> {
         let frame = self.queue.pop_front()?;
-        if self.impossible(&frame) || self.stands_out(&frame) {
-            return Some(JudgedFrame::Outlier(frame));
+        let is_outlier = self.impossible(&frame) || self.stands_out(&frame);
+        if !is_outlier {
+            self.before = Some(frame);
         }
-        self.before = Some(frame);
-        Some(JudgedFrame::Good(frame))
+        Some((frame, is_outlier))
     }
 
     fn impossible(&self, frame: &CameraFrame) -> bool {
@@ -123,9 +110,7 @@ mod tests {
     fn judge(angles: &[(u64, f64)]) -> Vec<bool> {
         let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0);
         angles.iter().for_each(|(time, angle)| assert!(frames.push(&seen(*time, *angle))));
-        std::iter::from_fn(|| frames.pop())
-            .map(|frame| matches!(frame, JudgedFrame::Good(_)))
-            .collect()
+        std::iter::from_fn(|| frames.pop()).map(|(_, is_outlier)| !is_outlier).collect()
     }
 
     #[test]

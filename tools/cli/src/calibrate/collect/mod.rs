@@ -123,14 +123,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         client: &mut client,
         interrupt: &interrupt,
         subscriptions: &mut subscriptions,
+        recorder: &mut recorder,
         bar: &bar,
     };
     let ending = if arguments.watch {
-        session.watch(&mut recorder)
+        session.watch()
     } else {
-        session.perform(&mut recorder, !arguments.no_condition, request.speed_counts_s, |from| {
-            request.motion(from)
-        })
+        session
+            .perform(!arguments.no_condition, request.speed_counts_s, |from| request.motion(from))
     };
     bar.finish_and_clear();
     let recorded = recorder.finish().map_err(|error| cannot_write(&arguments.output, &error))?;

@@ -12,7 +12,7 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos};
 use i2ris_calibration::recording::{RecordingWriter, Row};
 
-use super::frame_queue::{CameraFrame, FrameQueue, JudgedFrame};
+use super::frame_queue::{CameraFrame, FrameQueue};
 use super::sidecar::{Flag, FlagKind};
 use i2ris_report::statistics::TimeSeries;
 
@@ -47,13 +47,8 @@ pub struct RecordedRows {
 impl RecordedRows {
     /// Rows with outputs.
     pub fn samples(&self) -> impl Iterator<Item = &Row> {
-        self.rows.iter().filter(|row| is_sample(row))
+        self.rows.iter().filter(|row| row.outputs.iter().all(|output| output.is_finite()))
     }
-}
-
-/// A row with outputs.
-pub fn is_sample(row: &Row) -> bool {
-    row.outputs.iter().all(|output| output.is_finite())
 }
 
 /// A frame so far from its neighbours, which agree, is an outlier: deg (mm).
@@ -159,26 +154,18 @@ impl<W: Write> Recorder<W> {
         }
     }
 
-    fn write_frame(&mut self, frame: JudgedFrame) -> io::Result<()> {
-        let CameraFrame { stamp, outputs } = *frame.frame();
-        let measured = &outputs[..self.outputs];
-        if self.written.is_some_and(|written| written >= stamp) {
-            self.flag(stamp, FlagKind::Late, 0, measured);
-            return Ok(());
-        }
-        match (self.counts(stamp, GAP_NS), frame) {
+    fn write_frame(&mut self, (frame, is_outlier): (CameraFrame, bool)) -> io::Result<()> {
+        let CameraFrame { stamp, outputs } = frame;
+        let flag = match (self.counts(stamp, GAP_NS), self.written) {
+            (_, Some(written)) if written >= stamp => FlagKind::Late,
             // The recording begins with a position.
-            _ if self.written.is_none() => Ok(()),
-            (Some(counts), JudgedFrame::Good(_)) => self.row(stamp, counts, outputs),
-            (_, JudgedFrame::Outlier(_)) => {
-                self.flag(stamp, FlagKind::Outlier, 0, measured);
-                Ok(())
-            }
-            (None, JudgedFrame::Good(_)) => {
-                self.flag(stamp, FlagKind::NoCounts, 0, measured);
-                Ok(())
-            }
-        }
+            (_, None) => return Ok(()),
+            (Some(counts), _) if !is_outlier => return self.row(stamp, counts, outputs),
+            (_, _) if is_outlier => FlagKind::Outlier,
+            (_, _) => FlagKind::NoCounts,
+        };
+        self.flag(stamp, flag, 0, &outputs[..self.outputs]);
+        Ok(())
     }
 
     fn counts(&self, stamp: Nanos, gap_ns: u64) -> Option<MotorVec> {

@@ -1,6 +1,7 @@
 //! Moves the robot through a protocol and records motors and camera.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::LineWriter;
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError, Commander, Subscription};
@@ -85,7 +86,7 @@ impl Subscriptions {
         }
     }
 
-    fn receive<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<(), Failure> {
+    fn receive(&mut self, recorder: &mut Recorder<LineWriter<File>>) -> Result<(), Failure> {
         let setpoint = &mut self.setpoint;
         self.actuators.drain(|state| {
             *setpoint = Some(state.setpoint_counts.map(f64::from));
@@ -147,53 +148,48 @@ pub struct Session<'a> {
     pub client: &'a mut Client,
     pub interrupt: &'a Interrupt,
     pub subscriptions: &'a mut Subscriptions,
+    pub recorder: &'a mut Recorder<LineWriter<File>>,
     /// Progress bar over time; this session sets its length.
     pub bar: &'a ProgressBar,
 }
 
 impl Session<'_> {
-    /// Conditions the robot, if requested, and moves it, while messages go to `recorder`. An
-    /// interrupt stops the motion softly. In every case the robot holds in the end and the lease is
-    /// free.
-    pub fn perform<W: Write>(
+    /// Conditions the robot, if requested, and moves it, while messages are recorded. An interrupt
+    /// stops the motion softly. In every case the robot holds in the end and the lease is free.
+    pub fn perform(
         &mut self,
-        recorder: &mut Recorder<W>,
         condition: bool,
         speed_counts_s: f64,
         motion: impl FnOnce(MotorVec) -> Motion,
     ) -> Result<Ending, Failure> {
-        if condition && self.condition(recorder)? == Ending::Interrupted {
+        if condition && self.condition()? == Ending::Interrupted {
             return Ok(Ending::Interrupted);
         }
-        let outcome = self
-            .current_setpoints(recorder)
-            .and_then(|from| self.play(recorder, motion(from), speed_counts_s));
+        let outcome =
+            self.current_setpoints().and_then(|from| self.play(motion(from), speed_counts_s));
         // A command in transit would acquire the lease again.
         clock::sleep(LAST_COMMAND);
         let released = self.client.state_command(StateCommand::Release);
         let ending = outcome?;
         released?;
-        self.receive_last_frames(recorder)?;
+        self.receive_last_frames()?;
         Ok(ending)
     }
 
     /// Records while another program moves the robot, until an interrupt.
-    pub fn watch<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<Ending, Failure> {
+    pub fn watch(&mut self) -> Result<Ending, Failure> {
         while !self.interrupt.came() {
-            self.subscriptions.receive(recorder)?;
+            self.subscriptions.receive(self.recorder)?;
             clock::sleep(PERIOD);
         }
-        self.receive_last_frames(recorder)?;
+        self.receive_last_frames()?;
         Ok(Ending::Complete)
     }
 
-    fn current_setpoints<W: Write>(
-        &mut self,
-        recorder: &mut Recorder<W>,
-    ) -> Result<MotorVec, Failure> {
+    fn current_setpoints(&mut self) -> Result<MotorVec, Failure> {
         let start = clock::now();
         loop {
-            self.subscriptions.receive(recorder)?;
+            self.subscriptions.receive(self.recorder)?;
             match self.subscriptions.setpoint {
                 Some(setpoint) => return Ok(setpoint),
                 None if clock::now().duration_since(start) > CAMERA_WAIT => {
@@ -207,8 +203,9 @@ impl Session<'_> {
         }
     }
 
-    fn condition<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<Ending, Failure> {
-        let (subscriptions, interrupt) = (&mut *self.subscriptions, self.interrupt);
+    fn condition(&mut self) -> Result<Ending, Failure> {
+        let (subscriptions, recorder) = (&mut *self.subscriptions, &mut *self.recorder);
+        let interrupt = self.interrupt;
         let mut recorded = Ok(());
         let outcome = self.client.carry_out(StateCommand::Condition, || {
             recorded = subscriptions.receive(recorder);
@@ -229,16 +226,11 @@ impl Session<'_> {
         }
     }
 
-    fn play<W: Write>(
-        &mut self,
-        recorder: &mut Recorder<W>,
-        motion: Motion,
-        speed_counts_s: f64,
-    ) -> Result<Ending, Failure> {
+    fn play(&mut self, motion: Motion, speed_counts_s: f64) -> Result<Ending, Failure> {
         let state = self.client.wait_for(CAMERA_WAIT, |_| true)?;
         let mut watch = StreamMonitor::new(self.client.id(), &state, clock::now());
         let mut commander: Commander = self.client.commander();
-        let motors = recorder.motors();
+        let motors = self.recorder.motors();
         let mut playback = Playback::new(motion);
         self.bar.set_length(tenths(playback.left_s()));
         self.bar.reset();
@@ -259,13 +251,13 @@ impl Session<'_> {
             last = now;
             let counts = place.map(|counts| counts.round() as i32);
             commander.servo_actuators(counts.get(..motors).unwrap_or(&counts))?;
-            self.subscriptions.receive(recorder)?;
+            self.subscriptions.receive(self.recorder)?;
             if let Some(state) = self.client.operating_state()? {
                 watch.check(&state, clock::now())?;
             }
             if watch.has_lost_setpoint() {
                 let state = restart_stream(self.client)?;
-                playback.rejoin(self.current_setpoints(recorder)?, speed_counts_s);
+                playback.rejoin(self.current_setpoints()?, speed_counts_s);
                 last = clock::now();
                 watch.restart(&state, last);
                 self.bar.suspend(|| eprintln!("note: {LOST_SETPOINT}"));
@@ -274,10 +266,10 @@ impl Session<'_> {
         }
     }
 
-    fn receive_last_frames<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<(), Failure> {
+    fn receive_last_frames(&mut self) -> Result<(), Failure> {
         let end = clock::now() + LAST_FRAMES;
         while clock::now() < end {
-            self.subscriptions.receive(recorder)?;
+            self.subscriptions.receive(self.recorder)?;
             clock::sleep(PERIOD);
         }
         Ok(())
