@@ -20,7 +20,7 @@ use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::encode;
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
-use i2ris_teleop::state::{Description, Protocol, Range};
+use i2ris_teleop::state::{Description, Range};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -81,18 +81,9 @@ impl Hand {
 /// An Xbox controller, as the kernel describes one.
 fn gamepad() -> Description {
     let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
-    Description {
-        identity: Identity {
-            vendor: 0x045e,
-            product: 0x02ea,
-            name: "Scripted operator".into(),
-            serial: String::new(),
-        },
-        protocol: Protocol::Evdev,
-        absolute: vec![range(X), range(Y), range(3), range(4)],
-        relative: Vec::new(),
-        keys: vec![0x130, 0x131, DEAD_MAN - 1, DEAD_MAN],
-    }
+    let identity = Identity::new(0x045e, 0x02ea, "Scripted operator");
+    let axes = [X, Y, 3, 4].map(range);
+    Description::new(identity, axes.into(), vec![0x130, 0x131, DEAD_MAN - 1, DEAD_MAN])
 }
 
 fn send(pipe: &mut File, kind: u16, code: u16, value: f64) -> std::io::Result<()> {

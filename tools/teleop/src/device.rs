@@ -53,13 +53,6 @@ fn remedy(error: &io::Error) -> &'static str {
     }
 }
 
-#[derive(Debug)]
-enum Stream {
-    Events(EvdevDecoder),
-    Reports,
-    Played(Parser, EvdevDecoder),
-}
-
 /// An open device and its state.
 #[derive(Debug)]
 pub struct Device {
@@ -70,7 +63,9 @@ pub struct Device {
     grabbed: Option<RawDevice>,
     /// Vibration pulse, if the device supports it.
     pulse: Option<FFEffect>,
-    stream: Stream,
+    /// A recording that is played.
+    played: Option<Parser>,
+    decoder: EvdevDecoder,
     state: DeviceState,
 }
 
@@ -95,21 +90,20 @@ impl Device {
         let file = file.or_else(|_| open(path)).map_err(failed)?;
         if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("hidraw")) {
             let description = space_mouse::description(hidraw_identity(path).map_err(failed)?);
-            return Ok(Self::with(path, description, file, Stream::Reports));
+            return Ok(Self::with(path, description, file, None));
         }
         let raw = { file.try_clone() }.and_then(|file| RawDevice::from_fd(file.into()));
         let raw = raw.map_err(failed)?;
         let description = describe(&raw).map_err(failed)?;
         monotonic(&file).map_err(failed)?;
-        let mut device =
-            Self::with(path, description, file, Stream::Events(EvdevDecoder::default()));
+        let mut device = Self::with(path, description, file, None);
         device.grabbed = Some(raw);
         Ok(device)
     }
 
     /// Whether this is a recording that is played.
     pub const fn is_played(&self) -> bool {
-        matches!(self.stream, Stream::Played(..))
+        self.played.is_some()
     }
 
     /// Opens a recording that is played through a pipe: head, then frames at their times.
@@ -132,8 +126,7 @@ impl Device {
                 Err(error) => return Err(failed(error)),
             }
             if let Some(description) = parser.head().map_err(wrong)? {
-                let stream = Stream::Played(parser, EvdevDecoder::default());
-                return Ok(Self::with(path, description, file, stream));
+                return Ok(Self::with(path, description, file, Some(parser)));
             }
             if clock::now().duration_since(start) >= within || !is_pipe {
                 return Err(wrong(RecordingError::Head));
@@ -142,10 +135,10 @@ impl Device {
         }
     }
 
-    fn with(path: &Path, description: Description, file: File, stream: Stream) -> Self {
-        let state = DeviceState::new(clock::now());
-        let path = path.to_owned();
-        Self { path, description, file, grabbed: None, pulse: None, stream, state }
+    fn with(path: &Path, description: Description, file: File, played: Option<Parser>) -> Self {
+        let (grabbed, pulse, decoder) = (None, None, EvdevDecoder::default());
+        let (path, state) = (path.to_owned(), DeviceState::new(clock::now()));
+        Self { path, description, file, grabbed, pulse, played, decoder, state }
     }
 
     /// Grabs the device for this program alone: a pedal is a keyboard, and would type.
@@ -212,21 +205,11 @@ impl Device {
                 Err(error) if error.kind() == ErrorKind::Interrupted => continue,
                 Err(error) => return Err(gone(error.to_string())),
             };
-            let state = &mut self.state;
-            let apply = |event: Event| state.apply(event, now);
-            match &mut self.stream {
-                Stream::Events(decoder) => {
-                    raw(bytes);
-                    decoder.decode(bytes, apply);
-                    state.stamped(decoder.newest());
-                }
-                Stream::Reports => {
-                    raw(bytes);
-                    space_mouse::decode(bytes, apply);
-                    // Reports have no timestamp.
-                    state.stamped(Some(now));
-                }
-                Stream::Played(..) => self.play(bytes, now, &mut raw)?,
+            if self.is_played() {
+                self.play(bytes, now, &mut raw)?;
+            } else {
+                raw(bytes);
+                self.decode(bytes, now);
             }
         }
         Ok(())
@@ -239,26 +222,30 @@ impl Device {
         now: Nanos,
         raw: &mut impl FnMut(&[u8]),
     ) -> Result<(), DeviceError> {
-        let Stream::Played(parser, decoder) = &mut self.stream else { return Ok(()) };
-        parser.push(bytes);
-        let wrong = |error| DeviceError::Recording { path: self.path.clone(), error };
-        while let Some((_, frame)) = parser.frame().map_err(wrong)? {
+        self.played.iter_mut().for_each(|parser| parser.push(bytes));
+        while let Some(parser) = &mut self.played {
+            let wrong = |error| DeviceError::Recording { path: self.path.clone(), error };
+            let Some((_, frame)) = parser.frame().map_err(wrong)? else { break };
             raw(&frame);
-            let apply = |event: Event| self.state.apply(event, now);
-            let stamp = match self.description.protocol {
-                Protocol::Evdev => {
-                    decoder.decode(&frame, apply);
-                    decoder.newest()
-                }
-                // Reports have no timestamp.
-                Protocol::SpaceMouse => {
-                    space_mouse::decode(&frame, apply);
-                    Some(now)
-                }
-            };
-            self.state.stamped(stamp);
+            self.decode(&frame, now);
         }
         Ok(())
+    }
+
+    fn decode(&mut self, bytes: &[u8], now: Nanos) {
+        let apply = |event: Event| self.state.apply(event, now);
+        let stamp = match self.description.protocol {
+            Protocol::Evdev => {
+                self.decoder.decode(bytes, apply);
+                self.decoder.newest()
+            }
+            // Reports have no timestamp.
+            Protocol::SpaceMouse => {
+                space_mouse::decode(bytes, apply);
+                Some(now)
+            }
+        };
+        self.state.stamped(stamp);
     }
 }
 

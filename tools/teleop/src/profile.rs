@@ -151,22 +151,16 @@ impl Profile {
         for id in &profile.devices {
             id.parse::<ProductId>()?;
         }
-        let out_of_range = |key: &str, range: &dyn std::fmt::Debug| {
-            Err(format!("profile `{}`: {key} must be within {range:?}", profile.name))
-        };
-        if !DEAD_ZONES.contains(&profile.dead_zone) {
-            return out_of_range("dead_zone", &DEAD_ZONES);
-        }
-        if !CURVES.contains(&profile.curve) {
-            return out_of_range("curve", &CURVES);
-        }
-        for (key, value) in [("silence_ms", profile.silence_ms), ("repeat_ms", profile.repeat_ms)] {
-            if !SILENCES_MS.contains(&value) {
-                return out_of_range(key, &SILENCES_MS);
-            }
-        }
-        if !DEAD_MEN_MS.contains(&profile.dead_man_ms) {
-            return out_of_range("dead_man_ms", &DEAD_MEN_MS);
+        let is_patient = |ms: &u64| SILENCES_MS.contains(ms);
+        let checks: [(_, _, &dyn std::fmt::Debug); 5] = [
+            ("dead_zone", DEAD_ZONES.contains(&profile.dead_zone), &DEAD_ZONES),
+            ("curve", CURVES.contains(&profile.curve), &CURVES),
+            ("silence_ms", is_patient(&profile.silence_ms), &SILENCES_MS),
+            ("repeat_ms", is_patient(&profile.repeat_ms), &SILENCES_MS),
+            ("dead_man_ms", DEAD_MEN_MS.contains(&profile.dead_man_ms), &DEAD_MEN_MS),
+        ];
+        if let Some((key, _, range)) = checks.into_iter().find(|(_, is_within, _)| !is_within) {
+            return Err(format!("profile `{}`: {key} must be within {range:?}", profile.name));
         }
         Ok(profile)
     }

@@ -87,37 +87,28 @@ enum Other {
   i2ris teleop task hold-still --duration-s 20")]
 enum Task {
     /// Move the snake to targets, one after the other, and hold it there, by keyboard or --device
-    Reach {
-        #[command(flatten)]
-        task: ReachOptions,
-        #[command(flatten)]
-        hand: HandOptions,
-    },
+    Reach(Steered<ReachOptions>),
     /// Track an unpredictable target
-    Pursuit {
-        #[command(flatten)]
-        task: PursuitOptions,
-        #[command(flatten)]
-        hand: HandOptions,
-    },
+    Pursuit(Steered<PursuitOptions>),
     /// Hold the snake at a place
-    HoldStill {
-        #[command(flatten)]
-        task: HoldStillOptions,
-        #[command(flatten)]
-        hand: HandOptions,
-    },
+    HoldStill(Steered<HoldStillOptions>),
+}
+
+#[derive(Debug, clap::Args)]
+struct Steered<T: clap::Args> {
+    #[command(flatten)]
+    task: T,
+    #[command(flatten)]
+    hand: HandOptions,
 }
 
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let (hand, task) = match arguments.other {
         None => (arguments.hand, None),
         Some(Other::Input(command)) => return input::run(&command),
-        Some(Other::Task(Task::Reach { task, hand })) => (hand, Some(TaskOptions::Reach(task))),
-        Some(Other::Task(Task::Pursuit { task, hand })) => (hand, Some(TaskOptions::Pursuit(task))),
-        Some(Other::Task(Task::HoldStill { task, hand })) => {
-            (hand, Some(TaskOptions::HoldStill(task)))
-        }
+        Some(Other::Task(Task::Reach(it))) => (it.hand, Some(TaskOptions::Reach(it.task))),
+        Some(Other::Task(Task::Pursuit(it))) => (it.hand, Some(TaskOptions::Pursuit(it.task))),
+        Some(Other::Task(Task::HoldStill(it))) => (it.hand, Some(TaskOptions::HoldStill(it.task))),
     };
     let domain = hand.domain.domain()?;
     steer(&domain, &hand, task.as_ref()).map_err(|failure| name_holder(failure, &domain))

@@ -11,7 +11,7 @@ use i2ris_report::statistics::root_mean_square;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::Course;
+use super::{Course, Seen};
 use crate::command::trajectory::Angles;
 
 /// Frequencies of pitch and yaw, Hz: none is a multiple of another.
@@ -92,12 +92,7 @@ impl Course for Follow {
         self.is_finished
     }
 
-    fn update(
-        &mut self,
-        now: Nanos,
-        is_engaged: bool,
-        seen: Option<(Nanos, Angles)>,
-    ) -> Option<ReachTarget> {
+    fn update(&mut self, now: Nanos, is_engaged: bool, seen: Seen) -> Option<ReachTarget> {
         let Some(began) = self.began else {
             self.began = is_engaged.then_some(now);
             return None;

@@ -25,18 +25,16 @@ const PUBLISH_PERIOD: Nanos = Nanos::from_millis(50);
 /// Publishing period of a moving target: between two messages, its path is taken as straight.
 const MOVING_PERIOD: Nanos = Nanos::from_millis(10);
 
+/// New angles of the snake, deg, with their stamp.
+type Seen = Option<(Nanos, Angles)>;
+
 /// The course of a task. Pure: time and angles are arguments.
 trait Course {
     fn is_finished(&self) -> bool;
 
     /// Adds new angles, and returns the last message of a target that ends now. A task begins when
     /// the clutch first closes, so that waiting costs no time.
-    fn update(
-        &mut self,
-        now: Nanos,
-        is_engaged: bool,
-        seen: Option<(Nanos, Angles)>,
-    ) -> Option<ReachTarget>;
+    fn update(&mut self, now: Nanos, is_engaged: bool, seen: Seen) -> Option<ReachTarget>;
 
     /// Message of the present target; `None`: no target is shown.
     fn message(&self, now: Nanos) -> Option<ReachTarget>;
@@ -197,8 +195,8 @@ impl HandTask {
         self.course.summary()
     }
 
-    /// New angles of the camera or the estimate, degrees, with their stamp.
-    fn observe(&mut self, now: Nanos) -> Result<Option<(Nanos, [f64; 2])>, Failure> {
+    /// The angles of the camera, or of the estimate.
+    fn observe(&mut self, now: Nanos) -> Result<Seen, Failure> {
         let seen = self.camera.refresh()?.copied().filter(|camera| {
             camera.flags & ExternalPosition::VALID != 0
                 && camera.count == 2

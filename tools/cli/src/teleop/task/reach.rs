@@ -10,7 +10,7 @@ use i2ris_report::statistics::quantile_of_unsorted;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::Course;
+use super::{Course, Seen};
 use crate::command::trajectory::Angles;
 
 /// Averaging window for the tolerance: a camera has noise.
@@ -51,7 +51,7 @@ impl Reach {
         }
     }
 
-    fn add(&mut self, seen: Option<(Nanos, Angles)>) {
+    fn add(&mut self, seen: Seen) {
         let Some((stamp, angles)) = seen else {
             // The pose of the snake is unknown.
             self.window.clear();
@@ -83,12 +83,7 @@ impl Course for Reach {
         self.index >= self.targets.len()
     }
 
-    fn update(
-        &mut self,
-        now: Nanos,
-        is_engaged: bool,
-        seen: Option<(Nanos, Angles)>,
-    ) -> Option<ReachTarget> {
+    fn update(&mut self, now: Nanos, is_engaged: bool, seen: Seen) -> Option<ReachTarget> {
         let target = *self.targets.get(self.index)?;
         let Some(shown) = self.shown else {
             self.shown = is_engaged.then_some(now);
