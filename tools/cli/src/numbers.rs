@@ -1,13 +1,11 @@
 //! Numbers on the command line.
 
+use std::ops::RangeBounds;
+
 use i2ris::units::Nanos;
 
 /// A number in a range; otherwise the error `what`.
-pub fn within(
-    range: impl std::ops::RangeBounds<f64>,
-    what: &str,
-    text: &str,
-) -> Result<f64, String> {
+pub fn within(range: impl RangeBounds<f64>, what: &str, text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number| range.contains(number));
     number.ok_or_else(|| what.to_owned())
 }

@@ -34,7 +34,7 @@ pub struct Report {
 
 impl Report {
     pub fn pass(&mut self, name: impl Into<String>, found: impl Into<String>) {
-        self.add(Level::Ok, name, found, "");
+        self.add(Level::Ok, name.into(), found.into(), String::new());
     }
 
     pub fn warn(
@@ -43,7 +43,7 @@ impl Report {
         found: impl Into<String>,
         fix: impl Into<String>,
     ) {
-        self.add(Level::Warn, name, found, fix);
+        self.add(Level::Warn, name.into(), found.into(), fix.into());
     }
 
     pub fn fail(
@@ -52,17 +52,10 @@ impl Report {
         found: impl Into<String>,
         fix: impl Into<String>,
     ) {
-        self.add(Level::Fail, name, found, fix);
+        self.add(Level::Fail, name.into(), found.into(), fix.into());
     }
 
-    fn add(
-        &mut self,
-        level: Level,
-        name: impl Into<String>,
-        found: impl Into<String>,
-        fix: impl Into<String>,
-    ) {
-        let (name, found, fix) = (name.into(), found.into(), fix.into());
+    fn add(&mut self, level: Level, name: String, found: String, fix: String) {
         self.checks.push(Check { name, level, found, fix });
     }
 

@@ -98,8 +98,18 @@ pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
     if !arguments.json {
         print_difference(&reply.difference);
     }
+    let print_outcome = |now: &ModelReply, conditioned: bool| -> Result<(), Failure> {
+        if arguments.json {
+            let (models, difference) = (models(now), difference_json(&reply.difference));
+            let outcome = json!({
+                "models": models, "difference": difference, "conditioned": conditioned
+            });
+            println!("{}", serde_json::to_string_pretty(&outcome)?);
+        }
+        Ok(())
+    };
     if arguments.no_activate {
-        return print_outcome(&reply, &reply, false, arguments.json);
+        return print_outcome(&reply, false);
     }
     let conditions = staged.flags & ModelSlot::MEMORY_KNOWN == 0 && !arguments.no_condition;
     // With permission to enable, the robot is enabled even if nothing has to move.
@@ -118,23 +128,7 @@ pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
     } else if !arguments.no_condition {
         say("condition  not needed: the hysteresis memory is known".to_owned());
     }
-    print_outcome(&reply, &client.models()?, conditions, arguments.json)
-}
-
-fn print_outcome(
-    staged: &ModelReply,
-    now: &ModelReply,
-    is_conditioned: bool,
-    json: bool,
-) -> Result<(), Failure> {
-    if json {
-        let difference = difference_json(&staged.difference);
-        let outcome = json!({
-            "models": models(now), "difference": difference, "conditioned": is_conditioned
-        });
-        println!("{}", serde_json::to_string_pretty(&outcome)?);
-    }
-    Ok(())
+    print_outcome(&client.models()?, conditions)
 }
 
 /// Waits for a model that is still catching up with the motor positions.
