@@ -10,7 +10,7 @@ use nix::sys::signal::Signal;
 
 use i2ris_testing::{Rig, TIMEOUT, has, wait_for, wait_until};
 
-use crate::bench::{assert_says, ends, expect_stalls, fails, run, start, succeeds};
+use crate::bench::{assert_says, ends, fails, robot, run, start, succeeds};
 
 const POSE: &str = "command pose 1 1 --duration-s 0.2";
 
@@ -92,10 +92,8 @@ fn ended_watchdog_is_reported_in_log_and_status() {
 
 #[test]
 fn every_advice_that_is_followed_succeeds() {
-    let mut rig = Rig::with_model();
-    expect_stalls(&mut rig);
-    rig.start_controller_thread();
-    let (domain, mut client) = (rig.domain(), rig.client());
+    let (rig, mut client) = robot(|_| ());
+    let domain = rig.domain();
     let mut motors = Latest::new(client.watcher().actuators());
     let mut fault = |client: &mut Client| {
         rig.emulator.raise_fault(0, 0x8611, false);

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
+use i2ris::ipc::client::Client;
 use i2ris::ipc::{Domain, random_id};
 use i2ris_testing::{Program, Rig, program};
 use tempfile::TempDir;
@@ -141,6 +142,14 @@ pub fn ends(program: Program, code: i32, parts: &[&str]) -> Ended {
     result
 }
 
+/// Expects success, and these parts in the output, which is returned.
+#[track_caller]
+pub fn prints(program: Program, parts: &[&str]) -> String {
+    let output = ends(program, 0, &[]).output;
+    assert_says(&output, parts);
+    output
+}
+
 #[track_caller]
 pub fn fails(domain: &Domain, words: &str, code: i32, parts: &[&str]) -> Ended {
     ends(start(domain, words), code, parts)
@@ -151,6 +160,16 @@ pub fn expect_stalls(rig: &mut Rig) {
     rig.config.command.deadline_ms = 500;
     rig.config.command.lease_timeout_ms = 2000;
     rig.config.limits.following_error_counts = 3000;
+}
+
+/// A robot with a model whose controller runs in this process, and a client of it.
+pub fn robot(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
+    let mut rig = Rig::with_model();
+    expect_stalls(&mut rig);
+    change(&mut rig);
+    rig.start_controller_thread();
+    let client = rig.client();
+    (rig, client)
 }
 
 /// A domain that no controller serves.

@@ -18,26 +18,20 @@ use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::scene_setup::setup;
 
 use crate::bench::{
-    Ended, WorkFolder, assert_says, ends, expect_stalls, fails, run, start, unused_domain,
+    WorkFolder, assert_says, ends, expect_stalls, fails, start, succeeds, unused_domain,
 };
 
-const ROBOT: &str = r#"
-    robot_id = "fake"
+const ROBOT: &str = "
+    robot_id = 'fake'
     [[ports]]
-    device = "/dev/null"
-    [[ports.axes]]
-    motor = 0
-    node_id = 0
-    serial_number = 1
-    position_min_counts = -400
-    position_max_counts = 400
-    [[ports.axes]]
-    motor = 1
-    node_id = 1
-    serial_number = 2
-    position_min_counts = -300
-    position_max_counts = 400
-"#;
+    device = '/dev/null'
+    axes = [
+        { motor = 0, node_id = 0, serial_number = 1, \
+          position_min_counts = -400, position_max_counts = 400 },
+        { motor = 1, node_id = 1, serial_number = 2, \
+          position_min_counts = -300, position_max_counts = 400 },
+    ]
+";
 
 /// Frames of a test camera.
 #[derive(Clone, Copy, PartialEq)]
@@ -289,9 +283,7 @@ impl Whole {
 
     #[track_caller]
     fn tool(&self, words: &str) -> String {
-        let Ended { code, output, error } = run(&self.domain, &self.words(words));
-        assert_eq!(code, Some(0), "{words}: {error}");
-        output
+        succeeds(&self.domain, &self.words(words))
     }
 
     fn recording(&self, name: &str) -> Recording {
@@ -306,9 +298,8 @@ impl Whole {
         ));
         let model = Model::load(&self.rig.folder.path().join(output)).unwrap();
         model.check_robot("rig", 2).unwrap();
-        for metrics in &model.file().metrics {
-            assert!(metrics.training.r2 > 0.9, "{:?}", model.file().metrics);
-        }
+        let metrics = &model.file().metrics;
+        assert!(metrics.iter().all(|it| it.training.r2 > 0.9), "{metrics:?}");
         model
     }
 }

@@ -5,12 +5,23 @@ use std::fs;
 
 use i2ris::clock;
 use i2ris::config::{Config, HomingMethod};
+use i2ris::ipc::Domain;
 use i2ris_simulation::Line;
 use i2ris_testing::{Program, Rig, Terminal, wait_until};
 use nix::sys::signal::{Signal, kill};
 use serde_json::{Value, json};
 
 use crate::bench::assert_says;
+
+/// A commissioning at a terminal, to which each question that comes is answered.
+fn at_terminal(domain: &Domain, words: &[&str], answers: &[(&str, &str)]) -> Terminal {
+    let mut terminal = Terminal::start(domain, words, 70, 120);
+    for (question, answer) in answers {
+        terminal.wait_for(question);
+        terminal.type_keys(answer);
+    }
+    terminal
+}
 
 fn is_powered(rig: &Rig) -> bool {
     let seen = rig.emulator.snapshot();
@@ -34,9 +45,7 @@ fn interrupted_commissioning_resumes_with_drives_off() {
     // Input typed before the question permits nothing.
     for (typed, last) in [("yes\nyes\n", "2 of 7"), ("yes\n", "2 of 7"), ("no\n", "not permitted")]
     {
-        let mut terminal = Terminal::start(&domain, &words, 70, 120);
-        terminal.wait_for("1 of 7: identify");
-        terminal.type_keys(typed);
+        let mut terminal = at_terminal(&domain, &words, &[("1 of 7: identify", typed)]);
         terminal.wait_for(last);
         if last == "2 of 7" {
             terminal.type_keys(if typed == "yes\n" { "\x04" } else { "\x03" });
@@ -46,11 +55,8 @@ fn interrupted_commissioning_resumes_with_drives_off() {
         assert!(!terminal.end().success());
         assert!(!is_powered(&rig) && !rig.moved_since(begin));
     }
-    let mut terminal = Terminal::start(&domain, &words, 70, 120);
-    for stage in ["1 of 7", "2 of 7", "3 of 7"] {
-        terminal.wait_for(stage);
-        terminal.type_keys("yes\n");
-    }
+    let stages = ["1 of 7", "2 of 7", "3 of 7"].map(|stage| (stage, "yes\n"));
+    let mut terminal = at_terminal(&domain, &words, &stages);
     wait_until("a drive has power", || is_powered(&rig));
     terminal.type_keys("\x03");
     terminal.wait_for("stage power: interrupted; the drives are off");
@@ -67,9 +73,7 @@ fn interrupted_commissioning_resumes_with_drives_off() {
     assert!(result.join("settings.pcapng").exists() && result.join("commission.html").exists());
 
     rig.start_controller();
-    let mut terminal = Terminal::start(&domain, &words, 70, 120);
-    terminal.wait_for("1 of 7: identify");
-    terminal.type_keys("yes\n");
+    let mut terminal = at_terminal(&domain, &words, &[("1 of 7: identify", "yes\n")]);
     terminal.wait_for("in use by another program");
     assert!(!terminal.end().success());
 }
@@ -84,11 +88,9 @@ fn confirmed_findings_are_written_and_the_old_file_kept() {
     let [file, folder] = [&config, &result].map(|path| path.to_str().unwrap());
     let words = ["commission", "--apply", "--config", file, "--folder", folder];
     for word in ["no", "apply"] {
-        let mut terminal = Terminal::start(&rig.domain(), &words, 70, 120);
-        terminal.wait_for("1 of 7: identify");
-        terminal.type_keys("yes\n");
-        terminal.wait_for("Type apply");
-        terminal.type_keys(&format!("{word}\n"));
+        let typed = format!("{word}\n");
+        let answers = [("1 of 7: identify", "yes\n"), ("Type apply", typed.as_str())];
+        let mut terminal = at_terminal(&rig.domain(), &words, &answers);
         assert!(!terminal.end().success());
         let is_as_it_was = fs::read_to_string(&config).unwrap() == old;
         assert_eq!(is_as_it_was, word == "no");
@@ -133,11 +135,8 @@ fn killed_or_suspended_commissioning_leaves_drives_without_power() {
         let rig = Rig::start();
         let words = at_stage(&rig, 4);
         let words: Vec<&str> = words.iter().map(String::as_str).collect();
-        let mut terminal = Terminal::start(&rig.domain(), &words, 70, 120);
-        for stage in ["1 of 7", "4 of 7"] {
-            terminal.wait_for(stage);
-            terminal.type_keys("yes\n");
-        }
+        let stages = ["1 of 7", "4 of 7"].map(|stage| (stage, "yes\n"));
+        let mut terminal = at_terminal(&rig.domain(), &words, &stages);
         let before = motors(&rig);
         wait_until("a pulse turns a motor", || farthest(&motors(&rig), &before) > 0.5);
         kill(terminal.pid(), signal).unwrap();
@@ -161,18 +160,10 @@ fn h12_no_motor_moves_while_a_controller_is_killed_whatever_its_homing() {
     }
     let words = at_stage(&rig, 7);
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
-    let mut terminal = Terminal::start(&rig.domain(), &words, 70, 120);
     let before = motors(&rig);
-    for (question, answer) in [
-        ("1 of 7", "yes\n"),
-        ("7 of 7", "yes\n"),
-        ("THE CABLE", "no\n"),
-        ("THE CONTROLLER", "kill\n"),
-        ("THE SUPPLY", "no\n"),
-    ] {
-        terminal.wait_for(question);
-        terminal.type_keys(answer);
-    }
+    let stages = ["1 of 7", "7 of 7"].map(|stage| (stage, "yes\n"));
+    let tests = [("THE CABLE", "no\n"), ("THE CONTROLLER", "kill\n"), ("THE SUPPLY", "no\n")];
+    let mut terminal = at_terminal(&rig.domain(), &words, &[&stages[..], &tests].concat());
     terminal.wait_for("every drive is stopped by the watchdog");
     assert!(terminal.end().success() && !is_powered(&rig));
     let now = motors(&rig);

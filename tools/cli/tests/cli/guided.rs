@@ -11,21 +11,20 @@ use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::model::Model;
 use i2ris::units::Nanos;
 use i2ris_calibration::recording::{ColumnMap, Recording};
-use i2ris_testing::{Rig, settle_in, wait_until};
+use i2ris_testing::{settle_in, wait_until};
 use nix::sys::signal::{Signal, kill};
 
-use crate::bench::{WorkFolder, assert_says, end, expect_stalls, start, unused_domain};
+use crate::bench::{
+    WorkFolder, assert_says, end, ends, fails, prints, robot, start, succeeds, unused_domain,
+};
 
 /// The day after: recording, model and report exist, the restarted controller has not loaded them,
 /// and the drives have lost their zero.
 #[test]
 fn second_day_resumes_with_the_model_of_the_first() {
-    let mut rig = Rig::with_model();
-    expect_stalls(&mut rig);
     // The model is linear, but the snake is not.
-    rig.config.limits.plausibility_deg = 0.0;
-    rig.start_controller_thread();
-    let (domain, mut client) = (rig.domain(), rig.client());
+    let (rig, mut client) = robot(|rig| rig.config.limits.plausibility_deg = 0.0);
+    let domain = rig.domain();
     let bench = WorkFolder::new();
     fs::create_dir(bench.path("here")).unwrap();
     let rows = (0..100).map(|k| {
@@ -48,8 +47,6 @@ fn second_day_resumes_with_the_model_of_the_first() {
     }
 
     let words = format!("calibrate --folder {} --home", bench.file("here"));
-    let result = end(start(&domain, &words));
-    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
     let steps = [
         "step 2 of 6: fit: done before",
         "$ i2ris home",
@@ -59,27 +56,21 @@ fn second_day_resumes_with_the_model_of_the_first() {
         "--duration-s 6 --enable",
         "done: the robot is ENABLED and runs with ",
     ];
-    assert_says(&result.output, &steps);
+    prints(start(&domain, &words), &steps);
     assert_eq!(client.models().unwrap().slots[0].model_id, id.0);
 
     // Off again: only enabling and conditioning remain, and are done.
     client.state_command(StateCommand::Disable).unwrap();
     settle_in(&mut client, OperatingState::Disabled);
-    let result = end(start(&domain, &words));
-    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
-    assert!(!result.output.contains("model use"), "{}", result.output);
-    assert_says(
-        &result.output,
-        &["$ i2ris enable", "$ i2ris command state condition", "done: the robot is ENABLED"],
-    );
+    let rest = ["$ i2ris enable", "$ i2ris command state condition", "done: the robot is ENABLED"];
+    let output = prints(start(&domain, &words), &rest);
+    assert!(!output.contains("model use"), "{output}");
 
     // Completing the circle does not mean following it.
     rig.camera_is_shut.store(true, Ordering::Relaxed);
     fs::remove_file(bench.path("here/check.done")).unwrap();
-    let result = end(start(&domain, &words));
-    assert_eq!(result.code, Some(8), "{}{}", result.output, result.error);
     let doubt = ["done, but check: ", "the camera did not see the circle", "it repeats the check"];
-    assert_says(&format!("{}{}", result.output, result.error), &doubt);
+    fails(&domain, &words, 8, &doubt);
 }
 
 #[test]
@@ -92,32 +83,24 @@ fn start_keeps_a_configuration_changed_by_the_user() {
     wait_until("the configuration", || folder.join("controller.toml").exists());
     wait_until("the controller", || Client::connect(&domain, Nanos::ZERO).is_ok());
     first.interrupt();
-    assert_eq!(end(first).code, Some(0));
+    ends(first, 0, &[]);
     let file = "robot/controller.toml";
     let changed = format!("# mine\n{}", bench.read(file));
     bench.write(file, &changed);
     let mut second = start(&domain, &words);
     wait_until("the controller", || Client::connect(&domain, Nanos::ZERO).is_ok());
     second.interrupt();
-    assert_eq!(end(second).code, Some(0));
+    ends(second, 0, &[]);
     assert_eq!(bench.read(file), changed);
     let other = unused_domain();
-    let result = end(start(&other, &words));
-    assert_eq!(result.code, Some(1));
-    assert_says(
-        &result.error,
-        &[&format!("is for domain {}, not {}", domain.name(), other.name())],
-    );
+    fails(&other, &words, 1, &[&format!("is for domain {}, not {}", domain.name(), other.name())]);
 }
 
 #[test]
 #[ignore = "five minutes of motion"]
 fn guided_calibration_resumes_and_ends_with_an_active_model() {
-    let mut rig = Rig::with_model();
-    expect_stalls(&mut rig);
-    rig.config.command.max_step_counts = 250;
-    rig.start_controller_thread();
-    let (domain, mut client) = (rig.domain(), rig.client());
+    let (rig, mut client) = robot(|rig| rig.config.command.max_step_counts = 250);
+    let domain = rig.domain();
     let bench = WorkFolder::new();
     let words = format!(
         "calibrate --folder {} --home --duration-s 60 --motion-s 20 --family force-balance",
@@ -143,8 +126,6 @@ fn guided_calibration_resumes_and_ends_with_an_active_model() {
     assert_ne!(result.code, Some(0));
     assert_says(&result.error, &["run `i2ris calibrate` again: it resumes"]);
 
-    let result = end(start(&domain, &words));
-    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
     let steps = [
         "step 1 of 6: collect: ",
         "step 1 of 6 done; next: fit",
@@ -158,7 +139,7 @@ fn guided_calibration_resumes_and_ends_with_an_active_model() {
         "in use     ",
         "done: the robot is ENABLED and runs with ",
     ];
-    assert_says(&result.output, &steps);
+    prints(start(&domain, &words), &steps);
     let [active, ..] = client.models().unwrap().slots;
     // Refined if that is better in use, otherwise as calibrated.
     let refined = Model::load(&bench.path("here/refined.json"));
@@ -168,6 +149,5 @@ fn guided_calibration_resumes_and_ends_with_an_active_model() {
     assert!(left.any(|entry| entry.unwrap().path().extension() == Some("part".as_ref())));
 
     // All steps are done, and none is repeated.
-    let result = end(start(&domain, &words));
-    assert_eq!((result.code, result.output.matches(": done before").count()), (Some(0), 7));
+    assert_eq!(succeeds(&domain, &words).matches(": done before").count(), 7);
 }

@@ -4,9 +4,7 @@ use i2ris_report::programs::PROGRAMS;
 
 use std::fs;
 
-use i2ris_testing::Rig;
-
-use crate::bench::{WorkFolder, assert_says, expect_stalls, repository, run};
+use crate::bench::{WorkFolder, assert_says, repository, robot, succeeds};
 
 #[test]
 fn commands_have_examples_and_help_lists_exit_codes() {
@@ -28,9 +26,7 @@ fn commands_have_examples_and_help_lists_exit_codes() {
 /// Examples that run unattended and end, as printed, on a robot with emulated drives.
 #[test]
 fn examples_of_the_help_run_as_printed() {
-    let mut rig = Rig::with_model();
-    expect_stalls(&mut rig);
-    rig.start_controller_thread();
+    let (rig, _client) = robot(|_| ());
     let (bench, domain) = (WorkFolder::new(), rig.domain());
     let here = |words: &str| {
         let files = ["steel.json", "newer.json", "snake.json", "desired.csv", "before.csv"];
@@ -57,8 +53,7 @@ fn examples_of_the_help_run_as_printed() {
         let examples = help.lines().filter_map(|line| line.strip_prefix("  i2ris "));
         for words in examples.flat_map(|line| line.split("   ").next().unwrap().split("&& i2ris "))
         {
-            let result = run(&domain, &here(&format!(" {words}")));
-            assert_eq!(result.code, Some(0), "i2ris {words}: {}{}", result.output, result.error);
+            succeeds(&domain, &here(&format!(" {words}")));
             ran += 1;
         }
     }

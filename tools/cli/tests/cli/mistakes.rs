@@ -20,6 +20,41 @@ const HEAD: &str = "\
 |---|---|---|---|
 ";
 
+/// Mistake, exit code as in the help, and command; without a controller.
+const WITHOUT_CONTROLLER: &str = "\
+no controller runs | 3 | enable
+a wrong domain | 3 | enable --domain elsewhere
+a domain with a slash | 2 | enable --domain a/b
+a typing error in a command | 2 | comand state pause
+an option is missing | 2 | calibrate fit FOLDER/there.csv
+a word for a number | 2 | command circle --radius-deg five --period-s 6
+no such recording | 1 | calibrate fit FOLDER/none.csv --output FOLDER/new.json
+a recording with stamps in ms | 1 | calibrate fit FOLDER/milliseconds.csv --output FOLDER/new.json
+an MCAP file for a CSV file | 1 | calibrate fit FOLDER/trial.mcap --output FOLDER/new.json
+a recording without counts | 1 | calibrate fit FOLDER/angles.csv --output FOLDER/new.json
+a recording of a few rows | 1 | calibrate fit FOLDER/short.csv --output FOLDER/new.json
+an existing model file | 1 | calibrate fit FOLDER/there.csv --output FOLDER/there.json
+a CSV file for a model | 1 | model show FOLDER/there.csv
+a CSV file for an MCAP file | 1 | record info FOLDER/there.csv
+a CSV file for a black box | 1 | record replay FOLDER/there.csv
+no such configuration | 6 | doctor config check FOLDER/none.toml
+a key that does not exist | 6 | doctor config check FOLDER/typo.toml
+a configuration that is not TOML | 6 | doctor config check FOLDER/broken.toml
+no such snake | 1 | emulate --snake FOLDER/none.toml --ports FOLDER/ports";
+
+/// The same with a controller, before homing.
+const BEFORE_HOMING: &str = "\
+enable before home | 4 | enable
+a circle while the drives are off | 4 | command circle --radius-deg 5 --period-s 6
+acknowledge without a fault | 4 | command state acknowledge
+resume without pause | 4 | command state resume
+all steps in a script, before home | 1 | calibrate --folder FOLDER/here
+a missing folder | 1 | calibrate collect --output FOLDER/none/new.csv
+an existing recording | 1 | calibrate collect --output FOLDER/there.csv
+a missing model file | 4 | model use FOLDER/none.json
+a model of another robot | 4 | model use FOLDER/other-robot.json
+roll back without a previous model | 4 | model back";
+
 /// Mistakes made so far, as rows of the table.
 struct Table {
     bench: WorkFolder,
@@ -28,6 +63,15 @@ struct Table {
 }
 
 impl Table {
+    fn make_all(&mut self, domain: &Domain, rows: &str) {
+        for row in rows.lines() {
+            let [what, code, words] = row.split(" | ").collect::<Vec<_>>()[..] else {
+                panic!("{row}")
+            };
+            self.make(domain, what, code.parse().unwrap(), words);
+        }
+    }
+
     /// Makes a mistake and records the message. `code`: the exit code stated in the help.
     fn make(&mut self, domain: &Domain, what: &str, code: i32, words: &str) {
         let folder = self.bench.file("");
@@ -105,7 +149,7 @@ fn user_mistakes_end_with_a_message_and_exit_code() {
     let bench = WorkFolder::new();
     write_files(&bench);
     let mut table = Table { bench, rows: Vec::new(), wrong: Vec::new() };
-    without_a_controller(&mut table, &unused_domain());
+    table.make_all(&unused_domain(), WITHOUT_CONTROLLER);
     let mut rig = Rig::start();
     expect_stalls(&mut rig);
     rig.config.robot_id = ROBOT.to_owned();
@@ -115,65 +159,10 @@ fn user_mistakes_end_with_a_message_and_exit_code() {
     wait_until_idle(&mut client);
     let other = rig.sample_model("other-robot.json", "another-robot", 1.0);
     fs::copy(other, table.bench.path("other-robot.json")).unwrap();
-    before_homing(&mut table, &domain);
+    table.make_all(&domain, BEFORE_HOMING);
     while_enabled(&mut table, &domain, &mut rig.client());
     assert!(table.wrong.is_empty(), "{}", table.wrong.join("\n"));
     compare(&format!("{HEAD}{}", table.rows.concat()));
-}
-
-fn without_a_controller(table: &mut Table, domain: &Domain) {
-    for (what, code, words) in [
-        ("no controller runs", 3, "enable"),
-        ("a wrong domain", 3, "enable --domain elsewhere"),
-        ("a domain with a slash", 2, "enable --domain a/b"),
-        ("a typing error in a command", 2, "comand state pause"),
-        ("an option is missing", 2, "calibrate fit FOLDER/there.csv"),
-        ("a word for a number", 2, "command circle --radius-deg five --period-s 6"),
-        ("no such recording", 1, "calibrate fit FOLDER/none.csv --output FOLDER/new.json"),
-        (
-            "a recording with stamps in ms",
-            1,
-            "calibrate fit FOLDER/milliseconds.csv --output FOLDER/new.json",
-        ),
-        (
-            "an MCAP file for a CSV file",
-            1,
-            "calibrate fit FOLDER/trial.mcap --output FOLDER/new.json",
-        ),
-        (
-            "a recording without counts",
-            1,
-            "calibrate fit FOLDER/angles.csv --output FOLDER/new.json",
-        ),
-        ("a recording of a few rows", 1, "calibrate fit FOLDER/short.csv --output FOLDER/new.json"),
-        ("an existing model file", 1, "calibrate fit FOLDER/there.csv --output FOLDER/there.json"),
-        ("a CSV file for a model", 1, "model show FOLDER/there.csv"),
-        ("a CSV file for an MCAP file", 1, "record info FOLDER/there.csv"),
-        ("a CSV file for a black box", 1, "record replay FOLDER/there.csv"),
-        ("no such configuration", 6, "doctor config check FOLDER/none.toml"),
-        ("a key that does not exist", 6, "doctor config check FOLDER/typo.toml"),
-        ("a configuration that is not TOML", 6, "doctor config check FOLDER/broken.toml"),
-        ("no such snake", 1, "emulate --snake FOLDER/none.toml --ports FOLDER/ports"),
-    ] {
-        table.make(domain, what, code, words);
-    }
-}
-
-fn before_homing(table: &mut Table, domain: &Domain) {
-    for (what, code, words) in [
-        ("enable before home", 4, "enable"),
-        ("a circle while the drives are off", 4, "command circle --radius-deg 5 --period-s 6"),
-        ("acknowledge without a fault", 4, "command state acknowledge"),
-        ("resume without pause", 4, "command state resume"),
-        ("all steps in a script, before home", 1, "calibrate --folder FOLDER/here"),
-        ("a missing folder", 1, "calibrate collect --output FOLDER/none/new.csv"),
-        ("an existing recording", 1, "calibrate collect --output FOLDER/there.csv"),
-        ("a missing model file", 4, "model use FOLDER/none.json"),
-        ("a model of another robot", 4, "model use FOLDER/other-robot.json"),
-        ("roll back without a previous model", 4, "model back"),
-    ] {
-        table.make(domain, what, code, words);
-    }
 }
 
 fn while_enabled(table: &mut Table, domain: &Domain, client: &mut Client) {

@@ -19,7 +19,7 @@ use i2ris_report::mark::Scatter;
 use i2ris_report::{Axis, Color, Figure, Marker, Panel};
 use i2ris_simulation::Emulator;
 use i2ris_teleop::space_mouse;
-use i2ris_testing::{Rig, TIMEOUT, home_and_enable, wait_until};
+use i2ris_testing::{TIMEOUT, home_and_enable, wait_until};
 use i2ris_vision::image::GreyImage;
 use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::scene_setup::setup;
@@ -29,7 +29,7 @@ use i2ris_vision::view_detector::ViewDetector;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::bench::{ends, expect_stalls, start};
+use crate::bench::{ends, robot, start};
 use crate::played::{Played, identity};
 
 /// Distance at which a target is reached, deg in the image.
@@ -244,13 +244,11 @@ fn targets(seed: u64, count: usize) -> Vec<[f64; 2]> {
 
 /// Lets the operator reach all targets, with a measured or the default view.
 fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Reached>> {
-    let mut rig = Rig::with_model();
-    rig.camera_is_shut.store(true, Ordering::Relaxed);
-    expect_stalls(&mut rig);
-    // The camera reports angles in image axes.
-    rig.config.limits.plausibility_deg = 0.0;
-    rig.start_controller_thread();
-    let mut client = rig.client();
+    let (rig, mut client) = robot(|rig| {
+        rig.camera_is_shut.store(true, Ordering::Relaxed);
+        // The camera reports angles in image axes.
+        rig.config.limits.plausibility_deg = 0.0;
+    });
     home_and_enable(&mut client, TIMEOUT).unwrap();
     let (domain, stop, picture) = (rig.domain(), AtomicBool::new(false), Mutex::default());
     thread::scope(|scope| {

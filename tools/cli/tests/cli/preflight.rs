@@ -11,7 +11,7 @@ use i2ris_simulation::ageing::{Change, Course, Parameter};
 use i2ris_testing::{Rig, TIMEOUT, Terminal, wait_for};
 use serde_json::Value;
 
-use crate::bench::{assert_says, end, expect_stalls, run, start, succeeds};
+use crate::bench::{assert_says, end, ends, expect_stalls, fails, run, start, succeeds};
 
 /// The failed checks, by name, and the whole output. Repeated if the machine stalls, which is not a
 /// failure of the robot.
@@ -77,9 +77,7 @@ fn preflight_moves_by_permission_names_faults_and_is_stored() {
     let (result, is_go) = Preflight::before_trial(&domain, clock::now());
     assert!(!is_go && result.contains("no preflight"), "{result}");
     let begin = clock::now();
-    let refused = run(&domain, "preflight");
-    assert_eq!(refused.code, Some(1));
-    assert_says(&refused.error, &["no-go: ", "motion", "watchdog"]);
+    let refused = fails(&domain, "preflight", 1, &["no-go: ", "motion", "watchdog"]);
     assert_says(&refused.output, &["no operator to ask here"]);
     assert!(!rig.moved_since(begin), "nothing moves before it is permitted");
     succeeds(&domain, "command state pause");
@@ -90,8 +88,7 @@ fn preflight_moves_by_permission_names_faults_and_is_stored() {
     let operator = start(&domain, "command circle --radius-deg 1 --period-s 4 --duration-s 6");
     wait_for(&mut client, |state| state.lease_client_id != 0 && state.accepted > 50);
     assert_says(&no_go(&domain).1, &["holds the lease; end that program first"]);
-    let result = end(operator);
-    assert_eq!(result.code, Some(0), "{}", result.error);
+    ends(operator, 0, &[]);
     let (named, result) = no_go(&domain);
     assert_eq!(named, ["watchdog"], "{result}");
     let largest = rig.emulator.snapshot().angles_deg;

@@ -10,9 +10,12 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::{StateCommand, find_client_process};
 use i2ris::units::Nanos;
 
-use i2ris_testing::{Controller, Rig, python, wait_for};
+use i2ris_testing::{Controller, Rig, python, run_python, wait_for};
 
 use crate::bench::expect_stalls;
+
+/// Modules of the client.
+pub const CLIENT: &str = "iceoryx2, numpy";
 
 /// Runs a script to its end, and expects success.
 #[track_caller]
@@ -66,11 +69,11 @@ except NoController as error:
 
 #[test]
 fn python_session_enables_moves_watches_and_releases_the_lease() {
-    let Some(mut command) = python("iceoryx2, numpy") else {
+    if python(CLIENT).is_none() {
         return;
-    };
+    }
     let controller = Controller::start();
-    runs(command.args(["-c", SCRIPT, controller.domain.name()]));
+    run_python(CLIENT, SCRIPT, &[controller.domain.name()]);
     let robot = controller.robot();
     assert_eq!((robot.lease, robot.requested.last()), (0, Some(&StateCommand::Release)));
     assert!(
@@ -163,16 +166,13 @@ for uses in (False, True):
 
 #[test]
 fn forked_child_leaves_the_connection_to_its_parent() {
-    let Some(mut command) = python("iceoryx2, numpy") else {
-        return;
-    };
     let controller = Controller::start();
-    runs(command.args(["-c", FORK, controller.domain.name()]));
+    run_python(CLIENT, FORK, &[controller.domain.name()]);
 }
 
 #[test]
 fn notebook_has_values_at_once_and_releases_the_lease() {
-    let Some(mut command) = python("iceoryx2, numpy") else {
+    let Some(mut command) = python(CLIENT) else {
         return;
     };
     let mut rig = Rig::with_model();
@@ -199,7 +199,7 @@ with Arm(sys.argv[1], deadline_s=0.5) as arm:
 
 #[test]
 fn who_commands_from_python_is_known_by_name() {
-    let Some(mut command) = python("iceoryx2, numpy") else {
+    let Some(mut command) = python(CLIENT) else {
         return;
     };
     let controller = Controller::enabled();
@@ -246,7 +246,7 @@ with Arm(deadline_s=0.5) as arm:
 
 #[test]
 fn domain_is_from_environment_and_refused_stream_raises() {
-    let Some(mut command) = python("iceoryx2, numpy") else {
+    let Some(mut command) = python(CLIENT) else {
         return;
     };
     let controller = Controller::enabled();
@@ -276,13 +276,10 @@ except OtherInterface as error:
 
 #[test]
 fn a_controller_of_another_version_is_refused_plainly() {
-    let Some(mut command) = python("iceoryx2, numpy") else {
-        return;
-    };
     let controller = Controller::start();
     let ready = controller.domain.directory().join("ready");
     fs::write(ready, "000000000000b007 99 1\n").unwrap();
-    runs(command.args(["-c", FOREIGN, controller.domain.name()]));
+    run_python(CLIENT, FOREIGN, &[controller.domain.name()]);
 }
 
 const SWAP: &str = "
@@ -398,7 +395,7 @@ print('swapped and back')
 
 #[test]
 fn models_are_swapped_from_python_while_the_snake_moves() {
-    let Some(mut command) = python("iceoryx2, numpy") else {
+    let Some(mut command) = python(CLIENT) else {
         return;
     };
     let mut rig = Rig::with_model();

@@ -6,9 +6,9 @@ use i2ris::clock;
 use i2ris::ipc::client::{Client, Latest};
 use i2ris::ipc::payload::ReachTarget;
 use i2ris::units::Nanos;
-use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, home_and_enable, wait_until};
+use i2ris_testing::{Controller, TIMEOUT, Terminal, home_and_enable, wait_until};
 
-use crate::bench::{WorkFolder, assert_says, ends, expect_stalls, fails, start, succeeds};
+use crate::bench::{WorkFolder, assert_says, ends, fails, robot, start, succeeds};
 
 /// Time limit of a task of two targets on a shared machine.
 const PATIENCE: Nanos = Nanos::from_millis(240_000);
@@ -42,13 +42,12 @@ fn reach_by_keys(client: &Client, terminal: &mut Terminal) {
 
 #[test]
 fn targets_are_reached_with_keys_and_scored_by_report() {
-    let mut rig = Rig::with_model();
-    expect_stalls(&mut rig);
     // Away from the camera, so the estimate judges.
-    let domain = rig.another_domain("blind");
-    domain.name().clone_into(&mut rig.config.domain);
-    rig.start_controller_thread();
-    let mut client = rig.client();
+    let (rig, mut client) = robot(|rig| {
+        let domain = rig.another_domain("blind");
+        domain.name().clone_into(&mut rig.config.domain);
+    });
+    let domain = rig.domain();
     home_and_enable(&mut client, TIMEOUT).unwrap();
     let bench = WorkFolder::new();
     let file = bench.file("task.mcap");

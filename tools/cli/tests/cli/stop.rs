@@ -17,18 +17,14 @@ use i2ris_testing::{
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use crate::bench::{
-    assert_says, end, ends, expect_stalls, fails, run, start, succeeds, unused_domain,
-};
+use crate::bench::{assert_says, ends, fails, robot, run, start, succeeds, unused_domain};
 
-/// A robot that is enabled, with its controller in this process.
-fn robot(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
-    let mut rig = Rig::with_model();
-    expect_stalls(&mut rig);
-    rig.config.compensation.conditioning_counts = Some(300);
-    change(&mut rig);
-    rig.start_controller_thread();
-    let mut client = rig.client();
+/// A robot that is enabled.
+fn enabled(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
+    let (rig, mut client) = robot(|rig| {
+        rig.config.compensation.conditioning_counts = Some(300);
+        change(rig);
+    });
     home_and_enable(&mut client, TIMEOUT).unwrap();
     (rig, client)
 }
@@ -39,7 +35,7 @@ fn is_busy(state: &OperatingStateMsg) -> bool {
 
 #[test]
 fn cycle_ended_by_a_stalled_line_is_not_done() {
-    let (rig, mut client) = robot(|rig| rig.config.limits.feedback_stale_ms = 300);
+    let (rig, mut client) = enabled(|rig| rig.config.limits.feedback_stale_ms = 300);
     let program = start(&rig.domain(), "command state condition");
     wait_for(&mut client, is_busy);
     rig.emulator.inject(1, Injection::Mute { for_ms: 900 });
@@ -48,7 +44,7 @@ fn cycle_ended_by_a_stalled_line_is_not_done() {
 
 #[test]
 fn whatever_ends_a_cycle_is_named_with_its_exit_code() {
-    let (rig, mut client) = robot(|_| ());
+    let (rig, mut client) = enabled(|_| ());
     let domain = rig.domain();
     let mut interrupted = |by: &dyn Fn(&mut Client), code: i32, parts: &[&str]| {
         let program = start(&domain, "command state condition");
@@ -77,7 +73,7 @@ fn a_controller_that_ends_during_a_cycle_ends_the_wait() {
 /// The power state of a silent drive is unknown.
 #[test]
 fn silent_drives_are_not_reported_to_be_off() {
-    let (rig, mut client) = robot(|rig| {
+    let (rig, mut client) = enabled(|rig| {
         rig.config.limits.feedback_stale_ms = 300;
         rig.config.ports.iter_mut().for_each(|port| port.reply_timeout_ms = 200);
     });
@@ -94,7 +90,7 @@ fn silent_drives_are_not_reported_to_be_off() {
 
 #[test]
 fn stop_holds_every_client_ends_motion_and_reports_it() {
-    let (rig, mut client) = robot(|_| ());
+    let (rig, mut client) = enabled(|_| ());
     let domain = rig.domain();
     let mut named = false;
     for name in ["stop", "estop"].into_iter().cycle().take(10) {
@@ -102,9 +98,7 @@ fn stop_holds_every_client_ends_motion_and_reports_it() {
         wait_for(&mut client, |state| state.lease_client_id != 0 && state.accepted > 50);
         let output = succeeds(&domain, name);
         assert_says(&output, &["the robot is ENABLED, holds still"]);
-        let result = end(circle);
-        assert_eq!(result.code, Some(4), "{}", result.error);
-        assert_says(&result.error, &["refusal 24"]);
+        ends(circle, 4, &["refusal 24"]);
         // On a loaded machine the earlier state may arrive too late for the stop.
         named |= output.contains("stopped: i2ris, process");
         if named && name == "estop" {
@@ -119,17 +113,13 @@ fn stop_holds_every_client_ends_motion_and_reports_it() {
     assert_says(&succeeds(&domain, "stop"), &["holds still; stopped: nothing"]);
     assert_says(&succeeds(&domain, "disable"), &["the controller is DISABLED; every drive is off"]);
     assert_says(&succeeds(&domain, "stop"), &["DISABLED, every drive is off"]);
-    fails(
-        &unused_domain(),
-        "stop",
-        3,
-        &["NOT CONFIRMED to be stopped: no controller serves domain"],
-    );
+    let nobody = ["NOT CONFIRMED to be stopped: no controller serves domain"];
+    fails(&unused_domain(), "stop", 3, &nobody);
 }
 
 #[test]
 fn a_stop_is_sent_and_seen_however_many_watch() {
-    let (rig, mut client) = robot(|_| ());
+    let (rig, mut client) = enabled(|_| ());
     let domain = rig.domain();
     let circle = start(&domain, "command circle --radius-deg 4 --period-s 3");
     wait_for(&mut client, |state| state.lease_client_id != 0 && state.accepted > 50);
@@ -141,7 +131,7 @@ fn a_stop_is_sent_and_seen_however_many_watch() {
         .collect();
     assert!((20..40).contains(&watchers.len()), "{}", watchers.len());
     assert_says(&succeeds(&domain, "stop"), &["the robot is ENABLED, holds still"]);
-    assert_eq!(end(circle).code, Some(4));
+    ends(circle, 4, &[]);
     succeeds(&domain, "command state pause");
     succeeds(&domain, "disable");
     let state = client.wait_for(TIMEOUT, |_| true).unwrap().state;
@@ -186,60 +176,21 @@ fn s_stops_while_the_keyboard_steers() {
 /// A mistyped stop must not suggest a motion.
 #[test]
 fn no_tip_names_what_moves_or_switches_on() {
+    const MISTYPED: &str = "stp, estp, teleo, telep, comand, calibrat, demo1, star, trail, \
+        teleop task hol-still, command circl, command pos, command stat stop, enabl, hom, \
+        command state conditon, command state resum, enable --hom, command pose --enabl, model \
+        us, model bak, model back --forc, calibrate colect, doctor config chek, doctr";
+    const MOVING: &str = "teleop command calibrate demo start hold-still circle pose enable \
+        home condition resume use back collect --home --enable --force";
     let unused = unused_domain();
     let mut offered = Vec::new();
-    for words in [
-        "stp",
-        "estp",
-        "teleo",
-        "telep",
-        "comand",
-        "calibrat",
-        "demo1",
-        "star",
-        "trail",
-        "teleop task hol-still",
-        "command circl",
-        "command pos",
-        "command stat stop",
-        "enabl",
-        "hom",
-        "command state conditon",
-        "command state resum",
-        "enable --hom",
-        "command pose --enabl",
-        "model us",
-        "model bak",
-        "model back --forc",
-        "calibrate colect",
-        "doctor config chek",
-        "doctr",
-    ] {
+    for words in MISTYPED.split(", ") {
         let result = run(&unused, words);
         assert_eq!(result.code, Some(2), "{words}: {}", result.error);
         let tips = result.error.lines().filter(|line| line.contains("tip:"));
         offered.extend(tips.flat_map(|tip| tip.split('\'').skip(1).step_by(2)).map(str::to_owned));
     }
-    for moving in [
-        "teleop",
-        "command",
-        "calibrate",
-        "demo",
-        "start",
-        "hold-still",
-        "circle",
-        "pose",
-        "enable",
-        "home",
-        "condition",
-        "resume",
-        "use",
-        "back",
-        "collect",
-        "--home",
-        "--enable",
-        "--force",
-    ] {
+    for moving in MOVING.split(' ') {
         assert!(!offered.iter().any(|word| word == moving), "{moving}: {offered:?}");
     }
     for harmless in ["stop", "check", "doctor"] {

@@ -14,9 +14,9 @@ use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::encode;
 use i2ris_teleop::state::Description;
 use i2ris_teleop::{recording, space_mouse};
-use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, home_and_enable, wait_until};
+use i2ris_testing::{Controller, TIMEOUT, Terminal, home_and_enable, wait_until};
 
-use crate::bench::{WorkFolder, end, ends, expect_stalls, fails, start};
+use crate::bench::{WorkFolder, assert_says, ends, fails, prints, robot, start};
 use crate::command::{assert_near, assert_no_jump};
 use crate::played::{AXIS, BTN_EAST, BTN_TR, KEY, KEY_B, Played, X, Y, identity, pad, pedal};
 
@@ -28,6 +28,23 @@ fn clutch_is_open(flags: u32) -> bool {
 fn place(controller: &Controller) -> ([f64; 2], usize) {
     let robot = controller.robot();
     (robot.pose, robot.poses.len())
+}
+
+/// Presses the dead-man of a pad, which closes the clutch.
+fn grip(controller: &Controller, device: &mut Played) {
+    device.send(KEY, BTN_TR, 1);
+    controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
+}
+
+/// Waits until the program accepts a device again, repeating what `act` does at rest and pressed.
+fn wait_until_taken(controller: &Controller, mut act: impl FnMut(bool)) {
+    wait_until("it is taken again", || {
+        for is_pressed in [false, true] {
+            act(is_pressed);
+            clock::sleep(Nanos::from_millis(100));
+        }
+        !clutch_is_open(controller.robot().flags)
+    });
 }
 
 /// Expects an open clutch, and no motion during fifty more commands.
@@ -53,8 +70,7 @@ fn gamepad_steers_while_dead_man_is_held_and_reconnects() {
     assert_near(assert_holds(&controller), [1.0, -1.0]);
     device.rest();
     assert_holds(&controller);
-    device.send(KEY, BTN_TR, 1);
-    controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
+    grip(&controller, &mut device);
     device.send(AXIS, X, 32767);
     controller.wait("motion to the side", |robot| robot.pose[1] > 1.0);
     device.send(KEY, BTN_TR, 0);
@@ -62,8 +78,7 @@ fn gamepad_steers_while_dead_man_is_held_and_reconnects() {
     // Pulled out in motion.
     device.send(AXIS, X, 0);
     assert_holds(&controller);
-    device.send(KEY, BTN_TR, 1);
-    controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
+    grip(&controller, &mut device);
     device.send(AXIS, X, 32767);
     controller.wait("motion again", |robot| robot.pose[1] > there[1] + 1.0);
     device.unplug();
@@ -77,19 +92,13 @@ fn gamepad_steers_while_dead_man_is_held_and_reconnects() {
     device.send(AXIS, X, 32767);
     device.send(KEY, BTN_TR, 1);
     assert_near(assert_holds(&controller), there);
-    wait_until("it is taken again", || {
-        device.rest();
-        clock::sleep(Nanos::from_millis(100));
-        device.send(KEY, BTN_TR, 1);
-        clock::sleep(Nanos::from_millis(100));
-        !clutch_is_open(controller.robot().flags)
+    wait_until_taken(&controller, |is_pressed| match is_pressed {
+        true => device.send(KEY, BTN_TR, 1),
+        false => device.rest(),
     });
     program.interrupt();
-    let result = end(program);
-    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
-    for part in ["is gone (closed); the snake holds", "reconnected at", "+yaw goes → (+0 deg)"] {
-        assert!(result.output.contains(part), "{part}: {}", result.output);
-    }
+    let says = ["is gone (closed); the snake holds", "reconnected at", "+yaw goes → (+0 deg)"];
+    prints(program, &says);
     let robot = controller.robot();
     assert!(clutch_is_open(robot.flags), "the last command opens the clutch");
     assert_eq!((robot.lease, robot.requested.last()), (0, Some(&StateCommand::Release)));
@@ -123,13 +132,7 @@ fn losing_space_mouse_or_pedal_opens_the_clutch() {
     assert_holds(&controller);
     mouse.report(&[1, 0, 0, 0, 0, 0, 0]);
     foot.plug_in(&pedal());
-    wait_until("the pedal is taken again", || {
-        foot.send(KEY, KEY_B, 0);
-        clock::sleep(Nanos::from_millis(100));
-        foot.send(KEY, KEY_B, 1);
-        clock::sleep(Nanos::from_millis(100));
-        !clutch_is_open(controller.robot().flags)
-    });
+    wait_until_taken(&controller, |is_pressed| foot.send(KEY, KEY_B, is_pressed.into()));
     mouse.unplug();
     assert_holds(&controller);
     program.interrupt();
@@ -165,8 +168,7 @@ fn measured_view_aligns_right_and_up() {
         assert_near(assert_holds(&controller), [1.0, -1.0]);
         device.rest();
         assert_holds(&controller);
-        device.send(KEY, BTN_TR, 1);
-        controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
+        grip(&controller, &mut device);
         device.send(AXIS, X, 32767);
         controller.wait("right is +pitch", |robot| robot.pose[0] > 2.0);
         device.send(AXIS, X, 0);
@@ -176,10 +178,7 @@ fn measured_view_aligns_right_and_up() {
         assert!(controller.robot().pose[0] < pitch + 1.0);
         stop.store(true, Ordering::Relaxed);
         program.interrupt();
-        let result = end(program);
-        assert!(
-            result.output.contains("+pitch goes → (") && result.output.contains("+yaw goes ↑ (")
-        );
+        prints(program, &["+pitch goes → (", "+yaw goes ↑ ("]);
     });
 }
 
@@ -264,10 +263,7 @@ fn hour_of_reports_does_not_grow_memory_or_block_commands() {
 /// The real controller, its line and emulated drives.
 #[test]
 fn emulated_snake_follows_device_and_holds_on_its_loss() {
-    let mut rig = Rig::with_model();
-    expect_stalls(&mut rig);
-    rig.start_controller_thread();
-    let mut client = rig.client();
+    let (rig, mut client) = robot(|_| ());
     home_and_enable(&mut client, TIMEOUT).unwrap();
     let mut device = Played::new(&pad("1"));
     let mut program = start(&rig.domain(), &format!("teleop --device {}", device.file()));
@@ -302,12 +298,8 @@ fn a_device_is_recorded_played_and_learned() {
     let bench = WorkFolder::new();
     let (file, profile) = (bench.file("device.input"), bench.file("mine.toml"));
     let played = device.file();
-    fails(
-        &controller.domain,
-        &format!("teleop --device {played}"),
-        1,
-        &["teleop input learn", "has no profile"],
-    );
+    let unknown_device = ["teleop input learn", "has no profile"];
+    fails(&controller.domain, &format!("teleop --device {played}"), 1, &unknown_device);
     device.plug_in(&unknown);
     let words = format!("teleop input record {played} --output {file}");
     let mut program = start(&controller.domain, &words);
@@ -350,9 +342,8 @@ fn a_device_is_recorded_played_and_learned() {
     }
     assert!(learn.wait().unwrap().success());
     let text = bench.read("mine.toml");
-    for part in ["1234:abcd", "right = \"ABS_X\"", "up = \"-ABS_Y\"", "dead_man = \"BTN_TR\""] {
-        assert!(text.contains(part), "{part}: {text}");
-    }
+    let learned = ["1234:abcd", "right = \"ABS_X\"", "up = \"-ABS_Y\"", "dead_man = \"BTN_TR\""];
+    assert_says(&text, &learned);
     // The recording, played by the program: known now, but it steers nothing, being never at rest.
     device.unplug();
     let words = format!("teleop --device {played} --profile {profile}");

@@ -6,7 +6,7 @@ use std::os::unix::fs::chown;
 use i2ris::ipc::Domain;
 use i2ris_testing::{Program, wait_until};
 
-use crate::bench::{Ended, WorkFolder, assert_says, end, repository, unused_domain};
+use crate::bench::{WorkFolder, assert_says, end, ends, repository, unused_domain};
 
 /// A user without rights.
 const PLAIN: u32 = 65_534;
@@ -30,20 +30,15 @@ impl FirstDay {
         Program::start_as(self.user, &self.domain, &words.split_whitespace().collect::<Vec<_>>())
     }
 
-    fn run(&self, words: &str) -> Ended {
-        end(self.start(words))
-    }
-
     #[track_caller]
     fn succeeds(&self, words: &str) {
-        let result = self.run(words);
-        assert_eq!(result.code, Some(0), "{words}: {}{}", result.output, result.error);
+        ends(self.start(words), 0, &[]);
     }
 
     fn controller(&self, table: &str, axes: &str) -> Program {
         self.bench.write("robot.toml", &format!("{table}{SHARED_MACHINE}{axes}"));
         let controller = self.start("control --config @robot.toml");
-        wait_until("the controller", || self.run("disable").code == Some(0));
+        wait_until("the controller", || end(self.start("disable")).code == Some(0));
         controller
     }
 }
@@ -88,17 +83,14 @@ fn first_day(user: Option<u32>, template: &str, line: &str) {
     day.succeeds("command state hold");
     day.succeeds("disable");
     controller.interrupt();
-    let result = end(controller);
-    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
-    assert_says(&result.error, &["no model: joint_limits apply once one is in use"]);
+    ends(controller, 0, &["no model: joint_limits apply once one is in use"]);
 
     let head = format!("{head}[control]\nmodel = \"model.json\"\n");
     let mut controller = day.controller(&head, &ports);
     day.succeeds("enable");
     day.succeeds("command pose 1 1 --duration-s 1");
     controller.interrupt();
-    let result = end(controller);
-    assert_eq!(result.code, Some(0), "{}{}", result.output, result.error);
+    let result = ends(controller, 0, &[]);
     assert!(!result.error.contains("no model"), "{}", result.error);
     emulator.interrupt();
     assert_says(&end(emulator).output, &[" 0 rule violations by the host"]);
