@@ -3,11 +3,7 @@
 use std::fs;
 use std::thread;
 
-use i2ris::config::{AxisConfig, Config, Family, PortConfig};
-use i2ris::drive::cia402::Controlword;
-use i2ris::drive::family_selection::family_of_port;
-use i2ris::drive::link::{DriveLink, Retry};
-use i2ris::drive::object::CONTROLWORD;
+use i2ris::config::{AxisConfig, Config, Family};
 use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::ipc::payload::{OperatingStateMsg, PeriodStatistics, ReasonMsg};
 use i2ris::robot::{Cause, Reason, Stop};
@@ -67,22 +63,15 @@ fn doctor(bench: &str) -> Report {
         "device is unplugged" => port.device = folder.path().join("usb-maxon"),
         "port is taken" => held = SerialTransport::open(port).ok(),
         "fault of over-current" => emulator.raise_fault(1, 0x2310, true),
-        "a controller died and left a drive on" => enable(port),
+        "a controller died and left a drive on" => {
+            commission::tests::enable(SerialTransport::open(port).unwrap(), port)
+        }
         _ => {}
     }
     let mut report = Report::default();
     config.ports.iter().for_each(|port| check_port(&config, port, true, &mut report));
     drop(held);
     report
-}
-
-/// Enables the drives as a controller does, and ends.
-fn enable(port: &PortConfig) {
-    let line = SerialTransport::open(port).unwrap();
-    let mut link = DriveLink::new(line, family_of_port(port), port);
-    for word in [Controlword::FAULT_RESET, Controlword::SHUTDOWN, Controlword::ENABLE_OPERATION] {
-        link.write(port.axes[0].node_id, CONTROLWORD.set(word.0), Retry::Safe).unwrap();
-    }
 }
 
 /// Output of `i2ris status` for a stop without feedback on a computer that misses ticks.

@@ -88,6 +88,8 @@ pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(),
     );
     let mut stream = Stream {
         name: plan.name,
+        period: Nanos((1e9 / plan.rate_hz) as u64),
+        interrupt,
         player,
         progress: Progress::new(monitor),
         commander: client.commander(),
@@ -99,7 +101,7 @@ pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(),
         late: LateMonitor::new(&state),
         on_late: plan.on_late,
     };
-    let outcome = stream.play(client, Nanos((1e9 / plan.rate_hz) as u64), interrupt);
+    let outcome = stream.play(client);
     let released = client.state_command(StateCommand::Release);
     outcome?;
     released?;
@@ -109,8 +111,10 @@ pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(),
     Ok(stream.clips.outcome()?)
 }
 
-struct Stream {
+struct Stream<'a> {
     name: &'static str,
+    period: Nanos,
+    interrupt: &'a Interrupt,
     player: TrajectoryPlayer,
     progress: Progress,
     commander: Commander,
@@ -123,18 +127,13 @@ struct Stream {
     on_late: OnLate,
 }
 
-impl Stream {
-    fn play(
-        &mut self,
-        client: &mut Client,
-        period: Nanos,
-        interrupt: &Interrupt,
-    ) -> Result<(), Failure> {
+impl Stream<'_> {
+    fn play(&mut self, client: &mut Client) -> Result<(), Failure> {
         let (mut last, mut closed, mut finished) = (clock::now(), false, None);
-        let mut ticker = Ticker::new(last + period, period, Nanos::ZERO);
+        let mut ticker = Ticker::new(last + self.period, self.period, Nanos::ZERO);
         loop {
             let now = ticker.wait().started;
-            let stop = interrupt.came() || closed;
+            let stop = self.interrupt.came() || closed;
             if self.player.is_finished(stop) && (stop || self.has_arrived(&mut finished, now)?) {
                 return Ok(());
             }

@@ -14,6 +14,7 @@ use i2ris::drive::cia402::Controlword;
 use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::link::{DriveLink, Retry};
 use i2ris::drive::object::CONTROLWORD;
+use i2ris::drive::transport::Transport;
 use i2ris::units::{Counts, Nanos};
 use i2ris_report::Failure;
 use i2ris_simulation::drive::{self, DeviceFile, DriveConfig};
@@ -276,6 +277,14 @@ impl Person for Operator {
     }
 }
 
+/// Enables the first drive as a controller does, and ends.
+pub fn enable<T: Transport>(line: T, port: &PortConfig) {
+    let mut link = DriveLink::new(line, family_of_port(port), port);
+    for word in [Controlword::FAULT_RESET, Controlword::SHUTDOWN, Controlword::ENABLE_OPERATION] {
+        link.write(port.axes[0].node_id, CONTROLWORD.set(word.0), Retry::Safe).unwrap();
+    }
+}
+
 fn commission(case: Case) -> (Result<(), String>, Record) {
     let emulated = case.emulated();
     let (bench, config) = (Bench::new(&emulated), case.config(&emulated));
@@ -283,12 +292,7 @@ fn commission(case: Case) -> (Result<(), String>, Record) {
         bench.with_drive(case.bad, |drive| drive.freeze_encoder(true));
     }
     if case.wrong == Some(Wrong::Enabled) {
-        let port = &config.ports[0];
-        let mut other = DriveLink::new(bench.line(0), family_of_port(port), port);
-        for word in [Controlword::FAULT_RESET, Controlword::SHUTDOWN, Controlword::ENABLE_OPERATION]
-        {
-            other.write(port.axes[0].node_id, CONTROLWORD.set(word.0), Retry::Never).unwrap();
-        }
+        enable(bench.line(0), &config.ports[0]);
     }
     let mut random = Pcg64Mcg::seed_from_u64(case.seed);
     let looks = Cell::new(random.random_range(0..2000u32));

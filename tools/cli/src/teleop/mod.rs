@@ -136,6 +136,8 @@ fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Res
         view
     };
     let mut teleoperation = Teleoperation {
+        period: Nanos((1e9 / hand.rate_hz) as u64),
+        interrupt,
         master: Master::new(present_pose(client)?, settings),
         mode: settings.mode,
         view,
@@ -157,8 +159,7 @@ fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Res
     };
     teleoperation.progress.say(&source.help())?;
     teleoperation.progress.say(&format!("the view: {view}"))?;
-    let period = Nanos((1e9 / hand.rate_hz) as u64);
-    let outcome = teleoperation.run(client, source.as_mut(), period, interrupt);
+    let outcome = teleoperation.run(client, source.as_mut());
     // Open the clutch first, while the lease is still valid.
     let held = teleoperation.hold();
     if teleoperation.is_stopped {
@@ -176,7 +177,9 @@ fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Res
     Ok(())
 }
 
-struct Teleoperation {
+struct Teleoperation<'a> {
+    period: Nanos,
+    interrupt: &'a Interrupt,
     master: Master,
     mode: Mode,
     view: View,
@@ -203,17 +206,11 @@ struct Teleoperation {
     task: Option<HandTask>,
 }
 
-impl Teleoperation {
-    fn run(
-        &mut self,
-        client: &mut Client,
-        source: &mut dyn Source,
-        period: Nanos,
-        interrupt: &Interrupt,
-    ) -> Result<(), Failure> {
+impl Teleoperation<'_> {
+    fn run(&mut self, client: &mut Client, source: &mut dyn Source) -> Result<(), Failure> {
         let mut last = clock::now();
-        while !interrupt.came() {
-            source.wait(last + period);
+        while !self.interrupt.came() {
+            source.wait(last + self.period);
             clock::sleep_until(last + MIN_PERIOD);
             let now = clock::now();
             let request = source.read(now)?;

@@ -23,6 +23,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use clap::value_parser;
 use i2ris::clock;
 use i2ris::ipc::payload::{Version, unpadded_text};
+use i2ris::model::ModelId;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::robot::DriveFingerprint;
 use i2ris::units::{MAX_MOTORS, MotorVec};
@@ -239,10 +240,11 @@ fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
     };
     let named = usize::from(version.shape[1]) == count;
     let name = |output: usize| {
-        let bytes: Vec<u8> =
-            version.output_names[output].iter().copied().take_while(|byte| *byte != 0).collect();
-        let name = String::from_utf8(bytes).ok().filter(|name| named && !name.is_empty());
-        name.unwrap_or_else(|| known.get(output).copied().unwrap_or("angle").to_owned())
+        let name = unpadded_text(&version.output_names[output]);
+        if named && !name.is_empty() {
+            return name;
+        }
+        known.get(output).copied().unwrap_or("angle").to_owned()
     };
     (0..count).map(|output| OutputSpec { name: name(output), unit }).collect()
 }
@@ -263,8 +265,7 @@ fn begin(
         robot_id: unpadded_text(&version.robot_id),
         software: format!("i2ris {}", env!("CARGO_PKG_VERSION")),
         controller: format!("i2ris-control {major}.{minor}.{patch}"),
-        model_id: (version.model_id != [0; 32])
-            .then(|| version.model_id.iter().map(|byte| format!("{byte:02x}")).collect()),
+        model_id: (version.model_id != [0; 32]).then(|| ModelId(version.model_id).to_string()),
         started_unix_s: SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .map_or(0, |since| since.as_secs()),
