@@ -10,7 +10,7 @@ use nix::sys::signal::Signal;
 
 use i2ris_testing::{Rig, TIMEOUT, has, wait_for, wait_until};
 
-use crate::bench::{assert_says, ends, fails, robot, run, start, succeeds};
+use crate::bench::{assert_says, fails, interrupt, robot, run, start, succeeds};
 
 const POSE: &str = "command pose 1 1 --duration-s 0.2";
 
@@ -136,13 +136,12 @@ fn every_advice_that_is_followed_succeeds() {
     let result = run(&domain, "command state acknowledge");
     assert_says(&result.error, &["refusal 28: there is no fault to acknowledge; action: continue"]);
     // The lease holder is named and can be ended.
-    let mut first = start(&domain, "command pose");
+    let first = start(&domain, "command pose");
     wait_for(&mut client, |state| state.lease_client_id != 0);
     let result = run(&domain, POSE);
     assert_says(&result.error, &["i2ris, process ", "holds the lease; end that program first"]);
     assert_says(&succeeds(&domain, "status"), &["it follows i2ris command pose, process "]);
-    first.interrupt();
-    ends(first, 0, &[]);
+    interrupt(first);
     succeeds(&domain, POSE);
 }
 

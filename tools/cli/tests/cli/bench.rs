@@ -142,6 +142,13 @@ pub fn ends(program: Program, code: i32, parts: &[&str]) -> Ended {
     result
 }
 
+/// Ends a program as Ctrl-C does, and expects success.
+#[track_caller]
+pub fn interrupt(mut program: Program) {
+    program.interrupt();
+    ends(program, 0, &[]);
+}
+
 /// Expects success, and these parts in the output, which is returned.
 #[track_caller]
 pub fn prints(program: Program, parts: &[&str]) -> String {

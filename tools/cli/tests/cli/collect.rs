@@ -18,7 +18,7 @@ use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::scene_setup::setup;
 
 use crate::bench::{
-    WorkFolder, assert_says, ends, expect_stalls, fails, start, succeeds, unused_domain,
+    WorkFolder, assert_says, ends, expect_stalls, fails, interrupt, start, succeeds, unused_domain,
 };
 
 const ROBOT: &str = "
@@ -137,12 +137,11 @@ fn an_interrupt_stops_softly_and_keeps_the_recording() {
 fn watch_records_other_clients_until_interrupted_without_requests() {
     let (bench, controller) = described(Controller::start());
     let _camera = camera(&controller.domain, Shows::Angles);
-    let mut run = bench.collect(&controller.domain, "--watch");
+    let run = bench.collect(&controller.domain, "--watch");
     wait_until("it records", || {
         fs::metadata(bench.path("take.csv")).is_ok_and(|file| file.len() > 500)
     });
-    run.interrupt();
-    ends(run, 0, &[]);
+    interrupt(run);
     assert!(controller.robot().requested.is_empty(), "{:?}", controller.robot().requested);
     assert!(bench.read("take.toml").contains("complete = true"));
     assert!(bench.read("take.csv").lines().count() > 20);

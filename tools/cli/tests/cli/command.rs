@@ -6,7 +6,9 @@ use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
 use i2ris_testing::Controller;
 
-use crate::bench::{WorkFolder, assert_says, end, ends, fails, start, succeeds, unused_domain};
+use crate::bench::{
+    WorkFolder, assert_says, end, ends, fails, interrupt, start, succeeds, unused_domain,
+};
 
 /// Checks that each accepted pose is within `speed_deg_s` of the previous one, by their stamps.
 /// Late poses are missing, so the steps themselves prove nothing. The program plays at most 20 ms
@@ -78,10 +80,9 @@ fn file_is_followed_to_its_end_and_invalid_file_refused() {
 #[test]
 fn ctrl_c_stops_softly_and_gives_the_lease_back() {
     let controller = Controller::enabled();
-    let mut program = start(&controller.domain, "command sine --amplitude-deg 6 0 --period-s 2");
+    let program = start(&controller.domain, "command sine --amplitude-deg 6 0 --period-s 2");
     controller.wait("the sine is under way", |robot| robot.pose[0] > 3.0);
-    program.interrupt();
-    ends(program, 0, &[]);
+    interrupt(program);
     let robot = controller.robot();
     assert_eq!((robot.requested.as_slice(), robot.lease), ([StateCommand::Release].as_slice(), 0));
     // It came to rest: at the end it was much slower than before.

@@ -15,7 +15,7 @@ use i2ris_testing::{settle_in, wait_until};
 use nix::sys::signal::{Signal, kill};
 
 use crate::bench::{
-    WorkFolder, assert_says, end, ends, fails, prints, robot, start, succeeds, unused_domain,
+    WorkFolder, assert_says, end, fails, interrupt, prints, robot, start, succeeds, unused_domain,
 };
 
 /// The day after: recording, model and report exist, the restarted controller has not loaded them,
@@ -79,18 +79,16 @@ fn start_keeps_a_configuration_changed_by_the_user() {
     let folder = bench.path("robot");
     let domain = unused_domain();
     let words = format!("start --no-monitor --folder {}", folder.display());
-    let mut first = start(&domain, &words);
+    let first = start(&domain, &words);
     wait_until("the configuration", || folder.join("controller.toml").exists());
     wait_until("the controller", || Client::connect(&domain, Nanos::ZERO).is_ok());
-    first.interrupt();
-    ends(first, 0, &[]);
+    interrupt(first);
     let file = "robot/controller.toml";
     let changed = format!("# mine\n{}", bench.read(file));
     bench.write(file, &changed);
-    let mut second = start(&domain, &words);
+    let second = start(&domain, &words);
     wait_until("the controller", || Client::connect(&domain, Nanos::ZERO).is_ok());
-    second.interrupt();
-    ends(second, 0, &[]);
+    interrupt(second);
     assert_eq!(bench.read(file), changed);
     let other = unused_domain();
     fails(&other, &words, 1, &[&format!("is for domain {}, not {}", domain.name(), other.name())]);

@@ -9,7 +9,7 @@ use i2ris::ipc::client::Client;
 use i2ris_testing::{Rig, wait_for, wait_until_idle};
 
 use crate::bench::{
-    WorkFolder, ends, expect_stalls, repository, run, start, succeeds, unused_domain,
+    WorkFolder, expect_stalls, interrupt, repository, run, start, succeeds, unused_domain,
 };
 
 /// The chapter of the manual that has the table.
@@ -176,11 +176,10 @@ fn while_enabled(table: &mut Table, domain: &Domain, client: &mut Client) {
         7,
         "command pose 60 0 --speed-deg-s 30 --duration-s 0.5",
     );
-    let mut first = start(domain, "command pose");
+    let first = start(domain, "command pose");
     wait_for(client, |state| state.lease_client_id != 0);
     table.make(domain, "a second commander", 4, "command pose 1 1 --duration-s 0.5");
-    first.interrupt();
-    ends(first, 0, &[]);
+    interrupt(first);
     succeeds(domain, "command state condition --no-wait");
     table.make(domain, "a command while the robot is busy", 4, "command state condition --no-wait");
 }

@@ -29,7 +29,7 @@ use i2ris_vision::view_detector::ViewDetector;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::bench::{ends, robot, start};
+use crate::bench::{interrupt, robot, start};
 use crate::played::{Played, identity};
 
 /// Distance at which a target is reached, deg in the image.
@@ -260,7 +260,7 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
         let (file, profile) = (mouse.file(), mouse.patient_profile());
         let words = format!("teleop --device {file} --profile {profile}");
         let words = format!("{words} --speed-deg-s {SPEED_DEG_S}{measure}");
-        let mut program = start(&domain, &words);
+        let program = start(&domain, &words);
         let watcher = Client::connect(&domain, TIMEOUT).unwrap();
         let mut operator = Operator {
             mouse,
@@ -278,8 +278,7 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
         });
         operator.grip();
         let reached = targets.iter().map(|target| operator.reach(*target)).collect();
-        program.interrupt();
-        ends(program, 0, &[]);
+        interrupt(program);
         reached
     })
 }

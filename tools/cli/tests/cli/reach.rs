@@ -8,7 +8,7 @@ use i2ris::ipc::payload::ReachTarget;
 use i2ris::units::Nanos;
 use i2ris_testing::{Controller, TIMEOUT, Terminal, home_and_enable, wait_until};
 
-use crate::bench::{WorkFolder, assert_says, ends, fails, robot, start, succeeds};
+use crate::bench::{WorkFolder, assert_says, fails, interrupt, robot, start, succeeds};
 
 /// Time limit of a task of two targets on a shared machine.
 const PATIENCE: Nanos = Nanos::from_millis(240_000);
@@ -51,7 +51,7 @@ fn targets_are_reached_with_keys_and_scored_by_report() {
     home_and_enable(&mut client, TIMEOUT).unwrap();
     let bench = WorkFolder::new();
     let file = bench.file("task.mcap");
-    let mut record = start(&domain, &format!("record --output {file}"));
+    let record = start(&domain, &format!("record --output {file}"));
     wait_until("it records", || fs::metadata(&file).is_ok_and(|data| data.len() > 0));
     let words = "teleop task reach --targets 2 --seed 3 --range-deg 2 --hold-s 0.5 --limit-s 100";
     let words: Vec<&str> = words.split(' ').collect();
@@ -65,8 +65,7 @@ fn targets_are_reached_with_keys_and_scored_by_report() {
 
     // The recorder has everything from before the signal.
     clock::sleep(Nanos::from_millis(500));
-    record.interrupt();
-    ends(record, 0, &[]);
+    interrupt(record);
     let json = succeeds(&domain, &format!("record report {file} --json"));
     let report: serde_json::Value = serde_json::from_str(&json).unwrap();
     let score = &report["targets"];
@@ -88,7 +87,7 @@ fn target_is_followed_with_keys_and_scored_by_report() {
     {
         let controller = Controller::enabled();
         let file = bench.file(&format!("{lag}.mcap"));
-        let mut record = start(&controller.domain, &format!("record --output {file}"));
+        let record = start(&controller.domain, &format!("record --output {file}"));
         wait_until("it records", || fs::metadata(&file).is_ok_and(|data| data.len() > 0));
         let words = format!("teleop task {words} --duration-s 6");
         let words: Vec<&str> = words.split(' ').collect();
@@ -105,8 +104,7 @@ fn target_is_followed_with_keys_and_scored_by_report() {
         terminal.wait_for("deg from the target (root mean square)");
         assert!(terminal.end().success());
         clock::sleep(Nanos::from_millis(500));
-        record.interrupt();
-        ends(record, 0, &[]);
+        interrupt(record);
         let text = succeeds(&controller.domain, &format!("record report {file}"));
         assert!(text.contains(lag) && text.contains("from the target by the estimate"), "{text}");
         let json = succeeds(&controller.domain, &format!("record report {file} --json"));

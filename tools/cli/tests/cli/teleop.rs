@@ -16,7 +16,7 @@ use i2ris_teleop::state::Description;
 use i2ris_teleop::{recording, space_mouse};
 use i2ris_testing::{Controller, TIMEOUT, Terminal, home_and_enable, wait_until};
 
-use crate::bench::{WorkFolder, assert_says, ends, fails, prints, robot, start};
+use crate::bench::{WorkFolder, assert_says, ends, fails, interrupt, prints, robot, start};
 use crate::command::{assert_near, assert_no_jump};
 use crate::played::{AXIS, BTN_EAST, BTN_TR, KEY, KEY_B, Played, X, Y, identity, pad, pedal};
 
@@ -115,7 +115,7 @@ fn losing_space_mouse_or_pedal_opens_the_clutch() {
     let (files, profile) = ([mouse.file(), foot.file()], mouse.patient_profile());
     let words = format!("teleop --device {} --mode position", files.join(" --device "));
     let words = format!("{words} --profile {profile}");
-    let mut program = start(&controller.domain, &words);
+    let program = start(&controller.domain, &words);
     mouse.report(&[1, 0, 0, 0, 0, 0, 0]);
     controller.wait("commands", |robot| robot.poses.len() > 50);
     // Its own button is ignored if there is a pedal.
@@ -135,8 +135,7 @@ fn losing_space_mouse_or_pedal_opens_the_clutch() {
     wait_until_taken(&controller, |is_pressed| foot.send(KEY, KEY_B, is_pressed.into()));
     mouse.unplug();
     assert_holds(&controller);
-    program.interrupt();
-    ends(program, 0, &[]);
+    interrupt(program);
 }
 
 /// An image rotated by 90 deg and mirrored: +pitch is to the right, +yaw is up.
@@ -196,7 +195,7 @@ fn event_is_published_with_time_and_command_and_button_marks() {
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let mut stream = client.watcher().teleop();
     let mut device = Played::new(&pad("1"));
-    let mut program = start(&controller.domain, &format!("teleop --device {}", device.file()));
+    let program = start(&controller.domain, &format!("teleop --device {}", device.file()));
     let mut newest = TeleopMsg::default();
     let mut wait = |what: &str, is_so: &dyn Fn(&TeleopMsg) -> bool| {
         wait_until(what, || {
@@ -217,8 +216,7 @@ fn event_is_published_with_time_and_command_and_button_marks() {
     controller.wait("more commands", |robot| robot.poses.len() > count + 50);
     assert!(controller.robot().poses[count + 50].0 > came);
     device.report_stamped(KEY, BTN_EAST, 0);
-    program.interrupt();
-    ends(program, 0, &[]);
+    interrupt(program);
 }
 
 /// Private memory of a process, KiB.
@@ -256,8 +254,7 @@ fn hour_of_reports_does_not_grow_memory_or_block_commands() {
     assert!(place(&controller).1 > commands, "a fast device does not delay commands");
     let grown = own_memory_kib(id) - warm;
     assert!(grown < 256, "{grown} KiB more than {warm}");
-    program.interrupt();
-    ends(program, 0, &[]);
+    interrupt(program);
 }
 
 /// The real controller, its line and emulated drives.
@@ -266,7 +263,7 @@ fn emulated_snake_follows_device_and_holds_on_its_loss() {
     let (rig, mut client) = robot(|_| ());
     home_and_enable(&mut client, TIMEOUT).unwrap();
     let mut device = Played::new(&pad("1"));
-    let mut program = start(&rig.domain(), &format!("teleop --device {}", device.file()));
+    let program = start(&rig.domain(), &format!("teleop --device {}", device.file()));
     let mut measured = Latest::new(client.watcher().measured_js());
     let mut yaw_deg = || {
         let joint = measured.refresh().unwrap().copied();
@@ -286,8 +283,7 @@ fn emulated_snake_follows_device_and_holds_on_its_loss() {
     let there = yaw_deg();
     clock::sleep(Nanos::from_millis(500));
     assert!((yaw_deg() - there).abs() < 0.1, "{there} {}", yaw_deg());
-    program.interrupt();
-    ends(program, 0, &[]);
+    interrupt(program);
 }
 
 #[test]
@@ -302,7 +298,7 @@ fn a_device_is_recorded_played_and_learned() {
     fails(&controller.domain, &format!("teleop --device {played}"), 1, &unknown_device);
     device.plug_in(&unknown);
     let words = format!("teleop input record {played} --output {file}");
-    let mut program = start(&controller.domain, &words);
+    let program = start(&controller.domain, &words);
     wait_until("it records", || bench.exists("device.input"));
     device.send(AXIS, X, 32767);
     device.send(KEY, BTN_TR, 1);
@@ -312,8 +308,7 @@ fn a_device_is_recorded_played_and_learned() {
         clock::sleep(Nanos::from_millis(20));
         frames.is_ok_and(|(_, frames)| frames.len() > 2)
     });
-    program.interrupt();
-    ends(program, 0, &[]);
+    interrupt(program);
     let (head, frames) = recording::read(File::open(bench.path("device.input")).unwrap()).unwrap();
     assert_eq!(head, unknown);
     assert_eq!(frames[0].1, [encode(AXIS, X, 32767), encode(0, 0, 0)].concat());
@@ -348,12 +343,11 @@ fn a_device_is_recorded_played_and_learned() {
     device.unplug();
     let words = format!("teleop --device {played} --profile {profile}");
     let play = start(&controller.domain, &format!("teleop input play {file} --to {played}"));
-    let mut teleop = start(&controller.domain, &words);
+    let teleop = start(&controller.domain, &words);
     controller.wait("commands", |robot| robot.poses.len() > 50);
     assert_near(assert_holds(&controller), [1.0, -1.0]);
     ends(play, 0, &[]);
-    teleop.interrupt();
-    ends(teleop, 0, &[]);
+    interrupt(teleop);
 }
 
 #[test]
