@@ -16,7 +16,6 @@ mod operator;
 mod played;
 mod preflight;
 mod python;
-mod python_effects;
 mod reach;
 mod shell;
 mod stop;

@@ -19,7 +19,7 @@ use i2ris_report::mark::Scatter;
 use i2ris_report::{Axis, Color, Figure, Marker, Panel};
 use i2ris_simulation::Emulator;
 use i2ris_teleop::space_mouse;
-use i2ris_testing::{TIMEOUT, home_and_enable, wait_until};
+use i2ris_testing::{SetOnDrop, TIMEOUT, home_and_enable, wait_until};
 use i2ris_vision::image::GreyImage;
 use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::scene_setup::setup;
@@ -252,7 +252,7 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
     home_and_enable(&mut client, TIMEOUT).unwrap();
     let (domain, stop, picture) = (rig.domain(), AtomicBool::new(false), Mutex::default());
     thread::scope(|scope| {
-        let _filmed = StopOnDrop(&stop);
+        let _filmed = SetOnDrop(&stop);
         scope.spawn(|| film(&rig.emulator, look, &domain, &stop, &picture));
         wait_until("a picture", || picture.lock().unwrap().0 > Nanos::ZERO);
         let mouse = Played::new(&space_mouse::description(identity(0x256f, 0xc635, "")));
@@ -281,14 +281,6 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
         interrupt(program);
         reached
     })
-}
-
-struct StopOnDrop<'a>(&'a AtomicBool);
-
-impl Drop for StopOnDrop<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
 }
 
 #[test]
