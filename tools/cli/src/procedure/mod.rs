@@ -1,4 +1,4 @@
-//! A procedure: stages in order, each with its result. What one run has done, the next one skips.
+//! A procedure: a sequence of stages, each with a result. A run skips the stages already done.
 //!
 //! `i2ris commission` and `i2ris calibrate` are procedures. Where a stage may move the robot, a
 //! [`person`] permits it.
@@ -46,7 +46,7 @@ impl Halt {
     }
 }
 
-/// What a stage that ran to its end found.
+/// Result of a stage that ran to its end.
 #[derive(Debug)]
 pub enum Ended {
     Done(String),
@@ -58,7 +58,7 @@ pub enum Ended {
 #[derive(Debug, Clone, Copy)]
 pub struct Place<S> {
     pub stage: S,
-    /// From 1.
+    /// Counted from 1.
     pub number: usize,
     pub of: usize,
     pub next: Option<S>,
@@ -67,7 +67,7 @@ pub struct Place<S> {
 pub trait Procedure {
     type Stage: Copy + Display + 'static;
 
-    /// The stages, in order.
+    /// The sequence of the stages.
     fn stages(&self) -> &'static [Self::Stage];
 
     /// The name of a stage in messages.

@@ -169,7 +169,7 @@ pub fn expect_stalls(rig: &mut Rig) {
     rig.config.limits.following_error_counts = 3000;
 }
 
-/// A robot with a model whose controller runs in this process, and a client of it.
+/// A robot with a model, its controller in this process, and a client.
 pub fn robot(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);

@@ -113,8 +113,8 @@ fn stop_holds_every_client_ends_motion_and_reports_it() {
     assert_says(&succeeds(&domain, "stop"), &["holds still; stopped: nothing"]);
     assert_says(&succeeds(&domain, "disable"), &["the controller is DISABLED; every drive is off"]);
     assert_says(&succeeds(&domain, "stop"), &["DISABLED, every drive is off"]);
-    let nobody = ["NOT CONFIRMED to be stopped: no controller serves domain"];
-    fails(&unused_domain(), "stop", 3, &nobody);
+    let unserved = ["NOT CONFIRMED to be stopped: no controller serves domain"];
+    fails(&unused_domain(), "stop", 3, &unserved);
 }
 
 #[test]

@@ -56,7 +56,7 @@ impl FrameQueue {
         self.queue.front().filter(|_| ready).map(|frame| frame.stamp)
     }
 
-    /// The next frame, and whether it is an outlier.
+    /// The next frame; `true`: an outlier.
     pub fn pop(&mut self) -> Option<(CameraFrame, bool)> {
         let frame = self.queue.pop_front()?;
         let is_outlier = self.impossible(&frame) || self.stands_out(&frame);
