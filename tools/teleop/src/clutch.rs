@@ -77,6 +77,14 @@ pub struct Hand {
     pub newest: Option<Nanos>,
 }
 
+impl Default for Hand {
+    /// Nothing is touched.
+    fn default() -> Self {
+        let open = Some(Open::Released);
+        Self { push: [0.0; 2], open, scale_steps: 0, marks: 0, newest: None }
+    }
+}
+
 /// The dead-man of a hand with one or more devices.
 #[derive(Debug)]
 pub struct Clutch {

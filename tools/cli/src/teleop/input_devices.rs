@@ -20,19 +20,6 @@ use super::source::{HandRequest, Source, SourceLost};
 /// Search period for a lost device.
 const SEARCH: Nanos = Nanos::from_millis(500);
 
-/// Selected devices, and how they are held.
-#[derive(Debug, Clone)]
-pub struct Chosen {
-    /// `/dev/input/event*`, `/dev/hidraw*`, or pipes through which recordings are played; empty:
-    /// the known devices.
-    pub devices: Vec<PathBuf>,
-    /// Files with profiles, before the shipped ones.
-    pub profiles: Vec<PathBuf>,
-    pub hand: Handedness,
-    /// Pulse at limits, if a device can.
-    pub pulses: bool,
-}
-
 /// Profiles of these files, then the shipped ones.
 pub fn profiles(files: &[PathBuf]) -> Result<Vec<Profile>, Failure> {
     let mut profiles = Vec::new();
@@ -68,17 +55,20 @@ pub(super) struct InputDevices {
 }
 
 impl InputDevices {
-    pub fn open(chosen: &Chosen) -> Result<Self, Failure> {
-        let profiles = profiles(&chosen.profiles)?;
-        let mut parts = Vec::new();
-        let devices = if chosen.devices.is_empty() {
-            only_known(&scan(&profiles), &profiles)?
-        } else {
-            chosen.devices.clone()
-        };
-        for path in devices {
-            parts.push(Part::open(&path, &profiles, chosen.hand)?);
+    /// Opens `/dev/input/event*`, `/dev/hidraw*`, or pipes through which recordings are played;
+    /// without any, the known devices. Profiles of these files come before the shipped ones.
+    pub fn open(
+        mut devices: Vec<PathBuf>,
+        profile_files: &[PathBuf],
+        held_in: Handedness,
+        pulses: bool,
+    ) -> Result<Self, Failure> {
+        let profiles = profiles(profile_files)?;
+        if devices.is_empty() {
+            devices = only_known(&scan(&profiles), &profiles)?;
         }
+        let open = |path: &PathBuf| Part::open(path, &profiles, held_in);
+        let mut parts = devices.iter().map(open).collect::<Result<Vec<_>, _>>()?;
         if !parts.iter().any(|part| part.control.has_axes()) {
             return Err("no steering device: a pedal alone moves nothing".into());
         }
@@ -88,10 +78,10 @@ impl InputDevices {
                 .into());
         }
         let mut news = Vec::new();
-        if chosen.pulses && !parts.iter_mut().any(Part::can_pulse) {
+        if pulses && !parts.iter_mut().any(Part::can_pulse) {
             news.push("none of these devices can pulse: limits cannot be felt".to_owned());
         }
-        Ok(Self { parts, clutch: Clutch::default(), pulses: chosen.pulses, news })
+        Ok(Self { parts, clutch: Clutch::default(), pulses, news })
     }
 }
 
@@ -201,14 +191,7 @@ impl Source for InputDevices {
             readings.push((part.control.has_axes(), reading));
         }
         let hand = self.clutch.update(&readings);
-        Ok(HandRequest {
-            open: hand.open,
-            push: hand.push,
-            scale_steps: hand.scale_steps,
-            marks: hand.marks,
-            newest: hand.newest,
-            ..HandRequest::default()
-        })
+        Ok(HandRequest { hand, ..HandRequest::default() })
     }
 
     fn wait(&mut self, until: Nanos) {

@@ -72,7 +72,7 @@ impl Source for Keyboard {
         for key in keys(&bytes) {
             self.keys.press(key, now, &mut input);
         }
-        input.open = Keys::open(self.keys.engaged(now));
+        input.hand.open = Keys::open(self.keys.engaged(now));
         Ok(input)
     }
 
@@ -186,7 +186,7 @@ mod tests {
     fn press(keys: &mut Keys, key: Key, now: Nanos) -> HandRequest {
         let mut input = HandRequest::default();
         keys.press(key, now, &mut input);
-        input.open = Keys::open(keys.engaged(now));
+        input.hand.open = Keys::open(keys.engaged(now));
         input
     }
 
@@ -194,11 +194,11 @@ mod tests {
     fn any_other_key_opens_the_clutch_and_quit_ends() {
         let mut keys = Keys::default();
         press(&mut keys, Key::Space, at(0));
-        assert!(press(&mut keys, Key::Other, at(1)).open.is_some());
+        assert!(press(&mut keys, Key::Other, at(1)).hand.open.is_some());
         assert!(press(&mut keys, Key::Quit, at(2)).quit);
         press(&mut keys, Key::Space, at(3));
         let stopped = press(&mut keys, Key::Stop, at(4));
-        assert!(stopped.stop && stopped.quit && stopped.open.is_some());
+        assert!(stopped.stop && stopped.quit && stopped.hand.open.is_some());
     }
 
     #[test]

@@ -221,7 +221,7 @@ impl Teleoperation<'_> {
             let command = self.command(&request, (now - last).as_seconds())?;
             last = now;
             let sequence = self.send(&command)?;
-            if let Some(came) = request.newest {
+            if let Some(came) = request.hand.newest {
                 self.event = (came, sequence);
             }
             self.publish(&request, now)?;
@@ -230,7 +230,7 @@ impl Teleoperation<'_> {
             }
             self.goal.refresh()?;
             if let Some(pulses) = &mut self.pulses
-                && request.open.is_none()
+                && request.hand.open.is_none()
                 && pulses.due(now)?
             {
                 source.pulse();
@@ -241,7 +241,7 @@ impl Teleoperation<'_> {
                 self.progress.say(&clipped)?;
             }
             if let Some(task) = &mut self.task {
-                if let Some(outcome) = task.update(now, request.open.is_none())? {
+                if let Some(outcome) = task.update(now, request.hand.open.is_none())? {
                     self.progress.say(&outcome)?;
                 }
                 if task.is_finished() {
@@ -257,11 +257,11 @@ impl Teleoperation<'_> {
     }
 
     fn command(&mut self, request: &HandRequest, step_s: f64) -> Result<MasterCommand, Failure> {
-        self.scale = (self.scale + request.scale_steps as usize) % self.scales.len();
+        self.scale = (self.scale + request.hand.scale_steps as usize) % self.scales.len();
         let snake = self.setpoint.refresh()?.map(two_angles).transpose()?;
         let motion = Motion {
-            engaged: request.open.is_none(),
-            push: self.view.joints(request.push),
+            engaged: request.hand.open.is_none(),
+            push: self.view.joints(request.hand.push),
             steps: self.view.joints(request.steps),
             scale: self.scales[self.scale],
         };
@@ -277,20 +277,20 @@ impl Teleoperation<'_> {
 
     /// Publishes the hand's state for monitors and recorders.
     fn publish(&mut self, request: &HandRequest, now: Nanos) -> Result<(), Failure> {
-        if request.marks > 0 {
-            self.marked = request.newest.unwrap_or(now);
+        if request.hand.marks > 0 {
+            self.marked = request.hand.newest.unwrap_or(now);
         } else if now.duration_since(self.published.0) < PUBLISH_PERIOD
-            && self.published.1 == request.open
+            && self.published.1 == request.hand.open
         {
             return Ok(());
         }
-        self.published = (now, request.open);
+        self.published = (now, request.hand.open);
         let measured = if self.is_measured { TeleopMsg::VIEW_MEASURED } else { 0 };
-        let open = request.open.map_or(0, |_| TeleopMsg::OPEN);
-        let why_open = request.open.map(|why| why.to_string()).unwrap_or_default();
+        let open = request.hand.open.map_or(0, |_| TeleopMsg::OPEN);
+        let why_open = request.hand.open.map(|why| why.to_string()).unwrap_or_default();
         self.announcer.publish(TeleopMsg {
             view: self.view.seen(),
-            push: request.push,
+            push: request.hand.push,
             scale: self.scales[self.scale],
             event_ns: self.event.0.0,
             command_sequence: self.event.1,
@@ -323,7 +323,7 @@ fn line(
         return format!("{clutch}; {}", task.line(now));
     }
     let [pitch, yaw] = command.pose;
-    match request.open {
+    match request.hand.open {
         Some(why) => format!("HOLDS: {why}"),
         None => format!(
             "FOLLOWS at {:.0} %; pitch, yaw commanded {pitch:+.2} {yaw:+.2} deg",

@@ -6,7 +6,7 @@ use i2ris_report::{DomainOption, Failure};
 use i2ris_teleop::master::{Mode, Settings};
 use i2ris_teleop::profile::Handedness;
 
-use super::input_devices::{Chosen, InputDevices};
+use super::input_devices::InputDevices;
 use super::keyboard::Keyboard;
 use super::source::Source;
 use crate::command::prepare::PrepareOptions;
@@ -101,12 +101,8 @@ impl HandOptions {
             return Ok(Box::new(Keyboard::open()?));
         }
         let hand = if self.left_hand { Handedness::Left } else { Handedness::Right };
-        Ok(Box::new(InputDevices::open(&Chosen {
-            devices: self.device.clone(),
-            profiles: self.profile.clone(),
-            hand,
-            pulses: self.pulse,
-        })?))
+        let (devices, profiles) = (self.device.clone(), &self.profile);
+        Ok(Box::new(InputDevices::open(devices, profiles, hand, self.pulse)?))
     }
 }
 

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 use i2ris::ipc::payload::ReachTarget;
 use i2ris::units::Nanos;
-use i2ris_report::statistics::quantile_of_unsorted;
+use i2ris_report::statistics::{distance, quantile_of_unsorted};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -90,7 +90,7 @@ impl Course for Reach {
             return None;
         };
         self.add(seen);
-        let away = self.mean().map(|mean| distance(mean, target));
+        let away = self.mean().map(|mean| distance(&mean, &target));
         let is_within = away.is_some_and(|away| away <= self.settings.tolerance_deg);
         self.within = self.within.or(Some(now)).filter(|_| is_within);
         let is_held = self.held(now) >= self.settings.hold;
@@ -165,10 +165,6 @@ impl Course for Reach {
     }
 }
 
-fn distance(a: Angles, b: Angles) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
-}
-
 #[derive(Debug, Clone, Copy)]
 pub struct Disc {
     pub centre: Angles,
@@ -186,7 +182,7 @@ pub fn seeded_targets(number: usize, seed: u64, disc: Disc) -> Vec<Angles> {
             let radius = disc.range_deg * random.random_range(0.0_f64..1.0).sqrt();
             let target = [disc.centre[0] + radius * cos, disc.centre[1] + radius * sin];
             // More than half of the disc is that far away from any of its points.
-            if (target[0] - last[0]).hypot(target[1] - last[1]) >= 0.5 * disc.range_deg {
+            if distance(&target, &last) >= 0.5 * disc.range_deg {
                 last = target;
                 return target;
             }
@@ -282,9 +278,8 @@ mod tests {
             let disc = Disc { centre: [pitch, 1.0], range_deg };
             let targets = seeded_targets(20, seed, disc);
             prop_assert_eq!(&targets, &seeded_targets(20, seed, disc));
-            let distance = |a: Angles, b: Angles| (a[0] - b[0]).hypot(a[1] - b[1]);
-            let is_inside = targets.iter().all(|at| distance(*at, disc.centre) < range_deg + 1e-9);
-            let mut steps = targets.windows(2).map(|pair| distance(pair[0], pair[1]));
+            let is_inside = targets.iter().all(|at| distance(at, &disc.centre) < range_deg + 1e-9);
+            let mut steps = targets.windows(2).map(|pair| distance(&pair[0], &pair[1]));
             prop_assert!(is_inside && steps.all(|step| step >= 0.5 * range_deg));
         }
     }
