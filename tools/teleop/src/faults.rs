@@ -1,9 +1,5 @@
 //! Random device faults, checked against the true state: the hazards of a device that is silent,
 //! lost, replaced or repeats itself, and of a clutch that closes when it must not.
-#![allow(clippy::print_stdout, reason = "a table for people")]
-
-use std::cell::RefCell;
-use std::collections::BTreeMap;
 
 use i2ris::units::Nanos;
 use proptest::prelude::*;
@@ -84,8 +80,6 @@ struct World {
     true_ms: u64,
     /// Whether it sent a centred cap and a released dead-man since it was opened or lost.
     was_at_rest: bool,
-    /// Longest motions without a value, and without a true value, ms.
-    longest_ms: [u64; 2],
 }
 
 impl World {
@@ -110,7 +104,6 @@ impl World {
             sent_ms: 0,
             true_ms: 0,
             was_at_rest: false,
-            longest_ms: [0; 2],
         }
     }
 
@@ -161,9 +154,6 @@ impl World {
         let late = ages_ms[0] > SILENCE_MS + PERIOD_MS || ages_ms[1] > REPEAT_MS + PERIOD_MS;
         prop_assert!(!moves || !late, "too long: {}", describe());
         prop_assert!(!moves || self.sent.0.abs() <= 525, "beyond: {}", describe());
-        if moves {
-            self.longest_ms = [0, 1].map(|index| self.longest_ms[index].max(ages_ms[index]));
-        }
         self.pose = command.pose;
         prop_assert_eq!(command.clutch_open, hand.open.is_some());
         Ok(())
@@ -200,46 +190,16 @@ impl World {
     }
 }
 
-/// Drawn events, and the motion of the snake.
-#[derive(Debug, Default)]
-struct Table {
-    stories: u32,
-    faults: BTreeMap<&'static str, u32>,
-    moved: u32,
-    /// The longest motion after the device had last sent anything, and the truth.
-    held_within_ms: [u64; 2],
-}
-
 #[test]
 fn snake_moves_only_with_a_dead_man_closed_at_rest() {
-    let table = RefCell::new(Table::default());
     let file = Some(file!());
     let config = ProptestConfig { cases: 2000, source_file: file, ..ProptestConfig::default() };
     let mut runner = TestRunner::new(config);
     let outcome = runner.run(&prop::collection::vec(happens(), 1..40), |story| {
-        let (mut world, mut table) = (World::new(), table.borrow_mut());
-        table.stories += 1;
-        for happens in story {
-            let fault = match happens {
-                Happens::Lost => Some("silent"),
-                Happens::Zombie => Some("keeps repeating"),
-                Happens::Replug => Some("pulled out"),
-                Happens::Dropped => Some("events lost"),
-                Happens::Beyond => Some("beyond its range"),
-                _ => None,
-            };
-            if let Some(fault) = fault {
-                *table.faults.entry(fault).or_default() += 1;
-            }
-            world.happen(happens)?;
-        }
-        table.moved += u32::from(world.pose != [0.0; 2]);
-        table.held_within_ms =
-            [0, 1].map(|index| table.held_within_ms[index].max(world.longest_ms[index]));
-        Ok(())
+        let mut world = World::new();
+        story.into_iter().try_for_each(|happens| world.happen(happens))
     });
     outcome.unwrap();
-    println!("{:#?}", table.into_inner());
 }
 
 #[test]
