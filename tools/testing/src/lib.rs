@@ -11,6 +11,7 @@
 //! | [`cycle`] | the control cycle in simulated time, tick by tick |
 //! | [`families`] | a sample of every model family, with its promises |
 //! | [`drive`] | a drive, its line and its port in simulated time, byte by byte |
+//! | `random` | [`Random`]: the same random numbers everywhere |
 //! | `properties` | [`cases`]: number of random cases of a property test |
 //! | [`program`] | the programs of this build |
 //! | [`sizes`] | ceilings on lines, files and commands |
@@ -34,6 +35,7 @@ mod motion;
 pub mod program;
 mod properties;
 mod python;
+mod random;
 mod rig;
 mod server;
 pub mod sizes;
@@ -43,9 +45,10 @@ mod waiting;
 pub use controller::{Controller, Robot};
 pub use fast_values::{fast_axis, fast_config};
 pub use motion::*;
-pub use program::Program;
+pub use program::{Killed, Program};
 pub use properties::cases;
 pub use python::{python, run_python, run_python_of};
+pub use random::Random;
 pub use rig::*;
 pub use server::*;
 pub use terminal::Terminal;

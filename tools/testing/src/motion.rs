@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Commander};
@@ -23,6 +24,27 @@ pub fn stream_counts(client: &Client, seconds: f64, counts: impl Fn(f64) -> [i32
         commander.servo_actuators(&counts).unwrap();
         clock::sleep_until(now + SEND_PERIOD);
     }
+}
+
+/// Sends a motion of the motors while `work` runs, also if no command is accepted.
+pub fn while_streaming<R>(
+    client: &Client,
+    counts: impl Fn(f64) -> [i32; 2] + Send,
+    work: impl FnOnce() -> R,
+) -> R {
+    let done = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let _end = SetOnDrop(&done);
+        let done = &done;
+        scope.spawn(move || {
+            let (mut commander, start) = (client.commander(), clock::now());
+            while !done.load(Ordering::Relaxed) {
+                let _ = commander.servo_actuators(&counts((clock::now() - start).as_seconds()));
+                clock::sleep(SEND_PERIOD);
+            }
+        });
+        work()
+    })
 }
 
 /// Sends angles, degrees, until `goal` returns none.

@@ -1,11 +1,15 @@
 //! The programs of this build.
 
+use std::fs;
+use std::io::{PipeReader, PipeWriter};
+use std::os::fd::AsFd;
 use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
 use i2ris::ipc::Domain;
 use i2ris_report::programs;
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
@@ -45,6 +49,54 @@ pub fn example(name: &str, arguments: &[&str]) -> String {
 /// Runs `i2ris` with these arguments to its end, without input.
 pub fn output(arguments: &[&str]) -> Output {
     command(arguments).stdin(Stdio::null()).output().unwrap()
+}
+
+/// A process that is killed and reaped on drop: iceoryx2 takes a zombie for alive.
+pub struct Killed(pub Child);
+
+impl Killed {
+    pub fn start(command: &mut Command) -> Self {
+        Self(command.spawn().unwrap())
+    }
+
+    /// Runs an ignored test of this binary, the role of another process, until it is killed.
+    pub fn role(name: &str, environment: &[(&str, &str)]) -> Self {
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args(["--exact", name, "--ignored"]).envs(environment.iter().copied());
+        Self::start(command.stdout(Stdio::null()).stderr(Stdio::null()))
+    }
+
+    pub fn signal(&self, signal: Signal) {
+        kill(Pid::from_raw(self.0.id() as i32), signal).unwrap();
+    }
+}
+
+impl Drop for Killed {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Compiles a C library for preloading into a folder.
+pub fn c_library(folder: &Path, source: &str) -> PathBuf {
+    let [file, library] = ["preloaded.c", "preloaded.so"].map(|name| folder.join(name));
+    fs::write(&file, source).unwrap();
+    let mut compiler = Command::new("cc");
+    compiler.args(["-shared", "-fPIC", "-O1", "-o"]).args([&library, &file]);
+    assert!(compiler.status().unwrap().success(), "a C compiler, as the README asks for");
+    library
+}
+
+/// A pipe that is full; nothing reads it.
+pub fn full_pipe() -> (PipeReader, PipeWriter) {
+    let (reader, writer) = std::io::pipe().unwrap();
+    let set_flags = |flags| fcntl(writer.as_fd(), FcntlArg::F_SETFL(flags)).unwrap();
+    set_flags(OFlag::O_NONBLOCK);
+    while nix::unistd::write(writer.as_fd(), &[b' '; 4096]).is_ok() {}
+    while nix::unistd::write(writer.as_fd(), b" ").is_ok() {}
+    set_flags(OFlag::empty());
+    (reader, writer)
 }
 
 /// The program under test, killed if the test fails.

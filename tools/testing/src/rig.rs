@@ -80,9 +80,7 @@ impl Rig {
     }
 
     fn build(line: Line, change: impl FnOnce(&mut EmulatorConfig)) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let snake = SnakeConfig::load(&root().join("config/snakes/steel.toml")).unwrap();
-        let mut emulation = EmulatorConfig::new(snake, &folder.path().join("ports"));
+        let (folder, mut emulation) = emulation();
         emulation.connect(line);
         change(&mut emulation);
         let drives: Vec<_> = emulation.drives.iter().chain(&emulation.auxiliary).cloned().collect();
@@ -257,10 +255,15 @@ impl Rig {
         }
     }
 
+    /// Starts a controller, and a client of it.
+    pub fn started(&mut self) -> Client {
+        self.start_controller();
+        self.client()
+    }
+
     /// A client of a controller that runs, is homed and enabled.
     pub fn enabled(&mut self) -> Client {
-        self.start_controller();
-        let mut client = self.client();
+        let mut client = self.started();
         home_and_enable(&mut client, TIMEOUT).unwrap();
         client
     }
@@ -410,6 +413,14 @@ pub fn settle(
     condition: impl Fn(&OperatingStateMsg) -> bool,
 ) -> OperatingStateMsg {
     wait_for(client, |state| !has(state, OperatingStateMsg::BUSY) && condition(state))
+}
+
+/// The steel snake in a new folder, which is removed on drop.
+pub fn emulation() -> (TempDir, EmulatorConfig) {
+    let folder = tempfile::tempdir().unwrap();
+    let snake = SnakeConfig::load(&root().join("config/snakes/steel.toml")).unwrap();
+    let config = EmulatorConfig::new(snake, &folder.path().join("ports"));
+    (folder, config)
 }
 
 /// The root of the repository.

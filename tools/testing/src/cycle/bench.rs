@@ -4,23 +4,21 @@
 use std::sync::Arc;
 
 use i2ris::config::Config;
-use i2ris::core::CycleSnapshot;
 use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
     CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose, FixtureChange,
     HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand,
     ServoGoal, StateReply, StateRequest, Validity,
 };
-use i2ris::drive::AxisPhase;
+use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::{History, Model};
-use i2ris::process::black_box::{OfferRecord, TickRecord};
-use i2ris::realtime::{Tick, TickTiming};
 use i2ris::robot::Reason;
 use i2ris::units::{Counts, Nanos, OutputVec};
 
 use super::invariants::InvariantCheck;
-use super::sample_models::{config, rad, standard_model};
+use super::recording::Recording;
+use super::sample_models::{camera_frame, config, rad, standard_model};
 use super::simulated_drive::SimulatedDrive;
 
 pub struct Bench {
@@ -64,56 +62,6 @@ pub struct Bench {
     client_sequence: u64,
     request_id: u64,
     watch: InvariantCheck,
-}
-
-/// Content of a black box.
-#[derive(Default)]
-pub struct Recording {
-    pub ticks: Vec<TickRecord>,
-    pub snapshots: Vec<CycleSnapshot>,
-    /// Ticks from snapshot to snapshot; 0: in every tick.
-    pub interval: usize,
-    pub offers: Vec<OfferRecord>,
-    pub models: Vec<Vec<u8>>,
-    offered: Option<u64>,
-}
-
-impl Recording {
-    fn push(
-        &mut self,
-        now: Nanos,
-        inputs: &CycleInputs,
-        outputs: &CycleOutputs,
-        snapshot: Option<CycleSnapshot>,
-    ) {
-        let tick = Tick { planned: now, started: now, missed: 0 };
-        let timing = TickTiming { tick, ended: now };
-        let number = outputs.requests[0].sequence;
-        self.ticks.push(TickRecord {
-            number,
-            offered: self.offered.take(),
-            inputs: *inputs,
-            outputs: *outputs,
-            timing,
-        });
-        let is_due = self.ticks.len().is_multiple_of(self.interval.max(1));
-        self.snapshots.extend(snapshot.filter(|_| is_due));
-    }
-
-    pub fn keep(&mut self, model: &Model) {
-        self.models.push(model.file().canonical_form().unwrap());
-    }
-
-    fn offer(&mut self, candidate: &ModelCandidate) {
-        let number = self.offers.len() as u64 + 1;
-        self.offers.push(OfferRecord {
-            number,
-            model: candidate.model().id(),
-            carried: candidate.state(),
-        });
-        self.keep(candidate.model());
-        self.offered = Some(number);
-    }
 }
 
 /// The client that the helpers of [`Bench`] speak for.
@@ -209,12 +157,10 @@ impl Bench {
             && is_due
             && let Some(joint) = self.out.report.joint
         {
-            self.external = Some(ExternalPose {
-                stamp: self.now - Nanos::from_millis(20),
-                position: [joint.measured[0] + pitch, joint.measured[1] + yaw, 0.0],
-                outputs: 2,
-                quality: 0.0,
-            });
+            self.external = Some(camera_frame(
+                self.now - Nanos::from_millis(20),
+                [joint.measured[0] + pitch, joint.measured[1] + yaw, 0.0],
+            ));
         }
     }
 
@@ -268,10 +214,15 @@ impl Bench {
         reply.refusal
     }
 
-    /// Stages a model, waits until it has caught up, and lets it take over.
-    pub fn swap(&mut self, model: &Arc<Model>) -> Refusal {
+    /// Stages a model that has seen the motion so far.
+    pub fn stage(&mut self, model: &Arc<Model>) {
         self.offer(self.candidate(model));
         self.tick();
+    }
+
+    /// Stages a model, waits until it has caught up, and lets it take over.
+    pub fn swap(&mut self, model: &Arc<Model>) -> Refusal {
+        self.stage(model);
         self.change_model(ModelChange::Activate(model.id()), false)
     }
 
@@ -334,6 +285,24 @@ impl Bench {
         self.ask_as(CLIENT, command).refusal
     }
 
+    /// A state command that is accepted, until it has been carried out.
+    pub fn carry_out(&mut self, command: StateCommand) {
+        assert_eq!(self.ask(command), Refusal::None);
+        self.idle();
+    }
+
+    /// One tick with a move to a pose, degrees.
+    pub fn go(&mut self, pitch_deg: f64, yaw_deg: f64) -> Refusal {
+        self.pose = Some((rad(pitch_deg, yaw_deg), 2));
+        self.ask(StateCommand::Move)
+    }
+
+    /// One tick with a change of the fixtures.
+    pub fn change_fixtures(&mut self, client_id: u64, change: FixtureChange) -> Refusal {
+        self.fixture = Some(change);
+        self.ask_as(client_id, StateCommand::Fixture).refusal
+    }
+
     /// A servo command of the usual client, sent now.
     pub fn servo(&mut self, goal: ServoGoal) -> ServoCommand {
         self.client_sequence += 1;
@@ -351,8 +320,18 @@ impl Bench {
 
     /// One tick with a servo command; the refusal, or `None` if it was accepted.
     pub fn send(&mut self, command: ServoCommand) -> Refusal {
+        self.answer(|bench| bench.step(Some(command), None))
+    }
+
+    /// The same for the auxiliary axis.
+    pub fn send_jaw(&mut self, command: ServoCommand) -> Refusal {
+        self.jaw_command = Some(command);
+        self.answer(Self::tick)
+    }
+
+    fn answer(&mut self, tick: impl FnOnce(&mut Self)) -> Refusal {
         let (accepted, refused) = (self.report().accepted, self.report().refused);
-        self.step(Some(command), None);
+        tick(self);
         match (self.report().accepted - accepted, self.report().refused - refused) {
             (1, 0) => Refusal::None,
             (0, 1) => self.report().last_refusal,
@@ -360,14 +339,18 @@ impl Bench {
         }
     }
 
-    pub fn joint(&mut self, pitch_deg: f64, yaw_deg: f64) -> Refusal {
-        let command = self.servo(ServoGoal::Joint(rad(pitch_deg, yaw_deg), 2));
+    /// One tick with a servo command of the usual client, sent now.
+    pub fn goal(&mut self, goal: ServoGoal) -> Refusal {
+        let command = self.servo(goal);
         self.send(command)
     }
 
+    pub fn joint(&mut self, pitch_deg: f64, yaw_deg: f64) -> Refusal {
+        self.goal(ServoGoal::Joint(rad(pitch_deg, yaw_deg), 2))
+    }
+
     pub fn actuator(&mut self, counts: [i32; 2]) -> Refusal {
-        let command = self.servo(ServoGoal::Actuator(counts.map(Counts), 2));
-        self.send(command)
+        self.goal(ServoGoal::Actuator(counts.map(Counts), 2))
     }
 
     pub fn report(&self) -> &CycleReport {
@@ -384,6 +367,16 @@ impl Bench {
 
     pub fn targets(&self) -> [i32; 2] {
         [self.out.requests[0].target.0, self.out.requests[1].target.0]
+    }
+
+    pub fn demands(&self) -> [Demand; 2] {
+        self.out.requests.map(|request| request.demand)
+    }
+
+    /// Pitch and yaw of the setpoints, degrees.
+    pub fn pose_deg(&self) -> [f64; 2] {
+        let [pitch, yaw, _] = self.joints().setpoint.map(f64::to_degrees);
+        [pitch, yaw]
     }
 
     pub fn phases(&self) -> [AxisPhase; 2] {

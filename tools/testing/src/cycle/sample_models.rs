@@ -1,6 +1,7 @@
 //! The robot of the tests and its models.
 
 use i2ris::config::Config;
+use i2ris::core::{ExternalPose, FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 use i2ris::model::Model;
 use i2ris::model::file::{
     FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputUnit,
@@ -10,7 +11,7 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::force_balance::{
     BalanceMotor, BalanceParameters, BalanceStop, CREEPING, USUAL_TURN,
 };
-use i2ris::units::OutputVec;
+use i2ris::units::{Nanos, OutputVec};
 use std::process::Command;
 use std::sync::{Arc, LazyLock};
 
@@ -277,6 +278,25 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
 /// Angles in rad for angles in deg.
 pub fn rad(pitch_deg: f64, yaw_deg: f64) -> OutputVec {
     [pitch_deg.to_radians(), yaw_deg.to_radians(), 0.0]
+}
+
+/// A frame of a camera that sees pitch and yaw.
+pub fn camera_frame(stamp: Nanos, position: OutputVec) -> ExternalPose {
+    ExternalPose { stamp, position, outputs: 2, quality: 0.0 }
+}
+
+/// Adds a forbidden ball, rad.
+pub fn add_ball(centre: OutputVec, radius: f64) -> FixtureChange {
+    add(SimpleShape::Ball { centre, radius })
+}
+
+/// Adds a wall, rad.
+pub fn add_wall(normal: OutputVec, offset: f64) -> FixtureChange {
+    add(SimpleShape::HalfSpace { normal, offset })
+}
+
+fn add(shape: SimpleShape) -> FixtureChange {
+    FixtureChange::Add(SimpleRegion { space: FixtureSpace::Angles, shape })
 }
 
 /// The counts at which the model predicts these angles.

@@ -49,6 +49,11 @@ impl SimulatedDrive {
         Self { feedback, quirk: Quirk::None, slot: 1, delay: 3, ticks: 0, left: 0 }
     }
 
+    /// The drive reports a fault.
+    pub fn fail(&mut self, error_code: u16) {
+        (self.feedback.phase, self.feedback.error_code) = (AxisPhase::Faulted, error_code);
+    }
+
     /// One tick after `request` was sent. What is reported belongs to `now`.
     pub fn tick(&mut self, now: Nanos, request: &AxisRequest) {
         self.ticks += 1;

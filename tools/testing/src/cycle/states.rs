@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use i2ris::config::Config;
-use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 
@@ -30,7 +29,12 @@ impl Bench {
     }
 
     pub fn enabled() -> Self {
-        Self::enabled_with(config(""), Some(standard_model()))
+        Self::with("")
+    }
+
+    /// Enabled with additional tables and the standard model.
+    pub fn with(tables: &str) -> Self {
+        Self::enabled_with(config(tables), Some(standard_model()))
     }
 
     pub fn enabled_with(config: Config, model: Option<Arc<Model>>) -> Self {
@@ -69,8 +73,7 @@ impl Bench {
     }
 
     pub fn fault(&mut self, axis: usize) {
-        self.drives[axis].feedback.phase = AxisPhase::Faulted;
-        self.drives[axis].feedback.error_code = 0x8611;
+        self.drives[axis].fail(0x8611);
         self.run(2);
         assert_eq!((self.state(), self.report().fault), (OperatingState::Fault, Fault::Drive));
     }
