@@ -35,8 +35,7 @@ fn run_session(bench: &mut Bench, models: &[Arc<Model>], session: u32) {
     bench.run(200);
     assert!(bench.report().busy);
     cause_fault(bench, session);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Acknowledge);
     assert_eq!(bench.state(), OperatingState::Disabled);
 }
 

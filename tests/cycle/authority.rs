@@ -1,19 +1,7 @@
 //! Who may do what while a client commands: the table in `core/command/authority.rs`, in every
 //! activity, whoever started it and whoever holds.
 
-use std::sync::Arc;
-
-use i2ris::core::{
-    FixtureChange, FixtureSpace, ModelChange, ServoCommand, ServoGoal, SimpleRegion, SimpleShape,
-};
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::model::Model;
-use i2ris::units::Counts;
-use i2ris_testing::cycle::{
-    Bench, CLIENT, config, rad, scaled_standard_model, standard_model, with_jaw,
-};
-
-use super::auxiliary_axis::turn;
+use super::*;
 
 const OTHER: u64 = CLIENT + 1;
 const THIRD: u64 = CLIENT + 2;
@@ -53,15 +41,10 @@ const ACTIONS: [Action; 22] = [
     ("`enable`", |bench, client| state(bench, client, StateCommand::Enable)),
     ("`resume`", |bench, client| state(bench, client, StateCommand::Resume)),
     ("`acknowledge`", |bench, client| state(bench, client, StateCommand::Acknowledge)),
-    ("fixtures on", |bench, client| fixture(bench, client, FixtureChange::SwitchOn)),
-    ("fixture added", |bench, client| {
-        let shape = SimpleShape::Ball { centre: rad(9.0, 9.0), radius: 0.01 };
-        let region = SimpleRegion { space: FixtureSpace::Angles, shape };
-        fixture(bench, client, FixtureChange::Add(region))
-    }),
+    ("fixtures on", |bench, client| bench.change_fixtures(client, FixtureChange::SwitchOn)),
+    ("fixture added", |it, client| it.change_fixtures(client, add_ball(rad(9.0, 9.0), 0.01))),
     ("model staged", |bench, _| {
-        bench.offer(bench.candidate(&scaled_standard_model(1.3)));
-        bench.tick();
+        bench.stage(&scaled_standard_model(1.3));
         Refusal::None
     }),
     ("`release`", |bench, client| state(bench, client, StateCommand::Release)),
@@ -79,8 +62,8 @@ const ACTIONS: [Action; 22] = [
     ("model activated", |bench, client| activate(bench, client, false)),
     ("by force", |bench, client| activate(bench, client, true)),
     ("rollback", |bench, client| bench.change_model_as(client, ModelChange::Rollback, true)),
-    ("fixtures off", |bench, client| fixture(bench, client, FixtureChange::SwitchOff)),
-    ("fixtures removed", |bench, client| fixture(bench, client, FixtureChange::RemoveAdded)),
+    ("fixtures off", |bench, client| bench.change_fixtures(client, FixtureChange::SwitchOff)),
+    ("fixtures removed", |bench, client| bench.change_fixtures(client, FixtureChange::RemoveAdded)),
 ];
 
 fn staged() -> Arc<Model> {
@@ -92,8 +75,7 @@ fn ready() -> Bench {
     let mut bench = Bench::enabled_with(with_jaw(config("")), Some(standard_model()));
     let second = scaled_standard_model(1.2);
     for model in [&second, &staged()] {
-        bench.offer(bench.candidate(model));
-        bench.tick();
+        bench.stage(model);
         bench.change_model(ModelChange::Activate(second.id()), true);
     }
     assert!(bench.report().models.previous.is_some());
@@ -110,11 +92,6 @@ fn state(bench: &mut Bench, client: u64, command: StateCommand) -> Refusal {
     bench.ask_as(client, command).refusal
 }
 
-fn fixture(bench: &mut Bench, client: u64, change: FixtureChange) -> Refusal {
-    bench.fixture = Some(change);
-    bench.ask_as(client, StateCommand::Fixture).refusal
-}
-
 fn activate(bench: &mut Bench, client: u64, forced: bool) -> Refusal {
     bench.change_model_as(client, ModelChange::Activate(staged().id()), forced)
 }
@@ -128,7 +105,7 @@ fn joints(bench: &mut Bench, client: u64) -> Refusal {
 fn jaw(bench: &mut Bench, client: u64) -> Refusal {
     let goal = ServoGoal::Joint([0.05, 0.0, 0.0], 1);
     let command = ServoCommand { client_id: client, ..bench.servo(goal) };
-    turn(bench, command)
+    bench.send_jaw(command)
 }
 
 fn hold(bench: &mut Bench, client: u64) -> Refusal {

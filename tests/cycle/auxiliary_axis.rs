@@ -1,10 +1,8 @@
 //! The auxiliary axis: a third drive that stops with the others and moves without them.
 
-use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
-use i2ris::drive::{AxisPhase, Demand};
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris::units::{Counts, MAX_MOTORS};
-use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, rad, standard_model, with_jaw};
+use i2ris::units::MAX_MOTORS;
+
+use super::*;
 
 type Change = fn(&mut ServoCommand);
 
@@ -14,18 +12,6 @@ fn enabled() -> Bench {
 
 fn angle(bench: &mut Bench, degrees: f64) -> ServoCommand {
     bench.servo(ServoGoal::Joint([degrees.to_radians(), 0.0, 0.0], 1))
-}
-
-/// Runs one tick with a jaw command. Returns the refusal, or `None` if it was accepted.
-pub fn turn(bench: &mut Bench, command: ServoCommand) -> Refusal {
-    let (accepted, refused) = (bench.report().accepted, bench.report().refused);
-    bench.jaw_command = Some(command);
-    bench.tick();
-    match (bench.report().accepted - accepted, bench.report().refused - refused) {
-        (1, 0) => Refusal::None,
-        (0, 1) => bench.report().last_refusal,
-        other => panic!("one command is accepted or refused, not {other:?}"),
-    }
 }
 
 fn jaw_target(bench: &Bench) -> Counts {
@@ -38,7 +24,7 @@ fn jaw_follows_its_own_stream() {
     for k in 1..=200 {
         let share = f64::from(k) / 200.0;
         let jaw = angle(&mut bench, 20.0 * share);
-        assert_eq!(turn(&mut bench, jaw), Refusal::None);
+        assert_eq!(bench.send_jaw(jaw), Refusal::None);
         assert_eq!(bench.joint(4.0 * share, -2.0 * share), Refusal::None);
         bench.run(3);
     }
@@ -50,10 +36,9 @@ fn jaw_follows_its_own_stream() {
     assert!((pitch - 4.0).abs() < 0.1 && (yaw + 2.0).abs() < 0.1, "{pitch} {yaw}");
     // The jaw and a trajectory of the joints do not wait for each other.
     bench.run(100);
-    bench.pose = Some((rad(0.0, 0.0), 2));
-    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+    assert_eq!(bench.go(0.0, 0.0), Refusal::None);
     let jaw = angle(&mut bench, 21.0);
-    assert_eq!(turn(&mut bench, jaw), Refusal::None);
+    assert_eq!(bench.send_jaw(jaw), Refusal::None);
     bench.run(20);
     assert!((jaw_target(&bench).0 + 210).abs() <= 1);
     bench.idle();
@@ -66,7 +51,7 @@ fn jaw_holds_without_commands_and_when_robot_holds() {
         let mut bench = Bench::enabled_with(slow, Some(standard_model()));
         for k in 1..=20 {
             let jaw = angle(&mut bench, f64::from(k));
-            assert_eq!(turn(&mut bench, jaw), Refusal::None);
+            assert_eq!(bench.send_jaw(jaw), Refusal::None);
             bench.run(4);
         }
         match stop {
@@ -104,22 +89,22 @@ fn jaw_commands_pass_the_common_checks() {
     for (change, expected) in changes {
         let mut command = angle(&mut bench, 0.0);
         change(&mut command);
-        assert_eq!(turn(&mut bench, command), expected, "{command:?}");
+        assert_eq!(bench.send_jaw(command), expected, "{command:?}");
     }
     assert_eq!(jaw_target(&bench), before);
     let mut other = angle(&mut bench, 1.0);
     assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
     (other.client_id, other.stamp) = (CLIENT + 1, bench.now);
-    assert_eq!(turn(&mut bench, other), Refusal::Lease);
+    assert_eq!(bench.send_jaw(other), Refusal::Lease);
     // It has its own sequence numbers, so it may overtake the other stream.
     let (late, next) = (angle(&mut bench, 1.0), bench.servo(ServoGoal::Joint([0.0; 3], 2)));
     assert_eq!(bench.send(next), Refusal::None);
-    assert_eq!(turn(&mut bench, late), Refusal::None);
-    assert_eq!(turn(&mut bench, late), Refusal::Sequence);
+    assert_eq!(bench.send_jaw(late), Refusal::None);
+    assert_eq!(bench.send_jaw(late), Refusal::Sequence);
     // A robot without one.
     let mut bench = Bench::enabled();
     let command = angle(&mut bench, 1.0);
-    assert_eq!(turn(&mut bench, command), Refusal::Unsupported);
+    assert_eq!(bench.send_jaw(command), Refusal::Unsupported);
     assert_eq!(bench.out.auxiliary, None);
 }
 
@@ -132,8 +117,7 @@ fn a_fault_of_any_axis_stops_all() {
     for axis in 0..=MAX_MOTORS {
         let mut bench = enabled();
         let drive = if axis < MAX_MOTORS { &mut bench.drives[axis] } else { &mut bench.jaw };
-        drive.feedback.phase = AxisPhase::Faulted;
-        drive.feedback.error_code = 0x2310;
+        drive.fail(0x2310);
         bench.run(3);
         assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Drive));
         let mut expected = [Demand::QuickStop; 3];
@@ -142,8 +126,7 @@ fn a_fault_of_any_axis_stops_all() {
         let reason = bench.reasons.iter().find_map(|reason| reason.measurement);
         assert_eq!(reason.unwrap().motor, Some(axis as u8));
         bench.run(50);
-        assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-        bench.idle();
+        bench.carry_out(StateCommand::Acknowledge);
         assert_eq!(bench.state(), OperatingState::Disabled);
     }
     let mut bench = enabled();
@@ -164,7 +147,6 @@ fn robot_is_homed_and_enabled_only_with_jaw() {
     bench.jaw.feedback.homed = true;
     bench.enable();
     assert_eq!(bench.jaw.feedback.phase, AxisPhase::Enabled);
-    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Disable);
     assert_eq!(bench.jaw.feedback.phase, AxisPhase::Disabled);
 }

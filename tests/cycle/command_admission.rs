@@ -1,10 +1,6 @@
 //! Command admission: which servo commands are refused, in which order, and who may command.
 
-use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
-use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{Bench, CLIENT, config, lag_counts, model, rad};
+use super::*;
 
 const HERE: ServoGoal = ServoGoal::Joint([0.0; 3], 2);
 
@@ -30,15 +26,11 @@ fn refusal(bench: &mut Bench, change: impl FnOnce(&mut ServoCommand)) -> Refusal
 fn a_command_of_the_wrong_shape_is_malformed() {
     let mut bench = Bench::enabled();
     for entries in [0, 1, 3, 4, u32::MAX] {
-        assert_eq!(
-            refusal(&mut bench, |c| c.goal = ServoGoal::Joint([0.0; 3], entries)),
-            Refusal::Malformed,
-            "{entries}"
-        );
-        assert_eq!(
-            refusal(&mut bench, |c| c.goal = ServoGoal::Actuator([Counts(0); 2], entries)),
-            Refusal::Malformed
-        );
+        for goal in
+            [ServoGoal::Joint([0.0; 3], entries), ServoGoal::Actuator([Counts(0); 2], entries)]
+        {
+            assert_eq!(refusal(&mut bench, |c| c.goal = goal), Refusal::Malformed, "{goal:?}");
+        }
     }
     assert_eq!(refusal(&mut bench, |c| c.client_id = 0), Refusal::Malformed);
     assert_eq!(refusal(&mut bench, |c| c.has_unknown_flags = true), Refusal::Malformed);
@@ -64,15 +56,11 @@ fn refusals_are_counted_client_by_client() {
 fn non_finite_values_are_refused_and_unsent_values_ignored() {
     let mut bench = Bench::enabled();
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        assert_eq!(
-            refusal(&mut bench, |c| c.goal = ServoGoal::Joint([0.0, value, 0.0], 2)),
-            Refusal::NotFinite
-        );
+        let goal = ServoGoal::Joint([0.0, value, 0.0], 2);
+        assert_eq!(refusal(&mut bench, |c| c.goal = goal), Refusal::NotFinite);
     }
-    assert_eq!(
-        refusal(&mut bench, |c| c.goal = ServoGoal::Joint([0.0, 0.0, f64::NAN], 2)),
-        Refusal::None
-    );
+    let unsent = ServoGoal::Joint([0.0, 0.0, f64::NAN], 2);
+    assert_eq!(refusal(&mut bench, |c| c.goal = unsent), Refusal::None);
     bench.run(10);
     assert_eq!(bench.joints().goal, [0.0; 3]);
 }
@@ -91,21 +79,17 @@ fn sequences_rise_per_client_even_after_the_lease_is_gone() {
     assert_eq!(refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)), Refusal::Sequence);
     let reply = bench.ask_as(8, StateCommand::Release);
     assert_eq!(reply.refusal, Refusal::None);
-    assert_eq!(
-        refusal(&mut bench, |c| c.sequence = 499),
-        Refusal::Sequence,
-        "a command that the network held back while another client commanded"
-    );
+    // A command that the network held back while another client commanded.
+    assert_eq!(refusal(&mut bench, |c| c.sequence = 499), Refusal::Sequence);
     assert_eq!(refusal(&mut bench, |c| c.sequence = 501), Refusal::None);
 }
 
 #[test]
 fn a_refused_command_uses_up_no_sequence_number() {
     let mut bench = Bench::enabled();
-    assert_eq!(
-        refusal(&mut bench, |c| (c.sequence, c.goal) = (900, ServoGoal::Joint(rad(20.0, 0.0), 2))),
-        Refusal::StepTooLarge
-    );
+    let far = ServoGoal::Joint(rad(20.0, 0.0), 2);
+    let refused = refusal(&mut bench, |c| (c.sequence, c.goal) = (900, far));
+    assert_eq!(refused, Refusal::StepTooLarge);
     assert_eq!(refusal(&mut bench, |c| c.sequence = 900), Refusal::None);
 }
 

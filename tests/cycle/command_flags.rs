@@ -2,13 +2,8 @@
 //! documentation of `i2ris::core`, in every combination of their conditions. The printed table
 //! itself must equal the one that `command_table` tests.
 
-use i2ris::core::ServoGoal;
-use i2ris::drive::AxisPhase;
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{Bench, CLIENT, Quirk, rad};
-
 use super::command_table::{Answer, TABLE};
+use super::*;
 
 /// A second client.
 const OTHER: u64 = 8;

@@ -1,11 +1,9 @@
 //! Every state command in every state: the table in the documentation of
 //! `core/states/control_state.rs`.
 
-use i2ris::core::CycleEventKind;
 use i2ris::core::CycleReport;
-use i2ris::drive::AxisPhase;
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris_testing::cycle::{Bench, CLIENT, Quirk, rad};
+
+use super::*;
 
 /// Set-up of a state, and the replies to all commands in the order of `StateCommand::ALL`:
 /// enable, disable, pause, resume, home, unhome, condition, acknowledge, release, hold, move. A
@@ -101,8 +99,7 @@ fn conditioning() -> Bench {
 
 fn moving_to_pose() -> Bench {
     let mut bench = Bench::enabled();
-    bench.pose = Some((rad(5.0, 0.0), 2));
-    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+    assert_eq!(bench.go(5.0, 0.0), Refusal::None);
     bench.run(50);
     bench
 }

@@ -1,12 +1,6 @@
 //! The command `condition`: a conditioning cycle, after which the memory of the model is known.
 
-use std::sync::Arc;
-
-use i2ris::config::Config;
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris::model::Model;
-
-use i2ris_testing::cycle::{Bench, CLIENT, HULL, Quirk, config, model_with_memory, standard_model};
+use super::*;
 
 /// Enabled, at a position that is not the centre.
 fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {
@@ -58,10 +52,8 @@ fn conditioning_covers_hull_within_limits_and_returns_to_start() {
 #[test]
 fn afterwards_the_memory_is_known() {
     let mut bench = ready(config(""), Some(model_with_memory()));
-    assert!(
-        !bench.joints().memory_known,
-        "the motors have covered 120 and 80 counts, and more are needed"
-    );
+    // The motors have covered 120 and 80 counts, and more are needed.
+    assert!(!bench.joints().memory_known);
     run_conditioning(&mut bench);
     assert!(bench.joints().memory_known);
 }
@@ -110,8 +102,8 @@ fn one_motor_is_conditioned_too() {
 #[test]
 fn conditioning_wider_than_position_limits_is_refused() {
     let mut narrow = config("");
-    narrow.ports[0].axes[1].position_min_counts = i2ris::units::Counts(-60);
-    narrow.ports[0].axes[1].position_max_counts = i2ris::units::Counts(60);
+    narrow.ports[0].axes[1].position_min_counts = Counts(-60);
+    narrow.ports[0].axes[1].position_max_counts = Counts(60);
     let mut bench = Bench::enabled_with(narrow, Some(model_with_memory()));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::Range);
     assert!(!bench.report().busy);
@@ -155,20 +147,16 @@ fn stale_positions_stop_conditioning_and_blocked_motor_raises_fault() {
     bench.run(300);
     bench.quirk(0, Quirk::Silent);
     bench.run(60);
-    assert_eq!(
-        (bench.state(), bench.report().busy, bench.report().holding),
-        (OperatingState::Enabled, false, true)
-    );
+    let seen = (bench.state(), bench.report().busy, bench.report().holding);
+    assert_eq!(seen, (OperatingState::Enabled, false, true));
 
     let mut bench = ready(config(""), None);
     bench.ask(StateCommand::Condition);
     bench.run(100);
     bench.quirk(1, Quirk::Blocked);
     bench.run(3000);
-    assert_eq!(
-        (bench.state(), bench.report().fault),
-        (OperatingState::Fault, Fault::FollowingError)
-    );
+    let fault = (bench.state(), bench.report().fault);
+    assert_eq!(fault, (OperatingState::Fault, Fault::FollowingError));
     let here = bench.targets();
     bench.run(500);
     assert_eq!(bench.targets(), here);

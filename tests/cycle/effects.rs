@@ -1,15 +1,11 @@
 //! Done means that the effect is confirmed: every command against every kind of interruption,
 //! judged as clients judge it, by the operating state after the command was accepted.
 
-use i2ris::core::{FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
-use i2ris::drive::AxisPhase;
 use i2ris::ipc::client::Progress;
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
 use i2ris::process::operating_state;
 use i2ris::realtime::Granted;
-use i2ris::robot::Cause;
-use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, model, rad, standard_model};
+
+use super::*;
 
 type Event = fn(&mut Bench);
 type MakeBench = fn() -> Bench;
@@ -23,8 +19,7 @@ const EVENTS: [(&str, Event); 9] = [
         bench.quirk(1, Quirk::None);
     }),
     ("fault", |bench| {
-        bench.drives[1].feedback.phase = AxisPhase::Faulted;
-        bench.drives[1].feedback.error_code = 0x8611;
+        bench.drives[1].fail(0x8611);
         bench.tick();
     }),
     ("hold", |bench| _ = bench.ask_as(8, StateCommand::Hold)),
@@ -33,10 +28,8 @@ const EVENTS: [(&str, Event); 9] = [
     ("camera", |bench| bench.camera = Some([0.5, 0.0])),
     ("fixture", |bench| {
         // Outside the path of a move, inside that of a conditioning cycle.
-        let (centre, radius) = (rad(-9.0, -9.0), 1.0_f64.to_radians());
-        let (space, shape) = (FixtureSpace::Angles, SimpleShape::Ball { centre, radius });
-        bench.fixture = Some(FixtureChange::Add(SimpleRegion { space, shape }));
-        assert_eq!(bench.ask_as(8, StateCommand::Fixture).refusal, Refusal::None);
+        let ball = add_ball(rad(-9.0, -9.0), 1.0_f64.to_radians());
+        assert_eq!(bench.change_fixtures(8, ball), Refusal::None);
     }),
     ("end", |bench| bench.shutdown = true),
 ];

@@ -1,10 +1,6 @@
 //! DISABLED: homing and enabling.
 
-use i2ris::core::CycleEventKind;
-use i2ris::drive::{AxisPhase, Demand};
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config};
+use super::*;
 
 #[test]
 fn drives_that_are_not_ready_cannot_be_enabled_or_homed() {
@@ -68,9 +64,8 @@ fn homing_without_resulting_zero_raises_fault() {
     assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
     bench.until("FAULT", |bench| bench.state() == OperatingState::Fault);
     assert_eq!(bench.report().fault, Fault::Homing);
-    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::Disabled; 2]);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    bench.idle();
+    assert_eq!(bench.demands(), [Demand::Disabled; 2]);
+    bench.carry_out(StateCommand::Acknowledge);
     bench.quirk(1, Quirk::None);
     bench.home();
 }
@@ -164,7 +159,7 @@ fn drive_that_fails_to_enable_disables_all_drives() {
     bench.until("FAULT", |bench| bench.state() == OperatingState::Fault);
     assert_eq!(bench.report().fault, Fault::DriveTimeout);
     assert!(bench.now.duration_since(begin) <= Nanos::from_millis(3010));
-    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::Disabled; 2]);
+    assert_eq!(bench.demands(), [Demand::Disabled; 2]);
     bench.run(20);
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
 }
@@ -176,8 +171,7 @@ fn disable_calls_enabling_and_homing_off() {
         bench.drives[1].delay = 30;
         bench.ask(command);
         bench.run(10);
-        assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
-        bench.idle();
+        bench.carry_out(StateCommand::Disable);
         assert_eq!(bench.state(), OperatingState::Disabled);
         assert_eq!(bench.phases(), [AxisPhase::Disabled; 2], "after {command}");
     }
@@ -249,8 +243,7 @@ fn pending_enable_is_cancelled_by_disable_or_lost_zero() {
     let mut bench = Bench::moving();
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
-    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Disable);
     assert_eq!(bench.state(), OperatingState::Disabled);
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
     bench.enable();

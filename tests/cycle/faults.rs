@@ -1,14 +1,6 @@
 //! FAULT: its causes, the demands to the drives, and the acknowledgement.
 
-use i2ris::core::CycleEventKind;
-use i2ris::drive::{AxisPhase, Demand};
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{Bench, Quirk, config};
-
-fn demands(bench: &Bench) -> [Demand; 2] {
-    bench.out.requests.map(|request| request.demand)
-}
+use super::*;
 
 fn fault(bench: &Bench) -> Option<Fault> {
     (bench.state() == OperatingState::Fault).then_some(bench.report().fault)
@@ -36,8 +28,7 @@ fn disable_in_fault_is_an_event_once() {
 fn drive_error_raises_fault_in_every_state() {
     for build in [Bench::standard, Bench::homed, Bench::enabled, Bench::moving, Bench::paused] {
         let mut bench = build();
-        bench.drives[1].feedback.phase = AxisPhase::Faulted;
-        bench.drives[1].feedback.error_code = 0x8611;
+        bench.drives[1].fail(0x8611);
         bench.tick();
         assert_eq!(fault(&bench), Some(Fault::Drive));
         let is_reported = bench.events.iter().any(|event| {
@@ -54,7 +45,7 @@ fn drive_error_raises_fault_in_every_state() {
 fn faulted_drive_is_disabled_and_the_other_holds() {
     let mut bench = Bench::moving();
     bench.fault(1);
-    assert_eq!(demands(&bench), [Demand::QuickStop, Demand::Disabled]);
+    assert_eq!(bench.demands(), [Demand::QuickStop, Demand::Disabled]);
     bench.run(100);
     assert_eq!(bench.phases(), [AxisPhase::QuickStopped, AxisPhase::Faulted]);
 }
@@ -63,13 +54,13 @@ fn faulted_drive_is_disabled_and_the_other_holds() {
 fn fault_does_not_power_unpowered_drives() {
     let mut bench = Bench::homed();
     bench.fault(1);
-    assert_eq!(demands(&bench), [Demand::Disabled; 2]);
+    assert_eq!(bench.demands(), [Demand::Disabled; 2]);
     let mut bench = Bench::homed();
     bench.drives[0].delay = 100;
     bench.ask(StateCommand::Enable);
     bench.run(50);
     bench.fault(0);
-    assert_eq!(demands(&bench), [Demand::Disabled; 2], "enabling was in progress");
+    assert_eq!(bench.demands(), [Demand::Disabled; 2], "enabling was in progress");
 }
 
 #[test]
@@ -84,13 +75,10 @@ fn lost_line_raises_fault_and_keeps_quick_stop_demanded() {
     bench.quirk(0, Quirk::Silent);
     bench.drives[0].feedback.phase = AxisPhase::Lost;
     bench.tick();
-    assert_eq!(demands(&bench), [Demand::QuickStop; 2]);
+    assert_eq!(bench.demands(), [Demand::QuickStop; 2]);
     bench.run(10_000);
-    assert_eq!(
-        demands(&bench),
-        [Demand::QuickStop; 2],
-        "the demand stays, for when the line is back"
-    );
+    // The demand stays, for when the line is back.
+    assert_eq!(bench.demands(), [Demand::QuickStop; 2]);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists);
     bench.quirk(0, Quirk::None);
     bench.drives[0].feedback.phase = AxisPhase::Enabled;
@@ -126,7 +114,7 @@ fn drive_leaving_enabled_state_raises_fault() {
             bench.drives[0].feedback.phase = phase;
             bench.tick();
             assert_eq!(fault(&bench), Some(Fault::DriveState), "{phase:?}");
-            assert_eq!(demands(&bench), [Demand::Disabled, Demand::QuickStop], "{phase:?}");
+            assert_eq!(bench.demands(), [Demand::Disabled, Demand::QuickStop], "{phase:?}");
         }
     }
 }
@@ -174,7 +162,7 @@ fn the_gravest_of_two_faults_is_named() {
     bench.drives[1].feedback.phase = AxisPhase::Faulted;
     bench.tick();
     assert_eq!(fault(&bench), Some(Fault::Drive));
-    assert_eq!(demands(&bench), [Demand::Disabled; 2], "neither is trusted");
+    assert_eq!(bench.demands(), [Demand::Disabled; 2], "neither is trusted");
 }
 
 #[test]
@@ -201,8 +189,7 @@ fn drive_restart_during_reset_leaves_fault_acknowledgeable() {
     assert_eq!(bench.state(), OperatingState::Fault);
     bench.drives[0].feedback.phase = AxisPhase::Disabled;
     bench.run(5);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Acknowledge);
     assert_eq!(bench.state(), OperatingState::Disabled);
 }
 
@@ -215,11 +202,7 @@ fn acknowledge_resets_only_the_faulted_drive_without_motion() {
     assert_eq!(bench.out.requests.map(|request| request.fault_resets), [1, 0]);
     assert_eq!((bench.state(), bench.report().busy), (OperatingState::Fault, true));
     bench.idle();
-    assert_eq!(
-        (bench.state(), bench.report().fault),
-        (OperatingState::Disabled, Fault::Drive),
-        "the last fault"
-    );
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Disabled, Fault::Drive));
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
     assert_eq!(bench.drives.map(|drive| drive.feedback.position), before);
     bench.enable();
@@ -232,12 +215,10 @@ fn acknowledge_resets_only_the_faulted_drive_without_motion() {
 fn a_fault_that_cannot_be_reset_stays() {
     let mut bench = Bench::faulted();
     bench.quirk(0, Quirk::Broken);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Acknowledge);
     assert_eq!(fault(&bench), Some(Fault::Drive));
     bench.quirk(0, Quirk::None);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Acknowledge);
     assert_eq!(bench.state(), OperatingState::Disabled);
     assert_eq!(bench.out.requests[0].fault_resets, 2);
 }
@@ -247,14 +228,11 @@ fn drive_that_misses_its_quick_stop_is_switched_off() {
     let mut bench = Bench::enabled();
     bench.quirk(1, Quirk::Deaf);
     bench.fault(0);
-    assert_eq!(demands(&bench), [Demand::Disabled, Demand::QuickStop]);
-    assert_eq!(
-        bench.ask(StateCommand::Acknowledge),
-        Refusal::CausePersists,
-        "a drive is where it should not be"
-    );
+    assert_eq!(bench.demands(), [Demand::Disabled, Demand::QuickStop]);
+    // A drive is where it should not be.
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists);
     bench.run(3000);
-    assert_eq!(demands(&bench), [Demand::Disabled; 2]);
+    assert_eq!(bench.demands(), [Demand::Disabled; 2]);
 }
 
 #[test]
@@ -264,7 +242,7 @@ fn disabled_drive_is_not_asked_to_hold_later() {
     assert_eq!(bench.phases()[1], AxisPhase::QuickStopped);
     bench.drives[1].feedback.phase = AxisPhase::Disabled;
     bench.run(10);
-    assert_eq!(demands(&bench), [Demand::Disabled; 2]);
+    assert_eq!(bench.demands(), [Demand::Disabled; 2]);
 }
 
 #[test]
@@ -283,7 +261,7 @@ fn drive_that_does_not_disable_raises_fault() {
     bench.quirk(0, Quirk::Deaf);
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
     expect_fault(&mut bench, Fault::DriveTimeout);
-    assert_eq!(demands(&bench), [Demand::Disabled; 2]);
+    assert_eq!(bench.demands(), [Demand::Disabled; 2]);
 }
 
 #[test]
@@ -293,11 +271,8 @@ fn fault_persists_while_drive_is_silent() {
     expect_fault(&mut bench, Fault::Link);
     bench.drives[1].feedback.phase = AxisPhase::QuickStopped;
     bench.run(10);
-    assert_eq!(
-        bench.ask(StateCommand::Acknowledge),
-        Refusal::CausePersists,
-        "its last report is old"
-    );
+    // Its last report is old.
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists);
     bench.quirk(1, Quirk::None);
     bench.run(10);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);

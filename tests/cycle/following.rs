@@ -1,15 +1,8 @@
 //! ENABLED: setpoints that result from servo commands.
 
-use i2ris::config::Config;
-use i2ris::core::ServoGoal;
-use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{
-    Bench, GAIN_DEG, HULL, ROBOT, config, counts_at, has_memory, lag_counts, model, rad,
-    standard_model,
-};
 use i2ris_testing::fast_config;
+
+use super::*;
 
 /// Rounding to counts.
 const HALF: f64 = 0.5 + 1e-6;
@@ -17,8 +10,7 @@ const HALF: f64 = 0.5 + 1e-6;
 /// Sends a goal every few ticks until the setpoints are at rest.
 fn hold_goal(bench: &mut Bench, goal: ServoGoal) {
     for _ in 0..200 {
-        let command = bench.servo(goal);
-        assert_eq!(bench.send(command), Refusal::None);
+        assert_eq!(bench.goal(goal), Refusal::None);
         bench.run(9);
     }
 }
@@ -116,8 +108,7 @@ fn a_tip_position_is_followed_like_an_angle() {
     }
     // 4 mm in pitch are 257 counts of both motors.
     assert_eq!(bench.joint(0.0, 0.0), Refusal::None, "near zero in any unit");
-    let far = bench.servo(ServoGoal::Joint([0.010, 0.0, 0.0], 2));
-    assert_eq!(bench.send(far), Refusal::StepTooLarge);
+    assert_eq!(bench.goal(ServoGoal::Joint([0.010, 0.0, 0.0], 2)), Refusal::StepTooLarge);
 }
 
 #[test]
@@ -135,11 +126,8 @@ fn goal_outside_hull_is_clipped_and_reported() {
     hold_goal(&mut bench, ServoGoal::Joint(rad(pitch, 0.0), 2));
     assert!(bench.report().clipped);
     assert_eq!(bench.targets(), [800, 800]);
-    assert!(
-        (bench.joints().goal[0].to_degrees() - edge).abs() < 2e-3,
-        "{}",
-        bench.joints().goal[0].to_degrees()
-    );
+    let goal = bench.joints().goal[0].to_degrees();
+    assert!((goal - edge).abs() < 2e-3, "{goal}");
     hold_goal(&mut bench, ServoGoal::Joint(rad(pitch - 4.0, 0.0), 2));
     assert!(!bench.report().clipped);
 }
@@ -171,17 +159,12 @@ fn the_next_setpoint_carries_stamp_and_sequence_of_its_command() {
     let command = bench.servo(ServoGoal::Joint(rad(0.1, 0.0), 2));
     bench.send(command);
     for request in bench.out.requests {
-        assert_eq!(
-            (request.command_stamp, request.command_sequence),
-            (command.stamp, command.sequence)
-        );
+        let carried = (request.command_stamp, request.command_sequence);
+        assert_eq!(carried, (command.stamp, command.sequence));
     }
     bench.run(100);
-    assert_eq!(
-        bench.out.requests[0].command_stamp,
-        Nanos::ZERO,
-        "a robot that holds follows no command"
-    );
+    // A robot that holds follows no command.
+    assert_eq!(bench.out.requests[0].command_stamp, Nanos::ZERO);
 }
 
 /// The extrapolated goal may be outside although the goal is not; the goal is reported.
@@ -295,10 +278,8 @@ fn stopping_stream_is_overshot_by_at_most_two_steps() {
 fn one_motor_alone_can_be_commanded() {
     let one = ROBOT.rsplit_once("[[ports.axes]]").unwrap().0;
     let mut bench = Bench::enabled_with(fast_config(one), None);
-    let command = bench.servo(ServoGoal::Actuator([Counts(20), Counts(20)], 2));
-    assert_eq!(bench.send(command), Refusal::Malformed);
+    assert_eq!(bench.goal(ServoGoal::Actuator([Counts(20), Counts(20)], 2)), Refusal::Malformed);
     hold_goal(&mut bench, ServoGoal::Actuator([Counts(20), Counts(0)], 1));
     assert_eq!(bench.targets(), [20, 0]);
-    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Disable);
 }

@@ -1,14 +1,10 @@
 //! Wide gaps and slack wires within the limits as shipped: what the gate must let through.
 
-use std::sync::Arc;
-
-use i2ris::config::{Config, JointLimitConfig, LimitConfig};
-use i2ris::core::{ServoGoal, StateRequest};
-use i2ris::model::Model;
-use i2ris::model::file::FamilyParameters;
-use i2ris::robot::{Refusal, StateCommand};
+use i2ris::config::{JointLimitConfig, LimitConfig};
+use i2ris::core::StateRequest;
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs, state_request};
-use i2ris_testing::cycle::{config, fitted_model};
+
+use super::*;
 
 /// A fitted snake with gaps of 150 counts on both sides, and slack wires.
 fn loose() -> Arc<Model> {

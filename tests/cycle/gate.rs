@@ -1,34 +1,14 @@
 //! The gate after the filters, in the whole cycle: no stage undoes the limit of another.
 
-use std::sync::Arc;
-
 use i2ris::config::HomingMethod;
-use i2ris::core::{
-    CycleEventKind, ExternalPose, FixtureChange, FixtureSpace, ModelChange, SimpleRegion,
-    SimpleShape,
-};
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::model::Model;
-use i2ris::model::file::OutputUnit;
-use i2ris::robot::{Cause, Stop};
-use i2ris_testing::cycle::{
-    Bench, CLIENT, GAIN_DEG, config, has_memory, model, rad, scaled_balance_model, standard_model,
-    strict_config,
-};
+
+use super::*;
 
 const WALL: &str = "[[virtual_fixtures]]\nname = \"wall\"\n\
      shape = { half_plane = { normal = [1.0, 0.0], offset_deg = 6.0 } }";
 
-fn enabled(tables: &str, model: Arc<Model>) -> Bench {
-    Bench::enabled_with(config(tables), Some(model))
-}
-
-fn setpoint_deg(bench: &Bench) -> [f64; 3] {
-    bench.joints().setpoint.map(f64::to_degrees)
-}
-
 /// Sends servo commands along a straight line, one per tick; `note` checks the result of each.
-fn sweep(
+pub fn sweep(
     bench: &mut Bench,
     from: [f64; 2],
     to: [f64; 2],
@@ -59,9 +39,9 @@ fn slanted_wall_does_not_push_setpoint_past_joint_limit() {
     let tables = "[joint_limits]\nposition_min_deg = [-9.0, -9.0]\n\
          position_max_deg = [3.0, 9.5]\n[[virtual_fixtures]]\nname = \"slant\"\n\
          shape = { half_plane = { normal = [-1.0, 1.0], offset_deg = 2.5 } }";
-    let mut bench = enabled(tables, standard_model());
+    let mut bench = Bench::with(tables);
     let mut highest = f64::MIN;
-    let mut note = |bench: &Bench| highest = highest.max(setpoint_deg(bench)[0]);
+    let mut note = |bench: &Bench| highest = highest.max(bench.pose_deg()[0]);
     sweep(&mut bench, [0.0, 0.0], [3.0, 9.0], 4000, &mut note);
     sweep(&mut bench, [3.0, 9.0], [3.0, 9.0], 1000, &mut note);
     assert!(highest <= 3.0 + rounding_deg(), "{highest} deg");
@@ -72,11 +52,11 @@ fn slanted_wall_does_not_push_setpoint_past_joint_limit() {
 fn setpoints_around_circular_fixture_keep_joint_velocity_limit() {
     let tables = "[joint_limits]\nvelocity_deg_s = 6.0\n[[virtual_fixtures]]\n\
          name = \"circle\"\nshape = { circle = { centre_deg = [4.0, 0.0], radius_deg = 2.0 } }";
-    let mut bench = enabled(tables, standard_model());
-    let (mut fastest, mut before) = (0.0_f64, setpoint_deg(&bench));
+    let mut bench = Bench::with(tables);
+    let (mut fastest, mut before) = (0.0_f64, bench.pose_deg());
     let mut note = |bench: &Bench| {
         // From tick to tick a model with memory also learns where the motors are.
-        let now = setpoint_deg(bench);
+        let now = bench.pose_deg();
         let steps = [0, 1].map(|output| (now[output] - before[output]) * 1e3);
         for speed in steps.iter().filter(|_| !has_memory()) {
             fastest = fastest.max(speed.abs());
@@ -86,29 +66,26 @@ fn setpoints_around_circular_fixture_keep_joint_velocity_limit() {
     sweep(&mut bench, [0.0, 0.3], [9.0, 0.3], 3000, &mut note);
     sweep(&mut bench, [9.0, 0.3], [9.0, 0.3], 2000, &mut note);
     assert!(fastest <= 6.1, "{fastest} deg/s");
-    assert!(setpoint_deg(&bench)[0] > 8.0, "it comes round: {:?}", setpoint_deg(&bench));
+    assert!(bench.pose_deg()[0] > 8.0, "it comes round: {:?}", bench.pose_deg());
 }
 
 #[test]
 fn biased_camera_does_not_lead_setpoint_into_region() {
     let tables = format!("[adaptation]\nenabled = true\n{WALL}");
-    let mut bench = enabled(&tables, model(OutputUnit::Deg));
+    let mut bench = Bench::enabled_with(config(&tables), Some(model(OutputUnit::Deg)));
     for k in 0..120_000_u32 {
         // Its reading drifts to 2.9 deg too little.
         let shift_deg = -2.9 * (f64::from(k) / 90_000.0).min(1.0);
         let [a, b] = bench.drives.each_ref().map(|drive| drive.feedback.position.as_f64());
-        bench.external = k.is_multiple_of(33).then(|| ExternalPose {
-            stamp: bench.now,
-            position: rad(GAIN_DEG * (a + b) + shift_deg, GAIN_DEG * (b - a)),
-            outputs: 2,
-            quality: 0.0,
+        bench.external = k.is_multiple_of(33).then(|| {
+            camera_frame(bench.now, rad(GAIN_DEG * (a + b) + shift_deg, GAIN_DEG * (b - a)))
         });
         let phase = 0.002 * f64::from(k);
         assert_eq!(bench.joint(3.0 * phase.sin(), 3.0 * (0.7 * phase).sin()), Refusal::None);
     }
     let learned = bench.report().adaptation.unwrap().applied.zero[0].to_degrees();
     assert!(learned < -0.9, "{learned} deg were learned");
-    let here = setpoint_deg(&bench);
+    let here = bench.pose_deg();
     let mut deepest = f64::MIN;
     let mut note = |bench: &Bench| deepest = deepest.max(calibrated_deg(bench)[0]);
     sweep(&mut bench, [here[0], here[1]], [5.4, 0.0], 4000, &mut note);
@@ -119,19 +96,13 @@ fn biased_camera_does_not_lead_setpoint_into_region() {
 
 #[test]
 fn fixture_added_during_conditioning_ends_it() {
-    let ball = SimpleRegion {
-        space: FixtureSpace::Angles,
-        shape: SimpleShape::Ball { centre: [0.1, 0.1, 0.0], radius: 0.02 },
-    };
-    for change in [FixtureChange::Add(ball), FixtureChange::SwitchOn] {
-        let mut bench = enabled(WALL, standard_model());
-        bench.fixture = Some(FixtureChange::SwitchOff);
-        assert_eq!(bench.ask(StateCommand::Fixture), Refusal::None);
+    for change in [add_ball([0.1, 0.1, 0.0], 0.02), FixtureChange::SwitchOn] {
+        let mut bench = Bench::with(WALL);
+        assert_eq!(bench.change_fixtures(CLIENT, FixtureChange::SwitchOff), Refusal::None);
         assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
         bench.run(50);
         assert!(bench.report().busy);
-        bench.fixture = Some(change);
-        assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Fixture).refusal, Refusal::None);
+        assert_eq!(bench.change_fixtures(CLIENT + 1, change), Refusal::None);
         assert!(!bench.report().busy && bench.report().holding, "{change:?}");
         bench.run(5);
         let at = bench.targets();
@@ -142,23 +113,22 @@ fn fixture_added_during_conditioning_ends_it() {
 
 #[test]
 fn homing_against_stop_is_refused_with_active_fixture() {
-    let mut config = config(WALL);
-    config.ports[0].axes[1].homing = HomingMethod::StopPositive;
-    let mut bench = Bench::new(config, Some(standard_model()));
+    let mut to_stop = config(WALL);
+    to_stop.ports[0].axes[1].homing = HomingMethod::StopPositive;
+    let mut bench = Bench::new(to_stop, Some(standard_model()));
     assert_eq!(bench.ask(StateCommand::Home), Refusal::Fixture);
     assert_eq!(bench.state(), OperatingState::Disabled);
-    bench.fixture = Some(FixtureChange::SwitchOff);
-    assert_eq!(bench.ask(StateCommand::Fixture), Refusal::None);
+    assert_eq!(bench.change_fixtures(CLIENT, FixtureChange::SwitchOff), Refusal::None);
     assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
     // Without motion there is nothing to refuse.
-    let mut bench = Bench::new(i2ris_testing::cycle::config(WALL), Some(standard_model()));
+    let mut bench = Bench::new(config(WALL), Some(standard_model()));
     assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
 }
 
 #[test]
 fn goal_clipped_by_joint_limits_is_reported() {
     let tables = "[joint_limits]\nposition_max_deg = [3.0, 9.0]";
-    let mut bench = enabled(tables, standard_model());
+    let mut bench = Bench::with(tables);
     sweep(&mut bench, [0.0, 0.0], [5.0, 1.0], 1000, |_| {});
     assert!(bench.report().clipped);
     let goal_deg = bench.joints().goal.map(f64::to_degrees);
@@ -182,10 +152,8 @@ fn joint_limits_apply_only_with_a_model() {
     let mut bench = Bench::enabled_with(limited.clone(), None);
     assert_eq!(bench.actuator([10, 10]), Refusal::None);
     assert_eq!(bench.actuator([-1001, 0]), Refusal::Range, "those of counts hold");
-    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
-    bench.idle();
-    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Hold);
+    bench.carry_out(StateCommand::Condition);
     let mut bench = Bench::enabled_with(limited, Some(model(OutputUnit::Deg)));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::Range);
     assert!(Cause::Refusal(Refusal::Range).advice().contains("joint_limits"));
@@ -195,14 +163,14 @@ fn joint_limits_apply_only_with_a_model() {
 fn counts_and_conditioning_keep_the_joint_limits() {
     let tables = "[joint_limits]\nposition_max_deg = [3.0, 9.0]\nvelocity_deg_s = 20.0\n\
          [limits]\nstop_deceleration_counts_s2 = 40000.0";
-    let mut bench = enabled(tables, standard_model());
+    let mut bench = Bench::with(tables);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::Range);
     let mut highest = f64::MIN;
     for k in 0..3000 {
         // Fast enough that a stop takes 0.16 deg.
         let counts = (k * 2 / 3).min(240);
         let refusal = bench.actuator([counts, counts]);
-        highest = highest.max(setpoint_deg(&bench)[0]);
+        highest = highest.max(bench.pose_deg()[0]);
         if refusal != Refusal::None {
             break;
         }
@@ -212,13 +180,13 @@ fn counts_and_conditioning_keep_the_joint_limits() {
     assert!((2.9..=3.0 + rounding_deg()).contains(&highest), "{highest} deg");
     let slow = "[joint_limits]\nvelocity_deg_s = 5.0";
     // Of a straight line: the default family was seen at 6.1 deg/s over a tenth of a second.
-    let mut bench = enabled(slow, model(OutputUnit::Deg));
+    let mut bench = Bench::enabled_with(config(slow), Some(model(OutputUnit::Deg)));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    let (mut before, mut positions) = (setpoint_deg(&bench)[0], Vec::new());
+    let (mut before, mut positions) = (bench.pose_deg()[0], Vec::new());
     while bench.report().busy {
         bench.tick();
         positions.push(bench.targets());
-        let now = setpoint_deg(&bench)[0];
+        let now = bench.pose_deg()[0];
         assert!((now - before).abs() * 1e3 <= 5.1, "{} deg/s", (now - before) * 1e3);
         before = now;
     }
@@ -232,17 +200,17 @@ fn counts_and_conditioning_keep_the_joint_limits() {
 fn jumping_counts_keep_velocity_and_acceleration_limits() {
     let tables = "[joint_limits]\nvelocity_deg_s = 20.0\nacceleration_deg_s2 = 600.0\n\
          [limits]\nstop_deceleration_counts_s2 = 40000.0";
-    let mut bench = enabled(tables, model(OutputUnit::Deg));
+    let mut bench = Bench::enabled_with(config(tables), Some(model(OutputUnit::Deg)));
     let line = bench.config.setpoint_interval().0.div_ceil(1_000_000) as usize;
     assert!((2..20).contains(&line), "{line} ticks");
     // Tolerance for the inverse: one hundredth plus 0.00003 deg.
     let [velocity, change] = [0.02, 6e-4 * line as f64].map(|limit| 1.01 * limit + 3.5e-5);
     let mut steps = vec![0.0_f64; line + 3];
-    let (mut before, mut fastest) = (setpoint_deg(&bench)[0], 0.0_f64);
+    let (mut before, mut fastest) = (bench.pose_deg()[0], 0.0_f64);
     for (counts, ticks) in [(200, 400), (0, 200), (200, 60), (0, 80), (200, 1000), (-40, 400)] {
         for tick in 0..ticks {
             assert_eq!(bench.actuator([counts, counts]), Refusal::None);
-            let [now, yaw, _] = setpoint_deg(&bench);
+            let [now, yaw] = bench.pose_deg();
             assert!(yaw.abs() < 1e-9, "one motor without the other: {yaw} deg");
             let step = now - before;
             // Around the tick as long ago as a line takes, and the last one: a stop is short.
@@ -266,7 +234,7 @@ fn jumping_counts_keep_velocity_and_acceleration_limits() {
             assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
             bench.run(1100);
             assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
-            before = setpoint_deg(&bench)[0];
+            before = bench.pose_deg()[0];
             steps.extend(vec![0.0; line + 3]);
         }
     }
@@ -280,7 +248,8 @@ fn lagging_motors_do_not_leave_slanted_hull() {
     let mut file = model(OutputUnit::Deg).file().clone();
     let corners = [[800.0, 0.0], [0.0, 400.0], [-800.0, 0.0], [0.0, -400.0]];
     file.hull.corners = corners.map(Vec::from).to_vec();
-    let mut bench = enabled("", Arc::new(Model::from_file(file).unwrap()));
+    let mut bench =
+        Bench::enabled_with(config(""), Some(Arc::new(Model::from_file(file).unwrap())));
     let mut farthest = f64::MIN;
     let mut note = |bench: &Bench| {
         let [a, b] = bench.targets().map(f64::from);
@@ -293,7 +262,7 @@ fn lagging_motors_do_not_leave_slanted_hull() {
     sweep(&mut bench, end, end, 1000, &mut note);
     // One count beyond is allowed, plus half a count of rounding.
     assert!(farthest < 1.0 + 1.5 * 0.5_f64.hypot(1.0) / 400.0, "{farthest}");
-    let [pitch, yaw, _] = setpoint_deg(&bench);
+    let [pitch, yaw] = bench.pose_deg();
     assert!((pitch - end[0]).hypot(yaw - end[1]) < 0.05, "{pitch} {yaw} of {end:?}");
 }
 
@@ -302,7 +271,7 @@ fn lagging_motors_do_not_leave_slanted_hull() {
 fn lagging_motors_do_not_enter_adjacent_region() {
     let slant = "[[virtual_fixtures]]\nname = \"slant\"\n\
          shape = { half_plane = { normal = [2.0, 1.0], offset_deg = 6.0 } }";
-    let mut bench = enabled(slant, model(OutputUnit::Deg));
+    let mut bench = Bench::enabled_with(config(slant), Some(model(OutputUnit::Deg)));
     let normal = [2.0, 1.0].map(|part| part / 5.0_f64.sqrt());
     let along = |way: f64| [5.2 * normal[0] - way * normal[1], 5.2 * normal[1] + way * normal[0]];
     let mut deepest = f64::MIN;
@@ -315,7 +284,7 @@ fn lagging_motors_do_not_enter_adjacent_region() {
     sweep(&mut bench, along(9.0), along(9.0), 1000, &mut note);
     // The margin is half a degree; part of it may be used, plus a count.
     assert!((5.1..5.8 + 2.0 * GAIN_DEG).contains(&deepest), "{deepest} deg");
-    let [pitch, yaw, _] = setpoint_deg(&bench);
+    let [pitch, yaw] = bench.pose_deg();
     let end = along(9.0);
     assert!((pitch - end[0]).hypot(yaw - end[1]) < 0.2, "{pitch} {yaw} of {end:?}");
 }
@@ -323,7 +292,7 @@ fn lagging_motors_do_not_enter_adjacent_region() {
 #[test]
 fn stream_must_begin_near_snake_after_every_stop() {
     let begins = |bench: &mut Bench, reason: &str| {
-        let [pitch, yaw, _] = setpoint_deg(bench);
+        let [pitch, yaw] = bench.pose_deg();
         assert_eq!(bench.joint(pitch + 0.6, yaw), Refusal::StepTooLarge, "{reason}");
         assert_eq!(bench.joint(pitch + 0.4, yaw), Refusal::None, "{reason}");
         assert_eq!(bench.joint(pitch + 2.0, yaw), Refusal::None, "{reason}: a followed one");
@@ -333,15 +302,13 @@ fn stream_must_begin_near_snake_after_every_stop() {
     begins(&mut bench, "the first");
     bench.run(100);
     begins(&mut bench, "after a stale stop");
-    assert_eq!(bench.ask(StateCommand::Pause), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Pause);
     assert_eq!(bench.ask(StateCommand::Resume), Refusal::None);
     begins(&mut bench, "after a pause");
     bench.fault(0);
-    bench.drives[0].feedback.phase = i2ris::drive::AxisPhase::Disabled;
+    bench.drives[0].feedback.phase = AxisPhase::Disabled;
     bench.run(20);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Acknowledge);
     bench.enable();
     bench.run(1000);
     begins(&mut bench, "after a fault");
@@ -349,21 +316,4 @@ fn stream_must_begin_near_snake_after_every_stop() {
     let [a, b] = bench.targets();
     assert_eq!(bench.actuator([a + 26, b]), Refusal::StepTooLarge);
     assert_eq!(bench.actuator([a + 25, b]), Refusal::None);
-}
-
-#[test]
-fn model_swap_during_another_clients_stream_is_refused() {
-    let next = scaled_balance_model(1.1);
-    let mut bench = enabled("", standard_model());
-    bench.offer(bench.candidate(&next));
-    bench.tick();
-    let change = ModelChange::Activate(next.id());
-    for forced in [false, true] {
-        assert_eq!(bench.joint(0.1, 0.1), Refusal::None);
-        assert_eq!(bench.change_model_as(CLIENT + 1, change, forced), Refusal::Lease);
-    }
-    assert_eq!(bench.ask(StateCommand::Release), Refusal::None);
-    assert_eq!(bench.change_model_as(CLIENT + 1, change, true), Refusal::None);
-    assert_eq!(bench.joint(0.1, 0.1), Refusal::None);
-    assert_eq!(bench.change_model_as(CLIENT, ModelChange::Rollback, true), Refusal::None);
 }

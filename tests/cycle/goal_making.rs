@@ -1,32 +1,19 @@
 //! The stage that forms the goal. No offset of a later stage feeds back into it: the setpoint
 //! follows the requested path, plus the blend of a swap. All with the shipped strictness.
 
-use i2ris::config::Config;
-use i2ris::core::{
-    FixtureChange, FixtureSpace, ModelChange, ServoGoal, SimpleRegion, SimpleShape, StateRequest,
-    Validity,
-};
-use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
+use i2ris::core::{StateRequest, Validity};
 use i2ris::model::kinematic::tip_position;
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{
-    Bench, CLIENT, model, rad, scaled_standard_model, standard_model, strict_config, with_jaw,
-};
+
+use super::*;
 
 const STILL: ServoGoal = ServoGoal::Rate([0.0; 3], 2);
 const LEAD: &str = "[compensation]\nlead_ms = 30.0";
 const BAND: &str = "[compensation]\nreversal_dead_band_deg = 0.4";
 
-fn send(bench: &mut Bench, goal: ServoGoal) -> Refusal {
-    let command = bench.servo(goal);
-    bench.send(command)
-}
-
 /// Sent at 200 Hz.
 fn stream(bench: &mut Bench, commands: u32, goal: impl Fn(f64) -> ServoGoal) {
     for k in 1..=commands {
-        assert_eq!(send(bench, goal(f64::from(k) * 0.005)), Refusal::None, "{k}");
+        assert_eq!(bench.goal(goal(f64::from(k) * 0.005)), Refusal::None, "{k}");
         bench.run(4);
     }
 }
@@ -39,29 +26,21 @@ fn tip(pitch: f64, yaw: f64) -> ServoGoal {
     ServoGoal::Tip(tip_position(pitch.to_radians(), yaw.to_radians()).position_m, 3)
 }
 
-fn pose(bench: &Bench) -> [f64; 2] {
-    let [pitch, yaw, _] = bench.joints().setpoint;
-    [pitch.to_degrees(), yaw.to_degrees()]
-}
-
-fn apart([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
+pub fn apart([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
     (a - c).hypot(b - d)
 }
 
 /// Far from where the snake goes, and counts.
-fn add_wall(bench: &mut Bench) {
-    let shape = SimpleShape::HalfSpace { normal: [0.0, 1.0, 0.0], offset: 0.15 };
-    let region = SimpleRegion { space: FixtureSpace::Angles, shape };
-    bench.fixture = Some(FixtureChange::Add(region));
-    assert_eq!(bench.ask(StateCommand::Fixture), Refusal::None);
+fn put_wall(bench: &mut Bench) {
+    let wall = add_wall([0.0, 1.0, 0.0], 0.15);
+    assert_eq!(bench.change_fixtures(CLIENT, wall), Refusal::None);
 }
 
 /// At 8 deg by angles, with a memory that is known.
 fn at_eight(config: Config) -> Bench {
     let mut bench = Bench::enabled_with(config, Some(standard_model()));
-    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    bench.idle();
-    let [from, _] = pose(&bench);
+    bench.carry_out(StateCommand::Condition);
+    let [from, _] = bench.pose_deg();
     stream(&mut bench, 400, |t| angles(from + (8.0 - from) * t.min(1.5) / 1.5, 0.0));
     bench
 }
@@ -70,12 +49,12 @@ fn at_eight(config: Config) -> Bench {
 fn way(bench: &mut Bench, zero: ServoGoal, ticks: u32) -> f64 {
     let mut way = 0.0;
     for tick in 0..ticks {
-        let before = pose(bench);
+        let before = bench.pose_deg();
         match tick % 5 {
-            0 => assert_eq!(send(bench, zero), Refusal::None),
+            0 => assert_eq!(bench.goal(zero), Refusal::None),
             _ => bench.tick(),
         }
-        way += apart(before, pose(bench));
+        way += apart(before, bench.pose_deg());
     }
     way
 }
@@ -88,17 +67,17 @@ fn swap_at_zero_rate_moves_snake_only_by_blend() {
                 let has_wall = tables == "wall";
                 let mut bench = at_eight(strict_config(if has_wall { "" } else { tables }));
                 if has_wall {
-                    add_wall(&mut bench);
+                    put_wall(&mut bench);
                 }
                 way(&mut bench, zero, 300);
-                let before = pose(&bench);
+                let before = bench.pose_deg();
                 assert_eq!(bench.swap(&scaled_standard_model(factor)), Refusal::None);
-                let blend = apart(before, pose(&bench));
+                let blend = apart(before, bench.pose_deg());
                 assert!((0.5..4.0).contains(&blend), "{blend}");
                 let gone = way(&mut bench, zero, 1500);
                 let what = format!("{tables} {factor} {zero:?}: {gone} of {blend}");
                 assert!(gone < 1.1 * blend + 0.2, "{what}");
-                assert!(apart(before, pose(&bench)) < 0.9, "{what}, from {before:?}");
+                assert!(apart(before, bench.pose_deg()) < 0.9, "{what}, from {before:?}");
                 // And back.
                 let back = bench.change_model(ModelChange::Rollback, false);
                 assert_eq!(back, Refusal::None);
@@ -126,7 +105,7 @@ fn slow_rate_leaves_the_dead_band() {
     let mut bench = at_eight(strict_config(BAND));
     stream(&mut bench, 400, |_| ServoGoal::Rate(rad(-1.0, 0.0), 2));
     // It is held within twice the band, then reaches the requested pose.
-    let [pitch, _] = pose(&bench);
+    let [pitch, _] = bench.pose_deg();
     assert!(
         (pitch - 6.0).abs() < 0.1,
         "{pitch}, {:?} {:?}",
@@ -140,9 +119,9 @@ fn snake_stops_soon_after_an_unreachable_rate_ends() {
     let slow = strict_config("[joint_limits]\nvelocity_deg_s = 4.0");
     let mut bench = Bench::enabled_with(slow, Some(model(OutputUnit::Deg)));
     stream(&mut bench, 100, |_| ServoGoal::Rate(rad(60.0, 0.0), 2));
-    let [before, _] = pose(&bench);
+    let [before, _] = bench.pose_deg();
     stream(&mut bench, 400, |_| STILL);
-    let gone = pose(&bench)[0] - before;
+    let gone = bench.pose_deg()[0] - before;
     assert!(gone < 1.0, "{gone} deg further");
 }
 
@@ -153,7 +132,7 @@ fn lead_does_not_extend_a_rate_that_ended() {
         let mut bench = Bench::enabled_with(strict_config(&tables), Some(model(OutputUnit::Deg)));
         stream(&mut bench, 20, |_| ServoGoal::Rate(rad(30.0, 0.0), 2));
         stream(&mut bench, 200, |_| STILL);
-        let [pitch, _] = pose(&bench);
+        let [pitch, _] = bench.pose_deg();
         assert!((pitch - 3.0).abs() < 0.1, "{lead}: {pitch}");
     }
 }
@@ -165,7 +144,7 @@ fn motion_started_during_blend_begins_at_snake_pose() {
         let mut bench = at_eight(strict_config(""));
         way(&mut bench, angles(8.0, 0.0), 50);
         assert_eq!(bench.swap(&scaled_standard_model(1.3)), Refusal::None);
-        let from = pose(&bench);
+        let from = bench.pose_deg();
         let [pitch, yaw] = from;
         match kind {
             "stream" => {
@@ -182,19 +161,18 @@ fn motion_started_during_blend_begins_at_snake_pose() {
                 bench.step(Some(command), Some(release));
             }
             "move" => {
-                bench.pose = Some((rad(pitch, yaw), 2));
-                assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+                assert_eq!(bench.go(pitch, yaw), Refusal::None);
             }
-            _ => add_wall(&mut bench),
+            _ => put_wall(&mut bench),
         }
         let mut furthest = 0.0_f64;
         for tick in 0..400 {
             match (kind, tick % 5) {
-                ("stream", 0) => assert_eq!(send(&mut bench, angles(pitch, yaw)), Refusal::None),
-                ("fixture", 0) => assert_eq!(send(&mut bench, angles(8.0, 0.0)), Refusal::None),
+                ("stream", 0) => assert_eq!(bench.goal(angles(pitch, yaw)), Refusal::None),
+                ("fixture", 0) => assert_eq!(bench.goal(angles(8.0, 0.0)), Refusal::None),
                 _ => bench.tick(),
             }
-            furthest = furthest.max(pose(&bench)[0] - pitch);
+            furthest = furthest.max(bench.pose_deg()[0] - pitch);
         }
         assert!(furthest < 0.1, "{kind}: {furthest} deg away from {from:?}");
     }
@@ -222,13 +200,13 @@ fn stream_returning_from_beyond_limit_has_followed_it() {
         };
         for k in 0..400_u32 {
             let (pitch, yaw) = hand(f64::from(k) * 0.005);
-            let before = pose(&bench);
-            assert_eq!(send(&mut bench, goal(pitch, yaw)), Refusal::None, "{name} {k}");
+            let before = bench.pose_deg();
+            assert_eq!(bench.goal(goal(pitch, yaw)), Refusal::None, "{name} {k}");
             bench.run(4);
-            let gone = apart(before, pose(&bench));
+            let gone = apart(before, bench.pose_deg());
             assert!(gone < 0.1, "{name}, {k}: {gone} deg, and the hand 0.05");
         }
-        assert!(apart(pose(&bench), [4.6, 8.0]) < 0.1, "{name}: {:?}", pose(&bench));
+        assert!(apart(bench.pose_deg(), [4.6, 8.0]) < 0.1, "{name}: {:?}", bench.pose_deg());
     }
 }
 
@@ -237,7 +215,7 @@ fn straight_out_and_back_in_is_followed_all_the_way() {
     let limited = "[joint_limits]\nposition_max_deg = [5.0, 9.5]";
     let mut bench = Bench::enabled_with(strict_config(limited), Some(model(OutputUnit::Deg)));
     stream(&mut bench, 400, |t| angles(if t < 1.0 { 10.0 * t } else { 20.0 - 10.0 * t }, 0.0));
-    assert!(apart(pose(&bench), [0.0, 0.0]) < 0.1, "{:?}", pose(&bench));
+    assert!(apart(bench.pose_deg(), [0.0, 0.0]) < 0.1, "{:?}", bench.pose_deg());
 }
 
 /// The hand is far beyond a limit when the pedal goes down.
@@ -247,13 +225,13 @@ fn a_clutch_opens_wherever_the_hand_is() {
     let mut bench = Bench::enabled_with(strict_config(limited), Some(model(OutputUnit::Deg)));
     stream(&mut bench, 400, |t| angles(8.0 * t, 0.0));
     bench.clutched = true;
-    assert_eq!(send(&mut bench, angles(16.0, 0.0)), Refusal::None);
+    assert_eq!(bench.goal(angles(16.0, 0.0)), Refusal::None);
     assert!(bench.report().holding);
     bench.clutched = false;
-    assert_eq!(send(&mut bench, angles(16.0, 0.0)), Refusal::None);
-    let before = pose(&bench);
+    assert_eq!(bench.goal(angles(16.0, 0.0)), Refusal::None);
+    let before = bench.pose_deg();
     bench.run(40);
-    assert!(apart(before, pose(&bench)) < 1e-3);
+    assert!(apart(before, bench.pose_deg()) < 1e-3);
 }
 
 /// Ten degrees per second are ten degrees per second.
@@ -269,7 +247,7 @@ fn stamps_running_backwards_do_not_advance_goal() {
             refused.push(bench.send(command));
             bench.run(1);
         }
-        let [pitch, _] = pose(&bench);
+        let [pitch, _] = bench.pose_deg();
         assert!((3.0..5.0).contains(&pitch), "{pitch} deg in 0.4 s");
         assert_eq!(refused.iter().filter(|it| **it == Refusal::Stamp).count(), 100);
     }
@@ -315,6 +293,6 @@ fn late_rates_act_only_from_their_arrival() {
         bench.send(command);
         bench.run(9);
     }
-    let [pitch, _] = pose(&bench);
+    let [pitch, _] = bench.pose_deg();
     assert!(pitch < 4.0, "{pitch} deg in 0.4 s at 10 deg/s");
 }

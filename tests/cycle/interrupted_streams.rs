@@ -1,12 +1,9 @@
 //! A stream of any kind that fell silent while it moved the snake is followed again only after a
 //! deliberate action.
 
-use i2ris::core::{ServoCommand, ServoGoal};
-use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
 use i2ris::model::kinematic::tip_position;
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{Bench, CLIENT, config, model, rad, strict_config, with_jaw};
+
+use super::*;
 
 /// Goals of every kind that move slowly with time (s).
 pub type Kind = fn(f64) -> ServoGoal;
@@ -27,8 +24,7 @@ pub fn bench() -> Bench {
 /// Streams at 100 Hz for a second; the next command would be the end of the path.
 pub fn stream(bench: &mut Bench, goal: Kind) {
     for k in 0..100 {
-        let command = bench.servo(goal(f64::from(k) * 0.01));
-        assert_eq!(bench.send(command), Refusal::None, "{k}");
+        assert_eq!(bench.goal(goal(f64::from(k) * 0.01)), Refusal::None, "{k}");
         bench.run(9);
     }
 }
@@ -76,15 +72,13 @@ fn departed_second_client_does_not_let_stream_resume() {
         for _ in 0..100 {
             let command = ServoCommand { client_id: CLIENT + 1, ..here(&mut bench) };
             assert_eq!(bench.send(command), Refusal::None, "{name}");
-            let goes_on = bench.servo(goal(1.0));
-            assert_ne!(bench.send(goes_on), Refusal::None, "{name}");
+            assert_ne!(bench.goal(goal(1.0)), Refusal::None, "{name}");
             bench.run(8);
         }
         let held = bench.targets();
         for pause in [0, 300, 3_000] {
             bench.run(pause);
-            let goes_on = bench.servo(goal(1.0));
-            assert_ne!(bench.send(goes_on), Refusal::None, "{name}, {pause}");
+            assert_ne!(bench.goal(goal(1.0)), Refusal::None, "{name}, {pause}");
             assert_ne!(is_followed(&mut bench), Refusal::None, "{name}, {pause}");
         }
         assert_eq!(bench.targets(), held, "{name}");
@@ -116,8 +110,7 @@ fn short_gap_or_stream_at_rest_does_not_interrupt() {
     // A rate of zero is rest, and a stream that a hand ends with an open clutch has ended.
     for k in 0..80 {
         let rate = if k < 40 { 6.0 } else { 0.0 };
-        let command = bench.servo(ServoGoal::Rate(rad(-rate, 0.0), 2));
-        assert_eq!(bench.send(command), Refusal::None);
+        assert_eq!(bench.goal(ServoGoal::Rate(rad(-rate, 0.0), 2)), Refusal::None);
         bench.run(9);
     }
     bench.run(2000);
@@ -176,23 +169,19 @@ fn interrupted_jaw_stream_does_not_block_joints() {
     let mut bench = bench();
     let turn = |bench: &mut Bench, angle_deg: f64| {
         let command = bench.servo(ServoGoal::Joint([angle_deg.to_radians(), 0.0, 0.0], 1));
-        let refused = bench.report().refused;
-        bench.jaw_command = Some(command);
-        bench.tick();
-        bench.report().refused == refused
+        bench.send_jaw(command)
     };
     for k in 0..100 {
-        assert!(turn(&mut bench, f64::from(k) * 0.1), "{k}");
+        assert_eq!(turn(&mut bench, f64::from(k) * 0.1), Refusal::None, "{k}");
         bench.run(9);
     }
     bench.run(700);
     let held = bench.jaw.feedback.position;
     for _ in 0..10 {
-        assert!(!turn(&mut bench, 9.9));
-        assert_eq!(bench.report().last_refusal, Refusal::StreamInterrupted);
+        assert_eq!(turn(&mut bench, 9.9), Refusal::StreamInterrupted);
     }
     assert_eq!(bench.jaw.feedback.position, held);
     assert_eq!(is_followed(&mut bench), Refusal::None);
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
-    assert!(turn(&mut bench, 9.9));
+    assert_eq!(turn(&mut bench, 9.9), Refusal::None);
 }

@@ -30,6 +30,23 @@ mod shutdown;
 mod stopping;
 mod virtual_fixtures;
 
+use std::sync::Arc;
+
+use i2ris::config::Config;
+use i2ris::core::{
+    CycleEventKind, FixtureChange, FixtureSpace, ModelChange, ServoCommand, ServoGoal,
+    SimpleRegion, SimpleShape,
+};
+use i2ris::drive::{AxisPhase, Demand};
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::model::Model;
+use i2ris::model::file::{FamilyParameters, OutputUnit};
+use i2ris::robot::{Cause, Clip, Measurement, Quantity, Stop};
+use i2ris::units::{Counts, Nanos};
+use i2ris_testing::cycle::*;
+
+use i2ris_testing::Random;
+
 /// Some tests select their own families, or use no model.
 #[test]
 fn other_families_fly_too() {
@@ -37,5 +54,5 @@ fn other_families_fly_too() {
     let own = "--skip=pairs:: --skip=network:: --skip=endurance:: --skip=_family --skip=reach:: \
                --skip=permission_table";
     let filter: Vec<&str> = "cycle::".split(' ').chain(own.split(' ')).collect();
-    i2ris_testing::cycle::with_other_families(&filter);
+    with_other_families(&filter);
 }

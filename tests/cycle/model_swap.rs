@@ -1,26 +1,17 @@
 //! Model swap and rollback: without a step, and with the same past.
 
-use std::sync::Arc;
-
-use i2ris::core::{CycleEventKind, ModelChange, ServoGoal};
-use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
-use i2ris::model::{History, Model};
-use i2ris_testing::cycle::{
-    Bench, GAIN_DEG, config, counts_at, lag_counts, model, model_with_memory, rad,
-    scaled_balance_model, scaled_standard_model, standard_model,
-};
+use i2ris::model::History;
 use proptest::prelude::*;
+
+use super::*;
 
 /// Enabled with a model with memory that has seen enough motion to know where it is.
 fn conditioned(model: &Arc<Model>) -> Bench {
     let mut bench = Bench::enabled_with(config(""), Some(Arc::clone(model)));
-    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Condition);
     assert!(bench.joints().memory_known);
     bench.pose = Some((rad(0.0, 0.0), 2));
-    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Move);
     bench
 }
 
@@ -54,10 +45,8 @@ fn swap_keeps_motors_then_blends_to_new_inverse() {
     assert_eq!(bench.targets(), before);
     let joints = bench.joints();
     assert_eq!(joints.model, second.id());
-    assert!(
-        (joints.setpoint[0].to_degrees() - 4.0).abs() > 0.5,
-        "the new model sees another angle: {joints:?}"
-    );
+    let apart = (joints.setpoint[0].to_degrees() - 4.0).abs();
+    assert!(apart > 0.5, "the new model sees another angle: {joints:?}");
     assert_eq!(joints.goal, rad(4.0, 1.0), "the goal stays as requested");
     hold(&mut bench, 4.0, 1.0, 20);
     let half_way = bench.targets();
@@ -66,9 +55,8 @@ fn swap_keeps_motors_then_blends_to_new_inverse() {
     let joints = bench.joints();
     assert!((joints.setpoint[0].to_degrees() - 4.0).abs() < 0.01, "{joints:?}");
     assert!(bench.targets()[0] < half_way[0] - 5);
-    assert!(
-        bench.events.contains(&CycleEventKind::Model { from: Some(first.id()), to: second.id() })
-    );
+    let swapped = CycleEventKind::Model { from: Some(first.id()), to: second.id() };
+    assert!(bench.events.contains(&swapped));
 }
 
 #[test]
@@ -101,11 +89,8 @@ fn staged_model_takes_over_memory_of_active_model() {
     // The motors move for another second before the loop gets it.
     figure(&mut bench, 300, 180, |_, _| {});
     bench.offer(candidate);
-    assert_eq!(
-        bench.change_model(ModelChange::Activate(first.id()), false),
-        Refusal::Busy,
-        "not caught up"
-    );
+    let activate = ModelChange::Activate(first.id());
+    assert_eq!(bench.change_model(activate, false), Refusal::Busy, "not caught up");
     bench.run(200);
     let before = bench.joints();
     assert_eq!(bench.change_model(ModelChange::Activate(first.id()), false), Refusal::None);
@@ -151,11 +136,9 @@ fn candidate_staged_too_late_has_unknown_memory() {
     bench.run(1100);
     bench.offer(candidate);
     bench.run(2);
-    assert_eq!(
-        bench.change_model(ModelChange::Activate(first.id()), false),
-        Refusal::MemoryUnknown
-    );
-    assert_eq!(bench.change_model(ModelChange::Activate(first.id()), true), Refusal::None);
+    let activate = ModelChange::Activate(first.id());
+    assert_eq!(bench.change_model(activate, false), Refusal::MemoryUnknown);
+    assert_eq!(bench.change_model(activate, true), Refusal::None);
     assert!(!bench.joints().memory_known);
 }
 
@@ -167,14 +150,11 @@ fn homing_makes_every_memory_unknown() {
     bench.offer(candidate);
     bench.run(2);
     assert!(bench.report().models.staged_known);
-    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Disable);
     bench.home();
     assert!(!bench.report().models.staged_known);
-    assert_eq!(
-        bench.change_model(ModelChange::Activate(first.id()), false),
-        Refusal::MemoryUnknown
-    );
+    let activate = ModelChange::Activate(first.id());
+    assert_eq!(bench.change_model(activate, false), Refusal::MemoryUnknown);
 }
 
 #[test]
@@ -182,8 +162,7 @@ fn first_model_can_be_activated_while_enabled() {
     let mut bench = Bench::enabled_with(config(""), None);
     assert_eq!(bench.joint(0.0, 0.0), Refusal::NoModel);
     let first = standard_model();
-    bench.offer(bench.candidate(&first));
-    bench.tick();
+    bench.stage(&first);
     assert_eq!(bench.change_model(ModelChange::Activate(first.id()), true), Refusal::None);
     assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::NoPreviousModel);
     hold(&mut bench, 2.0, 0.0, 100);
@@ -200,25 +179,17 @@ fn an_impossible_swap_is_refused_and_changes_nothing() {
     let activate = |model: &Arc<Model>| ModelChange::Activate(model.id());
     assert_eq!(bench.change_model(activate(&second), true), Refusal::NothingStaged);
     assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::NoPreviousModel);
-    bench.offer(bench.candidate(&second));
-    bench.tick();
-    assert_eq!(
-        bench.change_model(activate(&first), true),
-        Refusal::NothingStaged,
-        "a different model is staged"
-    );
+    bench.stage(&second);
+    // A different model is staged.
+    assert_eq!(bench.change_model(activate(&first), true), Refusal::NothingStaged);
     assert_eq!(bench.change_model(activate(&second), false), Refusal::MemoryUnknown);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     assert_eq!(bench.change_model(activate(&second), true), Refusal::Conditioning);
     bench.idle();
-    bench.offer(bench.candidate(&tip));
-    bench.tick();
+    bench.stage(&tip);
     assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
-    assert_eq!(
-        bench.change_model(activate(&tip), false),
-        Refusal::WrongState,
-        "angles are not a tip position"
-    );
+    // Angles are not a tip position.
+    assert_eq!(bench.change_model(activate(&tip), false), Refusal::WrongState);
     assert_eq!(bench.report().models.active, Some(first.id()));
     assert_eq!(bench.ask(StateCommand::Release), Refusal::None);
     assert_eq!(bench.change_model(activate(&tip), false), Refusal::None);
@@ -295,14 +266,12 @@ proptest! {
 fn counts_that_are_followed_do_not_change() {
     let mut bench = Bench::enabled();
     for _ in 0..50 {
-        let command = bench
-            .servo(ServoGoal::Actuator([i2ris::units::Counts(100), i2ris::units::Counts(-50)], 2));
+        let command = bench.servo(ServoGoal::Actuator([Counts(100), Counts(-50)], 2));
         assert_eq!(bench.send(command), Refusal::None);
         bench.run(4);
     }
     assert_eq!(bench.targets(), [100, -50]);
-    bench.offer(bench.candidate(&scaled_standard_model(1.3)));
-    bench.tick();
+    bench.stage(&scaled_standard_model(1.3));
     let id = scaled_standard_model(1.3).id();
     assert_eq!(bench.change_model(ModelChange::Activate(id), true), Refusal::None);
     assert_eq!(bench.targets(), [100, -50]);

@@ -1,16 +1,13 @@
 //! H10, H12, H16: late ticks, a motor or snake that does not follow, and no false trip.
 
-use i2ris::core::{CycleEventKind, ExternalPose, PlausibilityCheck};
-use i2ris::drive::Demand;
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris_testing::cycle::{Bench, config, standard_model};
+use i2ris::core::PlausibilityCheck;
+
+use super::*;
 
 #[test]
 fn h10_many_late_ticks_raise_fault_but_single_ones_do_not() {
     let limits = config("[limits]\noverrun_ticks = 40");
-    let mut bench = Bench::new(limits, None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(limits, None);
     for _ in 0..100 {
         bench.missed = 30;
         bench.tick();
@@ -24,8 +21,7 @@ fn h10_many_late_ticks_raise_fault_but_single_ones_do_not() {
     assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Late));
     bench.missed = 0;
     bench.run(50);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Acknowledge);
     bench.enable();
     bench.run(100);
     assert_eq!(bench.state(), OperatingState::Enabled);
@@ -39,17 +35,11 @@ fn h10_late_ticks_raise_no_fault_while_disabled() {
     assert_eq!(bench.state(), OperatingState::Disabled);
 }
 
-fn demands(bench: &Bench) -> [Demand; 2] {
-    bench.out.requests.map(|request| request.demand)
-}
-
 /// A bench with a camera that measures the position of the encoders with a latency, and from the
 /// second second on with an error by slack of the wire.
 fn with_camera(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
     let limits = config("[limits]\nplausibility_deg = 2.0");
-    let mut bench = Bench::new(limits, Some(standard_model()));
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(limits, Some(standard_model()));
     let mut seen = Vec::new();
     for k in 0..ticks {
         let t = k as f64 * 1e-3;
@@ -66,7 +56,7 @@ fn with_camera(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
             if k > 2000 {
                 position[0] += slack_deg.to_radians();
             }
-            bench.external = Some(ExternalPose { stamp, position, outputs: 2, quality: 0.0 });
+            bench.external = Some(camera_frame(stamp, position));
         }
     }
     bench
@@ -77,7 +67,7 @@ fn h12_implausible_pose_raises_fault_and_drives_hold() {
     let bench = with_camera(120, 3.0, 3000);
     let fault = (bench.state(), bench.report().fault);
     assert_eq!(fault, (OperatingState::Fault, Fault::Implausible));
-    assert_eq!(demands(&bench), [Demand::QuickStop; 2]);
+    assert_eq!(bench.demands(), [Demand::QuickStop; 2]);
 }
 
 #[test]
@@ -94,8 +84,7 @@ fn h12_late_but_agreeing_camera_raises_no_fault() {
 fn h12_single_outlier_then_silence_is_reported_without_fault() {
     // Until the memory of every family is known.
     let mut bench = with_camera(120, 0.0, 3000);
-    let odd =
-        ExternalPose { stamp: bench.now, position: [1.0, 1.0, 0.0], outputs: 2, quality: 0.0 };
+    let odd = camera_frame(bench.now, [1.0, 1.0, 0.0]);
     bench.run(1);
     bench.external = Some(odd);
     bench.run(2000);
@@ -130,9 +119,7 @@ fn second_camera_is_reported_on_arrival_and_repeatedly() {
 fn h12_sustained_over_current_raises_fault_and_cuts_motor_power() {
     let limits = config("[limits]\nover_current_ma = 150");
     let long = (limits.over_current_time().0 / 1_000_000) as usize;
-    let mut bench = Bench::new(limits, None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(limits, None);
     bench.drives[1].feedback.current_ma = -200;
     bench.run(long - 10);
     bench.drives[1].feedback.current_ma = 20;
@@ -144,7 +131,7 @@ fn h12_sustained_over_current_raises_fault_and_cuts_motor_power() {
     bench.run(20);
     let fault = (bench.state(), bench.report().fault);
     assert_eq!(fault, (OperatingState::Fault, Fault::Current));
-    assert_eq!(demands(&bench), [Demand::QuickStop, Demand::Disabled]);
+    assert_eq!(bench.demands(), [Demand::QuickStop, Demand::Disabled]);
 }
 
 /// Five minutes of simulated time with every monitor on: slow lines, a noisy camera, occasional late
@@ -173,8 +160,7 @@ fn h16_five_minutes_of_ordinary_use_raise_no_fault() {
             for angle in position.iter_mut().take(2) {
                 *angle += noise_deg.to_radians();
             }
-            let (stamp, outputs) = (bench.now, 2);
-            bench.external = Some(ExternalPose { stamp, position, outputs, quality: 0.0 });
+            bench.external = Some(camera_frame(bench.now, position));
         }
     }
     let report = bench.report();

@@ -1,20 +1,6 @@
 //! `move_jp`, `hold`, clutch, motion scaling, tremor filter and joint limits.
 
-use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{
-    Bench, CLIENT, GAIN_DEG, config, flying, has_memory, lag_counts, model, rad,
-    scaled_balance_model, standard_model,
-};
-
-fn enabled(tables: &str) -> Bench {
-    Bench::enabled_with(config(tables), Some(standard_model()))
-}
-
-fn go(bench: &mut Bench, pitch: f64, yaw: f64) -> Refusal {
-    bench.pose = Some((rad(pitch, yaw), 2));
-    bench.ask(StateCommand::Move)
-}
+use super::*;
 
 /// Final error of a stream: with memory, the turning band holds an overshoot.
 fn near(exact: f64) -> f64 {
@@ -24,16 +10,11 @@ fn near(exact: f64) -> f64 {
 /// Tolerance of the gate beyond a velocity limit: one hundredth plus the error of the inverse.
 const STEP_MARGIN: f64 = 1.015;
 
-/// Pitch, exact to a thousandth of a degree: the inverse search ends within 1/1000 of a count.
-fn pitch(bench: &Bench) -> f64 {
-    bench.joints().setpoint[0].to_degrees()
-}
-
 #[test]
 fn move_jp_is_straight_bounded_and_busy_until_arrival() {
     // With memory, motors do not cross their gaps at the same time: see the next test.
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
-    assert_eq!(go(&mut bench, 8.0, -3.0), Refusal::None);
+    assert_eq!(bench.go(8.0, -3.0), Refusal::None);
     let (mut ticks, mut before, mut fastest) = (0, bench.joints().setpoint, 0.0_f64);
     while bench.report().busy {
         bench.tick();
@@ -46,7 +27,7 @@ fn move_jp_is_straight_bounded_and_busy_until_arrival() {
     // 8.54 deg at 10 deg/s, and 0.15 s to get there.
     assert!((1000..1050).contains(&ticks), "{ticks}");
     assert!((9.0..10.1).contains(&fastest), "{fastest}");
-    assert!((pitch(&bench) - 8.0).abs() < 1e-3 && bench.report().holding);
+    assert!((bench.pose_deg()[0] - 8.0).abs() < 1e-3 && bench.report().holding);
     assert_eq!(bench.report().accepted, 0);
 }
 
@@ -58,7 +39,7 @@ fn every_trajectory_ends_with_every_family() {
             // Multiples of two irrational numbers: spread evenly, and never twice the same.
             let angle = |step: f64| 16.0 * (f64::from(k) * step).fract() - 8.0;
             let (pitch, yaw) = (angle(0.754_877_666), angle(0.569_840_291));
-            assert_eq!(go(&mut bench, pitch, yaw), Refusal::None);
+            assert_eq!(bench.go(pitch, yaw), Refusal::None);
             // The longest path takes 2.3 s.
             bench.run(3000);
             assert!(!bench.report().busy, "{name}, pose {k}: {pitch} {yaw}");
@@ -69,58 +50,54 @@ fn every_trajectory_ends_with_every_family() {
 #[test]
 fn trajectory_refuses_servo_commands_and_ends_on_every_stop() {
     for stop in [StateCommand::Hold, StateCommand::Pause, StateCommand::Disable] {
-        let mut bench = enabled("");
-        assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
+        let mut bench = Bench::with("");
+        assert_eq!(bench.go(8.0, 0.0), Refusal::None);
         bench.run(300);
-        assert_eq!(bench.joint(pitch(&bench), 0.0), Refusal::Busy);
+        assert_eq!(bench.joint(bench.pose_deg()[0], 0.0), Refusal::Busy);
         assert_eq!(bench.ask(stop), Refusal::None);
         bench.run(3);
         let stopped = bench.targets();
         bench.idle();
         assert_eq!(bench.targets(), stopped, "{stop}");
-        assert!(pitch(&bench) > 0.5 && pitch(&bench) < 7.0);
+        assert!(bench.pose_deg()[0] > 0.5 && bench.pose_deg()[0] < 7.0);
     }
 }
 
 #[test]
 fn overlong_trajectory_is_refused() {
     // 9 deg take 90 s, 5 deg take 50 s.
-    let mut bench = enabled("[joint_limits]\nvelocity_deg_s = 0.2");
-    assert_eq!(go(&mut bench, 9.0, 0.0), Refusal::Range);
+    let mut bench = Bench::with("[joint_limits]\nvelocity_deg_s = 0.2");
+    assert_eq!(bench.go(9.0, 0.0), Refusal::Range);
     assert!(!bench.report().busy);
-    assert_eq!(go(&mut bench, 5.0, 0.0), Refusal::None);
+    assert_eq!(bench.go(5.0, 0.0), Refusal::None);
 }
 
 #[test]
 fn an_invalid_pose_is_refused() {
-    let mut bench = enabled("");
+    let mut bench = Bench::with("");
     assert_eq!(bench.ask(StateCommand::Move), Refusal::Malformed, "no pose");
     bench.pose = Some((rad(1.0, 0.0), 3));
     assert_eq!(bench.ask(StateCommand::Move), Refusal::Malformed);
-    assert_eq!(go(&mut bench, f64::NAN, 0.0), Refusal::NotFinite);
+    assert_eq!(bench.go(f64::NAN, 0.0), Refusal::NotFinite);
     assert_eq!(bench.joint(0.0, 0.0), Refusal::None);
     bench.pose = Some((rad(1.0, 0.0), 2));
     assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Move).refusal, Refusal::Lease);
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
-    assert_eq!(go(&mut bench, 0.001, 0.0), Refusal::Unsupported);
+    assert_eq!(bench.go(0.001, 0.0), Refusal::Unsupported);
     let mut bench = Bench::enabled_with(config(""), None);
-    assert_eq!(go(&mut bench, 1.0, 0.0), Refusal::NoModel);
+    assert_eq!(bench.go(1.0, 0.0), Refusal::NoModel);
 }
 
 #[test]
 fn model_can_be_swapped_during_trajectory() {
-    let mut bench = enabled("");
-    assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
+    let mut bench = Bench::with("");
+    assert_eq!(bench.go(8.0, 0.0), Refusal::None);
     bench.run(300);
     let next = scaled_balance_model(1.1);
-    bench.offer(bench.candidate(&next));
-    bench.tick();
-    assert_eq!(
-        bench.change_model(i2ris::core::ModelChange::Activate(next.id()), true),
-        Refusal::None
-    );
+    bench.stage(&next);
+    assert_eq!(bench.change_model(ModelChange::Activate(next.id()), true), Refusal::None);
     bench.idle();
-    assert!((pitch(&bench) - 8.0).abs() < 0.12, "{}", pitch(&bench));
+    assert!((bench.pose_deg()[0] - 8.0).abs() < 0.12, "{}", bench.pose_deg()[0]);
 }
 
 /// Moves the master, one command every 5 ticks.
@@ -134,15 +111,15 @@ fn move_master(bench: &mut Bench, from: f64, to: f64, commands: u32) {
 
 #[test]
 fn open_clutch_holds_snake_and_closing_resumes_from_there() {
-    let mut bench = enabled("");
+    let mut bench = Bench::with("");
     move_master(&mut bench, 0.0, 4.0, 100);
     bench.clutched = true;
     move_master(&mut bench, 4.0, -10.0, 20);
-    let held = pitch(&bench);
+    let held = bench.pose_deg()[0];
     assert!((held - 4.0).abs() < 0.3, "{held}");
     assert_eq!(bench.report().lease_client_id, CLIENT);
     move_master(&mut bench, -10.0, -12.0, 5);
-    assert!((pitch(&bench) - held).abs() < 1e-9);
+    assert!((bench.pose_deg()[0] - held).abs() < 1e-9);
     bench.clutched = false;
     let before = bench.targets();
     assert_eq!(bench.joint(-12.0, 0.0), Refusal::None);
@@ -150,26 +127,27 @@ fn open_clutch_holds_snake_and_closing_resumes_from_there() {
     assert_eq!(bench.targets(), before, "closing moves nothing");
     move_master(&mut bench, -12.0, -9.0, 100);
     move_master(&mut bench, -9.0, -9.0, 20);
-    assert!((pitch(&bench) - held - 3.0).abs() < near(0.01), "{} {held}", pitch(&bench));
+    let [pitch, _] = bench.pose_deg();
+    assert!((pitch - held - 3.0).abs() < near(0.01), "{pitch} {held}");
     assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
 }
 
 #[test]
 fn motion_scale_applies_relative_to_stream_start() {
     let Some(_) = lag_counts() else { return };
-    let mut bench = enabled("[command]\nmotion_scale = 0.25");
+    let mut bench = Bench::with("[command]\nmotion_scale = 0.25");
     move_master(&mut bench, 20.0, 20.0, 5);
-    assert!(pitch(&bench).abs() < 1e-9, "a stream begins where the snake is");
+    assert!(bench.pose_deg()[0].abs() < 1e-9, "a stream begins where the snake is");
     move_master(&mut bench, 20.0, 28.0, 100);
     move_master(&mut bench, 28.0, 28.0, 20);
-    assert!((pitch(&bench) - 2.0).abs() < near(0.01), "{}", pitch(&bench));
+    assert!((bench.pose_deg()[0] - 2.0).abs() < near(0.01), "{}", bench.pose_deg()[0]);
 }
 
 #[test]
 fn joint_limits_are_kept_for_any_goal() {
     let tables = "[joint_limits]\nposition_min_deg = [-5.0, -5.0]\nposition_max_deg = [3.0, 5.0]\n\
                   velocity_deg_s = 6.0\nacceleration_deg_s2 = 100.0\njerk_deg_s3 = 10000.0";
-    let mut bench = enabled(tables);
+    let mut bench = Bench::with(tables);
     let (mut highest, mut past) = (f64::MIN, Vec::new());
     for tick in 0..1200 {
         if tick % 6 == 0 {
@@ -177,8 +155,8 @@ fn joint_limits_are_kept_for_any_goal() {
         } else {
             bench.tick();
         }
-        highest = highest.max(pitch(&bench));
-        past.push(pitch(&bench));
+        highest = highest.max(bench.pose_deg()[0]);
+        past.push(bench.pose_deg()[0]);
     }
     // Over a twentieth of a second, with rounding to counts in each motor at both ends, plus half
     // a count in each that friction returns.
@@ -189,15 +167,15 @@ fn joint_limits_are_kept_for_any_goal() {
     // Drives take whole counts, which a memory sees.
     let rounding = if has_memory() { 0.5 * GAIN_DEG } else { 1e-9 };
     assert!(highest <= 3.0 + rounding, "{highest}");
-    assert!(pitch(&bench) > 3.0 - rounding.max(1e-3), "{}", pitch(&bench));
+    assert!(bench.pose_deg()[0] > 3.0 - rounding.max(1e-3), "{}", bench.pose_deg()[0]);
 }
 
 #[test]
 fn the_tremor_filter_delays_servo_commands() {
     let steady = |tables: &str| {
-        let mut bench = enabled(tables);
+        let mut bench = Bench::with(tables);
         move_master(&mut bench, 0.0, 10.0, 200);
-        pitch(&bench)
+        bench.pose_deg()[0]
     };
     let late = steady("") - steady("[command]\ntremor_filter_hz = 3.0");
     // 10 deg/s, 53 ms.
@@ -211,7 +189,7 @@ fn second_move_replaces_the_first_without_jump() {
     for after in [1, 20, 60, 120, 400, 800, 900] {
         for to in [[-6.0, 2.0], [2.0, 0.0], [9.0, 0.0], [0.0, 7.0]] {
             let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
-            assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
+            assert_eq!(bench.go(8.0, 0.0), Refusal::None);
             bench.run(after);
             bench.pose = Some((rad(1.0, 0.0), 2));
             assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Move).refusal, Refusal::Lease);
@@ -229,11 +207,11 @@ fn second_move_replaces_the_first_without_jump() {
                 }
                 past.push(here);
             };
-            assert_eq!(go(&mut bench, to[0], to[1]), Refusal::None, "{after} ticks");
+            assert_eq!(bench.go(to[0], to[1]), Refusal::None, "{after} ticks");
             note(&bench);
             // And a third one while the first comes to rest.
             bench.run(10);
-            assert_eq!(go(&mut bench, to[0], to[1]), Refusal::None, "{after} ticks");
+            assert_eq!(bench.go(to[0], to[1]), Refusal::None, "{after} ticks");
             while bench.report().busy {
                 bench.tick();
                 note(&bench);
@@ -246,11 +224,11 @@ fn second_move_replaces_the_first_without_jump() {
 
 #[test]
 fn refused_move_does_not_stop_move_in_progress() {
-    let mut bench = enabled("");
-    assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
+    let mut bench = Bench::with("");
+    assert_eq!(bench.go(8.0, 0.0), Refusal::None);
     bench.run(300);
-    assert_eq!(go(&mut bench, 60.0, 0.0), Refusal::OutOfReach);
+    assert_eq!(bench.go(60.0, 0.0), Refusal::OutOfReach);
     bench.idle();
     // A motor crosses no gap for half a count.
-    assert!((pitch(&bench) - 8.0).abs() < GAIN_DEG);
+    assert!((bench.pose_deg()[0] - 8.0).abs() < GAIN_DEG);
 }

@@ -1,20 +1,16 @@
 //! A network in the loop: swaps while it moves, rollback, and replay to the bit.
 
 use std::path::Path;
-use std::sync::Arc;
 
-use i2ris::core::ModelChange;
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::model::Model;
-use i2ris::model::file::FamilyParameters;
 use i2ris::model::network::NetworkParameters;
-use i2ris::process::black_box::{BlackBox, BlackBoxHeader, replay};
-use i2ris_testing::cycle::{Bench, Recording, config, standard_model};
+use i2ris::process::black_box::{BlackBox, replay};
 use i2ris_testing::families::{averages, gru};
+
+use super::*;
 
 /// A GRU on the straight line of the sample robot.
 fn network(units: usize) -> Arc<Model> {
-    let mut file = i2ris_testing::cycle::model(i2ris::model::file::OutputUnit::Deg).file().clone();
+    let mut file = model(OutputUnit::Deg).file().clone();
     let FamilyParameters::Linear { gain, covariance, .. } = file.family.clone() else { panic!() };
     let network = NetworkParameters {
         step_counts: 10.0,
@@ -36,8 +32,7 @@ fn network(units: usize) -> Arc<Model> {
 fn swap_while_moving(bench: &mut Bench, models: &[Arc<Model>; 2], swaps: u32) {
     bench.home();
     bench.enable();
-    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Condition);
     let mut moved = 0;
     for number in 0..swaps {
         for part in 0..3 {
@@ -77,16 +72,7 @@ fn gru_session_is_replayed_bit_for_bit() {
     let mut bench = Bench::new(config(""), Some(models[0].clone()));
     bench.recording = Some(Recording::default());
     swap_while_moving(&mut bench, &models, 60);
-    let mut recording = bench.recording.take().unwrap();
-    recording.keep(&models[0]);
-    let content = BlackBox {
-        header: BlackBoxHeader { software: "test".to_owned(), ..BlackBoxHeader::default() },
-        config: toml::to_string(&bench.config).unwrap(),
-        models: recording.models,
-        offers: recording.offers,
-        snapshots: recording.snapshots,
-        ticks: recording.ticks,
-    };
+    let content = bench.black_box(&models[0]);
     let bytes = content.to_bytes().unwrap();
     let content = BlackBox::from_bytes(&bytes, Path::new("network.box")).unwrap();
     let replayed = replay(&content).unwrap();

@@ -1,33 +1,17 @@
 //! `servo_jv`, `interpolate_jp`, and goals of the tip: `servo_cp`, `servo_cv`, `move_cp`.
 
-use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
-use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
 use i2ris::model::kinematic::tip_position;
-use i2ris::robot::{Cause, Clip, Measurement, Quantity};
-use i2ris::units::Nanos;
-use i2ris_testing::cycle::{
-    Bench, CLIENT, config, has_memory, model, rad, standard_model, strict_config,
-};
+
+use super::*;
 
 fn strict(tables: &str) -> Bench {
     Bench::enabled_with(strict_config(tables), Some(standard_model()))
 }
 
-fn setpoint_deg(bench: &Bench) -> [f64; 2] {
-    let [pitch, yaw, _] = bench.joints().setpoint;
-    [pitch.to_degrees(), yaw.to_degrees()]
-}
-
-fn send(bench: &mut Bench, goal: ServoGoal) -> Refusal {
-    let command = bench.servo(goal);
-    bench.send(command)
-}
-
 /// A rate, degrees per second, sent every 10 ms for some time.
 fn turn(bench: &mut Bench, [pitch, yaw]: [f64; 2], ms: usize) {
     for _ in 0..ms / 10 {
-        assert_eq!(send(bench, ServoGoal::Rate(rad(pitch, yaw), 2)), Refusal::None);
+        assert_eq!(bench.goal(ServoGoal::Rate(rad(pitch, yaw), 2)), Refusal::None);
         bench.run(9);
     }
 }
@@ -41,7 +25,7 @@ fn a_rate_moves_the_snake_and_zero_stops_it() {
     let mut bench = strict("");
     turn(&mut bench, [10.0, -4.0], 500);
     turn(&mut bench, [0.0, 0.0], 200);
-    let [pitch, yaw] = setpoint_deg(&bench);
+    let [pitch, yaw] = bench.pose_deg();
     let tolerance = if has_memory() { 0.1 } else { 0.05 };
     let is_near = |found: f64, wanted: f64| (found - wanted).abs() < tolerance;
     assert!(is_near(pitch, 5.0) && is_near(yaw, -2.0), "{pitch} {yaw}");
@@ -59,14 +43,14 @@ fn a_rate_that_is_not_renewed_stops_at_its_deadline() {
         let mut last = bench.servo(ServoGoal::Rate(rad(rate, 0.0), 2));
         last.deadline = Nanos::from_millis(deadline_ms);
         assert_eq!(bench.send(last), Refusal::None);
-        let [from, _] = setpoint_deg(&bench);
+        let [from, _] = bench.pose_deg();
         let deadline_ms = if deadline_ms == 0 { 50 } else { deadline_ms };
         bench.run(deadline_ms as usize + 60);
         assert!(bench.report().holding);
         let before = bench.targets();
         bench.run(1000);
         assert_eq!(bench.targets(), before, "still");
-        let led = setpoint_deg(&bench)[0] - from;
+        let led = bench.pose_deg()[0] - from;
         let most = rate * (deadline_ms as f64 * 1e-3 + 0.02);
         let slack = if has_memory() { 0.1 } else { 0.0 };
         assert!((0.5 * most..most + slack).contains(&led), "{led} deg, {most}");
@@ -78,12 +62,12 @@ fn a_rate_that_is_not_renewed_stops_at_its_deadline() {
 fn lagging_snake_stops_soon_after_rate_is_zero() {
     let mut bench = strict("[joint_limits]\nvelocity_deg_s = 5.0\nacceleration_deg_s2 = 100.0");
     turn(&mut bench, [40.0, 0.0], 1000);
-    let [reached, _] = setpoint_deg(&bench);
+    let [reached, _] = bench.pose_deg();
     // A rate starts from the present pose, and late if it has to cross a gap.
     let least = if has_memory() { 0.5 } else { 4.0 };
     assert!((least..5.5).contains(&reached), "as fast as it may: {reached}");
     turn(&mut bench, [0.0, 0.0], 500);
-    let [end, _] = setpoint_deg(&bench);
+    let [end, _] = bench.pose_deg();
     let most = if has_memory() { 0.8 } else { 0.6 };
     assert!((end - reached).abs() < most, "{reached}, then {end}");
 }
@@ -92,13 +76,13 @@ fn lagging_snake_stops_soon_after_rate_is_zero() {
 fn rate_out_of_reach_slides_along_border_and_returns() {
     let mut bench = strict("[joint_limits]\nposition_max_deg = [3.0, 9.0]");
     turn(&mut bench, [12.0, 8.0], 600);
-    let [pitch, yaw] = setpoint_deg(&bench);
+    let [pitch, yaw] = bench.pose_deg();
     let late = if has_memory() { 0.5 } else { 0.05 };
     assert!((pitch - 3.0).abs() < 0.05 && (yaw - 4.8).abs() < late, "{pitch} {yaw}");
     assert!(bench.report().clipped);
     turn(&mut bench, [-12.0, 0.0], 100);
     let turns = if has_memory() { 2.9 } else { 2.2 };
-    assert!(setpoint_deg(&bench)[0] < turns && !bench.report().clipped, "{:?}", bench.joints());
+    assert!(bench.pose_deg()[0] < turns && !bench.report().clipped, "{:?}", bench.joints());
 }
 
 #[test]
@@ -106,7 +90,7 @@ fn rates_are_scaled_and_nothing_moves_with_an_open_clutch() {
     let mut bench = strict("[command]\nmotion_scale = 0.5");
     turn(&mut bench, [10.0, 0.0], 400);
     turn(&mut bench, [0.0, 0.0], 100);
-    assert!((setpoint_deg(&bench)[0] - 2.0).abs() < 0.1, "{:?}", setpoint_deg(&bench));
+    assert!((bench.pose_deg()[0] - 2.0).abs() < 0.1, "{:?}", bench.pose_deg());
     bench.clutched = true;
     let before = bench.targets();
     turn(&mut bench, [10.0, 0.0], 400);
@@ -131,15 +115,15 @@ fn invalid_rates_and_tip_goals_are_refused_with_reason() {
     ] {
         bench.run(600);
         assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
-        assert_eq!(send(&mut bench, goal), expected, "{goal:?}");
+        assert_eq!(bench.goal(goal), expected, "{goal:?}");
     }
     let here = ServoGoal::Tip(tip_at(0.0, 0.0), 3);
     let mut bench = Bench::enabled_with(strict_config(""), None);
-    assert_eq!(send(&mut bench, here), Refusal::NoModel);
-    assert_eq!(send(&mut bench, ServoGoal::Rate([0.0; 3], 2)), Refusal::NoModel);
+    assert_eq!(bench.goal(here), Refusal::NoModel);
+    assert_eq!(bench.goal(ServoGoal::Rate([0.0; 3], 2)), Refusal::NoModel);
     let mut bench = Bench::enabled_with(strict_config(""), Some(model(OutputUnit::Mm)));
-    assert_eq!(send(&mut bench, here), Refusal::Unsupported);
-    assert_eq!(send(&mut bench, ServoGoal::Rate([0.0; 3], 2)), Refusal::Unsupported);
+    assert_eq!(bench.goal(here), Refusal::Unsupported);
+    assert_eq!(bench.goal(ServoGoal::Rate([0.0; 3], 2)), Refusal::Unsupported);
 }
 
 /// A staircase would stand still for most of the time, and run at full speed in between.
@@ -160,7 +144,7 @@ fn interpolated_slow_stream_moves_steadily_and_rests_at_goal() {
             speeds.push(moved / (interval_ms as f64 * 1e-3));
         }
         bench.run(400);
-        let [end, _] = setpoint_deg(&bench);
+        let [end, _] = bench.pose_deg();
         assert!((end - count as f64 * step).abs() < 0.05, "{end}");
         assert!(bench.report().holding, "its deadline is over");
         let from = if has_memory() { speeds.len() / 2 } else { 2 };
@@ -183,15 +167,12 @@ fn tip_reaches_goal_or_nearest_point_with_distance() {
     let mut bench = strict("");
     for k in 0..=200 {
         let share = f64::from(k) / 200.0;
-        assert_eq!(
-            send(&mut bench, ServoGoal::Tip(tip_at(6.0 * share, -3.0 * share), 3)),
-            Refusal::None
-        );
+        assert_eq!(bench.goal(ServoGoal::Tip(tip_at(6.0 * share, -3.0 * share), 3)), Refusal::None);
         bench.run(4);
     }
     bench.run(30);
     // The stream ended in motion: its goal ran ahead by two steps.
-    let [pitch, yaw] = setpoint_deg(&bench);
+    let [pitch, yaw] = bench.pose_deg();
     let apart = if has_memory() { 0.25 } else { 0.1 };
     assert!((pitch - 6.0).abs() < apart && (yaw + 3.0).abs() < apart, "{pitch} {yaw}");
     assert!(!bench.report().clipped);
@@ -199,14 +180,14 @@ fn tip_reaches_goal_or_nearest_point_with_distance() {
     let [x, y, z] = tip_at(pitch, yaw);
     for k in 0..=100 {
         let far = ServoGoal::Tip([x, y, z + 5e-6 * f64::from(k)], 3);
-        assert_eq!(send(&mut bench, far), Refusal::None);
+        assert_eq!(bench.goal(far), Refusal::None);
         bench.run(4);
     }
     assert!(bench.report().clipped);
-    let last = send(&mut bench, ServoGoal::Tip([x, y, z + 5e-4], 3));
+    let last = bench.goal(ServoGoal::Tip([x, y, z + 5e-4], 3));
     assert_eq!(last, Refusal::None);
     for _ in 0..300 {
-        assert_eq!(send(&mut bench, ServoGoal::Tip([x, y, z + 5e-4], 3)), Refusal::None);
+        assert_eq!(bench.goal(ServoGoal::Tip([x, y, z + 5e-4], 3)), Refusal::None);
         bench.run(4);
     }
     let mut clips = bench.reasons.iter().filter(|it| it.cause == Cause::Clip(Clip::Reach));
@@ -220,11 +201,11 @@ fn the_tip_moves_with_a_velocity() {
     let mut bench = strict("");
     // A millimetre per second towards y: pitch.
     for _ in 0..20 {
-        assert_eq!(send(&mut bench, ServoGoal::TipRate([0.0, 1e-3, 0.0], 3)), Refusal::None);
+        assert_eq!(bench.goal(ServoGoal::TipRate([0.0, 1e-3, 0.0], 3)), Refusal::None);
         bench.run(9);
     }
     for _ in 0..10 {
-        assert_eq!(send(&mut bench, ServoGoal::TipRate([0.0; 3], 3)), Refusal::None);
+        assert_eq!(bench.goal(ServoGoal::TipRate([0.0; 3], 3)), Refusal::None);
         bench.run(9);
     }
     let [pitch, yaw, _] = bench.joints().setpoint;
@@ -242,7 +223,7 @@ fn tip_move_arrives_or_is_refused_with_distance() {
     };
     assert_eq!(go(&mut bench, tip_at(7.0, 4.0), 3).0, Refusal::None);
     bench.idle();
-    let [pitch, yaw] = setpoint_deg(&bench);
+    let [pitch, yaw] = bench.pose_deg();
     assert!((pitch - 7.0).abs() < 0.05 && (yaw - 4.0).abs() < 0.05, "{pitch} {yaw}");
     let [x, y, z] = tip_at(2.0, 0.0);
     let before = bench.targets();

@@ -1,21 +1,11 @@
 //! Out of reach: moves are refused, streams go to the nearest pose, and the distance is reported.
 
-use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::robot::{Cause, Clip, Measurement, Quantity};
-use i2ris_testing::cycle::{Bench, config, flying, lag_counts, rad, standard_model};
-
-fn setpoint_deg(bench: &Bench) -> [f64; 2] {
-    let [pitch, yaw, _] = bench.joints().setpoint;
-    [pitch.to_degrees(), yaw.to_degrees()]
-}
-
-fn apart([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
-    (a - c).hypot(b - d)
-}
+use super::goal_making::apart;
+use super::*;
 
 fn go(bench: &mut Bench, [pitch, yaw]: [f64; 2]) -> (Refusal, Option<Measurement>) {
     bench.pose = Some((rad(pitch, yaw), 2));
-    let reply = bench.ask_as(i2ris_testing::cycle::CLIENT, StateCommand::Move);
+    let reply = bench.ask_as(CLIENT, StateCommand::Move);
     (reply.refusal, reply.measurement)
 }
 
@@ -79,7 +69,7 @@ fn a_stream_out_of_reach_ends_at_the_nearest_pose() {
             let nearest = go(&mut bench, to).1.unwrap().measured;
             stream(&mut bench, [0.0; 2], to);
             assert!(bench.report().clipped, "{name}: {to:?}");
-            let away = apart(setpoint_deg(&bench), to);
+            let away = apart(bench.pose_deg(), to);
             assert!((away - nearest).abs() < 0.75, "{name}: {away} from {to:?}, not {nearest}");
             let mut clips = bench.reasons.iter().filter(|it| matches!(it.cause, Cause::Clip(_)));
             let reported = clips.next_back().unwrap().measurement.unwrap().measured;
@@ -98,12 +88,12 @@ fn hand_outside_reach_is_followed_along_border() {
             let mut bench = Bench::enabled_with(config(limits), Some(model()));
             let radius = 16.0;
             stream(&mut bench, [0.0; 2], [radius, 0.0]);
-            let (mut before, mut farthest, mut way) = (setpoint_deg(&bench), 0.0_f64, 0.0);
+            let (mut before, mut farthest, mut way) = (bench.pose_deg(), 0.0_f64, 0.0);
             for k in 0..4000 {
                 let (sine, cosine) = (f64::from(k) * 1e-3).sin_cos();
                 let hand = [radius * cosine, radius * sine];
                 assert_eq!(bench.joint(hand[0], hand[1]), Refusal::None, "{name} {k}");
-                let now = setpoint_deg(&bench);
+                let now = bench.pose_deg();
                 farthest = farthest.max(apart(now, before));
                 way += apart(now, before);
                 before = now;
@@ -111,7 +101,7 @@ fn hand_outside_reach_is_followed_along_border() {
             assert!(farthest < 0.1 && way < 66.0, "{name} {limits}: {farthest} in a tick, {way}");
             let at = [4.0_f64.cos(), 4.0_f64.sin()].map(|part| radius * part);
             stream(&mut bench, at, at.map(|part| 0.2 * part));
-            let away = apart(setpoint_deg(&bench), at.map(|part| 0.2 * part));
+            let away = apart(bench.pose_deg(), at.map(|part| 0.2 * part));
             assert!(away < 0.1 && !bench.report().clipped, "{name} {limits}: {away}");
         }
     }
@@ -122,12 +112,12 @@ fn stream_beyond_joint_limit_slides_along_it_and_returns() {
     let limits = "[joint_limits]\nposition_max_deg = [3.0, 9.0]";
     let mut bench = Bench::enabled_with(config(limits), Some(standard_model()));
     stream(&mut bench, [0.0; 2], [6.0, 4.0]);
-    let [pitch, yaw] = setpoint_deg(&bench);
+    let [pitch, yaw] = bench.pose_deg();
     assert!((pitch - 3.0).abs() < 0.05 && (yaw - 4.0).abs() < 0.02, "{pitch} {yaw}");
     let mut clips = bench.reasons.iter().filter(|it| it.cause == Cause::Clip(Clip::Joint));
     assert!(bench.report().clipped && clips.next().is_some());
     stream(&mut bench, [6.0, 4.0], [1.0, 3.0]);
-    let [pitch, yaw] = setpoint_deg(&bench);
+    let [pitch, yaw] = bench.pose_deg();
     assert!((pitch - 1.0).abs() < 0.02 && (yaw - 3.0).abs() < 0.02, "{pitch} {yaw}");
     assert!(!bench.report().clipped);
 }

@@ -1,17 +1,8 @@
 //! Events of faults, refusals, stops and clips report the measured value and its limit.
 
-use i2ris::drive::AxisPhase;
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
 use i2ris::process::model_comparison::{ModelState, difference};
-use i2ris::robot::{Cause, Clip, Measurement, Quantity, Stop};
 
-use i2ris::core::ServoGoal;
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{
-    Bench, Quirk, config, lag_counts, model, rad, scaled_standard_model, standard_model,
-    strict_config,
-};
+use super::*;
 
 /// The measurement of the last event with this cause.
 fn measurement(bench: &Bench, cause: Cause) -> Option<Measurement> {
@@ -28,8 +19,7 @@ fn fault(bench: &mut Bench, expected: Fault) -> Measurement {
 #[test]
 fn a_fault_reports_what_was_measured_and_of_which_motor() {
     let mut bench = Bench::enabled();
-    bench.drives[1].feedback.error_code = 0x8611;
-    bench.drives[1].feedback.phase = AxisPhase::Faulted;
+    bench.drives[1].fail(0x8611);
     let code = Measurement::new(Quantity::ErrorCode, f64::from(0x8611), None);
     assert_eq!(fault(&mut bench, Fault::Drive), code.of_motor(1));
 
@@ -120,8 +110,7 @@ fn refused_step_is_reported_with_the_violated_limit() {
     let mut bench = Bench::enabled_with(limits, Some(model(OutputUnit::Deg)));
     let angles = |pitch, yaw| ServoGoal::Joint(rad(pitch, yaw), 2);
     let refused = |bench: &mut Bench, goal: ServoGoal, [step, limit]: [f64; 2]| {
-        let command = bench.servo(goal);
-        assert_eq!(bench.send(command), Refusal::StepTooLarge, "{goal:?}");
+        assert_eq!(bench.goal(goal), Refusal::StepTooLarge, "{goal:?}");
         let reported = measurement(bench, Cause::Refusal(Refusal::StepTooLarge)).unwrap();
         let of = reported.limit.unwrap();
         assert!((reported.measured - step).abs() < 1e-6 && (of - limit).abs() < 1e-6, "{reported}");
@@ -134,8 +123,7 @@ fn refused_step_is_reported_with_the_violated_limit() {
     let rate = |pitch| ServoGoal::Rate(rad(pitch, 0.0), 2);
     assert_eq!(bench.joint(0.9 * first, 0.0), Refusal::None);
     refused(&mut bench, rate(104.0), [5.2, 5.0]);
-    let longest = bench.servo(rate(-100.0));
-    assert_eq!(bench.send(longest), Refusal::None);
+    assert_eq!(bench.goal(rate(-100.0)), Refusal::None);
 }
 
 #[test]

@@ -1,20 +1,10 @@
 //! Rehearsal: the cycle without a robot.
 
-use std::sync::Arc;
-
-use i2ris::config::Config;
-use i2ris::core::ServoGoal;
-use i2ris::ipc::Refusal;
-use i2ris::model::Model;
-use i2ris::model::file::OutputUnit;
-use i2ris::robot::StateCommand;
-use i2ris::units::Counts;
 use i2ris_simulation::closed_loop::{
     ClosedLoop, IdealMotors, LoopError, start_position, without_limits,
 };
-use i2ris_testing::cycle::{
-    Bench, config, counts_at, model, model_with_memory, rad, standard_model,
-};
+
+use super::*;
 
 fn goal(pitch_deg: f64, yaw_deg: f64) -> ServoGoal {
     ServoGoal::Joint(rad(pitch_deg, yaw_deg), 2)

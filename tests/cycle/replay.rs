@@ -3,25 +3,16 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::sync::Arc;
 
-use i2ris::core::ModelChange;
-use i2ris::drive::AxisPhase;
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::model::Model;
-use i2ris::model::file::FamilyParameters;
-use i2ris::process::black_box::{BlackBox, BlackBoxHeader as Header, ReplayError, replay};
-use i2ris::units::Nanos;
-use i2ris_testing::cycle::{
-    Bench, Recording, config, scaled_balance_model, scaled_standard_model, standard_model,
-};
+use i2ris::process::black_box::{BlackBox, ReplayError, replay};
+
+use super::*;
 
 /// A session: motion, swaps, conditioning, a fault and its acknowledgement, on a model with memory.
 fn run_session(bench: &mut Bench, second: &Arc<Model>) {
     bench.home();
     bench.enable();
-    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Condition);
     for k in 0..200 {
         let t = f64::from(k) * 0.005;
         assert_eq!(bench.joint(3.0 * (4.0 * t).sin(), 2.0 * (3.0 * t).sin()), Refusal::None);
@@ -49,23 +40,10 @@ fn recorded(keep: impl Fn(usize) -> bool) -> BlackBox {
     let mut bench = Bench::new(config(""), Some(Arc::clone(&first)));
     bench.recording = Some(Recording::default());
     run_session(&mut bench, &second);
-    let mut content = recorded_by(&mut bench, &first);
+    let mut content = bench.black_box(&first);
     let mut number = 0..;
     content.snapshots.retain(|_| number.next().is_some_and(&keep));
     content
-}
-
-fn recorded_by(bench: &mut Bench, first: &Model) -> BlackBox {
-    let mut recording = bench.recording.take().unwrap();
-    recording.keep(first);
-    BlackBox {
-        header: Header { software: "test".to_owned(), ..Header::default() },
-        config: toml::to_string(&bench.config).unwrap(),
-        models: recording.models,
-        offers: recording.offers,
-        snapshots: recording.snapshots,
-        ticks: recording.ticks,
-    }
 }
 
 /// Replays from every snapshot to the end, after a round trip through a file.
@@ -110,8 +88,7 @@ fn run_adapting_session(bench: &mut Bench, second: &Arc<Model>) {
     };
     bench.home();
     bench.enable();
-    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Condition);
     follow(bench, 0.0);
     assert_eq!(bench.swap(second), Refusal::None);
     follow(bench, 0.3);
@@ -120,8 +97,7 @@ fn run_adapting_session(bench: &mut Bench, second: &Arc<Model>) {
     follow(bench, 0.6);
     bench.drives[1].feedback.phase = AxisPhase::Faulted;
     bench.run(50);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Acknowledge);
     bench.enable();
     follow(bench, 0.9);
 }
@@ -136,7 +112,7 @@ fn adaptation_is_replayed_through_swap_rollback_and_fault() {
     recording.interval = 3001;
     bench.recording = Some(recording);
     run_adapting_session(&mut bench, &second);
-    let content = recorded_by(&mut bench, &first);
+    let content = bench.black_box(&first);
     let adapted = content.ticks.iter().filter_map(|tick| {
         let adaptation = tick.outputs.report.adaptation?;
         (adaptation.applied.zero != [0.0; 2]).then_some(adaptation.model)
@@ -165,11 +141,9 @@ fn creep_during_hold_is_replayed_bit_for_bit() {
     bench.recording = Some(recording);
     bench.home();
     bench.enable();
-    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Condition);
     bench.pose = Some(([0.1, 0.05, 0.0], 2));
-    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
-    bench.idle();
+    bench.carry_out(StateCommand::Move);
     let (targets, measured) = (bench.targets(), bench.joints().measured[0]);
     bench.run(2000);
     assert_eq!(bench.targets(), targets);
@@ -183,7 +157,7 @@ fn creep_during_hold_is_replayed_bit_for_bit() {
     assert!((recalled - crept).abs() < 0.1 * (crept - measured), "{measured} {crept} {recalled}");
     assert_eq!(bench.swap(&second), Refusal::None);
     bench.run(500);
-    assert_replayed(&recorded_by(&mut bench, &first));
+    assert_replayed(&bench.black_box(&first));
 }
 
 #[test]

@@ -1,13 +1,10 @@
 //! The published state.
 
+use i2ris::core::CycleInputs;
 use i2ris::core::cycle::ControlCycle;
-use i2ris::core::{CycleEventKind, CycleInputs};
-use i2ris::drive::{AxisFeedback, AxisPhase};
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{
-    Bench, GAIN_DEG, Quirk, SimulatedDrive, config, has_memory, lag_counts, standard_model,
-};
+use i2ris::drive::AxisFeedback;
+
+use super::*;
 
 #[test]
 fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
@@ -22,10 +19,9 @@ fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
     let yaw = (2.0 * lag - 340.0) * GAIN_DEG;
     assert!((joints.measured[1].to_degrees() - yaw).abs() < tolerance, "{joints:?}");
     assert_eq!((joints.setpoint, joints.goal), (joints.measured, joints.measured));
-    assert!(
-        (joints.deviation[0].to_degrees() - 0.2).abs() < 1e-9
-            && (joints.deviation[1].to_degrees() - 0.3).abs() < 1e-9
-    );
+    for (deviation, expected) in joints.deviation.into_iter().zip([0.2, 0.3]) {
+        assert!((deviation.to_degrees() - expected).abs() < 1e-9);
+    }
     assert!(joints.memory_known != has_memory());
 }
 
@@ -66,16 +62,10 @@ fn velocities_are_those_of_the_motion() {
         bench.run(4);
     }
     let joints = bench.joints();
-    assert!(
-        (joints.setpoint_velocity[0].to_degrees() - 10.0).abs() < 0.1,
-        "{:?}",
-        joints.setpoint_velocity
-    );
-    assert!(
-        (joints.measured_velocity[0].to_degrees() - 10.0).abs() < 1.5,
-        "{:?}",
-        joints.measured_velocity
-    );
+    for (velocity, tolerance) in [(joints.setpoint_velocity, 0.1), (joints.measured_velocity, 1.5)]
+    {
+        assert!((velocity[0].to_degrees() - 10.0).abs() < tolerance, "{velocity:?}");
+    }
     assert!(joints.setpoint_velocity[1].abs() < 1e-6);
     bench.run(300);
     assert_eq!(bench.joints().setpoint_velocity, [0.0; 3]);

@@ -1,12 +1,7 @@
 //! Sessions: which client may move the snake after a stop, and the maximum age of a request.
 
-use i2ris::core::ServoCommand;
-use i2ris::drive::AxisPhase;
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, rad, standard_model};
-
 use super::interrupted_streams::{KINDS, bench, here, is_followed, stream};
+use super::*;
 
 const OTHER: u64 = CLIENT + 1;
 
@@ -20,8 +15,7 @@ const STOPS: [Stopping; 4] = [
     (
         "fault",
         |bench| {
-            bench.drives[1].feedback.phase = AxisPhase::Faulted;
-            bench.drives[1].feedback.error_code = 0x8611;
+            bench.drives[1].fail(0x8611);
             bench.tick();
             bench.quirk(1, Quirk::None);
         },
@@ -61,8 +55,7 @@ fn client_that_keeps_sending_moves_nothing_after_stop() {
             let held = bench.targets();
             assert!(!go_on(&mut bench, 5000), "{what}");
             bench.run(5000);
-            let same = bench.servo(goal(1.0));
-            assert_eq!(bench.send(same), Refusal::StreamInterrupted, "{what}");
+            assert_eq!(bench.goal(goal(1.0)), Refusal::StreamInterrupted, "{what}");
             assert_eq!(bench.targets(), held, "{what}");
             bench.run(1000);
             give(&mut bench, CLIENT, StateCommand::Resume);

@@ -1,9 +1,6 @@
 //! Clean shutdown of the process.
 
-use i2ris::drive::AxisPhase;
-use i2ris::ipc::{Fault, OperatingState, StateCommand};
-use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, Quirk};
+use super::*;
 
 /// Runs to the end. Returns the duration.
 fn end(bench: &mut Bench) -> Nanos {

@@ -1,11 +1,6 @@
 //! Everything that stops the motion: stale commands, pause, release, disable, old feedback.
 
-use i2ris::core::CycleEventKind;
-use i2ris::drive::{AxisPhase, Demand};
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::robot::Stop;
-use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config};
+use super::*;
 
 /// Ticks until the targets no longer change.
 fn ticks_to_rest(bench: &mut Bench) -> usize {
@@ -33,15 +28,10 @@ fn silent_client_is_followed_until_deadline_plus_two_ticks() {
         }
     }
     assert!(bench.targets()[0] < 100, "it had not arrived");
-    assert!(
-        last_motion.duration_since(sent) >= Nanos::from_millis(49),
-        "it was followed as long as it was fresh"
-    );
-    assert!(
-        last_motion.duration_since(sent) < Nanos::from_millis(52),
-        "moved {:?} after the command",
-        last_motion.duration_since(sent)
-    );
+    // It was followed as long as it was fresh.
+    let followed = last_motion.duration_since(sent);
+    let [least, most] = [49, 52].map(Nanos::from_millis);
+    assert!((least..most).contains(&followed), "moved {followed:?} after the command");
     assert_eq!(bench.report().stale_stops, 1);
     assert!(bench.report().holding && bench.state() == OperatingState::Enabled);
     let stop = CycleEventKind::StaleStop { client_id: CLIENT, age: Nanos::from_millis(50) };
@@ -51,8 +41,7 @@ fn silent_client_is_followed_until_deadline_plus_two_ticks() {
 #[test]
 fn a_command_may_set_its_own_deadline() {
     let mut bench = Bench::enabled();
-    let mut command =
-        bench.servo(i2ris::core::ServoGoal::Actuator([i2ris::units::Counts(250); 2], 2));
+    let mut command = bench.servo(ServoGoal::Actuator([Counts(250); 2], 2));
     command.deadline = Nanos::from_millis(5);
     assert_eq!(bench.send(command), Refusal::None);
     bench.run(4);
@@ -65,8 +54,7 @@ fn a_command_may_set_its_own_deadline() {
 #[test]
 fn no_command_outlives_the_lease() {
     let mut bench = Bench::enabled_with(config("[command]\nlease_timeout_ms = 60"), None);
-    let mut command =
-        bench.servo(i2ris::core::ServoGoal::Actuator([i2ris::units::Counts(250); 2], 2));
+    let mut command = bench.servo(ServoGoal::Actuator([Counts(250); 2], 2));
     command.deadline = Nanos::from_millis(1000);
     assert_eq!(bench.send(command), Refusal::None);
     bench.run(59);
@@ -79,11 +67,8 @@ fn no_command_outlives_the_lease() {
 fn command_after_stale_stop_must_be_near_present_pose() {
     let mut bench = Bench::enabled();
     for step in 1..=20 {
-        assert_eq!(
-            bench.joint(f64::from(step), 0.0),
-            Refusal::None,
-            "the goal may run ahead in small steps"
-        );
+        // The goal may run ahead in small steps.
+        assert_eq!(bench.joint(f64::from(step), 0.0), Refusal::None);
         bench.run(4);
     }
     bench.run(100);
@@ -178,11 +163,8 @@ fn old_feedback_stops_motion_until_fresh_feedback_and_command() {
         assert_eq!(bench.actuator(goal), Refusal::None);
     }
     bench.tick();
-    assert!(
-        bench.report().holding,
-        "{:?} without a position",
-        bench.now.duration_since(last_report)
-    );
+    let silent = bench.now.duration_since(last_report);
+    assert!(bench.report().holding, "{silent:?} without a position");
     let goal = bench.targets();
     assert_eq!(bench.actuator(goal), Refusal::DrivesNotReady);
     let held = bench.targets();

@@ -1,12 +1,9 @@
 //! Virtual fixtures in the whole cycle: the setpoints of the motors stay out of the regions.
 
-use std::sync::Arc;
-
-use i2ris::core::{CycleEventKind, FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
-use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::Model;
-use i2ris_testing::cycle::{Bench, CLIENT, GAIN_DEG, config, rad, standard_model};
 use proptest::prelude::*;
+
+use super::gate::sweep;
+use super::*;
 
 const WALL: &str = r#"
     [[virtual_fixtures]]
@@ -14,98 +11,69 @@ const WALL: &str = r#"
     shape = { half_plane = { normal = [1.0, 0.0], offset_deg = 6.0 } }
 "#;
 
-fn enabled(tables: &str, model: Arc<Model>) -> Bench {
-    Bench::enabled_with(config(tables), Some(model))
-}
-
-fn change(bench: &mut Bench, client_id: u64, change: FixtureChange) -> Refusal {
-    bench.fixture = Some(change);
-    bench.ask_as(client_id, StateCommand::Fixture).refusal
-}
-
-/// Servo commands along a straight line, one per tick.
-fn sweep(bench: &mut Bench, from: [f64; 2], to: [f64; 2], ticks: u32) {
-    for k in 1..=ticks {
-        let at =
-            |axis: usize| from[axis] + (to[axis] - from[axis]) * f64::from(k) / f64::from(ticks);
-        assert_eq!(bench.joint(at(0), at(1)), Refusal::None);
-    }
-}
-
-fn pitch_deg(bench: &Bench) -> f64 {
-    bench.joints().setpoint[0].to_degrees()
-}
-
 #[test]
 fn snake_stops_before_wall_and_slides_along_it() {
-    let mut bench = enabled(WALL, standard_model());
-    sweep(&mut bench, [0.0, 0.0], [9.0, 0.0], 2000);
-    assert!((5.3..5.51).contains(&pitch_deg(&bench)), "{}", pitch_deg(&bench));
+    let mut bench = Bench::with(WALL);
+    sweep(&mut bench, [0.0, 0.0], [9.0, 0.0], 2000, |_| {});
+    assert!((5.3..5.51).contains(&bench.pose_deg()[0]), "{}", bench.pose_deg()[0]);
     assert_eq!(bench.report().limited_by_fixture, Some(0));
     let limits = |event: &&CycleEventKind| matches!(event, CycleEventKind::FixtureLimit { .. });
     assert_eq!(bench.events.iter().filter(limits).count(), 1);
-    sweep(&mut bench, [9.0, 0.0], [9.0, 2.0], 1000);
+    sweep(&mut bench, [9.0, 0.0], [9.0, 2.0], 1000, |_| {});
     let yaw_deg = bench.joints().setpoint[1].to_degrees();
     assert!((yaw_deg - 2.0).abs() < 0.05, "{yaw_deg}");
-    assert!(pitch_deg(&bench) < 5.51);
+    assert!(bench.pose_deg()[0] < 5.51);
     // Back without delay: nothing holds the goal at the wall.
-    sweep(&mut bench, [9.0, 2.0], [3.0, 2.0], 2000);
-    assert!((pitch_deg(&bench) - 3.0).abs() < 0.05 && bench.report().limited_by_fixture.is_none());
+    sweep(&mut bench, [9.0, 2.0], [3.0, 2.0], 2000, |_| {});
+    assert!(
+        (bench.pose_deg()[0] - 3.0).abs() < 0.05 && bench.report().limited_by_fixture.is_none()
+    );
 }
 
 #[test]
 fn active_fixture_refuses_motion_not_planned_in_angles() {
-    let mut bench = enabled(WALL, standard_model());
+    let mut bench = Bench::with(WALL);
     assert_eq!(bench.actuator([10, 10]), Refusal::Fixture);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::Fixture);
-    bench.pose = Some((rad(8.0, 0.0), 2));
-    assert_eq!(bench.ask(StateCommand::Move), Refusal::Fixture);
+    assert_eq!(bench.go(8.0, 0.0), Refusal::Fixture);
     bench.pose = Some((rad(4.0, 1.0), 2));
-    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
-    bench.idle();
-    assert!((pitch_deg(&bench) - 4.0).abs() < 0.01);
-    assert_eq!(change(&mut bench, CLIENT, FixtureChange::SwitchOff), Refusal::None);
+    bench.carry_out(StateCommand::Move);
+    assert!((bench.pose_deg()[0] - 4.0).abs() < 0.01);
+    assert_eq!(bench.change_fixtures(CLIENT, FixtureChange::SwitchOff), Refusal::None);
     assert_eq!(bench.report().fixtures, 0);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
 }
 
 #[test]
 fn only_resting_commander_may_remove_fixtures() {
-    let mut bench = enabled("", standard_model());
-    let wall = SimpleRegion {
-        space: FixtureSpace::Angles,
-        shape: SimpleShape::HalfSpace { normal: [1.0, 0.0, 0.0], offset: 4.0_f64.to_radians() },
-    };
-    sweep(&mut bench, [0.0, 0.0], [1.0, 0.0], 200);
-    assert_eq!(change(&mut bench, CLIENT + 1, FixtureChange::Add(wall)), Refusal::None);
+    let mut bench = Bench::with("");
+    let wall = add_wall([1.0, 0.0, 0.0], 4.0_f64.to_radians());
+    sweep(&mut bench, [0.0, 0.0], [1.0, 0.0], 200, |_| {});
+    assert_eq!(bench.change_fixtures(CLIENT + 1, wall), Refusal::None);
     assert_eq!(bench.report().fixtures, 1);
-    sweep(&mut bench, [1.0, 0.0], [8.0, 0.0], 2000);
+    sweep(&mut bench, [1.0, 0.0], [8.0, 0.0], 2000, |_| {});
     // A motor crosses no gap for half a count.
-    assert!(pitch_deg(&bench) < 3.5 + GAIN_DEG, "{}", pitch_deg(&bench));
+    assert!(bench.pose_deg()[0] < 3.5 + GAIN_DEG, "{}", bench.pose_deg()[0]);
     for taken in [FixtureChange::SwitchOff, FixtureChange::RemoveAdded] {
-        assert_eq!(change(&mut bench, CLIENT + 1, taken), Refusal::Lease);
-        assert_eq!(change(&mut bench, CLIENT, taken), Refusal::Busy);
+        assert_eq!(bench.change_fixtures(CLIENT + 1, taken), Refusal::Lease);
+        assert_eq!(bench.change_fixtures(CLIENT, taken), Refusal::Busy);
     }
     assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
     bench.run(100);
-    assert_eq!(change(&mut bench, CLIENT, FixtureChange::RemoveAdded), Refusal::None);
+    assert_eq!(bench.change_fixtures(CLIENT, FixtureChange::RemoveAdded), Refusal::None);
     assert_eq!(bench.report().fixtures, 0);
     assert_eq!(bench.ask(StateCommand::Fixture), Refusal::Malformed, "no change");
 }
 
 #[test]
 fn a_fixture_that_is_added_during_a_trajectory_stops_it() {
-    let mut bench = enabled("", standard_model());
-    bench.pose = Some((rad(9.0, 0.0), 2));
-    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+    let mut bench = Bench::with("");
+    assert_eq!(bench.go(9.0, 0.0), Refusal::None);
     bench.run(100);
-    let ball = SimpleRegion {
-        space: FixtureSpace::Angles,
-        shape: SimpleShape::Ball { centre: rad(9.0, 0.0), radius: 3.0_f64.to_radians() },
-    };
-    assert_eq!(change(&mut bench, CLIENT, FixtureChange::Add(ball)), Refusal::None);
+    let ball = add_ball(rad(9.0, 0.0), 3.0_f64.to_radians());
+    assert_eq!(bench.change_fixtures(CLIENT, ball), Refusal::None);
     bench.idle();
-    assert!(pitch_deg(&bench) < 6.0, "{}", pitch_deg(&bench));
+    assert!(bench.pose_deg()[0] < 6.0, "{}", bench.pose_deg()[0]);
 }
 
 proptest! {
@@ -125,7 +93,7 @@ proptest! {
             direction.cos(),
             direction.sin()
         );
-        let mut bench = enabled(&tables, standard_model());
+        let mut bench = Bench::with(&tables);
         let mut at = [0.0; 2];
         for (pitch, yaw, ticks) in goals {
             let length = (pitch - at[0]).hypot(yaw - at[1]);

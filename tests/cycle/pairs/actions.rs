@@ -1,16 +1,6 @@
 //! Actions of other clients, and the motion expected after them.
 
-use i2ris::core::{FixtureChange, ModelChange, ServoCommand, ServoGoal};
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{CLIENT, GAIN_DEG};
-
-use super::expected::What;
-use super::jaw::Jaw;
-use super::oracle::LARGEST_GAIN;
-use super::routes::distance;
-use super::zones::Zone;
-use super::{LEASE, OTHER, Situation, THIRD};
+use super::*;
 
 /// Conditioning stroke to both sides of the start, counts, unless the hull is wider.
 const CONDITIONING: f64 = 300.0;
@@ -55,8 +45,7 @@ impl Situation {
         ];
         let change = changes[self.random.below(4) as usize];
         let client_id = if self.random.one_in(2) { CLIENT } else { OTHER };
-        self.bench.fixture = Some(change);
-        if self.bench.ask_as(client_id, StateCommand::Fixture).refusal == Refusal::None {
+        if self.bench.change_fixtures(client_id, change) == Refusal::None {
             self.note_session(client_id, StateCommand::Fixture);
             match change {
                 FixtureChange::Add(_) => {

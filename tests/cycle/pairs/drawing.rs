@@ -1,11 +1,6 @@
 //! Limits and configurations, drawn at random.
 
-use i2ris::config::Config;
-use i2ris_testing::cycle::{GAIN_DEG, strict_config};
-
-use super::oracle::Limits;
-use super::zones::Zone;
-use crate::adaptation::random::Random;
+use super::*;
 
 /// The shipped configuration, on the robot of the tests.
 const SHIPPED: &str = include_str!("../../../config/robot.toml");

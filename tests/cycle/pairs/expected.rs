@@ -1,14 +1,9 @@
 //! The expected goal: as sent by the followed client, scaled, and between commands extrapolated,
 //! filtered and led as configured. With formulae of its own.
 
-use i2ris::config::Config;
-use i2ris::core::{CycleReport, ServoCommand, ServoGoal};
-use i2ris::units::Nanos;
-use i2ris_testing::cycle::GAIN_DEG;
+use i2ris::core::CycleReport;
 
-use super::oracle::LARGEST_GAIN;
-use super::routes::{distance, plus};
-use super::snake::Wire;
+use super::*;
 
 pub type Angles = [f64; 2];
 

@@ -1,15 +1,9 @@
 //! The auxiliary axis in the pairs: its stream runs in parallel with that of the joints, under the
 //! same lease, and whatever holds the robot holds this axis.
 
-use std::collections::VecDeque;
+use i2ris::config::LimitConfig;
 
-use i2ris::config::{Config, LimitConfig};
-use i2ris::core::{ServoCommand, ServoGoal};
-use i2ris::ipc::{OperatingState, Refusal};
-use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, CLIENT, with_jaw};
-
-use super::{OTHER, Random, Situation};
+use super::*;
 
 /// Ticks over which its acceleration is measured.
 const WINDOW: usize = 10;
@@ -148,13 +142,7 @@ impl Situation {
         };
         let (followed, before) = (jaw.stale_at, target(&self.bench));
         if let Some(command) = jaw.command(&mut self.bench) {
-            let (accepted, refused) = (self.bench.report().accepted, self.bench.report().refused);
-            self.bench.jaw_command = Some(command);
-            self.bench.tick();
-            let report = self.bench.report();
-            let refusal =
-                if report.accepted > accepted { Refusal::None } else { report.last_refusal };
-            assert_eq!(report.accepted - accepted + report.refused - refused, 1);
+            let refusal = self.bench.send_jaw(command);
             self.judge(&command, refusal);
             if refusal == Refusal::None {
                 let (ServoGoal::Joint([angle, ..], _), config) = (command.goal, &self.bench.config)

@@ -17,24 +17,19 @@ mod stream;
 mod zones;
 
 use std::collections::VecDeque;
-use std::sync::Arc;
 
-use i2ris::core::FixtureChange;
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::model::Model;
-use i2ris::model::file::OutputUnit;
-use i2ris::units::{Nanos, OutputVec};
-use i2ris_testing::cycle::{Bench, CLIENT};
-
-use crate::adaptation::random::Random;
+use i2ris::units::OutputVec;
 
 use drawing::{braking, configuration, limits};
-use expected::{Angles, Expected};
+use expected::{Angles, Expected, What};
 use jaw::Jaw;
-use oracle::{Limits, Oracle, SLANTED, SQUARE, Stop};
+use oracle::{LARGEST_GAIN, Limits, Oracle, SLANTED, SQUARE, Stop, adapted};
+use routes::{distance, plus};
 use setpoint_path::SetpointPath;
 use snake::{Snake, Wire};
 use zones::Zone;
+
+use super::*;
 
 const OTHER: u64 = CLIENT + 1;
 /// Only stops the robot and enables motion again.
@@ -228,8 +223,7 @@ impl Situation {
 
     fn switch(&mut self, is_any: bool, change: FixtureChange) {
         if is_any {
-            self.bench.fixture = Some(change);
-            assert_eq!(self.bench.ask_as(CLIENT, StateCommand::Fixture).refusal, Refusal::None);
+            assert_eq!(self.bench.change_fixtures(CLIENT, change), Refusal::None);
         }
     }
 

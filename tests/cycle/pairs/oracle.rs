@@ -2,18 +2,9 @@
 //! with its gaps, distances to regions, angles at the setpoints, motor acceleration, command ages.
 //! The bench itself checks the other motor limits, states and counters.
 
-use std::collections::VecDeque;
+use i2ris::config::JointLimitConfig;
 
-use i2ris::config::{Config, JointLimitConfig};
-use i2ris::ipc::OperatingState;
-use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, GAIN_DEG, HULL};
-
-use super::expected::What;
-use super::routes::plus;
-use super::setpoint_path::SetpointPath;
-use super::snake::{Snake, Wire};
-use super::zones::Zone;
+use super::*;
 
 /// Corners of the calibrated hull, counter-clockwise. Motors limited one by one stay inside along
 /// the sides of the square, but not along those of the slanted hull.

@@ -1,11 +1,7 @@
 //! Routes along an edge: a side of the hull, a wall, a joint limit. Motors that arrive at different
 //! times leave the straight line there, and cross the edge unless the setpoints are checked.
 
-use i2ris::core::{FixtureSpace, SimpleShape};
-use i2ris_testing::cycle::GAIN_DEG;
-
-use super::Situation;
-use super::snake::Wire;
+use super::*;
 
 /// Step of a route, as a fraction of the largest step allowed.
 const STEP: f64 = 0.94;

@@ -2,16 +2,7 @@
 //! go. No stage may lead it further: neither the blend of a swap, which ends where expected, nor a
 //! correction.
 
-use std::collections::VecDeque;
-
-use i2ris::ipc::OperatingState;
-use i2ris::units::Nanos;
-use i2ris_testing::cycle::Bench;
-
-use super::expected::{Angles, Expected, What};
-use super::oracle::adapted;
-use super::routes::plus;
-use super::snake::Snake;
+use super::*;
 
 /// Ticks that are checked together; a tremor filter has nearly reached its goal after these.
 const WINDOW: usize = 300;

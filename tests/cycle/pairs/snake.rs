@@ -1,15 +1,10 @@
 //! The snakes of the pairs: simple plants with formulae of their own, and their models.
 
-use std::sync::Arc;
-
-use i2ris::model::Model;
-use i2ris::model::file::{FamilyParameters, OutputUnit};
 use i2ris::model::network::NetworkParameters;
-use i2ris::units::OutputVec;
-use i2ris_testing::cycle::{GAIN_DEG, model, scaled_balance_model, scaled_play_model, within};
 
-use crate::adaptation::random::Random;
 use i2ris_testing::families::{averages, gru};
+
+use super::*;
 
 /// Parameters of `balance_model`: stiffness of two wires and of the spring, friction of its stop.
 const WIRES: f64 = 2.0;

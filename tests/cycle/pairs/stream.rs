@@ -1,12 +1,8 @@
 //! The streamed commands, and the camera frames between them.
 
-use i2ris::core::{ExternalPose, ServoCommand, ServoGoal};
-use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::kinematic::{TipPosition, tip_position};
-use i2ris::units::Nanos;
-use i2ris_testing::cycle::CLIENT;
 
-use super::{BREAK, KINDS, Kind, LEASE, RATES, Situation, THIRD};
+use super::*;
 
 /// Age of every other command when stamps run backwards.
 const DISORDER_MS: u64 = 40;
@@ -22,12 +18,10 @@ impl Situation {
                 .snake
                 .pose(self.bench.drives.each_ref().map(|drive| drive.feedback.position.as_f64()));
             shift[0] = (shift[0] + 0.033 * *rate).clamp(-3.0, 3.0);
-            self.bench.external = Some(ExternalPose {
-                stamp: self.bench.now,
-                position: self.wire.outputs([at[0] + shift[0], at[1] + shift[1]]),
-                outputs: 2,
-                quality: 0.0,
-            });
+            self.bench.external = Some(camera_frame(
+                self.bench.now,
+                self.wire.outputs([at[0] + shift[0], at[1] + shift[1]]),
+            ));
         }
     }
 

@@ -1,11 +1,7 @@
 //! Forbidden regions, drawn at random: their distances and the tip position, with formulae of their
 //! own.
 
-use i2ris::core::{FixtureSpace, SimpleRegion, SimpleShape};
-
-use super::expected::Angles;
-use super::snake::Wire;
-use crate::adaptation::random::Random;
+use super::*;
 
 /// A degree of bend moves the tip by less, mm.
 const MM_PER_DEG: f64 = 0.02;
