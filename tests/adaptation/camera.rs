@@ -2,10 +2,7 @@
 
 use std::collections::VecDeque;
 
-use i2ris::core::ExternalPose;
-use i2ris::units::Nanos;
-
-use super::random::Random;
+use super::*;
 
 /// Timing and faults of the frames.
 #[derive(Debug, Clone, Copy)]
@@ -57,12 +54,10 @@ impl Camera {
                 let off = if is_outlier { self.random.within(-5.0, 5.0) } else { 0.0 };
                 (angle + noise + off).to_radians()
             });
-            let pose = ExternalPose {
-                stamp: now + Nanos::from_millis(self.plan.stamp_late_ms),
-                position: [angles[0], angles[1], 0.0],
-                outputs: 2,
-                quality: 0.0,
-            };
+            let pose = camera_frame(
+                now + Nanos::from_millis(self.plan.stamp_late_ms),
+                [angles[0], angles[1], 0.0],
+            );
             let arrival = now + Nanos::from_millis(self.plan.latency_ms);
             self.pending.push_back((arrival, pose));
         }

@@ -4,15 +4,9 @@
 //! difference between their setpoints is the correction.
 
 use std::iter;
-use std::sync::Arc;
 
-use i2ris::core::ExternalPose;
-use i2ris::model::Model;
-use i2ris::units::Nanos;
-
-use super::fitted::first_model;
-use super::random::Random;
-use super::trial::{AgeingRun, SNAKES};
+use super::hazards::shift;
+use super::*;
 
 /// Kinds of signals.
 const KINDS: u64 = 12;
@@ -58,7 +52,7 @@ impl Signal {
             3 => ([yaw, pitch], now - ms(30)),
             4 => ([pitch + a, yaw + b], now - ms(40)),
             5 => ([pitch, yaw], now + ms(700)),
-            6 => ([pitch, yaw], now - ms(self.random.next() % 500)),
+            6 => ([pitch, yaw], now - ms(self.random.below(500))),
             7 => ([pitch + a * (0.3 * t).sin(), yaw + b * (0.2 * t).sin()], now - ms(30)),
             8 => ([pitch * (1.0 + 0.1 * a), yaw * (1.0 + 0.1 * b)], now - ms(30)),
             9 => {
@@ -69,12 +63,7 @@ impl Signal {
             10 => ([pitch + 0.05 * a * t, yaw + 0.05 * b * t], now - ms(30)),
             _ => ([f64::NAN, 1e300], now),
         };
-        Some(ExternalPose {
-            stamp,
-            position: [angles[0].to_radians(), angles[1].to_radians(), 0.0],
-            outputs: 2,
-            quality: 0.0,
-        })
+        Some(camera_frame(stamp, [angles[0].to_radians(), angles[1].to_radians(), 0.0]))
     }
 }
 
@@ -103,12 +92,6 @@ fn run(seed: u64, seconds: u64, start: &AgeingRun, model: &Arc<Model>) -> (f64, 
         on.follow(goal);
         let applied = on.adaptation().applied;
         // The correction, and the speed at which it moves the pose that the limit applies to.
-        let shift = |drift: &i2ris::core::adaptation::Drift, at: [f64; 2]| -> [f64; 2] {
-            [0, 1].map(|i| {
-                let [x, y] = drift.gain[i];
-                drift.zero[i].to_degrees() + x * at[0] + y * at[1]
-            })
-        };
         let now = shift(&applied, goal);
         let [from, to] = [shift(&before, setpoint), shift(&applied, setpoint)];
         let rate = (to[0] - from[0]).hypot(to[1] - from[1]) / 1e-3;

@@ -1,16 +1,10 @@
 //! The fences, on a drawn snake whose model was fitted to an earlier state.
 
-use i2ris::core::CycleEventKind;
-use i2ris::core::adaptation::{AdaptationEvent, Method, Pause};
-use i2ris::robot::StateCommand;
-use i2ris::units::Nanos;
-use i2ris_calibration::fit::Family;
-use i2ris_simulation::ageing::Change;
-use i2ris_simulation::closed_loop::Inputs;
+use i2ris::core::adaptation::Method;
 
-use super::camera::{Camera, CameraPlan};
-use super::fitted::{first_model, model, model_of_plays};
-use super::trial::{AgeingRun, ON, SNAKES, aged, gain, zero};
+use super::fitted::{model, model_of_plays};
+use super::trial::{ON, aged, gain, zero};
+use super::*;
 
 fn trial(ageing: &[Change]) -> AgeingRun {
     AgeingRun::new(ON, SNAKES[0], &first_model(), ageing)
@@ -158,19 +152,14 @@ fn unusable_frames_are_counted_and_change_nothing() {
                 continue;
             }
         };
-        trial.frame = Some(i2ris::core::ExternalPose {
-            stamp,
-            position: [0.1, 0.1, 0.0],
-            outputs: 2,
-            quality: 0.0,
-        });
+        trial.frame = Some(camera_frame(stamp, [0.1, 0.1, 0.0]));
         trial.move_for(1e-3);
         last = Some(trial.adaptation());
     }
     let found = last.unwrap();
     assert!(found.frames.future > 50 && found.frames.too_old > 50, "{found:?}");
     assert_eq!((found.frames.used, found.frames.refused), (0, 0));
-    assert_eq!(found.estimate, i2ris::core::adaptation::Drift::default());
+    assert_eq!(found.estimate, Drift::default());
 }
 
 #[test]
@@ -212,12 +201,8 @@ fn reverted_correction_is_replayed_bit_for_bit() {
         let [pitch, yaw] = trial.angles_deg();
         let angles = [pitch + sway, yaw - sway].map(f64::to_radians);
         let is_due = (trial.control.now().0 / 1_000_000).is_multiple_of(33);
-        trial.frame = is_due.then(|| i2ris::core::ExternalPose {
-            stamp: trial.control.now(),
-            position: [angles[0], angles[1], 0.0],
-            outputs: 2,
-            quality: 0.0,
-        });
+        trial.frame =
+            is_due.then(|| camera_frame(trial.control.now(), [angles[0], angles[1], 0.0]));
     };
     let taken_back = |trial: &AgeingRun| trial.adaptation().taken_back;
     let mut restored: Option<AgeingRun> = None;

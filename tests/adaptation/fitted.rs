@@ -3,19 +3,15 @@
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use i2ris::model::Model;
 use i2ris::model::file::{OutputSpec, OutputUnit};
-use i2ris::units::{MAX_OUTPUTS, MotorVec};
-use i2ris_calibration::fit::{Choice, Family, FitOptions, fit};
+use i2ris::units::MAX_OUTPUTS;
+use i2ris_calibration::fit::{Choice, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
-use i2ris_simulation::physics::DrawnSnake;
-use i2ris_simulation::robot::{Robot, TICK_S};
+use i2ris_simulation::robot::TICK_S;
 
-use super::random::Random;
-use super::trial::SNAKES;
+use super::*;
 
 fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/adaptation").join(name)

@@ -2,16 +2,14 @@
 //! The cycle with adaptation, a hand and a camera, on simulated time: the drives are at their
 //! targets, and each test derives the camera's view from the calibrated pose at the encoders.
 
-use std::sync::Arc;
-
-use i2ris::core::adaptation::{AdaptationEvent, AdaptationReport, Drift, Pause, Pauses};
-use i2ris::core::{CycleEventKind, ExternalPose};
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris::model::{Memory, Model};
-use i2ris::units::Nanos;
+use i2ris::core::adaptation::Pauses;
+use i2ris::ipc::{Fault, OperatingState, Refusal};
+use i2ris::model::Memory;
 use i2ris_testing::cycle::{
     Bench, GAIN_DEG, HULL, config, lag_counts, scaled_standard_model, standard_model,
 };
+
+use super::*;
 
 /// Frames of the camera, ms, and their age.
 const FRAME_MS: u64 = 33;
@@ -35,9 +33,7 @@ impl Drifting {
     /// Enabled, with a known memory.
     pub fn new(tables: &str) -> Self {
         let model = standard_model();
-        let mut bench = Bench::new(config(tables), Some(Arc::clone(&model)));
-        bench.home();
-        bench.enable();
+        let bench = Bench::enabled_with(config(tables), Some(Arc::clone(&model)));
         let mut drifting = Self {
             bench,
             memory: model.new_memory(),
@@ -78,12 +74,7 @@ impl Drifting {
             if self.ticks.is_multiple_of(FRAME_MS) && self.poses.len() > AGE_MS {
                 let (stamp, pose) = self.poses[self.poses.len() - AGE_MS];
                 let [pitch, yaw] = see(self.time_s, pose).map(f64::to_radians);
-                self.bench.external = Some(ExternalPose {
-                    stamp,
-                    position: [pitch, yaw, 0.0],
-                    outputs: 2,
-                    quality: 0.0,
-                });
+                self.bench.external = Some(camera_frame(stamp, [pitch, yaw, 0.0]));
             }
         }
     }

@@ -3,12 +3,29 @@
 mod camera;
 mod fitted;
 mod hazards;
-pub mod random;
 mod trial;
 mod wear;
 
 mod campaign;
 mod fences;
+
+use std::sync::Arc;
+
+use camera::{Camera, CameraPlan};
+use fitted::first_model;
+use i2ris::core::adaptation::{AdaptationEvent, AdaptationReport, Drift, Pause};
+use i2ris::core::{CycleEventKind, ExternalPose};
+use i2ris::model::Model;
+use i2ris::robot::StateCommand;
+use i2ris::units::{MotorVec, Nanos};
+use i2ris_calibration::fit::Family;
+use i2ris_simulation::ageing::Change;
+use i2ris_simulation::closed_loop::Inputs;
+use i2ris_simulation::physics::DrawnSnake;
+use i2ris_simulation::robot::Robot;
+use i2ris_testing::Random;
+use i2ris_testing::cycle::camera_frame;
+use trial::{AgeingRun, SNAKES};
 
 /// Not the linear one: without memory a different method learns, which the other tests cover.
 #[test]

@@ -1,21 +1,16 @@
 //! A trial: the cycle with an ageing robot, a hand that moves a goal, and a camera.
 
-use std::sync::Arc;
-
 use i2ris::config::Config;
-use i2ris::core::adaptation::AdaptationReport;
-use i2ris::core::{CycleEventKind, CycleOutputs, CycleReport, ExternalPose, ServoGoal};
-use i2ris::model::Model;
-use i2ris::robot::{OperatingState, StateCommand};
-use i2ris_simulation::ageing::{Change, Course, Parameter};
-use i2ris_simulation::closed_loop::{ClosedLoop, Inputs, state_request};
-use i2ris_simulation::physics::{DrawnSnake, Physics};
-use i2ris_simulation::robot::Robot;
+use i2ris::core::{CycleOutputs, CycleReport, ServoGoal};
+use i2ris::robot::OperatingState;
+use i2ris_simulation::ageing::{Course, Parameter};
+use i2ris_simulation::closed_loop::{ClosedLoop, state_request};
+use i2ris_simulation::physics::Physics;
 use i2ris_testing::fast_config;
 
 use toml::{Table, Value};
 
-use super::camera::{Camera, CameraPlan};
+use super::*;
 
 const CONFIG: &str = include_str!("../../config/emulator.toml");
 

@@ -1,16 +1,13 @@
 //! Gap, slack and play of a robot that is the model itself, only worn.
 
-use std::sync::Arc;
-
 use i2ris::core::ServoGoal;
-use i2ris::core::adaptation::AdaptationReport;
-use i2ris::model::{Memory, Model, Wear};
-use i2ris::units::{Counts, MAX_MOTORS, MotorVec};
+use i2ris::model::{Memory, Wear};
+use i2ris::units::{Counts, MAX_MOTORS};
 use i2ris_simulation::camera::CameraConfig;
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Motors};
 
-use super::fitted::first_model;
 use super::trial::{ON, config};
+use super::*;
 
 struct Worn {
     motors: IdealMotors,

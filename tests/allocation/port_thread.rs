@@ -1,15 +1,14 @@
 //! A running port thread allocates nothing: not in an exchange, not in a transition, not when it
 //! reconnects.
 use std::io;
-use std::path::Path;
 
 use i2ris::config::{Family, PortConfig};
 use i2ris::drive::transport::Transport;
 use i2ris::drive::{AxisLink, AxisPhase, AxisRequest, Demand, Port, PortEvent, PortRunner};
 use i2ris::units::{Counts, Nanos};
-use i2ris_simulation::physics::springs::SnakeConfig;
-use i2ris_simulation::{Emulator, EmulatorConfig, Line};
+use i2ris_simulation::{Emulator, Line};
 use i2ris_testing::drive::{NODE, one_drive, *};
+use i2ris_testing::emulation;
 
 use crate::{allocations, uncounted};
 
@@ -104,10 +103,7 @@ fn port_thread_does_not_allocate_in_any_phase_or_fault() {
 
 #[test]
 fn real_port_with_timeouts_does_not_allocate() {
-    let folder = tempfile::tempdir().unwrap();
-    let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-    let mut emulated =
-        EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
+    let (_folder, mut emulated) = emulation();
     emulated.connect(Line::Lab);
     let emulator = Emulator::start(emulated).unwrap();
     let mut drive = one_drive();
