@@ -3,11 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use i2ris::model::file::{FamilyParameters, Mixture, ModelFile};
-use i2ris::model::{Model, ModelId};
+use i2ris::model::ModelId;
 use proptest::prelude::*;
 
-use i2ris_testing::families::{file, region, smooth_gmr, square, two_by_two, two_components};
+use super::*;
 
 fn sample() -> ModelFile {
     file(1, two_components(), region(1, 300.0))
@@ -46,7 +45,7 @@ fn every_value_changes_the_identity() {
     let changes: [fn(&mut ModelFile); 10] = [
         |file| file.robot_id.push('2'),
         |file| file.outputs[0].name.push('x'),
-        |file| file.outputs[0].unit = i2ris::model::file::OutputUnit::Mm,
+        |file| file.outputs[0].unit = OutputUnit::Mm,
         |file| file.hull.corners[1][0] = file.hull.corners[1][0].next_up(),
         |file| file.training.seed += 1,
         |file| file.training.bic = Some(0.0),
@@ -129,13 +128,8 @@ fn a_failed_write_changes_no_file() {
     let mut names = names_in(folder.path());
     names.sort();
     assert_eq!(names, ["model.json", "taken"]);
-    assert!(
-        sample()
-            .write(&folder.path().join("no/such/model.json"))
-            .unwrap_err()
-            .to_string()
-            .contains("no/such")
-    );
+    let refused = sample().write(&folder.path().join("no/such/model.json")).unwrap_err();
+    assert!(refused.to_string().contains("no/such"));
 }
 
 proptest! {

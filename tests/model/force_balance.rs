@@ -1,11 +1,8 @@
 //! The force balance, case by case.
 
-use i2ris::model::file::FamilyParameters;
-use i2ris::model::hysteresis::Operator;
 use i2ris::model::hysteresis::force_balance::{BalanceParameters, BalanceState, ForceBalance};
-use i2ris::model::{Model, Query};
-use i2ris_testing::families::{DEG, balance_file, distance, memory_after, some_balance};
-use nalgebra::SVector;
+
+use super::*;
 
 fn to_vector<const D: usize>(counts: [f64; 2]) -> SVector<f64, D> {
     SVector::from_fn(|i, _| counts[i])

@@ -1,10 +1,6 @@
 //! Gaussian mixture regression against closed forms and independent programs.
 
-use i2ris::model::file::{FamilyParameters, Mixture, MixtureParameters, ModelFile};
-use i2ris::model::{Estimate, Model, Query};
-use i2ris::units::MotorVec;
-
-use i2ris_testing::families::{DEG, file, region, square, two_by_two, two_components};
+use super::*;
 
 fn predict(model: &Model, counts: MotorVec) -> Estimate {
     model.predict(&counts, &model.new_memory())

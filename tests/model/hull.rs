@@ -1,9 +1,9 @@
 //! The calibrated region: no position leaves it.
 
-use i2ris::model::file::HullParameters;
 use i2ris::model::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
-use proptest::collection::vec;
 use proptest::prelude::*;
+
+use super::*;
 
 fn polygon(corners: &[[f64; 2]]) -> Result<Hull, String> {
     let corners = corners.iter().map(|corner| corner.to_vec()).collect();
@@ -42,11 +42,8 @@ fn one_motor_has_an_interval() {
     assert_eq!(hull.project(&[f64::NEG_INFINITY, 0.0]), [-7.0, 0.0]);
     assert_eq!(hull.project(&[-2.5, 0.0]), [-2.5, 0.0]);
     assert_eq!(hull.centre(), [-2.0, 0.0]);
-    assert!(
-        hull.contains(&[3.0, 0.0])
-            && !hull.contains(&[3.1, 0.0])
-            && !hull.contains(&[f64::NAN, 0.0])
-    );
+    let contains = [3.0, 3.1, f64::NAN].map(|at| hull.contains(&[at, 0.0]));
+    assert_eq!(contains, [true, false, false]);
 }
 
 #[test]
@@ -93,28 +90,20 @@ fn hull_of_circle_has_max_corners_and_contains_it() {
 
 #[test]
 fn invalid_polygons_are_refused() {
-    let clockwise = polygon(&[[0.0, 0.0], [0.0, 9.0], [9.0, 0.0]]).unwrap_err();
-    assert!(
-        clockwise.contains("hull.corners[0] = [0.0, 0.0]")
-            && clockwise.contains("counter-clockwise"),
-        "{clockwise}"
-    );
-    let dent = polygon(&[[0.0, 0.0], [9.0, 0.0], [2.0, 2.0], [0.0, 9.0]]).unwrap_err();
-    assert!(dent.contains("convex"), "{dent}");
-    let star =
-        polygon(&[[0.0, 10.0], [-6.0, -8.0], [9.5, 3.0], [-9.5, 3.0], [6.0, -8.0]]).unwrap_err();
-    assert!(star.contains("convex"), "{star}");
-    let thin = polygon(&[[0.0, 0.0], [100.0, 0.0], [50.0, 0.5]]).unwrap_err();
-    assert!(thin.contains("one count wide"), "{thin}");
-    let twice = polygon(&[[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [0.0, 9.0]]).unwrap_err();
-    assert!(twice.contains("must differ from the next"), "{twice}");
-    assert!(polygon(&[[0.0, 0.0], [9.0, 0.0]]).unwrap_err().contains("3 to 64 corners"));
-    assert!(
-        polygon(&[[0.0, 0.0], [9.0, f64::NAN], [0.0, 9.0]])
-            .unwrap_err()
-            .contains("hull.corners[1]")
-    );
-    assert!(polygon(&[[0.0, 0.0], [9e9, 0.0], [0.0, 9.0]]).unwrap_err().contains("32 bits"));
+    for (corners, named) in [
+        (&[[0.0, 0.0], [0.0, 9.0], [9.0, 0.0]][..], "hull.corners[0] = [0.0, 0.0]"),
+        (&[[0.0, 0.0], [0.0, 9.0], [9.0, 0.0]], "counter-clockwise"),
+        (&[[0.0, 0.0], [9.0, 0.0], [2.0, 2.0], [0.0, 9.0]], "convex"),
+        (&[[0.0, 10.0], [-6.0, -8.0], [9.5, 3.0], [-9.5, 3.0], [6.0, -8.0]], "convex"),
+        (&[[0.0, 0.0], [100.0, 0.0], [50.0, 0.5]], "one count wide"),
+        (&[[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [0.0, 9.0]], "must differ from the next"),
+        (&[[0.0, 0.0], [9.0, 0.0]], "3 to 64 corners"),
+        (&[[0.0, 0.0], [9.0, f64::NAN], [0.0, 9.0]], "hull.corners[1]"),
+        (&[[0.0, 0.0], [9e9, 0.0], [0.0, 9.0]], "32 bits"),
+    ] {
+        let refused = polygon(corners).unwrap_err();
+        assert!(refused.contains(named), "{named}: {refused}");
+    }
     let backwards = HullParameters { corners: vec![vec![5.0], vec![-5.0]] };
     assert!(Hull::new(&backwards, 1).unwrap_err().to_string().contains("above the first"));
 }
@@ -122,21 +111,12 @@ fn invalid_polygons_are_refused() {
 #[test]
 fn positions_without_area_are_refused() {
     let line: Vec<_> = (0..20).map(|i| [f64::from(i), 2.0 * f64::from(i)]).collect();
-    assert!(
-        Hull::from_points(2, &line)
-            .unwrap_err()
-            .to_string()
-            .contains("record motion of every motor")
-    );
+    let refused = |points: &[[f64; 2]]| Hull::from_points(2, points).unwrap_err().to_string();
+    assert!(refused(&line).contains("record motion of every motor"));
     assert!(Hull::from_points(2, &[]).is_err());
     assert!(Hull::from_points(3, &[[0.0, 0.0], [9.0, 0.0], [0.0, 9.0], [9.0, 9.0]]).is_err());
     assert!(Hull::from_points(1, &[[4.0, 0.0]; 9]).is_err());
-    assert!(
-        Hull::from_points(2, &[[0.0, 0.0], [1.0, f64::NAN]])
-            .unwrap_err()
-            .to_string()
-            .contains("position 1")
-    );
+    assert!(refused(&[[0.0, 0.0], [1.0, f64::NAN]]).contains("position 1"));
 }
 
 /// Whole counts, as in a recording, or real numbers.

@@ -1,13 +1,8 @@
 //! The inverse: the nearest pose, warm starts, and models with several inverses.
 
-use i2ris::model::file::{FamilyParameters, MixtureParameters};
-use i2ris::model::{Inverse, Model, Query};
-use i2ris::units::{MotorVec, OutputVec};
 use proptest::prelude::*;
 
-use i2ris_testing::families::{
-    DEG, REACH, SmoothMap, affine, distance, file, one_count, region, smooth_gmr, square,
-};
+use super::*;
 
 fn mean(model: &Model, counts: &MotorVec) -> OutputVec {
     model.predict(counts, &model.new_memory()).mean

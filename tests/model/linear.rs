@@ -1,16 +1,15 @@
 //! The affine family: every result has a closed form.
 
-use i2ris::model::{Model, Query};
-
-use i2ris_testing::families::{DEG, affine, file, square};
+use super::*;
 
 fn model() -> Model {
-    Model::from_file(file(
-        2,
-        affine(&[&[0.02, 0.01], &[-0.01, 0.02]], &[1.0, -2.0]),
-        square(1000.0),
-    ))
-    .unwrap()
+    let map = affine(&[&[0.02, 0.01], &[-0.01, 0.02]], &[1.0, -2.0]);
+    Model::from_file(file(2, map, square(1000.0))).unwrap()
+}
+
+fn near(inverse: &Inverse, counts: MotorVec, tolerance: MotorVec) {
+    let is_near = |motor: usize| (inverse.counts[motor] - counts[motor]).abs() < tolerance[motor];
+    assert!(is_near(0) && is_near(1), "{inverse:?}");
 }
 
 #[test]
@@ -38,10 +37,7 @@ fn the_inverse_solves_the_map() {
     let model = model();
     let memory = model.new_memory();
     let inverse = model.invert(&[2.5 * DEG, -4.0 * DEG, 0.0], &memory, &Query::new([0.0, 0.0]));
-    assert!(
-        (inverse.counts[0] - 100.0).abs() < 1e-2 && (inverse.counts[1] + 50.0).abs() < 1e-2,
-        "{inverse:?}"
-    );
+    near(&inverse, [100.0, -50.0], [1e-2; 2]);
     assert!(!inverse.clipped && !inverse.fell_back && inverse.iterations <= 2);
 }
 
@@ -52,17 +48,14 @@ fn an_unreachable_goal_gets_the_nearest_pose() {
     let beyond = model.predict(&[1500.0, 200.0], &model.new_memory()).mean;
     let inverse = model.invert(&beyond, &model.new_memory(), &Query::new([0.0, 0.0]));
     assert!(inverse.clipped);
-    assert!(
-        (inverse.counts[0] - 1000.0).abs() < 1e-6 && (inverse.counts[1] - 200.0).abs() < 1e-2,
-        "{inverse:?}"
-    );
+    near(&inverse, [1000.0, 200.0], [1e-6, 1e-2]);
     assert!((inverse.residual - 500.0 * 0.0005f64.sqrt() * DEG).abs() < 1e-9);
 }
 
 #[test]
 fn a_model_in_millimetres_predicts_in_metres() {
     let mut file = file(1, affine(&[&[0.5]], &[3.0]), vec![vec![-10.0], vec![10.0]]);
-    file.outputs[0].unit = i2ris::model::file::OutputUnit::Mm;
+    file.outputs[0].unit = OutputUnit::Mm;
     let model = Model::from_file(file).unwrap();
     let estimate = model.predict(&[4.0, 0.0], &model.new_memory());
     assert!((estimate.mean[0] - 0.005).abs() < 1e-15);
@@ -76,10 +69,7 @@ fn two_motors_on_one_angle_take_the_shortest_step() {
     let inverse =
         model.invert(&[0.5 * DEG, 0.0, 0.0], &model.new_memory(), &Query::new([20.0, -15.0]));
     // 0.03 * 20 - 0.04 * 15 = 0, and (0.03, 0.04) * 200 = (6, 8) gains 0.5 degrees.
-    assert!(
-        (inverse.counts[0] - 26.0).abs() < 1e-4 && (inverse.counts[1] + 7.0).abs() < 1e-4,
-        "{inverse:?}"
-    );
+    near(&inverse, [26.0, -7.0], [1e-4; 2]);
     assert!(!inverse.clipped);
 }
 
@@ -90,10 +80,7 @@ fn three_outputs_of_two_motors_get_the_least_squares_solution() {
     // Normal equations of [1 0; 0 1; 1 1] x = (1, 2, 6): x = (2, 3), in units of 50 counts.
     let inverse =
         model.invert(&[DEG, 2.0 * DEG, 6.0 * DEG], &model.new_memory(), &Query::new([0.0, 0.0]));
-    assert!(
-        (inverse.counts[0] - 100.0).abs() < 0.01 && (inverse.counts[1] - 150.0).abs() < 0.01,
-        "{inverse:?}"
-    );
+    near(&inverse, [100.0, 150.0], [0.01; 2]);
     assert!(!inverse.clipped && (inverse.residual - 3.0_f64.sqrt() * DEG).abs() < 1e-9);
 }
 

@@ -1,13 +1,8 @@
 //! Networks that were trained elsewhere.
 
-use i2ris::model::Model;
-use i2ris::model::file::{FamilyParameters, ModelFile, OutputUnit};
-use i2ris::model::network::{Activation, Layer, NetworkParameters};
-use i2ris::units::MotorVec;
+use i2ris::model::network::{Layer, NetworkParameters};
 
-use i2ris_testing::families::{
-    DEG, averages, conv, distance, gru, gru_of, lstm, memory_after, network_file,
-};
+use super::*;
 
 const STEP: f64 = 10.0;
 

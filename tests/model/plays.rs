@@ -1,13 +1,9 @@
 //! Properties of play operators.
 
-use i2ris::model::file::{FamilyParameters, ModelFile};
-use i2ris::model::hysteresis::Operator;
 use i2ris::model::hysteresis::backlash_play::{PlayParameters, PlayState, Plays};
-use i2ris::model::{Model, Query};
-use i2ris_testing::families::{REACH, distance, gmr_play, memory_after, plays, position};
-use nalgebra::SVector;
-use proptest::collection::vec;
 use proptest::prelude::*;
+
+use super::*;
 
 fn operator(parameters: &PlayParameters) -> Plays<1> {
     Plays::prepare(parameters).unwrap()

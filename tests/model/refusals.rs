@@ -2,15 +2,11 @@
 
 use std::path::Path;
 
-use i2ris::model::file::{
-    FAMILIES, FamilyParameters, HullParameters, Mixture, MixtureParameters, ModelFile, OutputUnit,
-};
+use i2ris::model::ModelError;
+use i2ris::model::file::FAMILIES;
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use i2ris::model::{Model, ModelError};
 
-use i2ris_testing::families::{
-    self, DEG, affine, file, region, square, two_by_two, two_components,
-};
+use super::*;
 
 fn refused(file: ModelFile) -> String {
     let text = Model::from_file(file).unwrap_err().to_string();
@@ -76,7 +72,7 @@ fn an_unknown_or_missing_field_is_named() {
 
 #[test]
 fn unsupported_family_is_refused_with_supported_ones_and_remedy() {
-    let kinds: Vec<String> = families::all()
+    let kinds: Vec<String> = all()
         .iter()
         .map(|sample| {
             serde_json::to_value(&sample.file.family).unwrap()["kind"].as_str().unwrap().to_owned()

@@ -1,10 +1,7 @@
 //! Prediction and inverse.
 
-use i2ris::model::{Estimate, Inverse, Memory, Query};
-use i2ris::units::MotorVec;
-use i2ris_testing::families::{Sample, distance};
-
 use super::situation::{Situation, each};
+use super::*;
 
 /// The Jacobian is the numerical derivative.
 pub fn slopes(sample: &Sample) {

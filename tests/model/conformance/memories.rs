@@ -1,11 +1,7 @@
 //! The memory of past motion.
 
-use i2ris::model::file::ModelFile;
-use i2ris::model::{History, Memory, Model, Query};
-use i2ris::units::MotorVec;
-use i2ris_testing::families::{DEG, Sample, distance, memory_after};
-
 use super::situation::{Situation, each, in_steps, reach};
+use super::*;
 
 /// The past of the motors matters only to a family with memory.
 pub fn the_past(sample: &Sample) {

@@ -8,8 +8,7 @@ mod memories;
 mod refusals;
 mod situation;
 
-use i2ris::model::file::FamilyParameters;
-use i2ris_testing::families;
+use super::*;
 
 /// A module of tests for a row, with a test for each case.
 macro_rules! conformance {

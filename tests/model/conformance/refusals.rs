@@ -1,9 +1,8 @@
 //! Invalid parameters are refused, in one sentence that names them.
 
-use i2ris::model::Model;
-use i2ris::model::file::ModelFile;
-use i2ris_testing::families::Sample;
 use toml::Value;
+
+use super::*;
 
 /// Family, parameter path, value written there, and expected message. `*3` means three copies of
 /// the first list entry.

@@ -2,12 +2,10 @@
 
 use std::sync::Arc;
 
-use i2ris::model::{Memory, Model};
-use i2ris::units::{MotorVec, OutputVec};
-use i2ris_testing::families::{Promise, Sample, any_number, distance, memory_after};
-use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};
+
+use super::*;
 
 #[derive(Debug, Clone)]
 pub struct Situation {
