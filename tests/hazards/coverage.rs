@@ -16,7 +16,7 @@ fn tests() -> BTreeSet<String> {
     texts.flat_map(|text| tests_of(&text)).collect()
 }
 
-fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
+pub fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap().flatten() {
         let path = entry.path();
         if path.is_dir() {

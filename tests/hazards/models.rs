@@ -31,8 +31,7 @@ fn refusal(outcome: Result<ModelReply, ClientError>) -> (Refusal, String) {
 #[test]
 fn h08_bad_models_are_refused_and_active_model_stays() {
     let mut rig = Rig::with_model();
-    rig.start_controller();
-    let mut client = rig.client();
+    let mut client = rig.started();
     wait_until_idle(&mut client);
     let before = client.models().unwrap().slots;
     let absent = rig.folder.path().join("absent.json");
@@ -166,8 +165,7 @@ fn written(
 #[test]
 fn h36_bad_network_is_refused_when_staged_and_changes_nothing() {
     let mut rig = Rig::with_model();
-    rig.start_controller();
-    let mut client = rig.client();
+    let mut client = rig.started();
     wait_until_idle(&mut client);
     let before = client.models().unwrap().slots;
     let radians = |network: &mut NetworkParameters| {

@@ -1,8 +1,5 @@
 //! H02, H03, H15, H18: clients and controllers that die, hang, restart, or run twice.
 
-use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::OperatingStateMsg;
@@ -11,18 +8,11 @@ use i2ris::units::Nanos;
 use i2ris_simulation::drive::State;
 use i2ris_simulation::log::EventKind;
 use i2ris_testing::{
-    Rig, SetOnDrop, TIMEOUT, assert_stopped_within, enable, has, settle, settle_in, stream_counts,
+    Killed, Rig, TIMEOUT, assert_stopped_within, enable, has, settle, settle_in, stream_counts,
     swing, wait_for, wait_for_end, wait_until, wait_until_holding, wait_until_idle,
+    while_streaming,
 };
 use nix::sys::signal::Signal;
-
-/// A process that commands both motors until it is killed.
-fn spawn_commander(domain: &str) -> Child {
-    let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--ignored", "--exact", "hazards::processes::commander_process"]);
-    command.env("RIG_DOMAIN", domain).stdout(Stdio::null()).stderr(Stdio::null());
-    command.spawn().unwrap()
-}
 
 /// Not a test of its own: the commander that other tests kill.
 #[test]
@@ -39,11 +29,12 @@ fn commander_process() {
 fn h02_the_snake_holds_when_its_commander_is_killed() {
     let mut rig = Rig::start();
     let mut client = rig.enabled();
-    let mut commander = spawn_commander(&rig.config.domain);
+    let role = "hazards::processes::commander_process";
+    let commander = Killed::role(role, &[("RIG_DOMAIN", &rig.config.domain)]);
     wait_for(&mut client, |state| state.accepted > 50);
-    commander.kill().unwrap();
+    commander.signal(Signal::SIGKILL);
     let killed = clock::now();
-    commander.wait().unwrap();
+    drop(commander);
     let held = wait_until_holding(&mut client);
     assert_eq!(held.state, OperatingState::Enabled.number());
     assert!(held.stale_stops >= 1);
@@ -61,18 +52,8 @@ fn h02_the_snake_holds_when_its_commander_is_killed() {
 fn check_drives_hold_after(signal: Signal) {
     let mut rig = Rig::start();
     let client = rig.enabled();
-    let done = AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        let _end = SetOnDrop(&done);
-        scope.spawn(|| {
-            let (mut commander, start) = (client.commander(), clock::now());
-            while !done.load(Ordering::Relaxed) {
-                let t = (clock::now() - start).as_seconds();
-                // Fails when the controller has ended.
-                let _ = commander.servo_actuators(&[(1500.0 * t).min(1500.0) as i32, 0]);
-                clock::sleep(Nanos::from_millis(5));
-            }
-        });
+    let fast = |t: f64| [(1500.0 * t).min(1500.0) as i32, 0];
+    while_streaming(&client, fast, || {
         let is_fast = || rig.setpoints(0).last().is_some_and(|(_, counts)| *counts > 500);
         wait_until("it moves fast", is_fast);
         rig.signal(signal);
@@ -183,8 +164,7 @@ fn h18_restarted_controller_continues_with_same_client_and_zero() {
     for _ in 0..3 {
         rig.signal(Signal::SIGKILL);
         rig.wait_for_end();
-        rig.start_controller();
-        rig.client();
+        rig.started();
         let state = settle_in(&mut client, OperatingState::Disabled);
         assert!(has(&state, OperatingStateMsg::HOMED), "the drives kept their zero");
         enable(&mut client);

@@ -1,22 +1,22 @@
 //! H13, H16, H17: a logger that blocks, false trips, a step of the wall clock.
 
 use std::fs;
-use std::os::fd::AsFd;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
+use std::process::Stdio;
 
 use i2ris::ipc::OperatingState;
+use i2ris_testing::program::{c_library, full_pipe};
 use i2ris_testing::{Rig, enable, home, stream_angles, stream_counts, wait_until, wait_until_idle};
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::sys::signal::Signal;
+
+use super::coverage::collect;
 
 /// Standard error is a full pipe without a reader; the folder of the black boxes is a file.
 #[test]
 fn h13_blocked_log_and_missing_record_folder_do_not_stop_loop() {
     let mut rig = Rig::start();
     fs::write(rig.folder.path().join("records"), "in the way").unwrap();
-    let (reader, writer) = std::io::pipe().unwrap();
-    fill(&writer);
+    let (reader, writer) = full_pipe();
     rig.start_controller_with(Stdio::from(writer));
     let mut client = rig.client();
     home(&mut client);
@@ -43,8 +43,7 @@ fn h13_blocked_log_and_missing_record_folder_do_not_stop_loop() {
 #[test]
 fn h13_blocked_log_does_not_block_run_log_or_shutdown() {
     let mut rig = Rig::start();
-    let (_reader, writer) = std::io::pipe().unwrap();
-    fill(&writer);
+    let (_reader, writer) = full_pipe();
     rig.start_controller_with(Stdio::from(writer));
     let mut client = rig.client();
     home(&mut client);
@@ -65,8 +64,7 @@ fn h13_blocked_log_does_not_block_run_log_or_shutdown() {
 fn h13_blocked_log_does_not_block_exit_after_failed_start() {
     let mut rig = Rig::start();
     rig.config.control.model = Some("absent.json".into());
-    let (_reader, writer) = std::io::pipe().unwrap();
-    fill(&writer);
+    let (_reader, writer) = full_pipe();
     rig.start_controller_with(Stdio::from(writer));
     assert_eq!(rig.wait_for_end().code(), Some(1));
 }
@@ -76,11 +74,7 @@ fn h13_blocked_log_does_not_block_exit_after_failed_start() {
 #[test]
 fn h13_hung_disk_does_not_confirm_power_off() {
     let mut rig = Rig::start();
-    let library = rig.folder.path().join("disk.so");
-    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/hazards/hanging_disk.c");
-    let mut compiler = Command::new("cc");
-    let compiled = compiler.args(["-shared", "-fPIC", source, "-o"]).arg(&library).status();
-    assert!(compiled.unwrap().success());
+    let library = c_library(rig.folder.path(), include_str!("hanging_disk.c"));
     rig.environment = vec![("LD_PRELOAD".into(), library.into())];
     for port in &mut rig.config.ports {
         port.reply_timeout_ms = 300;
@@ -93,14 +87,6 @@ fn h13_hung_disk_does_not_confirm_power_off() {
     assert!(log.contains("have not confirmed power-off"), "{log}");
     assert!(log.contains("thread black box did not end in time"), "{log}");
     assert_eq!(status.code(), Some(8), "{log}");
-}
-
-fn fill(pipe: &std::io::PipeWriter) {
-    let set_flags = |flags| fcntl(pipe.as_fd(), FcntlArg::F_SETFL(flags)).unwrap();
-    set_flags(OFlag::O_NONBLOCK);
-    while nix::unistd::write(pipe.as_fd(), &[b' '; 4096]).is_ok() {}
-    while nix::unistd::write(pipe.as_fd(), b" ").is_ok() {}
-    set_flags(OFlag::empty());
 }
 
 fn soak(seconds: f64) {
@@ -133,23 +119,13 @@ fn h16_soak() {
 const WALL_CLOCKS: [&str; 5] =
     ["SystemTime", "CLOCK_REALTIME", "gettimeofday", "time::OffsetDateTime", "chrono::"];
 
-fn sources(folder: &Path, into: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap().flatten() {
-        match entry.path() {
-            path if path.is_dir() => sources(&path, into),
-            path if path.extension().is_some_and(|extension| extension == "rs") => into.push(path),
-            _ => {}
-        }
-    }
-}
-
 /// A test cannot set the clock of the machine, so it checks the sources: one file reads the wall
 /// clock, and only files for records use it.
 #[test]
 fn h17_only_file_names_and_headers_use_the_wall_clock() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut files = Vec::new();
-    sources(&folder, &mut files);
+    collect(&folder, &mut files);
     assert!(files.len() > 100, "{}", files.len());
     let (mut readers, mut users) = (Vec::new(), Vec::new());
     for file in &files {

@@ -4,26 +4,11 @@
 //! The whole table: `cargo test --test real_time -- --ignored --nocapture campaign_whole`.
 
 use std::fs::{self, File};
-use std::os::fd::AsFd;
-use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::thread;
 
-use i2ris::clock;
-use i2ris::ipc::client::{Client, ExternalPublisher, Forwarder, RequestForwarder};
-use i2ris::ipc::payload::{OperatingStateMsg, ServoActuator, ServoJp, StateCommandRequest};
-use i2ris::ipc::watchdog_presence::WatchdogStatus;
-use i2ris::ipc::{OperatingState, StateCommand};
-use i2ris::units::Nanos;
-use i2ris_simulation::drive::State;
-use i2ris_testing::{
-    Rig, SetOnDrop, enable, has, home, program, settle_in, swing, wait_for, wait_until,
-};
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
+use i2ris_testing::program::{self, c_library, full_pipe};
+
+use super::*;
 
 /// Silence of the loop at which the watchdog stops the drives, ms: longer than stalls of a shared
 /// test machine.
@@ -74,8 +59,7 @@ impl Output {
             }
             Some(Trouble::Gone) => output.pipe = Some(std::io::pipe().unwrap().1),
             Some(Trouble::Blocked) => {
-                let (reader, writer) = std::io::pipe().unwrap();
-                fill(&writer);
+                let (reader, writer) = full_pipe();
                 (output._reader, output.pipe) = (Some(reader), Some(writer));
             }
         }
@@ -91,44 +75,20 @@ impl Output {
     }
 }
 
-fn fill(pipe: &std::io::PipeWriter) {
-    let set_flags = |flags| fcntl(pipe.as_fd(), FcntlArg::F_SETFL(flags)).unwrap();
-    set_flags(OFlag::O_NONBLOCK);
-    while nix::unistd::write(pipe.as_fd(), &[b' '; 4096]).is_ok() {}
-    while nix::unistd::write(pipe.as_fd(), b" ").is_ok() {}
-    set_flags(OFlag::empty());
-}
-
-/// A process that is killed and reaped on drop.
-struct Process(Child);
-
-impl Process {
-    fn start(rig: &Rig, name: &str, arguments: &[&str], output: &Output) -> Self {
-        let mut command = Command::new(program::path(name));
-        command.args(arguments).current_dir(rig.folder.path()).stdin(Stdio::null());
-        command.env("I2RIS_DOMAIN", &rig.config.domain).env("ROS_DOMAIN_ID", "98");
-        command.stdout(output.stdio()).stderr(output.stdio());
-        Self(command.spawn().unwrap())
-    }
-
-    fn signal(&self, signal: Signal) {
-        kill(Pid::from_raw(self.0.id() as i32), signal).unwrap();
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+fn start(rig: &Rig, name: &str, arguments: &[&str], output: &Output) -> Killed {
+    let mut command = Command::new(program::path(name));
+    command.args(arguments).current_dir(rig.folder.path()).stdin(Stdio::null());
+    command.env("I2RIS_DOMAIN", &rig.config.domain).env("ROS_DOMAIN_ID", "98");
+    command.stdout(output.stdio()).stderr(output.stdio());
+    Killed::start(&mut command)
 }
 
 /// A robot with a watchdog and the disturbed process.
 struct Scene {
     rig: Rig,
-    watchdog: Process,
+    watchdog: Killed,
     /// Further processes.
-    other: Option<Process>,
+    other: Option<Killed>,
     client: Client,
     _outputs: [Output; 2],
 }
@@ -142,7 +102,7 @@ impl Scene {
         let (watchdog_output, output_of) = (output(Subject::Watchdog), Output::new(Some(trouble)));
         let arguments =
             ["--config", file.to_str().unwrap(), "--silence-ms", &SILENCE_MS.to_string()];
-        let watchdog = Process::start(&rig, "i2ris-watchdog", &arguments, &watchdog_output);
+        let watchdog = start(&rig, "i2ris-watchdog", &arguments, &watchdog_output);
         let ports = rig.config.ports_digest();
         wait_until("the watchdog holds every port", || {
             let status = WatchdogStatus::read(&rig.domain(), &ports, clock::now());
@@ -160,9 +120,8 @@ impl Scene {
         Self { rig, watchdog, other, client, _outputs: [watchdog_output, output_of] }
     }
 
-    fn other(rig: &Rig, subject: Subject, output: &Output) -> Option<Process> {
-        let start =
-            |name: &str, arguments: &[&str]| Some(Process::start(rig, name, arguments, output));
+    fn other(rig: &Rig, subject: Subject, output: &Output) -> Option<Killed> {
+        let start = |name: &str, arguments: &[&str]| Some(start(rig, name, arguments, output));
         match subject {
             Subject::Controller | Subject::Watchdog => None,
             Subject::Ros => start("i2ris-ros", &["--command"]),
@@ -201,37 +160,17 @@ impl Scene {
     }
 }
 
-/// Sends commands until `end` is set. Returns when the last was sent.
-fn stream_until(client: &Client, end: &AtomicBool) -> Nanos {
-    let (mut commander, start) = (client.commander(), clock::now());
-    loop {
-        let now = clock::now();
-        let _ = commander.servo_actuators(&swing(now.duration_since(start).as_seconds()));
-        if end.load(Ordering::Relaxed) {
-            return now;
-        }
-        clock::sleep_until(now + Nanos::from_millis(5));
-    }
-}
-
 /// Time until the robot held without commands, and until the drives stopped without a controller,
 /// ms. `None` if this process is the suspended one.
 fn run(subject: Subject, trouble: Trouble) -> [Option<u64>; 2] {
     let mut scene = Scene::new(subject, trouble);
-    let end = AtomicBool::new(false);
     let is_stopped = trouble == Trouble::Stopped;
-    let from = thread::scope(|scope| {
-        let _end = SetOnDrop(&end);
-        let commanding = scope.spawn(|| stream_until(&scene.client, &end));
+    let from = while_streaming(&scene.client, swing, || {
         wait_until("the robot moves", || scene.rig.positions().iter().all(|it| it.abs() > 30));
         if is_stopped {
             scene.stop_subject(subject);
         }
-        if is_stopped && subject == Subject::Controller {
-            return clock::now();
-        }
-        end.store(true, Ordering::Relaxed);
-        commanding.join().unwrap()
+        clock::now()
     });
     if is_stopped && subject == Subject::Controller {
         let stop = scene.until_stopped(from);
@@ -312,27 +251,14 @@ int clock_gettime(clockid_t clock, struct timespec *now) {
 }
 ";
 
-fn fake_clock(rig: &Rig) -> PathBuf {
-    let (source, library) = (rig.folder.path().join("clock.c"), rig.folder.path().join("clock.so"));
-    fs::write(&source, FAKE_CLOCK).unwrap();
-    let mut compiler = Command::new("cc");
-    compiler.args(["-shared", "-fPIC", "-O1", "-o"]).args([&library, &source]);
-    assert!(compiler.status().unwrap().success(), "a C compiler, as the README asks for");
-    library
-}
-
 #[test]
 fn computer_suspend_raises_fault_and_snake_holds() {
     let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     let mut rig = Rig::start();
-    rig.environment.push(("LD_PRELOAD".into(), fake_clock(&rig).into()));
+    rig.environment.push(("LD_PRELOAD".into(), c_library(rig.folder.path(), FAKE_CLOCK).into()));
     let mut client = rig.enabled();
-    let end = AtomicBool::new(false);
-    thread::scope(|scope| {
-        let _end = SetOnDrop(&end);
-        let commander = rig.client();
-        let end = &end;
-        scope.spawn(move || stream_until(&commander, end));
+    let commander = rig.client();
+    while_streaming(&commander, swing, || {
         wait_for(&mut client, |state| state.accepted > 50);
         rig.signal(Signal::SIGUSR1);
         settle_in(&mut client, OperatingState::Fault);

@@ -1,8 +1,8 @@
 //! The examples for programs of others run as they are printed.
 
-use i2ris::robot::StateCommand;
-use i2ris_testing::Rig;
 use i2ris_testing::program::example;
+
+use super::*;
 
 #[test]
 fn examples_stream_a_circle_and_swap_a_model() {

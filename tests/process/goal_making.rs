@@ -1,14 +1,10 @@
 //! The cases of `cycle::goal_making`, checked on the setpoints that the drives receive.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use i2ris::clock;
 use i2ris::config::CommandConfig;
-use i2ris::ipc::client::{Client, Commander};
 use i2ris::model::ModelId;
-use i2ris::units::Nanos;
 use i2ris_testing::cycle::{GAIN_DEG, lag_counts};
-use i2ris_testing::{Rig, SEND_PERIOD, SetOnDrop, wait_until};
+
+use super::*;
 
 /// A stream must begin at the snake, as shipped.
 fn strict() -> Rig {

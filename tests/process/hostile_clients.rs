@@ -1,16 +1,9 @@
 //! Faulty and foreign clients next to an honest one: they cannot displace its commands, and every
 //! client receives only its own refusals.
 
-use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use i2ris::ipc::MaskedClientId;
 
-use i2ris::clock;
-use i2ris::ipc::client::{Client, Forwarder, RequestForwarder};
-use i2ris::ipc::payload::{OperatingStateMsg, ServoActuator, ServoJp, StateCommandRequest};
-use i2ris::ipc::{Domain, MaskedClientId, Refusal, StateCommand};
-use i2ris::units::Nanos;
-use i2ris_testing::{Rig, SetOnDrop, stream_counts, wait_for};
+use super::*;
 
 /// Changes that a hostile client makes to every command.
 #[derive(Debug, Clone, Copy)]
@@ -87,6 +80,11 @@ fn wait_until_refused(client: &mut Client, client_id: u64) -> Refusal {
     wait_for(client, refused).refusals_of(client_id).1
 }
 
+/// The honest client holds its motors.
+fn still(_: f64) -> [i32; 2] {
+    [0, 0]
+}
+
 /// Streams as the honest client; the others do not affect it.
 fn assert_followed(rig: &Rig, client: &mut Client, target: i32) {
     let start = rig.positions()[0];
@@ -154,32 +152,19 @@ fn forger_process() {
 fn forged_id_neither_moves_snake_nor_ends_owners_lease() {
     let mut rig = Rig::start();
     let mut client = rig.enabled();
-    stream_counts(&client, 0.2, |_| [0, 0]);
+    stream_counts(&client, 0.2, still);
     let before = wait_for(&mut client, |state| state.lease_client_id != 0);
     assert_eq!(before.lease_client_id, client.id());
-    let mut forger = Command::new(std::env::current_exe().unwrap());
-    forger.args(["--ignored", "--exact", "process::hostile_clients::forger_process"]);
-    forger.env("RIG_DOMAIN", &rig.config.domain).env("RIG_CLIENT", client.id().to_string());
-    let mut forger = forger.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    let done = AtomicBool::new(false);
-    thread::scope(|scope| {
-        let _stop = SetOnDrop(&done);
-        let (commander, done) = (client.commander(), &done);
-        scope.spawn(move || {
-            let mut commander = commander;
-            while !done.load(Ordering::Relaxed) {
-                let _ = commander.servo_actuators(&[0, 0]);
-                clock::sleep(Nanos::from_millis(5));
-            }
-        });
+    let (id, role) = (client.id().to_string(), "process::hostile_clients::forger_process");
+    let forger = Killed::role(role, &[("RIG_DOMAIN", &rig.config.domain), ("RIG_CLIENT", &id)]);
+    while_streaming(&client, still, || {
         let mut watching = rig.client();
         let state = wait_for(&mut watching, |state| state.refused > before.refused + 50);
         assert_eq!(state.refusals_of(client.id()), (0, Refusal::None), "{state:?}");
         assert_eq!(state.lease_client_id, client.id());
         assert_eq!(state.last_refusal, Refusal::Lease.number());
     });
-    forger.kill().unwrap();
-    forger.wait().unwrap();
+    drop(forger);
     assert!(rig.positions().iter().all(|counts| counts.abs() < 20), "{:?}", rig.positions());
 }
 
@@ -194,28 +179,18 @@ fn every_client_learns_of_its_own_refusals() {
             let reason = wait_until_refused(&mut client, hostile.client_id);
             assert_eq!(reason, hostile.refusal, "{hostile:?}");
         }
-        stream_counts(&client, 0.5, |_| [0, 0]);
+        stream_counts(&client, 0.5, still);
         let state = wait_for(&mut client, |_| true);
         assert_eq!(state.refusals_of(client.id()), (0, Refusal::None));
         assert_eq!(state.refusals_of(101).1, Refusal::Stamp);
     });
     // A second commander learns that the lease is held; the holder is not.
     let second = rig.client();
-    let done = AtomicBool::new(false);
-    thread::scope(|scope| {
-        let _stop = SetOnDrop(&done);
-        let (first, done) = (&client, &done);
-        let mut commander = first.commander();
-        scope.spawn(move || {
-            while !done.load(Ordering::Relaxed) {
-                let _ = commander.servo_actuators(&[0, 0]);
-                clock::sleep(Nanos::from_millis(5));
-            }
-        });
+    while_streaming(&client, still, || {
         let mut watching = rig.client();
         let holder = client.id();
         wait_for(&mut watching, |state| state.lease_client_id == holder);
-        stream_counts(&second, 0.5, |_| [0, 0]);
+        stream_counts(&second, 0.5, still);
         let id = second.id();
         let state = wait_for(&mut watching, |state| state.refusals_of(id).0 > 0);
         assert_eq!(state.refusals_of(id).1, Refusal::Lease);
@@ -233,7 +208,7 @@ fn log_folds_refusals_of_every_client() {
             wait_until_refused(&mut client, hostile.client_id);
         }
         // Accepted commands of the honest client do not end the folding.
-        stream_counts(&client, 1.0, |_| [0, 0]);
+        stream_counts(&client, 1.0, still);
     });
     let log = rig.log_text("controller");
     for hostile in HOSTILE {

@@ -1,22 +1,12 @@
 //! One controller at a time, a clean start, no leftovers.
 
-use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
 use std::path::PathBuf;
-use std::process::{Command, Stdio};
 
-use i2ris::clock;
-use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
-use i2ris::ipc::ready::{INTERFACE_VERSION, Ready};
-use i2ris::ipc::watchdog_presence::WatchdogStatus;
-use i2ris::ipc::{Domain, DomainError, DomainLock, random_id};
-use i2ris::units::Nanos;
-use i2ris_testing::{
-    Rig, assert_no_files, files, program, serve, stream_angles, unique_domain, wait_for, wait_until,
-};
-use nix::sys::signal::Signal;
 use nix::sys::stat::Mode;
 use nix::unistd::mkfifo;
+
+use super::*;
 
 /// Creates the directory of a domain as a controller does.
 fn create_directory(domain: &Domain, mode: u32) {

@@ -2,37 +2,12 @@
 //!
 //! The child processes are this test binary itself, running one of the ignored tests below.
 
-use std::process::{Child, Command, Stdio};
-
-use i2ris::clock;
-use i2ris::ipc::client::Client;
-use i2ris::ipc::payload::{OperatingStateMsg, StateCommandReply};
-use i2ris::ipc::ready::Ready;
-use i2ris::ipc::{Domain, DomainError, DomainLock, Request, StateCommand, StreamMessage};
-use i2ris::units::Nanos;
-use i2ris_testing::{
-    Rig, TIMEOUT, assert_no_files, files, serve, serve_on_thread, unique_domain, wait_until,
-};
+use super::*;
 
 const DOMAIN: &str = "I2RIS_TEST_DOMAIN";
 
-/// A child process that is killed and reaped on drop: iceoryx2 takes a zombie for alive.
-struct Process(Child);
-
-impl Process {
-    fn start(role: &str, domain: &Domain) -> Self {
-        let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", &format!("process::ipc_processes::{role}"), "--ignored"]);
-        command.env(DOMAIN, domain.name()).stdout(Stdio::null());
-        Self(command.spawn().unwrap())
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
+fn start(role: &str, domain: &Domain) -> Killed {
+    Killed::role(&format!("process::ipc_processes::{role}"), &[(DOMAIN, domain.name())])
 }
 
 /// The domain of a role; `None` when the ignored tests are run by hand.
@@ -45,8 +20,7 @@ fn assigned_domain() -> Option<Domain> {
 #[test]
 fn removed_ipc_files_are_reported_by_controller_and_clients() {
     let mut rig = Rig::start();
-    rig.start_controller();
-    let mut client = rig.client();
+    let mut client = rig.started();
     client.version().unwrap();
     let domain = rig.domain();
     for file in files(&domain).iter().filter(|file| file.is_file()) {
@@ -111,7 +85,7 @@ fn a_command_from_a_process_that_exits_at_once_arrives() {
         }
     });
     for _ in 0..5 {
-        let mut process = Process::start("role_one_shot", &domain);
+        let mut process = start("role_one_shot", &domain);
         assert!(process.0.wait().unwrap().success());
     }
     let received: Vec<u32> = commands.try_iter().collect();
@@ -125,7 +99,7 @@ fn killed_commanders_never_block_the_next_one() {
     let mut previous = 0;
     // More than the service has room for at the same time.
     for _ in 0..12 {
-        let commander = Process::start("role_commander", &domain);
+        let commander = start("role_commander", &domain);
         previous = wait_until("a command of a new commander", || {
             server.maintain(clock::now());
             let client = server.poll_command(0, |_| true)?.client_id();
@@ -139,7 +113,7 @@ fn killed_commanders_never_block_the_next_one() {
 #[test]
 fn second_controller_is_refused_with_pid_of_first() {
     let domain = unique_domain();
-    let first = Process::start("role_controller", &domain);
+    let first = start("role_controller", &domain);
     let first_pid = wait_until("the first controller serves", || Ready::read(&domain)).pid;
     assert_eq!(first_pid, first.0.id());
     let error = DomainLock::acquire(&domain).unwrap_err();
@@ -155,7 +129,7 @@ fn second_controller_is_refused_with_pid_of_first() {
 fn controller_killed_during_start_does_not_block_next() {
     let domain = unique_domain();
     for delay in 0..16 {
-        let process = Process::start("role_controller", &domain);
+        let process = start("role_controller", &domain);
         clock::sleep(Nanos::from_millis(delay));
         drop(process);
         let server = serve(&domain);

@@ -2,17 +2,10 @@
 
 use std::sync::mpsc;
 
-use i2ris::clock;
-use i2ris::ipc::client::{Client, ClientError, ExternalPublisher, Latest, Subscription, Watcher};
-use i2ris::ipc::payload::{
-    ActuatorState, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
-    StateCommandReply, StateCommandRequest,
-};
-use i2ris::ipc::ready::INTERFACE_VERSION;
 use i2ris::ipc::server::ReceivedCommand;
-use i2ris::ipc::{Message, OperatingState, Refusal, Request, Server, StateCommand, StreamMessage};
-use i2ris::units::Nanos;
-use i2ris_testing::{TIMEOUT, connect, serve, serve_on_thread, unique_domain, wait_until};
+use i2ris::ipc::{Message, Server};
+
+use super::*;
 
 /// The next command while the lease is free.
 fn poll(server: &mut Server) -> Option<ReceivedCommand> {

@@ -1,15 +1,13 @@
 //! Refusals of `i2ris-control` at its start: a sentence with the reason, and the matching exit
 //! code.
 
-use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::process::Command;
 
 use i2ris::drive::capture;
-use i2ris::ipc::random_id;
-use i2ris_testing::Rig;
 use tempfile::TempDir;
+
+use super::*;
 
 /// Runs the controller and returns its one line of standard error.
 fn refusal(code: i32, arguments: &[&str]) -> String {

@@ -1,21 +1,16 @@
 //! The whole path: client, shared memory, controller, serial lines, drives, snake.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use i2ris::clock;
 use i2ris::drive::capture::file::CaptureFile;
 use i2ris::drive::capture::{self, CapturedPort, LineEvent, Outcome};
 use i2ris::drive::link::replay::replay as replay_line;
-use i2ris::ipc::payload::{Health, JointState, unpadded_text};
-use i2ris::ipc::{Fault, OperatingState, StateCommand};
+use i2ris::ipc::Fault;
 use i2ris::process::black_box::{BlackBox, TickRecord, replay};
-use i2ris::units::Nanos;
-use i2ris_simulation::drive::State;
 use i2ris_simulation::log::EventKind;
 use i2ris_simulation::{Injection, Line};
-use i2ris_testing::{Rig, SEND_PERIOD, files, stream_counts, wait_for, wait_for_end, wait_until};
-use nix::sys::signal::Signal;
+
+use super::*;
 
 #[test]
 fn motors_follow_counts_and_the_snake_bends() {
@@ -230,8 +225,7 @@ fn the_last_seconds_before_sigkill_are_in_a_black_box() {
     rig.wait_for_end();
     // Until the emulated ports have noticed.
     clock::sleep(Nanos::from_millis(500));
-    rig.start_controller();
-    let client = rig.client();
+    let client = rig.started();
     let found = wait_until("the black box of the killed controller", || {
         let log = rig.log_text("controller");
         log.contains("the previous controller was killed").then(|| black_box(&rig, "killed"))

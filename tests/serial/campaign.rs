@@ -6,21 +6,9 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::f64::consts::TAU;
-use std::path::Path;
-use std::sync::mpsc::{Receiver, channel};
-use std::thread;
 
-use i2ris::clock;
-use i2ris::config::PortConfig;
-use i2ris::drive::{
-    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, Port, PortEvent, PortEventKind,
-};
-use i2ris::units::{Counts, Nanos};
-use i2ris_simulation::drive::State;
-use i2ris_simulation::log::EventKind;
-use i2ris_simulation::physics::springs::SnakeConfig;
-use i2ris_simulation::{Emulator, EmulatorConfig, Injection, Line};
-use i2ris_testing::{Background, fast_axis};
+use super::conformance::RunningAxis;
+use super::*;
 
 const RIGS: u64 = 4;
 
@@ -94,50 +82,37 @@ struct Findings {
     kinds: BTreeMap<&'static str, Vec<(Nanos, bool)>>,
 }
 
-/// Splitmix64 (G. L. Steele et al., 2014).
-struct Random(u64);
-
-impl Random {
-    fn between(&mut self, low: u64, high: u64) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut value = self.0;
-        value = (value ^ value >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        value = (value ^ value >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-        low + (value ^ value >> 31) % (high - low)
-    }
-
-    /// A random kind. Kinds that end in a reset or a fault are rare: they cost seconds each.
-    fn injection(&mut self) -> Injection {
-        let offset = self.between(0, 64) as usize;
-        let bit = self.between(0, 192) as usize;
-        match self.between(0, 40) {
-            0 | 1 => Injection::LoseRequest,
-            2 | 3 => Injection::DropRequest { offset },
-            4 | 5 => Injection::FlipRequest { offset: bit },
-            6 | 7 => Injection::DoubleRequest { offset },
-            8 | 9 => Injection::CutRequest { offset },
-            10 | 11 => Injection::LoseReply,
-            12 | 13 => Injection::DropReply { offset },
-            14..=16 => Injection::FlipReply { offset: bit },
-            17 | 18 => Injection::DoubleReply { offset },
-            19 | 20 => Injection::CutReply { offset },
-            21 | 22 => Injection::CutReplyInPair,
-            23..=26 => Injection::LateReply { delay_ms: self.between(1, 300) },
-            27 | 28 => Injection::WrongLength,
-            29 | 30 => Injection::StrayReply,
-            31 => Injection::HangUp { for_ms: self.between(50, 400) },
-            32 => Injection::Mute { for_ms: self.between(20, 600) },
-            33 => Injection::Reset,
-            34 => {
-                let codes = [0x2310, 0x3210, 0x3220, 0x8611, 0x4210];
-                Injection::Fault { code: codes[self.between(0, 5) as usize] }
-            }
-            35 => Injection::FreezeEncoder { for_ms: self.between(50, 500) },
-            36 => Injection::SlipEncoder { counts: self.between(0, 600) as i32 - 300 },
-            37 => Injection::SlackWire { counts: self.between(20, 200) as u32 },
-            38 => Injection::BreakWire,
-            _ => Injection::MendWire,
+/// A random kind. Kinds that end in a reset or a fault are rare: they cost seconds each.
+fn injection(random: &mut Random) -> Injection {
+    let offset = random.between(0, 64) as usize;
+    let bit = random.between(0, 192) as usize;
+    match random.between(0, 40) {
+        0 | 1 => Injection::LoseRequest,
+        2 | 3 => Injection::DropRequest { offset },
+        4 | 5 => Injection::FlipRequest { offset: bit },
+        6 | 7 => Injection::DoubleRequest { offset },
+        8 | 9 => Injection::CutRequest { offset },
+        10 | 11 => Injection::LoseReply,
+        12 | 13 => Injection::DropReply { offset },
+        14..=16 => Injection::FlipReply { offset: bit },
+        17 | 18 => Injection::DoubleReply { offset },
+        19 | 20 => Injection::CutReply { offset },
+        21 | 22 => Injection::CutReplyInPair,
+        23..=26 => Injection::LateReply { delay_ms: random.between(1, 300) },
+        27 | 28 => Injection::WrongLength,
+        29 | 30 => Injection::StrayReply,
+        31 => Injection::HangUp { for_ms: random.between(50, 400) },
+        32 => Injection::Mute { for_ms: random.between(20, 600) },
+        33 => Injection::Reset,
+        34 => {
+            let codes = [0x2310, 0x3210, 0x3220, 0x8611, 0x4210];
+            Injection::Fault { code: codes[random.between(0, 5) as usize] }
         }
+        35 => Injection::FreezeEncoder { for_ms: random.between(50, 500) },
+        36 => Injection::SlipEncoder { counts: random.between(0, 600) as i32 - 300 },
+        37 => Injection::SlackWire { counts: random.between(20, 200) as u32 },
+        38 => Injection::BreakWire,
+        _ => Injection::MendWire,
     }
 }
 
@@ -151,10 +126,7 @@ struct CampaignRig {
 
 impl CampaignRig {
     fn start(seed: u64) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-        let snake = SnakeConfig::load(&snake).unwrap();
-        let mut config = EmulatorConfig::new(snake, &folder.path().join("ports"));
+        let (folder, mut config) = emulation();
         config.seed = seed;
         // Each axis has a line of its own to lose.
         config.connect(Line::UsbEach);
@@ -166,13 +138,13 @@ impl CampaignRig {
         let ports = Line::UsbEach.ports(axes, |motor| emulator.device(motor).to_owned());
         let start = |port| CampaignAxis::start(&PortConfig { reply_timeout_ms: 60, ..port });
         let axes = ports.into_iter().map(start).collect();
-        let (random, found) = (Random(seed), Findings::default());
+        let (random, found) = (Random::new(seed), Findings::default());
         Self { axes, emulator, random, found, _folder: folder }
     }
 
     fn run(mut self, faults: u64) -> Findings {
         for _ in 0..faults {
-            let (axis, what) = (self.random.between(0, 2) as usize, self.random.injection());
+            let (axis, what) = (self.random.between(0, 2) as usize, injection(&mut self.random));
             if !self.wait_for_motion() {
                 self.found.wrong.push(format!("hangs before {}", what.name()));
                 break;
@@ -268,9 +240,7 @@ impl CampaignRig {
 
 /// One axis with its simple control loop.
 struct CampaignAxis {
-    link: AxisLink,
-    request: AxisRequest,
-    events: Receiver<PortEvent>,
+    axis: RunningAxis,
     is_explained: bool,
     /// When the axis was disabled without a known cause, and its status.
     disabled: Option<(Nanos, String)>,
@@ -280,29 +250,20 @@ struct CampaignAxis {
     /// Center and start of the sine.
     origin: i32,
     begin: Nanos,
-    _port: Background,
 }
 
 impl CampaignAxis {
     fn start(port: &PortConfig) -> Self {
-        let (runner, links) = Port::open(port).unwrap().bring_up().unwrap().split();
-        let (sender, events) = channel();
-        let port = Background::start(move |stop| {
-            runner.run(stop, |event| {
-                let _ = sender.send(event);
-            });
-        });
+        let motor = port.axes[0].motor;
+        let port = Port::open(port).unwrap().bring_up().unwrap();
         Self {
-            link: links.into_iter().next().unwrap(),
-            request: AxisRequest::default(),
-            events,
+            axis: RunningAxis::start(port, motor),
             is_explained: true,
             disabled: None,
             last: AxisFeedback::default(),
             truth: VecDeque::new(),
             origin: 0,
             begin: Nanos::ZERO,
-            _port: port,
         }
     }
 
@@ -315,10 +276,10 @@ impl CampaignAxis {
 
     /// Reads events and feedback of the port thread and checks them.
     fn check(&mut self, wrong: &mut Vec<String>) {
-        for event in self.events.try_iter() {
-            self.is_explained |= !matches!(event.kind, PortEventKind::Phase { .. });
+        for kind in self.axis.kinds() {
+            self.is_explained |= !matches!(kind, PortEventKind::Phase { .. });
         }
-        let feedback = *self.link.feedback.read();
+        let feedback = self.axis.feedback();
         let AxisFeedback { sequence, position, stamp, phase, statusword, error_code, .. } =
             feedback;
         if sequence != self.last.sequence && !self.was_at(&feedback) {
@@ -326,7 +287,7 @@ impl CampaignAxis {
         }
         let fell = self.last.phase == AxisPhase::Enabled && phase != AxisPhase::Enabled;
         let now = clock::now();
-        if fell && self.request.demand == Demand::Enabled {
+        if fell && self.axis.request.demand == Demand::Enabled {
             let status = format!("statusword {statusword:04X}, error code {error_code:04X}");
             self.disabled = Some((now, format!("unexplained {phase:?}, {status}")));
         }
@@ -349,8 +310,7 @@ impl CampaignAxis {
 
     /// Requests what an operator and the control loop would request now.
     fn command(&mut self) {
-        let (feedback, request) = (self.last, &mut self.request);
-        request.sequence += 1;
+        let (feedback, mut request) = (self.last, self.axis.request);
         let is_outside = feedback.position.0.abs() > LIMIT - AMPLITUDE as i32;
         match feedback.phase {
             AxisPhase::Enabled if request.demand == Demand::Enabled => {
@@ -383,6 +343,6 @@ impl CampaignAxis {
             AxisPhase::Enabling => self.begin = clock::now(),
             _ => request.demand = Demand::Disabled,
         }
-        self.link.requests.write(*request);
+        self.axis.request(|it| *it = request);
     }
 }

@@ -4,11 +4,10 @@ use i2ris::drive::capture::CapturedLine;
 use i2ris::drive::command_set::Requested;
 use i2ris::drive::family_selection::family_of_line;
 use i2ris::drive::fingerprint::read_transport;
-use i2ris::drive::serial_transport::SerialTransport;
-use i2ris::drive::{AxisRequest, Port};
 use i2ris_testing::drive::replayed;
 
 use super::conformance::{SETUPS, TestBench};
+use super::*;
 
 #[test]
 fn every_family_is_captured_and_a_fingerprint_writes_nothing() {

@@ -9,3 +9,22 @@ mod capture;
 mod conformance;
 mod opening;
 mod watchdog;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::{fs, thread};
+
+use i2ris::clock;
+use i2ris::config::{AxisConfig, Family, HomingMethod, PortConfig, Streaming};
+use i2ris::drive::link::DriveLink;
+use i2ris::drive::serial_transport::SerialTransport;
+use i2ris::drive::{
+    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Configured, Demand, DriveError, Port,
+    PortEvent, PortEventKind,
+};
+use i2ris::robot::DrivePower;
+use i2ris::units::{Counts, Nanos};
+use i2ris_simulation::drive::State;
+use i2ris_simulation::log::EventKind;
+use i2ris_simulation::{Emulator, EmulatorConfig, Injection, Line, LineConfig};
+use i2ris_testing::*;

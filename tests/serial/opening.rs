@@ -1,13 +1,11 @@
 //! Ports that are opened again.
 
 use i2ris::drive::epos4::Epos4;
-use i2ris::drive::link::DriveLink;
 use i2ris::drive::object;
-use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::drive::transport::Transport;
-use i2ris_simulation::Line;
-use i2ris_testing::Rig;
 use i2ris_testing::drive::NODE;
+
+use super::*;
 
 /// The port is healthy, so the operating system has not closed it.
 #[test]

@@ -8,24 +8,18 @@ mod hangs;
 mod pulse;
 mod replug;
 
-use std::fs;
 use std::os::unix::net::UnixDatagram;
-use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use hangs::HungThread;
-use i2ris::clock;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{OperatingState, StateCommand};
-use i2ris::units::Nanos;
-use i2ris_simulation::Line;
-use i2ris_simulation::drive::State;
-use i2ris_simulation::log::EventKind;
-use i2ris_testing::{Rig, TIMEOUT, has, swing, wait_for, wait_until};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
+
+use super::*;
 
 /// A rig whose watchdog was started first, with an enabled robot.
 struct WatchedRig {
@@ -204,8 +198,7 @@ fn clean_controller_exit_triggers_no_watchdog_stop() {
 fn h03_a_controller_killed_while_disabled_starts_again() {
     let _alone = alone();
     let mut watched = WatchedRig::without_controller(Rig::start(), 3000);
-    watched.rig.start_controller();
-    drop(watched.rig.client());
+    drop(watched.rig.started());
     watched.until_logged("watching");
     watched.end_with(Signal::SIGKILL);
     watched.enable();
@@ -266,8 +259,7 @@ fn service_manager_is_notified_by_controller_and_watchdog() {
         }
     };
     rig.environment = vec![("NOTIFY_SOCKET".into(), address.clone().into())];
-    rig.start_controller();
-    drop(rig.client());
+    drop(rig.started());
     expect_state("READY=1");
     rig.signal(Signal::SIGTERM);
     rig.wait_for_end();

@@ -1,26 +1,18 @@
 //! User mistakes: the message is one sentence with cause and remedy; nothing moves.
 
-use std::fs;
 use std::io::{Read, Write};
 use std::os::unix::fs::PermissionsExt;
-use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 
-use i2ris::config::{Family, PortConfig};
-use i2ris::drive::Port;
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::inspect::inspect;
-use i2ris::drive::link::DriveLink;
 use i2ris::drive::quick_stop::{STOP_ATTEMPTS, quick_stop_all};
-use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::drive::survey::{answering_rate, nodes};
-use i2ris_simulation::drive::{Mode, State};
-use i2ris_testing::Background;
+use i2ris_simulation::drive::Mode;
 use nix::unistd::{Uid, setfsuid};
 use serialport::{SerialPort, TTYPort};
 
-use super::test_bench::{SERIAL_NUMBERS, SETUPS, TestBench};
+use super::*;
 
 fn refusal(port: &PortConfig) -> String {
     let error = Port::open(port).and_then(Port::bring_up).unwrap_err();

@@ -1,15 +1,7 @@
 //! Requirements for every drive in every topology. The axis under test may be reached through the
 //! drive of the port.
 
-use i2ris::config::HomingMethod;
-use i2ris::drive::{AxisPhase, Demand, Port, PortEventKind};
-use i2ris::robot::DrivePower;
-use i2ris::units::Counts;
-use i2ris_simulation::Injection;
-use i2ris_simulation::drive::State;
-
-use super::running_axis::RunningAxis;
-use super::test_bench::{SERIAL_NUMBERS, TestBench};
+use super::*;
 
 /// Vendor, serial number and firmware are read and checked.
 pub fn identified(bench: &TestBench) {
@@ -173,7 +165,7 @@ pub fn restarted(bench: &TestBench) {
     assert!(!bench.drive().state.is_powered());
     enable_again(&mut axis);
     // A step of 1900 exceeds the restored following-error limit, but not the drive's 2000.
-    if bench.streaming == i2ris::config::Streaming::Cyclic {
+    if bench.streaming == Streaming::Cyclic {
         axis.request(|request| request.target.0 += 1900);
         axis.until_fault(0x8611);
     }

@@ -3,15 +3,12 @@
 //! The files of real drives are not part of the repository; where they are absent, the tests print
 //! that and pass.
 
-use std::path::{Path, PathBuf};
-
-use i2ris::config::{self, AxisConfig, HomingMethod, Streaming};
+use i2ris::config;
 use i2ris::drive::objects::{self, Entry};
-use i2ris::drive::{AxisPhase, Port, PortEventKind};
 use i2ris_simulation::drive::{DeviceFile, Family};
 
 use super::cases;
-use super::test_bench::{SETUPS, Setup, TestBench};
+use super::*;
 
 const CASES: [cases::Case; 5] = [
     ("identified", cases::identified),

@@ -2,13 +2,7 @@
 
 use std::time::Instant;
 
-use i2ris::config::PortConfig;
-use i2ris::drive::AxisPhase;
-use i2ris::units::Counts;
-use i2ris_simulation::drive::State;
-use i2ris_simulation::{Injection, LineConfig};
-
-use super::test_bench::{PATIENCE, SERIAL_NUMBERS, SETUPS, TestBench};
+use super::*;
 
 #[test]
 fn a_name_in_several_segments_is_read() {

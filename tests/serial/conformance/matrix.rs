@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::cases::ALL;
-use super::test_bench::{SETUPS, Setup, TestBench};
+use super::*;
 
 /// Runs every case on every setup, one after the other, and prints the results.
 #[test]

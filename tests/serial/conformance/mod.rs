@@ -13,7 +13,11 @@ mod running_axis;
 mod test_bench;
 mod unknowns;
 
+pub use running_axis::RunningAxis;
+use test_bench::{PATIENCE, SERIAL_NUMBERS, Setup};
 pub use test_bench::{SETUPS, TestBench};
+
+use super::*;
 
 /// A module of tests for a setup, with a test for each case. The first and the most different setup
 /// run all cases, the others some; `matrix` runs all cases on all setups.

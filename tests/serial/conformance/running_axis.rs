@@ -1,17 +1,11 @@
 //! A running port thread, and the control loop's end of the axis under test.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-use i2ris::drive::{
-    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Configured, Demand, Port, PortEvent,
-    PortEventKind,
-};
-
-use super::test_bench::PATIENCE;
+use super::*;
 
 /// A port thread, and the control loop's end of its axis.
 pub struct RunningAxis {

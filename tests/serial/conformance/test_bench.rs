@@ -1,19 +1,11 @@
 //! Emulated drives in a topology.
 
-use std::path::Path;
 use std::time::Duration;
 
-use i2ris::config::{AxisConfig, Family, PortConfig, Streaming};
-use i2ris::drive::{Configured, DriveError, Port};
-use i2ris::units::Counts;
 use i2ris_simulation::drive::DriveSnapshot;
-use i2ris_simulation::log::EventKind;
-use i2ris_simulation::physics::springs::SnakeConfig;
-use i2ris_simulation::{Emulator, EmulatorConfig, LineConfig};
-use i2ris_testing::fast_axis;
 use tempfile::TempDir;
 
-use super::running_axis::RunningAxis;
+use super::*;
 
 /// Long enough for any stall of the machine.
 pub const PATIENCE: Duration = Duration::from_secs(30);
@@ -71,10 +63,7 @@ impl TestBench {
     }
 
     pub fn with(setup: &Setup, change: impl FnOnce(&mut EmulatorConfig)) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-        let mut config =
-            EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
+        let (folder, mut config) = emulation();
         let axis = setup.drives_before;
         config.drives.iter_mut().for_each(|drive| drive.family = emulated_family(setup.port));
         if setup.port == Family::Epos2 {

@@ -1,13 +1,7 @@
 //! Properties of real drives that are unknown before the first day, in combination: the drives move
 //! by permission only, end safely, and each event is reported in one sentence.
 
-use std::thread;
-
-use i2ris::drive::{AxisPhase, PortEventKind};
-use i2ris::robot::DrivePower;
-use i2ris_simulation::Injection;
-
-use super::test_bench::{SETUPS, TestBench};
+use super::*;
 
 /// Combinations that run at once.
 const AT_ONCE: usize = 4;

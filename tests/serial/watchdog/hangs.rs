@@ -1,9 +1,6 @@
 //! One thread of the controller hangs while the others run. A tracer stops it, because a signal
 //! would stop the whole process.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use i2ris_testing::SetOnDrop;
 use nix::errno::Errno;
 use nix::libc;
 
@@ -46,18 +43,7 @@ impl Drop for HungThread {
 impl WatchedRig {
     /// Runs `act` while a client moves both motors of the snake.
     pub(super) fn while_moving<R>(&self, act: impl FnOnce(&Self) -> R) -> R {
-        let done = AtomicBool::new(false);
-        let client = self.client.as_ref().unwrap();
-        std::thread::scope(|scope| {
-            let _end = SetOnDrop(&done);
-            scope.spawn(|| {
-                let (mut commander, start) = (client.commander(), clock::now());
-                while !done.load(Ordering::Relaxed) {
-                    // Fails when the robot no longer follows.
-                    let _ = commander.servo_actuators(&swing((clock::now() - start).as_seconds()));
-                    clock::sleep(Nanos::from_millis(5));
-                }
-            });
+        while_streaming(self.client.as_ref().unwrap(), swing, || {
             let begin = clock::now();
             wait_until("it moves", || self.rig.moved_since(begin));
             act(self)
@@ -144,8 +130,7 @@ fn h28_watchdog_with_other_nodes_is_rejected() {
     rig.config.ports[0].axes.pop();
     let mut watched = WatchedRig::without_controller(rig, 3000);
     watched.rig.config.ports = ports;
-    watched.rig.start_controller();
-    let mut client = watched.rig.client();
+    let mut client = watched.rig.started();
     watched.until_logged("watching");
     wait_for(&mut client, |state| !has(state, OperatingStateMsg::BUSY));
     let refused = client.state_command(StateCommand::Home).unwrap_err().to_string();

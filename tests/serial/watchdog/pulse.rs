@@ -5,7 +5,7 @@
 //! Times: `cargo test --test real_time -- --ignored --nocapture pulse_latency`.
 
 use i2ris::config::{ModemLine, PulseConfig};
-use i2ris_simulation::Injection;
+use i2ris_testing::program::c_library;
 use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
 
 use super::*;
@@ -26,11 +26,7 @@ impl PulsedRig {
         let device = ptsname_r(&adapter).unwrap().into();
         rig.config.watchdog.pulse = Some(PulseConfig { device, line: ModemLine::Rts });
         let edges = rig.folder.path().join("edges");
-        let library = rig.folder.path().join("modem.so");
-        let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/serial/watchdog/modem_lines.c");
-        let mut compiler = Command::new("cc");
-        let compiled = compiler.args(["-shared", "-fPIC", source, "-o"]).arg(&library).status();
-        assert!(compiled.unwrap().success());
+        let library = c_library(rig.folder.path(), include_str!("modem_lines.c"));
         // For the watchdog alone.
         rig.environment = [("LD_PRELOAD", &library), ("I2RIS_EDGES", &edges)]
             .map(|(name, value)| (name.into(), value.into()))
@@ -69,8 +65,7 @@ fn h03_pulse_ends_with_controller_and_returns_with_drives_off() {
     let _alone = alone();
     let mut pulsed = PulsedRig::new(Rig::start(), 3000);
     assert!(pulsed.edges().is_empty(), "no pulse without a controller");
-    pulsed.watched.rig.start_controller();
-    drop(pulsed.watched.rig.client());
+    drop(pulsed.watched.rig.started());
     pulsed.until_pulsing();
     pulsed.watched.rig.signal(Signal::SIGSTOP);
     pulsed.last_edge();
@@ -82,8 +77,7 @@ fn h03_pulse_ends_with_controller_and_returns_with_drives_off() {
     pulsed.watched.rig.emulator.mute(0, false);
     pulsed.watched.end_with(Signal::SIGKILL);
     pulsed.last_edge();
-    pulsed.watched.rig.start_controller();
-    drop(pulsed.watched.rig.client());
+    drop(pulsed.watched.rig.started());
     pulsed.until_pulsing();
     pulsed.watched.watchdog.kill().unwrap();
     pulsed.last_edge();

@@ -1,9 +1,6 @@
 //! After a replug, controller and watchdog reopen the port in any order: either the watchdog
 //! reconnects, or enabling is refused with the reason.
 
-use i2ris_simulation::Injection;
-use i2ris_testing::{settle, wait_until_idle};
-
 use super::*;
 
 impl WatchedRig {
