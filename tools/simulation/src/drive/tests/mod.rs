@@ -29,9 +29,7 @@ impl DriveUnderTest {
     /// A drive in a mode of operation, enabled.
     fn enabled(mode: Mode) -> Self {
         let mut bench = Self::fresh();
-        bench.write(0x6060, 0, i64::from(mode.number()));
-        bench.write(0x6040, 0, 0x06);
-        bench.write(0x6040, 0, 0x0F);
+        bench.writes([(0x6060, i64::from(mode.number())), (0x6040, 0x06), (0x6040, 0x0F)]);
         assert_eq!(bench.drive.state, State::OperationEnabled);
         bench
     }
@@ -77,6 +75,11 @@ impl DriveUnderTest {
 
     fn write(&mut self, index: u16, sub: u8, value: i64) {
         self.try_write(index, sub, value).unwrap();
+    }
+
+    /// Writes objects without subindex.
+    fn writes<const N: usize>(&mut self, objects: [(u16, i64); N]) {
+        objects.into_iter().for_each(|(index, value)| self.write(index, 0, value));
     }
 
     fn statusword(&mut self) -> u16 {

@@ -5,10 +5,7 @@ use super::*;
 #[test]
 fn an_old_target_is_a_step_at_enable() {
     let mut bench = DriveUnderTest::fresh();
-    bench.write(0x607A, 0, 700);
-    bench.write(0x6060, 0, 8);
-    bench.write(0x6040, 0, 0x06);
-    bench.write(0x6040, 0, 0x0F);
+    bench.writes([(0x607A, 700), (0x6060, 8), (0x6040, 0x06), (0x6040, 0x0F)]);
     bench.run(0.2);
     assert!(bench.is_at(700));
 }
@@ -16,8 +13,7 @@ fn an_old_target_is_a_step_at_enable() {
 #[test]
 fn a_step_beyond_the_window_is_a_following_error() {
     let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
-    bench.write(0x6065, 0, 300);
-    bench.write(0x607A, 0, 301);
+    bench.writes([(0x6065, 300), (0x607A, 301)]);
     bench.run(0.001);
     assert_eq!(bench.error_code(), 0x8611);
     bench.run(0.5);
@@ -42,8 +38,7 @@ fn a_target_beyond_the_limits_is_a_fault() {
 #[test]
 fn halt_holds_and_ignores_targets() {
     let mut bench = DriveUnderTest::enabled(Mode::CyclicPosition);
-    bench.write(0x6040, 0, 0x010F);
-    bench.write(0x607A, 0, 200);
+    bench.writes([(0x6040, 0x010F), (0x607A, 200)]);
     bench.run(0.2);
     assert_eq!(bench.position(), 0);
     bench.write(0x6040, 0, 0x000F);
@@ -65,8 +60,7 @@ fn interpolation_expects_set_points_in_time() {
 #[test]
 fn the_handshake_moves_the_motor() {
     let mut bench = DriveUnderTest::enabled(Mode::ProfilePosition);
-    bench.write(0x607A, 0, 1500);
-    bench.write(0x6040, 0, 0x3F);
+    bench.writes([(0x607A, 1500), (0x6040, 0x3F)]);
     let statusword = bench.statusword();
     assert!(statusword & 0x1000 != 0 && statusword & 0x0400 == 0);
     bench.write(0x6040, 0, 0x0F);
@@ -80,10 +74,7 @@ fn the_handshake_moves_the_motor() {
 #[test]
 fn a_target_without_a_new_edge_is_ignored() {
     let mut bench = DriveUnderTest::enabled(Mode::ProfilePosition);
-    bench.write(0x607A, 0, 100);
-    bench.write(0x6040, 0, 0x3F);
-    bench.write(0x607A, 0, 900);
-    bench.write(0x6040, 0, 0x3F);
+    bench.writes([(0x607A, 100), (0x6040, 0x3F), (0x607A, 900), (0x6040, 0x3F)]);
     assert_eq!(bench.host_bugs(), [EventKind::HostBug(HostBug::SetpointIgnored)]);
     bench.run(2.0);
     assert!(bench.is_at(100));
@@ -93,15 +84,11 @@ fn a_target_without_a_new_edge_is_ignored() {
 fn targets_queue_or_replace_as_commanded() {
     let mut bench = DriveUnderTest::enabled(Mode::ProfilePosition);
     for (target, controlword) in [(20_000, 0x1F), (100, 0x1F)] {
-        bench.write(0x607A, 0, target);
-        bench.write(0x6040, 0, controlword);
-        bench.write(0x6040, 0, 0x0F);
+        bench.writes([(0x607A, target), (0x6040, controlword), (0x6040, 0x0F)]);
     }
     bench.run(1.0);
     assert!(bench.position() > 5_000, "the second waits for the first");
-    bench.write(0x607A, 0, -50);
-    bench.write(0x6040, 0, 0x3F);
-    bench.write(0x6040, 0, 0x0F);
+    bench.writes([(0x607A, -50), (0x6040, 0x3F), (0x6040, 0x0F)]);
     bench.run(5.0);
     assert!(bench.is_at(-50), "immediately: both are dropped");
 }
@@ -109,8 +96,7 @@ fn targets_queue_or_replace_as_commanded() {
 #[test]
 fn relative_targets_start_from_here_and_halt_interrupts() {
     let mut bench = DriveUnderTest::enabled(Mode::ProfilePosition);
-    bench.write(0x607A, 0, 3000);
-    bench.write(0x6040, 0, 0x7F);
+    bench.writes([(0x607A, 3000), (0x6040, 0x7F)]);
     bench.run(0.05);
     bench.write(0x6040, 0, 0x010F);
     bench.run(1.0);

@@ -21,8 +21,7 @@ fn disabling_operation_ramps_down_before_the_power_goes() {
 fn shutdown_cuts_the_power_or_ramps_as_configured() {
     for (option, masked) in [(0, 0x21), (1, 0x27)] {
         let mut bench = DriveUnderTest::enabled(Mode::ProfileVelocity);
-        bench.write(0x605B, 0, option);
-        bench.write(0x60FF, 0, 1000);
+        bench.writes([(0x605B, option), (0x60FF, 1000)]);
         bench.run(0.5);
         bench.write(0x6040, 0, 0x06);
         assert_eq!(bench.state(), masked);
@@ -43,17 +42,14 @@ fn a_silent_line_keeps_the_last_demand() {
 #[test]
 fn homing_needs_the_edge_and_the_enabled_state() {
     let mut bench = DriveUnderTest::fresh();
-    bench.write(0x6060, 0, 6);
-    bench.write(0x6098, 0, 37);
-    bench.write(0x6040, 0, 0x1F);
+    bench.writes([(0x6060, 6), (0x6098, 37), (0x6040, 0x1F)]);
     assert_eq!(bench.statusword() & 0x8000, 0);
 }
 
 #[test]
 fn unsupported_homing_methods_fail() {
     let mut bench = DriveUnderTest::enabled(Mode::Homing);
-    bench.write(0x6098, 0, -1);
-    bench.write(0x6040, 0, 0x1F);
+    bench.writes([(0x6098, -1), (0x6040, 0x1F)]);
     assert_eq!(bench.statusword() & 0xA400, 0x2000);
 }
 
@@ -63,8 +59,7 @@ fn the_fault_reaction_follows_the_class_and_the_option() {
         [(0x8611, 2, false), (0x8611, 0, true), (0x8130, 2, false), (0x3220, 2, true)]
     {
         let mut bench = DriveUnderTest::enabled(Mode::ProfileVelocity);
-        bench.write(0x605E, 0, option);
-        bench.write(0x60FF, 0, 1000);
+        bench.writes([(0x605E, option), (0x60FF, 1000)]);
         bench.run(0.5);
         bench.drive.raise(Fault(code), false);
         assert_eq!(bench.state(), if immediately { 0x08 } else { 0x0F }, "{code:04X}");
@@ -90,8 +85,7 @@ fn the_history_is_newest_first_and_can_be_cleared() {
 #[test]
 fn resetting_a_sensor_fault_loses_the_position() {
     let mut bench = DriveUnderTest::enabled(Mode::Homing);
-    bench.write(0x6098, 0, 37);
-    bench.write(0x6040, 0, 0x1F);
+    bench.writes([(0x6098, 37), (0x6040, 0x1F)]);
     bench.drive.raise(Fault(0x7380), false);
     assert_ne!(bench.statusword() & 0x8000, 0);
     bench.write(0x6040, 0, 0x80);
