@@ -1,11 +1,10 @@
 //! A network in the loop: swaps while it moves, rollback, and replay to the bit.
 
-use std::path::Path;
-
 use i2ris::model::network::NetworkParameters;
-use i2ris::process::black_box::{BlackBox, replay};
+use i2ris::process::black_box::replay;
 use i2ris_testing::families::{averages, gru};
 
+use super::replay::through_file;
 use super::*;
 
 /// A GRU on the straight line of the sample robot.
@@ -72,9 +71,7 @@ fn gru_session_is_replayed_bit_for_bit() {
     let mut bench = Bench::new(config(""), Some(models[0].clone()));
     bench.recording = Some(Recording::default());
     swap_while_moving(&mut bench, &models, 60);
-    let content = bench.black_box(&models[0]);
-    let bytes = content.to_bytes().unwrap();
-    let content = BlackBox::from_bytes(&bytes, Path::new("network.box")).unwrap();
+    let content = through_file(&bench.black_box(&models[0]));
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
     assert!(replayed.swaps > 50 && replayed.ticks > 800, "{replayed:?}");

@@ -46,10 +46,13 @@ fn recorded(keep: impl Fn(usize) -> bool) -> BlackBox {
     content
 }
 
+pub fn through_file(content: &BlackBox) -> BlackBox {
+    BlackBox::from_bytes(&content.to_bytes().unwrap(), Path::new("session.box")).unwrap()
+}
+
 /// Replays from every snapshot to the end, after a round trip through a file.
 fn assert_replayed(content: &BlackBox) {
-    let bytes = content.to_bytes().unwrap();
-    let mut content = BlackBox::from_bytes(&bytes, Path::new("session.box")).unwrap();
+    let mut content = through_file(content);
     while !content.snapshots.is_empty() {
         assert_eq!(replay(&content).unwrap().difference, None);
         content.snapshots.remove(0);
@@ -58,9 +61,7 @@ fn assert_replayed(content: &BlackBox) {
 
 #[test]
 fn every_tick_is_replayed_bit_for_bit_from_file() {
-    let content = recorded(|number| number == 0);
-    let bytes = content.to_bytes().unwrap();
-    let content = BlackBox::from_bytes(&bytes, Path::new("session.box")).unwrap();
+    let content = through_file(&recorded(|number| number == 0));
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
     // The first snapshot comes after the first tick.

@@ -101,8 +101,7 @@ fn the_line_is_never_idle() {
 #[test]
 fn it_is_switched_off_by_its_ramp() {
     let mut rig = PortRig::enabled();
-    rig.demand(Demand::Disabled);
-    rig.until(AxisPhase::Disabled);
+    rig.demand_until(Demand::Disabled, AxisPhase::Disabled);
     assert_eq!(rig.controlwords(), [0x0007, 0x0006]);
 }
 

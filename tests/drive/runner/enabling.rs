@@ -46,8 +46,7 @@ fn the_position_is_read_meanwhile() {
 
 /// Demands enabled, and checks that the drive is never powered and the axis does not try again.
 fn failure(rig: &mut PortRig) -> TransitionError {
-    rig.demand(Demand::Enabled);
-    rig.until(AxisPhase::Enabling);
+    rig.demand_until(Demand::Enabled, AxisPhase::Enabling);
     rig.until(AxisPhase::Disabled);
     rig.turns(50);
     assert_eq!(rig.phase(), AxisPhase::Disabled);
@@ -106,10 +105,8 @@ fn the_written_target_is_cleared() {
     let mut rig = PortRig::enabled();
     rig.turns(4);
     assert!(rig.feedback().written.is_some());
-    rig.demand(Demand::Disabled);
-    rig.until(AxisPhase::Disabled);
-    rig.demand(Demand::Enabled);
-    rig.until(AxisPhase::Enabled);
+    rig.demand_until(Demand::Disabled, AxisPhase::Disabled);
+    rig.demand_until(Demand::Enabled, AxisPhase::Enabled);
     assert_eq!(rig.feedback().written, None);
 }
 
@@ -125,10 +122,8 @@ fn enabling_is_retried_after_demand_is_released() {
 #[test]
 fn a_released_demand_ends_it() {
     let mut rig = PortRig::disabled();
-    rig.demand(Demand::Enabled);
-    rig.until(AxisPhase::Enabling);
-    rig.demand(Demand::Disabled);
-    rig.until(AxisPhase::Disabled);
+    rig.demand_until(Demand::Enabled, AxisPhase::Enabling);
+    rig.demand_until(Demand::Disabled, AxisPhase::Disabled);
     rig.turns(50);
     assert_eq!(rig.phase(), AxisPhase::Disabled);
 }
@@ -137,8 +132,7 @@ fn a_released_demand_ends_it() {
 fn a_drive_that_restarted_undetected_is_configured_again() {
     let mut rig = PortRig::disabled();
     rig.drive(MiniDrive::restart);
-    rig.demand(Demand::Enabled);
-    rig.until(AxisPhase::Lost);
+    rig.demand_until(Demand::Enabled, AxisPhase::Lost);
     assert!(rig.has_event(PortEventKind::EnableFailed(TransitionError::Restarted)));
     rig.until(AxisPhase::Disabled);
     assert_eq!(rig.drive(|drive| drive.objects[&(0x607D, 2)]), 2000);

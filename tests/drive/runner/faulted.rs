@@ -14,6 +14,11 @@ fn reset(rig: &mut PortRig) {
     rig.until_feedback("acknowledges the reset", |feedback| feedback.fault_resets == count);
 }
 
+fn reset_until_disabled(rig: &mut PortRig) {
+    reset(rig);
+    rig.until(AxisPhase::Disabled);
+}
+
 #[test]
 fn the_fault_is_named() {
     let mut rig = faulted();
@@ -34,8 +39,7 @@ fn nothing_is_written_until_the_operator_resets() {
 fn a_reset_is_an_edge_and_ends_disabled() {
     let mut rig = faulted();
     rig.drive(|drive| drive.writes.clear());
-    reset(&mut rig);
-    rig.until(AxisPhase::Disabled);
+    reset_until_disabled(&mut rig);
     assert_eq!(rig.controlwords(), [0x0000, 0x0080]);
     rig.turns(100);
     assert_eq!((rig.phase(), rig.feedback().error_code), (AxisPhase::Disabled, 0));
@@ -45,8 +49,7 @@ fn a_reset_is_an_edge_and_ends_disabled() {
 #[test]
 fn axis_is_enabled_again_only_after_demand_is_released() {
     let mut rig = faulted();
-    reset(&mut rig);
-    rig.until(AxisPhase::Disabled);
+    reset_until_disabled(&mut rig);
     rig.release_and_enable();
     assert_eq!(rig.drive(|drive| drive.jumps), 0);
 }
@@ -59,8 +62,7 @@ fn fault_stays_while_cause_remains_until_second_reset() {
     assert_eq!(rig.phase(), AxisPhase::Faulted);
     assert!(rig.has_event(PortEventKind::FaultReset { cleared: false }));
     rig.drive(|drive| drive.cause_remains = false);
-    reset(&mut rig);
-    rig.until(AxisPhase::Disabled);
+    reset_until_disabled(&mut rig);
 }
 
 #[test]
@@ -82,8 +84,7 @@ fn a_fault_at_start_is_reported_and_can_be_reset() {
     rig.until(AxisPhase::Faulted);
     rig.turns(4);
     assert_eq!(rig.feedback().error_code, 0x8120);
-    reset(&mut rig);
-    rig.until(AxisPhase::Disabled);
+    reset_until_disabled(&mut rig);
 }
 
 #[test]
@@ -94,8 +95,7 @@ fn position_loss_fault_unhomes_axis_despite_drive_bit() {
     rig.until(AxisPhase::Faulted);
     rig.turns(20);
     assert!(!rig.feedback().homed);
-    reset(&mut rig);
-    rig.until(AxisPhase::Disabled);
+    reset_until_disabled(&mut rig);
     rig.turns(100);
     assert!(rig.drive(|drive| drive.homed), "the bit of the drive stays");
     assert!(!rig.feedback().homed);

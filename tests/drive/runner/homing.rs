@@ -80,8 +80,7 @@ fn homing_refused_while_enabled_is_not_executed_later() {
     let mut rig = PortRig::enabled();
     home(&mut rig);
     assert!(rig.has_event(PortEventKind::HomingRefused));
-    rig.demand(Demand::Disabled);
-    rig.until(AxisPhase::Disabled);
+    rig.demand_until(Demand::Disabled, AxisPhase::Disabled);
     rig.turns(100);
     assert!(!rig.controlwords().contains(&0x001F));
 }
@@ -92,8 +91,7 @@ fn quick_stop_interrupts_it() {
     rig.start_homing();
     rig.until(AxisPhase::Homing);
     rig.turns(8);
-    rig.demand(Demand::QuickStop);
-    rig.until(AxisPhase::Disabled);
+    rig.demand_until(Demand::QuickStop, AxisPhase::Disabled);
     assert_eq!(rig.feedback().homings, 1);
     assert!(rig.has_event(failed_with(TransitionError::Interrupted)));
 }

@@ -29,8 +29,7 @@ fn restarted_drive_reconnects_disabled_and_with_limits() {
     rig.turns(100);
     assert_eq!(rig.phase(), AxisPhase::Lost);
     rig.drive(MiniDrive::restart);
-    rig.line.state().silent = false;
-    rig.until(AxisPhase::Disabled);
+    rig.reconnect_until(AxisPhase::Disabled);
     assert_eq!(rig.drive(|drive| drive.objects[&(0x607D, 2)]), 2000);
     rig.turns(200);
     assert_eq!(rig.phase(), AxisPhase::Disabled);
@@ -42,8 +41,7 @@ fn drive_that_stayed_enabled_is_switched_off_cleanly() {
     let mut rig = lost();
     assert_eq!(rig.state(), OPERATION_ENABLED);
     rig.drive(|drive| drive.writes.clear());
-    rig.line.state().silent = false;
-    rig.until(AxisPhase::Disabled);
+    rig.reconnect_until(AxisPhase::Disabled);
     assert_eq!(rig.controlwords(), [0x0007, 0x0006]);
 }
 
@@ -52,14 +50,12 @@ fn powered_drive_holds_on_reconnection_during_fault() {
     let mut rig = lost();
     rig.demand(Demand::QuickStop);
     rig.drive(|drive| drive.writes.clear());
-    rig.line.state().silent = false;
-    rig.until(AxisPhase::QuickStopped);
+    rig.reconnect_until(AxisPhase::QuickStopped);
     rig.turns(2000);
     assert_eq!((rig.phase(), rig.state()), (AxisPhase::QuickStopped, QUICK_STOP_ACTIVE));
     assert_eq!(rig.controlwords(), [0x000B]);
     assert!(rig.feedback().homed, "the same zero");
-    rig.demand(Demand::Disabled);
-    rig.until(AxisPhase::Disabled);
+    rig.demand_until(Demand::Disabled, AxisPhase::Disabled);
     rig.release_and_enable();
 }
 
@@ -68,8 +64,7 @@ fn power_cycled_drive_gets_its_limits_again_on_reconnection() {
     let mut rig = lost();
     rig.demand(Demand::QuickStop);
     rig.drive(MiniDrive::restart);
-    rig.line.state().silent = false;
-    rig.until(AxisPhase::Disabled);
+    rig.reconnect_until(AxisPhase::Disabled);
     assert_eq!(rig.drive(|drive| drive.objects[&(0x607D, 2)]), 2000);
 }
 
@@ -106,8 +101,7 @@ fn reset_or_homing_requested_while_lost_is_dropped() {
     rig.turns(10);
     let feedback = rig.feedback();
     assert_eq!((feedback.fault_resets, feedback.homings), (1, 1));
-    rig.line.state().silent = false;
-    rig.until(AxisPhase::Disabled);
+    rig.reconnect_until(AxisPhase::Disabled);
     rig.turns(100);
     assert!(!rig.controlwords().contains(&0x001F));
 }

@@ -5,8 +5,7 @@ use super::*;
 
 fn stopped() -> PortRig {
     let mut rig = PortRig::enabled();
-    rig.demand(Demand::QuickStop);
-    rig.until(AxisPhase::QuickStopped);
+    rig.demand_until(Demand::QuickStop, AxisPhase::QuickStopped);
     rig
 }
 
@@ -63,8 +62,7 @@ fn an_input_that_stops_the_drive_is_respected() {
     assert_eq!(rig.phase(), AxisPhase::QuickStopped, "though enabled is demanded");
     rig.demand(Demand::QuickStop);
     rig.turns(2);
-    rig.demand(Demand::Enabled);
-    rig.until(AxisPhase::Enabled);
+    rig.demand_until(Demand::Enabled, AxisPhase::Enabled);
 }
 
 #[test]
@@ -79,8 +77,7 @@ fn an_axis_without_power_stays_off() {
 fn a_drive_that_does_not_stop_is_switched_off() {
     let mut rig = PortRig::enabled();
     rig.drive(|drive| drive.refuses.insert((0x6040, 0), 0x0800_0022));
-    rig.demand(Demand::QuickStop);
-    rig.until(AxisPhase::Disabling);
+    rig.demand_until(Demand::QuickStop, AxisPhase::Disabling);
     assert!(rig.count_events(|kind| matches!(kind, PortEventKind::QuickStopFailed(_))) > 0);
     rig.drive(|drive| drive.refuses.clear());
     rig.until(AxisPhase::Disabled);

@@ -146,16 +146,14 @@ fn drive_left_running_in_other_mode_is_disabled_and_configured() {
     let port = bench.bring_up().unwrap();
     assert!(!bench.drive().state.is_powered());
     drop(port);
-    let mut axis = bench.run();
-    axis.enable();
+    let _axis = bench.enabled();
     assert_eq!(bench.drive().mode, Mode::CyclicPosition);
 }
 
 #[test]
 fn with_one_axis_refused_the_other_is_left_safe() {
     let bench = TestBench::emulated(&SETUPS[4]);
-    let mut running = bench.run();
-    running.enable();
+    let running = bench.enabled();
     // At the next start the axis on the gateway is still enabled.
     running.abandon();
     let wrong = bench.port_with(|axis| axis.serial_number = 1);

@@ -31,8 +31,7 @@ pub fn swapped(bench: &TestBench) {
 
 /// Enabling starts at the present position, whatever target is left in the drive.
 pub fn enabled(bench: &TestBench) {
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     axis.move_to(150);
     axis.demand(Demand::Disabled);
     axis.until_phase(AxisPhase::Disabled);
@@ -48,8 +47,7 @@ pub fn enabled(bench: &TestBench) {
 
 /// The newest target is followed, older ones are skipped.
 pub fn followed(bench: &TestBench) {
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     let before = bench.setpoints().len();
     axis.move_to(600);
     axis.until("writes the last target", |feedback| {
@@ -66,8 +64,7 @@ pub fn followed(bench: &TestBench) {
 
 /// A target outside the limits never reaches the drive, and the drive holds the limits too.
 pub fn limited(bench: &TestBench) {
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     axis.request(|request| request.target = Counts(2401));
     axis.wait_for_positions(21);
     assert!(!bench.setpoints().contains(&2401));
@@ -77,8 +74,7 @@ pub fn limited(bench: &TestBench) {
 
 /// A fault is named, and is reset only on request and after its cause is gone.
 pub fn faulted(bench: &TestBench) {
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     bench.emulator().raise_fault(bench.axis, 0x2310, true);
     axis.until_fault(0x2310);
     axis.demand(Demand::Disabled);
@@ -103,8 +99,7 @@ pub fn faulted(bench: &TestBench) {
 
 /// Homing at the present position makes it zero.
 pub fn homed(bench: &TestBench) {
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     axis.move_to(200);
     axis.demand(Demand::Disabled);
     axis.until_phase(AxisPhase::Disabled);
@@ -141,8 +136,7 @@ pub fn homed_at_stop(bench: &TestBench) {
 
 /// A quick stop holds with power, then switches off cleanly.
 pub fn quick_stopped(bench: &TestBench) {
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     axis.quick_stop();
     assert_eq!(bench.drive().state, State::QuickStopActive);
     axis.enable();
@@ -189,8 +183,7 @@ fn enable_again(axis: &mut RunningAxis) {
 
 /// A silent line is lost; the axis reconnects disabled, whatever is demanded.
 pub fn lost(bench: &TestBench) {
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     bench.emulator().mute(bench.axis, true);
     axis.until_phase(AxisPhase::Lost);
     assert!(bench.drive().state.is_powered(), "a silent line stops no drive");
@@ -200,8 +193,7 @@ pub fn lost(bench: &TestBench) {
 
 /// A port that returns as another device is reopened; the drive is identified and switched off.
 pub fn hung_up(bench: &TestBench) {
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     let emulator = bench.emulator();
     emulator.inject(bench.axis, Injection::HangUp { for_ms: 300 });
     axis.until_phase(AxisPhase::Lost);
@@ -219,8 +211,7 @@ fn comes_back_disabled(bench: &TestBench, axis: &mut RunningAxis) {
 
 /// Ending the thread switches the drive off cleanly.
 pub fn ended(bench: &TestBench) {
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     let kinds = axis.stop();
     assert_eq!(kinds.last(), Some(&PortEventKind::Ended { power: DrivePower::Off }));
     assert_eq!(bench.drive().state, State::ReadyToSwitchOn);

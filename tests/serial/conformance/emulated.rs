@@ -21,8 +21,7 @@ fn slow_adapter_and_odd_reply_lengths_change_only_rate() {
         config.drives[0].error_reply_words = 4;
         config.drives[0].one_word_reads = true;
     });
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     axis.move_to(60);
     axis.stop();
     assert_eq!(bench.drive().state, State::ReadyToSwitchOn);
@@ -62,8 +61,7 @@ fn position_jump_while_line_lost_unhomes_axis() {
 #[test]
 fn a_frozen_encoder_is_a_following_error() {
     let bench = TestBench::emulated(&SETUPS[0]);
-    let mut axis = bench.run();
-    axis.enable();
+    let mut axis = bench.enabled();
     let freeze = Injection::FreezeEncoder { for_ms: 60_000 };
     bench.emulator().inject(0, freeze);
     let mut target = axis.feedback().position.0;

@@ -116,6 +116,12 @@ impl TestBench {
         self.run_with(&self.port())
     }
 
+    pub fn enabled(&self) -> RunningAxis {
+        let mut axis = self.run();
+        axis.enable();
+        axis
+    }
+
     pub fn run_with(&self, port: &PortConfig) -> RunningAxis {
         RunningAxis::start(Port::open(port).unwrap().bring_up().unwrap(), self.axis)
     }

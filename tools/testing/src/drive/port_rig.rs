@@ -146,6 +146,17 @@ impl PortRig {
         self.request(|request| request.demand = demand);
     }
 
+    pub fn demand_until(&mut self, demand: Demand, phase: AxisPhase) {
+        self.demand(demand);
+        self.until(phase);
+    }
+
+    /// The line answers again.
+    pub fn reconnect_until(&mut self, phase: AxisPhase) {
+        self.line.state().silent = false;
+        self.until(phase);
+    }
+
     pub fn turns(&mut self, count: usize) {
         for _ in 0..count {
             let events = &mut self.events;
@@ -213,8 +224,7 @@ impl PortRig {
     pub fn release_and_enable(&mut self) {
         self.demand(Demand::Disabled);
         self.turns(2);
-        self.demand(Demand::Enabled);
-        self.until(AxisPhase::Enabled);
+        self.demand_until(Demand::Enabled, AxisPhase::Enabled);
     }
 
     /// Requests a homing.
