@@ -1,6 +1,7 @@
 //! Faults that can be injected into drives, lines and wires.
 
-use rand::{Rng, RngExt};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
 use strum::{IntoStaticStr, VariantNames};
 
@@ -101,6 +102,11 @@ impl Injection {
         ]
     }
 
+    /// The same from a seed.
+    pub fn all_of(seed: u64) -> Vec<Self> {
+        Self::all(&mut Pcg64Mcg::seed_from_u64(seed))
+    }
+
     /// The name of its kind, as in files.
     #[must_use]
     pub fn name(&self) -> &'static str {
@@ -121,14 +127,12 @@ pub struct AxisInjection {
 
 #[cfg(test)]
 mod tests {
-    use rand_pcg::Pcg64Mcg;
-
     use super::*;
 
     #[test]
     fn kinds_have_the_same_name_in_files_and_log() {
         let axis = 0;
-        let all = Injection::all(&mut Pcg64Mcg::new(3));
+        let all = Injection::all_of(3);
         assert_eq!(all.len(), Injection::NAMES.len());
         for injection in all {
             let text = toml::to_string(&AxisInjection { axis, injection }).unwrap();
