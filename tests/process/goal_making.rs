@@ -43,7 +43,7 @@ fn swap_at_zero_rate_moves_snake_only_by_blend() {
         let other = ModelId(client.stage_model(&other).unwrap().slots[1].model_id);
         let [is_there, done] = [const { AtomicBool::new(false) }; 2];
         let mut commander = client.commander();
-        let [begin, middle, end] = std::thread::scope(|scope| {
+        let [begin, middle, end] = thread::scope(|scope| {
             scope.spawn(|| {
                 send(&mut commander, (0..=400).map(|k| [0.02 * f64::from(k), 0.0]));
                 while !done.load(Ordering::Relaxed) {

@@ -24,7 +24,7 @@ fn removed_ipc_files_are_reported_by_controller_and_clients() {
     client.version().unwrap();
     let domain = rig.domain();
     for file in files(&domain).iter().filter(|file| file.is_file()) {
-        std::fs::remove_file(file).unwrap();
+        fs::remove_file(file).unwrap();
     }
     let error = Client::connect(&domain, TIMEOUT).and_then(|mut new| new.version()).unwrap_err();
     assert!(error.to_string().contains("are gone or damaged"), "{error}");

@@ -21,7 +21,7 @@ const CASES: [cases::Case; 5] = [
 /// The files of real drives.
 fn files() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/drive_objects");
-    let Ok(entries) = std::fs::read_dir(&folder) else {
+    let Ok(entries) = fs::read_dir(&folder) else {
         println!("skipped: {} is absent", folder.display());
         return Vec::new();
     };
@@ -72,7 +72,7 @@ fn object_table_agrees_with_every_real_drive() {
     for path in files() {
         let name = path.file_name().unwrap().to_string_lossy();
         // Without the values that were set: defaults count.
-        let text = std::fs::read_to_string(&path).unwrap();
+        let text = fs::read_to_string(&path).unwrap();
         let (head, rows) = text.split_once('\n').unwrap();
         let rows = rows.lines().map(|row| format!("\n{},", row.rsplit_once(',').unwrap().0));
         let file =

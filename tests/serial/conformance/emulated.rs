@@ -70,7 +70,7 @@ fn a_frozen_encoder_is_a_following_error() {
         assert!(start.elapsed() < PATIENCE, "{:?}", axis.feedback());
         target = (target + 5).min(2000);
         axis.request(|request| request.target = Counts(target));
-        std::thread::sleep(std::time::Duration::from_millis(2));
+        thread::sleep(std::time::Duration::from_millis(2));
     }
     axis.until_fault(0x8611);
     axis.until("is off", |_| !bench.drive().state.is_powered());
