@@ -243,7 +243,7 @@ impl<'a> TrainingData<'a> {
             context: self.context(quality, split, options),
             series: Series::new(self.recording, &self.rows),
             hidden: quality.hides_hysteresis(),
-            one_axis: quality.shows_one_axis_at_a_time(),
+            no_plane: quality.hides_plane(),
             inputs: &self.inputs,
             outputs: &self.outputs,
             straight: &self.straight,

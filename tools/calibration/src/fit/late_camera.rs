@@ -56,8 +56,8 @@ impl Recording {
     /// it.
     fn confirmed_latency(&self) -> Option<f64> {
         let limits = limits_of_path(&Series::whole(self));
-        let is_axes = |limit: &Finding| matches!(limit, Finding::OneAxisAtATime { .. });
-        let shows = |limit: &Finding| is_axes(limit) || matches!(limit, Finding::LargeLoops { .. });
+        let hides_plane = Finding::hides_plane;
+        let shows = |it: &Finding| hides_plane(it) || matches!(it, Finding::LargeLoops { .. });
         if !limits.iter().all(shows) {
             return None;
         }
@@ -65,7 +65,8 @@ impl Recording {
         if seconds < MIN_LATENCY_S || seconds - DEVIATIONS * deviation_s > LATEST_S {
             return None;
         }
-        let (seconds, deviation_s) = held_out_latency(self, seconds, !limits.iter().any(is_axes))?;
+        let (seconds, deviation_s) =
+            held_out_latency(self, seconds, !limits.iter().any(hides_plane))?;
         let unsure_s = DEVIATIONS * deviation_s;
         let possible = MIN_LATENCY_S..=LATEST_S + unsure_s;
         let is_camera = unsure_s <= UNSURE_S && possible.contains(&seconds);

@@ -160,9 +160,8 @@ impl FileContext<'_> {
 
     /// Variance of an output in motion that the recording does not contain.
     fn unseen(&self, output: usize) -> f64 {
-        let is_axes = |limit: &Finding| matches!(limit, Finding::OneAxisAtATime { .. });
         let mut variance = 0.0;
-        if self.limits.iter().any(is_axes) {
+        if self.limits.iter().any(Finding::hides_plane) {
             let values = self.training.iter().map(|row| self.recording.rows()[*row].outputs);
             let (low, high) = min_max(values.map(|values| values[output]));
             variance += (UNSEEN_PLANE * 0.5 * (high - low)).powi(2);

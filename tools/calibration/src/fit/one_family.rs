@@ -47,7 +47,7 @@ pub(super) struct FamilyFitter<'a> {
     /// Why the recording cannot show hysteresis, if so.
     pub hidden: Option<Finding>,
     /// Why the recording lacks motion between the axes of the motors, if so.
-    pub one_axis: Option<Finding>,
+    pub no_plane: Option<Finding>,
     pub inputs: &'a DataTable,
     pub outputs: &'a DataTable,
     pub straight: &'a LinearFit,
@@ -203,7 +203,7 @@ impl FamilyFitter<'_> {
             Some(FamilyParameters::ForceBalance { balance, .. }) => Some(balance),
             _ => None,
         };
-        let fit = fit_force_balance(&self.series, self.one_axis.is_none(), known, self.progress);
+        let fit = fit_force_balance(&self.series, self.no_plane.is_none(), known, self.progress);
         let fit = fit.map_err(|source| failed(Family::ForceBalance, source))?;
         remarks.mechanism = Some(Mechanism::Balance(fit.mechanism));
         let checked = |parameters| self.checked(Family::ForceBalance, &Fitted::plain(parameters));

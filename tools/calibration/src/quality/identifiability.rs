@@ -4,10 +4,12 @@
 //! A **turning point** is where a motor turns back by more than a dead-band, so that play or
 //! friction can show.
 
+use std::f64::consts::PI;
 use std::fmt;
 
 use super::circulation::{circles, turns};
 use crate::series::Series;
+use i2ris::units::MotorVec;
 use i2ris_report::statistics::min_max;
 
 /// Minimum return of a motor after a turning point, as a part of its range: larger than noise and
@@ -28,6 +30,18 @@ const TOGETHER_PART: f64 = 0.1;
 
 /// Minimum part of the path on which the motors must move together to cover the plane.
 const MIN_TOGETHER: f64 = 0.1;
+
+/// Directions in which a line is looked for.
+const DIRECTIONS: usize = 60;
+
+/// Positions further from the middle than this show on which line they are, and are on one within
+/// the other distance, as parts of half the range.
+const AWAY: f64 = 0.4;
+const ON_LINE: f64 = 0.12;
+
+/// Two lines carry at least this part of those positions together, and each at least the other.
+const ON_BOTH: f64 = 0.95;
+const ON_EACH: f64 = 0.2;
 
 /// A limit of the information in a recording; not an error.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,6 +75,11 @@ pub enum Finding {
         /// Part of the path on which they move together, percent.
         percent: f64,
     },
+    /// The motors keep to two lines, as along pitch and then along yaw.
+    TwoLines {
+        /// Part of the positions away from the middle that lie on them, percent.
+        percent: f64,
+    },
     /// Motors that move nearly as one.
     HardlySeparable {
         /// Part of the motion that is independent, percent.
@@ -79,6 +98,12 @@ impl Finding {
     #[must_use]
     pub fn hides_hysteresis(&self) -> bool {
         matches!(self, Self::FewReversals { .. } | Self::Circulation { .. })
+    }
+
+    /// Whether the recording does not show what both motors do together.
+    #[must_use]
+    pub fn hides_plane(&self) -> bool {
+        matches!(self, Self::OneAxisAtATime { .. } | Self::TwoLines { .. })
     }
 
     /// Whether the recording contains no small loops inside the large ones.
@@ -117,6 +142,11 @@ impl fmt::Display for Finding {
                 f,
                 "the motors move together on only {percent:.0} % of the path, so the recording \
                  does not show the plane between their axes; record motion of both at once"
+            ),
+            Self::TwoLines { percent } => write!(
+                f,
+                "the motors keep to two lines for {percent:.0} % of the path, so the recording \
+                 does not show the plane between them; record motion all over that plane"
             ),
             Self::HardlySeparable { percent } => write!(
                 f,
@@ -187,7 +217,40 @@ fn plane_finding(series: &Series) -> Option<Finding> {
         }
     }
     let percent = 100.0 * together / whole;
-    (together < MIN_TOGETHER * whole).then_some(Finding::OneAxisAtATime { percent })
+    if together < MIN_TOGETHER * whole {
+        return Some(Finding::OneAxisAtATime { percent });
+    }
+    let on_lines = on_two_lines(series, spans)?;
+    (on_lines >= ON_BOTH).then_some(Finding::TwoLines { percent: 100.0 * on_lines })
+}
+
+/// The part of the positions away from the middle that lie on two straight lines through it; `None`
+/// if one of them has hardly any.
+fn on_two_lines(series: &Series, spans: [f64; 2]) -> Option<f64> {
+    let middle = [0, 1].map(|motor| {
+        let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
+        0.5 * (low + high)
+    });
+    let at = |counts: &MotorVec| [0, 1].map(|i| (counts[i] - middle[i]) / (0.5 * spans[i]));
+    let mut left: Vec<[f64; 2]> = series.path().iter().map(at).collect();
+    left.retain(|at| at[0].hypot(at[1]) > AWAY);
+    let all = left.len() as f64;
+    let mut on_both = 0.0;
+    for _ in 0..2 {
+        let is_on = |direction: usize, at: &[f64; 2]| {
+            let (sin, cos) = (PI * direction as f64 / DIRECTIONS as f64).sin_cos();
+            (at[0] * sin - at[1] * cos).abs() < ON_LINE
+        };
+        let on = |direction: &usize| left.iter().filter(|at| is_on(*direction, at)).count();
+        let line = (0..DIRECTIONS).max_by_key(on)?;
+        let on_line = on(&line) as f64 / all;
+        if on_line < ON_EACH {
+            return None;
+        }
+        on_both += on_line;
+        left.retain(|at| !is_on(line, at));
+    }
+    Some(on_both)
 }
 
 /// Positions at which a motor reverses by more than a band.
@@ -265,6 +328,13 @@ mod tests {
         let found = findings_of(&cross);
         let one_axis = matches!(found[..], [Finding::OneAxisAtATime { percent }] if percent < 2.0);
         assert!(one_axis, "{found:?}");
+        let turned = recording(600, |time| {
+            let [a, b] = wander(time);
+            let counts = if time < 60.0 { [a, 0.8 * a] } else { [-0.7 * b, b] };
+            (counts, straight(counts))
+        });
+        let found = findings_of(&turned);
+        assert!(matches!(found[..], [lines @ Finding::TwoLines { .. }] if lines.hides_plane()));
     }
 
     #[test]

@@ -95,9 +95,8 @@ impl Quality {
 
     /// Why the recording lacks motion between the axes of the motors, if so.
     #[must_use]
-    pub fn shows_one_axis_at_a_time(&self) -> Option<Finding> {
-        let is_axes = |finding: &&Finding| matches!(finding, Finding::OneAxisAtATime { .. });
-        self.warnings.iter().find(is_axes).copied()
+    pub fn hides_plane(&self) -> Option<Finding> {
+        self.warnings.iter().find(|finding| finding.hides_plane()).copied()
     }
 
     /// Whether a row was flagged, for any output.
