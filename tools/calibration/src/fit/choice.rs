@@ -1,19 +1,21 @@
 //! The choice among the families: by what the robot will do.
 //!
-//! A model commands counts by its inverse, and the snake is another one than the model believes.
-//! So the inverse of every family is run through the other families as plants, and is scored by
-//! what it leaves there, beside its own error on the rows held out. An inverse that only its own
-//! model likes loses. A family whose error on the rows held out is far above the least is no plant,
-//! and neither is one that no other family can follow: that would decide for whichever family is
-//! the dullest.
+//! The rows held out decide, block by block: what the recording does not show of the robot, and
+//! noise, is alike in all families and falls out of the difference. A family is **as good as**
+//! another if it is worse by at most one standard error of that difference (L. Breiman et al.,
+//! "Classification and Regression Trees", 1984, 3.4.3).
 //!
-//! Errors are compared piece by piece: those on a block held out together with those on a part of
-//! the trials. What the recording does not show of the robot, and noise, is alike in all families
-//! and falls out of the difference. Where a credible family has no other plant, its inverse was not
-//! tried, and the rows held out decide alone. A family is **as good as** another if it is worse by
-//! at most one standard error of that difference (L. Breiman et al., "Classification and
-//! Regression Trees", 1984, 3.4.3). Of those that are as good as the best the balance of forces is taken, for
-//! what it knows of the mechanism holds in other motion, too; otherwise the simplest.
+//! A model commands counts by its inverse, and the snake is another one than the model believes.
+//! So the inverse of every family is run through the other families as plants. Between families
+//! that are as good as the best on the rows held out, what it leaves there decides, on plants that
+//! are none of them: a plant that is one of them speaks for itself. A family whose error on the
+//! rows held out is far above the least is no plant, and neither is one that no other family can
+//! follow: that would decide for whichever family is the dullest.
+//!
+//! Of those that are as good as the best the balance of forces is taken, for what it knows of the
+//! mechanism holds in other motion, too; otherwise the simplest.
+
+use std::ops::Range;
 
 use i2ris::model::file::OutputUnit;
 use i2ris::model::{ExaminationPath, Model, Query};
@@ -53,8 +55,8 @@ pub struct Score {
     pub held_out: f64,
     /// Mean square length of the error in every block held out, rad^2 (m^2).
     pub blocks: Vec<f64>,
-    /// The same in as many parts of the trials; none where not every credible family has another
-    /// plant.
+    /// The same in as many parts of the trials that decide; none where the rows held out decide
+    /// alone.
     pub parts: Vec<f64>,
     /// RMS length of the tracking error on the other families that are plants, rad (m), and the one
     /// where it is worst; `None` without another plant.
@@ -76,9 +78,13 @@ impl Score {
     /// pieces: the mean and its standard error.
     #[must_use]
     pub fn beside(&self, other: &Self) -> (f64, f64) {
+        let is_tried = !self.parts.is_empty() && !other.parts.is_empty();
         let pieces = |score: &Self| -> Vec<f64> {
             let pieces = score.blocks.iter().enumerate();
-            let part = |piece| score.parts.get(piece).copied().unwrap_or_default();
+            let part = |piece| match score.parts.get(piece) {
+                Some(part) if is_tried => *part,
+                _ => 0.0,
+            };
             let pieces = pieces.map(|(piece, block)| block + part(piece));
             pieces.map(|square| 0.5 * square.max(f64::MIN_POSITIVE).ln()).collect()
         };
@@ -123,25 +129,53 @@ pub(super) fn scores(models: &[(Family, &Model)], evidence: &Evidence<'_>) -> Ve
         let mut order: Vec<_> =
             trials.iter().map(|(plant, trial)| (trial.error(), models[*plant].0)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut squares = vec![0.0; if trials.is_empty() { 0 } else { TICKS - SETTLING }];
-        for (_, trial) in trials {
-            for (sum, square) in squares.iter_mut().zip(&trial.squares) {
-                *sum += square / trials.len() as f64;
-            }
-        }
-        let mean = |squares: &[f64]| squares.iter().sum::<f64>() / squares.len() as f64;
-        let parts = series::blocks(squares.len(), rows.len()).into_iter();
+        let mean = parts(trials.iter(), 1).first().map(|square| square.sqrt());
         Score {
             family: *family,
             held_out: held_out[index],
             blocks: errors[index].clone(),
-            parts: parts.filter(|part| !part.is_empty()).map(|part| mean(&squares[part])).collect(),
-            tracking: order.last().map(|(_, worst)| (mean(&squares).sqrt(), *worst)),
+            parts: Vec::new(),
+            tracking: mean.zip(order.last().map(|(_, worst)| *worst)),
             nearest: order.first().copied(),
             travel: trials.iter().map(|(_, trial)| trial.travel).fold(0.0, f64::max),
         }
     };
-    alike(models.iter().enumerate().map(score).collect(), &credible)
+    decided(models.iter().enumerate().map(score).collect(), &trials)
+}
+
+/// The scores with the trials that decide: of families that are as good as the best on the rows
+/// held out, on plants that are none of them.
+fn decided(mut scores: Vec<Score>, trials: &[Vec<(usize, Candidate)>]) -> Vec<Score> {
+    let good = as_good(&scores);
+    for index in good.iter().copied() {
+        let others = trials[index].iter().filter(|(plant, _)| !good.contains(plant));
+        scores[index].parts = parts(others, scores[index].blocks.len());
+    }
+    scores
+}
+
+/// The mean over some trials, in so many parts of each.
+fn parts<'a>(trials: impl Iterator<Item = &'a (usize, Candidate)>, count: usize) -> Vec<f64> {
+    let trials: Vec<&[f64]> = trials.map(|(_, trial)| trial.squares.as_slice()).collect();
+    let ticks = trials.first().map_or(0, |squares| squares.len());
+    let mean = |part: Range<usize>| {
+        let sum: f64 = trials.iter().flat_map(|squares| &squares[part.clone()]).sum();
+        sum / (trials.len() * part.len()) as f64
+    };
+    let parts = series::blocks(ticks, count).into_iter();
+    parts.filter(|part| !part.is_empty()).map(mean).collect()
+}
+
+/// Indices of the scores that are as good as the best, the best of which is the one of least error
+/// over all pieces.
+fn as_good(scores: &[Score]) -> Vec<usize> {
+    let better = |a: &usize, b: &usize| scores[*a].beside(&scores[*b]).0.total_cmp(&0.0);
+    let Some(best) = (0..scores.len()).min_by(better) else { return Vec::new() };
+    let is_good = |index: &usize| {
+        let (worse, error) = scores[*index].beside(&scores[best]);
+        worse <= error
+    };
+    (0..scores.len()).filter(is_good).collect()
 }
 
 /// Which families explain the rows held out about as well as the best one.
@@ -150,16 +184,6 @@ fn credible(held_out: &[f64], noise: f64) -> Vec<bool> {
         |error: &f64| (error.powi(2) - noise.powi(2)).max((UNKNOWN_NOISE * noise).powi(2)).sqrt();
     let least = held_out.iter().map(beyond).fold(f64::INFINITY, f64::min);
     held_out.iter().map(|error| beyond(error) <= CREDIBLE * least).collect()
-}
-
-/// Where a credible family has no other plant, the rows held out decide for all of them: errors in
-/// trials beside none would make three families beat each other in a ring.
-fn alike(mut scores: Vec<Score>, credible: &[bool]) -> Vec<Score> {
-    let mut untried = scores.iter().zip(credible).filter(|(score, _)| score.parts.is_empty());
-    if untried.any(|(_, credible)| *credible) {
-        scores.iter_mut().for_each(|score| score.parts.clear());
-    }
-    scores
 }
 
 /// Of every family, how its inverse does on the others that are plants.
@@ -199,13 +223,11 @@ fn followed(trials: &[Vec<(usize, Candidate)>], held_out: &[f64]) -> Vec<usize> 
 
 /// The family to take. Scores are in the order of [`Family::ALL`], the simplest first.
 pub(super) fn best(scores: &[Score]) -> Option<Family> {
-    let worse_than = |score: &Score, other: &Score| score.beside(other).0;
-    let least = scores.iter().reduce(|a, b| if worse_than(b, a) < 0.0 { b } else { a })?;
-    let is_as_good = |score: &&Score| {
-        let (worse, error) = score.beside(least);
-        worse <= error
-    };
-    let mut good = scores.iter().filter(is_as_good).map(|score| score.family);
+    // Those that were not tried are worse on the rows held out.
+    let tried = scores.iter().filter(|score| !score.parts.is_empty()).cloned();
+    let tried: Vec<Score> = tried.collect();
+    let scores = if tried.is_empty() { scores } else { &tried };
+    let mut good = as_good(scores).into_iter().map(|index| scores[index].family);
     let simplest = good.next();
     good.find(|family| *family == Family::ForceBalance).or(simplest)
 }
@@ -286,34 +308,50 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Candidate {
 mod tests {
     use super::*;
 
-    fn score(family: Family, held_out: [f64; 4], on_others: f64) -> Score {
+    fn score(family: Family, held_out: [f64; 4]) -> Score {
         Score {
             family,
             held_out: rms(&held_out.map(|error| error.powi(2))),
             blocks: held_out.map(|error| error.powi(2)).to_vec(),
-            parts: vec![on_others.powi(2); 4],
-            tracking: Some((on_others, Family::Linear)),
+            parts: Vec::new(),
+            tracking: None,
             nearest: None,
             travel: 1.0,
         }
     }
 
+    /// A trial on a plant, with the same error throughout.
+    fn on(plant: usize, error: f64) -> (usize, Candidate) {
+        (plant, Candidate { squares: vec![error.powi(2); 4], travel: 1.0 })
+    }
+
     #[test]
     fn an_inverse_that_only_its_own_model_likes_loses() {
-        let scores = [
-            score(Family::Linear, [2.0; 4], 2.0),
-            score(Family::GmrPlay, [0.2; 4], 0.3),
-            score(Family::ForceBalance, [0.19; 4], 0.9),
+        let scores = vec![
+            score(Family::Linear, [2.0; 4]),
+            score(Family::GmrPlay, [0.2, 0.18, 0.21, 0.19]),
+            score(Family::ForceBalance, [0.19; 4]),
         ];
-        assert_eq!(best(&scores), Some(Family::GmrPlay));
+        let trials = [vec![on(1, 2.0)], vec![on(0, 0.3)], vec![on(0, 0.9)]];
+        assert_eq!(best(&scores), Some(Family::ForceBalance));
+        assert_eq!(best(&decided(scores, &trials)), Some(Family::GmrPlay));
+    }
+
+    /// The numbers of a tendon in a sheath: each of the two was run on the other alone.
+    #[test]
+    fn plant_that_is_itself_in_question_decides_nothing() {
+        let scores = vec![
+            score(Family::GmrPlay, [0.8, 0.7, 0.83, 0.77]),
+            score(Family::ForceBalance, [0.5, 0.42, 0.47, 0.48]),
+        ];
+        let trials = [vec![on(1, 0.9)], vec![on(0, 3.1)]];
+        assert_eq!(best(&decided(scores, &trials)), Some(Family::ForceBalance));
     }
 
     /// The numbers of a cable arm, of `linear`, `gmr` and a balance of friction.
     #[test]
     fn a_family_that_no_other_can_follow_does_not_vote() {
         let held_out = [2.05, 1.23, 0.97];
-        let on =
-            |plant, error: f64| (plant, Candidate { squares: vec![error.powi(2)], travel: 1.0 });
         let trials = [vec![on(1, 1.62), on(2, 14.26)], vec![on(2, 14.66)], vec![on(1, 25.71)]];
         assert_eq!(followed(&trials, &held_out), [1]);
     }
@@ -321,13 +359,15 @@ mod tests {
     /// Of the balance the same block is the worst, but a little better: that is no chance.
     #[test]
     fn what_is_not_sure_goes_to_the_balance_and_what_is_sure_does_not() {
-        let plays = score(Family::GmrPlay, [0.4, 0.9, 0.5, 0.6], 0.3);
-        let chosen =
-            |balance: [f64; 4]| best(&[plays.clone(), score(Family::ForceBalance, balance, 0.3)]);
+        let plays = score(Family::GmrPlay, [0.4, 0.9, 0.5, 0.6]);
+        let chosen = |balance: [f64; 4]| {
+            let scores = vec![plays.clone(), score(Family::ForceBalance, balance)];
+            best(&decided(scores, &[vec![on(1, 0.3)], vec![on(0, 0.3)]]))
+        };
         assert_eq!(chosen([0.5, 0.7, 0.6, 0.6]), Some(Family::ForceBalance));
         assert_eq!(chosen([0.43, 0.98, 0.53, 0.65]), Some(Family::GmrPlay));
         // Without the balance the simpler one is taken.
-        let gmr = score(Family::Gmr, [0.5, 0.7, 0.6, 0.6], 0.3);
+        let gmr = score(Family::Gmr, [0.5, 0.7, 0.6, 0.6]);
         assert_eq!(best(&[gmr, plays.clone()]), Some(Family::Gmr));
         assert_eq!(best(&[]), None);
     }
@@ -335,14 +375,13 @@ mod tests {
     /// The numbers of a cable arm: the inverse of the mixture was tried on no other family.
     #[test]
     fn no_three_families_beat_each_other_in_a_ring() {
-        let mut mixture = score(Family::Gmr, [1.3, 1.2, 1.1, 1.3], 0.0);
-        (mixture.tracking, mixture.parts) = (None, Vec::new());
         let scores = vec![
-            score(Family::Linear, [2.1, 2.0, 1.9, 2.2], 1.6),
-            mixture,
-            score(Family::ForceBalance, [1.0, 0.9, 1.0, 1.1], 14.7),
+            score(Family::Linear, [2.1, 2.0, 1.9, 2.2]),
+            score(Family::Gmr, [1.3, 1.2, 1.1, 1.3]),
+            score(Family::ForceBalance, [1.0, 0.9, 1.0, 1.1]),
         ];
-        let scores = alike(scores, &[false, true, true]);
+        let trials = [vec![on(1, 1.6)], Vec::new(), vec![on(1, 14.7)]];
+        let scores = decided(scores, &trials);
         let ring = [[1, 0], [2, 1], [2, 0]];
         for [better, worse] in ring {
             assert!(scores[better].beside(&scores[worse]).0 < 0.0, "{better} {worse}");
@@ -362,10 +401,9 @@ mod tests {
     /// The numbers of a wide instrument: the inverse of the plays was tried on no other family.
     #[test]
     fn scores_that_are_not_alike_are_compared_by_the_rows_held_out() {
-        let mut plays = score(Family::GmrPlay, [1.02, 2.27, 0.68, 1.77], 0.0);
-        (plays.tracking, plays.parts) = (None, Vec::new());
-        let balance = score(Family::ForceBalance, [0.91, 2.54, 2.41, 1.0], 5.4);
-        let scores = alike(vec![plays, balance], &[true; 2]);
+        let plays = score(Family::GmrPlay, [1.02, 2.27, 0.68, 1.77]);
+        let balance = score(Family::ForceBalance, [0.91, 2.54, 2.41, 1.0]);
+        let scores = decided(vec![plays, balance], &[Vec::new(), vec![on(0, 5.4)]]);
         let (worse, error) = scores[1].beside(&scores[0]);
         assert!(worse > 0.0 && worse < error, "{worse} +- {error}");
         assert_eq!(best(&scores), Some(Family::ForceBalance));

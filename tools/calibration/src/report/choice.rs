@@ -35,7 +35,8 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
                    tracking error when the inverse of the family moves the other families as \
                    robots, and the family with the largest error; the score is the root of the sum \
                    of squares of both; travel of the motors in these trials, relative to linear. \
-                   If a family has no tracking error, the error on the held-out rows counts. A \
+                   Between families within one standard error of the best on the held-out rows, \
+                   the tracking error on other robots than these decides. A \
                    family whose error on the held-out rows is far above the minimum, or that no \
                    other can follow, is not used as a robot.";
     let mut table = Table::new(caption.to_owned(), header);
