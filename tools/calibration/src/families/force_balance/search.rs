@@ -20,6 +20,7 @@ use super::target::Target;
 use crate::parallel;
 use crate::progress::Progress;
 use crate::quality::{Finding, limits_of_path};
+use crate::regression::linear::rows_of;
 use crate::series::Series;
 
 /// Samples and spacing of the thinned data, and of the path in the end, units of travel.
@@ -399,8 +400,8 @@ impl<'a, const D: usize> Search<'a, D> {
                 centre_counts: centre.iter().copied().collect(),
                 scale_counts: scale.iter().copied().collect(),
                 degree: read_out.degree,
-                coefficients: rows(&coefficients.transpose()),
-                covariance: rows(&covariance),
+                coefficients: rows_of(&coefficients.transpose()),
+                covariance: rows_of(&covariance),
             },
             virtual_hull: Hull::from_points(D, &reach)?.parameters(),
         })
@@ -422,10 +423,6 @@ struct Place {
     error: f64,
     /// Mean square error on the samples held out.
     held_out: f64,
-}
-
-fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }
 
 /// How many samples count as one, because their errors are alike: by the correlation of neighbours.
