@@ -2,9 +2,11 @@
 
 mod figures;
 
-use std::fs;
 use std::path::Path;
+use std::{fs, mem};
 
+use i2ris_report::number::fixed;
+use i2ris_report::{Document, Table};
 use serde::Serialize;
 
 use crate::BenchError;
@@ -39,57 +41,59 @@ pub fn print_outcomes(outcomes: &[Outcome], as_json: bool) -> Result<(), BenchEr
         print!("{}", if let [one] = outcomes { json(one)? } else { json(&outcomes)? });
         return Ok(());
     }
-    outcomes.iter().for_each(print_outcome);
-    println!("\nsummary (this run; multiples of the floor, p50 / p99):");
+    for outcome in outcomes {
+        println!("{}", document(outcome).text(WIDTH));
+    }
+    let mut summary = Document::new("summary");
+    let header = ["", "compared with", "variant", "p50", "p99"];
+    let caption = "This run; multiples of the floor.";
+    let mut table = Table::new(caption, header).text_column(1).text_column(2);
     for outcome in outcomes {
         for (group, variants) in outcome.groups() {
             let floor = variants.iter().find(|variant| variant.role == Role::Floor);
             let Some(floor) = floor else { continue };
-            println!("  {:<8} {group}, compared with {}", outcome.bench, floor.name);
+            let mut first = [format!("{}, {group}", outcome.bench), floor.name.clone()];
             for Variant { name, x_floor, .. } in variants {
-                if let Some(ratio) = x_floor {
-                    println!("  {:<8}   {name:<46} {:>7.2} / {:.2}", "", ratio.p50, ratio.p99);
-                }
+                let Some(ratio) = x_floor else { continue };
+                let ratios = [ratio.p50, ratio.p99].map(|ratio| format!("{ratio:.2}"));
+                let cells = mem::take(&mut first).into_iter().chain([name.clone()]);
+                table.row(cells.chain(ratios));
             }
         }
     }
+    summary.table(table);
+    print!("{}", summary.text(WIDTH));
     Ok(())
 }
 
-fn print_outcome(outcome: &Outcome) {
-    println!("\n{}: {}", outcome.bench, outcome.about);
-    println!("  {}", outcome.machine.description());
-    for line in &outcome.scheduling {
-        println!("  {line}");
-    }
-    println!("  load: {}", outcome.load.description());
-    println!(
-        "\n{:<48} {:>8} {:>9} {:>9} {:>9} {:>9} {:>10} {:>11}",
-        "microseconds", "count", "p50", "p90", "p99", "p99.9", "max", "p50 / floor"
-    );
-    for (name, variants) in outcome.groups() {
-        println!("{name}");
-        variants.into_iter().for_each(print_variant);
-    }
-    if !outcome.quantities.is_empty() {
-        println!();
-    }
-    for Quantity { name, value, unit } in &outcome.quantities {
-        println!("  {name:<54} {value:>9.1} {unit}");
-    }
-    println!();
-    for note in &outcome.notes {
-        println!("  note: {note}");
-    }
-}
+/// Columns of printed sentences; tables may be wider.
+const WIDTH: usize = 100;
 
-fn print_variant(variant: &Variant) {
-    let Percentiles { count, p50, p90, p99, p999, max } = variant.percentiles;
-    let us = |ns: u64| format!("{:.2}", ns as f64 / 1e3);
-    let [p50, p90, p99, p999, max] = [p50, p90, p99, p999, max].map(us);
-    let ratio = variant.x_floor.map_or_else(|| "-".to_owned(), |ratio| format!("{:.2}", ratio.p50));
-    let name = variant.display_name();
-    println!("  {name:<46} {count:>8} {p50:>9} {p90:>9} {p99:>9} {p999:>9} {max:>10} {ratio:>11}");
+fn document(outcome: &Outcome) -> Document {
+    let mut page = Document::new(format!("{}: {}", outcome.bench, outcome.about));
+    let threads = outcome.scheduling.iter().map(|line| ("threads", line.clone()));
+    let machine = [("machine", outcome.machine.description())].into_iter().chain(threads);
+    page.facts(machine.chain([("load", outcome.load.description())]));
+    let header = ["microseconds", "count", "p50", "p90", "p99", "p99.9", "max", "p50 / floor"];
+    for (group, variants) in outcome.groups() {
+        let mut table = Table::new(group, header);
+        for variant in variants {
+            let Percentiles { count, p50, p90, p99, p999, max } = variant.percentiles;
+            let us = [p50, p90, p99, p999, max].map(|ns| fixed(ns as f64 / 1e3, 2));
+            let ratio = variant.x_floor.map_or_else(|| "-".to_owned(), |it| fixed(it.p50, 2));
+            let first = [variant.display_name(), count.to_string()].into_iter();
+            table.row(first.chain(us).chain([ratio]));
+        }
+        page.table(table);
+    }
+    let quantities = outcome.quantities.iter();
+    page.section("Further numbers");
+    page.facts(
+        quantities
+            .map(|Quantity { name, value, unit }| (name.clone(), format!("{value:.1} {unit}"))),
+    );
+    page.facts(outcome.notes.iter().map(|note| ("note", note.clone())));
+    page
 }
 
 #[cfg(test)]

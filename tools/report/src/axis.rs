@@ -17,8 +17,9 @@ const SMALLEST: f64 = 1e-150;
 const LARGEST: f64 = 1e150;
 
 /// Below this ratio of its ends, a logarithmic axis contains few powers of ten, so 2 and 5 are
-/// labelled as well.
+/// labelled as well; above the other one, lines between the powers would be too dense.
 const NARROW: f64 = 50.0;
+const WIDE: f64 = 1e6;
 
 /// An axis of numbers or names.
 #[derive(Debug, Clone, PartialEq)]
@@ -130,7 +131,7 @@ impl Axis {
     }
 }
 
-/// Maps values to pixels.
+/// A range with its ticks, as `plotters` wants it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scale {
     kind: Kind,
@@ -145,20 +146,19 @@ impl Scale {
         (self.low..=self.high).contains(&value)
     }
 
-    /// Where a value lies: 0 at the low end, 1 at the high one.
-    fn share(&self, value: f64) -> f64 {
-        let place = |value: f64| if self.kind == Kind::Log { value.ln() } else { value };
-        (place(value) - place(self.low)) / (place(self.high) - place(self.low))
-    }
-
     /// Whether a value has a place on the axis or beyond its ends.
     pub fn knows(&self, value: f64) -> bool {
         value.is_finite() && (value > 0.0 || self.kind != Kind::Log)
     }
 
-    pub fn label(&self, value: f64) -> String {
-        let tick = self.ticks.iter().find(|(tick, _)| *tick == value);
-        tick.map(|(_, label)| label.clone()).unwrap_or_default()
+    /// A coordinate that grows evenly along the axis.
+    fn coordinate(&self, value: f64) -> f64 {
+        match self.kind {
+            Kind::Linear => value,
+            Kind::Log => value.ln(),
+            // Names are read from top to bottom.
+            Kind::Names => -value,
+        }
     }
 }
 
@@ -166,24 +166,23 @@ impl Ranged for Scale {
     type FormatOption = NoDefaultFormatting;
     type ValueType = f64;
 
-    fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
+    fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
+        let ends = [self.low, self.high].map(|end| self.coordinate(end));
+        let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
         // Beyond the ends, but not by more than a pixel can be.
-        let share = self.share(*value);
-        // Names are read from top to bottom.
-        let share = if self.kind == Kind::Names { 1.0 - share } else { share };
-        from + (share.clamp(-1.0, 2.0) * f64::from(to - from)).round() as i32
+        let (least, most) = (2.0 * low - high, 2.0 * high - low);
+        let axis = RangedCoordf64::from(low..high);
+        axis.map(&self.coordinate(*value).clamp(least, most), limit)
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        let decades = (self.high / self.low).log10();
-        if self.kind == Kind::Log && hint.weight().allow_light_points() && decades < 6.0 {
-            let multiples = powers(self.low, self.high);
-            let multiples = multiples.flat_map(|power| (2..=9).map(move |n| f64::from(n) * power));
-            return multiples.filter(|value| self.contains(*value)).collect();
+        if !hint.weight().allow_light_points() {
+            return self.ticks.iter().map(|(value, _)| *value).collect();
         }
-        let ticks = self.ticks.iter().map(|(value, _)| *value);
-        // A line beyond the ends would cross the labels; at the ends numbers are rounded.
-        ticks.filter(|value| (-1e-6..=1.0 + 1e-6).contains(&self.share(*value))).collect()
+        let is_sparse = self.kind == Kind::Log && self.high / self.low < WIDE;
+        let powers = powers(self.low, self.high).filter(|_| is_sparse);
+        let lines = powers.flat_map(|power| (2..=9).map(move |n| f64::from(n) * power));
+        lines.filter(|value| self.contains(*value)).collect()
     }
 
     fn range(&self) -> Range<f64> {
@@ -193,7 +192,8 @@ impl Ranged for Scale {
 
 impl ValueFormatter<f64> for Scale {
     fn format_ext(&self, value: &f64) -> String {
-        self.label(*value)
+        let tick = self.ticks.iter().find(|(tick, _)| tick == value);
+        tick.map(|(_, label)| label.clone()).unwrap_or_default()
     }
 }
 

@@ -1,15 +1,15 @@
-//! Leaves out points that cannot be seen. All functions take coordinates of the figure, not values.
+//! Leaves out points that cannot be seen. All functions take pixels, tenths of a unit of the figure.
 
 use std::collections::HashSet;
 
 use crate::statistics::distance_to_segment;
 
 /// A deviation of the line that cannot be seen.
-const TOLERANCE: f64 = 0.2;
+const TOLERANCE: f64 = 2.0;
 
 /// Width of a column in which a line that only goes forward keeps its first, lowest, highest and
 /// last point.
-const COLUMN: f64 = 0.5;
+const COLUMN: f64 = 5.0;
 
 /// A line without the points that cannot be seen. It keeps its ends, and all extremes if it only
 /// goes forward.
@@ -60,14 +60,14 @@ fn simplified(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 /// The cells grow until at most `most` points are left, so a dense cloud gets thinner and its
 /// outliers stay.
 pub fn cloud(points: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
-    let mut size = 1.0;
+    let mut size = 10.0;
     loop {
         let mut taken = HashSet::new();
         let cell = |point: &[f64; 2]| point.map(|x| (x / size).floor() as i64);
         let kept = points.iter().filter(|point| taken.insert(cell(point)));
         let kept: Vec<_> = kept.copied().collect();
         // A figure has only a few cells above this size.
-        if kept.len() <= most || size > 1e4 {
+        if kept.len() <= most || size > 1e5 {
             return kept;
         }
         size *= 1.25;

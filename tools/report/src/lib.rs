@@ -1,6 +1,5 @@
 //! Shared parts of the i2ris programs: start, output and end of a program, and building blocks of
-//! reports: statistics of plain numbers, figures as SVG, and pages of figures and tables as one
-//! HTML file.
+//! reports: statistics of plain numbers, figures as SVG, and documents as text or one HTML page.
 //!
 //! Reports turn numbers into text. They have no fonts, no scripts, no network, no input and no
 //! output, and do not know what the numbers mean.
@@ -23,12 +22,11 @@
 //! | [`number`] | numbers for readers |
 //! | `style` | colors, dashes, markers |
 //! | `axis` | ranges and numbers of axes |
-//! | `canvas` | the SVG back end of `plotters` |
-//! | `plot` | the area of a panel, in which marks draw |
+//! | `svg` | text of figures, and small files from the SVG back end of `plotters` |
 //! | `decimate` | leaves out points that cannot be seen |
-//! | [`mark`] | lines, point clouds, bands, ellipses, box plots, heat maps |
+//! | `mark` | lines, point clouds, reference lines, intervals |
 //! | `figure` | panels with a legend |
-//! | [`page`] | headings, tables and figures on one HTML page, with `maud` |
+//! | [`document`] | a report, as text and as one HTML page, with `maud` |
 //! | [`programs`] | the programs that `i2ris NAME` starts, and where they are found |
 //! | [`program`] | the main function of a program: command line, exit code, `--domain`, signals |
 //! | [`description`] | a command line as JSON, for the shell completions of `i2ris` |
@@ -46,18 +44,16 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 mod axis;
-mod canvas;
 mod decimate;
 pub mod description;
+pub mod document;
 pub mod exit;
 mod figure;
 pub mod files;
 pub mod hull_outline;
-pub mod mark;
+mod mark;
 pub mod model_poller;
 pub mod number;
-pub mod page;
-pub mod plot;
 pub mod preflight;
 pub mod program;
 pub mod programs;
@@ -67,15 +63,16 @@ pub mod snake;
 pub mod statistics;
 pub mod stop;
 mod style;
+mod svg;
 #[cfg(test)]
 mod tests;
 pub mod tips;
 pub mod view;
 
 pub use axis::Axis;
+pub use document::{Document, Table};
 pub use figure::{Figure, Panel};
-pub use mark::{Line, Mark, ReferenceLine, Scatter, ShadedInterval};
-pub use page::{Page, Table};
+pub use mark::Mark;
 pub use program::{DomainOption, Interrupt};
 pub use screen::{Screen, until_closed, while_working};
 pub use style::{Color, Dash, Marker, Stroke};

@@ -4,6 +4,7 @@
 //! blindness can distinguish, and greys. In grey print some are close to each other: lines that
 //! must be distinguished have different dashes or markers as well.
 
+use plotters::element::PathElement;
 use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
 /// `plotters` accepts only whole coordinates and widths: a figure is drawn in tenths of a unit.
@@ -53,17 +54,18 @@ pub enum Dash {
     Solid,
     Dashed,
     Dotted,
-    DashDot,
+    Long,
 }
 
 impl Dash {
-    /// Dash, gap, dash, ... Round ends make a dash longer by the width of the line.
-    pub(crate) fn lengths(self) -> &'static [f64] {
+    /// Dash and gap, in units of the figure. Round ends make a dash longer by the width of the
+    /// line.
+    pub(crate) fn lengths(self) -> [f64; 2] {
         match self {
-            Self::Solid => &[],
-            Self::Dashed => &[5.0, 4.0],
-            Self::Dotted => &[0.5, 3.5],
-            Self::DashDot => &[6.0, 3.5, 0.5, 3.5],
+            Self::Solid => [1.0, 0.0],
+            Self::Dashed => [5.0, 4.0],
+            Self::Dotted => [0.5, 3.5],
+            Self::Long => [12.0, 4.0],
         }
     }
 }
@@ -106,3 +108,33 @@ pub enum Marker {
     /// An open square on its tip.
     Diamond,
 }
+
+impl Marker {
+    /// The symbol at a pixel: a polyline, because those of one style become one path.
+    pub(crate) fn symbol(self, (x, y): (i32, i32), color: Color) -> PathElement<(i32, i32)> {
+        let corners: &[[f64; 2]] = match self {
+            Self::Dot => {
+                // A disc: a line of no length with round ends.
+                return PathElement::new([(x, y), (x, y)], Stroke::new(color, 5.0).style());
+            }
+            Self::Circle => &CIRCLE,
+            Self::Square => &[[-0.85, -0.85], [0.85, -0.85], [0.85, 0.85], [-0.85, 0.85]],
+            Self::Triangle => &[[0.0, -1.1], [1.0, 0.75], [-1.0, 0.75]],
+            Self::Diamond => &[[0.0, -1.2], [1.2, 0.0], [0.0, 1.2], [-1.2, 0.0]],
+            Self::Cross => {
+                &[[0.9, 0.9], [-0.9, -0.9], [0.0, 0.0], [-0.9, 0.9], [0.9, -0.9], [0.0, 0.0]]
+            }
+        };
+        let closed = corners.iter().chain(corners.first());
+        let pixel = |at: &[f64; 2]| (x + pixels(RADIUS * at[0]), y + pixels(RADIUS * at[1]));
+        PathElement::new(closed.map(pixel).collect::<Vec<_>>(), Stroke::new(color, 1.1).style())
+    }
+}
+
+/// Radius of a marker.
+const RADIUS: f64 = 3.0;
+/// Eight corners of a circle: round enough at this size.
+const CIRCLE: [[f64; 2]; 8] = {
+    let a = std::f64::consts::FRAC_1_SQRT_2;
+    [[1.0, 0.0], [a, a], [0.0, 1.0], [-a, a], [-1.0, 0.0], [-a, -a], [0.0, -1.0], [a, -a]]
+};

@@ -1,6 +1,5 @@
 //! Properties of every figure and page: well-formed, self-contained, small, only finite numbers.
 
-use crate::page::TableRow;
 use crate::*;
 use proptest::prelude::*;
 use roxmltree::{Document, Node, ParsingOptions};
@@ -17,33 +16,33 @@ fn everything(points: &[[f64; 2]], name: &str) -> Figure {
     let [x, y] = points.first().copied().unwrap_or_default();
     let all = || points.to_vec();
     let numbers = Panel::new(name, Axis::linear(name), Axis::linear(name))
-        .with(ShadedInterval::new(x, y, Color::FAINT).label(name))
-        .with(Line::new(all(), STROKE).marker(Marker::Diamond).label(name))
-        .with(Scatter::new(all(), Color::PALE, 2.0).label(name))
-        .with(Scatter::markers(all(), Color::BLACK, Marker::Cross).label(name))
-        .with(ReferenceLine::horizontal(y, STROKE))
-        .with(ReferenceLine::vertical(x, STROKE));
+        .with(Mark::interval(x, y, Color::FAINT).label(name))
+        .with(Mark::line(all(), STROKE).marker(Marker::Diamond).label(name))
+        .with(Mark::dots(all(), Color::PALE, 2.0).label(name))
+        .with(Mark::markers(all(), Color::BLACK, Marker::Cross).label(name))
+        .with(Mark::horizontal(y, STROKE))
+        .with(Mark::vertical(x, STROKE));
     let logs = Panel::new(name, Axis::log(name), Axis::log(name));
-    let logs = logs.with(Line::new(all(), STROKE));
+    let logs = logs.with(Mark::line(all(), STROKE));
     let names = Axis::names("", vec![name.to_owned()]);
     let names = Panel::new(name, Axis::linear(name).including(0.0), names);
-    let names = names.with(Scatter::new(vec![[x, 0.0]], Color::SKY, 2.0).label(name));
+    let names = names.with(Mark::dots(vec![[x, 0.0]], Color::SKY, 2.0).label(name));
     Figure::new(name, name, name).row(200.0, vec![numbers, logs]).row(120.0, vec![names])
 }
 
 fn page(name: &str) -> String {
-    let mut page = Page::new(name);
+    let mut page = crate::Document::new(name);
     page.section(name);
     page.main_result(name);
     page.paragraph(name);
     page.notice(name, [name.to_owned()]);
-    page.figure(&everything(&[[0.0, 1.0], [2.0, 3.0]], name), name);
+    page.figure(everything(&[[0.0, 1.0], [2.0, 3.0]], name), name);
     let mut table = Table::new(name, [name, name]);
-    table.row(TableRow::new([name, name].map(str::to_owned)).strong(true));
-    page.table(&table);
+    table.row([name, name].map(str::to_owned)).strong = true;
+    page.table(table);
     page.facts([(name.to_owned(), name.to_owned())]);
     page.footer(name);
-    page.to_string()
+    page.html()
 }
 
 fn parse(text: &str) -> Document<'_> {
@@ -72,9 +71,11 @@ fn numbers(document: &Document) -> Vec<f64> {
 
 #[test]
 fn page_follows_dark_mode_and_captions_fit_a_phone() {
-    let mut page = Page::new("a");
-    page.table(&Table::new("a long caption", ["x"]));
-    let text = page.to_string();
+    let mut page = crate::Document::new("a");
+    let mut table = Table::new("a long caption", ["x"]);
+    table.row(["y".to_owned()]);
+    page.table(table);
+    let text = page.html();
     assert!(text.contains("@media screen and (prefers-color-scheme: dark)"), "{text}");
     assert!(text.contains("<caption><span>a long caption</span></caption>"), "{text}");
 }
@@ -122,8 +123,8 @@ fn identifiers_are_unique_and_references_exist() {
 fn a_figure_of_many_points_is_small() {
     let noise = |i: u32| f64::from(i.wrapping_mul(2_654_435_761) >> 16) * 1e-3;
     let points: Vec<_> = (0..100_000).map(|i| [f64::from(i) * 0.01, noise(i)]).collect();
-    let cloud = panel().with(Scatter::new(points.clone(), Color::BLACK, 2.0));
-    for panel in [panel().with(Line::new(points, STROKE)), cloud] {
+    let cloud = panel().with(Mark::dots(points.clone(), Color::BLACK, 2.0));
+    for panel in [panel().with(Mark::line(points, STROKE)), cloud] {
         let size = Figure::new("many", "", "").row(200.0, vec![panel]).to_string().len();
         assert!((5_000..60_000).contains(&size), "{size} bytes");
     }
@@ -131,7 +132,7 @@ fn a_figure_of_many_points_is_small() {
 
 #[test]
 fn the_legend_has_every_label_once() {
-    let line = |name: &str| Line::new(vec![[0.0, 0.0], [1.0, 1.0]], STROKE).label(name);
+    let line = |name: &str| Mark::line(vec![[0.0, 0.0], [1.0, 1.0]], STROKE).label(name);
     let panels = [(); 2].map(|()| panel().with(line("one")).with(line("two")));
     let text = Figure::new("legend", "", "").row(200.0, panels.into()).to_string();
     assert_eq!([">one<", ">two<"].map(|label| text.matches(label).count()), [1, 1]);

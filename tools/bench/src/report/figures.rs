@@ -1,6 +1,6 @@
 //! Curves of percentiles.
 
-use i2ris_report::{Axis, Color, Dash, Figure, Line, Marker, Panel, Stroke};
+use i2ris_report::{Axis, Color, Dash, Figure, Mark, Marker, Panel, Stroke};
 
 use crate::outcome::{Durations, Outcome, Role, Variant};
 
@@ -35,7 +35,7 @@ const OURS: [(Color, Dash, Marker); 5] = [
 /// Colors, dashes and markers of peers.
 const PEERS: [(Color, Dash, Marker); 3] = [
     (Color::GREY, Dash::Dashed, Marker::Cross),
-    (Color::ORANGE, Dash::DashDot, Marker::Diamond),
+    (Color::ORANGE, Dash::Long, Marker::Diamond),
     (Color::BLACK, Dash::Dotted, Marker::Square),
 ];
 
@@ -68,9 +68,9 @@ fn panel(group: &str, variants: &[&Variant]) -> Panel {
             Role::Peer => peers.next(),
         };
         let line = match style {
-            None => Line::new(points, Stroke::new(Color::BLACK, 1.8).dash(Dash::Dashed)),
+            None => Mark::line(points, Stroke::new(Color::BLACK, 1.8).dash(Dash::Dashed)),
             Some((color, dash, marker)) => {
-                Line::new(points, Stroke::new(*color, 1.4).dash(*dash)).marker(*marker)
+                Mark::line(points, Stroke::new(*color, 1.4).dash(*dash)).marker(*marker)
             }
         };
         panel = panel.with(line.label(variant.display_name()));

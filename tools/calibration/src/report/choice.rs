@@ -2,8 +2,7 @@
 
 use i2ris::model::file::OutputUnit;
 use i2ris_report::number::fixed;
-use i2ris_report::page::TableRow;
-use i2ris_report::{Page, Table};
+use i2ris_report::{Document, Table};
 
 use super::fit::{CalibrationReport, ChoiceScore};
 use crate::fit::choice::Score;
@@ -16,21 +15,16 @@ const NEAR: f64 = 0.1;
 /// A cell without a value.
 pub(super) const NONE: &str = "–";
 
-pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
+pub(super) fn write(page: &mut Document, data: &CalibrationReport) {
     let scores = &data.choice;
     let unit = data.unit();
     let Some(explanation) = explanation(scores, unit) else {
         return;
     };
     page.paragraph(explanation);
-    let header = [
-        "family".to_owned(),
-        format!("held out ({unit})"),
-        format!("tracking ({unit})"),
-        "worst on".to_owned(),
-        format!("score ({unit})"),
-        "travel".to_owned(),
-    ];
+    let [held_out, tracking, score] =
+        ["held out", "tracking", "score"].map(|name| format!("{name} ({unit})"));
+    let header = ["family", &held_out, &tracking, "worst on", &score, "travel"];
     let caption = "The choice: RMS length of the error on the held-out rows; RMS length of the \
                    tracking error when the inverse of the family moves the other families as \
                    robots, and the family with the largest error; the score is the root of the sum \
@@ -39,27 +33,19 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
                    the tracking error on other robots than these decides. A \
                    family whose error on the held-out rows is far above the minimum, or that no \
                    other can follow, is not used as a robot.";
-    let mut table = Table::new(caption.to_owned(), header);
+    let mut table = Table::new(caption, header);
     for score in scores {
         let none = || NONE.to_owned();
         let (worst, name) = match &score.tracking {
             Some((error, name)) => (fixed(*error, 3), name.clone()),
             None => (none(), none()),
         };
-        table.row(TableRow {
-            cells: vec![
-                score.family.clone(),
-                fixed(score.held_out, 3),
-                worst,
-                name,
-                fixed(score.total, 3),
-                if score.tracking.is_some() { fixed(score.travel, 2) } else { none() },
-            ],
-            strong: score.chosen,
-            rule: true,
-        });
+        let travel = if score.tracking.is_some() { fixed(score.travel, 2) } else { none() };
+        let [held_out, total] = [score.held_out, score.total].map(|error| fixed(error, 3));
+        let row = table.row([score.family.clone(), held_out, worst, name, total, travel]);
+        (row.strong, row.rule) = (score.chosen, true);
     }
-    page.table(&table);
+    page.table(table);
 }
 
 /// Reason of the choice, and its certainty; `None` if no family was chosen.

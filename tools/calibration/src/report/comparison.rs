@@ -1,10 +1,12 @@
 //! Models side by side on one recording.
 
-use std::fmt;
+use std::{fmt, mem};
 
 use i2ris::model::Model;
 use i2ris::model::file::FitMetrics;
+use i2ris_report::number::fixed;
 use i2ris_report::statistics::{mean, quantile_of_unsorted};
+use i2ris_report::{Document, Table};
 use serde::Serialize;
 
 use crate::fit::metrics::{metrics, predictions};
@@ -171,58 +173,59 @@ fn family(model: &Model) -> String {
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, rows, positions) = &self.recording;
-        writeln!(
-            f,
-            "recording  {name}: {rows} rows with angles on a path of {positions} positions"
-        )?;
-        let header = ["R2", "RMSD", "NRMSD", "MAE", "p99", "max"];
-        let header = header.map(|name| format!(" {name:>9}")).concat();
-        writeln!(f, "\n{:<23} {:<12}{header} {:>12}", "family", "output", "RMS length")?;
+        let mut text = Document::new(format!(
+            "{name}: {rows} rows with angles on a path of {positions} positions"
+        ));
+        let header = "model/family/output/R²/RMSD/NRMSD/MAE/p99/max/RMS length".split('/');
+        let mut table = Table::new("Errors.", header).text_column(1).text_column(2);
         for model in &self.models {
-            let (mut family, mut length) = (&*model.family, format!(" {:>12.3}", model.rms_length));
+            let (file, family) = (model.model.clone(), model.family.clone());
+            let (mut first, mut length) = ([file, family], fixed(model.rms_length, 3));
             for ComparedOutput { name, unit, metrics, p99 } in &model.outputs {
-                let FitMetrics { r2, rmsd, nrmsd, mae, max } = metrics;
-                let name = format!("{name} ({unit})");
-                write!(f, "{family:<23} {name:<12} {r2:>9.4} {rmsd:>9.3} {nrmsd:>9.4} {mae:>9.3}")?;
-                writeln!(f, " {p99:>9.3} {max:>9.3}{length}")?;
-                (family, length) = ("", String::new());
+                let FitMetrics { r2, rmsd, nrmsd, mae, max } = *metrics;
+                let cells = mem::take(&mut first).into_iter().chain([format!("{name} ({unit})")]);
+                let [r2, nrmsd] = [r2, nrmsd].map(|value| fixed(value, 4));
+                let [rmsd, mae, p99, max] = [rmsd, mae, *p99, max].map(|value| fixed(value, 3));
+                let numbers = [r2, rmsd, nrmsd, mae, p99, max, mem::take(&mut length)];
+                table.row(cells.chain(numbers));
             }
-            let trained = if model.trained_on_it { ", fitted to this recording" } else { "" };
-            writeln!(f, "  {}{trained}", model.model)?;
-            model.write_doubts(f, *rows, self.common)?;
         }
-        match self.verdict() {
-            Some(verdict) => writeln!(f, "\nverdict: {verdict}"),
-            None => Ok(()),
+        text.table(table);
+        let remarks = self.models.iter();
+        let remarks = remarks.map(|model| (&*model.model, model.remarks(*rows, self.common)));
+        let remarks = remarks.filter(|(_, remarks)| !remarks.is_empty());
+        text.facts(remarks.map(|(model, remarks)| (model, remarks.join("\n"))));
+        if let Some(verdict) = self.verdict() {
+            text.paragraph(format!("verdict: {verdict}"));
         }
+        f.write_str(&text.text(usize::MAX))
     }
 }
 
 impl ComparedModel {
-    /// Writes the parts of the errors that are not due to the model.
-    fn write_doubts(&self, f: &mut fmt::Formatter<'_>, rows: usize, common: usize) -> fmt::Result {
+    /// The parts of the errors that are not due to the model.
+    fn remarks(&self, rows: usize, common: usize) -> Vec<String> {
         let Self { unknown_memory, outside, .. } = *self;
+        let mut remarks = Vec::new();
+        if self.trained_on_it {
+            remarks.push("fitted to this recording".to_owned());
+        }
         if unknown_memory > 0 {
-            writeln!(
-                f,
-                "  the memory is unknown in the first {unknown_memory} of {rows} rows: there the \
+            remarks.push(format!(
+                "the memory is unknown in the first {unknown_memory} of {rows} rows: there the \
                  error may be as large as the hysteresis loop is wide"
-            )?;
+            ));
         }
         if outside > 0 {
             let percent = 100.0 * outside as f64 / rows as f64;
-            writeln!(
-                f,
-                "  {outside} of {rows} rows ({percent:.0} %) are outside the region that its \
+            remarks.push(format!(
+                "{outside} of {rows} rows ({percent:.0} %) are outside the region that its \
                  calibration visited"
-            )?;
+            ));
         }
-        match self.rms_length_of_common.filter(|_| common < rows) {
-            Some(rms) => writeln!(
-                f,
-                "  RMS length on the {common} rows known to every compared model: {rms:.3}"
-            ),
-            None => Ok(()),
-        }
+        remarks.extend(self.rms_length_of_common.filter(|_| common < rows).map(|rms| {
+            format!("RMS length on the {common} rows known to every compared model: {rms:.3}")
+        }));
+        remarks
     }
 }

@@ -4,8 +4,7 @@ use std::fmt;
 
 use i2ris::model::Model;
 use i2ris::model::file::OutputSpec;
-use i2ris_report::page::TableRow;
-use i2ris_report::{Axis, Color, Figure, Line, Page, Panel, ReferenceLine, Stroke, Table};
+use i2ris_report::{Axis, Color, Document, Figure, Mark, Panel, Stroke, Table};
 use serde::Serialize;
 
 use crate::drift::{DriftError, DriftEstimate, Value, Verdict};
@@ -52,13 +51,13 @@ impl DriftReport {
     #[must_use]
     pub fn html(&self) -> String {
         let Self { model, verdict, drift, recording, outputs } = self;
-        let mut page = Page::new(format!("Drift of {model}"));
+        let mut page = Document::new(format!("Drift of {model}"));
         let [before, after] = drift.rms;
         let unit = outputs[0].unit;
         page.main_result(format!(
             "On {recording}: {before:.3} {unit}, {after:.3} {unit} without the drift; {verdict}."
         ));
-        page.table(&self.table());
+        page.table(self.table());
         let figure = Figure::new(
             "drift",
             "Errors over time",
@@ -71,16 +70,16 @@ impl DriftReport {
             let after = errors().map(|(time, _, after)| [*time, after[output]]).collect();
             let y = Axis::linear(format!("error ({})", spec.unit));
             let panel = Panel::new(&*spec.name, Axis::linear("time (s)"), y)
-                .with(Line::new(before, BEFORE).label("as calibrated"))
-                .with(Line::new(after, AFTER).label("without the drift"))
-                .with(ReferenceLine::horizontal(0.0, Stroke::new(Color::DARK, 0.6)));
+                .with(Mark::line(before, BEFORE).label("as calibrated"))
+                .with(Mark::line(after, AFTER).label("without the drift"))
+                .with(Mark::horizontal(0.0, Stroke::new(Color::DARK, 0.6)));
             figure.row(HEIGHT, vec![panel])
         });
         page.figure(
-            &figure,
+            figure,
             "Measured minus predicted over time, as calibrated, and with the drift taken out.",
         );
-        page.to_string()
+        page.html()
     }
 
     fn table(&self) -> Table {
@@ -89,7 +88,7 @@ impl DriftReport {
             ["", "value", "deviation"],
         );
         let mut row = |name: String, Value { value, deviation }: &Value| {
-            table.row(TableRow::new([name, format!("{value:+.3}"), format!("{deviation:.3}")]));
+            table.row([name, format!("{value:+.3}"), format!("{deviation:.3}")]);
         };
         for (spec, value) in self.outputs.iter().zip(&self.drift.zero) {
             row(format!("zero of {} ({})", spec.name, spec.unit), value);

@@ -1,8 +1,6 @@
 //! Counts against angle: the measured loop, and the branches of the models.
 
-use i2ris_report::{
-    Axis, Color, Dash, Figure, Line, Marker, Page, Panel, ReferenceLine, Scatter, Stroke,
-};
+use i2ris_report::{Axis, Color, Dash, Document, Figure, Mark, Marker, Panel, Stroke};
 
 use super::fit::{Branches, CalibrationReport, FamilyResult, OutputFacts};
 use super::labels::{ZERO, along};
@@ -17,7 +15,7 @@ const RISING: Stroke = Stroke::new(Color::BLUE, 1.6);
 /// Both branches of the reference model.
 const OTHER: Stroke = Stroke::new(Color::BLACK, 1.2).dash(Dash::Dotted);
 
-pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
+pub(super) fn write(page: &mut Document, data: &CalibrationReport) {
     let outputs = || data.outputs.iter().enumerate();
     let angles = outputs().map(|(index, output)| panel(data, index, output, false)).collect();
     let deviations = outputs().map(|(index, output)| panel(data, index, output, true)).collect();
@@ -31,7 +29,7 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     .row(HEIGHTS[0], angles)
     .row(HEIGHTS[1], deviations);
     page.figure(
-        &figure,
+        figure,
         "Measured outputs against the counts along each of them: the counts, projected on the \
          direction in which the output changes most. Lines: predictions of the models on one sweep \
          back and forth through the middle of the calibrated region. Top: the output. Bottom: its \
@@ -53,12 +51,12 @@ fn panel(data: &CalibrationReport, index: usize, output: &OutputFacts, deviation
     } else {
         output.name.clone()
     };
-    let mut panel = Panel::new(title, x, y).with(ReferenceLine::horizontal(0.0, ZERO));
+    let mut panel = Panel::new(title, x, y).with(Mark::horizontal(0.0, ZERO));
     for (rising, ink, label) in
         [(true, Color::PALE, "measured, rising"), (false, Color::GREY, "measured, falling")]
     {
         panel = panel.with(
-            Scatter::new(measured(data, index, output, rising, deviation), ink, 1.5).label(label),
+            Mark::dots(measured(data, index, output, rising, deviation), ink, 1.5).label(label),
         );
     }
     if let Some((family, branches)) =
@@ -85,7 +83,7 @@ fn one_line(branches: &Branches) -> bool {
         .all(|(there, back)| (there[1] - back[1]).abs() <= 1e-9 * there[1].abs().max(1.0))
 }
 
-fn both(family: &FamilyResult, branches: &Branches, deviation: bool) -> [Line; 2] {
+fn both(family: &FamilyResult, branches: &Branches, deviation: bool) -> [Mark; 2] {
     let rising = line(&branches.rising, RISING, deviation).marker(Marker::Triangle);
     let falling = line(&branches.falling, FALLING, deviation).marker(Marker::Square);
     [
@@ -94,11 +92,11 @@ fn both(family: &FamilyResult, branches: &Branches, deviation: bool) -> [Line; 2
     ]
 }
 
-fn line(branch: &[[f64; 3]], stroke: Stroke, deviation: bool) -> Line {
+fn line(branch: &[[f64; 3]], stroke: Stroke, deviation: bool) -> Mark {
     let point = |[along, value, straight]: &[f64; 3]| {
         [*along, if deviation { value - straight } else { *value }]
     };
-    Line::new(branch.iter().map(point).collect(), stroke)
+    Mark::line(branch.iter().map(point).collect(), stroke)
 }
 
 fn measured(

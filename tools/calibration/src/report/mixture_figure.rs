@@ -3,7 +3,7 @@
 use i2ris::model::file::{Mixture, MixtureParameters};
 use i2ris::units::MotorVec;
 use i2ris_report::statistics::min_max;
-use i2ris_report::{Axis, Color, Dash, Figure, Line, Page, Panel, Scatter, Stroke};
+use i2ris_report::{Axis, Color, Dash, Document, Figure, Mark, Panel, Stroke};
 
 use super::fit::{CalibrationReport, FamilyResult, OutputFacts, Straight};
 use super::labels::{CHOSEN, along, with_unit};
@@ -92,7 +92,7 @@ impl PlanarMixture {
     }
 }
 
-fn ellipse((_, mean, [across, between, output]): &(f64, [f64; 2], [f64; 3])) -> Line {
+fn ellipse((_, mean, [across, between, output]): &(f64, [f64; 2], [f64; 3])) -> Mark {
     let width = across.sqrt();
     let (slope, left) = (between / width, (output - between * between / across).max(0.0).sqrt());
     let point = |step: usize| {
@@ -100,11 +100,11 @@ fn ellipse((_, mean, [across, between, output]): &(f64, [f64; 2], [f64; 3])) -> 
         let [x, y] = [width * cos, slope * cos + left * sin].map(|part| DEVIATIONS * part);
         [mean[0] + x, mean[1] + y]
     };
-    Line::new((0..=POINTS).map(point).collect(), ELLIPSE)
+    Mark::line((0..=POINTS).map(point).collect(), ELLIPSE)
 }
 
 /// Writes a figure for every family that has a mixture.
-pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
+pub(super) fn write(page: &mut Document, data: &CalibrationReport) {
     for family in data.families.iter().filter(|family| !family.mixtures.is_empty()) {
         let mut figure = Figure::new(
             &format!("mixture-{}", family.name),
@@ -126,7 +126,7 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
             family.title,
             if family.name == "gmr" { "" } else { "; the plays before it do" }
         );
-        page.figure(&figure, &caption);
+        page.figure(figure, caption);
     }
 }
 
@@ -156,11 +156,11 @@ fn panel(
             let [mean, deviation] = mixture.at(counts);
             [counts, mean + deviations * deviation]
         };
-        Line::new((0..=POINTS).map(point).collect(), stroke)
+        Mark::line((0..=POINTS).map(point).collect(), stroke)
     };
     let x = Axis::linear(format!("{} (counts)", along(&mixture.direction, data.recording.motors)));
     Panel::new("", x, Axis::linear(with_unit(output)))
-        .with(Scatter::new(rows, Color::PALE, 1.5))
+        .with(Mark::dots(rows, Color::PALE, 1.5))
         .with_all(mixture.components.iter().map(ellipse))
         .with(curve(0.0, CHOSEN))
         .with_all([-DEVIATIONS, DEVIATIONS].map(|deviations| curve(deviations, BAND)))

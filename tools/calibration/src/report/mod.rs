@@ -17,14 +17,14 @@
 //! | `drift` | the drift of a robot from a calibration |
 //! | `fit` | report of a fit |
 //! | `gather`, `sweep` | its content, from the fit |
-//! | `text` | the printed form |
-//! | `page`, `choice` | the page |
+//! | `page`, `facts`, `choice` | as a document |
 //! | `hysteresis_loops`, `mixture_figure` | figures of the models |
 //! | `labels` | numbers and names in the form of the page |
 
 mod choice;
 mod comparison;
 mod drift;
+mod facts;
 mod fit;
 mod gather;
 mod hysteresis_loops;
@@ -34,7 +34,6 @@ mod page;
 mod sweep;
 #[cfg(test)]
 mod tests;
-mod text;
 
 pub use comparison::Comparison;
 pub use drift::DriftReport;

@@ -1,11 +1,12 @@
-//! The page of a fit: findings in words, tables, and the figures of the other files.
+//! The report of a fit: findings in words, tables, and the figures of the other files.
 
-use i2ris_report::number::{fixed, grouped};
-use i2ris_report::page::TableRow;
-use i2ris_report::{Axis, Color, Figure, Marker, Page, Panel, ReferenceLine, Scatter, Table};
+use std::{fmt, iter, mem};
+
+use i2ris_report::number::fixed;
+use i2ris_report::{Axis, Color, Document, Figure, Mark, Marker, Panel, Table};
 
 use super::choice::{self, NONE};
-use super::fit::{BASELINE, CalibrationReport, Errors, FamilyResult, OutputFacts};
+use super::fit::{BASELINE, CalibrationReport, Errors, FamilyResult};
 use super::labels::{NOISE, error, list, with_unit};
 use super::{hysteresis_loops, mixture_figure};
 
@@ -21,36 +22,59 @@ const HEIGHTS: [f64; 2] = [22.0, 66.0];
 /// Characters of a hash that identify a model in a table.
 const SHORT: usize = 12;
 
+/// Columns of a printed report.
+const WIDTH: usize = 100;
+
+impl fmt::Display for CalibrationReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.document().text(WIDTH))
+    }
+}
+
 impl CalibrationReport {
     /// The report as a self-contained HTML document.
     #[must_use]
     pub fn html(&self) -> String {
-        let mut page = Page::new(format!("Calibration of {}", self.robot_id));
+        self.document().html()
+    }
+
+    fn document(&self) -> Document {
+        let mut page = Document::new(format!("Calibration of {}", self.robot_id));
         if let Some(family) = self.chosen() {
             page.main_result(self.main_result(family));
         }
-        page.paragraph(self.what_was_read_in_words());
-        let warnings: Vec<String> = self.notices();
-        if !warnings.is_empty() {
-            page.notice("Keep in mind", warnings);
-        }
+        page.facts(self.facts());
+        page.notice("Keep in mind", self.notices());
         page.section("Families side by side");
         choice::write(&mut page, self);
-        self.families_figure(&mut page);
-        page.table(&self.overview());
-        for (index, output) in self.outputs.iter().enumerate() {
-            page.table(&self.metrics_table(index, output));
+        page.page_only(|page| {
+            self.families_figure(page);
+            page.table(self.overview());
+        });
+        page.table(self.metrics_table());
+        for family in &self.families {
+            let note = family.note.iter().map(|note| format!("`{}`: {note}.", family.name));
+            note.for_each(|note| page.paragraph(note));
         }
-        page.section("Hysteresis");
-        hysteresis_loops::write(&mut page, self);
-        mixture_figure::write(&mut page, self);
-        page.section("Where it comes from");
-        page.facts(self.facts());
-        page.paragraph(
-            "Predictions come from the code that the controller runs, with its memory following \
-             the whole path of the motors from the first row on.",
-        );
-        page.to_string()
+        let readings = self.families.iter();
+        let readings = readings.filter_map(|it| Some((&*it.name, it.reading.clone()?)));
+        let readings: Vec<_> = readings.collect();
+        if !readings.is_empty() {
+            page.section("Properties of the robot (lengths in output units)");
+            page.facts(readings);
+        }
+        page.page_only(|page| {
+            page.section("Hysteresis");
+            hysteresis_loops::write(page, self);
+            mixture_figure::write(page, self);
+            page.section("Where it comes from");
+            page.facts(self.origin());
+            page.paragraph(
+                "Predictions come from the code that the controller runs, with its memory \
+                 following the whole path of the motors from the first row on.",
+            );
+        });
+        page
     }
 
     fn baseline(&self) -> Option<&Errors> {
@@ -78,31 +102,8 @@ impl CalibrationReport {
         }
     }
 
-    fn what_was_read_in_words(&self) -> String {
-        let (track, recording) = (&self.track, &self.recording);
-        let outputs: Vec<String> = self.outputs.iter().map(|output| output.name.clone()).collect();
-        let span = match track.time.last() {
-            Some(seconds) if track.timed => format!(" over {} s", fixed(*seconds, 0)),
-            _ => String::new(),
-        };
-        let held_out = match track.held_out().count() {
-            0 => "none were held out".to_owned(),
-            rows => format!("{} were held out ({})", grouped(rows), recording.held_out_rows),
-        };
-        format!(
-            "Recording {} of robot {}: {} rows of {}{span}, {}. {} rows were used for training, \
-             {held_out}.",
-            recording.name,
-            self.robot_id,
-            grouped(track.time.len()),
-            list(&outputs),
-            if recording.motors == 1 { "one motor" } else { "two motors" },
-            grouped(track.training.len()),
-        )
-    }
-
     fn notices(&self) -> Vec<String> {
-        let mut notices: Vec<String> = self.warnings.iter().map(|words| sentence(words)).collect();
+        let mut notices = self.warnings.clone();
         notices.extend(
             self.failures
                 .iter()
@@ -124,8 +125,7 @@ impl CalibrationReport {
         if let Some(family) = self.chosen() {
             notices.extend(self.findings(family));
         }
-        let unexplained = self.unexplained.as_ref().map(ToString::to_string);
-        notices.extend(self.beyond_model.iter().chain(&unexplained).map(|words| sentence(words)));
+        notices.extend(self.beyond_model.clone());
         notices
     }
 
@@ -179,7 +179,7 @@ impl CalibrationReport {
     }
 
     /// The error of every family in one figure.
-    fn families_figure(&self, page: &mut Page) {
+    fn families_figure(&self, page: &mut Document) {
         let label = format!("root mean square error over all outputs ({})", self.unit());
         let names = self.families.iter().map(|family| family.name.clone()).collect();
         let dots = |of: fn(&FamilyResult) -> &Option<Errors>| -> Vec<[f64; 2]> {
@@ -191,14 +191,14 @@ impl CalibrationReport {
         let held_out = dots(|family| &family.held_out);
         let (x, y) = (Axis::linear(label).including(0.0), Axis::names("", names));
         let mut panel = Panel::new("", x, y)
-            .with(Scatter::markers(training, Color::GREY, Marker::Circle).label("training"));
+            .with(Mark::markers(training, Color::GREY, Marker::Circle).label("training"));
         if !held_out.is_empty() {
-            let held_out = Scatter::markers(held_out, Color::BLUE, Marker::Diamond);
+            let held_out = Mark::markers(held_out, Color::BLUE, Marker::Diamond);
             panel = panel.with(held_out.label("held out"));
         }
         let mut dotted = "";
         if let Some(noise) = self.noise() {
-            panel = panel.with(ReferenceLine::vertical(noise, NOISE));
+            panel = panel.with(Mark::vertical(noise, NOISE));
             dotted = " Dotted: the noise of the measurement.";
         }
         let figure = Figure::new(
@@ -212,7 +212,7 @@ impl CalibrationReport {
             "Root mean square length of the error over all outputs, for every family of \
              models.{dotted}"
         );
-        page.figure(&figure, &caption);
+        page.figure(figure, caption);
     }
 
     fn overview(&self) -> Table {
@@ -247,102 +247,50 @@ impl CalibrationReport {
                 if seconds < 0.01 { "< 0.01".to_owned() } else { fixed(seconds, 2) },
                 family.model_id.chars().take(SHORT).collect(),
             ];
-            table.row(TableRow { cells, strong: family.chosen, rule: false });
+            table.row(cells).strong = family.chosen;
         }
         table
     }
 
-    fn metrics_table(&self, index: usize, output: &OutputFacts) -> Table {
-        let [rmsd, mae, p99, max] =
-            ["RMSD", "MAE", "p99", "max"].map(|name| format!("{name} ({})", output.unit));
-        let caption = format!(
-            "{}: coefficient of determination (R²), root mean square error (RMSD), the same over \
-             the range of the measured values (NRMSD), mean absolute error (MAE), its 99th \
-             percentile (p99), largest error.",
-            with_unit(output)
-        );
-        let mut table =
-            Table::new(caption, ["family", "rows", "R²", &rmsd, "NRMSD", &mae, &p99, &max]);
-        for family in &self.families {
-            let metrics = family.metrics.get(index);
-            let training = metrics.map(|metrics| metrics.training);
-            let held_out = metrics.and_then(|metrics| metrics.held_out);
-            let sets = [
-                ("training", training, &family.training),
-                ("held out", held_out, &family.held_out),
-            ];
-            let sets = sets
-                .into_iter()
-                .filter_map(|(rows, fit, errors)| Some((rows, fit, errors.as_ref()?)));
-            for (place, (rows, metrics, errors)) in sets.enumerate() {
-                let name = if place == 0 { family.title.clone() } else { String::new() };
-                let mut cells = vec![name, rows.to_owned()];
-                match metrics.zip(errors.p99.get(index)) {
-                    Some((of, p99)) => {
-                        let [rmsd, mae, p99, max] =
-                            [of.rmsd, of.mae, *p99, of.max].map(|value| fixed(value, 3));
-                        cells.extend([fixed(of.r2, 4), rmsd, fixed(of.nrmsd, 4), mae, p99, max]);
+    fn metrics_table(&self) -> Table {
+        let caption = "Errors: coefficient of determination (R²), root mean square error (RMSD), \
+                       the same over the range of the measured values (NRMSD), mean absolute error \
+                       (MAE), its 99th percentile (p99), largest error; in the unit of the output.";
+        let header = ["output", "family", "rows", "R²", "RMSD", "NRMSD", "MAE", "p99", "max"];
+        let mut table = Table::new(caption, header).text_column(1).text_column(2);
+        for (index, output) in self.outputs.iter().enumerate() {
+            let mut output = with_unit(output);
+            for family in &self.families {
+                let metrics = family.metrics.get(index);
+                let training = metrics.map(|metrics| metrics.training);
+                let held_out = metrics.and_then(|metrics| metrics.held_out);
+                let sets = [
+                    ("training", training, &family.training),
+                    ("held out", held_out, &family.held_out),
+                ];
+                let mut name = family.title.clone();
+                for (rows, metrics, errors) in sets {
+                    let Some(errors) = errors else { continue };
+                    let rule = !name.is_empty();
+                    let mut cells = vec![mem::take(&mut output), mem::take(&mut name)];
+                    cells.push(rows.to_owned());
+                    match metrics.zip(errors.p99.get(index)) {
+                        Some((of, p99)) => {
+                            let [rmsd, mae, p99, max] =
+                                [of.rmsd, of.mae, *p99, of.max].map(|value| fixed(value, 3));
+                            let nrmsd = fixed(of.nrmsd, 4);
+                            cells.extend([fixed(of.r2, 4), rmsd, nrmsd, mae, p99, max]);
+                        }
+                        None => {
+                            cells.push("constant".to_owned());
+                            cells.extend(iter::repeat_n(NONE.to_owned(), 5));
+                        }
                     }
-                    None => cells.extend(std::iter::repeat_n(NONE.to_owned(), 6)),
+                    let row = table.row(cells);
+                    (row.strong, row.rule) = (family.chosen, rule);
                 }
-                table.row(TableRow { cells, strong: family.chosen, rule: place == 0 });
             }
         }
         table
     }
-
-    /// Origin of the models: names and values.
-    fn facts(&self) -> Vec<(String, String)> {
-        let (recording, read) = (&self.recording, &self.recording.read);
-        let mut facts: Vec<(String, String)> = Vec::new();
-        let mut fact = |name: &str, value: String| facts.push((name.to_owned(), value));
-        fact("recording", recording.name.clone());
-        fact("its SHA-256", recording.sha256.clone());
-        fact("robot", self.robot_id.clone());
-        fact("recorded", self.recorded_at.clone().unwrap_or_else(|| "no date known".to_owned()));
-        fact("rows", grouped(self.track.time.len()));
-        fact("columns of counts", read.counts_columns.join(", "));
-        fact("columns of outputs", read.output_columns.join(", "));
-        read.time_column.iter().for_each(|column| fact("column of time", column.clone()));
-        fact("rows dropped for an empty cell", read.dropped.len().to_string());
-        fact("rows with positions only", read.positions.to_string());
-        let usable = format!("{} % of the measured range", fixed(self.usable_percent, 1));
-        fact("range that the robot may use", usable);
-        self.hand.iter().for_each(|hand| fact("limits as delivered", hand.to_string()));
-        fact("readings flagged as spikes", self.spikes.len().to_string());
-        if let Some(latency) = self.latency {
-            let (ms, deviation) = (1e3 * latency.seconds, 1e3 * latency.deviation_s);
-            let late = format!("{ms:.1} ms (standard deviation {deviation:.1} ms)");
-            fact("latency of the outputs", late);
-        }
-        for family in &self.families {
-            if let Some(lines) = &family.reading {
-                let lines = lines.trim_end().replace('\n', "; ");
-                fact(&format!("reading of {}", family.name), lines);
-            }
-        }
-        for OutputFacts { name, unit, noise, .. } in &self.outputs {
-            let noise = noise.map(|noise| format!("{} {unit}", error(noise.deviation)));
-            let noise = noise.unwrap_or_else(|| "not known".to_owned());
-            fact(&format!("noise of {name}"), noise);
-        }
-        for family in &self.families {
-            fact(&format!("model {}", family.name), family.model_id.clone());
-        }
-        for (name, value) in &self.settings {
-            fact(&format!("setting: {name}"), value.clone());
-        }
-        if let Some(seconds) = self.latency_taken_off_s {
-            fact("setting: latency corrected", format!("{:+.1} ms", 1e3 * seconds));
-        }
-        fact("software", self.software.clone());
-        facts
-    }
-}
-
-/// With a capital letter at the beginning and a full stop at the end.
-fn sentence(words: &str) -> String {
-    let mut characters = words.chars();
-    let first = characters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
-    format!("{first}{}.", characters.as_str().trim_end_matches('.'))
 }

@@ -152,7 +152,7 @@ fn finish(
 ) -> Result<(String, String), Failure> {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let path = folder.join("commission.html");
-    replace(&path, page::page(record, &name).to_string().as_bytes())
+    replace(&path, page::page(record, &name).html().as_bytes())
         .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
     let found = record.findings.iter();
     let found = found.map(|it| format!("{}, {}: {}", it.topic.name(), it.place, it.value));

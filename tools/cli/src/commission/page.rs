@@ -1,15 +1,13 @@
 //! The final page: stages, findings with evidence, currents, exchanges, and the proposed
 //! configuration.
 
-use i2ris_report::mark::Line;
-use i2ris_report::page::TableRow;
-use i2ris_report::{Axis, Color, Figure, Page, Panel, Stroke, Table};
+use i2ris_report::{Axis, Color, Document, Figure, Mark, Panel, Stroke, Table};
 
 use super::proposal::change;
 use super::record::{Outcome, Record};
 
-pub fn page(record: &Record, config_name: &str) -> Page {
-    let mut page = Page::new(format!("Commissioning of {}", record.robot_id));
+pub fn page(record: &Record, config_name: &str) -> Document {
+    let mut page = Document::new(format!("Commissioning of {}", record.robot_id));
     page.main_result(record.sum());
     page.section("Stages");
     let mut table = Table::new("Stages", ["stage", "when", "outcome", "what"]);
@@ -17,15 +15,15 @@ pub fn page(record: &Record, config_name: &str) -> Page {
     for it in &record.stages {
         let outcome = format!("{:?}", it.outcome).to_lowercase();
         let cells = [it.stage.to_string(), it.at.clone(), outcome, it.text.clone()];
-        table.row(TableRow::new(cells).strong(it.outcome != Outcome::Done));
+        table.row(cells).strong = it.outcome != Outcome::Done;
     }
-    page.table(&table);
+    page.table(table);
     page.section("Findings");
     let mut table = words("Unknowns", ["unknown", "where", "value", "evidence"]);
     for it in record.all_findings() {
-        table.row(TableRow::new([it.topic.name().to_owned(), it.place, it.value, it.evidence]));
+        table.row([it.topic.name().to_owned(), it.place, it.value, it.evidence]);
     }
-    page.table(&table);
+    page.table(table);
     currents(&mut page, record);
     exchanges(&mut page, record);
     if !record.differences.is_empty() {
@@ -50,7 +48,7 @@ fn words<const N: usize>(caption: &str, header: [&str; N]) -> Table {
     (1..N).fold(Table::new(caption, header), Table::text_column)
 }
 
-fn currents(page: &mut Page, record: &Record) {
+fn currents(page: &mut Document, record: &Record) {
     if record.sweeps.is_empty() {
         return;
     }
@@ -59,14 +57,14 @@ fn currents(page: &mut Page, record: &Record) {
         let first = sweep.back.first().map_or(0, |it| it.0);
         let points = sweep.back.iter().map(|(at, ma)| [f64::from(first - at), f64::from(*ma)]);
         Panel::new(&sweep.place, Axis::linear("counts"), Axis::linear("mA").including(0.0))
-            .with(Line::new(points.collect(), Stroke::new(Color::BLUE, 1.5)))
+            .with(Mark::line(points.collect(), Stroke::new(Color::BLUE, 1.5)))
     });
     let description = "Motor current over the counts after a reversal, for every motor";
     let figure = Figure::new("currents", "Currents", description).row(200.0, panels.collect());
-    page.figure(&figure, "A step marks the end of the gear play.");
+    page.figure(figure, "A step marks the end of the gear play.");
 }
 
-fn exchanges(page: &mut Page, record: &Record) {
+fn exchanges(page: &mut Document, record: &Record) {
     if record.exchanges.is_empty() {
         return;
     }
@@ -89,7 +87,7 @@ fn exchanges(page: &mut Page, record: &Record) {
             heights.push(f64::from(count));
         }
         let edges: Vec<f64> = edges.iter().map(|us| us / 1000.0).collect();
-        Panel::new(device, Axis::linear("ms"), Axis::linear("exchanges")).with(Line::steps(
+        Panel::new(device, Axis::linear("ms"), Axis::linear("exchanges")).with(Mark::steps(
             &edges,
             &heights,
             Stroke::new(Color::BLUE, 1.5),
@@ -97,5 +95,5 @@ fn exchanges(page: &mut Page, record: &Record) {
     });
     let description = "Histogram of exchange durations, for every port";
     let figure = Figure::new("exchanges", "Exchanges", description).row(200.0, panels.collect());
-    page.figure(&figure, "Duration of a request and its reply.");
+    page.figure(figure, "Duration of a request and its reply.");
 }

@@ -3,9 +3,7 @@
 use hdrhistogram::Histogram;
 use i2ris::ipc::payload::{AdaptationMsg, PeriodStatistics};
 use i2ris_report::statistics::TimeSeries;
-use i2ris_report::{
-    Axis, Color, Dash, Figure, Line, Marker, Panel, ReferenceLine, Scatter, ShadedInterval, Stroke,
-};
+use i2ris_report::{Axis, Color, Dash, Figure, Mark, Marker, Panel, Stroke};
 
 use super::TrialReport;
 use super::hysteresis::HysteresisLoop;
@@ -36,8 +34,8 @@ fn time_axis(trial: &Trial) -> Axis {
     Axis::linear("time (s)").range(0.0, trial.length_s().max(1e-3))
 }
 
-fn trouble_lines(report: &TrialReport) -> impl Iterator<Item = ReferenceLine> {
-    report.troubles().map(|event| ReferenceLine::vertical(event.t_s, TROUBLE))
+fn trouble_lines(report: &TrialReport) -> impl Iterator<Item = Mark> {
+    report.troubles().map(|event| Mark::vertical(event.t_s, TROUBLE))
 }
 
 /// Goal, estimate and camera over time; below, the error of each.
@@ -54,17 +52,17 @@ pub fn angles(report: &TrialReport) -> Figure {
     for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
         let lines = observed.clone().chain([("goal", GOAL, &trial.goal)]);
         let lines = lines.map(|(label, stroke, series)| {
-            Line::new(with_gaps(&timed(trial, series), axis), stroke).label(label)
+            Mark::line(with_gaps(&timed(trial, series), axis), stroke).label(label)
         });
         let panel = over_time(report, name, &format!("{name} (deg)")).with_all(lines);
         figure = figure.row(ROW_HEIGHT, vec![panel]);
     }
     for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
         let lines = observed.clone().map(|(_, stroke, series)| {
-            Line::new(with_gaps(&tracking_errors(trial, series), axis), stroke)
+            Mark::line(with_gaps(&tracking_errors(trial, series), axis), stroke)
         });
         let panel = over_time(report, &format!("error in {name}"), "observed − goal (deg)")
-            .with(ReferenceLine::horizontal(0.0, ZERO))
+            .with(Mark::horizontal(0.0, ZERO))
             .with_all(lines);
         figure = figure.row(0.8 * ROW_HEIGHT, vec![panel]);
     }
@@ -75,7 +73,7 @@ pub fn angles(report: &TrialReport) -> Figure {
 /// for every unintended event.
 fn over_time(report: &TrialReport, title: &str, y: &str) -> Panel {
     let shaded = report.trial.intervals_without_following().into_iter().map(|[from, to]| {
-        let interval = ShadedInterval::new(from, to, Color::FAINT);
+        let interval = Mark::interval(from, to, Color::FAINT);
         interval.label("not following (off, holding, busy)")
     });
     Panel::new(title, time_axis(&report.trial), Axis::linear(y))
@@ -122,9 +120,9 @@ fn loop_panel(found: &HysteresisLoop, is_distance: bool) -> Panel {
     };
     let points = |rows: &[[f64; 3]]| rows.iter().map(|row| [row[0], row[column]]).collect();
     Panel::new(title, Axis::linear("counts along the direction"), Axis::linear(y))
-        .with(Scatter::new(points(&found.rising), Color::BLUE, 1.6).label("counts rising"))
-        .with(Scatter::new(points(&found.falling), Color::ORANGE, 1.6).label("counts falling"))
-        .with(ReferenceLine::horizontal(0.0, ZERO))
+        .with(Mark::dots(points(&found.rising), Color::BLUE, 1.6).label("counts rising"))
+        .with(Mark::dots(points(&found.falling), Color::ORANGE, 1.6).label("counts falling"))
+        .with(Mark::horizontal(0.0, ZERO))
 }
 
 /// Time from a command to the line and age of encoder positions; below, lateness and computing time
@@ -133,7 +131,7 @@ pub fn latencies(report: &TrialReport) -> Figure {
     let trial = &report.trial;
     let histogram = |name, histogram: &Histogram<u64>, color| {
         let (edges, shares) = logarithmic_bins(histogram);
-        let line = Line::steps(&edges, &shares, Stroke::new(color, 1.4));
+        let line = Mark::steps(&edges, &shares, Stroke::new(color, 1.4));
         let share = Axis::linear("share (%)").including(0.0);
         let panel = Panel::new(name, Axis::log("time (ms)"), share).with(line);
         (!histogram.is_empty()).then_some(panel)
@@ -160,7 +158,7 @@ fn loop_timing(report: &TrialReport) -> Panel {
         let us = |window: &PeriodStatistics| (pick(window) as f64 * 1e-3).max(0.01);
         let windows = trial.windows.iter();
         let points = windows.map(|window| [trial.seconds(window.stamp_ns), us(window)]).collect();
-        Line::new(points, Stroke::new(color, 1.4).dash(dash)).label(label)
+        Mark::line(points, Stroke::new(color, 1.4).dash(dash)).label(label)
     };
     let late = [
         line("late, p50", |w| w.lateness.p50_ns, Color::BLUE, Dash::Solid),
@@ -216,7 +214,7 @@ pub fn adaptation(trial: &Trial) -> Figure {
     let line = |stroke, value: &dyn Fn(&AdaptationMsg) -> f64| {
         let points = trial.adaptation.iter();
         let points = points.map(|message| [trial.seconds(message.stamp_ns), value(message)]);
-        Line::new(points.collect(), stroke)
+        Mark::line(points.collect(), stroke)
     };
     let mut figure = Figure::new(
         "adaptation",
@@ -233,7 +231,7 @@ pub fn adaptation(trial: &Trial) -> Figure {
             line(stroke, &value).label(*label)
         });
         let panel = Panel::new(name, time_axis(trial), Axis::linear(unit))
-            .with(ReferenceLine::horizontal(0.0, ZERO))
+            .with(Mark::horizontal(0.0, ZERO))
             .with_all(lines);
         figure = figure.row(HEIGHT, vec![panel]);
     }
@@ -243,8 +241,8 @@ pub fn adaptation(trial: &Trial) -> Figure {
     };
     let share = Axis::linear("largest share used (%)").range(0.0, 110.0);
     let budget = Panel::new("budget", time_axis(trial), share)
-        .with(ReferenceLine::horizontal(70.0, ZERO))
-        .with(ReferenceLine::horizontal(100.0, BUDGET))
+        .with(Mark::horizontal(70.0, ZERO))
+        .with(Mark::horizontal(100.0, BUDGET))
         .with(line(DRIFT[0], &used));
     figure.row(HEIGHT, vec![budget])
 }

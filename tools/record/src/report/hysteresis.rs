@@ -4,7 +4,7 @@
 //! gradient of the plane that fits the output best (least squares). The distance from the plane
 //! shows the loop. Its two branches are the samples with rising and with falling counts.
 
-use i2ris_report::statistics::{mean, quantile_of_unsorted};
+use i2ris_report::statistics::{mean, min_max, quantile_of_unsorted};
 use serde::Serialize;
 
 use super::trial::Trial;
@@ -136,10 +136,8 @@ impl Plane {
 
 /// The mean distance between the branches in each bin of the stroke; the median of all bins.
 fn loop_width(rising: &[[f64; 3]], falling: &[[f64; 3]]) -> Option<f64> {
-    let low = |branch: &[[f64; 3]]| branch.iter().map(|row| row[0]).fold(f64::INFINITY, f64::min);
-    let high =
-        |branch: &[[f64; 3]]| branch.iter().map(|row| row[0]).fold(f64::NEG_INFINITY, f64::max);
-    let (low, high) = (low(rising).max(low(falling)), high(rising).min(high(falling)));
+    let [a, b] = [rising, falling].map(|branch| min_max(branch.iter().map(|row| row[0])));
+    let (low, high) = (a.0.max(b.0), a.1.min(b.1));
     if !(high - low).is_finite() || high <= low {
         return None;
     }

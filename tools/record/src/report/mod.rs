@@ -11,7 +11,7 @@
 //! | `hysteresis` | counts against angle, width of the loop |
 //! | `latency` | percentiles; from command to serial line, age of encoder positions, the control loop |
 //! | `events` | events in words |
-//! | `text`, `page`, `figures` | the writers |
+//! | `page`, `figures` | the writers |
 //!
 //! Angles are in degrees; instants are seconds since the first message of the controller.
 
@@ -23,14 +23,12 @@ mod out_of_reach;
 mod page;
 mod pursuit;
 mod reaches;
-mod text;
 mod tracking;
 mod trial;
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use i2ris_report::Page;
 use i2ris_report::statistics::mean;
 use serde::Serialize;
 
@@ -144,14 +142,14 @@ impl TrialReport {
         Some([of(0)?, of(1)?])
     }
 
-    /// Returns a few lines of text.
+    /// The report as text, without figures and long tables.
     pub fn text(&self) -> String {
-        text::text(self)
+        page::document(self).text(usize::MAX)
     }
 
-    /// Returns an HTML page with figures.
-    pub fn page(&self) -> Page {
-        page::page(self)
+    /// The report as an HTML page with figures.
+    pub fn html(&self) -> String {
+        page::document(self).html()
     }
 
     /// Events that were not intended.

@@ -5,7 +5,7 @@ use i2ris_report::statistics::median;
 use serde::Serialize;
 
 use super::tracking::GAP_NS;
-use super::trial::Trial;
+use super::trial::{Trial, distance};
 
 /// Median distance between commands and unclipped goals above which a clutch or a scale must be
 /// between them, so that the requested pose is unknown, deg.
@@ -67,10 +67,6 @@ pub fn out_of_reach(trial: &Trial) -> Option<OutOfReach> {
 
 /// A slow camera has ten frames a second.
 const CAMERA_GAP_NS: u64 = 110_000_000;
-
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
-}
 
 #[cfg(test)]
 mod tests {

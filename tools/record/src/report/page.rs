@@ -1,9 +1,8 @@
-//! The report as an HTML page: what the figures show, in words and tables.
+//! The report as a document: what the figures show, in words and tables.
 
 use i2ris::ipc::payload::AdaptationMsg;
 use i2ris_report::number::{fixed, milliseconds};
-use i2ris_report::page::TableRow;
-use i2ris_report::{Page, Table};
+use i2ris_report::{Document, Table};
 
 use super::latency::Percentiles;
 use super::reaches::ARRIVED_DEG;
@@ -13,14 +12,14 @@ use super::{TrialReport, figures};
 const MAX_EVENTS: usize = 200;
 const MAX_REACHES: usize = 100;
 
-pub fn page(report: &TrialReport) -> Page {
-    let mut page = Page::new(format!("Trial {}", report.file));
+pub fn document(report: &TrialReport) -> Document {
+    let recorded = report.recorded.as_deref().unwrap_or("at an unknown time");
+    let mut page = Document::new(format!("Trial {}, recorded {recorded}", report.file));
     page.main_result(main_result(report));
-    let notices = notices(report);
-    if !notices.is_empty() {
-        page.notice("Note", notices);
-    }
-    page.facts(facts(report));
+    page.notice("Note", notices(report));
+    let preflight = report.about.get("preflight").filter(|text| !text.is_empty());
+    page.facts(preflight.map(|text| ("preflight", text.clone())));
+    page.page_only(|page| page.facts(about(report)));
     write_tracking(&mut page, report);
     write_reaches(&mut page, report);
     write_targets(&mut page, report);
@@ -32,7 +31,7 @@ pub fn page(report: &TrialReport) -> Page {
     write_adaptation(&mut page, report);
     write_latencies(&mut page, report);
     write_events(&mut page, report);
-    write_streams(&mut page, report);
+    page.page_only(|page| write_streams(page, report));
     let version = env!("CARGO_PKG_VERSION");
     page.footer(format!("Written by i2ris {version} from the recording alone."));
     page
@@ -85,13 +84,14 @@ fn notices(report: &TrialReport) -> Vec<String> {
     notices
 }
 
-fn facts(report: &TrialReport) -> Vec<(String, String)> {
+fn about(report: &TrialReport) -> Vec<(String, String)> {
     // The offset of the clocks is for programs.
-    let is_shown = |(name, value): &(&String, &String)| !value.is_empty() && !name.ends_with("_ns");
+    let is_shown = |(name, value): &(&String, &String)| {
+        !value.is_empty() && !name.ends_with("_ns") && *name != "preflight"
+    };
     let about = report.about.iter().filter(is_shown);
-    let recorded = report.recorded.iter().map(|at| ("recorded".to_owned(), at.clone()));
     let about = about.map(|(name, value)| (name.replace('_', " "), value.clone()));
-    let mut facts: Vec<(String, String)> = recorded.chain(about).collect();
+    let mut facts: Vec<(String, String)> = about.collect();
     let attached = report.attached.iter().map(|(name, size)| format!("{name} ({size} bytes)"));
     let attached: Vec<String> = attached.collect();
     let attached = if attached.is_empty() { "nothing".to_owned() } else { attached.join(", ") };
@@ -99,14 +99,14 @@ fn facts(report: &TrialReport) -> Vec<(String, String)> {
     facts
 }
 
-fn write_tracking(page: &mut Page, report: &TrialReport) {
+fn write_tracking(page: &mut Document, report: &TrialReport) {
     page.section("Tracking");
     if report.trial.goal.is_empty() && report.trial.measured.is_empty() {
         page.paragraph("No angles: no model was in use.");
         return;
     }
     page.figure(
-        &figures::angles(report),
+        figures::angles(report),
         "Angles over time, and the error while commands were followed. The estimate is the \
          model's, from the encoders: it is only as accurate as the model.",
     );
@@ -125,10 +125,10 @@ fn write_tracking(page: &mut Page, report: &TrialReport) {
             let degrees = [pitch, yaw, tracking.length_rms_deg, p50, p90, p99, max];
             let cells = [name.to_owned(), tracking.samples.to_string()].into_iter();
             let cells = cells.chain(degrees.map(|value| fixed(value, 3)));
-            table.row(TableRow::new(cells).strong(strong));
+            table.row(cells).strong = strong;
         }
     }
-    page.table(&table);
+    page.table(table);
 }
 
 fn pose([pitch, yaw]: [f64; 2]) -> String {
@@ -139,7 +139,7 @@ fn time_or_no(time: Option<f64>) -> String {
     time.map_or_else(|| "no".to_owned(), |time| fixed(time, 2))
 }
 
-fn write_reaches(page: &mut Page, report: &TrialReport) {
+fn write_reaches(page: &mut Document, report: &TrialReport) {
     let Some(score) = &report.reaches else { return };
     page.section("Reaches");
     let arrived = (score.arrived * score.reaches.len() as f64).round();
@@ -159,7 +159,7 @@ fn write_reaches(page: &mut Page, report: &TrialReport) {
     let caption = "Every reach; detour: path of the goal divided by the distance.";
     let mut table = Table::new(caption, header.split('/'));
     for reach in score.reaches.iter().take(MAX_REACHES) {
-        table.row(TableRow::new([
+        table.row([
             fixed(reach.t_s, 2),
             pose(reach.from_deg),
             pose(reach.to_deg),
@@ -167,12 +167,12 @@ fn write_reaches(page: &mut Page, report: &TrialReport) {
             time_or_no(reach.arrived_s),
             fixed(reach.overshoot_deg, 2),
             fixed(reach.detour, 2),
-        ]));
+        ]);
     }
-    page.table(&table);
+    page.page_only(|page| page.table(table));
 }
 
-fn write_targets(page: &mut Page, report: &TrialReport) {
+fn write_targets(page: &mut Document, report: &TrialReport) {
     let Some(score) = &report.targets else { return };
     page.section("Reach and hold");
     page.paragraph(format!("{}.", score.line()));
@@ -184,7 +184,7 @@ fn write_targets(page: &mut Page, report: &TrialReport) {
     );
     let mut table = Table::new(caption, header.split('/'));
     for target in &score.targets {
-        table.row(TableRow::new([
+        table.row([
             target.number.to_string(),
             fixed(target.t_s, 2),
             pose(target.from_deg),
@@ -193,12 +193,12 @@ fn write_targets(page: &mut Page, report: &TrialReport) {
             time_or_no(target.held_s),
             fixed(target.overshoot_deg, 2),
             fixed(target.detour, 2),
-        ]));
+        ]);
     }
-    page.table(&table);
+    page.page_only(|page| page.table(table));
 }
 
-fn write_hysteresis(page: &mut Page, report: &TrialReport) {
+fn write_hysteresis(page: &mut Document, report: &TrialReport) {
     let Some(first) = report.hysteresis.first() else { return };
     page.section("Hysteresis");
     let caption = format!(
@@ -207,7 +207,7 @@ fn write_hysteresis(page: &mut Page, report: &TrialReport) {
          other axis spread the samples.",
         first.from
     );
-    page.figure(&figures::loops(&report.hysteresis), &caption);
+    page.figure(figures::loops(&report.hysteresis), caption);
     page.facts(report.hysteresis.iter().map(|found| {
         let width = found.width_deg.map(|width| format!("{width:.2} deg"));
         let width = width.unwrap_or_else(|| "not known".to_owned());
@@ -218,11 +218,11 @@ fn write_hysteresis(page: &mut Page, report: &TrialReport) {
 }
 
 /// Nothing if the adaptation was off all the time.
-fn write_adaptation(page: &mut Page, report: &TrialReport) {
+fn write_adaptation(page: &mut Document, report: &TrialReport) {
     let Some(last) = report.trial.adaptation.last() else { return };
     page.section("Adaptation");
     page.figure(
-        &figures::adaptation(&report.trial),
+        figures::adaptation(&report.trial),
         "The applied drift correction, and the share of the budget: a warning at 70 %; at 100 % \
          adaptation stops.",
     );
@@ -247,10 +247,10 @@ fn adaptation_facts(last: &AdaptationMsg) -> [(String, String); 3] {
     ]
 }
 
-fn write_latencies(page: &mut Page, report: &TrialReport) {
+fn write_latencies(page: &mut Document, report: &TrialReport) {
     page.section("Latencies");
     page.figure(
-        &figures::latencies(report),
+        figures::latencies(report),
         "Histograms with bins of equal width on a logarithmic axis; the control loop by its own \
          statistics, a point per second. On a virtual or shared machine the machine itself causes \
          the maxima.",
@@ -266,10 +266,10 @@ fn write_latencies(page: &mut Page, report: &TrialReport) {
     for (name, percentiles, ms) in rows {
         if let Some(Percentiles { p50, p90, p99, max }) = percentiles {
             let numbers = [p50, p90, p99, max].map(|value| milliseconds(value * ms));
-            table.row(TableRow::new([name.to_owned()].into_iter().chain(numbers)));
+            table.row([name.to_owned()].into_iter().chain(numbers));
         }
     }
-    page.table(&table);
+    page.table(table);
     if let Some(timing) = timing {
         let scheduling = match timing.priority {
             0 => "normal scheduling".to_owned(),
@@ -282,35 +282,35 @@ fn write_latencies(page: &mut Page, report: &TrialReport) {
     }
 }
 
-fn write_events(page: &mut Page, report: &TrialReport) {
+fn write_events(page: &mut Document, report: &TrialReport) {
     page.section("Events");
-    if report.events.is_empty() {
-        page.paragraph("No events.");
-        return;
-    }
+    let (events, troubles) = (report.events.len(), report.troubles().count());
+    page.paragraph(format!("{events} events, {troubles} of them unintended."));
     let mut table = Table::new("Unintended events are bold.", ["time (s)", "what"]).text_column(1);
     for event in report.events.iter().take(MAX_EVENTS) {
         let cells = [fixed(event.t_s, 3), event.what.clone()];
-        table.row(TableRow::new(cells).strong(event.is_trouble));
+        table.row(cells).strong = event.is_trouble;
     }
-    page.table(&table);
-    if report.events.len() > MAX_EVENTS {
-        let more = report.events.len() - MAX_EVENTS;
-        page.paragraph(format!("And {more} more, which `i2ris record report --json` lists."));
-    }
+    page.page_only(|page| {
+        page.table(table);
+        if events > MAX_EVENTS {
+            let more = events - MAX_EVENTS;
+            page.paragraph(format!("And {more} more, which `i2ris record report --json` lists."));
+        }
+    });
 }
 
-fn write_streams(page: &mut Page, report: &TrialReport) {
+fn write_streams(page: &mut Document, report: &TrialReport) {
     page.section("Streams");
     let caption = "Recorded messages. Missing: by the sequence numbers of messages of one sender.";
     let mut table = Table::new(caption, ["stream", "messages", "per second", "missing"]);
     for stream in &report.streams {
-        table.row(TableRow::new([
+        table.row([
             stream.name.to_owned(),
             stream.messages.to_string(),
             fixed(stream.rate_hz, 1),
             stream.missing.to_string(),
-        ]));
+        ]);
     }
-    page.table(&table);
+    page.table(table);
 }

@@ -6,7 +6,7 @@ use i2ris::ipc::payload::ReachTarget;
 use i2ris_report::statistics::{TimeSeries, mean, root_mean_square};
 use serde::Serialize;
 
-use super::trial::{Followed, Trial};
+use super::trial::{Followed, Trial, distance};
 
 /// Grid of the correlation, ns.
 const STEP_NS: u64 = 10_000_000;
@@ -72,7 +72,7 @@ fn pursuit(
     let counts = |stamp: u64| (from_ns..=stamp_ns).contains(&stamp);
     let away = snake.iter().filter(|(stamp, _)| counts(*stamp)).filter_map(|(stamp, at)| {
         let target = followed.curve.value_at(*stamp, GAP_NS)?;
-        Some((at[0] - target[0]).hypot(at[1] - target[1]))
+        Some(distance(*at, target))
     });
     let rms_deg = root_mean_square(away)?;
     let target: Vec<(u64, [f64; 2])> = (from_ns..stamp_ns)
@@ -116,7 +116,7 @@ fn lag(target: &[(u64, [f64; 2])], snake: &TimeSeries<2>) -> Option<(f64, f64)> 
     }
     let bend = before - 2.0 * most + after;
     let offset = if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
-    let away = at(lag).into_iter().map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
+    let away = at(lag).into_iter().map(|(a, b)| distance(a, b));
     Some(((lag as f64 + offset) * STEP_NS as f64 * 1e-9, root_mean_square(away)?))
 }
 

@@ -10,7 +10,7 @@ use i2ris::ipc::payload::ReachTarget;
 use i2ris_report::statistics::{TimeSeries, quantile_of_unsorted};
 use serde::Serialize;
 
-use super::trial::{Trial, degrees};
+use super::trial::{Trial, degrees, distance};
 
 /// The goal rests while it stays within this distance, deg, ...
 const REST_DEG: f64 = 0.02;
@@ -120,7 +120,7 @@ impl TargetScore {
 }
 
 /// The end of a sentence: median and 95 % of times.
-pub fn times(times: Option<[f64; 2]>) -> String {
+fn times(times: Option<[f64; 2]>) -> String {
     let Some([median, p95]) = times else { return String::new() };
     format!(", after {median:.2} s (median), {p95:.2} s (95 %)")
 }
@@ -294,10 +294,6 @@ fn mean(samples: &[Sample], first: usize, window_ns: u64) -> Option<[f64; 2]> {
         (count + 1.0, [sum[0] + value[0], sum[1] + value[1]])
     });
     Some(sum.map(|sum| sum / count))
-}
-
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
 #[cfg(test)]

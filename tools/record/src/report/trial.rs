@@ -383,6 +383,11 @@ impl Followed {
     }
 }
 
+/// Distance of two poses.
+pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
 pub fn degrees(position: [f64; 3]) -> [f64; 2] {
     [position[0].to_degrees(), position[1].to_degrees()]
 }

@@ -1,8 +1,7 @@
 //! The page of a study: what differs between the conditions, in a table and a figure.
 
 use i2ris_report::number::significant;
-use i2ris_report::page::TableRow;
-use i2ris_report::{Axis, Color, Figure, Line, Page, Panel, Scatter, Stroke, Table};
+use i2ris_report::{Axis, Color, Document, Figure, Mark, Panel, Stroke, Table};
 
 use super::comparison::{Effect, Measure, Row, StudyReport};
 
@@ -47,29 +46,18 @@ fn rows(mut figure: Figure, mut panels: impl Iterator<Item = Panel>) -> Figure {
 }
 
 impl StudyReport {
-    /// Returns a few lines of text.
+    /// The comparison as text, without figures.
     pub fn text(&self) -> String {
-        let counted = self.trials.iter().filter(|trial| trial.left_out.is_none()).count();
-        let mut text = format!("{}: {counted} of {} trials count\n", self.study, self.trials.len());
-        for Row { measure, means, effects, .. } in self.known() {
-            for (condition, (mean, effect)) in self.conditions.iter().zip(means.iter().zip(effects))
-            {
-                let against = match effect {
-                    Some(_) => {
-                        format!("  against {}: {}", self.conditions[0], sentence(effect.as_ref()))
-                    }
-                    None => String::new(),
-                };
-                let (name, mean) = (measure.name(), number(*mean));
-                text += &format!("  {name:<20} {condition:<16} {mean:>8}{against}\n");
-            }
-        }
-        text
+        self.document().text(usize::MAX)
     }
 
-    /// Returns an HTML page.
-    pub fn page(&self) -> Page {
-        let mut page = Page::new(format!("Study {}", self.study));
+    /// The comparison as an HTML page.
+    pub fn html(&self) -> String {
+        self.document().html()
+    }
+
+    fn document(&self) -> Document {
+        let mut page = Document::new(format!("Study {}", self.study));
         let counted = self.trials.iter().filter(|trial| trial.left_out.is_none()).count();
         let participants = self.rows.iter().map(|row| row.by_participant.len()).max().unwrap_or(0);
         page.main_result(format!(
@@ -77,24 +65,23 @@ impl StudyReport {
             self.trials.len(),
             self.conditions.len()
         ));
-        let left_out: Vec<_> = { self.trials.iter() }
-            .filter_map(|trial| Some(format!("{}: {}", trial.name, trial.left_out.as_ref()?)))
-            .collect();
-        if !left_out.is_empty() {
-            page.notice("Left out", left_out);
-        }
-        if !self.mixed.is_empty() {
-            page.notice("More than the condition differs", self.mixed.clone());
-        }
+        let left_out = self.trials.iter();
+        let left_out = left_out
+            .filter_map(|trial| Some(format!("{}: {}", trial.name, trial.left_out.as_ref()?)));
+        page.notice("Left out", left_out);
+        let mixed = self.mixed.iter().map(|sentence| format!("Condition {sentence}"));
+        page.notice("More than the condition differs", mixed);
         self.write_conditions(&mut page);
-        page.section("Trials");
-        self.trial_tables().iter().for_each(|table| page.table(table));
+        page.page_only(|page| {
+            page.section("Trials");
+            self.trial_tables().into_iter().for_each(|table| page.table(table));
+        });
         let version = env!("CARGO_PKG_VERSION");
         page.footer(format!("Written by i2ris {version} from the recordings of the study alone."));
         page
     }
 
-    fn write_conditions(&self, page: &mut Page) {
+    fn write_conditions(&self, page: &mut Document) {
         page.section("Conditions");
         let reference = self.conditions.first().map_or("", String::as_str);
         let others = self.conditions.iter().skip(1);
@@ -111,11 +98,11 @@ impl StudyReport {
             let means = means.iter().map(|mean| number(*mean));
             let effects = effects.iter().skip(1).map(|effect| sentence(effect.as_ref()));
             let name = [measure.name().to_owned()];
-            table.row(TableRow::new(name.into_iter().chain(means).chain(effects)));
+            table.row(name.into_iter().chain(means).chain(effects));
         }
-        page.table(&table);
+        page.table(table);
         page.figure(
-            &self.figure(),
+            self.figure(),
             "Every participant (grey) and the mean of all (blue) under each condition.",
         );
         if self.conditions.len() > 1 {
@@ -124,14 +111,13 @@ impl StudyReport {
                  interval from eight participants or more. An interval across zero does not show \
                  that there is no difference: the study was too small to decide."
             );
-            page.figure(&self.effect_figure(), &caption);
+            page.figure(self.effect_figure(), caption);
         }
-        page.paragraph(
-            "Throughput after ISO 9241-411, with the effective width of the end points along the way; \
+        let about = "Throughput after ISO 9241-411, with the effective width of the end points along the way; \
              the hold time is not part of the movement time. Error: between goal and camera. Lag of a \
              pursuit: where the cross-correlation of target and snake is largest; its first 3 s do \
-             not count. Workload: NASA-TLX without weights. Trials that were aborted do not count.",
-        );
+             not count. Workload: NASA-TLX without weights. Trials that were aborted do not count.";
+        page.page_only(|page| page.paragraph(about));
     }
 
     /// Measures that any trial shows.
@@ -158,47 +144,44 @@ impl StudyReport {
         rows(figure, self.known().filter(differs).map(|row| self.effect_panel(row)))
     }
 
+    /// The conditions side by side, from the first one that is drawn.
+    fn axis(&self, first: usize) -> Axis {
+        let names = self.conditions.iter().enumerate().skip(first);
+        let last = self.conditions.len().max(1) as f64 - 0.5;
+        Axis::linear("condition")
+            .range(first as f64 - 0.5, last)
+            .marks(names.map(|(place, name)| (place as f64, name.clone())).collect())
+    }
+
     fn effect_panel(&self, row: &Row) -> Panel {
-        let places = row.effects.iter().enumerate().skip(1);
-        let marks = { self.conditions.iter().enumerate().skip(1) }
-            .map(|(place, name)| (place as f64, name.clone()))
-            .collect();
-        let last = self.conditions.len() as f64 - 0.5;
-        let x = Axis::linear("condition").range(0.5, last).marks(marks);
-        let known =
-            || places.clone().filter_map(|(place, effect)| Some((place as f64, effect.as_ref()?)));
-        let intervals = known().filter_map(|(x, effect)| {
+        let effects = row.effects.iter().enumerate();
+        let known = effects.filter_map(|(place, effect)| Some((place as f64, effect.as_ref()?)));
+        let intervals = known.clone().filter_map(|(x, effect)| {
             let [low, high] = effect.interval?;
-            Some(Line::new(vec![[x, low], [x, high]], MEAN))
+            Some(Mark::line(vec![[x, low], [x, high]], MEAN))
         });
-        let means = known().map(|(x, effect)| [x, effect.difference]).collect();
-        let each =
-            known().flat_map(|(x, effect)| effect.differences.iter().map(move |it| [x, *it]));
-        let each = Scatter::new(each.collect(), Color::GREY, 4.0);
+        let means = known.clone().map(|(x, effect)| [x, effect.difference]).collect();
+        let each = known.clone().flat_map(|(x, it)| it.differences.iter().map(move |it| [x, *it]));
         let name = row.measure.name();
-        Panel::new(name, x, Axis::linear(format!("difference: {name}")).including(0.0))
-            .with(Line::new(vec![[0.5, 0.0], [last, 0.0]], PARTICIPANT))
-            .with(each)
+        let y = Axis::linear(format!("difference: {name}")).including(0.0);
+        Panel::new(name, self.axis(1), y)
+            .with(Mark::horizontal(0.0, PARTICIPANT))
+            .with(Mark::dots(each.collect(), Color::GREY, 4.0))
             .with_all(intervals)
-            .with(Scatter::new(means, Color::BLUE, 5.0))
+            .with(Mark::dots(means, Color::BLUE, 5.0))
     }
 
     fn panel(&self, row: &Row) -> Panel {
-        let last = self.conditions.len().max(1) as f64;
-        let marks = { self.conditions.iter().enumerate() }
-            .map(|(place, name)| (place as f64, name.clone()))
-            .collect();
-        let x = Axis::linear("condition").range(-0.5, last - 0.5).marks(marks);
         let points = |means: &[Option<f64>]| -> Vec<[f64; 2]> {
             let places = means.iter().enumerate();
             places.filter_map(|(place, mean)| Some([place as f64, (*mean)?])).collect()
         };
         let all = row.by_participant.values().map(|means| points(means));
         let name = row.measure.name();
-        Panel::new(name, x, Axis::linear(name).including(0.0))
-            .with_all(all.clone().map(|points| Line::new(points, PARTICIPANT)))
-            .with(Scatter::new(all.flatten().collect(), Color::GREY, 4.0))
-            .with(Line::new(points(&row.means), MEAN))
+        Panel::new(name, self.axis(0), Axis::linear(name).including(0.0))
+            .with_all(all.clone().map(|points| Mark::line(points, PARTICIPANT)))
+            .with(Mark::dots(all.flatten().collect(), Color::GREY, 4.0))
+            .with(Mark::line(points(&row.means), MEAN))
     }
 
     /// Tables of every trial; a second one if the first is wider than a sheet.
@@ -219,7 +202,7 @@ impl StudyReport {
             let fixed = [trial.name.clone(), outcome, trial.marks.to_string(), model];
             let values = Measure::ALL.into_iter().zip(trial.values);
             let values = values.filter(|(measure, _)| measures.contains(measure));
-            table.row(TableRow::new(fixed.into_iter().chain(values.map(|(_, it)| number(it)))));
+            table.row(fixed.into_iter().chain(values.map(|(_, it)| number(it))));
         }
         table
     }

@@ -160,7 +160,7 @@ fn overview_has_angles_in_degrees_state_and_time() {
     let report = TrialReport::read(&file).unwrap();
     assert_eq!(report.recorded.as_deref(), Some("2023-11-14T22:13:20Z"));
     assert!(report.text().contains("recorded 2023-11-14T22:13:20Z"), "{}", report.text());
-    assert!(report.page().to_string().contains("2023-11-14T22:13:20Z"));
+    assert!(report.html().contains("2023-11-14T22:13:20Z"));
 }
 
 #[test]
@@ -191,7 +191,7 @@ fn report_starts_with_commands_out_of_reach() {
     let report = TrialReport::read(&file).unwrap();
     let text = report.text();
     assert!(text.lines().nth(1).unwrap().contains("22.7 deg short"), "{text}");
-    let page = report.page().to_string();
+    let page = report.html();
     let short = page.find("requested pitch, yaw +60.0 +0.0 deg").unwrap();
     assert!(short < page.find("deg from the nearest goal in reach").unwrap());
     assert!(!page.contains("from its goal"));

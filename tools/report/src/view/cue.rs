@@ -5,6 +5,7 @@ use i2ris::units::Nanos;
 use serde::Serialize;
 
 use super::{View, json};
+use crate::statistics::distance_to_segment;
 
 /// Distance below which it is signalled, deg.
 const FAR_DEG: f64 = 3.0;
@@ -68,16 +69,10 @@ impl View {
 }
 
 /// Distance of a point from the edge of a closed outline.
-fn to_edge([x, y]: [f64; 2], outline: &[[f64; 2]]) -> f64 {
+fn to_edge(point: [f64; 2], outline: &[[f64; 2]]) -> f64 {
     let next = outline.iter().cycle().skip(1);
     let sides = outline.iter().zip(next);
-    let distances = sides.map(|([x0, y0], [x1, y1])| {
-        let (dx, dy) = (x1 - x0, y1 - y0);
-        let square = dx * dx + dy * dy;
-        let along = if square > 0.0 { ((x - x0) * dx + (y - y0) * dy) / square } else { 0.0 };
-        let share = along.clamp(0.0, 1.0);
-        (x0 + share * dx - x).hypot(y0 + share * dy - y)
-    });
+    let distances = sides.map(|(from, to)| distance_to_segment(point, *from, *to));
     distances.fold(f64::INFINITY, f64::min)
 }
 

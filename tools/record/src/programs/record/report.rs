@@ -37,8 +37,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         (None, true) => None,
     };
     if let Some(output) = &output {
-        let page = report.page().to_string();
-        files::replace(output, page.as_bytes())
+        files::replace(output, report.html().as_bytes())
             .map_err(|error| format!("cannot write {}: {error}", output.display()))?;
     }
     if arguments.json {
@@ -73,7 +72,7 @@ fn study(arguments: &Arguments) -> Result<(), Failure> {
         files::replace(path, bytes)
             .map_err(|error| format!("cannot write {}: {error}", path.display()))
     };
-    write(&output, report.page().to_string().as_bytes())?;
+    write(&output, report.html().as_bytes())?;
     let name = output.file_stem().unwrap_or_default().to_string_lossy();
     for (end, table) in report.tables()? {
         write(&output.with_file_name(format!("{name}{end}.csv")), &table)?;
