@@ -10,7 +10,6 @@
 //! was silent for longest.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::hash::{BuildHasher, Hash, RandomState};
 
 /// Ids of one owner: `i2ris start ros` speaks for several clients.
@@ -20,7 +19,7 @@ const IDS: usize = 512;
 
 /// The owner of every client id that was used lately.
 #[derive(Debug)]
-pub struct Identities<K> {
+pub(super) struct Identities<K> {
     owned: BTreeMap<u64, Owned<K>>,
     uses: u64,
     salt: RandomState,
@@ -41,7 +40,7 @@ impl<K> Default for Identities<K> {
 impl<K: Clone + Eq + Hash> Identities<K> {
     /// The client that `owner` means by `client_id`: that id if the owner has it or it is free, and
     /// a different id if it belongs to another owner. 0 means no id and stays 0.
-    pub fn resolve(&mut self, owner: &K, client_id: u64) -> u64 {
+    pub(crate) fn resolve(&mut self, owner: &K, client_id: u64) -> u64 {
         if client_id == 0 {
             return 0;
         }
@@ -72,34 +71,9 @@ impl<K: Clone + Eq + Hash> Identities<K> {
     }
 }
 
-/// A client id for screens: enough to distinguish clients, without revealing the id that commands.
-#[derive(Debug, Clone, Copy)]
-pub struct MaskedClientId(pub u64);
-
-impl fmt::Display for MaskedClientId {
-    /// Half of what `SplitMix64` (G. L. Steele et al. 2014) mixes: it does not lead back to the id.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut mixed = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        write!(f, "client {:08x}", (mixed ^ (mixed >> 31)) >> 32)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn screens_keep_clients_apart_and_do_not_show_their_ids() {
-        let shown: Vec<String> = (1..1000).map(|id| MaskedClientId(id).to_string()).collect();
-        let different: std::collections::BTreeSet<&String> = shown.iter().collect();
-        assert_eq!(different.len(), shown.len());
-        for (id, shown) in (1_u64..).zip(&shown) {
-            assert_eq!(shown.len(), "client ".len() + 8);
-            assert!(!shown.contains(&format!("{id:08x}")), "{shown}");
-        }
-    }
 
     #[test]
     fn an_id_belongs_to_the_first_that_used_it() {

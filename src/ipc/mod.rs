@@ -21,7 +21,7 @@
 
 pub mod client;
 mod client_process;
-pub mod domain;
+mod domain;
 pub(crate) mod domain_lock;
 #[cfg(feature = "controller")]
 pub mod heartbeat;
@@ -36,17 +36,20 @@ mod streams;
 pub mod watchdog_presence;
 
 pub use crate::robot::{
-    Fault, FixtureAction, FixtureKind, ModelAction, OperatingState, Refusal, StateCommand,
+    Fault, FixtureAction, FixtureKind, MaskedClientId, ModelAction, OperatingState, Refusal,
+    StateCommand,
 };
+#[cfg(feature = "controller")]
 pub use client_process::{ClientProcess, find_client_process};
-pub use domain::{Domain, DomainError, random_id};
+#[cfg(feature = "controller")]
+pub use domain::random_id;
+pub use domain::{Domain, DomainError};
 #[cfg(feature = "controller")]
 pub use domain_lock::DomainLock;
-pub use identities::MaskedClientId;
 pub use payload::{Message, Payload};
 #[cfg(feature = "controller")]
 pub use server::{IpcError, Server};
 pub use service::TransportError;
-pub use streams::{
-    Direction, ReplySpeed, Request, RequestService, Stream, StreamMessage, StreamProperties,
-};
+pub use streams::{Direction, Stream, StreamMessage, StreamProperties};
+#[cfg(feature = "controller")]
+pub use streams::{ReplySpeed, Request, RequestService};

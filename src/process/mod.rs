@@ -18,7 +18,6 @@
 //! | `channels` | channels between the threads |
 //! | `payload_conversion` | conversion between payloads and values of the core |
 //! | `console_log` | the log on the terminal, which never blocks |
-//! | `event_text` | log texts of events |
 //! | [`black_box`] | the last seconds of every tick: recorder, file, replay |
 //! | [`run_log`] | one line of JSON per start, end and change of state |
 
@@ -29,7 +28,6 @@ pub mod console_log;
 mod control_loop;
 pub mod controller;
 mod ending;
-mod event_text;
 mod fixture_table;
 mod ipc_thread;
 mod loop_history;

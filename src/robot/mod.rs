@@ -4,6 +4,7 @@
 mod advice;
 mod axis_phase;
 mod drive_fingerprint;
+mod masked_client_id;
 mod measurement;
 mod numbered_enum;
 mod operating_state;
@@ -13,6 +14,7 @@ mod requests;
 
 pub use axis_phase::{AxisPhase, DrivePower, KnownPower};
 pub use drive_fingerprint::DriveFingerprint;
+pub use masked_client_id::MaskedClientId;
 pub use measurement::{Measurement, Quantity};
 pub use operating_state::{Clip, Fault, OperatingState, Stop};
 pub use reason::{Cause, Reason};

@@ -1,6 +1,7 @@
 //! Enums with fixed numbers for payloads and a text for display.
 
-/// Declares an enum with fixed numbers, the conversion from a number, and a display text.
+/// Declares an enum with fixed numbers, the conversion from a number, and a display text, with
+/// which the documentation of a value begins.
 macro_rules! numbered_enum {
     ($(#[$meta:meta])* $name:ident {
         $($(#[$vmeta:meta])* $variant:ident = $number:literal, $text:literal;)*
@@ -11,7 +12,7 @@ macro_rules! numbered_enum {
         )]
         #[repr(u32)]
         pub enum $name {
-            $($(#[$vmeta])* $variant = $number,)*
+            $(#[doc = concat!($text, ".\n")] $(#[$vmeta])* $variant = $number,)*
         }
 
         impl $name {

@@ -24,23 +24,15 @@ numbered_enum! {
         None = 0, "none";
         /// A drive reports an error. Its error code gives the cause.
         Drive = 1, "a drive reports an error";
-        /// A drive does not respond.
         Link = 2, "a drive does not answer";
-        /// The following error is too large: setpoint and encoder differ too much.
         FollowingError = 3, "following error too large";
-        /// A drive left the enabled state without a command.
         DriveState = 4, "a drive left the enabled state unexpectedly";
-        /// A drive did not reach the demanded state in time.
         DriveTimeout = 5, "a drive did not reach the requested state in time";
-        /// Homing failed.
         Homing = 6, "homing failed";
-        /// Internal: the model gave a value that is not finite.
         Model = 7, "the model gave a value that is not finite";
-        /// Too many ticks were late.
         Late = 8, "too many late ticks: the computer cannot keep up";
         /// The pose measured by the camera differs from the model's; either may be wrong.
         Implausible = 9, "camera and model disagree on the pose";
-        /// A motor exceeds its current limit for too long.
         Current = 10, "motor over-current for too long";
     }
 }
@@ -62,15 +54,11 @@ numbered_enum! {
         Command = 4, "move, homing or conditioning interrupted by a later command";
         /// A virtual fixture blocks the motion.
         Fixture = 5, "interrupted: a virtual fixture is in the way";
-        /// The setpoints could not continue within the position limits.
         Limit = 6, "interrupted: motor or joint position limit reached";
         /// A fault.
         Fault = 7, "interrupted by a fault";
-        /// The setpoints could not continue within the calibrated hull.
         Hull = 8, "interrupted: border of the calibrated range reached";
-        /// The setpoints could not continue within the velocity limits of the joints.
         Speed = 9, "interrupted: velocity or acceleration limit of the joints reached";
-        /// A drive was not given its setpoint in time, or refused it.
         Setpoint = 10, "a drive did not accept its setpoints; the motion stopped";
     }
 }
@@ -78,14 +66,11 @@ numbered_enum! {
 numbered_enum! {
     /// The reason for following a nearer goal than the requested one.
     Clip {
-        /// The goal is outside the hull of the calibration.
         Reach = 1, "the goal is outside the calibrated range; the snake goes to the nearest pose";
         /// A virtual fixture is near or in the way.
         Fixture = 2, "a virtual fixture slows or stops the motion";
-        /// The goal is beyond the position limits of the motors.
         Motor = 3, "the goal is beyond a position limit of a motor; the snake goes to the nearest \
             pose";
-        /// The goal is beyond the position limits of the joints.
         Joint = 4, "the goal is beyond a joint limit; the snake goes to the nearest pose";
     }
 }

@@ -10,34 +10,25 @@ numbered_enum! {
     Refusal {
         /// Not refused.
         None = 0, "accepted";
-        /// A number is not finite.
         NotFinite = 1, "a value is not finite";
         /// The command was older than its deadline when it was read.
         Stale = 2, "stale: the command was older than its deadline when it arrived";
         /// The command is farther than `command.max_step_deg` (motors: `command.max_step_counts`)
         /// from the previous command, or than `first_step_*` from the present pose.
         StepTooLarge = 3, "step too large: too far from the previous command or the pose";
-        /// Another client has the lease.
         Lease = 4, "another client holds the lease";
         /// The state is DISABLED, and the command needs ENABLED.
         NotEnabled = 5, "the drives are off";
-        /// An axis is not homed.
         NotHomed = 6, "not homed: the zero of an axis is unknown";
-        /// The command is in angles, but no model is loaded.
         NoModel = 7, "no model is loaded";
         /// The number of entries is wrong, or an enum has no such number.
         Malformed = 8, "malformed command";
-        /// The command is outside the position limits of an axis.
         Range = 9, "outside the position limits";
         /// The robot follows a goal of another kind, or the controller shuts down.
         WrongState = 10, "not while the robot follows commands or while the controller shuts down";
-        /// A previous change of state is in progress.
         Busy = 11, "busy: the previous command is still running";
-        /// The cause of the fault persists.
         CausePersists = 12, "the cause of the fault persists";
-        /// The sequence number is not above the previous one.
         Sequence = 13, "the sequence number did not increase";
-        /// The command is known, but this controller does not support it.
         Unsupported = 14, "not supported by this controller";
         /// The deadline is longer than allowed, or the stamp is in the future or decreases.
         Stamp = 15, "stamp in the future or older than the previous one, or deadline too long";
@@ -45,7 +36,6 @@ numbered_enum! {
         DrivesNotReady = 16, "the drives are not ready";
         /// Another model is staged, or no model is staged.
         NothingStaged = 17, "this model is not staged";
-        /// There is no previous model.
         NoPreviousModel = 18, "no previous model to return to";
         /// The hysteresis memory is unknown. The model would start on a wrong branch of the
         /// hysteresis loop.
@@ -53,7 +43,6 @@ numbered_enum! {
             --force";
         /// The model is invalid. The message gives the reason.
         BadModel = 20, "the model is refused";
-        /// The conditioning cycle is in progress.
         Conditioning = 21, "busy: the conditioning cycle is still running";
         /// The motion crosses a virtual fixture, or is not planned in angles while one is active.
         Fixture = 22, "a virtual fixture is in the way";
@@ -66,11 +55,8 @@ numbered_enum! {
             client's stream fell silent or reached a limit in motion";
         /// The state is PAUSED.
         Paused = 25, "paused: the robot holds until it is resumed";
-        /// The state is FAULT.
         InFault = 26, "a fault is latched";
-        /// The command needs DISABLED, and the drives are on.
         NotDisabled = 27, "the drives are on";
-        /// There is no fault to acknowledge.
         NoFault = 28, "there is no fault to acknowledge";
         /// A watchdog is running, but hangs or does not hold every port: it cannot stop the drives.
         WatchdogNotReady = 29, "the watchdog is running, but cannot stop every drive";

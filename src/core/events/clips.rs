@@ -44,7 +44,7 @@ pub(crate) struct ClipEvents {
 
 impl ClipEvents {
     /// Takes the clip of this tick. Returns one that is an event now. Call it once per tick.
-    pub fn update(&mut self, clip: Option<ClippedGoal>, now: Nanos) -> Option<ClippedGoal> {
+    pub(crate) fn update(&mut self, clip: Option<ClippedGoal>, now: Nanos) -> Option<ClippedGoal> {
         if let Some(clip) = clip {
             if !self.is_present {
                 self.reported = None;

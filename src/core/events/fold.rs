@@ -16,7 +16,7 @@ pub(crate) struct EventFold {
 
 impl EventFold {
     /// Updates the condition. Returns whether its beginning is an event now.
-    pub fn update(&mut self, is_present: bool, now: Nanos) -> bool {
+    pub(crate) fn update(&mut self, is_present: bool, now: Nanos) -> bool {
         let is_new = is_present && !self.is_present;
         self.is_present = is_present;
         let is_due = self.last.is_none_or(|last| now.duration_since(last) >= FOLD_TIME);
@@ -39,7 +39,7 @@ pub(crate) struct OtherCameras {
 
 impl OtherCameras {
     /// Updates the number of ignored frames since the start. Returns it if it is an event now.
-    pub fn update(&mut self, frames: u64, now: Nanos) -> Option<u64> {
+    pub(crate) fn update(&mut self, frames: u64, now: Nanos) -> Option<u64> {
         let is_due = self.frames == 0 || now.duration_since(self.reported) >= PERIOD;
         let is_news = frames > self.frames && is_due;
         if is_news {

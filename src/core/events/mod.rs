@@ -2,6 +2,7 @@
 
 pub(super) mod clips;
 pub(super) mod fold;
+mod text;
 
 use serde::{Deserialize, Serialize};
 
@@ -240,7 +241,7 @@ impl EventList {
     }
 
     /// Like [`EventList::push`], with a measurement.
-    pub fn push_measured(&mut self, kind: CycleEventKind, measurement: Option<Measurement>) {
+    pub(crate) fn push_measured(&mut self, kind: CycleEventKind, measurement: Option<Measurement>) {
         if self.insert(kind, measurement) {
             return;
         }
@@ -252,7 +253,7 @@ impl EventList {
     }
 
     /// Adds a measurement to the newest event, if that is a fault.
-    pub fn explain_fault(&mut self, measurement: Option<Measurement>) {
+    pub(crate) fn explain_fault(&mut self, measurement: Option<Measurement>) {
         let newest = self.list.iter_mut().rev().flatten().next();
         if let Some(event) = newest
             && matches!(event.kind.cause(), Some(Cause::Fault(_)))

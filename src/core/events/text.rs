@@ -2,10 +2,8 @@
 
 use std::fmt;
 
-use crate::core::adaptation::AdaptationEvent;
-use crate::core::{CycleEvent, CycleEventKind, PlausibilityCheck};
-use crate::ipc::MaskedClientId;
-use crate::robot::Fault;
+use super::{AdaptationEvent, CycleEvent, CycleEventKind, PlausibilityCheck};
+use crate::robot::{Fault, MaskedClientId};
 
 impl fmt::Display for CycleEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
