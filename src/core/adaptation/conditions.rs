@@ -40,18 +40,18 @@ pub(super) struct Conditions {
 
 impl Conditions {
     /// Pauses learning for the settling time.
-    pub fn unsettle(&mut self, now: Nanos) {
+    pub(crate) fn unsettle(&mut self, now: Nanos) {
         self.settled_at = now + SETTLING;
     }
 
     /// Accepts the camera: its frames agree again for a known reason.
-    pub fn accept_camera(&mut self) {
+    pub(crate) fn accept_camera(&mut self) {
         (self.refused_share, self.is_rejected) = (0.0, false);
     }
 
     /// Counts an accepted or refused frame. Returns whether the camera is accepted, if that has
     /// changed.
-    pub fn add_frame(&mut self, is_accepted: bool, seconds: f64) -> Option<bool> {
+    pub(super) fn add_frame(&mut self, is_accepted: bool, seconds: f64) -> Option<bool> {
         let refused = if is_accepted { 0.0 } else { 1.0 };
         self.refused_share = forget(self.refused_share, refused, REFUSED_S, seconds);
         let limit = if self.is_rejected { ACCEPT_SHARE } else { REJECT_SHARE };
@@ -61,23 +61,15 @@ impl Conditions {
         has_changed.then_some(!is_rejected)
     }
 
-    pub fn is_settled(&self, now: Nanos) -> bool {
+    pub(crate) fn is_settled(&self, now: Nanos) -> bool {
         now >= self.settled_at
     }
 
     /// Present reasons not to learn.
-    pub fn pauses(
-        &self,
-        surroundings: &Surroundings,
-        memory_known: bool,
-        in_hull: bool,
-        silence: Nanos,
-    ) -> Pauses {
+    pub(super) fn pauses(&self, surroundings: &Surroundings, silence: Nanos) -> Pauses {
         Pauses::NONE
             .with(Pause::NotFollowing, !surroundings.is_following)
             .with(Pause::Settling, !self.is_settled(surroundings.now))
-            .with(Pause::MemoryUnknown, !memory_known)
-            .with(Pause::OutsideHull, !in_hull)
             .with(Pause::NoCamera, silence > SILENCE)
             .with(Pause::CameraRejected, self.is_rejected)
     }

@@ -113,7 +113,7 @@ impl AdaptationState {
 
 impl Adaptation {
     /// `None` if it is switched off.
-    pub fn new(config: &Config) -> Option<Self> {
+    pub(crate) fn new(config: &Config) -> Option<Self> {
         let deviation_deg = config.adaptation.camera_deviation_deg;
         let plausibility_deg = config.limits.plausibility_deg;
         let settings = Settings::new(deviation_deg, plausibility_deg, config.control.period());
@@ -121,19 +121,19 @@ impl Adaptation {
     }
 
     /// The memories that follow the positions with the active model.
-    pub fn memories_mut(&mut self) -> &mut DriftMemories {
+    pub(crate) fn memories_mut(&mut self) -> &mut DriftMemories {
         &mut self.state.memories
     }
 
     /// The memory of the active model as calibrated, while there is a correction.
-    pub fn calibrated_memory(&self, joints: &JointModel) -> Option<&Memory> {
+    pub(crate) fn calibrated_memory(&self, joints: &JointModel) -> Option<&Memory> {
         let is_own = self.state.model == Some(joints.model().id());
         (is_own && joints.geometry().is_some()).then(|| self.state.memories.calibrated())
     }
 
     /// Restarts when the next model takes over or the encoder zero moves. `from`: the model in use
     /// until now; its correction is removed.
-    pub fn begin(&mut self, from: Option<&mut JointModel>, now: Nanos) {
+    pub(crate) fn begin(&mut self, from: Option<&mut JointModel>, now: Nanos) {
         if let Some(from) = from
             && Some(from.model().id()) == self.state.model
         {
@@ -149,7 +149,7 @@ impl Adaptation {
     }
 
     /// One tick, after its feedback.
-    pub fn step(
+    pub(crate) fn step(
         &mut self,
         joints: &mut JointModel,
         frame: Option<&ExternalPose>,
@@ -215,7 +215,9 @@ impl Adaptation {
         let moves = state.excitation.excited_parameters().iter().any(|shown| *shown);
         state.pauses = state
             .conditions
-            .pauses(surroundings, joints.is_memory_known(), in_hull, silence)
+            .pauses(surroundings, silence)
+            .with(Pause::MemoryUnknown, !joints.is_memory_known())
+            .with(Pause::OutsideHull, !in_hull)
             .with(Pause::BudgetUsed, state.is_used_up)
             .with(Pause::Reverted, state.is_reverted)
             .with(Pause::SlippedAgain, state.slips > MAX_SLIPS)
@@ -410,11 +412,11 @@ impl Adaptation {
     }
 
     /// The pose as calibrated, at the last moment.
-    pub fn calibrated_pose(&self) -> Option<[f64; 2]> {
+    pub(crate) fn calibrated_pose(&self) -> Option<[f64; 2]> {
         self.state.ring.newest().map(|moment| moment.calibrated)
     }
 
-    pub fn report(&self, joints: Option<&JointModel>) -> AdaptationReport {
+    pub(crate) fn report(&self, joints: Option<&JointModel>) -> AdaptationReport {
         let state = &self.state;
         let [calibrated_error, adapted_error] = state.score.last();
         let Some((joints, geometry)) = joints.and_then(|joints| Some((joints, joints.geometry()?)))

@@ -47,7 +47,7 @@ impl LargestStep {
 }
 
 impl RangeCheck {
-    pub fn new(config: &CommandConfig) -> Self {
+    pub(crate) fn new(config: &CommandConfig) -> Self {
         Self {
             followed: LargestStep {
                 joint: config.max_step_deg.to_radians(),
@@ -65,22 +65,15 @@ impl RangeCheck {
     }
 
     /// The largest step of a motor, counts.
-    pub fn largest_counts(&self, is_first: bool) -> f64 {
+    pub(crate) fn largest_counts(&self, is_first: bool) -> f64 {
         self.largest(is_first).actuator
     }
 
     /// Checks the goal of a command. Returns the goal to follow: the continuation of the followed
     /// goal if it is of the same kind, or a new one, which must begin near the present setpoints.
     /// Angles out of reach become the nearest ones in reach.
-    pub fn check(
-        &self,
-        command: &ServoCommand,
-        deadline: Nanos,
-        followed: Option<&FollowedCommand>,
-        axes: &AxisGroup,
-        joints: Option<&JointModel>,
-        now: Nanos,
-    ) -> Result<CheckedGoal, Refusal> {
+    pub(crate) fn check(&self, goal: &UncheckedGoal<'_>) -> Result<CheckedGoal, Refusal> {
+        let UncheckedGoal { command, deadline, followed, axes, joints, now } = *goal;
         match command.goal {
             ServoGoal::Joint(values, entries)
             | ServoGoal::Interpolated(values, entries)
@@ -135,14 +128,8 @@ impl RangeCheck {
 
     /// The step of a command that is refused for it, and the limit. Only in angles or counts: the
     /// motors of a tip position are not what the client commands.
-    pub fn step_measurement(
-        &self,
-        command: &ServoCommand,
-        deadline: Nanos,
-        followed: Option<&FollowedCommand>,
-        axes: &AxisGroup,
-        joints: Option<&JointModel>,
-    ) -> Option<Measurement> {
+    pub(crate) fn step_measurement(&self, goal: &UncheckedGoal<'_>) -> Option<Measurement> {
+        let UncheckedGoal { command, deadline, followed, axes, joints, .. } = *goal;
         match command.goal {
             ServoGoal::Rate(rate, entries) => {
                 let way = first_entries::<MAX_OUTPUTS>(rate, entries)
@@ -174,6 +161,18 @@ impl RangeCheck {
             }
         }
     }
+}
+
+/// A goal, and what it is checked against.
+#[derive(Clone, Copy)]
+pub(crate) struct UncheckedGoal<'a> {
+    pub command: &'a ServoCommand,
+    pub deadline: Nanos,
+    pub followed: Option<&'a FollowedCommand>,
+    pub axes: &'a AxisGroup,
+    pub joints: Option<&'a JointModel>,
+    /// Start of the tick.
+    pub now: Nanos,
 }
 
 /// A goal that passed.

@@ -5,7 +5,7 @@ use crate::core::command::admission::AdmissionContext;
 use crate::core::command::authority::Access;
 use crate::core::command::deadline::FollowedCommand;
 use crate::core::command::move_planning::MovePlanning;
-use crate::core::command::range_check::{CheckedGoal, require};
+use crate::core::command::range_check::{CheckedGoal, UncheckedGoal, require};
 use crate::core::command::sessions::StreamOf;
 use crate::core::command::tip_goal;
 use crate::core::cycle::ControlCycle;
@@ -300,6 +300,18 @@ impl ControlCycle {
         }
     }
 
+    /// The goal of a command, for its check.
+    pub(super) fn unchecked<'a>(
+        &'a self,
+        command: &'a ServoCommand,
+        deadline: Nanos,
+        now: Nanos,
+    ) -> UncheckedGoal<'a> {
+        let (axes, joints) = (&self.axes, self.models.active());
+        let followed = self.machine.state().followed_command();
+        UncheckedGoal { command, deadline, followed, axes, joints, now }
+    }
+
     fn check_servo_command(
         &self,
         command: &ServoCommand,
@@ -319,15 +331,8 @@ impl ControlCycle {
         if matches!(command.goal, ServoGoal::Actuator(..)) {
             self.require_no_fixture()?;
         }
-        let followed = state.followed_command();
-        let CheckedGoal { goal, requested, border, limit } = self.range_check.check(
-            command,
-            deadline,
-            followed,
-            &self.axes,
-            self.models.active(),
-            summary.now,
-        )?;
+        let unchecked = self.unchecked(command, deadline, summary.now);
+        let CheckedGoal { goal, requested, border, limit } = self.range_check.check(&unchecked)?;
         Ok(FollowedCommand {
             client_id: command.client_id,
             sequence: command.sequence,

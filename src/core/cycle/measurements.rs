@@ -42,11 +42,9 @@ impl ControlCycle {
             }
             Refusal::Sequence => self.admission.sequence_measurement(command),
             Refusal::StepTooLarge => {
-                let state = self.machine.state();
-                let followed = state.followed_command();
-                let joints = self.models.active();
                 let deadline = self.admission.deadline(command);
-                self.range_check.step_measurement(command, deadline, followed, &self.axes, joints)
+                let unchecked = self.unchecked(command, deadline, summary.now);
+                self.range_check.step_measurement(&unchecked)
             }
             Refusal::Range => match command.goal {
                 ServoGoal::Actuator(counts, _) => {
