@@ -14,7 +14,7 @@
 //! - `faults`: `fault_detection`, `following_error`, `over_current`, `overrun` (late ticks),
 //!   `plausibility`, `debounce`.
 //! - `drift`: the drift of a calibration, and the `correction` for it.
-//! - `motion`: from a goal to the setpoints of the motors, by `goal_extrapolation`,
+//! - `motion`: from a goal to the setpoints of the motors, by `goal_extrapolation`, `pipeline`,
 //!   `tremor_filter`, `goal_lead`, `joint_limits`, `virtual_fixtures`, `backlash_dead_band`,
 //!   `model_blend`, `inverse_setpoint`, `velocity_limit` and `jerk_limit`; `joint_model`, a model
 //!   with its memory and the history of positions; `reach` of a line; `joint_trajectory` of
@@ -57,7 +57,6 @@ mod states;
 mod vector;
 
 pub use command::admission::{AdmissionContext, CommandAdmission, CommandCheck};
-pub use command::move_planning::MAX_MOVE_TIME;
 pub use command::refusal_record::ClientRefusals;
 pub use command::sessions::StreamOf;
 pub use cycle::snapshot::CycleSnapshot;
@@ -70,7 +69,8 @@ pub use inputs::{
 pub use model_slots::{CandidateState, ModelCandidate, ModelSlots};
 pub use motion::auxiliary_axis::AuxiliaryReport;
 pub use motion::gate::Gated;
-pub use motion::joint_model::position_history::{HistoryCursor, newest_stamp};
+pub use motion::joint_model::position_history::HistoryCursor;
+pub(crate) use motion::joint_model::position_history::newest_stamp;
 pub use motion::joint_model::report::JointReport;
 pub use motion::velocity_limit;
 pub use outputs::{CycleOutputs, CycleReport, ModelSwapReply, StateReply};

@@ -42,7 +42,7 @@ pub(crate) struct FollowedAngle {
 
 impl AuxiliaryAxis {
     /// `None`: the robot has none.
-    pub fn new(config: &Config) -> Option<Self> {
+    pub(crate) fn new(config: &Config) -> Option<Self> {
         let axis = config.axis(AUXILIARY)?;
         // Counts per degree times degrees per rad.
         let counts_per_rad = axis.auxiliary_counts_per_deg?.to_degrees();
@@ -50,18 +50,18 @@ impl AuxiliaryAxis {
     }
 
     /// The encoder position of an angle, rad.
-    pub fn counts(&self, angle: f64) -> f64 {
+    pub(crate) fn counts(&self, angle: f64) -> f64 {
         angle * self.counts_per_rad
     }
 
     /// Target of the setpoint in this tick.
-    pub fn target(&self, now: Nanos, tick: Nanos) -> Option<MotorTarget> {
+    pub(crate) fn target(&self, now: Nanos, tick: Nanos) -> Option<MotorTarget> {
         let ([here], [before]) = self.followed?.goal.evaluate(now, tick);
         let (here, before) = (self.axis.clamp(here), self.axis.clamp(before));
         Some(MotorTarget { position: here, increment: here - before })
     }
 
-    pub fn report(&self) -> AuxiliaryReport {
+    pub(crate) fn report(&self) -> AuxiliaryReport {
         let angle = |counts: f64| counts / self.counts_per_rad;
         AuxiliaryReport {
             measured: angle(self.axis.feedback().position.as_f64()),

@@ -38,7 +38,7 @@ pub(crate) struct AxisControl {
 
 impl AxisControl {
     /// An axis whose drive has not reported yet.
-    pub fn new(axis: &AxisConfig, config: &Config) -> Self {
+    pub(crate) fn new(axis: &AxisConfig, config: &Config) -> Self {
         let (lowest, highest) = (axis.position_min_counts, axis.position_max_counts);
         let period = config.control.period();
         let limits = MotorLimits {
@@ -69,7 +69,7 @@ impl AxisControl {
 
     /// Takes the feedback of this tick. Every change of phase is an event, and so is the error code
     /// of a drive at fault, which is read after its phase has changed.
-    pub fn update_feedback(
+    pub(crate) fn update_feedback(
         &mut self,
         motor: u8,
         feedback: &AxisFeedback,
@@ -101,11 +101,11 @@ impl AxisControl {
     }
 
     /// The last feedback.
-    pub fn feedback(&self) -> &AxisFeedback {
+    pub(crate) fn feedback(&self) -> &AxisFeedback {
         &self.feedback
     }
 
-    pub fn status(&self, now: Nanos) -> DriveStatus {
+    pub(crate) fn status(&self, now: Nanos) -> DriveStatus {
         let has_following_error = self
             .source
             .following_since()
@@ -120,85 +120,85 @@ impl AxisControl {
     }
 
     /// The following error and its limit, if it is exceeded.
-    pub fn following_error_measurement(&self) -> Option<Measurement> {
+    pub(crate) fn following_error_measurement(&self) -> Option<Measurement> {
         let since = self.source.following_since()?;
         self.following_error.measurement(&self.feedback, since)
     }
 
     /// The current and its limit, if it is exceeded.
-    pub fn over_current_measurement(&self) -> Option<Measurement> {
+    pub(crate) fn over_current_measurement(&self) -> Option<Measurement> {
         self.over_current.measurement(self.feedback.current_ma)
     }
 
     /// The nearest limit of the axis, if a position is beyond it.
-    pub fn range_measurement(&self, position: Counts) -> Option<Measurement> {
+    pub(crate) fn range_measurement(&self, position: Counts) -> Option<Measurement> {
         let counts = position.as_f64();
         (!self.allows(position))
             .then(|| Measurement::new(Quantity::Counts, counts, Some(self.clamp(counts))))
     }
 
     /// The drive has a zero, and no command has made it invalid.
-    pub fn is_homed(&self) -> bool {
+    pub(crate) fn is_homed(&self) -> bool {
         self.feedback.homed && self.feedback.homings >= self.valid_homing
     }
 
     /// The motor is within its position limits. Outside of them a drive cannot be enabled where it
     /// is: it would clamp its target to its own limits, which is a jump.
-    pub fn is_in_range(&self) -> bool {
+    pub(crate) fn is_in_range(&self) -> bool {
         self.allows(self.feedback.position)
     }
 
     /// The position is within the limits.
-    pub fn allows(&self, position: Counts) -> bool {
+    pub(crate) fn allows(&self, position: Counts) -> bool {
         (self.lowest..=self.highest).contains(&position)
     }
 
     /// The nearest position within the limits.
-    pub fn clamp(&self, position: f64) -> f64 {
+    pub(crate) fn clamp(&self, position: f64) -> f64 {
         position.max(self.lowest.as_f64()).min(self.highest.as_f64())
     }
 
     /// The setpoint does not move.
-    pub fn is_at_rest(&self) -> bool {
+    pub(crate) fn is_at_rest(&self) -> bool {
         self.limiter.is_at_rest() && self.jerk_limiter.is_at_rest()
     }
 
     /// The setpoint moves less than a count in a hundred ticks. An inverse that searches may creep
     /// towards its solution for ever.
-    pub fn is_settled(&self) -> bool {
+    pub(crate) fn is_settled(&self) -> bool {
         const COUNTS_PER_TICK: f64 = 0.01;
         self.limiter.velocity().abs() < COUNTS_PER_TICK && self.jerk_limiter.is_settled()
     }
 
     /// Every requested homing has ended.
-    pub fn is_homing_done(&self) -> bool {
+    pub(crate) fn is_homing_done(&self) -> bool {
         self.feedback.homings == self.homings && self.feedback.phase == AxisPhase::Disabled
     }
 
     /// Every requested fault reset is done, and the drive is not at fault.
-    pub fn is_reset_done(&self) -> bool {
+    pub(crate) fn is_reset_done(&self) -> bool {
         self.feedback.fault_resets == self.fault_resets && self.feedback.phase != AxisPhase::Faulted
     }
 
     /// Requests a homing.
-    pub fn start_homing(&mut self) {
+    pub(crate) fn start_homing(&mut self) {
         self.homings = self.homings.wrapping_add(1);
     }
 
     /// Makes the zero invalid until a homing that is requested from now on has ended.
-    pub fn invalidate_zero(&mut self) {
+    pub(crate) fn invalidate_zero(&mut self) {
         self.valid_homing = self.homings.wrapping_add(1);
     }
 
     /// Requests a fault reset, if the drive is at fault.
-    pub fn reset_fault(&mut self) {
+    pub(crate) fn reset_fault(&mut self) {
         if self.feedback.phase == AxisPhase::Faulted {
             self.fault_resets = self.fault_resets.wrapping_add(1);
         }
     }
 
     /// Updates the source of the setpoint for this tick's demand to the drive.
-    pub fn update_source(&mut self, demand: Demand, now: Nanos) {
+    pub(crate) fn update_source(&mut self, demand: Demand, now: Nanos) {
         let before = self.source;
         self.source = before.next(demand, &self.feedback, now);
         if let Some(position) = self.source.restart_position(before, &self.feedback) {
@@ -209,7 +209,7 @@ impl AxisControl {
 
     /// Moves the setpoint one tick towards a target, if the drive follows, with a share of the
     /// velocity between a stop (0) and the target (1).
-    pub fn track(&mut self, target: MotorTarget, share: f64) {
+    pub(crate) fn track(&mut self, target: MotorTarget, share: f64) {
         if self.source.is_following() {
             self.limiter.track_part(target, share);
             self.jerk_limiter.update(self.limiter.position());
@@ -217,23 +217,23 @@ impl AxisControl {
     }
 
     /// The velocities of the next tick in a stop and towards a target, counts per tick.
-    pub fn next_velocities(&self, target: MotorTarget) -> [f64; 2] {
+    pub(crate) fn next_velocities(&self, target: MotorTarget) -> [f64; 2] {
         [self.limiter.next_velocity(0.0), self.limiter.velocity_towards(target)]
     }
 
     /// Where the setpoint comes to rest when it stops from now on, counts.
-    pub fn rest_position(&self) -> f64 {
+    pub(crate) fn rest_position(&self) -> f64 {
         self.limiter.rest_position()
     }
 
     /// Ticks until then.
-    pub fn ticks_to_rest(&self) -> f64 {
+    pub(crate) fn ticks_to_rest(&self) -> f64 {
         self.limiter.ticks_to_rest()
     }
 
     /// The setpoint on the wire is within the position limits, or no further out than `before`,
     /// one tick ago, and its step and the change of its step are within the limits.
-    pub fn keeps_limits(&self, before: &Self) -> bool {
+    pub(crate) fn keeps_limits(&self, before: &Self) -> bool {
         let [longest, change] = self.limiter.largest_steps().map(|most| most + ROUNDING);
         let outside = |axis: &Self| (axis.clamp(axis.setpoint()) - axis.setpoint()).abs();
         let step = self.setpoint() - before.setpoint();
@@ -243,29 +243,29 @@ impl AxisControl {
     }
 
     /// Slows the setpoint down for one tick.
-    pub fn stop(&mut self) {
+    pub(crate) fn stop(&mut self) {
         self.limiter.stop();
         self.jerk_limiter.update(self.limiter.position());
     }
 
     /// The setpoint before rounding, counts.
-    pub fn setpoint(&self) -> f64 {
+    pub(crate) fn setpoint(&self) -> f64 {
         self.jerk_limiter.output()
     }
 
     /// Change of the setpoint in this tick, counts.
-    pub fn increment(&self) -> f64 {
+    pub(crate) fn increment(&self) -> f64 {
         self.jerk_limiter.increment()
     }
 
     /// The setpoint as sent to the drive.
-    pub fn target(&self) -> Counts {
+    pub(crate) fn target(&self) -> Counts {
         // The setpoint stays between positions that are counts, so the conversion cannot fail.
         Counts::from_f64(self.setpoint()).unwrap_or(self.feedback.position)
     }
 
     /// The request to the drive. `common` gives sequence and command.
-    pub fn request_with(&self, demand: Demand, common: &AxisRequest) -> AxisRequest {
+    pub(crate) fn request_with(&self, demand: Demand, common: &AxisRequest) -> AxisRequest {
         AxisRequest {
             sequence: common.sequence,
             command_stamp: common.command_stamp,

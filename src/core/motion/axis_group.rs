@@ -17,36 +17,36 @@ pub(crate) struct AxisGroup(Vec<AxisControl>);
 impl AxisGroup {
     /// Axes whose drives have not reported yet.
     #[allow(clippy::disallowed_methods, reason = "a constructor, called before the loop")]
-    pub fn new(config: &Config) -> Self {
+    pub(crate) fn new(config: &Config) -> Self {
         let axes = (0..config.motors().min(MAX_MOTORS)).filter_map(|motor| config.axis(motor));
         Self(axes.map(|axis| AxisControl::new(axis, config)).collect())
     }
 
     #[allow(clippy::disallowed_methods, reason = "for a replay, not for the loop")]
-    pub fn from_snapshot(axes: &[Option<AxisControl>; MAX_MOTORS]) -> Self {
+    pub(crate) fn from_snapshot(axes: &[Option<AxisControl>; MAX_MOTORS]) -> Self {
         Self(axes.iter().flatten().copied().collect())
     }
 
-    pub fn to_snapshot(&self) -> [Option<AxisControl>; MAX_MOTORS] {
+    pub(crate) fn to_snapshot(&self) -> [Option<AxisControl>; MAX_MOTORS] {
         self.per_motor(|axis| Some(*axis))
     }
 
     /// Number of axes.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.0.len()
     }
 
     /// The condition holds for every axis.
-    pub fn all(&self, condition: impl Fn(&AxisControl) -> bool) -> bool {
+    pub(crate) fn all(&self, condition: impl Fn(&AxisControl) -> bool) -> bool {
         self.0.iter().all(condition)
     }
 
-    pub fn for_each(&mut self, action: impl FnMut(&mut AxisControl)) {
+    pub(crate) fn for_each(&mut self, action: impl FnMut(&mut AxisControl)) {
         self.0.iter_mut().for_each(action);
     }
 
     /// Takes the feedback of this tick.
-    pub fn update_feedback(
+    pub(crate) fn update_feedback(
         &mut self,
         feedback: &[AxisFeedback; MAX_MOTORS],
         now: Nanos,
@@ -58,16 +58,16 @@ impl AxisGroup {
     }
 
     /// The last feedback of every motor.
-    pub fn feedback(&self) -> [AxisFeedback; MAX_MOTORS] {
+    pub(crate) fn feedback(&self) -> [AxisFeedback; MAX_MOTORS] {
         self.per_motor(|axis| *axis.feedback())
     }
 
-    pub fn status(&self, now: Nanos) -> [Option<DriveStatus>; MAX_MOTORS] {
+    pub(crate) fn status(&self, now: Nanos) -> [Option<DriveStatus>; MAX_MOTORS] {
         self.per_motor(|axis| Some(axis.status(now)))
     }
 
     /// Updates the source of every setpoint for this tick's demands.
-    pub fn update_sources(&mut self, demands: &[Demand], now: Nanos) {
+    pub(crate) fn update_sources(&mut self, demands: &[Demand], now: Nanos) {
         for (axis, demand) in self.0.iter_mut().zip(demands) {
             axis.update_source(*demand, now);
         }
@@ -75,14 +75,14 @@ impl AxisGroup {
 
     /// Moves the setpoints one tick towards targets, every motor with its share of the velocity
     /// between a stop (0) and the target (1).
-    pub fn track(&mut self, targets: &[MotorTarget; MAX_MOTORS], shares: &MotorVec) {
+    pub(crate) fn track(&mut self, targets: &[MotorTarget; MAX_MOTORS], shares: &MotorVec) {
         for ((axis, target), share) in self.0.iter_mut().zip(targets).zip(shares) {
             axis.track(*target, *share);
         }
     }
 
     /// The shares with which the motors move on a straight line to their targets.
-    pub fn straight_shares(&self, targets: &[MotorTarget; MAX_MOTORS]) -> MotorVec {
+    pub(crate) fn straight_shares(&self, targets: &[MotorTarget; MAX_MOTORS]) -> MotorVec {
         let moves = || {
             self.0.iter().zip(targets).map(|(axis, target)| {
                 let [stop, whole] = axis.next_velocities(*target);
@@ -98,41 +98,41 @@ impl AxisGroup {
     }
 
     /// Where the setpoints come to rest when they stop from now on, counts.
-    pub fn rest_positions(&self) -> MotorVec {
+    pub(crate) fn rest_positions(&self) -> MotorVec {
         vector::collect(self.0.iter().map(AxisControl::rest_position))
     }
 
     /// The most ticks that a setpoint takes to come to rest when all of them stop from now on.
-    pub fn ticks_to_rest(&self) -> f64 {
+    pub(crate) fn ticks_to_rest(&self) -> f64 {
         self.0.iter().map(AxisControl::ticks_to_rest).fold(0.0, f64::max)
     }
 
     /// Any setpoint has moved in this tick.
-    pub fn is_moving(&self) -> bool {
+    pub(crate) fn is_moving(&self) -> bool {
         self.0.iter().any(|axis| axis.increment() != 0.0)
     }
 
     /// Whether any setpoint is further than this many counts from its target.
-    pub fn is_away_from(&self, targets: &[MotorTarget; MAX_MOTORS], counts: f64) -> bool {
+    pub(crate) fn is_away_from(&self, targets: &[MotorTarget; MAX_MOTORS], counts: f64) -> bool {
         let mut pairs = self.0.iter().zip(targets);
         pairs.any(|(axis, target)| (axis.clamp(target.position) - axis.setpoint()).abs() > counts)
     }
 
     /// Every axis keeps its limits after a tick: [`AxisControl::keeps_limits`].
-    pub fn keep_limits(&self, before: &[Option<AxisControl>; MAX_MOTORS]) -> bool {
+    pub(crate) fn keep_limits(&self, before: &[Option<AxisControl>; MAX_MOTORS]) -> bool {
         let mut pairs = self.0.iter().zip(before.iter().flatten());
         pairs.all(|(axis, before)| axis.keeps_limits(before))
     }
 
     /// Takes back what has happened since [`AxisGroup::to_snapshot`].
-    pub fn restore(&mut self, before: &[Option<AxisControl>; MAX_MOTORS]) {
+    pub(crate) fn restore(&mut self, before: &[Option<AxisControl>; MAX_MOTORS]) {
         for (axis, before) in self.0.iter_mut().zip(before.iter().flatten()) {
             *axis = *before;
         }
     }
 
     /// Clamps counts to the position limits.
-    pub fn clamp(&self, mut counts: MotorVec) -> MotorVec {
+    pub(crate) fn clamp(&self, mut counts: MotorVec) -> MotorVec {
         for (counts, axis) in counts.iter_mut().zip(&self.0) {
             *counts = axis.clamp(*counts);
         }
@@ -140,19 +140,19 @@ impl AxisGroup {
     }
 
     /// A motor is at a position limit, to a count.
-    pub fn is_at_limit(&self, counts: &MotorVec) -> bool {
+    pub(crate) fn is_at_limit(&self, counts: &MotorVec) -> bool {
         let beyond = [1.0, -1.0].map(|by| counts.map(|counts| counts + by));
         beyond.into_iter().any(|beyond| self.clamp(beyond) != beyond)
     }
 
     /// Every position is within the limits of its axis.
-    pub fn allow(&self, positions: &[Counts; MAX_MOTORS]) -> bool {
+    pub(crate) fn allow(&self, positions: &[Counts; MAX_MOTORS]) -> bool {
         let mut pairs = self.0.iter().zip(positions);
         pairs.all(|(axis, position)| axis.allows(*position))
     }
 
     /// The first measurement that a motor has, with its index.
-    pub fn first(
+    pub(crate) fn first(
         &self,
         measurement: impl Fn(&AxisControl) -> Option<Measurement>,
     ) -> Option<Measurement> {
@@ -160,7 +160,7 @@ impl AxisGroup {
     }
 
     /// The first of these positions that is outside the limits of its axis.
-    pub fn range_measurement(
+    pub(crate) fn range_measurement(
         &self,
         position: impl Fn(u8, &AxisControl) -> Option<Counts>,
     ) -> Option<Measurement> {
@@ -171,17 +171,17 @@ impl AxisGroup {
     }
 
     /// The setpoints before rounding, counts.
-    pub fn setpoints(&self) -> MotorVec {
+    pub(crate) fn setpoints(&self) -> MotorVec {
         vector::collect(self.0.iter().map(AxisControl::setpoint))
     }
 
     /// Changes of the setpoints in this tick, counts.
-    pub fn increments(&self) -> MotorVec {
+    pub(crate) fn increments(&self) -> MotorVec {
         vector::collect(self.0.iter().map(AxisControl::increment))
     }
 
     /// The setpoints as sent to the drives.
-    pub fn targets(&self) -> [Counts; MAX_MOTORS] {
+    pub(crate) fn targets(&self) -> [Counts; MAX_MOTORS] {
         self.per_motor(AxisControl::target)
     }
 

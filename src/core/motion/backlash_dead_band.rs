@@ -60,7 +60,7 @@ pub(crate) struct DeadBandedGoal {
 impl BacklashDeadBand {
     /// `has_angles`: the outputs are angles; bands in degrees mean nothing for other outputs.
     /// `has_backlash`: the inverse jumps where the motion reverses.
-    pub fn new(
+    pub(crate) fn new(
         config: &CompensationConfig,
         has_angles: bool,
         has_backlash: bool,
@@ -78,29 +78,29 @@ impl BacklashDeadBand {
     }
 
     /// The largest distance of the output from the goal, rad.
-    pub fn width(&self) -> f64 {
+    pub(crate) fn width(&self) -> f64 {
         2.0 * self.radius
     }
 
     /// No goal is followed: the next goal is taken unchanged.
-    pub fn release_goal(&mut self) {
+    pub(crate) fn release_goal(&mut self) {
         self.turning_band = None;
     }
 
     /// Takes the goal over from the model that was in use before. The correction starts again.
-    pub fn take_over(&mut self, before: Option<&Self>) {
+    pub(crate) fn take_over(&mut self, before: Option<&Self>) {
         self.turning_band = before.and_then(|before| before.turning_band);
         self.correction = None;
     }
 
     /// Forgets everything: the memory of the model has been reset.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.turning_band = None;
         self.correction = None;
     }
 
     /// Takes the goal of this tick through the turning band.
-    pub fn apply(&mut self, goal: &OutputVec) -> DeadBandedGoal {
+    pub(crate) fn apply(&mut self, goal: &OutputVec) -> DeadBandedGoal {
         let band = self.turning_band.get_or_insert(TurningBand { centre: *goal, output: *goal });
         let offset = distance(goal, &band.centre);
         let is_held = offset <= self.radius && self.radius > 0.0 && band.output != *goal;
@@ -116,7 +116,7 @@ impl BacklashDeadBand {
     }
 
     /// Takes the correction of this tick through the correction filter. It must be finite.
-    pub fn filter_correction(&mut self, correction: &OutputVec) {
+    pub(crate) fn filter_correction(&mut self, correction: &OutputVec) {
         let filter = self
             .correction
             .get_or_insert(CorrectionFilter { low_pass: *correction, output: *correction });
@@ -130,7 +130,7 @@ impl BacklashDeadBand {
     }
 
     /// The filtered correction.
-    pub fn correction(&self) -> Option<OutputVec> {
+    pub(crate) fn correction(&self) -> Option<OutputVec> {
         self.correction.map(|filter| filter.output)
     }
 }

@@ -52,7 +52,7 @@ impl ConditioningCycle {
     /// # Errors
     ///
     /// [`Refusal::Range`] if the position limits leave less room than the model needs to forget.
-    pub fn new(
+    pub(crate) fn new(
         client_id: u64,
         plan: &ConditioningPlan,
         start: MotorVec,
@@ -76,12 +76,12 @@ impl ConditioningCycle {
         Ok(cycle.start_line(0))
     }
 
-    pub fn client_id(&self) -> u64 {
+    pub(crate) fn client_id(&self) -> u64 {
         self.client_id
     }
 
     /// One tick later; `None` once the cycle has ended where it began.
-    pub fn after_tick(mut self) -> Option<Self> {
+    pub(crate) fn after_tick(mut self) -> Option<Self> {
         let has_arrived = self.limiter.is_at_rest()
             && (self.length - self.limiter.position()).abs() < END_TOLERANCE;
         if has_arrived && self.rested >= self.dwell_ticks {
@@ -98,17 +98,17 @@ impl ConditioningCycle {
     }
 
     /// The points between which the first round moves.
-    pub fn corners(&self) -> impl Iterator<Item = &MotorVec> {
+    pub(crate) fn corners(&self) -> impl Iterator<Item = &MotorVec> {
         (0..self.points.count()).filter_map(|number| self.points.get(number))
     }
 
     /// Targets of the motors in this tick.
-    pub fn targets(&self) -> [MotorTarget; MAX_MOTORS] {
+    pub(crate) fn targets(&self) -> [MotorTarget; MAX_MOTORS] {
         MotorTarget::from_vectors(&self.position, &self.increment)
     }
 
     /// The same as positions, counts.
-    pub fn position(&self) -> &MotorVec {
+    pub(crate) fn position(&self) -> &MotorVec {
         &self.position
     }
 

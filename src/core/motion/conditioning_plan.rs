@@ -55,7 +55,7 @@ pub(super) struct ReversalPoints {
 
 impl ConditioningPlan {
     /// Plan from a checked configuration.
-    pub fn new(config: &Config) -> Self {
+    pub(crate) fn new(config: &Config) -> Self {
         let motors = config.motors().min(MAX_MOTORS);
         let (mut lowest, mut highest) = (MotorVec::default(), MotorVec::default());
         for ((motor, lowest), highest) in (0..motors).zip(&mut lowest).zip(&mut highest) {
@@ -167,12 +167,12 @@ fn height(point: &MotorVec, index: usize, motors: usize) -> f64 {
 }
 
 impl ReversalPoints {
-    pub fn count(&self) -> u32 {
+    pub(super) fn count(&self) -> u32 {
         self.count
     }
 
     /// The point with a number; numbering continues after a round.
-    pub fn get(&self, number: u32) -> Option<&MotorVec> {
+    pub(super) fn get(&self, number: u32) -> Option<&MotorVec> {
         self.points.get((number % self.count.max(1)) as usize)
     }
 

@@ -19,9 +19,10 @@
 //! | 10 | `motion/velocity_limit`, `motion/jerk_limit` | the setpoints |
 //! | 11 | the gate | a setpoint that breaks a limit is slowed down, or stops |
 //!
-//! A goal is made in stages 0 to 3, and begins at the setpoint only while nothing is followed.
-//! Nothing that a later stage adds to it on purpose (the lead, the dead-band, the blend, what is
-//! not compensated) feeds back to there: the goal would run away from itself.
+//! `motion/pipeline` runs stages 4 to 8. A goal is made in stages 0 to 3, and begins at the
+//! setpoint only while nothing is followed. Nothing that a later stage adds to it on purpose (the
+//! lead, the dead-band, the blend, what is not compensated) feeds back to there: the goal would run
+//! away from itself.
 //!
 //! Stages 6 to 10 may undo what an earlier one has limited. So nothing relies on the order: the
 //! gate checks the setpoints that the motors would get, whichever activity they come from, and
@@ -119,17 +120,17 @@ pub(crate) struct Passed {
 
 impl Passed {
     /// The setpoints moved less than requested and are not at their target.
-    pub fn is_held(self) -> bool {
+    pub(crate) fn is_held(self) -> bool {
         self.held_by.is_some()
     }
 
     /// The limit at which motors with a way to go have stood for [`BLOCKED_TIMEOUT`].
-    pub fn blocked_by(self) -> Option<Stop> {
+    pub(crate) fn blocked_by(self) -> Option<Stop> {
         self.held_by.filter(|_| self.is_blocked)
     }
 
     /// The requests to the drives.
-    pub fn requests(
+    pub(crate) fn requests(
         self,
         axes: &AxisGroup,
         demands: &[Demand; MAX_AXES],
@@ -213,19 +214,19 @@ impl Attempt {
 }
 
 impl Gate {
-    pub fn new(tick: Nanos) -> Self {
+    pub(crate) fn new(tick: Nanos) -> Self {
         let max_stood = (BLOCKED_TIMEOUT.0 / tick.0.max(1)) as u32;
         Self { steps: [OutputVec::default(); MAX_LINE_TICKS], stood: 0, max_stood }
     }
 
     /// The motion was not followed: the setpoints have not moved.
-    pub fn keep(&mut self) -> Passed {
+    pub(crate) fn keep(&mut self) -> Passed {
         self.note(OutputVec::default());
         Passed { held_by: None, is_blocked: false }
     }
 
     /// Moves the setpoints by one tick, and lets nothing pass that breaks a limit.
-    pub fn pass(
+    pub(crate) fn pass(
         &mut self,
         axes: &mut AxisGroup,
         motion: &Motion,
@@ -248,7 +249,7 @@ impl Gate {
     }
 
     /// Moves the setpoint of the auxiliary axis by one tick; `target`: `None` for a stop.
-    pub fn pass_auxiliary(
+    pub(crate) fn pass_auxiliary(
         axis: &mut AxisControl,
         target: Option<MotorTarget>,
         demand: Demand,

@@ -44,7 +44,7 @@ pub(crate) enum ExtrapolatedGoal {
 }
 
 impl ExtrapolatedGoal {
-    pub fn is_joint(&self) -> bool {
+    pub(crate) fn is_joint(&self) -> bool {
         matches!(self, Self::Joint(_))
     }
 }
@@ -71,25 +71,25 @@ pub(crate) struct GoalExtrapolation<const N: usize> {
 
 impl<const N: usize> GoalExtrapolation<N> {
     /// The first goal of a stream.
-    pub fn first(goal: [f64; N], stamp: Nanos) -> Self {
+    pub(crate) fn first(goal: [f64; N], stamp: Nanos) -> Self {
         let (still, reached_s, horizon_s) = ([0.0; N], 0.0, 0.0);
         Self { goal, stamp, last_rate: still, rate: still, reached_s, horizon_s }
     }
 
     /// A goal that moves from `from` with a rate, 1/s, for some time.
-    pub fn moving(from: [f64; N], rate: [f64; N], stamp: Nanos, horizon_s: f64) -> Self {
+    pub(crate) fn moving(from: [f64; N], rate: [f64; N], stamp: Nanos, horizon_s: f64) -> Self {
         Self { rate, horizon_s, ..Self::first(from, stamp) }
     }
 
     /// A goal that moves in a straight line from `from` and reaches `goal` after a given time.
-    pub fn reaching(goal: [f64; N], from: &[f64; N], stamp: Nanos, after: Nanos) -> Self {
+    pub(crate) fn reaching(goal: [f64; N], from: &[f64; N], stamp: Nanos, after: Nanos) -> Self {
         let after_s = after.as_seconds();
         let rate = difference(&goal, from).map(|change| change / after_s);
         Self { rate, reached_s: after_s, horizon_s: after_s, ..Self::first(goal, stamp) }
     }
 
     /// The next goal of the same stream.
-    pub fn next(&self, goal: [f64; N], stamp: Nanos) -> Self {
+    pub(crate) fn next(&self, goal: [f64; N], stamp: Nanos) -> Self {
         let interval = stamp.duration_since(self.stamp);
         if interval == Nanos::ZERO || interval > MAX_EXTRAPOLATION {
             return Self::first(goal, stamp);
@@ -107,23 +107,23 @@ impl<const N: usize> GoalExtrapolation<N> {
     }
 
     /// Stamp of the last command.
-    pub fn stamp(&self) -> Nanos {
+    pub(crate) fn stamp(&self) -> Nanos {
         self.stamp
     }
 
     /// The goal of the last command.
-    pub fn goal(&self) -> &[f64; N] {
+    pub(crate) fn goal(&self) -> &[f64; N] {
         &self.goal
     }
 
     /// The extrapolated goal now and one `tick` before, on the same straight line.
-    pub fn evaluate(&self, now: Nanos, tick: Nanos) -> ([f64; N], [f64; N]) {
+    pub(crate) fn evaluate(&self, now: Nanos, tick: Nanos) -> ([f64; N], [f64; N]) {
         let age_s = now.duration_since(self.stamp).as_seconds();
         (self.at_age(age_s), self.at_age(age_s - tick.as_seconds()))
     }
 
     /// The extrapolated goal at a time.
-    pub fn at(&self, now: Nanos) -> [f64; N] {
+    pub(crate) fn at(&self, now: Nanos) -> [f64; N] {
         self.at_age(now.duration_since(self.stamp).as_seconds())
     }
 
@@ -138,14 +138,14 @@ mod array {
     use serde::de::{Deserialize, Deserializer, Error};
     use serde::ser::{Serialize, Serializer};
 
-    pub fn serialize<S: Serializer, const N: usize>(
+    pub(super) fn serialize<S: Serializer, const N: usize>(
         array: &[f64; N],
         serializer: S,
     ) -> Result<S::Ok, S::Error> {
         array.as_slice().serialize(serializer)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(
+    pub(super) fn deserialize<'de, D: Deserializer<'de>, const N: usize>(
         deserializer: D,
     ) -> Result<[f64; N], D::Error> {
         let values = Vec::<f64>::deserialize(deserializer)?;

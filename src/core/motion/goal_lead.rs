@@ -33,28 +33,28 @@ pub(super) struct GoalLead {
 }
 
 impl GoalLead {
-    pub fn new(lead_ms: f64, tick: Nanos) -> Self {
+    pub(super) fn new(lead_ms: f64, tick: Nanos) -> Self {
         let tick_s = tick.as_seconds();
         let gain = tick_s / (tick_s + VELOCITY_FILTER_S);
         Self { ticks: 1e-3 * lead_ms / tick_s, gain, velocity: OutputVec::default() }
     }
 
-    pub fn is_off(&self) -> bool {
+    pub(super) fn is_off(&self) -> bool {
         self.ticks <= 0.0
     }
 
     /// How far the goal of this tick was led, rad (m).
-    pub fn amount(&self) -> OutputVec {
+    pub(super) fn amount(&self) -> OutputVec {
         self.velocity.map(|velocity| self.ticks * velocity)
     }
 
     /// The next goal is the first of a stream.
-    pub fn restart(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.velocity = OutputVec::default();
     }
 
     /// Leads the goal of this tick. The way from `before` to `now` is its motion.
-    pub fn lead(&mut self, goal: GoalStep) -> GoalStep {
+    pub(super) fn lead(&mut self, goal: GoalStep) -> GoalStep {
         let motion = difference(&goal.now, &goal.before);
         let before = self.velocity;
         let gain = self.gain;

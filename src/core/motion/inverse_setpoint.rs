@@ -5,6 +5,7 @@ use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::gate::Motion;
 use crate::core::motion::goal_extrapolation::ExtrapolatedGoal;
 use crate::core::motion::joint_model::{JointModel, NotFinite};
+use crate::core::motion::pipeline::PassedGoal;
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::difference;
@@ -39,7 +40,10 @@ impl MotionTick<'_> {
     /// The inverse is computed every tick, because a model with memory gives another solution after
     /// every motion. The goal of one tick before is inverted with the same memory: the target's
     /// increment is the motion of the goal, not what the model has learned in between.
-    pub fn follow_goal(&mut self, goal: &ExtrapolatedGoal) -> Result<InverseSetpoint, NotFinite> {
+    pub(crate) fn follow_goal(
+        &mut self,
+        goal: &ExtrapolatedGoal,
+    ) -> Result<InverseSetpoint, NotFinite> {
         match goal {
             ExtrapolatedGoal::Joint(goal) => {
                 let (here, before) = goal.evaluate(self.now, self.period);
@@ -60,36 +64,26 @@ impl MotionTick<'_> {
 
     /// Targets for a goal in joint space. `requested`: the goal that is reported, before
     /// extrapolation or at the end of the trajectory.
-    pub fn invert_goal(
+    pub(crate) fn invert_goal(
         &mut self,
         goal: GoalStep,
         requested: &OutputVec,
     ) -> Result<InverseSetpoint, NotFinite> {
         // Angles are only accepted, and trajectories only planned, with a model.
         let joints = self.joints.as_deref_mut().ok_or(NotFinite)?;
-        let start = joints.setpoint().ok_or(NotFinite)?;
-        let filtered = joints.filter_goal(goal)?;
-        // Regions that begin to count during a blend begin with a goal that it is not yet added to.
-        let blend = joints.blend_goal(OutputVec::default(), self.now - self.period);
-        let start = difference(&start, &blend);
-        let filtered = self.fixtures.limit(filtered, start, &joints.goal_space());
-        let dead_banded = joints.dead_band_goal(&filtered.now);
-        joints.record_dead_band(&goal.now, &dead_banded.goal);
-        let before = if dead_banded.is_held { dead_banded.goal } else { filtered.before };
-        let goal_now = joints.blend_goal(dead_banded.goal, self.now);
-        let goal_before = joints.blend_goal(before, self.now - self.period);
-        joints.set_goal_motion(difference(&goal_now, &goal_before));
-        let [inverse, inverse_before] = if goal_before == goal_now {
-            [joints.solve(&goal_now)?; 2]
+        let times = [self.now, self.now - self.period];
+        let PassedGoal { limited, goal } = joints.pass_goal(goal, self.fixtures, times)?;
+        let [inverse, inverse_before] = if goal.before == goal.now {
+            [joints.solve(&goal.now)?; 2]
         } else {
-            joints.solve_each(&[goal_now, goal_before])?
+            joints.solve_each(&[goal.now, goal.before])?
         };
         let counts = self.axes.clamp(inverse.counts);
         joints.set_search_start(counts);
         let is_limited = self.fixtures.limited_by().is_some();
         Ok(InverseSetpoint {
             motion: motion(&counts, &self.axes.clamp(inverse_before.counts), true),
-            goal: Some(if is_limited { filtered.now } else { *requested }),
+            goal: Some(if is_limited { limited } else { *requested }),
             is_beyond: inverse.clipped || counts != inverse.counts,
         })
     }

@@ -25,19 +25,19 @@ pub(crate) struct JerkLimiter {
 
 impl JerkLimiter {
     /// At rest at 0. The window is clamped to 1 to [`MAX_WINDOW_TICKS`].
-    pub fn new(window: u32) -> Self {
+    pub(super) fn new(window: u32) -> Self {
         let window = window.clamp(1, MAX_WINDOW_TICKS as u32);
         Self { past: [0.0; MAX_WINDOW_TICKS], ticks: 0, window, output: 0.0, increment: 0.0 }
     }
 
     /// Starts again at rest at a value.
-    pub fn restart(&mut self, value: f64) {
+    pub(super) fn restart(&mut self, value: f64) {
         self.past = [value; MAX_WINDOW_TICKS];
         (self.output, self.increment) = (value, 0.0);
     }
 
     /// Takes the value of this tick.
-    pub fn update(&mut self, value: f64) {
+    pub(super) fn update(&mut self, value: f64) {
         self.ticks = (self.ticks + 1) % self.window;
         if let Some(newest) = self.past.get_mut(self.ticks as usize) {
             *newest = value;
@@ -49,22 +49,22 @@ impl JerkLimiter {
         self.output = output;
     }
 
-    pub fn output(&self) -> f64 {
+    pub(super) fn output(&self) -> f64 {
         self.output
     }
 
     /// Change of the output in the last tick.
-    pub fn increment(&self) -> f64 {
+    pub(super) fn increment(&self) -> f64 {
         self.increment
     }
 
     /// All values in the window are the same, and the output has reached them.
-    pub fn is_at_rest(&self) -> bool {
+    pub(super) fn is_at_rest(&self) -> bool {
         self.increment == 0.0 && self.values().all(|past| *past == self.output)
     }
 
     /// All values in the window are less than a count from the output.
-    pub fn is_settled(&self) -> bool {
+    pub(crate) fn is_settled(&self) -> bool {
         self.values().all(|past| (past - self.output).abs() < 1.0)
     }
 

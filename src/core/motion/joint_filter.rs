@@ -31,7 +31,7 @@ struct FilterOutputs {
 
 impl JointFilter {
     /// `has_angles`: the outputs of the model are angles.
-    pub fn new(config: &Config, tick: Nanos, has_angles: bool) -> Self {
+    pub(crate) fn new(config: &Config, tick: Nanos, has_angles: bool) -> Self {
         Self {
             tremor_filter: TremorFilter::new(config.command.tremor_filter_hz, tick),
             lead: GoalLead::new(config.compensation.lead_ms, tick),
@@ -41,17 +41,17 @@ impl JointFilter {
     }
 
     /// No goal is followed: the next goal starts the filter again.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.last = None;
     }
 
     /// How far the goal of this tick was led on purpose, rad (m).
-    pub fn lead(&self) -> OutputVec {
+    pub(crate) fn lead(&self) -> OutputVec {
         self.lead.amount()
     }
 
     /// Filters the goal of this tick. `start`: the setpoint, from which the filter starts.
-    pub fn filter(&mut self, goal: GoalStep, start: OutputVec) -> GoalStep {
+    pub(crate) fn filter(&mut self, goal: GoalStep, start: OutputVec) -> GoalStep {
         if self.tremor_filter.is_off() && self.lead.is_off() && self.limits.is_off() {
             return goal;
         }

@@ -41,7 +41,7 @@ pub(crate) struct JointBounds {
 
 impl JointBounds {
     /// `line`: the time that the slowest line takes to carry a setpoint. `None`: off.
-    pub fn new(
+    pub(crate) fn new(
         config: &JointLimitConfig,
         tick: Nanos,
         line: Nanos,
@@ -61,24 +61,29 @@ impl JointBounds {
     }
 
     /// Any angle has a position limit.
-    pub fn has_positions(&self) -> bool {
+    pub(crate) fn has_positions(&self) -> bool {
         self.has_positions
     }
 
     /// The nearest pose within the position limits.
-    pub fn clamp(&self, pose: &OutputVec) -> OutputVec {
+    pub(crate) fn clamp(&self, pose: &OutputVec) -> OutputVec {
         let lowest = zip_map(pose, &self.lowest, f64::max);
         zip_map(&lowest, &self.highest, f64::min)
     }
 
     /// How far a pose is beyond its position limits, rad; not below 0.
-    pub fn excess(&self, pose: &OutputVec) -> f64 {
+    pub(crate) fn excess(&self, pose: &OutputVec) -> f64 {
         largest_difference(pose, &self.clamp(pose))
     }
 
     /// The largest step of a goal after a step `last`, output by output. What slows down is not
     /// limited: a stop is short. `margin`: a factor on all limits.
-    pub fn largest_goal_step(&self, step: &OutputVec, last: &OutputVec, margin: f64) -> OutputVec {
+    pub(crate) fn largest_goal_step(
+        &self,
+        step: &OutputVec,
+        last: &OutputVec,
+        margin: f64,
+    ) -> OutputVec {
         zip_map(step, last, |step, last| {
             let speed = if step * last > 0.0 { last.abs() } else { 0.0 };
             (speed + margin * self.growth).min(margin * self.velocity)
@@ -87,7 +92,11 @@ impl JointBounds {
 
     /// The longest step of the pose at the setpoints after others, newest first, output by output:
     /// over the time of a line its velocity changes by no more than the acceleration allows.
-    pub fn longest_step(&self, step: &OutputVec, last: &[OutputVec; MAX_LINE_TICKS]) -> OutputVec {
+    pub(crate) fn longest_step(
+        &self,
+        step: &OutputVec,
+        last: &[OutputVec; MAX_LINE_TICKS],
+    ) -> OutputVec {
         let around = AROUND.min(self.line - 1);
         let then = last.get(self.line - 1 - around..self.line + around).unwrap_or_default();
         let mut longest = OutputVec::default();
@@ -103,7 +112,7 @@ impl JointBounds {
 
     /// The longest way of the pose after a step until the motors are at rest some ticks later: as
     /// long as that of a tip that slows down evenly, or no longer than one step may be.
-    pub fn longest_way(
+    pub(crate) fn longest_way(
         &self,
         way: &OutputVec,
         step: &OutputVec,
@@ -129,7 +138,7 @@ pub(super) struct JointLimits {
 
 impl JointLimits {
     /// `has_angles`: the outputs are angles. Limits in degrees mean nothing for other outputs.
-    pub fn new(config: &JointLimitConfig, tick: Nanos, has_angles: bool) -> Self {
+    pub(super) fn new(config: &JointLimitConfig, tick: Nanos, has_angles: bool) -> Self {
         let is_on = has_angles && config.is_any();
         let limiters = is_on.then(|| {
             std::array::from_fn(|output| VelocityLimiter::new(&limits(config, output), tick))
@@ -138,12 +147,12 @@ impl JointLimits {
         Self { limiters, jerk_limiters: [JerkLimiter::new(window); MAX_OUTPUTS] }
     }
 
-    pub fn is_off(&self) -> bool {
+    pub(super) fn is_off(&self) -> bool {
         self.limiters.is_none()
     }
 
     /// Starts at rest.
-    pub fn restart(&mut self, start: &OutputVec) {
+    pub(super) fn restart(&mut self, start: &OutputVec) {
         for (limiter, start) in self.limiters.iter_mut().flatten().zip(start) {
             limiter.restart(*start);
         }
@@ -153,7 +162,7 @@ impl JointLimits {
     }
 
     /// Moves one tick towards a goal, which was at `before` one tick ago.
-    pub fn limit(&mut self, goal: &OutputVec, before: &OutputVec) -> OutputVec {
+    pub(super) fn limit(&mut self, goal: &OutputVec, before: &OutputVec) -> OutputVec {
         let mut limited = *goal;
         let limiters = self.limiters.iter_mut().flatten().zip(&mut self.jerk_limiters);
         for (((limiter, jerk_limiter), value), before) in limiters.zip(&mut limited).zip(before) {

@@ -55,7 +55,7 @@ impl Line {
 
 impl JointTrajectory {
     /// The fastest trajectory within the limits, starting now.
-    pub fn new(
+    pub(crate) fn new(
         client_id: u64,
         from: OutputVec,
         to: OutputVec,
@@ -66,7 +66,12 @@ impl JointTrajectory {
     }
 
     /// This trajectory until now, then to rest, and from there to another end.
-    pub fn redirected_to(&self, to: OutputVec, limits: &TrajectoryLimits, now: Nanos) -> Self {
+    pub(crate) fn redirected_to(
+        &self,
+        to: OutputVec,
+        limits: &TrajectoryLimits,
+        now: Nanos,
+    ) -> Self {
         let before = match self.before {
             Some(before) if now < self.line.started => before,
             _ => self.line.shortened(now),
@@ -75,32 +80,32 @@ impl JointTrajectory {
         Self { before: Some(before), line, ..*self }
     }
 
-    pub fn client_id(&self) -> u64 {
+    pub(crate) fn client_id(&self) -> u64 {
         self.client_id
     }
 
     /// When it is at rest at its end.
-    pub fn end_time(&self) -> Nanos {
+    pub(crate) fn end_time(&self) -> Nanos {
         self.line.ends()
     }
 
     /// Position at a time, rad.
-    pub fn position_at(&self, now: Nanos) -> OutputVec {
+    pub(crate) fn position_at(&self, now: Nanos) -> OutputVec {
         let before = self.before.filter(|_| now < self.line.started);
         before.unwrap_or(self.line).position_at(now)
     }
 
     /// Start of the line to the end, rad.
-    pub fn start(&self) -> &OutputVec {
+    pub(crate) fn start(&self) -> &OutputVec {
         &self.line.from
     }
 
     /// End, rad.
-    pub fn end(&self) -> &OutputVec {
+    pub(crate) fn end(&self) -> &OutputVec {
         &self.line.to
     }
 
-    pub fn is_finished(&self, now: Nanos) -> bool {
+    pub(crate) fn is_finished(&self, now: Nanos) -> bool {
         now >= self.end_time()
     }
 }

@@ -32,12 +32,13 @@ pub(super) mod joint_limits;
 pub(super) mod joint_model;
 pub(super) mod joint_trajectory;
 mod model_blend;
+mod pipeline;
 pub(super) mod reach;
 pub(super) mod s_curve;
 mod setpoint_source;
 mod tremor_filter;
 pub mod velocity_limit;
-pub mod virtual_fixtures;
+pub(super) mod virtual_fixtures;
 
 use crate::units::OutputVec;
 

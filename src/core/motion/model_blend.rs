@@ -24,12 +24,12 @@ pub(super) struct ModelBlend {
 }
 
 impl ModelBlend {
-    pub fn new(offset: OutputVec, started: Nanos) -> Self {
+    pub(super) fn new(offset: OutputVec, started: Nanos) -> Self {
         Self { offset, started }
     }
 
     /// The offset at a time, rad (m); `None` once it has faded out.
-    pub fn offset_at(&self, now: Nanos) -> Option<OutputVec> {
+    pub(crate) fn offset_at(&self, now: Nanos) -> Option<OutputVec> {
         let age = now.duration_since(self.started);
         (age < BLEND).then(|| {
             let left = 1.0 - least_jerk(age.as_seconds() / BLEND.as_seconds());

@@ -34,7 +34,7 @@ pub(crate) struct TrajectoryLimits {
 impl TrajectoryLimits {
     /// In rad and s, of `move_jp`: half of the joint limit, and at most 10 deg/s, which are reached
     /// in 0.15 s.
-    pub fn new(limit_deg_s: Option<f64>) -> Self {
+    pub(crate) fn new(limit_deg_s: Option<f64>) -> Self {
         let velocity = limit_deg_s.map_or(10.0, |limit| 10.0_f64.min(limit / 2.0)).to_radians();
         Self { velocity, acceleration: 10.0 * velocity, jerk: 200.0 * velocity }
     }
@@ -42,7 +42,7 @@ impl TrajectoryLimits {
 
 impl SCurve {
     /// The fastest motion over a length within the limits.
-    pub fn new(length: f64, limits: &TrajectoryLimits) -> Self {
+    pub(crate) fn new(length: f64, limits: &TrajectoryLimits) -> Self {
         let TrajectoryLimits { velocity, acceleration, jerk } = *limits;
         let jerk_s = (acceleration / jerk).min((velocity / jerk).sqrt());
         let constant_acceleration_s = (velocity / (jerk * jerk_s) - jerk_s).max(0.0);
@@ -74,7 +74,7 @@ impl SCurve {
 
     /// The motion that is the same until a time, and then comes to rest as soon as it can: the
     /// acceleration ends at once, and there is no more cruise.
-    pub fn shortened(&self, time_s: f64) -> Self {
+    pub(crate) fn shortened(&self, time_s: f64) -> Self {
         let constant_s = (time_s - self.jerk_s).clamp(0.0, self.constant_acceleration_s);
         let cruise_s = time_s - 2.0 * self.jerk_s - self.constant_acceleration_s;
         if cruise_s >= self.cruise_s {
@@ -92,17 +92,17 @@ impl SCurve {
         }
     }
 
-    pub fn length(&self) -> f64 {
+    pub(crate) fn length(&self) -> f64 {
         self.length
     }
 
     /// Duration, s.
-    pub fn duration_s(&self) -> f64 {
+    pub(crate) fn duration_s(&self) -> f64 {
         4.0 * self.jerk_s + 2.0 * self.constant_acceleration_s + self.cruise_s
     }
 
     /// The part of the length that is done, 0 to 1.
-    pub fn fraction(&self, time_s: f64) -> f64 {
+    pub(crate) fn fraction(&self, time_s: f64) -> f64 {
         if time_s >= self.duration_s() || self.length <= 0.0 {
             return 1.0;
         }

@@ -25,7 +25,7 @@ pub(crate) enum SetpointSource {
 
 impl SetpointSource {
     /// The source after this tick's demand to the drive.
-    pub fn next(self, demand: Demand, feedback: &AxisFeedback, now: Nanos) -> Self {
+    pub(super) fn next(self, demand: Demand, feedback: &AxisFeedback, now: Nanos) -> Self {
         let is_enabled = feedback.phase == AxisPhase::Enabled;
         match (demand, self) {
             (Demand::Disabled | Demand::QuickStop, _) => Self::Tracking,
@@ -39,7 +39,7 @@ impl SetpointSource {
     /// Where the setpoint starts again when the source has changed from `before` to this one.
     /// `None`: no restart. When the drive begins to follow, it holds the preloaded target; if that
     /// is unknown, it holds at the encoder.
-    pub fn restart_position(self, before: Self, feedback: &AxisFeedback) -> Option<Counts> {
+    pub(crate) fn restart_position(self, before: Self, feedback: &AxisFeedback) -> Option<Counts> {
         match (before, self) {
             (Self::Following { .. }, Self::Following { .. }) => None,
             (_, Self::Following { since }) => Some(
@@ -50,14 +50,14 @@ impl SetpointSource {
     }
 
     /// When power was requested, if the drive follows.
-    pub fn following_since(self) -> Option<Nanos> {
+    pub(crate) fn following_since(self) -> Option<Nanos> {
         match self {
             Self::Following { since } => Some(since),
             Self::Tracking | Self::Engaging { .. } => None,
         }
     }
 
-    pub fn is_following(self) -> bool {
+    pub(crate) fn is_following(self) -> bool {
         matches!(self, Self::Following { .. })
     }
 }

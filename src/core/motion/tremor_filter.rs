@@ -19,19 +19,19 @@ pub(super) struct TremorFilter {
 
 impl TremorFilter {
     /// With a cut-off frequency; 0: off.
-    pub fn new(cut_off_hz: f64, tick: Nanos) -> Self {
+    pub(super) fn new(cut_off_hz: f64, tick: Nanos) -> Self {
         let tick_s = tick.as_seconds();
         let gain =
             if cut_off_hz > 0.0 { tick_s / (tick_s + 1.0 / (TAU * cut_off_hz)) } else { 1.0 };
         Self { gain }
     }
 
-    pub fn is_off(&self) -> bool {
+    pub(super) fn is_off(&self) -> bool {
         self.gain >= 1.0
     }
 
     /// The next output for a goal.
-    pub fn filter(&self, last: &OutputVec, goal: &OutputVec) -> OutputVec {
+    pub(super) fn filter(&self, last: &OutputVec, goal: &OutputVec) -> OutputVec {
         if self.is_off() {
             *goal
         } else {

@@ -151,7 +151,7 @@ impl VelocityLimiter {
 
     /// Like [`VelocityLimiter::track`], but with a velocity between that of a stop (0) and that
     /// towards the target (1).
-    pub fn track_part(&mut self, target: MotorTarget, share: f64) {
+    pub(crate) fn track_part(&mut self, target: MotorTarget, share: f64) {
         let (whole, stop) = (self.velocity_towards(target), self.next_velocity(0.0));
         self.advance(if share < 1.0 { stop + share.max(0.0) * (whole - stop) } else { whole });
     }
@@ -162,8 +162,7 @@ impl VelocityLimiter {
     }
 
     /// Where the setpoint comes to rest when it stops from now on, counts.
-    #[must_use]
-    pub fn rest_position(&self) -> f64 {
+    pub(crate) fn rest_position(&self) -> f64 {
         let (speed, step) = (self.velocity.abs(), self.deceleration);
         let ticks = (speed / step).floor();
         let distance = ticks * speed - step * ticks * (ticks + 1.0) / 2.0;

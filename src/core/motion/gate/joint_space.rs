@@ -86,11 +86,11 @@ pub(super) struct Poses<'a> {
 }
 
 impl<'a> Poses<'a> {
-    pub fn new(joints: &'a JointModel, before: &'a MotorVec) -> Self {
+    pub(super) fn new(joints: &'a JointModel, before: &'a MotorVec) -> Self {
         Self { joints, before, sent: before.map(f64::round) }
     }
 
-    pub fn at(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
+    pub(super) fn at(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
         let moved = difference(setpoints, self.before);
         self.joints.pose(&zip_map(&self.sent, &moved, |sent, moved| sent + moved))
     }

@@ -12,17 +12,17 @@ use crate::units::{MotorVec, OutputVec};
 
 impl JointModel {
     /// Model data for the adaptation; `None` if the model is not adapted.
-    pub fn geometry(&self) -> Option<&ModelGeometry> {
+    pub(crate) fn geometry(&self) -> Option<&ModelGeometry> {
         self.geometry.as_ref()
     }
 
     /// The memory at the last encoder positions.
-    pub fn measured_memory(&self) -> &Memory {
+    pub(crate) fn measured_memory(&self) -> &Memory {
         &self.state.measured_memory
     }
 
     /// The poses at the last encoder positions.
-    pub fn measured_at(&self) -> Option<MeasuredPoses> {
+    pub(crate) fn measured_at(&self) -> Option<MeasuredPoses> {
         self.state.measured.map(|measured| MeasuredPoses {
             stamp: measured.stamp,
             position: measured.position,
@@ -32,31 +32,27 @@ impl JointModel {
     }
 
     /// Wear in use.
-    pub fn wear(&self) -> Wear {
+    pub(crate) fn wear(&self) -> Wear {
         self.state.correction.unwrap_or_default().wear
     }
 
     /// The applied correction, as a drift.
-    pub fn applied_drift(&self) -> Drift {
+    pub(crate) fn applied_drift(&self) -> Drift {
         self.state.correction.unwrap_or_default().drift()
     }
 
     /// Motion of the goal in the last tick, rad.
-    pub fn goal_motion(&self) -> &OutputVec {
+    pub(crate) fn goal_motion(&self) -> &OutputVec {
         &self.state.goal_motion
     }
 
-    pub fn set_goal_motion(&mut self, motion: OutputVec) {
-        self.state.goal_motion = motion;
-    }
-
     /// How the pose of the calibration follows from the pose in use; `None`: it is the same.
-    pub fn calibrated_view(&self) -> Option<CalibratedView> {
+    pub(crate) fn calibrated_view(&self) -> Option<CalibratedView> {
         self.state.correction.as_ref().map(Correction::calibrated_view)
     }
 
     /// The outputs at given counts as calibrated, with the memory that belongs to that.
-    pub fn calibrated_pose(
+    pub(crate) fn calibrated_pose(
         &self,
         counts: &MotorVec,
         calibrated: &Memory,
@@ -66,17 +62,17 @@ impl JointModel {
     }
 
     /// View of a goal for virtual fixtures.
-    pub fn goal_space(&self) -> GoalSpace<'_> {
+    pub(crate) fn goal_space(&self) -> GoalSpace<'_> {
         GoalSpace { unit: self.unit(), view: self.calibrated_view(), bounds: self.bounds() }
     }
 
     /// Applies a correction to the model.
-    pub fn set_correction(&mut self, correction: Correction) {
+    pub(crate) fn set_correction(&mut self, correction: Correction) {
         self.state.correction = Some(correction);
     }
 
     /// Reverts to the calibrated model, with the memory that it would have had.
-    pub fn end_correction(&mut self, calibrated: &Memory) {
+    pub(crate) fn end_correction(&mut self, calibrated: &Memory) {
         self.known = CachedTerms::default();
         self.state.correction = None;
         self.state.measured_memory = *calibrated;

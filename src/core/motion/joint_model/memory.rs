@@ -14,7 +14,7 @@ use crate::units::{MAX_MOTORS, OutputVec};
 impl JointModel {
     /// Replays the position history, at most [`MAX_REPLAYED`] positions, on the memory and on those
     /// of the adaptation. Returns whether there was a new one.
-    pub fn replay(
+    pub(crate) fn replay(
         &mut self,
         history: &PositionHistory,
         mut drift: Option<&mut DriftMemories>,
@@ -53,7 +53,7 @@ impl JointModel {
     }
 
     /// Takes new positions, and setpoints written after them. Every drive must have reported.
-    pub fn update_feedback(
+    pub(crate) fn update_feedback(
         &mut self,
         history: &PositionHistory,
         drives: &[AxisFeedback],
@@ -69,7 +69,7 @@ impl JointModel {
         self.state.measured_memory = self.model.new_memory();
         self.state.memory = self.state.measured_memory;
         self.state.measured = None;
-        self.state.dead_band.reset();
+        self.state.pipeline.dead_band.reset();
         self.known = CachedTerms::default();
     }
 
@@ -97,7 +97,7 @@ impl JointModel {
         if !vector::is_finite(residual) {
             return Err(NotFinite);
         }
-        self.state.dead_band.filter_correction(residual);
+        self.state.pipeline.dead_band.filter_correction(residual);
         Ok(())
     }
 

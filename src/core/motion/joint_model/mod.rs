@@ -16,10 +16,11 @@ use crate::config::{AxisConfig, Config};
 use crate::core::drift::correction::Correction;
 use crate::core::drift::geometry::ModelGeometry;
 use crate::core::motion::GoalStep;
-use crate::core::motion::backlash_dead_band::{BacklashDeadBand, DeadBandedGoal};
+use crate::core::motion::backlash_dead_band::BacklashDeadBand;
 use crate::core::motion::joint_filter::JointFilter;
 use crate::core::motion::joint_limits::JointBounds;
-use crate::core::motion::model_blend::ModelBlend;
+use crate::core::motion::pipeline::{PassedGoal, Pipeline, PipelineTick};
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
@@ -79,13 +80,7 @@ pub(crate) struct JointModelState {
     search_start: MotorVec,
     measured: Option<Measured>,
     setpoint: Option<Setpoint>,
-    dead_band: BacklashDeadBand,
-    filter: JointFilter,
-    /// The goal of the last tick after the dead-band, while angles are followed.
-    dead_banded_goal: Option<OutputVec>,
-    blend: Option<ModelBlend>,
-    /// How far the stages up to the dead-band kept the goal of the last tick back, rad.
-    held_back: OutputVec,
+    pipeline: Pipeline,
     /// The correction of the adaptation; `None` as calibrated.
     correction: Option<Correction>,
     /// Motion of the goal in the last tick, rad.
@@ -150,13 +145,13 @@ pub(crate) struct NotFinite;
 
 impl JointModel {
     /// A model that has seen no motion yet, at the start of the position history.
-    pub fn new(model: Arc<Model>, config: &Config) -> Self {
+    pub(crate) fn new(model: Arc<Model>, config: &Config) -> Self {
         Self::with_memory(model, config, Memory::default(), HistoryCursor::default())
     }
 
     /// A model whose memory is rebuilt from a history that ends at a cursor. Takes thousands of
     /// steps: not for the control loop.
-    pub fn from_history(
+    pub(crate) fn from_history(
         model: Arc<Model>,
         config: &Config,
         history: &History,
@@ -167,7 +162,7 @@ impl JointModel {
     }
 
     /// A model with a state that has been saved.
-    pub fn from_state(model: Arc<Model>, config: &Config, state: JointModelState) -> Self {
+    pub(crate) fn from_state(model: Arc<Model>, config: &Config, state: JointModelState) -> Self {
         Self { state, ..Self::new(model, config) }
     }
 
@@ -188,11 +183,10 @@ impl JointModel {
             search_start: model.hull().centre(),
             measured: None,
             setpoint: None,
-            dead_band: BacklashDeadBand::new(&config.compensation, has_angles, has_memory, tick),
-            filter: JointFilter::new(config, tick, has_angles),
-            dead_banded_goal: None,
-            blend: None,
-            held_back: OutputVec::default(),
+            pipeline: Pipeline::new(
+                BacklashDeadBand::new(&config.compensation, has_angles, has_memory, tick),
+                JointFilter::new(config, tick, has_angles),
+            ),
             correction: None,
             goal_motion: OutputVec::default(),
         };
@@ -220,48 +214,48 @@ impl JointModel {
         }
     }
 
-    pub fn state(&self) -> &JointModelState {
+    pub(crate) fn state(&self) -> &JointModelState {
         &self.state
     }
 
-    pub fn model(&self) -> &Model {
+    pub(crate) fn model(&self) -> &Model {
         &self.model
     }
 
     /// Enough motion has been seen to know the memory.
-    pub fn is_memory_known(&self) -> bool {
+    pub(crate) fn is_memory_known(&self) -> bool {
         self.known.is_memory_known || self.model.is_memory_known(&self.state.measured_memory)
     }
 
     /// The whole position history has been replayed.
-    pub fn is_up_to_date(&self, history: &PositionHistory) -> bool {
+    pub(crate) fn is_up_to_date(&self, history: &PositionHistory) -> bool {
         self.state.cursor == history.cursor()
     }
 
     /// Both models have the same outputs, so a goal means the same to both.
-    pub fn has_outputs_of(&self, other: &Self) -> bool {
+    pub(crate) fn has_outputs_of(&self, other: &Self) -> bool {
         self.model.file().outputs == other.model.file().outputs
     }
 
     /// Number of outputs.
-    pub fn outputs(&self) -> usize {
+    pub(crate) fn outputs(&self) -> usize {
         self.model.outputs()
     }
 
     /// Unit of the outputs in files: angles, or a position of the tip.
-    pub fn unit(&self) -> OutputUnit {
+    pub(crate) fn unit(&self) -> OutputUnit {
         output_unit(&self.model)
     }
 
     /// The pose at the last setpoints.
-    pub fn setpoint(&self) -> Option<OutputVec> {
+    pub(crate) fn setpoint(&self) -> Option<OutputVec> {
         self.state.setpoint.map(|setpoint| setpoint.mean)
     }
 
     /// Takes over from the model that was active before. The motors stay at their setpoints, the
     /// poses are recomputed, and the difference between the goal and this model becomes a
-    /// [`ModelBlend`].
-    pub fn take_over(
+    /// blend.
+    pub(crate) fn take_over(
         &mut self,
         from: Option<&Self>,
         drives: &[AxisFeedback],
@@ -270,95 +264,72 @@ impl JointModel {
     ) -> Result<(), NotFinite> {
         let before = from.map(|from| &from.state);
         self.state.search_start = *setpoints;
-        self.state.dead_band.take_over(before.map(|before| &before.dead_band));
-        if let Some(before) = before {
-            self.state.filter = before.filter;
-        }
-        self.state.dead_banded_goal = before.and_then(|before| before.dead_banded_goal);
-        self.state.held_back = before.map_or(OutputVec::default(), |before| before.held_back);
-        self.state.blend = None;
+        self.state.pipeline.take_over(before.map(|before| &before.pipeline));
         self.state.correction = None;
         self.update_memory(drives, true)?;
         self.update_measured(drives, before.and_then(|before| before.measured))?;
         let pose = self.pose(setpoints)?;
         self.state.setpoint = Some(Setpoint { mean: pose, velocity: OutputVec::default() });
-        self.state.blend = self
-            .state
-            .dead_banded_goal
-            .map(|goal| ModelBlend::new(vector::difference(&pose, &goal), now));
+        self.state.pipeline.blend_from(&pose, now);
         Ok(())
     }
 
-    /// Takes the goal of this tick through tremor filter and joint limits.
-    pub fn filter_goal(&mut self, goal: GoalStep) -> Result<GoalStep, NotFinite> {
+    /// Takes the goal of this tick through the [`Pipeline`].
+    pub(crate) fn pass_goal(
+        &mut self,
+        goal: GoalStep,
+        fixtures: &mut VirtualFixtures,
+        [now, before]: [Nanos; 2],
+    ) -> Result<PassedGoal, NotFinite> {
         let start = self.setpoint().ok_or(NotFinite)?;
-        Ok(self.state.filter.filter(goal, start))
-    }
-
-    /// Records that the dead-band reduced the `requested` goal of this tick to `allowed`.
-    pub fn record_dead_band(&mut self, requested: &OutputVec, allowed: &OutputVec) {
-        let led = vector::zip_map(requested, &self.state.filter.lead(), |requested, lead| {
-            requested + lead
-        });
-        self.state.held_back = vector::difference(&led, allowed);
+        let mut pipeline = self.state.pipeline;
+        let tick = PipelineTick { start, space: self.goal_space(), now, before };
+        let passed = pipeline.pass(goal, fixtures, &tick);
+        self.state.pipeline = pipeline;
+        self.state.goal_motion = vector::difference(&passed.goal.now, &passed.goal.before);
+        Ok(passed)
     }
 
     /// Remaining motion of the snake to the requested goal, without deliberate offsets (a goal that
     /// they limit would run away), with up to [`JointModel::dead_band_width`] of the dead-band.
-    pub fn remaining_motion(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
+    pub(crate) fn remaining_motion(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
         let left =
             vector::difference(&self.pose(&self.state.search_start)?, &self.pose(setpoints)?);
-        Ok(vector::zip_map(&left, &self.state.held_back, |motors, held_back| motors + held_back))
+        let held_back = self.state.pipeline.held_back();
+        Ok(vector::zip_map(&left, held_back, |motors, held_back| motors + held_back))
     }
 
     /// How far the dead-band keeps the snake from a goal that turns back, rad.
-    pub fn dead_band_width(&self) -> f64 {
-        self.state.dead_band.width()
-    }
-
-    /// Takes the goal of this tick through the backlash dead-band.
-    pub fn dead_band_goal(&mut self, goal: &OutputVec) -> DeadBandedGoal {
-        let dead_banded = self.state.dead_band.apply(goal);
-        self.state.dead_banded_goal = Some(dead_banded.goal);
-        dead_banded
-    }
-
-    /// A goal with the offset of the last model swap.
-    pub fn blend_goal(&self, goal: OutputVec, now: Nanos) -> OutputVec {
-        let offset = self.state.blend.and_then(|blend| blend.offset_at(now));
-        offset.map_or(goal, |offset| vector::zip_map(&goal, &offset, |a, b| a + b))
+    pub(crate) fn dead_band_width(&self) -> f64 {
+        self.state.pipeline.dead_band.width()
     }
 
     /// No angles are followed in this tick.
-    pub fn release_goal(&mut self) {
-        self.state.dead_band.release_goal();
-        self.state.filter.reset();
-        self.state.dead_banded_goal = None;
-        self.state.blend = None;
-        self.state.held_back = OutputVec::default();
+    pub(crate) fn release_goal(&mut self) {
+        self.state.pipeline.release_goal();
         self.state.goal_motion = OutputVec::default();
     }
 
     /// A pose amid those in reach, rad (m).
-    pub fn centre(&self) -> OutputVec {
+    pub(crate) fn centre(&self) -> OutputVec {
         self.corrected(self.centre)
     }
 
     /// The counts in reach at which the outputs are nearest to a goal.
-    pub fn solve(&self, goal: &OutputVec) -> Result<Inverse, NotFinite> {
+    pub(crate) fn solve(&self, goal: &OutputVec) -> Result<Inverse, NotFinite> {
         self.solve_each(&[*goal]).map(|[inverse]| inverse)
     }
 
     /// Like [`JointModel::solve`], for several nearby goals. The searches for all but the first
     /// goal start at the first result.
-    pub fn solve_each<const N: usize>(
+    pub(crate) fn solve_each<const N: usize>(
         &self,
         goals: &[OutputVec; N],
     ) -> Result<[Inverse; N], NotFinite> {
         let state = &self.state;
         let query = Query {
             start: state.search_start,
-            correction: state.dead_band.correction(),
+            correction: state.pipeline.dead_band.correction(),
             compensation: self.compensation,
         };
         let uncorrected = |goal: &OutputVec| {
@@ -378,25 +349,25 @@ impl JointModel {
     }
 
     /// The next search for the inverse starts here.
-    pub fn set_search_start(&mut self, counts: MotorVec) {
+    pub(crate) fn set_search_start(&mut self, counts: MotorVec) {
         self.state.search_start = counts;
     }
 
     /// The outputs at given counts.
-    pub fn pose(&self, counts: &MotorVec) -> Result<OutputVec, NotFinite> {
+    pub(crate) fn pose(&self, counts: &MotorVec) -> Result<OutputVec, NotFinite> {
         let (memory, residual) = (&self.state.memory, self.residual());
         let pose = self.model.pose(counts, memory, &residual);
         if vector::is_finite(&pose) { Ok(self.corrected(pose)) } else { Err(NotFinite) }
     }
 
     /// The pose at given counts keeps the position limits of the angles.
-    pub fn allows_position(&self, counts: &MotorVec) -> bool {
+    pub(crate) fn allows_position(&self, counts: &MotorVec) -> bool {
         let excess = |bounds: &JointBounds| self.pose(counts).map(|pose| bounds.excess(&pose));
         self.bounds().is_none_or(|bounds| excess(bounds).is_ok_and(|excess| excess <= 0.0))
     }
 
     /// Joint limits; `None`: off, or the outputs are not angles.
-    pub fn bounds(&self) -> Option<&JointBounds> {
+    pub(crate) fn bounds(&self) -> Option<&JointBounds> {
         self.bounds.as_ref()
     }
 
@@ -414,7 +385,7 @@ impl JointModel {
     }
 
     /// Takes the setpoints of this tick, and their change in it.
-    pub fn update_setpoint(
+    pub(crate) fn update_setpoint(
         &mut self,
         setpoints: &MotorVec,
         increments: &MotorVec,

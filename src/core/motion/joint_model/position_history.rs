@@ -55,7 +55,7 @@ pub(super) enum NextEntry {
 }
 
 impl PositionHistory {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             cursor: HistoryCursor::default(),
             sequences: Default::default(),
@@ -65,12 +65,12 @@ impl PositionHistory {
     }
 
     /// Cursor of the newest entry.
-    pub fn cursor(&self) -> HistoryCursor {
+    pub(crate) fn cursor(&self) -> HistoryCursor {
         self.cursor
     }
 
     /// Records the positions, if one of them is new. Every drive must have reported.
-    pub fn record(&mut self, drives: &[AxisFeedback]) {
+    pub(crate) fn record(&mut self, drives: &[AxisFeedback]) {
         let mut has_new = false;
         for (sequence, drive) in self.sequences.iter_mut().zip(drives) {
             has_new |= *sequence != drive.sequence;
@@ -93,7 +93,7 @@ impl PositionHistory {
     }
 
     /// Starts a new epoch: the zero has moved.
-    pub fn start_epoch(&mut self) {
+    pub(crate) fn start_epoch(&mut self) {
         self.cursor.epoch += 1;
     }
 
@@ -123,7 +123,7 @@ impl PositionHistory {
 }
 
 /// When the newest of the positions was read.
-pub fn newest_stamp(drives: &[AxisFeedback]) -> Nanos {
+pub(crate) fn newest_stamp(drives: &[AxisFeedback]) -> Nanos {
     drives.iter().map(|drive| drive.stamp).max().unwrap_or_default()
 }
 

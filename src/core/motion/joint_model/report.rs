@@ -33,7 +33,7 @@ pub struct JointReport {
 
 impl JointModel {
     /// Joint space in this tick. Without a goal, the goal is the setpoint.
-    pub fn report(&self, goal: Option<OutputVec>) -> Option<JointReport> {
+    pub(crate) fn report(&self, goal: Option<OutputVec>) -> Option<JointReport> {
         let (measured, setpoint) = (self.state.measured?, self.state.setpoint?);
         Some(JointReport {
             model: self.model.id(),

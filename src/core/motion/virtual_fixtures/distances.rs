@@ -30,7 +30,7 @@ pub(super) struct Distances {
 }
 
 impl Distances {
-    pub fn new(
+    pub(super) fn new(
         regions: &[Option<Region>; MAX_REGIONS],
         pose: &OutputVec,
         view: Option<&CalibratedView>,
@@ -74,12 +74,16 @@ impl Distances {
         }
     }
 
-    pub fn iter(&self) -> impl Iterator<Item = &PoseDistance> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = &PoseDistance> {
         self.list.iter().take(self.count)
     }
 
     /// The first distance that is less than the least that is allowed after a distance before.
-    pub fn first_below(&self, before: &Self, least: impl Fn(&PoseDistance) -> f64) -> Option<u8> {
+    pub(crate) fn first_below(
+        &self,
+        before: &Self,
+        least: impl Fn(&PoseDistance) -> f64,
+    ) -> Option<u8> {
         let mut pairs = self.iter().zip(before.iter());
         // A distance that is not a number is less than any.
         let is_allowed = |now: &PoseDistance, before: &PoseDistance| now.distance >= least(before);

@@ -85,7 +85,7 @@ pub(crate) struct GoalSpace<'a> {
 }
 
 impl VirtualFixtures {
-    pub fn new(configured: &[FixtureRegionConfig], tick: Nanos) -> Self {
+    pub(crate) fn new(configured: &[FixtureRegionConfig], tick: Nanos) -> Self {
         let mut regions = [None; MAX_REGIONS];
         for (to, from) in regions.iter_mut().zip(configured) {
             *to = Some(Region::new(&from.shape));
@@ -103,24 +103,24 @@ impl VirtualFixtures {
     }
 
     /// Some region counts.
-    pub fn is_on(&self) -> bool {
+    pub(crate) fn is_on(&self) -> bool {
         self.is_on && self.regions.iter().any(Option::is_some)
     }
 
     /// The region that limited the goal in this tick.
-    pub fn limited_by(&self) -> Option<u8> {
+    pub(crate) fn limited_by(&self) -> Option<u8> {
         self.limited_by
     }
 
     /// The region that begins to limit the goal in this tick; folded to one per second. Call it
     /// once per tick.
-    pub fn begun_limit(&mut self, now: Nanos) -> Option<u8> {
+    pub(crate) fn begun_limit(&mut self, now: Nanos) -> Option<u8> {
         let is_new = self.limits.update(self.limited_by.is_some(), now);
         self.limited_by.filter(|_| is_new)
     }
 
     /// The regions that count, as bits.
-    pub fn active_bits(&self) -> u32 {
+    pub(crate) fn active_bits(&self) -> u32 {
         let set = self.regions.iter().enumerate();
         let bits = set.filter(|(_, region)| self.is_on && region.is_some());
         bits.fold(0, |bits, (index, _)| bits | 1 << index)
@@ -131,7 +131,7 @@ impl VirtualFixtures {
     /// # Errors
     ///
     /// [`Refusal::Range`] when there is no place for one more region.
-    pub fn change(&mut self, change: &FixtureChange) -> Result<(), Refusal> {
+    pub(crate) fn change(&mut self, change: &FixtureChange) -> Result<(), Refusal> {
         match change {
             FixtureChange::SwitchOn => self.is_on = true,
             FixtureChange::SwitchOff => self.is_on = false,
@@ -151,13 +151,18 @@ impl VirtualFixtures {
     }
 
     /// No goal in joint space is followed in this tick.
-    pub fn release_goal(&mut self) {
+    pub(crate) fn release_goal(&mut self) {
         (self.last, self.step) = (None, OutputVec::default());
         self.limited_by = None;
     }
 
     /// Limits the goal of this tick. `start`: where the goal begins after a pause.
-    pub fn limit(&mut self, goal: GoalStep, start: OutputVec, space: &GoalSpace<'_>) -> GoalStep {
+    pub(crate) fn limit(
+        &mut self,
+        goal: GoalStep,
+        start: OutputVec,
+        space: &GoalSpace<'_>,
+    ) -> GoalStep {
         let was_limited = self.limited_by.take().is_some();
         if !self.is_on() {
             (self.last, self.step) = (None, OutputVec::default());
@@ -177,7 +182,7 @@ impl VirtualFixtures {
     /// Setpoints may be at poses, adapted and calibrated: not nearer to a region than a part of the
     /// margin, or not nearer than other poses, computed only if needed. Otherwise records the
     /// region.
-    pub fn allow_setpoint<E>(
+    pub(crate) fn allow_setpoint<E>(
         &mut self,
         poses: &[OutputVec],
         unit: OutputUnit,
@@ -207,7 +212,12 @@ impl VirtualFixtures {
 
     /// A straight line from one goal to another meets no region, apart from one that it leaves. On
     /// [`LINE_POINTS`] points: what lies between them is left to [`VirtualFixtures::limit`].
-    pub fn allows_line(&self, from: &OutputVec, to: &OutputVec, space: &GoalSpace<'_>) -> bool {
+    pub(crate) fn allows_line(
+        &self,
+        from: &OutputVec,
+        to: &OutputVec,
+        space: &GoalSpace<'_>,
+    ) -> bool {
         if !self.is_on() {
             return true;
         }

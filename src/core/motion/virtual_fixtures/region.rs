@@ -43,7 +43,7 @@ struct Face {
 
 impl Region {
     /// A region of the configuration, which has been checked.
-    pub fn new(shape: &FixtureShape) -> Self {
+    pub(crate) fn new(shape: &FixtureShape) -> Self {
         match SimpleRegion::new(shape) {
             Some(simple) => Self::grown(&simple),
             None => Self::polygon(shape.corners_deg(), margin(FixtureSpace::Angles)),
@@ -51,7 +51,7 @@ impl Region {
     }
 
     /// A region with its margin.
-    pub fn grown(simple: &SimpleRegion) -> Self {
+    pub(crate) fn grown(simple: &SimpleRegion) -> Self {
         let margin = margin(simple.space);
         let shape = match simple.shape {
             SimpleShape::Ball { centre, radius } => Shape::Ball { centre, radius: radius + margin },

@@ -1,0 +1,115 @@
+//! Pipeline: a goal in joint space on its way to the inverse, through stages 4 to 8 of the table in
+//! `gate`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::core::motion::GoalStep;
+use crate::core::motion::backlash_dead_band::BacklashDeadBand;
+use crate::core::motion::joint_filter::JointFilter;
+use crate::core::motion::model_blend::ModelBlend;
+use crate::core::motion::virtual_fixtures::{GoalSpace, VirtualFixtures};
+use crate::core::vector::{difference, zip_map};
+use crate::units::{Nanos, OutputVec};
+
+/// The stages that belong to a model, and what they keep from tick to tick. Order and types of the
+/// fields are part of the file format of the black box.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Pipeline {
+    pub dead_band: BacklashDeadBand,
+    filter: JointFilter,
+    /// The goal of the last tick after the dead-band, while angles are followed.
+    dead_banded: Option<OutputVec>,
+    blend: Option<ModelBlend>,
+    /// How far the stages up to the dead-band kept the goal of the last tick back, rad.
+    held_back: OutputVec,
+}
+
+/// What the stages need to know of a tick.
+pub(crate) struct PipelineTick<'a> {
+    /// The pose at the setpoints: where a goal begins.
+    pub start: OutputVec,
+    pub space: GoalSpace<'a>,
+    pub now: Nanos,
+    /// Start of the tick before.
+    pub before: Nanos,
+}
+
+/// A goal behind the stages.
+pub(crate) struct PassedGoal {
+    /// After the virtual fixtures, for the report.
+    pub limited: OutputVec,
+    /// For the inverse.
+    pub goal: GoalStep,
+}
+
+impl Pipeline {
+    pub(super) fn new(dead_band: BacklashDeadBand, filter: JointFilter) -> Self {
+        let held_back = OutputVec::default();
+        Self { dead_band, filter, dead_banded: None, blend: None, held_back }
+    }
+
+    /// Takes the goal of this tick through the stages.
+    pub(super) fn pass(
+        &mut self,
+        goal: GoalStep,
+        fixtures: &mut VirtualFixtures,
+        tick: &PipelineTick<'_>,
+    ) -> PassedGoal {
+        let filtered = self.filter.filter(goal, tick.start);
+        // Regions that begin to count during a blend begin with a goal that it is not yet added to.
+        let start = difference(&tick.start, &self.blended(OutputVec::default(), tick.before));
+        let limited = fixtures.limit(filtered, start, &tick.space);
+        let banded = self.dead_banded(limited, &goal.now);
+        let blended = GoalStep {
+            now: self.blended(banded.now, tick.now),
+            before: self.blended(banded.before, tick.before),
+        };
+        PassedGoal { limited: limited.now, goal: blended }
+    }
+
+    /// The goal after the dead-band. Records how far it is from the `requested` one.
+    fn dead_banded(&mut self, goal: GoalStep, requested: &OutputVec) -> GoalStep {
+        let banded = self.dead_band.apply(&goal.now);
+        self.dead_banded = Some(banded.goal);
+        let led = zip_map(requested, &self.filter.lead(), |requested, lead| requested + lead);
+        self.held_back = difference(&led, &banded.goal);
+        let before = if banded.is_held { banded.goal } else { goal.before };
+        GoalStep { now: banded.goal, before }
+    }
+
+    /// A goal with the offset of the last model swap.
+    fn blended(&self, goal: OutputVec, now: Nanos) -> OutputVec {
+        let offset = self.blend.and_then(|blend| blend.offset_at(now));
+        offset.map_or(goal, |offset| zip_map(&goal, &offset, |a, b| a + b))
+    }
+
+    /// How far the stages keep the snake from the requested goal, rad (m), without what they add on
+    /// purpose.
+    pub(super) fn held_back(&self) -> &OutputVec {
+        &self.held_back
+    }
+
+    /// No angles are followed in this tick.
+    pub(super) fn release_goal(&mut self) {
+        self.dead_band.release_goal();
+        self.filter.reset();
+        (self.dead_banded, self.blend) = (None, None);
+        self.held_back = OutputVec::default();
+    }
+
+    /// Takes over from the model that was active before, until [`Pipeline::blend_from`].
+    pub(super) fn take_over(&mut self, before: Option<&Self>) {
+        self.dead_band.take_over(before.map(|before| &before.dead_band));
+        if let Some(before) = before {
+            self.filter = before.filter;
+        }
+        self.dead_banded = before.and_then(|before| before.dead_banded);
+        self.held_back = before.map_or(OutputVec::default(), |before| before.held_back);
+        self.blend = None;
+    }
+
+    /// The difference between this pose of the new model and the goal becomes a [`ModelBlend`].
+    pub(super) fn blend_from(&mut self, pose: &OutputVec, now: Nanos) {
+        self.blend = self.dead_banded.map(|goal| ModelBlend::new(difference(pose, &goal), now));
+    }
+}
