@@ -32,7 +32,7 @@ use crate::process::black_box::Recorder;
 use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::{Beats, ControlLoop};
 pub use crate::process::ending::ControllerError;
-use crate::process::ending::{self, Threads};
+use crate::process::ending::{self, RunEnd, Threads};
 use crate::process::fixture_table::FixtureTable;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
@@ -127,9 +127,9 @@ pub fn run(
     };
     main.run(&threads.running, shutdown);
     service_manager::notify(service_manager::STOPPING);
-    let (ended, outcome) = threads.running.end(&mut main);
-    let _ = main.run_log.end(outcome);
-    if outcome != ending::CLEAN_SHUTDOWN {
+    let (ended, end) = threads.running.end(&mut main);
+    let _ = main.run_log.end(end.text());
+    if end != RunEnd::Clean {
         // The folder was removed when the lock was released.
         let _ = publish_run(&main.domain, boot_id, &config.record_folder);
     }

@@ -16,8 +16,25 @@ use crate::units::Nanos;
 /// Time for the other threads to end after the loop, including writing the black box.
 const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 
-/// Outcome of a clean run in the run log.
-pub const CLEAN_SHUTDOWN: &str = "clean shutdown";
+/// How the threads of a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum RunEnd {
+    Clean,
+    LoopEndedEarly,
+    /// Drives have not confirmed power-off.
+    Powered,
+}
+
+impl RunEnd {
+    /// Its text in the run log.
+    pub(super) fn text(self) -> &'static str {
+        match self {
+            Self::Clean => "clean shutdown",
+            Self::LoopEndedEarly => "the control loop ended early",
+            Self::Powered => "drives have not confirmed power-off",
+        }
+    }
+}
 
 /// Why the controller could not start, or how it failed.
 #[derive(Debug, thiserror::Error)]
@@ -64,7 +81,7 @@ fn power_at_end(powered: &[usize]) -> String {
 }
 
 /// All threads but the main thread.
-pub struct Threads {
+pub(super) struct Threads {
     pub control: NamedThread,
     pub ports: Vec<NamedThread>,
     pub others: Vec<NamedThread>,
@@ -77,13 +94,13 @@ pub struct Threads {
 
 impl Threads {
     /// Whether a thread other than the loop has ended.
-    pub fn has_lost_one(&self) -> bool {
+    pub(crate) fn has_lost_one(&self) -> bool {
         self.ports.iter().chain(&self.others).any(NamedThread::is_finished)
     }
 
     /// Waits for the loop, ends the other threads, and writes their last events. Returns the result
-    /// of the threads, and the outcome for the run log.
-    pub fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, &'static str) {
+    /// of the threads, and how they ended.
+    pub(super) fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, RunEnd) {
         let mut ended = self.control.join();
         let (is_early, end) = (ended.is_err(), clock::now() + END_TIMEOUT);
         self.quit_ports.store(true, Ordering::Release);
@@ -102,17 +119,20 @@ impl Threads {
             ended = ended.and(thread.join_until(end, |_| ()));
         }
         main.write_events();
-        let outcome = match (main.powered.is_empty(), is_early) {
-            (true, false) => CLEAN_SHUTDOWN,
-            (true, true) => "the control loop ended early",
-            (false, _) => "drives have not confirmed power-off",
+        let end = match (main.powered.is_empty(), is_early) {
+            (true, false) => RunEnd::Clean,
+            (true, true) => RunEnd::LoopEndedEarly,
+            (false, _) => RunEnd::Powered,
         };
-        (ended, outcome)
+        (ended, end)
     }
 }
 
 /// Result of the process. `powered`: motors whose drives have not confirmed power-off.
-pub fn outcome(powered: Vec<usize>, ended: Result<(), ThreadError>) -> Result<(), ControllerError> {
+pub(super) fn outcome(
+    powered: Vec<usize>,
+    ended: Result<(), ThreadError>,
+) -> Result<(), ControllerError> {
     if powered.is_empty() {
         return ended.map_err(ControllerError::Off);
     }
