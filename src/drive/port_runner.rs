@@ -71,8 +71,7 @@ pub struct PendingReply(Arc<AtomicBool>);
 
 impl PendingReply {
     /// Whether a reply is pending.
-    #[must_use]
-    pub fn is_pending(&self) -> bool {
+    pub(crate) fn is_pending(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }

@@ -19,7 +19,7 @@ pub(super) struct RequestWatchdog {
 
 impl RequestWatchdog {
     /// The time since the last new request, if it exceeds the timeout.
-    pub fn expired(&mut self, sequence: u64, now: Nanos) -> Option<Nanos> {
+    pub(super) fn expired(&mut self, sequence: u64, now: Nanos) -> Option<Nanos> {
         if sequence != self.sequence {
             (self.sequence, self.seen, self.reported) = (sequence, now, false);
         }

@@ -20,7 +20,7 @@
 mod demand;
 mod enabling;
 mod homing;
-pub mod interface;
+pub(super) mod interface;
 mod outcome;
 pub(super) mod schedule;
 pub(super) mod state_machine;

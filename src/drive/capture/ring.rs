@@ -66,7 +66,7 @@ impl Ring {
     }
 
     /// The records of the last minute, from the end of an attempt on.
-    pub fn read(&self) -> Vec<LineEvent> {
+    pub(super) fn read(&self) -> Vec<LineEvent> {
         let (first, head) = (self.tail.load(Acquire), self.head.load(Acquire));
         let copied: Vec<u64> =
             (first..head).map(|position| self.word(position).load(Relaxed)).collect();
@@ -117,12 +117,12 @@ pub(super) struct RingWriter {
 
 impl RingWriter {
     /// Writes an event after the bytes received before it.
-    pub fn write(&mut self, time: Nanos, kind: LineEventKind, bytes: &[u8]) {
+    pub(super) fn write(&mut self, time: Nanos, kind: LineEventKind, bytes: &[u8]) {
         self.flush();
         self.push(time, kind, bytes);
     }
 
-    pub fn receive(&mut self, time: Nanos, bytes: &[u8]) {
+    pub(super) fn receive(&mut self, time: Nanos, bytes: &[u8]) {
         for bytes in bytes.chunks(CHUNK) {
             if self.count + bytes.len() > CHUNK {
                 self.flush();

@@ -1,0 +1,176 @@
+//! Synchronising the line: making sure that the next reply belongs to the next request.
+//!
+//! The line is drained until it is quiet, the parser is reset, and constants with known values are
+//! read and compared: the vendor number once, then the serial number. Late replies can disturb this
+//! only as follows. The drive answers in the order of the requests, and at most once each. If late
+//! replies are still on their way, the answers to these reads arrive after them, shifted by their
+//! number `d`. The word "vendor, serial, serial, ..." of length `n` never equals itself shifted by
+//! any `d < n`, because the vendor is only at its start. And `d` is at most the number of requests
+//! that were not answered. With one read more than that, a shifted line is always detected.
+
+use std::io;
+
+use super::{DriveLink, GATEWAY_TIMEOUT, LOCAL_NODE, SyncState, TransferError};
+use crate::drive::error::LinkError;
+use crate::drive::object::{self, Object};
+use crate::drive::transport::Transport;
+use crate::units::Nanos;
+
+/// The line counts as quiet after this long without a byte: several times the gap that USB adapters
+/// leave between the parts of one reply.
+const QUIET: Nanos = Nanos::from_millis(5);
+
+/// A line that is not quiet within this time carries something else than our replies.
+const MAX_NOISE: Nanos = Nanos::from_millis(100);
+
+/// Attempts to synchronise before the line is given up. For a gateway they include the time that it
+/// may wait for a node.
+const ATTEMPTS: u32 = 4;
+
+/// The most late replies that are expected. More happen only on a line that was given up, and a
+/// drive that answers again after that is brought up from the start.
+const MAX_LATE: u32 = 16;
+
+/// Bytes discarded at a time.
+const CHUNK: usize = 64;
+
+impl<T: Transport> DriveLink<T> {
+    /// The next reply belongs to the next request.
+    pub fn is_in_sync(&self) -> bool {
+        self.sync == SyncState::InSync
+    }
+
+    /// A request was not answered (`unanswered` is 1), or unexpected bytes arrived (0).
+    pub(super) fn lose_sync(&mut self, unanswered: u32) {
+        let late = match self.sync {
+            SyncState::InSync => 0,
+            SyncState::OutOfSync { late } => late,
+        };
+        let late = (late + unanswered).clamp(1, MAX_LATE);
+        self.sync = SyncState::OutOfSync { late };
+    }
+
+    /// Bytes without a request mean that the line is out of sync.
+    pub(super) fn detect_stray_bytes(&mut self) -> Result<(), LinkError> {
+        let now = self.transport.now();
+        let stray = self.discard(now).map_err(LinkError::broken);
+        self.broken |= matches!(stray, Err(LinkError::Broken(_)));
+        if stray? {
+            self.counters.resynchronisations += 1;
+            self.lose_sync(0);
+        }
+        Ok(())
+    }
+
+    /// Discards bytes until the line is quiet, for a bounded time.
+    ///
+    /// # Errors
+    ///
+    /// [`LinkError::Broken`] only.
+    pub(crate) fn wait_for_quiet(&mut self) -> Result<(), LinkError> {
+        self.drain().map(|_| ()).map_err(LinkError::broken)
+    }
+
+    /// Waits for what a gateway says in the place of a node; `false` if that is nothing.
+    pub(in crate::drive) fn is_answered_by_gateway(&mut self) -> bool {
+        let end = self.transport.now() + GATEWAY_TIMEOUT;
+        self.has_gateway && self.discard(end).unwrap_or(false) && self.drain().is_ok()
+    }
+
+    /// Makes sure that the next reply belongs to the next request. Does nothing on a line in sync.
+    ///
+    /// # Errors
+    ///
+    /// [`LinkError::Lost`] after several attempts, [`LinkError::Broken`] when the port is broken.
+    pub fn synchronise(&mut self) -> Result<(), LinkError> {
+        let end = self.transport.now() + GATEWAY_TIMEOUT;
+        let mut attempts = 0;
+        while !self.is_in_sync() {
+            let may_wait = self.has_gateway && self.transport.now() < end;
+            if attempts >= ATTEMPTS && !may_wait {
+                return Err(LinkError::Lost(self.unexpected()));
+            }
+            self.try_to_synchronise()?;
+            attempts += 1;
+        }
+        Ok(())
+    }
+
+    /// One attempt to synchronise. [`DriveLink::is_in_sync`] says whether it succeeded.
+    ///
+    /// # Errors
+    ///
+    /// [`LinkError::Broken`] only.
+    pub(crate) fn try_to_synchronise(&mut self) -> Result<(), LinkError> {
+        self.lose_sync(0);
+        match self.probe() {
+            Ok(true) => self.sync = SyncState::InSync,
+            Ok(false) | Err(TransferError::Refused(_) | TransferError::Disturbed) => {}
+            Err(TransferError::Timeout) => self.wait_for_frame_timeout()?,
+            Err(TransferError::NotOurTurn) => return Err(LinkError::NotOurTurn),
+            Err(TransferError::Broken(kind)) => {
+                self.broken = true;
+                return Err(LinkError::Broken(kind));
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the known constants; `true` when all answers match.
+    fn probe(&mut self) -> Result<bool, TransferError> {
+        if !self.drain()? || !self.reads_as(object::VENDOR, object::MAXON)? {
+            return Ok(false);
+        }
+        match (self.serial_number, self.sync) {
+            (Some(serial_number), SyncState::OutOfSync { late }) => {
+                for _ in 0..late {
+                    if !self.reads_as(object::SERIAL_NUMBER, serial_number)? {
+                        return Ok(false);
+                    }
+                }
+                Ok(true)
+            }
+            // With one constant only, silence must show that no reply is on its way.
+            _ => Ok(!self.discard(self.transport.now() + QUIET)?),
+        }
+    }
+
+    fn reads_as(&mut self, object: Object<u32>, known: u32) -> Result<bool, TransferError> {
+        let commands = self.family.command_set();
+        let request = commands.read(LOCAL_NODE, object.address());
+        let address = object.address();
+        let reply = self.attempt(&request, &mut |reply| commands.read_reply(reply, address))?;
+        Ok(reply.value == known)
+    }
+
+    /// Discards bytes until the line is quiet; `false` if it never is.
+    fn drain(&mut self) -> io::Result<bool> {
+        let end = self.transport.now() + MAX_NOISE;
+        while self.discard(self.transport.now() + QUIET)? {
+            if self.transport.now() > end {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Discards all bytes for the frame timeout: a drive that waits for the rest of a request
+    /// forgets the request. A gateway that answers at last does not wait for anything.
+    fn wait_for_frame_timeout(&mut self) -> Result<(), LinkError> {
+        let until = self.transport.now() + self.frame_timeout;
+        while self.transport.now() < until {
+            let answers = self.discard(until).map_err(LinkError::broken)?;
+            if answers && self.has_gateway {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Discards the bytes that have arrived, and waits for them until `deadline`; `true` if there
+    /// were any.
+    fn discard(&mut self, deadline: Nanos) -> io::Result<bool> {
+        let mut discarded = [0; CHUNK];
+        Ok(self.receive(&mut discarded, deadline)? > 0)
+    }
+}

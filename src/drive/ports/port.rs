@@ -1,0 +1,212 @@
+//! A serial port and its axes, from opened to ready to run.
+//!
+//! ```text
+//! Port<Opened> -identify-> Port<Identified> -configure-> Port<Configured>
+//!     -split-> PortRunner + one AxisLink per axis
+//! ```
+
+use crate::config::{AxisConfig, PortConfig};
+use crate::drive::bring_up::{self, AxisIdentity, DriveNode, explain};
+use crate::drive::error::{AxisError, DriveError};
+use crate::drive::family::DriveFamily;
+use crate::drive::family_selection::{family_of_axis, family_of_port};
+use crate::drive::fingerprint;
+use crate::drive::link::DriveLink;
+use crate::drive::object::{self, Setting};
+use crate::drive::port_runner::{AxisLink, PortRequest, PortRunner};
+use crate::drive::serial_transport::SerialTransport;
+use crate::drive::transport::Transport;
+use crate::robot::DriveFingerprint;
+use crate::units::{Counts, Nanos};
+
+/// A port whose stage of bring-up is `Stage`.
+#[derive(Debug)]
+pub struct Port<Stage, T = SerialTransport> {
+    link: DriveLink<T>,
+    config: PortConfig,
+    stage: Stage,
+}
+
+/// The port is open; its drives are unknown.
+#[derive(Debug)]
+pub struct Opened(());
+
+/// Every axis is the configured drive, and its power stage is off.
+#[derive(Debug)]
+pub struct Identified {
+    axes: Vec<AxisIdentity>,
+    exchange: Nanos,
+}
+
+/// Every axis has its limits.
+#[derive(Debug)]
+pub struct Configured {
+    identified: Identified,
+    /// The present position of each axis.
+    positions: Vec<Counts>,
+}
+
+impl Port<Opened> {
+    /// Opens the serial port, locked against other programs.
+    ///
+    /// # Errors
+    ///
+    /// When the device does not exist, may not be opened, is in use, or is not a serial port.
+    pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
+        Ok(Self::over(SerialTransport::open(config)?, config))
+    }
+}
+
+impl<T: Transport> Port<Opened, T> {
+    /// A port over an open line.
+    pub fn over(transport: T, config: &PortConfig) -> Self {
+        Self {
+            link: DriveLink::new(transport, family_of_port(config), config),
+            config: config.clone(),
+            stage: Opened(()),
+        }
+    }
+
+    /// Checks that every axis is the configured drive, and switches off drives that a previous
+    /// controller left enabled. Enables nothing. A fault is left for the operator.
+    ///
+    /// # Errors
+    ///
+    /// When a drive does not answer, is not the configured one, or does not switch off, and when an
+    /// adapter holds its replies back.
+    pub fn identify(mut self) -> Result<Port<Identified, T>, DriveError> {
+        let mut axes = Vec::new();
+        for axis in &self.config.axes {
+            let identity = identify(&mut self.link, &self.config, axis)
+                .map_err(|error| explain(&self.config, axis, error))?;
+            axes.push(identity);
+        }
+        let exchange = match self.config.axes.first() {
+            Some(axis) => time_exchanges(&mut self.link, &self.config, axis)?,
+            None => Nanos::ZERO,
+        };
+        Ok(Port { link: self.link, config: self.config, stage: Identified { axes, exchange } })
+    }
+
+    /// Identifies and configures all drives.
+    ///
+    /// # Errors
+    ///
+    /// See [`Port::identify`] and [`Port::configure`].
+    pub fn bring_up(self) -> Result<Port<Configured, T>, DriveError> {
+        self.identify()?.configure()
+    }
+}
+
+impl<T: Transport> Port<Identified, T> {
+    /// The drives of the port, in the order of the configuration.
+    pub fn axes(&self) -> &[AxisIdentity] {
+        &self.stage.axes
+    }
+
+    /// Writes the limits of every axis, reads them back and compares.
+    ///
+    /// # Errors
+    ///
+    /// When a drive does not answer, or does not accept a limit.
+    pub fn configure(mut self) -> Result<Port<Configured, T>, DriveError> {
+        let mut positions = Vec::new();
+        for (axis, identity) in self.config.axes.iter().zip(&mut self.stage.axes) {
+            let family = family_of_axis(&self.config, axis);
+            let drive = DriveNode::new(&mut self.link, axis.node_id);
+            let position = configure(drive, family, axis, identity)
+                .map_err(|error| explain(&self.config, axis, error))?;
+            positions.push(Counts(position));
+        }
+        Ok(Port {
+            link: self.link,
+            config: self.config,
+            stage: Configured { identified: self.stage, positions },
+        })
+    }
+}
+
+impl<T: Transport> Port<Configured, T> {
+    /// The drives of the port, in the order of the configuration.
+    pub fn axes(&self) -> &[AxisIdentity] {
+        &self.stage.identified.axes
+    }
+
+    /// Every setting of every axis. Writes nothing.
+    pub(crate) fn read_fingerprints(&mut self) -> Result<Vec<DriveFingerprint>, DriveError> {
+        fingerprint::read_axes(&mut self.link, &self.config)
+    }
+
+    /// Median duration of an exchange.
+    pub fn exchange(&self) -> Nanos {
+        self.stage.identified.exchange
+    }
+
+    /// Splits the port into the end of the port thread and the ends of the control loop, in the
+    /// order of the configuration.
+    #[must_use]
+    pub fn split<R: PortRequest>(self) -> (PortRunner<T, R>, Vec<AxisLink<R>>) {
+        let Identified { axes, exchange } = self.stage.identified;
+        PortRunner::with_links(self.link, &self.config, axes, exchange, &self.stage.positions)
+    }
+}
+
+/// How much longer than usual an exchange with an adapter at 16 ms takes, at least.
+const HELD_BACK: Nanos = Nanos::from_millis(10);
+
+/// A timer holds every reply back, a computer that stalls does not.
+const ATTEMPTS: usize = 3;
+
+/// Median duration of an exchange.
+fn time_exchanges(
+    link: &mut DriveLink<impl Transport>,
+    port: &PortConfig,
+    axis: &AxisConfig,
+) -> Result<Nanos, DriveError> {
+    let mut exchange = Nanos::ZERO;
+    for _ in 0..ATTEMPTS {
+        let [quarter, median] =
+            bring_up::time_exchanges(link).map_err(|error| explain(port, axis, error))?;
+        if quarter < port.nominal_exchange() + HELD_BACK {
+            return Ok(median);
+        }
+        exchange = quarter;
+    }
+    Err(DriveError::SlowAdapter { device: port.device.clone(), exchange })
+}
+
+fn identify(
+    link: &mut DriveLink<impl Transport>,
+    port: &PortConfig,
+    axis: &AxisConfig,
+) -> Result<AxisIdentity, AxisError> {
+    bring_up::prepare_line(link)?;
+    let mut drive = DriveNode::new(link, axis.node_id);
+    drive.check_identity(axis.serial_number)?;
+    let identity = drive.read_identity(axis, family_of_axis(port, axis))?;
+    drive.switch_off()?;
+    Ok(identity)
+}
+
+/// Writes the settings of an axis, and those of its homing, so that a drive that cannot be homed as
+/// configured is refused at the start. Returns its position.
+fn configure(
+    mut drive: DriveNode<'_, impl Transport>,
+    family: &dyn DriveFamily,
+    axis: &AxisConfig,
+    identity: &mut AxisIdentity,
+) -> Result<i32, AxisError> {
+    let mut settings = family.settings(axis);
+    // Homing lowers the current limit, and restores it.
+    let homing = family.homing(axis);
+    let is_other =
+        |setting: &&Setting| !homing.restored().iter().any(|it| it.object == setting.object);
+    settings.extend(homing.settings().iter().filter(is_other));
+    let left_out = &mut identity.left_out;
+    drive.configure(&settings, identity.model, &mut |object| left_out.push(object))?;
+    let current = family.object_map().current;
+    if drive.read_if_present(current)?.is_none() {
+        left_out.push(current);
+    }
+    drive.read(object::POSITION)
+}
