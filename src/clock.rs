@@ -21,6 +21,7 @@ pub fn now() -> Nanos {
 /// Minimum time that the computer was suspended since it started: `CLOCK_BOOTTIME` also counts
 /// during suspend. An interruption between the two reads reduces it, never increases it.
 #[must_use]
+#[cfg(feature = "controller")]
 pub fn suspended() -> Nanos {
     let boot_time = clock_gettime(ClockId::CLOCK_BOOTTIME)
         .map_or(Nanos::ZERO, |t| Nanos(t.tv_sec() as u64 * 1_000_000_000 + t.tv_nsec() as u64));

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use nix::libc;
 
 /// Maximum length of a configuration, bytes.
-pub const MAX_CONFIG_BYTES: u64 = 1 << 20;
+pub(crate) const MAX_CONFIG_BYTES: u64 = 1 << 20;
 
 /// Maximum length of a model file, bytes: a hundred times that of the families here.
 pub const MAX_MODEL_BYTES: u64 = 64 << 20;
@@ -89,11 +89,7 @@ pub enum UntrustedFile {
 
 impl UntrustedFile {
     /// The error of the system, if the file cannot be opened or read.
-    ///
-    /// # Errors
-    ///
-    /// Any other reason.
-    pub fn into_io(self) -> Result<io::Error, Self> {
+    pub(crate) fn into_io(self) -> Result<io::Error, Self> {
         match self {
             Self::Io { source, .. } => Ok(source),
             other => Err(other),
@@ -103,11 +99,7 @@ impl UntrustedFile {
 
 /// Reads the text of a file that only root or the user of this process may write, in folders of
 /// which the same is true up to the root: who may rename one of them may exchange the file.
-///
-/// # Errors
-///
-/// [`UntrustedFile`].
-pub fn read_trusted(path: &Path, limit: u64) -> Result<String, UntrustedFile> {
+pub(crate) fn read_trusted(path: &Path, limit: u64) -> Result<String, UntrustedFile> {
     let io = |source| UntrustedFile::Io { path: path.to_owned(), source };
     // Resolves symbolic links: the folder of the file itself decides who can replace it.
     let real = path.canonicalize().map_err(io)?;

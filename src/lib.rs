@@ -89,7 +89,7 @@
 //!                     motion/         velocity and jerk limits, rounding to counts
 //!                       | one request per axis           ^ one feedback per axis
 //! port thread       drive/port_runner.rs: newest setpoint, then position, then status
-//!                   drive/serial_frame.rs, command sets of EPOS4 and EPOS2
+//!                   drive/frames, command sets of EPOS4 and EPOS2
 //!                       | serial line                    ^
 //! drive             EPOS4 or EPOS2, motor, encoder, gear, wires, snake
 //! ```
@@ -130,7 +130,7 @@
 //! - **black box, replay**: the last seconds of every tick in a file; running them again, compared
 //!   to the bit.
 //! - **run log**: one line of JSON per change of state, fault and run.
-#![warn(missing_docs)]
+#![warn(missing_docs, unreachable_pub)]
 // A client holds no domain and serves nothing.
 #![cfg_attr(not(feature = "controller"), allow(dead_code, unused_imports))]
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
@@ -144,7 +144,10 @@ pub mod config;
 pub mod core;
 #[cfg(feature = "controller")]
 pub mod drive;
+#[cfg(feature = "controller")]
 pub mod file_permissions;
+#[cfg(not(feature = "controller"))]
+mod file_permissions;
 pub mod ipc;
 pub mod model;
 #[cfg(feature = "controller")]
@@ -155,6 +158,7 @@ pub mod robot;
 #[cfg(feature = "controller")]
 pub mod service_manager;
 pub mod units;
+#[cfg(feature = "controller")]
 pub mod wall_clock;
 #[cfg(feature = "controller")]
 pub mod watchdog;

@@ -12,7 +12,7 @@ pub const READY: &str = "READY=1";
 /// The service is ending.
 pub const STOPPING: &str = "STOPPING=1";
 /// The service is alive, for `WatchdogSec=`.
-pub const ALIVE: &str = "WATCHDOG=1";
+pub(crate) const ALIVE: &str = "WATCHDOG=1";
 
 /// Whether a service manager started this process, which then waits for missing devices.
 #[must_use]

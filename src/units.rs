@@ -23,7 +23,7 @@ pub const AUXILIARY: usize = MAX_MOTORS;
 pub const MAX_OUTPUTS: usize = 3;
 
 /// Maximum window of the jerk limiter, ticks: the largest array that can be written to a file.
-pub const MAX_WINDOW_TICKS: usize = 32;
+pub(crate) const MAX_WINDOW_TICKS: usize = 32;
 
 /// One value per motor, in fractional encoder counts. Entries beyond the model's number of motors
 /// are 0.

@@ -13,13 +13,13 @@ use super::{Config, Finding, PortConfig};
 use crate::units::Nanos;
 
 /// Turns in which the position of every axis is read.
-pub const POSITION_BOUND_TURNS: u64 = 4;
+pub(crate) const POSITION_BOUND_TURNS: u64 = 4;
 
 /// Turns in which the statusword of every axis is read.
-pub const STATUS_BOUND_TURNS: u64 = 12;
+pub(crate) const STATUS_BOUND_TURNS: u64 = 12;
 
 /// Turns in which current and error code of every axis are read.
-pub const CURRENT_BOUND_TURNS: u64 = 72;
+pub(crate) const CURRENT_BOUND_TURNS: u64 = 72;
 
 /// Bits on the line for a request and its reply: 24 bytes.
 const BITS: u64 = 240;
@@ -135,8 +135,7 @@ impl Config {
     }
 
     /// Worst timing of all ports, for the given exchange times in the order of the ports.
-    #[must_use]
-    pub fn slowest_line(&self, exchanges: &[Nanos]) -> LineBounds {
+    pub(crate) fn slowest_line(&self, exchanges: &[Nanos]) -> LineBounds {
         let ports = || self.ports.iter().zip(exchanges.iter().copied());
         let worst =
             |of: fn(&PortConfig, Nanos) -> Nanos| ports().map(|(port, it)| of(port, it)).max();
@@ -231,8 +230,7 @@ impl Config {
 
     /// Sets the automatic feedback age for measured exchange times, in the order of the ports: at
     /// most twice the age that follows from the file alone.
-    #[must_use]
-    pub fn with_exchanges(&self, exchanges: &[Nanos]) -> Self {
+    pub(crate) fn with_exchanges(&self, exchanges: &[Nanos]) -> Self {
         let mut config = self.clone();
         if config.limits.feedback_stale_ms == 0 {
             let nominal = self.feedback_stale();

@@ -36,7 +36,8 @@ use crate::model::file::{OutputSpec, OutputUnit};
 use crate::model::{Model, ModelError};
 
 pub use finding::Finding;
-pub use line_timing::{CURRENT_BOUND_TURNS, LineBounds, POSITION_BOUND_TURNS, STATUS_BOUND_TURNS};
+pub use line_timing::LineBounds;
+pub(crate) use line_timing::{CURRENT_BOUND_TURNS, POSITION_BOUND_TURNS, STATUS_BOUND_TURNS};
 pub use ports::{AxisConfig, Family, HomingMethod, PortConfig, Streaming};
 pub use sections::{
     AdaptationConfig, CommandConfig, CompensationConfig, ControlConfig, JointLimitConfig,

@@ -91,8 +91,7 @@ pub(super) fn check(regions: &[FixtureRegionConfig], findings: &mut Findings) {
 
 impl FixtureShape {
     /// The corners of a polygon, degrees; other shapes have none.
-    #[must_use]
-    pub fn corners_deg(&self) -> &[[f64; 2]] {
+    pub(crate) fn corners_deg(&self) -> &[[f64; 2]] {
         match self {
             Self::Polygon { corners_deg } => corners_deg,
             Self::Circle { .. }

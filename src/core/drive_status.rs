@@ -32,12 +32,12 @@ pub(crate) struct DriveStatus {
 
 impl DriveStatus {
     /// Whether the drive reports no power. A lost or starting drive reports nothing.
-    pub fn is_known_off(&self) -> bool {
+    pub(crate) fn is_known_off(&self) -> bool {
         matches!(self.phase, AxisPhase::Disabled | AxisPhase::Faulted)
     }
 
     /// Whether the drive reports that it accepts no setpoints.
-    pub fn is_known_stopped(&self) -> bool {
+    pub(crate) fn is_known_stopped(&self) -> bool {
         self.is_known_off() || self.phase == AxisPhase::QuickStopped
     }
 }
@@ -72,32 +72,32 @@ pub(crate) struct DriveSummary {
 }
 
 impl DriveSummary {
-    pub fn drives(&self) -> impl Iterator<Item = &DriveStatus> {
+    pub(super) fn drives(&self) -> impl Iterator<Item = &DriveStatus> {
         self.axes.iter().flatten()
     }
 
     /// Every drive is in this phase.
-    pub fn all_in(&self, phase: AxisPhase) -> bool {
+    pub(crate) fn all_in(&self, phase: AxisPhase) -> bool {
         self.drives().all(|drive| drive.phase == phase)
     }
 
     /// No drive has power that could be switched off.
-    pub fn is_off(&self) -> bool {
+    pub(super) fn is_off(&self) -> bool {
         self.drives().all(|drive| is_off(drive.phase))
     }
 
     /// Every position is recent enough to move on.
-    pub fn has_positions(&self) -> bool {
+    pub(crate) fn has_positions(&self) -> bool {
         self.drives().all(|drive| drive.age < self.stale_after)
     }
 
     /// Positions are recent, and every drive accepts its setpoints.
-    pub fn is_fresh(&self) -> bool {
+    pub(super) fn is_fresh(&self) -> bool {
         self.has_positions() && self.drives().all(|drive| drive.unwritten < self.stale_after)
     }
 
     /// Enabling and homing start from drives that are off and report a recent position.
-    pub fn require_ready(&self) -> Result<(), Refusal> {
+    pub(crate) fn require_ready(&self) -> Result<(), Refusal> {
         if self.all_in(AxisPhase::Disabled) && self.is_fresh() {
             Ok(())
         } else {
@@ -106,7 +106,7 @@ impl DriveSummary {
     }
 
     /// Conditions of enabling besides ready drives.
-    pub fn require_zero_and_range(&self) -> Result<(), Refusal> {
+    pub(crate) fn require_zero_and_range(&self) -> Result<(), Refusal> {
         match (self.is_homed, self.is_in_range) {
             (false, _) => Err(Refusal::NotHomed),
             (true, false) => Err(Refusal::Range),
@@ -115,7 +115,7 @@ impl DriveSummary {
     }
 
     /// Drives can be enabled now.
-    pub fn require_enabling(&self) -> Result<(), Refusal> {
+    pub(crate) fn require_enabling(&self) -> Result<(), Refusal> {
         self.require_ready()?;
         self.require_zero_and_range()
     }

@@ -10,7 +10,7 @@ use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 
 /// Maximum distance of a stamp into the future: a tick begins before it reads the newest command,
 /// and other CPUs stamp the commands.
-pub const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
+pub(crate) const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
 
 /// The age of a command that was sent at `stamp`, if it is stale: as old as its deadline, or older.
 #[must_use]
@@ -101,7 +101,7 @@ impl Validity {
     /// # Errors
     ///
     /// [`Refusal::Stale`], [`Refusal::Stamp`].
-    pub fn require_young(&self, now: Nanos) -> Result<(), Refusal> {
+    pub(crate) fn require_young(&self, now: Nanos) -> Result<(), Refusal> {
         if self.stamp.duration_since(now) > FUTURE_MARGIN {
             return Err(Refusal::Stamp);
         }

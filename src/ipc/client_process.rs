@@ -44,7 +44,7 @@ pub(super) struct PidFile(PathBuf);
 
 impl PidFile {
     /// Writes the file. A failure only leaves the client without a name.
-    pub fn write(domain: &Domain, boot_id: u64, client_id: u64) -> Self {
+    pub(super) fn write(domain: &Domain, boot_id: u64, client_id: u64) -> Self {
         remove_files_of_the_dead(domain);
         let path = path(domain, boot_id, client_id);
         let mut options = OpenOptions::new();

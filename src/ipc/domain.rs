@@ -167,6 +167,7 @@ impl Domain {
     /// Whether a client can still find the files of one start of the controller: they may be
     /// removed while it runs.
     #[must_use]
+    #[cfg(feature = "controller")]
     pub fn has_files(&self, boot_id: u64) -> bool {
         let boot = format!("{boot_id:016x}");
         let prefix = format!("{}{boot}_", self.prefix);
@@ -201,6 +202,7 @@ impl Domain {
     /// Boot id and record folder of the controller's last start if it did not end cleanly; `None`:
     /// no such start is known.
     #[must_use]
+    #[cfg(feature = "controller")]
     pub fn last_run(&self) -> Option<(u64, PathBuf)> {
         let text = std::fs::read_to_string(self.file("run")).ok()?;
         let (boot_id, folder) = text.split_once(' ')?;

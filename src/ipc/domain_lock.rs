@@ -61,11 +61,7 @@ impl DomainLock {
 
     /// Removes all files and continues with a new boot id, which a call that hangs under the old
     /// one cannot reach.
-    ///
-    /// # Errors
-    ///
-    /// When a system call fails.
-    pub fn renew(&mut self) -> Result<(), DomainError> {
+    pub(crate) fn renew(&mut self) -> Result<(), DomainError> {
         self.boot_id = random_id();
         self.remove_files(Ticks::Kept)
     }
@@ -89,10 +85,6 @@ impl DomainLock {
     }
 
     /// Makes the announcement valid.
-    ///
-    /// # Errors
-    ///
-    /// When the system call fails.
     pub(super) fn serve(&self) -> io::Result<()> {
         set_lock(&self.lock, LockedByte::Serves, libc::F_WRLCK)?;
         Ok(())

@@ -69,6 +69,7 @@ impl Ready {
 
 /// The domains of this user that a controller serves now, by name.
 #[must_use]
+#[cfg(feature = "controller")]
 pub fn served_domains() -> Vec<String> {
     let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
     let served = entries.filter_map(|entry| {
@@ -83,6 +84,7 @@ pub fn served_domains() -> Vec<String> {
 
 /// User id and domain of other users' controllers: root sees them all.
 #[must_use]
+#[cfg(feature = "controller")]
 pub fn served_by_others() -> Vec<(u32, String)> {
     let own = nix::unistd::geteuid().as_raw();
     let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();

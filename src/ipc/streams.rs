@@ -328,7 +328,7 @@ for_each_request!(declare_requests);
 
 impl Request {
     /// The client that asks, where a request says it.
-    pub fn client_id_mut(&mut self) -> Option<&mut u64> {
+    pub(crate) fn client_id_mut(&mut self) -> Option<&mut u64> {
         match self {
             Self::StateCommand(request) => Some(&mut request.client_id),
             Self::Move(request) => Some(&mut request.client_id),

@@ -53,8 +53,12 @@ impl WatchdogStatus {
 
     /// The same for a controller that has `opened` a port then: a watchdog that has not looked at
     /// its ports since may not hold that one.
-    #[must_use]
-    pub fn read_since(domain: &Domain, ports: &PortsDigest, opened: Nanos, now: Nanos) -> Self {
+    pub(crate) fn read_since(
+        domain: &Domain,
+        ports: &PortsDigest,
+        opened: Nanos,
+        now: Nanos,
+    ) -> Self {
         let mut options = OpenOptions::new();
         options.read(true).custom_flags(libc::O_NOFOLLOW);
         let Ok(file) = options.open(domain.watchdog_file()) else {

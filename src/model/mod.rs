@@ -43,15 +43,24 @@ pub use crate::robot::ModelId;
 pub use error::ModelError;
 pub use estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputMatrix, Query};
 pub use examination::Examination;
+#[cfg(feature = "controller")]
 pub use examination_path::ExaminationPath;
+#[cfg(feature = "controller")]
 pub use families::gap_scale::Wear;
 pub use families::memory::Memory;
 pub(crate) use families::runtime::Reach;
+#[cfg(feature = "controller")]
 pub use families::{hysteresis, network};
 pub use history::History;
+#[cfg(feature = "controller")]
 pub use maths::gaussian_mixture::MAX_COMPONENTS;
-pub use maths::hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
+pub use maths::hull::Hull;
+#[cfg(feature = "controller")]
+pub use maths::hull::{MAX_CORNERS, TOLERANCE_COUNTS};
+#[cfg(feature = "controller")]
 pub use maths::mixture_regression::MixtureRegression;
+#[cfg(feature = "controller")]
 pub use maths::polynomial_regression;
+#[cfg(feature = "controller")]
 pub use maths::regression::Local;
 pub use prepared::Model;

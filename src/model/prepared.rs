@@ -147,8 +147,7 @@ impl Model {
 
     /// The most that an output changes by with a count of every motor, on the average over the
     /// hull, rad (m).
-    #[must_use]
-    pub fn count_worth(&self) -> f64 {
+    pub(crate) fn count_worth(&self) -> f64 {
         let worths = self.slope.iter().map(|line| line.iter().map(|slope| slope.abs()).sum());
         worths.fold(0.0, f64::max)
     }

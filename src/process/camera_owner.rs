@@ -11,7 +11,7 @@ const SILENCE: Nanos = Nanos::from_millis(1000);
 
 /// The followed publisher.
 #[derive(Debug, Default)]
-pub struct CameraOwner {
+pub(super) struct CameraOwner {
     /// The publisher, and the time of its last frame.
     followed: Option<(u128, Nanos)>,
     /// Number of frames of other publishers.
@@ -20,7 +20,7 @@ pub struct CameraOwner {
 
 impl CameraOwner {
     /// Newest frame of the followed publisher. `frames`: valid frames, at most one per publisher.
-    pub fn choose(
+    pub(super) fn choose(
         &mut self,
         frames: impl IntoIterator<Item = (u128, ExternalPose)>,
         now: Nanos,
@@ -40,7 +40,7 @@ impl CameraOwner {
     }
 
     /// Number of ignored frames since the start.
-    pub fn ignored(&self) -> u64 {
+    pub(super) fn ignored(&self) -> u64 {
         self.ignored
     }
 }

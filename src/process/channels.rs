@@ -31,7 +31,7 @@ const MODELS: usize = 8;
 
 /// A model for the loop.
 #[derive(Debug)]
-pub struct ModelOffer {
+pub(super) struct ModelOffer {
     /// Counts up by one per offer.
     pub number: u64,
     /// The model with its memory.
@@ -40,7 +40,7 @@ pub struct ModelOffer {
 
 /// One tick for the IPC thread.
 #[derive(Debug, Clone, Copy)]
-pub struct TickReport {
+pub(super) struct TickReport {
     /// Report of the cycle.
     pub report: CycleReport,
     /// Timing of the tick.
@@ -52,7 +52,7 @@ pub struct TickReport {
 /// Numbers of items that the loop could not pass on, since the start: a full channel means that a
 /// slower thread stalls.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct LostCounters {
+pub(super) struct LostCounters {
     pub events: u64,
     pub reports: u64,
     pub records: u64,
@@ -60,7 +60,7 @@ pub struct LostCounters {
 }
 
 /// Endpoints of the control loop.
-pub struct LoopChannels {
+pub(super) struct LoopChannels {
     pub servo: triple_buffer::Output<Option<ServoCommand>>,
     /// Commands of the auxiliary axis.
     pub jaw: triple_buffer::Output<Option<ServoCommand>>,
@@ -82,7 +82,7 @@ pub struct LoopChannels {
 }
 
 /// Endpoints of the IPC thread.
-pub struct IpcChannels {
+pub(super) struct IpcChannels {
     pub servo: triple_buffer::Input<Option<ServoCommand>>,
     /// Commands of the auxiliary axis.
     pub jaw: triple_buffer::Input<Option<ServoCommand>>,
@@ -99,7 +99,7 @@ pub struct IpcChannels {
 
 impl LoopChannels {
     /// Next request; stop requests come first.
-    pub fn next_request(&mut self) -> Option<StateRequest> {
+    pub(crate) fn next_request(&mut self) -> Option<StateRequest> {
         self.stops.pop().or_else(|_| self.requests.pop()).ok()
     }
 }
@@ -110,14 +110,14 @@ impl IpcChannels {
     /// # Errors
     ///
     /// [`Refusal::Busy`] when the queue is full. Stop requests have a separate queue.
-    pub fn ask(&mut self, request: StateRequest) -> Result<(), Refusal> {
+    pub(super) fn ask(&mut self, request: StateRequest) -> Result<(), Refusal> {
         let queue = if request.command.only_stops() { &mut self.stops } else { &mut self.requests };
         queue.push(request).map_err(|_| Refusal::Busy)
     }
 }
 
 /// Endpoints of the model manager.
-pub struct ModelChannels {
+pub(super) struct ModelChannels {
     pub offers: Producer<ModelOffer>,
     pub requests: Producer<ModelSwapRequest>,
     pub replies: Consumer<ModelSwapReply>,
@@ -125,8 +125,7 @@ pub struct ModelChannels {
 }
 
 /// All channels of the loop, and the events for the log.
-#[must_use]
-pub fn loop_channels(
+pub(crate) fn loop_channels(
     recorder: RecorderChannels,
     log_entries: Receiver<StreamMessage>,
 ) -> (LoopChannels, IpcChannels, ModelChannels, Consumer<CycleEvent>) {
@@ -180,10 +179,10 @@ pub fn loop_channels(
 }
 
 /// A request about models or its reply, with the token that the server needs for the reply.
-pub type Tokened<T> = (u64, T);
+pub(super) type Tokened<T> = (u64, T);
 
 /// Queues of the IPC thread to the slow threads.
-pub struct RequestQueues {
+pub(super) struct RequestQueues {
     pub models: Sender<Tokened<payload::ModelRequest>>,
     pub model_replies: Receiver<Tokened<payload::ModelReply>>,
     pub recorder: Sender<RecorderRequest>,
@@ -191,7 +190,7 @@ pub struct RequestQueues {
 }
 
 /// Other ends of [`RequestQueues`].
-pub struct WorkerQueues {
+pub(super) struct WorkerQueues {
     pub models: Receiver<Tokened<payload::ModelRequest>>,
     pub model_replies: Sender<Tokened<payload::ModelReply>>,
     pub recorder: Receiver<RecorderRequest>,
@@ -199,8 +198,7 @@ pub struct WorkerQueues {
 }
 
 /// All queues of slow requests.
-#[must_use]
-pub fn request_queues() -> (RequestQueues, WorkerQueues) {
+pub(crate) fn request_queues() -> (RequestQueues, WorkerQueues) {
     let (models, models_out) = channel();
     let (model_replies_in, model_replies) = channel();
     let (recorder, recorder_out) = channel();

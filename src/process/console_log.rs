@@ -42,7 +42,7 @@ impl ConsoleLog {
 
     /// Writes panic messages to this log as well: the standard hook could block the panicking
     /// thread and hide its end.
-    pub fn take_panic_messages(&mut self) {
+    pub(crate) fn take_panic_messages(&mut self) {
         self.has_panic_hook = true;
         if let Some(lines) = self.lines.clone() {
             std::panic::set_hook(Box::new(move |panic| {

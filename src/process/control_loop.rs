@@ -23,7 +23,7 @@ use crate::units::{AUXILIARY, MAX_AXES, Nanos};
 const SPIN: Nanos = Nanos::from_micros(100);
 
 /// Everything the loop needs; built before the thread starts.
-pub struct ControlLoop {
+pub(super) struct ControlLoop {
     pub cycle: ControlCycle,
     pub channels: LoopChannels,
     pub links: Vec<AxisLink<Gated>>,
@@ -33,7 +33,7 @@ pub struct ControlLoop {
 }
 
 /// Recipients of the loop heartbeat: the watchdog and the port threads.
-pub struct Beats {
+pub(super) struct Beats {
     pub heartbeat: HeartbeatWriter,
     pub line: LoopBeat,
     pub lives: Vec<PortLife>,
@@ -41,7 +41,7 @@ pub struct Beats {
 
 impl Beats {
     /// Writes one heartbeat. Wait-free.
-    pub fn write(&self, beat: Heartbeat) {
+    pub(super) fn write(&self, beat: Heartbeat) {
         let mut alive = [Nanos::ZERO; MAX_AXES];
         for (alive, life) in alive.iter_mut().zip(&self.lives) {
             *alive = life.seen();
@@ -54,7 +54,7 @@ impl Beats {
 
 impl ControlLoop {
     /// Runs one cycle per tick from `first` on, until the cycle has shut down.
-    pub fn run(mut self, config: &ControlConfig, first: Nanos, shutdown: &AtomicBool) {
+    pub(super) fn run(mut self, config: &ControlConfig, first: Nanos, shutdown: &AtomicBool) {
         let spin = if config.priority > 0 { SPIN } else { Nanos::ZERO };
         let mut ticker = Ticker::new(first, config.period(), spin);
         let mut recording = TickRecording::new(config.rate_hz);

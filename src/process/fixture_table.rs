@@ -13,7 +13,7 @@ use crate::robot::{FixtureAction, FixtureKind, Refusal};
 
 /// Regions and pending requests.
 #[derive(Debug)]
-pub struct FixtureTable {
+pub(super) struct FixtureTable {
     message: VirtualFixturesMsg,
     configured: usize,
     pending: VecDeque<(u64, VirtualFixtureRequest)>,
@@ -22,8 +22,7 @@ pub struct FixtureTable {
 
 impl FixtureTable {
     /// The regions of a configuration.
-    #[must_use]
-    pub fn new(regions: &[FixtureRegionConfig]) -> Self {
+    pub(super) fn new(regions: &[FixtureRegionConfig]) -> Self {
         let mut message = VirtualFixturesMsg::default();
         for (index, region) in regions.iter().enumerate().take(FIXTURES) {
             let (kind, values) = described(&region.shape);
@@ -44,7 +43,7 @@ impl FixtureTable {
     /// # Errors
     ///
     /// [`Refusal::Malformed`] for an action or a region that does not exist.
-    pub fn parse(request: &VirtualFixtureRequest) -> Result<FixtureChange, Refusal> {
+    pub(super) fn parse(request: &VirtualFixtureRequest) -> Result<FixtureChange, Refusal> {
         let action = FixtureAction::from_number(request.action).ok_or(Refusal::Malformed)?;
         let is_empty = request.kind == 0 && request.values == [0.0; 4];
         match action {
@@ -60,12 +59,12 @@ impl FixtureTable {
     }
 
     /// Records a request that was sent to the loop.
-    pub fn sent(&mut self, token: u64, request: VirtualFixtureRequest) {
+    pub(super) fn sent(&mut self, token: u64, request: VirtualFixtureRequest) {
         self.pending.push_back((token, request));
     }
 
     /// Records the reply of the loop. Returns whether the table changed.
-    pub fn answered(&mut self, token: u64, refusal: Refusal) -> bool {
+    pub(super) fn answered(&mut self, token: u64, refusal: Refusal) -> bool {
         let place = self.pending.iter().position(|(sent, _)| *sent == token);
         let Some((_, request)) = place.and_then(|place| self.pending.remove(place)) else {
             return false;
@@ -88,7 +87,7 @@ impl FixtureTable {
     }
 
     /// Updates the active fixtures from the report of a tick.
-    pub fn update(&mut self, report: &CycleReport) {
+    pub(super) fn update(&mut self, report: &CycleReport) {
         self.message.active = report.fixtures;
         if let Some(index) = report.limited_by_fixture {
             self.message.limited_by = u32::from(index) + 1;
@@ -96,8 +95,7 @@ impl FixtureTable {
     }
 
     /// The message of the stream.
-    #[must_use]
-    pub fn message(&self) -> VirtualFixturesMsg {
+    pub(super) fn message(&self) -> VirtualFixturesMsg {
         self.message
     }
 

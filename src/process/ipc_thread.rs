@@ -49,7 +49,7 @@ const LOG_ENTRIES: usize = 16;
 const REPORT_LAG: Nanos = Nanos::from_micros(100);
 
 /// Parts of the IPC thread besides the server.
-pub struct IpcThreadParts {
+pub(super) struct IpcThreadParts {
     pub channels: IpcChannels,
     /// Robot and limits, for the reply to `version`.
     pub robot: Version,
@@ -69,7 +69,7 @@ pub struct IpcThreadParts {
 }
 
 /// State of the IPC thread between two passes.
-pub struct IpcThread {
+pub(super) struct IpcThread {
     server: Server,
     parts: IpcThreadParts,
     granted: Granted,
@@ -92,8 +92,7 @@ pub struct IpcThread {
 
 impl IpcThread {
     /// `granted`: actual scheduling of the loop.
-    #[must_use]
-    pub fn new(server: Server, parts: IpcThreadParts, granted: Granted) -> Self {
+    pub(super) fn new(server: Server, parts: IpcThreadParts, granted: Granted) -> Self {
         let model = parts.history.lock().slots.active;
         let mut thread = Self {
             server,
@@ -124,7 +123,7 @@ impl IpcThread {
     /// Makes one pass shortly before every tick of the loop, so that the tick gets the newest
     /// command, and publishes its report shortly after it, until `quit`. `first` is the first tick
     /// of the loop.
-    pub fn run(mut self, first: Nanos, quit: &AtomicBool) {
+    pub(super) fn run(mut self, first: Nanos, quit: &AtomicBool) {
         let mut tick = first;
         while !quit.load(Ordering::Acquire) {
             clock::sleep_until(tick - COMMAND_POLL_LEAD);

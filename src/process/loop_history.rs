@@ -13,7 +13,7 @@ use crate::units::{MotorVec, Nanos};
 
 /// A model that the loop has, or will receive.
 #[derive(Debug, Clone)]
-pub struct LoadedModel {
+pub(super) struct LoadedModel {
     /// The model.
     pub model: Arc<Model>,
     /// Its file.
@@ -22,7 +22,7 @@ pub struct LoadedModel {
 
 /// Motor positions and loaded models.
 #[derive(Debug, Default)]
-pub struct LoopHistory {
+pub(super) struct LoopHistory {
     /// Past positions of the motors, up to `mark`.
     pub history: History,
     /// Cursor in the motion history of the loop.
@@ -40,7 +40,7 @@ pub struct LoopHistory {
 impl LoopHistory {
     /// Adds a tick. If ticks were lost, the history starts again: a memory rebuilt from a history
     /// with a gap would be wrong without any error.
-    pub fn update(&mut self, report: &CycleReport) {
+    pub(super) fn update(&mut self, report: &CycleReport) {
         self.slots = report.models;
         if report.mark == self.mark {
             return;
@@ -60,20 +60,18 @@ impl LoopHistory {
     }
 
     /// A loaded model.
-    #[must_use]
-    pub fn model(&self, id: Option<ModelId>) -> Option<&LoadedModel> {
+    pub(super) fn model(&self, id: Option<ModelId>) -> Option<&LoadedModel> {
         self.known.get(&id?)
     }
 }
 
 /// The loop history, shared among the slower threads.
 #[derive(Debug, Clone, Default)]
-pub struct SharedLoopHistory(Arc<Mutex<LoopHistory>>);
+pub(super) struct SharedLoopHistory(Arc<Mutex<LoopHistory>>);
 
 impl SharedLoopHistory {
     /// History at the start; `model` is the configured model.
-    #[must_use]
-    pub fn new(config: &Config, model: Option<&Arc<Model>>) -> Self {
+    pub(super) fn new(config: &Config, model: Option<&Arc<Model>>) -> Self {
         let shared = Self::default();
         if let Some(model) = model {
             let file = config.control.model.clone().unwrap_or_default();
@@ -87,14 +85,14 @@ impl SharedLoopHistory {
     }
 
     /// Locks the history; hold the lock for microseconds only.
-    pub fn lock(&self) -> MutexGuard<'_, LoopHistory> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, LoopHistory> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl SharedLoopHistory {
     /// Locks the history unless another thread holds the lock.
-    pub fn try_lock(&self) -> Option<MutexGuard<'_, LoopHistory>> {
+    pub(super) fn try_lock(&self) -> Option<MutexGuard<'_, LoopHistory>> {
         match self.0.try_lock() {
             Ok(history) => Some(history),
             Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),

@@ -18,7 +18,7 @@ const DIGITS: u8 = 2;
 /// histograms, which takes tens of microseconds: use a slower thread that receives the
 /// [`TickTiming`]s through a ring.
 #[derive(Debug)]
-pub struct LoopStatistics {
+pub(super) struct LoopStatistics {
     intended: Nanos,
     window: Nanos,
     granted: Granted,
@@ -37,8 +37,7 @@ pub struct LoopStatistics {
 impl LoopStatistics {
     /// Statistics for a loop period, in windows of this length. `granted` and `line` are passed on
     /// to the reader.
-    #[must_use]
-    pub fn new(period: Nanos, window: Nanos, granted: Granted, line: LineBounds) -> Self {
+    pub(super) fn new(period: Nanos, window: Nanos, granted: Granted, line: LineBounds) -> Self {
         Self {
             intended: period,
             window,
@@ -57,7 +56,7 @@ impl LoopStatistics {
     }
 
     /// Records one tick. Does not allocate.
-    pub fn record(&mut self, timing: TickTiming) {
+    pub(super) fn record(&mut self, timing: TickTiming) {
         let TickTiming { tick, ended } = timing;
         self.opened.get_or_insert(tick.planned);
         self.ticks += 1;
@@ -71,7 +70,7 @@ impl LoopStatistics {
 
     /// Message for the window that ended by `now`; opens the next window. `None` while the window
     /// is still open.
-    pub fn take(&mut self, now: Nanos) -> Option<PeriodStatistics> {
+    pub(super) fn take(&mut self, now: Nanos) -> Option<PeriodStatistics> {
         let window = self.opened.map(|opened| now - opened).filter(|span| *span >= self.window)?;
         self.total_ticks += self.ticks;
         self.total_missed += self.missed;

@@ -26,7 +26,7 @@ const LOG_PERIOD: Nanos = Nanos::from_millis(20);
 const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
 
 /// Sources and destinations of log lines.
-pub struct MainThread<'a> {
+pub(super) struct MainThread<'a> {
     pub events: Consumer<CycleEvent>,
     /// Events of the ports, with their times.
     pub port_events: Receiver<(Nanos, PortEvent)>,
@@ -46,7 +46,7 @@ pub struct MainThread<'a> {
 
 impl MainThread<'_> {
     /// Writes the log until the loop has ended. If another thread ends early, the loop shuts down.
-    pub fn run(&mut self, threads: &Threads, shutdown: &AtomicBool) {
+    pub(super) fn run(&mut self, threads: &Threads, shutdown: &AtomicBool) {
         let mut suspends = SuspendMonitor::new();
         let (mut next_watchdog, mut had_files) = (Nanos::ZERO, true);
         while !threads.control.is_finished() {
@@ -96,7 +96,7 @@ impl MainThread<'_> {
     }
 
     /// Writes everything that has arrived.
-    pub fn write_events(&mut self) {
+    pub(super) fn write_events(&mut self) {
         let mut lines: Vec<(Nanos, String)> = Vec::new();
         while let Ok((stamp, event)) = self.port_events.try_recv() {
             if let PortEventKind::Ended { power } = event.kind
@@ -158,7 +158,7 @@ impl MainThread<'_> {
 }
 
 /// Writes one line with the time. A closed or full log does not stop the robot.
-pub fn write_line(log: &mut dyn Write, line: fmt::Arguments<'_>) {
+pub(crate) fn write_line(log: &mut dyn Write, line: fmt::Arguments<'_>) {
     let _ = writeln!(log, "{}", stamped_line(clock::now(), line));
 }
 

@@ -46,7 +46,7 @@ impl From<Refusal> for Refused {
 }
 
 /// Manages the models.
-pub struct ModelManager {
+pub(super) struct ModelManager {
     config: Config,
     /// The present settings of the drives.
     drives: Vec<DriveFingerprint>,
@@ -60,8 +60,7 @@ pub struct ModelManager {
 
 impl ModelManager {
     /// A manager with the model at the start.
-    #[must_use]
-    pub fn new(
+    pub(super) fn new(
         config: Config,
         history: SharedLoopHistory,
         channels: ModelChannels,
@@ -71,13 +70,12 @@ impl ModelManager {
     }
 
     /// Sets the drive settings that models are compared with.
-    #[must_use]
-    pub fn with_drives(self, drives: Vec<DriveFingerprint>) -> Self {
+    pub(crate) fn with_drives(self, drives: Vec<DriveFingerprint>) -> Self {
         Self { drives, ..self }
     }
 
     /// Replies to requests until `quit`, or until the request queue is closed.
-    pub fn run(
+    pub(super) fn run(
         mut self,
         quit: &AtomicBool,
         requests: &Receiver<Tokened<payload::ModelRequest>>,

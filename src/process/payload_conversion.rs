@@ -65,13 +65,12 @@ impl From<&ServoActuator> for ServoCommand {
 }
 
 /// Time span in which a request may be executed.
-#[must_use]
-pub fn validity(stamp_ns: u64, valid_ns: u64) -> Validity {
+pub(super) fn validity(stamp_ns: u64, valid_ns: u64) -> Validity {
     Validity { stamp: Nanos(stamp_ns), span: Nanos(valid_ns) }
 }
 
 /// `state_command` as a request for the loop.
-pub fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Refusal> {
+pub(super) fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Refusal> {
     let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
     // A later version may give the reserved field a meaning that this version would ignore.
     if raw.client_id == 0 || raw.reserved != 0 {
@@ -83,7 +82,7 @@ pub fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest,
 }
 
 /// `move_jp` as a request for the loop.
-pub fn move_request(id: u64, raw: &MoveRequest) -> Result<StateRequest, Refusal> {
+pub(crate) fn move_request(id: u64, raw: &MoveRequest) -> Result<StateRequest, Refusal> {
     let request = StateRequest {
         id,
         client_id: raw.client_id,
@@ -99,7 +98,10 @@ pub fn move_request(id: u64, raw: &MoveRequest) -> Result<StateRequest, Refusal>
 }
 
 /// `virtual_fixture` as a request for the loop.
-pub fn fixture_request(id: u64, raw: &VirtualFixtureRequest) -> Result<StateRequest, Refusal> {
+pub(crate) fn fixture_request(
+    id: u64,
+    raw: &VirtualFixtureRequest,
+) -> Result<StateRequest, Refusal> {
     FixtureTable::parse(raw).map(|change| StateRequest {
         id,
         client_id: raw.client_id,
@@ -111,8 +113,7 @@ pub fn fixture_request(id: u64, raw: &VirtualFixtureRequest) -> Result<StateRequ
 }
 
 /// The measurement of a camera, if it is valid.
-#[must_use]
-pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
+pub(super) fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
     // A flag of a later version could change the meaning of the values.
     let valid = raw.flags == ExternalPosition::VALID && raw.count as usize <= MAX_OUTPUTS;
     let seen = ExternalPose {
@@ -125,8 +126,7 @@ pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
 }
 
 /// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are not valid.
-#[must_use]
-pub fn joint_states(report: &CycleReport) -> [JointState; 3] {
+pub(super) fn joint_states(report: &CycleReport) -> [JointState; 3] {
     let mut base = JointState { stamp_ns: report.now.0, ..JointState::default() };
     let Some(joint) = report.joint else {
         return [base; 3];
@@ -152,8 +152,7 @@ pub fn joint_states(report: &CycleReport) -> [JointState; 3] {
 }
 
 /// `jaw/measured_js` of one tick; `None` without an auxiliary axis.
-#[must_use]
-pub fn jaw_state(report: &CycleReport) -> Option<JointState> {
+pub(crate) fn jaw_state(report: &CycleReport) -> Option<JointState> {
     let jaw = report.auxiliary?;
     let mut position = OutputVec::default();
     position[0] = jaw.measured;
@@ -166,8 +165,7 @@ const fn flag(set: bool, value: u32) -> u32 {
 }
 
 /// `actuators/measured_js` of one tick for this number of motors.
-#[must_use]
-pub fn actuator_state(report: &CycleReport, motors: u32) -> ActuatorState {
+pub(crate) fn actuator_state(report: &CycleReport, motors: u32) -> ActuatorState {
     let feedback = &report.feedback;
     let written = feedback.map(|axis| axis.written.unwrap_or_default());
     ActuatorState {
@@ -190,8 +188,7 @@ pub fn actuator_state(report: &CycleReport, motors: u32) -> ActuatorState {
 }
 
 /// `adaptation` of one tick.
-#[must_use]
-pub fn adaptation(report: &CycleReport) -> AdaptationMsg {
+pub(super) fn adaptation(report: &CycleReport) -> AdaptationMsg {
     let base = AdaptationMsg { stamp_ns: report.now.0, ..AdaptationMsg::default() };
     let Some(adaptation) = &report.adaptation else {
         return base;
@@ -228,8 +225,7 @@ pub fn adaptation(report: &CycleReport) -> AdaptationMsg {
 }
 
 /// `health` up to one tick.
-#[must_use]
-pub fn health(report: &CycleReport, lost: &LostCounters) -> Health {
+pub(super) fn health(report: &CycleReport, lost: &LostCounters) -> Health {
     let counters = report.feedback.map(|axis| axis.counters);
     Health {
         lost_events: lost.events,

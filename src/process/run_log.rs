@@ -66,11 +66,11 @@ impl RunLog {
 
     /// Writes an event if it belongs to the run log: changes of state, model and lease, stops after
     /// a deadline, drive errors. `client`: process that took a lease, if known.
-    ///
-    /// # Errors
-    ///
-    /// When the file cannot be written.
-    pub fn write_event(&mut self, event: &CycleEvent, client: Option<&str>) -> io::Result<()> {
+    pub(crate) fn write_event(
+        &mut self,
+        event: &CycleEvent,
+        client: Option<&str>,
+    ) -> io::Result<()> {
         let Some((name, fields)) = event_fields(&event.kind, client) else {
             return Ok(());
         };

@@ -50,7 +50,7 @@ pub enum StartModelError {
 }
 
 /// Loads the model of the configuration, if it names one.
-pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
+pub(crate) fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
     let Some(path) = &config.control.model else {
         return Ok(None);
     };
@@ -65,11 +65,7 @@ pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
 const MAX_NAMED_SETTINGS: usize = 5;
 
 /// Checks that a model was calibrated with the present drive settings.
-///
-/// # Errors
-///
-/// The settings that differ, and a remedy.
-pub fn check_drives(model: &Model, drives: &[DriveFingerprint]) -> Result<(), String> {
+pub(crate) fn check_drives(model: &Model, drives: &[DriveFingerprint]) -> Result<(), String> {
     let calibrated = &model.file().training.drives;
     let found = differences_of_model(calibrated, drives, model.motors());
     if found.is_empty() {
@@ -85,7 +81,7 @@ pub fn check_drives(model: &Model, drives: &[DriveFingerprint]) -> Result<(), St
 }
 
 /// The same for the model of the configuration.
-pub fn check_start_drives(
+pub(crate) fn check_start_drives(
     config: &Config,
     model: Option<&Model>,
     drives: &[DriveFingerprint],
@@ -100,15 +96,15 @@ pub fn check_start_drives(
 }
 
 /// Version and commit of this software.
-pub fn software() -> String {
+pub(super) fn software() -> String {
     format!("i2ris {} ({COMMIT})", env!("CARGO_PKG_VERSION"))
 }
 
 /// A serial port whose traffic is captured.
-pub type PortLine = CapturedLine<SerialTransport>;
+pub(super) type PortLine = CapturedLine<SerialTransport>;
 
 /// All drives, ready to be enabled.
-pub struct Drives {
+pub(super) struct Drives {
     pub runners: Vec<PortRunner<PortLine, Gated>>,
     pub links: Vec<AxisLink<Gated>>,
     pub identities: Vec<AxisIdentity>,
@@ -139,7 +135,7 @@ impl Drives {
 
 /// Opens all ports, then configures them, so that a missing port is detected before any drive is
 /// changed. If a drive fails, the port traffic is written to a file.
-pub fn bring_up_ports(
+pub(crate) fn bring_up_ports(
     config: &Config,
     beat: &LoopBeat,
     log: &mut dyn Write,
@@ -177,7 +173,7 @@ pub fn bring_up_ports(
 
 /// Waits until the port threads have read positions: with the older positions of bring-up, the loop
 /// would report a lost drive. A drive that is really lost is left to the loop, which names it.
-pub fn wait_for_positions(links: &mut [AxisLink<Gated>]) {
+pub(super) fn wait_for_positions(links: &mut [AxisLink<Gated>]) {
     let start = clock::now();
     let is_fresh = |link: &mut AxisLink<Gated>| link.feedback.read().stamp >= start;
     while !links.iter_mut().all(is_fresh) && clock::now() - start < FIRST_POSITIONS {

@@ -34,18 +34,14 @@ fn advice(name: &str) -> &'static str {
 }
 
 /// A running thread, with the name for its errors.
-pub struct NamedThread {
+pub(super) struct NamedThread {
     name: &'static str,
     handle: JoinHandle<()>,
 }
 
 impl NamedThread {
     /// Starts a thread.
-    ///
-    /// # Errors
-    ///
-    /// [`ThreadError::Start`].
-    pub fn spawn(
+    pub(super) fn spawn(
         name: &'static str,
         work: impl FnOnce() + Send + 'static,
     ) -> Result<Self, ThreadError> {
@@ -56,16 +52,16 @@ impl NamedThread {
     }
 
     /// Whether the thread has ended.
-    pub fn is_finished(&self) -> bool {
+    pub(super) fn is_finished(&self) -> bool {
         self.handle.is_finished()
     }
 
     /// Waits for the end of the thread, at most until `end`; calls `meanwhile` periodically.
-    ///
-    /// # Errors
-    ///
-    /// [`ThreadError::Died`], [`ThreadError::Hangs`].
-    pub fn join_until(self, end: Nanos, meanwhile: impl Fn(Nanos)) -> Result<(), ThreadError> {
+    pub(crate) fn join_until(
+        self,
+        end: Nanos,
+        meanwhile: impl Fn(Nanos),
+    ) -> Result<(), ThreadError> {
         while !self.is_finished() {
             let now = clock::now();
             if now >= end {
@@ -78,11 +74,7 @@ impl NamedThread {
     }
 
     /// Waits for the end of the thread.
-    ///
-    /// # Errors
-    ///
-    /// [`ThreadError::Died`].
-    pub fn join(self) -> Result<(), ThreadError> {
+    pub(super) fn join(self) -> Result<(), ThreadError> {
         self.handle.join().map_err(|_| ThreadError::Died(self.name))
     }
 }

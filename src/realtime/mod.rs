@@ -10,6 +10,7 @@ pub mod scheduling;
 pub mod suspend;
 pub mod ticker;
 
-pub use scheduling::{Granted, SchedulingRequest, keep_normal, read_back, request};
+pub(crate) use scheduling::keep_normal;
+pub use scheduling::{Granted, SchedulingRequest, request};
 pub use suspend::SuspendMonitor;
 pub use ticker::{Schedule, Tick, TickTiming, Ticker};

@@ -41,7 +41,7 @@ pub struct Granted {
 /// Asks for `wanted` on behalf of the calling thread, then reads back the result.
 ///
 /// Threads and processes that this thread starts do not inherit SCHED_FIFO. They do inherit the
-/// processor: see [`keep_normal`].
+/// processor: see `keep_normal`.
 #[must_use]
 pub fn request(wanted: SchedulingRequest) -> Granted {
     let mut warnings = Vec::new();
@@ -65,7 +65,7 @@ pub fn request(wanted: SchedulingRequest) -> Granted {
 /// Puts the calling thread under normal scheduling and off the processor of the control loop. Every
 /// thread that is not real-time calls this first, because a thread inherits the processor of the
 /// thread that starts it.
-pub fn keep_normal(loop_cpu: Option<usize>) {
+pub(crate) fn keep_normal(loop_cpu: Option<usize>) {
     set_normal();
     if let Some(cpu) = loop_cpu {
         let allowed = sched_getaffinity(SELF).unwrap_or_else(|_| every_processor());
@@ -78,8 +78,7 @@ pub fn keep_normal(loop_cpu: Option<usize>) {
 }
 
 /// Present scheduling of the calling thread.
-#[must_use]
-pub fn read_back() -> Granted {
+pub(crate) fn read_back() -> Granted {
     Granted {
         priority: fifo_priority(),
         cpu: sched_getaffinity(SELF).ok().as_ref().and_then(only_processor),

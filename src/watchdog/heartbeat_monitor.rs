@@ -58,8 +58,7 @@ impl HeartbeatMonitor {
     }
 
     /// Whether the controller has a port now: its loop and the port thread are alive.
-    #[must_use]
-    pub fn has_port(&self, port: usize, heartbeat: &Heartbeat, now: Nanos) -> bool {
+    pub(crate) fn has_port(&self, port: usize, heartbeat: &Heartbeat, now: Nanos) -> bool {
         let alive = heartbeat.alive.get(port).copied().unwrap_or_default();
         let is_young = |stamp| now.duration_since(stamp) <= self.silence;
         is_young(heartbeat.stamp) && (alive == Nanos::ZERO || is_young(alive))
@@ -67,7 +66,7 @@ impl HeartbeatMonitor {
 
     /// Ports whose threads became silent since the last call, with the age of their last sign of
     /// life, while the loop is alive and drives may have power.
-    pub fn lost_ports(&mut self, now: Nanos) -> [Option<Nanos>; MAX_AXES] {
+    pub(crate) fn lost_ports(&mut self, now: Nanos) -> [Option<Nanos>; MAX_AXES] {
         let beat = self.last.map(|last| last.heartbeat);
         let is_watched = |beat: &Heartbeat| !beat.off && now - beat.stamp <= self.silence;
         let Some(beat) = beat.filter(is_watched) else {

@@ -2,7 +2,7 @@
 //! relay closed. When the computer dies, the relay opens the STO inputs of the drives, which no
 //! program could do then. The circuit is in the manual.
 //!
-//! The line toggles every [`HALF_PERIOD`] while the control loop ticks and every drive answers. The
+//! The line toggles every `HALF_PERIOD` while the control loop ticks and every drive answers. The
 //! loop reports how long the positions are valid: up to the age that is a fault. A separate thread
 //! toggles the line, because a system call on a dead adapter may take long; its permission expires
 //! [`PERMISSION`] after the last check by the watchdog.
@@ -28,7 +28,7 @@ use crate::ipc::heartbeat::Heartbeat;
 use crate::units::Nanos;
 
 /// 50 edges a second.
-pub const HALF_PERIOD: Nanos = Nanos::from_millis(20);
+pub(crate) const HALF_PERIOD: Nanos = Nanos::from_millis(20);
 
 /// The watchdog looks every 2 ms; it may be late by ten times that.
 const PERMISSION: Nanos = Nanos::from_millis(20);
@@ -138,7 +138,7 @@ struct Shared {
 
 impl Pulse {
     /// Starts the thread, which ends with the process.
-    pub fn start(config: &PulseConfig, silence: Nanos) -> io::Result<Self> {
+    pub(super) fn start(config: &PulseConfig, silence: Nanos) -> io::Result<Self> {
         let shared = Arc::new(Shared::default());
         let (theirs, config) = (Arc::clone(&shared), config.clone());
         thread::Builder::new().spawn(move || run(&config, &theirs))?;
@@ -146,13 +146,13 @@ impl Pulse {
     }
 
     /// Permits or ends the pulse.
-    pub fn update(&mut self, heartbeat: Option<Heartbeat>, now: Nanos) {
+    pub(super) fn update(&mut self, heartbeat: Option<Heartbeat>, now: Nanos) {
         let until = if self.gate.is_open(heartbeat, now) { now + PERMISSION } else { Nanos::ZERO };
         self.shared.until.store(until.0, Ordering::Release);
     }
 
     /// Whether the adapter works, where that has changed: `Some(None)`, or why not.
-    pub fn change(&mut self) -> Option<Option<String>> {
+    pub(super) fn change(&mut self) -> Option<Option<String>> {
         let error = self.shared.error.load(Ordering::Acquire);
         let has_changed = std::mem::replace(&mut self.reported, error) != error;
         let why = (error != 0).then(|| io::Error::from_raw_os_error(error).to_string());

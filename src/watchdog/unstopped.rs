@@ -27,7 +27,7 @@ pub(super) fn is_complete_stop(event: &WatchdogEvent) -> bool {
 
 impl PendingStops {
     /// Records an attempt. The retry time begins with the first failure on a port.
-    pub fn note(&mut self, stopped: &[WatchdogEvent], now: Nanos) {
+    pub(super) fn note(&mut self, stopped: &[WatchdogEvent], now: Nanos) {
         for event in stopped {
             let WatchdogEvent::Stopped(device, _) = event else { continue };
             let is_known = self.contains(device);
@@ -42,12 +42,12 @@ impl PendingStops {
     }
 
     /// Another controller takes care of the drives.
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.ports.clear();
     }
 
     /// Whether to try again now.
-    pub fn is_due(&mut self, now: Nanos) -> bool {
+    pub(super) fn is_due(&mut self, now: Nanos) -> bool {
         let is_due = !self.ports.is_empty() && now >= self.next && now < self.end;
         if is_due {
             self.next = now + PERIOD;
@@ -55,7 +55,7 @@ impl PendingStops {
         is_due
     }
 
-    pub fn contains(&self, device: &Path) -> bool {
+    pub(super) fn contains(&self, device: &Path) -> bool {
         self.ports.iter().any(|port| port == device)
     }
 }

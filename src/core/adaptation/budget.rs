@@ -27,7 +27,7 @@ pub(super) struct BudgetUse {
 }
 
 impl BudgetUse {
-    pub fn new(
+    pub(super) fn new(
         drift: &Drift,
         geometry: &ModelGeometry,
         reach: &Reach,
@@ -44,7 +44,7 @@ impl BudgetUse {
     }
 
     /// Whether the budget is certainly used up: the total, or that of a known parameter.
-    pub fn is_known(&self, drift: &Drift, deviations: &[f64; PARAMETERS]) -> bool {
+    pub(super) fn is_known(&self, drift: &Drift, deviations: &[f64; PARAMETERS]) -> bool {
         let known = drift.to_array().into_iter().zip(deviations);
         let known = known.map(|(value, deviation)| *deviation <= KNOWN * value.abs());
         let mut shares = self.parameters.iter().zip(known);
@@ -52,7 +52,7 @@ impl BudgetUse {
     }
 
     /// The largest share.
-    pub fn largest(&self) -> f64 {
+    pub(super) fn largest(&self) -> f64 {
         self.parameters.iter().copied().fold(self.total, f64::max)
     }
 }

@@ -67,7 +67,7 @@ pub(super) struct Estimator {
 }
 
 impl Estimator {
-    pub fn new(slow: Option<&SlowError>) -> Self {
+    pub(super) fn new(slow: Option<&SlowError>) -> Self {
         let mut covariance = [Row::default(); PARAMETERS];
         for (index, row) in covariance.iter_mut().enumerate() {
             row[index] = first_variance(index, slow);
@@ -75,33 +75,33 @@ impl Estimator {
         Self { drift: Row::default(), covariance, scatter: Scatter::default() }
     }
 
-    pub fn drift(&self) -> Drift {
+    pub(super) fn drift(&self) -> Drift {
         Drift::from_array(self.drift)
     }
 
-    pub fn latency_s(&self) -> f64 {
+    pub(super) fn latency_s(&self) -> f64 {
         self.drift[LATENCY]
     }
 
     /// Standard deviations of the parameters.
-    pub fn deviations(&self) -> Row {
+    pub(super) fn deviations(&self) -> Row {
         std::array::from_fn(|index| self.covariance[index][index].max(0.0).sqrt())
     }
 
     /// Keeps the drift within bounds.
-    pub fn set_drift(&mut self, drift: &Drift) {
+    pub(crate) fn set_drift(&mut self, drift: &Drift) {
         self.drift = drift.to_array();
     }
 
     /// Widens the zero after a slip: it may be anywhere within this distance.
-    pub fn open_zero(&mut self, distance: f64) {
+    pub(crate) fn open_zero(&mut self, distance: f64) {
         for index in 0..2 {
             self.covariance[index][index] += distance * distance;
         }
     }
 
     /// Predicts over a time step.
-    pub fn predict(&mut self, seconds: f64, slow: Option<&SlowError>) {
+    pub(super) fn predict(&mut self, seconds: f64, slow: Option<&SlowError>) {
         let seconds = seconds.clamp(0.0, MAX_FRAME_GAP_S);
         if let Some(slow) = slow {
             let left = slow.time_constant_s / (slow.time_constant_s + seconds);
@@ -122,7 +122,7 @@ impl Estimator {
 
     /// Takes a frame. `excited`: parameters that the motion shows. With `is_learning` false the
     /// frame is only compared.
-    pub fn update(
+    pub(super) fn update(
         &mut self,
         frame: Pair,
         regressors: &Regressors,

@@ -62,7 +62,7 @@ pub(super) struct Reach {
 impl Reach {
     /// How far a wear moves the pose at most, rad. Less than the one in use counts as that until it
     /// is seen to do less: it must be possible to go back from beyond a budget.
-    pub fn of(&self, wear: [f64; WORN]) -> f64 {
+    pub(super) fn of(&self, wear: [f64; WORN]) -> f64 {
         let more = |to: f64, from: f64| to.abs() - if to * from > 0.0 { from.abs() } else { 0.0 };
         let changes = wear.into_iter().zip(self.wear).zip(self.per_growth);
         self.moved + changes.map(|((to, from), per)| more(to, from).max(0.0) * per).sum::<f64>()
@@ -71,7 +71,7 @@ impl Reach {
 
 impl Excitation {
     /// Takes the motion since the last frame.
-    pub fn add(&mut self, regressors: &Regressors, seconds: f64) {
+    pub(super) fn add(&mut self, regressors: &Regressors, seconds: f64) {
         let moment = &regressors.moment;
         let last = self.last.unwrap_or(moment.gapped);
         if self.last.is_none() {
@@ -99,7 +99,7 @@ impl Excitation {
     }
 
     /// Whether each parameter shows.
-    pub fn excited_parameters(&self) -> [bool; PARAMETERS] {
+    pub(crate) fn excited_parameters(&self) -> [bool; PARAMETERS] {
         let moves = self.path >= MIN_PATH;
         let ranges = [0, 1].map(|i| moves && self.high[i] - self.low[i] >= MIN_RANGE);
         let worn: [bool; WORN] = std::array::from_fn(|index| {
@@ -113,7 +113,7 @@ impl Excitation {
     }
 
     /// Largest recent effect of wear.
-    pub fn reach(&self) -> Reach {
+    pub(super) fn reach(&self) -> Reach {
         let per_growth = self.branches.map(|[one, other]| one.max(other));
         Reach { per_growth, moved: self.moved, wear: self.wear }
     }

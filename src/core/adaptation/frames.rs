@@ -35,7 +35,7 @@ pub(super) struct FrameFilter {
 
 impl FrameFilter {
     /// A frame that can be compared with the model.
-    pub fn take(
+    pub(super) fn take(
         &mut self,
         frame: &ExternalPose,
         outputs: usize,
@@ -72,7 +72,7 @@ impl FrameFilter {
     }
 
     /// Time since the newest frame.
-    pub fn silence(&self, now: Nanos) -> Nanos {
+    pub(super) fn silence(&self, now: Nanos) -> Nanos {
         now.duration_since(self.newest)
     }
 }

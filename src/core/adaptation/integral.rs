@@ -39,13 +39,19 @@ pub(super) struct Integral {
 }
 
 impl Integral {
-    pub fn zero(&self) -> Pair {
+    pub(super) fn zero(&self) -> Pair {
         self.zero
     }
 
     /// Takes a frame; false if it was refused. `error`: camera minus adapted pose, rad. `model`:
     /// deviation of the model, rad.
-    pub fn add(&mut self, error: Pair, model: f64, frame: &Frame, is_learning: bool) -> bool {
+    pub(super) fn add(
+        &mut self,
+        error: Pair,
+        model: f64,
+        frame: &Frame,
+        is_learning: bool,
+    ) -> bool {
         let interval_s = frame.interval_s.min(1.0);
         let delay_s = frame.age_s + 0.5 * interval_s + ACTUATION_S;
         let before = self.delay_s.unwrap_or(delay_s);

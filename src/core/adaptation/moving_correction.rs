@@ -53,7 +53,7 @@ struct MotorRow {
 impl MovingCorrection {
     /// Moves one tick towards a drift, inside the budget. `goal_motion`: of the motors by the goal
     /// in this tick, counts.
-    pub fn advance(
+    pub(super) fn advance(
         &mut self,
         drift: &Drift,
         pose: Pair,
@@ -113,7 +113,7 @@ impl MovingCorrection {
         BudgetUse::new(&drift, geometry, reach, settings).largest()
     }
 
-    pub fn correction(&self, geometry: &ModelGeometry) -> Correction {
+    pub(super) fn correction(&self, geometry: &ModelGeometry) -> Correction {
         let zero = [self.rows[0].zero, self.rows[1].zero];
         let column = |column: usize| {
             let rows = [self.rows[0].gain[column], self.rows[1].gain[column]];

@@ -55,16 +55,16 @@ pub(super) struct RegressorRing {
 }
 
 impl RegressorRing {
-    pub fn newest(&self) -> Option<&Moment> {
+    pub(super) fn newest(&self) -> Option<&Moment> {
         self.moment(self.written.checked_sub(1)?)
     }
 
     /// An entry is due.
-    pub fn is_due(&self, stamp: Nanos) -> bool {
+    pub(super) fn is_due(&self, stamp: Nanos) -> bool {
         self.newest().is_none_or(|newest| stamp.duration_since(newest.stamp) >= SPACING)
     }
 
-    pub fn push(&mut self, moment: Moment) {
+    pub(super) fn push(&mut self, moment: Moment) {
         let index = (self.written % CAPACITY) as usize;
         let row = self.moments.get_mut(index / COLUMNS);
         if let Some(entry) = row.and_then(|row| row.get_mut(index % COLUMNS)) {
@@ -75,7 +75,7 @@ impl RegressorRing {
 
     /// The poses at the stamp of a frame that is older than its stamp by a latency; `None` if that
     /// is older or newer than the ring.
-    pub fn at(&self, stamp: Nanos, latency_s: f64) -> Option<Regressors> {
+    pub(super) fn at(&self, stamp: Nanos, latency_s: f64) -> Option<Regressors> {
         let shift = Nanos((1e9 * latency_s.abs()) as u64);
         let stamp = if latency_s > 0.0 { stamp - shift } else { stamp + shift };
         let moment = self.interpolate(stamp)?;

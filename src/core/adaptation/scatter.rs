@@ -32,7 +32,7 @@ pub(super) struct Scatter {
 impl Scatter {
     /// Takes an innovation, and returns the variance of the noise: at least that of the
     /// configuration. `camera`: its deviation, rad.
-    pub fn add(&mut self, innovation: Pair, outputs: usize, camera: f64) -> f64 {
+    pub(super) fn add(&mut self, innovation: Pair, outputs: usize, camera: f64) -> f64 {
         let least = camera * camera;
         if let Some(last) = self.last {
             let [x, y] = subtract(innovation, last);

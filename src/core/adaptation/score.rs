@@ -55,7 +55,7 @@ pub(super) struct Score {
 
 impl Score {
     /// Adds the errors of a frame.
-    pub fn add(&mut self, calibrated: Pair, adapted: Pair, now: Nanos) -> Verdict {
+    pub(super) fn add(&mut self, calibrated: Pair, adapted: Pair, now: Nanos) -> Verdict {
         let begun = *self.begun.get_or_insert(now);
         self.frames += 1;
         for (sum, error) in self.sums.iter_mut().zip([calibrated, adapted]) {
@@ -82,24 +82,24 @@ impl Score {
     }
 
     /// The present window is thrown away: it would mix two states.
-    pub fn restart(&mut self) {
+    pub(super) fn restart(&mut self) {
         (self.begun, self.frames, self.sums) = (None, 0, [0.0; 2]);
     }
 
     /// Counts a frame that was learned from, or refused.
-    pub fn count(&mut self, is_accepted: bool) {
+    pub(super) fn count(&mut self, is_accepted: bool) {
         let count = if is_accepted { &mut self.accepted } else { &mut self.refused };
         *count = count.saturating_add(1);
     }
 
     /// Whether the adapted model failed from the start, misled by its first frames: it was better
     /// in no window and refused most frames.
-    pub fn failed_from_start(&self) -> bool {
+    pub(crate) fn failed_from_start(&self) -> bool {
         !self.was_better && self.refused > self.accepted
     }
 
     /// Root mean square errors of the last window: calibrated, adapted; rad.
-    pub fn last(&self) -> Pair {
+    pub(super) fn last(&self) -> Pair {
         self.last
     }
 }

@@ -53,7 +53,7 @@ pub(in crate::core) struct Settings {
 
 impl Settings {
     /// `plausibility_deg`: 0 if camera and model are not compared.
-    pub fn new(camera_deviation_deg: f64, plausibility_deg: f64, tick: Nanos) -> Self {
+    pub(super) fn new(camera_deviation_deg: f64, plausibility_deg: f64, tick: Nanos) -> Self {
         let plausible = match plausibility_deg {
             0.0 => f64::INFINITY,
             distance => SHARE_OF_PLAUSIBILITY * distance,

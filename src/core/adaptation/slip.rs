@@ -35,7 +35,7 @@ pub(super) struct SlipDetector {
 
 impl SlipDetector {
     /// Adds an innovation. Returns the step of a slip that has just been found, rad.
-    pub fn add(
+    pub(super) fn add(
         &mut self,
         innovation: Pair,
         model: f64,

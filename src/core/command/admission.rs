@@ -140,14 +140,14 @@ impl CommandAdmission {
     }
 
     /// Records the refusal of a request. Returns whether it is an event: repeats are folded.
-    pub fn refuse_request(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
+    pub(crate) fn refuse_request(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
         self.last_refusal = refusal;
         self.sessions.request_refused(client_id, now);
         self.request_refusals.record(client_id, refusal, now)
     }
 
     /// Records an accepted state command.
-    pub fn accept_request(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
+    pub(crate) fn accept_request(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
         self.request_refusals.accepted(client_id);
         self.sessions.carried_out(command, client_id, now);
     }
@@ -177,7 +177,11 @@ impl CommandAdmission {
     }
 
     /// Age or stamp that makes a command stale or invalid.
-    pub fn deadline_measurement(&self, command: &ServoCommand, now: Nanos) -> Option<Measurement> {
+    pub(crate) fn deadline_measurement(
+        &self,
+        command: &ServoCommand,
+        now: Nanos,
+    ) -> Option<Measurement> {
         let check = &self.check.deadline;
         if let Some((_, last)) = self.sessions.last(command.client_id)
             && check.check(command.stamp, deadline(command), now).is_ok()
@@ -188,7 +192,7 @@ impl CommandAdmission {
     }
 
     /// The sequence number of a command, and the last one.
-    pub fn sequence_measurement(&self, command: &ServoCommand) -> Option<Measurement> {
+    pub(crate) fn sequence_measurement(&self, command: &ServoCommand) -> Option<Measurement> {
         let last = self.sessions.last(command.client_id);
         let last = last.map(|(last, _)| last as f64);
         let number = command.sequence as f64;

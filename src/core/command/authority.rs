@@ -44,7 +44,7 @@ pub(crate) enum Access {
 }
 
 impl Access {
-    pub fn of(request: &StateRequest) -> Self {
+    pub(crate) fn of(request: &StateRequest) -> Self {
         match request.command {
             StateCommand::Disable
             | StateCommand::Pause

@@ -41,12 +41,12 @@ pub(super) struct ClientStream {
 
 impl ClientStream {
     /// Starts with the first command and the present setpoints.
-    pub fn new(setpoints: &MotorVec) -> Self {
+    pub(super) fn new(setpoints: &MotorVec) -> Self {
         Self { rest: *setpoints, ..Self::default() }
     }
 
     /// Refuses a command that is not newer than the last accepted one.
-    pub fn require_newer(&self, sequence: u64, stamp: Nanos) -> Result<(), Refusal> {
+    pub(crate) fn require_newer(&self, sequence: u64, stamp: Nanos) -> Result<(), Refusal> {
         if sequence <= self.sequence {
             Err(Refusal::Sequence)
         } else if stamp < self.stamp {
@@ -57,13 +57,13 @@ impl ClientStream {
     }
 
     /// Its client has to do something deliberate.
-    pub fn is_broken_off(&self, now: Nanos) -> bool {
+    pub(crate) fn is_broken_off(&self, now: Nanos) -> bool {
         let was_moving = self.moved.is_some_and(|moved| self.last.duration_since(moved) < REST);
         self.is_broken_off || was_moving && now > self.alive_until
     }
 
     /// A command was accepted, with the setpoints where they are.
-    pub fn accepted(&mut self, setpoints: &MotorVec, deadline: Nanos, now: Nanos) {
+    pub(super) fn accepted(&mut self, setpoints: &MotorVec, deadline: Nanos, now: Nanos) {
         if now > self.alive_until || self.is_broken_off {
             self.reset();
             self.rest = *setpoints;
@@ -74,26 +74,26 @@ impl ClientStream {
     }
 
     /// A command came that is not followed.
-    pub fn refused(&mut self, now: Nanos) {
+    pub(super) fn refused(&mut self, now: Nanos) {
         self.is_broken_off = self.is_broken_off(now);
         (self.last, self.alive_until) = (now, now + SILENCE);
     }
 
     /// It was stopped as stale, with the setpoints in motion. A motor that only goes to and fro
     /// between two counts moves nothing.
-    pub fn stopped_moving(&mut self, setpoints: &MotorVec, now: Nanos) {
+    pub(crate) fn stopped_moving(&mut self, setpoints: &MotorVec, now: Nanos) {
         if largest_difference(setpoints, &self.rest) > REST_COUNTS {
             self.moved = Some(now);
         }
     }
 
     /// A limit ended it.
-    pub fn break_off(&mut self) {
+    pub(crate) fn break_off(&mut self) {
         self.is_broken_off = true;
     }
 
     /// After a deliberate action of the client, the next command starts a new stream.
-    pub fn reset(&mut self) {
+    pub(super) fn reset(&mut self) {
         *self = Self { sequence: self.sequence, stamp: self.stamp, ..Self::new(&self.rest) };
     }
 }

@@ -34,7 +34,7 @@ enum Coupling {
 
 impl Clutch {
     /// With a scale other than 1, displacements need a reference: the first command couples.
-    pub fn new(scale: f64) -> Self {
+    pub(crate) fn new(scale: f64) -> Self {
         let scaling = MotionScaling::new(scale);
         Self { scaling, client_id: 0, coupling: Self::first_coupling(scaling) }
     }
@@ -46,7 +46,11 @@ impl Clutch {
     /// The goal of the snake for a command, and the clutch if the command is accepted. `snake`: the
     /// present setpoint. Goals in counts are not coupled, those of the tip as the angles that they
     /// lead to.
-    pub fn couple(&self, command: &ServoCommand, snake: Option<OutputVec>) -> (ServoGoal, Self) {
+    pub(crate) fn couple(
+        &self,
+        command: &ServoCommand,
+        snake: Option<OutputVec>,
+    ) -> (ServoGoal, Self) {
         let mut next = *self;
         let (ServoGoal::Joint(master, entries)
         | ServoGoal::Interpolated(master, entries)

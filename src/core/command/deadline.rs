@@ -19,17 +19,17 @@ pub(super) struct DeadlineCheck {
 }
 
 impl DeadlineCheck {
-    pub fn new(default: Nanos) -> Self {
+    pub(super) fn new(default: Nanos) -> Self {
         Self { default }
     }
 
     /// The deadline for a requested one; zero: the default.
-    pub fn of(&self, requested: Nanos) -> Nanos {
+    pub(super) fn of(&self, requested: Nanos) -> Nanos {
         if requested == Nanos::ZERO { self.default } else { requested }
     }
 
     /// The age, the lead or the deadline that makes a command stale or wrongly stamped.
-    pub fn measurement(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Measurement {
+    pub(super) fn measurement(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Measurement {
         if stamp.duration_since(now) > FUTURE_MARGIN {
             Measurement::from_age(stamp.duration_since(now), FUTURE_MARGIN)
         } else if requested > MAX_DEADLINE {
@@ -45,7 +45,12 @@ impl DeadlineCheck {
     ///
     /// [`Refusal::Stamp`] for a stamp in the future or a deadline that is too long;
     /// [`Refusal::Stale`] for a command older than its deadline.
-    pub fn check(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Result<Nanos, Refusal> {
+    pub(super) fn check(
+        &self,
+        stamp: Nanos,
+        requested: Nanos,
+        now: Nanos,
+    ) -> Result<Nanos, Refusal> {
         if stamp.duration_since(now) > FUTURE_MARGIN || requested > MAX_DEADLINE {
             return Err(Refusal::Stamp);
         }
@@ -81,7 +86,7 @@ pub(crate) struct FollowedCommand {
 
 impl FollowedCommand {
     /// The goal in joint space, and the one that was requested.
-    pub fn joint(&self) -> Option<(&GoalExtrapolation<MAX_OUTPUTS>, &OutputVec)> {
+    pub(crate) fn joint(&self) -> Option<(&GoalExtrapolation<MAX_OUTPUTS>, &OutputVec)> {
         match &self.goal {
             ExtrapolatedGoal::Joint(goal) => Some((goal, &self.requested)),
             ExtrapolatedGoal::Actuator(_) => None,
@@ -89,13 +94,13 @@ impl FollowedCommand {
     }
 
     /// Clip of the goal, in joint space or at the tip.
-    pub fn clip(&self) -> Option<Clip> {
+    pub(crate) fn clip(&self) -> Option<Clip> {
         let is_away = self.place.is_some_and(|(_, away_m)| away_m > ON_SURFACE_M);
         self.limit.map(|(clip, _)| clip).or(is_away.then_some(Clip::Reach))
     }
 
     /// The age of the command, if it is stale.
-    pub fn stale_age(&self, now: Nanos) -> Option<Nanos> {
+    pub(crate) fn stale_age(&self, now: Nanos) -> Option<Nanos> {
         stale_age(self.stamp, self.deadline, now)
     }
 }

@@ -10,18 +10,18 @@ use crate::units::OutputVec;
 pub(super) struct MotionScaling(f64);
 
 impl MotionScaling {
-    pub fn new(scale: f64) -> Self {
+    pub(super) fn new(scale: f64) -> Self {
         Self(scale)
     }
 
     /// Master and snake move by the same angles.
-    pub fn is_unity(self) -> bool {
+    pub(crate) fn is_unity(self) -> bool {
         self.0 == 1.0
     }
 
     /// The goal of the snake for a pose of the master. `master_reference` and `snake_reference`:
     /// the poses at which both were coupled.
-    pub fn apply(
+    pub(super) fn apply(
         self,
         master: &OutputVec,
         master_reference: &OutputVec,

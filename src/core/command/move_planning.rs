@@ -15,7 +15,7 @@ use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
 /// Maximum duration of a trajectory. It continues without its client, so it must end before the
 /// operator has forgotten it.
-pub const MAX_MOVE_TIME: Nanos = Nanos::from_millis(60_000);
+pub(crate) const MAX_MOVE_TIME: Nanos = Nanos::from_millis(60_000);
 
 /// Inputs of move planning.
 pub(crate) struct MovePlanning<'a> {
@@ -33,7 +33,7 @@ pub(crate) struct MovePlanning<'a> {
 impl MovePlanning<'_> {
     /// Plans the trajectory of a request. The newest request of the client that commands takes the
     /// place of its last one, which comes to rest first.
-    pub fn plan(&self, request: &StateRequest) -> Result<JointTrajectory, Refusal> {
+    pub(crate) fn plan(&self, request: &StateRequest) -> Result<JointTrajectory, Refusal> {
         let joints = self.joints.ok_or(Refusal::NoModel)?;
         let pose = self.pose(request, joints)?;
         if tip_away_m(request, &pose).is_some_and(|away_m| away_m > ON_SURFACE_M) {
@@ -77,7 +77,7 @@ impl MovePlanning<'_> {
     }
 
     /// How far the pose of a request is out of reach.
-    pub fn measure_reach(&self, request: &StateRequest) -> Option<Measurement> {
+    pub(crate) fn measure_reach(&self, request: &StateRequest) -> Option<Measurement> {
         let joints = self.joints?;
         let pose = self.pose(request, joints).ok()?;
         let reached = nearest(joints, self.axes, &pose, (WHOLE, 0.0)).ok()?;

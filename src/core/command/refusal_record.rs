@@ -52,7 +52,7 @@ impl RefusalRecord {
     ///
     /// A client that finds all entries in use by others is only counted in the total: identities
     /// that change with every command fill neither the log nor the memory.
-    pub fn record(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
+    pub(super) fn record(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
         let Some(entry) = self.entry(client_id, now) else {
             return false;
         };
@@ -69,7 +69,7 @@ impl RefusalRecord {
     }
 
     /// A command of the client was accepted.
-    pub fn accepted(&mut self, client_id: u64) {
+    pub(super) fn accepted(&mut self, client_id: u64) {
         for entry in &mut self.entries {
             if entry.refusals.client_id == client_id {
                 entry.folded = false;
@@ -78,7 +78,7 @@ impl RefusalRecord {
     }
 
     /// All entries.
-    pub fn clients(&self) -> [ClientRefusals; REFUSED_CLIENTS] {
+    pub(super) fn clients(&self) -> [ClientRefusals; REFUSED_CLIENTS] {
         self.entries.map(|entry| entry.refusals)
     }
 

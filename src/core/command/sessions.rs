@@ -121,40 +121,40 @@ pub(in crate::core) struct Sessions {
 
 impl Sessions {
     /// A free lease, and no client yet.
-    pub fn new(lease_duration: Nanos) -> Self {
+    pub(crate) fn new(lease_duration: Nanos) -> Self {
         let (clients, stops) = ([None; CLIENTS], [None; STOPS]);
         Self { clients, crowded: None, stops, lease_duration, lease: None }
     }
 
-    pub fn lease_duration(&self) -> Nanos {
+    pub(crate) fn lease_duration(&self) -> Nanos {
         self.lease_duration
     }
 
     /// The client that holds the lease; 0: none.
-    pub fn holder(&self) -> u64 {
+    pub(crate) fn holder(&self) -> u64 {
         self.lease.map_or(0, |(client_id, _)| client_id)
     }
 
     /// Takes or renews the lease. Returns whether the holder changes.
-    pub fn renew_lease(&mut self, client_id: u64, now: Nanos) -> bool {
+    pub(crate) fn renew_lease(&mut self, client_id: u64, now: Nanos) -> bool {
         let is_new = self.holder() != client_id;
         self.lease = Some((client_id, now));
         is_new
     }
 
     /// Frees the lease if it has expired. Returns whether it has.
-    pub fn expire_lease(&mut self, now: Nanos) -> bool {
+    pub(crate) fn expire_lease(&mut self, now: Nanos) -> bool {
         let duration = self.lease_duration;
         self.lease.take_if(|(_, renewed)| now.duration_since(*renewed) >= duration).is_some()
     }
 
     /// Gives the lease of a client back. Returns whether the client had it.
-    pub fn release_lease(&mut self, client_id: u64) -> bool {
+    pub(crate) fn release_lease(&mut self, client_id: u64) -> bool {
         self.lease.take_if(|(holder, _)| *holder == client_id).is_some()
     }
 
     /// The table of `authority`. `commander`: the commanding client; 0: none.
-    pub fn require(
+    pub(crate) fn require(
         &self,
         access: Access,
         client_id: u64,
@@ -174,7 +174,7 @@ impl Sessions {
 
     /// Refuses a servo command of a client without a session, and one that is not newer than the
     /// last one of its stream.
-    pub fn require_stream(
+    pub(crate) fn require_stream(
         &self,
         of: StreamOf,
         command: &ServoCommand,
@@ -193,13 +193,13 @@ impl Sessions {
     }
 
     /// Sequence and stamp of the last accepted command of the joints.
-    pub fn last(&self, client_id: u64) -> Option<(u64, Nanos)> {
+    pub(crate) fn last(&self, client_id: u64) -> Option<(u64, Nanos)> {
         let stream = self.client(client_id)?.streams[StreamOf::Joints as usize]?;
         Some((stream.sequence, stream.stamp))
     }
 
     /// A servo command was accepted, with the setpoints where they are.
-    pub fn accepted(
+    pub(crate) fn accepted(
         &mut self,
         of: StreamOf,
         command: &ServoCommand,
@@ -220,7 +220,13 @@ impl Sessions {
 
     /// Records a refused servo command. Late commands do not keep a stream alive, and malformed
     /// ones are not recorded.
-    pub fn refused(&mut self, of: StreamOf, command: &ServoCommand, refusal: Refusal, now: Nanos) {
+    pub(crate) fn refused(
+        &mut self,
+        of: StreamOf,
+        command: &ServoCommand,
+        refusal: Refusal,
+        now: Nanos,
+    ) {
         let no_command = [Refusal::Malformed, Refusal::NotFinite, Refusal::Stamp, Refusal::Stale];
         if no_command.contains(&refusal) && self.client(command.client_id).is_none() {
             return;
@@ -245,7 +251,7 @@ impl Sessions {
     }
 
     /// Records a request of `enable` or `resume`.
-    pub fn record_request(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
+    pub(crate) fn record_request(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
         if matches!(command, StateCommand::Enable | StateCommand::Resume)
             && let Some(client) = self.remember(client_id, now, true)
         {
@@ -254,7 +260,7 @@ impl Sessions {
     }
 
     /// A request was carried out.
-    pub fn carried_out(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
+    pub(crate) fn carried_out(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
         let is_held = self.is_held(|stop| stop.by != 0, client_id, now);
         let Some(client) = self.remember(client_id, now, true) else { return };
         let begins = match command {
@@ -273,14 +279,14 @@ impl Sessions {
     }
 
     /// A request was refused: its client is not silent.
-    pub fn request_refused(&mut self, client_id: u64, now: Nanos) {
+    pub(crate) fn request_refused(&mut self, client_id: u64, now: Nanos) {
         if let Some(client) = self.remember(client_id, now, false) {
             client.sending.add(now);
         }
     }
 
     /// The robot was stopped by a client; 0: by a fault.
-    pub fn stopped(&mut self, by: u64, is_hold: bool, now: Nanos) {
+    pub(crate) fn stopped(&mut self, by: u64, is_hold: bool, now: Nanos) {
         let own = self.stops.iter().position(|stop| stop.is_some_and(|stop| stop.by == by));
         let before = own.and_then(|index| self.stops.get(index).copied().flatten());
         // Who was held, and then stops, does not free itself.
@@ -294,17 +300,23 @@ impl Sessions {
     }
 
     /// Ends every session.
-    pub fn end_all(&mut self) {
+    pub(crate) fn end_all(&mut self) {
         self.clients.iter_mut().flatten().for_each(|client| client.has_ended = true);
     }
 
     /// A stream was stopped as stale while the setpoints moved.
-    pub fn stopped_moving(&mut self, of: StreamOf, client_id: u64, at: &MotorVec, now: Nanos) {
+    pub(crate) fn stopped_moving(
+        &mut self,
+        of: StreamOf,
+        client_id: u64,
+        at: &MotorVec,
+        now: Nanos,
+    ) {
         self.stream_mut(of, client_id).into_iter().for_each(|it| it.stopped_moving(at, now));
     }
 
     /// A limit ended the stream of the joints.
-    pub fn blocked(&mut self, client_id: u64) {
+    pub(crate) fn blocked(&mut self, client_id: u64) {
         let stream = self.stream_mut(StreamOf::Joints, client_id);
         stream.into_iter().for_each(ClientStream::break_off);
     }

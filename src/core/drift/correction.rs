@@ -24,7 +24,7 @@ impl Default for Correction {
 
 impl Correction {
     /// The adapted pose.
-    pub fn apply(&self, gapped: &OutputVec) -> OutputVec {
+    pub(crate) fn apply(&self, gapped: &OutputVec) -> OutputVec {
         let at = pair(gapped);
         let bent = product(&self.gain, at);
         let mut adapted = *gapped;
@@ -35,7 +35,7 @@ impl Correction {
     }
 
     /// The gapped pose whose adapted pose is the goal.
-    pub fn undo(&self, goal: &OutputVec) -> OutputVec {
+    pub(crate) fn undo(&self, goal: &OutputVec) -> OutputVec {
         let inverse = self.inverse();
         let from_zero = [goal[0] - self.zero[0], goal[1] - self.zero[1]];
         let found = product(&inverse, from_zero);
@@ -47,7 +47,7 @@ impl Correction {
     }
 
     /// How the pose without the correction follows from the adapted one.
-    pub fn calibrated_view(&self) -> CalibratedView {
+    pub(crate) fn calibrated_view(&self) -> CalibratedView {
         CalibratedView { inverse: self.inverse(), zero: self.zero }
     }
 
@@ -58,7 +58,7 @@ impl Correction {
     }
 
     /// The correction as a drift.
-    pub fn drift(&self) -> Drift {
+    pub(crate) fn drift(&self) -> Drift {
         Drift {
             zero: self.zero,
             gain: self.gain,
@@ -79,14 +79,14 @@ pub(crate) struct CalibratedView {
 }
 
 impl CalibratedView {
-    pub fn pose(&self, pose: &OutputVec) -> OutputVec {
+    pub(crate) fn pose(&self, pose: &OutputVec) -> OutputVec {
         let [x, y] = [pose[0] - self.zero[0], pose[1] - self.zero[1]];
         let [[a, b], [c, d]] = self.inverse;
         [a * x + b * y, c * x + d * y, pose[2]]
     }
 
     /// Converts a slope by the calibrated pose to one by the adapted pose.
-    pub fn slope(&self, slope: &OutputVec) -> OutputVec {
+    pub(crate) fn slope(&self, slope: &OutputVec) -> OutputVec {
         let [[a, b], [c, d]] = self.inverse;
         [a * slope[0] + c * slope[1], b * slope[0] + d * slope[1], slope[2]]
     }

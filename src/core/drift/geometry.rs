@@ -56,7 +56,7 @@ impl ModelGeometry {
         clippy::disallowed_types,
         reason = "built with the model, by a slower thread"
     )]
-    pub fn new(model: &Model) -> Option<Self> {
+    pub(crate) fn new(model: &Model) -> Option<Self> {
         let outputs = &model.file().outputs;
         let is_angle = outputs.iter().all(|output| output.unit == OutputUnit::Deg);
         if !is_angle || outputs.len() != model.motors() || outputs.len() > 2 {
@@ -84,13 +84,13 @@ impl ModelGeometry {
     }
 
     /// The direction of the slow error; 0 if that is not corrected.
-    pub fn corrected_direction(&self) -> Pair {
+    pub(crate) fn corrected_direction(&self) -> Pair {
         let corrected = self.slow.filter(|slow| slow.time_constant_s >= MIN_CORRECTED_S);
         corrected.map_or([0.0; 2], |slow| slow.direction)
     }
 
     /// The motion of the motors that moves the outputs by this, counts.
-    pub fn counts(&self, outputs: Pair) -> [f64; MAX_MOTORS] {
+    pub(crate) fn counts(&self, outputs: Pair) -> [f64; MAX_MOTORS] {
         product(&self.inverse_slope, outputs)
     }
 }

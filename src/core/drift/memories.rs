@@ -20,17 +20,22 @@ pub(in crate::core) struct DriftMemories {
 
 impl DriftMemories {
     /// Copies of a new model's memory.
-    pub fn new(memory: &Memory) -> Self {
+    pub(crate) fn new(memory: &Memory) -> Self {
         Self { calibrated: *memory, shadows: [*memory; WORN] }
     }
 
     /// The memory as calibrated.
-    pub fn calibrated(&self) -> &Memory {
+    pub(crate) fn calibrated(&self) -> &Memory {
         &self.calibrated
     }
 
     /// Moves on to a position, some time after the one before, s. `wear` is the one in use.
-    pub fn advance(&mut self, model: &Model, (position, time_s): (&MotorVec, f64), wear: &Wear) {
+    pub(crate) fn advance(
+        &mut self,
+        model: &Model,
+        (position, time_s): (&MotorVec, f64),
+        wear: &Wear,
+    ) {
         model.advance_over(&mut self.calibrated, position, time_s);
         let has_wires = self.calibrated.has_wires();
         for (index, shadow) in self.shadows.iter_mut().enumerate() {
@@ -45,12 +50,12 @@ impl DriftMemories {
     }
 
     /// The pose as calibrated.
-    pub fn calibrated_pose(&self, model: &Model, position: &MotorVec) -> Pair {
+    pub(crate) fn calibrated_pose(&self, model: &Model, position: &MotorVec) -> Pair {
         pair(&model.predict(position, &self.calibrated).mean)
     }
 
     /// The change of the pose per growth of what wears, in the order of the shadows.
-    pub fn slopes(&self, model: &Model, position: &MotorVec, gapped: Pair) -> [Pair; WORN] {
+    pub(crate) fn slopes(&self, model: &Model, position: &MotorVec, gapped: Pair) -> [Pair; WORN] {
         let mut slopes = [Pair::default(); WORN];
         let has_wires = self.calibrated.has_wires();
         for (index, (slope, shadow)) in slopes.iter_mut().zip(&self.shadows).enumerate() {

@@ -87,8 +87,7 @@ impl Parameter {
 
 impl Drift {
     /// The parameters in the order of [`Parameter::ALL`].
-    #[must_use]
-    pub fn to_array(&self) -> [f64; PARAMETERS] {
+    pub(crate) fn to_array(&self) -> [f64; PARAMETERS] {
         let [[a, b], [c, d]] = self.gain;
         let ([x, y], [g, h]) = (self.zero, self.gap);
         let ([k, l], [m, n]) = (self.slack, self.play);
@@ -96,8 +95,7 @@ impl Drift {
     }
 
     /// The opposite of [`Drift::to_array`].
-    #[must_use]
-    pub fn from_array(values: [f64; PARAMETERS]) -> Self {
+    pub(crate) fn from_array(values: [f64; PARAMETERS]) -> Self {
         let [x, y, a, b, c, d, g, h, latency_s, slow, k, l, m, n] = values;
         let (zero, gain, gap) = ([x, y], [[a, b], [c, d]], [g, h]);
         Self { zero, gain, gap, latency_s, slow, slack: [k, l], play: [m, n] }

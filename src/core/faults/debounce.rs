@@ -12,12 +12,12 @@ pub(crate) struct Debounce {
 }
 
 impl Debounce {
-    pub fn new(span: Nanos) -> Self {
+    pub(crate) fn new(span: Nanos) -> Self {
         Self { span, since: None }
     }
 
     /// Updates the condition. Returns whether it has held for at least the span.
-    pub fn update(&mut self, is_true: bool, now: Nanos) -> bool {
+    pub(crate) fn update(&mut self, is_true: bool, now: Nanos) -> bool {
         let since = *self.since.get_or_insert(now);
         if !is_true {
             self.since = None;
@@ -26,7 +26,7 @@ impl Debounce {
     }
 
     /// Restarts the condition.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.since = None;
     }
 }

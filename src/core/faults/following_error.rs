@@ -11,19 +11,19 @@ use crate::units::Nanos;
 pub(crate) struct FollowingErrorLimit(i64);
 
 impl FollowingErrorLimit {
-    pub fn new(counts: i32) -> Self {
+    pub(crate) fn new(counts: i32) -> Self {
         Self(i64::from(counts))
     }
 
     /// Compares the setpoint that was written last with the encoder. The newest setpoint may still
     /// wait for its slot on the wire; the motor cannot know it. `powered_since`: when power was
     /// requested; older setpoints belong to an earlier session.
-    pub fn is_exceeded(&self, feedback: &AxisFeedback, powered_since: Nanos) -> bool {
+    pub(crate) fn is_exceeded(&self, feedback: &AxisFeedback, powered_since: Nanos) -> bool {
         error(feedback, powered_since).is_some_and(|error| error > self.0)
     }
 
     /// The present distance and its limit.
-    pub fn measurement(
+    pub(crate) fn measurement(
         &self,
         feedback: &AxisFeedback,
         powered_since: Nanos,

@@ -16,22 +16,22 @@ pub(crate) struct OverCurrentMonitor {
 }
 
 impl OverCurrentMonitor {
-    pub fn new(limit_ma: Option<u32>, time: Nanos) -> Self {
+    pub(crate) fn new(limit_ma: Option<u32>, time: Nanos) -> Self {
         Self { limit_ma, debounce: Debounce::new(time), is_tripped: false }
     }
 
     /// Updates the monitor. The current counts only while the drive follows setpoints.
-    pub fn update(&mut self, current_ma: i32, is_following: bool, now: Nanos) {
+    pub(crate) fn update(&mut self, current_ma: i32, is_following: bool, now: Nanos) {
         let is_high = self.limit_ma.is_some_and(|limit| current_ma.unsigned_abs() > limit);
         self.is_tripped = self.debounce.update(is_following && is_high, now);
     }
 
-    pub fn is_tripped(&self) -> bool {
+    pub(crate) fn is_tripped(&self) -> bool {
         self.is_tripped
     }
 
     /// The present current and its limit, if the monitor has tripped.
-    pub fn measurement(&self, current_ma: i32) -> Option<Measurement> {
+    pub(crate) fn measurement(&self, current_ma: i32) -> Option<Measurement> {
         let limit = f64::from(self.limit_ma.filter(|_| self.is_tripped)?);
         let current = f64::from(current_ma.unsigned_abs());
         Some(Measurement::new(Quantity::Milliamperes, current, Some(limit)))

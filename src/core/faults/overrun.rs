@@ -19,13 +19,13 @@ pub(crate) struct OverrunMonitor {
 
 impl OverrunMonitor {
     /// Full after `limit` overruns within a second; never, if `limit` is 0.
-    pub fn new(limit: u32) -> Self {
+    pub(crate) fn new(limit: u32) -> Self {
         let limit = f64::from(limit);
         Self { limit, leak: limit / 1e9, level: 0.0, last: Nanos::ZERO }
     }
 
     /// Adds overruns. Returns whether the bucket is full.
-    pub fn add(&mut self, overruns: u32, now: Nanos) -> bool {
+    pub(crate) fn add(&mut self, overruns: u32, now: Nanos) -> bool {
         let leaked = now.duration_since(self.last).0 as f64 * self.leak;
         self.level = (self.level - leaked).max(0.0) + f64::from(overruns);
         self.last = now;
@@ -33,7 +33,7 @@ impl OverrunMonitor {
     }
 
     /// Late ticks in the bucket, and its capacity.
-    pub fn measurement(&self) -> Measurement {
+    pub(crate) fn measurement(&self) -> Measurement {
         Measurement::new(Quantity::LateTicks, self.level, Some(self.limit))
     }
 }

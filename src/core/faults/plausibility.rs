@@ -56,7 +56,7 @@ pub(crate) struct PlausibilityMonitor {
 
 impl PlausibilityMonitor {
     /// `limit_deg`: 0 switches the check off.
-    pub fn new(limit_deg: f64) -> Self {
+    pub(crate) fn new(limit_deg: f64) -> Self {
         Self {
             limit: limit_deg.to_radians(),
             debounce: Debounce::new(DEBOUNCE),
@@ -73,18 +73,18 @@ impl PlausibilityMonitor {
     }
 
     /// The distance of the last frame that was compared, and the limit.
-    pub fn measurement(&self) -> Option<Measurement> {
+    pub(crate) fn measurement(&self) -> Option<Measurement> {
         let (distance, limit) = (self.distance.to_degrees(), self.limit.to_degrees());
         let measurement = Measurement::new(Quantity::Degrees, distance, Some(limit));
         (self.is_on() && self.distance > self.limit).then_some(measurement)
     }
 
-    pub fn is_on(&self) -> bool {
+    pub(crate) fn is_on(&self) -> bool {
         self.limit > 0.0
     }
 
     /// Stores the estimates of this tick.
-    pub fn record_estimates(&mut self, now: Nanos, estimates: Estimates) {
+    pub(crate) fn record_estimates(&mut self, now: Nanos, estimates: Estimates) {
         if now.duration_since(self.last) < SPACING || !self.is_on() {
             return;
         }
@@ -99,7 +99,7 @@ impl PlausibilityMonitor {
     }
 
     /// Forgets the estimates: they belong to another model or another zero.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.written = 0;
         self.estimates = [[(Nanos::ZERO, Estimates::default()); COLUMNS]; ROWS];
         self.forget_distance();
@@ -112,7 +112,7 @@ impl PlausibilityMonitor {
 
     /// Whether measured poses have contradicted the estimate for too long. `is_checked`: the robot
     /// is on, and the memory of the model is known.
-    pub fn is_implausible(
+    pub(crate) fn is_implausible(
         &mut self,
         measured: Option<&ExternalPose>,
         outputs: usize,
@@ -140,7 +140,7 @@ impl PlausibilityMonitor {
     }
 
     /// Whether the pose is compared with a camera now.
-    pub fn check(&self, now: Nanos) -> PlausibilityCheck {
+    pub(crate) fn check(&self, now: Nanos) -> PlausibilityCheck {
         let Some(since) = self.checked_since.filter(|_| self.is_on()) else {
             return PlausibilityCheck::Inactive;
         };

@@ -27,7 +27,7 @@ pub(crate) struct LoadedModels {
 pub(crate) struct LoadedModelStates([Option<(ModelId, JointModelState)>; 3]);
 
 impl LoadedModelStates {
-    pub fn ids(&self) -> impl Iterator<Item = ModelId> {
+    pub(crate) fn ids(&self) -> impl Iterator<Item = ModelId> {
         self.0.iter().flatten().map(|(id, _)| *id)
     }
 }
@@ -35,13 +35,13 @@ impl LoadedModelStates {
 impl LoadedModels {
     /// One active model, or none.
     #[allow(clippy::disallowed_methods, reason = "a constructor, called before the loop")]
-    pub fn new(active: Option<JointModel>) -> Self {
+    pub(crate) fn new(active: Option<JointModel>) -> Self {
         Self { active: active.map(Box::new), ..Self::default() }
     }
 
     /// Models with saved states. The error names a model that `find` does not know.
     #[allow(clippy::disallowed_methods, reason = "for a replay, not for the loop")]
-    pub fn from_states(
+    pub(crate) fn from_states(
         states: &LoadedModelStates,
         config: &Config,
         find: impl Fn(ModelId) -> Option<Arc<Model>>,
@@ -64,7 +64,7 @@ impl LoadedModels {
     }
 
     /// The states of the models; `None` while a retired model waits to be taken.
-    pub fn states(&self) -> Option<LoadedModelStates> {
+    pub(crate) fn states(&self) -> Option<LoadedModelStates> {
         let state = |slot: &Option<Box<JointModel>>| {
             slot.as_ref().map(|joints| (joints.model().id(), *joints.state()))
         };
@@ -72,27 +72,27 @@ impl LoadedModels {
         self.can_retire().then_some(LoadedModelStates(states))
     }
 
-    pub fn active(&self) -> Option<&JointModel> {
+    pub(crate) fn active(&self) -> Option<&JointModel> {
         self.active.as_deref()
     }
 
-    pub fn active_mut(&mut self) -> Option<&mut JointModel> {
+    pub(crate) fn active_mut(&mut self) -> Option<&mut JointModel> {
         self.active.as_deref_mut()
     }
 
-    pub fn previous_mut(&mut self) -> Option<&mut JointModel> {
+    pub(crate) fn previous_mut(&mut self) -> Option<&mut JointModel> {
         self.previous.as_deref_mut()
     }
 
     /// The staged and the previous model replay new positions.
-    pub fn replay_inactive(&mut self, history: &PositionHistory) {
+    pub(crate) fn replay_inactive(&mut self, history: &PositionHistory) {
         for joints in [&mut self.staged, &mut self.previous].into_iter().flatten() {
             joints.replay(history, None);
         }
     }
 
     /// Ids of the models.
-    pub fn report(&self, history: &PositionHistory) -> ModelSlots {
+    pub(crate) fn report(&self, history: &PositionHistory) -> ModelSlots {
         let id = |slot: &Option<Box<JointModel>>| slot.as_ref().map(|joints| joints.model().id());
         let is_known =
             |staged: &JointModel| staged.is_up_to_date(history) && staged.is_memory_known();
@@ -105,12 +105,12 @@ impl LoadedModels {
     }
 
     /// A model can be retired: the last retired one has been taken.
-    pub fn can_retire(&self) -> bool {
+    pub(crate) fn can_retire(&self) -> bool {
         self.retired.is_none()
     }
 
     /// Stages a model in place of the staged one.
-    pub fn stage(&mut self, candidate: ModelCandidate) {
+    pub(crate) fn stage(&mut self, candidate: ModelCandidate) {
         let displaced = self.staged.replace(candidate.0);
         if self.can_retire() {
             self.retired = displaced;
@@ -118,7 +118,7 @@ impl LoadedModels {
     }
 
     /// Takes the model that is no longer needed.
-    pub fn take_retired(&mut self) -> Option<ModelCandidate> {
+    pub(crate) fn take_retired(&mut self) -> Option<ModelCandidate> {
         self.retired.take().map(ModelCandidate)
     }
 }

@@ -71,7 +71,7 @@
 //!    limits, Fixture, Range. A second move of the same client replaces the first, which comes to
 //!    rest before. Otherwise as (6): servo commands are refused with Busy during the move, and the
 //!    same events end it. A timeout is not needed: the trajectory ends at rest after a time known
-//!    at its start, at most [`MAX_MOVE_TIME`](crate::core::MAX_MOVE_TIME) (Range for a longer one),
+//!    at its start, at most `MAX_MOVE_TIME` (Range for a longer one),
 //!    and a client that dies after its request has nothing left to confirm. `hold`, `pause` and
 //!    `disable` of any client end it.
 //! 8. By the request `virtual_fixture`. Malformed without a change. Switching on and adding is
@@ -137,12 +137,12 @@ pub(crate) enum DisabledActivity {
 }
 
 impl DisabledActivity {
-    pub fn powering_off(since: Nanos) -> Self {
+    pub(crate) fn powering_off(since: Nanos) -> Self {
         Self::PoweringOff { since, then_enable: false }
     }
 
     /// The same activity with a new `then_enable`; `None` unless the drives are powering off.
-    pub fn then(mut self, enable: bool) -> Option<Self> {
+    pub(crate) fn then(mut self, enable: bool) -> Option<Self> {
         match &mut self {
             Self::Stopping { then_enable, .. }
             | Self::Settling { then_enable, .. }
@@ -184,7 +184,7 @@ pub(crate) enum FaultStage {
 }
 
 impl ControlState {
-    pub fn operating_state(&self) -> OperatingState {
+    pub(crate) fn operating_state(&self) -> OperatingState {
         match self {
             Self::Disabled(_) => OperatingState::Disabled,
             Self::Enabled(_) => OperatingState::Enabled,
@@ -193,7 +193,7 @@ impl ControlState {
         }
     }
 
-    pub fn expected_power(&self) -> ExpectedPower {
+    pub(crate) fn expected_power(&self) -> ExpectedPower {
         use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
         match self {
             Self::Disabled(Idle | PoweringOff { .. }) | Self::Fault(_) => ExpectedPower::Off,
@@ -205,7 +205,7 @@ impl ControlState {
     }
 
     /// Demands to the drives.
-    pub fn demands(&self) -> [Demand; MAX_AXES] {
+    pub(crate) fn demands(&self) -> [Demand; MAX_AXES] {
         use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
         match self {
             Self::Disabled(Idle | Homing { .. } | PoweringOff { .. }) => ALL_OFF,
@@ -220,7 +220,7 @@ impl ControlState {
     }
 
     /// A change of state, a conditioning cycle or a trajectory is in progress.
-    pub fn is_busy(&self, is_at_rest: bool) -> bool {
+    pub(crate) fn is_busy(&self, is_at_rest: bool) -> bool {
         match self {
             Self::Disabled(activity) => *activity != DisabledActivity::Idle,
             Self::Enabled(_) => self.is_occupied(),
@@ -230,7 +230,7 @@ impl ControlState {
     }
 
     /// The command whose interruptible activity is in progress.
-    pub fn activity(&self) -> Option<StateCommand> {
+    pub(crate) fn activity(&self) -> Option<StateCommand> {
         match self {
             Self::Disabled(DisabledActivity::Enabling { .. }) => Some(StateCommand::Enable),
             Self::Disabled(DisabledActivity::Homing { .. }) => Some(StateCommand::Home),
@@ -241,27 +241,27 @@ impl ControlState {
     }
 
     /// Drives are on and nothing is followed.
-    pub fn is_holding(&self) -> bool {
+    pub(crate) fn is_holding(&self) -> bool {
         matches!(self, Self::Enabled(EnabledActivity::Holding) | Self::Paused)
     }
 
-    pub fn followed_command(&self) -> Option<&FollowedCommand> {
+    pub(crate) fn followed_command(&self) -> Option<&FollowedCommand> {
         match self {
             Self::Enabled(EnabledActivity::Following(command)) => Some(command),
             Self::Disabled(_) | Self::Enabled(_) | Self::Paused | Self::Fault(_) => None,
         }
     }
 
-    pub fn is_homing(&self) -> bool {
+    pub(crate) fn is_homing(&self) -> bool {
         matches!(self, Self::Disabled(DisabledActivity::Homing { .. }))
     }
 
-    pub fn is_conditioning(&self) -> bool {
+    pub(crate) fn is_conditioning(&self) -> bool {
         matches!(self, Self::Enabled(EnabledActivity::Conditioning(_)))
     }
 
     /// The client that is followed, or whose activity is in progress.
-    pub fn owner(&self) -> Option<u64> {
+    pub(crate) fn owner(&self) -> Option<u64> {
         match self {
             Self::Disabled(DisabledActivity::Homing { client_id, .. }) => Some(*client_id),
             Self::Enabled(EnabledActivity::Following(command)) => Some(command.client_id),
@@ -275,7 +275,7 @@ impl ControlState {
     }
 
     /// The trajectory in progress.
-    pub fn trajectory(&self) -> Option<&JointTrajectory> {
+    pub(crate) fn trajectory(&self) -> Option<&JointTrajectory> {
         match self {
             Self::Enabled(EnabledActivity::Moving(trajectory)) => Some(trajectory),
             Self::Disabled(_) | Self::Enabled(_) | Self::Paused | Self::Fault(_) => None,
@@ -287,12 +287,12 @@ impl ControlState {
     }
 
     /// A conditioning cycle or a trajectory is in progress.
-    pub fn is_occupied(&self) -> bool {
+    pub(crate) fn is_occupied(&self) -> bool {
         self.is_conditioning() || self.is_moving()
     }
 
     /// Refuses while a conditioning cycle or a trajectory is in progress.
-    pub fn require_unoccupied(&self) -> Result<(), Refusal> {
+    pub(crate) fn require_unoccupied(&self) -> Result<(), Refusal> {
         match self {
             Self::Enabled(EnabledActivity::Conditioning(_)) => Err(Refusal::Conditioning),
             _ if self.is_moving() => Err(Refusal::Busy),
@@ -301,13 +301,13 @@ impl ControlState {
     }
 
     /// A goal in joint space is followed.
-    pub fn is_following_joints(&self) -> bool {
+    pub(crate) fn is_following_joints(&self) -> bool {
         let followed = self.followed_command();
         self.is_moving() || followed.is_some_and(|command| command.goal.is_joint())
     }
 
     /// Allows what starts from DISABLED with no activity.
-    pub fn require_idle(&self) -> Result<(), Refusal> {
+    pub(crate) fn require_idle(&self) -> Result<(), Refusal> {
         match self {
             Self::Disabled(DisabledActivity::Idle) => Ok(()),
             Self::Disabled(_) => Err(Refusal::Busy),

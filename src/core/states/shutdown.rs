@@ -19,16 +19,16 @@ pub(crate) struct Shutdown {
 
 impl Shutdown {
     /// Not requested.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { requested: None }
     }
 
-    pub fn request(&mut self, now: Nanos) {
+    pub(crate) fn request(&mut self, now: Nanos) {
         self.requested.get_or_insert(now);
     }
 
     /// During shutdown, refuses commands that would start something.
-    pub fn require_allowed(&self, command: StateCommand) -> Result<(), Refusal> {
+    pub(crate) fn require_allowed(&self, command: StateCommand) -> Result<(), Refusal> {
         let is_start = match command {
             StateCommand::Enable
             | StateCommand::Resume
@@ -47,7 +47,7 @@ impl Shutdown {
     }
 
     /// The process may end.
-    pub fn is_finished(&self, state: &ControlState, summary: &DriveSummary) -> bool {
+    pub(crate) fn is_finished(&self, state: &ControlState, summary: &DriveSummary) -> bool {
         let Some(requested) = self.requested else {
             return false;
         };

@@ -66,7 +66,7 @@ pub(crate) struct StateMachine {
 
 impl StateMachine {
     /// DISABLED, until the drives report that they are on.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             state: ControlState::Disabled(DisabledActivity::Idle),
             since: Nanos::ZERO,
@@ -76,33 +76,33 @@ impl StateMachine {
     }
 
     /// The first tick.
-    pub fn start(&mut self, now: Nanos) {
+    pub(crate) fn start(&mut self, now: Nanos) {
         self.since = now;
     }
 
-    pub fn state(&self) -> &ControlState {
+    pub(crate) fn state(&self) -> &ControlState {
         &self.state
     }
 
     /// Time of the last change of the operating state.
-    pub fn since(&self) -> Nanos {
+    pub(crate) fn since(&self) -> Nanos {
         self.since
     }
 
     /// The present fault, or the last one.
-    pub fn fault(&self) -> Fault {
+    pub(crate) fn fault(&self) -> Fault {
         self.fault
     }
 
     /// Cause that interrupted the last activity of a command, or a later stream; `None` if it
     /// continues or was completed.
-    pub fn broken_off(&self) -> Option<Stop> {
+    pub(crate) fn broken_off(&self) -> Option<Stop> {
         self.broken_off
     }
 
     /// Changes the state. Every change of the operating state, every command that starts an
     /// activity and every fault is an event; steps in between are not.
-    pub fn change(&mut self, transition: Transition, now: Nanos, events: &mut EventList) {
+    pub(crate) fn change(&mut self, transition: Transition, now: Nanos, events: &mut EventList) {
         let (next, cause) = transition;
         let (from, to) = (self.state.operating_state(), next.operating_state());
         let (command, fault) = (cause.command(), cause.fault());
@@ -126,7 +126,7 @@ impl StateMachine {
     }
 
     /// Changes the state because its activity advanced or ended.
-    pub fn progress(&mut self, next: ControlState, now: Nanos, events: &mut EventList) {
+    pub(crate) fn progress(&mut self, next: ControlState, now: Nanos, events: &mut EventList) {
         self.change((next, TransitionCause::Progress(None)), now, events);
     }
 }

@@ -20,13 +20,13 @@ pub(super) struct CommandPublisher<T: Payload> {
 }
 
 impl<T: Payload> CommandPublisher<T> {
-    pub fn new(stream: Stream) -> Self {
+    pub(super) fn new(stream: Stream) -> Self {
         let port = SessionPort::default();
         Self { stream, port }
     }
 
     /// Sends the message that `message` makes at the present time to the controller.
-    pub fn send(
+    pub(super) fn send(
         &mut self,
         link: &ControllerLink,
         message: impl FnOnce(Nanos) -> T,
@@ -39,7 +39,7 @@ impl<T: Payload> CommandPublisher<T> {
     }
 
     /// Sends the message to whoever subscribes, and returns their number.
-    pub fn deliver(
+    pub(super) fn deliver(
         &mut self,
         link: &ControllerLink,
         message: impl FnOnce(Nanos) -> T,

@@ -237,6 +237,7 @@ impl Client {
 
     /// A publisher of messages for other clients, with the identity of this one.
     #[must_use]
+    #[cfg(feature = "controller")]
     pub fn announcer<T: Announcement>(&self) -> Announcer<T> {
         Announcer::new(&self.link)
     }

@@ -50,7 +50,7 @@ struct LinkState {
 }
 
 impl ControllerLink {
-    pub fn new(domain: &Domain) -> Arc<Self> {
+    pub(super) fn new(domain: &Domain) -> Arc<Self> {
         Arc::new(Self {
             domain: domain.clone(),
             client_id: random_id(),
@@ -59,17 +59,17 @@ impl ControllerLink {
         })
     }
 
-    pub fn client_id(&self) -> u64 {
+    pub(super) fn client_id(&self) -> u64 {
         self.client_id
     }
 
     /// Sequence number of the next command of this client, common to all streams.
-    pub fn next_sequence(&self) -> u64 {
+    pub(crate) fn next_sequence(&self) -> u64 {
         self.sequence.fetch_add(1, Ordering::Relaxed) + 1
     }
 
     /// The present session.
-    pub fn session(&self, now: Nanos) -> Result<Arc<ControllerSession>, ClientError> {
+    pub(super) fn session(&self, now: Nanos) -> Result<Arc<ControllerSession>, ClientError> {
         let mut state = self.lock();
         if now >= state.next_probe {
             state.next_probe = now + PROBE_PERIOD;
@@ -85,7 +85,7 @@ impl ControllerLink {
     }
 
     /// Handles a message without a receiver: the announcement is read at the next opportunity.
-    pub fn lost(&self) -> ClientError {
+    pub(super) fn lost(&self) -> ClientError {
         self.lock().next_probe = Nanos::ZERO;
         self.no_controller()
     }
@@ -136,7 +136,7 @@ impl<P> Default for SessionPort<P> {
 
 impl<P> SessionPort<P> {
     /// The port of the present session.
-    pub fn get(
+    pub(super) fn get(
         &mut self,
         link: &ControllerLink,
         now: Nanos,
@@ -166,7 +166,7 @@ impl<P> SessionPort<P> {
     }
 
     /// Boot id of the controller for which the port is open.
-    pub fn boot_id(&self) -> Option<u64> {
+    pub(super) fn boot_id(&self) -> Option<u64> {
         self.opened.as_ref().map(|(session, _)| session.ready.boot_id)
     }
 }

@@ -42,13 +42,17 @@ mod pictures;
 mod request_client;
 mod subscription;
 
+#[cfg(feature = "controller")]
 pub use announcer::{Announcement, Announcer};
 pub use commander::Commander;
 pub use controller_client::Client;
 pub use effect::Progress;
 pub use error::ClientError;
 pub use external_publisher::ExternalPublisher;
+#[cfg(feature = "controller")]
 pub use forwarder::Forwarder;
+#[cfg(feature = "controller")]
 pub use pictures::{PictureHeader, PicturePublisher, PictureSubscription};
+#[cfg(feature = "controller")]
 pub use request_client::RequestForwarder;
 pub use subscription::{Latest, Subscription, Subscriptions, Watcher};

@@ -27,6 +27,7 @@ pub use adaptation::AdaptationMsg;
 pub use client_streams::{TeleopMsg, TrialMsg};
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
 pub use definition::{Message, Payload, padded_text, unpadded_text};
+#[cfg(feature = "controller")]
 pub use layout::{Field, FieldType, PayloadLayout};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
 pub use period_statistics::{PeriodStatistics, SpanSummary};
@@ -41,6 +42,7 @@ pub use state_streams::{
 };
 
 /// The layouts that the C++ header declares, in its order.
+#[cfg(feature = "controller")]
 pub const LAYOUTS: [PayloadLayout; 26] = [
     ServoJp::LAYOUT,
     ServoActuator::LAYOUT,

@@ -158,7 +158,7 @@ impl From<Option<Measurement>> for MeasurementFields {
 }
 
 impl MeasurementFields {
-    pub fn measurement(&self) -> Option<Measurement> {
+    pub(super) fn measurement(&self) -> Option<Measurement> {
         let has = |flag: u32| self.flags & flag != 0;
         let quantity = Quantity::from_number(self.quantity)?;
         has(ReasonMsg::MEASURED).then_some(Measurement {

@@ -76,7 +76,7 @@ pub(super) struct CommandTurns {
 
 impl CommandTurns {
     /// Adds a command in place of the waiting one of the same publisher and client.
-    pub fn add(&mut self, publisher: u128, command: ReceivedCommand) {
+    pub(super) fn add(&mut self, publisher: u128, command: ReceivedCommand) {
         let mut senders = self.senders.iter_mut();
         let Some(sender) = senders.find(|sender| sender.publisher == publisher) else {
             let waiting = VecDeque::from([command]);
@@ -95,7 +95,7 @@ impl CommandTurns {
     }
 
     /// Takes the newest valid command of one client. Its older ones are dropped.
-    pub fn take_of(
+    pub(crate) fn take_of(
         &mut self,
         client_id: u64,
         is_valid: impl Fn(&ReceivedCommand) -> bool,
@@ -113,7 +113,7 @@ impl CommandTurns {
     }
 
     /// Takes the command whose turn it is.
-    pub fn take_next(
+    pub(crate) fn take_next(
         &mut self,
         is_valid: impl Fn(&ReceivedCommand) -> bool,
     ) -> Option<ReceivedCommand> {

@@ -4,7 +4,7 @@
 //! memory when a client comes or goes, and sending allocates, so that thread is never the control
 //! loop. The server passes raw payloads and contains no control logic.
 //!
-//! The thread of the server polls the newest servo command once per tick, [`COMMAND_POLL_LEAD`]
+//! The thread of the server polls the newest servo command once per tick, `COMMAND_POLL_LEAD`
 //! before it, and passes it to the loop through a triple buffer. A blackboard that the loop reads
 //! itself would be 0.1 ms faster (median age of a command 450 us instead of 585 us at 1 kHz), but a
 //! faulty client could then delay the loop without bound (1.4 ms measured), and a killed client
@@ -40,7 +40,7 @@ pub use creation::{IpcError, check_memory};
 
 /// Time before each tick at which to poll servo commands, under SCHED_FIFO. With 50 us the thread
 /// sometimes wakes too late and the 99th percentile of the command age grows by one tick.
-pub const COMMAND_POLL_LEAD: Nanos = Nanos::from_micros(100);
+pub(crate) const COMMAND_POLL_LEAD: Nanos = Nanos::from_micros(100);
 /// Period of serving late subscribers with the last message of streams that are not sent now.
 const LATE_SUBSCRIBER_PERIOD: Nanos = Nanos::from_millis(50);
 /// Period of removing the leftovers of killed clients. Costs 0.4 ms, and about 1 ms per killed
@@ -157,7 +157,7 @@ impl Server {
 
     /// Polls as [`Server::poll_command`], for the lease holder only. Commands of other clients keep
     /// waiting.
-    pub fn poll_command_of(
+    pub(crate) fn poll_command_of(
         &mut self,
         lease_client_id: u64,
         is_valid: impl Fn(&ReceivedCommand) -> bool,
@@ -169,7 +169,7 @@ impl Server {
     }
 
     /// Polls as [`Server::poll_command`], for the auxiliary axis.
-    pub fn poll_jaw(
+    pub(crate) fn poll_jaw(
         &mut self,
         lease_client_id: u64,
         is_valid: impl Fn(&ReceivedCommand) -> bool,
@@ -208,7 +208,7 @@ impl Server {
 
     /// The newest `external/measured_jp` of every publisher since the last call, with a number that
     /// no other publisher has.
-    pub fn poll_cameras(&mut self) -> Vec<(u128, ExternalPosition)> {
+    pub(crate) fn poll_cameras(&mut self) -> Vec<(u128, ExternalPosition)> {
         let mut newest: Vec<(u128, ExternalPosition)> = Vec::new();
         let received = drain(&self.external, Stream::External, |from, seen| {
             match newest.iter_mut().find(|(publisher, _)| *publisher == from) {

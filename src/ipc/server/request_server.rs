@@ -78,7 +78,7 @@ macro_rules! request_servers {
         }
 
         impl RequestServers {
-            pub fn new(from: &RequestFactories) -> Result<Self, TransportError> {
+            pub(super) fn new(from: &RequestFactories) -> Result<Self, TransportError> {
                 Ok(Self {
                     $($function:
                         RequestServer::new(&from.$function, RequestService::$service)?,)*
@@ -89,7 +89,7 @@ macro_rules! request_servers {
 
             /// Adds the new requests of all services but `version`, each with a token for its
             /// reply.
-            pub fn poll(
+            pub(super) fn poll(
                 &mut self,
                 now: Nanos,
                 identities: &mut Identities<Process>,
@@ -119,7 +119,7 @@ macro_rules! request_servers {
 
             /// Replies to a request. A token that is unknown or of another kind of reply is
             /// ignored.
-            pub fn reply<R: Payload>(&mut self, token: u64, reply: R) -> Result<(), TransportError> {
+            pub(super) fn reply<R: Payload>(&mut self, token: u64, reply: R) -> Result<(), TransportError> {
                 $(if let Some(reply) = (&reply as &dyn Any).downcast_ref::<$reply>() {
                     self.$function.reply(token, *reply)?;
                 })*
@@ -133,7 +133,11 @@ for_each_request!(request_servers);
 
 impl RequestServers {
     /// Replies to all new requests for the version.
-    pub fn reply_version(&mut self, now: Nanos, version: Version) -> Result<(), TransportError> {
+    pub(crate) fn reply_version(
+        &mut self,
+        now: Nanos,
+        version: Version,
+    ) -> Result<(), TransportError> {
         while self.version.poll(now, 0)?.is_some() {
             self.version.reply(0, version)?;
         }

@@ -52,7 +52,7 @@ macro_rules! stream_publishers {
         }
 
         impl StreamPublishers {
-            pub fn new(from: &StreamFactories, boot_id: u64) -> Result<Self, TransportError> {
+            pub(super) fn new(from: &StreamFactories, boot_id: u64) -> Result<Self, TransportError> {
                 Ok(Self {
                     $($function: StreamPublisher::new(&from.$function, Stream::$stream, boot_id)?,)*
                 })
@@ -60,14 +60,14 @@ macro_rules! stream_publishers {
 
             /// Sends a message; those of clients are not the controller's to send.
             #[inline]
-            pub fn send(&mut self, message: StreamMessage) -> Result<usize, TransportError> {
+            pub(super) fn send(&mut self, message: StreamMessage) -> Result<usize, TransportError> {
                 match message {
                     $(StreamMessage::$stream(message) => self.$function.send(message),)*
                     _ => Ok(0),
                 }
             }
 
-            pub fn serve_late_subscribers(&self) -> Result<(), TransportError> {
+            pub(super) fn serve_late_subscribers(&self) -> Result<(), TransportError> {
                 $(self.$function.serve_late_subscribers()?;)*
                 Ok(())
             }

@@ -16,11 +16,6 @@ pub(in crate::model) struct Linear<const D: usize, const M: usize> {
 
 impl<const D: usize, const M: usize> Linear<D, M> {
     /// Checks the parameters of a file and scales its outputs by `si`.
-    ///
-    /// # Errors
-    ///
-    /// When sizes differ, a number is not finite, the covariance is not positive semidefinite, or
-    /// no motor moves an output.
     pub(in crate::model) fn prepare(
         gain: &[Vec<f64>],
         offset: &[f64],

@@ -81,8 +81,7 @@ impl Memory {
     }
 
     /// Whether the model has a gear and preloaded wires, so that all of [`Wear`] acts on it.
-    #[must_use]
-    pub fn has_wires(&self) -> bool {
+    pub(crate) fn has_wires(&self) -> bool {
         matches!(self.state, State::Balance(_))
     }
 

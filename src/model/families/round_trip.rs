@@ -23,11 +23,6 @@ const MIN_COUNT_WORTH: f64 = 1e-3;
 /// Inverts the prediction at positions all over the hull, each from a cold start at the centre.
 /// `local` returns `None` at positions outside the model's domain. The centre of the hull must lie
 /// inside the domain.
-///
-/// # Errors
-///
-/// When the prediction at the inverse is further from the prediction at a position than one count
-/// is worth there. The error names the worst position.
 pub(in crate::model) fn check<const D: usize, const M: usize>(
     hull: &Hull,
     unit: OutputUnit,
@@ -43,10 +38,6 @@ pub(in crate::model) fn check<const D: usize, const M: usize>(
 }
 
 /// Judges round trips: position, prediction there, and remaining distance of its inverse.
-///
-/// # Errors
-///
-/// See [`check`].
 pub(in crate::model) fn judge<const D: usize, const M: usize>(
     unit: OutputUnit,
     trips: Vec<(MotorVec, Local<D, M>, f64)>,

@@ -18,10 +18,6 @@ use crate::model::maths::mixture_regression::MixtureGmr;
 use crate::model::maths::polynomial_regression::PolynomialRegression;
 
 /// Selects the type for the numbers of motors and outputs.
-///
-/// # Errors
-///
-/// When the parameters of the family are refused.
 pub(in crate::model) fn prepare(
     family: &FamilyParameters,
     [motors, outputs]: [usize; 2],

@@ -36,8 +36,7 @@ pub fn bend_to(place: [f64; 3], from: [f64; 2]) -> ([f64; 2], f64) {
 
 /// The rates of pitch and yaw, rad/s, at a bend, with which the tip moves nearest to a velocity,
 /// m/s.
-#[must_use]
-pub fn bend_rates(velocity_m_s: [f64; 3], at: [f64; 2]) -> [f64; 2] {
+pub(crate) fn bend_rates(velocity_m_s: [f64; 3], at: [f64; 2]) -> [f64; 2] {
     rates(&tip_position(at[0], at[1]), velocity_m_s)
 }
 

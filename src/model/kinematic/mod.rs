@@ -10,7 +10,8 @@
 mod bend;
 mod tip;
 
-pub use bend::{bend_rates, bend_to};
+pub(crate) use bend::bend_rates;
+pub use bend::bend_to;
 pub use tip::JOINT_PITCH_MM;
 
 use crate::model::estimate::OutputUnit;

@@ -106,11 +106,6 @@ pub(in crate::model) struct Component {
 
 /// Checks a mixture over as many variables as `scale` has entries, and multiplies each variable by
 /// its scale. `name` is that of the mixture in the file.
-///
-/// # Errors
-///
-/// When sizes differ, a number is not finite, weights are not positive or do not sum to 1, or a
-/// covariance is not symmetric positive definite.
 pub(in crate::model) fn components(
     mixture: &MixtureParameters,
     scale: &[f64],

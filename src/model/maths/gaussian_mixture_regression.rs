@@ -58,10 +58,6 @@ pub(in crate::model) struct Gmr<const D: usize, const M: usize> {
 impl<const D: usize, const M: usize> Gmr<D, M> {
     /// Checks a mixture over `[counts; outputs]` and scales its outputs by `si`. `name` is that of
     /// the mixture in the file.
-    ///
-    /// # Errors
-    ///
-    /// The errors of [`components`], and when a component is too narrow for the arithmetic.
     pub(in crate::model) fn prepare(
         mixture: &MixtureParameters,
         si: f64,

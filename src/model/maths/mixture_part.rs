@@ -30,7 +30,7 @@ pub(super) struct Part<const I: usize, const O: usize> {
 impl<const I: usize, const O: usize> Part<I, O> {
     /// Conditions on the I variables from `input` on, and predicts the O variables from `output`
     /// on. `name` is that of the mixture in the file.
-    pub fn new(
+    pub(super) fn new(
         k: usize,
         component: &Component,
         input: usize,

@@ -56,7 +56,7 @@ pub(in crate::model) struct SearchStart<const D: usize, const M: usize> {
 
 impl<const D: usize, const M: usize> SearchStart<D, M> {
     /// The point of the hull that is nearest to some counts.
-    pub fn new<R>(regression: &R, hull: &Hull, counts: &MotorVec) -> Self
+    pub(crate) fn new<R>(regression: &R, hull: &Hull, counts: &MotorVec) -> Self
     where
         R: Regression<D, M> + ?Sized,
     {

@@ -12,7 +12,7 @@ use crate::model::maths::matrix_checks::{matrix, parameters, square};
 use crate::model::maths::regression::{Local, Prediction, Regression, array, vector};
 
 /// The highest degree.
-pub const MAX_DEGREE: usize = 8;
+pub(crate) const MAX_DEGREE: usize = 8;
 
 /// The parameters of a polynomial in a model file. `d` inputs, `m` outputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -22,7 +22,7 @@ pub struct PolynomialParameters {
     pub centre_counts: Vec<f64>,
     /// Inputs per scaled input, above 0, counts; d.
     pub scale_counts: Vec<f64>,
-    /// 1 to [`MAX_DEGREE`].
+    /// 1 to `MAX_DEGREE`.
     pub degree: usize,
     /// m rows in the unit of the outputs: 1, x, y, then the products of Legendre polynomials of x
     /// and y of every total degree, those of the highest degree in x first.
@@ -81,7 +81,7 @@ pub fn products(scaled: &[f64], degree: usize, mut take: impl FnMut(f64, [f64; 2
 impl<const D: usize, const M: usize> PolynomialRegression<D, M> {
     /// Checks the parameters of a file and scales its outputs by `si`. `hull` is the region that it
     /// was fitted in.
-    pub fn prepare(
+    pub(crate) fn prepare(
         file: &PolynomialParameters,
         hull: &HullParameters,
         si: f64,

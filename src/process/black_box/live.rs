@@ -48,19 +48,19 @@ pub(super) struct LiveFiles {
 
 impl LiveFiles {
     /// Files in this folder, if there is one; creates nothing yet.
-    pub fn new(folder: Option<&Path>, span: Nanos) -> Self {
+    pub(super) fn new(folder: Option<&Path>, span: Nanos) -> Self {
         let names = |folder: &Path| ["ticks-0", "ticks-1"].map(|name| folder.join(name));
         let paths = folder.into_iter().flat_map(names).collect();
         Self { paths, span, number: 0, file: None, begun: Nanos::ZERO }
     }
 
     /// Whether the next snapshot begins a file: the current one covers the span.
-    pub fn is_due(&self, now: Nanos) -> bool {
+    pub(super) fn is_due(&self, now: Nanos) -> bool {
         self.file.is_none() || now.duration_since(self.begun) >= self.span
     }
 
     /// Adds a snapshot, after the beginning of the other file if that is due.
-    pub fn push_snapshot(&mut self, snapshot: &CycleSnapshot, now: Nanos, begin: Option<BlackBox>) {
+    pub(super) fn push_snapshot(&mut self, snapshot: &CycleSnapshot, now: Nanos, begin: Option<BlackBox>) {
         if let Some(begin) = begin {
             self.begun = now;
             self.number += 1;
@@ -72,17 +72,17 @@ impl LiveFiles {
     }
 
     /// Adds a tick.
-    pub fn push_tick(&mut self, tick: &TickRecord) {
+    pub(super) fn push_tick(&mut self, tick: &TickRecord) {
         self.write(&Record::Tick(Box::new(*tick)));
     }
 
     /// Adds a model that was passed to the cycle.
-    pub fn push_offer(&mut self, offer: &OfferRecord, model: Vec<u8>) {
+    pub(super) fn push_offer(&mut self, offer: &OfferRecord, model: Vec<u8>) {
         self.write(&Record::Offer(Box::new(offer.clone()), model));
     }
 
     /// Writes everything to the system, which keeps it when the process is killed.
-    pub fn flush(&mut self) {
+    pub(super) fn flush(&mut self) {
         if self.file.as_mut().is_some_and(|file| file.flush().is_err()) {
             self.file = None;
         }
@@ -103,7 +103,7 @@ impl LiveFiles {
     }
 
     /// Takes the files of a killed controller, as a black box.
-    pub fn take_leftovers(&self) -> Option<BlackBox> {
+    pub(super) fn take_leftovers(&self) -> Option<BlackBox> {
         let mut found: Vec<(u64, BlackBox)> =
             self.paths.iter().filter_map(|path| read(path)).collect();
         for path in &self.paths {

@@ -10,7 +10,7 @@ use crate::units::Nanos;
 
 /// The last seconds, tick by tick, starting at a snapshot. Grows to its full size once.
 #[derive(Debug)]
-pub struct Ring {
+pub(super) struct Ring {
     span: Nanos,
     ticks: VecDeque<TickRecord>,
     snapshots: VecDeque<CycleSnapshot>,
@@ -19,17 +19,17 @@ pub struct Ring {
 impl Ring {
     /// Keeps `span` plus up to one interval between two snapshots.
     #[must_use]
-    pub fn new(span: Nanos) -> Self {
+    pub(super) fn new(span: Nanos) -> Self {
         Self { span, ticks: VecDeque::new(), snapshots: VecDeque::new() }
     }
 
     /// Adds a tick.
-    pub fn push(&mut self, tick: TickRecord) {
+    pub(super) fn push(&mut self, tick: TickRecord) {
         self.ticks.push_back(tick);
     }
 
     /// Adds a snapshot, and drops everything before the last snapshot that is older than the span.
-    pub fn push_snapshot(&mut self, snapshot: CycleSnapshot) {
+    pub(super) fn push_snapshot(&mut self, snapshot: CycleSnapshot) {
         self.snapshots.push_back(snapshot);
         let Some(newest) = self.ticks.back().map(|tick| tick.timing.tick.started) else {
             return;
@@ -46,12 +46,12 @@ impl Ring {
     }
 
     /// The ticks, oldest first. A gap in the numbers means lost ticks.
-    pub fn ticks(&self) -> impl Iterator<Item = &TickRecord> {
+    pub(super) fn ticks(&self) -> impl Iterator<Item = &TickRecord> {
         self.ticks.iter()
     }
 
     /// The snapshots, oldest first.
-    pub fn snapshots(&self) -> impl Iterator<Item = &CycleSnapshot> {
+    pub(super) fn snapshots(&self) -> impl Iterator<Item = &CycleSnapshot> {
         self.snapshots.iter()
     }
 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::{Lags, Operator, StoredOperator};
 use crate::model::error::{ModelError, require};
 use crate::model::families::gap_scale::UNSCALED;
-pub use crate::model::families::hysteresis::play_state::MAX_PLAYS;
+use crate::model::families::hysteresis::play_state::MAX_PLAYS;
 pub use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::memory::State;
 use crate::model::maths::matrix_checks::parameters;
@@ -21,7 +21,7 @@ use crate::units::MotorVec;
 
 /// The least weight of the threshold 0. At a turning point the slope of the inverse is its
 /// reciprocal.
-pub const MIN_FIRST_WEIGHT: f64 = 1e-3;
+pub(crate) const MIN_FIRST_WEIGHT: f64 = 1e-3;
 
 /// The parameters of play operators in a model file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

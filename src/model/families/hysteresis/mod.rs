@@ -32,7 +32,7 @@ use crate::model::maths::regression::{Local, array};
 use crate::units::MotorVec;
 
 /// The most normalised lags of an operator; see [`Lags`].
-pub const MAX_LAGS: usize = 64;
+pub(crate) const MAX_LAGS: usize = 64;
 
 /// A hysteresis operator on D motors. Its state depends on the path of the motors. Only elements
 /// that creep see the time that it takes; without them an operator is rate-independent.
@@ -147,7 +147,7 @@ impl Default for Lags {
 }
 
 impl Lags {
-    /// Adds a lag. Lags beyond [`MAX_LAGS`] are dropped.
+    /// Adds a lag. Lags beyond `MAX_LAGS` are dropped.
     #[inline]
     pub fn push(&mut self, lag: f64) {
         if let Some(value) = self.values.get_mut(self.len) {

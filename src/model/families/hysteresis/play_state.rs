@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// The most plays per motor, including the play of threshold 0, and the most planar plays.
-pub const MAX_PLAYS: usize = 13;
+pub(crate) const MAX_PLAYS: usize = 13;
 
 /// The positions of the motors and the outputs of the plays.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -12,7 +12,7 @@ use crate::model::error::{ModelError, require};
 use crate::model::maths::matrix_checks::{matrix, parameters};
 
 /// The highest degree of the monomials.
-pub const MAX_DEGREE: usize = 5;
+pub(crate) const MAX_DEGREE: usize = 5;
 
 /// The most monomials: those of two variables.
 const MAX_MONOMIALS: usize = (MAX_DEGREE + 1) * (MAX_DEGREE + 2) / 2;
@@ -23,7 +23,7 @@ const MAX_MONOMIALS: usize = (MAX_DEGREE + 1) * (MAX_DEGREE + 2) / 2;
 pub struct ResidualParameters {
     /// Scale of the virtual counts: powers are taken of virtual counts divided by it.
     pub scale_counts: f64,
-    /// Degree of the monomials without a lag, up to [`MAX_DEGREE`].
+    /// Degree of the monomials without a lag, up to `MAX_DEGREE`.
     pub shape_degree: usize,
     /// Degree of the monomials that multiply every lag, up to `shape_degree`.
     pub lag_degree: usize,
@@ -44,7 +44,11 @@ pub(in crate::model) struct Residual<const D: usize, const M: usize> {
 impl<const D: usize, const M: usize> Residual<D, M> {
     /// Checks the parameters of a file and scales its outputs by `si`. `lags` is the number of lags
     /// of the operator.
-    pub fn prepare(file: &ResidualParameters, lags: usize, si: f64) -> Result<Self, ModelError> {
+    pub(crate) fn prepare(
+        file: &ResidualParameters,
+        lags: usize,
+        si: f64,
+    ) -> Result<Self, ModelError> {
         let ResidualParameters { scale_counts, shape_degree, lag_degree, ref coefficients } = *file;
         let key = || "family.residual.scale_counts".to_owned();
         parameters(&[scale_counts], key)?;
@@ -68,7 +72,7 @@ impl<const D: usize, const M: usize> Residual<D, M> {
 
     /// The residual at virtual counts and lags. The monomials are computed once; every lag
     /// multiplies the sum of its own.
-    pub fn at(&self, virtual_counts: &SVector<f64, D>, lags: &Lags) -> SVector<f64, M> {
+    pub(crate) fn at(&self, virtual_counts: &SVector<f64, D>, lags: &Lags) -> SVector<f64, M> {
         let values = monomial_values(&(virtual_counts / self.scale_counts));
         let (shape, with_lag) = (
             monomials::<D>(self.shape_degree).min(MAX_MONOMIALS),

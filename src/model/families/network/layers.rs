@@ -11,7 +11,7 @@ const ROW: usize = 32;
 
 /// The hidden states of all layers with their recurrent parts, and where the last step ended.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct NetworkState {
+pub(crate) struct NetworkState {
     pub(super) position: MotorVec,
     rows: [[f64; ROW]; MAX_STATE / ROW],
 }
@@ -42,7 +42,7 @@ pub(super) struct Signal<const T: usize> {
 }
 
 impl<const T: usize> Signal<T> {
-    pub fn zero() -> Self {
+    pub(super) fn zero() -> Self {
         Self { values: [0.0; MAX_WIDTH], slopes: [[0.0; MAX_WIDTH]; T] }
     }
 }
@@ -75,7 +75,7 @@ struct Recurrent {
 
 impl PreparedLayer {
     /// Creates the runtime form of a checked layer; its part of the state begins at `begin`.
-    pub fn new(layer: &Layer, inputs: usize, begin: usize) -> Self {
+    pub(super) fn new(layer: &Layer, inputs: usize, begin: usize) -> Self {
         let (units, kept) = layer.sizes(inputs);
         let kind = match layer {
             Layer::Dense { weight, bias, activation } => Kind::Dense {
@@ -105,16 +105,16 @@ impl PreparedLayer {
     }
 
     /// Where the part of the next layer begins.
-    pub fn end(&self) -> usize {
+    pub(super) fn end(&self) -> usize {
         self.state.end
     }
 
-    pub fn units(&self) -> usize {
+    pub(super) fn units(&self) -> usize {
         self.units
     }
 
     /// The values at an input, after the steps that the state has seen.
-    pub fn evaluate<const T: usize>(&self, input: &Signal<T>, state: &[f64]) -> Signal<T> {
+    pub(super) fn evaluate<const T: usize>(&self, input: &Signal<T>, state: &[f64]) -> Signal<T> {
         let state = state.get(self.state.clone()).unwrap_or_default();
         match &self.kind {
             Kind::Dense { weight, bias, activation } => {
@@ -132,7 +132,7 @@ impl PreparedLayer {
     }
 
     /// Takes a step in the state.
-    pub fn step(&self, input: &Signal<0>, state: &mut [f64]) -> Signal<0> {
+    pub(super) fn step(&self, input: &Signal<0>, state: &mut [f64]) -> Signal<0> {
         let output = self.evaluate(input, state);
         let own = state.get_mut(self.state.clone()).unwrap_or_default();
         match &self.kind {
@@ -159,7 +159,7 @@ impl PreparedLayer {
     }
 
     /// Computes the recurrent part from the hidden state.
-    pub fn prepare(&self, state: &mut [f64]) {
+    pub(super) fn prepare(&self, state: &mut [f64]) {
         let own = state.get_mut(self.state.clone()).unwrap_or_default();
         match &self.kind {
             Kind::Dense { .. } => {}

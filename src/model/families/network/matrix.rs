@@ -7,13 +7,13 @@ pub(super) struct Matrix(Vec<f64>);
 
 impl Matrix {
     /// Creates a matrix from rows of equal length.
-    pub fn new(rows: &[Vec<f64>]) -> Self {
+    pub(super) fn new(rows: &[Vec<f64>]) -> Self {
         let width = rows.first().map_or(0, Vec::len);
         Self((0..width).flat_map(|column| rows.iter().map(move |row| row[column])).collect())
     }
 
     /// Adds the product with as many inputs as columns to as many sums as rows.
-    pub fn add_product(&self, inputs: &[f64], sums: &mut [f64]) {
+    pub(crate) fn add_product(&self, inputs: &[f64], sums: &mut [f64]) {
         for (column, input) in self.0.chunks_exact(sums.len()).zip(inputs) {
             for (sum, weight) in sums.iter_mut().zip(column) {
                 *sum += weight * input;

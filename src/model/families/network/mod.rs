@@ -34,6 +34,6 @@ mod parameters;
 mod runtime;
 mod scaled_layers;
 
-pub use parameters::{Activation, Layer, MAX_LAYERS, MAX_STATE, MAX_WIDTH, NetworkParameters};
+pub use parameters::{Activation, Layer, NetworkParameters};
 pub use runtime::steps_by_travel;
 pub(in crate::model) use runtime::{Network, Recording};

@@ -5,13 +5,13 @@ use serde::{Deserialize, Serialize};
 use crate::model::error::{ModelError, require};
 
 /// The most units of a layer.
-pub const MAX_WIDTH: usize = 64;
+pub(crate) const MAX_WIDTH: usize = 64;
 
 /// The most layers.
-pub const MAX_LAYERS: usize = 8;
+pub(crate) const MAX_LAYERS: usize = 8;
 
 /// The most numbers of all hidden states with their recurrent parts.
-pub const MAX_STATE: usize = 512;
+pub(crate) const MAX_STATE: usize = 512;
 
 /// The largest weight. Trained weights are below a hundred.
 const MAX_VALUE: f64 = 1e4;
@@ -188,10 +188,6 @@ impl NetworkParameters {
     }
 
     /// Checks sizes and numbers.
-    ///
-    /// # Errors
-    ///
-    /// When something does not fit or is out of its range: what, and where.
     pub(super) fn check(&self, motors: usize, outputs: usize) -> Result<(), ModelError> {
         let (key, step) = (|| "family.network.step_counts".to_owned(), self.step_counts);
         require(STEPS.contains(&step), key, step, "must be 1 to 1000 counts")?;

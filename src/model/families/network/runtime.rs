@@ -81,11 +81,7 @@ pub(in crate::model) struct Network<const D: usize, const M: usize> {
 
 impl<const D: usize, const M: usize> Network<D, M> {
     /// Checks the parameters of a file and scales its outputs by `si`.
-    ///
-    /// # Errors
-    ///
-    /// When sizes do not fit, or numbers are out of their range.
-    pub fn prepare(
+    pub(crate) fn prepare(
         file: &NetworkParameters,
         recording: Recording<'_>,
         si: f64,

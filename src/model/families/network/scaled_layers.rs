@@ -23,7 +23,7 @@ pub(super) struct ScaledLayers<const D: usize, const M: usize> {
 
 impl<const D: usize, const M: usize> ScaledLayers<D, M> {
     /// Prepares checked parameters, with outputs scaled by `si`.
-    pub fn new(file: &NetworkParameters, si: f64, straight: SMatrix<f64, M, D>) -> Self {
+    pub(super) fn new(file: &NetworkParameters, si: f64, straight: SMatrix<f64, M, D>) -> Self {
         let mut layers: Vec<PreparedLayer> = Vec::new();
         for layer in &file.layers {
             let last = layers.last().map(|last| (last.units(), last.end()));
@@ -47,7 +47,7 @@ impl<const D: usize, const M: usize> ScaledLayers<D, M> {
     }
 
     /// One step on nothing but zeros: the state when only the present input is known.
-    pub fn begin(&self, values: &mut [f64], input: &SVector<f64, D>) {
+    pub(super) fn begin(&self, values: &mut [f64], input: &SVector<f64, D>) {
         for layer in &self.layers {
             layer.prepare(values);
         }
@@ -55,7 +55,7 @@ impl<const D: usize, const M: usize> ScaledLayers<D, M> {
     }
 
     /// Takes a step to an input.
-    pub fn take_step(&self, values: &mut [f64], input: &SVector<f64, D>) {
+    pub(crate) fn take_step(&self, values: &mut [f64], input: &SVector<f64, D>) {
         let mut signal = Signal::<0>::zero();
         let scaled = (input - self.centre).component_mul(&self.scale);
         signal.values[..D].copy_from_slice(scaled.as_slice());
@@ -96,7 +96,7 @@ impl<const D: usize, const M: usize> ScaledLayers<D, M> {
     }
 
     /// The outputs at an input, after a state whose last step ended at `last`.
-    pub fn mean(
+    pub(super) fn mean(
         &self,
         values: &[f64],
         last: &SVector<f64, D>,
@@ -108,7 +108,7 @@ impl<const D: usize, const M: usize> ScaledLayers<D, M> {
     }
 
     /// Returns [`Self::mean`] and the slopes.
-    pub fn mean_and_slopes(
+    pub(crate) fn mean_and_slopes(
         &self,
         values: &[f64],
         last: &SVector<f64, D>,

@@ -143,10 +143,6 @@ pub struct BalanceStop {
 
 impl BalanceParameters {
     /// Checks all parameters.
-    ///
-    /// # Errors
-    ///
-    /// When a size is wrong or a value is out of its range.
     pub(super) fn check(&self, motors: usize) -> Result<(), ModelError> {
         let found = self.motors.len();
         let key = || "family.balance.motors".to_owned();

@@ -87,12 +87,12 @@ pub(super) struct Limits<const D: usize> {
 
 impl<const D: usize> Limits<D> {
     /// Stops that hold nothing.
-    pub fn without_friction(&self) -> Self {
+    pub(crate) fn without_friction(&self) -> Self {
         Self { own: [[0.0; 2]; D], shared: 0.0, stays: 0.0, ..*self }
     }
 
     /// In a step that takes some time.
-    pub fn over(mut self, passed: [f64; CREEPING]) -> Self {
+    pub(super) fn over(mut self, passed: [f64; CREEPING]) -> Self {
         for (late, passed) in self.late.iter_mut().zip(passed) {
             *late *= 1.0 - passed;
         }

@@ -28,7 +28,7 @@ pub(super) struct HeldBack<const D: usize> {
 
 impl<const D: usize> HeldBack<D> {
     /// Slope of what the bend has of the jump over the pulleys.
-    pub fn slope(&self) -> SMatrix<f64, D, D> {
+    pub(super) fn slope(&self) -> SMatrix<f64, D, D> {
         let mut slope = SMatrix::<f64, D, D>::zeros();
         slope.set_column(self.farthest, &(self.jump * (self.sign / SMALL_MOTION)));
         slope

@@ -61,9 +61,9 @@ const IDENTITY: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
 
 impl Stop {
     /// In the place of a stop that a file does not have.
-    pub const NONE: Self = Self { stiffness: 0.0, share: 0.0, reach: 0.0, yields: false };
+    pub(super) const NONE: Self = Self { stiffness: 0.0, share: 0.0, reach: 0.0, yields: false };
 
-    pub fn new(file: &BalanceStop) -> Self {
+    pub(super) fn new(file: &BalanceStop) -> Self {
         let BalanceStop { stiffness, share, yields } = *file;
         Self { stiffness, share, reach: share / stiffness, yields }
     }
@@ -71,7 +71,7 @@ impl Stop {
     /// An own stop after a motion. `limits` are the forces at which it slips, in falling and in
     /// rising direction; of a deflection that is beyond them the part `stays` is still there.
     #[inline(always)]
-    pub fn moved(&self, from: f64, moved: f64, limits: [f64; 2], stays: f64) -> Held {
+    pub(super) fn moved(&self, from: f64, moved: f64, limits: [f64; 2], stays: f64) -> Held {
         let ends = [-self.reach * limits[0], self.reach * limits[1]];
         let end = |side: usize| {
             let beyond = from - ends[side];
@@ -121,7 +121,12 @@ impl Stop {
 
     /// A shared stop after a motion, with the force at which it slips.
     #[inline(always)]
-    pub fn moved_in_plane(&self, from: [f64; 2], moved: [f64; 2], limit: f64) -> HeldInPlane {
+    pub(crate) fn moved_in_plane(
+        &self,
+        from: [f64; 2],
+        moved: [f64; 2],
+        limit: f64,
+    ) -> HeldInPlane {
         let reach = self.reach * limit;
         if !self.yields {
             return within(std::array::from_fn(|i| from[i] + moved[i]), reach);

@@ -21,14 +21,14 @@ pub(super) struct Force {
 impl Wires {
     /// Tension of both wires at a stretch.
     #[inline]
-    pub fn tensions(&self, stretch: f64) -> [f64; 2] {
+    pub(super) fn tensions(&self, stretch: f64) -> [f64; 2] {
         let [plus, minus] = self.each(stretch);
         [plus.value, minus.value]
     }
 
     /// Force on the bend and its slope at a stretch.
     #[inline]
-    pub fn force(&self, stretch: f64) -> Force {
+    pub(super) fn force(&self, stretch: f64) -> Force {
         let [plus, minus] = self.each(stretch);
         Force {
             value: plus.value - minus.value + self.loose * stretch,
@@ -37,7 +37,7 @@ impl Wires {
     }
 
     #[inline]
-    pub fn each(&self, stretch: f64) -> [Force; 2] {
+    pub(super) fn each(&self, stretch: f64) -> [Force; 2] {
         [
             contact(self.preload[0] + stretch, self.softness, self.stiffness[0]),
             contact(self.preload[1] - stretch, self.softness, self.stiffness[1]),
@@ -45,14 +45,14 @@ impl Wires {
     }
 
     /// Whether a wire is between slack and taut.
-    pub fn is_rounded(&self, side: usize, stretch: f64) -> bool {
+    pub(crate) fn is_rounded(&self, side: usize, stretch: f64) -> bool {
         let own = self.preload[side] + if side == 0 { stretch } else { -stretch };
         own.abs() < self.softness
     }
 
     /// The stretch of a force: the force is a curve of five pieces, each at most quadratic, that
     /// rises everywhere.
-    pub fn stretch(&self, force: f64) -> f64 {
+    pub(super) fn stretch(&self, force: f64) -> f64 {
         let [plus, minus] = [-self.preload[0], self.preload[1]];
         let soft = self.softness;
         let mut knots = [plus - soft, plus + soft, minus - soft, minus + soft];
