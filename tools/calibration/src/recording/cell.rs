@@ -1,20 +1,37 @@
 //! Content of a cell: a number, a time, or nothing.
 
 /// Marks of missing values that programs write, in small letters.
-const MISSING: [&str; 9] =
-    ["", "nan", "-nan", "nan(ind)", "-nan(ind)", "na", "n/a", "null", "none"];
+const MISSING: [&str; 11] =
+    ["", "nan", "-nan", "nan(ind)", "-nan(ind)", "na", "n/a", "#n/a", "#na", "null", "none"];
 
 pub(super) fn is_missing(cell: &str) -> bool {
     cell.is_empty() || MISSING.contains(&cell.to_lowercase().as_str())
 }
 
 /// Parses a number, with a minus sign of any kind, and with a decimal comma if commas do not
-/// separate.
+/// separate; points then group thousands.
 pub(super) fn number(cell: &str, decimal_comma: bool) -> Option<f64> {
-    cell.parse().ok().or_else(|| {
-        let plain = cell.replace(['\u{2212}', '\u{2013}'], "-");
+    let is_grouped = decimal_comma && is_grouped(cell);
+    cell.parse().ok().filter(|_| !is_grouped).or_else(|| {
+        let mut plain = cell.replace(['\u{2212}', '\u{2013}'], "-");
+        if is_grouped {
+            plain = plain.replace('.', "");
+        }
         if decimal_comma { plain.replace(',', ".").parse().ok() } else { plain.parse().ok() }
     })
+}
+
+/// Whether a number may have points between its thousands: `-1.068` or `1.068.000,5`.
+pub(super) fn is_grouped(cell: &str) -> bool {
+    let whole = cell.split(',').next().unwrap_or_default();
+    let digits = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
+    let mut parts = whole.trim_start_matches(['-', '+', '\u{2212}', '\u{2013}']).split('.');
+    let first = parts.next().unwrap_or_default();
+    let mut groups = parts.peekable();
+    (1..=3).contains(&first.len())
+        && digits(first)
+        && groups.peek().is_some()
+        && groups.all(|part| part.len() == 3 && digits(part))
 }
 
 /// Parses a time, s: a number of seconds, a date and a time of day as in ISO 8601, or the time of
@@ -29,7 +46,7 @@ pub fn seconds(cell: &str, decimal_comma: bool) -> Option<f64> {
 
 /// `HH:MM:SS`, with an optional fraction.
 fn clock_s(text: &str) -> Option<f64> {
-    let text = text.trim_end_matches(['Z', 'z']).replace(',', ".");
+    let text = text.trim_end_matches(['Z', 'z']).trim_end_matches("+00:00").replace(',', ".");
     let parts: Option<Vec<f64>> = text.split(':').map(|part| part.parse().ok()).collect();
     match parts?[..] {
         [hours, minutes, seconds] => Some(3600.0 * hours + 60.0 * minutes + seconds),
@@ -61,6 +78,7 @@ mod tests {
             ("2026-01-02T03:04:00.050Z", Some(1_767_323_040.05)),
             ("2000/02/29 23:59:59", Some(951_868_799.0)),
             ("03:04:00,5", Some(11_040.5)),
+            ("1970-01-01T00:00:02.5+00:00", Some(2.5)),
             ("2026-13-02T03:04:00", None),
             ("2026-01-02T03:04:00+01:00", None),
             ("1,234,5", None),

@@ -69,6 +69,8 @@ pub struct ColumnMap {
     pub outputs: Vec<OutputColumn>,
     /// Unwrap counters that wrap.
     pub unwrap: bool,
+    /// A motor may stand still: a model is judged on any motion.
+    pub still: bool,
     /// The reader has the options `--counts`, `--angles`, `--time` and `--unwrap`, so that a remedy
     /// may name them.
     pub options: bool,
@@ -349,9 +351,16 @@ impl Header<'_> {
             let quoted: Vec<String> = names.map(|name| format!("`{name}`")).collect();
             quoted.join(between)
         };
-        let remedy = match self.map.options {
-            true => format!("select the columns with {option}"),
-            false => "rename the columns in the header line".to_owned(),
+        let in_radians = self.names.iter().find(|name| {
+            let of_angles = wanted.iter().any(|wanted| wanted.ends_with("_deg"));
+            of_angles && words(name).iter().any(|word| word == "rad" || word == "radians")
+        });
+        let remedy = match (in_radians, self.map.options) {
+            (Some(name), _) => {
+                format!("`{name}` is in radians: multiply it by 57.29578 and name it `..._deg`")
+            }
+            (None, true) => format!("select the columns with {option}"),
+            (None, false) => "rename the columns in the header line".to_owned(),
         };
         self.error(Problem::MissingColumn {
             wanted: list(&mut wanted.iter().copied(), " or "),

@@ -108,6 +108,11 @@ pub(super) enum Problem {
     #[error("spans {span:.3} mm over all rows; if these are metres, multiply them by 1000")]
     Metres { span: f64 },
     #[error(
+        "spans {span:.3} counts over all rows; if these are turns of the motor, multiply them by \
+         the counts of a turn"
+    )]
+    Turns { span: f64 },
+    #[error(
         "counts step by {step} after line {before} and the outputs do not: homed, restarted or \
          slipped there; cut the recording there"
     )]

@@ -19,6 +19,9 @@ const RANDOM: std::ops::Range<f64> = 0.7..1.3;
 /// All positions of a snake that is calibrated span more than this, mm.
 const MIN_SPAN_MM: f64 = 0.1;
 
+/// The motors of a calibration move more than this, counts.
+const MIN_SPAN_COUNTS: f64 = 5.0;
+
 /// A larger step is from one end of a scale of angles to the other, deg.
 const MAX_ANGLE_STEP_DEG: f64 = 180.0;
 
@@ -148,6 +151,15 @@ impl Table<'_> {
                 let place = self.place.line(self.rows[complete[at + 1]].line).column(&column.name);
                 return Err(RecordingError::new(place, Problem::AngleWrap { from, to }));
             }
+        }
+        let turned = self.counts().iter().map(|it| span(it.iter().copied())).fold(0.0, f64::max);
+        let is_whole = self.counts().concat().iter().all(|counts| counts.fract() == 0.0);
+        if let Some(column) = self.layout.counts.first()
+            && turned < MIN_SPAN_COUNTS
+            && !is_whole
+        {
+            let place = self.place.column(&column.name);
+            return Err(RecordingError::new(place, Problem::Turns { span: turned }));
         }
         let is_mm = |(_, spec): &&(_, i2ris::model::file::OutputSpec)| spec.unit == OutputUnit::Mm;
         let mm: Vec<_> = self.layout.outputs.iter().filter(is_mm).collect();

@@ -91,7 +91,7 @@ impl Recording {
                 Some(column) => dropped.push(DroppedRow { line, column: column.clone() }),
             }
         }
-        table.columns_change()?;
+        table.columns_change(columns.still)?;
         let names = |columns: &mut dyn Iterator<Item = &Column>| {
             columns.map(|column| column.name.clone()).collect()
         };

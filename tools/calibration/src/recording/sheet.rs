@@ -7,7 +7,7 @@
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 
-use super::cell::{is_missing, seconds};
+use super::cell::{is_grouped, is_missing, number, seconds};
 use super::error::{Place, Problem, RecordingError};
 
 /// Separators in order of preference. Any number of blanks is one separator.
@@ -30,6 +30,9 @@ impl Sheet {
     pub fn read(bytes: &[u8], place: &Place) -> Result<Self, RecordingError> {
         let mut notes = Vec::new();
         let (text, ended) = text(bytes, place, &mut notes)?;
+        // Old programs end lines by a carriage return alone.
+        let unix = (!text.contains('\n')).then(|| text.replace('\r', "\n"));
+        let text = unix.as_deref().unwrap_or(text);
         let lines: Vec<&str> = text.lines().collect();
         let (separator, first) = separator(&lines);
         let head = head(&lines, separator, first)
@@ -63,9 +66,14 @@ impl Sheet {
             let problem = Problem::RowLength { found, expected, remedy };
             return Err(RecordingError::new(place.line(row.0), problem));
         }
-        let mut cells = rows.iter().flat_map(|(_, cells)| cells);
-        let has_points = cells.any(|cell| cell.contains('.') && cell.parse::<f64>().is_ok());
-        let decimal_comma = separator != b',' && !has_points;
+        let cells = || rows.iter().flat_map(|(_, cells)| cells);
+        let is_point = |cell: &&str| cell.contains('.') && cell.parse::<f64>().is_ok();
+        let has_commas = cells().any(|cell| cell.contains(',') && number(cell, true).is_some());
+        // Between commas, a cell with a comma was quoted.
+        let decimal_comma = match has_commas {
+            true => cells().filter(is_point).all(is_grouped),
+            false => separator != b',' && !cells().any(|cell| is_point(&cell)),
+        };
         Ok(Self { header, rows, decimal_comma, units, notes })
     }
 }
@@ -85,6 +93,10 @@ fn text<'a>(
         notes.push(format!("{zeros} zero bytes at the end are left out: an interrupted write"));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    // UTF-16 without a mark is UTF-8 with zeros.
+    if bytes.contains(&0) {
+        return Err(RecordingError::new(place.clone(), Problem::NotText));
+    }
     match str::from_utf8(bytes) {
         Ok(text) if text.trim().is_empty() => {
             Err(RecordingError::new(place.clone(), Problem::Empty))

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use i2ris::model::Model;
-use i2ris_calibration::recording::Recording;
+use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_calibration::report::{Comparison, DriftReport};
 use i2ris_report::{Failure, while_working};
 
@@ -46,7 +46,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(page) = &arguments.report {
         check_output("--report", page, &arguments.recording, arguments.overwrite)?;
     }
-    let (mut recording, read) = Recording::read(&arguments.recording, &arguments.columns.map())?;
+    let columns = ColumnMap { still: true, ..arguments.columns.map() };
+    let (mut recording, read) = Recording::read(&arguments.recording, &columns)?;
     read.notes.iter().for_each(|note| eprintln!("warning: {}: {note}", recording.name()));
     if arguments.drift {
         (recording, _) = recording.without_latency();

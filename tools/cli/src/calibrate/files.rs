@@ -47,7 +47,7 @@ impl PathColumns {
             None => TimeColumn::Known,
         };
         let (counts, unwrap) = (self.counts.clone(), self.unwrap);
-        ColumnMap { time, counts, outputs: Vec::new(), unwrap, options: true }
+        ColumnMap { time, counts, outputs: Vec::new(), unwrap, still: false, options: true }
     }
 }
 

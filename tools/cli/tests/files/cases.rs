@@ -95,6 +95,7 @@ fn all_cases_are_right() {
     let mut table = Table::default();
     counters(&mut table);
     dialects(&mut table);
+    more_dialects(&mut table);
     ends(&mut table);
     times(&mut table);
     units(&mut table);
@@ -221,6 +222,62 @@ fn dialects(table: &mut Table) {
     let both = "! fit | line 2: has 8 cells | separate all cells by semicolons";
     table.case("csv-dialects comma beside comma", &comma(", ").replacen(", ", ",", 4), both);
     table.case("csv-dialects no head", body, "! fit | begins with numbers | `t_s,q0_counts,");
+}
+
+/// Dialects of spreadsheets and libraries, and other units.
+fn more_dialects(table: &mut Table) {
+    let plain = written(&rows(), ",");
+    let (head, body) = plain.split_once('\n').unwrap();
+    let comma = written(&rows(), "\t").replace('.', ",").replace('\t', "\",\"");
+    let quoted: String = comma.lines().map(|line| format!("\"{line}\"\r\n")).collect();
+    let offset = |line: &str| format!("2026-01-02T03:04:0{}+00:00{}\n", &line[..5], &line[5..]);
+    for (name, text) in [
+        ("quoted decimal commas", quoted),
+        ("offset", format!("{head}\n{}", body.lines().map(offset).collect::<String>())),
+        ("carriage returns", plain.replace('\n', "\r")),
+    ] {
+        table.case(&format!("csv-more-dialects {name}"), &text, "= fit | rows 60; 0 dropped");
+    }
+    table.case("csv-more-dialects #N/A", &with_cell(9, 3, "#N/A"), "+ fit | line 9 (pitch_deg)");
+    let grouped = |count: f64| match 10.0 * count {
+        count if count.abs() < 1000.0 => format!("{count}"),
+        count => format!("{}.{:03}", (count / 1e3).trunc(), count.abs() % 1e3),
+    };
+    let line = |[time, q0, q1, pitch, yaw]: &[f64; 5]| {
+        let [q0, q1] = [q0, q1].map(|count| grouped(*count));
+        format!("{time:.2};{q0};{q1};{pitch:.2};{yaw:.2}\n")
+    };
+    // Decimal points become commas, those of thousands stay.
+    let decimals = |line: String| -> String {
+        let cells = line.split(';').enumerate();
+        let cells = cells.map(|(cell, text)| match cell {
+            1 | 2 => text.to_owned(),
+            _ => text.replace('.', ","),
+        });
+        cells.collect::<Vec<_>>().join(";")
+    };
+    let thousands: String = rows().iter().map(line).map(decimals).collect();
+    let text = format!("{}\n{thousands}", HEADER.replace(',', ";"));
+    table.case("csv-more-dialects thousands", &text, "+ fit | moves pitch by +0.0020 deg");
+    let wide: String = plain.chars().flat_map(|letter| [letter, '\0']).collect();
+    table.case("csv-more-dialects UTF-16", &wide, "! fit | is not text in UTF-8");
+    let turns = with_column(1, |count| count / 4096.0);
+    let both = turns.lines().map(|line| {
+        let cells: Vec<&str> = line.split(',').collect();
+        format!("{},{},{},{},{}\n", cells[0], cells[1], cells[1], cells[3], cells[4])
+    });
+    let both: String =
+        both.collect::<String>().replacen("q0_counts,q0_counts", "q0_counts,q1_counts", 1);
+    table.case("csv-more-dialects turns", &both, "! fit | if these are turns");
+    let radians = plain.replacen("pitch_deg,yaw_deg", "pitch_rad,yaw_rad", 1);
+    let remedy = "! fit | `pitch_rad` is in radians: multiply it by 57.29578
+        ! file | `pitch_rad` is in radians: multiply it by 57.29578";
+    table.case("remedy-renames-a-unit", &radians, remedy);
+    table.case(
+        "compare-still-motor",
+        &with_column(2, |_| 17.0),
+        "+ compare | pitch\n! fit | is 17",
+    );
 }
 
 fn ends(table: &mut Table) {
