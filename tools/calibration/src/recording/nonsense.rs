@@ -129,6 +129,27 @@ fn repeats_leave_the_path_as_it_is() {
     assert_eq!((report.dropped.len(), report.positions), (0, 59));
 }
 
+/// A camera without noise, as emulated: the snake stands inside gaps of an eighth of the range, and
+/// whenever the motors rest.
+#[test]
+fn gaps_seen_without_noise_are_no_repeats() {
+    let (mut play, mut at) = ([-30.0_f64, -15.0], 0.0);
+    let line = |row: usize| {
+        // Strokes of 450 counts, with a rest of five rows at each end.
+        let step = if row % 60 >= 55 { 0.0 } else { 450.0 / 55.0 };
+        at += if (row / 60).is_multiple_of(2) { step } else { -step };
+        let counts = [1.0, 0.5].map(|share| f64::round(share * at));
+        for (motor, (play, count)) in play.iter_mut().zip(counts).enumerate() {
+            let half = [30.0, 15.0][motor];
+            *play = play.clamp(count - half, count + half);
+        }
+        [row as f64 / 3.0, counts[0], counts[1], 0.04 * play[0], 0.02 * play[1]]
+    };
+    let rows: Vec<Line> = (0..ROWS).map(line).collect();
+    let (_, report) = read(&rows, COMMON).unwrap();
+    assert!(report.notes.is_empty(), "{:?}", report.notes);
+}
+
 #[test]
 fn sound_recordings_are_read_without_a_word() {
     for draw in 0..20 {

@@ -42,6 +42,10 @@ const MIN_REPEATS: usize = 5;
 const COARSE: (f64, f64) = (0.002, 0.5);
 /// Motors that move less during repeats are at rest, share of their range.
 const MIN_MOVED: f64 = 0.03;
+/// Motors that move less from row to row rest, share of their range. A camera is without noise, and
+/// stands still inside a gap, if at least this many rows at rest, and this share of them, are equal.
+const REST: f64 = 2e-4;
+const EQUAL_AT_REST: (usize, f64) = (3, 0.5);
 
 /// Gain on one side over that on the other, and in one half over that in the other, below which it
 /// is said; halves are compared if their strokes are as long as this share of each other.
@@ -222,12 +226,16 @@ impl Table<'_> {
             at = end + 1;
         }
         let in_runs: usize = runs.iter().map(|(at, end)| end - at).sum();
-        let is_coarse = pairs as f64 > COARSE.0 * (complete.len() - in_runs) as f64;
         let moved = |(at, end): &(usize, usize)| {
             let ways = counts.iter().map(|it| span(it[*at..=*end].iter().copied()));
             ways.fold(0.0, f64::max)
         };
         let range = counts.iter().map(|it| span(it.iter().copied())).fold(0.0, f64::max);
+        let resting = (0..complete.len() - 1).filter(|at| moved(&(*at, at + 1)) <= REST * range);
+        let resting: Vec<bool> = resting.map(equal).collect();
+        let still = resting.iter().filter(|equal| **equal).count();
+        let is_coarse = pairs as f64 > COARSE.0 * (complete.len() - in_runs) as f64
+            || still >= EQUAL_AT_REST.0 && still as f64 >= EQUAL_AT_REST.1 * resting.len() as f64;
         let limit = range * if is_coarse { COARSE.1 } else { MIN_MOVED };
         runs.retain(|run| moved(run) >= limit);
         let Some(first) = runs.first() else { return };
