@@ -128,3 +128,34 @@ pub fn condition(robot: &mut Robot) {
 fn outputs() -> [OutputSpec; 2] {
     ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg })
 }
+
+#[cfg(test)]
+mod tests {
+    use i2ris_calibration::recording::{ColumnMap, Recording};
+    use i2ris_simulation::physics::{DrawnSnake, Physics};
+
+    use super::super::robot;
+    use super::*;
+
+    /// Every protocol on three snakes, by cameras with and without noise.
+    #[test]
+    fn sound_recordings_of_36_kinds_are_read_without_a_note() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("rows.csv");
+        let protocols =
+            [Protocol::Reversals, Protocol::Cycles, Protocol::DecayingSine, Protocol::Axes];
+        for physics in [Physics::PrandtlIshlinskii, Physics::Gear, Physics::LuGre] {
+            for protocol in protocols {
+                for noise_deg in [0.0, 0.02, 0.1] {
+                    let snake = DrawnSnake { physics, seed: 7 };
+                    let duration_s = if protocol == Protocol::Axes { 200.0 } else { 60.0 };
+                    let (latency_ms, seed) = (0, 7);
+                    let plan = RecordingPlan { protocol, duration_s, noise_deg, latency_ms, seed };
+                    plan.record(&mut robot(&snake.into(), false), &file).unwrap();
+                    let (_, read) = Recording::read(&file, &ColumnMap::default()).unwrap();
+                    assert!(read.notes.is_empty(), "{snake} {plan:?}: {:?}", read.notes);
+                }
+            }
+        }
+    }
+}
