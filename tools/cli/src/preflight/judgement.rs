@@ -37,6 +37,8 @@ const SCALE_OF_ANY: std::ops::RangeInclusive<f64> = 0.8..=1.45;
 const FAR_DEG: f64 = 2.0;
 /// Minimum effect of a wrong scale on a pose, and permitted difference between motors.
 const MIN_SCALE_EFFECT: f64 = 0.12;
+/// Effect of a scale on a pose, relative to its effect on the motion. A wrong zero has any.
+const ALIKE: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 const EVEN: f64 = 0.15;
 /// Maximum gain from one motor to the other's axis.
 const MAX_CROSS_GAIN: f64 = 0.22;
@@ -305,7 +307,7 @@ fn is_scaled(seen: &Seen, scale: f64) -> bool {
     }
     let more = place.dot(&offset) / place.norm_squared();
     let is_along = (offset - more * place).norm() < 0.5 * offset.norm();
-    let is_more = more.abs() > MIN_SCALE_EFFECT && more * (scale - 1.0) > 0.0;
+    let is_more = more.abs() > MIN_SCALE_EFFECT && ALIKE.contains(&(more / (scale - 1.0)));
     !RIGHT_SCALE.contains(&scale) && is_along && is_more
 }
 
