@@ -10,9 +10,19 @@ pub fn python(modules: &str) -> Option<Command> {
     python_of("I2RIS_PYTHON", modules)
 }
 
+/// The Python of the tests.
+#[must_use]
+pub fn python_program() -> String {
+    program_of("I2RIS_PYTHON")
+}
+
+fn program_of(variable: &str) -> String {
+    std::env::var(variable).unwrap_or_else(|_| "python3".to_owned())
+}
+
 /// A Python like [`python`], selected by another variable.
 fn python_of(variable: &str, modules: &str) -> Option<Command> {
-    let name = std::env::var(variable).unwrap_or_else(|_| "python3".to_owned());
+    let name = program_of(variable);
     let probe = Command::new(&name).args(["-c", &format!("import {modules}")]).output();
     if !probe.is_ok_and(|output| output.status.success()) {
         eprintln!("skipped: {name} cannot import {modules}; name another Python in {variable}");

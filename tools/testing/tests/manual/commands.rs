@@ -7,15 +7,18 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use i2ris_testing::{program, wait_until};
+use i2ris_testing::{program, python_program, wait_until};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
 use super::markdown::{Document, root};
 
 /// Output of a background program after which the next command may start.
-const READY: [(&str, &str); 2] =
-    [("i2ris emulate", "ready:"), ("i2ris-control", "motor 1: Starting -> Disabled")];
+const READY: [(&str, &str); 3] = [
+    ("i2ris emulate", "ready:"),
+    ("i2ris-control", "motor 1: Starting -> Disabled"),
+    ("i2ris-watchdog", "watching the controller"),
+];
 
 /// A folder with the configuration of the repository, in a separate domain.
 struct Session {
@@ -75,6 +78,25 @@ impl Session {
         }
     }
 
+    /// Runs a program in the Python of the tests if that can import what the program imports.
+    fn python(&self, text: &str) {
+        let is_import = |line: &&str| line.starts_with("import ") || line.starts_with("from ");
+        let package = root().join("tools/python");
+        let run = |text: &str| {
+            let mut command = Command::new(python_program());
+            command.args(["-c", text]).current_dir(self.folder.path()).env("PYTHONPATH", &package);
+            command.env("I2RIS_DOMAIN", &self.domain).env("PYTHONDONTWRITEBYTECODE", "1");
+            command.output().unwrap()
+        };
+        let imports: Vec<&str> = text.lines().filter(is_import).collect();
+        if !run(&imports.join("\n")).status.success() {
+            return eprintln!("skipped: this Python cannot: {}", imports.join("; "));
+        }
+        let output = run(text);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{text}\n{said}\n{}", self.logs());
+    }
+
     fn start(&mut self, text: &str) {
         let line = text.trim();
         eprintln!("$ {line} &");
@@ -119,6 +141,7 @@ fn run_chapter(name: &str) {
         match block.info.as_str() {
             "sh run" => session.run(&block.text),
             "sh background" => session.start(&block.text),
+            "python" => session.python(&block.text),
             _ => {}
         }
     }
@@ -134,9 +157,15 @@ fn the_commands_of_the_configuration_run_as_printed() {
     run_chapter("bring-up.md");
 }
 
+/// Without a Python for the client only its commands run.
+#[test]
+fn the_chapter_on_python_runs_as_printed() {
+    run_chapter("python.md");
+}
+
 #[test]
 fn chapters_with_commands_to_run_are_run() {
-    let run = ["first-hour.md", "bring-up.md"];
+    let run = ["first-hour.md", "bring-up.md", "python.md"];
     for document in Document::all() {
         let name = document.path.file_name().unwrap().to_str().unwrap();
         let has_commands = document.blocks.iter().any(|block| block.info == "sh run");
