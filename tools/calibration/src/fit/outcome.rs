@@ -97,7 +97,8 @@ impl FitOutcome {
     pub fn unexplained(&self, recording: &Recording) -> Option<Unexplained> {
         let predicted = predictions(self.judged()?, recording);
         let rows = self.report.judged.concat();
-        Unexplained::find(recording, &self.report.quality, &predicted, &rows)
+        let has_memory = self.family.has_memory();
+        Unexplained::find(recording, &self.report.quality, &predicted, &rows, has_memory)
     }
 
     /// Describes the robot by the parameters of a family, and names other families that explain the

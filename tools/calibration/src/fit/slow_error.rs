@@ -3,6 +3,7 @@
 
 use i2ris::model::Model;
 use i2ris::model::file::SlowErrorParameters;
+use nalgebra::Matrix2;
 
 use super::metrics::predictions;
 use crate::recording::Recording;
@@ -70,17 +71,13 @@ fn fast_part(series: &[f64]) -> f64 {
 
 /// The direction of the largest variance around 0, and the variances along and across it.
 fn principal(errors: &[[f64; 2]]) -> ([f64; 2], f64, f64) {
-    let count = errors.len() as f64;
-    let mean = |of: fn(&[f64; 2]) -> f64| errors.iter().map(of).sum::<f64>() / count;
-    let (a, b, c) = (
-        mean(|error| error[0] * error[0]),
-        mean(|error| error[0] * error[1]),
-        mean(|error| error[1] * error[1]),
-    );
-    let angle = 0.5 * (2.0 * b).atan2(a - c);
-    let half = (0.25 * (a - c) * (a - c) + b * b).sqrt();
-    let middle = 0.5 * (a + c);
-    ([angle.cos(), angle.sin()], middle + half, (middle - half).max(0.0))
+    let product = |[a, b]: &[f64; 2]| Matrix2::new(a * a, a * b, a * b, b * b);
+    let variances = errors.iter().map(product).sum::<Matrix2<f64>>() / errors.len() as f64;
+    let found = variances.symmetric_eigen();
+    let along = found.eigenvalues.imax();
+    let direction = found.eigenvectors.column(along);
+    let across = found.eigenvalues[1 - along].max(0.0);
+    ([direction[0], direction[1]], found.eigenvalues[along], across)
 }
 
 /// The number of rows after which the autocorrelation around 0 has fallen to 1/e.
