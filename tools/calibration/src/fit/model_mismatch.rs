@@ -1,22 +1,30 @@
-//! Detects a snake whose error in use will be above twice the deviation that the model states.
+//! Detects a snake whose error in use will be above twice the deviation that the model states, or
+//! far above the noise.
 //!
 //! The robot and the adaptation trust that deviation. Two signs at the end of a fit show that it is
 //! too small: measured poses that the inverse does not reach, and another family that explains the
-//! recording, but on which the inverse fails.
+//! recording, but on which the inverse fails. An error far above the noise is stated, but it is
+//! not the robot's: something in the recording is wrong, or no family represents the snake.
 
 use std::fmt::{self, Display, Formatter};
 
 use i2ris::model::file::OutputUnit;
 
-use super::choice::Score;
+use super::choice::{Score, held_out_error};
 use super::family::Family;
 use super::metrics::along;
+use super::one_family::MIN_NRMSD;
 use super::outcome::FitOutcome;
 use super::usable_range::clipped_rows;
+use crate::quality::residual_pattern::Unexplained;
 use crate::recording::Recording;
+use i2ris_report::statistics::min_max;
 
 /// Maximum error, relative to the stated deviation: 95 % of normal errors are within.
 const MAX_RATIO: f64 = 2.0;
+
+/// Maximum error on held-out rows, relative to the noise.
+const MAX_NOISES: f64 = 5.0;
 
 /// Evidence for an error larger than stated, unit of the outputs.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,11 +37,14 @@ pub struct ModelMismatch {
     clipped: (f64, f64),
     /// Remaining error of the inverse on the nearest of the other families.
     other: Option<(f64, Family)>,
+    /// Error on held-out rows, if it is far above the noise, its ratio, and the families with
+    /// theirs.
+    noisy: Option<(f64, f64, Vec<(Family, f64)>)>,
 }
 
 impl ModelMismatch {
-    /// Looks for evidence that the error in use will be above twice the stated deviation; `None` if
-    /// there is none.
+    /// Looks for evidence that the error in use will be above twice the stated deviation, or is
+    /// above five times the noise; `None` if there is none.
     #[must_use]
     pub fn find(outcome: &FitOutcome, recording: &Recording) -> Option<Self> {
         let unit = outcome.model.file().outputs.first()?.unit;
@@ -53,13 +64,14 @@ impl ModelMismatch {
             stated: variance.sqrt() / si,
             clipped: (off.sqrt() / si, 100.0 * clipped.len() as f64 / rows),
             other: other.map(|(error, family)| (error / si, family)),
+            noisy: noisy(outcome, recording),
         };
-        let is_beyond = found.reasons().next().is_some();
+        let is_beyond = found.reasons().next().is_some() || found.noisy.is_some();
         is_beyond.then_some(found)
     }
 
     fn reasons(&self) -> impl Iterator<Item = String> {
-        let Self { unit, stated, clipped: (off, percent), other } = *self;
+        let Self { unit, stated, clipped: (off, percent), other, .. } = *self;
         let most = MAX_RATIO * stated;
         let range = (stated.hypot(off) > most).then(|| {
             format!(
@@ -78,15 +90,49 @@ impl ModelMismatch {
     }
 }
 
+/// The error of the chosen family if it is far above the noise, its ratio, and those of all
+/// families; any error passes that is a small part of the range.
+fn noisy(outcome: &FitOutcome, recording: &Recording) -> Option<(f64, f64, Vec<(Family, f64)>)> {
+    let Unexplained { error, noise, .. } = outcome.unexplained(recording)?;
+    let si = recording.outputs().first()?.unit.si();
+    let ranges = (0..recording.outputs().len()).map(|output| {
+        let (low, high) = min_max(recording.rows().iter().map(|row| row.outputs[output]));
+        (high - low).powi(2)
+    });
+    let range = ranges.sum::<f64>().sqrt();
+    let tried = outcome
+        .families
+        .iter()
+        .filter_map(|found| Some((found.family, held_out_error(found.result.as_ref().ok()?) / si)));
+    (error > MAX_NOISES * noise && error > MIN_NRMSD * range)
+        .then(|| (error, error / noise, tried.collect()))
+}
+
 impl Display for ModelMismatch {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self { unit, stated, .. } = self;
-        write!(
-            f,
-            "the model cannot represent this snake: its error will exceed twice the {stated:.3} \
-             {unit} that the model states"
-        )?;
-        self.reasons().try_for_each(|reason| write!(f, "; {reason}"))
+        let Self { unit, stated, noisy, .. } = self;
+        let mut reasons = self.reasons().peekable();
+        if reasons.peek().is_some() {
+            write!(
+                f,
+                "the model cannot represent this snake: its error will exceed twice the \
+                 {stated:.3} {unit} that the model states"
+            )?;
+        }
+        reasons.try_for_each(|reason| write!(f, "; {reason}"))?;
+        let Some((error, ratio, tried)) = noisy else { return Ok(()) };
+        if self.reasons().next().is_some() {
+            f.write_str("; ")?;
+        }
+        write!(f, "the error on rows held out, {error:.3} {unit}, is {ratio:.0} times the noise")?;
+        for (place, (family, error)) in tried.iter().enumerate() {
+            let before = if place == 0 { "; tried:" } else { "," };
+            write!(f, "{before} {family} with {error:.3} {unit}")?;
+        }
+        f.write_str(match tried.iter().any(|(family, _)| family.has_memory()) {
+            true => "; repair what `residual` names, then record again",
+            false => "; fit the families with memory, too (--family best)",
+        })
     }
 }
 
@@ -102,6 +148,7 @@ mod tests {
             stated: 0.3,
             clipped: (off, 12.0),
             other: Some((other, Family::GmrPlay)),
+            noisy: None,
         };
         assert_eq!(found(0.4, 0.5).reasons().next(), None);
         for (found, reason) in [
@@ -111,5 +158,16 @@ mod tests {
             assert_eq!(found.reasons().count(), 1, "{found}");
             assert_contains(&found, &["cannot represent this snake", "0.300 deg", reason]);
         }
+    }
+
+    #[test]
+    fn an_error_far_above_the_noise_is_reported_with_what_was_tried() {
+        let (unit, clipped) = (OutputUnit::Deg, (0.0, 0.0));
+        let tried = vec![(Family::Linear, 4.1), (Family::GmrPlay, 0.9)];
+        let noisy = Some((0.9, 18.0, tried));
+        let found = ModelMismatch { unit, stated: 0.9, clipped, other: None, noisy };
+        let tried = "tried: linear with 4.100 deg, gmr-play with 0.900 deg; repair what `residual`";
+        assert_contains(&found, &["0.900 deg, is 18 times the noise", tried]);
+        assert!(!found.to_string().contains("cannot represent"), "{found}");
     }
 }

@@ -28,7 +28,7 @@ use crate::table::DataTable;
 /// Maximum error of a family relative to that of a straight line; any error below this part of the
 /// output range passes: on a straight snake all families are good.
 const MAX_ERROR_RATIO: f64 = 1.05;
-const MIN_NRMSD: f64 = 0.01;
+pub(super) const MIN_NRMSD: f64 = 0.01;
 
 /// Minimum number of components of the published mixtures.
 const PUBLISHED: usize = 3;
