@@ -207,6 +207,27 @@ mod tests {
         assert!((found - 0.06).abs() < 0.005, "{found} s");
     }
 
+    /// Four snakes of every physics; I2RIS_LATE_MS is the latency of the camera, ms.
+    #[test]
+    #[ignore = "an hour: for .ci/nightly"]
+    fn no_delay_is_found_on_forty_sound_snakes() {
+        let late_ms = std::env::var("I2RIS_LATE_MS").map_or(0, |ms| ms.parse().unwrap());
+        let folder = tempfile::tempdir().unwrap();
+        let mut wrong = 0;
+        for seed in 61..65 {
+            for physics in Physics::ALL.iter().copied() {
+                let snake = DrawnSnake { physics, seed };
+                let recording = record(snake, false, late_ms, 1, folder.path()).unwrap();
+                let found = recording.aligned().map(|(_, found)| found.unwrap_or_default());
+                let is_right =
+                    found.as_ref().is_ok_and(|it| (it - 1e-3 * late_ms as f64).abs() < 0.01);
+                println!("{snake}: {found:?}");
+                wrong += usize::from(!is_right);
+            }
+        }
+        assert_eq!(wrong, 0);
+    }
+
     /// The result of a minute's learning must neither be lost nor drift away in a day of use.
     #[test]
     #[ignore = "six simulated hours"]

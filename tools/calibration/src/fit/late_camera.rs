@@ -3,20 +3,21 @@
 //! The estimate of [`crate::quality::latency`] represents hysteresis by plays only; any other delay
 //! of a snake looks like a late camera. So a force-balance model is fitted from that estimate, with
 //! the latency as an additional parameter ([`crate::families::force_balance::latency`]), and it
-//! must explain held-out rows better than without the latency.
+//! must explain held-out rows better than without the latency, those of every motor in both
+//! directions.
 
 use i2ris::model::file::FamilyParameters;
 
 use super::all_families::balance_of;
-use super::evidence::{block_errors, known_from, rms};
+use super::evidence::{block_errors, known_from};
 use super::metrics::predictions;
 use super::split::{HoldOut, Split};
 use crate::families::force_balance::search::fit_force_balance;
 use crate::progress::Silent;
-use crate::quality::latency::Latency;
 use crate::quality::{Finding, limits_of_path};
 use crate::recording::Recording;
 use crate::series::Series;
+use i2ris_report::statistics::min_max;
 
 /// Maximum latency of a camera: one 30 Hz frame of exposure, one of transfer and one of processing.
 /// A larger delay is in the snake.
@@ -41,36 +42,68 @@ const FURTHEST_S: f64 = 0.03;
 /// Maximum number of rows; more hardly improve the result.
 const MAX_ROWS: usize = 1500;
 
+/// Stamps that rows held out confirm to be later than those of any camera.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "the outputs are stamped {ms:.0} ms late, which rows held out confirm with every motor in both \
+     directions, and no camera takes more than three frames: stamp frames at the exposure, and \
+     record again; --latency-ms {ms:.0} subtracts it, --latency-ms 0 keeps the stamps"
+)]
+pub struct LateStamps {
+    ms: f64,
+}
+
 impl Recording {
-    /// The recording, corrected by the confirmed part of its latency, and that part, s.
+    /// The recording, corrected by the confirmed part of its latency, and that part, s. Stamps
+    /// later than those of any camera stay as they are.
     #[must_use]
     pub fn without_latency(self) -> (Self, Option<f64>) {
-        match self.confirmed_latency() {
-            Some(seconds) => (self.shifted(seconds), Some(seconds)),
-            None => (self, None),
+        match self.camera_latency() {
+            Ok(Some(seconds)) => (self.shifted(seconds), Some(seconds)),
+            _ => (self, None),
         }
     }
 
-    /// Returns `None` if a motor always reverses at the same two positions, where latency looks
-    /// like a wider loop; if no camera can have the latency; and if held-out rows do not confirm
-    /// it.
-    fn confirmed_latency(&self) -> Option<f64> {
+    /// The recording, corrected by the confirmed part of its latency, and that part, s.
+    ///
+    /// # Errors
+    ///
+    /// [`LateStamps`].
+    pub fn aligned(self) -> Result<(Self, Option<f64>), LateStamps> {
+        match self.camera_latency()? {
+            Some(seconds) => Ok((self.shifted(seconds), Some(seconds))),
+            None => Ok((self, None)),
+        }
+    }
+
+    /// The confirmed latency of the camera, s.
+    ///
+    /// `None` if a motor always reverses at the same two positions, where latency looks like a
+    /// wider loop, and if rows held out do not confirm it.
+    ///
+    /// # Errors
+    ///
+    /// No camera can have the latency that is confirmed.
+    fn camera_latency(&self) -> Result<Option<f64>, LateStamps> {
+        let Some((seconds, unsure_s)) = self.confirmed_latency() else { return Ok(None) };
+        if seconds > LATEST_S + unsure_s {
+            return Err(LateStamps { ms: 1e3 * seconds });
+        }
+        Ok(Some(seconds.min(LATEST_S)))
+    }
+
+    /// The latency and its tolerance, s.
+    fn confirmed_latency(&self) -> Option<(f64, f64)> {
         let limits = limits_of_path(&Series::whole(self));
         let hides_plane = Finding::hides_plane;
         let shows = |it: &Finding| hides_plane(it) || matches!(it, Finding::LargeLoops { .. });
         if !limits.iter().all(shows) {
             return None;
         }
-        let Latency { seconds, deviation_s, .. } = self.latency()?;
-        if seconds < MIN_LATENCY_S || seconds - DEVIATIONS * deviation_s > LATEST_S {
-            return None;
-        }
-        let (seconds, deviation_s) =
-            held_out_latency(self, seconds, !limits.iter().any(hides_plane))?;
+        let near = self.latency().filter(|found| found.seconds >= MIN_LATENCY_S)?.seconds;
+        let (seconds, deviation_s) = held_out_latency(self, near, !limits.iter().any(hides_plane))?;
         let unsure_s = DEVIATIONS * deviation_s;
-        let possible = MIN_LATENCY_S..=LATEST_S + unsure_s;
-        let is_camera = unsure_s <= UNSURE_S && possible.contains(&seconds);
-        is_camera.then_some(seconds.min(LATEST_S))
+        (unsure_s <= UNSURE_S && seconds >= MIN_LATENCY_S).then_some((seconds, unsure_s))
     }
 }
 
@@ -99,25 +132,48 @@ fn held_out_latency(recording: &Recording, near: f64, plane: bool) -> Option<(f6
     let blocks: Vec<_> = blocks.filter(|block| block.start >= known).collect();
     let left = |shift: f64, known: Option<&FamilyParameters>| {
         let shifted = recording.shifted(shift);
-        let rows = || 0..shifted.rows().len();
-        let of = |row: &usize| shifted.rows()[*row].line;
-        let every = rows().len().div_ceil(MAX_ROWS);
-        let is_seen = |row: &usize| !blocks.iter().any(|block| block.contains(&of(row)));
-        let training = rows().filter(is_seen).step_by(every).collect();
+        let rows = 0..shifted.rows().len();
+        let is_held_out =
+            |row: &usize| blocks.iter().any(|block| block.contains(&shifted.rows()[*row].line));
+        let every = rows.len().div_ceil(MAX_ROWS);
+        let training = rows.clone().filter(|row| !is_held_out(row)).step_by(every).collect();
         let model = balance_of(&shifted, training, known)?;
-        let held_out = blocks.iter().map(|block| rows().filter(|row| block.contains(&of(row))));
-        let held_out: Vec<Vec<usize>> = held_out.map(Iterator::collect).collect();
-        Some(block_errors(&predictions(&model, &shifted), &shifted, &held_out))
+        let held_out: Vec<usize> = rows.filter(is_held_out).collect();
+        let parts = by_motion(&shifted, &held_out);
+        Some(block_errors(&predictions(&model, &shifted), &shifted, &parts))
     };
     // Each from its own optimum: parameters found with a latency would not fit without.
-    let helps = rms(&left(found, family.as_ref())?) < rms(&left(0.0, None)?);
+    let (with, without) = (left(found, family.as_ref())?, left(0.0, None)?);
+    // Of a motor that never moves in a direction there is no error.
+    let helps = with.iter().zip(&without).all(|(with, without)| with < without || with.is_nan());
     (helps && (found - near).abs() <= FURTHEST_S).then_some((found, deviation_s))
+}
+
+/// Rows by the motor that moves most of its range there, and by its direction: a gap or friction
+/// looks like latency, but not the same with every motor and in both directions.
+fn by_motion(recording: &Recording, rows: &[usize]) -> Vec<Vec<usize>> {
+    let all = recording.rows();
+    let ranges = [0, 1].map(|motor| {
+        let (low, high) = min_max(all.iter().map(|row| row.counts[motor]));
+        (high - low).max(1.0)
+    });
+    let mut parts = vec![Vec::new(); 2 * recording.motors()];
+    for row in rows {
+        let (before, after) = (&all[row.saturating_sub(1)], &all[(row + 1).min(all.len() - 1)]);
+        let moved =
+            [0, 1].map(|motor| (after.counts[motor] - before.counts[motor]) / ranges[motor]);
+        let motor = usize::from(moved[1].abs() > moved[0].abs());
+        if moved[motor] != 0.0 {
+            parts[2 * motor + usize::from(moved[motor] > 0.0)].push(*row);
+        }
+    }
+    parts
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{assert_near, one_motor, recording, straight, wander};
+    use crate::testing::{assert_contains, assert_near, one_motor, recording, straight, wander};
 
     /// A snake of one motor with a gap, whose tip creeps after the motor with a time constant.
     fn creeping(counts: impl Fn(f64) -> f64, constant_s: f64) -> Recording {
@@ -147,7 +203,10 @@ mod tests {
         };
         assert_near(taken_off(0.0), 0.0, 0.004);
         assert_near(taken_off(0.06), 0.06, 0.01);
-        // No camera has this latency: the delay is in the snake.
+        // No camera has this latency: it is refused, and not subtracted.
         assert_near(taken_off(0.25), 0.0, 0.0);
+        let late = recording(1000, |time| (wander(time), straight(wander(time - 0.25))));
+        let refused = late.aligned().unwrap_err();
+        assert_contains(&refused, &["stamped 25", "at the exposure", "--latency-ms 0 keeps"]);
     }
 }

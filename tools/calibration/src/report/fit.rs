@@ -31,7 +31,7 @@ pub struct CalibrationReport {
     pub(super) recording: RecordingFacts,
     pub(super) outputs: Vec<OutputFacts>,
     pub(super) spikes: Vec<Spike>,
-    /// Latency of the outputs' stamps, if it exceeds its uncertainty.
+    /// Latency of the outputs' stamps by plays alone, which rows held out did not confirm.
     pub(super) latency: Option<Latency>,
     /// Correction of the outputs' stamps before the fit, s.
     pub latency_taken_off_s: Option<f64>,

@@ -234,7 +234,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             let (shifted, seconds) = choice.subtract_from(&recording)?;
             (shifted, Some(seconds))
         }
-        None => recording.without_latency(),
+        None => {
+            recording.aligned().map_err(|error| format!("recording {}: {error}", file.display()))?
+        }
     };
     let outcome = fit(&recording, &options, &Bar::new())
         .map_err(|error| format!("recording {}: {error}", file.display()))?;

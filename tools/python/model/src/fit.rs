@@ -157,10 +157,13 @@ pub fn fit(
     let made = watched(py, progress, |watched| {
         let (recording, read) =
             Recording::read(&path, &ColumnMap::default()).map_err(|error| error.to_string())?;
-        let (recording, taken_off) =
-            if latency { recording.without_latency() } else { (recording, None) };
+        let named = |error| format!("recording {}: {error}", path.display());
+        let (recording, taken_off) = match latency {
+            true => recording.aligned().map_err(|late| named(late.to_string()))?,
+            false => (recording, None),
+        };
         let outcome = i2ris_calibration::fit::fit(&recording, &options, watched)
-            .map_err(|error| format!("recording {}: {error}", path.display()))?;
+            .map_err(|error| named(error.to_string()))?;
         let mut report = CalibrationReport::new(&recording, &read, &options, &outcome);
         report.latency_taken_off_s = taken_off;
         let json = serde_json::to_string_pretty(&report).map_err(|error| error.to_string())?;
