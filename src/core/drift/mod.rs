@@ -87,7 +87,7 @@ impl Parameter {
 
 impl Drift {
     /// The parameters in the order of [`Parameter::ALL`].
-    pub(crate) fn to_array(&self) -> [f64; PARAMETERS] {
+    pub(crate) fn to_array(self) -> [f64; PARAMETERS] {
         let [[a, b], [c, d]] = self.gain;
         let ([x, y], [g, h]) = (self.zero, self.gap);
         let ([k, l], [m, n]) = (self.slack, self.play);

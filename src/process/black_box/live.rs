@@ -60,7 +60,12 @@ impl LiveFiles {
     }
 
     /// Adds a snapshot, after the beginning of the other file if that is due.
-    pub(super) fn push_snapshot(&mut self, snapshot: &CycleSnapshot, now: Nanos, begin: Option<BlackBox>) {
+    pub(super) fn push_snapshot(
+        &mut self,
+        snapshot: &CycleSnapshot,
+        now: Nanos,
+        begin: Option<BlackBox>,
+    ) {
         if let Some(begin) = begin {
             self.begun = now;
             self.number += 1;

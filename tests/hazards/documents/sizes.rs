@@ -140,7 +140,8 @@ fn client_items() -> usize {
                 of = name.map_or_else(String::new, |name| name.as_str().to_owned());
             }
             let Some(item) = public_item(line) else { continue };
-            items += usize::from(names.contains(if line.starts_with(' ') { &of } else { item }));
+            items +=
+                usize::from(names.contains(if line.starts_with(' ') { of.as_str() } else { item }));
         }
     }
     items

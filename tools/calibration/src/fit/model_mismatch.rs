@@ -37,9 +37,19 @@ pub struct ModelMismatch {
     clipped: (f64, f64),
     /// Remaining error of the inverse on the nearest of the other families.
     other: Option<(f64, Family)>,
-    /// Error on held-out rows, if it is far above the noise, its ratio, and the families with
-    /// theirs.
-    noisy: Option<(f64, f64, Vec<(Family, f64)>)>,
+    /// If the error on held-out rows is far above the noise.
+    noisy: Option<Noisy>,
+}
+
+/// Error on held-out rows far above the noise.
+#[derive(Debug, Clone, PartialEq)]
+struct Noisy {
+    /// Unit of the outputs.
+    error: f64,
+    /// Relative to the noise.
+    ratio: f64,
+    /// The families with theirs.
+    tried: Vec<(Family, f64)>,
 }
 
 impl ModelMismatch {
@@ -90,9 +100,8 @@ impl ModelMismatch {
     }
 }
 
-/// The error of the chosen family if it is far above the noise, its ratio, and those of all
-/// families; any error passes that is a small part of the range.
-fn noisy(outcome: &FitOutcome, recording: &Recording) -> Option<(f64, f64, Vec<(Family, f64)>)> {
+/// Any error passes that is a small part of the range.
+fn noisy(outcome: &FitOutcome, recording: &Recording) -> Option<Noisy> {
     let Unexplained { error, noise, .. } = outcome.unexplained(recording)?;
     let si = recording.outputs().first()?.unit.si();
     let ranges = (0..recording.outputs().len()).map(|output| {
@@ -104,8 +113,11 @@ fn noisy(outcome: &FitOutcome, recording: &Recording) -> Option<(f64, f64, Vec<(
         .families
         .iter()
         .filter_map(|found| Some((found.family, held_out_error(found.result.as_ref().ok()?) / si)));
-    (error > MAX_NOISES * noise && error > MIN_NRMSD * range)
-        .then(|| (error, error / noise, tried.collect()))
+    (error > MAX_NOISES * noise && error > MIN_NRMSD * range).then(|| Noisy {
+        error,
+        ratio: error / noise,
+        tried: tried.collect(),
+    })
 }
 
 impl Display for ModelMismatch {
@@ -120,7 +132,7 @@ impl Display for ModelMismatch {
             )?;
         }
         reasons.try_for_each(|reason| write!(f, "; {reason}"))?;
-        let Some((error, ratio, tried)) = noisy else { return Ok(()) };
+        let Some(Noisy { error, ratio, tried }) = noisy else { return Ok(()) };
         if self.reasons().next().is_some() {
             f.write_str("; ")?;
         }
@@ -164,7 +176,7 @@ mod tests {
     fn an_error_far_above_the_noise_is_reported_with_what_was_tried() {
         let (unit, clipped) = (OutputUnit::Deg, (0.0, 0.0));
         let tried = vec![(Family::Linear, 4.1), (Family::GmrPlay, 0.9)];
-        let noisy = Some((0.9, 18.0, tried));
+        let noisy = Some(Noisy { error: 0.9, ratio: 18.0, tried });
         let found = ModelMismatch { unit, stated: 0.9, clipped, other: None, noisy };
         let tried = "tried: linear with 4.100 deg, gmr-play with 0.900 deg; repair what `residual`";
         assert_contains(&found, &["0.900 deg, is 18 times the noise", tried]);

@@ -387,7 +387,7 @@ fn run(case: Case) {
     check_findings(case, &record, outcome.is_ok());
     let proposes = matches!(case.wrong, Some(Wrong::Family | Wrong::Swapped));
     assert_eq!(record.changes.is_empty(), !proposes, "{:?}: {case:?}", record.changes);
-    let html = page(&record, "robot.toml").to_string();
+    let html = page(&record, "robot.toml").html();
     assert!(html.contains("Proposed configuration") && html.ends_with("</html>\n"), "{html}");
 }
 
