@@ -69,7 +69,6 @@ impl Ready {
 
 /// The domains of this user that a controller serves now, by name.
 #[must_use]
-#[cfg(feature = "controller")]
 pub fn served_domains() -> Vec<String> {
     let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
     let served = entries.filter_map(|entry| {

@@ -14,7 +14,7 @@
 //! | `event` | events for the log |
 //!
 //! The watchdog and the controller both keep the ports open. Ages decide which of them transmits
-//! ([`crate::drive::line_turn`]): the watchdog takes over a line whose port thread hangs, or all
+//! (`drive::line_turn`): the watchdog takes over a line whose port thread hangs, or all
 //! lines when the loop hangs, and releases them as soon as both run again.
 //!
 //! A port may have several drives, the first of which is a gateway to the others. While it waits

@@ -61,7 +61,7 @@ pub enum Parameter {
 }
 
 impl Parameter {
-    /// All, in the order of [`Drift::to_array`].
+    /// All, in the order of `Drift::to_array`.
     pub const ALL: [Self; PARAMETERS] = [
         Self::Zero(0),
         Self::Zero(1),

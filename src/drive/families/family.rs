@@ -27,7 +27,7 @@ pub trait DriveFamily: fmt::Debug + Sync {
     /// How an axis is homed.
     fn homing(&self, axis: &AxisConfig) -> HomingPlan;
 
-    /// The meaning of an error code ([`ObjectMap::error_code`]).
+    /// The meaning of an error code (`ObjectMap::error_code`).
     fn fault(&self, code: u16) -> DriveFault;
 }
 

@@ -29,6 +29,8 @@ pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
 pub use definition::{Message, Payload, padded_text, unpadded_text};
 #[cfg(feature = "controller")]
 pub use layout::{Field, FieldType, PayloadLayout};
+#[cfg(not(feature = "controller"))]
+pub(crate) use layout::{Field, FieldType, PayloadLayout};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
 pub use period_statistics::{PeriodStatistics, SpanSummary};
 pub use reach_target::ReachTarget;
