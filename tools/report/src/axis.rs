@@ -180,7 +180,10 @@ impl Ranged for Scale {
             return self.ticks.iter().map(|(value, _)| *value).collect();
         }
         let is_sparse = self.kind == Kind::Log && self.high / self.low < WIDE;
-        let powers = powers(self.low, self.high).filter(|_| is_sparse);
+        if !is_sparse {
+            return Vec::new();
+        }
+        let powers = powers(self.low, self.high);
         let lines = powers.flat_map(|power| (2..=9).map(move |n| f64::from(n) * power));
         lines.filter(|value| self.contains(*value)).collect()
     }
