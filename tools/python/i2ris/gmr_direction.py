@@ -358,7 +358,7 @@ def _of_strokes(recording: Recording, rows: Rows, file: dict[str, Any], restarts
     along = directions(counts, bands)
     #: Contribution of the other motor, by direction: at first at rest.
     given = {motor: np.zeros((len(counts), 2)) for motor in (0, 1)}
-    parts: dict[tuple[int, int], Any] = {}
+    parts: dict[tuple[int, int], dict[str, Any]] = {}
     for _ in range(3):
         for motor in (0, 1):
             own = rows[moving[rows, motor] & ~moving[rows, 1 - motor]]
