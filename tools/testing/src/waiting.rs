@@ -8,7 +8,7 @@ use i2ris::clock;
 use i2ris::units::Nanos;
 
 /// Time limit for operations that take milliseconds on an idle machine.
-pub const TIMEOUT: Nanos = Nanos::from_millis(30_000);
+pub const TIMEOUT: Nanos = Nanos::from_millis(60_000);
 
 /// Result of a condition: `bool`, or a value as soon as there is one.
 pub trait Condition {
