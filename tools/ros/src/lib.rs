@@ -134,7 +134,7 @@ pub fn run(
 ///
 /// # Errors
 ///
-/// What a name must be.
+/// Rules for a name.
 pub fn robot_name(text: &str) -> Result<String, String> {
     let letters = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let begins = text.starts_with(|c: char| c.is_ascii_alphabetic());

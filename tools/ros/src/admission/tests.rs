@@ -154,7 +154,7 @@ fn command_from_before_subscription_is_refused() {
 }
 
 #[test]
-fn stop_passes_old_or_without_stamp_in_floods_from_any_publisher() {
+fn stop_passes_without_stamp_in_floods_from_any_publisher() {
     for topic in [Topic::Hold, Topic::StateCommand] {
         let mut admission = listening(0);
         let old = times(0, 100_000);
