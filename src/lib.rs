@@ -132,7 +132,7 @@
 //! - **run log**: one line of JSON per change of state, fault and run.
 #![warn(missing_docs, unreachable_pub)]
 // A client holds no domain and serves nothing.
-#![cfg_attr(not(feature = "controller"), allow(dead_code, unused_imports))]
+#![cfg_attr(not(feature = "controller"), allow(dead_code, unused_imports, unreachable_pub))]
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 // Only for `.ci/realtime`, with a nightly compiler.
 #![cfg_attr(realtime_sanitizer, feature(sanitize))]
