@@ -99,7 +99,7 @@ impl Threads {
     }
 
     /// Waits for the loop, ends the other threads, and writes their last events. Returns the result
-    /// of the threads, and how they ended.
+    /// and the end of the threads.
     pub(super) fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, RunEnd) {
         let mut ended = self.control.join();
         let (is_early, end) = (ended.is_err(), clock::now() + END_TIMEOUT);

@@ -163,7 +163,7 @@ impl RangeCheck {
     }
 }
 
-/// A goal, and what it is checked against.
+/// A goal and the bounds for its check.
 #[derive(Clone, Copy)]
 pub(crate) struct UncheckedGoal<'a> {
     pub command: &'a ServoCommand,

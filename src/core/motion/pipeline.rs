@@ -11,8 +11,8 @@ use crate::core::motion::virtual_fixtures::{GoalSpace, VirtualFixtures};
 use crate::core::vector::{difference, zip_map};
 use crate::units::{Nanos, OutputVec};
 
-/// The stages that belong to a model, and what they keep from tick to tick. Order and types of the
-/// fields are part of the file format of the black box.
+/// The stages that belong to a model, with the state that they keep from tick to tick. The black
+/// box depends on order and types of the fields.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Pipeline {
     pub dead_band: BacklashDeadBand,
@@ -24,7 +24,7 @@ pub(crate) struct Pipeline {
     held_back: OutputVec,
 }
 
-/// What the stages need to know of a tick.
+/// Facts of a tick that the stages need.
 pub(crate) struct PipelineTick<'a> {
     /// The pose at the setpoints: where a goal begins.
     pub start: OutputVec,
@@ -34,7 +34,7 @@ pub(crate) struct PipelineTick<'a> {
     pub before: Nanos,
 }
 
-/// A goal behind the stages.
+/// A goal after the stages.
 pub(crate) struct PassedGoal {
     /// After the virtual fixtures, for the report.
     pub limited: OutputVec,

@@ -1,4 +1,4 @@
-//! Dictionary: what a drive holds, and what its words mean.
+//! Dictionary: the objects of a drive and their meaning.
 //!
 //! | file | contents |
 //! |---|---|

@@ -15,7 +15,7 @@ const STYLE: &str = include_str!("document.css");
 /// browsers accept and every parser reads.
 const META: &str = r#"<meta charset="utf-8"/><meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'"/><meta name="viewport" content="width=device-width, initial-scale=1"/>"#;
 
-/// Least width of the names of facts in a text.
+/// Minimum width of the names in a list of facts.
 const NAME_WIDTH: usize = 10;
 
 /// A report. It has no fonts, no scripts and no network.

@@ -223,7 +223,7 @@ impl Display for Figure {
     }
 }
 
-/// Number and width of the columns of a legend.
+/// Number and width of a legend's columns.
 fn legend_columns(entries: &[LegendEntry]) -> (usize, f64) {
     let longest = entries.iter().map(|(label, _)| text_width(label)).fold(0.0, f64::max);
     let width = SYMBOL + TEXT_GAP + longest + ENTRY_GAP;

@@ -7,13 +7,13 @@
 //!
 //! A model commands counts by its inverse, and the snake is another one than the model believes.
 //! So the inverse of every family is run through the other families as plants. Between families
-//! that are as good as the best on the rows held out, what it leaves there decides, on plants that
-//! are none of them: a plant that is one of them speaks for itself. A family whose error on the
-//! rows held out is far above the least is no plant, and neither is one that no other family can
-//! follow: that would decide for whichever family is the dullest.
+//! that are as good as the best on the rows held out, what it leaves there decides, on plants
+//! outside this group: a plant in it would favour itself. Excluded as plants are families
+//! with a much larger error on the rows held out, and those that no other family can follow: they
+//! would favour the dullest family.
 //!
-//! Of those that are as good as the best the balance of forces is taken, for what it knows of the
-//! mechanism holds in other motion, too; otherwise the simplest.
+//! Of those that are as good as the best, `force-balance` is taken, because a mechanism also holds
+//! in other motion; otherwise the simplest.
 
 use std::ops::Range;
 
@@ -144,7 +144,7 @@ pub(super) fn scores(models: &[(Family, &Model)], evidence: &Evidence<'_>) -> Ve
 }
 
 /// The scores with the trials that decide: of families that are as good as the best on the rows
-/// held out, on plants that are none of them.
+/// held out, on plants outside this group.
 fn decided(mut scores: Vec<Score>, trials: &[Vec<(usize, Candidate)>]) -> Vec<Score> {
     let good = as_good(&scores);
     for index in good.iter().copied() {
@@ -154,7 +154,7 @@ fn decided(mut scores: Vec<Score>, trials: &[Vec<(usize, Candidate)>]) -> Vec<Sc
     scores
 }
 
-/// The mean over some trials, in so many parts of each.
+/// The mean over some trials, in this number of parts.
 fn parts<'a>(trials: impl Iterator<Item = &'a (usize, Candidate)>, count: usize) -> Vec<f64> {
     let trials: Vec<&[f64]> = trials.map(|(_, trial)| trial.squares.as_slice()).collect();
     let ticks = trials.first().map_or(0, |squares| squares.len());

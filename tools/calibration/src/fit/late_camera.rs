@@ -54,7 +54,7 @@ pub struct LateStamps {
 }
 
 impl Recording {
-    /// The recording, corrected by the confirmed part of its latency, and that part, s. Stamps
+    /// The recording, corrected by the confirmed part of its latency, and this part, s. Stamps
     /// later than those of any camera stay as they are.
     #[must_use]
     pub fn without_latency(self) -> (Self, Option<f64>) {
@@ -64,11 +64,11 @@ impl Recording {
         }
     }
 
-    /// The recording, corrected by the confirmed part of its latency, and that part, s.
+    /// The recording, corrected by the confirmed part of its latency, and this part, s.
     ///
     /// # Errors
     ///
-    /// [`LateStamps`].
+    /// Stamps later than those of any camera.
     pub fn aligned(self) -> Result<(Self, Option<f64>), LateStamps> {
         match self.camera_latency()? {
             Some(seconds) => Ok((self.shifted(seconds), Some(seconds))),

@@ -143,7 +143,7 @@ impl Display for ModelMismatch {
         }
         f.write_str(match tried.iter().any(|(family, _)| family.has_memory()) {
             true => "; repair what `residual` names, then record again",
-            false => "; fit the families with memory, too (--family best)",
+            false => "; also fit the families with memory (--family best)",
         })
     }
 }

@@ -254,7 +254,7 @@ impl<'a> Motion<'a> {
         let mut found = Vec::new();
         let mut defects: Vec<Pattern> = self.step(rows, errors).into_iter().collect();
         defects.push(Pattern::Side);
-        // The mean error is no sign of a defect.
+        // The mean error does not show a defect.
         let without = left_out(&known, errors).unwrap_or(rest);
         defects.retain(|defect| {
             let [own, rival] = [*defect, defect.rival()].map(|pattern| left(&known, pattern));

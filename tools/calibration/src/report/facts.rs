@@ -1,4 +1,4 @@
-//! What was read and found, as facts: names and values.
+//! Facts of a calibration: names and values.
 
 use std::iter;
 

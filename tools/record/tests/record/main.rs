@@ -35,7 +35,7 @@ fn joints(sequence: u64, stamp: Nanos, position: [f64; 3]) -> JointState {
 
 const UNIX: u64 = 1_700_000_000_000_000_000;
 
-/// Head of a recording of a robot that bends in pitch and yaw.
+/// Head of a recording: the robot bends in pitch and yaw.
 fn header() -> RecordingHeader {
     RecordingHeader {
         unix_offset_ns: UNIX,
