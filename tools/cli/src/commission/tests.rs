@@ -195,7 +195,8 @@ struct Operator {
 impl Operator {
     /// Checks how far each motor went from its place.
     fn judge(&self) {
-        for motor in 0..self.case.motors() {
+        let case = self.case;
+        for motor in 0..case.motors() {
             let [lowest, highest] = self.bench.with_drive(motor, |drive| drive.reached());
             let went = highest.max(-lowest);
             let may = match (self.few, self.further[motor]) {
@@ -203,14 +204,10 @@ impl Operator {
                 (true, false) => 20.5,
                 (true, true) => 2.0 * TURN + 20.5,
             };
-            assert!(went <= may, "motor {motor} went {went} of {may}: {:?}", self.case);
-            let is_of_others = self.case.wrong == Some(Wrong::Enabled) && motor == 0;
+            assert!(went <= may, "motor {motor} went {went} of {may}: {case:?}");
+            let is_of_others = case.wrong == Some(Wrong::Enabled) && motor == 0;
             let state = self.bench.with_drive(motor, |drive| drive.snapshot().state);
-            assert!(
-                is_of_others || !state.is_powered(),
-                "motor {motor} {state:?}: {:?}",
-                self.case
-            );
+            assert!(is_of_others || !state.is_powered(), "motor {motor} {state:?}: {case:?}");
         }
     }
 }
@@ -252,11 +249,11 @@ impl Person for Operator {
             *left = left.checked_sub(1).ok_or(Gone::EndOfInput)?;
         }
         let typed = |word: &str| question.contains(&format!("Type {word} "));
-        let is_turned =
-            self.case.wrong == Some(Wrong::Resolution) || self.case.seed.is_multiple_of(3);
+        let Case { wrong, seed, .. } = self.case;
+        let is_turned = wrong == Some(Wrong::Resolution) || seed.is_multiple_of(3);
         self.few |= question.contains("== 4 of 7: steps");
         let answer = match () {
-            () if self.case.wrong == Some(Wrong::NotPermitted) => "no",
+            () if wrong == Some(Wrong::NotPermitted) => "no",
             () if typed("yes") => "yes",
             () if typed("cable") => "cable",
             () if typed("supply") => "supply",
@@ -296,13 +293,12 @@ fn commission(case: Case) -> (Result<(), String>, Record) {
     }
     let mut random = Pcg64Mcg::seed_from_u64(case.seed);
     let looks = Cell::new(random.random_range(0..2000u32));
-    let interrupted = Rc::new(Cell::new(false));
-    let flag = Rc::clone(&interrupted);
+    let flag = Rc::new(Cell::new(false));
     let mut operator = Operator {
         case,
         bench: bench.clone(),
         patience: (case.wrong == Some(Wrong::EndOfInput)).then(|| random.random_range(0..12)),
-        interrupted,
+        interrupted: Rc::clone(&flag),
         few: false,
         further: vec![false; case.motors()],
     };
@@ -419,13 +415,12 @@ fn draw(number: u64, unknowns: u8, wrong: Option<Wrong>) -> Case {
 /// Any three unknowns meet in every combination, on every family and line; every wrong bench once.
 #[test]
 fn unknowns_are_found_and_nothing_moves_further_than_it_may() {
-    let words = [0x0F, 0x33, 0x55, 0x69, 0x3C, 0x5A];
     thread::scope(|scope| {
-        for number in 0..6 {
+        for (number, word) in (0..).zip([0x0F, 0x33, 0x55, 0x69, 0x3C, 0x5A]) {
             scope.spawn(move || {
-                run(draw(number, words[number as usize], None));
+                run(draw(number, word, None));
                 for wrong in WRONG.iter().skip(number as usize).step_by(6) {
-                    run(draw(number + 6, !words[number as usize], Some(*wrong)));
+                    run(draw(number + 6, !word, Some(*wrong)));
                 }
             });
         }
