@@ -109,15 +109,15 @@ fn noisy(outcome: &FitOutcome, recording: &Recording) -> Option<Noisy> {
         (high - low).powi(2)
     });
     let range = ranges.sum::<f64>().sqrt();
-    let tried = outcome
+    let tried: Vec<_> = outcome
         .families
         .iter()
-        .filter_map(|found| Some((found.family, held_out_error(found.result.as_ref().ok()?) / si)));
-    (error > MAX_NOISES * noise && error > MIN_NRMSD * range).then(|| Noisy {
-        error,
-        ratio: error / noise,
-        tried: tried.collect(),
-    })
+        .filter_map(|found| Some((found.family, held_out_error(found.result.as_ref().ok()?) / si)))
+        .collect();
+    let chosen = tried.iter().find(|(family, _)| *family == outcome.family);
+    let error = chosen.map_or(error, |(_, error)| *error);
+    let is_far = error > MAX_NOISES * noise && error > MIN_NRMSD * range;
+    is_far.then(|| Noisy { error, ratio: error / noise, tried })
 }
 
 impl Display for ModelMismatch {
