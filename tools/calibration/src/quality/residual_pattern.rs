@@ -250,12 +250,11 @@ impl<'a> Motion<'a> {
             Some((pattern, left_out(&all, errors)?, all))
         };
         let mut known = DMatrix::from_element(rows.len(), 1, 1.0);
-        let mut rest = errors.norm_squared();
-        let mut found = Vec::new();
+        // The mean error does not show a pattern.
+        let without = left_out(&known, errors).unwrap_or_else(|| errors.norm_squared());
+        let (mut rest, mut found) = (without, Vec::new());
         let mut defects: Vec<Pattern> = self.step(rows, errors).into_iter().collect();
         defects.push(Pattern::Side);
-        // The mean error does not show a defect.
-        let without = left_out(&known, errors).unwrap_or(rest);
         defects.retain(|defect| {
             let [own, rival] = [*defect, defect.rival()].map(|pattern| left(&known, pattern));
             let is_rather = |own: f64| rival.is_none_or(|rival| own < rival.1);
@@ -413,7 +412,7 @@ mod tests {
         for (found, pattern, advice) in [
             (found(step).unwrap(), Pattern::Step(1202), "cut the recording there"),
             (found(side).unwrap(), Pattern::Side, "slack wire"),
-            (found(mixed).unwrap(), Pattern::Time, "eccentric pinion"),
+            (found(mixed).unwrap(), Pattern::MotorTurn, "eccentric pinion"),
             (found(stands).unwrap(), Pattern::Step(502), "was moved"),
         ] {
             assert_eq!(found.patterns[0].0, pattern, "{found}");
