@@ -9,14 +9,14 @@
 //!
 //! The work is bounded: some thousand steps of the operators, a fraction of a second.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use crate::model::error::ModelError;
 use crate::model::estimate::Query;
 use crate::model::examination_path::ExaminationPath;
 use crate::model::families::memory::Memory;
 use crate::model::families::runtime::{Reach, Runtime};
-use crate::model::file::{ModelFile, OutputMetrics};
+use crate::model::file::ModelFile;
 use crate::units::{MotorVec, OutputVec};
 
 /// Steps of the path, and of the decaying turns before it, after which the memory is known.
@@ -51,10 +51,6 @@ const MIN_REMAINING_GAIN: f64 = 0.1;
 
 /// Directions with less than this share of the strongest direction's gain are not compared.
 const MIN_GAIN: f64 = 0.02;
-
-/// If the straight line explains less than this share of the range of the outputs, as in a loop of
-/// friction without a slope, no gain is compared with its own.
-const MIN_SLOPE: f64 = 0.2;
 
 /// Result of an examination.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -186,21 +182,8 @@ impl<'a> Subject<'a> {
         ((squares / spread(goals)).sqrt(), travel / path.travel().max(1.0))
     }
 
-    /// Whether the straight line through the recording moves the outputs, over the width of the
-    /// hull, by a share of the range that was recorded.
-    fn has_slope(&self, line: &DMatrix<f64>) -> bool {
-        let unit = self.file.outputs.first().map_or(1.0, |output| output.unit.si());
-        let range = |metrics: &OutputMetrics| metrics.training.rmsd / metrics.training.nrmsd * unit;
-        let recorded = self.file.metrics.iter().map(|it| range(it).powi(2)).sum::<f64>().sqrt();
-        let widths = DVector::from_fn(self.motors, |motor, _| 2.0 * self.wide.half_ranges[motor]);
-        let explained: DVector<f64> = line.abs() * widths;
-        // Without metrics nothing is known of the range.
-        let is_level = explained.norm() < MIN_SLOPE * recorded;
-        !is_level
-    }
-
     /// The least and the greatest gain of the model along the wide path, relative to the straight
-    /// line through the recording; `None` if that has no slope.
+    /// line through the recording.
     fn gains(&self) -> Option<[f64; 2]> {
         let path = &self.wide.wander;
         let goals = self.along(&self.wide);
@@ -219,9 +202,6 @@ impl<'a> Subject<'a> {
         }
         if !angles.iter().chain(line.iter()).all(|value| value.is_finite()) {
             return Some([f64::NAN; 2]);
-        }
-        if !self.has_slope(&line) {
-            return None;
         }
         let gram = inputs.tr_mul(&inputs).try_inverse()?;
         let gain = (gram * inputs.tr_mul(&angles)).transpose();
