@@ -93,20 +93,20 @@ fn text<'a>(
         notes.push(format!("{zeros} zero bytes at the end are left out: an interrupted write"));
     }
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let not_text = |at: usize| {
-        let before = bytes.iter().take(at).filter(|byte| **byte == b'\n').count();
-        Err(RecordingError::new(place.line(1 + before as u64), Problem::NotText))
-    };
     // UTF-16 without a mark is UTF-8 with zeros.
-    if let Some(zero) = bytes.iter().position(|byte| *byte == 0) {
-        return not_text(zero);
-    }
-    match str::from_utf8(bytes) {
-        Ok(text) if text.trim().is_empty() => {
+    let zero = bytes.iter().position(|byte| *byte == 0);
+    let text = str::from_utf8(bytes);
+    let wrong = text.err().map(|error| error.valid_up_to());
+    match text {
+        Ok(text) if zero.is_none() && text.trim().is_empty() => {
             Err(RecordingError::new(place.clone(), Problem::Empty))
         }
-        Ok(text) => Ok((text, tail.first().is_some_and(|byte| *byte != 0))),
-        Err(error) => not_text(error.valid_up_to()),
+        Ok(text) if zero.is_none() => Ok((text, tail.first().is_some_and(|byte| *byte != 0))),
+        _ => {
+            let at = zero.into_iter().chain(wrong).min().unwrap_or_default();
+            let before = bytes.iter().take(at).filter(|byte| **byte == b'\n').count();
+            Err(RecordingError::new(place.line(1 + before as u64), Problem::NotText))
+        }
     }
 }
 
