@@ -24,7 +24,7 @@ pub(crate) struct Pipeline {
     held_back: OutputVec,
 }
 
-/// Facts of a tick that the stages need.
+/// Inputs of the stages in one tick.
 pub(crate) struct PipelineTick<'a> {
     /// The pose at the setpoints: where a goal begins.
     pub start: OutputVec,

@@ -5,7 +5,7 @@
 //! another if it is worse by at most one standard error of that difference (L. Breiman et al.,
 //! "Classification and Regression Trees", 1984, 3.4.3).
 //!
-//! A model commands counts by its inverse, and the snake is another one than the model believes.
+//! A model commands counts by its inverse, but the snake differs from the model.
 //! So the inverse of every family is run through the other families as plants. Between families
 //! that are as good as the best on the rows held out, what it leaves there decides, on plants
 //! outside this group: a plant in it would favour itself. Excluded as plants are families

@@ -3,8 +3,8 @@
 //!
 //! The robot and the adaptation trust that deviation. Two signs at the end of a fit show that it is
 //! too small: measured poses that the inverse does not reach, and another family that explains the
-//! recording, but on which the inverse fails. An error far above the noise is stated, but it is
-//! not the robot's: something in the recording is wrong, or no family represents the snake.
+//! recording, but on which the inverse fails. An error far above the noise has
+//! another cause: something in the recording is wrong, or no family represents the snake.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -100,7 +100,7 @@ impl ModelMismatch {
     }
 }
 
-/// Any error passes that is a small part of the range.
+/// `None` for errors that are a small part of the range.
 fn noisy(outcome: &FitOutcome, recording: &Recording) -> Option<Noisy> {
     let Unexplained { error, noise, .. } = outcome.unexplained(recording)?;
     let si = recording.outputs().first()?.unit.si();

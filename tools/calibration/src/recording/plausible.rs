@@ -35,15 +35,15 @@ const FOLLOWED: f64 = 0.25;
 /// Rows on each side of a step whose medians have to differ by it.
 const AROUND: usize = 5;
 
-/// Equal rows in a row that only a camera makes that repeats itself. If pairs of equal rows are more
-/// than a share of all others, its resolution is coarse: the motors must then have moved through a
-/// share of their range.
+/// Number of successive equal rows that show that the camera repeats itself. If pairs of equal
+/// rows are more than a share of all others, its resolution is coarse: the motors must then have
+/// moved through a share of their range.
 const MIN_REPEATS: usize = 5;
 const COARSE: (f64, f64) = (0.002, 0.5);
 /// Motors that move less during repeats are at rest, share of their range.
 const MIN_MOVED: f64 = 0.03;
-/// Motors that move less from row to row rest, share of their range. A camera is without noise, and
-/// stands still inside a gap, if at least this many rows at rest, and this share of them, are equal.
+/// Motors that move less from row to row are at rest, share of their range. If this number and
+/// share of rows at rest are equal, the camera has no noise: rows inside a gap are equal as well.
 const REST: f64 = 2e-4;
 const EQUAL_AT_REST: (usize, f64) = (3, 0.5);
 
