@@ -150,6 +150,7 @@ fn check_access(path: &Path, metadata: &Metadata, is_folder: bool) -> Result<(),
 
 #[cfg(test)]
 mod tests {
+    use i2ris_needs::needs;
     use std::fs::{self, Permissions};
     use std::os::unix::fs::{PermissionsExt, symlink};
 
@@ -236,8 +237,9 @@ mod tests {
         assert_eq!(trusted.is_ok(), [0, user].contains(&metadata.uid()));
     }
 
+    /// Only root can give a file away.
+    #[needs("root")]
     #[test]
-    #[ignore = "needs root, which alone can give a file away: for .ci/nightly"]
     fn a_file_that_was_given_to_another_user_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("robot.toml");

@@ -1,10 +1,9 @@
-//! Drives with the objects of real ones, and drives that lack objects or accept smaller ranges.
-//!
-//! The files of real drives are not part of the repository; where they are absent, the tests print
-//! that and pass.
+//! Drives with the objects of real ones, whose files are not part of the repository, and drives
+//! that lack objects or accept smaller ranges.
 
 use i2ris::config;
 use i2ris::drive::objects::{self, Entry};
+use i2ris_needs::needs;
 use i2ris_simulation::drive::{DeviceFile, Family};
 
 use super::cases;
@@ -21,11 +20,7 @@ const CASES: [cases::Case; 5] = [
 /// The files of real drives.
 fn files() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/drive_objects");
-    let Ok(entries) = fs::read_dir(&folder) else {
-        println!("skipped: {} is absent", folder.display());
-        return Vec::new();
-    };
-    let paths = entries.map(|entry| entry.unwrap().path());
+    let paths = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
     paths.filter(|path| path.extension().is_some_and(|end| end == "csv")).collect()
 }
 
@@ -67,6 +62,7 @@ fn with_range(index: u16, subindex: u8, low: i64, high: i64) -> DeviceFile {
     })
 }
 
+#[needs("file: ../shared/data/drive_objects")]
 #[test]
 fn object_table_agrees_with_every_real_drive() {
     for path in files() {
@@ -103,6 +99,7 @@ fn object_table_agrees_with_every_real_drive() {
     }
 }
 
+#[needs("file: ../shared/data/drive_objects")]
 #[test]
 fn the_controller_runs_on_every_real_drive() {
     for path in files() {

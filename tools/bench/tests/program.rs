@@ -61,10 +61,7 @@ fn without_a_controller_e2e_fails_with_a_reason() {
 #[test]
 fn a_command_is_measured_to_the_wire_and_back() {
     let controller = Path::new(env!("CARGO_BIN_EXE_i2ris-bench")).with_file_name("i2ris-control");
-    if !controller.exists() {
-        eprintln!("skipped: there is no {}", controller.display());
-        return;
-    }
+    assert!(controller.exists(), "build the programs of the workspace");
     let outcome = bench(&["e2e", "--commands", "80", "--busy", "1"]);
     let arrived = "command to last byte of the setpoint";
     let seen = "command to encoder position at the client";
@@ -89,10 +86,7 @@ fn a_command_is_measured_to_the_wire_and_back() {
 #[test]
 fn an_event_is_measured_to_the_wire() {
     let controller = Path::new(env!("CARGO_BIN_EXE_i2ris-bench")).with_file_name("i2ris-control");
-    if !controller.exists() || !controller.with_file_name("i2ris").exists() {
-        eprintln!("skipped: there is no {}", controller.display());
-        return;
-    }
+    assert!(controller.with_file_name("i2ris").exists(), "build the programs of the workspace");
     let outcome = bench(&["hand", "--events", "60"]);
     let arrived = "event to last byte of the setpoint";
     check_outcome(&outcome, &[arrived]);

@@ -1,7 +1,6 @@
-//! The laboratory's own recording of the robot. It is not part of the repository; without it, these
-//! tests print a message and pass.
+//! The laboratory's own recording of the robot. It is not part of the repository.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
+#![allow(clippy::unwrap_used)]
 
 use std::path::PathBuf;
 
@@ -15,25 +14,21 @@ use i2ris_calibration::quality::Finding;
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
 use i2ris_calibration::regression::linear::fit_linear;
 use i2ris_calibration::table::DataTable;
+use i2ris_needs::needs;
 
-fn recording() -> Option<(Recording, ReadReport)> {
+fn recording() -> (Recording, ReadReport) {
     read("i2ris/output_w_angles.csv")
 }
 
-fn read(name: &str) -> Option<(Recording, ReadReport)> {
+fn read(name: &str) -> (Recording, ReadReport) {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
-    if !path.exists() {
-        println!("skipped: {} is absent", path.display());
-        return None;
-    }
-    Some(Recording::read(&path, &ColumnMap::default()).unwrap())
+    Recording::read(&path, &ColumnMap::default()).unwrap()
 }
 
+#[needs("file: ../../../shared/data/i2ris")]
 #[test]
 fn the_file_is_read_as_it_is() {
-    let Some((recording, report)) = recording() else {
-        return;
-    };
+    let (recording, report) = recording();
     assert_eq!((report.rows, recording.rows().len()), (249, 244));
     assert_eq!(
         report.dropped.iter().map(|row| row.line).collect::<Vec<_>>(),
@@ -48,11 +43,10 @@ fn the_file_is_read_as_it_is() {
     assert_eq!(first.outputs, [0.025_360_903_652_710_93, -2.566_746_434_736_078_4, 0.0]);
 }
 
+#[needs("file: ../../../shared/data/i2ris")]
 #[test]
 fn a_mixture_fits_the_held_out_turn_better_than_linear() {
-    let Some((recording, _)) = recording() else {
-        return;
-    };
+    let (recording, _) = recording();
     let options = FitOptions {
         choice: Choice::One(Family::Gmr),
         em: EmOptions { restarts: 5, ..EmOptions::default() },
@@ -68,11 +62,10 @@ fn a_mixture_fits_the_held_out_turn_better_than_linear() {
     }
 }
 
+#[needs("file: ../../../shared/data/i2ris")]
 #[test]
 fn its_noise_and_its_limits_are_reported() {
-    let Some((recording, _)) = recording() else {
-        return;
-    };
+    let (recording, _) = recording();
     let options = FitOptions {
         em: EmOptions { restarts: 1, ..EmOptions::default() },
         ..FitOptions::default()
@@ -103,22 +96,20 @@ fn flat(recording: &Recording, components: usize) -> Option<FlatSpot> {
     flat_spot(&outcome.model, &inputs, &outputs, &fit_linear(&inputs, &outputs).unwrap())
 }
 
+#[needs("file: ../../../shared/data/i2ris")]
 #[test]
 fn no_number_of_components_is_flat_inside_the_ring() {
-    let Some((recording, _)) = recording() else {
-        return;
-    };
+    let (recording, _) = recording();
     for components in 1..=12 {
         assert_eq!(flat(&recording, components), None, "{components} components");
     }
 }
 
+#[needs("file: ../../../shared/data/tee_probe")]
 #[test]
 fn the_slack_zone_of_the_echo_probe_is_accepted() {
     for name in ["tee_probe/motor1_first.csv", "tee_probe/motor1_second.csv"] {
-        let Some((recording, _)) = read(name) else {
-            return;
-        };
+        let (recording, _) = read(name);
         for components in [4, 6] {
             assert_eq!(flat(&recording, components), None, "{name}, {components} components");
         }

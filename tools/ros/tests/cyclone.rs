@@ -1,20 +1,22 @@
 //! Interoperation with Cyclone DDS by its Python wheel, with types written out in the example
-//! `crtk_arm.py`. Needs a Python with `cyclonedds`: `I2RIS_PYTHON` names one.
+//! `crtk_arm.py`.
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
+use i2ris_needs::needs;
 use i2ris_testing::Rig;
 
 use crate::common::{Bridge, robot};
 use crate::peer::ros_domain;
 
-/// Python with the example on its path; `None`, with a message, if there is none.
-fn python(ros_domain: u16) -> Option<Command> {
-    let mut command = i2ris_testing::python("cyclonedds.sub")?;
+/// Python with the example on its path.
+fn python(ros_domain: u16) -> Command {
+    let mut command = i2ris_testing::python();
     command.env("PYTHONPATH", examples()).env("ROS_DOMAIN_ID", ros_domain.to_string());
-    Some(command)
+    command
 }
 
 fn examples() -> PathBuf {
@@ -31,32 +33,28 @@ fn finish(command: &mut Command) -> String {
 }
 
 /// A robot, its bridge, and Python that meets them.
-fn meet(arguments: &[&str]) -> Option<(Rig, Bridge, Command)> {
-    let domain = ros_domain();
-    let command = python(domain)?;
-    let robot = robot();
+fn meet(arguments: &[&str]) -> (Rig, Bridge, Command) {
+    let (domain, robot) = (ros_domain(), robot());
     let bridge = Bridge::start(&robot.domain(), domain, arguments);
-    Some((robot, bridge, command))
+    (robot, bridge, python(domain))
 }
 
 /// Output of a script that meets a robot.
-fn run(arguments: &[&str], script: &str) -> Option<String> {
-    let (_robot, _bridge, mut command) = meet(arguments)?;
-    Some(finish(command.args(["-c", script])))
+fn run(arguments: &[&str], script: &str) -> String {
+    let (_robot, _bridge, mut command) = meet(arguments);
+    finish(command.args(["-c", script]))
 }
 
 /// Runs a script to its last line.
 fn runs(script: &str) {
-    if let Some(out) = run(&[], script) {
-        assert!(out.contains("done"), "{out}");
-    }
+    let out = run(&[], script);
+    assert!(out.contains("done"), "{out}");
 }
 
+#[needs("python: cyclonedds.sub")]
 #[test]
 fn the_example_runs_as_it_is() {
-    let Some((robot, bridge, mut command)) = meet(&[]) else {
-        return;
-    };
+    let (robot, bridge, mut command) = meet(&[]);
     let from = clock::now();
     let out = finish(command.arg(examples().join("crtk_arm.py")).arg("i2ris"));
     let lines: Vec<&str> = out.lines().collect();
@@ -68,12 +66,11 @@ fn the_example_runs_as_it_is() {
     assert!(!refused, "nothing is refused: {lines:?}");
 }
 
+#[needs("python: cyclonedds.sub")]
 #[test]
 fn stored_commands_of_foreign_clients_are_not_carried_out() {
     let domain = ros_domain();
-    let Some(mut command) = python(domain) else {
-        return;
-    };
+    let mut command = python(domain);
     let robot = robot();
     command.args(["-c", include_str!("python/stored_commands.py")]);
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -88,18 +85,20 @@ fn stored_commands_of_foreign_clients_are_not_carried_out() {
     assert!(!enabled, "{lines:?}");
 }
 
+#[needs("python: cyclonedds.sub")]
 #[test]
 fn foreign_clients_match_by_quality_of_service() {
-    if let Some(out) = run(&[], include_str!("python/quality_of_service.py")) {
-        assert!(out.contains("publishes BEST_EFFORT"), "{out}");
-    }
+    let out = run(&[], include_str!("python/quality_of_service.py"));
+    assert!(out.contains("publishes BEST_EFFORT"), "{out}");
 }
 
+#[needs("python: cyclonedds.sub")]
 #[test]
 fn late_foreign_client_gets_latched_messages() {
     runs(include_str!("python/late_client.py"));
 }
 
+#[needs("python: cyclonedds.sub")]
 #[test]
 fn late_foreign_client_with_volatile_reader_can_move() {
     runs(include_str!("python/volatile_reader.py"));
@@ -107,11 +106,10 @@ fn late_foreign_client_with_volatile_reader_can_move() {
 
 /// Configuration of rmw_cyclonedds for ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: no interface is
 /// named, so Cyclone DDS uses that of the network.
+#[needs("python: cyclonedds.sub")]
 #[test]
 fn foreign_client_without_an_interface_finds_the_robot() {
-    let Some((_robot, _bridge, mut command)) = meet(&[]) else {
-        return;
-    };
+    let (_robot, _bridge, mut command) = meet(&[]);
     command.env(
         "CYCLONEDDS_URI",
         "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast></General><Discovery>\
@@ -123,22 +121,19 @@ fn foreign_client_without_an_interface_finds_the_robot() {
     assert!(out.contains("done"), "{out}");
 }
 
+#[needs("python: cyclonedds.sub")]
 #[test]
 fn services_answer_as_cyclone_dds_asks() {
     let out = run(&["--rmw", "rmw_cyclonedds_cpp"], include_str!("python/services.py"));
-    if let Some(out) = out {
-        assert_eq!(out.trim(), "7 0x1234567890abcdef DISABLED");
-    }
+    assert_eq!(out.trim(), "7 0x1234567890abcdef DISABLED");
 }
 
 /// For `cargo test -p i2ris-ros --release --test ros -- --ignored --nocapture campaign`:
 /// seconds in `I2RIS_SOAK_S`, default one minute.
 #[test]
-#[ignore = "takes a minute"]
+#[ignore = "takes a minute, and needs python: cyclonedds"]
 fn campaign_a_kilohertz_without_gaps_and_with_flat_memory() {
-    let Some((_robot, bridge, mut command)) = meet(&["--rate-hz", "1000"]) else {
-        return;
-    };
+    let (_robot, bridge, mut command) = meet(&["--rate-hz", "1000"]);
     let seconds = std::env::var("I2RIS_SOAK_S").map_or(60, |seconds| seconds.parse().unwrap());
     command.args(["-c", &format!("SECONDS = {seconds}\n{KILOHERTZ}")]);
     let child = command.stdout(Stdio::piped()).spawn().unwrap();

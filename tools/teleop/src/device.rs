@@ -326,6 +326,7 @@ mod tests {
     use super::*;
     use crate::recording::{write_frame, write_head};
     use crate::state::Code;
+    use i2ris_needs::needs;
 
     #[test]
     fn hidraw_identity_comes_from_the_kernel() {
@@ -336,7 +337,7 @@ mod tests {
         assert_eq!(identity_of_uevent("HID_ID=0003:x"), None);
     }
 
-    /// Needs `/dev/uinput`; skipped without it.
+    #[needs("device: /dev/uinput")]
     #[test]
     fn kernel_device_is_opened_grabbed_and_read_with_times() {
         use evdev::uinput::VirtualDevice;
@@ -344,13 +345,7 @@ mod tests {
             AbsInfo, AbsoluteAxisCode, AttributeSet, BusType, InputEvent, InputId, KeyCode,
             UinputAbsSetup,
         };
-        let builder = match VirtualDevice::builder() {
-            Ok(builder) => builder,
-            Err(error) => {
-                eprintln!("skipped: /dev/uinput: {error}");
-                return;
-            }
-        };
+        let builder = VirtualDevice::builder().unwrap();
         let range = AbsInfo::new(0, -32768, 32767, 0, 128, 0);
         let keys: AttributeSet<KeyCode> = [KeyCode::BTN_SOUTH, KeyCode::BTN_TR].iter().collect();
         let mut kernel = builder

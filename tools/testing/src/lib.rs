@@ -47,7 +47,7 @@ pub use fast_values::{fast_axis, fast_config};
 pub use motion::*;
 pub use program::{Killed, Program};
 pub use properties::cases;
-pub use python::{python, python_program, run_python, run_python_of};
+pub use python::{python, run_python, run_python_of};
 pub use random::Random;
 pub use rig::*;
 pub use server::*;

@@ -278,6 +278,7 @@ fn turning_points(counts: impl Iterator<Item = f64>, band: f64) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use i2ris_needs::needs;
     use std::path::PathBuf;
 
     use super::*;
@@ -344,8 +345,8 @@ mod tests {
     }
 
     /// The recordings are next to the repository; see the example `recordings`.
+    #[needs("file: ../../../shared/data/i2ris")]
     #[test]
-    #[ignore = "needs the recordings next to the repository"]
     fn known_recordings_are_classified() {
         let read = |name: &str| {
             let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");

@@ -1,5 +1,4 @@
-//! The Python client against a controller without drives and a whole one, if there is a suitable
-//! Python.
+//! The Python client against a controller without drives and a whole one.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -12,12 +11,10 @@ use std::time::Duration;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::{StateCommand, find_client_process};
 use i2ris::units::Nanos;
+use i2ris_needs::needs;
 use i2ris_testing::{Controller, Rig, SetOnDrop, python, run_python, wait_for};
 
 use crate::bench::{expect_stalls, robot};
-
-/// Modules of the client.
-const CLIENT: &str = "iceoryx2, numpy";
 
 /// Runs a script to its end, and expects success.
 #[track_caller]
@@ -28,13 +25,11 @@ fn runs(command: &mut Command) -> String {
     out
 }
 
+#[needs("python: iceoryx2, numpy")]
 #[test]
 fn python_session_enables_moves_watches_and_releases_the_lease() {
-    if python(CLIENT).is_none() {
-        return;
-    }
     let controller = Controller::start();
-    run_python(CLIENT, include_str!("python/session.py"), &[controller.domain.name()]);
+    run_python(include_str!("python/session.py"), &[controller.domain.name()]);
     let robot = controller.robot();
     assert_eq!((robot.lease, robot.requested.last()), (0, Some(&StateCommand::Release)));
     assert!(
@@ -44,17 +39,17 @@ fn python_session_enables_moves_watches_and_releases_the_lease() {
     );
 }
 
+#[needs("python: iceoryx2, numpy")]
 #[test]
 fn forked_child_leaves_the_connection_to_its_parent() {
     let controller = Controller::start();
-    run_python(CLIENT, include_str!("python/fork.py"), &[controller.domain.name()]);
+    run_python(include_str!("python/fork.py"), &[controller.domain.name()]);
 }
 
+#[needs("python: iceoryx2, numpy")]
 #[test]
 fn notebook_has_values_at_once_and_releases_the_lease() {
-    let Some(mut command) = python(CLIENT) else {
-        return;
-    };
+    let mut command = python();
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);
     let mut client = rig.enabled();
@@ -67,11 +62,10 @@ fn notebook_has_values_at_once_and_releases_the_lease() {
     wait_for(&mut client, |state| state.lease_client_id == 0);
 }
 
+#[needs("python: iceoryx2, numpy")]
 #[test]
 fn who_commands_from_python_is_known_by_name() {
-    let Some(mut command) = python(CLIENT) else {
-        return;
-    };
+    let mut command = python();
     let controller = Controller::enabled();
     command.args(["-c", include_str!("python/holder.py"), controller.domain.name()]);
     let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
@@ -90,30 +84,29 @@ fn who_commands_from_python_is_known_by_name() {
     assert_eq!(caller(), None, "gone with the client");
 }
 
+#[needs("python: iceoryx2, numpy")]
 #[test]
 fn domain_is_from_environment_and_refused_stream_raises() {
-    let Some(mut command) = python(CLIENT) else {
-        return;
-    };
+    let mut command = python();
     let controller = Controller::enabled();
     controller.robot().refuse = Some(i2ris::ipc::Refusal::Range);
     command.args(["-c", include_str!("python/environment.py")]);
     runs(command.env("I2RIS_DOMAIN", controller.domain.name()));
 }
 
+#[needs("python: iceoryx2, numpy")]
 #[test]
 fn a_controller_of_another_version_is_refused_plainly() {
     let controller = Controller::start();
     let ready = controller.domain.directory().join("ready");
     fs::write(ready, "000000000000b007 99 1\n").unwrap();
-    run_python(CLIENT, include_str!("python/foreign.py"), &[controller.domain.name()]);
+    run_python(include_str!("python/foreign.py"), &[controller.domain.name()]);
 }
 
+#[needs("python: iceoryx2, numpy")]
 #[test]
 fn models_are_swapped_from_python_while_the_snake_moves() {
-    let Some(mut command) = python(CLIENT) else {
-        return;
-    };
+    let mut command = python();
     let (rig, _client) = robot(|_| ());
     let second = rig.sample_model("second.json", "rig", 1.1);
     let broken = rig.folder.path().join("broken.json");
@@ -123,6 +116,7 @@ fn models_are_swapped_from_python_while_the_snake_moves() {
     assert!(out.contains("swapped and back"), "{out}");
 }
 
+#[needs("python: iceoryx2, numpy")]
 #[test]
 fn refusals_of_another_client_do_not_end_python_stream() {
     let mut rig = Rig::with_model();
@@ -138,21 +132,21 @@ fn refusals_of_another_client_do_not_end_python_stream() {
                 thread::sleep(Duration::from_millis(10));
             }
         });
-        run_python(CLIENT, include_str!("python/stray.py"), &[rig.domain().name()]);
+        run_python(include_str!("python/stray.py"), &[rig.domain().name()]);
     });
 }
 
+#[needs("python: numpy")]
 #[test]
 fn python_judges_command_effects_by_the_rust_table() {
-    run_python("numpy", include_str!("python/progress.py"), &[]);
+    run_python(include_str!("python/progress.py"), &[]);
 }
 
 /// Fits, networks, benchmark, environment, notebook, and files equal to those of the command line.
+#[needs("python: pytest, numpy, i2ris.model, i2ris_native")]
 #[test]
 fn the_wheel_does_what_the_command_line_does() {
-    let Some(mut pytest) = python("pytest, numpy, i2ris.model, i2ris_native") else {
-        return;
-    };
+    let mut pytest = python();
     // The source tree has no compiled part.
     pytest.env("PYTHONSAFEPATH", "1").env("I2RIS_CLI", env!("CARGO_BIN_EXE_i2ris"));
     println!("{}", runs(pytest.args(["-m", "pytest", "-q", "tests/test_model.py"])));

@@ -5,6 +5,7 @@ use std::fs;
 use std::process::{Command, Stdio};
 
 use i2ris::ipc::{Domain, Fault, OperatingState, Refusal};
+use i2ris_needs::needs;
 use i2ris_testing::cycle::balance_model;
 use i2ris_testing::{Controller, program};
 
@@ -177,13 +178,9 @@ fn shells_get_every_subcommand() {
 }
 
 /// The units, with the programs of this build instead of the installed ones.
+#[needs("program: systemd-analyze")]
 #[test]
 fn the_units_of_systemd_are_valid() {
-    let probe = Command::new("systemd-analyze").arg("--version").output();
-    if !probe.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: there is no systemd-analyze");
-        return;
-    }
     let bench = WorkFolder::new();
     let units = ["i2ris-control@.service", "i2ris-watchdog@.service"].map(|name| {
         let text = fs::read_to_string(repository("config/system").join(name)).unwrap();

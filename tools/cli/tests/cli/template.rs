@@ -4,6 +4,7 @@
 use std::os::unix::fs::chown;
 
 use i2ris::ipc::Domain;
+use i2ris_needs::needs;
 use i2ris_testing::{Program, wait_until};
 
 use crate::bench::{WorkFolder, assert_says, end, ends, repository, unused_domain};
@@ -100,11 +101,13 @@ fn plain() -> Option<u32> {
     nix::unistd::geteuid().is_root().then_some(PLAIN)
 }
 
+#[needs("root")]
 #[test]
 fn template_is_calibrated_by_root_with_a_port_per_drive() {
     first_day(None, "robot-rs232.toml", "rs232");
 }
 
+#[needs("root")]
 #[test]
 fn template_is_calibrated_by_root_with_three_nodes_per_port() {
     first_day(None, "robot.toml", "lab");

@@ -38,7 +38,7 @@ impl Served {
     }
 
     /// Opens one of its pages in a browser, if one is installed.
-    pub fn open(&self, page: &str, size: [u32; 2]) -> Option<Browser> {
+    pub fn open(&self, page: &str, size: [u32; 2]) -> Browser {
         chromium::open(&format!("http://{}/{page}", self.address), size)
     }
 

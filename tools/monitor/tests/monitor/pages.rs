@@ -5,6 +5,7 @@ use i2ris::ipc::{Fault, FixtureKind, OperatingState, Refusal};
 use i2ris::robot::{Cause, Clip, Measurement, Quantity, Reason};
 use serde_json::json;
 
+use i2ris_needs::needs;
 use i2ris_testing::{Background, Controller, Rig, stream_angles, swing_angles_until};
 use nix::sys::signal::Signal;
 
@@ -17,13 +18,12 @@ fn reason(cause: Cause, measurement: Measurement) -> Reason {
     Reason { cause, measurement: Some(measurement) }
 }
 
+#[needs("program: chromium or chromium-browser or google-chrome or google-chrome-stable")]
 #[test]
 fn both_pages_show_why_the_robot_does_not_follow() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
-    let pages = ["", "operator"].map(|page| served.open(page, [1280, 800]));
-    let [Some(page), Some(operator)] = pages else { return };
-    let mut pages = [page, operator];
+    let mut pages = ["", "operator"].map(|page| served.open(page, [1280, 800]));
     for page in &mut pages {
         let present = format!("{WHY}?.startsWith('refusal 7: no model is loaded; action: ')");
         page.wait("the present reason", &present);
@@ -67,6 +67,7 @@ fn both_pages_show_why_the_robot_does_not_follow() {
     operator.wait("the state", "document.getElementById('badge').textContent === 'FAULT'");
 }
 
+#[needs("program: chromium or chromium-browser or google-chrome or google-chrome-stable")]
 #[test]
 fn sound_at_limits_is_optional_and_faster_when_closer() {
     let controller = Controller::enabled();
@@ -76,7 +77,7 @@ fn sound_at_limits_is_optional_and_faster_when_closer() {
     fixtures.name[0] = padded_text("lens");
     controller.robot().fixtures = Some(fixtures);
     let served = Served::start(&controller.domain);
-    let Some(mut page) = served.open("operator", [1280, 800]) else { return };
+    let mut page = served.open("operator", [1280, 800]);
     page.wait(
         "the fixture",
         "typeof live === 'object' && live?.fixtures.length === 1 && live.estimate?.deg != null",
@@ -104,6 +105,7 @@ fn sound_at_limits_is_optional_and_faster_when_closer() {
     assert!(page.complaints().is_empty(), "{:?}", page.complaints());
 }
 
+#[needs("program: chromium or chromium-browser or google-chrome or google-chrome-stable")]
 #[test]
 fn browser_shows_live_numbers_and_marks_stale_ones() {
     let mut robot = Rig::with_model();
@@ -111,7 +113,7 @@ fn browser_shows_live_numbers_and_marks_stale_ones() {
     let commander = Background::start(move |stop| stream_angles(&client, swing_angles_until(stop)));
     let mut served = Served::start(&robot.domain());
     let url = format!("http://{}/", served.address);
-    let Some(mut page) = served.open("", [1920, 1080]) else { return };
+    let mut page = served.open("", [1920, 1080]);
     page.wait("the state", "document.getElementById('badge')?.textContent === 'ENABLED'");
     page.wait("motion", &format!("window.first ??= {PITCH}, window.first !== {PITCH}"));
     page.wait(

@@ -7,15 +7,15 @@ use i2ris::clock;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{TrialMsg, padded_text};
 use i2ris::units::Nanos;
+use i2ris_needs::needs;
 use i2ris_testing::{Background, Controller, Program, TIMEOUT};
 
 use crate::http::Served;
 use crate::pages::WHY;
 
-#[test]
-fn both_pages_show_trial_newest_mark_and_failed_recording() {
+/// Runs a test while a trial is recorded, whose flags are the test's.
+fn while_recorded(test: impl FnOnce(&Controller, &AtomicU32)) {
     let controller = Controller::enabled();
-    let served = Served::start(&controller.domain);
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let mut recorder = client.announcer::<TrialMsg>();
     let flags = Arc::new(AtomicU32::new(0));
@@ -36,12 +36,28 @@ fn both_pages_show_trial_newest_mark_and_failed_recording() {
             clock::sleep(Nanos::from_millis(100));
         }
     });
-    let (success, once, error) = Program::run(&controller.domain, &["status"]);
-    let line = "study      trial P07-joystick-02 for ";
-    assert!(success && once.contains(line) && once.contains(", mark 2: contact"), "{once}{error}");
-    let pages = ["", "operator"].map(|page| served.open(page, [1280, 800]));
-    let [Some(page), Some(operator)] = pages else { return };
-    let mut pages = [page, operator];
+    test(&controller, &flags);
+    drop(publishing);
+}
+
+#[test]
+fn status_shows_the_trial_and_its_newest_mark() {
+    while_recorded(|controller, _| {
+        let (success, once, error) = Program::run(&controller.domain, &["status"]);
+        assert!(success && once.contains("study      trial P07-joystick-02 for "), "{once}{error}");
+        assert!(once.contains(", mark 2: contact"), "{once}");
+    });
+}
+
+#[needs("program: chromium or chromium-browser or google-chrome or google-chrome-stable")]
+#[test]
+fn both_pages_show_trial_newest_mark_and_failed_recording() {
+    while_recorded(both_pages_show_the_trial);
+}
+
+fn both_pages_show_the_trial(controller: &Controller, flags: &AtomicU32) {
+    let served = Served::start(&controller.domain);
+    let mut pages = ["", "operator"].map(|page| served.open(page, [1280, 800]));
     let shown = "document.getElementById('flags')?.innerText";
     for page in &mut pages {
         page.wait("the trial", &format!("{shown}.includes('trial P07-joystick-02, ')"));
@@ -52,5 +68,4 @@ fn both_pages_show_trial_newest_mark_and_failed_recording() {
         page.wait("a recording that failed", &format!("{shown}.includes('NOT RECORDED')"));
         page.wait("what to do", &format!("{WHY}.includes('free disk space')"));
     }
-    drop(publishing);
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use i2ris::ipc::payload::{OperatingStateMsg, ServoJp};
 use i2ris::ipc::{OperatingState, StreamMessage};
 use i2ris::units::Nanos;
+use i2ris_needs::needs;
 use i2ris_record::messages::standard::snake;
 use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
 use i2ris_testing::run_python;
@@ -59,18 +60,20 @@ fn recording() -> (TempDir, PathBuf) {
 }
 
 /// Checks of both readers, with the messages by topic in `seen`.
-fn sees_a_robot(modules: &str, script: &str) {
+fn sees_a_robot(script: &str) {
     let (_folder, file) = recording();
     let script = [script, include_str!("python/crtk_checks.py")].concat();
-    run_python(modules, &script, &[file.to_str().unwrap()]);
+    run_python(&script, &[file.to_str().unwrap()]);
 }
 
+#[needs("python: mcap, mcap_ros2")]
 #[test]
 fn the_python_package_of_mcap_sees_a_robot_of_crtk() {
-    sees_a_robot("mcap, mcap_ros2", include_str!("python/crtk_mcap.py"));
+    sees_a_robot(include_str!("python/crtk_mcap.py"));
 }
 
+#[needs("python: rosbags")]
 #[test]
 fn rosbags_sees_a_robot_of_crtk() {
-    sees_a_robot("rosbags", include_str!("python/crtk_rosbags.py"));
+    sees_a_robot(include_str!("python/crtk_rosbags.py"));
 }

@@ -9,12 +9,13 @@ use i2ris::clock;
 use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, TeleopMsg};
 use i2ris::units::Nanos;
+use i2ris_needs::needs;
 use i2ris_record::messages::standard::snake;
 use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
 use i2ris_record::trial::Study;
 use i2ris_record::trial::journal::{Journal, Outcome};
 use i2ris_report::snake::Bend;
-use i2ris_testing::{Controller, run_python_of};
+use i2ris_testing::{Controller, run_python, run_python_of};
 
 use crate::{header, joints};
 
@@ -136,31 +137,24 @@ const ROWS: &str = include_str!("python/rows.py");
 /// Reads a data set with LeRobot and checks its content.
 const LOAD: &str = include_str!("python/load.py");
 
-/// Variables that name a Python with LeRobot: 0.3 writes v2.1, 0.4 and newer v3.0.
-const PYTHONS: [&str; 2] = ["I2RIS_LEROBOT21_PYTHON", "I2RIS_LEROBOT3_PYTHON"];
-
 const BUILD: &str = "import sys\nfrom i2ris.lerobot import main\nsys.exit(main(sys.argv[1:]))";
 
-/// Tables become rows in any Python, and a data set that LeRobot reads where there is one.
-fn becomes_a_data_set(kind: &str) {
+/// Tables become rows in any Python, or a data set that a LeRobot reads.
+fn becomes_a_data_set(kind: &str, lerobot: Option<&str>) {
     let folder = tempfile::tempdir().unwrap();
     let study = study(folder.path(), &OUTCOMES, kind == "pictures");
     let tables = folder.path().join("tables");
     let [study, tables] = [&study, &tables].map(|path| path.to_str().unwrap());
     let printed = exports(&[study, "--output", tables, "--pictures"]);
     assert!(printed.contains("P07-with-03: aborted"), "{printed}");
-    run_python_of("I2RIS_PYTHON", "csv", ROWS, &[tables, kind]);
-    for python in PYTHONS {
-        let set = folder.path().join(python);
-        let set = set.to_str().unwrap();
-        let build = [tables, "--output", set, "--rate-hz", "25", "--images"];
-        run_python_of(python, "lerobot.datasets.lerobot_dataset", BUILD, &build);
-        if Path::new(set).exists() {
-            run_python_of(python, "lerobot.datasets.lerobot_dataset", LOAD, &[set, kind]);
-        }
-    }
+    let Some(python) = lerobot else { return run_python(ROWS, &[tables, kind]) };
+    let set = folder.path().join("set");
+    let set = set.to_str().unwrap();
+    run_python_of(python, BUILD, &[tables, "--output", set, "--rate-hz", "25", "--images"]);
+    run_python_of(python, LOAD, &[set, kind]);
 }
 
+#[needs("python: csv")]
 #[test]
 fn data_set_has_the_tip_of_the_snake() {
     let script = "import sys\n\
@@ -171,10 +165,11 @@ fn data_set_has_the_tip_of_the_snake() {
         let [x, y, _] = snake().tip_pose(Bend { pitch, yaw }).position_m;
         let arguments = [pitch, yaw, x, y].map(|number| format!("{number:e}"));
         let arguments = arguments.each_ref().map(String::as_str);
-        run_python_of("I2RIS_PYTHON", "csv", script, &arguments);
+        run_python(script, &arguments);
     }
 }
 
+#[needs("python: csv")]
 #[test]
 fn missing_lerobot_is_reported_and_leaves_no_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -190,17 +185,33 @@ fn missing_lerobot_is_reported_and_leaves_no_files() {
             assert main([sys.argv[1], '--output', sys.argv[2]]) == 1\n\
         assert 'pip install lerobot' in printed.getvalue(), printed.getvalue()\n\
         assert printed.getvalue().count('\\n') == 1 and not os.path.exists(sys.argv[2])";
-    run_python_of("I2RIS_PYTHON", "csv", script, &[tables, set]);
+    run_python(script, &[tables, set]);
 }
 
+#[needs("python: csv")]
 #[test]
-fn a_study_with_pictures_becomes_a_data_set_of_lerobot() {
-    becomes_a_data_set("pictures");
+fn a_study_becomes_rows_with_and_without_pictures() {
+    for kind in ["pictures", "none"] {
+        becomes_a_data_set(kind, None);
+    }
 }
 
+/// LeRobot 0.3 writes v2.1.
+#[needs("I2RIS_LEROBOT21_PYTHON: lerobot.datasets.lerobot_dataset")]
 #[test]
-fn a_study_without_pictures_becomes_a_data_set_of_lerobot() {
-    becomes_a_data_set("none");
+fn a_study_becomes_a_data_set_of_lerobot_2_1() {
+    for kind in ["pictures", "none"] {
+        becomes_a_data_set(kind, Some("I2RIS_LEROBOT21_PYTHON"));
+    }
+}
+
+/// LeRobot 0.4 and newer.
+#[needs("I2RIS_LEROBOT3_PYTHON: lerobot.datasets.lerobot_dataset")]
+#[test]
+fn a_study_becomes_a_data_set_of_lerobot_3() {
+    for kind in ["pictures", "none"] {
+        becomes_a_data_set(kind, Some("I2RIS_LEROBOT3_PYTHON"));
+    }
 }
 
 #[test]
@@ -238,6 +249,7 @@ fn export_is_complete_or_absent_and_replaces_nothing_else() {
 /// Messages of `python -m i2ris.lerobot` for an export that is not a data set.
 const REFUSED: &str = include_str!("python/refused.py");
 
+#[needs("python: csv")]
 #[test]
 fn inconsistent_recordings_are_split_or_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -264,10 +276,11 @@ fn inconsistent_recordings_are_split_or_refused() {
         (&[&empty], "no recording has estimate, goal and counts", "with"),
     ] {
         exports(&[recordings, &["--output", &tables, "--overwrite", "--pictures"]].concat());
-        run_python_of("I2RIS_PYTHON", "csv", REFUSED, &[&tables, words, pictures]);
+        run_python(REFUSED, &[&tables, words, pictures]);
     }
 }
 
+#[needs("I2RIS_LEROBOT3_PYTHON: pandas")]
 #[test]
 fn tables_of_trials_have_folders_and_pandas_reads_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -279,14 +292,14 @@ fn tables_of_trials_have_folders_and_pandas_reads_them() {
     let script = "import sys, pandas\n\
         table = pandas.read_csv(sys.argv[1] + '/P07-with-01/measured_js.csv')\n\
         assert len(table) == 1001 and table['pitch_deg'].max() > 11, table.describe()";
-    run_python_of("I2RIS_LEROBOT3_PYTHON", "pandas", script, &[paths[1]]);
+    run_python_of("I2RIS_LEROBOT3_PYTHON", script, &[paths[1]]);
 }
 
 /// The plugins as LeRobot makes them, against a controller that follows at once.
+#[needs("I2RIS_LEROBOT3_PYTHON: lerobot.robots, iceoryx2")]
 #[test]
 fn the_plugins_of_lerobot_watch_and_command_a_controller() {
     let controller = Controller::enabled();
     let script = include_str!("python/plugins.py");
-    let modules = "lerobot.robots, iceoryx2";
-    run_python_of("I2RIS_LEROBOT3_PYTHON", modules, script, &[controller.domain.name()]);
+    run_python_of("I2RIS_LEROBOT3_PYTHON", script, &[controller.domain.name()]);
 }

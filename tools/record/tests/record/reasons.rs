@@ -6,6 +6,7 @@ use std::path::Path;
 
 use i2ris::ipc::{Fault, OperatingState};
 use i2ris::robot::{Cause, Measurement, Quantity, Reason};
+use i2ris_needs::needs;
 use i2ris_testing::{Controller, Program, program, python, wait_until};
 
 /// Messages that `error` and `warning` keep for later subscribers.
@@ -154,21 +155,19 @@ fn python_has_the_versions_of_the_controller() {
 
 const SCRIPT: &str = include_str!("python/reasons.py");
 
+#[needs("python: iceoryx2, numpy")]
 #[test]
 fn every_cause_reads_the_same_in_an_exception_of_python() {
     let all = reasons();
     let (faults, others): (Vec<&Reason>, Vec<&Reason>) =
         all.iter().partition(|reason| reason.cause.is_error());
     for batch in others.chunks(KEPT).chain([faults.as_slice()]) {
-        let Some(mut python) = python("iceoryx2, numpy") else {
-            return;
-        };
         let controller = Controller::enabled();
         for reason in batch {
             controller.robot().reasons.push((**reason, 7));
         }
         let arguments = [controller.domain.name(), &batch.len().to_string()];
-        let output = python.args(["-c", SCRIPT]).args(arguments).output().unwrap();
+        let output = python().args(["-c", SCRIPT]).args(arguments).output().unwrap();
         let printed = String::from_utf8_lossy(&output.stdout);
         let error = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{printed}{error}");

@@ -7,7 +7,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use i2ris_testing::{program, python_program, wait_until};
+use i2ris_needs::needs;
+use i2ris_testing::{program, python, wait_until};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
@@ -78,21 +79,12 @@ impl Session {
         }
     }
 
-    /// Runs a program in the Python of the tests if that can import what the program imports.
+    /// Runs a program in the Python of the tests.
     fn python(&self, text: &str) {
-        let is_import = |line: &&str| line.starts_with("import ") || line.starts_with("from ");
-        let package = root().join("tools/python");
-        let run = |text: &str| {
-            let mut command = Command::new(python_program());
-            command.args(["-c", text]).current_dir(self.folder.path()).env("PYTHONPATH", &package);
-            command.env("I2RIS_DOMAIN", &self.domain).env("PYTHONDONTWRITEBYTECODE", "1");
-            command.output().unwrap()
-        };
-        let imports: Vec<&str> = text.lines().filter(is_import).collect();
-        if !run(&imports.join("\n")).status.success() {
-            return eprintln!("skipped: this Python cannot: {}", imports.join("; "));
-        }
-        let output = run(text);
+        let mut command = python();
+        command.args(["-c", text]).current_dir(self.folder.path());
+        command.env("PYTHONPATH", root().join("tools/python")).env("I2RIS_DOMAIN", &self.domain);
+        let output = command.output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{text}\n{said}\n{}", self.logs());
     }
@@ -157,7 +149,7 @@ fn the_commands_of_the_configuration_run_as_printed() {
     run_chapter("bring-up.md");
 }
 
-/// Without a Python for the client only its commands run.
+#[needs("python: iceoryx2, numpy")]
 #[test]
 fn the_chapter_on_python_runs_as_printed() {
     run_chapter("python.md");

@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use i2ris_needs::needs;
 use i2ris_testing::python;
 
 use super::markdown::{Document, root};
@@ -73,9 +74,10 @@ fn every_listing_is_its_file() {
     assert_eq!(listings, 1);
 }
 
+#[needs("python: mypy, numpy, iceoryx2")]
 #[test]
 fn python_of_package_examples_and_manual_has_strict_types() {
-    let Some(mut python) = python("mypy, numpy, iceoryx2") else { return };
+    let mut python = python();
     let folder = tempfile::tempdir().unwrap();
     let mut listings = Vec::new();
     for document in Document::all() {

@@ -1,10 +1,10 @@
-//! The Python package, where there is a Python with what it needs: `I2RIS_PYTHON` names one,
-//! otherwise `python3`. `pip install 'tools/python[markers,publish,test]'` makes one.
+//! The Python package, in the Python that `I2RIS_PYTHON` names, otherwise `python3`. `pip install 'tools/python[markers,publish,test]'` makes one.
 
 use std::process::Output;
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
+use i2ris_needs::needs;
 use i2ris_testing::{python, serve, unique_domain, wait_until};
 
 fn assert_success(output: &Output) {
@@ -13,26 +13,22 @@ fn assert_success(output: &Output) {
     assert!(output.status.success(), "{out}{err}");
 }
 
+#[needs("python: cv2, numpy, pytest")]
 #[test]
 fn the_tests_of_the_python_package_pass() {
-    let Some(mut python) = python("cv2, numpy, pytest") else {
-        return;
-    };
     assert_success(
-        &python.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).output().unwrap(),
+        &python().args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).output().unwrap(),
     );
 }
 
+#[needs("python: iceoryx2")]
 #[test]
 fn what_python_publishes_reaches_the_controller() {
-    let Some(mut python) = python("iceoryx2") else {
-        return;
-    };
     let domain = unique_domain();
     let mut server = serve(&domain);
     let script = include_str!("python/publish.py");
     let before = clock::now().0;
-    let child = python
+    let child = python()
         .args(["-c", script, domain.name()])
         .stdout(std::process::Stdio::piped())
         .spawn()
