@@ -78,8 +78,8 @@ pub enum DriveError {
     },
     /// An invalid reply: device, bits per second, received bytes.
     #[error(
-        "{0} at {1} baud: {2}; check `device`, `baud` and `family`; nothing else may be \
-         on the line"
+        "{0} at {1} baud: {2}; {advice}",
+        advice = late_or(.2, "check `device`, `baud` and `family`; nothing else may be on the line")
     )]
     InvalidReply(PathBuf, u32, UnexpectedReply),
     /// The drive does not know the commands of its configured family: device, configured family,
@@ -125,7 +125,7 @@ pub enum LinkError {
     #[error("not answered{}", suffix(.0))]
     Unanswered(UnexpectedReply),
     /// The line does not answer at all.
-    #[error("{0}; check power and cable")]
+    #[error("{0}; {advice}", advice = late_or(.0, "check power and cable"))]
     Lost(UnexpectedReply),
     /// The operating system reports the port as broken.
     #[error("the port is broken ({0}); check the cable")]
@@ -133,6 +133,15 @@ pub enum LinkError {
     /// The control loop or this thread was silent, and the line is the watchdog's.
     #[error("the line is the watchdog's")]
     NotOurTurn,
+}
+
+/// What helps: replies that come late are of the right drive, over a sound cable.
+fn late_or(unexpected: &UnexpectedReply, otherwise: &'static str) -> &'static str {
+    if unexpected.is_late() {
+        "reduce the load on this computer, or raise `reply_timeout_ms`"
+    } else {
+        otherwise
+    }
 }
 
 /// Text of the received bytes, to follow another clause.

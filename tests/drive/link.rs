@@ -156,6 +156,17 @@ fn a_late_reply_is_never_accepted_for_the_next_request() {
 }
 
 #[test]
+fn late_replies_are_named_and_no_wrong_device_is_suspected() {
+    for late_ms in [21, 22, 25, 30, 40, 60] {
+        let mut test = LinkTest::disturbed([delay(late_ms)]);
+        let error = test.write_target(5).unwrap_err();
+        let LinkError::Unanswered(reply) = error else { panic!("{error}") };
+        assert!(reply.is_late(), "late by {late_ms} ms: {error}");
+        assert_eq!(error.to_string(), "not answered: replies came too late: 1");
+    }
+}
+
+#[test]
 fn a_late_reply_that_equals_the_known_constant_is_detected() {
     for late_ms in 15..60 {
         let mut test = LinkTest::disturbed([delay(late_ms)]);

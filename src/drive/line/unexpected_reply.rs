@@ -13,6 +13,8 @@ pub struct UnexpectedReply {
     family: &'static str,
     bytes: u32,
     frames: u32,
+    /// Frames that came after the wait for them had ended.
+    late: u32,
     /// The beginning of the last frame, or the last bytes if there was none.
     last: [u8; KEPT],
     kept: u8,
@@ -49,13 +51,24 @@ impl UnexpectedReply {
         }
     }
 
-    /// Records a whole frame that is not a reply to the request.
-    pub(in crate::drive) fn note_frame(&mut self, frame: &SerialFrame<'_>) {
+    /// Records a whole frame that is not a reply to the request, or one that `is_late`: while the
+    /// line is out of sync it may be the reply to an earlier request.
+    pub(in crate::drive) fn note_frame(&mut self, frame: &SerialFrame<'_>, is_late: bool) {
+        if is_late {
+            self.late = self.late.saturating_add(1);
+            return;
+        }
         self.frames = self.frames.saturating_add(1);
         self.kept = 0;
         // The opcode of every reply is 0 and says nothing.
         let opcode = (frame.opcode != 0).then_some(frame.opcode);
         opcode.iter().chain(frame.data).take(KEPT).for_each(|&byte| self.keep(byte));
+    }
+
+    /// Whether replies came, but after the wait for them.
+    #[must_use]
+    pub fn is_late(&self) -> bool {
+        self.frames == 0 && self.late > 0
     }
 
     fn keep(&mut self, byte: u8) {
@@ -68,9 +81,10 @@ impl UnexpectedReply {
 
 impl fmt::Display for UnexpectedReply {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { family, bytes, frames, .. } = self;
+        let Self { family, bytes, frames, late, .. } = self;
         match (bytes, frames) {
             (0, 0) => return f.write_str("the line is silent"),
+            (_, 0) if *late > 0 => return write!(f, "replies came too late: {late}"),
             (1, 0) => f.write_str("received 1 byte, not a drive frame:")?,
             (_, 0) => write!(f, "received {bytes} bytes, not a drive frame:")?,
             (_, 1) => write!(f, "received a frame, but not a reply of {family}:")?,
@@ -94,15 +108,19 @@ mod tests {
     fn received_bytes_are_described_in_one_clause() {
         let mut unexpected = UnexpectedReply::none_from("EPOS2");
         assert_eq!(unexpected.to_string(), "the line is silent");
+        let mut late = unexpected;
+        late.note_bytes(&[0; 14]);
+        late.note_frame(&SerialFrame { opcode: 0, data: &[6, 0] }, true);
+        assert!(late.is_late() && late.to_string() == "replies came too late: 1", "{late}");
         unexpected.note_bytes(b"roll=0.1 pitch=-3.4\r\n");
         assert_eq!(
             unexpected.to_string(),
             "received 21 bytes, not a drive frame: 70 69 74 63 68 3D 2D 33 2E \
              34 0D 0A (text: \"pitch=-3.4\")"
         );
-        unexpected.note_frame(&SerialFrame { opcode: 0, data: &[6, 0] });
+        unexpected.note_frame(&SerialFrame { opcode: 0, data: &[6, 0] }, false);
         assert_eq!(unexpected.to_string(), "received a frame, but not a reply of EPOS2: 06 00");
-        unexpected.note_frame(&SerialFrame { opcode: 0x60, data: &[1; 300] });
+        unexpected.note_frame(&SerialFrame { opcode: 0x60, data: &[1; 300] }, false);
         unexpected.note_bytes(&[7; 300]);
         let echo =
             "2 frames, but not a reply of EPOS2, the last: 60 01 01 01 01 01 01 01 01 01 01 01";

@@ -9,6 +9,7 @@ use crate::drive::family_selection::{family_of_axis, family_of_port};
 use crate::drive::link::DriveLink;
 use crate::drive::object::{self, Address, Value};
 use crate::drive::serial_transport::SerialTransport;
+use crate::drive::survey::unhurried;
 use crate::drive::transport::Transport;
 use crate::drive::variant::{DriveModel, SettingError, SettingRefusal};
 use crate::units::Nanos;
@@ -55,7 +56,7 @@ pub struct PortInspection {
 ///
 /// When the port cannot be opened, or nothing answers.
 pub fn inspect(config: &PortConfig) -> Result<PortInspection, DriveError> {
-    inspect_transport(SerialTransport::open(config)?, config)
+    inspect_transport(SerialTransport::open(config)?, &unhurried(config))
 }
 
 /// Inspects the drives over an open line, see [`inspect`].

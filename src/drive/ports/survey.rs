@@ -23,6 +23,9 @@ const FORGETS: Nanos = Nanos::from_millis(500);
 /// Last node that is tried, starting at 1.
 const LAST_NODE: u8 = 8;
 
+/// Time that a reply may take where no loop waits for it: a loaded computer delays replies.
+const UNHURRIED: Nanos = Nanos::from_millis(200);
+
 /// A drive that answers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FoundNode {
@@ -36,11 +39,21 @@ pub struct FoundNode {
     pub serial_number: u32,
 }
 
+/// The port for a question that no loop waits for.
+pub(in crate::drive) fn unhurried(config: &PortConfig) -> PortConfig {
+    patient(config, UNHURRIED)
+}
+
+fn patient(config: &PortConfig, timeout: Nanos) -> PortConfig {
+    let reply_timeout_ms = config.reply_timeout_ms.max(timeout.0 / 1_000_000);
+    PortConfig { reply_timeout_ms, ..config.clone() }
+}
+
 /// Another rate at which a drive of any family answers on a port. Takes some seconds.
 #[must_use]
 pub fn answering_rate(config: &PortConfig) -> Option<u32> {
     RATES.into_iter().filter(|rate| *rate != config.baud).find(|&baud| {
-        let config = PortConfig { baud, ..config.clone() };
+        let config = PortConfig { baud, ..unhurried(config) };
         let Ok(mut line) = SerialTransport::open(&config) else {
             return false;
         };
@@ -56,9 +69,7 @@ pub fn answering_rate(config: &PortConfig) -> Option<u32> {
 ///
 /// When the port cannot be opened, or its drive does not answer.
 pub fn nodes(config: &PortConfig) -> Result<Vec<FoundNode>, DriveError> {
-    let gateway_ms = GATEWAY_TIMEOUT.0 / 1_000_000;
-    let patient =
-        PortConfig { reply_timeout_ms: config.reply_timeout_ms.max(gateway_ms), ..config.clone() };
+    let patient = patient(config, GATEWAY_TIMEOUT);
     let Some(first) = config.axes.first() else {
         return Ok(Vec::new());
     };

@@ -13,6 +13,7 @@ use std::io;
 use super::{DriveLink, GATEWAY_TIMEOUT, LOCAL_NODE, SyncState, TransferError};
 use crate::drive::error::LinkError;
 use crate::drive::object::{self, Object};
+use crate::drive::serial_frame_parser::ParserEvent;
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
@@ -171,6 +172,12 @@ impl<T: Transport> DriveLink<T> {
     /// were any.
     fn discard(&mut self, deadline: Nanos) -> io::Result<bool> {
         let mut discarded = [0; CHUNK];
-        Ok(self.receive(&mut discarded, deadline)? > 0)
+        let count = self.receive(&mut discarded, deadline)?;
+        for &byte in discarded.iter().take(count) {
+            if let ParserEvent::Frame(frame) = self.parser.push(byte) {
+                self.unexpected.note_frame(&frame, true);
+            }
+        }
+        Ok(count > 0)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use super::{Decode, DriveLink, TimedReply, TransferError};
+use super::{Decode, DriveLink, SyncState, TimedReply, TransferError};
 use crate::drive::capture::Outcome;
 use crate::drive::command_set::DriveRequest;
 use crate::drive::serial_frame::MAX_ENCODED;
@@ -103,7 +103,7 @@ impl<T: Transport> DriveLink<T> {
         decode: Decode<'_, R>,
     ) -> Result<R, TransferError> {
         let mut chunk = [0; CHUNK];
-        let mut received = 0;
+        let (mut received, is_late) = (0, self.sync != SyncState::InSync);
         // Bytes that have arrived are read even after the deadline: this thread may be late, not
         // the drive. So a line that is never silent is detected by the number of bytes.
         while received <= 2 * MAX_ENCODED {
@@ -124,12 +124,13 @@ impl<T: Transport> DriveLink<T> {
                     }
                     // If more bytes follow, either may be the reply.
                     ParserEvent::Frame(frame) if index + 1 < count => {
-                        self.unexpected.note_frame(&frame);
+                        self.unexpected.note_frame(&frame, is_late);
                         return Err(TransferError::Disturbed);
                     }
                     ParserEvent::Frame(frame) => {
                         let value = decode(frame);
-                        return Ok(value.inspect_err(|_| self.unexpected.note_frame(&frame))?);
+                        let note = |_: &_| self.unexpected.note_frame(&frame, is_late);
+                        return Ok(value.inspect_err(note)?);
                     }
                 }
             }

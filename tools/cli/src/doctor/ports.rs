@@ -58,8 +58,7 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
             report.warn(name, error.to_string(), "end the controller to check its drives")
         }
         Err(error) => {
-            let is_garbled =
-                matches!(&error, DriveError::InvalidReply(.., reply) if !reply.is_frame());
+            let is_garbled = matches!(&error, DriveError::InvalidReply(.., it) if !it.is_frame() && !it.is_late());
             let is_silent = matches!(error, DriveError::NoAnswer { .. });
             match (is_garbled || is_silent).then(|| answering_rate(port)).flatten() {
                 Some(baud) => say_other(port, baud, report),
