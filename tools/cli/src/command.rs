@@ -1,6 +1,7 @@
 //! `i2ris command`: moves the robot and changes its state.
 
 mod fixture;
+mod held_up;
 mod motor;
 pub mod prepare;
 pub mod progress;

@@ -47,6 +47,11 @@ impl Progress {
             Some(state) => self.monitor.check(&state, now)?,
             None => None,
         };
+        if let Some(load) = self.monitor.take_load()
+            && !self.say(&load)?
+        {
+            return Ok(false);
+        }
         if let Some(refusal) = refusal {
             return self.say(&format!("refused: {refusal}"));
         }

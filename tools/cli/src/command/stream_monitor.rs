@@ -7,6 +7,8 @@ use i2ris::units::Nanos;
 
 use i2ris_simulation::motion::trajectory_time::MAX_STEP_S;
 
+use super::held_up::{self, HeldUp};
+
 /// Time without an accepted command, and age of the state, at which the program gives up.
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
@@ -94,6 +96,9 @@ pub struct StreamMonitor {
     /// The stream has restarted, and no command has been followed since.
     waits: bool,
     reported: Option<(Refusal, Nanos)>,
+    held_up: HeldUp,
+    /// What holds the stream up, until it is taken.
+    load: Option<String>,
 }
 
 impl StreamMonitor {
@@ -110,6 +115,8 @@ impl StreamMonitor {
             restarts_left: 0,
             waits: false,
             reported: None,
+            held_up: HeldUp::new(state, now),
+            load: None,
         }
     }
 
@@ -135,6 +142,11 @@ impl StreamMonitor {
         !self.waits
     }
 
+    /// Takes the note of a stream that the computer's load has held up often.
+    pub fn take_load(&mut self) -> Option<String> {
+        self.load.take()
+    }
+
     /// Checks the newest state. Returns a refusal to report.
     pub fn check(
         &mut self,
@@ -146,6 +158,9 @@ impl StreamMonitor {
         }
         if state.age(now) > TIMEOUT {
             return Err(StopReason::Silent);
+        }
+        if let Some(longest) = self.held_up.check(state, now) {
+            self.load = Some(held_up::note(longest, state));
         }
         enabled(state).map_err(|stop| match stop {
             StopReason::NotEnabled(state) => StopReason::LeftEnabled(state),

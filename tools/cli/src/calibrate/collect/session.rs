@@ -255,6 +255,9 @@ impl Session<'_> {
             if let Some(state) = self.client.operating_state()? {
                 watch.check(&state, clock::now())?;
             }
+            if let Some(load) = watch.take_load() {
+                self.bar.suspend(|| eprintln!("note: {load}"));
+            }
             if watch.has_lost_setpoint() {
                 let state = restart_stream(self.client)?;
                 playback.rejoin(self.current_setpoints()?, speed_counts_s);
