@@ -29,6 +29,7 @@ use trial::{AgeingRun, SNAKES};
 
 /// Not the linear one: without memory a different method learns, which the other tests cover.
 #[test]
+#[ignore = "a minute of fits: for .ci/nightly"]
 fn the_fitted_family_flies_too() {
     i2ris_testing::cycle::with_family("force-balance-fitted", &["adaptation::hazards::"]);
 }

@@ -43,6 +43,7 @@ fn recording(path: &[[f64; 2]], mut unseen: impl FnMut(usize) -> f64, noise_mm: 
 /// Sines of one motor and of both, in and out of phase, all of one size, while a third motor pushes
 /// in some of them; then a smaller and faster motion without it.
 #[test]
+#[ignore = "a minute of fits: for .ci/nightly"]
 fn an_unrecorded_input_does_not_hide_memory() {
     let trials: [([f64; 2], f64); 13] = [
         ([1.0, 0.0], 0.0),

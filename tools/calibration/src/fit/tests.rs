@@ -334,6 +334,7 @@ fn with_gaps_and_spikes(rows: usize) -> Recording {
 }
 
 #[test]
+#[ignore = "a minute of fits: for .ci/nightly"]
 fn estimate_deviation_holds_on_later_motion_despite_spikes() {
     let model = fitted(&with_gaps_and_spikes(1000), &of_family(Family::ForceBalance)).model;
     let FamilyParameters::ForceBalance { read_out, .. } = &model.file().family else {
@@ -423,6 +424,7 @@ fn sheath(gap: f64) -> Recording {
 
 /// In the second, most of the motion of an examination lies in the gap.
 #[test]
+#[ignore = "a minute of fits: for .ci/nightly"]
 fn a_gap_wider_than_most_of_the_path_is_usable() {
     for gap in [2400.0, 4200.0] {
         let outcome = fitted(&sheath(gap), &FitOptions { choice: Choice::Best, ..options() });

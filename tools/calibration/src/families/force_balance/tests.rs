@@ -85,6 +85,7 @@ fn a_snake_of_this_kind_is_explained_to_its_noise() {
 
 /// A pinion that is not round, over four turns of the motor.
 #[test]
+#[ignore = "a minute of fits: for .ci/nightly"]
 fn a_transmission_error_is_found_where_there_is_one() {
     let layout = Layout::new(vec![(0.0, REACH / 2250.0)], true);
     let mut truth = layout.decode(&layout.start(20.0, 8.0, 20.0));
@@ -111,6 +112,7 @@ fn a_transmission_error_is_found_where_there_is_one() {
 
 /// Elements of 0.5 and 5 s alone, all three, and none.
 #[test]
+#[ignore = "a minute of fits: for .ci/nightly"]
 fn creep_is_found_where_there_is_some() {
     for truth in [[0.08, 0.1, 0.0], [0.08, 0.1, 0.12], [0.0; CREEPING]] {
         let FamilyParameters::ForceBalance { balance, .. } =
