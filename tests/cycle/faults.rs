@@ -177,6 +177,21 @@ fn a_fault_stays_until_it_is_acknowledged() {
 }
 
 #[test]
+fn an_acknowledge_older_than_the_fault_does_not_end_it() {
+    let mut bench = Bench::enabled();
+    bench.drives.iter_mut().for_each(|drive| drive.fail(0x8611));
+    // It is read in the very tick that enters FAULT, or later.
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::InFault);
+    bench.run(10);
+    bench.request_age = Nanos::from_millis(11);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::InFault);
+    assert_eq!(fault(&bench), Some(Fault::Drive));
+    bench.request_age = Nanos::from_millis(10);
+    bench.carry_out(StateCommand::Acknowledge);
+    assert_eq!(bench.state(), OperatingState::Disabled);
+}
+
+#[test]
 fn drive_restart_during_reset_leaves_fault_acknowledgeable() {
     let mut bench = Bench::enabled();
     bench.drives[0].feedback.phase = AxisPhase::Faulted;

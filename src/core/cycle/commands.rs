@@ -66,6 +66,9 @@ impl ControlCycle {
         if !request.command.only_stops() {
             request.validity.require_young(summary.now)?;
         }
+        if request.command == StateCommand::Acknowledge {
+            self.machine.require_seen(request.validity.stamp)?;
+        }
         self.shutdown.require_allowed(request.command)?;
         let (client_id, state) = (request.client_id, self.machine.state());
         let effect = command_effect(request.command, state, summary)?;

@@ -52,10 +52,11 @@
 //! 3. DrivesNotReady as for `enable`. The drive does the homing itself: a counter is raised, and
 //!    the drive answers with it. Fixture if a drive would search for a hard stop while fixtures
 //!    count.
-//! 4. CausePersists unless every drive reports a fresh position and is off, at fault or in quick
-//!    stop, and the model gives finite values. If a drive is at fault, its reset counter is raised
-//!    and FAULT stays, busy, until the drive has left its fault. After 1 s the fault is latched
-//!    again. Then DISABLED, powering off.
+//! 4. InFault if it was sent before the fault: its client cannot have seen it. CausePersists unless
+//!    every drive reports a fresh position and is off, at fault or in quick stop, and the model
+//!    gives finite values. If a drive is at fault, its reset counter is raised and FAULT stays,
+//!    busy, until the drive has left its fault. After 1 s the fault is latched again. Then
+//!    DISABLED, powering off.
 //! 5. The lease becomes free and the client's activity ends: the robot holds, or ends the homing.
 //! 6. Busy during a conditioning cycle or a trajectory; NotHomed and DrivesNotReady as for servo
 //!    commands; Range if the position limits leave less room than the model needs to forget, or the

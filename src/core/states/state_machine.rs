@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::states::control_state::{ControlState, DisabledActivity};
-use crate::robot::{Fault, StateCommand, Stop};
+use crate::robot::{Fault, Refusal, StateCommand, Stop};
 use crate::units::Nanos;
 
 /// A state and the reason to change to it.
@@ -87,6 +87,12 @@ impl StateMachine {
     /// Time of the last change of the operating state.
     pub(crate) fn since(&self) -> Nanos {
         self.since
+    }
+
+    /// Refuses an acknowledge that was sent before the fault: its client cannot have seen it.
+    pub(crate) fn require_seen(&self, sent: Nanos) -> Result<(), Refusal> {
+        let is_older = matches!(self.state, ControlState::Fault(_)) && sent < self.since;
+        if is_older { Err(Refusal::InFault) } else { Ok(()) }
     }
 
     /// The present fault, or the last one.
