@@ -14,7 +14,7 @@ use i2ris::process::console_log::ConsoleLog;
 use i2ris::realtime::{self, SchedulingRequest};
 use i2ris::service_manager;
 use i2ris::units::Nanos;
-use i2ris::watchdog;
+use i2ris::watchdog::{self, Watched};
 use i2ris::{COMMIT, clock};
 use lexopt::Arg::{Long, Short};
 use lexopt::ValueExt;
@@ -77,12 +77,13 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
             for warning in &granted.warnings {
                 print(log, format_args!("warning: {warning}"));
             }
-            let had_port =
-                watchdog::run(&config, &domain, &presence, silence, &stop, &mut |event| {
-                    for line in event.to_string().lines() {
-                        print(log, format_args!("{line}"));
-                    }
-                });
+            let (config, domain, presence) = (&config, &domain, &presence);
+            let watched = Watched { config, domain, presence, silence };
+            let had_port = watchdog::run(watched, &stop, &mut |event| {
+                for line in event.to_string().lines() {
+                    print(log, format_args!("{line}"));
+                }
+            });
             service_manager::notify(service_manager::STOPPING);
             if !had_port {
                 return Err(

@@ -32,6 +32,13 @@ pub(super) struct ControlLoop {
     pub lost_after: Nanos,
 }
 
+/// What the loop keeps from tick to tick beside the cycle.
+struct Books {
+    recording: TickRecording,
+    lost: Lost,
+    suspends: SuspendMonitor,
+}
+
 /// Recipients of the loop heartbeat: the watchdog and the port threads.
 pub(super) struct Beats {
     pub heartbeat: HeartbeatWriter,
@@ -57,28 +64,19 @@ impl ControlLoop {
     pub(super) fn run(mut self, config: &ControlConfig, first: Nanos, shutdown: &AtomicBool) {
         let spin = if config.priority > 0 { SPIN } else { Nanos::ZERO };
         let mut ticker = Ticker::new(first, config.period(), spin);
-        let mut recording = TickRecording::new(config.rate_hz);
-        recording.push_snapshot(&self.cycle, &mut self.channels.recorder);
-        let mut lost = Lost::default();
-        let mut suspends = SuspendMonitor::new();
-        loop {
-            let tick = ticker.wait();
-            if self.run_tick(tick, &mut suspends, &mut recording, &mut lost, shutdown) {
-                return;
-            }
-        }
+        let mut books = Books {
+            recording: TickRecording::new(config.rate_hz),
+            lost: Lost::default(),
+            suspends: SuspendMonitor::new(),
+        };
+        books.recording.push_snapshot(&self.cycle, &mut self.channels.recorder);
+        while !self.run_tick(ticker.wait(), &mut books, shutdown) {}
     }
 
     /// One tick, from its inputs to the black box. Returns whether the cycle has shut down.
     #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
-    fn run_tick(
-        &mut self,
-        tick: Tick,
-        suspends: &mut SuspendMonitor,
-        recording: &mut TickRecording,
-        lost: &mut Lost,
-        shutdown: &AtomicBool,
-    ) -> bool {
+    fn run_tick(&mut self, tick: Tick, books: &mut Books, shutdown: &AtomicBool) -> bool {
+        let Books { recording, lost, suspends } = books;
         let offered = self.take_offer();
         // The tick clock stood still during suspend: the number of missed ticks is unknown.
         let missed = match suspends.update(clock::suspended()) {

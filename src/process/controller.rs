@@ -28,7 +28,7 @@ use crate::ipc::server::check_memory;
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::ipc::{Domain, DomainLock, Server, StreamMessage};
 use crate::model::Model;
-use crate::process::black_box::Recorder;
+use crate::process::black_box::{RecordedRun, Recorder};
 use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::{Beats, ControlLoop};
 pub use crate::process::ending::ControllerError;
@@ -43,7 +43,7 @@ use crate::process::run_log::{RunHeader, RunLog};
 use crate::process::start_up::{
     Drives, PortLine, bring_up_ports, check_start_drives, load_model, software, wait_for_positions,
 };
-use crate::process::threads::{NamedThread, ThreadError};
+use crate::process::threads::{NamedThread, ThreadError, ThreadName};
 use crate::realtime::{self, Granted, SchedulingRequest};
 use crate::service_manager;
 use crate::units::Nanos;
@@ -80,11 +80,11 @@ pub fn run(
     let boot_id = lock.boot_id();
     let (beat, ports) = (LoopBeat::default(), config.ports_digest());
     beat.set_watched(WatchdogStatus::read(&domain, &ports, clock::now()).acts());
-    let drives = bring_up_ports(config, &beat, log)?;
+    let drives = bring_up_ports(config, beat, log)?;
     check_start_drives(config, model.as_deref(), &drives.fingerprints)?;
     let (identities, exchanges) = (drives.identities.clone(), drives.exchanges.clone());
     let (config, fingerprints) = (&config.with_exchanges(&exchanges), drives.fingerprints.clone());
-    let threads = start_threads(config, lock, model.as_ref(), drives, beat, shutdown)?;
+    let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
     // Without the file, clients do not know the drive settings, but the robot runs.
     let _ = domain.publish_drives(&fingerprints);
     // Without it, clients do not know why a killed controller ended.
@@ -152,34 +152,46 @@ fn start_threads(
     lock: DomainLock,
     model: Option<&Arc<Model>>,
     drives: Drives,
-    beat: LoopBeat,
     shutdown: &Arc<AtomicBool>,
 ) -> Result<Started, ControllerError> {
-    let (recorder, to_recorder) = Recorder::new(
-        config,
-        model,
-        &software(),
-        lock.boot_id(),
-        drives.captures,
-        &drives.fingerprints,
-    );
+    let (recorder, to_recorder) = Recorder::new(RecordedRun {
+        config: config.clone(),
+        software: software(),
+        boot_id: lock.boot_id(),
+        model: model.cloned(),
+        captures: drives.captures,
+        drives: drives.fingerprints.clone(),
+    });
     let (published, log_entries) = mpsc::channel();
     let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder, log_entries);
     let (queues, workers) = request_queues();
     let history = SharedLoopHistory::new(config, model);
-    let recorder_queue = queues.recorder.clone();
+    let (settings, writes) = (drives.fingerprints.clone(), queues.recorder.clone());
     let manager =
-        ModelManager::new(config.clone(), history.clone(), model_channels, recorder_queue)
-            .with_drives(drives.fingerprints.clone());
+        ModelManager::new(config.clone(), settings, history.clone(), model_channels, writes);
     let quit = Arc::new(AtomicBool::new(false));
     let (lines, recorder_lines) = mpsc::channel();
-    let mut others = start_workers(config, recorder, manager, workers, lines, &quit)?;
+    let WorkerQueues { models, model_replies, recorder: writes, recorder_replies } = workers;
+    let (cpu, until) = (config.control.cpu, Arc::clone(&quit));
+    let recorder = NamedThread::spawn(ThreadName::BlackBox, move || {
+        realtime::keep_normal(cpu);
+        recorder.run(&until, &writes, &recorder_replies, |line| {
+            // The log may have ended.
+            let _ = lines.send(line);
+        });
+    })?;
+    let until = Arc::clone(&quit);
+    let models = NamedThread::spawn(ThreadName::Models, move || {
+        realtime::keep_normal(cpu);
+        manager.run(&until, &models, &model_replies);
+    })?;
+    let mut others = vec![recorder, models];
     let parts = IpcThreadParts {
         channels: ipc_channels,
         robot: robot_description(config),
         motors: config.motors() as u32,
         ports: config.ports_digest(),
-        beat: beat.clone(),
+        beat: drives.beat.clone(),
         command_check: CommandCheck::new(&config.command),
         history,
         queues,
@@ -198,7 +210,7 @@ fn start_threads(
     wait_for_positions(&mut links);
     let first = clock::now() + START_DELAY;
     let cycle = ControlCycle::new(config, model.cloned());
-    let beats = Arc::new(Beats { heartbeat, line: beat, lives: drives.lives });
+    let beats = Arc::new(Beats { heartbeat, line: drives.beat, lives: drives.lives });
     let lost_after = config.feedback_lost();
     let control_loop =
         ControlLoop { cycle, channels, links, beats: Arc::clone(&beats), lost_after };
@@ -222,31 +234,6 @@ fn priority_below(config: &ControlConfig, distance: u8) -> u8 {
     config.priority.saturating_sub(distance).max(lowest)
 }
 
-/// Starts the threads of the black box and of the models.
-fn start_workers(
-    config: &Config,
-    recorder: Recorder,
-    manager: ModelManager,
-    queues: WorkerQueues,
-    lines: mpsc::Sender<String>,
-    quit: &Arc<AtomicBool>,
-) -> Result<Vec<NamedThread>, ThreadError> {
-    let (cpu, quit_recorder) = (config.control.cpu, Arc::clone(quit));
-    let recorder = NamedThread::spawn("black box", move || {
-        realtime::keep_normal(cpu);
-        recorder.run(&quit_recorder, &queues.recorder, &queues.recorder_replies, |line| {
-            // The log may have ended.
-            let _ = lines.send(line);
-        });
-    })?;
-    let quit = Arc::clone(quit);
-    let models = NamedThread::spawn("models", move || {
-        realtime::keep_normal(cpu);
-        manager.run(&quit, &queues.models, &queues.model_replies);
-    })?;
-    Ok(vec![recorder, models])
-}
-
 /// Starts the IPC thread and waits until clients can find the controller.
 fn start_ipc(
     config: &Config,
@@ -261,7 +248,7 @@ fn start_ipc(
         ..SchedulingRequest::default()
     };
     let (started_in, started) = mpsc::channel();
-    let thread = NamedThread::spawn("ipc", move || {
+    let thread = NamedThread::spawn(ThreadName::Ipc, move || {
         // Keeps off the CPU of the loop. Creating the services takes long and runs under normal
         // scheduling.
         realtime::keep_normal(cpu);
@@ -279,7 +266,7 @@ fn start_ipc(
             }
         }
     })?;
-    let started = started.recv().map_err(|_| ThreadError::Died("ipc"))??;
+    let started = started.recv().map_err(|_| ThreadError::Died(ThreadName::Ipc))??;
     Ok((thread, started))
 }
 
@@ -295,7 +282,7 @@ fn start_port(
         cpu: None,
         lock_memory: false,
     };
-    NamedThread::spawn("port", move || {
+    NamedThread::spawn(ThreadName::Port, move || {
         // If this is refused, so is the request of the loop, which reports it.
         let _ = realtime::request(wanted);
         runner.run(&quit, |event| {
@@ -315,7 +302,7 @@ fn start_control(
 ) -> Result<(NamedThread, Granted), ThreadError> {
     let (config, shutdown) = (config.clone(), Arc::clone(shutdown));
     let (granted_in, granted) = mpsc::channel();
-    let thread = NamedThread::spawn("control", move || {
+    let thread = NamedThread::spawn(ThreadName::Control, move || {
         let wanted = SchedulingRequest {
             priority: config.priority,
             cpu: config.cpu,

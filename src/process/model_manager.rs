@@ -62,16 +62,12 @@ impl ModelManager {
     /// A manager with the model at the start.
     pub(super) fn new(
         config: Config,
+        drives: Vec<DriveFingerprint>,
         history: SharedLoopHistory,
         channels: ModelChannels,
         recorder: Sender<RecorderRequest>,
     ) -> Self {
-        Self { config, drives: Vec::new(), history, channels, recorder, requests: 0, offers: 0 }
-    }
-
-    /// Sets the drive settings that models are compared with.
-    pub(crate) fn with_drives(self, drives: Vec<DriveFingerprint>) -> Self {
-        Self { drives, ..self }
+        Self { config, drives, history, channels, recorder, requests: 0, offers: 0 }
     }
 
     /// Replies to requests until `quit`, or until the request queue is closed.

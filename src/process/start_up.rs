@@ -114,6 +114,8 @@ pub(super) struct Drives {
     pub fingerprints: Vec<DriveFingerprint>,
     /// Duration of an exchange on each port.
     pub exchanges: Vec<Nanos>,
+    /// What the ports see of the loop.
+    pub beat: LoopBeat,
     /// The signs of life of the port threads.
     pub lives: Vec<PortLife>,
 }
@@ -137,12 +139,12 @@ impl Drives {
 /// changed. If a drive fails, the port traffic is written to a file.
 pub(crate) fn bring_up_ports(
     config: &Config,
-    beat: &LoopBeat,
+    beat: LoopBeat,
     log: &mut dyn Write,
 ) -> Result<Drives, DriveError> {
     let (mut opened, mut captures, mut lives) = (Vec::new(), Vec::new(), Vec::new());
     for port in &config.ports {
-        let turn = PortTurn::new(beat);
+        let turn = PortTurn::new(&beat);
         lives.push(turn.life());
         let line = SerialTransport::open_with(port, turn)?;
         let (line, capture) = CapturedLine::new(line, port);
@@ -156,6 +158,7 @@ pub(crate) fn bring_up_ports(
         captures,
         fingerprints: Vec::new(),
         exchanges: Vec::new(),
+        beat,
         lives,
     };
     if let Err(error) = drives.bring_up(opened) {

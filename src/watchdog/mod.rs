@@ -72,16 +72,23 @@ const ALL_OWING: u8 = u8::MAX;
 /// watchdog has priority over every controller thread, so 50 missed ticks are not its own delay.
 pub const DEFAULT_SILENCE: Nanos = TAKE_OVER;
 
-/// Monitors the controller until `stop` is set, and keeps `presence` up to date. Passes every event
-/// to `report`. Returns whether it ever held a port: on a terminal it ends without one.
-pub fn run(
-    config: &Config,
-    domain: &Domain,
-    presence: &WatchdogPresence,
-    silence: Nanos,
-    stop: &AtomicBool,
-    report: &mut dyn FnMut(WatchdogEvent),
-) -> bool {
+/// What a watchdog monitors.
+#[derive(Debug, Clone, Copy)]
+pub struct Watched<'a> {
+    /// Configuration of the controller.
+    pub config: &'a Config,
+    /// Domain of the controller.
+    pub domain: &'a Domain,
+    /// Kept up to date.
+    pub presence: &'a WatchdogPresence,
+    /// Age of a heartbeat at which the watchdog acts.
+    pub silence: Nanos,
+}
+
+/// Monitors the controller until `stop` is set. Passes every event to `report`. Returns whether it
+/// ever held a port: on a terminal it ends without one.
+pub fn run(watched: Watched<'_>, stop: &AtomicBool, report: &mut dyn FnMut(WatchdogEvent)) -> bool {
+    let Watched { config, domain, presence, silence } = watched;
     let first_port = clock::now() + FIRST_PORT;
     let mut had_port = service_manager::is_supervised();
     let mut watch = Watch {

@@ -120,16 +120,15 @@ impl Estimator {
         self.cap(slow);
     }
 
-    /// Takes a frame. `excited`: parameters that the motion shows. With `is_learning` false the
-    /// frame is only compared.
+    /// Takes a frame. `excited`: parameters that the motion shows; `None`: the frame is only
+    /// compared.
     pub(super) fn update(
         &mut self,
         frame: Pair,
         regressors: &Regressors,
-        excited: &[bool; PARAMETERS],
+        excited: Option<&[bool; PARAMETERS]>,
         geometry: &ModelGeometry,
         settings: &Settings,
-        is_learning: bool,
     ) -> Innovation {
         let seen = [0, 1].map(|output| Measurement::new(output, frame, regressors, geometry));
         let value = [0, 1].map(|output| {
@@ -144,7 +143,7 @@ impl Estimator {
             let value = along.error(&self.drift);
             value * value <= GATE * GATE * spread
         });
-        if is_accepted && is_learning {
+        if let Some(excited) = excited.filter(|_| is_accepted) {
             for (index, (along, axis)) in taken.iter().enumerate().take(geometry.outputs) {
                 // Along the slow error, the part common to many frames has its own state.
                 let is_slow = geometry.slow.is_some() && index == 0;

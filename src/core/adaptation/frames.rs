@@ -26,6 +26,14 @@ pub(super) struct Frame {
     pub age_s: f64,
 }
 
+/// How a frame was used.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FrameUse {
+    pub is_accepted: bool,
+    /// The adaptation learns from accepted frames.
+    pub is_learning: bool,
+}
+
 /// Drops and counts unusable frames.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct FrameFilter {

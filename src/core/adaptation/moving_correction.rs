@@ -36,6 +36,12 @@ const TRAVEL_SLEW_PER_S: f64 = 0.0005;
 /// the change of the scale moves it.
 const GAP_SPEED_COUNTS_S: f64 = 20.0;
 
+/// A goal: its pose, and the motion of the motors by it in a tick, counts.
+pub(super) struct MovedGoal {
+    pub pose: Pair,
+    pub motion: MotorVec,
+}
+
 /// The moving correction: one row per motor, in counts.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct MovingCorrection {
@@ -51,13 +57,11 @@ struct MotorRow {
 }
 
 impl MovingCorrection {
-    /// Moves one tick towards a drift, inside the budget. `goal_motion`: of the motors by the goal
-    /// in this tick, counts.
+    /// Moves one tick towards a drift, inside the budget.
     pub(super) fn advance(
         &mut self,
         drift: &Drift,
-        pose: Pair,
-        goal_motion: MotorVec,
+        goal: &MovedGoal,
         reach: &Reach,
         geometry: &ModelGeometry,
         settings: &Settings,
@@ -65,9 +69,9 @@ impl MovingCorrection {
         let target = rows(drift, geometry);
         let slew = settings.slew * settings.tick_s;
         let mut steps: [MotorStep; MAX_MOTORS] = std::array::from_fn(|motor| {
-            let motion = goal_motion[motor];
+            let motion = goal.motion[motor];
             let limit = SHARE * motion.abs();
-            self.rows[motor].step(&target[motor], pose, motion, limit, settings.tick_s)
+            self.rows[motor].step(&target[motor], goal.pose, motion, limit, settings.tick_s)
         });
         let shares = shares_towards(&steps, &geometry.slope);
         let mut tips = [Pair::default(); MAX_MOTORS];
@@ -84,7 +88,7 @@ impl MovingCorrection {
         for (motor, step) in steps.iter().enumerate() {
             let before = *self;
             self.rows[motor].take(step, share);
-            if goal_motion[motor].abs() >= GAP_SPEED_COUNTS_S * settings.tick_s {
+            if goal.motion[motor].abs() >= GAP_SPEED_COUNTS_S * settings.tick_s {
                 let (to, wear) = (drift.wear(), &mut self.wear);
                 let worn = [
                     (&mut wear.gap, to.gap, GAP_SLEW_PER_S),

@@ -7,9 +7,9 @@ use super::conditions::Conditions;
 pub(in crate::core) use super::conditions::Surroundings;
 use super::estimator::Estimator;
 use super::excitation::Excitation;
-use super::frames::{Frame, FrameFilter};
+use super::frames::{Frame, FrameFilter, FrameUse};
 use super::integral::Integral;
-use super::moving_correction::MovingCorrection;
+use super::moving_correction::{MovedGoal, MovingCorrection};
 use super::report::{AdaptationReport, Method, Pause, Pauses};
 use super::ring::{Moment, RegressorRing, Regressors};
 use super::score::{Score, Verdict};
@@ -274,8 +274,8 @@ impl Adaptation {
         let is_learning = !state.pauses.contains(Pause::CameraRejected);
         let shown = state.excitation.excited_parameters();
         state.estimator.predict(frame.interval_s, geometry.slow.as_ref());
-        let found =
-            state.estimator.update(frame.pose, regressors, &shown, geometry, settings, is_learning);
+        let shown = is_learning.then_some(&shown);
+        let found = state.estimator.update(frame.pose, regressors, shown, geometry, settings);
         let seconds = frame.interval_s.min(1.0);
         let model = length(geometry.deviation);
         let slip = state.slip.add(found.value, model, settings.largest_step, seconds);
@@ -289,7 +289,8 @@ impl Adaptation {
             let (slip, again) = (AdaptationEvent::Slip, AdaptationEvent::SlipAgain);
             events.push(CycleEventKind::Adaptation(if is_followed { slip } else { again }));
         }
-        self.count(found.is_accepted, is_learning, seconds, events);
+        let used = FrameUse { is_accepted: found.is_accepted, is_learning };
+        self.count(used, seconds, events);
     }
 
     fn integrate_frame(
@@ -308,16 +309,12 @@ impl Adaptation {
         let error = subtract(frame.pose, expected);
         let model = length(geometry.deviation);
         let is_accepted = state.integral.add(error, model, frame, is_learning);
-        self.count(is_accepted, is_learning, frame.interval_s.min(1.0), events);
+        let used = FrameUse { is_accepted, is_learning };
+        self.count(used, frame.interval_s.min(1.0), events);
     }
 
-    fn count(
-        &mut self,
-        is_accepted: bool,
-        is_learning: bool,
-        seconds: f64,
-        events: &mut EventList,
-    ) {
+    fn count(&mut self, used: FrameUse, seconds: f64, events: &mut EventList) {
+        let FrameUse { is_accepted, is_learning } = used;
         let counts = &mut self.state.filter.counts;
         let count = match (is_accepted, is_learning) {
             (true, true) => &mut counts.used,
@@ -397,7 +394,8 @@ impl Adaptation {
             let reach = self.state.excitation.reach();
             let inside = inside(&drift, geometry, &reach, &self.settings);
             let pose = pair(&joints.setpoint().unwrap_or_default());
-            self.state.correction.advance(&inside, pose, motion, &reach, geometry, &self.settings);
+            let goal = MovedGoal { pose, motion };
+            self.state.correction.advance(&inside, &goal, &reach, geometry, &self.settings);
         }
         let correction = self.state.correction.correction(geometry);
         joints.set_correction(correction);

@@ -57,21 +57,24 @@ pub(crate) struct DeadBandedGoal {
     pub is_held: bool,
 }
 
+/// Outputs of a model, for its bands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Outputs {
+    /// Bands in degrees mean nothing for them.
+    Others,
+    Angles,
+    /// The inverse jumps where the motion reverses.
+    AnglesWithBacklash,
+}
+
 impl BacklashDeadBand {
-    /// `has_angles`: the outputs are angles; bands in degrees mean nothing for other outputs.
-    /// `has_backlash`: the inverse jumps where the motion reverses.
-    pub(crate) fn new(
-        config: &CompensationConfig,
-        has_angles: bool,
-        has_backlash: bool,
-        tick: Nanos,
-    ) -> Self {
+    pub(crate) fn new(config: &CompensationConfig, outputs: Outputs, tick: Nanos) -> Self {
         let band = |is_on: bool, degrees: f64| if is_on { degrees.to_radians() } else { 0.0 };
         let tick_s = tick.as_seconds();
         Self {
-            radius: band(has_angles && has_backlash, config.reversal_dead_band_deg),
+            radius: band(outputs == Outputs::AnglesWithBacklash, config.reversal_dead_band_deg),
             gain: tick_s / (tick_s + RESIDUAL_FILTER_S),
-            correction_half_width: band(has_angles, RESIDUAL_DEAD_BAND_DEG),
+            correction_half_width: band(outputs != Outputs::Others, RESIDUAL_DEAD_BAND_DEG),
             turning_band: None,
             correction: None,
         }
@@ -144,7 +147,7 @@ mod tests {
     fn dead_band() -> BacklashDeadBand {
         let config =
             CompensationConfig { reversal_dead_band_deg: 1.0, ..CompensationConfig::default() };
-        BacklashDeadBand::new(&config, true, true, Nanos::from_millis(1))
+        BacklashDeadBand::new(&config, Outputs::AnglesWithBacklash, Nanos::from_millis(1))
     }
 
     fn degrees(pitch: f64, yaw: f64) -> OutputVec {

@@ -93,24 +93,35 @@ pub struct Recorder {
     last_fault: Option<Nanos>,
 }
 
+/// A run, as its black boxes name it.
+#[derive(Debug)]
+pub(crate) struct RecordedRun {
+    /// Configuration, with the exchanges of the serial lines.
+    pub config: Config,
+    /// Version and commit.
+    pub software: String,
+    /// Identifies the run.
+    pub boot_id: u64,
+    /// The model at the start.
+    pub model: Option<Arc<Model>>,
+    /// Captures of the serial ports.
+    pub captures: Vec<Capture>,
+    /// Settings of the drives.
+    pub drives: Vec<DriveFingerprint>,
+}
+
 impl Recorder {
-    /// A recorder, and the endpoints of the loop. `model` is the model at the start.
+    /// A recorder, and the endpoints of the loop.
     #[must_use]
-    pub fn new(
-        config: &Config,
-        model: Option<&Arc<Model>>,
-        software: &str,
-        boot_id: u64,
-        captures: Vec<Capture>,
-        drives: &[DriveFingerprint],
-    ) -> (Self, RecorderChannels) {
+    pub(crate) fn new(run: RecordedRun) -> (Self, RecorderChannels) {
+        let RecordedRun { config, software, boot_id, model, captures, drives } = run;
         let (ticks_in, ticks) = RingBuffer::new(TICKS);
         let (snapshots_in, snapshots) = RingBuffer::new(SNAPSHOTS);
         // Without a valid name of a domain there is no folder.
         let domain = Domain::new(&config.domain).ok();
         let recorder = Self {
-            config: config.clone(),
-            software: software.to_owned(),
+            config,
+            software,
             boot_id,
             ticks,
             snapshots,
@@ -118,8 +129,8 @@ impl Recorder {
             ring: Ring::new(SPAN),
             live: LiveFiles::new(domain.as_ref().map(Domain::directory), SPAN),
             captures,
-            drives: drives.to_vec(),
-            models: model.into_iter().map(|model| (model.id(), Arc::clone(model))).collect(),
+            drives,
+            models: model.into_iter().map(|model| (model.id(), model)).collect(),
             offers: VecDeque::new(),
             newest: 0,
             lost: 0,

@@ -16,7 +16,7 @@ use crate::config::{AxisConfig, Config};
 use crate::core::drift::correction::Correction;
 use crate::core::drift::geometry::ModelGeometry;
 use crate::core::motion::GoalStep;
-use crate::core::motion::backlash_dead_band::BacklashDeadBand;
+use crate::core::motion::backlash_dead_band::{BacklashDeadBand, Outputs};
 use crate::core::motion::joint_filter::JointFilter;
 use crate::core::motion::joint_limits::JointBounds;
 use crate::core::motion::pipeline::{PassedGoal, Pipeline, PipelineTick};
@@ -174,8 +174,12 @@ impl JointModel {
     ) -> Self {
         let tick = config.control.period();
         let has_angles = output_unit(&model) == OutputUnit::Deg;
-        // Without a memory the inverse does not jump where the motion reverses.
-        let has_memory = model.conditioning_range() != MotorVec::default();
+        let outputs = match model.conditioning_range() != MotorVec::default() {
+            _ if !has_angles => Outputs::Others,
+            true => Outputs::AnglesWithBacklash,
+            // Without a memory the inverse does not jump where the motion reverses.
+            false => Outputs::Angles,
+        };
         let state = JointModelState {
             cursor,
             measured_memory: memory,
@@ -184,7 +188,7 @@ impl JointModel {
             measured: None,
             setpoint: None,
             pipeline: Pipeline::new(
-                BacklashDeadBand::new(&config.compensation, has_angles, has_memory, tick),
+                BacklashDeadBand::new(&config.compensation, outputs, tick),
                 JointFilter::new(config, tick, has_angles),
             ),
             correction: None,
