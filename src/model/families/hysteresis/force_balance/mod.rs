@@ -87,8 +87,8 @@ use crate::model::families::memory::State;
 use crate::model::maths::regression::{Local, array, vector};
 use crate::units::MotorVec;
 pub use parameters::{
-    BalanceMotor, BalanceParameters, BalanceStop, CREEPING, OWN_STOPS, REACH, SHARED_STOPS,
-    USUAL_TURN,
+    BalanceMotor, BalanceParameters, BalanceStop, CREEPING, OWN_STOPS, PER_MOTOR, REACH,
+    SHARED_STOPS, USUAL_TURN,
 };
 pub use state::BalanceState;
 use state::Limits;

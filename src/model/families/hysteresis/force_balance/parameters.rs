@@ -25,6 +25,9 @@ pub const REACH: f64 = 1000.0;
 /// Maximum length or force. It keeps squares and cubes far from overflow.
 const MAX_VALUE: f64 = 1e6;
 
+/// Minimum of what is above 0.
+const MIN_POSITIVE: f64 = 1e-9;
+
 /// Minimum stiffness and softness: slopes are divided by them.
 const MIN_STIFFNESS: f64 = 1e-4;
 
@@ -75,8 +78,19 @@ fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
 
+/// Parameters of a motor that can be fitted.
+pub const PER_MOTOR: usize = 24;
+
+/// Range of a parameter.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Sign {
+    Any,
+    NotNegative,
+    Positive,
+}
+
 /// A motor, its gear, its wires and its resistances.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BalanceMotor {
     /// Middle of the calibration, counts.
@@ -191,44 +205,70 @@ impl BalanceMotor {
         -0.5 * (self.preload[0] + self.preload[1]).min(0.0)
     }
 
+    /// A motor with its scale and what can be fitted, in the order of [`Self::numbers`].
+    #[must_use]
+    pub fn new(centre_counts: f64, travel_per_count: f64, numbers: &[f64; PER_MOTOR]) -> Self {
+        let mut motor = Self { centre_counts, travel_per_count, ..Self::default() };
+        for ((.., value), number) in motor.fitted().into_iter().zip(numbers) {
+            *value = *number;
+        }
+        motor
+    }
+
+    /// All parameters that can be fitted.
+    #[must_use]
+    pub fn numbers(&self) -> [f64; PER_MOTOR] {
+        self.clone().fitted().map(|(.., value)| *value)
+    }
+
+    /// All parameters that can be fitted, with their names and ranges. [`super::sensitivity`] has
+    /// their places.
+    pub(super) fn fitted(&mut self) -> [(&'static str, Sign, &mut f64); PER_MOTOR] {
+        use Sign::{Any, NotNegative, Positive};
+        let [preload, preload_minus] = &mut self.preload;
+        let [wire, wire_minus] = &mut self.stiffness;
+        let [by_tension, by_tension_minus] = &mut self.friction_by_tension;
+        let [growth, growth_by_other] = &mut self.friction_growth;
+        let [sine, cosine, twice_sine, twice_cosine] = &mut self.transmission_error;
+        [
+            ("neutral", Any, &mut self.neutral),
+            ("gap", NotNegative, &mut self.gap),
+            ("coupling", Any, &mut self.coupling),
+            ("preload", Any, preload),
+            ("preload", Any, preload_minus),
+            ("preload_growth", Any, &mut self.preload_growth),
+            ("stiffness", Positive, wire),
+            ("stiffness", Positive, wire_minus),
+            ("spring", Positive, &mut self.spring),
+            ("hardening", NotNegative, &mut self.hardening),
+            ("friction", NotNegative, &mut self.friction),
+            ("friction_by_tension", NotNegative, by_tension),
+            ("friction_by_tension", NotNegative, by_tension_minus),
+            ("friction_by_other", Any, &mut self.friction_by_other),
+            ("friction_growth", Any, growth),
+            ("friction_growth", Any, growth_by_other),
+            ("friction_slope", Any, &mut self.friction_slope),
+            ("friction_asymmetry", Any, &mut self.friction_asymmetry),
+            ("preload_growth_by_other", Any, &mut self.preload_growth_by_other),
+            ("hardening_by_other", NotNegative, &mut self.hardening_by_other),
+            ("transmission_error", Any, sine),
+            ("transmission_error", Any, cosine),
+            ("transmission_error", Any, twice_sine),
+            ("transmission_error", Any, twice_cosine),
+        ]
+    }
+
     fn check(&self, index: usize) -> Result<(), ModelError> {
         let name = |field: &str| format!("motors[{index}].{field}");
         parameters(&[self.centre_counts], || format!("family.balance.{}", name("centre_counts")))?;
-        let positive = [
-            ("travel_per_count", self.travel_per_count),
-            ("stiffness", self.stiffness[0]),
-            ("stiffness", self.stiffness[1]),
-            ("spring", self.spring),
-        ];
-        for (field, value) in positive {
-            within(value, 1e-9, MAX_VALUE, &name(field))?;
-        }
-        let not_negative = [
-            ("gap", self.gap),
-            ("hardening", self.hardening),
-            ("hardening_by_other", self.hardening_by_other),
-            ("friction", self.friction),
-            ("friction_by_tension", self.friction_by_tension[0]),
-            ("friction_by_tension", self.friction_by_tension[1]),
-        ];
-        for (field, value) in not_negative {
-            within(value, 0.0, MAX_VALUE, &name(field))?;
-        }
-        let signed = [
-            ("neutral", self.neutral),
-            ("coupling", self.coupling),
-            ("preload", self.preload[0]),
-            ("preload", self.preload[1]),
-            ("preload_growth", self.preload_growth),
-            ("preload_growth_by_other", self.preload_growth_by_other),
-            ("friction_by_other", self.friction_by_other),
-            ("friction_growth", self.friction_growth[0]),
-            ("friction_growth", self.friction_growth[1]),
-            ("friction_slope", self.friction_slope),
-            ("friction_asymmetry", self.friction_asymmetry),
-        ];
-        for (field, value) in signed {
-            within(value, -MAX_VALUE, MAX_VALUE, &name(field))?;
+        within(self.travel_per_count, MIN_POSITIVE, MAX_VALUE, &name("travel_per_count"))?;
+        for (field, sign, value) in self.clone().fitted() {
+            let least = match sign {
+                Sign::Any => -MAX_VALUE,
+                Sign::NotNegative => 0.0,
+                Sign::Positive => MIN_POSITIVE,
+            };
+            within(*value, least, MAX_VALUE, &name(field))?;
         }
         Ok(())
     }

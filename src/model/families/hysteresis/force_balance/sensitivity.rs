@@ -6,16 +6,13 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::parameters::{CREEPING, OWN_STOPS, REACH, SHARED_STOPS};
+use super::parameters::{CREEPING, OWN_STOPS, PER_MOTOR, REACH, SHARED_STOPS};
 use super::state::{BalanceState, Limits};
 use super::still::SMALL_MOTION;
 use super::wires::{Force, Wires};
 use super::{BalanceParameters, ForceBalance};
 use crate::model::maths::regression::{array, vector};
 use limits::LimitSlopes;
-
-/// Parameters of a motor.
-const PER_MOTOR: usize = 24;
 
 /// Places of the parameters that belong to no motor.
 const OWN_STIFFNESS: usize = 2 * PER_MOTOR;
@@ -40,57 +37,37 @@ impl BalanceParameters {
     #[must_use]
     pub fn numbers(&self) -> Slopes {
         let mut numbers = Slopes::zeros();
-        for (index, motor) in self.motors.iter().enumerate().take(2) {
-            let [growth, other_growth] = motor.friction_growth;
-            let [sine, cosine, twice_sine, twice_cosine] = motor.transmission_error;
-            let own = [
-                motor.neutral,
-                motor.gap,
-                motor.coupling,
-                motor.preload[0],
-                motor.preload[1],
-                motor.preload_growth,
-                motor.stiffness[0],
-                motor.stiffness[1],
-                motor.spring,
-                motor.hardening,
-                motor.friction,
-                motor.friction_by_tension[0],
-                motor.friction_by_tension[1],
-                motor.friction_by_other,
-                growth,
-                other_growth,
-                motor.friction_slope,
-                motor.friction_asymmetry,
-                motor.preload_growth_by_other,
-                motor.hardening_by_other,
-                sine,
-                cosine,
-                twice_sine,
-                twice_cosine,
-            ];
-            numbers.fixed_rows_mut::<PER_MOTOR>(index * PER_MOTOR).copy_from_slice(&own);
-        }
-        let stops = [
-            (&self.own_stops, OWN_STIFFNESS, OWN_SHARE),
-            (&self.shared_stops, SHARED_STIFFNESS, SHARED_SHARE),
-        ];
-        for (stops, stiffness, share) in stops {
-            for (index, stop) in stops.iter().enumerate() {
-                numbers[stiffness + index] = stop.stiffness;
-                numbers[share + index] = stop.share;
+        self.clone().each_number(|place, value| numbers[place] = *value);
+        numbers
+    }
+
+    fn each_number(&mut self, mut visit: impl FnMut(usize, &mut f64)) {
+        for (index, motor) in self.motors.iter_mut().enumerate().take(2) {
+            for (place, (.., value)) in motor.fitted().into_iter().enumerate() {
+                visit(index * PER_MOTOR + place, value);
             }
         }
-        numbers[LOOSE] = self.loose_stiffness;
-        numbers[SOFTNESS] = self.softness;
-        numbers[STAYS] = self.friction_stays;
-        numbers[SHARED_GROWTH] = self.shared_growth;
-        numbers.fixed_rows_mut::<CREEPING>(CREEP).copy_from_slice(&self.creep);
-        numbers
+        let stops = [
+            (&mut self.own_stops, OWN_STIFFNESS, OWN_SHARE),
+            (&mut self.shared_stops, SHARED_STIFFNESS, SHARED_SHARE),
+        ];
+        for (stops, stiffness, share) in stops {
+            for (index, stop) in stops.iter_mut().enumerate() {
+                visit(stiffness + index, &mut stop.stiffness);
+                visit(share + index, &mut stop.share);
+            }
+        }
+        visit(LOOSE, &mut self.loose_stiffness);
+        visit(SOFTNESS, &mut self.softness);
+        visit(STAYS, &mut self.friction_stays);
+        visit(SHARED_GROWTH, &mut self.shared_growth);
+        for (index, creep) in self.creep.iter_mut().enumerate() {
+            visit(CREEP + index, creep);
+        }
     }
 }
 
-/// Indices of a motor's parameters, in the order of [`BalanceParameters::numbers`].
+/// Indices of a motor's parameters, in the order of `BalanceMotor::fitted`.
 #[derive(Clone, Copy)]
 struct Places(usize);
 

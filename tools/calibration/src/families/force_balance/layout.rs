@@ -3,7 +3,8 @@
 
 use i2ris::model::hysteresis::force_balance::sensitivity::NUMBERS;
 use i2ris::model::hysteresis::force_balance::{
-    BalanceMotor, BalanceParameters, BalanceStop, CREEPING, OWN_STOPS, SHARED_STOPS, USUAL_TURN,
+    self, BalanceMotor, BalanceParameters, BalanceStop, CREEPING, OWN_STOPS, SHARED_STOPS,
+    USUAL_TURN,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -100,6 +101,15 @@ pub(super) const FRICTION: usize = 9;
 const COUPLING: usize = 2;
 const FRICTION_BY_OTHER: usize = 12;
 const FRICTION_GROWTH_BY_OTHER: usize = 14;
+
+/// Places of both stiffnesses in [`BalanceMotor::numbers`]: the first number is a logarithm, and the
+/// second stiffness follows from it.
+const STIFFNESS: [usize; 2] = [6, 7];
+
+/// Places of the numbers that every motor has.
+fn own_places() -> impl Iterator<Item = usize> {
+    (0..=PER_MOTOR).filter(|place| *place != STIFFNESS[1])
+}
 
 /// In units of travel: half the range of a motor is 1000. The third, the coupling, is that of robots
 /// of all kinds: in a wrist with crossing cables it is 0.7, in a snake hardly any.
@@ -245,27 +255,9 @@ impl Layout {
         let mut values = usual.iter().zip(at.iter()).map(|(usual, at)| usual.decode(*at));
         let mut next = || values.next().unwrap_or_default();
         let motor = |(centre_counts, travel_per_count): &(f64, f64)| {
-            let mut motor = BalanceMotor {
-                centre_counts: *centre_counts,
-                travel_per_count: *travel_per_count,
-                neutral: next(),
-                gap: next(),
-                coupling: next(),
-                preload: [next(), next()],
-                preload_growth: next(),
-                stiffness: [next(), 0.0],
-                spring: next(),
-                hardening: next(),
-                friction: next(),
-                friction_by_tension: [next(), next()],
-                friction_by_other: next(),
-                friction_growth: [next(), next()],
-                friction_slope: next(),
-                friction_asymmetry: next(),
-                preload_growth_by_other: 0.0,
-                hardening_by_other: 0.0,
-                transmission_error: [0.0; 4],
-            };
+            let mut numbers = [0.0; force_balance::PER_MOTOR];
+            own_places().for_each(|place| numbers[place] = next());
+            let mut motor = BalanceMotor::new(*centre_counts, *travel_per_count, &numbers);
             if self.terms.other {
                 motor.preload_growth_by_other = motor.preload_growth + next();
                 motor.hardening_by_other = motor.hardening * next();
@@ -341,14 +333,9 @@ impl Layout {
         let had_other = Self::terms_of(balance).other;
         let mut values = Vec::new();
         for motor in &balance.motors {
-            values.extend([motor.neutral, motor.gap, motor.coupling]);
-            values.extend(motor.preload);
-            values.extend([motor.preload_growth, motor.stiffness[0].ln(), motor.spring]);
-            values.extend([motor.hardening, motor.friction]);
-            values.extend(motor.friction_by_tension);
-            values.push(motor.friction_by_other);
-            values.extend(motor.friction_growth);
-            values.extend([motor.friction_slope, motor.friction_asymmetry]);
+            let mut numbers = motor.numbers();
+            numbers[STIFFNESS[0]] = motor.stiffness[0].ln();
+            values.extend(own_places().map(|place| numbers[place]));
             if self.terms.other && had_other {
                 values.push(motor.preload_growth_by_other - motor.preload_growth);
                 values.push(motor.hardening_by_other / motor.hardening);

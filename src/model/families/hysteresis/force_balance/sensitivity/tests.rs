@@ -89,40 +89,7 @@ fn check<const D: usize>(file: &BalanceParameters) {
 /// The inverse of [`BalanceParameters::numbers`].
 fn with_numbers(file: &BalanceParameters, numbers: &Slopes) -> BalanceParameters {
     let mut file = file.clone();
-    for (index, motor) in file.motors.iter_mut().enumerate() {
-        let own = &numbers.as_slice()[index * PER_MOTOR..];
-        *motor = BalanceMotor {
-            neutral: own[0],
-            gap: own[1],
-            coupling: own[2],
-            preload: [own[3], own[4]],
-            preload_growth: own[5],
-            stiffness: [own[6], own[7]],
-            spring: own[8],
-            hardening: own[9],
-            friction: own[10],
-            friction_by_tension: [own[11], own[12]],
-            friction_by_other: own[13],
-            friction_growth: [own[14], own[15]],
-            friction_slope: own[16],
-            friction_asymmetry: own[17],
-            preload_growth_by_other: own[18],
-            hardening_by_other: own[19],
-            transmission_error: std::array::from_fn(|k| own[20 + k]),
-            ..motor.clone()
-        };
-    }
-    for (index, stop) in file.own_stops.iter_mut().enumerate() {
-        stop.stiffness = numbers[OWN_STIFFNESS + index];
-        stop.share = numbers[OWN_SHARE + index];
-    }
-    for (index, stop) in file.shared_stops.iter_mut().enumerate() {
-        stop.stiffness = numbers[SHARED_STIFFNESS + index];
-        stop.share = numbers[SHARED_SHARE + index];
-    }
-    (file.loose_stiffness, file.softness) = (numbers[LOOSE], numbers[SOFTNESS]);
-    (file.friction_stays, file.shared_growth) = (numbers[STAYS], numbers[SHARED_GROWTH]);
-    file.creep = std::array::from_fn(|k| numbers[CREEP + k]);
+    file.each_number(|place, value| *value = numbers[place]);
     file
 }
 
