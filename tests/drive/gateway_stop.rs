@@ -41,7 +41,7 @@ fn stop(
         let until = line.time() + before;
         i2ris::drive::transport::Transport::sleep_until(&mut line, until);
     }
-    let mut link = DriveLink::new(line.clone(), &Epos4, config);
+    let mut link = DriveLink::new(line.clone(), &Epos4::Cyclic, config);
     link.set_frame_timeout(Nanos::from_millis(50));
     let begin = line.time();
     let outcomes = stop_all(&mut link, owing);

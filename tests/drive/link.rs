@@ -27,7 +27,7 @@ impl LinkTest {
         drive.counts_requests = true;
         let config = port_config(std::slice::from_ref(&drive));
         let line = SimulatedLine::new(vec![drive]);
-        let mut link = DriveLink::new(line.clone(), &Epos4, &config);
+        let mut link = DriveLink::new(line.clone(), &Epos4::Cyclic, &config);
         link.set_serial_number(SERIAL_NUMBER);
         link.set_frame_timeout(Nanos::from_millis(50));
         Self { line, link }

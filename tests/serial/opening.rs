@@ -15,6 +15,6 @@ fn port_is_reopened_after_error_other_than_hang_up() {
     for _ in 0..2 {
         port.reopen().unwrap();
     }
-    let mut link = DriveLink::new(port, &Epos4, &rig.config.ports[0]);
+    let mut link = DriveLink::new(port, &Epos4::Cyclic, &rig.config.ports[0]);
     assert_eq!(link.read(NODE, object::VENDOR), Ok(object::MAXON));
 }

@@ -81,7 +81,26 @@ pub struct CommandSet {
     pub(in crate::drive) next_segment: u8,
     /// Every object request starts with node, index and subindex; else the node is the last.
     pub(in crate::drive) node_first: bool,
-    pub(in crate::drive) segmented: fn(u8, Address) -> Box<dyn SegmentedRead>,
+    /// Words of data in the longest reply to the first request of a segmented read, and to the
+    /// others.
+    pub(in crate::drive) segment_words: [u8; 2],
+    /// The toggle bit of the request for a segment.
+    pub(in crate::drive) toggle: u8,
+    /// The segment in the data of a reply after its error code, the first or another one; `None`:
+    /// damaged.
+    pub(in crate::drive) first: fn(&[u8]) -> Option<Segment<'_>>,
+    pub(in crate::drive) next: fn(&[u8]) -> Option<Segment<'_>>,
+}
+
+/// A segment of a value.
+#[derive(Debug, Default)]
+pub(in crate::drive) struct Segment<'a> {
+    pub data: &'a [u8],
+    /// Length of the whole value, if the reply has it.
+    pub total: Option<usize>,
+    /// Its toggle bit, if it has one.
+    pub toggle: Option<bool>,
+    pub is_last: bool,
 }
 
 impl CommandSet {
@@ -101,8 +120,9 @@ impl CommandSet {
 
     /// Starts to read an object of any length. Allocates; for bring-up only.
     #[must_use]
-    pub fn read_segmented(&self, node: u8, object: Address) -> Box<dyn SegmentedRead> {
-        (self.segmented)(node, object)
+    pub fn read_segmented(&'static self, node: u8, object: Address) -> SegmentedRead {
+        let (bytes, is_open, total, toggle) = (Vec::new(), false, None, false);
+        SegmentedRead { commands: self, node, object, bytes, is_open, total, toggle }
     }
 
     /// First four bytes of an object request.
@@ -160,19 +180,64 @@ impl CommandSet {
 }
 
 /// A read in several requests.
-pub trait SegmentedRead {
+#[derive(Debug)]
+pub struct SegmentedRead {
+    commands: &'static CommandSet,
+    node: u8,
+    object: Address,
+    bytes: Vec<u8>,
+    /// The first request was answered.
+    is_open: bool,
+    /// Length of the whole value, if known.
+    total: Option<usize>,
+    /// Toggle bit of the next segment.
+    toggle: bool,
+}
+
+impl SegmentedRead {
     /// The next request.
-    fn request(&self) -> DriveRequest;
+    #[must_use]
+    pub fn request(&self) -> DriveRequest {
+        let (commands, [first, next]) = (self.commands, self.commands.segment_words);
+        if self.is_open {
+            let toggle = if self.toggle { commands.toggle } else { 0 };
+            DriveRequest::new(commands.next_segment, [toggle, 0], next)
+        } else {
+            let selector = commands.selector(self.node, self.object);
+            DriveRequest::new(commands.first_segment, selector, first)
+        }
+    }
 
     /// Handles the reply; `true` when the value is complete.
     ///
     /// # Errors
     ///
     /// When the drive refused, or the frame is not a reply to the request.
-    fn take_reply(&mut self, reply: SerialFrame<'_>) -> Result<bool, ReplyError>;
+    pub fn take_reply(&mut self, reply: SerialFrame<'_>) -> Result<bool, ReplyError> {
+        let rest = after_error_code(reply)?;
+        let parse = if self.is_open { self.commands.next } else { self.commands.first };
+        let segment = parse(rest).ok_or(ReplyError::Mismatch)?;
+        let (length, total) = (self.bytes.len() + segment.data.len(), segment.total.or(self.total));
+        let is_repeated = segment.toggle.is_some_and(|toggle| toggle != self.toggle);
+        let most = total.unwrap_or(MAX_SEGMENTED);
+        if is_repeated || most > MAX_SEGMENTED || length > most {
+            return Err(ReplyError::Mismatch);
+        }
+        self.bytes.extend_from_slice(segment.data);
+        self.toggle ^= segment.toggle.is_some();
+        (self.is_open, self.total) = (true, total);
+        match total {
+            Some(total) if length < total && segment.is_last => Err(ReplyError::Mismatch),
+            Some(total) => Ok(length == total),
+            None => Ok(segment.is_last),
+        }
+    }
 
     /// The bytes read so far.
-    fn bytes(&self) -> &[u8];
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
 }
 
 /// The data of a reply after its error code, if that is 0.

@@ -38,14 +38,15 @@ const MAX_MOTOR_SPEED: Object<u32> = Object::of(0x6080, 0);
 /// Interpolation period between two setpoints; 0: no interpolation.
 const INTERPOLATION_PERIOD: Object<u8> = Object::of(0x60C2, 1);
 
-/// The EPOS4 in cyclic synchronous position mode (8): a target takes effect when written.
+/// The EPOS4.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Epos4;
-
-/// The EPOS4 in profile position mode (1): the drive itself ramps to every target. A target
-/// takes three writes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Epos4Profile;
+pub enum Epos4 {
+    /// Cyclic synchronous position mode (8): a target takes effect when written.
+    Cyclic,
+    /// Profile position mode (1): the drive itself ramps to every target. A target takes three
+    /// writes.
+    Profile,
+}
 
 static CYCLIC: ObjectMap = ObjectMap {
     firmware_version: FirmwareVersion::HighWord(REVISION),
@@ -72,11 +73,40 @@ impl DriveFamily for Epos4 {
     }
 
     fn object_map(&self) -> &'static ObjectMap {
-        &CYCLIC
+        match self {
+            Self::Cyclic => &CYCLIC,
+            Self::Profile => &PROFILE,
+        }
     }
 
     fn settings(&self, axis: &AxisConfig) -> Vec<Setting> {
-        settings(axis, &CYCLIC)
+        let speed = object::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm);
+        // Setpoints in the cyclic mode make no profile.
+        let speed = if *self == Self::Cyclic { speed.if_present() } else { speed };
+        let mut settings = vec![
+            object::POSITION_MIN.set(axis.position_min_counts.0),
+            object::POSITION_MAX.set(axis.position_max_counts.0),
+            speed,
+            MAX_MOTOR_SPEED.set(axis.motor_speed_rpm),
+            object::QUICK_STOP_DECELERATION.set(object::QUICK_STOP_RPM_S),
+            object::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
+            CURRENT_LIMIT.set(axis.current_limit_ma),
+            // With a period the drive faults when a setpoint is late. Old firmware knows no period.
+            INTERPOLATION_PERIOD.set(0).if_present(),
+            QUICK_STOP_OPTION.set(6).if_present(),
+            object::DISABLE_OPTION.set(1).if_present(),
+            object::FAULT_OPTION.set(2).if_present(),
+            home_position(HOME_POSITION, axis),
+            object::MODE.set(self.object_map().streaming_mode),
+        ];
+        if *self == Self::Profile {
+            settings.extend([
+                object::PROFILE_VELOCITY.set(axis.motor_speed_rpm),
+                object::PROFILE_ACCELERATION.set(object::QUICK_STOP_RPM_S),
+                object::PROFILE_DECELERATION.set(object::QUICK_STOP_RPM_S),
+            ]);
+        }
+        settings
     }
 
     fn homing(&self, axis: &AxisConfig) -> HomingPlan {
@@ -103,63 +133,6 @@ impl DriveFamily for Epos4 {
     }
 }
 
-impl DriveFamily for Epos4Profile {
-    fn name(&self) -> &'static str {
-        Epos4.name()
-    }
-
-    fn command_set(&self) -> &'static CommandSet {
-        Epos4.command_set()
-    }
-
-    fn object_map(&self) -> &'static ObjectMap {
-        &PROFILE
-    }
-
-    fn settings(&self, axis: &AxisConfig) -> Vec<Setting> {
-        let mut settings = settings(axis, &PROFILE);
-        settings.extend([
-            object::PROFILE_VELOCITY.set(axis.motor_speed_rpm),
-            object::PROFILE_ACCELERATION.set(object::QUICK_STOP_RPM_S),
-            object::PROFILE_DECELERATION.set(object::QUICK_STOP_RPM_S),
-        ]);
-        settings
-    }
-
-    fn homing(&self, axis: &AxisConfig) -> HomingPlan {
-        Epos4.homing(axis)
-    }
-
-    fn fault(&self, code: u16) -> DriveFault {
-        DriveFault::look_up(Family::Epos4, code)
-    }
-}
-
-fn settings(axis: &AxisConfig, map: &ObjectMap) -> Vec<Setting> {
-    let profile_velocity = object::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm);
-    let profile_velocity = match map.setpoint_trigger {
-        // Setpoints in the cyclic mode make no profile.
-        SetpointTrigger::Write => profile_velocity.if_present(),
-        SetpointTrigger::Edge => profile_velocity,
-    };
-    vec![
-        object::POSITION_MIN.set(axis.position_min_counts.0),
-        object::POSITION_MAX.set(axis.position_max_counts.0),
-        profile_velocity,
-        MAX_MOTOR_SPEED.set(axis.motor_speed_rpm),
-        object::QUICK_STOP_DECELERATION.set(object::QUICK_STOP_RPM_S),
-        object::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
-        CURRENT_LIMIT.set(axis.current_limit_ma),
-        // With a period the drive faults when a setpoint is late. Old firmware knows no period.
-        INTERPOLATION_PERIOD.set(0).if_present(),
-        QUICK_STOP_OPTION.set(6).if_present(),
-        object::DISABLE_OPTION.set(1).if_present(),
-        object::FAULT_OPTION.set(2).if_present(),
-        home_position(HOME_POSITION, axis),
-        object::MODE.set(map.streaming_mode),
-    ]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -176,7 +149,7 @@ mod tests {
 
     #[test]
     fn every_limit_of_the_configuration_is_a_setting() {
-        for settings in [Epos4.settings(&axis()), Epos4Profile.settings(&axis())] {
+        for settings in [Epos4::Cyclic, Epos4::Profile].map(|it| it.settings(&axis())) {
             let written: Vec<_> = settings.iter().map(|it| (it.object, it.raw)).collect();
             for expected in [
                 object::POSITION_MIN.set(-1900),
@@ -197,12 +170,12 @@ mod tests {
     fn hard_stop_search_restores_the_current_limit() {
         let axis =
             AxisConfig { homing: HomingMethod::StopNegative, homing_current_ma: 25, ..axis() };
-        let plan = Epos4.homing(&axis);
+        let plan = Epos4::Cyclic.homing(&axis);
         assert_eq!(plan.method(), -4);
         assert!(plan.settings().contains(&CURRENT_LIMIT.set(25)));
         assert!(plan.settings().contains(&HOMING_CURRENT.set(25)));
         assert_eq!(plan.restored(), [CURRENT_LIMIT.set(300)]);
-        let here = Epos4.homing(&self::axis());
+        let here = Epos4::Cyclic.homing(&self::axis());
         assert_eq!(here.method(), 37);
         assert!(here.settings().is_empty() && here.restored().is_empty());
     }

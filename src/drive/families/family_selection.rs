@@ -2,7 +2,7 @@
 
 use crate::config::{AxisConfig, Family, PortConfig, Streaming};
 use crate::drive::epos2::Epos2;
-use crate::drive::epos4::{Epos4, Epos4Profile};
+use crate::drive::epos4::Epos4;
 use crate::drive::family::DriveFamily;
 
 /// The family of the drive that a port belongs to: its command set is used on the line.
@@ -25,8 +25,8 @@ pub fn family_of_axis(port: &PortConfig, axis: &AxisConfig) -> &'static dyn Driv
 
 fn select(family: Family, streaming: Streaming) -> &'static dyn DriveFamily {
     match (family, streaming) {
-        (Family::Epos4, Streaming::Cyclic) => &Epos4,
-        (Family::Epos4, Streaming::Profile) => &Epos4Profile,
+        (Family::Epos4, Streaming::Cyclic) => &Epos4::Cyclic,
+        (Family::Epos4, Streaming::Profile) => &Epos4::Profile,
         (Family::Epos2, _) => &Epos2,
     }
 }

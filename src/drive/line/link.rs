@@ -357,7 +357,7 @@ impl<T: Transport> DriveLink<T> {
         &mut self,
         node: u8,
         object: Address,
-    ) -> Result<Box<dyn SegmentedRead>, LinkError> {
+    ) -> Result<SegmentedRead, LinkError> {
         let mut read = self.family.command_set().read_segmented(node, object);
         self.synchronise()?;
         loop {

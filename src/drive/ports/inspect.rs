@@ -56,19 +56,8 @@ pub struct PortInspection {
 ///
 /// When the port cannot be opened, or nothing answers.
 pub fn inspect(config: &PortConfig) -> Result<PortInspection, DriveError> {
-    inspect_transport(SerialTransport::open(config)?, &unhurried(config))
-}
-
-/// Inspects the drives over an open line, see [`inspect`].
-///
-/// # Errors
-///
-/// When nothing answers.
-pub fn inspect_transport<T: Transport>(
-    transport: T,
-    config: &PortConfig,
-) -> Result<PortInspection, DriveError> {
-    inspect_link(&mut DriveLink::new(transport, family_of_port(config), config), config)
+    let (line, config) = (SerialTransport::open(config)?, &unhurried(config));
+    inspect_link(&mut DriveLink::new(line, family_of_port(config), config), config)
 }
 
 /// Inspects the drives on a line that is also used otherwise, see [`inspect`].

@@ -102,6 +102,6 @@ fn identify(link: &mut DriveLink<impl Transport>, node: u8) -> Result<FoundNode,
     let mut firmware = |family: &dyn DriveFamily| {
         drive.read_firmware(family.object_map().firmware_version).map(|it| (family.name(), it))
     };
-    let (family, firmware) = firmware(&Epos2).or_else(|_| firmware(&Epos4))?;
+    let (family, firmware) = firmware(&Epos2).or_else(|_| firmware(&Epos4::Cyclic))?;
     Ok(FoundNode { node_id: node, family, firmware, serial_number })
 }

@@ -7,11 +7,7 @@
 //! Sources: maxon's EPOS Communication Guide (2006) for RS232; for USB the public driver of the
 //! University of Osnabrueck, which sends the same requests in V2 frames.
 
-use crate::drive::command_set::{
-    CommandSet, DriveRequest, MAX_SEGMENTED, ReplyError, SegmentedRead, after_error_code,
-};
-use crate::drive::object::Address;
-use crate::drive::serial_frame::SerialFrame;
+use crate::drive::command_set::{CommandSet, Segment};
 
 /// Words of data in the longest reply: error code, control byte, 63 bytes.
 const REPLY_WORDS: u8 = 34;
@@ -27,80 +23,28 @@ pub(super) const COMMANDS: &CommandSet = &CommandSet {
     first_segment: 0x12,
     next_segment: 0x14,
     node_first: false,
-    segmented: |node, object| Box::new(Epos2SegmentedRead::new(node, object)),
+    segment_words: [REPLY_WORDS; 2],
+    toggle: TOGGLE,
+    first: |data| if data.is_empty() { Some(Segment::default()) } else { segment(data) },
+    next: segment,
 };
 
-/// A segmented read in progress.
-#[derive(Debug)]
-pub(super) struct Epos2SegmentedRead {
-    node: u8,
-    object: Address,
-    bytes: Vec<u8>,
-    state: SegmentState,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum SegmentState {
-    /// The transfer is not opened yet.
-    First,
-    /// Opened; the next segment has this toggle bit.
-    Next { toggle: u8 },
-}
-
-impl Epos2SegmentedRead {
-    pub(super) fn new(node: u8, object: Address) -> Self {
-        Self { node, object, bytes: Vec::new(), state: SegmentState::First }
-    }
-
-    fn take_segment(&mut self, rest: &[u8], toggle: u8) -> Result<bool, ReplyError> {
-        let (&control, data) = rest.split_first().ok_or(ReplyError::Mismatch)?;
-        let segment = data.get(..usize::from(control & LENGTH)).ok_or(ReplyError::Mismatch)?;
-        if control & TOGGLE != toggle || self.bytes.len() + segment.len() > MAX_SEGMENTED {
-            return Err(ReplyError::Mismatch);
-        }
-        self.bytes.extend_from_slice(segment);
-        self.state = SegmentState::Next { toggle: toggle ^ TOGGLE };
-        Ok(control & MORE == 0)
-    }
-}
-
-impl SegmentedRead for Epos2SegmentedRead {
-    fn request(&self) -> DriveRequest {
-        match self.state {
-            SegmentState::First => DriveRequest::new(
-                COMMANDS.first_segment,
-                COMMANDS.selector(self.node, self.object),
-                REPLY_WORDS,
-            ),
-            SegmentState::Next { toggle } => {
-                DriveRequest::new(COMMANDS.next_segment, [toggle, 0], REPLY_WORDS)
-            }
-        }
-    }
-
-    fn take_reply(&mut self, reply: SerialFrame<'_>) -> Result<bool, ReplyError> {
-        let rest = after_error_code(reply)?;
-        match self.state {
-            SegmentState::First if rest.is_empty() => {
-                self.state = SegmentState::Next { toggle: 0 };
-                Ok(false)
-            }
-            SegmentState::First => self.take_segment(rest, 0),
-            SegmentState::Next { toggle } => self.take_segment(rest, toggle),
-        }
-    }
-
-    fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
+fn segment(data: &[u8]) -> Option<Segment<'_>> {
+    let (&control, data) = data.split_first()?;
+    Some(Segment {
+        data: data.get(..usize::from(control & LENGTH))?,
+        toggle: Some(control & TOGGLE != 0),
+        is_last: control & MORE == 0,
+        ..Segment::default()
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drive::command_set::REPLY_OPCODE;
-    use crate::drive::object::{CONTROLWORD, MODE, Object, POSITION, STATUSWORD};
-    use crate::drive::serial_frame::FrameEncoder;
+    use crate::drive::command_set::{REPLY_OPCODE, ReplyError};
+    use crate::drive::object::{Address, CONTROLWORD, MODE, Object, POSITION, STATUSWORD};
+    use crate::drive::serial_frame::{FrameEncoder, SerialFrame};
 
     const TARGET: Object<i32> = Object::of(0x2062, 0);
 
@@ -145,7 +89,7 @@ mod tests {
 
     #[test]
     fn segments_alternate_their_toggle_bit() {
-        let mut read = Epos2SegmentedRead::new(1, FULL_SERIAL_NUMBER);
+        let mut read = COMMANDS.read_segmented(1, FULL_SERIAL_NUMBER);
         for (opcode, request, answer, is_complete) in [
             (0x12, &[0x04, 0x20, 0, 1][..], &[0; 4][..], false),
             (0x14, &[0, 0], &[0, 0, 0, 0, 0x85, 1, 2, 3, 4, 5], false),
@@ -160,14 +104,14 @@ mod tests {
 
     #[test]
     fn the_first_segment_may_come_at_once() {
-        let mut read = Epos2SegmentedRead::new(1, FULL_SERIAL_NUMBER);
+        let mut read = COMMANDS.read_segmented(1, FULL_SERIAL_NUMBER);
         assert_eq!(read.take_reply(reply(&[0, 0, 0, 0, 0x03, 1, 2, 3])), Ok(true));
         assert_eq!(read.bytes(), [1, 2, 3]);
     }
 
     #[test]
     fn a_repeated_or_short_segment_is_a_mismatch() {
-        let mut read = Epos2SegmentedRead::new(1, FULL_SERIAL_NUMBER);
+        let mut read = COMMANDS.read_segmented(1, FULL_SERIAL_NUMBER);
         read.take_reply(reply(&[0; 4])).unwrap();
         read.take_reply(reply(&[0, 0, 0, 0, 0x81, 1])).unwrap();
         for control in [0x81, 0x49] {

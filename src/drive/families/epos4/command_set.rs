@@ -2,11 +2,7 @@
 //!
 //! Source: maxon's EPOS4 Communication Guide (2019-11).
 
-use crate::drive::command_set::{
-    CommandSet, DriveRequest, MAX_SEGMENTED, ReplyError, SegmentedRead, after_error_code,
-};
-use crate::drive::object::Address;
-use crate::drive::serial_frame::SerialFrame;
+use crate::drive::command_set::{CommandSet, Segment};
 
 /// Words of data in the longest reply to the first request: error code, total length, length, 255
 /// bytes.
@@ -25,102 +21,35 @@ pub(super) const COMMANDS: &CommandSet = &CommandSet {
     first_segment: 0x81,
     next_segment: 0x62,
     node_first: true,
-    segmented: |node, object| Box::new(Epos4SegmentedRead::new(node, object)),
+    segment_words: [FIRST_REPLY_WORDS, NEXT_REPLY_WORDS],
+    toggle: TOGGLE,
+    first: |data| {
+        let (total, data) = data.split_first_chunk::<4>()?;
+        let (&length, data) = data.split_first()?;
+        Some(Segment {
+            data: data.get(..usize::from(length))?,
+            total: Some(usize::try_from(u32::from_le_bytes(*total)).unwrap_or(usize::MAX)),
+            ..Segment::default()
+        })
+    },
+    next: |data| {
+        let &[length, control, ref data @ ..] = data else { return None };
+        Some(Segment {
+            data: data.get(..usize::from(length))?,
+            toggle: Some(control & TOGGLE != 0),
+            is_last: control & LAST != 0,
+            ..Segment::default()
+        })
+    },
 };
-
-/// A segmented read in progress.
-#[derive(Debug)]
-pub(super) struct Epos4SegmentedRead {
-    node: u8,
-    object: Address,
-    bytes: Vec<u8>,
-    state: SegmentState,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum SegmentState {
-    /// The transfer is not opened yet.
-    First,
-    /// Opened; the next segment has this toggle bit.
-    Next { total: usize, toggle: u8 },
-}
-
-impl Epos4SegmentedRead {
-    pub(super) fn new(node: u8, object: Address) -> Self {
-        Self { node, object, bytes: Vec::new(), state: SegmentState::First }
-    }
-
-    fn take_first(&mut self, rest: &[u8]) -> Result<bool, ReplyError> {
-        let (total, rest) = rest.split_first_chunk::<4>().ok_or(ReplyError::Mismatch)?;
-        let (&length, data) = rest.split_first().ok_or(ReplyError::Mismatch)?;
-        let total = usize::try_from(u32::from_le_bytes(*total)).unwrap_or(usize::MAX);
-        if total > MAX_SEGMENTED {
-            return Err(ReplyError::Mismatch);
-        }
-        self.state = SegmentState::Next { total, toggle: 0 };
-        self.append(length, data, total)?;
-        Ok(self.bytes.len() == total)
-    }
-
-    fn take_next(&mut self, rest: &[u8], total: usize, toggle: u8) -> Result<bool, ReplyError> {
-        let &[length, control, ref data @ ..] = rest else {
-            return Err(ReplyError::Mismatch);
-        };
-        if control & TOGGLE != toggle {
-            return Err(ReplyError::Mismatch);
-        }
-        self.append(length, data, total)?;
-        self.state = SegmentState::Next { total, toggle: toggle ^ TOGGLE };
-        match (control & LAST != 0, self.bytes.len() == total) {
-            (_, true) => Ok(true),
-            (false, false) => Ok(false),
-            (true, false) => Err(ReplyError::Mismatch),
-        }
-    }
-
-    fn append(&mut self, length: u8, data: &[u8], total: usize) -> Result<(), ReplyError> {
-        let segment = data.get(..usize::from(length)).ok_or(ReplyError::Mismatch)?;
-        if self.bytes.len() + segment.len() > total {
-            return Err(ReplyError::Mismatch);
-        }
-        self.bytes.extend_from_slice(segment);
-        Ok(())
-    }
-}
-
-impl SegmentedRead for Epos4SegmentedRead {
-    fn request(&self) -> DriveRequest {
-        match self.state {
-            SegmentState::First => DriveRequest::new(
-                COMMANDS.first_segment,
-                COMMANDS.selector(self.node, self.object),
-                FIRST_REPLY_WORDS,
-            ),
-            SegmentState::Next { toggle, .. } => {
-                DriveRequest::new(COMMANDS.next_segment, [toggle, 0], NEXT_REPLY_WORDS)
-            }
-        }
-    }
-
-    fn take_reply(&mut self, reply: SerialFrame<'_>) -> Result<bool, ReplyError> {
-        let rest = after_error_code(reply)?;
-        match self.state {
-            SegmentState::First => self.take_first(rest),
-            SegmentState::Next { total, toggle } => self.take_next(rest, total, toggle),
-        }
-    }
-
-    fn bytes(&self) -> &[u8] {
-        &self.bytes
-    }
-}
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::drive::abort_code::AbortCode;
-    use crate::drive::command_set::REPLY_OPCODE;
-    use crate::drive::object::{DEVICE_NAME, POSITION, TARGET};
+    use crate::drive::command_set::{DriveRequest, REPLY_OPCODE, ReplyError};
+    use crate::drive::object::{Address, DEVICE_NAME, POSITION, TARGET};
+    use crate::drive::serial_frame::SerialFrame;
 
     fn reply(data: &[u8]) -> SerialFrame<'_> {
         SerialFrame { opcode: REPLY_OPCODE, data }
@@ -172,7 +101,7 @@ mod tests {
     #[test]
     fn a_serial_number_comes_in_one_reply() {
         let full_serial_number = Address::of(0x2100, 1);
-        let mut read = Epos4SegmentedRead::new(1, full_serial_number);
+        let mut read = COMMANDS.read_segmented(1, full_serial_number);
         assert_eq!(request_bytes(read.request()), [0x81, 0x01, 0x00, 0x21, 0x01]);
         // Seventeen bytes, padded to whole words.
         let data = [0, 0, 0, 0, 8, 0, 0, 0, 8, 1, 2, 3, 4, 5, 6, 7, 8, 0];
@@ -182,7 +111,7 @@ mod tests {
 
     #[test]
     fn segments_alternate_their_toggle_bit() {
-        let mut read = Epos4SegmentedRead::new(1, DEVICE_NAME);
+        let mut read = COMMANDS.read_segmented(1, DEVICE_NAME);
         let first = [0, 0, 0, 0, 5, 0, 0, 0, 1, b'E'];
         assert_eq!(read.take_reply(reply(&first)), Ok(false));
         assert_eq!(request_bytes(read.request()), [0x62, 0, 0]);
@@ -204,7 +133,7 @@ mod tests {
             (&[0, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0], ReplyError::Mismatch),
             (&[0, 0, 0, 0, 1, 0, 0, 0, 9, 1], ReplyError::Mismatch),
         ] {
-            let mut read = Epos4SegmentedRead::new(1, DEVICE_NAME);
+            let mut read = COMMANDS.read_segmented(1, DEVICE_NAME);
             assert_eq!(read.take_reply(reply(data)), Err(error), "{data:?}");
         }
     }

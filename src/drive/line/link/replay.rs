@@ -68,7 +68,7 @@ fn repeat(
     link: &mut DriveLink<Playback<'_>>,
     requested: Requested,
     size: u8,
-    segmented: &mut Option<Box<dyn SegmentedRead>>,
+    segmented: &mut Option<SegmentedRead>,
 ) {
     let commands = link.family.command_set();
     let address = |index, subindex| Address { index, subindex, size, name: "" };
