@@ -64,8 +64,17 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
         correction: &OutputVec,
     ) -> (OutputVec, JacobianMatrix);
 
-    fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix;
-    fn invert(&self, goal: &OutputVec, memory: &Memory, reach: &Reach, query: &Query) -> Inverse;
+    fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
+        self.pose_and_slope(counts, memory, &OutputVec::default()).1
+    }
+
+    /// A family implements this or [`Runtime::invert_each`].
+    fn invert(&self, goal: &OutputVec, memory: &Memory, reach: &Reach, query: &Query) -> Inverse {
+        let mut found = [Inverse::default()];
+        self.invert_each(std::slice::from_ref(goal), memory, reach, query, &mut found);
+        let [found] = found;
+        found
+    }
 
     /// Region of the inverse in a hull of counts within the calibrated hull.
     fn reach(&self, hull: &Hull) -> Reach {
@@ -94,20 +103,6 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError>;
 }
 
-/// [`Runtime::invert`] of a family that has [`Runtime::invert_each`].
-pub(in crate::model) fn invert_one(
-    runtime: &impl Runtime,
-    goal: &OutputVec,
-    memory: &Memory,
-    reach: &Reach,
-    query: &Query,
-) -> Inverse {
-    let mut found = [Inverse::default()];
-    runtime.invert_each(std::slice::from_ref(goal), memory, reach, query, &mut found);
-    let [found] = found;
-    found
-}
-
 /// A regression on the counts, without memory.
 #[derive(Debug)]
 pub(in crate::model) struct Memoryless<const D: usize, const M: usize>(
@@ -131,10 +126,6 @@ impl<const D: usize, const M: usize> Runtime for Memoryless<D, M> {
     ) -> (OutputVec, JacobianMatrix) {
         let local = self.0.local(&vector(&bounded(counts)));
         (array(&local.mean), rows(&local.jacobian))
-    }
-
-    fn jacobian(&self, counts: &MotorVec, _memory: &Memory) -> JacobianMatrix {
-        rows(&self.0.local(&vector(&bounded(counts))).jacobian)
     }
 
     fn invert(&self, goal: &OutputVec, _memory: &Memory, reach: &Reach, query: &Query) -> Inverse {

@@ -8,7 +8,7 @@ use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputUnit, Query};
 use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
-use crate::model::families::runtime::{Reach, Runtime, invert_one};
+use crate::model::families::runtime::{Reach, Runtime};
 use crate::model::maths::hull::{Hull, TOLERANCE_COUNTS};
 use crate::model::maths::newton_inverse::{self, SearchStart};
 use crate::model::maths::regression::{Local, Regression, array, bounded, estimate, rows, vector};
@@ -217,19 +217,10 @@ where
         (array(&mean), rows(&local.jacobian))
     }
 
-    fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
-        let counts = vector(&bounded(counts));
-        self.with_state(memory, |state| rows(&self.local(state, &counts).jacobian))
-    }
-
     fn memory_terms(&self, memory: &Memory) -> MemoryTerms {
         memory.seen.map_or_else(MemoryTerms::default, |seen| {
             self.with_state(memory, |state| self.terms(state, &seen.position))
         })
-    }
-
-    fn invert(&self, goal: &OutputVec, memory: &Memory, reach: &Reach, query: &Query) -> Inverse {
-        invert_one(self, goal, memory, reach, query)
     }
 
     /// The virtual counts of the calibration, and of the counts as they are without past motion.

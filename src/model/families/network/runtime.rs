@@ -10,7 +10,7 @@ use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, OutputUnit, Quer
 use crate::model::examination_path::ExaminationPath;
 use crate::model::families::memory::{Memory, State};
 use crate::model::families::round_trip;
-use crate::model::families::runtime::{Reach, Runtime, invert_one};
+use crate::model::families::runtime::{Reach, Runtime};
 use crate::model::maths::hull::Hull;
 use crate::model::maths::matrix_checks::{positive_semidefinite, square};
 use crate::model::maths::newton_inverse::{self, SearchStart};
@@ -242,15 +242,6 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
         let counts = vector(&bounded(counts));
         let local = self.with_state(memory, |state| self.at(state).local(&counts));
         (array(&local.mean), rows(&local.jacobian))
-    }
-
-    fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
-        let counts = vector(&bounded(counts));
-        self.with_state(memory, |state| rows(&self.at(state).local(&counts).jacobian))
-    }
-
-    fn invert(&self, goal: &OutputVec, memory: &Memory, reach: &Reach, query: &Query) -> Inverse {
-        invert_one(self, goal, memory, reach, query)
     }
 
     /// Without compensation the network goes to the goal as if it had just woken up at the present
