@@ -39,11 +39,8 @@ pub enum UntrustedFile {
         source: io::Error,
     },
     /// A folder, FIFO, device or socket.
-    #[error("{path} is not a regular file; name a file")]
-    Kind {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{0} is not a regular file; name a file")]
+    Kind(PathBuf),
     /// Longer than any valid file.
     #[error("{path} is longer than {limit} bytes; name the right file")]
     TooLong {
@@ -67,13 +64,10 @@ pub enum UntrustedFile {
     },
     /// Every user of the machine may write it.
     #[error(
-        "{path}: every user of this machine may write it; review it, then run \
-         `chmod o-w {path}`"
+        "{0}: every user of this machine may write it; review it, then run \
+         `chmod o-w {0}`"
     )]
-    WritableByAll {
-        /// The file or its folder.
-        path: PathBuf,
-    },
+    WritableByAll(PathBuf),
     /// A group may write it that is not this user's own.
     #[error(
         "{path}: every member of group {group} may write it; review it, then run \
@@ -113,7 +107,7 @@ pub(crate) fn read_trusted(path: &Path, limit: u64) -> Result<String, UntrustedF
     let metadata = file.metadata().map_err(io)?;
     if !metadata.is_file() {
         let path = path.to_owned();
-        return Err(UntrustedFile::Kind { path });
+        return Err(UntrustedFile::Kind(path));
     }
     check_access(path, &metadata, false)?;
     let mut text = String::new();
@@ -138,7 +132,7 @@ fn check_access(path: &Path, metadata: &Metadata, is_folder: bool) -> Result<(),
     }
     let is_protected = is_folder && metadata.mode() & STICKY != 0;
     if metadata.mode() & WRITABLE_BY_ALL != 0 && !is_protected {
-        return Err(UntrustedFile::WritableByAll { path });
+        return Err(UntrustedFile::WritableByAll(path));
     }
     // Many systems give every user a group of the same number, and let it write.
     let group = metadata.gid();

@@ -17,31 +17,22 @@ use crate::units::Nanos;
 pub enum DriveError {
     /// The device file does not exist.
     #[error(
-        "serial port {device} does not exist; plug in the drive, or correct `device` in the \
+        "serial port {0} does not exist; plug in the drive, or correct `device` in the \
          configuration"
     )]
-    NotFound {
-        /// The device.
-        device: PathBuf,
-    },
+    NotFound(PathBuf),
     /// The device file may not be opened.
     #[error(
-        "no permission to open serial port {device}; add the user to its group (often `dialout`) \
+        "no permission to open serial port {0}; add the user to its group (often `dialout`) \
          and log in again"
     )]
-    NotPermitted {
-        /// The device.
-        device: PathBuf,
-    },
+    NotPermitted(PathBuf),
     /// Another process holds the port.
     #[error(
-        "serial port {device} is in use by another program; end it (another controller? a \
+        "serial port {0} is in use by another program; end it (another controller? a \
          terminal?) and try again"
     )]
-    Busy {
-        /// The device.
-        device: PathBuf,
-    },
+    Busy(PathBuf),
     /// The device cannot be set up as a serial port.
     #[error(
         "{device} cannot be used as a serial port: {source}; correct `device` or `baud` in the \
@@ -193,20 +184,12 @@ pub enum AxisError {
     Setting(SettingError),
     /// The power stage does not switch off.
     #[error(
-        "power stage does not switch off, state {state:?}; cut its power supply and check the drive"
+        "power stage does not switch off, state {0:?}; cut its power supply and check the drive"
     )]
-    PowerStageStillOn {
-        /// Remaining state.
-        state: DriveState,
-    },
+    PowerStageStillOn(DriveState),
     /// The statusword is not a known state.
-    #[error(
-        "statusword 0x{statusword:04X} is not a known state; check that the firmware is supported"
-    )]
-    UnknownState {
-        /// Statusword read.
-        statusword: u16,
-    },
+    #[error("statusword 0x{0:04X} is not a known state; check that the firmware is supported")]
+    UnknownState(u16),
 }
 
 /// Cause and remedy of a gateway timeout. Two drives with the same node id answer alike to the

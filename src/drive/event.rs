@@ -36,10 +36,7 @@ pub enum PortEventKind {
         serial_number: u32,
     },
     /// The drive does not have an object that it can do without.
-    LeftOut {
-        /// The object.
-        object: Address,
-    },
+    LeftOut(Address),
     /// The axis entered another phase.
     Phase {
         /// Before.
@@ -51,16 +48,10 @@ pub enum PortEventKind {
     },
     /// The drive reports a fault.
     Fault(DriveFault),
-    /// A fault reset was carried out.
-    FaultReset {
-        /// The fault is gone.
-        cleared: bool,
-    },
+    /// A fault reset was carried out: whether the fault is gone.
+    FaultReset(bool),
     /// A request was not answered in time; a retry may have been answered.
-    TimedOut {
-        /// Object read or written.
-        object: Address,
-    },
+    TimedOut(Address),
     /// The drive refused a request.
     Refused {
         /// Object read or written.
@@ -84,22 +75,13 @@ pub enum PortEventKind {
     QuickStopFailed(TransitionError),
     /// Homing was requested in a phase without homing, and is not carried out.
     HomingRefused,
-    /// Homing ended.
-    HomingEnded {
-        /// Why it failed, if it did.
-        error: Option<TransitionError>,
-    },
+    /// Homing ended; why it failed, if it did.
+    HomingEnded(Option<TransitionError>),
     /// The drive changed its state without a command: its enable or quick-stop input, its supply,
     /// or another program.
-    UnexpectedState {
-        /// The new state.
-        state: DriveState,
-    },
-    /// The power stage does not switch off by the ramp; its power is cut.
-    StillPowered {
-        /// The state that the drive stays in.
-        state: Option<DriveState>,
-    },
+    UnexpectedState(DriveState),
+    /// The power stage does not switch off by the ramp, and stays in this state; its power is cut.
+    StillPowered(Option<DriveState>),
     /// The axis no longer answers.
     Lost(LinkError),
     /// The lost axis is the gateway of the port, so the drives behind it are also unreachable.
@@ -113,27 +95,15 @@ pub enum PortEventKind {
         /// The present position.
         after: Counts,
     },
-    /// The watchdog of the control loop expired: no request for too long. The axis is stopped.
-    WatchdogExpired {
-        /// Time since the last request.
-        silence: Nanos,
-    },
-    /// Exchanges are slow: something delays the replies.
-    SlowLine {
-        /// Median duration of an exchange.
-        median: Nanos,
-    },
-    /// The axis answers again and was identified. It holds by quick stop, or was limited and is
-    /// disabled.
-    Reconnected {
-        /// It kept its power, and holds by quick stop.
-        holds: bool,
-    },
-    /// The port thread ends.
-    Ended {
-        /// Known power of the drive.
-        power: DrivePower,
-    },
+    /// The watchdog of the control loop expired: no request for this long. The axis is stopped.
+    WatchdogExpired(Nanos),
+    /// Exchanges take this long (median): something delays the replies.
+    SlowLine(Nanos),
+    /// The axis answers again and was identified. True: it kept its power, and holds by quick stop;
+    /// false: it was limited and is disabled.
+    Reconnected(bool),
+    /// The port thread ends, with this known power of the drive.
+    Ended(DrivePower),
 }
 
 /// Why a transition of an axis failed.
@@ -184,12 +154,9 @@ pub enum TransitionError {
         /// Why.
         code: AbortCode,
     },
-    /// It took too long.
-    #[error("the drive did not reach the state in time, statusword 0x{statusword:04X}")]
-    Timeout {
-        /// Last statusword read.
-        statusword: u16,
-    },
+    /// It took too long; the last statusword.
+    #[error("the drive did not reach the state in time, statusword 0x{0:04X}")]
+    Timeout(u16),
     /// The drive reports a homing error.
     #[error("the drive reports a homing error")]
     HomingError,
@@ -215,7 +182,7 @@ impl fmt::Display for PortEventKind {
                 "drive ready, node {node_id}, product 0x{product_code:08X}, firmware \
                  0x{firmware:04X}, serial number {serial_number}"
             ),
-            Self::LeftOut { object } => {
+            Self::LeftOut(object) => {
                 write!(f, "the drive has no {object}: left out")?;
                 match objects::first(object.index, object.subindex) {
                     // The motor current is read for the sake of one limit.
@@ -229,11 +196,11 @@ impl fmt::Display for PortEventKind {
                 write!(f, "{from:?} -> {to:?}, statusword 0x{statusword:04X}")
             }
             Self::Fault(fault) => write!(f, "fault {fault}"),
-            Self::FaultReset { cleared: true } => f.write_str("fault reset"),
-            Self::FaultReset { cleared: false } => {
+            Self::FaultReset(true) => f.write_str("fault reset"),
+            Self::FaultReset(false) => {
                 f.write_str("fault reset had no effect; remove the cause first")
             }
-            Self::TimedOut { object } => write!(f, "{object} not answered in time"),
+            Self::TimedOut(object) => write!(f, "{object} not answered in time"),
             Self::Refused { object, code } => write!(f, "{object} refused: {code}"),
             Self::TargetRefused { target, min, max } => {
                 write!(f, "setpoint {target} outside {min} to {max} not written")
@@ -241,12 +208,12 @@ impl fmt::Display for PortEventKind {
             Self::EnableFailed(error) => write!(f, "not enabled: {error}"),
             Self::QuickStopFailed(error) => write!(f, "no quick stop, switching off: {error}"),
             Self::HomingRefused => f.write_str("homing refused: the axis must be disabled"),
-            Self::HomingEnded { error: None } => f.write_str("homed"),
-            Self::HomingEnded { error: Some(error) } => write!(f, "homing failed: {error}"),
-            Self::UnexpectedState { state } => {
+            Self::HomingEnded(None) => f.write_str("homed"),
+            Self::HomingEnded(Some(error)) => write!(f, "homing failed: {error}"),
+            Self::UnexpectedState(state) => {
                 write!(f, "the drive went to {state:?} without a command")
             }
-            Self::StillPowered { state } => {
+            Self::StillPowered(state) => {
                 write!(f, "power stage does not switch off ({state:?}); cutting its power")
             }
             Self::Lost(error) => write!(f, "lost: {error}"),
@@ -262,20 +229,20 @@ impl fmt::Display for PortEventKind {
                 }
                 f.write_str("; the axis counts as not homed: home it")
             }
-            Self::WatchdogExpired { silence } => write!(
+            Self::WatchdogExpired(silence) => write!(
                 f,
                 "no request from the control loop for {:.0} ms; quick stop",
                 silence.as_seconds() * 1e3
             ),
-            Self::SlowLine { median } => write!(
+            Self::SlowLine(median) => write!(
                 f,
                 "an exchange takes {:.1} ms; with an FTDI adapter set its latency timer to 1 ms, \
                  and use no hub",
                 median.as_seconds() * 1e3
             ),
-            Self::Reconnected { holds: true } => f.write_str("answers again; holds by quick stop"),
-            Self::Reconnected { holds: false } => f.write_str("answers again; disabled"),
-            Self::Ended { power } => f.write_str(match power {
+            Self::Reconnected(true) => f.write_str("answers again; holds by quick stop"),
+            Self::Reconnected(false) => f.write_str("answers again; disabled"),
+            Self::Ended(power) => f.write_str(match power {
                 DrivePower::Off => "ended, power stage off",
                 DrivePower::On => "ended, power stage ON: it holds; cut its power",
                 DrivePower::NotKnown => {

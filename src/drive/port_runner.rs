@@ -162,7 +162,7 @@ impl<R: PortRequest> AxisSlot<R> {
         match expired {
             Some(silence) if request.demand == Demand::Enabled => {
                 if !std::mem::replace(&mut self.watchdog.reported, true) {
-                    let kind = PortEventKind::WatchdogExpired { silence };
+                    let kind = PortEventKind::WatchdogExpired(silence);
                     self.axis.report(kind, events);
                 }
                 AxisRequest { demand: Demand::QuickStop, ..request }
@@ -192,7 +192,7 @@ impl<R: PortRequest> AxisSlot<R> {
         };
         self.axis.report(kind, events);
         for &object in &self.identity.left_out {
-            self.axis.report(PortEventKind::LeftOut { object }, events);
+            self.axis.report(PortEventKind::LeftOut(object), events);
         }
         if let Some(PositionCheck { saved, present }) = self.position_check {
             self.axis.compare_position(saved, present, events);
@@ -262,7 +262,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
             && self.exchange > SLOW_EXCHANGE
         {
             let median = self.exchange;
-            slot.axis.report(PortEventKind::SlowLine { median }, events);
+            slot.axis.report(PortEventKind::SlowLine(median), events);
         }
     }
 
@@ -287,7 +287,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
             self.serve_all(true, events);
         }
         for slot in &self.slots {
-            slot.axis.report(PortEventKind::Ended { power: slot.axis.power() }, events);
+            slot.axis.report(PortEventKind::Ended(slot.axis.power()), events);
         }
         if let Some(file) = &self.positions_file {
             let positions = self.slots.iter_mut().filter_map(AxisSlot::position_to_save);
@@ -397,7 +397,7 @@ fn exchange(
         let outcome = perform(link, slot.config.node_id, transfer, map);
         if link.counters().timeouts != timeouts {
             let object = transfer.object(map);
-            slot.axis.report(PortEventKind::TimedOut { object }, events);
+            slot.axis.report(PortEventKind::TimedOut(object), events);
             slot.axis.handle_timeout(link.now(), events);
         }
         let refused = |code: &AbortCode| *code != AbortCode::NO_NODE;

@@ -49,11 +49,8 @@ pub struct Domain {
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
     /// The name cannot be part of a file name.
-    #[error("domain name `{name}` is not valid: use 1 to 32 letters, digits or `-`")]
-    Name {
-        /// The name.
-        name: String,
-    },
+    #[error("domain name `{0}` is not valid: use 1 to 32 letters, digits or `-`")]
+    Name(String),
     /// Another controller serves this domain.
     #[error("{} already serves domain `{name}`; stop it, or choose another domain", owner(*.pid))]
     Taken {
@@ -64,19 +61,13 @@ pub enum DomainError {
     },
     /// The directory of the domain belongs to another user, or is open to other users.
     #[error(
-        "{path} is not a folder that only this user can use (mode 0700); remove it, or choose \
+        "{0} is not a folder that only this user can use (mode 0700); remove it, or choose \
          another domain"
     )]
-    Unsafe {
-        /// The directory.
-        path: PathBuf,
-    },
+    Unsafe(PathBuf),
     /// Another watchdog runs.
-    #[error("domain `{name}` already has a watchdog; end that one first")]
-    Watched {
-        /// The domain.
-        name: String,
-    },
+    #[error("domain `{0}` already has a watchdog; end that one first")]
+    Watched(String),
     /// A system call failed.
     #[error(
         "cannot {action} {path}: {source}; check the permissions and the free space of /dev/shm"
@@ -121,7 +112,7 @@ impl Domain {
         let plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
         let name = name.to_owned();
         if !plain || !(1..=32).contains(&name.len()) {
-            return Err(DomainError::Name { name });
+            return Err(DomainError::Name(name));
         }
         let base = format!("{}{name}", Self::folder_prefix());
         let directory = Path::new(SHARED_MEMORY).join(&base);

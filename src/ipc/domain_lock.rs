@@ -203,7 +203,7 @@ fn check_directory(path: &Path) -> Result<(), DomainError> {
     if owned && metadata.mode() & 0o077 == 0 {
         return Ok(());
     }
-    Err(DomainError::Unsafe { path: path.to_owned() })
+    Err(DomainError::Unsafe(path.to_owned()))
 }
 
 /// Opens and locks the lock file. A controller that ends removes the file while it still holds the

@@ -128,7 +128,7 @@ impl WatchdogPresence {
         options.mode(0o600).custom_flags(libc::O_NOFOLLOW);
         let file = options.open(&path).map_err(DomainError::io("write", &path))?;
         set_lock(&file, LockedByte::Held, libc::F_WRLCK)
-            .map_err(|_| DomainError::Watched { name: domain.name().to_owned() })?;
+            .map_err(|_| DomainError::Watched(domain.name().to_owned()))?;
         file.write_all_at(&[&[0; 8][..], ports].concat(), 0)
             .map_err(DomainError::io("write", &path))?;
         Ok(Self { domain: domain.clone(), file })
@@ -175,7 +175,7 @@ mod tests {
         assert_eq!(status(), WatchdogStatus::Silent);
         presence.alive(now).unwrap();
         let second = WatchdogPresence::announce(&domain, &ports);
-        assert!(matches!(second, Err(DomainError::Watched { .. })));
+        assert!(matches!(second, Err(DomainError::Watched(_))));
         for (is_complete, expected) in [
             (false, WatchdogStatus::Incomplete),
             (true, WatchdogStatus::Watching),

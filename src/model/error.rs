@@ -46,32 +46,24 @@ pub enum ModelError {
     Json(#[from] serde_json::Error),
     /// The text is JSON, but not a model file.
     #[error(
-        "is not a model: its `format` is `{found}`, not `{FORMAT}`; name a file that `i2ris \
+        "is not a model: its `format` is `{0}`, not `{FORMAT}`; name a file that `i2ris \
          calibrate fit` wrote"
     )]
-    Format {
-        /// The value in the file.
-        found: String,
-    },
+    Format(String),
     /// The model has another schema version.
     #[error(
-        "has schema_version {found}, and this software reads {SCHEMA_VERSION} only; fit the model \
+        "has schema_version {0}, and this software reads {SCHEMA_VERSION} only; fit the model \
          again from its recording"
     )]
-    SchemaVersion {
-        /// The value in the file.
-        found: u64,
-    },
+    SchemaVersion(u64),
     /// A family that is unknown, or that earlier versions knew.
     #[error(
-        "is of the family `{found}`, and this version reads {} only; calibrate again, or fit one \
+        "is of the family `{family}`, and this version reads {} only; calibrate again, or fit one \
          of them to its recording",
-        FAMILIES.join(", ")
+        FAMILIES.join(", "),
+        family = .0
     )]
-    Family {
-        /// The family of the file.
-        found: String,
-    },
+    Family(String),
     /// A value has the right type, but is out of its valid range.
     #[error("{key} = {value}: {reason}")]
     Value {
@@ -132,11 +124,8 @@ pub enum ModelError {
         most: f64,
     },
     /// The fit marked it as worthless but was forced to write it.
-    #[error("is marked as worthless: {doubt}; fit a better one")]
-    Worthless {
-        /// Reason given by the fit.
-        doubt: String,
-    },
+    #[error("is marked as worthless: {0}; fit a better one")]
+    Worthless(String),
     /// The configuration limits angles, and the model has none.
     #[error(
         "gives a position of the tip, so that [joint_limits] of the configuration could not be \
@@ -165,15 +154,12 @@ pub enum ModelError {
         /// Motors of the robot.
         robot: usize,
     },
-    /// The positions are too few or too narrowly spread to span a hull.
+    /// The positions, with this mean (counts), are too few or too narrowly spread to span a hull.
     #[error(
-        "the positions visited span no area of motor space near {near:?} counts; record motion of \
+        "the positions visited span no area of motor space near {0:?} counts; record motion of \
          every motor"
     )]
-    FlatHull {
-        /// The mean of the positions, counts.
-        near: MotorVec,
-    },
+    FlatHull(MotorVec),
 }
 
 /// Returns `Ok` when `valid` is true, or else a [`ModelError::Value`] that names `key` and shows

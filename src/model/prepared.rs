@@ -92,7 +92,7 @@ impl Model {
     pub fn check_use(&self, robot_id: &str, motors: usize) -> Result<(), ModelError> {
         self.check_robot(robot_id, motors)?;
         match &self.file.worthless {
-            Some(doubt) => Err(ModelError::Worthless { doubt: doubt.clone() }),
+            Some(doubt) => Err(ModelError::Worthless(doubt.clone())),
             None => Ok(()),
         }
     }

@@ -99,7 +99,7 @@ impl MainThread<'_> {
     pub(super) fn write_events(&mut self) {
         let mut lines: Vec<(Nanos, String)> = Vec::new();
         while let Ok((stamp, event)) = self.port_events.try_recv() {
-            if let PortEventKind::Ended { power } = event.kind
+            if let PortEventKind::Ended(power) = event.kind
                 && power == DrivePower::Off
             {
                 self.powered.retain(|motor| *motor != event.motor);

@@ -202,7 +202,7 @@ fn config_of(device: &Path) -> PortConfig {
 #[test]
 fn missing_or_non_serial_device_is_named() {
     let error = Port::open(&config_of(Path::new("/dev/i2ris-no-such-port"))).unwrap_err();
-    assert!(matches!(error, DriveError::NotFound { .. }), "{error:?}");
+    assert!(matches!(error, DriveError::NotFound(_)), "{error:?}");
     assert_parts(&error.to_string(), &["/dev/i2ris-no-such-port does not exist"]);
     let error = Port::open(&config_of(Path::new("/dev/null"))).unwrap_err();
     assert!(matches!(error, DriveError::NotSerial { .. }), "{error:?}");
@@ -217,7 +217,7 @@ fn a_port_in_use_is_refused() {
     let config = config_of(Path::new(&device));
     let first = Port::open(&config).unwrap();
     let error = Port::open(&config).unwrap_err();
-    assert!(matches!(error, DriveError::Busy { .. }), "{error:?}");
+    assert!(matches!(error, DriveError::Busy(_)), "{error:?}");
     drop(first);
     Port::open(&config).unwrap();
 }

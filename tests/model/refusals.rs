@@ -83,7 +83,7 @@ fn unsupported_family_is_refused_with_supported_ones_and_remedy() {
     for other in ["gmr-stop", "gmr-prandtl-ishlinskii", "spline"] {
         let text = text.replacen("\"kind\":\"gmr\"", &format!("\"kind\":\"{other}\",\"lag\":1"), 1);
         let error = ModelFile::parse(&text).unwrap_err();
-        assert!(matches!(&error, ModelError::Family { found } if found == other));
+        assert!(matches!(&error, ModelError::Family(found) if found == other));
         let parts = [&format!("the family `{other}`"), "force-balance", "calibrate again"];
         assert_mentions(&error.to_string(), &parts);
     }

@@ -77,7 +77,7 @@ fn a_directory_that_others_can_use_is_refused() {
     create_directory(&domain, 0o755);
     let error = DomainLock::acquire(&domain).unwrap_err();
     fs::remove_dir(domain.directory()).unwrap();
-    assert!(matches!(error, DomainError::Unsafe { .. }), "{error}");
+    assert!(matches!(error, DomainError::Unsafe(_)), "{error}");
 }
 
 #[test]

@@ -227,7 +227,7 @@ impl AxisStateMachine {
     }
 
     fn check_deadline(&mut self, now: Nanos, events: EventSink<'_>) {
-        let error = TransitionError::Timeout { statusword: self.feedback.statusword };
+        let error = TransitionError::Timeout(self.feedback.statusword);
         match self.state {
             AxisState::Enabling(_, deadline) if now > deadline => {
                 self.report(PortEventKind::EnableFailed(error), events);
@@ -245,7 +245,7 @@ impl AxisStateMachine {
             }
             AxisState::Disabling(_, deadline) if now > deadline => {
                 let state = self.drive_state();
-                self.report(PortEventKind::StillPowered { state }, events);
+                self.report(PortEventKind::StillPowered(state), events);
                 let power = PowerSequence::new(PowerGoal::Cut);
                 self.state = AxisState::Disabling(power, now + OFF_TIMEOUT);
             }

@@ -152,7 +152,7 @@ impl AxisStateMachine {
         let Some(drive) = self.drive_state() else {
             // An unknown state: the axis is brought up again from the start.
             let statusword = self.feedback.statusword;
-            self.report_unusable(AxisError::UnknownState { statusword }, events);
+            self.report_unusable(AxisError::UnknownState(statusword), events);
             self.enter(AxisState::Lost, events);
             return true;
         };
@@ -161,7 +161,7 @@ impl AxisStateMachine {
             _ if drive.is_fault() => self.enter(AxisState::Faulted(FaultStep::ReadCode), events),
             AxisState::Faulted(step) => {
                 if let FaultStep::WaitForClear(..) = step {
-                    self.report(PortEventKind::FaultReset { cleared: true }, events);
+                    self.report(PortEventKind::FaultReset(true), events);
                 }
                 self.go_to_disabled(drive, now, events);
             }
@@ -169,19 +169,19 @@ impl AxisStateMachine {
             AxisState::Homing(step, ..)
                 if step.is_powered() && drive != DriveState::OperationEnabled =>
             {
-                self.report(PortEventKind::UnexpectedState { state: drive }, events);
+                self.report(PortEventKind::UnexpectedState(drive), events);
                 self.abort_homing(TransitionError::Interrupted, now, events);
             }
             AxisState::Enabled if drive == DriveState::OperationEnabled => return false,
             AxisState::QuickStopped(..) if drive == DriveState::QuickStopActive => return false,
             AxisState::Disabled if drive.is_off() || drive == DriveState::NotReady => return false,
             AxisState::Enabled if drive == DriveState::QuickStopActive => {
-                self.report(PortEventKind::UnexpectedState { state: drive }, events);
+                self.report(PortEventKind::UnexpectedState(drive), events);
                 self.interlock = EnableInterlock::Engaged;
                 self.enter(AxisState::QuickStopped(now + STOP_TIMEOUT), events);
             }
             AxisState::Enabled | AxisState::QuickStopped(..) | AxisState::Disabled => {
-                self.report(PortEventKind::UnexpectedState { state: drive }, events);
+                self.report(PortEventKind::UnexpectedState(drive), events);
                 self.abort(now, events);
             }
             _ => return false,
@@ -248,7 +248,7 @@ impl AxisStateMachine {
 
     /// The fault did not clear.
     pub(super) fn end_failed_reset(&mut self, count: u32, events: EventSink<'_>) {
-        self.report(PortEventKind::FaultReset { cleared: false }, events);
+        self.report(PortEventKind::FaultReset(false), events);
         self.feedback.fault_resets = count;
         self.state = AxisState::Faulted(FaultStep::ReadCode);
     }

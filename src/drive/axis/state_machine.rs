@@ -285,7 +285,7 @@ impl AxisStateMachine {
         self.unanswered = 0;
         self.settings_changed = false;
         self.reported = Reported::default();
-        self.report(PortEventKind::Reconnected { holds }, events);
+        self.report(PortEventKind::Reconnected(holds), events);
         let stopped = AxisState::QuickStopped(now + STOP_TIMEOUT);
         self.enter(if holds { stopped } else { AxisState::Starting }, events);
     }
@@ -400,7 +400,7 @@ impl AxisStateMachine {
         {
             self.feedback.homings = count;
             self.position_mismatch &= error.is_some();
-            self.report(PortEventKind::HomingEnded { error }, events);
+            self.report(PortEventKind::HomingEnded(error), events);
         }
     }
 

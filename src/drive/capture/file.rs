@@ -57,12 +57,9 @@ pub enum CaptureError {
     #[error(
         "{} is not a capture of serial lines; name a file that i2ris-control wrote next to a black \
          box",
-        path.display()
+        .0.display()
     )]
-    Foreign {
-        /// The file.
-        path: PathBuf,
-    },
+    Foreign(PathBuf),
 }
 
 /// The file as bytes. `wall_offset`: the wall clock minus the monotonic clock.
@@ -131,7 +128,7 @@ fn pad(bytes: &mut Vec<u8>) {
 pub fn read(path: &Path) -> Result<CaptureFile, CaptureError> {
     let path = path.to_owned();
     match std::fs::read(&path) {
-        Ok(bytes) => from_bytes(&bytes).ok_or(CaptureError::Foreign { path }),
+        Ok(bytes) => from_bytes(&bytes).ok_or(CaptureError::Foreign(path)),
         Err(source) => Err(CaptureError::Io { path, source }),
     }
 }

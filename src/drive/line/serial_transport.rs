@@ -57,7 +57,7 @@ impl SerialTransport {
         let end = clock::now() + RELEASE_TIMEOUT;
         loop {
             match open(config) {
-                Err(DriveError::Busy { .. }) if clock::now() < end => clock::sleep(BUSY_PERIOD),
+                Err(DriveError::Busy(_)) if clock::now() < end => clock::sleep(BUSY_PERIOD),
                 opened => {
                     let port = Some(opened?);
                     turn.note_opened(clock::now());
@@ -74,14 +74,14 @@ impl SerialTransport {
 
 fn open(config: &PortConfig) -> Result<TTYPort, DriveError> {
     let device = &config.device;
-    let path = device.to_str().ok_or_else(|| DriveError::NotFound { device: device.clone() })?;
+    let path = device.to_str().ok_or_else(|| DriveError::NotFound(device.clone()))?;
     let port = serialport::new(path, config.baud)
         .timeout(WRITE_TIMEOUT)
         .exclusive(false)
         .open_native()
         .map_err(|source| explain(device, source))?;
     let locked = line_turn::lock(&descriptor(&port));
-    locked.map_err(|_| DriveError::Busy { device: device.clone() })?;
+    locked.map_err(|_| DriveError::Busy(device.clone()))?;
     // Before any traffic: changing a running timer stalls the line. Without permission the timer
     // stays, and bring-up reports slow exchanges.
     latency_timer::shorten(device);
@@ -170,9 +170,9 @@ fn explain(device: &Path, source: serialport::Error) -> DriveError {
     use serialport::ErrorKind::{Io, NoDevice};
     let device = device.to_owned();
     match source.kind() {
-        Io(io::ErrorKind::NotFound) => DriveError::NotFound { device },
-        Io(io::ErrorKind::PermissionDenied) => DriveError::NotPermitted { device },
-        NoDevice => DriveError::Busy { device },
+        Io(io::ErrorKind::NotFound) => DriveError::NotFound(device),
+        Io(io::ErrorKind::PermissionDenied) => DriveError::NotPermitted(device),
+        NoDevice => DriveError::Busy(device),
         _ => DriveError::NotSerial { device, source },
     }
 }

@@ -95,25 +95,28 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         axis: &AxisConfig,
         family: &dyn DriveFamily,
     ) -> Result<AxisIdentity, AxisError> {
-        let map = family.object_map();
-        let full = map.full_serial_number;
+        let full = family.object_map().full_serial_number;
         let full = full.and_then(|object| self.read_bytes(object));
         let name = self.read_bytes(object::DEVICE_NAME);
         let name = name.and_then(|bytes| String::from_utf8(bytes).ok());
         Ok(AxisIdentity {
             motor: axis.motor,
             node_id: self.node,
-            model: DriveModel {
-                family: family.name(),
-                product_code: self.read(object::PRODUCT)?,
-                firmware: self.read_firmware(map.firmware_version)?,
-            },
+            model: self.read_model(family)?,
             left_out: Vec::new(),
             serial_number: axis.short_serial_number(),
             full_serial_number: full
                 .and_then(|bytes| bytes.try_into().ok())
                 .map(u64::from_le_bytes),
             name: name.map(|name| name.trim_end_matches('\0').to_owned()),
+        })
+    }
+
+    fn read_model(&mut self, family: &dyn DriveFamily) -> Result<DriveModel, AxisError> {
+        Ok(DriveModel {
+            family: family.name(),
+            product_code: self.read(object::PRODUCT)?,
+            firmware: self.read_firmware(family.object_map().firmware_version)?,
         })
     }
 
@@ -139,7 +142,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
     /// with a fault is already off; the operator resets the fault.
     pub(in crate::drive) fn switch_off(&mut self) -> Result<(), AxisError> {
         match self.go_to(PowerGoal::Off) {
-            Err(AxisError::PowerStageStillOn { .. }) => self.go_to(PowerGoal::Cut)?,
+            Err(AxisError::PowerStageStillOn(_)) => self.go_to(PowerGoal::Cut)?,
             outcome => outcome?,
         };
         Ok(())
@@ -149,7 +152,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
     pub(in crate::drive) fn hold(&mut self) -> Result<bool, AxisError> {
         match self.go_to(PowerGoal::Stopped) {
             Ok(state) => Ok(state == DriveState::QuickStopActive),
-            Err(AxisError::PowerStageStillOn { .. }) => Ok(false),
+            Err(AxisError::PowerStageStillOn(_)) => Ok(false),
             Err(error) => Err(error),
         }
     }
@@ -160,7 +163,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         loop {
             let statusword = self.read(object::STATUSWORD)?;
             let state = Statusword(statusword).state();
-            let state = state.ok_or(AxisError::UnknownState { statusword })?;
+            let state = state.ok_or(AxisError::UnknownState(statusword))?;
             match power_step(state, goal) {
                 PowerStep::Reached | PowerStep::Blocked => return Ok(state),
                 // A command must take effect before the next one.
@@ -169,7 +172,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
                     commanded = Some(controlword);
                 }
                 PowerStep::Command(_) | PowerStep::Wait if self.link.now() > deadline => {
-                    return Err(AxisError::PowerStageStillOn { state });
+                    return Err(AxisError::PowerStageStillOn(state));
                 }
                 PowerStep::Command(_) | PowerStep::Wait => {
                     self.link.sleep_until(self.link.now() + POLL_PERIOD);
@@ -335,11 +338,7 @@ pub fn configure_axis(
     axis: &AxisConfig,
 ) -> Result<Vec<Address>, AxisError> {
     let mut drive = DriveNode::new(link, axis.node_id);
-    let model = DriveModel {
-        family: family.name(),
-        product_code: drive.read(object::PRODUCT)?,
-        firmware: drive.read_firmware(family.object_map().firmware_version)?,
-    };
+    let model = drive.read_model(family)?;
     let mut left_out = Vec::new();
     drive.configure(&family.settings(axis), model, &mut |object| left_out.push(object))?;
     Ok(left_out)

@@ -205,7 +205,7 @@ impl Client {
             match self.operating_state()? {
                 Some(state) if state.stamp_ns > start.0 && condition(&state) => return Ok(state),
                 _ if clock::now().duration_since(start) > timeout => {
-                    return Err(ClientError::Timeout { waited: timeout });
+                    return Err(ClientError::Timeout(timeout));
                 }
                 _ => clock::sleep(POLL_PERIOD),
             }
@@ -224,7 +224,7 @@ impl Client {
         let reply = self.requests.black_box(BlackBoxRequest { client_id })?;
         let text = unpadded_text(&reply.text);
         if reply.ticks == 0 {
-            return Err(ClientError::BlackBox { reason: text });
+            return Err(ClientError::BlackBox(text));
         }
         Ok(text.into())
     }

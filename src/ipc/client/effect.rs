@@ -184,7 +184,7 @@ impl Client {
                         let since = *ended.get_or_insert(now);
                         let is_power = command == StateCommand::Disable;
                         if now.duration_since(since) > if is_power { SETTLE_OFF } else { SETTLE } {
-                            return Err(ClientError::NotConfirmed { command });
+                            return Err(ClientError::NotConfirmed(command));
                         }
                     }
                 }
@@ -194,10 +194,10 @@ impl Client {
                 return Err(ClientError::NoReply { request, waited: SILENCE });
             }
             if gives_up() {
-                return Err(ClientError::WaitCancelled { command });
+                return Err(ClientError::WaitCancelled(command));
             }
             if now.duration_since(start) > limit {
-                return Err(ClientError::NotConfirmed { command });
+                return Err(ClientError::NotConfirmed(command));
             }
             clock::sleep(POLL_PERIOD);
         }

@@ -20,12 +20,10 @@ pub enum ClientError {
     /// later.
     #[error(
         "no controller serves domain `{domain}`; start i2ris-control, or name its domain{}",
-        served(&served_domains())
+        served(&served_domains()),
+        domain = .0
     )]
-    NoController {
-        /// The domain.
-        domain: String,
-    },
+    NoController(String),
     /// The controller has another version of the interface.
     #[error(
         "the controller of domain `{domain}` has interface version {found}, this program \
@@ -75,11 +73,8 @@ pub enum ClientError {
         message: String,
     },
     /// No black box was written.
-    #[error("the controller wrote no black box: {reason}")]
-    BlackBox {
-        /// Reason.
-        reason: String,
-    },
+    #[error("the controller wrote no black box: {0}")]
+    BlackBox(String),
     /// A path that does not fit into a request.
     #[error("the path {path} does not fit into a request: at most {limit} bytes and no byte 0")]
     Path {
@@ -113,26 +108,17 @@ pub enum ClientError {
         cause: Cause,
     },
     /// An accepted command ended for an unknown reason, without its effect.
-    #[error("the effect of `{command}` is not confirmed; {}", see(*.command))]
-    NotConfirmed {
-        /// The command.
-        command: StateCommand,
-    },
+    #[error("the effect of `{command}` is not confirmed; {}", see(*.0), command = .0)]
+    NotConfirmed(StateCommand),
     /// The caller cancelled the wait for the effect of an accepted command.
-    #[error("interrupted before the effect of `{command}` was confirmed")]
-    WaitCancelled {
-        /// The command.
-        command: StateCommand,
-    },
+    #[error("interrupted before the effect of `{0}` was confirmed")]
+    WaitCancelled(StateCommand),
     /// Another start of the controller answers.
     #[error("the controller was restarted; check the robot before you continue")]
     Restarted,
     /// The condition was not fulfilled in time.
-    #[error("the controller did not reach the expected state within {} ms", ms(*.waited))]
-    Timeout {
-        /// Time waited.
-        waited: Nanos,
-    },
+    #[error("the controller did not reach the expected state within {} ms", ms(*.0))]
+    Timeout(Nanos),
 }
 
 /// Remedy for a command whose effect is not confirmed.
@@ -168,6 +154,6 @@ impl ClientError {
     /// Whether no controller serves the domain, which may change.
     #[must_use]
     pub fn is_absent(&self) -> bool {
-        matches!(self, Self::NoController { .. })
+        matches!(self, Self::NoController(_))
     }
 }

@@ -83,7 +83,7 @@ const NEEDED: u64 = 32 << 20;
 /// [`IpcError::Memory`].
 pub fn check_memory() -> Result<(), IpcError> {
     let free = free_memory().filter(|free| *free < NEEDED);
-    free.map_or(Ok(()), |free| Err(IpcError::Memory { free }))
+    free.map_or(Ok(()), |free| Err(IpcError::Memory(free)))
 }
 
 /// Creates node and services; cleans up and tries once more if that fails or hangs.
@@ -133,16 +133,13 @@ pub enum IpcError {
     /// A call into iceoryx2 failed.
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// Use of unavailable memory ends the process by a signal.
+    /// Bytes that are free: use of unavailable memory ends the process by a signal.
     #[error(
         "{SHARED_MEMORY} has {} MB free, and {} MB are needed: delete unused files there, or \
          enlarge it (`mount -o remount,size=256M {SHARED_MEMORY}`; `--shm-size=256m` of a container)",
-        free >> 20, NEEDED >> 20
+        .0 >> 20, NEEDED >> 20
     )]
-    Memory {
-        /// Free bytes.
-        free: u64,
-    },
+    Memory(u64),
     /// Creating the services did not end, twice.
     #[error(
         "creating the shared memory of domain `{domain}` did not finish within {seconds} s, even \

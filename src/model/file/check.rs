@@ -38,10 +38,10 @@ pub(in crate::model) fn check(file: &ModelFile) -> Result<usize, ModelError> {
 /// Checks that a file is a model of the supported schema version.
 pub(in crate::model) fn check_header(format: &str, schema_version: u64) -> Result<(), ModelError> {
     if format != FORMAT {
-        return Err(ModelError::Format { found: format.to_owned() });
+        return Err(ModelError::Format(format.to_owned()));
     }
     if schema_version != u64::from(SCHEMA_VERSION) {
-        return Err(ModelError::SchemaVersion { found: schema_version });
+        return Err(ModelError::SchemaVersion(schema_version));
     }
     Ok(())
 }

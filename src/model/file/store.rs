@@ -53,7 +53,7 @@ impl ModelFile {
         if let Some(found) = header.family.kind
             && !FAMILIES.contains(&found.as_str())
         {
-            return Err(ModelError::Family { found });
+            return Err(ModelError::Family(found));
         }
         Ok(serde_json::from_str(text)?)
     }
@@ -69,7 +69,7 @@ impl ModelFile {
         let length = fs::metadata(path).map_err(unread)?.len();
         if length > MAX_MODEL_BYTES {
             let found = format!("a file of {} MB", length >> 20);
-            return Err(ModelError::Format { found }.in_file(path));
+            return Err(ModelError::Format(found).in_file(path));
         }
         let text = fs::read_to_string(path).map_err(unread)?;
         Self::parse(&text).map_err(|error| error.in_file(path))

@@ -135,7 +135,7 @@ impl Hull {
             _ => polygon::thin(polygon::convex_hull(points), MAX_CORNERS),
         };
         if corners.len() < motors + 1 {
-            return Err(ModelError::FlatHull { near: mean(points) });
+            return Err(ModelError::FlatHull(mean(points)));
         }
         let corners =
             corners.iter().map(|corner| corner.iter().take(motors).copied().collect()).collect();

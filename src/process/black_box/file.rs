@@ -93,13 +93,10 @@ pub enum BlackBoxError {
     },
     /// A different kind of file.
     #[error(
-        "{path} is not a black-box file: it does not begin with `I2RISBOX`; name a file written by \
+        "{0} is not a black-box file: it does not begin with `I2RISBOX`; name a file written by \
          i2ris-control"
     )]
-    Foreign {
-        /// The file.
-        path: PathBuf,
-    },
+    Foreign(PathBuf),
     /// A file with a different format version.
     #[error(
         "black box {path} has format {found}; this software reads only {VERSION}; use the version \
@@ -122,11 +119,8 @@ pub enum BlackBoxError {
         found: u64,
     },
     /// The checksum is wrong.
-    #[error("black box {path} is damaged: its checksum does not match its content; copy it again")]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("black box {0} is damaged: its checksum does not match its content; copy it again")]
+    Damaged(PathBuf),
     /// The checksum is right, but the content cannot be read.
     #[error(
         "black box {path} contains data unknown to this software ({reason}); use the version that \
@@ -168,7 +162,7 @@ impl BlackBox {
         let wrong_length =
             |expected| BlackBoxError::Length { path: path(), expected, found: bytes.len() as u64 };
         let too_short = || wrong_length(HEAD as u64);
-        let foreign = || BlackBoxError::Foreign { path: path() };
+        let foreign = || BlackBoxError::Foreign(path());
         let rest = bytes.strip_prefix(&MAGIC).ok_or_else(foreign)?;
         let (version, rest) = rest.split_first_chunk::<4>().ok_or_else(too_short)?;
         let found = u32::from_le_bytes(*version);
@@ -183,7 +177,7 @@ impl BlackBox {
             return Err(wrong_length(length.saturating_add(HEAD as u64)));
         }
         if Sha256::digest(body).as_slice() != digest {
-            return Err(BlackBoxError::Damaged { path: path() });
+            return Err(BlackBoxError::Damaged(path()));
         }
         postcard::from_bytes(body)
             .map_err(|error| BlackBoxError::Decode { path: path(), reason: error.to_string() })

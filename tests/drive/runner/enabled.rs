@@ -112,7 +112,7 @@ fn drive_that_fails_to_switch_off_cleanly_loses_power() {
     rig.demand(Demand::Disabled);
     rig.turns(3000);
     assert!(rig.controlwords().contains(&0x0000), "{:?}", rig.controlwords());
-    assert!(rig.count_events(|kind| matches!(kind, PortEventKind::StillPowered { .. })) > 0);
+    assert!(rig.count_events(|kind| matches!(kind, PortEventKind::StillPowered(_))) > 0);
     assert_eq!(rig.phase(), AxisPhase::Disabling);
     rig.drive(|drive| drive.stuck = false);
     rig.until(AxisPhase::Disabled);
@@ -123,7 +123,7 @@ fn drive_that_switches_itself_off_stays_off() {
     let mut rig = PortRig::enabled();
     rig.drive(|drive| drive.state = SWITCH_ON_DISABLED);
     rig.until(AxisPhase::Disabled);
-    assert!(rig.count_events(|kind| matches!(kind, PortEventKind::UnexpectedState { .. })) > 0);
+    assert!(rig.count_events(|kind| matches!(kind, PortEventKind::UnexpectedState(_))) > 0);
     rig.turns(100);
     assert_eq!(rig.phase(), AxisPhase::Disabled);
 }
@@ -145,5 +145,5 @@ fn lost_target_is_replaced_by_newest_not_repeated() {
     let is_newest = |target: &u32| *target == 120 || target % 2 == 1;
     assert!(written.iter().all(is_newest), "{written:?}");
     assert_eq!((rig.phase(), rig.feedback().counters.timeouts), (AxisPhase::Enabled, 400));
-    assert!(rig.count_events(|kind| matches!(kind, PortEventKind::TimedOut { .. })) > 0);
+    assert!(rig.count_events(|kind| matches!(kind, PortEventKind::TimedOut(_))) > 0);
 }

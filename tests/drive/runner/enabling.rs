@@ -84,12 +84,10 @@ fn a_failed_step_ends_disabled_with_its_reason() {
             drive.mode_stuck = true;
             drive.objects.insert((0x6061, 0), 1);
         },
-        |error| matches!(error, TransitionError::Timeout { .. }),
+        |error| matches!(error, TransitionError::Timeout(_)),
     );
-    let command_without_effect: Case = (
-        |drive| drive.stuck = true,
-        |error| matches!(error, TransitionError::Timeout { statusword: 0x8240 }),
-    );
+    let command_without_effect: Case =
+        (|drive| drive.stuck = true, |error| matches!(error, TransitionError::Timeout(0x8240)));
     for (change, is_expected) in
         [outside_limits, target_differs, mode_refused, mode_without_effect, command_without_effect]
     {

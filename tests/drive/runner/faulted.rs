@@ -43,7 +43,7 @@ fn a_reset_is_an_edge_and_ends_disabled() {
     assert_eq!(rig.controlwords(), [0x0000, 0x0080]);
     rig.turns(100);
     assert_eq!((rig.phase(), rig.feedback().error_code), (AxisPhase::Disabled, 0));
-    assert!(rig.has_event(PortEventKind::FaultReset { cleared: true }));
+    assert!(rig.has_event(PortEventKind::FaultReset(true)));
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn fault_stays_while_cause_remains_until_second_reset() {
     rig.drive(|drive| drive.cause_remains = true);
     reset(&mut rig);
     assert_eq!(rig.phase(), AxisPhase::Faulted);
-    assert!(rig.has_event(PortEventKind::FaultReset { cleared: false }));
+    assert!(rig.has_event(PortEventKind::FaultReset(false)));
     rig.drive(|drive| drive.cause_remains = false);
     reset_until_disabled(&mut rig);
 }

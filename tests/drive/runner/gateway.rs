@@ -105,7 +105,7 @@ fn shutdown_switches_live_drives_off_despite_dead_one() {
                 .events
                 .iter()
                 .filter_map(|event| match event.kind {
-                    PortEventKind::Ended { power } => Some((event.motor, power == DrivePower::Off)),
+                    PortEventKind::Ended(power) => Some((event.motor, power == DrivePower::Off)),
                     _ => None,
                 })
                 .collect();

@@ -18,7 +18,7 @@ fn not_homed() -> PortRig {
 }
 
 fn failed_with(error: TransitionError) -> PortEventKind {
-    PortEventKind::HomingEnded { error: Some(error) }
+    PortEventKind::HomingEnded(Some(error))
 }
 
 #[test]
@@ -32,7 +32,7 @@ fn homing_sets_present_position_to_zero_and_ends_disabled() {
     assert_eq!(rig.controlwords(), [0x0006, 0x000F, 0x001F, 0x000F, 0x0007, 0x0006]);
     assert_eq!(rig.drive(|drive| drive.written(0x6060, 0)), [6, 8]);
     assert_eq!(rig.drive(|drive| drive.written(0x6098, 0)), [37]);
-    assert!(rig.has_event(PortEventKind::HomingEnded { error: None }));
+    assert!(rig.has_event(PortEventKind::HomingEnded(None)));
     rig.release_and_enable();
     assert_eq!(rig.drive(|drive| drive.jumps), 0);
 }

@@ -78,7 +78,7 @@ fn axis_starts_nothing_while_other_axis_shuts_down() {
     rig.line.drive(1, |drive| drive.writes.clear());
     rig.shut_down();
     assert_eq!(rig.controlwords(), [0x0007, 0x0006]);
-    let ended = [DrivePower::Off, DrivePower::On].map(|power| PortEventKind::Ended { power });
+    let ended = [DrivePower::Off, DrivePower::On].map(PortEventKind::Ended);
     assert!(rig.kinds().ends_with(&ended));
 }
 
@@ -115,7 +115,7 @@ fn other_axis_is_served_between_exchanges_of_reconnection() {
         rig.line.drive(2, |drive| drive.stuck = stuck);
         rig.line.state().silent_node = None;
         rig.line.state().requests.clear();
-        while !stuck && !rig.has_event(PortEventKind::Reconnected { holds: false }) {
+        while !stuck && !rig.has_event(PortEventKind::Reconnected(false)) {
             rig.turns(1);
         }
         let nodes: Vec<u8> = rig.line.state().requests.iter().map(|r| r.node).collect();

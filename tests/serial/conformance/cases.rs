@@ -213,7 +213,7 @@ fn comes_back_disabled(bench: &TestBench, axis: &mut RunningAxis) {
 pub fn ended(bench: &TestBench) {
     let mut axis = bench.enabled();
     let kinds = axis.stop();
-    assert_eq!(kinds.last(), Some(&PortEventKind::Ended { power: DrivePower::Off }));
+    assert_eq!(kinds.last(), Some(&PortEventKind::Ended(DrivePower::Off)));
     assert_eq!(bench.drive().state, State::ReadyToSwitchOn);
     bench.assert_no_host_bugs();
 }

@@ -50,10 +50,7 @@ fn first_day(setup: usize, unknowns: u8) {
     axis.wait_for_positions(21);
     assert!(is_at(60) && !bench.drive().state.is_powered(), "{case}: it ends safely");
     let events = axis.stop();
-    assert!(
-        events.contains(&PortEventKind::Ended { power: DrivePower::Off }),
-        "{case}: {events:?}"
-    );
+    assert!(events.contains(&PortEventKind::Ended(DrivePower::Off)), "{case}: {events:?}");
     let texts: Vec<String> = events.iter().map(ToString::to_string).collect();
     assert!(texts.iter().all(|it| !it.contains('\n') && it.len() < 400), "{texts:?}");
     for (is_reported, part) in [

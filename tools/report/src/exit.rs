@@ -62,11 +62,11 @@ pub fn code(failure: &Failure) -> u8 {
     }
     match failure.downcast_ref::<ClientError>() {
         Some(
-            ClientError::NoController { .. }
+            ClientError::NoController(_)
             | ClientError::Interface { .. }
             | ClientError::NoReply { .. }
             | ClientError::Restarted
-            | ClientError::Timeout { .. },
+            | ClientError::Timeout(_),
         ) => 3,
         Some(ClientError::Interrupted { cause: Cause::Fault(_), .. }) => 5,
         Some(
@@ -74,12 +74,12 @@ pub fn code(failure: &Failure) -> u8 {
             | ClientError::ModelRefused { .. }
             | ClientError::Interrupted { .. },
         ) => 4,
-        Some(ClientError::NotConfirmed { .. }) => NOT_CONFIRMED,
-        Some(ClientError::Domain(DomainError::Name { .. })) => 2,
+        Some(ClientError::NotConfirmed(_)) => NOT_CONFIRMED,
+        Some(ClientError::Domain(DomainError::Name(_))) => 2,
         Some(_) => 1,
         None if failure.is::<ConfigError>() => 6,
         // Domains come from the command line or from I2RIS_DOMAIN.
-        None if matches!(failure.downcast_ref(), Some(DomainError::Name { .. })) => 2,
+        None if matches!(failure.downcast_ref(), Some(DomainError::Name(_))) => 2,
         None => 1,
     }
 }
@@ -108,12 +108,12 @@ mod tests {
         let cases: [(Failure, u8); 9] = [
             (no_domain.into(), 2),
             ("something".into(), 1),
-            (ClientError::NoController { domain }.into(), 3),
+            (ClientError::NoController(domain).into(), 3),
             (refused.into(), 4),
             (Coded { code: 5, sentence }.into(), 5),
             (ClientError::Interrupted { command, cause: Cause::Fault(Fault::Link) }.into(), 5),
             (ClientError::Interrupted { command, cause: Cause::Stop(Stop::Feedback) }.into(), 4),
-            (ClientError::NotConfirmed { command }.into(), 8),
+            (ClientError::NotConfirmed(command).into(), 8),
             (no_config.into(), 6),
         ];
         for (failure, expected) in cases {

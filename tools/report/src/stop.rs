@@ -56,7 +56,7 @@ pub fn stop(client: &mut Client, domain: &Domain) -> Result<Stopped, ClientError
             || has(OperatingStateMsg::STOPPED)
     };
     let (state, is_known) = match held.map_or_else(|| client.wait_for(SETTLE, is_still), Ok) {
-        Err(ClientError::Timeout { .. }) => (client.wait_for(SETTLE, |_| true)?, false),
+        Err(ClientError::Timeout(_)) => (client.wait_for(SETTLE, |_| true)?, false),
         still => (still?, true),
     };
     let name = OperatingState::from_number(state.state).map_or("?", OperatingState::text);

@@ -87,7 +87,7 @@ pub fn carry_out(
     }
     while_working(command.text(), || {
         let outcome = client.carry_out(command, || interrupt.came());
-        if matches!(outcome, Err(ClientError::WaitCancelled { command: StateCommand::Condition })) {
+        if matches!(outcome, Err(ClientError::WaitCancelled(StateCommand::Condition))) {
             client.state_command(StateCommand::Hold)?;
         }
         Ok(outcome?)
@@ -103,11 +103,7 @@ fn is_busy(state: &OperatingStateMsg) -> bool {
 }
 
 fn silent(error: ClientError) -> Failure {
-    if matches!(error, ClientError::Timeout { .. }) {
-        StopReason::Silent.into()
-    } else {
-        error.into()
-    }
+    if matches!(error, ClientError::Timeout(_)) { StopReason::Silent.into() } else { error.into() }
 }
 
 /// Waits until the robot is not busy with another client's motion. A fault or an interrupt ends
@@ -118,7 +114,7 @@ fn wait_until_idle(
 ) -> Result<OperatingStateMsg, Failure> {
     let is_ended = |state: &OperatingStateMsg| !is_busy(state) || interrupt.came();
     let state = match client.wait_for(MOTION_TIMEOUT, is_ended) {
-        Err(ClientError::Timeout { waited }) => {
+        Err(ClientError::Timeout(waited)) => {
             let seconds = waited.as_seconds();
             return Err(format!("the robot was busy for {seconds} s; see `i2ris status`").into());
         }

@@ -59,7 +59,7 @@ impl<'a, T: Transport> Node<'a, T> {
 
     pub fn state(&mut self) -> Result<DriveState, AxisError> {
         let statusword = self.read(object::STATUSWORD)?;
-        Statusword(statusword).state().ok_or(AxisError::UnknownState { statusword })
+        Statusword(statusword).state().ok_or(AxisError::UnknownState(statusword))
     }
 
     /// The error code of a fault; 0 without one.

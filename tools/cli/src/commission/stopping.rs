@@ -151,7 +151,7 @@ fn outage<T: Transport>(
                 let back = node.link.now() - good;
                 return Ok(Some(Outage { noticed: noticed - good, back, state, code }));
             }
-            Err(AxisError::UnknownState { .. }) | Ok(_) | Err(_) => {}
+            Err(AxisError::UnknownState(_)) | Ok(_) | Err(_) => {}
         }
         if (node.is_interrupted)() || node.link.now() > end {
             let text = "it no longer answers. THE DRIVE MAY STILL BE ON: cut its supply";

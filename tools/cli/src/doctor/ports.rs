@@ -54,7 +54,7 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
             // The drive answered a moment ago.
             list_nodes(port, &nodes(port).unwrap_or_default(), report);
         }
-        Err(error @ DriveError::Busy { .. }) => {
+        Err(error @ DriveError::Busy(_)) => {
             report.warn(name, error.to_string(), "end the controller to check its drives")
         }
         Err(error) => {

@@ -248,7 +248,7 @@ fn pure_noise_is_refused_and_forced_model_is_marked() {
     bench.prints("--family linear --force");
     let model = bench.model();
     let refusal = model.check_use("i2ris", 2).unwrap_err();
-    assert!(matches!(&refusal, ModelError::Worthless { .. }), "{refusal}");
+    assert!(matches!(&refusal, ModelError::Worthless(_)), "{refusal}");
     assert_says(&refusal.to_string(), &["fit a better one"]);
 }
 

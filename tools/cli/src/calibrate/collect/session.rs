@@ -213,7 +213,7 @@ impl Session<'_> {
         });
         match outcome {
             Ok(_) => recorded.map(|()| Ending::Complete),
-            Err(ClientError::WaitCancelled { .. }) => {
+            Err(ClientError::WaitCancelled(_)) => {
                 self.client.state_command(StateCommand::Hold)?;
                 recorded.map(|()| Ending::Interrupted)
             }
