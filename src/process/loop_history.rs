@@ -88,9 +88,7 @@ impl SharedLoopHistory {
     pub(super) fn lock(&self) -> MutexGuard<'_, LoopHistory> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
 
-impl SharedLoopHistory {
     /// Locks the history unless another thread holds the lock.
     pub(super) fn try_lock(&self) -> Option<MutexGuard<'_, LoopHistory>> {
         match self.0.try_lock() {

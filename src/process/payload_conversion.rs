@@ -76,25 +76,20 @@ pub(super) fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateR
     if raw.client_id == 0 || raw.reserved != 0 {
         return Err(Refusal::Malformed);
     }
-    let validity = validity(raw.stamp_ns, raw.valid_ns);
-    let client_id = raw.client_id;
+    let (client_id, validity) = (raw.client_id, validity(raw.stamp_ns, raw.valid_ns));
     Ok(StateRequest { id, client_id, validity, command, pose: None, fixture: None })
 }
 
 /// `move_jp` as a request for the loop.
 pub(crate) fn move_request(id: u64, raw: &MoveRequest) -> Result<StateRequest, Refusal> {
-    let request = StateRequest {
-        id,
-        client_id: raw.client_id,
-        validity: validity(raw.stamp_ns, raw.valid_ns),
-        command: StateCommand::Move,
-        pose: Some(match raw.flags {
-            MoveRequest::TIP => ServoGoal::Tip(raw.position, raw.count),
-            _ => ServoGoal::Joint(raw.position, raw.count),
-        }),
-        fixture: None,
+    let pose = match raw.flags {
+        0 => ServoGoal::Joint(raw.position, raw.count),
+        MoveRequest::TIP => ServoGoal::Tip(raw.position, raw.count),
+        _ => return Err(Refusal::Malformed),
     };
-    (raw.flags & !MoveRequest::TIP == 0).then_some(request).ok_or(Refusal::Malformed)
+    let (client_id, validity) = (raw.client_id, validity(raw.stamp_ns, raw.valid_ns));
+    let command = StateCommand::Move;
+    Ok(StateRequest { id, client_id, validity, command, pose: Some(pose), fixture: None })
 }
 
 /// `virtual_fixture` as a request for the loop.
@@ -102,13 +97,15 @@ pub(crate) fn fixture_request(
     id: u64,
     raw: &VirtualFixtureRequest,
 ) -> Result<StateRequest, Refusal> {
-    FixtureTable::parse(raw).map(|change| StateRequest {
+    let fixture = Some(FixtureTable::parse(raw)?);
+    let (client_id, validity) = (raw.client_id, validity(raw.stamp_ns, raw.valid_ns));
+    Ok(StateRequest {
         id,
-        client_id: raw.client_id,
-        validity: validity(raw.stamp_ns, raw.valid_ns),
+        client_id,
+        validity,
         command: StateCommand::Fixture,
         pose: None,
-        fixture: Some(change),
+        fixture,
     })
 }
 
