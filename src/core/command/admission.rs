@@ -155,7 +155,7 @@ impl CommandAdmission {
     /// The client that commands, as the owner of the activity in progress or the holder of the
     /// lease; 0: none.
     #[must_use]
-    pub fn commander(&self, owner: Option<u64>) -> u64 {
+    pub(crate) fn commander(&self, owner: Option<u64>) -> u64 {
         owner.unwrap_or(self.sessions.holder())
     }
 
@@ -218,7 +218,7 @@ impl CommandAdmission {
     }
 
     /// Records an accepted command, with the setpoints where they are, counts.
-    pub fn accept(
+    pub(crate) fn accept(
         &mut self,
         of: StreamOf,
         command: &ServoCommand,
@@ -251,7 +251,7 @@ impl CommandAdmission {
 
     /// Frees the lease of a client that has been silent for too long, unless a move or a
     /// conditioning cycle is in progress, which is its own.
-    pub fn expire_lease(&mut self, is_occupied: bool, now: Nanos, events: &mut EventList) {
+    pub(crate) fn expire_lease(&mut self, is_occupied: bool, now: Nanos, events: &mut EventList) {
         if !is_occupied && self.sessions.expire_lease(now) {
             events.push(CycleEventKind::Lease { client_id: 0 });
         }
@@ -274,7 +274,7 @@ impl CommandAdmission {
     }
 
     /// Gives the lease of a client back.
-    pub fn release_lease(&mut self, client_id: u64, events: &mut EventList) {
+    pub(crate) fn release_lease(&mut self, client_id: u64, events: &mut EventList) {
         if self.sessions.release_lease(client_id) {
             events.push(CycleEventKind::Lease { client_id: 0 });
         }

@@ -196,8 +196,7 @@ pub struct SegmentedRead {
 
 impl SegmentedRead {
     /// The next request.
-    #[must_use]
-    pub fn request(&self) -> DriveRequest {
+    pub(in crate::drive) fn request(&self) -> DriveRequest {
         let (commands, [first, next]) = (self.commands, self.commands.segment_words);
         if self.is_open {
             let toggle = if self.toggle { commands.toggle } else { 0 };

@@ -26,7 +26,7 @@ mod ring;
 
 pub use crate::core::CycleSnapshot;
 pub use file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
-pub(super) use recorder::RecordedRun;
-pub use recorder::{Recorder, RecorderChannels, RecorderRequest, WriteReply, write_failed_start};
+pub(super) use recorder::{RecordedRun, write_failed_start};
+pub use recorder::{Recorder, RecorderChannels, RecorderRequest, WriteReply};
 pub use replay::{ReplayDifference, ReplayError, ReplayResult, replay};
 pub use ring::TickRecord;

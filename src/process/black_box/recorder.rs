@@ -307,7 +307,7 @@ impl Recorder {
 
 /// Writes the serial traffic of a failed start. Only one such file exists, so that a service that
 /// restarts repeatedly does not fill the disk.
-pub fn write_failed_start(
+pub(crate) fn write_failed_start(
     folder: &Path,
     captures: &[Capture],
     software: &str,
