@@ -6,8 +6,8 @@ use super::*;
 const SHIPPED: &str = include_str!("../../../config/robot.toml");
 
 /// The limits of a situation: none, the shipped ones, or random ones.
-pub fn limits(random: &mut Random, has_angles: bool, is_shipped: bool) -> Limits {
-    if !has_angles || !is_shipped && random.one_in(3) {
+pub fn limits(random: &mut Random, is_shipped: bool) -> Limits {
+    if !is_shipped && random.one_in(3) {
         return Limits::default();
     }
     if is_shipped {

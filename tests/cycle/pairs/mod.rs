@@ -129,7 +129,8 @@ impl Situation {
             (wire, is_shipped) = (Wire::Taut, false);
         }
         let has_angles = wire.unit() == OutputUnit::Deg;
-        let mut limits = limits(&mut random, has_angles, is_shipped);
+        let mut limits =
+            if has_angles { limits(&mut random, is_shipped) } else { Limits::default() };
         if is_conditioned {
             let (velocity, acceleration) = (random.within(5.0, 25.0), random.within(100.0, 600.0));
             // It would be refused with a position limit.

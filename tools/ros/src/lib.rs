@@ -102,14 +102,7 @@ pub fn run(
         state_writer: outputs.operating_state.guid(),
     };
     let inbound = Inbound::new(&context, &mut node, inputs, services, shared)?;
-    let outbound = Outbound::new(
-        (outputs, node),
-        &options.domain,
-        robot,
-        options.period,
-        (receiver, names),
-        state,
-    );
+    let outbound = Outbound::new((outputs, node), options, (receiver, names), state);
     say(&format!(
         "/{robot} is in ROS domain {ros_domain}, {}, {}; Ctrl-C to stop",
         reach(network),

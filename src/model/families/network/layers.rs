@@ -239,8 +239,9 @@ impl PreparedLayer {
         for (((value, hidden), update), new) in values {
             *value = new + update * (hidden - new);
         }
+        let at = GruUnits { gates, new, hidden, recurrent_new };
         for (output, slopes) in output.slopes.iter_mut().zip(&slopes) {
-            gru_slopes(&mut output[..units], slopes, gates, new, hidden, recurrent_new);
+            at.slopes(&mut output[..units], slopes);
         }
         output
     }
@@ -284,27 +285,31 @@ impl PreparedLayer {
     }
 }
 
-/// Slopes of GRU units from those of their sums. `gates`: reset, then update.
-fn gru_slopes(
-    output: &mut [f64],
-    sums: &[f64],
-    gates: &[f64],
-    new: &[f64],
-    hidden: &[f64],
-    recurrent_new: &[f64],
-) {
-    let units = output.len();
-    let (reset, update) = (&gates[..units], &gates[units..2 * units]);
-    let (sums, update_sums) = sums.split_at(units);
-    let (update_sums, new_sums) = update_sums.split_at(units);
-    let (new_sums, new) = (&new_sums[..units], &new[..units]);
-    let (hidden, recurrent_new) = (&hidden[..units], &recurrent_new[..units]);
-    for unit in 0..units {
-        let reset_slope = reset[unit] * (1.0 - reset[unit]) * sums[unit];
-        let update_slope = update[unit] * (1.0 - update[unit]) * update_sums[unit];
-        let sum_slope = new_sums[unit] + reset_slope * recurrent_new[unit];
-        let new_slope = (1.0 - new[unit] * new[unit]) * sum_slope;
-        output[unit] = (1.0 - update[unit]) * new_slope + update_slope * (hidden[unit] - new[unit]);
+/// Units of a GRU. `gates`: reset, then update.
+struct GruUnits<'a> {
+    gates: &'a [f64],
+    new: &'a [f64],
+    hidden: &'a [f64],
+    recurrent_new: &'a [f64],
+}
+
+impl GruUnits<'_> {
+    /// Slopes of the units from those of their sums.
+    fn slopes(&self, output: &mut [f64], sums: &[f64]) {
+        let units = output.len();
+        let (reset, update) = (&self.gates[..units], &self.gates[units..2 * units]);
+        let (sums, update_sums) = sums.split_at(units);
+        let (update_sums, new_sums) = update_sums.split_at(units);
+        let (new_sums, new) = (&new_sums[..units], &self.new[..units]);
+        let (hidden, recurrent_new) = (&self.hidden[..units], &self.recurrent_new[..units]);
+        for unit in 0..units {
+            let reset_slope = reset[unit] * (1.0 - reset[unit]) * sums[unit];
+            let update_slope = update[unit] * (1.0 - update[unit]) * update_sums[unit];
+            let sum_slope = new_sums[unit] + reset_slope * recurrent_new[unit];
+            let new_slope = (1.0 - new[unit] * new[unit]) * sum_slope;
+            output[unit] =
+                (1.0 - update[unit]) * new_slope + update_slope * (hidden[unit] - new[unit]);
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -35,15 +36,15 @@ fn jpeg(number: u64) -> Vec<u8> {
     file
 }
 
-/// Records this many seconds of a motion, with a hole from 1.0 to 1.5 s if requested.
-fn record(path: &Path, seconds: u64, has_pictures: bool, has_hole: bool) {
+/// Records this many seconds of a motion, with a hole of these milliseconds.
+fn record(path: &Path, seconds: u64, has_pictures: bool, hole: Range<u64>) {
     let header = RecordingHeader {
         about: BTreeMap::from([("robot_id".to_owned(), "R1".to_owned())]),
         picture_budget: 1 << 40,
         ..header()
     };
     let mut trial = TrialRecorder::start(path, header).unwrap();
-    for ms in (0..=1000 * seconds).filter(|ms| !has_hole || !(1000..1500).contains(ms)) {
+    for ms in (0..=1000 * seconds).filter(|ms| !hole.contains(ms)) {
         let stamp = Nanos::from_millis(1000 + ms);
         let angle = ms as f64 * 1e-4;
         let joints = JointState {
@@ -104,7 +105,7 @@ fn study(folder: &Path, outcomes: &[Outcome], has_pictures: bool) -> PathBuf {
         let mut journal = Journal::open(&trial).unwrap();
         journal.start(&participant, &condition, "reach", "").unwrap();
         journal.stop(*outcome, "").unwrap();
-        record(&trial.join("recording.mcap"), 2, has_pictures, false);
+        record(&trial.join("recording.mcap"), 2, has_pictures, 0..0);
     }
     folder.join("study")
 }
@@ -256,8 +257,8 @@ fn inconsistent_recordings_are_split_or_refused() {
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let [hole, pictures, jumped, empty] =
         ["hole.mcap", "pictures.mcap", "jumped.mcap", "empty.mcap"].map(path);
-    record(Path::new(&hole), 3, false, true);
-    record(Path::new(&pictures), 2, true, false);
+    record(Path::new(&hole), 3, false, 1000..1500);
+    record(Path::new(&pictures), 2, true, 0..0);
     // A clock that jumps: the controller's stamps restart.
     let mut trial = TrialRecorder::start(Path::new(&jumped), RecordingHeader::default()).unwrap();
     for stamp in [9000, 9001, 1000, 1001] {

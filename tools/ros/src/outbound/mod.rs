@@ -14,7 +14,6 @@ use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use i2ris::clock;
-use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Latest, Subscription, Watcher};
 use i2ris::ipc::payload::{
     JointState as JointPayload, OperatingStateMsg, PeriodStatistics, ReasonMsg,
@@ -26,6 +25,7 @@ use ros2_client::rosout::RosoutRaw;
 use ros2_client::{Node, Publisher};
 use serde::Serialize;
 
+use crate::Options;
 use crate::clock::Moment;
 use crate::event::{ClientNames, Event};
 use crate::message::{Header, OperatingState, Text};
@@ -81,21 +81,19 @@ pub(crate) struct Outbound {
 }
 
 impl Outbound {
-    /// Creates a publisher of everything, with `period` between joint messages.
+    /// Creates a publisher of everything.
     pub fn new(
         (outputs, node): (Outputs, Node),
-        domain: &Domain,
-        robot: &str,
-        period: Nanos,
+        options: &Options,
         (events, names): (Receiver<Event>, ClientNames),
         shared: SharedState,
     ) -> Self {
-        let watcher = Watcher::new(domain);
+        let watcher = Watcher::new(&options.domain);
         Self {
             outputs,
             node,
-            snake: Snake::new(robot),
-            period,
+            snake: Snake::new(&options.robot),
+            period: options.period,
             measured: Latest::new(watcher.measured_js()),
             setpoint: Latest::new(watcher.setpoint_js()),
             goal: Latest::new(watcher.goal_js()),

@@ -85,18 +85,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let preflight = of_study.as_ref().map(|study| study.preflight.clone()).unwrap_or_default();
     header.about.insert("preflight".to_owned(), preflight);
     let mut trial = TrialRecorder::start(output, header)?;
-    let mut subscriptions = Subscriptions::new(&client.watcher(), Stream::ALL);
-    let start = clock::now();
-    let mut cameras = Cameras::new(&arguments.domain.domain()?);
-    let absent = record(
-        arguments,
-        &interrupt,
-        &mut subscriptions,
-        &mut cameras,
-        &mut trial,
-        &mut of_study,
-        start,
-    );
+    let mut inputs = Inputs {
+        subscriptions: Subscriptions::new(&client.watcher(), Stream::ALL),
+        start: clock::now(),
+        cameras: Cameras::new(&arguments.domain.domain()?),
+    };
+    let absent = record(arguments, &interrupt, &mut inputs, &mut trial, &mut of_study);
+    let Inputs { subscriptions, cameras, start } = inputs;
     let length_s = clock::now().duration_since(start).as_seconds();
     let missed: BTreeMap<Stream, u64> = subscriptions.missed().collect();
     let mut outcome: BTreeMap<String, String> = missed
@@ -119,7 +114,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         of_study.end();
     }
     let counts = counts?;
-    print_outcome(arguments.json, output, &counts, &missed, length_s, absent?)
+    print_outcome(arguments, &counts, missed.values().sum(), length_s, absent?);
+    Ok(())
 }
 
 /// The configuration of the controller: the file that it was started with, or the named one, which
@@ -167,16 +163,22 @@ fn attachment(name: String, media_type: &'static str, content: Vec<u8>) -> Attac
     AttachedFile { name, media_type, content }
 }
 
+/// What is recorded, since when.
+struct Inputs {
+    subscriptions: Subscriptions,
+    cameras: Cameras,
+    start: Nanos,
+}
+
 /// Records to the end. Returns the time without a controller.
 fn record(
     arguments: &Arguments,
     interrupt: &Interrupt,
-    subscriptions: &mut Subscriptions,
-    cameras: &mut Cameras,
+    Inputs { subscriptions, cameras, start }: &mut Inputs,
     trial: &mut TrialRecorder,
     of_study: &mut Option<OfStudy>,
-    start: Nanos,
 ) -> Result<Nanos, Failure> {
+    let start = *start;
     let end = arguments.duration_s.map(|seconds| start + Nanos((seconds * 1e9) as u64));
     let mut screen = Screen::stdout();
     let (mut next_draw, mut before, mut absent) = (start, start, Nanos::ZERO);
@@ -314,19 +316,18 @@ fn read(path: &Path) -> Result<Vec<u8>, Failure> {
 }
 
 fn print_outcome(
-    json: bool,
-    output: &Path,
+    arguments: &Arguments,
     counts: &MessageCounts,
-    missed: &BTreeMap<Stream, u64>,
+    lost: u64,
     length_s: f64,
     absent: Nanos,
-) -> Result<(), Failure> {
-    let lost: u64 = missed.values().sum();
+) {
+    let output = arguments.output.as_deref().unwrap_or(Path::new(""));
     let by_stream = || {
         let streams = Stream::ALL.iter();
         streams.map(|stream| (*stream, counts.messages.get(stream).copied().unwrap_or(0)))
     };
-    if json {
+    if arguments.json {
         let messages: serde_json::Map<_, _> =
             by_stream().map(|(stream, count)| (stream.name().into(), count.into())).collect();
         let report = serde_json::json!({
@@ -334,7 +335,7 @@ fn print_outcome(
             "dropped": counts.dropped, "without_controller_s": absent.as_seconds(),
         });
         println!("{report}");
-        return Ok(());
+        return;
     }
     println!(
         "recorded {length_s:.1} s to {}; {lost} messages missed, {} dropped",
@@ -354,5 +355,4 @@ fn print_outcome(
     if absent > Nanos::ZERO {
         println!("  there was no controller for {:.1} s", absent.as_seconds());
     }
-    Ok(())
 }

@@ -63,16 +63,21 @@ pub(super) struct Step<'a> {
     drag: f64,
 }
 
+/// What drives a step.
+pub(super) struct Drive {
+    /// Positions of the motors after it.
+    pub motor: Pair,
+    pub dt_s: f64,
+    /// Factor on the normal friction, by motor.
+    pub friction: Pair,
+}
+
 impl<'a> Step<'a> {
-    /// Prepares a step of `dt_s` to the motor positions `motor`, with friction `friction` times the
-    /// normal one, by motor.
     pub(super) fn new(
         config: &'a SnakeConfig,
         axes: [Pair; 2],
         before: State,
-        motor: Pair,
-        dt_s: f64,
-        friction: Pair,
+        Drive { motor, dt_s, friction }: Drive,
     ) -> Self {
         let mut step = Self {
             config,
@@ -240,7 +245,8 @@ mod tests {
         ) {
             let config = crate::physics::springs::tests::config("multi");
             let axes = [[0.6, 0.8], [-0.8, 0.6]];
-            let step = Step::new(&config, axes, State::default(), [3.0, -2.0], 1e-2, [1.0; 2]);
+            let drive = Drive { motor: [3.0, -2.0], dt_s: 1e-2, friction: [1.0; 2] };
+            let step = Step::new(&config, axes, State::default(), drive);
             let size = 1e-6;
             let (mut above, mut below) = (at, at);
             above[unknown] += size;

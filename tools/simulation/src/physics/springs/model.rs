@@ -2,7 +2,7 @@
 
 use super::config::SnakeConfig;
 use super::drift::SlowChange;
-use super::force_balance::{State, Step, flank};
+use super::force_balance::{Drive, State, Step, flank};
 use crate::ageing::{Ageing, AgeingEffect, Change};
 use crate::physics::draw::{Pair, add, subtract};
 
@@ -99,7 +99,7 @@ impl SpringSnake {
     fn inner_step(&mut self, dt_s: f64, motor: Pair) {
         let drift = self.drift.friction_factor();
         let friction = self.effect.friction.map(|aged| drift * aged);
-        let step = Step::new(&self.config, self.axes, self.state, motor, dt_s, friction);
+        let step = Step::new(&self.config, self.axes, self.state, Drive { motor, dt_s, friction });
         self.state = step.solve();
         let left = (-dt_s / self.config.drift.creep_time_s).exp();
         self.state.creep(left);
