@@ -32,7 +32,7 @@ pub(super) struct ControlLoop {
     pub lost_after: Nanos,
 }
 
-/// What the loop keeps from tick to tick beside the cycle.
+/// State of the loop from tick to tick, in addition to that of the cycle.
 struct Books {
     recording: TickRecording,
     lost: Lost,

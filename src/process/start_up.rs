@@ -114,7 +114,7 @@ pub(super) struct Drives {
     pub fingerprints: Vec<DriveFingerprint>,
     /// Duration of an exchange on each port.
     pub exchanges: Vec<Nanos>,
-    /// What the ports see of the loop.
+    /// The heartbeat of the loop, for the ports.
     pub beat: LoopBeat,
     /// The signs of life of the port threads.
     pub lives: Vec<PortLife>,

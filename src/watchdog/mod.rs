@@ -72,7 +72,7 @@ const ALL_OWING: u8 = u8::MAX;
 /// watchdog has priority over every controller thread, so 50 missed ticks are not its own delay.
 pub const DEFAULT_SILENCE: Nanos = TAKE_OVER;
 
-/// What a watchdog monitors.
+/// The subject of a watchdog.
 #[derive(Debug, Clone, Copy)]
 pub struct Watched<'a> {
     /// Configuration of the controller.

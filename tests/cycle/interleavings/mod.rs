@@ -80,7 +80,7 @@ enum Process {
     Dead(u32),
 }
 
-/// What may happen between two ticks. Clients: 0 in shared memory, 1 through the middleware.
+/// An action between two ticks. Clients: 0 in shared memory, 1 through the middleware.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Action {
     Nothing,
@@ -122,8 +122,8 @@ const ACTIONS: [Action; 19] = [
     Action::Kill,
     Action::Hang,
 ];
-/// Random runs draw from so many of the first of [`ACTIONS`], mostly from few: what goes on is
-/// frequent, what recovers less so, and what fails is rare.
+/// Random runs draw from this number of the first [`ACTIONS`], mostly from few: ordinary actions
+/// are frequent, recoveries less frequent, failures rare.
 const DRAWN: [usize; 16] = [5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 12, 12, 19];
 
 /// Random runs from a seed on. Returns which events were reached.

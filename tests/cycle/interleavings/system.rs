@@ -191,7 +191,7 @@ impl System {
         let mut started = controller(self.missing);
         (started.now, started.drives) = (self.bench.now, self.bench.drives);
         for drive in &mut started.drives {
-            // The thread of the port is a new one, too.
+            // The thread of the port also starts again.
             (drive.feedback.homings, drive.feedback.fault_resets) = (0, 0);
             drive.feedback.written = None;
             if drive.feedback.phase != AxisPhase::Faulted {

@@ -163,7 +163,7 @@ fn attachment(name: String, media_type: &'static str, content: Vec<u8>) -> Attac
     AttachedFile { name, media_type, content }
 }
 
-/// What is recorded, since when.
+/// Sources of a recording, and its start.
 struct Inputs {
     subscriptions: Subscriptions,
     cameras: Cameras,

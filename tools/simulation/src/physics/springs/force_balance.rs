@@ -63,7 +63,7 @@ pub(super) struct Step<'a> {
     drag: f64,
 }
 
-/// What drives a step.
+/// Inputs of a step.
 pub(super) struct Drive {
     /// Positions of the motors after it.
     pub motor: Pair,
