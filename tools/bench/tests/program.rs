@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used)]
 #![allow(clippy::print_stderr, reason = "a skipped test reports it")]
 
-use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use i2ris_testing::program;
 
@@ -43,18 +41,6 @@ fn every_variant_is_measured_and_compared_with_its_floor() {
     let outcome = bench(&["loop", "--duration-s", "1"]);
     check_outcome(&outcome, &["lateness", "compute"]);
     check_outcome(&bench(&["inverse", "--turns", "1"]), &["inverse", "forward"]);
-}
-
-#[test]
-fn without_a_controller_e2e_fails_with_a_reason() {
-    let program = Path::new(env!("CARGO_BIN_EXE_i2ris-bench"));
-    let folder = tempfile::tempdir_in(program.parent().unwrap()).unwrap();
-    let alone = folder.path().join("i2ris-bench");
-    fs::hard_link(program, &alone).unwrap();
-    let arguments = ["e2e", "--commands", "50", "--priority", "0"];
-    let output = Command::new(alone).args(arguments).output().unwrap();
-    let error = text(&output.stderr);
-    assert!(!output.status.success() && error.contains("cannot start the controller"), "{error}");
 }
 
 /// The controller is a program of another package: it exists after a build of the workspace.
@@ -104,18 +90,4 @@ fn several_rates_of_the_loop_have_a_floor_each() {
     let groups = ["lateness, 1000 Hz", "lateness, 4000 Hz", "compute, 1000 Hz"];
     check_outcome(&outcome, &[&groups[..], &["compute, 4000 Hz"]].concat());
     assert_eq!(outcome["variants"].as_array().unwrap().len(), 18);
-}
-
-#[test]
-fn models_are_refused_by_name_of_physics_and_family() {
-    for (option, value, words) in [
-        ("--physics", "adder", ["adder", "--physics"]),
-        ("--family", "worst", ["worst", "force-balance"]),
-        ("--draws", "0", ["--draws", "0"]),
-    ] {
-        let output = program::output(&["bench", "models", option, value]);
-        let error = text(&output.stderr);
-        assert!(!output.status.success(), "{option} {value}");
-        assert!(words.iter().all(|word| error.contains(word)), "{error}");
-    }
 }

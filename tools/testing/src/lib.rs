@@ -17,6 +17,7 @@
 //! | [`sizes`] | ceilings on lines, files and commands |
 //! | `terminal` | [`Terminal`]: a program on a terminal of any size |
 //! | `python` | a Python with the modules of a test |
+//! | [`transcript`] | commands and their output, as Markdown |
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -40,6 +41,7 @@ mod rig;
 mod server;
 pub mod sizes;
 mod terminal;
+pub mod transcript;
 mod waiting;
 
 pub use controller::{Controller, Robot};

@@ -1,5 +1,4 @@
 //! A folder with files, and `i2ris` in it.
-#![allow(dead_code, reason = "of two binaries of tests, each uses a part")]
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -50,14 +49,6 @@ impl WorkFolder {
 
     pub fn exists(&self, name: &str) -> bool {
         self.path(name).exists()
-    }
-
-    pub fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.0.path()).unwrap();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
     }
 
     /// Runs `i2ris` in the folder.

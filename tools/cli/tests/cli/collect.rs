@@ -17,9 +17,7 @@ use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::scene_setup::setup;
 
-use crate::bench::{
-    WorkFolder, assert_says, ends, expect_stalls, fails, interrupt, start, succeeds, unused_domain,
-};
+use crate::bench::{WorkFolder, assert_says, ends, expect_stalls, interrupt, start, succeeds};
 
 const ROBOT: &str = "
     robot_id = 'fake'
@@ -221,31 +219,6 @@ fn what_the_controller_does_not_allow_moves_nothing() {
         bench.collects_nothing(&controller.domain, &format!("--home {options}"), &[result]);
     }
     assert_eq!(controller.robot().requested, []);
-}
-
-#[test]
-fn invalid_arguments_are_refused_before_connecting() {
-    let (bench, domain) = (WorkFolder::new(), unused_domain());
-    for (options, result) in [
-        ("--speed-counts-s 0", "must be a number above 0"),
-        ("--duration-s nan", "must be a number above 0"),
-        ("--protocol dance", "possible values: reversals, cycles, decaying-sine, axes"),
-        ("", "no controller serves domain"),
-        ("--protocol axes", "do not calibrate with one motor"),
-    ] {
-        bench.collects_nothing(&domain, options, &[result]);
-    }
-}
-
-#[test]
-fn recordings_are_not_written_over_and_folders_not_invented() {
-    let (bench, domain) = (WorkFolder::new(), unused_domain());
-    bench.write("take.toml", "precious");
-    ends(bench.collect(&domain, ""), 1, &["is not overwritten"]);
-    assert_eq!(bench.read("take.toml"), "precious");
-    let collect = "calibrate collect --output";
-    fails(&domain, &format!("{collect} /nowhere/take.csv"), 1, &["/nowhere does not exist"]);
-    fails(&domain, &format!("{collect} take.txt"), 1, &["must end in .csv"]);
 }
 
 /// Emulated drives, snake and camera with a controller, whose folder is the bench.

@@ -58,29 +58,6 @@ fn signals_end_it_cleanly() {
     }
 }
 
-#[test]
-fn bad_input_is_refused_with_a_reason() {
-    let steel = std::fs::read_to_string(repository("config/snakes/steel.toml")).unwrap();
-    let bench = WorkFolder::with("bad.toml", &steel.replace("drag_s", "drag"));
-    bench.write("file", "");
-    for (options, words) in [
-        ("--snake none.toml", &["none.toml", "name an existing file"][..]),
-        ("--snake bad.toml", &["bad.toml", "drag"]),
-        ("--snake adder:1", &["`adder:1` is not a snake", "brass", "preisach:SEED"]),
-        ("--snake dahl:x", &["`x` is not a seed", "a whole number"]),
-        ("--device bad.toml", &["bad.toml: not an EDS file: line 1", "give a complete EDS or DCF"]),
-        ("--ports file", &["file", "--ports"]),
-        ("--ports ports --log /proc/none/log", &["/proc/none/log"]),
-        ("--ports ports --domain a/b", &["a/b"]),
-        ("--duration-s nan", &["--duration", "seconds"]),
-    ] {
-        let result = bench.run(&format!("emulate {options}"));
-        assert!(result.code != Some(0) && !result.error.contains("panicked"), "{}", result.error);
-        assert_says(&result.error, &[&["error: "], words].concat());
-        assert!(!bench.exists("ports"), "{options} left files");
-    }
-}
-
 /// The configuration of a controller for emulated drives in the folder `ports` of a bench.
 fn write_config(bench: &WorkFolder, change: impl Fn(String) -> String) {
     let text = std::fs::read_to_string(repository("config/emulator.toml")).unwrap();

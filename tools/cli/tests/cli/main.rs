@@ -7,7 +7,6 @@ mod collect;
 mod command;
 mod commission;
 mod emulate;
-mod external;
 mod guided;
 mod help;
 mod mistakes;

@@ -105,20 +105,6 @@ fn schema_covers_every_table_and_is_valid_for_editors() {
     assert_eq!(schema["required"], serde_json::json!(["robot_id", "ports"]));
 }
 
-#[test]
-fn a_configuration_is_judged_and_printed_with_its_defaults() {
-    let good = fs::read_to_string(repository("config/emulator.toml")).unwrap();
-    let bench = WorkFolder::with("good.toml", &good);
-    let output = bench.succeeds("doctor config check good.toml");
-    assert_says(&output, &["valid; robot i2ris-emulated, 3 axes, 2 of the snake"]);
-    bench.write("printed.toml", &bench.succeeds("doctor config print good.toml"));
-    bench.succeeds("doctor config check printed.toml");
-    bench.write("bad.toml", &good.replace("rate_hz", "rate_herz"));
-    let result = bench.run("doctor config check bad.toml");
-    assert_eq!(result.code, Some(6));
-    assert_says(&result.error, &["bad.toml", "rate_herz"]);
-}
-
 /// Gaps of 60 counts and friction that stretches the wires by 20 to either side: 100 counts, from
 /// rest to rest at 500 counts/s and 5000 counts/s^2. A motor moves the tip by 0.022 deg a count.
 #[test]
@@ -135,46 +121,6 @@ fn configuration_with_a_model_reports_permitted_hand_motion() {
     let slow = format!("{config}\n[joint_limits]\nvelocity_deg_s = 4.0");
     bench.write("robot.toml", &slow.replace("priority = 80", model));
     assert_says(&bench.succeeds("doctor config check robot.toml"), &["of up to 4.0 deg/s"]);
-}
-
-#[test]
-fn unedited_template_is_not_ready_and_missing_values_reported() {
-    for (name, axes, stale, lost) in [("robot.toml", 3, 56, 168), ("robot-rs232.toml", 2, 32, 96)] {
-        let template = fs::read_to_string(repository("config").join(name)).unwrap();
-        let bench = WorkFolder::with("robot.toml", &template);
-        let result = bench.run("doctor config check robot.toml");
-        assert_eq!(result.code, Some(9), "{}{}", result.output, result.error);
-        let marked = template.lines().filter(|line| line.ends_with("# CHECK")).count();
-        assert_eq!(result.output.matches("as delivered").count(), marked, "{}", result.output);
-        let unknown = ["serial_number = 0: as delivered", "[motor 1].serial_number = 0"];
-        assert_says(&result.output, &unknown);
-        assert_says(&bench.run("doctor --config robot.toml --no-drives").output, &["as delivered"]);
-        // Every value was confirmed or corrected: the marks are deleted.
-        let number = |text: String, number: i32| {
-            text.replacen("serial_number = 0\n", &format!("serial_number = {number}\n"), 1)
-        };
-        let ready = (10..10 + axes).fold(template.replace(" # CHECK", ""), number);
-        bench.write("robot.toml", &ready);
-        let output = bench.succeeds("doctor config check robot.toml");
-        let ages = format!("older than {stale} ms, FAULT after {lost} ms");
-        assert_says(&output, &[&format!("{axes} axes, 2 of the snake"), &ages]);
-        // With several nodes on a port, the setting of a single drive would stop them.
-        bench.write("robot.toml", &format!("{ready}[limits]\nfeedback_stale_ms = 8\n"));
-        let result = bench.run("doctor config check robot.toml --json");
-        assert_eq!(result.code, Some(9), "{}{}", result.output, result.error);
-        let json: serde_json::Value = serde_json::from_str(&result.output).unwrap();
-        assert_eq!((&json["axes"], &json["motors"]), (&axes.into(), &2.into()));
-        let least = format!("at least {stale}");
-        assert_says(&json["not_ready"].to_string(), &["limits.feedback_stale_ms = 8", &least]);
-    }
-}
-
-#[test]
-fn shells_get_every_subcommand() {
-    for shell in ["bash", "zsh", "fish"] {
-        let script = WorkFolder::new().succeeds(&format!("--completions {shell}"));
-        assert_says(&script, &["calibrate", "vision", "record", "status", "master"]);
-    }
 }
 
 /// The units, with the programs of this build instead of the installed ones.

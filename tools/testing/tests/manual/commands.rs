@@ -5,14 +5,15 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 
 use i2ris_needs::needs;
+use i2ris_testing::transcript::{root, shell};
 use i2ris_testing::{program, python, wait_until};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use super::markdown::{Document, root};
+use super::markdown::Document;
 
 /// Output of a background program after which the next command may start.
 const READY: [(&str, &str); 3] = [
@@ -53,16 +54,9 @@ impl Session {
     }
 
     fn shell(&self, text: &str) -> Command {
-        let programs = program::path("i2ris");
-        let programs = programs.parent().unwrap().display().to_string();
-        let mut command = Command::new("bash");
-        command
-            .args(["-e", "-c", text])
-            .current_dir(self.folder.path())
-            .env("PATH", format!("{programs}:{}", std::env::var("PATH").unwrap()))
-            .env("I2RIS_DOMAIN", &self.domain)
-            .env("I2RIS_EMULATOR_PORTS", self.folder.path().join("ports"))
-            .stdin(Stdio::null());
+        let mut command = shell(self.folder.path(), &format!("set -e; {text}"));
+        command.env("I2RIS_DOMAIN", &self.domain);
+        command.env("I2RIS_EMULATOR_PORTS", self.folder.path().join("ports"));
         command
     }
 

@@ -4,8 +4,9 @@ use std::fs;
 
 use i2ris_needs::needs;
 use i2ris_testing::python;
+use i2ris_testing::transcript::root;
 
-use super::markdown::{Document, root};
+use super::markdown::Document;
 
 #[test]
 fn every_link_leads_to_a_file_and_a_heading() {

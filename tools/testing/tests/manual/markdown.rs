@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use i2ris_testing::transcript::root;
+
 /// A fenced block.
 pub struct Block {
     /// Info string of the opening fence, for example `sh run`.
@@ -19,12 +21,6 @@ pub struct Document {
     pub blocks: Vec<Block>,
     /// Text outside of blocks.
     pub prose: String,
-}
-
-/// The top of the repository.
-pub fn root() -> PathBuf {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    folder.canonicalize().unwrap()
 }
 
 impl Document {

@@ -7,9 +7,10 @@ use std::process::Command;
 
 use i2ris_report::program::{DESCRIBE, PARSE};
 use i2ris_testing::program;
+use i2ris_testing::transcript::root;
 use serde_json::Value;
 
-use super::markdown::{Document, root};
+use super::markdown::Document;
 
 /// Errors that are permitted for a command that is only named, not printed to be typed.
 const INCOMPLETE: [&str; 6] = [
