@@ -18,9 +18,8 @@ use i2ris::ipc::client::{Latest, Watcher};
 use i2ris::ipc::payload::{ExternalPosition, ReachTarget, TeleopMsg};
 use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::encode;
-use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
-use i2ris_teleop::state::{Description, Range};
+use i2ris_teleop::state::Description;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -78,14 +77,6 @@ impl Hand {
     }
 }
 
-/// An Xbox controller, as the kernel describes one.
-fn gamepad() -> Description {
-    let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
-    let identity = Identity::new(0x045e, 0x02ea, "Scripted operator");
-    let axes = [X, Y, 3, 4].map(range);
-    Description::new(identity, axes.into(), vec![0x130, 0x131, DEAD_MAN - 1, DEAD_MAN])
-}
-
 fn send(pipe: &mut File, kind: u16, code: u16, value: f64) -> std::io::Result<()> {
     let event = [encode(kind, code, value as i32), encode(0, 0, 0)].concat();
     write_frame(pipe, clock::now(), &event)
@@ -109,7 +100,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut published = Latest::new(watcher.teleop());
     // Waits for the reader.
     let mut pipe = OpenOptions::new().write(true).open(pipe)?;
-    write_head(&mut pipe, &gamepad())?;
+    write_head(&mut pipe, &Description::gamepad("Scripted operator", ""))?;
     for (kind, code) in [(AXIS, X), (AXIS, Y), (KEY, DEAD_MAN)] {
         send(&mut pipe, kind, code, 0.0)?;
     }

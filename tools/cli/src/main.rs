@@ -27,7 +27,6 @@ mod model;
 mod numbers;
 mod preflight;
 mod procedure;
-mod process;
 mod progress_bar;
 mod start;
 mod state;

@@ -11,11 +11,10 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::units::Nanos;
+use i2ris_report::process::Process;
 use i2ris_report::programs::find;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 use i2ris_simulation::Line;
-
-use crate::process::Process;
 
 /// Controller configuration in the folder; in a rehearsal, a copy of the robot's.
 pub const FILE: &str = "controller.toml";

@@ -27,6 +27,7 @@
 //! | `mark` | lines, point clouds, reference lines, intervals |
 //! | `figure` | panels with a legend |
 //! | [`document`] | a report, as text and as one HTML page, with `maud` |
+//! | [`process`] | child processes that end with this one |
 //! | [`programs`] | the programs that `i2ris NAME` starts, and where they are found |
 //! | [`program`] | the main function of a program: command line, exit code, `--domain`, signals |
 //! | [`description`] | a command line as JSON, for the shell completions of `i2ris` |
@@ -55,6 +56,7 @@ mod mark;
 pub mod model_poller;
 pub mod number;
 pub mod preflight;
+pub mod process;
 pub mod program;
 pub mod programs;
 pub mod ros;

@@ -79,6 +79,13 @@ impl Description {
         Self { identity, protocol: Protocol::Evdev, absolute, relative: Vec::new(), keys }
     }
 
+    /// An Xbox controller, as the kernel describes one: both sticks, A, B and the shoulder keys.
+    pub fn gamepad(name: &str, serial: &str) -> Self {
+        let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
+        let identity = Identity { serial: serial.into(), ..Identity::new(0x045e, 0x02ea, name) };
+        Self::new(identity, [0, 1, 3, 4].map(range).into(), vec![0x130, 0x131, 0x136, 0x137])
+    }
+
     pub fn has(&self, code: Code) -> bool {
         match code {
             Code::Absolute(code) => self.range(code).is_some(),

@@ -1,20 +1,17 @@
 //! The controller as a process, as with a real robot.
 
-use std::fs::{self, File};
-use std::os::unix::process::CommandExt;
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 
 use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
+use i2ris::ipc::{Domain, DomainLock, StateCommand};
 use i2ris::realtime::Granted;
 use i2ris::units::Nanos;
-use nix::sys::prctl::set_pdeathsig;
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
+use i2ris_report::process::Process;
 
 use super::EndToEndBenchmark;
 use crate::placement::{Run, describe};
@@ -36,13 +33,17 @@ const STATISTICS_TIMEOUT: Nanos = Nanos::from_millis(2500);
 pub struct Controller {
     pub client: Client,
     process: Process,
+    // Dropped last.
+    domain: OwnDomain,
 }
 
-struct Process {
-    child: Child,
-    program: PathBuf,
-    log: PathBuf,
-    domain: Domain,
+/// A domain whose shared memory is removed at the end, also after a failure of the controller.
+struct OwnDomain(Domain);
+
+impl Drop for OwnDomain {
+    fn drop(&mut self) {
+        drop(DomainLock::acquire(&self.0));
+    }
 }
 
 impl Controller {
@@ -52,24 +53,18 @@ impl Controller {
         benchmark: &EndToEndBenchmark,
         run: Run,
     ) -> Result<Self, BenchError> {
-        let domain = own_domain()?;
-        let file = configure(rig, run, &domain)?;
-        let log = rig.folder.path().join("controller.log");
-        let program = benchmark.controller.clone();
-        let mut command = Command::new(&program);
-        command.arg("--config").arg(&file).stdin(Stdio::null()).stdout(Stdio::null());
-        command.stderr(File::create(&log)?);
-        // SAFETY: prctl is async-signal-safe and touches no memory of the parent.
-        unsafe { command.pre_exec(|| Ok(set_pdeathsig(Signal::SIGTERM)?)) };
-        let child = command.spawn().map_err(|error| {
+        let domain = OwnDomain(own_domain()?);
+        let mut command = Command::new(&benchmark.controller);
+        command.arg("--config").arg(configure(rig, run, &domain.0)?);
+        let process = Process::start("controller", &mut command, rig.folder.path());
+        let mut process = process.map_err(|error| {
             format!(
                 "cannot start the controller; build both programs: cargo build --release: {error}"
             )
         })?;
-        let mut process = Process { child, program, log, domain };
-        let mut client = process.connect()?;
+        let mut client = connect(&mut process, &domain.0)?;
         enable(&mut client)?;
-        Ok(Self { client, process })
+        Ok(Self { client, process, domain })
     }
 
     /// Number of stops since the start because commands were late.
@@ -95,66 +90,23 @@ impl Controller {
     }
 
     pub fn domain(&self) -> &Domain {
-        &self.process.domain
+        &self.domain.0
     }
 
     pub fn end(self) -> Result<(), BenchError> {
-        let Self { client, mut process } = self;
-        drop(client);
-        match process.wait() {
-            Some(true) => Ok(()),
-            Some(false) => Err(process.failure("failed")),
-            None => Err(process.failure("did not end after SIGTERM")),
-        }
+        drop(self.client);
+        self.process.end().map_err(|error| error.to_string().into())
     }
 }
 
-impl Process {
-    fn connect(&mut self) -> Result<Client, BenchError> {
-        let start = clock::now();
-        loop {
-            if self.child.try_wait()?.is_some() {
-                return Err(self.failure("ended early"));
-            }
-            match Client::connect(&self.domain, Nanos::from_millis(100)) {
-                Err(error) if error.is_absent() && clock::now().duration_since(start) < TIMEOUT => {
-                }
-                outcome => return Ok(outcome?),
-            }
+fn connect(process: &mut Process, domain: &Domain) -> Result<Client, BenchError> {
+    let start = clock::now();
+    loop {
+        process.check().map_err(|error| error.to_string())?;
+        match Client::connect(domain, Nanos::from_millis(100)) {
+            Err(error) if error.is_absent() && clock::now().duration_since(start) < TIMEOUT => {}
+            outcome => return Ok(outcome?),
         }
-    }
-
-    /// Sends SIGTERM and waits. Returns whether the controller ended with success; `None`: it did
-    /// not end.
-    fn wait(&mut self) -> Option<bool> {
-        let _ = kill(Pid::from_raw(self.child.id() as i32), Signal::SIGTERM);
-        let start = clock::now();
-        while clock::now().duration_since(start) < TIMEOUT {
-            if let Ok(Some(status)) = self.child.try_wait() {
-                return Some(status.success());
-            }
-            clock::sleep(Nanos::from_millis(10));
-        }
-        None
-    }
-
-    fn failure(&self, what: &str) -> BenchError {
-        let text = fs::read_to_string(&self.log).unwrap_or_default();
-        let lines: Vec<&str> = text.lines().collect();
-        let end = lines[lines.len().saturating_sub(8)..].join("\n  ");
-        let program = self.program.display();
-        format!("the controller {program} {what}; the end of its log:\n  {end}").into()
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        if matches!(self.child.try_wait(), Ok(None)) && self.wait().is_none() {
-            let _ = self.child.kill();
-            let _ = self.child.wait();
-        }
-        // Removes the shared memory, also after a failure of the controller.
-        drop(DomainLock::acquire(&self.domain));
     }
 }
 
@@ -182,13 +134,9 @@ fn configure(rig: &DriveRig, run: Run, domain: &Domain) -> Result<PathBuf, Bench
 /// Homes and enables. The client library does not offer this, because homing needs the operator's
 /// consent on every real robot.
 fn enable(client: &mut Client) -> Result<(), BenchError> {
-    let is_idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
-    let is_homed = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::HOMED != 0;
-    client.wait_for(TIMEOUT, is_idle)?;
-    client.state_command(StateCommand::Home)?;
-    client.wait_for(TIMEOUT, |state| is_idle(state) && is_homed(state))?;
-    client.state_command(StateCommand::Enable)?;
-    let enabled = OperatingState::Enabled.number();
-    client.wait_for(TIMEOUT, |state| is_idle(state) && state.state == enabled)?;
+    client.wait_for(TIMEOUT, |state| state.flags & OperatingStateMsg::BUSY == 0)?;
+    let start = clock::now();
+    client.carry_out(StateCommand::Home, || clock::now().duration_since(start) > TIMEOUT)?;
+    client.enable(TIMEOUT)?;
     Ok(())
 }

@@ -12,16 +12,16 @@
 
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::OpenOptionsExt;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 
 use i2ris::clock;
 use i2ris::ipc::client::Subscription;
 use i2ris::ipc::payload::{ActuatorState, TeleopMsg};
 use i2ris::units::Nanos;
+use i2ris_report::process::Process;
 use i2ris_teleop::evdev_decoder::{encode, restamp};
-use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
-use i2ris_teleop::state::{Description, Range};
+use i2ris_teleop::state::Description;
 use nix::sys::stat::Mode;
 
 use super::client::{Pauses, read_states};
@@ -163,7 +163,7 @@ impl Seen {
 /// A gamepad in a pipe, and the `i2ris teleop` that reads it. It ends when this is dropped.
 struct Hand {
     pipe: File,
-    program: Child,
+    program: Process,
 }
 
 impl Hand {
@@ -179,14 +179,11 @@ impl Hand {
         let mut options = OpenOptions::new();
         options.read(true).write(true).custom_flags(nix::libc::O_NONBLOCK);
         let mut pipe = options.open(&path)?;
-        write_head(&mut pipe, &gamepad())?;
-        let program = Command::new(benchmark.controller.with_file_name("i2ris"))
-            .args(["teleop", "--domain", controller.domain().name(), "--device"])
-            .arg(&path)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .spawn()
-            .map_err(|error| format!("cannot start `i2ris teleop`: {error}"))?;
+        write_head(&mut pipe, &Description::gamepad("Gamepad", ""))?;
+        let mut command = Command::new(benchmark.controller.with_file_name("i2ris"));
+        command.args(["teleop", "--domain", controller.domain().name(), "--device"]).arg(&path);
+        let program = Process::start("teleop", &mut command, rig.folder.path());
+        let program = program.map_err(|error| error.to_string())?;
         Ok(Self { pipe, program })
     }
 
@@ -236,26 +233,10 @@ impl Hand {
         let end = clock::now() + span;
         while clock::now() < end {
             run.check()?;
-            if self.program.try_wait()?.is_some() {
-                return Err("`i2ris teleop` has ended".into());
-            }
+            self.program.check().map_err(|error| error.to_string())?;
             seen.read()?;
             clock::sleep(READ_PERIOD);
         }
         Ok(())
     }
-}
-
-impl Drop for Hand {
-    fn drop(&mut self) {
-        let _ = self.program.kill();
-        let _ = self.program.wait();
-    }
-}
-
-/// An Xbox controller, as the kernel describes one.
-fn gamepad() -> Description {
-    let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
-    let identity = Identity::new(0x045e, 0x02ea, "Gamepad");
-    Description::new(identity, (0..2).map(range).collect(), vec![0x130, 0x131, BTN_TR])
 }

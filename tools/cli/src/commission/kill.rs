@@ -9,10 +9,10 @@ use i2ris::config::{Config, HomingMethod};
 use i2ris::ipc::client::Client;
 use i2ris::ipc::{Domain, StateCommand};
 use i2ris::units::Nanos;
+use i2ris_report::process::Process;
 use i2ris_report::programs::find;
 use i2ris_report::{Failure, Interrupt};
 
-use crate::process::Process;
 use crate::start::wait;
 
 /// Holding time of the controller before it is killed.

@@ -8,13 +8,13 @@ use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
+use i2ris_report::process::Process;
 use i2ris_report::{Failure, Interrupt};
 use indicatif::ProgressBar;
 
 use super::Arguments;
 use super::tracking::{Followed, TrackingRecorder};
 use crate::csv_table;
-use crate::process::Process;
 use crate::progress_bar::{bar_of_time, spinner, tenths};
 use crate::start::{EmulatedRobot, text};
 use i2ris_simulation::motion::unseen_motion::RATE_HZ;

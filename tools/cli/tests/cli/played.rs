@@ -9,7 +9,7 @@ use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::{encode, restamp};
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
-use i2ris_teleop::state::{Description, Range};
+use i2ris_teleop::state::Description;
 use nix::sys::stat::Mode;
 
 use crate::bench::WorkFolder;
@@ -18,7 +18,6 @@ pub const KEY: u16 = 1;
 pub const AXIS: u16 = 3;
 pub const X: u16 = 0;
 pub const Y: u16 = 1;
-pub const BTN_SOUTH: u16 = 0x130;
 pub const BTN_EAST: u16 = 0x131;
 pub const BTN_TR: u16 = 0x137;
 pub const KEY_B: u16 = 48;
@@ -28,12 +27,8 @@ pub fn identity(vendor: u16, product: u16, serial: &str) -> Identity {
     Identity { vendor, product, name: "Device".into(), serial: serial.into() }
 }
 
-/// An Xbox controller, as the kernel describes one.
 pub fn pad(serial: &str) -> Description {
-    let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
-    let axes = [X, Y, 3, 4].map(range);
-    let keys = vec![BTN_SOUTH, BTN_EAST, BTN_TR - 1, BTN_TR];
-    Description::new(identity(0x045e, 0x02ea, serial), axes.into(), keys)
+    Description::gamepad("Device", serial)
 }
 
 pub fn pedal() -> Description {

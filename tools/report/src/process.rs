@@ -10,11 +10,12 @@ use nix::sys::prctl::set_pdeathsig;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use i2ris_report::Failure;
+use crate::Failure;
 
 /// Time limit for a child to end after SIGTERM: the controller switches the drives off first.
 const END_TIMEOUT: Duration = Duration::from_secs(10);
 
+/// A program that is ended when this is dropped.
 pub struct Process {
     name: &'static str,
     child: Child,
@@ -23,6 +24,10 @@ pub struct Process {
 
 impl Process {
     /// Starts a program, writing what it prints to `NAME.log` in `folder`.
+    ///
+    /// # Errors
+    ///
+    /// The log cannot be written, or the program cannot be started.
     pub fn start(
         name: &'static str,
         command: &mut Command,
@@ -44,12 +49,20 @@ impl Process {
         Ok(Self { name, child, log })
     }
 
-    /// Fails if the child has ended, with the last lines of its output.
+    /// Checks that the child runs.
+    ///
+    /// # Errors
+    ///
+    /// It has ended; with the last lines of its output.
     pub fn check(&mut self) -> Result<(), Failure> {
         self.child.try_wait()?.map_or(Ok(()), |status| Err(self.failure(status)))
     }
 
-    /// Whether the child has ended with success. Fails if it ended otherwise.
+    /// Whether the child has ended with success.
+    ///
+    /// # Errors
+    ///
+    /// It ended otherwise.
     pub fn finished(&mut self) -> Result<bool, Failure> {
         match self.child.try_wait()? {
             Some(status) if !status.success() => Err(self.failure(status)),
@@ -57,7 +70,11 @@ impl Process {
         }
     }
 
-    /// Ends the child with SIGTERM and waits. Any exit code but 0 is a failure.
+    /// Ends the child with SIGTERM and waits.
+    ///
+    /// # Errors
+    ///
+    /// It does not end, or its exit code is not 0.
     pub fn end(mut self) -> Result<(), Failure> {
         self.terminate();
         match self.wait()? {
@@ -71,6 +88,10 @@ impl Process {
     }
 
     /// Kills the child at once.
+    ///
+    /// # Errors
+    ///
+    /// The system refuses it.
     pub fn kill(mut self) -> Result<(), Failure> {
         self.child.kill()?;
         self.child.wait()?;
