@@ -32,7 +32,7 @@ use std::time::Duration;
 use clap::{Parser, value_parser};
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
-use i2ris_bench::models;
+use i2ris_bench::{limits, lines, models};
 use i2ris_report::{Failure, Interrupt};
 use indicatif::ProgressBar;
 
@@ -111,9 +111,9 @@ enum Task {
     /// Tracking with adaptation on emulated snakes that wear, in simulated time
     Models(models::Arguments),
     /// Throughput of serial lines, and its effect on the tip, in simulated time
-    Lines(models::lines::Arguments),
+    Lines(lines::Arguments),
     /// Cost of the joint limits on emulated snakes, in simulated time
-    Limits(models::limits::Arguments),
+    Limits(limits::Arguments),
     /// Loop, inverse and e2e with their defaults, one after the other (two minutes)
     All(Measurement),
 }
@@ -203,10 +203,10 @@ fn run(arguments: &Arguments) -> Result<(), BenchError> {
             return models::run(arguments).map_err(|error| error.to_string().into());
         }
         Task::Lines(arguments) => {
-            return models::lines::run(arguments).map_err(|error| error.to_string().into());
+            return lines::run(arguments).map_err(|error| error.to_string().into());
         }
         Task::Limits(arguments) => {
-            return models::limits::run(arguments).map_err(|error| error.to_string().into());
+            return limits::run(arguments).map_err(|error| error.to_string().into());
         }
         Task::Loop(arguments) => (&arguments.measurement, false),
         Task::Inverse(arguments) => (&arguments.measurement, false),

@@ -1,11 +1,11 @@
 //! `i2ris preflight`: go/no-go check before each trial.
 
-#[cfg(test)]
-pub mod draws;
 mod facts;
 mod judgement;
 mod motion;
 mod swing;
+#[cfg(test)]
+pub mod tests;
 
 use std::path::PathBuf;
 

@@ -97,7 +97,7 @@ fn output_of(of: &str, bench: &str) -> [String; 2] {
     match (of, bench) {
         ("status", _) => status(),
         ("commission", _) => whole(commission::tests::output_of(bench)),
-        ("preflight", _) => preflight::draws::output_of(bench).first("never").unwrap_or_default(),
+        ("preflight", _) => preflight::tests::output_of(bench).first("never").unwrap_or_default(),
         ("doctor", "adapter holds replies back") => {
             doctor(bench).first("never").unwrap_or_default()
         }

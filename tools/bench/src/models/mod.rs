@@ -12,19 +12,13 @@
 //! | `tracking` | following motions and measuring them |
 //! | `tracked` | any model on a snake, for Python |
 //! | `subject` | one snake that wears, with its models |
-//! | [`limits`] | cost of the joint limits |
-//! | [`lines`] | comparison of a robot's serial lines |
-
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command prints")]
 
 mod exact_inverse;
-mod laboratory;
-pub mod limits;
-pub mod lines;
+pub(crate) mod laboratory;
 mod recording;
-mod subject;
+pub(crate) mod subject;
 mod tracked;
-mod tracking;
+pub(crate) mod tracking;
 
 pub use laboratory::robot;
 pub use recording::RecordingPlan;

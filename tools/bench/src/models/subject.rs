@@ -105,7 +105,7 @@ impl Judgement {
 }
 
 /// A recording, as made.
-pub(super) fn record(
+pub fn record(
     snake: DrawnSnake,
     is_aged: bool,
     latency_ms: u64,
@@ -117,7 +117,7 @@ pub(super) fn record(
 }
 
 /// A recording of any robot.
-pub(super) fn record_robot(
+pub fn record_robot(
     robot: &mut Robot,
     file: &Path,
     latency_ms: u64,

@@ -5,6 +5,7 @@ use i2ris::core::ServoGoal;
 use i2ris::core::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
 use i2ris::units::{MotorVec, Nanos};
 use i2ris_simulation::closed_loop::{ClosedLoop, Motors};
+use i2ris_simulation::motion::paced_motion::between;
 use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ};
 use i2ris_simulation::robot::{Robot, TICK_S};
 
@@ -71,13 +72,13 @@ pub fn follow(
 }
 
 /// Moves from one goal to another and rests there.
-pub(super) fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), String> {
+pub fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), String> {
     let far = (to[0] - from[0]).hypot(to[1] - from[1]);
     let ticks = (far / (APPROACH_DEG_S * TICK_S)).ceil().max(1.0);
     let rest = (REST_S / TICK_S) as u32;
     for tick in 1..=ticks as u32 + rest {
         let share = (f64::from(tick) / ticks).min(1.0);
-        pilot.follow(between(from, to, share))?;
+        pilot.follow(between(&from, &to, share))?;
     }
     Ok(())
 }
@@ -93,7 +94,7 @@ fn measure(pilot: &mut impl Pilot, path: &[[f64; 2]]) -> Result<f64, String> {
 }
 
 /// Follows a path and calls `look` after every tick.
-pub(super) fn along<P: Pilot>(
+pub fn along<P: Pilot>(
     pilot: &mut P,
     path: &[[f64; 2]],
     mut look: impl FnMut(&P, [f64; 2]),
@@ -112,11 +113,7 @@ fn at(path: &[[f64; 2]], time_s: f64) -> [f64; 2] {
     let place = time_s * RATE_HZ;
     let first = (place as usize).min(path.len() - 1);
     let next = (first + 1).min(path.len() - 1);
-    between(path[first], path[next], place - first as f64)
-}
-
-fn between(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
-    [0, 1].map(|axis: usize| from[axis] + share * (to[axis] - from[axis]))
+    between(&path[first], &path[next], place - first as f64)
 }
 
 /// Follows with the exact inverse of the true snake, within the motor limits and with the turning
@@ -160,7 +157,7 @@ impl ExactPilot {
         let centre = self.centre.get_or_insert(goal);
         let apart = (goal[0] - centre[0]).hypot(goal[1] - centre[1]);
         if apart >= self.band_deg {
-            *centre = between(goal, *centre, self.band_deg / apart.max(1e-12));
+            *centre = between(&goal, centre, self.band_deg / apart.max(1e-12));
             self.goal = goal;
         }
     }

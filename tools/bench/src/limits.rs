@@ -22,9 +22,9 @@ use i2ris_simulation::robot::{Robot, TICK_S};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::laboratory::{config, fitted};
-use super::subject::record_robot;
-use super::tracking::{Pilot, along, approach};
+use crate::models::laboratory::{config, fitted};
+use crate::models::subject::record_robot;
+use crate::models::tracking::{Pilot, along, approach};
 
 /// Duration of every motion, s, after a turn that is not measured.
 const DURATION_S: f64 = 60.0;

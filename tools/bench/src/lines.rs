@@ -24,9 +24,9 @@ use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ, within_reach};
 use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::{EmulatorConfig, Line};
 
-use super::laboratory::{config, fitted};
-use super::subject::record;
-use super::tracking::{Pilot, along, approach, follow};
+use crate::models::laboratory::{config, fitted};
+use crate::models::subject::record;
+use crate::models::tracking::{Pilot, along, approach, follow};
 
 /// Ramps and sines: s, deg, deg/s (within the limits of the motors) and Hz.
 const DURATION_S: f64 = 12.0;
