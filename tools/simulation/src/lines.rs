@@ -5,7 +5,7 @@
 //! the earliest instant, so that every run is the same.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, mpsc};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, mpsc};
 use std::thread::{self, JoinHandle};
 use std::{io, mem};
 
@@ -24,6 +24,7 @@ use crate::emulator::config::EmulatorConfig;
 use crate::emulator::log::{Event, Log};
 use crate::emulator::plant::Plant;
 use crate::emulator::port::{LineConfig, LineTiming, REPLY_WAIT_US, REQUEST_WAIT_US};
+use crate::emulator::shared::lock;
 
 /// The first tick. Every drive is brought up long before it.
 const BEGIN: Nanos = Nanos::from_millis(60_000);
@@ -337,8 +338,4 @@ impl Transport for BenchLine {
         }
         self.0.now = self.now().max(until);
     }
-}
-
-fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {
-    value.lock().unwrap_or_else(PoisonError::into_inner)
 }

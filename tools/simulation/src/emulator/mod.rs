@@ -3,8 +3,7 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `config`, `snake_source` | configuration; snakes by name, by physics and seed, or from a file
-//! |
+//! | `config`, `snake_source` | configuration; snakes by name, physics and seed, or from a file |
 //! | `plant`, `wire` | drives, wires and snake in time steps; pure |
 //! | [`injection`], [`scenario`], `scenario_player` | injected faults, and files with their times |
 //! | `port` | pseudo-terminals, line timing, damaged bytes |
@@ -19,7 +18,7 @@ pub(crate) mod plant;
 pub mod port;
 pub mod scenario;
 mod scenario_player;
-mod shared;
+pub(crate) mod shared;
 pub mod snake_source;
 pub(crate) mod wire;
 

@@ -1,9 +1,8 @@
 //! Preisach: a plane of relays with a density that changes along the stroke.
 //!
 //! Source: I. D. Mayergoyz, "Mathematical Models of Hysteresis", Springer 1991, chapter 1: the
-//! output is the integral of the density over the relays that are on; between two turning points
-//! output is the integral of the density over the active relays; between two turning points
-//! turning point wipes out what lies after it.
+//! output is the integral of the density over the relays that are on, and an input beyond an
+//! earlier turning point wipes out what lies after it.
 //!
 //! The plane is cut into square cells of even density. So the Everett function is bilinear in
 //! every cell, and a table of its corners is exact.
