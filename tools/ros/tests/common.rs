@@ -1,15 +1,14 @@
 //! Emulated drives and a controller on them, and `i2ris-ros` as a process.
 
 use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread;
 
 use i2ris::ipc::Domain;
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris_testing::{Rig, wait_until, wait_until_idle};
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
+use i2ris_testing::{Killed, Rig, wait_until, wait_until_idle};
+use nix::sys::signal::Signal;
 
 use crate::peer::{Peer, ros_domain};
 
@@ -38,7 +37,7 @@ pub fn start(arguments: &[&str]) -> (Rig, Bridge, Peer) {
 
 /// `i2ris-ros` as a process, killed when dropped. Its output is stored.
 pub struct Bridge {
-    child: Child,
+    process: Killed,
     lines: Arc<Mutex<Vec<String>>>,
 }
 
@@ -50,29 +49,29 @@ impl Bridge {
 
     /// Starts it with nothing but these arguments.
     pub fn start_with(domain: &Domain, ros_domain: u16, arguments: &[&str]) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_i2ris-ros"))
+        let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-ros"));
+        command
             .args(arguments)
             .env("I2RIS_DOMAIN", domain.name())
             .env("ROS_DOMAIN_ID", ros_domain.to_string())
             .env_remove("RMW_IMPLEMENTATION")
             .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
+            .stdout(Stdio::piped());
+        let mut process = Killed::start(&mut command);
         let lines = Arc::<Mutex<Vec<String>>>::default();
-        let (output, kept) = (child.stdout.take().unwrap(), Arc::clone(&lines));
+        let (output, kept) = (process.0.stdout.take().unwrap(), Arc::clone(&lines));
         thread::spawn(move || {
             for line in BufReader::new(output).lines().map_while(Result::ok) {
                 kept.lock().unwrap().push(line);
             }
         });
-        let bridge = Self { child, lines };
+        let bridge = Self { process, lines };
         bridge.wait_for("in ROS domain");
         bridge
     }
 
     pub fn id(&self) -> u32 {
-        self.child.id()
+        self.process.0.id()
     }
 
     pub fn lines(&self) -> Vec<String> {
@@ -88,22 +87,21 @@ impl Bridge {
 
     /// Resident memory, kB.
     pub fn memory_kb(&self) -> u64 {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        let status =
+            std::fs::read_to_string(format!("/proc/{}/status", self.process.0.id())).unwrap();
         let line = status.lines().find(|line| line.starts_with("VmRSS")).unwrap();
         line.split_whitespace().nth(1).unwrap().parse().unwrap()
     }
 
     /// Interrupts it and waits for its end.
     pub fn end(mut self) -> bool {
-        kill(Pid::from_raw(self.child.id() as i32), Signal::SIGINT).unwrap();
-        wait_until("it ends", || self.child.try_wait().unwrap()).success()
+        self.process.signal(Signal::SIGINT);
+        wait_until("it ends", || self.process.0.try_wait().unwrap()).success()
     }
 }
 
 impl Drop for Bridge {
     fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
         if thread::panicking() {
             eprintln!("output of i2ris-ros:\n{}", self.lines().join("\n"));
         }

@@ -2,16 +2,15 @@
 //! never in motion.
 
 use std::io::{BufRead, BufReader};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{ChildStdout, Command, Stdio};
 
 use i2ris::clock;
 use i2ris::ipc::OperatingState;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
 use i2ris_ros::message::{Header, JointState, StringStamped, Text};
-use i2ris_testing::wait_until;
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
+use i2ris_testing::{Killed, wait_until};
+use nix::sys::signal::Signal;
 use ros2_client::qos::Durability;
 
 use crate::common::{Bridge, ROBOT, robot, start, wait_for};
@@ -23,7 +22,7 @@ fn swing(t: f64) -> [f64; 2] {
 
 /// A client in a process of its own: enables the robot and swings it until it is killed.
 struct Swinger {
-    child: Child,
+    process: Killed,
     lines: std::io::Lines<BufReader<ChildStdout>>,
 }
 
@@ -31,31 +30,17 @@ const DOMAIN: &str = "I2RIS_TEST_ROS_DOMAIN";
 
 impl Swinger {
     fn start(ros_domain: u16) -> Self {
-        let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "misuse::swinger_process", "--ignored", "--nocapture"])
-            .env(DOMAIN, ros_domain.to_string())
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        Self { child, lines }
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args(["--exact", "misuse::swinger_process", "--ignored", "--nocapture"]);
+        command.env(DOMAIN, ros_domain.to_string()).stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut process = Killed::start(&mut command);
+        let lines = BufReader::new(process.0.stdout.take().unwrap()).lines();
+        Self { process, lines }
     }
 
     fn wait(&mut self) {
         let mut lines = self.lines.by_ref().map_while(Result::ok);
         assert!(lines.any(|line| line.contains("swinging")), "it ended");
-    }
-
-    fn signal(&self, signal: Signal) {
-        kill(Pid::from_raw(self.child.id() as i32), signal).unwrap();
-    }
-}
-
-impl Drop for Swinger {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -130,7 +115,7 @@ fn snake_holds_after_client_death_and_accepts_a_new_one() {
     let (robot, _bridge, mut peer) = start(&[]);
     let mut swinger = Swinger::start(peer.node.domain_id());
     swinger.wait();
-    swinger.signal(Signal::SIGKILL);
+    swinger.process.signal(Signal::SIGKILL);
     robot.wait_until_still();
     peer.wait_for_line("warning", "after their deadline");
     let from = clock::now();
@@ -146,14 +131,14 @@ fn suspend_and_resume(stopped: Nanos) {
     let (mut robot, bridge, mut peer) = start(&[]);
     let mut swinger = Swinger::start(peer.node.domain_id());
     swinger.wait();
-    swinger.signal(Signal::SIGSTOP);
+    swinger.process.signal(Signal::SIGSTOP);
     robot.wait_until_still();
     peer.wait_for_line("warning", "after their deadline");
     clock::sleep(stopped);
     // By its homing and by its stream.
     let took = || bridge.lines().iter().filter(|it| it.contains("/swinger commands")).count();
     let (before, resumed) = (took(), clock::now());
-    swinger.signal(Signal::SIGCONT);
+    swinger.process.signal(Signal::SIGCONT);
     clock::sleep(Nanos::from_millis(5000));
     assert!(!robot.moved_since(resumed), "{:?}", bridge.lines());
     let state = wait_for(&mut robot, |_| true);
@@ -304,7 +289,7 @@ fn a_reader_that_is_stopped_does_not_stop_the_others() {
     let mut swinger = Swinger::start(peer.node.domain_id());
     swinger.wait();
     let memory = bridge.memory_kb();
-    swinger.signal(Signal::SIGSTOP);
+    swinger.process.signal(Signal::SIGSTOP);
     robot.wait_until_still();
     let from = clock::now();
     let [pitch, yaw] = peer.setpoint_degrees();

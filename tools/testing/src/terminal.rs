@@ -5,7 +5,7 @@ use std::io::{Read, Write};
 use std::num::NonZeroU16;
 use std::os::fd::AsFd;
 use std::os::unix::process::CommandExt;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
@@ -15,7 +15,7 @@ use i2ris::ipc::Domain;
 use nix::pty::{OpenptyResult, Winsize, openpty};
 use nix::sys::termios::{LocalFlags, tcgetattr};
 
-use crate::program;
+use crate::program::{self, Killed};
 use crate::waiting::{TIMEOUT, wait_until};
 
 fn some(length: u16) -> NonZeroU16 {
@@ -24,7 +24,7 @@ fn some(length: u16) -> NonZeroU16 {
 
 /// A program on a separate terminal, killed when dropped.
 pub struct Terminal {
-    child: Child,
+    process: Killed,
     keyboard: File,
     /// Kept open, so that its settings can be read after the program has ended.
     slave: File,
@@ -55,7 +55,7 @@ impl Terminal {
                 Ok(())
             });
         }
-        let child = command.spawn().unwrap();
+        let process = Killed::start(&mut command);
         let mut reader = File::from(master.try_clone().unwrap());
         let (sender, output) = channel();
         thread::spawn(move || {
@@ -67,11 +67,11 @@ impl Terminal {
             }
         });
         let screen = vt100::Parser::new(some(rows), some(columns), 0);
-        Self { child, keyboard: File::from(master), slave: File::from(slave), output, screen }
+        Self { process, keyboard: File::from(master), slave: File::from(slave), output, screen }
     }
 
     pub fn pid(&self) -> nix::unistd::Pid {
-        nix::unistd::Pid::from_raw(i32::try_from(self.child.id()).unwrap())
+        nix::unistd::Pid::from_raw(i32::try_from(self.process.0.id()).unwrap())
     }
 
     /// Types keys.
@@ -111,7 +111,7 @@ impl Terminal {
 
     /// Waits for the end, and reads the output until then.
     pub fn end(&mut self) -> ExitStatus {
-        let status = wait_until("the program ends", || self.child.try_wait().unwrap());
+        let status = wait_until("the program ends", || self.process.0.try_wait().unwrap());
         while let Ok(bytes) = self.output.recv_timeout(Duration::from_millis(300)) {
             self.screen.process(&bytes);
         }
@@ -122,12 +122,5 @@ impl Terminal {
     pub fn assert_restored(&self) {
         assert!(!self.is_raw(), "keys are shown and come in lines");
         assert!(!self.screen.screen().alternate_screen() && !self.screen.screen().hide_cursor());
-    }
-}
-
-impl Drop for Terminal {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
