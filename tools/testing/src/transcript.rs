@@ -23,6 +23,7 @@ pub fn shell(folder: &Path, text: &str) -> Command {
         .current_dir(folder)
         .env("PATH", format!("{programs}:{}", std::env::var("PATH").unwrap()))
         .env("REPOSITORY", root())
+        .env("LC_ALL", "C.UTF-8")
         .stdin(Stdio::null());
     command
 }
