@@ -153,9 +153,9 @@ impl Program {
     }
 
     /// Waits for the end: success, standard output, standard error.
-    pub fn end(mut self) -> (bool, String, String) {
-        let Output { status, stdout, stderr } = self.0.take().unwrap().wait_with_output().unwrap();
-        (status.success(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
+    pub fn end(self) -> (bool, String, String) {
+        let (code, output, error) = self.code();
+        (code == Some(0), output, error)
     }
 
     /// Runs to the end.
