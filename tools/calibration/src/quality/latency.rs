@@ -165,7 +165,7 @@ impl Search<'_> {
     /// they can: there, latency looks like a wider gap.
     fn is_visible(&self, middle: f64, errors: [f64; 3]) -> Option<bool> {
         let sums = self.sums(middle)?;
-        let coefficients = total(&sums, None)?.solve(PENALTY)?;
+        let coefficients = NormalEquations::total(&sums, None)?.solve(PENALTY)?;
         let explained = |shift: f64| {
             let times = self.seen.iter().map(|seen| seen.time_s - shift);
             Some(self.features.matrix(times)? * &coefficients)
@@ -180,7 +180,11 @@ impl Search<'_> {
 
     /// See [`Latency::helps`].
     fn helps(&self, seconds: f64) -> Option<bool> {
-        Some(left_out(&self.sums(seconds)?)? < left_out(&self.sums(0.0)?)?)
+        let left_out = |shift_s: f64| {
+            let sums = self.sums(shift_s)?;
+            NormalEquations::left_out(&sums, LEFT_OUT_PENALTY, NormalEquations::mean_error)
+        };
+        Some(left_out(seconds)? < left_out(0.0)?)
     }
 
     fn around(&self, middle: f64) -> Option<[Sums; 3]> {
@@ -197,23 +201,8 @@ fn errors(around: &[Sums; 3], without: Option<usize>) -> Option<[f64; 3]> {
 
 /// Mean squared residual of the regression, summed over the outputs, without one of the blocks.
 fn left(sums: &Sums, without: Option<usize>) -> Option<f64> {
-    let sum = total(sums, without)?;
+    let sum = NormalEquations::total(sums, without)?;
     Some(sum.mean_error(&sum.solve(PENALTY)?))
-}
-
-/// Sum over blocks of the mean squared residual of the regression on the others.
-fn left_out(sums: &Sums) -> Option<f64> {
-    let error = |block: usize| {
-        let coefficients = total(sums, Some(block))?.solve(LEFT_OUT_PENALTY)?;
-        Some(sums[block].mean_error(&coefficients))
-    };
-    (0..sums.len()).map(error).sum()
-}
-
-fn total(sums: &Sums, without: Option<usize>) -> Option<NormalEquations> {
-    let mut used = (0..sums.len()).filter(|block| Some(*block) != without);
-    let first = sums[used.next()?].clone();
-    Some(used.fold(first, |sum, block| sum.plus(&sums[block], 1.0)))
 }
 
 /// Minimum of the parabola through three errors at distance `apart`, relative to the middle.

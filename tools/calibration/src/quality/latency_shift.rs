@@ -4,7 +4,7 @@ use i2ris::units::MotorVec;
 
 use super::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
 use crate::recording::{PathPoint, Recording, Row};
-use i2ris_report::statistics::median;
+use i2ris_report::statistics::{interpolate, median};
 
 /// Rows further apart in time are measured after the motors have come to rest: the path between
 /// them is unknown.
@@ -19,22 +19,20 @@ impl Recording {
     /// motion does not show it, see [`estimate_latency`].
     #[must_use]
     pub fn latency(&self) -> Option<Latency> {
-        let times: Option<Vec<f64>> = self.path().iter().map(|point| point.time_s).collect();
-        let mut steps: Vec<f64> = times?.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        if median(&mut steps)? > SETTLED_S {
+        let path = self.timed_path()?;
+        if usual_step(&path)? > SETTLED_S {
             return None;
         }
-        let mut path = Vec::new();
-        for point in self.path() {
-            let (time_s, counts) = (point.time_s?, point.counts);
-            path.push(TimedCounts { time_s, counts });
-        }
-        let mut measured = Vec::new();
-        for row in self.rows() {
-            let (time_s, outputs) = (row.time_s?, row.outputs);
-            measured.push(TimedOutputs { time_s, outputs });
-        }
+        let outputs = |row: &Row| Some(TimedOutputs { time_s: row.time_s?, outputs: row.outputs });
+        let measured: Vec<_> = self.rows().iter().map(outputs).collect::<Option<_>>()?;
         estimate_latency(&path, &measured, self.motors())
+    }
+
+    /// `None` without time stamps.
+    fn timed_path(&self) -> Option<Vec<TimedCounts>> {
+        let timed =
+            |point: &PathPoint| Some(TimedCounts { time_s: point.time_s?, counts: point.counts });
+        self.path().iter().map(timed).collect()
     }
 
     /// The recording with all outputs `seconds` earlier, at the motors' counts at that time. Rows
@@ -42,12 +40,10 @@ impl Recording {
     /// stays as it is.
     #[must_use]
     pub fn shifted(&self, seconds: f64) -> Self {
-        let timed = self.path().iter().map(|point| Some((point.time_s?, point.counts)));
-        let Some(timed) = timed.collect::<Option<Vec<_>>>() else {
+        let Some(timed) = self.timed_path() else {
             return self.clone();
         };
-        let mut steps: Vec<f64> = timed.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
-        let gap = GAP * median(&mut steps).unwrap_or_default();
+        let gap = GAP * usual_step(&timed).unwrap_or_default();
         let moved = self.rows().iter().filter_map(|row| {
             let time_s = row.time_s? - seconds;
             Some(Row { time_s: Some(time_s), counts: counts_at(&timed, time_s, gap)?, ..*row })
@@ -70,18 +66,23 @@ impl Recording {
     }
 }
 
-/// The counts at an instant, on the straight line between two positions of a path in order of time
-/// (s, counts); `None` beyond its ends and if those two are more than `gap_s` apart.
-fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap_s: f64) -> Option<MotorVec> {
-    let after = path.partition_point(|(time, _)| *time < time_s);
-    let (t1, b) = path.get(after)?;
-    if *t1 == time_s {
-        return Some(*b);
+/// The usual time from position to position, s.
+fn usual_step(path: &[TimedCounts]) -> Option<f64> {
+    median(&mut path.windows(2).map(|pair| pair[1].time_s - pair[0].time_s).collect::<Vec<_>>())
+}
+
+/// The counts at an instant, on the straight line between two positions of a path in order of
+/// time; `None` beyond its ends and if those two are more than `gap_s` apart.
+fn counts_at(path: &[TimedCounts], time_s: f64, gap_s: f64) -> Option<MotorVec> {
+    let after = path.partition_point(|point| point.time_s < time_s);
+    let to = path.get(after)?;
+    if to.time_s == time_s {
+        return Some(to.counts);
     }
-    let (t0, a) = path.get(after.checked_sub(1)?)?;
-    let share = (time_s - t0) / (t1 - t0);
-    (t1 - t0 <= gap_s)
-        .then(|| std::array::from_fn(|motor| a[motor] + share * (b[motor] - a[motor])))
+    let from = path.get(after.checked_sub(1)?)?;
+    let step_s = to.time_s - from.time_s;
+    let share = (time_s - from.time_s) / step_s;
+    (step_s <= gap_s).then(|| interpolate(&from.counts, &to.counts, share))
 }
 
 #[cfg(test)]

@@ -347,14 +347,7 @@ fn left_out(features: &DMatrix<f64>, errors: &DMatrix<f64>) -> Option<f64> {
             NormalEquations::new(&features.select_rows(&rows), &errors.select_rows(&rows))
         })
         .collect();
-    let mut left = 0.0;
-    for (fold, own) in sums.iter().enumerate() {
-        let mut others = sums.iter().enumerate().filter(|(other, _)| *other != fold);
-        let first = others.next()?.1.clone();
-        let others = others.fold(first, |sum, (_, part)| sum.plus(part, 1.0));
-        left += own.error(&others.solve(PENALTY)?);
-    }
-    Some(left)
+    NormalEquations::left_out(&sums, PENALTY, NormalEquations::error)
 }
 
 #[cfg(test)]

@@ -119,6 +119,25 @@ impl NormalEquations {
         }
     }
 
+    /// The sums of all parts, or of all but one.
+    pub(crate) fn total(parts: &[Self], without: Option<usize>) -> Option<Self> {
+        let mut used = parts.iter().enumerate().filter(|(part, _)| Some(*part) != without);
+        let first = used.next()?.1.clone();
+        Some(used.fold(first, |sum, (_, part)| sum.plus(part, 1.0)))
+    }
+
+    /// Sum over the parts of an `error` of each, with the coefficients of all others.
+    pub(crate) fn left_out(
+        parts: &[Self],
+        penalty: f64,
+        error: fn(&Self, &DMatrix<f64>) -> f64,
+    ) -> Option<f64> {
+        let of = |(part, own): (usize, &Self)| {
+            Some(error(own, &Self::total(parts, Some(part))?.solve(penalty)?))
+        };
+        parts.iter().enumerate().map(of).sum()
+    }
+
     pub(crate) fn solve(&self, penalty: f64) -> Option<DMatrix<f64>> {
         let mut matrix = self.features.clone();
         for i in 1..matrix.nrows() {
