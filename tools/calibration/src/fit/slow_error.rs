@@ -3,6 +3,7 @@
 
 use i2ris::model::Model;
 use i2ris::model::file::SlowErrorParameters;
+use i2ris_report::statistics::median;
 use nalgebra::Matrix2;
 
 use super::metrics::predictions;
@@ -43,8 +44,7 @@ pub(super) fn slow_error(
     // Held-out rows come in blocks: the usual interval is that within a block.
     let times: Vec<f64> = rows.iter().filter_map(|row| all[*row].time_s).collect();
     let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    intervals.sort_by(f64::total_cmp);
-    let interval_s = *intervals.get(intervals.len() / 2)?;
+    let interval_s = median(&mut intervals)?;
     let series: Vec<f64> =
         errors.iter().map(|error| direction[0] * error[0] + direction[1] * error[1]).collect();
     let time_rows = correlation_time(&series)?;

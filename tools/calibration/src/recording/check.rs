@@ -1,6 +1,7 @@
 //! Requirements on tables, row by row and from row to row.
 
 use i2ris::units::MAX_MOTORS;
+use i2ris_report::statistics::median;
 
 use super::columns::{Column, Layout, TIME_UNITS};
 use super::error::{Problem, RecordingError};
@@ -113,8 +114,7 @@ impl Table<'_> {
         };
         let times: Vec<f64> = self.located().filter_map(|row| row.time_s).collect();
         let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        steps.sort_by(f64::total_cmp);
-        let hz = steps.get(steps.len() / 2).map_or(USUAL_HZ.0, |step| 1.0 / step);
+        let hz = median(&mut steps).map_or(USUAL_HZ.0, |step| 1.0 / step);
         let (unit, is_certain) = self.layout.seconds;
         let is_slow = hz < RATES_HZ.0 || hz < LONG.0 && steps.len() >= LONG.1;
         // The points of a trajectory may be far apart. A table with many points was recorded.
