@@ -180,10 +180,14 @@ impl Trial {
         [("goal", goal), ("setpoint", setpoint), ("estimate", measured), ("camera", camera)]
     }
 
+    fn last_state(&self, stamp_ns: u64) -> Option<&OperatingStateMsg> {
+        let after = self.states.partition_point(|state| state.stamp_ns <= stamp_ns);
+        self.states[..after].last()
+    }
+
     /// The name of the operating state at an instant.
     pub fn state_at(&self, stamp_ns: u64) -> Option<&'static str> {
-        let after = self.states.partition_point(|state| state.stamp_ns <= stamp_ns);
-        let state = self.states[..after].last()?;
+        let state = self.last_state(stamp_ns)?;
         OperatingState::from_number(state.state).map(OperatingState::text)
     }
 
@@ -211,11 +215,7 @@ impl Trial {
     /// Whether the robot followed commands at an instant. A recording without states counts as
     /// following.
     pub fn was_following(&self, stamp_ns: u64) -> bool {
-        let after = self.states.partition_point(|state| state.stamp_ns <= stamp_ns);
-        match self.states[..after].last() {
-            Some(state) => follows(state),
-            None => self.states.is_empty(),
-        }
+        self.last_state(stamp_ns).map_or(self.states.is_empty(), follows)
     }
 
     /// Mean time between two goals, seconds.

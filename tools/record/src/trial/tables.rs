@@ -56,15 +56,8 @@ impl StudyReport {
     }
 
     fn effect_rows(&self) -> Vec<Vec<String>> {
-        let mut rows = vec![header([
-            "measure",
-            "condition",
-            "mean",
-            "difference",
-            "low_95",
-            "high_95",
-            "participants",
-        ])];
+        let names = "measure,condition,mean,difference,low_95,high_95,participants";
+        let mut rows = vec![header(names.split(','))];
         for Row { measure, means, effects, .. } in &self.rows {
             for (condition, (mean, effect)) in self.conditions.iter().zip(means.iter().zip(effects))
             {
@@ -85,37 +78,16 @@ impl StudyReport {
     }
 
     fn target_rows(&self) -> Vec<Vec<String>> {
-        let mut rows = vec![header([
-            "trial",
-            "target",
-            "t_s",
-            "from_pitch_deg",
-            "from_yaw_deg",
-            "to_pitch_deg",
-            "to_yaw_deg",
-            "distance_deg",
-            "arrived_s",
-            "held_s",
-            "overshoot_deg",
-            "detour",
-        ])];
+        let names = "trial,target,t_s,from_pitch_deg,from_yaw_deg,to_pitch_deg,to_yaw_deg,\
+                     distance_deg,arrived_s,held_s,overshoot_deg,detour";
+        let mut rows = vec![header(names.split(','))];
         for trial in &self.trials {
             for target in &trial.targets {
-                let [from, to] = [target.from_deg, target.to_deg];
-                let numbers = [
-                    Some(target.t_s),
-                    Some(from[0]),
-                    Some(from[1]),
-                    Some(to[0]),
-                    Some(to[1]),
-                    Some(target.distance_deg),
-                    target.arrived_s,
-                    target.held_s,
-                    Some(target.overshoot_deg),
-                    Some(target.detour),
-                ];
+                let [[a, b], [c, d]] = [target.from_deg, target.to_deg];
                 let mut row = vec![trial.name.clone(), target.number.to_string()];
-                row.extend(numbers.map(cell));
+                row.extend([target.t_s, a, b, c, d, target.distance_deg].map(Some).map(cell));
+                row.extend([target.arrived_s, target.held_s].map(cell));
+                row.extend([target.overshoot_deg, target.detour].map(Some).map(cell));
                 rows.push(row);
             }
         }
