@@ -177,7 +177,8 @@ pub struct TrainingRecord {
     /// the same model on any day, so the day of the fit is not in the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recorded_at: Option<String>,
-    /// Gain of the affine model of the same rows, m rows of d; absent in older files.
+    /// Gain of the affine model of the same rows, m rows of d; absent in older files, and for loops
+    /// without a slope.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linear_gain: Option<Vec<Vec<f64>>>,
     /// Drive settings at the recording; absent if unknown. The controller compares them with those

@@ -49,6 +49,12 @@ impl From<&LinearFit> for Fitted {
 const UNSEEN_PLANE: f64 = 0.007;
 const UNSEEN_LOOPS: f64 = 0.06;
 
+/// Where a model explains more than this part of the variance of every output, ...
+const MIN_LOOP_R2: f64 = 0.5;
+/// ... and a straight line less than this part, the motion is a loop without a slope, and the gain
+/// of the line is noise.
+const MAX_LEVEL_R2: f64 = 0.02;
+
 const NO_METRICS: OutputMetrics = OutputMetrics {
     training: FitMetrics { r2: 0.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 },
     held_out: None,
@@ -82,9 +88,15 @@ impl FileContext<'_> {
     /// The model is refused, as it would be by the controller.
     pub fn model(&self, fitted: &Fitted) -> Result<Model, ModelError> {
         let mut file = self.file(fitted);
-        let model = Model::from_file(file.clone())?;
+        let line = file.training.linear_gain.take();
+        let unlined = Model::from_file(file.clone());
+        file.training.linear_gain = line;
+        let model = unlined.or_else(|_| Model::from_file(file.clone()))?;
         let predicted = predictions(&model, self.recording);
         file.metrics = self.measure(&predicted);
+        if self.is_level(&file.metrics) {
+            file.training.linear_gain = None;
+        }
         if let Some(covariance) = constant_covariance(&mut file.family) {
             *covariance = self.covariance(&predicted);
         }
@@ -118,6 +130,16 @@ impl FileContext<'_> {
             worthless: None,
             metrics: vec![NO_METRICS; self.recording.outputs().len()],
         }
+    }
+
+    /// Whether the model explains a loop without a slope, as of friction.
+    fn is_level(&self, found: &[OutputMetrics]) -> bool {
+        found.iter().enumerate().all(|(output, found)| {
+            let FitMetrics { r2, rmsd, .. } = found.training;
+            let variance = rmsd.powi(2) / (1.0 - r2);
+            let unexplained = self.straight.covariance[output][output];
+            r2 > MIN_LOOP_R2 && unexplained > (1.0 - MAX_LEVEL_R2) * variance
+        })
     }
 
     /// Held-out rows if there are any; their error is that of motion in use.

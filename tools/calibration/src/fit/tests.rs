@@ -422,6 +422,22 @@ fn sheath(gap: f64) -> Recording {
     })
 }
 
+/// Friction that slips at 100 of 1500 counts: the straight line through the loop is level.
+#[test]
+fn a_friction_loop_without_a_slope_is_fitted() {
+    let (mut random, mut held, mut before) = (noise(3), 0.0_f64, 0.0);
+    let recording = one_motor(1500, |time| {
+        let size = 0.4 + 0.6 * (0.0065 * time).sin().abs();
+        let counts = (1500.0 * (size * (0.175 * time).sin() + 0.2 * (0.515 * time).sin())).round();
+        held = (held + counts - before).clamp(-100.0, 100.0);
+        before = counts;
+        (counts, 0.02 * held + 0.02 * random())
+    });
+    let outcome = fitted(&recording, &of_family(Family::ForceBalance));
+    let [found, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, 0));
+    assert!(found < 0.6 * linear, "{found}, linear {linear}");
+}
+
 /// In the second, most of the motion of an examination lies in the gap.
 #[test]
 #[ignore = "a minute of fits: for .ci/nightly"]
