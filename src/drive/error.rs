@@ -126,7 +126,7 @@ pub enum LinkError {
     NotOurTurn,
 }
 
-/// What helps: replies that come late are of the right drive, over a sound cable.
+/// The remedy: late replies come from the right drive, over a sound cable.
 fn late_or(unexpected: &UnexpectedReply, otherwise: &'static str) -> &'static str {
     if unexpected.is_late() {
         "reduce the load on this computer, or raise `reply_timeout_ms`"

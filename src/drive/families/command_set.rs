@@ -86,7 +86,7 @@ pub struct CommandSet {
     pub(in crate::drive) segment_words: [u8; 2],
     /// The toggle bit of the request for a segment.
     pub(in crate::drive) toggle: u8,
-    /// The segment in the data of a reply after its error code, the first or another one; `None`:
+    /// The segment in the data of a reply after its error code, the first or a later one; `None`:
     /// damaged.
     pub(in crate::drive) first: fn(&[u8]) -> Option<Segment<'_>>,
     pub(in crate::drive) next: fn(&[u8]) -> Option<Segment<'_>>,

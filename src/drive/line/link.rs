@@ -140,6 +140,8 @@ pub struct DriveLink<T> {
     frame_timeout: Nanos,
     serial_number: Option<u32>,
     broken: bool,
+    /// A request timed out since the line was in sync: its reply may still come.
+    has_timed_out: bool,
     counters: LinkCounters,
     /// Bytes received since the start of the exchange that are not a valid reply.
     unexpected: UnexpectedReply,
@@ -164,6 +166,7 @@ impl<T: Transport> DriveLink<T> {
             frame_timeout: DEFAULT_FRAME_TIMEOUT,
             serial_number: None,
             broken: false,
+            has_timed_out: false,
             counters: LinkCounters::default(),
             unexpected: UnexpectedReply::none_from(family.name()),
         }

@@ -51,8 +51,8 @@ impl UnexpectedReply {
         }
     }
 
-    /// Records a whole frame that is not a reply to the request, or one that `is_late`: while the
-    /// line is out of sync it may be the reply to an earlier request.
+    /// Records a whole frame that is not a reply to the request, or one that `is_late`: it may be
+    /// the reply to an earlier request, which timed out.
     pub(in crate::drive) fn note_frame(&mut self, frame: &SerialFrame<'_>, is_late: bool) {
         if is_late {
             self.late = self.late.saturating_add(1);

@@ -21,7 +21,7 @@ struct Sent {
 /// Facts that no part of the system knows, but the properties need.
 #[derive(Debug, Default)]
 struct Truth {
-    /// The last accepted command, when it was accepted, and whether its client released the lease.
+    /// The last accepted command, its time, and whether its client released the lease.
     followed: Option<(Sent, Nanos, bool)>,
     accepted: HashSet<(u64, u64)>,
     positions_at: Nanos,

@@ -1,7 +1,7 @@
 //! Tests that need what a machine may lack.
 //!
-//! The machine is asked when a test is compiled, because a running test can only pass or fail. What
-//! is installed later counts after `cargo clean -p i2ris-needs`; what is removed fails the test.
+//! The look-up is made when a test is compiled, because a running test can only pass or fail. A
+//! program installed later counts after `cargo clean -p i2ris-needs`; a removed one fails the test.
 
 use std::env;
 use std::fs::OpenOptions;
@@ -26,7 +26,7 @@ use proc_macro::TokenStream;
 ///
 /// # Panics
 ///
-/// At a need that is none of these: the test does not compile.
+/// At any other need: the test does not compile.
 #[proc_macro_attribute]
 pub fn needs(needs: TokenStream, test: TokenStream) -> TokenStream {
     let needs = needs.to_string();

@@ -41,8 +41,8 @@ fn captured_devices_are_at_rest_or_refused_by_name() {
             let mut control = Control::new(&profile, controls.unwrap());
             let mut state = DeviceState::new(Nanos(1));
             assert_eq!(rest.len(), device.absolute.len());
-            for (range, told) in device.absolute.iter().zip(&rest) {
-                state.apply(Event::Value(Code::Absolute(range.code), *told), Nanos(2));
+            for (range, value) in device.absolute.iter().zip(&rest) {
+                state.apply(Event::Value(Code::Absolute(range.code), *value), Nanos(2));
             }
             let reading = control.read(&device, &mut state, Nanos::from_millis(60_000));
             assert_eq!((reading.push, reading.fault), (Some([0.0; 2]), None), "{source} {hand:?}");

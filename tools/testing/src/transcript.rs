@@ -78,12 +78,12 @@ fn played(setup: &str, section: &str) -> String {
     }
     let output = shell(folder.path(), &script).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
-    // The number of the lines of its progress depends on the load.
+    // How many lines of progress appear depends on the load.
     let lines = text.lines().filter(|line| !line.starts_with("fitting "));
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// What is written, with the output of those commands that print something else now.
+/// The written text, with the new output of commands that print something else now.
 fn merged(written: &str, played: &str) -> String {
     let is_same = |written: &str, played: &str| {
         let [written, played] = [written, played].map(|it| it.lines().collect::<Vec<_>>());

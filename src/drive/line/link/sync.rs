@@ -105,7 +105,7 @@ impl<T: Transport> DriveLink<T> {
     pub(crate) fn try_to_synchronise(&mut self) -> Result<(), LinkError> {
         self.lose_sync(0);
         match self.probe() {
-            Ok(true) => self.sync = SyncState::InSync,
+            Ok(true) => (self.sync, self.has_timed_out) = (SyncState::InSync, false),
             Ok(false) | Err(TransferError::Refused(_) | TransferError::Disturbed) => {}
             Err(TransferError::Timeout) => self.wait_for_frame_timeout()?,
             Err(TransferError::NotOurTurn) => return Err(LinkError::NotOurTurn),
@@ -174,7 +174,9 @@ impl<T: Transport> DriveLink<T> {
         let mut discarded = [0; CHUNK];
         let count = self.receive(&mut discarded, deadline)?;
         for &byte in discarded.iter().take(count) {
-            if let ParserEvent::Frame(frame) = self.parser.push(byte) {
+            if let ParserEvent::Frame(frame) = self.parser.push(byte)
+                && self.has_timed_out
+            {
                 self.unexpected.note_frame(&frame, true);
             }
         }

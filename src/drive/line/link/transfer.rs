@@ -2,7 +2,7 @@
 
 use std::io;
 
-use super::{Decode, DriveLink, SyncState, TimedReply, TransferError};
+use super::{Decode, DriveLink, TimedReply, TransferError};
 use crate::drive::capture::Outcome;
 use crate::drive::command_set::DriveRequest;
 use crate::drive::serial_frame::MAX_ENCODED;
@@ -56,6 +56,7 @@ impl<T: Transport> DriveLink<T> {
             }
             Err(TransferError::Timeout) => {
                 self.counters.timeouts += 1;
+                self.has_timed_out = true;
                 self.lose_sync(1);
             }
             // A request may be on its way, or none.
@@ -103,7 +104,7 @@ impl<T: Transport> DriveLink<T> {
         decode: Decode<'_, R>,
     ) -> Result<R, TransferError> {
         let mut chunk = [0; CHUNK];
-        let (mut received, is_late) = (0, self.sync != SyncState::InSync);
+        let (mut received, is_late) = (0, self.has_timed_out);
         // Bytes that have arrived are read even after the deadline: this thread may be late, not
         // the drive. So a line that is never silent is detected by the number of bytes.
         while received <= 2 * MAX_ENCODED {

@@ -358,7 +358,7 @@ mod tests {
 
     /// Of the balance the same block is the worst, but a little better: that is no chance.
     #[test]
-    fn what_is_not_sure_goes_to_the_balance_and_what_is_sure_does_not() {
+    fn only_what_is_not_sure_goes_to_the_balance() {
         let plays = score(Family::GmrPlay, [0.4, 0.9, 0.5, 0.6]);
         let chosen = |balance: [f64; 4]| {
             let scores = vec![plays.clone(), score(Family::ForceBalance, balance)];
@@ -400,7 +400,7 @@ mod tests {
 
     /// The numbers of a wide instrument: the inverse of the plays was tried on no other family.
     #[test]
-    fn scores_that_are_not_alike_are_compared_by_the_rows_held_out() {
+    fn different_scores_are_compared_by_rows_held_out() {
         let plays = score(Family::GmrPlay, [1.02, 2.27, 0.68, 1.77]);
         let balance = score(Family::ForceBalance, [0.91, 2.54, 2.41, 1.0]);
         let scores = decided(vec![plays, balance], &[Vec::new(), vec![on(0, 5.4)]]);

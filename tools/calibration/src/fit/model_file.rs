@@ -49,7 +49,7 @@ impl From<&LinearFit> for Fitted {
 const UNSEEN_PLANE: f64 = 0.007;
 const UNSEEN_LOOPS: f64 = 0.06;
 
-/// Where a model explains more than this part of the variance of every output, ...
+/// If a model explains more than this part of the variance of every output, ...
 const MIN_LOOP_R2: f64 = 0.5;
 /// ... and a straight line less than this part, the motion is a loop without a slope, and the gain
 /// of the line is noise.

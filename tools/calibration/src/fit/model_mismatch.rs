@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_far_above_the_noise_is_reported_with_what_was_tried() {
+    fn errors_far_above_the_noise_are_reported_with_attempts() {
         let (unit, clipped) = (OutputUnit::Deg, (0.0, 0.0));
         let tried = vec![(Family::Linear, 4.1), (Family::GmrPlay, 0.9)];
         let noisy = Some(Noisy { error: 0.9, ratio: 18.0, tried });

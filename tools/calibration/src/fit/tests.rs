@@ -429,8 +429,7 @@ fn a_friction_loop_without_a_slope_is_fitted() {
     let recording = one_motor(1500, |time| {
         let size = 0.4 + 0.6 * (0.0065 * time).sin().abs();
         let counts = (1500.0 * (size * (0.175 * time).sin() + 0.2 * (0.515 * time).sin())).round();
-        held = (held + counts - before).clamp(-100.0, 100.0);
-        before = counts;
+        held = (held + counts - std::mem::replace(&mut before, counts)).clamp(-100.0, 100.0);
         (counts, 0.02 * held + 0.02 * random())
     });
     let outcome = fitted(&recording, &of_family(Family::ForceBalance));

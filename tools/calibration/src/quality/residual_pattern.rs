@@ -416,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_rows_are_named_and_lines_are_not_blamed_on_speed() {
+    fn equal_rows_are_named_and_no_line_blames_speed() {
         let mut random = noise(6);
         let stutters = one_motor(2000, |time| {
             let seen = if (5.0 * time).round() % 20.0 < 4.0 { 3.0 } else { 0.05 * random() };

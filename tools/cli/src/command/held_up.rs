@@ -6,7 +6,7 @@ use std::{fs, thread};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
 
-/// Number of stops within `SPAN` that are no single event.
+/// Number of stops within `SPAN` that cannot be one event.
 const OFTEN: usize = 5;
 const SPAN: Nanos = Nanos::from_millis(60_000);
 
@@ -41,7 +41,7 @@ impl HeldUp {
     }
 }
 
-/// What holds streams up, with the numbers that show it, and what helps.
+/// Names the load as the cause, with numbers that show it and the remedy.
 pub fn note(longest: Nanos, state: &OperatingStateMsg) -> String {
     let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
     let load = load.split(' ').next().unwrap_or_default();

@@ -97,7 +97,7 @@ pub struct StreamMonitor {
     waits: bool,
     reported: Option<(Refusal, Nanos)>,
     held_up: HeldUp,
-    /// What holds the stream up, until it is taken.
+    /// Note on the load, until `take_load`.
     load: Option<String>,
 }
 

@@ -152,7 +152,7 @@ fn killed_or_suspended_commissioning_leaves_drives_without_power() {
 }
 
 #[test]
-fn h12_no_motor_moves_while_a_controller_is_killed_whatever_its_homing() {
+fn h12_no_motor_moves_when_a_controller_dies_at_any_homing() {
     let mut rig = Rig::start();
     let methods = [HomingMethod::StopPositive, HomingMethod::StopNegative, HomingMethod::Here];
     for (axis, homing) in rig.config.ports.iter_mut().flat_map(|it| &mut it.axes).zip(methods) {

@@ -15,8 +15,8 @@ const CHAPTER: &str = "tools/manual/src/stops-and-faults.md";
 const ROBOT: &str = "i2ris-emulated";
 const HEAD: &str = "| mistake | command | message | exit code |\n|---|---|---|---|\n";
 
-/// Makes the mistake of a row, and returns the row with its message. The error tells the exit code
-/// if that is not the one in the row.
+/// Makes the mistake of a row, and returns the row with its message. The error is an exit code
+/// other than that of the row.
 fn made(bench: &WorkFolder, domain: &Domain, row: &str) -> Result<String, String> {
     let cells = row.trim_start_matches("| ").trim_end_matches(" |");
     let [what, command, shown, code] = cells.split(" | ").collect::<Vec<_>>()[..] else {
