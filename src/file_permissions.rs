@@ -197,8 +197,9 @@ mod tests {
         assert_eq!(read_trusted(&file, LIMIT).unwrap(), "text");
     }
 
+    /// Only root can give a file to a group of others.
+    #[needs("root")]
     #[test]
-    #[ignore = "needs root, which alone can give a file to a group of others: for .ci/nightly"]
     fn file_or_folder_writable_by_another_group_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let parent = folder.path().join("parent");
