@@ -25,13 +25,18 @@ const TICKS: [(f64, &str); 7] = [
 const MIN_DURATIONS: f64 = 3.0;
 
 /// Colors, dashes and markers of our own variants.
-const OURS: [(Color, Dash, Marker); 5] = [
+const OURS: [(Color, Dash, Marker); 8] = [
     (Color::BLUE, Dash::Solid, Marker::Circle),
     (Color::VERMILION, Dash::Solid, Marker::Square),
     (Color::GREEN, Dash::Solid, Marker::Triangle),
     (Color::SKY, Dash::Solid, Marker::Diamond),
     (Color::ORANGE, Dash::Solid, Marker::Cross),
+    (Color::BLUE, Dash::Long, Marker::Square),
+    (Color::VERMILION, Dash::Long, Marker::Triangle),
+    (Color::GREEN, Dash::Long, Marker::Circle),
 ];
+/// Dashes of floors, which are black and without markers.
+const FLOORS: [Dash; 2] = [Dash::Dashed, Dash::Dotted];
 /// Colors, dashes and markers of peers.
 const PEERS: [(Color, Dash, Marker); 3] = [
     (Color::GREY, Dash::Dashed, Marker::Cross),
@@ -49,33 +54,39 @@ pub fn percentile_curves(outcome: &Outcome) -> Figure {
         outcome.bench,
         outcome.about,
         "Curves of percentiles, one panel for each group: share of all durations to the right, \
-         time upwards, both logarithmic. Floors are dashed black lines.",
+         time upwards, both logarithmic. Floors are black lines without markers.",
     );
     let groups = outcome.groups().into_iter();
-    groups.fold(figure, |figure, (name, variants)| figure.row(HEIGHT, vec![panel(name, &variants)]))
+    // One legend for all panels: no sign twice.
+    let mut used = [0; 3];
+    groups.fold(figure, |figure, (name, variants)| {
+        figure.row(HEIGHT, vec![panel(name, &variants, &mut used)])
+    })
 }
 
-fn panel(group: &str, variants: &[&Variant]) -> Panel {
+fn panel(group: &str, variants: &[&Variant], used: &mut [usize; 3]) -> Panel {
     let ticks = TICKS.map(|(value, label)| (value, label.to_owned())).to_vec();
     let x = Axis::log("share of all that took at most this long").marks(ticks);
     let mut panel = Panel::new(group, x, Axis::log("time (µs)"));
-    let (mut ours, mut peers) = (OURS.iter().cycle(), PEERS.iter().cycle());
     for variant in variants.iter().filter(|variant| !variant.durations.is_empty()) {
         let points = curve(&variant.durations);
-        let style = match variant.role {
-            Role::Floor => None,
-            Role::Ours => ours.next(),
-            Role::Peer => peers.next(),
-        };
-        let line = match style {
-            None => Mark::line(points, Stroke::new(Color::BLACK, 1.8).dash(Dash::Dashed)),
-            Some((color, dash, marker)) => {
-                Mark::line(points, Stroke::new(*color, 1.4).dash(*dash)).marker(*marker)
+        let index = &mut used[variant.role as usize];
+        let line = match variant.role {
+            Role::Floor => {
+                let dash = FLOORS[*index % FLOORS.len()];
+                Mark::line(points, Stroke::new(Color::BLACK, 1.8).dash(dash))
             }
+            Role::Ours => marked(points, OURS[*index % OURS.len()]),
+            Role::Peer => marked(points, PEERS[*index % PEERS.len()]),
         };
+        *index += 1;
         panel = panel.with(line.label(variant.display_name()));
     }
     panel
+}
+
+fn marked(points: Vec<[f64; 2]>, (color, dash, marker): (Color, Dash, Marker)) -> Mark {
+    Mark::line(points, Stroke::new(color, 1.4).dash(dash)).marker(marker)
 }
 
 /// `[1 / (1 - share), us]`.
