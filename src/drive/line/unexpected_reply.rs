@@ -13,8 +13,8 @@ pub struct UnexpectedReply {
     family: &'static str,
     bytes: u32,
     frames: u32,
-    /// Frames that came after the wait for them had ended.
-    late: u32,
+    /// A frame came after the wait for it had ended.
+    late: bool,
     /// The beginning of the last frame, or the last bytes if there was none.
     last: [u8; KEPT],
     kept: u8,
@@ -55,7 +55,7 @@ impl UnexpectedReply {
     /// the reply to an earlier request, which timed out.
     pub(in crate::drive) fn note_frame(&mut self, frame: &SerialFrame<'_>, is_late: bool) {
         if is_late {
-            self.late = self.late.saturating_add(1);
+            self.late = true;
             return;
         }
         self.frames = self.frames.saturating_add(1);
@@ -68,7 +68,7 @@ impl UnexpectedReply {
     /// Whether replies came, but after the wait for them.
     #[must_use]
     pub fn is_late(&self) -> bool {
-        self.frames == 0 && self.late > 0
+        self.frames == 0 && self.late
     }
 
     fn keep(&mut self, byte: u8) {
@@ -84,7 +84,7 @@ impl fmt::Display for UnexpectedReply {
         let Self { family, bytes, frames, late, .. } = self;
         match (bytes, frames) {
             (0, 0) => return f.write_str("the line is silent"),
-            (_, 0) if *late > 0 => return write!(f, "replies came too late: {late}"),
+            (_, 0) if *late => return f.write_str("a reply came too late"),
             (1, 0) => f.write_str("received 1 byte, not a drive frame:")?,
             (_, 0) => write!(f, "received {bytes} bytes, not a drive frame:")?,
             (_, 1) => write!(f, "received a frame, but not a reply of {family}:")?,
@@ -111,7 +111,7 @@ mod tests {
         let mut late = unexpected;
         late.note_bytes(&[0; 14]);
         late.note_frame(&SerialFrame { opcode: 0, data: &[6, 0] }, true);
-        assert!(late.is_late() && late.to_string() == "replies came too late: 1", "{late}");
+        assert!(late.is_late() && late.to_string() == "a reply came too late", "{late}");
         unexpected.note_bytes(b"roll=0.1 pitch=-3.4\r\n");
         assert_eq!(
             unexpected.to_string(),
