@@ -11,8 +11,8 @@ use std::process::Command;
 
 use proc_macro::TokenStream;
 
-/// Ignores a test where one of its needs is not met, and names that need: `#[needs("python: numpy",
-/// "program: c++")]`. Stands above `#[test]`.
+/// Ignores a test where its need is not met, and names the need: `#[needs("python: numpy")]`. Stands
+/// above `#[test]`.
 ///
 /// | need | is met by |
 /// |---|---|
@@ -28,22 +28,34 @@ use proc_macro::TokenStream;
 ///
 /// At any other need: the test does not compile.
 #[proc_macro_attribute]
-pub fn needs(needs: TokenStream, test: TokenStream) -> TokenStream {
-    let needs = needs.to_string();
-    let mut needs = needs.split('"').skip(1).step_by(2);
+pub fn needs(need: TokenStream, test: TokenStream) -> TokenStream {
+    let need = need.to_string();
+    let need = need.trim_matches('"');
+    let (kind, names) = need.split_once(": ").unwrap_or((need, ""));
     // Another Python named in the environment compiles the test again.
-    let again = "const _: Option<&str> = option_env!(\"I2RIS_PYTHON\");";
-    let ignored = needs.find(|need| !is_met(need));
-    let ignored = ignored.map_or_else(String::new, |need| format!("#[ignore = \"needs {need}\"]"));
-    let mut code: TokenStream = [again, &ignored].concat().parse().unwrap_or_default();
+    let again = variable(kind).map(|it| format!("const _: Option<&str> = option_env!(\"{it}\");"));
+    let ignored = format!("#[ignore = \"needs {need}\"]");
+    let ignored = if is_met(kind, names) { "" } else { &ignored };
+    let head = [&again.unwrap_or_default(), ignored].concat();
+    let mut code: TokenStream = head.parse().unwrap_or_default();
     code.extend(test);
     code
 }
 
-fn is_met(need: &str) -> bool {
-    match need.split_once(": ").unwrap_or((need, "")) {
-        ("python", modules) => imports("I2RIS_PYTHON", modules),
-        (variable, modules) if variable.starts_with("I2RIS_") => imports(variable, modules),
+/// The variable that names the Python of a need.
+fn variable(kind: &str) -> Option<&str> {
+    if kind == "python" {
+        Some("I2RIS_PYTHON")
+    } else {
+        Some(kind).filter(|it| it.starts_with("I2RIS_"))
+    }
+}
+
+fn is_met(kind: &str, names: &str) -> bool {
+    if let Some(variable) = variable(kind) {
+        return imports(variable, names);
+    }
+    match (kind, names) {
         ("program", names) => names.split(" or ").any(is_on_path),
         ("file", name) => {
             let package = env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default();
@@ -55,7 +67,7 @@ fn is_met(need: &str) -> bool {
             let arguments = ["--user", "--map-root-user", "--mount", "true"];
             Command::new("unshare").args(arguments).status().is_ok_and(|status| status.success())
         }
-        _ => panic!("no such need: {need}"),
+        _ => panic!("no such need: {kind}: {names}"),
     }
 }
 

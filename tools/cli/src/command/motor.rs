@@ -136,6 +136,9 @@ fn there_and_back(
             if let Some(state) = client.operating_state()? {
                 monitor.check(&state, clock::now())?;
             }
+            if let Some(load) = monitor.take_load() {
+                say(&load)?;
+            }
             if let Some(state) = motors.refresh()? {
                 current_ma = current_ma.max(state.current_ma[motor].abs());
                 measured = state.measured_counts[motor] - from.setpoint_counts[motor];
