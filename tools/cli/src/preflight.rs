@@ -13,7 +13,7 @@ use i2ris::clock;
 use i2ris::config::Config;
 use i2ris_report::preflight::Preflight;
 use i2ris_report::programs::served_file;
-use i2ris_report::{DomainOption, Failure, Interrupt};
+use i2ris_report::{DomainOption, Failure, Interrupt, bail};
 
 use crate::command::prepare::{PrepareOptions, connect};
 use judgement::judge;
@@ -51,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut measured = facts::gather(&client, &domain, &config, &version)?;
     let swing = swing::run(&mut client, arguments.prepare, &measured, &interrupt);
     if interrupt.came() {
-        return Err("interrupted; the robot holds".into());
+        bail!("interrupted; the robot holds");
     }
     measured.swing = swing?;
     let report = judge(&measured);

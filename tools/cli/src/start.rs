@@ -13,7 +13,7 @@ use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::units::Nanos;
 use i2ris_report::process::Process;
 use i2ris_report::programs::find;
-use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen, bail, files, until_closed};
 use i2ris_simulation::Line;
 
 /// Controller configuration in the folder; in a rehearsal, a copy of the robot's.
@@ -95,17 +95,13 @@ fn kept_config(folder: &Path, domain: &str, line: Option<Line>) -> Result<Config
     let file = file.display();
     if config.domain != domain {
         let other = &config.domain;
-        return Err(format!(
+        bail!(
             "{file} is for domain {other}, not {domain}: use --domain {other}, or another --folder"
-        )
-        .into());
+        );
     }
     let kind = |port: &PortConfig| (port.family, port.baud);
     if line.is_some() && !config.ports.iter().map(kind).eq(new.ports.iter().map(kind)) {
-        return Err(format!(
-            "{file} is for another --line: omit this option, or use another --folder"
-        )
-        .into());
+        bail!("{file} is for another --line: omit this option, or use another --folder");
     }
     Ok(config)
 }
@@ -179,8 +175,7 @@ impl EmulatedRobot {
         let domain = Domain::new(&config.domain)?;
         let folder = file.parent().ok_or("the configuration is not in a folder")?;
         if !file.exists() {
-            fs::write(file, toml::to_string(config)?)
-                .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+            files::write(file, toml::to_string(config)?)?;
         }
         let mut command = Command::new(std::env::current_exe()?);
         command.args(["emulate", "--domain", domain.name(), "--ports"]).arg(folder.join("ports"));
@@ -253,11 +248,11 @@ pub fn wait(
     while !is_there() {
         children.iter_mut().try_for_each(|child| child.check())?;
         if interrupt.came() {
-            return Err("interrupted".into());
+            bail!("interrupted");
         }
         if clock::now().duration_since(start) > START_TIMEOUT {
             let seconds = START_TIMEOUT.as_seconds();
-            return Err(format!("{what} did not appear within {seconds} s").into());
+            bail!("{what} did not appear within {seconds} s");
         }
         clock::sleep(POLL_PERIOD);
     }

@@ -68,6 +68,12 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     done
 }
 
+/// [`replace`], with a sentence if it fails.
+pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), String> {
+    replace(path, content.as_ref())
+        .map_err(|error| format!("cannot write {}: {error}", path.display()))
+}
+
 #[cfg(test)]
 mod tests {
     use std::os::unix::fs::{FileTypeExt as _, symlink};

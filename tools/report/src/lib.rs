@@ -81,3 +81,11 @@ pub use style::{Color, Dash, Marker, Stroke};
 
 /// Why a program ends without success: one sentence for the user.
 pub type Failure = Box<dyn std::error::Error>;
+
+/// Ends a function with a sentence as its failure: the arguments of `format!`.
+#[macro_export]
+macro_rules! bail {
+    ($($sentence:tt)*) => {
+        return Err(format!($($sentence)*).into())
+    };
+}

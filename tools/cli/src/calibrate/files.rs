@@ -6,8 +6,8 @@ use std::path::Path;
 use i2ris::model::Model;
 use i2ris::model::file::OutputSpec;
 use i2ris_calibration::recording::{ColumnMap, OutputColumn, Recording, TimeColumn};
-use i2ris_report::Failure;
 use i2ris_report::files::{check_overwrite, make_folder_of, replace};
+use i2ris_report::{Failure, bail};
 
 /// Columns of a recording.
 #[derive(Debug, clap::Args)]
@@ -67,10 +67,10 @@ pub fn check_output(
 ) -> Result<(), Failure> {
     let shown = output.display();
     if output.is_dir() {
-        return Err(format!("{option} {shown}: is a folder; name a file in it").into());
+        bail!("{option} {shown}: is a folder; name a file in it");
     }
     if same(output, recording) {
-        return Err(format!("{option} {shown}: is the recording itself; name another file").into());
+        bail!("{option} {shown}: is the recording itself; name another file");
     }
     check_overwrite(option, output, overwrite)?;
     Ok(make_folder_of(option, output)?)

@@ -20,7 +20,7 @@ use super::files::{ColumnArguments, check_output, same, write};
 use super::refine;
 use crate::model::show;
 use crate::progress_bar::Bar;
-use i2ris_report::Failure;
+use i2ris_report::{Failure, bail};
 
 /// Robot id for recordings without one.
 const ROBOT_ID: &str = "i2ris";
@@ -139,29 +139,26 @@ impl LatencyChoice {
     /// The recording without the latency, and the latency that was subtracted.
     fn subtract_from(self, recording: &Recording) -> Result<(Recording, f64), Failure> {
         if recording.rows().iter().any(|row| row.time_s.is_none()) {
-            return Err(
-                "--latency-ms: the recording has no time stamps; name their column with --time"
-                    .into(),
-            );
+            bail!("--latency-ms: the recording has no time stamps; name their column with --time");
         }
         let seconds = match self {
             Self::Ms(ms) => ms / 1e3,
             Self::Auto => match Quality::new(recording, &SpikeOptions::default())?.latency {
                 Some(latency) => latency.seconds,
                 None => {
-                    return Err("--latency-ms auto: it cannot be estimated from the motion of \
+                    bail!(
+                        "--latency-ms auto: it cannot be estimated from the motion of \
                                     this recording; give it in ms"
-                        .into());
+                    );
                 }
             },
         };
         let shifted = recording.shifted(seconds);
         if shifted.rows().len() < MIN_ROWS {
-            return Err(format!(
+            bail!(
                 "--latency-ms: only {} row(s) remain; give a smaller value",
                 shifted.rows().len()
-            )
-            .into());
+            );
         }
         Ok((shifted, seconds))
     }
@@ -201,11 +198,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(page) = &arguments.report {
         check_output("--report", page, file, arguments.overwrite)?;
         if same(page, output) {
-            return Err(format!(
-                "--report {}: is the model itself; name another file",
-                page.display()
-            )
-            .into());
+            bail!("--report {}: is the model itself; name another file", page.display());
         }
     }
     if let (Some(trial), Some(old)) = (trial, old) {

@@ -16,7 +16,7 @@ use i2ris::ipc::{Domain, OperatingState};
 use i2ris_calibration::fit::Choice;
 use i2ris_report::exit::{Coded, NOT_CONFIRMED};
 use i2ris_report::stop::stop;
-use i2ris_report::{DomainOption, Failure, Interrupt};
+use i2ris_report::{DomainOption, Failure, Interrupt, bail};
 
 use crate::command::prepare::CONNECT;
 use crate::procedure::person::{Gone, Person, Terminal, say};
@@ -135,7 +135,7 @@ impl Procedure for Guided<'_> {
                 text
             }
             Err(Halt::Failed(failure)) => return Err(failure),
-            Err(Halt::Gone(gone)) => return Err(format!("{gone}: the robot was not homed").into()),
+            Err(Halt::Gone(gone)) => bail!("{gone}: the robot was not homed"),
         };
         let Some(next) = at.next else { return Ok(()) };
         let (number, of, left) = (at.number, at.of, self.time_left());

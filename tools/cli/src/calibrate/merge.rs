@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use i2ris::units::MAX_OUTPUTS;
 use i2ris_calibration::recording::{ColumnMap, RecordingWriter, Row, Rows, Wanted, pitch_and_yaw};
-use i2ris_report::Failure;
-use i2ris_report::files::{check_overwrite, replace};
+use i2ris_report::files::{check_overwrite, write};
 use i2ris_report::statistics::TimeSeries;
+use i2ris_report::{Failure, bail};
 
 use super::collect::GAP_NS;
 use super::files::PathColumns;
@@ -57,16 +57,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let [from, to] = [path.first(), path.last()].map(|row| row.map_or(0.0, time_s));
         let [first, last] = [seen.first(), seen.last()].map(|row| row.map_or(0.0, time_s));
         let (recording, angles) = (arguments.recording.display(), arguments.angles.display());
-        return Err(format!(
+        bail!(
             "no image of {angles} ({first} to {last} s) lies within {recording} ({from} to {to} \
              s): check that clocks and units agree; see --shift-s and --time"
-        )
-        .into());
+        );
     }
     let mut writer = RecordingWriter::new(Vec::new(), true, motors, &pitch_and_yaw())?;
     merged.rows.iter().try_for_each(|row| writer.row(row))?;
-    replace(&arguments.output, &writer.finish()?)
-        .map_err(|error| format!("cannot write {}: {error}", arguments.output.display()))?;
+    write(&arguments.output, writer.finish()?)?;
     let Merged { rows, pictures, outside, twice } = merged;
     println!(
         "{pictures} images with counts; skipped: {outside} without counts, {twice} with a \

@@ -12,8 +12,8 @@ use i2ris_calibration::drift::refine;
 use i2ris_calibration::fit::{Choice, FitOptions};
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
 use i2ris_calibration::report::CalibrationReport;
-use i2ris_report::Failure;
 use i2ris_report::programs::find;
+use i2ris_report::{Failure, bail};
 use serde::Deserialize;
 
 use super::collect::Recorder;
@@ -33,12 +33,11 @@ pub fn run(
     let (calibration, read) = Recording::read(recording_file, &columns)?;
     let named = &old.file().training;
     if named.data_sha256 != calibration.sha256() {
-        return Err(format!(
+        bail!(
             "{}: the model was fitted to {}; name that file",
             recording_file.display(),
             named.data_file
-        )
-        .into());
+        );
     }
     let trial = trial(trial_file, output, calibration.outputs())?;
     for recording in [&calibration, &trial] {
@@ -134,7 +133,7 @@ fn joined(file: &Path, tables: &Path, outputs: &[OutputSpec]) -> Result<Recordin
     let positions: Vec<Positions> = rows(tables, "actuators_measured_js.csv")?;
     let frames: Vec<Frame> = rows(tables, "external_measured_jp.csv")?;
     let Some(first) = positions.iter().find(|row| row.measured_stamp_ns_0 > 0) else {
-        return Err(format!("{}: contains no positions", file.display()).into());
+        bail!("{}: contains no positions", file.display());
     };
     let start = Nanos(first.measured_stamp_ns_0.min(first.measured_stamp_ns_1));
     let path = tables.join(file.file_name().unwrap_or_default()).with_extension("csv");

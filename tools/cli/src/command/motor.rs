@@ -6,7 +6,7 @@ use i2ris::ipc::client::{Client, Latest};
 use i2ris::ipc::payload::ActuatorState;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
-use i2ris_report::{DomainOption, Failure, Interrupt};
+use i2ris_report::{DomainOption, Failure, Interrupt, bail};
 
 use super::prepare::{FIRST_MESSAGE_TIMEOUT, HOMING, PrepareOptions, prepare};
 use super::stream_monitor::{StopReason, StreamMonitor};
@@ -61,7 +61,7 @@ pub fn run(arguments: &Arguments, client: &mut Client) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     let motors = client.version()?.shape[0];
     if arguments.motor >= usize::from(motors) {
-        return Err(format!("motor {}: there are {motors}, from 0", arguments.motor).into());
+        bail!("motor {}: there are {motors}, from 0", arguments.motor);
     }
     prepare(client, permission(arguments, &interrupt)?, &interrupt)?;
     let outcome = there_and_back(arguments, client, &interrupt);
@@ -126,7 +126,7 @@ fn there_and_back(
         while rests < RESTS {
             ticker.wait();
             if interrupt.came() {
-                return Err("interrupted; the motor stopped on its way and holds".into());
+                bail!("interrupted; the motor stopped on its way and holds");
             }
             let left = f64::from(target) - at;
             at += left.clamp(-step, step);

@@ -5,7 +5,7 @@ use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
-use i2ris_report::{Failure, Interrupt, while_working};
+use i2ris_report::{Failure, Interrupt, bail, while_working};
 
 use super::stream_monitor::{StopReason, enabled};
 
@@ -116,7 +116,7 @@ fn wait_until_idle(
     let state = match client.wait_for(MOTION_TIMEOUT, is_ended) {
         Err(ClientError::Timeout(waited)) => {
             let seconds = waited.as_seconds();
-            return Err(format!("the robot was busy for {seconds} s; see `i2ris status`").into());
+            bail!("the robot was busy for {seconds} s; see `i2ris status`");
         }
         other => other?,
     };

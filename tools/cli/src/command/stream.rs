@@ -13,7 +13,7 @@ use super::stream_monitor::{LateMonitor, StopReason, StreamMonitor};
 use super::tracking::{ClipMonitor, TrackingSummary};
 use super::trajectory::{Angles, Trajectory};
 use super::trajectory_player::TrajectoryPlayer;
-use i2ris_report::{Failure, Interrupt};
+use i2ris_report::{Failure, Interrupt, bail};
 
 /// Distance that counts as arrived, deg: dead-band, rounding to counts, a settling motor.
 const ARRIVED_DEG: f64 = 0.3;
@@ -50,10 +50,9 @@ pub fn present_pose(client: &Client) -> Result<Angles, Failure> {
         match setpoint.refresh()? {
             Some(joint) if joint.flags & JointState::VALID != 0 => return two_angles(joint),
             Some(_) if clock::now().duration_since(start) > FIRST_MESSAGE_TIMEOUT => {
-                return Err(
+                bail!(
                     "the controller has no model loaded and accepts no angles; name a model file \
                             in its configuration"
-                        .into(),
                 );
             }
             None if clock::now().duration_since(start) > FIRST_MESSAGE_TIMEOUT => {
@@ -67,10 +66,9 @@ pub fn present_pose(client: &Client) -> Result<Angles, Failure> {
 pub fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
     match joint.count {
         2 => Ok([joint.position[0].to_degrees(), joint.position[1].to_degrees()]),
-        count => Err(format!(
+        count => bail!(
             "the controller's model has {count} outputs; this program moves pitch and yaw only"
-        )
-        .into()),
+        ),
     }
 }
 
@@ -160,11 +158,10 @@ impl Stream<'_> {
         if now.duration_since(since) < ARRIVAL_TIMEOUT {
             return Ok(false);
         }
-        Err(format!(
+        bail!(
             "the snake is {away_deg:.2} deg from the end of the trajectory; `i2ris status` shows \
              the cause"
         )
-        .into())
     }
 
     /// Resumes from the setpoint where the controller stopped the snake.

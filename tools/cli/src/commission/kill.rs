@@ -11,7 +11,7 @@ use i2ris::ipc::{Domain, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_report::process::Process;
 use i2ris_report::programs::find;
-use i2ris_report::{Failure, Interrupt};
+use i2ris_report::{Failure, Interrupt, files};
 
 use crate::start::wait;
 
@@ -30,8 +30,7 @@ pub fn kill_controller(
     let axes = config.ports.iter_mut().flat_map(|port| &mut port.axes);
     axes.for_each(|axis| axis.homing = HomingMethod::Here);
     let file = folder.join("kill.toml");
-    fs::write(&file, toml::to_string(&config)?)
-        .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+    files::write(&file, toml::to_string(&config)?)?;
     let domain = Domain::new(&config.domain)?;
     let start = |name: &'static str| -> Result<Process, Failure> {
         let program = find(name).ok_or(format!("program i2ris-{name} not found"))?;

@@ -34,8 +34,7 @@ use std::{fs, iter};
 use i2ris::config::{Config, PortConfig};
 use i2ris::drive::DriveError;
 use i2ris::units::Nanos;
-use i2ris_report::files::replace;
-use i2ris_report::{Failure, Interrupt};
+use i2ris_report::{Failure, Interrupt, bail, files};
 use i2ris_simulation::drive::DeviceFile;
 
 use held_port::HeldPort;
@@ -152,8 +151,7 @@ fn finish(
 ) -> Result<(String, String), Failure> {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let path = folder.join("commission.html");
-    replace(&path, page::page(record, &name).html().as_bytes())
-        .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+    files::write(&path, page::page(record, &name).html())?;
     let found = record.findings.iter();
     let found = found.map(|it| format!("{}, {}: {}", it.topic.name(), it.place, it.value));
     let (new, diff) = proposal::change(&record.config, &name, &record.changes);
@@ -177,10 +175,10 @@ fn write_changes(file: &Path, old: &str, new: &str, person: &mut Terminal) -> Re
     }
     Config::parse(new, file)?;
     if fs::read_to_string(file)? != old {
-        return Err(format!("{name} was changed in the meantime; run the command again").into());
+        bail!("{name} was changed in the meantime; run the command again");
     }
     fs::copy(file, &copy).map_err(|error| format!("cannot write {copy_name}: {error}"))?;
-    replace(file, new.as_bytes()).map_err(|error| format!("cannot write {name}: {error}"))?;
+    files::write(file, new)?;
     person.say(&format!("{name} is written; run the same command to continue with it"));
     Ok(())
 }

@@ -6,6 +6,7 @@ use i2ris::drive::error::{AxisError, LinkError};
 use i2ris::drive::object::Object;
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
+use i2ris_report::bail;
 
 use super::guard::{Mode, PowerOn, PoweredDrive};
 use super::record::{NOT_THERE, Sweep, Topic};
@@ -145,7 +146,7 @@ fn find_friction<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Re
     let still = "is blocked, its encoder gives no signal, or its friction is higher; turn it by \
                  hand with the power off and look at 0x6064:00 (`i2ris doctor drives dump`)";
     let Some(more) = more else {
-        return Err(format!("it does not turn with {last:.0} mA: it {still}").into());
+        bail!("it does not turn with {last:.0} mA: it {still}");
     };
     let second = std::iter::successors(Some(last.max(least)), |ma| Some((1.3 * ma).max(ma + unit)));
     let second: Vec<f64> = second.skip(1).take_while(|ma| *ma <= SECOND_MA.min(most)).collect();
@@ -410,11 +411,10 @@ fn note_turn<T: Transport>(
     };
     motor.find(Topic::CountsPerTurn, &value, evidence);
     match turns {
-        Some(turns) if (turns - 1.0).abs() > 0.1 => Err(format!(
+        Some(turns) if (turns - 1.0).abs() > 0.1 => bail!(
             "its encoder has another resolution: one turn is {value} counts, but the drive \
              assumes {turn}; correct {name} in EPOS Studio"
-        )
-        .into()),
+        ),
         _ => Ok(format!("{value} counts per turn")),
     }
 }

@@ -7,7 +7,7 @@ use std::{fmt, fs};
 
 use i2ris::wall_clock;
 use i2ris_report::Failure;
-use i2ris_report::files::replace;
+use i2ris_report::files;
 use serde::{Deserialize, Serialize};
 
 use super::proposal::Change;
@@ -196,9 +196,7 @@ impl Record {
     }
 
     pub fn save(&self, folder: &Path) -> Result<(), Failure> {
-        let path = folder.join(FILE);
-        replace(&path, serde_json::to_string_pretty(self)?.as_bytes())
-            .map_err(|error| format!("cannot write {}: {error}", path.display()).into())
+        Ok(files::write(&folder.join(FILE), serde_json::to_string_pretty(self)?)?)
     }
 
     pub fn is_done(&self, stage: Stage) -> bool {

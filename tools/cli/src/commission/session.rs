@@ -16,7 +16,7 @@ use i2ris::drive::transport::Transport;
 use i2ris::robot::DriveFingerprint;
 use i2ris::units::Nanos;
 use i2ris::{clock, wall_clock};
-use i2ris_report::Failure;
+use i2ris_report::{Failure, files};
 
 use super::node::Node;
 use super::record::{Record, Stage, Topic};
@@ -177,9 +177,7 @@ pub fn keep(
         return Ok(());
     }
     let wall_offset = wall_clock::unix_time() - clock::now();
-    let bytes = to_bytes(captured, &record.software, wall_offset);
-    i2ris_report::files::replace(&path, &bytes)
-        .map_err(|error| format!("cannot write {}: {error}", path.display()).into())
+    Ok(files::write(&path, to_bytes(captured, &record.software, wall_offset))?)
 }
 
 /// Milliseconds for readers.

@@ -5,6 +5,7 @@ use i2ris::drive::cia402::DriveState;
 use i2ris::drive::error::AxisError;
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
+use i2ris_report::bail;
 
 use super::guard::{Mode, PowerOn, PoweredDrive};
 use super::moving::{acknowledge, fault};
@@ -101,12 +102,9 @@ fn supply<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     motor.find(Topic::PowerUp, &boot, evidence.to_owned());
     off(motor)?;
     match (has_power, outage.code) {
-        (true, _) => Err("it has power after its supply was switched".to_owned().into()),
+        (true, _) => bail!("it has power after its supply was switched"),
         (false, 0 | NO_CAN) => Ok(()),
-        (false, code) => {
-            let fault = motor.node.family.fault(code);
-            Err(format!("it comes up with a fault: {fault}").into())
-        }
+        (false, code) => bail!("it comes up with a fault: {}", motor.node.family.fault(code)),
     }
 }
 
@@ -154,8 +152,7 @@ fn outage<T: Transport>(
             Err(AxisError::UnknownState(_)) | Ok(_) | Err(_) => {}
         }
         if (node.is_interrupted)() || node.link.now() > end {
-            let text = "it no longer answers. THE DRIVE MAY STILL BE ON: cut its supply";
-            return Err(text.to_owned().into());
+            bail!("it no longer answers. THE DRIVE MAY STILL BE ON: cut its supply");
         }
         let next = node.link.now() + POLL;
         node.link.sleep_until(next);
@@ -194,15 +191,14 @@ fn controller<L: Lines>(session: &mut Session<'_, L>) -> Result<(), Halt> {
     }
     let evidence = match killed {
         Ok(log) => format!("{log}; then the drives reported {states:?}"),
-        Err(failure) => return Err(format!("killing a controller: {failure}").into()),
+        Err(failure) => bail!("killing a controller: {failure}"),
     };
     let is_stopped = |state: &DriveState| *state != DriveState::OperationEnabled;
     let all = states.iter().all(is_stopped);
     let value = if all { "every drive is stopped by the watchdog" } else { "NOT STOPPED" };
     session.record.find(Topic::ControllerKilled, "all", value, evidence);
-    if all {
-        Ok(())
-    } else {
-        Err("drives stay on after the controller is killed".to_owned().into())
+    if !all {
+        bail!("drives stay on after the controller is killed");
     }
+    Ok(())
 }

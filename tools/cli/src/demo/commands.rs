@@ -9,7 +9,7 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 use i2ris_report::process::Process;
-use i2ris_report::{Failure, Interrupt};
+use i2ris_report::{Failure, Interrupt, bail};
 use indicatif::ProgressBar;
 
 use super::Arguments;
@@ -95,7 +95,7 @@ impl Demo {
     /// Fails when the demo is interrupted, or emulator or controller has ended.
     fn check(&mut self) -> Result<(), Failure> {
         if self.interrupt.came() {
-            return Err("interrupted; everything was stopped and cleaned up".into());
+            bail!("interrupted; everything was stopped and cleaned up");
         }
         self.robot.as_mut().map_or(Ok(()), EmulatedRobot::check)
     }

@@ -7,7 +7,7 @@ use i2ris::config::{Config, Family};
 use i2ris::drive::fingerprint::{differences, key, read_port, settings};
 use i2ris::model::Model;
 use i2ris::robot::DriveFingerprint;
-use i2ris_report::{DomainOption, Failure, while_working};
+use i2ris_report::{DomainOption, Failure, bail, while_working};
 use i2ris_simulation::drive::DeviceFile;
 
 /// Commands of `i2ris doctor drives`.
@@ -70,10 +70,9 @@ fn read(present: &Present) -> Result<Vec<DriveFingerprint>, Failure> {
     crate::command::prepare::connect(&domain)?;
     let drives = domain.drives();
     if drives.is_empty() {
-        return Err(
+        bail!(
             "this controller does not report the settings of its drives; end it, and name its \
                     configuration with --config"
-                .into(),
         );
     }
     Ok(drives)
@@ -105,7 +104,7 @@ fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
         }
     }
     if compared == 0 {
-        return Err("the two have no drive of the same motor and family in common".into());
+        bail!("the two have no drive of the same motor and family in common");
     }
     lines.iter().for_each(|line| println!("{line}"));
     match lines.len() {
@@ -138,7 +137,7 @@ fn load(path: &Path) -> Result<(Vec<DriveFingerprint>, bool), Failure> {
     let drives = &model.file().training.drives;
     if drives.is_empty() {
         let path = path.display();
-        return Err(format!("the model {path} does not name the drives it was made with").into());
+        bail!("the model {path} does not name the drives it was made with");
     }
     Ok((drives.clone(), false))
 }

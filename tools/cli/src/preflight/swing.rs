@@ -8,7 +8,7 @@ use i2ris::ipc::payload::{ExternalPosition, JointState, Message};
 use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
-use i2ris_report::{Failure, Interrupt, Screen, until_closed, while_working};
+use i2ris_report::{Failure, Interrupt, Screen, bail, until_closed, while_working};
 
 use super::judgement::{CAMERA, CONDITION, Measured, PICTURE, Swing};
 use super::motion::{LENGTH_S, Observer, Pair, Plan, Series};
@@ -154,24 +154,22 @@ fn swing(
                 return Ok(());
             }
             if has_camera && clock::now().duration_since(shown) > BLIND {
-                return Err(
-                    "the camera has shown no angle for 1 s and cannot limit the motion".into()
-                );
+                bail!("the camera has shown no angle for 1 s and cannot limit the motion");
             }
             if interrupt.came() {
-                return Err("interrupted; the snake stopped and holds".into());
+                bail!("interrupted; the snake stopped and holds");
             }
             commander.servo_jp(plan.goal(now_s).map(f64::to_radians).as_slice())?;
             if let Some(state) = client.operating_state()? {
                 monitor.check(&state, clock::now())?;
             }
             if monitor.has_lost_setpoint() {
-                return Err("commands came late, and the controller stopped the snake".into());
+                bail!("commands came late, and the controller stopped the snake");
             }
             let short = JointState::CLIPPED | JointState::FIXTURE;
             let goal = goal.refresh()?.filter(|goal| goal.stamp() > begin);
             if goal.is_some_and(|goal| goal.flags & short != 0) {
-                return Err("none: out of reach here; start nearer to the straight pose".into());
+                bail!("none: out of reach here; start nearer to the straight pose");
             }
         }
     })?;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
-use i2ris_report::{Failure, Interrupt, Screen, until_closed};
+use i2ris_report::{Failure, Interrupt, Screen, bail, until_closed};
 use i2ris_teleop::device::Device;
 use i2ris_teleop::evdev_decoder::restamp;
 use i2ris_teleop::finder;
@@ -82,9 +82,7 @@ fn list() -> Result<(), Failure> {
     let profiles = profiles(&[])?;
     let found = finder::scan(&profiles);
     if found.is_empty() {
-        return Err(
-            "no input device found, neither in /dev/input/event* nor in /dev/hidraw*".into()
-        );
+        bail!("no input device found, neither in /dev/input/event* nor in /dev/hidraw*");
     }
     let mut screen = Screen::stdout();
     for found in &found {
@@ -176,7 +174,7 @@ fn learn(mut device: Device, output: &Path) -> Result<(), Failure> {
     for (answer, question) in answers.iter_mut().zip(QUESTIONS) {
         until_closed(screen.say(&format!("{question}, then press Enter")))?;
         if io::stdin().lock().read_line(&mut String::new())? == 0 {
-            return Err("the input ended before the last answer; no profile was written".into());
+            bail!("the input ended before the last answer; no profile was written");
         }
         device.read(clock::now(), |_| {})?;
         *answer = Snapshot::of(device.parts().1);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
-use i2ris_report::Failure;
+use i2ris_report::{Failure, bail};
 use i2ris_teleop::clutch::Clutch;
 use i2ris_teleop::control::{Control, Fault, Reading};
 use i2ris_teleop::device::Device;
@@ -70,12 +70,13 @@ impl InputDevices {
         let open = |path: &PathBuf| Part::open(path, &profiles, held_in);
         let mut parts = devices.iter().map(open).collect::<Result<Vec<_>, _>>()?;
         if !parts.iter().any(|part| part.control.has_axes()) {
-            return Err("no steering device: a pedal alone moves nothing".into());
+            bail!("no steering device: a pedal alone moves nothing");
         }
         if !parts.iter().any(|part| part.control.has_dead_man()) {
-            return Err("no dead-man: name one in the profile, or add a pedal with a second \
+            bail!(
+                "no dead-man: name one in the profile, or add a pedal with a second \
                         --device"
-                .into());
+            );
         }
         let mut news = Vec::new();
         if pulses && !parts.iter_mut().any(Part::can_pulse) {
@@ -108,17 +109,14 @@ fn only_known(found: &[Found], profiles: &[Profile]) -> Result<Vec<PathBuf>, Fai
     let is = |wanted: bool| found.iter().filter(move |found| steers(found) == Some(wanted));
     let [steering] = is(true).collect::<Vec<_>>()[..] else {
         let how_many = if is(true).count() == 0 { "no" } else { "more than one" };
-        return Err(format!(
+        bail!(
             "{how_many} known device is plugged in; name one with --device, or steer with \
              --keyboard{list}"
-        )
-        .into());
+        );
     };
     let pedals: Vec<_> = is(false).map(|found| found.path.clone()).collect();
     if pedals.len() > 1 {
-        return Err(
-            format!("more than one pedal is plugged in; name all with --device{list}").into()
-        );
+        bail!("more than one pedal is plugged in; name all with --device{list}");
     }
     Ok([vec![steering.path.clone()], pedals].concat())
 }

@@ -8,7 +8,7 @@ use std::io::{IsTerminal, Stdin, stdin};
 use std::os::fd::AsFd;
 
 use i2ris::units::Nanos;
-use i2ris_report::Failure;
+use i2ris_report::{Failure, bail};
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::termios::{OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr};
 
@@ -33,7 +33,7 @@ impl Keyboard {
     pub fn open() -> Result<Self, Failure> {
         let terminal = stdin();
         if !terminal.is_terminal() {
-            return Err("the keyboard needs a terminal: standard input is not one".into());
+            bail!("the keyboard needs a terminal: standard input is not one");
         }
         let modes_before = tcgetattr(&terminal)?;
         let mut modes = modes_before.clone();

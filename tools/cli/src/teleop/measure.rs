@@ -6,7 +6,7 @@ use i2ris::ipc::client::{Client, Commander, Latest};
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
-use i2ris_report::{Failure, Interrupt};
+use i2ris_report::{Failure, Interrupt, bail};
 use i2ris_teleop::view::{SeenMotion, View};
 
 use crate::command::stream::present_pose;
@@ -87,7 +87,7 @@ impl Mover<'_> {
 
     fn send(&mut self) -> Result<(), Failure> {
         if self.interrupt.came() {
-            return Err("interrupted while measuring the view; the snake holds".into());
+            bail!("interrupted while measuring the view; the snake holds");
         }
         self.commander.servo_jp(&self.pose.map(f64::to_radians))?;
         Ok(())
@@ -118,13 +118,12 @@ impl Mover<'_> {
         }
         let count = frames.len() as f64;
         if frames.len() < MIN_FRAMES {
-            return Err(format!(
+            bail!(
                 "the view cannot be measured: {} images in {} s; start `i2ris vision`, or give \
                  the view by --view",
                 frames.len(),
                 LOOK.as_seconds()
-            )
-            .into());
+            );
         }
         let mean = [0, 1].map(|axis| frames.iter().map(|frame| frame[axis]).sum::<f64>() / count);
         let squares = |axis: usize| {

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use i2ris::clock;
 use i2ris::ipc::client::{ClientError, ExternalPublisher};
 use i2ris::units::Nanos;
-use i2ris_report::{DomainOption, Failure, Interrupt, until_closed};
+use i2ris_report::{DomainOption, Failure, Interrupt, bail, until_closed};
 use i2ris_vision::angle_csv::{AngleRow, Recorder};
 use i2ris_vision::drawing::overlay;
 use i2ris_vision::rest_pose::RestPose;
@@ -84,7 +84,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let output = AngleOutput::open(&arguments, live, session.axes())?;
     let interrupt = Interrupt::catch()?;
     if arguments.pictures && !live {
-        return Err("--pictures needs live frames: a stream, without --fps".into());
+        bail!("--pictures needs live frames: a stream, without --fps");
     }
     if let Some(folder) = &arguments.overlays {
         fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -256,10 +256,10 @@ struct AngleOutput {
 impl AngleOutput {
     fn open(arguments: &Arguments, live: bool, axes: [bool; 2]) -> Result<Self, Failure> {
         if arguments.publish && !live {
-            return Err("--publish needs live frames: a stream, without --fps".into());
+            bail!("--publish needs live frames: a stream, without --fps");
         }
         if arguments.publish && !axes[0] {
-            return Err("--publish needs pitch: external/measured_jp cannot carry yaw alone".into());
+            bail!("--publish needs pitch: external/measured_jp cannot carry yaw alone");
         }
         let to: Box<dyn Write> = match &arguments.output {
             None => Box::new(stdout()),

@@ -28,7 +28,7 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::robot::DriveFingerprint;
 use i2ris::units::{MAX_MOTORS, MotorVec};
 use i2ris_calibration::recording::{ColumnMap, Recording};
-use i2ris_report::{DomainOption, Failure, Interrupt};
+use i2ris_report::{DomainOption, Failure, Interrupt, bail};
 use indicatif::ProgressBar;
 
 use crate::command::prepare::{PrepareOptions, prepare};
@@ -158,10 +158,7 @@ fn request(arguments: &Arguments, version: &Version) -> Result<MotionRequest, Fa
     let mut centre = MotorVec::default();
     if !arguments.centre_counts.is_empty() && arguments.centre_counts.len() != motors {
         let given = arguments.centre_counts.len();
-        return Err(format!(
-            "--centre-counts: {given} value(s) for the {motors} motor(s) of the robot"
-        )
-        .into());
+        bail!("--centre-counts: {given} value(s) for the {motors} motor(s) of the robot");
     }
     centre
         .iter_mut()
@@ -174,24 +171,20 @@ fn request(arguments: &Arguments, version: &Version) -> Result<MotionRequest, Fa
             .min(centre - f64::from(version.position_min_counts[motor]));
     }
     if room <= 0.0 {
-        return Err("--centre-counts: not within the position limits of the controller".into());
+        bail!("--centre-counts: not within the position limits of the controller");
     }
     let radius = arguments.range_counts.unwrap_or(USED_PART * room);
     if radius > room {
-        return Err(format!(
+        bail!(
             "--range-counts {radius}: the position limits leave {room} counts around the centre; \
              reduce the range, move the centre with --centre-counts, or widen the limits in the \
              configuration and restart the controller"
-        )
-        .into());
+        );
     }
     let most = version.velocity_counts_s;
     if arguments.speed_counts_s > most {
         let given = arguments.speed_counts_s;
-        return Err(format!(
-            "--speed-counts-s {given}: the controller allows {most} (limits.velocity_counts_s)"
-        )
-        .into());
+        bail!("--speed-counts-s {given}: the controller allows {most} (limits.velocity_counts_s)");
     }
     Ok(MotionRequest {
         protocol: arguments.protocol,
@@ -207,26 +200,18 @@ fn check_output(output: &Path) -> Result<(), Failure> {
         output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let shown = output.display();
     if output.extension().is_none_or(|extension| extension != "csv") {
-        return Err(format!(
-            "--output {shown}: must end in .csv; a .toml of the same name is written next to it"
-        )
-        .into());
+        bail!("--output {shown}: must end in .csv; a .toml of the same name is written next to it");
     }
     if let Some(recorded) =
         [output.to_owned(), Sidecar::path(output)].iter().find(|path| path.exists())
     {
-        return Err(format!(
+        bail!(
             "--output {shown}: {} already exists and is not overwritten; name another file",
             recorded.display()
-        )
-        .into());
+        );
     }
     if !folder.is_dir() {
-        return Err(format!(
-            "--output {shown}: the folder {} does not exist; create it",
-            folder.display()
-        )
-        .into());
+        bail!("--output {shown}: the folder {} does not exist; create it", folder.display());
     }
     Ok(())
 }

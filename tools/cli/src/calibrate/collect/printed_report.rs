@@ -1,10 +1,11 @@
 //! The printed outcome of `i2ris calibrate collect`.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use i2ris_calibration::quality::latency::Latency;
 
-use super::sidecar::{FlagKind, LatencyRecord, Sidecar};
+use super::sidecar::{LatencyRecord, Sidecar};
 use i2ris_report::Failure;
 
 /// Latencies below this are negligible: the encoders are read every 4 ms.
@@ -64,19 +65,9 @@ fn latency_text(latency: Option<&LatencyRecord>) -> String {
 }
 
 fn flags_text(sidecar: &Sidecar) -> String {
-    const KINDS: [FlagKind; 6] = [
-        FlagKind::EncoderGap,
-        FlagKind::CameraGap,
-        FlagKind::NoCounts,
-        FlagKind::NothingSeen,
-        FlagKind::Outlier,
-        FlagKind::Late,
-    ];
-    let count = |kind: FlagKind| sidecar.flags.iter().filter(|flag| flag.kind == kind).count();
-    let found: Vec<String> = KINDS
-        .iter()
-        .filter(|kind| count(**kind) > 0)
-        .map(|kind| format!("{} {}", count(*kind), kind.text()))
-        .collect();
+    let mut counts = BTreeMap::new();
+    sidecar.flags.iter().for_each(|flag| *counts.entry(flag.kind).or_insert(0) += 1);
+    let found = counts.iter().map(|(kind, count)| format!("{count} {}", kind.text()));
+    let found: Vec<String> = found.collect();
     if found.is_empty() { "none".to_owned() } else { found.join(", ") }
 }

@@ -15,7 +15,7 @@ use super::recorder::Recorder;
 use crate::command::progress::{LOST_SETPOINT, restart_stream};
 use crate::command::stream_monitor::StreamMonitor;
 use crate::progress_bar::tenths;
-use i2ris_report::{Failure, Interrupt};
+use i2ris_report::{Failure, Interrupt, bail};
 use i2ris_simulation::motion::paced_motion::{Motion, Playback};
 
 /// Commands per second: well below the deadline of a controller, and four times as fast as feedback
@@ -77,7 +77,7 @@ impl Subscriptions {
                 }
             }
             if interrupt.came() {
-                return Err("interrupted before anything moved".into());
+                bail!("interrupted before anything moved");
             }
             if now.duration_since(start) > CAMERA_WAIT {
                 return Err(no_camera(domain, blind).into());
@@ -101,11 +101,7 @@ impl Subscriptions {
             self.last_frame = now;
         }
         if now.duration_since(self.last_frame) > CAMERA_SILENCE {
-            return Err(format!(
-                "the camera has been silent for {} s",
-                CAMERA_SILENCE.as_seconds()
-            )
-            .into());
+            bail!("the camera has been silent for {} s", CAMERA_SILENCE.as_seconds());
         }
         recorder
             .write(now - WRITE_DELAY, false)
@@ -123,11 +119,10 @@ fn check_clock(seen: &ExternalPosition, now: Nanos) -> Result<(), Failure> {
         return Ok(());
     }
     let seconds = apart.as_seconds();
-    Err(format!(
+    bail!(
         "the camera's stamps are {seconds:.0} s away from this machine's monotonic clock; stamp \
          frames with CLOCK_MONOTONIC of this machine (Python: time.monotonic_ns())"
     )
-    .into())
 }
 
 fn no_camera(domain: &str, blind: bool) -> String {
@@ -193,10 +188,7 @@ impl Session<'_> {
             match self.subscriptions.setpoint {
                 Some(setpoint) => return Ok(setpoint),
                 None if clock::now().duration_since(start) > CAMERA_WAIT => {
-                    return Err(
-                        "the controller does not report the motor positions; look at its log"
-                            .into(),
-                    );
+                    bail!("the controller does not report the motor positions; look at its log");
                 }
                 None => clock::sleep(PERIOD),
             }
@@ -217,10 +209,8 @@ impl Session<'_> {
                 self.client.state_command(StateCommand::Hold)?;
                 recorded.map(|()| Ending::Interrupted)
             }
-            Err(ClientError::Refused { refusal: Refusal::Unsupported, .. }) => Err(
-                "this controller has no conditioning cycle; add --no-condition to record without \
-                     it"
-                .into(),
+            Err(ClientError::Refused { refusal: Refusal::Unsupported, .. }) => bail!(
+                "this controller has no conditioning cycle; add --no-condition to record without it"
             ),
             Err(error) => Err(error.into()),
         }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use i2ris::robot::DriveFingerprint;
 use serde::Serialize;
 
-use i2ris_report::files::replace;
+use i2ris_report::files::write;
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Sidecar {
@@ -98,8 +98,7 @@ impl Sidecar {
         let path = Self::path(recording);
         let text = toml::to_string(self)
             .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
-        replace(&path, text.as_bytes())
-            .map_err(|error| format!("cannot write {}: {error}", path.display()))
+        write(&path, text)
     }
 }
 

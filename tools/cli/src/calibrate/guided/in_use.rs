@@ -9,8 +9,8 @@ use std::process::{Child, ExitStatus, Stdio};
 use i2ris::clock;
 use i2ris::model::Model;
 use i2ris::units::Nanos;
-use i2ris_report::Failure;
 use i2ris_report::exit::OUT_OF_REACH;
+use i2ris_report::{Failure, files};
 use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ, within_reach};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -57,8 +57,7 @@ impl Guided<'_> {
         for (number, [pitch, yaw]) in within.iter().flat_map(|(_, path)| path).enumerate() {
             let _ = writeln!(text, "{:.3},{pitch:.4},{yaw:.4}", number as f64 / RATE_HZ);
         }
-        let file = self.file("use-path.csv");
-        Ok(fs::write(&file, text).map_err(|error| format!("cannot write {file}: {error}"))?)
+        Ok(files::write(self.file("use-path.csv").as_ref(), text)?)
     }
 
     /// Moves along the path while another process records.

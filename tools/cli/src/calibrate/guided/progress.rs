@@ -9,7 +9,7 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{ModelSlot, OperatingStateMsg};
 use i2ris::model::{Model, ModelId};
 use i2ris_calibration::recording::{ColumnMap, Recording};
-use i2ris_report::Failure;
+use i2ris_report::{Failure, files};
 
 use super::steps::Step;
 use crate::command::prepare::CONNECT;
@@ -98,9 +98,7 @@ impl Progress {
         if matches!(step, Step::Compare | Step::Check | Step::Refine)
             && let Some(model) = self.model
         {
-            let path = self.note(step);
-            fs::write(&path, format!("{model}\n"))
-                .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+            files::write(&self.note(step), format!("{model}\n"))?;
         }
         self.done.push(step);
         self.refined = self.read_refined();

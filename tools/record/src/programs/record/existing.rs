@@ -9,7 +9,7 @@ use i2ris_record::export::extract::extract;
 use i2ris_record::read::{ReadError, Records};
 use i2ris_record::recorder::rate_hz;
 use i2ris_record::recovery::{Recovered, recover};
-use i2ris_report::{Failure, while_working};
+use i2ris_report::{Failure, bail, while_working};
 use mcap::records::Record;
 
 /// Arguments of `i2ris record recover`.
@@ -45,7 +45,7 @@ pub fn copy(arguments: &RecoverArguments) -> Result<(), Failure> {
         std::fs::remove_file(&arguments.output)?;
         let file = arguments.recording.display();
         let why = stopped_by.map_or("it is empty".to_owned(), |error| error.cause());
-        return Err(format!("nothing in {file} can be recovered: {why}").into());
+        bail!("nothing in {file} can be recovered: {why}");
     }
     println!(
         "recovered {messages} messages, {metadata} metadata records, {attachments} attachments"

@@ -8,7 +8,7 @@ use std::time::Duration;
 use i2ris_record::export::source::{Source, Sources};
 use i2ris_record::export::staged::{MADE_OF, staged};
 use i2ris_record::export::{ExportError, export};
-use i2ris_report::Failure;
+use i2ris_report::{Failure, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::{Value, json};
 
@@ -36,7 +36,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         eprintln!("left out: {name}: {why}");
     }
     if sources.taken.is_empty() {
-        return Err("no trial to export".into());
+        bail!("no trial to export");
     }
     tables(arguments, &sources)
 }

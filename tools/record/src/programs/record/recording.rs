@@ -22,7 +22,7 @@ use i2ris_record::recorder::{
     AttachedFile, MessageCounts, PictureCounts, RecordingHeader, TrialRecorder,
 };
 use i2ris_report::programs::served_file;
-use i2ris_report::{DomainOption, Failure, Interrupt, Screen};
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen, bail};
 
 /// Waiting time for a controller that is starting.
 pub const CONNECT_TIMEOUT: Nanos = Nanos::from_millis(2000);
@@ -134,21 +134,19 @@ fn served_configuration(
     };
     let config = Config::load(path)?;
     if let Some(difference) = version.robot_difference(&robot_description(&config)) {
-        return Err(format!(
+        bail!(
             "--config {}: {difference} according to this file; name the file of this controller",
             path.display()
-        )
-        .into());
+        );
     }
     if let Some(served) = served.as_deref()
         && read(path)? != read(served)?
     {
-        return Err(format!(
+        bail!(
             "--config {}: differs from {}, which the controller was started with; omit --config",
             path.display(),
             served.display()
-        )
-        .into());
+        );
     }
     Ok(Some((path.to_owned(), config)))
 }

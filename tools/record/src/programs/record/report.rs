@@ -37,8 +37,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         (None, true) => None,
     };
     if let Some(output) = &output {
-        files::replace(output, report.html().as_bytes())
-            .map_err(|error| format!("cannot write {}: {error}", output.display()))?;
+        files::write(output, report.html())?;
     }
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&report)?);
@@ -68,14 +67,10 @@ fn study(arguments: &Arguments) -> Result<(), Failure> {
         (None, false) => folder.join("report.html"),
         (None, true) => return Ok(()),
     };
-    let write = |path: &PathBuf, bytes: &[u8]| {
-        files::replace(path, bytes)
-            .map_err(|error| format!("cannot write {}: {error}", path.display()))
-    };
-    write(&output, report.html().as_bytes())?;
+    files::write(&output, report.html())?;
     let name = output.file_stem().unwrap_or_default().to_string_lossy();
     for (end, table) in report.tables()? {
-        write(&output.with_file_name(format!("{name}{end}.csv")), &table)?;
+        files::write(&output.with_file_name(format!("{name}{end}.csv")), table)?;
     }
     if !arguments.json {
         let csv = output.with_file_name(format!("{name}*.csv"));

@@ -14,7 +14,7 @@ use i2ris_record::trial::runner::Plan;
 use i2ris_record::trial::workload::{SCALES, Workload};
 use i2ris_record::trial::{Study, StudyError, TrialFolder};
 use i2ris_report::preflight::Preflight;
-use i2ris_report::{DomainOption, Failure};
+use i2ris_report::{DomainOption, Failure, bail};
 
 #[derive(Debug, clap::Args)]
 pub struct InStudy {
@@ -206,7 +206,7 @@ fn ask(trial: &str) -> Result<Workload, Failure> {
             println!("{name}: {question} (0 {low} ... 100 {high})");
             let mut line = String::new();
             if io::stdin().read_line(&mut line)? == 0 {
-                return Err("the form was not filled in; nothing is stored".into());
+                bail!("the form was not filled in; nothing is stored");
             }
             match Workload::answer(&line) {
                 Ok(answer) => break answer,
