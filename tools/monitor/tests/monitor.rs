@@ -18,6 +18,7 @@ use std::os::fd::OwnedFd;
 use std::os::unix::fs::OpenOptionsExt;
 
 use i2ris::ipc::OperatingState;
+use i2ris_testing::bench::{assert_says, fails, succeeds};
 use i2ris_testing::{Controller, Program, Terminal, program, unique_domain, wait_for_end};
 use nix::fcntl::OFlag;
 use nix::pty::{grantpt, posix_openpt, ptsname_r, unlockpt};
@@ -25,38 +26,23 @@ use nix::sys::signal::{Signal, kill};
 
 #[test]
 fn missing_controller_is_reported() {
-    let (success, _, error) = Program::run(&unique_domain(), &["status", "--watch"]);
-    assert!(!success && error.contains("no controller serves domain"), "{error}");
+    fails(&unique_domain(), "status --watch", 3, &["no controller serves domain"]);
 }
 
 #[test]
 fn without_options_it_shows_everything_once() {
     let controller = Controller::enabled();
-    let (success, output, error) = Program::run(&controller.domain, &["status"]);
-    assert!(success, "{error}");
-    for part in [
-        controller.domain.name(),
-        "ENABLED",
-        "homed",
-        "+1.00",
-        "-1.00",
-        "motor 1",
-        "loop",
-        "real time",
-    ] {
-        assert!(output.contains(part), "{part}\n{output}");
-    }
+    let output = succeeds(&controller.domain, "status");
+    let parts = ["ENABLED", "homed", "+1.00", "-1.00", "motor 1", "loop", "real time"];
+    assert_says(&output, &[&parts[..], &[controller.domain.name()]].concat());
     assert!(!output.contains('\u{1b}'), "no control characters into a file");
 }
 
 #[test]
 fn watching_prints_the_same_text_every_second() {
     let controller = Controller::enabled();
-    let (success, once, error) = Program::run(&controller.domain, &["status"]);
-    assert!(success, "{error}");
-    let watch = ["status", "--watch", "--duration-s", "3.5"];
-    let (success, output, error) = Program::run(&controller.domain, &watch);
-    assert!(success, "{error}");
+    let once = succeeds(&controller.domain, "status");
+    let output = succeeds(&controller.domain, "status --watch --duration-s 3.5");
     let prints = output.matches("state      ENABLED").count();
     assert!((2..=4).contains(&prints), "{output}");
     // Numbers change from one to the next, words do not.

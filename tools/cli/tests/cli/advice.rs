@@ -8,9 +8,8 @@ use i2ris::ipc::{Domain, OperatingState};
 use i2ris::units::Nanos;
 use nix::sys::signal::Signal;
 
+use i2ris_testing::bench::{assert_says, fails, interrupt, robot, run, start, succeeds};
 use i2ris_testing::{Rig, TIMEOUT, has, wait_for, wait_until};
-
-use crate::bench::{assert_says, fails, interrupt, robot, run, start, succeeds};
 
 const POSE: &str = "command pose 1 1 --duration-s 0.2";
 

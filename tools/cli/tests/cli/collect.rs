@@ -12,12 +12,13 @@ use i2ris::model::Model;
 use i2ris::process::robot_description;
 use i2ris::units::Nanos;
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_testing::bench::{
+    WorkFolder, assert_says, ends, expect_stalls, interrupt, start, succeeds,
+};
 use i2ris_testing::{Background, Controller, Program, Rig, wait_until};
 use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::scene_setup::setup;
-
-use crate::bench::{WorkFolder, assert_says, ends, expect_stalls, interrupt, start, succeeds};
 
 const ROBOT: &str = "
     robot_id = 'fake'
@@ -68,24 +69,20 @@ fn described(controller: Controller) -> (WorkFolder, Controller) {
     (WorkFolder::new(), controller)
 }
 
-impl WorkFolder {
-    fn collect(&self, domain: &Domain, options: &str) -> Program {
-        let output = self.file("take.csv");
-        let collect = format!("calibrate collect --output {output} {options}");
-        start(domain, &collect)
-    }
+fn collect(bench: &WorkFolder, domain: &Domain, options: &str) -> Program {
+    start(domain, &bench.words(&format!("calibrate collect --output @take.csv {options}")))
+}
 
-    /// A run that fails and writes nothing.
-    #[track_caller]
-    fn collects_nothing(&self, domain: &Domain, options: &str, parts: &[&str]) {
-        let (success, _, error) = self.collect(domain, options).end();
-        assert!(!success && !self.exists("take.csv") && !self.exists("take.toml"), "{options}");
-        assert_says(&error, parts);
-    }
+/// A run that fails and writes nothing.
+#[track_caller]
+fn collects_nothing(bench: &WorkFolder, domain: &Domain, options: &str, parts: &[&str]) {
+    let (success, _, error) = collect(bench, domain, options).end();
+    assert!(!success && !bench.exists("take.csv") && !bench.exists("take.toml"), "{options}");
+    assert_says(&error, parts);
+}
 
-    fn recording(&self, name: &str) -> Recording {
-        Recording::read(&self.path(name), &ColumnMap::default()).unwrap().0
-    }
+fn read(file: &Path) -> Recording {
+    Recording::read(file, &ColumnMap::default()).unwrap().0
 }
 
 #[test]
@@ -93,7 +90,7 @@ fn a_short_run_moves_records_and_lets_go() {
     let (bench, controller) = described(Controller::start());
     let _camera = camera(&controller.domain, Shows::Angles);
     let options = "--duration-s 3 --home --json --speed-counts-s 400";
-    let result = ends(bench.collect(&controller.domain, options), 0, &[]);
+    let result = ends(collect(&bench, &controller.domain, options), 0, &[]);
     let robot = controller.robot();
     let (enable, home) = (StateCommand::Enable, StateCommand::Home);
     let rest = [StateCommand::Condition, StateCommand::Release];
@@ -120,13 +117,13 @@ fn a_short_run_moves_records_and_lets_go() {
 fn an_interrupt_stops_softly_and_keeps_the_recording() {
     let (bench, controller) = described(Controller::enabled());
     let _camera = camera(&controller.domain, Shows::Angles);
-    let mut program = bench.collect(&controller.domain, "");
+    let mut program = collect(&bench, &controller.domain, "");
     controller.wait("it moves", |robot| robot.places.len() > 300);
     program.interrupt();
     let result = ends(program, 1, &["interrupted", "kept"]);
     assert_says(&result.output, &["recorded"]);
     assert_eq!(controller.robot().lease, 0);
-    assert!(bench.recording("take.csv").rows().len() > 20);
+    assert!(read(&bench.path("take.csv")).rows().len() > 20);
     assert_says(&bench.read("take.toml"), &["complete = false", "interrupted"]);
 }
 
@@ -135,7 +132,7 @@ fn an_interrupt_stops_softly_and_keeps_the_recording() {
 fn watch_records_other_clients_until_interrupted_without_requests() {
     let (bench, controller) = described(Controller::start());
     let _camera = camera(&controller.domain, Shows::Angles);
-    let run = bench.collect(&controller.domain, "--watch");
+    let run = collect(&bench, &controller.domain, "--watch");
     wait_until("it records", || {
         fs::metadata(bench.path("take.csv")).is_ok_and(|file| file.len() > 500)
     });
@@ -149,7 +146,7 @@ fn watch_records_other_clients_until_interrupted_without_requests() {
 fn a_killed_program_leaves_what_it_had() {
     let (bench, controller) = described(Controller::enabled());
     let _camera = camera(&controller.domain, Shows::Angles);
-    let mut program = bench.collect(&controller.domain, "");
+    let mut program = collect(&bench, &controller.domain, "");
     controller.wait("it moves", |robot| robot.places.len() > 500);
     program.child().kill().unwrap();
     drop(program);
@@ -162,12 +159,12 @@ fn a_killed_program_leaves_what_it_had() {
 fn without_a_camera_nothing_moves() {
     let (bench, controller) = described(Controller::enabled());
     let domain = &controller.domain;
-    bench.collects_nothing(domain, "", &["external/measured_jp", "i2ris emulate --domain"]);
+    collects_nothing(&bench, domain, "", &["external/measured_jp", "i2ris emulate --domain"]);
     let blind = camera(domain, Shows::Nothing);
-    bench.collects_nothing(domain, "", &["sees nothing"]);
+    collects_nothing(&bench, domain, "", &["sees nothing"]);
     drop(blind);
     let _other_clock = camera(domain, Shows::WallClock);
-    bench.collects_nothing(domain, "", &["CLOCK_MONOTONIC"]);
+    collects_nothing(&bench, domain, "", &["CLOCK_MONOTONIC"]);
     let robot = controller.robot();
     assert!(robot.requested.is_empty() && robot.places.is_empty());
 }
@@ -176,7 +173,7 @@ fn without_a_camera_nothing_moves() {
 fn silent_camera_ends_the_run_and_keeps_the_recording() {
     let (bench, controller) = described(Controller::enabled());
     let camera = camera(&controller.domain, Shows::Angles);
-    let program = bench.collect(&controller.domain, "");
+    let program = collect(&bench, &controller.domain, "");
     controller.wait("it moves", |robot| robot.places.len() > 300);
     drop(camera);
     ends(program, 1, &["silent"]);
@@ -190,7 +187,7 @@ fn controller_without_conditioning_reports_the_option() {
     let (bench, controller) = described(Controller::enabled());
     controller.robot().conditions = false;
     let _camera = camera(&controller.domain, Shows::Angles);
-    ends(bench.collect(&controller.domain, ""), 1, &["--no-condition"]);
+    ends(collect(&bench, &controller.domain, ""), 1, &["--no-condition"]);
     assert!(controller.robot().places.is_empty());
 }
 
@@ -198,11 +195,11 @@ fn controller_without_conditioning_reports_the_option() {
 fn disabled_or_refusing_robot_is_not_moved() {
     let (bench, controller) = described(Controller::start());
     let _camera = camera(&controller.domain, Shows::Angles);
-    bench.collects_nothing(&controller.domain, "", &["--enable"]);
+    collects_nothing(&bench, &controller.domain, "", &["--enable"]);
     controller.robot().homed = true;
     controller.robot().state = OperatingState::Enabled;
     controller.robot().refuse = Some(Refusal::Range);
-    ends(bench.collect(&controller.domain, ""), 4, &["outside the position limits"]);
+    ends(collect(&bench, &controller.domain, ""), 4, &["outside the position limits"]);
     assert!(controller.robot().places.is_empty());
 }
 
@@ -216,7 +213,7 @@ fn what_the_controller_does_not_allow_moves_nothing() {
         ("--centre-counts 5", "1 value(s) for the 2 motor(s)"),
         ("--speed-counts-s 2500", "the controller allows 500"),
     ] {
-        bench.collects_nothing(&controller.domain, &format!("--home {options}"), &[result]);
+        collects_nothing(&bench, &controller.domain, &format!("--home {options}"), &[result]);
     }
     assert_eq!(controller.robot().requested, []);
 }
@@ -259,8 +256,7 @@ impl Whole {
     }
 
     fn recording(&self, name: &str) -> Recording {
-        let path = self.rig.folder.path().join(name);
-        Recording::read(&path, &ColumnMap::default()).unwrap().0
+        read(&self.rig.folder.path().join(name))
     }
 
     fn fit(&self, recording: &str, output: &str) -> Model {

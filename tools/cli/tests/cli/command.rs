@@ -4,11 +4,8 @@ use i2ris::clock;
 use i2ris::ipc::{Fault, MaskedClientId, OperatingState, Refusal, StateCommand};
 use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
-use i2ris_testing::Controller;
-
-use crate::bench::{
-    WorkFolder, assert_says, end, ends, fails, interrupt, start, succeeds, unused_domain,
-};
+use i2ris_testing::bench::{WorkFolder, assert_says, end, ends, fails, interrupt, start, succeeds};
+use i2ris_testing::{Controller, unique_domain};
 
 /// Checks that each accepted pose is within `speed_deg_s` of the previous one, by their stamps.
 /// Late poses are missing, so the steps themselves prove nothing. The program plays at most 20 ms
@@ -105,7 +102,7 @@ fn a_held_pose_stays_where_it_is() {
 
 #[test]
 fn robot_that_cannot_follow_is_not_moved_and_reason_reported() {
-    let one_sentence = fails(&unused_domain(), "command pose", 3, &["no controller serves domain"]);
+    let one_sentence = fails(&unique_domain(), "command pose", 3, &["no controller serves domain"]);
     assert_eq!(one_sentence.error.lines().count(), 1);
     let controller = Controller::start();
     fails(&controller.domain, "command pose", 4, &["DISABLED", "--enable"]);

@@ -7,11 +7,10 @@ use i2ris::clock;
 use i2ris::config::{Config, HomingMethod};
 use i2ris::ipc::Domain;
 use i2ris_simulation::Line;
+use i2ris_testing::bench::assert_says;
 use i2ris_testing::{Program, Rig, Terminal, wait_until};
 use nix::sys::signal::{Signal, kill};
 use serde_json::{Value, json};
-
-use crate::bench::assert_says;
 
 /// A commissioning at a terminal, to which each question that comes is answered.
 fn at_terminal(domain: &Domain, words: &[&str], answers: &[(&str, &str)]) -> Terminal {

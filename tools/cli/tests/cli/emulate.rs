@@ -5,11 +5,10 @@ use std::io::{BufRead, BufReader, Read};
 use i2ris::config::Config;
 use i2ris::ipc::DomainLock;
 use i2ris_simulation::physics::Physics;
-use i2ris_testing::Program;
+use i2ris_testing::bench::{WorkFolder, assert_says, end, repository, start};
+use i2ris_testing::{Program, unique_domain};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-
-use crate::bench::{WorkFolder, assert_says, end, repository, start, unused_domain};
 
 /// A program after it has printed a line with a given word.
 struct Running {
@@ -42,14 +41,10 @@ impl Running {
 fn signals_end_it_cleanly() {
     let snake = repository("config/snakes/multi.toml");
     for signal in [Signal::SIGINT, Signal::SIGTERM] {
-        let bench = WorkFolder::new();
-        let (ports, log) = (bench.file("ports"), bench.file("log.csv"));
-        let options = format!(
-            "--no-camera --line rs232 --snake {} --ports {ports} --log {log}",
-            snake.display()
-        );
-        let running =
-            Running::until("ready", start(&unused_domain(), &format!("emulate {options}")));
+        let (bench, snake) = (WorkFolder::new(), snake.display());
+        let emulate = format!("emulate --no-camera --line rs232 --snake {snake}");
+        let words = bench.words(&format!("{emulate} --ports @ports --log @log.csv"));
+        let running = Running::until("ready", start(&unique_domain(), &words));
         assert!(bench.exists("ports/axis0") && bench.exists("ports/axis1"));
         assert_says(&running.lines, &[&bench.file("ports/axis1"), "Epos4, serial number 62000002"]);
         running.end(signal);
@@ -69,10 +64,8 @@ fn doctor_checks_drives_and_computer_on_configured_line() {
     for baud in ["1000000", "115200"] {
         let bench = WorkFolder::new();
         write_config(&bench, |text| text.replace("baud = 1000000", &format!("baud = {baud}")));
-        let file = bench.file("robot.toml");
-        let emulate =
-            format!("emulate --no-camera --config {file} --ports {}", bench.file("ports"));
-        let _running = Running::until("ready", start(&unused_domain(), &emulate));
+        let emulate = bench.words("emulate --no-camera --config @robot.toml --ports @ports");
+        let _running = Running::until("ready", start(&unique_domain(), &emulate));
         let healthy = bench.run("doctor --config robot.toml");
         assert_eq!(healthy.code, Some(0), "{}{}", healthy.output, healthy.error);
         let machine = ["kernel", "scheduling", "shared memory", "ms an exchange", "not homed"];
@@ -100,8 +93,8 @@ fn doctor_checks_drives_and_computer_on_configured_line() {
 #[test]
 fn the_doctor_lists_the_drives_behind_a_port_to_paste() {
     let bench = WorkFolder::new();
-    let emulate = format!("emulate --no-camera --ports {}", bench.file("ports"));
-    let _running = Running::until("ready", start(&unused_domain(), &emulate));
+    let emulate = bench.words("emulate --no-camera --ports @ports");
+    let _running = Running::until("ready", start(&unique_domain(), &emulate));
     write_config(&bench, |text| text);
     let healthy = bench.run("doctor --config robot.toml");
     assert_eq!(healthy.code, Some(0), "{}{}", healthy.output, healthy.error);
@@ -126,9 +119,8 @@ fn configured_devices_are_created_with_their_drives_and_removed() {
     let text = std::fs::read_to_string(repository("config/robot.toml")).unwrap();
     let device = "/dev/serial/by-id/usb-maxon-drive-of-the-snake";
     bench.write("robot.toml", &text.replace(device, &bench.file("dev/drive")));
-    let options = format!("--ports {} --config {}", bench.file("ports"), bench.file("robot.toml"));
-    let emulate = format!("emulate --no-camera {options}");
-    let running = Running::until("ready", start(&unused_domain(), &emulate));
+    let emulate = bench.words("emulate --no-camera --ports @ports --config @robot.toml");
+    let running = Running::until("ready", start(&unique_domain(), &emulate));
     let found = bench.run("doctor --config robot.toml");
     assert_says(&found.output, &["is not filled in: this drive is 62000003", "commission --apply"]);
     running.end(Signal::SIGINT);
@@ -147,7 +139,7 @@ fn doctor_names_a_missing_port_and_unwritable_records() {
 #[test]
 fn named_snakes_exist_in_every_folder_and_duration_ends_emulation() {
     for name in ["", "--snake brass", "--snake springs:2", "--snake lugre:3", "--snake wire"] {
-        let domain = unused_domain();
+        let domain = unique_domain();
         let options = format!("--duration-s 0.2 --ports ports --domain {} {name}", domain.name());
         let printed = WorkFolder::new().succeeds(&format!("emulate {options}"));
         let name = name.strip_prefix("--snake ").unwrap_or("steel");
@@ -159,8 +151,8 @@ fn named_snakes_exist_in_every_folder_and_duration_ends_emulation() {
 
 #[test]
 fn start_runs_emulator_controller_and_watchdog_and_ends_all() {
-    let (bench, domain) = (WorkFolder::new(), unused_domain());
-    let words = format!("start --no-monitor --folder {}", bench.file("here"));
+    let (bench, domain) = (WorkFolder::new(), unique_domain());
+    let words = bench.words("start --no-monitor --folder @here");
     let running = Running::until("ready", start(&domain, &words));
     assert_says(&running.lines, &[domain.name()]);
     running.end(Signal::SIGINT);
@@ -180,7 +172,7 @@ fn rehearsal_emulates_drives_for_a_robot_configuration() {
     for (template, serial_number) in
         [("robot.toml", "0"), ("robot-rs232.toml", "0"), ("robot.toml", "0x42E_03C0")]
     {
-        let (bench, domain) = (WorkFolder::new(), unused_domain());
+        let (bench, domain) = (WorkFolder::new(), unique_domain());
         let text = std::fs::read_to_string(repository("config").join(template)).unwrap();
         let text = text.replace("\nfamily", &format!("\n{shared_machine}"));
         let known = format!("serial_number = {serial_number} #");
@@ -188,10 +180,8 @@ fn rehearsal_emulates_drives_for_a_robot_configuration() {
         let positions = "positions_file = \"positions.toml\"\n[[ports.axes]]";
         bench.write("robot.toml", &text.replacen("[[ports.axes]]", positions, 1));
         let before = bench.read("robot.toml");
-        let options =
-            format!("--config {} --folder {}", bench.file("robot.toml"), bench.file("here"));
-        let running =
-            Running::until("next", start(&domain, &format!("start --no-monitor {options}")));
+        let words = bench.words("start --no-monitor --config @robot.toml --folder @here");
+        let running = Running::until("next", start(&domain, &words));
         let device = "device /dev/serial/by-id/usb-maxon-drive-of-";
         let unknown = "serial_number = 0: valid for emulated";
         assert_says(&running.lines, &[device, "here/ports/axis0", unknown, domain.name()]);

@@ -11,12 +11,11 @@ use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::model::Model;
 use i2ris::units::Nanos;
 use i2ris_calibration::recording::{ColumnMap, Recording};
-use i2ris_testing::{settle_in, wait_until};
-use nix::sys::signal::{Signal, kill};
-
-use crate::bench::{
-    WorkFolder, assert_says, end, fails, interrupt, prints, robot, start, succeeds, unused_domain,
+use i2ris_testing::bench::{
+    WorkFolder, assert_says, end, fails, interrupt, prints, robot, start, succeeds,
 };
+use i2ris_testing::{settle_in, unique_domain, wait_until};
+use nix::sys::signal::{Signal, kill};
 
 /// The day after: recording, model and report exist, the restarted controller has not loaded them,
 /// and the drives have lost their zero.
@@ -46,7 +45,7 @@ fn second_day_resumes_with_the_model_of_the_first() {
         bench.write(&format!("here/{step}.done"), &format!("{id}\n"));
     }
 
-    let words = format!("calibrate --folder {} --home", bench.file("here"));
+    let words = bench.words("calibrate --folder @here --home");
     let steps = [
         "step 2 of 6: fit: done before",
         "$ i2ris home",
@@ -76,21 +75,19 @@ fn second_day_resumes_with_the_model_of_the_first() {
 #[test]
 fn start_keeps_a_configuration_changed_by_the_user() {
     let bench = WorkFolder::new();
-    let folder = bench.path("robot");
-    let domain = unused_domain();
-    let words = format!("start --no-monitor --folder {}", folder.display());
-    let first = start(&domain, &words);
-    wait_until("the configuration", || folder.join("controller.toml").exists());
-    wait_until("the controller", || Client::connect(&domain, Nanos::ZERO).is_ok());
-    interrupt(first);
+    let (domain, words) = (unique_domain(), bench.words("start --no-monitor --folder @robot"));
+    let runs = || {
+        let started = start(&domain, &words);
+        wait_until("the controller", || Client::connect(&domain, Nanos::ZERO).is_ok());
+        interrupt(started);
+    };
+    runs();
     let file = "robot/controller.toml";
     let changed = format!("# mine\n{}", bench.read(file));
     bench.write(file, &changed);
-    let second = start(&domain, &words);
-    wait_until("the controller", || Client::connect(&domain, Nanos::ZERO).is_ok());
-    interrupt(second);
+    runs();
     assert_eq!(bench.read(file), changed);
-    let other = unused_domain();
+    let other = unique_domain();
     fails(&other, &words, 1, &[&format!("is for domain {}, not {}", domain.name(), other.name())]);
 }
 
@@ -100,10 +97,8 @@ fn guided_calibration_resumes_and_ends_with_an_active_model() {
     let (rig, mut client) = robot(|rig| rig.config.command.max_step_counts = 250);
     let domain = rig.domain();
     let bench = WorkFolder::new();
-    let words = format!(
-        "calibrate --folder {} --home --duration-s 60 --motion-s 20 --family force-balance",
-        bench.file("here")
-    );
+    let options = "--home --duration-s 60 --motion-s 20 --family force-balance";
+    let words = bench.words(&format!("calibrate --folder @here {options}"));
 
     // Ctrl-C while recording: only the recording is set aside.
     let mut first = start(&domain, &words);

@@ -1,10 +1,9 @@
 //! The help of every subcommand and of every program.
 
 use i2ris_report::programs::PROGRAMS;
+use i2ris_testing::bench::{WorkFolder, assert_says, repository, robot, succeeds};
 
 use std::fs;
-
-use crate::bench::{WorkFolder, assert_says, repository, robot, succeeds};
 
 #[test]
 fn commands_have_examples_and_help_lists_exit_codes() {

@@ -2,7 +2,6 @@
 #![allow(clippy::unwrap_used, clippy::print_stderr)]
 
 mod advice;
-mod bench;
 mod collect;
 mod command;
 mod commission;

@@ -4,11 +4,10 @@
 use std::fs;
 
 use i2ris::ipc::Domain;
-use i2ris_testing::{Rig, wait_for, wait_until_idle};
-
-use crate::bench::{
-    WorkFolder, expect_stalls, interrupt, repository, run, start, succeeds, unused_domain,
+use i2ris_testing::bench::{
+    WorkFolder, expect_stalls, interrupt, repository, run, start, succeeds,
 };
+use i2ris_testing::{Rig, unique_domain, wait_for, wait_until_idle};
 
 /// The chapter of the manual that has the table.
 const CHAPTER: &str = "tools/manual/src/stops-and-faults.md";
@@ -85,7 +84,7 @@ fn user_mistakes_end_with_a_message_and_exit_code() {
     let text = fs::read_to_string(&file).unwrap();
     let (before, rest) = text.split_once(HEAD).unwrap();
     let (written, after) = rest.split_once("\n<!-- end -->").unwrap();
-    let (mut domain, mut first) = (unused_domain(), None);
+    let (mut domain, mut first) = (unique_domain(), None);
     let (mut rows, mut wrong) = (String::new(), String::new());
     for row in written.lines() {
         match row.split(" | ").next().unwrap() {

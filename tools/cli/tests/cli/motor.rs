@@ -3,9 +3,8 @@
 use std::sync::atomic::Ordering;
 
 use i2ris::clock;
+use i2ris_testing::bench::{ends, expect_stalls, fails, start, succeeds};
 use i2ris_testing::{Rig, Terminal, wait_until};
-
-use crate::bench::{ends, expect_stalls, fails, start, succeeds};
 
 fn robot() -> Rig {
     let mut rig = Rig::start();

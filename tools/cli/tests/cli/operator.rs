@@ -17,6 +17,7 @@ use i2ris::ipc::payload::TeleopMsg;
 use i2ris::units::Nanos;
 use i2ris_simulation::Emulator;
 use i2ris_teleop::space_mouse;
+use i2ris_testing::bench::{interrupt, robot, start};
 use i2ris_testing::{SetOnDrop, TIMEOUT, home_and_enable, wait_until};
 use i2ris_vision::image::GreyImage;
 use i2ris_vision::scene::{JointPose, Rig as Scene};
@@ -27,7 +28,6 @@ use i2ris_vision::view_detector::ViewDetector;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::bench::{interrupt, robot, start};
 use crate::played::{Played, identity};
 
 /// Distance at which a target is reached, deg in the image.

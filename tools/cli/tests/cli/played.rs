@@ -10,9 +10,8 @@ use i2ris_teleop::evdev_decoder::{encode, restamp};
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
 use i2ris_teleop::state::Description;
+use i2ris_testing::bench::WorkFolder;
 use nix::sys::stat::Mode;
-
-use crate::bench::WorkFolder;
 
 pub const KEY: u16 = 1;
 pub const AXIS: u16 = 3;

@@ -8,10 +8,9 @@ use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 use i2ris_report::preflight::Preflight;
 use i2ris_simulation::ageing::{Change, Course, Parameter};
+use i2ris_testing::bench::{assert_says, end, ends, expect_stalls, fails, run, start, succeeds};
 use i2ris_testing::{Rig, TIMEOUT, Terminal, wait_for};
 use serde_json::Value;
-
-use crate::bench::{assert_says, end, ends, expect_stalls, fails, run, start, succeeds};
 
 /// The failed checks, by name, and the whole output. Repeated if the machine stalls, which is not a
 /// failure of the robot.

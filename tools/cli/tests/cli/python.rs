@@ -12,9 +12,8 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::{StateCommand, find_client_process};
 use i2ris::units::Nanos;
 use i2ris_needs::needs;
+use i2ris_testing::bench::{expect_stalls, robot};
 use i2ris_testing::{Controller, Rig, SetOnDrop, python, run_python, wait_for};
-
-use crate::bench::{expect_stalls, robot};
 
 /// Runs a script to its end, and expects success.
 #[track_caller]
@@ -32,11 +31,8 @@ fn python_session_enables_moves_watches_and_releases_the_lease() {
     run_python(include_str!("python/session.py"), &[controller.domain.name()]);
     let robot = controller.robot();
     assert_eq!((robot.lease, robot.requested.last()), (0, Some(&StateCommand::Release)));
-    assert!(
-        (robot.pose[0] - 5.0).abs() < 1e-9 && (robot.pose[1] + 3.0).abs() < 1e-9,
-        "{:?}",
-        robot.pose
-    );
+    let [pitch, yaw] = robot.pose;
+    assert!((pitch - 5.0).abs() < 1e-9 && (yaw + 3.0).abs() < 1e-9, "{pitch} {yaw}");
 }
 
 #[needs("python: iceoryx2, numpy")]
@@ -54,9 +50,8 @@ fn notebook_has_values_at_once_and_releases_the_lease() {
     expect_stalls(&mut rig);
     let mut client = rig.enabled();
     let recording = rig.folder.path().join("notebook.mcap");
-    let programs = Path::new(env!("CARGO_BIN_EXE_i2ris")).parent().unwrap();
-    let path = std::env::var("PATH").unwrap_or_default();
-    let path = format!("{}:{path}", programs.display());
+    let programs = Path::new(env!("CARGO_BIN_EXE_i2ris")).parent().unwrap().display();
+    let path = format!("{programs}:{}", std::env::var("PATH").unwrap_or_default());
     command.args(["-c", include_str!("python/notebook.py"), rig.domain().name()]);
     runs(command.arg(&recording).env("PATH", path));
     wait_for(&mut client, |state| state.lease_client_id == 0);

@@ -3,15 +3,32 @@
 use std::fs;
 
 use i2ris::clock;
+use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Client, Latest};
 use i2ris::ipc::payload::ReachTarget;
 use i2ris::units::Nanos;
-use i2ris_testing::{Controller, TIMEOUT, Terminal, home_and_enable, wait_until};
-
-use crate::bench::{WorkFolder, assert_says, fails, interrupt, robot, start, succeeds};
+use i2ris_testing::bench::{WorkFolder, assert_says, fails, interrupt, robot, start};
+use i2ris_testing::{Controller, Program, TIMEOUT, Terminal, home_and_enable, wait_until};
 
 /// Time limit of a task of two targets on a shared machine.
 const PATIENCE: Nanos = Nanos::from_millis(240_000);
+
+/// Starts a recording.
+fn record(bench: &WorkFolder, domain: &Domain) -> Program {
+    let record = start(domain, &bench.words("record --output @task.mcap"));
+    let size = || fs::metadata(bench.path("task.mcap")).map_or(0, |data| data.len());
+    wait_until("it records", || size() > 0);
+    record
+}
+
+/// Its report after its end, as text and as JSON.
+fn report(bench: &WorkFolder, record: Program) -> (String, serde_json::Value) {
+    // The recorder has everything from before the signal.
+    clock::sleep(Nanos::from_millis(500));
+    interrupt(record);
+    let json = bench.succeeds("record report task.mcap --json");
+    (bench.succeeds("record report task.mcap"), serde_json::from_str(&json).unwrap())
+}
 
 /// Plays the operator: presses arrows towards the target until the task ends.
 fn reach_by_keys(client: &Client, terminal: &mut Terminal) {
@@ -50,9 +67,7 @@ fn targets_are_reached_with_keys_and_scored_by_report() {
     let domain = rig.domain();
     home_and_enable(&mut client, TIMEOUT).unwrap();
     let bench = WorkFolder::new();
-    let file = bench.file("task.mcap");
-    let record = start(&domain, &format!("record --output {file}"));
-    wait_until("it records", || fs::metadata(&file).is_ok_and(|data| data.len() > 0));
+    let record = record(&bench, &domain);
     let words = "teleop task reach --targets 2 --seed 3 --range-deg 2 --hold-s 0.5 --limit-s 100";
     let words: Vec<&str> = words.split(' ').collect();
     let mut terminal = Terminal::start(&domain, &words, 24, 80);
@@ -63,11 +78,7 @@ fn targets_are_reached_with_keys_and_scored_by_report() {
     assert!(terminal.end().success());
     terminal.assert_restored();
 
-    // The recorder has everything from before the signal.
-    clock::sleep(Nanos::from_millis(500));
-    interrupt(record);
-    let json = succeeds(&domain, &format!("record report {file} --json"));
-    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let (_, report) = report(&bench, record);
     let score = &report["targets"];
     assert_eq!((&score["by"], &score["held"]), (&"estimate".into(), &1.0.into()), "{score}");
     let targets = score["targets"].as_array().unwrap();
@@ -81,14 +92,11 @@ fn targets_are_reached_with_keys_and_scored_by_report() {
 
 #[test]
 fn target_is_followed_with_keys_and_scored_by_report() {
-    let bench = WorkFolder::new();
     for (words, moves, lag) in
         [("pursuit --seed 2", true, "pursuit"), ("hold-still", false, "held")]
     {
-        let controller = Controller::enabled();
-        let file = bench.file(&format!("{lag}.mcap"));
-        let record = start(&controller.domain, &format!("record --output {file}"));
-        wait_until("it records", || fs::metadata(&file).is_ok_and(|data| data.len() > 0));
+        let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+        let record = record(&bench, &controller.domain);
         let words = format!("teleop task {words} --duration-s 6");
         let words: Vec<&str> = words.split(' ').collect();
         let mut terminal = Terminal::start(&controller.domain, &words, 24, 80);
@@ -103,14 +111,10 @@ fn target_is_followed_with_keys_and_scored_by_report() {
         });
         terminal.wait_for("deg from the target (root mean square)");
         assert!(terminal.end().success());
-        clock::sleep(Nanos::from_millis(500));
-        interrupt(record);
-        let text = succeeds(&controller.domain, &format!("record report {file}"));
-        assert!(text.contains(lag) && text.contains("from the target by the estimate"), "{text}");
-        let json = succeeds(&controller.domain, &format!("record report {file} --json"));
-        let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+        let (text, report) = report(&bench, record);
+        assert_says(&text, &[lag, "from the target by the estimate"]);
         let pursuits = report["pursuits"].as_array().unwrap();
-        assert_eq!((pursuits.len(), &pursuits[0]["moves"]), (1, &moves.into()), "{json}");
+        assert_eq!((pursuits.len(), &pursuits[0]["moves"]), (1, &moves.into()), "{report}");
         assert!(report["targets"].is_null(), "nothing was to be reached");
     }
 }

@@ -6,10 +6,9 @@ use std::process::{Command, Stdio};
 
 use i2ris::ipc::{Domain, Fault, OperatingState, Refusal};
 use i2ris_needs::needs;
+use i2ris_testing::bench::{WorkFolder, assert_says, repository, run};
 use i2ris_testing::cycle::balance_model;
-use i2ris_testing::{Controller, program};
-
-use crate::bench::{WorkFolder, assert_says, repository, run, unused_domain};
+use i2ris_testing::{Controller, program, unique_domain};
 
 fn code(domain: &Domain, words: &str) -> Option<i32> {
     let result = run(domain, words);
@@ -24,7 +23,7 @@ fn code(domain: &Domain, words: &str) -> Option<i32> {
 
 #[test]
 fn the_exit_code_reports_what_kind_of_failure_it_was() {
-    let unused = unused_domain();
+    let unused = unique_domain();
     let controller = Controller::start();
     let domain = &controller.domain;
     for (domain, words, expected) in [
@@ -80,7 +79,7 @@ fn closed_reader_is_not_an_error() {
         &["doctor", "--config", config, "--no-drives"],
     ] {
         let mut child = program::command(arguments)
-            .env("I2RIS_DOMAIN", unused_domain().name())
+            .env("I2RIS_DOMAIN", unique_domain().name())
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

@@ -10,14 +10,13 @@ use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_simulation::Injection;
+use i2ris_testing::bench::{assert_says, ends, fails, robot, run, start, succeeds};
 use i2ris_testing::{
-    Controller, Rig, TIMEOUT, Terminal, has, home_and_enable, program, wait_for, wait_until,
-    wait_until_holding,
+    Controller, Rig, TIMEOUT, Terminal, has, home_and_enable, program, unique_domain, wait_for,
+    wait_until, wait_until_holding,
 };
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-
-use crate::bench::{assert_says, ends, fails, robot, run, start, succeeds, unused_domain};
 
 /// A robot that is enabled.
 fn enabled(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
@@ -114,7 +113,7 @@ fn stop_holds_every_client_ends_motion_and_reports_it() {
     assert_says(&succeeds(&domain, "disable"), &["the controller is DISABLED; every drive is off"]);
     assert_says(&succeeds(&domain, "stop"), &["DISABLED, every drive is off"]);
     let unserved = ["NOT CONFIRMED to be stopped: no controller serves domain"];
-    fails(&unused_domain(), "stop", 3, &unserved);
+    fails(&unique_domain(), "stop", 3, &unserved);
 }
 
 #[test]

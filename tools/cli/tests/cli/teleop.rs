@@ -14,9 +14,9 @@ use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::encode;
 use i2ris_teleop::state::Description;
 use i2ris_teleop::{recording, space_mouse};
+use i2ris_testing::bench::{WorkFolder, assert_says, ends, fails, interrupt, prints, robot, start};
 use i2ris_testing::{Controller, TIMEOUT, Terminal, home_and_enable, wait_until};
 
-use crate::bench::{WorkFolder, assert_says, ends, fails, interrupt, prints, robot, start};
 use crate::command::{assert_near, assert_no_jump};
 use crate::played::{AXIS, BTN_EAST, BTN_TR, KEY, KEY_B, Played, X, Y, identity, pad, pedal};
 

@@ -5,9 +5,8 @@ use std::os::unix::fs::chown;
 
 use i2ris::ipc::Domain;
 use i2ris_needs::needs;
-use i2ris_testing::{Program, wait_until};
-
-use crate::bench::{WorkFolder, assert_says, end, ends, repository, unused_domain};
+use i2ris_testing::bench::{WorkFolder, assert_says, end, ends, repository};
+use i2ris_testing::{Program, unique_domain, wait_until};
 
 /// A user without rights.
 const PLAIN: u32 = 65_534;
@@ -27,7 +26,7 @@ struct FirstDay {
 
 impl FirstDay {
     fn start(&self, words: &str) -> Program {
-        let words = words.replace('@', &self.bench.file(""));
+        let words = self.bench.words(words);
         Program::start_as(self.user, &self.domain, &words.split_whitespace().collect::<Vec<_>>())
     }
 
@@ -64,7 +63,7 @@ fn filled_in(bench: &WorkFolder, domain: &Domain, template: &str) -> (String, St
 }
 
 fn first_day(user: Option<u32>, template: &str, line: &str) {
-    let day = FirstDay { bench: WorkFolder::new(), domain: unused_domain(), user };
+    let day = FirstDay { bench: WorkFolder::new(), domain: unique_domain(), user };
     chown(day.bench.path(""), user, user).unwrap();
     let (head, ports) = filled_in(&day.bench, &day.domain, template);
     let snake = repository("config/snakes/steel.toml");

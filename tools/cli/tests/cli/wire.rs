@@ -10,10 +10,9 @@ use i2ris::model::file::ModelFile;
 use i2ris::robot::DriveFingerprint;
 use i2ris_simulation::Line;
 use i2ris_testing::Rig;
+use i2ris_testing::bench::{WorkFolder, assert_says, expect_stalls, fails, run, succeeds};
 use nix::sys::signal::Signal;
 use serde_json::Value;
-
-use crate::bench::{WorkFolder, assert_says, expect_stalls, fails, run, succeeds};
 
 /// A robot with a running controller, and a folder for files.
 fn robot() -> (Rig, WorkFolder) {
@@ -35,9 +34,9 @@ fn capture_is_shown_replayed_and_compared_up_to_truncation() {
     rig.wait_for_end();
     fs::copy(&path, bench.path("a.pcapng")).unwrap();
     let shown = bench.succeeds("doctor wire show a.pcapng");
-    let names = ["read statusword (0x6041:00)", "read actual position (0x6064:00)"];
-    assert_says(&shown, &names);
     let says = [
+        "read statusword (0x6041:00)",
+        "read actual position (0x6064:00)",
         "axis0, Epos4, 115200 baud",
         "write lowest position limit (0x607D:01) = -",
         "done",
@@ -70,10 +69,8 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let limit = i64::from(rig.config.ports[0].axes[0].current_limit_ma);
     assert_eq!(drives[0].settings["0x3001:02"], limit);
     bench.write("now.json", &now);
-    assert_says(
-        &succeeds(&domain, &format!("doctor drives compare {}", bench.file("now.json"))),
-        &["no differences"],
-    );
+    let same = succeeds(&domain, &bench.words("doctor drives compare @now.json"));
+    assert_says(&same, &["no differences"]);
     let mut other = drives.clone();
     *other[1].settings.get_mut("0x3010:01").unwrap() += 1;
     let pulses = drives[1].settings["0x3010:01"];
@@ -93,10 +90,8 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let rows: String = objects::of_family(Family::Epos4).map(row).collect();
     let table = format!("index,subindex,type,access,low,high,default,value\n{rows}");
     bench.write("motor_fw0170.csv", &table);
-    assert_says(
-        &bench.succeeds("doctor drives compare motor_fw0170.csv now.json"),
-        &["no differences: 2 drives"],
-    );
+    let same = bench.succeeds("doctor drives compare motor_fw0170.csv now.json");
+    assert_says(&same, &["no differences: 2 drives"]);
     let changed = table.replace("0x3001,2,U32,rw,,,,300", "0x3001,2,U32,rw,,,,301");
     assert_ne!(table, changed, "{table}");
     bench.write("changed_fw0170.csv", &changed);
@@ -121,14 +116,10 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     file.write(&strange).unwrap();
     let strange = strange.display();
     let words = format!("model use {strange} --no-activate");
-    fails(
-        &domain,
-        &words,
-        4,
-        &["calibrated with different drive settings", &named, "--other-drive"],
-    );
+    let refused = ["calibrated with different drive settings", &named, "--other-drive"];
+    fails(&domain, &words, 4, &refused);
     succeeds(&domain, &format!("{words} --other-drive"));
-    succeeds(&domain, &format!("record --duration-s 0.5 --output {}", bench.file("a.mcap")));
+    succeeds(&domain, &bench.words("record --duration-s 0.5 --output @a.mcap"));
     assert_says(&bench.succeeds("record info a.mcap"), &["0x3001:02"]);
 
     // Without a controller the ports are read; with that model it does not start.

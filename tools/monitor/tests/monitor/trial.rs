@@ -8,7 +8,8 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{TrialMsg, padded_text};
 use i2ris::units::Nanos;
 use i2ris_needs::needs;
-use i2ris_testing::{Background, Controller, Program, TIMEOUT};
+use i2ris_testing::bench::{assert_says, succeeds};
+use i2ris_testing::{Background, Controller, TIMEOUT};
 
 use crate::http::Served;
 use crate::pages::WHY;
@@ -43,9 +44,8 @@ fn while_recorded(test: impl FnOnce(&Controller, &AtomicU32)) {
 #[test]
 fn status_shows_the_trial_and_its_newest_mark() {
     while_recorded(|controller, _| {
-        let (success, once, error) = Program::run(&controller.domain, &["status"]);
-        assert!(success && once.contains("study      trial P07-joystick-02 for "), "{once}{error}");
-        assert!(once.contains(", mark 2: contact"), "{once}");
+        let parts = ["study      trial P07-joystick-02 for ", ", mark 2: contact"];
+        assert_says(&succeeds(&controller.domain, "status"), &parts);
     });
 }
 

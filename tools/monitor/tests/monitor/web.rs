@@ -10,7 +10,8 @@ use i2ris::ipc::payload::{
 };
 use i2ris::ipc::{Domain, Fault, OperatingState};
 use i2ris::robot::{Cause, Reason};
-use i2ris_testing::{Controller, Program, unique_domain, wait_until};
+use i2ris_testing::bench::{ends, fails};
+use i2ris_testing::{Controller, unique_domain, wait_until};
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::prelude::{
     Config, FileName, Path, SemanticString, SignalHandlingMode, ZeroCopySend, ipc,
@@ -30,10 +31,8 @@ fn page_gets_everything_and_then_only_news() {
             && live["next_sample"].as_u64() > Some(50)
     });
     assert_eq!((&live["problem"], &live["state"]["name"]), (&json!(null), &json!("ENABLED")));
-    assert_eq!(
-        (&live["estimate"]["deg"], &live["state"]["stale"]),
-        (&json!([1.0, -1.0]), &json!(false))
-    );
+    let shown = (&live["estimate"]["deg"], &live["state"]["stale"]);
+    assert_eq!(shown, (&json!([1.0, -1.0]), &json!(false)));
     assert_eq!(live["motors"][1]["measured_counts"], json!(-20));
     assert_eq!(live["models"]["used"]["name"], json!("linear 01010101"));
     let (run, next) = (&live["run"], &live["next_sample"]);
@@ -100,9 +99,7 @@ fn everything_but_get_is_refused_and_moves_nothing() {
         assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{answer}");
     }
     let robot = controller.robot();
-    assert!(
-        robot.requested.is_empty() && robot.model_requests.is_empty() && robot.poses.is_empty()
-    );
+    assert_eq!((robot.requested.len(), robot.model_requests.len(), robot.poses.len()), (0, 0, 0));
     assert_eq!(robot.state, OperatingState::Enabled);
 }
 
@@ -175,10 +172,8 @@ fn page_waits_for_a_controller_and_reports_its_end() {
             && !live["problem"].is_null()
             && live["estimate"]["age_ms"].as_u64() > Some(500)
     });
-    assert_eq!(
-        (&live["estimate"]["stale"], &live["motors"][0]["stale"]),
-        (&json!(true), &json!(true))
-    );
+    let shown = (&live["estimate"]["stale"], &live["motors"][0]["stale"]);
+    assert_eq!(shown, (&json!(true), &json!(true)));
 }
 
 #[test]
@@ -186,12 +181,11 @@ fn it_ends_with_ctrl_c_and_reports_a_used_port() {
     let controller = Controller::enabled();
     let mut served = Served::start(&controller.domain);
     let place = served.address.to_string();
-    let (success, _, error) = Program::run(&controller.domain, &["status", "--web", &place]);
-    assert!(!success && error.contains(&place) && error.contains("--web ADDRESS:PORT"), "{error}");
+    let used = format!("status --web {place}");
+    fails(&controller.domain, &used, 1, &[&place, "--web ADDRESS:PORT"]);
     served.program.interrupt();
     assert!(served.program.end().0);
-    let (success, _, error) = Program::run(&controller.domain, &["status", "--web", "somewhere"]);
-    assert!(!success && error.contains("192.168.1.5:8080"), "{error}");
+    fails(&controller.domain, "status --web somewhere", 2, &["192.168.1.5:8080"]);
 }
 
 #[test]
@@ -200,8 +194,7 @@ fn an_address_for_others_is_warned_about() {
     let mut served = Served::with(&controller.domain, &["status", "--web", "0.0.0.0:0"]);
     assert_eq!(served.ask("GET", "/live").0, 200);
     served.program.interrupt();
-    let (success, _, error) = served.program.end();
-    assert!(success && error.contains("can be reached from other machines"), "{error}");
+    ends(served.program, 0, &["can be reached from other machines"]);
 }
 
 /// The services of the controller, as any client finds them: how many of the domain could command.

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use i2ris::ipc::payload::{OperatingStateMsg, ServoJp};
+use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{OperatingState, StreamMessage};
 use i2ris::units::Nanos;
 use i2ris_needs::needs;
@@ -12,7 +12,7 @@ use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
 use i2ris_testing::run_python;
 use tempfile::TempDir;
 
-use crate::{header, joints};
+use crate::{command, header, joints};
 
 /// A robot that is enabled, and then moves.
 fn record(path: &Path) {
@@ -37,15 +37,7 @@ fn record(path: &Path) {
         trial.record(&StreamMessage::State(message), stamp);
         let angles = [0.001 * number as f64, -0.5, 0.0];
         if number > 50 {
-            let command = ServoJp {
-                sequence: number,
-                stamp_ns: stamp.0,
-                client_id: 7,
-                position: angles,
-                count: 2,
-                ..ServoJp::default()
-            };
-            trial.record(&StreamMessage::ServoJp(command), stamp);
+            trial.record(&command(number, stamp, angles), stamp);
         }
         trial.record(&StreamMessage::Measured(joints(number, stamp, angles)), stamp);
     }

@@ -5,9 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoJp,
-};
+use i2ris::ipc::payload::{JointState, OperatingStateMsg, PeriodStatistics};
 use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::units::Nanos;
 use i2ris_needs::needs;
@@ -19,7 +17,7 @@ use i2ris_testing::{program, run_python};
 use mcap::records::op;
 use tempfile::TempDir;
 
-use crate::{UNIX, header, joints};
+use crate::{UNIX, camera, command, header, joints, motors};
 
 const MESSAGES: u64 = 2000;
 
@@ -41,14 +39,7 @@ fn record(path: &Path) {
         let joints = joints(number, stamp, [angle, -angle, 0.0]);
         let joints = JointState { model_id: [0xAB; 32], ..joints };
         trial.record(&StreamMessage::Measured(joints), stamp);
-        let counts = [number as i32, -(number as i32)];
-        let motors = ActuatorState {
-            sequence: number,
-            stamp_ns: stamp.0,
-            measured_counts: counts,
-            ..Default::default()
-        };
-        trial.record(&StreamMessage::Actuators(motors), stamp);
+        trial.record(&motors(number, stamp, [number as i32, -(number as i32)]), stamp);
         if number % 1000 == 0 {
             let mut window = PeriodStatistics {
                 sequence: number / 1000,
@@ -123,16 +114,10 @@ fn overview_has_angles_in_degrees_state_and_time() {
                 ..OperatingStateMsg::default()
             };
             trial.record(&StreamMessage::State(state), stamp);
-            let camera = ExternalPosition {
-                stamp_ns: stamp.0,
-                position: [f64::to_radians(ms as f64 * 1e-3), 0.0, 0.0],
-                count: 2,
-                flags: ExternalPosition::VALID,
-                ..ExternalPosition::default()
-            };
             // The camera stops.
             if ms <= 600 {
-                trial.record(&StreamMessage::External(camera), stamp);
+                let pitch = f64::to_radians(ms as f64 * 1e-3);
+                trial.record(&camera(stamp, [pitch, 0.0]), stamp);
             }
         }
     }
@@ -175,16 +160,9 @@ fn report_starts_with_commands_out_of_reach() {
         let stamp = Nanos::from_millis(ms);
         let requested = (ms as f64 * 0.01).min(60.0);
         let flags = if requested > 37.3 { JointState::CLIPPED } else { 0 };
-        let command = ServoJp {
-            stamp_ns: stamp.0,
-            client_id: 7,
-            position: [requested.to_radians(), 0.0, 0.0],
-            count: 2,
-            ..ServoJp::default()
-        };
         let goal = joints(0, stamp, [requested.min(37.3).to_radians(), 0.0, 0.0]);
         let goal = JointState { flags: JointState::VALID | flags, ..goal };
-        trial.record(&StreamMessage::ServoJp(command), stamp);
+        trial.record(&command(0, stamp, [requested.to_radians(), 0.0, 0.0]), stamp);
         trial.record(&StreamMessage::Goal(goal), stamp);
         trial.record(&StreamMessage::Measured(goal), stamp);
     }

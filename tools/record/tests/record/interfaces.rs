@@ -1,12 +1,12 @@
 //! Python, C++ and the manual have the same payloads and services as the controller.
 
 use std::fs;
-use std::path::Path;
 use std::process::Command;
 
 use i2ris::ipc::payload::{Field, LAYOUTS, ModelReply, Payload, PayloadLayout};
 use i2ris::ipc::{Direction, RequestService, Stream};
 use i2ris_needs::needs;
+use i2ris_testing::bench::repository;
 use i2ris_testing::run_python;
 
 /// The layouts of all payloads as JSON.
@@ -33,7 +33,7 @@ fn python_has_the_same_payloads() {
 #[needs("program: c++")]
 #[test]
 fn the_header_for_cpp_is_current_and_compiles() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cpp/i2ris_payload.hpp");
+    let path = repository("tools/cpp/i2ris_payload.hpp");
     let written = fs::read_to_string(&path).unwrap();
     assert!(
         written == i2ris_record::generated::cpp_header(),
@@ -47,8 +47,7 @@ fn the_header_for_cpp_is_current_and_compiles() {
 
 #[test]
 fn the_manual_has_every_service_with_payload_and_direction() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../manual/src/shared-memory.md");
-    let manual = fs::read_to_string(path).unwrap();
+    let manual = fs::read_to_string(repository("tools/manual/src/shared-memory.md")).unwrap();
     let rows: Vec<Vec<&str>> = manual
         .lines()
         .filter(|line| line.starts_with("| `i2ris/"))

@@ -17,7 +17,8 @@ mod reasons;
 mod trial;
 mod trial_faults;
 
-use i2ris::ipc::payload::JointState;
+use i2ris::ipc::StreamMessage;
+use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, ServoJp};
 use i2ris::units::Nanos;
 use i2ris_record::recorder::RecordingHeader;
 
@@ -31,6 +32,31 @@ fn joints(sequence: u64, stamp: Nanos, position: [f64; 3]) -> JointState {
         flags: JointState::VALID,
         ..JointState::default()
     }
+}
+
+/// Positions of the motors.
+fn motors(sequence: u64, stamp: Nanos, measured_counts: [i32; 2]) -> StreamMessage {
+    let stamp_ns = stamp.0;
+    let state = ActuatorState { sequence, stamp_ns, measured_counts, ..Default::default() };
+    StreamMessage::Actuators(state)
+}
+
+/// Angles that a camera saw, rad.
+fn camera(stamp: Nanos, [pitch, yaw]: [f64; 2]) -> StreamMessage {
+    StreamMessage::External(ExternalPosition {
+        stamp_ns: stamp.0,
+        position: [pitch, yaw, 0.0],
+        count: 2,
+        flags: ExternalPosition::VALID,
+        ..ExternalPosition::default()
+    })
+}
+
+/// A command of client 7, rad.
+fn command(sequence: u64, stamp: Nanos, position: [f64; 3]) -> StreamMessage {
+    let (stamp_ns, client_id, count) = (stamp.0, 7, 2);
+    let command = ServoJp { sequence, stamp_ns, client_id, position, count, ..ServoJp::default() };
+    StreamMessage::ServoJp(command)
 }
 
 const UNIX: u64 = 1_700_000_000_000_000_000;

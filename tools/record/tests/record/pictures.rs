@@ -2,41 +2,33 @@
 //! and the delay of the stamps.
 
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 
 use i2ris::clock;
+use i2ris::ipc::Domain;
 use i2ris::ipc::client::PicturePublisher;
-use i2ris::ipc::payload::{ActuatorState, ExternalPosition};
-use i2ris::ipc::{Domain, StreamMessage};
 use i2ris::units::Nanos;
 use i2ris_record::pictures::{Alignment, Picture, view};
 use i2ris_record::read::Records;
 use i2ris_record::report::TrialReport;
-use i2ris_testing::{Controller, wait_until};
+use i2ris_testing::bench::{WorkFolder, prints, start};
+use i2ris_testing::{Controller, Program, wait_until};
 use i2ris_vision::scene::{JointPose, Rig};
 use i2ris_vision::scene_setup::setup;
 use i2ris_vision::session::Session;
 use i2ris_vision::source::{Frame, SourceItem};
 use i2ris_vision::view_detector::ViewDetector;
 use mcap::records::Record;
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
 
-fn recorder(domain: &Domain, file: &Path, more: &[&str]) -> Child {
-    Command::new(env!("CARGO_BIN_EXE_i2ris-record"))
-        .args(["--domain", domain.name(), "--output", file.to_str().unwrap()])
-        .args(more)
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap()
+use crate::{camera, motors};
+
+fn recorder(domain: &Domain, bench: &WorkFolder, more: &str) -> Program {
+    start(domain, &bench.words(&format!("record --output @a.mcap {more}")))
 }
 
 /// Ends the recorder, and returns its output.
-fn end(recorder: Child) -> String {
-    kill(Pid::from_raw(recorder.id().cast_signed()), Signal::SIGINT).unwrap();
-    let output = recorder.wait_with_output().unwrap();
-    assert!(output.status.success());
-    String::from_utf8(output.stdout).unwrap()
+fn end(mut recorder: Program) -> String {
+    recorder.interrupt();
+    prints(recorder, &[])
 }
 
 /// Pictures of a recording: view, exposure in Unix time, bytes.
@@ -64,10 +56,9 @@ fn pictures(file: &Path) -> Vec<(String, Picture)> {
 
 #[test]
 fn pictures_are_recorded_unchanged_with_their_exposure_stamp() {
-    let controller = Controller::enabled();
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("a.mcap");
-    let recorder = recorder(&controller.domain, &file, &[]);
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let file = bench.path("a.mcap");
+    let recorder = recorder(&controller.domain, &bench, "");
     let mut cameras = ["top", "side"].map(|it| PicturePublisher::new(&controller.domain, it));
     // Long ones and short ones: the camera makes room.
     let jpeg = |number: u64| [number as u8].repeat(1000 + 40_000 * (number % 20) as usize);
@@ -103,10 +94,9 @@ fn pictures_are_recorded_unchanged_with_their_exposure_stamp() {
 
 #[test]
 fn pictures_over_budget_are_counted_and_states_recorded() {
-    let controller = Controller::enabled();
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("a.mcap");
-    let recorder = recorder(&controller.domain, &file, &["--pictures-mb", "1"]);
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let file = bench.path("a.mcap");
+    let recorder = recorder(&controller.domain, &bench, "--pictures-mb 1");
     let mut camera = PicturePublisher::new(&controller.domain, "top");
     wait_until("the recorder is running", || file.exists());
     for number in 0..100 {
@@ -149,20 +139,16 @@ fn snake_motion_in_pictures_shows_their_delay() {
         setup.views.iter().map(|view| ViewDetector::new(view.settings())).collect();
     let (mut rows, mut number) = (Vec::new(), 0_u64);
     for ms in 0..(1000.0 * seconds) as u64 {
-        let motors = motion(ms as f64 * 1e-3);
-        with_play(motors, &mut snake);
-        let state = ActuatorState {
-            stamp_ns: 1_000_000 * ms + 1_000_000_000,
-            measured_counts: motors.map(|angle| (1e5 * angle) as i32),
-            ..ActuatorState::default()
-        };
-        alignment.add(&StreamMessage::Actuators(state));
+        let places = motion(ms as f64 * 1e-3);
+        with_play(places, &mut snake);
+        let now = Nanos::from_millis(ms + 1000);
+        alignment.add(&motors(0, now, places.map(|angle| (1e5 * angle) as i32)));
         if ms as f64 * 1e-3 < number as f64 / FPS {
             continue;
         }
         number += 1;
         let pose = JointPose { pitch_rad: snake[0], yaw_rad: snake[1] };
-        let stamp = Nanos(state.stamp_ns) + Nanos((LATE_S * 1e9) as u64);
+        let stamp = now + Nanos((LATE_S * 1e9) as u64);
         for (view, image) in rig.render_views(pose, number).into_iter().enumerate() {
             let frame = Frame { stamp, name: number.to_string(), image, jpeg: None };
             session.take(view, detectors[view].detect(SourceItem::Frame(frame)));
@@ -171,15 +157,7 @@ fn snake_motion_in_pictures_shows_their_delay() {
     }
     for row in rows {
         let Ok(seen) = &row.seen else { continue };
-        let [pitch, yaw] = seen.angle_rad.map(Option::unwrap_or_default);
-        let camera = ExternalPosition {
-            stamp_ns: row.stamp.0,
-            position: [pitch, yaw, 0.0],
-            flags: ExternalPosition::VALID,
-            count: 2,
-            ..ExternalPosition::default()
-        };
-        alignment.add(&StreamMessage::External(camera));
+        alignment.add(&camera(row.stamp, seen.angle_rad.map(Option::unwrap_or_default)));
     }
     let good = session.statistics().good;
     let found = alignment.measure();

@@ -2,8 +2,8 @@
 
 use std::fs;
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::path::Path;
+use std::process::Command;
 
 use i2ris::clock;
 use i2ris::config::Config;
@@ -14,33 +14,26 @@ use i2ris::model::ModelId;
 use i2ris::model::file::ModelFile;
 use i2ris::process::robot_description;
 use i2ris::units::Nanos;
-use i2ris_testing::{Controller, Program, Rig, program, wait_until};
-use tempfile::TempDir;
+use i2ris_testing::bench::{WorkFolder, assert_says, ends, fails, repository, start, succeeds};
+use i2ris_testing::{Controller, Rig, TIMEOUT, program, wait_until};
+use serde_json::Value;
 
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
+const EMULATOR: &str = "config/emulator.toml";
+
+/// Waits until the recording has some size.
+fn wait_for_size(bench: &WorkFolder, bytes: u64) {
+    let size = || fs::metadata(bench.path("trial.mcap")).map_or(0, |data| data.len());
+    wait_until("the file grows", || size() >= bytes);
 }
 
-fn name(path: &Path) -> &str {
-    path.to_str().unwrap()
+/// Words that record into the file `trial.mcap`.
+fn words(bench: &WorkFolder, options: &str) -> String {
+    bench.words(&format!("record --output @trial.mcap {options}"))
 }
 
-fn examination_path() -> (TempDir, PathBuf) {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("trial.mcap");
-    (folder, file)
-}
-
-/// Waits until a file has some size.
-fn wait_for_size(file: &Path, bytes: u64) {
-    wait_until("the file grows", || fs::metadata(file).map_or(0, |data| data.len()) >= bytes);
-}
-
-/// Records into a file; success and standard error.
-fn record(controller: &Controller, file: &Path, options: &[&str]) -> (bool, String) {
-    let arguments = [&["record", "--output", name(file)], options].concat();
-    let (success, _, error) = Program::run(&controller.domain, &arguments);
-    (success, error)
+/// Records into it.
+fn record(controller: &Controller, bench: &WorkFolder, options: &str) {
+    succeeds(&controller.domain, &words(bench, options));
 }
 
 /// The controller publishes robot and limits of this configuration.
@@ -48,61 +41,40 @@ pub fn runs_with(controller: &Controller, config: &Path) {
     controller.robot().description = robot_description(&Config::load(config).unwrap());
 }
 
-/// Runs a program; success, standard output and standard error.
-fn run(arguments: &[&str]) -> (bool, String, String) {
-    let output = program::output(arguments);
-    (output.status.success(), text(&output.stdout), text(&output.stderr))
+fn json(text: &str) -> Value {
+    serde_json::from_str(text).unwrap()
 }
 
 #[test]
 fn a_recording_has_every_stream_and_is_exported() {
-    let controller = Controller::enabled();
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
     controller.robot().fixtures = Some(VirtualFixturesMsg {
         active: 3,
         limited_by: 2,
         values: [[0.125; 17]; 8],
         ..VirtualFixturesMsg::default()
     });
-    let (folder, file) = examination_path();
-    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
+    let config = repository(EMULATOR);
     runs_with(&controller, &config);
-    let options = ["--duration-s", "1.5", "--config", name(&config), "--json"];
-    let arguments = [&["record", "--output", name(&file)], options.as_slice()].concat();
-    let (success, output, error) = Program::run(&controller.domain, &arguments);
-    assert!(success, "{error}");
-    let report: serde_json::Value = serde_json::from_str(&output).unwrap();
-    assert_eq!(report["dropped"].as_u64(), Some(0), "{output}");
-    assert!(report["missed"].is_u64(), "{output}");
+    let options = format!("--duration-s 1.5 --config {} --json", config.display());
+    let report = json(&succeeds(&controller.domain, &words(&bench, &options)));
+    assert_eq!(report["dropped"].as_u64(), Some(0), "{report}");
+    assert!(report["missed"].is_u64(), "{report}");
     let messages = report["messages"]["measured_js"].as_u64().unwrap();
-    assert!(messages > 100, "{output}");
+    assert!(messages > 100, "{report}");
 
-    let (success, info, error) = run(&["record", "info", name(&file)]);
-    assert!(success, "{error}");
-    for part in [
-        "i2ris.header",
-        "robot_id: i2ris-emulated",
-        "i2ris.outcome",
-        "attached emulator.toml",
-        "/measured_js",
-        "/i2ris/goal_js",
-        "recorded 20",
-    ] {
-        assert!(info.contains(part), "{part}\n{info}");
-    }
-    let (success, json, error) = run(&["record", "info", name(&file), "--json"]);
-    assert!(success, "{error}");
-    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
-    assert_eq!(json["metadata"]["i2ris.header"]["robot_id"], "i2ris-emulated");
-    assert_eq!(json["topics"]["/i2ris/measured_js"]["messages"], messages);
-    let read = program::example("read_recording", &[name(&file)]);
+    let parts = ["i2ris.header", "robot_id: i2ris-emulated", "i2ris.outcome", "recorded 20"];
+    let topics = ["attached emulator.toml", "/measured_js", "/i2ris/goal_js"];
+    assert_says(&bench.succeeds("record info trial.mcap"), &[&parts[..], &topics].concat());
+    let info = json(&bench.succeeds("record info trial.mcap --json"));
+    assert_eq!(info["metadata"]["i2ris.header"]["robot_id"], "i2ris-emulated");
+    assert_eq!(info["topics"]["/i2ris/measured_js"]["messages"], messages);
+    let read = program::example("read_recording", &[&bench.file("trial.mcap")]);
     assert!(read.starts_with(&format!("{messages} samples\npitch: ")), "{read}");
-    assert!(json["recorded"][0].as_str().unwrap().ends_with('Z'), "{json}");
-    let tables = folder.path().join("tables");
-    let export = ["record", "export", name(&file), "--output", name(&tables)];
-    assert!(run(&export).0);
-    let table = fs::read_to_string(tables.join("measured_js.csv")).unwrap();
-    let units = fs::read_to_string(tables.join("units.csv")).unwrap();
-    assert!(units.contains("measured_js,yaw_velocity_deg_s,deg/s"), "{units}");
+    assert!(info["recorded"][0].as_str().unwrap().ends_with('Z'), "{info}");
+    bench.succeeds("record export trial.mcap --output tables");
+    let table = bench.read("tables/measured_js.csv");
+    assert_says(&bench.read("tables/units.csv"), &["measured_js,yaw_velocity_deg_s,deg/s"]);
     let header = "time,t_s,received_s,sequence,stamp_ns,boot_id,pitch_deg,yaw_deg";
     assert!(table.starts_with(header), "{table}");
     let rows = table.lines().skip(1).map(|line| line.split(',').collect());
@@ -112,11 +84,10 @@ fn a_recording_has_every_stream_and_is_exported() {
     assert!(rows.iter().all(|row| (degrees(row) - 1.0).abs() < 1e-9));
     let sequence = |row: &Vec<&str>| row[3].parse::<u64>().unwrap();
     assert!(rows.windows(2).all(|pair| sequence(&pair[0]) < sequence(&pair[1])));
-    let table = fs::read_to_string(tables.join("virtual_fixtures.csv")).unwrap();
+    let table = bench.read("tables/virtual_fixtures.csv");
     let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
-    let names = rows.next().unwrap();
+    let (names, row) = (rows.next().unwrap(), rows.next().unwrap());
     let place = |name: &str| names.iter().position(|it| *it == name).unwrap();
-    let row = rows.next().unwrap();
     for (name, wanted) in [("active", "3"), ("limited_by", "2"), ("values_135", "0.125")] {
         assert_eq!(row[place(name)], wanted, "{name}");
     }
@@ -124,54 +95,41 @@ fn a_recording_has_every_stream_and_is_exported() {
 
 #[test]
 fn what_was_written_before_kill_9_is_recovered() {
-    let controller = Controller::enabled();
-    let (folder, file) = examination_path();
-    let killed = ["record", "--output", name(&file), "--note", "killed"];
-    let mut program = Program::start(&controller.domain, &killed);
-    wait_for_size(&file, 100_000);
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let mut program = start(&controller.domain, &words(&bench, "--note killed"));
+    wait_for_size(&bench, 100_000);
     program.child().kill().unwrap();
     program.end();
-    assert!(!run(&["record", "info", name(&file)]).0, "a truncated file is an error");
-    let whole = folder.path().join("whole.mcap");
-    let (success, output, _) = run(&["record", "recover", name(&file), "--output", name(&whole)]);
-    assert!(success && output.contains("1 metadata records"), "{output}");
-    let (success, info, _) = run(&["record", "info", name(&whole)]);
-    assert!(success && info.contains("note: killed"), "{info}");
+    assert_ne!(bench.run("record info trial.mcap").code, Some(0), "truncated: an error");
+    let recovered = bench.succeeds("record recover trial.mcap --output whole.mcap");
+    assert_says(&recovered, &["1 metadata records"]);
+    assert_says(&bench.succeeds("record info whole.mcap"), &["note: killed"]);
 }
 
 #[test]
 fn full_disk_ends_the_recording_and_keeps_written_data() {
-    let controller = Controller::enabled();
-    let (folder, file) = examination_path();
-    let domain = ["--duration-s", "30", "--domain", controller.domain.name()];
-    let record = [&["record", "--output", name(&file)], &domain[..]].concat();
-    let output = with_full_disk(&record, 60_000);
-    let error = text(&output.stderr);
-    assert!(
-        !output.status.success() && error.contains("trial.mcap") && error.contains("recover"),
-        "{error}"
-    );
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let options = format!("--duration-s 30 --domain {}", controller.domain.name());
+    let error = full_disk(&words(&bench, &options), 60_000);
     // The limit on the size of a file, which replaces the full disk here.
-    assert!(error.contains("File too large"), "{error}");
-    let whole = folder.path().join("whole.mcap");
-    let (success, output, _) = run(&["record", "recover", name(&file), "--output", name(&whole)]);
-    assert!(success && !output.contains("recovered 0"), "{output}");
+    assert_says(&error, &["trial.mcap", "recover", "File too large"]);
+    let recovered = bench.succeeds("record recover trial.mcap --output whole.mcap");
+    assert!(!recovered.contains("recovered 0"), "{recovered}");
 }
 
 #[test]
 fn two_recorders_are_independent_and_never_share_a_file() {
-    let controller = Controller::enabled();
-    let (folder, file) = examination_path();
-    let arguments = |file| ["record", "--output", file, "--duration-s", "1"];
-    let first = Program::start(&controller.domain, &arguments(name(&file)));
-    wait_for_size(&file, 1);
-    let (success, error) = record(&controller, &file, &["--duration-s", "1"]);
-    assert!(!success && error.contains("does not exist yet"), "{error}");
-    let other = folder.path().join("other.mcap");
-    let (success, error) = record(&controller, &other, &["--duration-s", "1"]);
-    assert!(success, "{error}");
-    assert!(first.end().0);
-    assert!([&file, &other].iter().all(|file| run(&["record", "info", name(file)]).0));
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let first = start(&controller.domain, &words(&bench, "--duration-s 1"));
+    wait_for_size(&bench, 1);
+    let again = start(&controller.domain, &words(&bench, "--duration-s 1"));
+    ends(again, 1, &["does not exist yet"]);
+    let other = bench.words("record --output @other.mcap --duration-s 1");
+    succeeds(&controller.domain, &other);
+    ends(first, 0, &[]);
+    for file in ["trial.mcap", "other.mcap"] {
+        bench.succeeds(&format!("record info {file}"));
+    }
 }
 
 /// Limits the size of files that a program and its children write, like a full disk.
@@ -188,84 +146,68 @@ pub fn limit_files(command: &mut Command, bytes: u64) {
     }
 }
 
-fn with_full_disk(arguments: &[&str], bytes: u64) -> Output {
-    let mut command = program::command(arguments);
-    command.stdin(Stdio::null());
+/// Expects a failure where files are limited, and returns its message.
+fn full_disk(words: &str, bytes: u64) -> String {
+    let mut command = program::command(&words.split(' ').collect::<Vec<_>>());
     limit_files(&mut command, bytes);
-    command.output().unwrap()
+    let output = command.stdin(std::process::Stdio::null()).output().unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(!output.status.success(), "{error}");
+    error
 }
 
 #[test]
 fn report_accepts_complete_and_truncated_recordings() {
-    let controller = Controller::enabled();
-    let (folder, file) = examination_path();
-    let options = ["--duration-s", "1", "--note", "a <short> one"];
-    let (success, error) = record(&controller, &file, &options);
-    assert!(success, "{error}");
-    let (success, _, error) = run(&["record", "report", name(&file)]);
-    assert!(success, "{error}");
-    let page = fs::read_to_string(folder.path().join("trial.html")).unwrap();
-    assert!(page.contains("a &lt;short&gt; one") && page.contains("<svg"), "{page}");
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    record(&controller, &bench, "--duration-s 1 --note a<short>one");
+    bench.succeeds("record report trial.mcap");
+    let page = bench.read("trial.html");
+    assert_says(&page, &["a&lt;short&gt;one", "<svg"]);
     assert!(!page.contains("<script"), "{page}");
-    let (_, output, _) = run(&["record", "report", name(&file), "--json"]);
-    let summary: serde_json::Value = serde_json::from_str(&output).unwrap();
+    let summary = json(&bench.succeeds("record report trial.mcap --json"));
     assert!(summary["estimate"]["samples"].as_u64().unwrap() > 50, "{summary}");
     let rms = summary["estimate"]["length_rms_deg"].as_f64().unwrap();
     assert!(rms < 1e-9, "this robot follows at once: {rms}");
     assert!(summary["events"][0]["what"].as_str().unwrap().contains("ENABLED"), "{summary}");
 
-    let cut = folder.path().join("cut.mcap");
-    let bytes = fs::read(&file).unwrap();
-    fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).unwrap();
-    let (success, output, error) = run(&["record", "report", name(&cut)]);
-    assert!(!success && error.contains("not complete") && output.contains("written"), "{error}");
-    fs::write(&cut, "no recording at all, whatever its name says").unwrap();
-    let (success, _, error) = run(&["record", "report", name(&cut)]);
-    assert!(!success && error.contains("cut.mcap"), "{error}");
+    let bytes = fs::read(bench.path("trial.mcap")).unwrap();
+    fs::write(bench.path("cut.mcap"), &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let cut = bench.run("record report cut.mcap");
+    assert_ne!(cut.code, Some(0));
+    assert_says(&format!("{}{}", cut.output, cut.error), &["not complete", "written"]);
+    bench.write("cut.mcap", "no recording at all, whatever its name says");
+    bench.fails("record report cut.mcap", &["cut.mcap"]);
 }
 
 #[test]
 fn reports_and_tables_fail_with_a_reason_on_full_disk() {
-    let controller = Controller::enabled();
-    let (folder, file) = examination_path();
-    let (success, error) = record(&controller, &file, &["--duration-s", "1"]);
-    assert!(success, "{error}");
-    let tables = folder.path().join("tables");
-    let export = ["record", "export", name(&file), "--output", name(&tables)];
-    let output = with_full_disk(&export, 5000);
-    let error = text(&output.stderr);
-    assert!(!output.status.success() && error.contains("cannot write"), "{error}");
-    assert!(error.contains("csv"), "{error}");
-    let output = with_full_disk(&["record", "report", name(&file)], 5000);
-    let error = text(&output.stderr);
-    assert!(!output.status.success() && error.contains("trial.html"), "{error}");
-    assert!(!folder.path().join("trial.html").exists(), "there must be no incomplete page");
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    record(&controller, &bench, "--duration-s 1");
+    let error = full_disk(&bench.words("record export @trial.mcap --output @tables"), 5000);
+    assert_says(&error, &["cannot write", "csv"]);
+    let error = full_disk(&bench.words("record report @trial.mcap"), 5000);
+    assert_says(&error, &["trial.html"]);
+    assert!(!bench.exists("trial.html"), "there must be no incomplete page");
 }
 
 #[test]
 fn recording_contains_the_run_log_of_this_run() {
-    let controller = Controller::enabled();
-    let (folder, file) = examination_path();
-    let config = folder.path().join("robot.toml");
-    let emulator = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
-    let content = fs::read_to_string(emulator).unwrap().replace("../target/records", "records");
-    fs::write(&config, content).unwrap();
-    let mut client = Client::connect(&controller.domain, Nanos::from_millis(5000)).unwrap();
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let config = fs::read_to_string(repository(EMULATOR)).unwrap();
+    bench.write("robot.toml", &config.replace("../target/records", "records"));
+    let mut client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let run_id = format!("{:016x}", client.version().unwrap().boot_id);
-    fs::create_dir(folder.path().join("records")).unwrap();
+    fs::create_dir(bench.path("records")).unwrap();
     let log = format!(
         "{{\"run\":\"{run_id}\",\"event\":\"begin\",\"software\":\"x\"}}\n\
          {{\"run\":\"0123\",\"event\":\"begin\"}}\n"
     );
-    fs::write(folder.path().join("records/runs.jsonl"), log).unwrap();
-    runs_with(&controller, &config);
-    let options = ["--duration-s", "0.5", "--config", name(&config)];
-    let (success, error) = record(&controller, &file, &options);
-    assert!(success, "{error}");
-    let (_, info, _) = run(&["record", "info", name(&file)]);
-    assert!(info.contains("attached audit-begin.jsonl"), "{info}");
-    assert!(info.contains("attached audit.jsonl"), "{info}");
-    let bytes = fs::read(&file).unwrap();
+    bench.write("records/runs.jsonl", &log);
+    runs_with(&controller, &bench.path("robot.toml"));
+    record(&controller, &bench, &bench.words("--duration-s 0.5 --config @robot.toml"));
+    let attached = ["attached audit-begin.jsonl", "attached audit.jsonl"];
+    assert_says(&bench.succeeds("record info trial.mcap"), &attached);
+    let bytes = fs::read(bench.path("trial.mcap")).unwrap();
     let contains = |word: &str| bytes.windows(word.len()).any(|window| window == word.as_bytes());
     assert!(contains("\"software\":\"x\"") && !contains("\"run\":\"0123\""));
 }
@@ -275,8 +217,8 @@ fn files_that_cannot_be_created_are_refused_first() {
     let controller = Controller::enabled();
     // /proc is read-only for everyone, root included.
     for path in ["/nonexistent/folder/trial.mcap", "/proc/trial.mcap"] {
-        let (success, error) = record(&controller, Path::new(path), &[]);
-        assert!(!success && error.contains(&format!("cannot create {path}")), "{error}");
+        let words = format!("record --output {path}");
+        fails(&controller.domain, &words, 1, &[&format!("cannot create {path}")]);
     }
 }
 
@@ -308,89 +250,71 @@ fn model_file(robot_id: &str) -> String {
 
 #[test]
 fn only_the_model_in_use_is_attached() {
-    let controller = Controller::enabled();
-    let (folder, file) = examination_path();
-    let model = folder.path().join("staged.json");
-    fs::write(&model, model_file("here")).unwrap();
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let model = bench.path("staged.json");
+    bench.write("staged.json", &model_file("here"));
     let id: ModelId = ModelFile::read(&model).unwrap().id().unwrap();
-    controller.robot().model_file = Some((model.clone(), id));
-    let (success, error) = record(&controller, &file, &["--duration-s", "0.2"]);
-    assert!(success && !error.contains("does not contain it"), "{error}");
-    let (_, info, _) = run(&["record", "info", name(&file)]);
-    assert!(info.contains("attached staged.json"), "{info}");
+    controller.robot().model_file = Some((model, id));
+    let attached = |file: &str| {
+        let words = bench.words(&format!("record --output @{file} --duration-s 0.2"));
+        let error = ends(start(&controller.domain, &words), 0, &[]).error;
+        let info = bench.succeeds(&format!("record info {file}"));
+        (info.contains("attached staged.json"), error.contains("does not contain it"))
+    };
+    assert_eq!(attached("trial.mcap"), (true, false));
     // A different model has been written over it.
-    fs::write(&model, model_file("elsewhere")).unwrap();
-    let other = folder.path().join("other.mcap");
-    let (success, error) = record(&controller, &other, &["--duration-s", "0.2"]);
-    assert!(success && error.contains("does not contain it"), "{error}");
-    let (_, info, _) = run(&["record", "info", name(&other)]);
-    assert!(!info.contains("attached staged.json"), "{info}");
+    bench.write("staged.json", &model_file("elsewhere"));
+    assert_eq!(attached("other.mcap"), (false, true));
 }
 
 #[test]
 fn configuration_and_run_log_are_recorded_and_extracted() {
     let mut rig = Rig::with_model();
     let mut client = rig.enabled();
-    let (folder, file) = examination_path();
-    let domain = rig.domain();
-    let mut recorder = Program::start(&domain, &["record", "--output", name(&file)]);
-    wait_for_size(&file, 50_000);
+    let (bench, domain) = (WorkFolder::new(), rig.domain());
+    let mut recorder = start(&domain, &words(&bench, ""));
+    wait_for_size(&bench, 50_000);
     let mut commander = client.commander();
     for step in 0..100 {
         commander.servo_jp(&[0.0005 * f64::from(step), 0.0]).unwrap();
         clock::sleep(Nanos::from_millis(5));
     }
     recorder.interrupt();
-    let (code, _, error) = recorder.code();
-    assert_eq!((code, error.as_str()), (Some(0), ""));
-    let parts = folder.path().join("parts");
-    let extract = ["record", "info", name(&file), "--output", name(&parts)];
-    let (success, output, error) = run(&extract);
-    assert!(success && output.contains(" commands"), "{output}{error}");
+    assert_eq!(ends(recorder, 0, &[]).error, "");
+    let extract = "record info trial.mcap --output parts";
+    assert_says(&bench.succeeds(extract), &[" commands"]);
     let served = rig.folder.path().join("robot.toml");
-    assert_eq!(fs::read(parts.join("robot.toml")).unwrap(), fs::read(&served).unwrap());
+    assert_eq!(bench.read("parts/robot.toml"), fs::read_to_string(&served).unwrap());
     for file in ["audit.jsonl", "model.json", "robot.urdf"] {
-        assert!(parts.join(file).exists(), "{file}: {output}");
+        assert!(bench.exists(&format!("parts/{file}")), "{file}");
     }
-    let (success, _, error) = run(&extract);
-    assert!(!success && error.contains("cannot write"), "nothing is written over: {error}");
+    // Nothing is written over.
+    bench.fails(extract, &["cannot write"]);
     // What was commanded can be commanded again.
     client.state_command(StateCommand::Release).unwrap();
-    let commands = parts.join("commands.csv");
-    let (success, output, error) =
-        Program::run(&domain, &["command", "file", name(&commands), "--on-late", "continue"]);
-    assert!(success && output.contains("followed within"), "{output}{error}");
+    let again = bench.words("command file @parts/commands.csv --on-late continue");
+    assert_says(&succeeds(&domain, &again), &["followed within"]);
     // A copy is the same file, a changed one is not.
-    let copy = folder.path().join("copy.toml");
-    fs::copy(&served, &copy).unwrap();
-    let other = folder.path().join("other.mcap");
-    let options = ["record", "--duration-s", "0.2", "--config", name(&copy), "--output"];
-    let (success, _, error) =
-        Program::run(&domain, &[&options, [name(&other)].as_slice()].concat());
-    assert!(success, "{error}");
-    let changed = fs::read_to_string(&served).unwrap() + "\n# changed\n";
-    fs::write(&copy, changed).unwrap();
-    let third = folder.path().join("third.mcap");
-    let (success, _, error) =
-        Program::run(&domain, &[&options, [name(&third)].as_slice()].concat());
-    assert!(!success && error.contains("differs from") && !third.exists(), "{error}");
+    fs::copy(&served, bench.path("copy.toml")).unwrap();
+    let with_copy = |file: &str| {
+        bench.words(&format!("record --duration-s 0.2 --config @copy.toml --output @{file}"))
+    };
+    succeeds(&domain, &with_copy("other.mcap"));
+    bench.write("copy.toml", &(fs::read_to_string(&served).unwrap() + "\n# changed\n"));
+    fails(&domain, &with_copy("third.mcap"), 1, &["differs from"]);
+    assert!(!bench.exists("third.mcap"));
 }
 
 #[test]
 fn configuration_of_a_different_robot_is_refused() {
-    let controller = Controller::enabled();
-    let (_folder, file) = examination_path();
-    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
-    let options = ["--duration-s", "0.2", "--config", name(&config)];
-    let (success, error) = record(&controller, &file, &options);
-    assert!(!success && error.contains("i2ris-emulated"), "{error}");
-    assert!(!file.exists());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let options = format!("--duration-s 0.2 --config {}", repository(EMULATOR).display());
+    fails(&controller.domain, &words(&bench, &options), 1, &["i2ris-emulated"]);
+    assert!(!bench.exists("trial.mcap"));
 }
 
 #[test]
 fn foreign_file_is_reported_as_not_a_recording() {
-    let (_folder, file) = examination_path();
-    fs::write(&file, "t_s,q0_counts\n0,1\n").unwrap();
-    let (success, _, error) = run(&["record", "info", name(&file)]);
-    assert!(!success && error.contains("is not a recording"), "{error}");
+    let bench = WorkFolder::with("trial.mcap", "t_s,q0_counts\n0,1\n");
+    bench.fails("record info trial.mcap", &["is not a recording"]);
 }

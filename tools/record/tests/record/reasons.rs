@@ -7,7 +7,8 @@ use std::path::Path;
 use i2ris::ipc::{Fault, OperatingState};
 use i2ris::robot::{Cause, Measurement, Quantity, Reason};
 use i2ris_needs::needs;
-use i2ris_testing::{Controller, Program, program, python, wait_until};
+use i2ris_testing::bench::{WorkFolder, interrupt, repository, start, succeeds};
+use i2ris_testing::{Controller, python, wait_until};
 
 /// Messages that `error` and `warning` keep for later subscribers.
 const KEPT: usize = 16;
@@ -37,21 +38,15 @@ fn fault(controller: &Controller, reason: Reason) {
 }
 
 fn status(controller: &Controller) -> (String, serde_json::Value) {
-    let (success, text, error) = Program::run(&controller.domain, &["status"]);
-    assert!(success, "{error}");
-    let (success, json, error) = Program::run(&controller.domain, &["status", "--json"]);
-    assert!(success, "{error}");
-    (text, serde_json::from_str(&json).unwrap())
+    let json = succeeds(&controller.domain, "status --json");
+    (succeeds(&controller.domain, "status"), serde_json::from_str(&json).unwrap())
 }
 
 #[test]
 fn every_cause_reads_the_same_in_status_and_recording() {
-    let controller = Controller::enabled();
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("trial.mcap");
-    let name = file.to_str().unwrap();
-    let mut recorder = Program::start(&controller.domain, &["record", "--output", name]);
-    wait_until("a recording begins", || file.exists());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let recorder = start(&controller.domain, &bench.words("record --output @trial.mcap"));
+    wait_until("a recording begins", || bench.exists("trial.mcap"));
     let all = reasons();
     let (faults, others): (Vec<&Reason>, Vec<&Reason>) =
         all.iter().partition(|reason| reason.cause.is_error());
@@ -75,13 +70,9 @@ fn every_cause_reads_the_same_in_status_and_recording() {
         assert!(text.starts_with(&reason.text()), "{reason}\n{text}");
         assert_eq!(json["why"][0]["code"], reason.cause.to_string().as_str());
     }
-    recorder.interrupt();
-    assert_eq!(recorder.code().0, Some(0));
-    let tables = folder.path().join("tables");
-    let tables_name = tables.to_str().unwrap();
-    let exported = program::output(&["record", "export", name, "--output", tables_name]);
-    assert!(exported.status.success());
-    let recorded = ["error", "warning"].map(|stream| texts(&tables.join(format!("{stream}.csv"))));
+    interrupt(recorder);
+    bench.succeeds("record export trial.mcap --output tables");
+    let recorded = ["error.csv", "warning.csv"].map(|it| texts(&bench.path("tables").join(it)));
     for reason in &all {
         let stream = &recorded[usize::from(!reason.cause.is_error())];
         let (text, advice) = (reason.text(), reason.cause.advice().to_owned());
@@ -101,13 +92,9 @@ fn texts(table: &Path) -> Vec<(String, String)> {
         .collect()
 }
 
-fn python_folder() -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../python")
-}
-
 #[test]
 fn the_texts_of_python_are_current() {
-    let written = fs::read_to_string(python_folder().join("i2ris/reasons.py")).unwrap();
+    let written = fs::read_to_string(repository("tools/python/i2ris/reasons.py")).unwrap();
     assert!(
         written == i2ris_record::generated::python_reasons(),
         "run cargo run -p i2ris-record --example python_reasons > tools/python/i2ris/reasons.py"
@@ -116,7 +103,7 @@ fn the_texts_of_python_are_current() {
 
 #[test]
 fn the_table_of_the_manual_is_current() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../manual/src/stops-and-faults.md");
+    let file = repository("tools/manual/src/stops-and-faults.md");
     let text = fs::read_to_string(&file).unwrap();
     let (head, rest) = text.split_once("<!-- reasons:").unwrap();
     let (mark, rest) = rest.split_once("-->\n").unwrap();
@@ -141,14 +128,12 @@ fn the_table_of_the_manual_is_current() {
 #[test]
 fn python_has_the_versions_of_the_controller() {
     use i2ris::ipc::ready::{ICEORYX2_VERSION, INTERFACE_VERSION};
-    let link = fs::read_to_string(python_folder().join("i2ris/link.py")).unwrap();
-    let payload = fs::read_to_string(python_folder().join("i2ris/payload.py")).unwrap();
-    let project = fs::read_to_string(python_folder().join("pyproject.toml")).unwrap();
-    for (text, part) in [
-        (&payload, format!("\nINTERFACE_VERSION = {INTERFACE_VERSION}\n")),
-        (&link, format!("\nICEORYX2_VERSION = \"{ICEORYX2_VERSION}\"\n")),
-        (&project, format!("iceoryx2=={ICEORYX2_VERSION}")),
+    for (file, part) in [
+        ("i2ris/payload.py", format!("\nINTERFACE_VERSION = {INTERFACE_VERSION}\n")),
+        ("i2ris/link.py", format!("\nICEORYX2_VERSION = \"{ICEORYX2_VERSION}\"\n")),
+        ("pyproject.toml", format!("iceoryx2=={ICEORYX2_VERSION}")),
     ] {
+        let text = fs::read_to_string(repository("tools/python").join(file)).unwrap();
         assert!(text.contains(&part), "{part}");
     }
 }

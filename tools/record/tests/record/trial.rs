@@ -12,7 +12,8 @@ use i2ris::ipc::payload::{TeleopMsg, TrialMsg, unpadded_text};
 use i2ris::units::Nanos;
 use i2ris_record::trial::Study;
 use i2ris_record::trial::journal::{Journal, Outcome};
-use i2ris_testing::{Controller, Rig, TIMEOUT, wait_until};
+use i2ris_testing::bench::{WorkFolder, assert_says};
+use i2ris_testing::{Controller, Rig, TIMEOUT, program, wait_until};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use proptest::prelude::*;
@@ -20,19 +21,19 @@ use proptest::test_runner::{Config, RngSeed, TestRunner};
 
 /// Runs `i2ris record trial` in a study: exit code and what it printed.
 pub struct StudyRig {
-    folder: tempfile::TempDir,
+    pub folder: WorkFolder,
     domain: Domain,
 }
 
 impl StudyRig {
     pub fn new(domain: &Domain) -> Self {
-        let bench = Self { folder: tempfile::tempdir().unwrap(), domain: domain.clone() };
+        let bench = Self { folder: WorkFolder::new(), domain: domain.clone() };
         bench.succeeds("new STUDY --condition joystick,keyboard");
         bench
     }
 
     pub fn study(&self) -> PathBuf {
-        self.folder.path().join("study")
+        self.folder.path("study")
     }
 
     fn run(&self, words: &str) -> (Option<i32>, String) {
@@ -43,17 +44,10 @@ impl StudyRig {
 
     /// `i2ris record trial` with these words; STUDY is its folder.
     pub fn command(&self, words: &str) -> Command {
-        let study = self.study();
-        let words = words.split_whitespace().map(|word| match word {
-            "STUDY" => study.to_str().unwrap(),
-            word => word,
-        });
-        let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-record"));
-        command
-            .arg("trial")
-            .args(words)
-            .env("I2RIS_STUDY", &study)
-            .env("I2RIS_DOMAIN", self.domain.name());
+        let study = self.folder.file("study");
+        let words = format!("record trial {}", words.replace("STUDY", &study));
+        let mut command = program::command(&words.split_whitespace().collect::<Vec<_>>());
+        command.env("I2RIS_STUDY", study).env("I2RIS_DOMAIN", self.domain.name());
         command
     }
 
@@ -142,8 +136,7 @@ fn trial_is_recorded_with_marks_and_published() {
     let trials = list.lines().filter(|line| line.starts_with("P07-joystick-0")).count();
     assert_eq!(trials, 2, "{list}");
     let show = bench.succeeds("list P07-joystick-01");
-    assert!(show.contains("mark   1") && show.contains("contact"), "{show}");
-    assert!(show.contains("no preflight of this controller"), "{show}");
+    assert_says(&show, &["mark   1", "contact", "no preflight of this controller"]);
     let json: serde_json::Value = serde_json::from_str(&bench.succeeds("list --json")).unwrap();
     assert_eq!(json["P07-joystick-01"]["marks"][1]["text"], "free");
     assert_eq!(json["P07-joystick-01"]["outcome"], "recovery");
@@ -196,13 +189,12 @@ fn invalid_code_condition_or_study_is_refused_without_traces() {
     }
     let list = bench.succeeds("list");
     assert!(list.starts_with("no trial yet; `i2ris record trial start` starts one\n"), "{list}");
-    for order in ["participant 1, 3, ...: joystick, keyboard", "2, 4, ...: keyboard, joystick"] {
-        assert!(list.contains(order), "{list}");
-    }
+    let orders = ["participant 1, 3, ...: joystick, keyboard", "2, 4, ...: keyboard, joystick"];
+    assert_says(&list, &orders);
     assert_eq!(fs::read_dir(bench.study()).unwrap().count(), 1, "study.json alone");
-    let description = fs::read_to_string(bench.study().join("study.json")).unwrap();
+    let description = bench.folder.read("study/study.json");
     let later = description.replace("\"format\": 1", "\"format\": 2");
-    fs::write(bench.study().join("study.json"), later).unwrap();
+    bench.folder.write("study/study.json", &later);
     bench.fails("list", "study format 2, but this program supports 1");
 }
 

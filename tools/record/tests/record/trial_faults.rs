@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::io::Write;
-use std::path::Path;
 use std::process::Stdio;
 
 use i2ris::clock;
@@ -12,7 +11,8 @@ use i2ris::units::Nanos;
 use i2ris_record::report::TrialReport;
 use i2ris_record::trial::Study;
 use i2ris_record::trial::journal::Journal;
-use i2ris_testing::{Controller, TIMEOUT, program, wait_until};
+use i2ris_testing::bench::{assert_says, repository, succeeds};
+use i2ris_testing::{Controller, TIMEOUT, wait_until};
 
 use crate::programs::{limit_files, runs_with};
 use crate::trial::{START, StudyRig, newest, recorder_of};
@@ -45,24 +45,20 @@ fn workload_is_stored_with_the_last_ended_trial() {
     assert!(!is_stored && printed.contains("nothing is stored"), "{printed}");
     let (is_stored, printed) = answer("55\nmany\n30\n25\n60\n50\n20\n");
     assert!(is_stored, "{printed}");
-    let parts =
-        ["mental: How mentally", "`many` is not an answer", "P07-joystick-01: workload 40 of"];
-    for part in parts {
-        assert!(printed.contains(part), "{part}: {printed}");
-    }
+    let parts = ["mental: How mentally", "`many` is not an answer", "-01: workload 40 of"];
+    assert_says(&printed, &parts);
     let show = bench.succeeds(&format!("list {FIRST}"));
     assert!(show.contains("workload 40 of 100: mental 55, physical 30"), "{show}");
     // In page and tables.
-    let study = bench.study();
-    let output = program::output(&["record", "report", study.to_str().unwrap()]);
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(fs::read_to_string(study.join("report.html")).unwrap().contains("workload (0 to 100)"));
-    let table = fs::read_to_string(study.join("report.csv")).unwrap();
+    let folder = &bench.folder;
+    folder.succeeds("record report study");
+    assert_says(&folder.read("study/report.html"), &["workload (0 to 100)"]);
+    let table = folder.read("study/report.csv");
     assert!(table.lines().next().unwrap().ends_with("performance,effort,frustration"), "{table}");
-    assert!(table.contains(",40,55,30,25,60,50,20"), "{table}");
-    let effects = fs::read_to_string(study.join("report-effects.csv")).unwrap();
-    assert!(effects.contains("workload (0 to 100),joystick,40,,,,"), "{effects}");
-    assert!(study.join("report-targets.csv").exists());
+    assert_says(&table, &[",40,55,30,25,60,50,20"]);
+    let effects = folder.read("study/report-effects.csv");
+    assert_says(&effects, &["workload (0 to 100),joystick,40,,,,"]);
+    assert!(folder.exists("study/report-targets.csv"));
 }
 
 #[test]
@@ -117,10 +113,9 @@ fn full_disk_is_reported_and_robot_and_data_stay() {
         published.flags & TrialMsg::FAILED != 0
     });
     assert_eq!(published.flags, TrialMsg::FAILED, "it continues unrecorded");
-    let (found, why, _) = i2ris_testing::Program::run(&controller.domain, &["status"]);
-    assert!(found && why.contains("P07-joystick-02 is no longer recorded"), "{why}");
-    let list = bench.succeeds("list");
-    assert!(list.contains("running, but no longer recorded"), "{list}");
+    let why = succeeds(&controller.domain, "status");
+    assert_says(&why, &["P07-joystick-02 is no longer recorded"]);
+    assert_says(&bench.succeeds("list"), &["running, but no longer recorded"]);
     // Other commands do not take it for ended, and marks are kept if they fit.
     bench.fails(START, "P07-joystick-02 is running");
     bench.succeeds("mark still-here");
@@ -142,7 +137,7 @@ fn full_disk_is_reported_and_robot_and_data_stay() {
 
 #[test]
 fn a_study_of_another_robot_is_refused_and_leaves_nothing() {
-    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
+    let config = repository("config/emulator.toml");
     let controller = Controller::enabled();
     runs_with(&controller, &config);
     let bench = StudyRig::new(&controller.domain);
@@ -178,13 +173,9 @@ fn a_hundred_marks_a_second_are_all_recorded() {
     let marks = Journal::read(&bench.trial(FIRST)).unwrap().unwrap().marks;
     assert_eq!(marks.len(), 100);
     assert!(marks.windows(2).all(|pair| pair[0].monotonic_ns < pair[1].monotonic_ns));
-    let recording = bench.trial(FIRST).join("recording.mcap");
-    let tables = bench.study().join("tables");
-    let words = ["record", "export", recording.to_str().unwrap(), "--output"];
-    assert!(
-        program::output(&[&words, [tables.to_str().unwrap()].as_slice()].concat()).status.success()
-    );
-    let mut table = csv::Reader::from_path(tables.join("trial.csv")).unwrap();
+    let recording = format!("study/{FIRST}/recording.mcap");
+    bench.folder.succeeds(&format!("record export {recording} --output tables"));
+    let mut table = csv::Reader::from_path(bench.folder.path("tables/trial.csv")).unwrap();
     let column = table.headers().unwrap().iter().position(|name| name == "mark_number").unwrap();
     let mut numbers: Vec<u32> =
         table.records().map(|row| row.unwrap()[column].parse().unwrap()).collect();

@@ -1,13 +1,14 @@
-//! A folder with files, and `i2ris` in it.
+//! A folder with files, and `i2ris` in it or on the domain of a controller.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Stdio;
 
+use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
-use i2ris::ipc::{Domain, random_id};
-use i2ris_testing::{Program, Rig, program};
 use tempfile::TempDir;
+
+use crate::{Program, Rig, program, transcript};
 
 pub struct WorkFolder(TempDir);
 
@@ -49,6 +50,11 @@ impl WorkFolder {
 
     pub fn exists(&self, name: &str) -> bool {
         self.path(name).exists()
+    }
+
+    /// Words in which `@` stands for the folder.
+    pub fn words(&self, words: &str) -> String {
+        words.replace('@', &self.file(""))
     }
 
     /// Runs `i2ris` in the folder.
@@ -170,12 +176,7 @@ pub fn robot(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
     (rig, client)
 }
 
-/// A domain that no controller serves.
-pub fn unused_domain() -> Domain {
-    Domain::new(&format!("t{:016x}", random_id())).unwrap()
-}
-
 /// A file of the repository.
 pub fn repository(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)
+    transcript::root().join(name)
 }
