@@ -125,32 +125,24 @@ fn specks_on_the_fibre_do_not_turn_it() {
 }
 
 #[test]
-fn a_covered_end_is_doubted() {
-    let mut scene = scene(25.0);
-    scene.clutter.push(cover(on_fibre(&scene, 3.2), 25.0, 90.0));
-    assert_doubt(read(&scene), QualityIssue::EndCovered);
-}
-
-#[test]
-fn tip_hidden_by_a_ground_like_object_is_doubted() {
-    let mut scene = scene(40.0);
-    // It hides the whole straight tip: what is left to see ends in the arc.
-    scene.clutter.push(cover(on_fibre(&scene, 2.4), 95.0, scene.paint.ground));
-    assert_doubt(read(&scene), QualityIssue::TipBent);
-}
-
-#[test]
-fn a_fibre_out_of_the_image_is_doubted() {
-    let mut scene = scene(30.0);
-    scene.camera.origin_px[0] += 250.0;
-    assert_doubt(read(&scene), QualityIssue::OutOfPicture);
-}
-
-#[test]
-fn a_covered_base_is_doubted() {
-    let mut scene = scene(10.0);
-    scene.clutter.push(cover([60.0, 240.0], 130.0, 100.0));
-    assert_doubt(read(&scene), QualityIssue::NoBase);
+fn hidden_ends_and_bases_and_fibres_out_of_the_image_are_doubted() {
+    type Change = fn(&mut Scene);
+    let cases: [(QualityIssue, f64, Change); 4] = [
+        (QualityIssue::EndCovered, 25.0, |it| {
+            it.clutter.push(cover(on_fibre(it, 3.2), 25.0, 90.0))
+        }),
+        // Like the ground, over the whole straight tip: what is left to see ends in the arc.
+        (QualityIssue::TipBent, 40.0, |it| {
+            it.clutter.push(cover(on_fibre(it, 2.4), 95.0, it.paint.ground));
+        }),
+        (QualityIssue::OutOfPicture, 30.0, |it| it.camera.origin_px[0] += 250.0),
+        (QualityIssue::NoBase, 10.0, |it| it.clutter.push(cover([60.0, 240.0], 130.0, 100.0))),
+    ];
+    for (issue, pitch_deg, change) in cases {
+        let mut scene = scene(pitch_deg);
+        change(&mut scene);
+        assert_doubt(read(&scene), issue);
+    }
 }
 
 #[test]

@@ -3,14 +3,14 @@
 
 use std::fs;
 use std::io::Write;
-use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::Nanos;
-use i2ris_testing::{serve, unique_domain, wait_until};
+use i2ris_testing::bench::{WorkFolder, assert_says};
+use i2ris_testing::{program, serve, unique_domain, wait_until};
 use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{JointPose, Rig};
 use i2ris_vision::scene_setup::setup;
@@ -23,59 +23,39 @@ fn rig() -> Rig {
     Rig::laboratory(640, 480, 100.0)
 }
 
-fn vision(arguments: &[&str]) -> Command {
-    let mut command = i2ris_testing::program::command(&[&["vision"], arguments].concat());
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+/// `i2ris vision` in a folder, with a pipe to its input.
+fn vision(bench: &WorkFolder, words: &str) -> Command {
+    let words = format!("vision {words}");
+    let mut command = program::command(&words.split(' ').collect::<Vec<_>>());
+    command.current_dir(bench.path("")).stdin(Stdio::piped());
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
-}
-
-fn run(arguments: &[&str]) -> Output {
-    vision(arguments).output().unwrap()
 }
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Ends with a code other than 0 and one sentence on stderr that holds `words`.
-fn assert_refused(output: &Output, words: &[&str]) {
-    let message = text(&output.stderr);
-    assert!(!output.status.success(), "{message}");
+/// Ends with a code other than 0 and one sentence that holds `words`.
+fn assert_refused(is_success: bool, message: &str, words: &[&str]) {
+    assert!(!is_success, "{message}");
     assert!(message.contains("error: ") && !message.contains("panicked"), "{message}");
-    assert!(words.iter().all(|word| message.contains(word)), "{words:?} in {message}");
+    assert_says(message, words);
 }
 
-/// A folder that vanishes, with paths as text.
-struct Place(tempfile::TempDir);
-
-impl Place {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn name(&self, name: &str) -> String {
-        self.path(name).to_string_lossy().into_owned()
-    }
-
-    /// Numbered frames of both views: rest, then these poses in degrees. And the setup.
-    fn film(&self, prefix: &str, rig: &Rig, poses: &[[f64; 2]]) {
-        for view in 0..2 {
-            fs::create_dir_all(self.path(&format!("{prefix}{view}"))).unwrap();
+/// A folder with numbered frames of both views: rest, then these poses in degrees. And the setup.
+fn film(poses: &[[f64; 2]]) -> WorkFolder {
+    let (bench, rig) = (WorkFolder::new(), rig());
+    (0..2).for_each(|view| fs::create_dir_all(bench.path(&format!("view{view}"))).unwrap());
+    let all = (0..REST).map(|_| [0.0; 2]).chain(poses.iter().copied());
+    for (number, [pitch, yaw]) in all.enumerate() {
+        let pose = JointPose { pitch_rad: pitch.to_radians(), yaw_rad: yaw.to_radians() };
+        for (view, image) in rig.render_views(pose, number as u64).iter().enumerate() {
+            save_grey(&bench.path(&format!("view{view}/image_{number:04}.png")), image).unwrap();
         }
-        let all = (0..REST).map(|_| [0.0; 2]).chain(poses.iter().copied());
-        for (number, [pitch, yaw]) in all.enumerate() {
-            let pose = JointPose { pitch_rad: pitch.to_radians(), yaw_rad: yaw.to_radians() };
-            for (view, image) in rig.render_views(pose, number as u64).iter().enumerate() {
-                save_grey(&self.path(&format!("{prefix}{view}/image_{number:04}.png")), image)
-                    .unwrap();
-            }
-        }
-        setup(rig).save(&self.path("vision.toml")).unwrap();
     }
+    setup(&rig).save(&bench.path("vision.toml")).unwrap();
+    bench
 }
 
 /// Rows of a CSV text without its header, cell by cell.
@@ -96,18 +76,14 @@ fn assert_near(row: &[String], expected: [f64; 2], within: f64) {
 
 #[test]
 fn two_folders_become_angles_and_bad_files_gaps() {
-    let place = Place::new();
-    place.film("view", &rig(), &[[10.0, -20.0], [-30.0, 5.0], [25.0, 25.0], [1.0, 2.0]]);
-    fs::remove_file(place.path("view0/image_0007.png")).unwrap();
-    let whole = fs::read(place.path("view1/image_0008.png")).unwrap();
-    fs::write(place.path("view1/image_0008.png"), &whole[..whole.len() / 2]).unwrap();
-    let (setup, first, second) =
-        (place.name("vision.toml"), place.name("view0"), place.name("view1"));
-    let overlays = place.name("overlays");
-    let drawn = ["--rest-s", "0.2", "--overlays", &overlays];
-    let output = run(&[&["--setup", &setup, &first, &second], &drawn[..]].concat());
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let rows = rows(&text(&output.stdout));
+    let bench = film(&[[10.0, -20.0], [-30.0, 5.0], [25.0, 25.0], [1.0, 2.0]]);
+    fs::remove_file(bench.path("view0/image_0007.png")).unwrap();
+    let whole = fs::read(bench.path("view1/image_0008.png")).unwrap();
+    fs::write(bench.path("view1/image_0008.png"), &whole[..whole.len() / 2]).unwrap();
+    let options = "--rest-s 0.2 --overlays overlays";
+    let result = bench.run(&format!("vision --setup vision.toml view0 view1 {options}"));
+    assert_eq!(result.code, Some(0), "{}", result.error);
+    let rows = rows(&result.output);
     assert_eq!(rows.len(), 10);
     assert_near(&rows[6], [10.0, -20.0], 0.1);
     assert_near(&rows[9], [1.0, 2.0], 0.1);
@@ -115,57 +91,50 @@ fn two_folders_become_angles_and_bad_files_gaps() {
         let row = &rows[row];
         assert!(row[1..9].iter().all(String::is_empty) && row[9].contains(cause), "{row:?}");
     }
-    let report = text(&output.stderr);
-    assert!(report.contains("8 of 10 rows have angles") && report.contains("spread"), "{report}");
+    assert_says(&result.error, &["8 of 10 rows have angles", "spread"]);
 
     // A person looks at what there was to measure.
-    assert_eq!(fs::read_dir(&overlays).unwrap().count(), 18);
+    assert_eq!(fs::read_dir(bench.path("overlays")).unwrap().count(), 18);
 }
 
-/// A stream of the first view alone, with the setup next to it.
-fn stream(place: &Place, rig: &Rig, poses: usize) -> Vec<u8> {
-    let mut one = setup(rig);
+/// A stream of the first view alone, and a folder with its setup.
+fn stream(poses: usize) -> (WorkFolder, Vec<u8>) {
+    let (bench, rig) = (WorkFolder::new(), rig());
+    let mut one = setup(&rig);
     one.views.truncate(1);
-    one.save(&place.path("one.toml")).unwrap();
+    one.save(&bench.path("one.toml")).unwrap();
     let mut bytes = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".to_vec();
     for number in 0..poses as u64 {
         let angle = if number < REST { 0.0 } else { 0.2 };
         bytes.extend(b"FRAME\n");
-        bytes.extend(
-            rig.render_views(JointPose { pitch_rad: angle, yaw_rad: 0.0 }, number)[0].data(),
-        );
+        let pose = JointPose { pitch_rad: angle, yaw_rad: 0.0 };
+        bytes.extend(rig.render_views(pose, number)[0].data());
     }
-    bytes
+    (bench, bytes)
 }
 
-fn feed(mut command: Command, bytes: Vec<u8>) -> Output {
-    let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
+#[test]
+fn truncated_stream_keeps_its_frames_and_reports_its_end() {
+    let (bench, mut bytes) = stream(9);
+    bytes.truncate(bytes.len() - 1000);
+    let words = "--setup one.toml - --fps 30 --rest-s 0.15";
+    let mut child = vision(&bench, words).spawn().unwrap();
     let mut to = child.stdin.take().unwrap();
     let writer = std::thread::spawn(move || {
         let _ = to.write_all(&bytes);
     });
     let output = child.wait_with_output().unwrap();
     writer.join().unwrap();
-    output
-}
-
-#[test]
-fn truncated_stream_keeps_its_frames_and_reports_its_end() {
-    let place = Place::new();
-    let mut bytes = stream(&place, &rig(), 9);
-    bytes.truncate(bytes.len() - 1000);
-    let setup = place.name("one.toml");
-    let output = feed(vision(&["--setup", &setup, "-", "--fps", "30", "--rest-s", "0.15"]), bytes);
     let words = "frame stream: ends within frame 9, after 306200 of 307200 bytes; is the size \
                  640x480 right?";
-    assert_refused(&output, &[words]);
+    assert_refused(output.status.success(), &text(&output.stderr), &[words]);
     let rows = rows(&text(&output.stdout));
     assert_eq!(rows.len(), 8);
     assert!((number(&rows[7][1]) - f64::to_degrees(0.2)).abs() < 0.1);
 }
 
 /// Six frames of [`send_frames`] are at rest, however late they come.
-const AT_REST: &[&str] = &["--rest-s", "0.0055"];
+const LIVE: &str = "--setup one.toml - --rest-s 0.0055";
 
 /// Sends like a camera that takes the frames of `bytes` repeatedly, each stamped a millisecond
 /// after the previous one.
@@ -190,18 +159,15 @@ fn send_frames(
 
 #[test]
 fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
-    let place = Place::new();
-    let rig = rig();
-    let mut bytes = stream(&place, &rig, 30);
+    let (bench, mut bytes) = stream(30);
     // The last frame is empty: the controller learns that nothing was seen.
     let length = bytes.len();
     bytes[length - 640 * 480..].fill(100);
     let domain = unique_domain();
     let mut server = serve(&domain);
-    let setup = place.name("one.toml");
     let before = clock::now();
-    let command = [&["--setup", &setup, "-", "--publish", "--domain", domain.name()], AT_REST];
-    let mut child = vision(&command.concat()).stdin(Stdio::piped()).spawn().unwrap();
+    let words = format!("{LIVE} --publish --domain {}", domain.name());
+    let mut child = vision(&bench, &words).spawn().unwrap();
     let mut to = child.stdin.take().unwrap();
     let writer = std::thread::spawn(move || {
         send_frames(&mut to, &bytes, before, 1).unwrap();
@@ -232,22 +198,17 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
 
 #[test]
 fn it_ends_on_request_while_the_camera_is_running() {
-    let place = Place::new();
-    let frames = stream(&place, &rig(), 2);
-    let (setup, csv) = (place.name("one.toml"), place.name("angles.csv"));
-    let mut child = vision(&[&["--setup", &setup, "-", "--output", &csv], AT_REST].concat())
-        .stdin(Stdio::piped())
-        .stdout(Stdio::null())
-        .stderr(Stdio::inherit())
-        .spawn()
-        .unwrap();
+    let (bench, frames) = stream(2);
+    let mut child = vision(&bench, &format!("{LIVE} --output angles.csv"));
+    let mut child = child.stdout(Stdio::null()).stderr(Stdio::inherit()).spawn().unwrap();
     let mut to = child.stdin.take().unwrap();
     // Until the reader is gone.
     let camera =
         std::thread::spawn(move || send_frames(&mut to, &frames, clock::now(), usize::MAX));
     wait_until("it measures", || {
         assert!(child.try_wait().unwrap().is_none(), "it has ended");
-        fs::read_to_string(&csv).is_ok_and(|text| text.lines().count() > 5)
+        let csv = fs::read_to_string(bench.path("angles.csv"));
+        csv.is_ok_and(|text| text.lines().count() > 5)
     });
     kill(Pid::from_raw(child.id().cast_signed()), Signal::SIGINT).unwrap();
     wait_until("it ends", || child.try_wait().unwrap().is_some());
@@ -256,20 +217,17 @@ fn it_ends_on_request_while_the_camera_is_running() {
 
 #[test]
 fn bad_input_is_refused_with_a_reason() {
-    let place = Place::new();
-    place.film("view", &rig(), &[]);
-    fs::create_dir(place.path("empty")).unwrap();
-    let names =
-        ["vision.toml", "view0", "view1", "empty", "none.toml"].map(|name| place.name(name));
-    let [setup, v0, v1, empty, none] = names.each_ref().map(String::as_str);
+    let bench = film(&[]);
+    fs::create_dir(bench.path("empty")).unwrap();
     for (arguments, words) in [
-        (vec!["--setup", none, v0, v1], vec!["none.toml"]),
-        (vec!["--setup", setup, v0], vec!["1 sources of frames for 2 views"]),
-        (vec!["--setup", setup, v0, empty], vec!["empty", "no PNG or JPEG"]),
-        (vec!["--setup", setup, v0, v0], vec!["of 6 frames at rest can be measured"]),
-        (vec!["--setup", setup, v0, v1, "--publish"], vec!["--publish", "stream"]),
-        (vec!["--setup", setup, setup, setup], vec!["YUV4MPEG2"]),
+        ("none.toml view0 view1", &["none.toml"][..]),
+        ("vision.toml view0", &["1 sources of frames for 2 views"]),
+        ("vision.toml view0 empty", &["empty", "no PNG or JPEG"]),
+        ("vision.toml view0 view0", &["of 6 frames at rest can be measured"]),
+        ("vision.toml view0 view1 --publish", &["--publish", "stream"]),
+        ("vision.toml vision.toml vision.toml", &["YUV4MPEG2"]),
     ] {
-        assert_refused(&run(&arguments), &words);
+        let result = bench.run(&format!("vision --setup {arguments}"));
+        assert_refused(result.code == Some(0), &result.error, words);
     }
 }

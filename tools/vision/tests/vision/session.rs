@@ -121,22 +121,33 @@ fn cameras_that_are_turned_and_reversed_give_the_same_angles() {
     assert_gaps(&rig, film(&rig), 0, FrameFault::NoPicture);
 }
 
-#[test]
-fn a_frozen_camera() {
-    let rig = rig();
-    let mut items = film(&rig);
-    let SourceItem::Frame(stuck) = items[1][10].clone() else { panic!("a frame") };
-    items[1][11] = frame(11, stuck.image.clone());
-    items[1][12] = frame(12, stuck.image);
-    assert_gaps(&rig, items, 2, FrameFault::Frozen);
+fn missing(items: &mut [Vec<SourceItem>; 2], cause: FrameFault) {
+    let stamp = items[0][13].stamp();
+    items[0][13] = SourceItem::Missing { stamp, name: "13".into(), cause };
 }
 
 #[test]
-fn a_frame_of_another_size() {
+fn faults_of_cameras_and_files_are_gaps_with_their_cause() {
+    type Change = fn(&mut [Vec<SourceItem>; 2]);
+    let cases: [(FrameFault, usize, Change); 5] = [
+        (FrameFault::Frozen, 2, |items| {
+            let SourceItem::Frame(stuck) = items[1][10].clone() else { panic!("a frame") };
+            items[1][11] = frame(11, stuck.image.clone());
+            items[1][12] = frame(12, stuck.image);
+        }),
+        (FrameFault::WrongSize, 1, |items| {
+            items[0][9] = frame(9, GreyImage::new(320, 240, vec![9; 320 * 240]).unwrap());
+        }),
+        (FrameFault::NoPartner, 1, |items| drop(items[1].remove(10))),
+        (FrameFault::MissingFile, 1, |items| missing(items, FrameFault::MissingFile)),
+        (FrameFault::Undecodable, 1, |items| missing(items, FrameFault::Undecodable)),
+    ];
     let rig = rig();
-    let mut items = film(&rig);
-    items[0][9] = frame(9, GreyImage::new(320, 240, vec![9; 320 * 240]).unwrap());
-    assert_gaps(&rig, items, 1, FrameFault::WrongSize);
+    for (cause, gaps, change) in cases {
+        let mut items = film(&rig);
+        change(&mut items);
+        assert_gaps(&rig, items, gaps, cause);
+    }
 }
 
 #[test]
@@ -155,33 +166,12 @@ fn stamps_out_of_order() {
 }
 
 #[test]
-fn a_frame_that_one_view_lacks() {
-    let rig = rig();
-    let mut items = film(&rig);
-    items[1].remove(10);
-    assert_gaps(&rig, items, 1, FrameFault::NoPartner);
-}
-
-#[test]
-fn a_missing_file_and_a_broken_one() {
-    let rig = rig();
-    for cause in [FrameFault::MissingFile, FrameFault::Undecodable] {
-        let mut items = film(&rig);
-        items[0][13] =
-            SourceItem::Missing { stamp: items[0][13].stamp(), name: "13".into(), cause };
-        assert_gaps(&rig, items, 1, cause);
-    }
-}
-
-#[test]
 fn both_views_the_same_camera() {
     let rig = rig();
     let [first, _] = film(&rig);
     let (rows, _) = run(&rig, [first.clone(), first.clone()]);
-    assert!(
-        matches!(rows, Err(SessionError::RestPose(RestPoseError::TooFew { .. }))),
-        "no reference, hence no angle"
-    );
+    // No reference, hence no angle.
+    assert!(matches!(rows, Err(SessionError::RestPose(RestPoseError::TooFew { .. }))));
     // From the middle on.
     let [first, mut second] = film(&rig);
     second[10..].clone_from_slice(&first[10..]);
