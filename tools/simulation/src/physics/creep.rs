@@ -6,7 +6,7 @@
 
 use super::dahl::Dahl;
 use super::draw::{Draw, Pair, between};
-use super::hysteresis::Hysteresis;
+use super::hysteresis::{Hysteresis, motors};
 use crate::ageing::AgeingEffect;
 
 /// Times of the elements, s.
@@ -17,7 +17,7 @@ const LATE: [f64; 2] = [0.02, 0.05];
 
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Creep {
-    wire: Dahl,
+    wires: [Dahl; 2],
     /// Parts of the bend.
     parts: [f64; 3],
     /// Bend that each element has followed so far, degrees.
@@ -31,7 +31,7 @@ impl Creep {
         let shares = TIMES_S.map(|_| draw.uniform(0.5, 1.5));
         let sum: f64 = shares.iter().sum();
         Self {
-            wire: Dahl::draw(draw, deg_per_count),
+            wires: motors(draw, deg_per_count),
             parts: shares.map(|share| whole * share / sum),
             seen: [Pair::default(); 3],
         }
@@ -40,19 +40,19 @@ impl Creep {
 
 impl Hysteresis for Creep {
     fn largest_step_deg(&self) -> f64 {
-        self.wire.largest_step_deg()
+        self.wires.largest_step_deg()
     }
 
     fn advance(&mut self, dt_s: f64, travel: Pair) {
-        self.wire.advance(dt_s, travel);
-        let bend = self.wire.bend();
+        self.wires.advance(dt_s, travel);
+        let bend = self.wires.bend();
         for (seen, time_s) in self.seen.iter_mut().zip(TIMES_S) {
             *seen = between(*seen, bend, 1.0 - (-dt_s / time_s).exp());
         }
     }
 
     fn bend(&self) -> Pair {
-        let bend = self.wire.bend();
+        let bend = self.wires.bend();
         let late = |motor: usize| {
             let of = |(seen, part): (&Pair, f64)| part * (bend[motor] - seen[motor]);
             self.seen.iter().zip(self.parts).map(of).sum::<f64>()
@@ -61,14 +61,14 @@ impl Hysteresis for Creep {
     }
 
     fn set_ageing(&mut self, effect: &AgeingEffect) {
-        self.wire.set_ageing(effect);
+        self.wires.set_ageing(effect);
     }
 
     fn half_lost_deg(&self) -> Option<Pair> {
-        self.wire.half_lost_deg()
+        self.wires.half_lost_deg()
     }
 
     fn load(&self, travel: Pair) -> Pair {
-        self.wire.load(travel)
+        self.wires.load(travel)
     }
 }

@@ -9,7 +9,7 @@
 //! overcome the friction. So the loop is widest around the straight pose.
 
 use super::draw::{Draw, FrictionGrowth, Pair};
-use super::hysteresis::{Hysteresis, SNAKE_STIFFNESS};
+use super::hysteresis::{Motor, SNAKE_STIFFNESS};
 use crate::ageing::AgeingEffect;
 
 /// A flank: the force at a deflection `e` is `stiffness e + hardening e^2`.
@@ -30,7 +30,7 @@ impl Flank {
 
 /// The gear of one motor and what it drives; the stiffness of the snake is 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Gear {
+pub(super) struct Gear {
     /// Half of the gap, degrees.
     half_gap: f64,
     /// For rising and for falling load.
@@ -47,6 +47,22 @@ struct Gear {
 }
 
 impl Gear {
+    /// Where the snake is when the gear leaves a force of `friction` for it.
+    fn balance(&self, travel: f64, friction: f64) -> f64 {
+        let pulled = travel + friction;
+        let half_gap = self.gap_factor * self.half_gap;
+        if pulled.abs() <= half_gap {
+            return -friction;
+        }
+        let flank = self.flanks[usize::from(pulled < 0.0)];
+        let deflection = flank.deflection(pulled.abs() - half_gap);
+        travel - (half_gap + deflection).copysign(pulled)
+    }
+}
+
+impl Motor for Gear {
+    const LARGEST_STEP_DEG: f64 = 0.05;
+
     fn draw(draw: &mut Draw, half_lost: f64) -> Self {
         let stiffness = draw.uniform(3.0, 7.0);
         let flanks = [0, 1].map(|_| Flank {
@@ -65,20 +81,8 @@ impl Gear {
         }
     }
 
-    /// Where the snake is when the gear leaves a force of `friction` for it.
-    fn balance(&self, travel: f64, friction: f64) -> f64 {
-        let pulled = travel + friction;
-        let half_gap = self.gap_factor * self.half_gap;
-        if pulled.abs() <= half_gap {
-            return -friction;
-        }
-        let flank = self.flanks[usize::from(pulled < 0.0)];
-        let deflection = flank.deflection(pulled.abs() - half_gap);
-        travel - (half_gap + deflection).copysign(pulled)
-    }
-
-    fn advance(&mut self, travel: f64, other: f64) {
-        let friction = self.friction_factor * self.friction * self.growth.factor(self.at, other);
+    fn advance(&mut self, _dt_s: f64, travel: f64, [own, other]: Pair) {
+        let friction = self.friction_factor * self.friction * self.growth.factor(own, other);
         let pushed = self.balance(travel, friction);
         let pulled = self.balance(travel, -friction);
         self.at = self.at.max(pushed).min(pulled);
@@ -88,6 +92,15 @@ impl Gear {
         self.at / self.gain
     }
 
+    fn at(&self) -> f64 {
+        self.at
+    }
+
+    fn set_ageing(&mut self, effect: &AgeingEffect, motor: usize) {
+        self.gap_factor = effect.gap[motor];
+        self.friction_factor = effect.friction[motor];
+    }
+
     /// Force on the flanks; 0 inside the gap.
     fn load(&self, travel: f64) -> f64 {
         let stretch = travel - self.at;
@@ -95,47 +108,5 @@ impl Gear {
         let flank = self.flanks[usize::from(stretch < 0.0)];
         let force = (flank.stiffness + flank.hardening * deflection) * deflection;
         SNAKE_STIFFNESS * force.copysign(stretch)
-    }
-}
-
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Gears([Gear; 2]);
-
-impl Gears {
-    pub(super) fn draw(draw: &mut Draw, deg_per_count: Pair) -> Self {
-        let gaps = draw.half_gaps_deg(deg_per_count);
-        Self(gaps.map(|half_lost| Gear::draw(draw, half_lost)))
-    }
-}
-
-impl Hysteresis for Gears {
-    fn largest_step_deg(&self) -> f64 {
-        0.05
-    }
-
-    fn advance(&mut self, _dt_s: f64, travel: Pair) {
-        let before = self.0.map(|gear| gear.at);
-        for motor in 0..2 {
-            self.0[motor].advance(travel[motor], before[1 - motor]);
-        }
-    }
-
-    fn bend(&self) -> Pair {
-        self.0.each_ref().map(Gear::bend)
-    }
-
-    fn set_ageing(&mut self, effect: &AgeingEffect) {
-        for (motor, gear) in self.0.iter_mut().enumerate() {
-            gear.gap_factor = effect.gap[motor];
-            gear.friction_factor = effect.friction[motor];
-        }
-    }
-
-    fn half_lost_deg(&self) -> Option<Pair> {
-        None
-    }
-
-    fn load(&self, travel: Pair) -> Pair {
-        [0, 1].map(|motor: usize| self.0[motor].load(travel[motor]))
     }
 }

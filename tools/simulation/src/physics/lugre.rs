@@ -13,7 +13,7 @@
 //! solved for its speed, implicitly, so that long steps are stable.
 
 use super::draw::{Draw, FrictionGrowth, Pair};
-use super::hysteresis::Hysteresis;
+use super::hysteresis::Motor;
 use crate::ageing::AgeingEffect;
 
 /// Halvings of the speed interval.
@@ -24,7 +24,7 @@ const MIN_STEP_S: f64 = 1e-6;
 
 /// One motor; forces in degrees of wire stretch.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Axis {
+pub(super) struct LuGre {
     coulomb: f64,
     /// Friction at rest, relative to `coulomb`.
     static_factor: f64,
@@ -36,39 +36,30 @@ struct Axis {
     sigma1: f64,
     /// s.
     sigma2: f64,
+    /// Growth of the friction.
+    friction: f64,
+    bend: f64,
+    z: f64,
 }
 
-impl Axis {
-    fn draw(draw: &mut Draw, coulomb: f64) -> Self {
-        let sigma0 = draw.log_uniform(4.0, 20.0);
-        Self {
-            coulomb,
-            static_factor: draw.uniform(1.02, 1.2),
-            stribeck: draw.log_uniform(1.0, 6.0),
-            growth: FrictionGrowth::draw(draw, 0.4, 0.25),
-            sigma0,
-            sigma1: draw.uniform(0.001, 0.004) * sigma0,
-            sigma2: draw.uniform(0.004, 0.015),
-        }
-    }
-
-    /// Deflection after a step at speed `v`, from `z`.
-    fn deflection(&self, z: f64, v: f64, load: f64, dt_s: f64) -> f64 {
+impl LuGre {
+    /// Deflection after a step at speed `v`.
+    fn deflection(&self, v: f64, load: f64, dt_s: f64) -> f64 {
         let stribeck = (-(v / self.stribeck).powi(2)).exp();
         let g = self.coulomb * load * (1.0 + (self.static_factor - 1.0) * stribeck);
-        (z + v * dt_s) / (1.0 + self.sigma0 * v.abs() * dt_s / g)
+        (self.z + v * dt_s) / (1.0 + self.sigma0 * v.abs() * dt_s / g)
     }
 
     /// The speed at which wire and friction balance; `stretch` is that of the wire before.
-    fn speed(&self, z: f64, stretch: f64, load: f64, dt_s: f64) -> f64 {
+    fn speed(&self, stretch: f64, load: f64, dt_s: f64) -> f64 {
         let left = |v: f64| {
-            let after = self.deflection(z, v, load, dt_s);
-            let bristles = self.sigma0 * after + self.sigma1 * (after - z) / dt_s;
+            let after = self.deflection(v, load, dt_s);
+            let bristles = self.sigma0 * after + self.sigma1 * (after - self.z) / dt_s;
             stretch - v * dt_s - bristles - self.sigma2 * v
         };
         let sign = left(0.0).signum();
         // At this speed the wire would be pushed by more than all friction.
-        let most = self.sigma0 * z.abs() + 2.0 * self.static_factor * self.coulomb * load;
+        let most = self.sigma0 * self.z.abs() + 2.0 * self.static_factor * self.coulomb * load;
         let (mut low, mut high) = (0.0, (stretch.abs() + most) / dt_s);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
@@ -82,55 +73,42 @@ impl Axis {
     }
 }
 
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct LuGre {
-    axes: [Axis; 2],
-    /// Growth of the friction.
-    friction: Pair,
-    bend: Pair,
-    z: Pair,
-}
+impl Motor for LuGre {
+    const LARGEST_STEP_DEG: f64 = 0.05;
 
-impl LuGre {
-    pub(super) fn draw(draw: &mut Draw, deg_per_count: Pair) -> Self {
-        let gaps = draw.half_gaps_deg(deg_per_count);
+    fn draw(draw: &mut Draw, half_gap: f64) -> Self {
+        let sigma0 = draw.log_uniform(4.0, 20.0);
         Self {
-            axes: gaps.map(|coulomb| Axis::draw(draw, 0.8 * coulomb)),
-            friction: [1.0; 2],
-            bend: Pair::default(),
-            z: Pair::default(),
+            coulomb: 0.8 * half_gap,
+            static_factor: draw.uniform(1.02, 1.2),
+            stribeck: draw.log_uniform(1.0, 6.0),
+            growth: FrictionGrowth::draw(draw, 0.4, 0.25),
+            sigma0,
+            sigma1: draw.uniform(0.001, 0.004) * sigma0,
+            sigma2: draw.uniform(0.004, 0.015),
+            friction: 1.0,
+            bend: 0.0,
+            z: 0.0,
         }
     }
-}
 
-impl Hysteresis for LuGre {
-    fn largest_step_deg(&self) -> f64 {
-        0.05
-    }
-
-    fn advance(&mut self, dt_s: f64, travel: Pair) {
+    fn advance(&mut self, dt_s: f64, travel: f64, [own, other]: Pair) {
         let dt_s = dt_s.max(MIN_STEP_S);
-        let before = self.bend;
-        for motor in 0..2 {
-            let axis = &self.axes[motor];
-            let growth = axis.growth.factor(before[motor], before[1 - motor]);
-            let load = self.friction[motor] * growth;
-            let z = self.z[motor];
-            let v = axis.speed(z, travel[motor] - before[motor], load, dt_s);
-            self.z[motor] = axis.deflection(z, v, load, dt_s);
-            self.bend[motor] += v * dt_s;
-        }
+        let load = self.friction * self.growth.factor(own, other);
+        let v = self.speed(travel - self.bend, load, dt_s);
+        self.z = self.deflection(v, load, dt_s);
+        self.bend += v * dt_s;
     }
 
-    fn bend(&self) -> Pair {
+    fn bend(&self) -> f64 {
         self.bend
     }
 
-    fn set_ageing(&mut self, effect: &AgeingEffect) {
-        self.friction = effect.friction;
+    fn set_ageing(&mut self, effect: &AgeingEffect, motor: usize) {
+        self.friction = effect.friction[motor];
     }
 
-    fn half_lost_deg(&self) -> Option<Pair> {
-        Some(self.axes.map(|axis| axis.coulomb))
+    fn half_lost_deg(&self) -> Option<f64> {
+        Some(self.coulomb)
     }
 }

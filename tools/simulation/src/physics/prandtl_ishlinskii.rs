@@ -7,7 +7,7 @@
 //! `w <- max(l(u) - r, min(r(u) + r, w))` with two increasing envelopes `l` and `r`.
 
 use super::draw::{Draw, Pair};
-use super::hysteresis::Hysteresis;
+use super::hysteresis::Motor;
 use crate::ageing::AgeingEffect;
 
 /// Plays of a motor.
@@ -37,7 +37,7 @@ impl Envelope {
 }
 
 #[derive(Debug, Clone, PartialEq)]
-struct Plays {
+pub(super) struct PrandtlIshlinskii {
     rising: Envelope,
     falling: Envelope,
     thresholds: [f64; PLAYS],
@@ -50,7 +50,7 @@ struct Plays {
     input: f64,
 }
 
-impl Plays {
+impl Motor for PrandtlIshlinskii {
     fn draw(draw: &mut Draw, half_gap: f64) -> Self {
         let part = |play: usize| play as f64 / (PLAYS - 1) as f64;
         let thresholds = std::array::from_fn(|play| half_gap * (0.35 + 1.3 * part(play)));
@@ -71,7 +71,7 @@ impl Plays {
         }
     }
 
-    fn advance(&mut self, input: f64) {
+    fn advance(&mut self, _dt_s: f64, input: f64, _before: Pair) {
         let (rising, falling) = (self.rising.at(input), self.falling.at(input));
         for (state, threshold) in self.states.iter_mut().zip(self.thresholds) {
             let threshold = self.gap * threshold;
@@ -84,40 +84,8 @@ impl Plays {
         let plays = self.states.iter().zip(self.weights);
         self.straight * self.input + plays.map(|(state, weight)| weight * state).sum::<f64>()
     }
-}
 
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct PrandtlIshlinskii([Plays; 2]);
-
-impl PrandtlIshlinskii {
-    pub(super) fn draw(draw: &mut Draw, deg_per_count: Pair) -> Self {
-        let gaps = draw.half_gaps_deg(deg_per_count);
-        Self(gaps.map(|half_gap| Plays::draw(draw, half_gap)))
-    }
-}
-
-impl Hysteresis for PrandtlIshlinskii {
-    fn largest_step_deg(&self) -> f64 {
-        f64::INFINITY
-    }
-
-    fn advance(&mut self, _dt_s: f64, travel: Pair) {
-        for (plays, travel) in self.0.iter_mut().zip(travel) {
-            plays.advance(travel);
-        }
-    }
-
-    fn bend(&self) -> Pair {
-        self.0.each_ref().map(Plays::bend)
-    }
-
-    fn set_ageing(&mut self, effect: &AgeingEffect) {
-        for (plays, gap) in self.0.iter_mut().zip(effect.gap) {
-            plays.gap = gap;
-        }
-    }
-
-    fn half_lost_deg(&self) -> Option<Pair> {
-        None
+    fn set_ageing(&mut self, effect: &AgeingEffect, motor: usize) {
+        self.gap = effect.gap[motor];
     }
 }

@@ -10,8 +10,7 @@
 use std::sync::Arc;
 
 use super::draw::{Draw, Pair};
-use super::hysteresis::Hysteresis;
-use crate::ageing::AgeingEffect;
+use super::hysteresis::Motor;
 
 /// Cells along each side of the plane.
 const CELLS: usize = 200;
@@ -90,7 +89,9 @@ struct Place {
 }
 
 #[derive(Debug, Clone, PartialEq)]
-struct Relays {
+pub(super) struct Preisach {
+    /// Median of the half gaps, degrees.
+    half_gap: f64,
     everett: Arc<Everett>,
     /// Turning points, starting at the lower end of the range: low, high, low, ..., each inside the
     /// two before.
@@ -99,23 +100,23 @@ struct Relays {
     is_rising: bool,
 }
 
-impl Relays {
+impl Preisach {
     /// Relays without memory of a direction: after ever smaller strokes around 0.
-    fn new(everett: Everett) -> Self {
+    fn new(half_gap: f64, everett: Everett) -> Self {
         let total = everett.between(-RANGE_DEG, RANGE_DEG);
         let start = Place { input: -RANGE_DEG, output: -0.5 * total };
-        let mut relays =
-            Self { everett: Arc::new(everett), turns: vec![start], now: start, is_rising: true };
+        let (everett, turns) = (Arc::new(everett), vec![start]);
+        let mut relays = Self { half_gap, everett, turns, now: start, is_rising: true };
         for cell in 0..CELLS / 2 {
             let size = RANGE_DEG - (cell as f64 + 0.5) * CELL_DEG;
-            relays.advance(size);
-            relays.advance(-size + 0.5 * CELL_DEG);
+            relays.go(size);
+            relays.go(-size + 0.5 * CELL_DEG);
         }
-        relays.advance(0.0);
+        relays.go(0.0);
         relays
     }
 
-    fn advance(&mut self, input: f64) {
+    fn go(&mut self, input: f64) {
         let input = input.clamp(-RANGE_DEG, RANGE_DEG);
         if input == self.now.input {
             return;
@@ -154,48 +155,27 @@ impl Relays {
     }
 }
 
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Preisach {
-    relays: [Relays; 2],
-    /// Median of the half gaps, degrees.
-    half_gaps: Pair,
-}
-
-impl Preisach {
-    pub(super) fn draw(draw: &mut Draw, deg_per_count: Pair) -> Self {
-        let gaps = draw.half_gaps_deg(deg_per_count);
-        let relays = gaps.map(|half_gap| {
-            let tilt = draw.uniform(-0.35, 0.35);
-            let (bump, place) = (draw.uniform(-0.3, 0.4), draw.uniform(-12.0, 12.0));
-            let spread = draw.uniform(SPREAD[0], SPREAD[1]);
-            let median = |middle: f64| {
-                let bump = bump * (-((middle - place) / 12.0).powi(2)).exp();
-                half_gap * (1.0 + tilt * (middle / 20.0).tanh() + bump)
-            };
-            Relays::new(Everett::new(median, spread))
-        });
-        Self { relays, half_gaps: gaps }
-    }
-}
-
-impl Hysteresis for Preisach {
-    fn largest_step_deg(&self) -> f64 {
-        f64::INFINITY
+impl Motor for Preisach {
+    fn draw(draw: &mut Draw, half_gap: f64) -> Self {
+        let tilt = draw.uniform(-0.35, 0.35);
+        let (bump, place) = (draw.uniform(-0.3, 0.4), draw.uniform(-12.0, 12.0));
+        let spread = draw.uniform(SPREAD[0], SPREAD[1]);
+        let median = |middle: f64| {
+            let bump = bump * (-((middle - place) / 12.0).powi(2)).exp();
+            half_gap * (1.0 + tilt * (middle / 20.0).tanh() + bump)
+        };
+        Self::new(half_gap, Everett::new(median, spread))
     }
 
-    fn advance(&mut self, _dt_s: f64, travel: Pair) {
-        for (relays, travel) in self.relays.iter_mut().zip(travel) {
-            relays.advance(travel);
-        }
+    fn advance(&mut self, _dt_s: f64, travel: f64, _before: Pair) {
+        self.go(travel);
     }
 
-    fn bend(&self) -> Pair {
-        self.relays.each_ref().map(|relays| relays.now.output)
+    fn bend(&self) -> f64 {
+        self.now.output
     }
 
-    fn set_ageing(&mut self, _effect: &AgeingEffect) {}
-
-    fn half_lost_deg(&self) -> Option<Pair> {
-        Some(self.half_gaps)
+    fn half_lost_deg(&self) -> Option<f64> {
+        Some(self.half_gap)
     }
 }

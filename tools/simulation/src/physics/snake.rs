@@ -5,8 +5,8 @@ use super::creep::Creep;
 use super::dahl::Dahl;
 use super::draw::{Draw, Pair, between, subtract};
 use super::frame::Frame;
-use super::gear::Gears;
-use super::hysteresis::Hysteresis;
+use super::gear::Gear;
+use super::hysteresis::{Hysteresis, motors};
 use super::lugre::LuGre;
 use super::names::Physics;
 use super::prandtl_ishlinskii::PrandtlIshlinskii;
@@ -14,7 +14,7 @@ use super::preisach::Preisach;
 use super::springs::SpringSnake;
 use super::transmission::TransmissionError;
 use super::vector_friction::VectorFriction;
-use super::wire::Wires;
+use super::wire::Wire;
 use crate::ageing::{Ageing, AgeingEffect, Change};
 
 /// Maximum inner steps of one step: a jump takes bounded time, in coarser steps.
@@ -58,14 +58,14 @@ impl Snake {
         let gain = frame.deg_per_count;
         let hysteresis: Box<dyn Hysteresis> = match physics {
             Physics::Springs | Physics::PrandtlIshlinskii => {
-                Box::new(PrandtlIshlinskii::draw(draw, gain))
+                Box::new(motors::<PrandtlIshlinskii>(draw, gain))
             }
-            Physics::Preisach => Box::new(Preisach::draw(draw, gain)),
+            Physics::Preisach => Box::new(motors::<Preisach>(draw, gain)),
             Physics::BoucWen => Box::new(BoucWen::draw(draw, gain)),
-            Physics::Dahl => Box::new(Dahl::draw(draw, gain)),
-            Physics::LuGre => Box::new(LuGre::draw(draw, gain)),
-            Physics::Wire => Box::new(Wires::draw(draw, gain)),
-            Physics::Gear | Physics::TransmissionError => Box::new(Gears::draw(draw, gain)),
+            Physics::Dahl => Box::new(motors::<Dahl>(draw, gain)),
+            Physics::LuGre => Box::new(motors::<LuGre>(draw, gain)),
+            Physics::Wire => Box::new(motors::<Wire>(draw, gain)),
+            Physics::Gear | Physics::TransmissionError => Box::new(motors::<Gear>(draw, gain)),
             Physics::Creep => Box::new(Creep::draw(draw, gain)),
             Physics::VectorFriction => Box::new(VectorFriction::draw(draw, gain)),
         };

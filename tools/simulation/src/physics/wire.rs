@@ -11,7 +11,7 @@
 //! rests until the last one slides.
 
 use super::draw::{Draw, Pair};
-use super::hysteresis::Hysteresis;
+use super::hysteresis::Motor;
 use crate::ageing::AgeingEffect;
 
 /// Pieces of a wire.
@@ -27,7 +27,7 @@ const MAX_SWEEPS: u32 = 200;
 
 /// The wires of one motor; the stiffness of the snake is 1, so forces are in degrees of bend.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Wire {
+pub(super) struct Wire {
     stiffness: f64,
     /// Bend per travel without friction.
     gain: f64,
@@ -45,27 +45,6 @@ struct Wire {
 }
 
 impl Wire {
-    fn draw(draw: &mut Draw, half_gap: f64) -> Self {
-        let compliance = draw.uniform(0.35, 0.8);
-        let pretension = draw.uniform(16.0, 26.0);
-        let shares: [f64; PIECES] = std::array::from_fn(|_| draw.uniform(0.4, 1.6));
-        let total: f64 = shares.iter().sum();
-        let wrap_rad = draw.uniform(2.0, 4.0);
-        // Friction stretches the wire by half of its sum, because it adds up from the tip.
-        let friction = half_gap / (compliance * pretension * wrap_rad);
-        Self {
-            stiffness: PIECES as f64 / compliance,
-            gain: 1.0 / (1.0 + compliance),
-            pretension,
-            friction,
-            pretension_factor: 1.0,
-            friction_factor: 1.0,
-            half_lost: half_gap,
-            wrap: shares.map(|share| wrap_rad * share / total),
-            places: [0.0; PIECES],
-        }
-    }
-
     /// Position at the start of a piece: the motor, or the previous guided point.
     fn before(&self, piece: usize, travel: f64) -> f64 {
         match piece {
@@ -86,9 +65,36 @@ impl Wire {
             pressing * (friction * wrap).exp_m1()
         })
     }
+}
+
+impl Motor for Wire {
+    const LARGEST_STEP_DEG: f64 = 0.04;
+
+    fn draw(draw: &mut Draw, half_gap: f64) -> Self {
+        let half_lost = 0.7 * half_gap;
+        let compliance = draw.uniform(0.35, 0.8);
+        let pretension = draw.uniform(16.0, 26.0);
+        let shares: [f64; PIECES] = std::array::from_fn(|_| draw.uniform(0.4, 1.6));
+        let total: f64 = shares.iter().sum();
+        let wrap_rad = draw.uniform(2.0, 4.0);
+        // Friction stretches the wire by half of its sum, because it adds up from the tip.
+        let friction = half_lost / (compliance * pretension * wrap_rad);
+        Self {
+            stiffness: PIECES as f64 / compliance,
+            gain: 1.0 / (1.0 + compliance),
+            pretension,
+            friction,
+            pretension_factor: 1.0,
+            friction_factor: 1.0,
+            half_lost,
+            wrap: shares.map(|share| wrap_rad * share / total),
+            places: [0.0; PIECES],
+        }
+    }
 
     /// Solves the balance: a piece moves until its guide can hold the remaining force.
-    fn advance(&mut self, travel: f64, bend_rad: f64) {
+    fn advance(&mut self, _dt_s: f64, travel: f64, [first, second]: Pair) {
+        let bend_rad = first.hypot(second).to_radians().min(2.0);
         let limits = self.limits(travel, bend_rad);
         for _ in 0..MAX_SWEEPS {
             let mut moved = 0.0_f64;
@@ -114,43 +120,13 @@ impl Wire {
     fn bend(&self) -> f64 {
         self.places[PIECES - 1] / self.gain
     }
-}
 
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Wires([Wire; 2]);
-
-impl Wires {
-    pub(super) fn draw(draw: &mut Draw, deg_per_count: Pair) -> Self {
-        let gaps = draw.half_gaps_deg(deg_per_count);
-        Self(gaps.map(|half_gap| Wire::draw(draw, 0.7 * half_gap)))
-    }
-}
-
-impl Hysteresis for Wires {
-    fn largest_step_deg(&self) -> f64 {
-        0.04
+    fn set_ageing(&mut self, effect: &AgeingEffect, motor: usize) {
+        self.pretension_factor = effect.preload[motor];
+        self.friction_factor = effect.friction[motor];
     }
 
-    fn advance(&mut self, _dt_s: f64, travel: Pair) {
-        let [first, second] = self.bend();
-        let bend_rad = first.hypot(second).to_radians().min(2.0);
-        for (wire, travel) in self.0.iter_mut().zip(travel) {
-            wire.advance(travel, bend_rad);
-        }
-    }
-
-    fn bend(&self) -> Pair {
-        self.0.each_ref().map(Wire::bend)
-    }
-
-    fn set_ageing(&mut self, effect: &AgeingEffect) {
-        for (motor, wire) in self.0.iter_mut().enumerate() {
-            wire.pretension_factor = effect.preload[motor];
-            wire.friction_factor = effect.friction[motor];
-        }
-    }
-
-    fn half_lost_deg(&self) -> Option<Pair> {
-        Some(self.0.each_ref().map(|wire| wire.half_lost))
+    fn half_lost_deg(&self) -> Option<f64> {
+        Some(self.half_lost)
     }
 }
