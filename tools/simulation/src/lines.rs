@@ -14,8 +14,6 @@ use i2ris::core::{CycleOutputs, Gated};
 use i2ris::drive::transport::Transport;
 use i2ris::drive::{AxisFeedback, AxisLink, Port};
 use i2ris::units::{AUXILIARY, Counts, MAX_AXES, MAX_MOTORS, MotorVec, Nanos};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 
 use crate::closed_loop::Motors;
 use crate::drive::Drive;
@@ -23,7 +21,7 @@ use crate::drive::frame::{self, Parser};
 use crate::emulator::config::EmulatorConfig;
 use crate::emulator::log::{Event, Log};
 use crate::emulator::plant::Plant;
-use crate::emulator::port::{LineConfig, LineTiming, REPLY_WAIT_US, REQUEST_WAIT_US};
+use crate::emulator::port::LineTiming;
 use crate::emulator::shared::lock;
 
 /// The first tick. Every drive is brought up long before it.
@@ -66,10 +64,8 @@ struct LineEnd {
     /// Axis of the drive with the port.
     axis: usize,
     now: Nanos,
-    config: LineConfig,
     timing: LineTiming,
     parser: Parser,
-    random: Pcg64Mcg,
     /// The reply, and when it arrives.
     reply: Option<(Nanos, Vec<u8>)>,
 }
@@ -87,10 +83,8 @@ impl LineEnd {
             thread,
             axis,
             now: Nanos::ZERO,
-            config: config.line.clone(),
-            timing: LineTiming::new(&config.line),
+            timing: LineTiming::new(&config.line, config.seed + axis as u64),
             parser: Parser::default(),
-            random: Pcg64Mcg::seed_from_u64(config.seed + axis as u64),
             reply: None,
         }
     }
@@ -104,10 +98,7 @@ impl LineEnd {
 impl Transport for LineEnd {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         let (read, mut incoming) = (self.now, None);
-        if self.config.latency_timer_ms > 0 {
-            let wait = Nanos::from_micros(self.random.random_range(0..=REQUEST_WAIT_US));
-            self.timing.wait_for_frame(read, wait);
-        }
+        self.timing.wait_for_frame(read);
         for byte in bytes {
             self.timing.arrive(read);
             incoming = self.parser.push(*byte).or(incoming);
@@ -118,13 +109,9 @@ impl Transport for LineEnd {
         let Some(reply) = lock(&self.plant).reply(self.axis, &incoming, arrived) else {
             return Ok(());
         };
-        let jitter = self.random.random_range(0..=self.config.jitter_us);
-        let processing = Nanos::from_micros(self.config.processing_us + jitter);
         let bytes = frame::reply(&reply.data);
-        let end = self.timing.depart(arrived + processing + reply.delay, bytes.len());
-        let wait = Nanos::from_micros(self.random.random_range(0..=REPLY_WAIT_US));
-        let due = self.timing.deliver(end, bytes.len(), wait);
-        self.reply = Some((due, bytes));
+        let ready = self.timing.process(arrived, reply.delay);
+        self.reply = Some((self.timing.reply(ready, bytes.len()), bytes));
         Ok(())
     }
 
@@ -277,11 +264,8 @@ impl Drop for Lines {
 }
 
 fn plant(config: &EmulatorConfig) -> (Arc<Mutex<Plant>>, Arc<Log>) {
-    let drives = config.drives.iter().chain(&config.auxiliary);
-    let drives = drives.map(|config| Drive::new(config, 0.0)).collect();
-    let gateways = (config.ports(), Nanos::from_micros(config.gateway_us.unwrap_or_default()));
-    let (snake, log) = (config.snake.build(config.seed), Arc::new(Log::default()));
-    let plant = Plant::new(drives, snake, gateways, Arc::clone(&log), Nanos::ZERO);
+    let log = Arc::<Log>::default();
+    let plant = Plant::new(config, Arc::clone(&log), Nanos::ZERO);
     (Arc::new(Mutex::new(plant)), log)
 }
 

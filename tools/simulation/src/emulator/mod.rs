@@ -101,16 +101,11 @@ impl Emulator {
         let mut folder = PortFolder::claim(&config.folder)?;
         let log = config.log.as_deref().map(Log::to_file).transpose()?;
         let log = Arc::new(log.unwrap_or_default());
-        let drives = config.drives.iter().chain(&config.auxiliary);
-        let drives = drives.map(|config| Drive::new(config, 0.0)).collect();
-        let mut snake = config.snake.build(config.seed);
+        let mut plant = Plant::new(&config, Arc::clone(&log), clock::now());
         for change in &config.scenario.ageing {
-            snake.begin_ageing(*change);
+            plant.snake.begin_ageing(*change);
         }
-        let trip = config.gateway_us.map(Nanos::from_micros).unwrap_or_default();
         let layout = config.ports();
-        let plant =
-            Plant::new(drives, snake, (layout.clone(), trip), Arc::clone(&log), clock::now());
         let shared = Arc::new(Shared::new(plant, log, layout.clone()));
         let (mut ports, mut devices) = (Vec::new(), Vec::new());
         for (number, drives) in layout.iter().enumerate() {

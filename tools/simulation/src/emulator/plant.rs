@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use i2ris::units::Nanos;
 
+use super::config::EmulatorConfig;
 use super::log::{Event, Log};
 use super::wire::Wire;
 use crate::drive::event::EventKind;
@@ -32,15 +33,18 @@ pub(crate) struct Plant {
 }
 
 impl Plant {
-    /// Starts at `now` with a straight snake and the motors at the positions of the drives.
-    pub(crate) fn new(
-        drives: Vec<Drive>,
-        snake: Snake,
-        gateways: (Vec<Vec<usize>>, Nanos),
-        log: Arc<Log>,
-        now: Nanos,
-    ) -> Self {
-        let mut plant = Self { drives, snake, wires: Default::default(), gateways, time: now, log };
+    /// Starts at `now` with a straight snake and the motors at 0.
+    pub(crate) fn new(config: &EmulatorConfig, log: Arc<Log>, now: Nanos) -> Self {
+        let drives = config.drives.iter().chain(&config.auxiliary);
+        let trip = Nanos::from_micros(config.gateway_us.unwrap_or_default());
+        let mut plant = Self {
+            drives: drives.map(|config| Drive::new(config, 0.0)).collect(),
+            snake: config.snake.build(config.seed),
+            wires: Default::default(),
+            gateways: (config.ports(), trip),
+            time: now,
+            log,
+        };
         plant.record(now);
         plant
     }
@@ -122,16 +126,15 @@ impl Plant {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
-    use crate::drive::DriveConfig;
     use crate::drive::frame::Request;
-    use crate::physics::springs::SpringSnake;
     use crate::physics::springs::tests::config;
 
     fn plant(log: &Arc<Log>) -> Plant {
-        let drives = [0, 1].map(|_| Drive::new(&DriveConfig::default(), 0.0)).into();
-        let snake = SpringSnake::new(&config("steel"), 1);
-        Plant::new(drives, snake.into(), Default::default(), Arc::clone(log), Nanos::ZERO)
+        let config = EmulatorConfig::new(config("steel"), Path::new(""));
+        Plant::new(&config, Arc::clone(log), Nanos::ZERO)
     }
 
     fn write(plant: &mut Plant, now: Nanos, index: u16, value: u8) {

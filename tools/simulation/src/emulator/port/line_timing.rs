@@ -9,6 +9,8 @@
 //! The timer restarts with every transfer (FTDI AN232B-04).
 
 use i2ris::units::Nanos;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct LineConfig {
@@ -22,7 +24,6 @@ pub struct LineConfig {
     /// Maximum random time added to it, microseconds.
     pub jitter_us: u64,
     /// The latency timer of the FTDI chip, milliseconds; 0: no chip.
-    /// none.
     pub latency_timer_ms: u64,
     /// Part of a late wake-up that is not counted as the host's time, microseconds: bytes that are
     /// read this long after the line was free count as sent when it became free. A wake-up takes
@@ -55,9 +56,16 @@ impl LineConfig {
 /// Packet size of an FTDI bridge.
 const PACKET: usize = 62;
 
+/// Maximum wait for USB of a request, one frame, and of a reply, which the host polls for more
+/// often; microseconds. The position in a frame is random.
+const REQUEST_WAIT_US: u64 = 1000;
+const REPLY_WAIT_US: u64 = 500;
+
 /// Timing of both directions of a line.
 #[derive(Debug, Clone)]
 pub(crate) struct LineTiming {
+    config: LineConfig,
+    random: Pcg64Mcg,
     byte: Nanos,
     allowance: Nanos,
     /// When the line towards the drive is free.
@@ -70,8 +78,10 @@ pub(crate) struct LineTiming {
 }
 
 impl LineTiming {
-    pub(crate) fn new(config: &LineConfig) -> Self {
+    pub(crate) fn new(config: &LineConfig, seed: u64) -> Self {
         Self {
+            config: config.clone(),
+            random: Pcg64Mcg::seed_from_u64(seed),
             byte: Nanos(10 * 1_000_000_000 / u64::from(config.baud.max(1))),
             allowance: Nanos::from_micros(config.allowance_us),
             free: Nanos::ZERO,
@@ -81,9 +91,30 @@ impl LineTiming {
         }
     }
 
-    /// Bytes read at `read` have waited `wait` for a USB frame.
-    pub(crate) fn wait_for_frame(&mut self, read: Nanos, wait: Nanos) {
-        self.free = self.free.max(read - (self.allowance + self.late)) + wait;
+    fn up_to(&mut self, longest_us: u64) -> Nanos {
+        Nanos::from_micros(self.random.random_range(0..=longest_us))
+    }
+
+    /// On USB, bytes read at `read` have waited for a frame.
+    pub(crate) fn wait_for_frame(&mut self, read: Nanos) {
+        if self.timer > Nanos::ZERO {
+            let wait = self.up_to(REQUEST_WAIT_US);
+            self.free = self.free.max(read - (self.allowance + self.late)) + wait;
+        }
+    }
+
+    /// When the reply to a frame that arrived at `arrived` is ready. `delay`: what the drive needs
+    /// beyond its processing time.
+    pub(crate) fn process(&mut self, arrived: Nanos, delay: Nanos) -> Nanos {
+        let processing = Nanos::from_micros(self.config.processing_us);
+        arrived + processing + self.up_to(self.config.jitter_us) + delay
+    }
+
+    /// When the host gets a reply of `bytes` that starts at `start`.
+    pub(crate) fn reply(&mut self, start: Nanos, bytes: usize) -> Nanos {
+        let end = self.depart(start, bytes);
+        let wait = self.up_to(REPLY_WAIT_US);
+        self.deliver(end, bytes, wait)
     }
 
     /// The arrival time of a byte that was read at `read`.
@@ -99,7 +130,7 @@ impl LineTiming {
     }
 
     /// When a reply of `bytes` that starts at `start` ends. The host cannot respond before.
-    pub(crate) fn depart(&mut self, start: Nanos, bytes: usize) -> Nanos {
+    fn depart(&mut self, start: Nanos, bytes: usize) -> Nanos {
         let end = start + Nanos(self.byte.0 * bytes as u64);
         self.free = self.free.max(end);
         end
@@ -107,7 +138,7 @@ impl LineTiming {
 
     /// When the host gets a reply of `bytes` whose last one arrived at `end`. The transfer waits
     /// `wait` for a USB frame.
-    pub(crate) fn deliver(&mut self, end: Nanos, bytes: usize, wait: Nanos) -> Nanos {
+    fn deliver(&mut self, end: Nanos, bytes: usize, wait: Nanos) -> Nanos {
         if self.timer == Nanos::ZERO {
             return end;
         }
@@ -132,7 +163,8 @@ mod tests {
 
     /// A byte takes 1 ms.
     fn timing() -> LineTiming {
-        LineTiming::new(&LineConfig { baud: 10_000, allowance_us: 100, ..LineConfig::default() })
+        let config = LineConfig { baud: 10_000, allowance_us: 100, ..LineConfig::default() };
+        LineTiming::new(&config, 1)
     }
 
     const BYTE: Nanos = Nanos::from_millis(1);
@@ -173,13 +205,13 @@ mod tests {
     #[test]
     fn only_short_replies_wait_for_the_latency_timer() {
         let config = LineConfig { latency_timer_ms: 16, baud: 10_000, ..LineConfig::default() };
-        let mut timing = LineTiming::new(&config);
+        let mut timing = LineTiming::new(&config, 1);
         let mut deliver = |end_ms, bytes| timing.deliver(Nanos::from_millis(end_ms), bytes, BYTE);
         assert_eq!([3, 18, 50].map(|ms| deliver(ms, 10)), [17, 34, 51].map(Nanos::from_millis));
         assert_eq!(deliver(100, 62), Nanos::from_millis(101));
         assert_eq!(deliver(104, 10), Nanos::from_millis(118), "it restarted at 101");
         assert_eq!(deliver(200, 72), Nanos::from_millis(207), "10 bytes wait, since 190");
-        let mut wire = LineTiming::new(&LineConfig::default());
+        let mut wire = LineTiming::new(&LineConfig::default(), 1);
         assert_eq!(wire.deliver(BYTE, 10, BYTE), BYTE);
     }
 

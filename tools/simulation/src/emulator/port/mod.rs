@@ -19,8 +19,6 @@ use std::sync::atomic::Ordering;
 
 use i2ris::clock;
 use i2ris::units::Nanos;
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 
 pub use line_timing::LineConfig;
 pub use port_folder::FolderError;
@@ -37,11 +35,6 @@ use pty::Pty;
 /// Maximum sleep before the thread checks for the end.
 const POLL: Nanos = Nanos::from_millis(20);
 
-/// Maximum wait for USB of a request, one frame, and of a reply, which the host polls for more
-/// often; microseconds. The position in a frame is random.
-pub(crate) const REQUEST_WAIT_US: u64 = 1000;
-pub(crate) const REPLY_WAIT_US: u64 = 500;
-
 /// A thread that slept longer than this was delayed by the machine.
 const STALL: Nanos = Nanos::from_millis(30);
 
@@ -56,7 +49,6 @@ pub(crate) struct Port {
     fault: ExchangeFault,
     /// The link with a stable name to the device.
     link: Option<PathBuf>,
-    random: Pcg64Mcg,
     /// Arrival of the last byte.
     last_byte: Nanos,
     /// An early byte of the present exchange has been logged.
@@ -75,11 +67,10 @@ impl Port {
             axis,
             pty: Pty::open()?,
             config: config.clone(),
-            timing: LineTiming::new(config),
+            timing: LineTiming::new(config, seed),
             parser: Parser::default(),
             fault: ExchangeFault::default(),
             link: None,
-            random: Pcg64Mcg::seed_from_u64(seed),
             last_byte: Nanos::ZERO,
             early_byte_logged: false,
             shared,
@@ -147,10 +138,7 @@ impl Port {
     /// repeat them.
     fn receive(&mut self, mut bytes: Vec<u8>, read: Nanos, stalled: bool) {
         self.drop_stale_frame(read);
-        if self.config.latency_timer_ms > 0 {
-            let wait = self.up_to(REQUEST_WAIT_US);
-            self.timing.wait_for_frame(read, wait);
-        }
+        self.timing.wait_for_frame(read);
         if self.is_between_frames() {
             self.fault = ExchangeFault(self.line().take_exchange_fault());
         }
@@ -180,10 +168,6 @@ impl Port {
         }
     }
 
-    fn up_to(&mut self, longest_us: u64) -> Nanos {
-        Nanos::from_micros(self.random.random_range(0..=longest_us))
-    }
-
     fn is_between_frames(&self) -> bool {
         !self.parser.is_partial()
     }
@@ -194,9 +178,8 @@ impl Port {
         self.line().requests.fetch_add(1, Ordering::Relaxed);
         let mut reply = reply.filter(|_| !self.line().is_muted(clock::now()))?;
         reply.data = self.fault.reply_data(reply.data);
-        let jitter = self.up_to(self.config.jitter_us);
-        let start = arrived + Nanos::from_micros(self.config.processing_us) + jitter + reply.delay;
-        Some((reply, start))
+        let ready = self.timing.process(arrived, reply.delay);
+        Some((reply, ready))
     }
 
     /// Executes one request. Bytes are ignored until the reply is complete.
@@ -221,9 +204,7 @@ impl Port {
 
     /// Sends bytes, starting at `start`, and delivers them when the last has arrived.
     fn send(&mut self, bytes: Vec<u8>, start: Nanos) {
-        let end = self.timing.depart(start, bytes.len());
-        let wait = self.up_to(REPLY_WAIT_US);
-        let due = self.timing.deliver(end, bytes.len(), wait);
+        let due = self.timing.reply(start, bytes.len());
         self.watch_for_early_bytes(due);
         self.pty.write(&bytes);
         self.timing.hand_over(due, clock::now());
