@@ -59,10 +59,8 @@ pub struct Profile {
     #[serde(default = "dead_man_ms")]
     pub dead_man_ms: u64,
     /// Full deflection of axes that the kernel calls relative.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relative_range: Option<i32>,
     /// Controls that differ for the left hand.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left: Option<ControlNames>,
 }
 
@@ -71,18 +69,13 @@ pub struct Profile {
 #[serde(deny_unknown_fields)]
 pub struct ControlNames {
     /// The axis to the right, and the axis away from the person.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub right: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub up: Option<String>,
     /// The dead-man: a key, or an axis that is pressed (a trigger, a pedal).
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub dead_man: Option<String>,
     /// The key that goes to the next scale.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<String>,
     /// The key that marks a moment of the trial.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub mark: Option<String>,
 }
 

@@ -24,7 +24,8 @@ pub fn above_zero(text: &str) -> Result<f64, String> {
 }
 
 /// The motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, strum::IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Protocol {
     /// Both motors wander over the whole disc and make strokes of all sizes, in turns (best
     /// calibration)
@@ -40,13 +41,8 @@ pub enum Protocol {
 
 impl Protocol {
     /// The name on the command line.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Reversals => "reversals",
-            Self::Cycles => "cycles",
-            Self::DecayingSine => "decaying-sine",
-            Self::Axes => "axes",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }
 

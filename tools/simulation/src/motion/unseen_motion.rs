@@ -1,7 +1,6 @@
 //! Motions that are in no calibration. The tracking error is measured on them.
 
 use std::f64::consts::TAU;
-use std::fmt;
 
 use i2ris::model::{Model, Query};
 use rand::{RngExt, SeedableRng};
@@ -24,7 +23,8 @@ const TREMOR_DEG: f64 = 0.05;
 const TREMOR_HZ: f64 = 10.0;
 
 /// A motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, strum::Display)]
+#[strum(serialize_all = "kebab-case")]
 pub enum Motion {
     /// Motion of a hand: wandering, with nested minor loops and tremor
     Teleoperation,
@@ -36,18 +36,6 @@ pub enum Motion {
     Points,
     /// Nested reversals around four poses, along one direction, ever smaller
     MinorLoops,
-}
-
-impl fmt::Display for Motion {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Teleoperation => "teleoperation",
-            Self::Circle => "circle",
-            Self::Square => "square",
-            Self::Points => "points",
-            Self::MinorLoops => "minor-loops",
-        })
-    }
 }
 
 impl Motion {
