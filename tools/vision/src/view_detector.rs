@@ -4,7 +4,7 @@ use i2ris::units::Nanos;
 
 use crate::fibre::{DetectorSettings, QualityIssue, Reading, measure};
 use crate::image::GreyImage;
-use crate::source::{FrameFault, SourceItem, StreamCheck};
+use crate::source::{Frame, FrameFault, StreamCheck};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, thiserror::Error)]
 pub enum Rejection {
@@ -52,28 +52,22 @@ impl ViewDetector {
         Self { guard: StreamCheck::default(), settings }
     }
 
-    pub fn detect(&mut self, item: SourceItem) -> ViewResult {
-        match self.guard.check(item) {
-            SourceItem::Missing { stamp, name, cause } => ViewResult {
-                stamp,
-                name,
-                digest: None,
-                image: None,
-                size: [0; 2],
-                seen: Err(Rejection::Frame(cause)),
-            },
-            SourceItem::Frame(frame) => {
-                let seen = measure(&frame.image, &self.settings).map_err(Rejection::Quality);
-                let has_structure = frame.image.data().windows(2).any(|pair| pair[0] != pair[1]);
-                ViewResult {
-                    stamp: frame.stamp,
-                    name: frame.name,
-                    digest: self.guard.digest().filter(|_| has_structure),
-                    size: [frame.image.width(), frame.image.height()],
-                    image: Some(frame.image),
-                    seen,
-                }
-            }
+    pub fn detect(&mut self, frame: Frame) -> ViewResult {
+        let Frame { stamp, name, picture } = self.guard.check(frame);
+        let image = picture.map(|picture| picture.image).map_err(Rejection::Frame);
+        let measured =
+            |image: &GreyImage| measure(image, &self.settings).map_err(Rejection::Quality);
+        let seen = image.as_ref().map_err(|cause| *cause).and_then(measured);
+        let image = image.ok();
+        let has_structure =
+            |image: &GreyImage| image.data().windows(2).any(|pair| pair[0] != pair[1]);
+        ViewResult {
+            stamp,
+            name,
+            digest: self.guard.digest().filter(|_| image.as_ref().is_some_and(has_structure)),
+            size: image.as_ref().map_or([0; 2], |image| [image.width(), image.height()]),
+            image,
+            seen,
         }
     }
 }

@@ -23,7 +23,7 @@ use i2ris_vision::image::GreyImage;
 use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::scene_setup::setup;
 use i2ris_vision::session::Session;
-use i2ris_vision::source::{Frame, SourceItem};
+use i2ris_vision::source::Frame;
 use i2ris_vision::view_detector::ViewDetector;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -73,8 +73,7 @@ fn film(emulator: &Emulator, look: Look, domain: &Domain, stop: &AtomicBool, see
         let images = scene.render_views(JointPose { pitch_rad, yaw_rad }, number);
         for (view, image) in images.into_iter().enumerate() {
             let image = if look.mirrored && view == 1 { upside_down(&image) } else { image };
-            let frame = Frame { stamp: truth.stamp, name: number.to_string(), image, jpeg: None };
-            session.take(view, detectors[view].detect(SourceItem::Frame(frame)));
+            session.take(view, detectors[view].detect(Frame::new(truth.stamp, number, image)));
         }
         for row in session.rows().unwrap() {
             let Ok(angles) = row.seen else { continue };

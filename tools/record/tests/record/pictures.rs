@@ -15,7 +15,7 @@ use i2ris_testing::{Controller, Program, wait_until};
 use i2ris_vision::scene::{JointPose, Rig};
 use i2ris_vision::scene_setup::setup;
 use i2ris_vision::session::Session;
-use i2ris_vision::source::{Frame, SourceItem};
+use i2ris_vision::source::Frame;
 use i2ris_vision::view_detector::ViewDetector;
 use mcap::records::Record;
 
@@ -150,8 +150,7 @@ fn snake_motion_in_pictures_shows_their_delay() {
         let pose = JointPose { pitch_rad: snake[0], yaw_rad: snake[1] };
         let stamp = now + Nanos((LATE_S * 1e9) as u64);
         for (view, image) in rig.render_views(pose, number).into_iter().enumerate() {
-            let frame = Frame { stamp, name: number.to_string(), image, jpeg: None };
-            session.take(view, detectors[view].detect(SourceItem::Frame(frame)));
+            session.take(view, detectors[view].detect(Frame::new(stamp, number, image)));
         }
         rows.extend(session.rows().unwrap());
     }

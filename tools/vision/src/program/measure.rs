@@ -148,11 +148,11 @@ fn watch(
     let mut measure = || -> Result<(), SourceError> {
         let mut source = format.open(path)?;
         for number in 1.. {
-            let Some(item) = source.next()? else { break };
+            let Some(frame) = source.next()? else { break };
             if let Some(pictures) = &pictures {
-                pictures.forward(&item);
+                pictures.forward(&frame);
             }
-            let mut result = detector.detect(item);
+            let mut result = detector.detect(frame);
             if let Some((folder, view)) = &overlays {
                 draw(&folder.join(format!("{view}_{number:05}.png")), view, &result)?;
             }

@@ -10,7 +10,7 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::PicturePublisher;
 use i2ris::units::Nanos;
 use i2ris_vision::image::GreyImage;
-use i2ris_vision::source::SourceItem;
+use i2ris_vision::source::Frame;
 
 /// Pictures that wait to be compressed.
 const QUEUE_LENGTH: usize = 4;
@@ -64,11 +64,11 @@ impl PictureForwarding {
         Arc::clone(&self.counts)
     }
 
-    pub fn forward(&self, item: &SourceItem) {
-        let SourceItem::Frame(frame) = item else { return };
-        let taken = match &frame.jpeg {
+    pub fn forward(&self, frame: &Frame) {
+        let Ok(picture) = &frame.picture else { return };
+        let taken = match &picture.jpeg {
             Some(jpeg) => Taken::Jpeg(jpeg.clone()),
-            None => Taken::Grey(frame.image.clone()),
+            None => Taken::Grey(picture.image.clone()),
         };
         if self.to.try_send((frame.stamp, taken)).is_err() {
             self.counts.dropped.fetch_add(1, Ordering::Relaxed);

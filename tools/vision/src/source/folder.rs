@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use i2ris::units::Nanos;
 
 use super::decode::decode;
-use super::frame::{Frame, FrameFault, SourceError, SourceItem};
+use super::frame::{Frame, FrameFault, Picture, SourceError};
 use super::stream::FrameSource;
 use super::timestamps;
 
@@ -49,36 +49,35 @@ impl ImageFolder {
         Ok(Self { path: path.to_owned(), rest })
     }
 
-    fn load(&self, stamp: Nanos, name: String) -> Result<SourceItem, SourceError> {
+    fn load(&self, stamp: Nanos, name: String) -> Result<Frame, SourceError> {
         let path = self.path.join(&name);
-        let gap = |cause, name| Ok(SourceItem::Missing { stamp, name, cause });
-        match std::fs::read(&path) {
+        let (name, picture) = match std::fs::read(&path) {
             Ok(bytes) => match decode(&bytes) {
                 Ok(image) => {
                     let jpeg = bytes.starts_with(&[0xFF, 0xD8]).then_some(bytes);
-                    Ok(SourceItem::Frame(Frame { stamp, name, image, jpeg }))
+                    (name, Ok(Picture { image, jpeg }))
                 }
-                Err(error) => gap(FrameFault::Undecodable, format!("{name} ({error})")),
+                Err(error) => (format!("{name} ({error})"), Err(FrameFault::Undecodable)),
             },
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                gap(FrameFault::MissingFile, name)
+                (name, Err(FrameFault::MissingFile))
             }
-            Err(error) => Err(SourceError::file(&path, error)),
-        }
+            Err(error) => return Err(SourceError::file(&path, error)),
+        };
+        Ok(Frame { stamp, name, picture })
     }
 }
 
 impl FrameSource for ImageFolder {
-    fn next(&mut self) -> Result<Option<SourceItem>, SourceError> {
-        match self.rest.pop_front() {
-            None => Ok(None),
-            Some((stamp, Entry::File(name))) => self.load(stamp, name).map(Some),
-            Some((stamp, Entry::Missing(number))) => Ok(Some(SourceItem::Missing {
-                stamp,
-                name: format!("number {number}"),
-                cause: FrameFault::MissingFile,
-            })),
-        }
+    fn next(&mut self) -> Result<Option<Frame>, SourceError> {
+        let Some((stamp, entry)) = self.rest.pop_front() else { return Ok(None) };
+        Ok(Some(match entry {
+            Entry::File(name) => self.load(stamp, name)?,
+            Entry::Missing(number) => {
+                let name = format!("number {number}");
+                Frame { stamp, name, picture: Err(FrameFault::MissingFile) }
+            }
+        }))
     }
 }
 

@@ -1,4 +1,4 @@
-//! A frame with its timestamp, or the fault in its place; and its size.
+//! A frame with its timestamp, and its size.
 
 use std::path::{Path, PathBuf};
 
@@ -6,15 +6,29 @@ use i2ris::units::Nanos;
 
 use crate::image::GreyImage;
 
+/// A frame, or the fault in its place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Exposure. Streams: monotonic clock of this machine. Folders: by their names, list or rate.
+    /// Exposure; of a missing frame, the expected one. Streams: monotonic clock of this machine.
+    /// Folders: by their names, list or rate.
     pub stamp: Nanos,
     /// File name, or number in the stream; for messages and overlays.
     pub name: String,
+    pub picture: Result<Picture, FrameFault>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
     pub image: GreyImage,
     /// The file that it was decoded from, if that was a JPEG.
     pub jpeg: Option<Vec<u8>>,
+}
+
+impl Frame {
+    /// A frame that did not come as a JPEG.
+    pub fn new(stamp: Nanos, name: impl ToString, image: GreyImage) -> Self {
+        Self { stamp, name: name.to_string(), picture: Ok(Picture { image, jpeg: None }) }
+    }
 }
 
 /// Reason for a missing frame.
@@ -36,27 +50,6 @@ pub enum FrameFault {
     NoPartner,
     #[error("the camera delivers nothing")]
     NoPicture,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-pub enum SourceItem {
-    Frame(Frame),
-    /// Missing frame, with the reason.
-    Missing {
-        /// Expected exposure.
-        stamp: Nanos,
-        name: String,
-        cause: FrameFault,
-    },
-}
-
-impl SourceItem {
-    pub fn stamp(&self) -> Nanos {
-        match self {
-            Self::Frame(frame) => frame.stamp,
-            Self::Missing { stamp, .. } => *stamp,
-        }
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

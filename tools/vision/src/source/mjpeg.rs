@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::io::{BufReader, Read};
 
 use super::decode::decode;
-use super::frame::{Frame, FrameFault, SourceError, SourceItem};
+use super::frame::{Frame, FrameFault, Picture, SourceError};
 use super::stream::{BUFFER, FrameClock, FrameSource};
 
 /// Maximum length of a file, bytes: a longer one is not from a camera.
@@ -122,17 +122,16 @@ impl<R: Read + Send> MjpegStream<R> {
 }
 
 impl<R: Read + Send> FrameSource for MjpegStream<R> {
-    fn next(&mut self) -> Result<Option<SourceItem>, SourceError> {
+    fn next(&mut self) -> Result<Option<Frame>, SourceError> {
         let Some(file) = self.file()? else { return Ok(None) };
         let stamp = self.clock.stamp(self.number);
         self.number += 1;
         let name = format!("frame {}", self.number);
-        if let Some(jpeg) = file
-            && let Ok(image) = decode(&jpeg)
-        {
-            return Ok(Some(SourceItem::Frame(Frame { stamp, name, image, jpeg: Some(jpeg) })));
-        }
-        Ok(Some(SourceItem::Missing { stamp, name, cause: FrameFault::Undecodable }))
+        let picture = file.and_then(|jpeg| {
+            let image = decode(&jpeg).ok()?;
+            Some(Picture { image, jpeg: Some(jpeg) })
+        });
+        Ok(Some(Frame { stamp, name, picture: picture.ok_or(FrameFault::Undecodable) }))
     }
 }
 
@@ -157,8 +156,8 @@ mod tests {
         let all = files.concat();
         let mut stream = MjpegStream::new(&all[..], FrameClock::Rate(10.0));
         for (number, file) in files.iter().enumerate() {
-            let Some(SourceItem::Frame(frame)) = stream.next().unwrap() else { panic!("no frame") };
-            assert_eq!(frame.jpeg.as_ref(), Some(file));
+            let frame = stream.next().unwrap().unwrap();
+            assert_eq!(frame.picture.unwrap().jpeg.as_ref(), Some(file));
             assert_eq!(frame.stamp, Nanos(100_000_000 * number as u64));
         }
         assert_eq!(stream.next().unwrap(), None);
@@ -184,8 +183,8 @@ mod tests {
             let all = [&a, between, &b, between, &c, between].concat();
             let mut stream = MjpegStream::new(&all[..], FrameClock::Rate(10.0));
             for file in [&a, &b, &c] {
-                let Some(SourceItem::Frame(frame)) = stream.next().unwrap() else { panic!() };
-                assert_eq!(frame.jpeg.as_ref(), Some(file), "{between:?}");
+                let picture = stream.next().unwrap().unwrap().picture.unwrap();
+                assert_eq!(picture.jpeg.as_ref(), Some(file), "{between:?}");
             }
             assert_eq!(stream.next().unwrap(), None);
         }
@@ -193,12 +192,9 @@ mod tests {
             let all = [&a, &b[..length], &c].concat();
             let mut stream = MjpegStream::new(&all[..], FrameClock::Rate(10.0));
             let mut found = Vec::new();
-            while let Some(item) = stream.next().unwrap() {
-                let SourceItem::Frame(frame) = item else {
-                    found.push(false);
-                    continue;
-                };
-                found.push([&a, &c].contains(&frame.jpeg.as_ref().unwrap()));
+            while let Some(frame) = stream.next().unwrap() {
+                let is_one = |picture: Picture| [&a, &c].contains(&&picture.jpeg.unwrap());
+                found.push(frame.picture.is_ok_and(is_one));
             }
             assert_eq!(found, [true, false, true], "{length}");
         }

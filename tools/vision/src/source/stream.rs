@@ -9,7 +9,7 @@ use std::io::{BufRead, BufReader, Read};
 
 use i2ris::units::Nanos;
 
-use super::frame::{Frame, ImageSize, SourceError, SourceItem};
+use super::frame::{Frame, ImageSize, SourceError};
 use super::timestamps::seconds;
 use crate::image::GreyImage;
 
@@ -23,8 +23,8 @@ pub(super) const BUFFER: usize = 1 << 18;
 const MAX_LINE: usize = 512;
 
 pub trait FrameSource: Send {
-    /// The next frame or gap; `None` at the end.
-    fn next(&mut self) -> Result<Option<SourceItem>, SourceError>;
+    /// The next frame; `None` at the end.
+    fn next(&mut self) -> Result<Option<Frame>, SourceError>;
 }
 
 /// Source of the stamps of frames in a stream.
@@ -94,7 +94,7 @@ impl<R: Read + Send> FrameStream<R> {
 }
 
 impl<R: Read + Send> FrameSource for FrameStream<R> {
-    fn next(&mut self) -> Result<Option<SourceItem>, SourceError> {
+    fn next(&mut self) -> Result<Option<Frame>, SourceError> {
         let Some(words) = self.find()? else { return Ok(None) };
         let reported = words.split(' ').find_map(|word| word.strip_prefix("XT=")).and_then(seconds);
         self.number += 1;
@@ -112,7 +112,7 @@ impl<R: Read + Send> FrameSource for FrameStream<R> {
         let stamp = reported.unwrap_or_else(|| self.clock.stamp(number - 1));
         let name = format!("frame {number}");
         let image = GreyImage::new(size.width, size.height, data);
-        Ok(image.map(|image| SourceItem::Frame(Frame { stamp, name, image, jpeg: None })))
+        Ok(image.map(|image| Frame::new(stamp, name, image)))
     }
 }
 
@@ -190,8 +190,8 @@ mod tests {
         let bytes = stream("YUV4MPEG2 W16 H16 F30:1 Ip C420jpeg", &[image(7), image(9)]);
         let mut source = FrameStream::y4m(&bytes[..], FrameClock::Rate(30.0)).unwrap();
         for (value, stamp) in [(7, 0), (9, 33_333_333)] {
-            let Some(SourceItem::Frame(frame)) = source.next().unwrap() else { panic!("no frame") };
-            assert_eq!(frame.image.data(), vec![value; 256]);
+            let frame = source.next().unwrap().unwrap();
+            assert_eq!(frame.picture.unwrap().image.data(), vec![value; 256]);
             assert_eq!(frame.stamp, Nanos(stamp));
         }
         assert_eq!(source.next().unwrap(), None);
@@ -202,8 +202,8 @@ mod tests {
         let mut bytes = b"YUV4MPEG2 W16 H16 Cmono\nFRAME Ip XT=12.345678901\n".to_vec();
         bytes.extend([0; 256]);
         let mut source = FrameStream::y4m(&bytes[..], FrameClock::Rate(30.0)).unwrap();
-        let Some(SourceItem::Frame(frame)) = source.next().unwrap() else { panic!("no frame") };
-        assert_eq!(frame.stamp, Nanos(12_345_678_901));
+        let frame = source.next().unwrap().unwrap();
+        assert!(frame.picture.is_ok() && frame.stamp == Nanos(12_345_678_901), "{frame:?}");
     }
 
     #[test]
@@ -213,8 +213,9 @@ mod tests {
         let bytes = [header, image(1), vec![7; 300], image(2), b"\n\n".to_vec(), image(3)].concat();
         let mut source = FrameStream::y4m(&bytes[..], FrameClock::Rate(30.0)).unwrap();
         for value in 1..=3 {
-            let Some(SourceItem::Frame(frame)) = source.next().unwrap() else { panic!("no frame") };
-            assert_eq!((frame.image.data()[255], frame.stamp), (value, Nanos(1_500_000_000)));
+            let frame = source.next().unwrap().unwrap();
+            let last = frame.picture.unwrap().image.data()[255];
+            assert_eq!((last, frame.stamp), (value, Nanos(1_500_000_000)));
         }
         assert_eq!(source.next().unwrap(), None);
     }

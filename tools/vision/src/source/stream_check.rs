@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use i2ris::units::Nanos;
 
-use super::frame::{Frame, FrameFault, ImageSize, SourceItem};
+use super::frame::{Frame, FrameFault, ImageSize, Picture};
+use crate::image::GreyImage;
 
 /// Checks the frames of one view one after the other and turns invalid ones into gaps.
 #[derive(Debug, Default)]
@@ -23,27 +24,25 @@ impl StreamCheck {
     /// Turns a frame into a gap if its size differs from the first one's, or if it is not newer
     /// than the previous one, or identical to it. A sensor has noise: two identical frames are one
     /// frame twice.
-    pub fn check(&mut self, item: SourceItem) -> SourceItem {
-        match item {
-            SourceItem::Frame(frame) => match self.fault(&frame) {
-                Some(cause) => SourceItem::Missing { stamp: frame.stamp, name: frame.name, cause },
-                None => SourceItem::Frame(frame),
-            },
-            gap @ SourceItem::Missing { .. } => gap,
-        }
+    pub fn check(&mut self, frame: Frame) -> Frame {
+        let checked = |picture: Picture| {
+            let fault = self.fault(frame.stamp, &picture.image);
+            fault.map_or(Ok(picture), Err)
+        };
+        Frame { picture: frame.picture.and_then(checked), ..frame }
     }
 
-    fn fault(&mut self, frame: &Frame) -> Option<FrameFault> {
-        let size = ImageSize { width: frame.image.width(), height: frame.image.height() };
+    fn fault(&mut self, stamp: Nanos, image: &GreyImage) -> Option<FrameFault> {
+        let size = ImageSize { width: image.width(), height: image.height() };
         if *self.size.get_or_insert(size) != size {
             return Some(FrameFault::WrongSize);
         }
-        let digest = frame.image.digest();
+        let digest = image.digest();
         let is_frozen = self.last_digest.replace(digest) == Some(digest);
-        if self.last_stamp.is_some_and(|last| frame.stamp <= last) {
+        if self.last_stamp.is_some_and(|last| stamp <= last) {
             return Some(FrameFault::OutOfOrder);
         }
-        self.last_stamp = Some(frame.stamp);
+        self.last_stamp = Some(stamp);
         is_frozen.then_some(FrameFault::Frozen)
     }
 }

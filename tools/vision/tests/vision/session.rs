@@ -8,7 +8,7 @@ use i2ris_vision::rest_pose::RestPoseError;
 use i2ris_vision::scene::{JointPose, Rig};
 use i2ris_vision::scene_setup::setup;
 use i2ris_vision::session::{Session, SessionError, SessionStatistics};
-use i2ris_vision::source::{Frame, FrameFault, SourceItem};
+use i2ris_vision::source::{Frame, FrameFault};
 use i2ris_vision::view_detector::{Rejection, ViewDetector};
 
 const PERIOD: u64 = 33_000_000;
@@ -25,17 +25,12 @@ fn pose(number: u64) -> JointPose {
     JointPose { pitch_rad: 0.06 * step, yaw_rad: -0.04 * step }
 }
 
-fn frame(number: u64, image: GreyImage) -> SourceItem {
-    SourceItem::Frame(Frame {
-        stamp: Nanos(1_000_000_000 + number * PERIOD),
-        name: number.to_string(),
-        image,
-        jpeg: None,
-    })
+fn frame(number: u64, image: GreyImage) -> Frame {
+    Frame::new(Nanos(1_000_000_000 + number * PERIOD), number, image)
 }
 
 /// Shots of both views.
-fn film(rig: &Rig) -> [Vec<SourceItem>; 2] {
+fn film(rig: &Rig) -> [Vec<Frame>; 2] {
     let mut views = [Vec::new(), Vec::new()];
     for number in 0..REST + MOVING {
         for (view, image) in rig.render_views(pose(number), number).into_iter().enumerate() {
@@ -53,7 +48,7 @@ fn session(rig: &Rig) -> (Session, Vec<ViewDetector>) {
 
 fn run(
     rig: &Rig,
-    items: [Vec<SourceItem>; 2],
+    items: [Vec<Frame>; 2],
 ) -> (Result<Vec<AngleRow>, SessionError>, SessionStatistics) {
     let (mut session, mut detectors) = session(rig);
     let mut sources = items.map(Vec::into_iter);
@@ -75,7 +70,7 @@ fn run(
 }
 
 /// All rows with angles are right; the others are as many as expected and name this cause.
-fn assert_gaps(rig: &Rig, items: [Vec<SourceItem>; 2], gaps: usize, cause: FrameFault) {
+fn assert_gaps(rig: &Rig, items: [Vec<Frame>; 2], gaps: usize, cause: FrameFault) {
     let cause = cause.to_string();
     let (rows, statistics) = run(rig, items);
     let rows = rows.unwrap();
@@ -121,19 +116,18 @@ fn cameras_that_are_turned_and_reversed_give_the_same_angles() {
     assert_gaps(&rig, film(&rig), 0, FrameFault::NoPicture);
 }
 
-fn missing(items: &mut [Vec<SourceItem>; 2], cause: FrameFault) {
-    let stamp = items[0][13].stamp();
-    items[0][13] = SourceItem::Missing { stamp, name: "13".into(), cause };
+fn missing(items: &mut [Vec<Frame>; 2], cause: FrameFault) {
+    items[0][13].picture = Err(cause);
 }
 
 #[test]
 fn faults_of_cameras_and_files_are_gaps_with_their_cause() {
-    type Change = fn(&mut [Vec<SourceItem>; 2]);
+    type Change = fn(&mut [Vec<Frame>; 2]);
     let cases: [(FrameFault, usize, Change); 5] = [
         (FrameFault::Frozen, 2, |items| {
-            let SourceItem::Frame(stuck) = items[1][10].clone() else { panic!("a frame") };
-            items[1][11] = frame(11, stuck.image.clone());
-            items[1][12] = frame(12, stuck.image);
+            let stuck = items[1][10].picture.clone();
+            items[1][11].picture = stuck.clone();
+            items[1][12].picture = stuck;
         }),
         (FrameFault::WrongSize, 1, |items| {
             items[0][9] = frame(9, GreyImage::new(320, 240, vec![9; 320 * 240]).unwrap());
@@ -154,8 +148,8 @@ fn faults_of_cameras_and_files_are_gaps_with_their_cause() {
 fn stamps_out_of_order() {
     let rig = rig();
     let mut items = film(&rig);
-    let SourceItem::Frame(late) = &mut items[0][12] else { panic!("a frame") };
-    late.stamp = Nanos(late.stamp.0 - 2 * PERIOD);
+    let late = &mut items[0][12].stamp;
+    *late = Nanos(late.0 - 2 * PERIOD);
     // The frame itself, and the one of the other view that is left without a partner.
     let (rows, statistics) = run(&rig, items);
     let gaps: Vec<String> = rows.unwrap().into_iter().filter_map(|row| row.seen.err()).collect();
