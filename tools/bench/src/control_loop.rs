@@ -8,7 +8,7 @@ use i2ris::model::Model;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
-use crate::BenchError;
+use crate::Failure;
 use crate::inverse::two_clock_readings;
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::{Run, in_thread};
@@ -48,7 +48,7 @@ pub struct LoopBenchmark {
 
 /// Runs the ticker of the controller with its cycle, without and with adaptation, and a bare timer,
 /// in turns; with regions only the computing time.
-pub fn run(benchmark: &LoopBenchmark, run: Run) -> Result<Outcome, BenchError> {
+pub fn run(benchmark: &LoopBenchmark, run: Run) -> Result<Outcome, Failure> {
     let about = "A periodic loop: lateness of its ticks, and computing time of a tick of the \
                  controller";
     Outcome::of("loop", about, || in_thread(|| measure(benchmark, run)))
@@ -67,7 +67,7 @@ struct Rate {
 }
 
 impl Rate {
-    fn new(period: Nanos, model: &Arc<Model>) -> Result<Self, BenchError> {
+    fn new(period: Nanos, model: &Arc<Model>) -> Result<Self, Failure> {
         let cycle = |keeps_out, adapts| {
             Cycle::new(period, model, Duties { adapts, keeps_out }).map(Box::new)
         };
@@ -82,7 +82,7 @@ impl Rate {
     }
 
     /// One turn of the bare timer, and one of the ticker for each way to compute a tick.
-    fn turns(&mut self, spin: Nanos) -> Result<(), BenchError> {
+    fn turns(&mut self, spin: Nanos) -> Result<(), Failure> {
         let Self { period, cycle, adapting, at_regions, late, computing } = self;
         let [timer, ticker, adapting_late] = late;
         let [nothing, tick, adapting_tick, with_frame, at_region @ ..] = computing;
@@ -148,7 +148,7 @@ impl Rate {
     }
 }
 
-fn measure(benchmark: &LoopBenchmark, run: Run) -> Result<Found, BenchError> {
+fn measure(benchmark: &LoopBenchmark, run: Run) -> Result<Found, Failure> {
     let scheduling = vec![run.placement.apply("loop", 0)];
     let (model, name) = subject(benchmark.model.as_deref())?;
     let (model, note) = (Arc::new(model), format!("The model of the controller: {name}."));
@@ -179,8 +179,8 @@ fn run_turn(
     period: Nanos,
     spin: Nanos,
     lateness: &mut Durations,
-    mut work: impl FnMut() -> Result<(), BenchError>,
-) -> Result<(), BenchError> {
+    mut work: impl FnMut() -> Result<(), Failure>,
+) -> Result<(), Failure> {
     let start = clock::now();
     let mut ticker = Ticker::new(start + period, period, spin);
     loop {

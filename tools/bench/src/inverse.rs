@@ -7,7 +7,7 @@ use i2ris::clock;
 use i2ris::model::{Memory, Model, Query};
 use i2ris::units::{Nanos, OutputVec};
 
-use crate::BenchError;
+use crate::Failure;
 use crate::outcome::{Durations, Found, Outcome, Role, Variant};
 use crate::placement::{Run, in_thread};
 use crate::sample_models::model;
@@ -69,13 +69,13 @@ struct MeasuredModel {
 
 /// Calls every model along a motion that turns both motors often, `rounds` times, the models in
 /// turns. `subject`: the model of the controller, and its name.
-pub fn run(rounds: u32, subject: (Model, String), run: Run) -> Result<Outcome, BenchError> {
+pub fn run(rounds: u32, subject: (Model, String), run: Run) -> Result<Outcome, Failure> {
     let about = "One call of a model: desired angles to counts (inverse), counts to angles with \
                  covariance (forward)";
     Outcome::of("inverse", about, || in_thread(|| measure(rounds, subject, run)))
 }
 
-fn measure(rounds: u32, (subject, name): (Model, String), run: Run) -> Result<Found, BenchError> {
+fn measure(rounds: u32, (subject, name): (Model, String), run: Run) -> Result<Found, Failure> {
     let scheduling = vec![run.placement.apply("calling thread", 0)];
     let mut models = vec![MeasuredModel::new(subject, name, Role::Ours)];
     for (components, plays, name) in PEERS {

@@ -12,8 +12,8 @@ use i2ris::model::Model;
 use i2ris::robot::{Refusal, StateCommand};
 use i2ris_calibration::fit::{Choice, Family};
 use i2ris_calibration::parallel;
-use i2ris_report::Failure;
 use i2ris_report::statistics::root_mean_square;
+use i2ris_report::{Failure, bail};
 use i2ris_simulation::SnakeSource;
 use i2ris_simulation::camera::CameraConfig;
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs, Motors, state_request};
@@ -82,15 +82,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn judge(snake: &SnakeSource, folder: &Path, models: &Path, moves: u32) -> Result<String, String> {
+fn judge(snake: &SnakeSource, folder: &Path, models: &Path, moves: u32) -> Result<String, Failure> {
     let name = snake.name().replace(':', "-");
-    let shipped = config().map_err(|error| error.to_string())?;
+    let shipped = config()?;
     let kept = models.join(format!("{name}.json"));
     let model = if kept.exists() {
-        Arc::new(Model::load(&kept).map_err(|error| error.to_string())?)
+        Arc::new(Model::load(&kept)?)
     } else {
         let model = calibrated(snake, &folder.join(format!("{name}.csv")), &shipped.robot_id)?;
-        model.file().write(&kept).map_err(|error| error.to_string())?;
+        model.file().write(&kept)?;
         model
     };
     let mut free = shipped.clone();
@@ -99,7 +99,7 @@ fn judge(snake: &SnakeSource, folder: &Path, models: &Path, moves: u32) -> Resul
     for (motion, path) in [("circle", circle as fn(f64) -> [f64; 2]), ("nested", nested)] {
         for speed in SPEEDS_DEG_S {
             let path = played(path, speed);
-            let of = |config: &Config| -> Result<Found, String> {
+            let of = |config: &Config| -> Result<Found, Failure> {
                 let motors = Robot::new(snake.build(1));
                 let mut found = follow(config, &model, motors, &path)?;
                 let mut config = config.clone();
@@ -136,7 +136,7 @@ fn ends(
     snake: &SnakeSource,
     moves: u32,
     adapts: bool,
-) -> Result<String, String> {
+) -> Result<String, Failure> {
     let mut shipped = config.clone();
     shipped.adaptation.enabled = adapts;
     let mut free = shipped.clone();
@@ -145,8 +145,7 @@ fn ends(
     let mut robots = Vec::new();
     for config in [&shipped, &free] {
         let motors = Robot::new(snake.build(1));
-        let robot = ClosedLoop::conditioned(config, model, motors);
-        let mut robot = robot.map_err(|error| error.to_string())?;
+        let mut robot = ClosedLoop::conditioned(config, model, motors)?;
         if adapts {
             robot.watch(&CameraConfig::default(), 1);
         }
@@ -168,7 +167,7 @@ fn ends(
                 robot.tick(Inputs { request: Some(request), ..Inputs::default() });
                 let refusal = robot.outputs().reply.map(|reply| reply.refusal);
                 if refusal != Some(Refusal::None) {
-                    return Err(format!("{:?} is refused: {refusal:?}", request.command));
+                    bail!("{:?} is refused: {refusal:?}", request.command);
                 }
                 while robot.report().busy && *ticks < MAX_TICKS {
                     robot.tick(Inputs::default());
@@ -196,7 +195,7 @@ fn ends(
     ))
 }
 
-fn calibrated(snake: &SnakeSource, file: &Path, robot_id: &str) -> Result<Arc<Model>, String> {
+fn calibrated(snake: &SnakeSource, file: &Path, robot_id: &str) -> Result<Arc<Model>, Failure> {
     let recording = record_robot(&mut Robot::new(snake.build(1)), file, 0, 1)?.without_latency().0;
     Ok(fitted(&recording, Choice::One(Family::ForceBalance), robot_id)?.model)
 }
@@ -228,9 +227,8 @@ fn follow<M: Motors>(
     model: &Arc<Model>,
     motors: M,
     path: &[[f64; 2]],
-) -> Result<Found, String> {
-    let control = ClosedLoop::conditioned(config, model, motors);
-    let mut control = control.map_err(|error| error.to_string())?;
+) -> Result<Found, Failure> {
+    let mut control = ClosedLoop::conditioned(config, model, motors)?;
     let at = control.setpoint();
     approach(&mut control, at, path[0])?;
     let (mut model_errors, mut tip_errors) = (Vec::new(), Vec::new());

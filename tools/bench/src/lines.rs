@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { line, axes, timer_ms, snake, duration_s } = arguments;
     let subject = |index: usize| Subject::calibrated(snake[index], *duration_s, folder.path());
     let subjects = parallel::map(snake.len(), subject);
-    let subjects = subjects.into_iter().collect::<Result<Vec<_>, String>>()?;
+    let subjects = subjects.into_iter().collect::<Result<Vec<_>, Failure>>()?;
     let mut plans = Vec::new();
     for &line in line {
         for &axes in if line == Line::Lab { &axes[..] } else { &[2] } {
@@ -121,7 +121,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut first = Vec::new();
     for plan in plans {
         let found = parallel::map(subjects.len(), |index| plan.measure(&subjects[index]));
-        match found.into_iter().collect::<Result<Vec<_>, String>>() {
+        match found.into_iter().collect::<Result<Vec<_>, Failure>>() {
             Ok(found) => {
                 let errors = || found.iter().map(|it| it.error_deg);
                 if first.is_empty() {
@@ -163,7 +163,7 @@ struct Subject {
 }
 
 impl Subject {
-    fn calibrated(snake: DrawnSnake, duration_s: f64, folder: &Path) -> Result<Self, String> {
+    fn calibrated(snake: DrawnSnake, duration_s: f64, folder: &Path) -> Result<Self, Failure> {
         let recording = record(snake, false, 0, snake.seed, folder)?;
         let fit = |family| fitted(&recording, Choice::One(family), "i2ris-emulated");
         let hand = Motion::Teleoperation;
@@ -185,9 +185,9 @@ impl Plan {
     }
 
     /// The emulated drives of a snake, and the configuration of a controller for them.
-    fn robot(self, subject: &Subject) -> Result<(EmulatorConfig, Config), String> {
+    fn robot(self, subject: &Subject) -> Result<(EmulatorConfig, Config), Failure> {
         let mut emulated = EmulatorConfig::new(subject.snake, Path::new("unused"));
-        let mut config = config().map_err(|error| error.to_string())?;
+        let mut config = config()?;
         let mut axes: Vec<_> = config.axes().cloned().collect();
         axes.truncate(self.axes);
         config.limits.feedback_stale_ms = 0;
@@ -200,13 +200,13 @@ impl Plan {
         Ok((emulated, config))
     }
 
-    fn measure(self, subject: &Subject) -> Result<Outcome, String> {
+    fn measure(self, subject: &Subject) -> Result<Outcome, Failure> {
         let (emulated, config) = self.robot(subject)?;
         let lines = Lines::start(&emulated, &config.ports)?;
         let mut control = ClosedLoop::new(&config, &subject.model, lines);
         for command in [StateCommand::Home, StateCommand::Enable, StateCommand::Condition] {
             rest(&mut control);
-            control.command(command).map_err(|error| error.to_string())?;
+            control.command(command)?;
         }
         let errors = follow(&mut control, &subject.hand)?;
         let end = subject.hand.iter().flat_map(|(_, path)| path.last()).copied().last();
@@ -248,7 +248,7 @@ fn path(goal: impl Fn(f64) -> [f64; 2]) -> Vec<[f64; 2]> {
 
 /// The delay of the tip in sines, ms: median and 99th percentile of one-second windows. At this
 /// delay the error without its mean is smallest.
-fn delays(control: &mut ClosedLoop<Lines>) -> Result<[f64; 2], String> {
+fn delays(control: &mut ClosedLoop<Lines>) -> Result<[f64; 2], Failure> {
     let path = path(|time| SINES_HZ.map(|hz| AMPLITUDE_DEG * (TAU * hz * time).sin()));
     let mut seen = Vec::new();
     along(control, &path, |control, goal| seen.push((goal, control.tip())))?;
@@ -269,7 +269,7 @@ fn delays(control: &mut ClosedLoop<Lines>) -> Result<[f64; 2], String> {
 }
 
 /// The motors' speed ripple while the goal moves to and fro at constant speed.
-fn ripple(control: &mut ClosedLoop<Lines>) -> Result<f64, String> {
+fn ripple(control: &mut ClosedLoop<Lines>) -> Result<f64, Failure> {
     let period_s = 4.0 * AMPLITUDE_DEG / SPEED_DEG_S;
     let triangle = |time: f64| 1.0 - 4.0 * ((time / period_s + 0.75).fract() - 0.5).abs();
     let path = path(|time| [AMPLITUDE_DEG * triangle(time); 2]);
@@ -292,7 +292,7 @@ fn ripple_of(positions: &[f64]) -> f64 {
 }
 
 /// Time from the tick of a fault to the last drive that stops, ms.
-fn stop(control: &mut ClosedLoop<Lines>) -> Result<f64, String> {
+fn stop(control: &mut ClosedLoop<Lines>) -> Result<f64, Failure> {
     control.tick(Inputs { missed: u32::MAX, ..Inputs::default() });
     let begin = control.now();
     rest(control);

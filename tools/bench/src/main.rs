@@ -43,20 +43,17 @@ use sample_models::subject;
 /// Time before each tick at which the ticker wakes and polls the clock.
 const SPIN: Nanos = Nanos::from_micros(100);
 
-/// Why a measurement failed: one sentence for the user, which may pass from thread to thread.
-type BenchError = Box<dyn std::error::Error + Send + Sync>;
-
 /// A timeout of a measurement.
-fn busy(what: &str) -> BenchError {
+fn busy(what: &str) -> Failure {
     format!("{what}: the machine is too busy to measure on, or a process hangs").into()
 }
 
-fn panicked<T>(_: T) -> BenchError {
+fn panicked<T>(_: T) -> Failure {
     busy("a thread of the measurement panicked")
 }
 
 /// A domain for this run alone.
-fn own_domain() -> Result<Domain, BenchError> {
+fn own_domain() -> Result<Domain, Failure> {
     Ok(Domain::new(&format!("bench-{:08x}", i2ris::ipc::random_id() as u32))?)
 }
 
@@ -185,29 +182,20 @@ struct HandArguments {
 }
 
 /// Path of the controller, next to this program.
-fn controller() -> Result<PathBuf, BenchError> {
+fn controller() -> Result<PathBuf, Failure> {
     Ok(std::env::current_exe()?.with_file_name("i2ris-control"))
 }
 
 fn main() -> ExitCode {
-    i2ris_report::program::run(
-        |_| true,
-        |arguments| run(&arguments).map_err(|error| -> Failure { error }),
-    )
+    i2ris_report::program::run(|_| true, |arguments: Arguments| run(&arguments))
 }
 
-fn run(arguments: &Arguments) -> Result<(), BenchError> {
+fn run(arguments: &Arguments) -> Result<(), Failure> {
     let task = &arguments.task;
     let (Measurement { json, output, priority }, is_all) = match task {
-        Task::Models(arguments) => {
-            return models::run(arguments).map_err(|error| error.to_string().into());
-        }
-        Task::Lines(arguments) => {
-            return lines::run(arguments).map_err(|error| error.to_string().into());
-        }
-        Task::Limits(arguments) => {
-            return limits::run(arguments).map_err(|error| error.to_string().into());
-        }
+        Task::Models(arguments) => return models::run(arguments),
+        Task::Lines(arguments) => return lines::run(arguments),
+        Task::Limits(arguments) => return limits::run(arguments),
         Task::Loop(arguments) => (&arguments.measurement, false),
         Task::Inverse(arguments) => (&arguments.measurement, false),
         Task::E2e(arguments) => (&arguments.measurement, false),
@@ -228,7 +216,7 @@ fn run(arguments: &Arguments) -> Result<(), BenchError> {
 }
 
 /// Runs one measurement with a spinner.
-fn measured(task: &Task, json: bool, name: &str, run: Run) -> Result<Outcome, BenchError> {
+fn measured(task: &Task, json: bool, name: &str, run: Run) -> Result<Outcome, Failure> {
     let is_hidden = json || !stderr().is_terminal();
     let bar = if is_hidden { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
     let bar = bar.with_message(format!("measuring {name}; Ctrl-C ends"));
@@ -239,7 +227,7 @@ fn measured(task: &Task, json: bool, name: &str, run: Run) -> Result<Outcome, Be
 }
 
 /// All with their defaults.
-fn all(json: bool, run: Run) -> Result<Vec<Outcome>, BenchError> {
+fn all(json: bool, run: Run) -> Result<Vec<Outcome>, Failure> {
     let of = |name| {
         let task = Arguments::try_parse_from(["i2ris-bench", name])?.task;
         measured(&task, json, name, run)
@@ -247,7 +235,7 @@ fn all(json: bool, run: Run) -> Result<Vec<Outcome>, BenchError> {
     ["loop", "inverse", "e2e"].into_iter().map(of).collect()
 }
 
-fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
+fn measure(task: &Task, run: Run) -> Result<Outcome, Failure> {
     match task {
         Task::Loop(LoopArguments { rate_hz, duration_s, model, .. }) => {
             let period = |rate_hz: &u32| Nanos(1_000_000_000 / u64::from(*rate_hz));

@@ -4,7 +4,7 @@ use hdrhistogram::Histogram;
 use i2ris::units::Nanos;
 use serde::Serialize;
 
-use crate::BenchError;
+use crate::Failure;
 use crate::machine::{LoadMonitor, Machine, SystemLoad};
 
 /// Maximum duration: a longer one is counted as one minute.
@@ -173,8 +173,8 @@ impl Outcome {
     pub fn of(
         bench: &'static str,
         about: &'static str,
-        measure: impl FnOnce() -> Result<Found, BenchError>,
-    ) -> Result<Self, BenchError> {
+        measure: impl FnOnce() -> Result<Found, Failure>,
+    ) -> Result<Self, Failure> {
         let monitor = LoadMonitor::start();
         let Found { scheduling, mut variants, quantities, mut notes } = measure()?;
         let machine = Machine::detect();

@@ -5,7 +5,7 @@ use std::thread;
 use i2ris::realtime::{Granted, SchedulingRequest, request};
 use i2ris_report::Interrupt;
 
-use crate::{BenchError, panicked};
+use crate::{Failure, panicked};
 
 /// The scheduling that the threads of a measurement request.
 #[derive(Debug, Clone, Copy)]
@@ -25,7 +25,7 @@ pub struct Run<'a> {
 
 impl Run<'_> {
     /// An error after Ctrl-C.
-    pub fn check(self) -> Result<(), BenchError> {
+    pub fn check(self) -> Result<(), Failure> {
         if self.interrupt.came() { Err("interrupted".into()) } else { Ok(()) }
     }
 }
@@ -69,8 +69,6 @@ pub fn describe(granted: &Granted) -> String {
 }
 
 /// Runs `work` in a new thread: its scheduling ends with the thread.
-pub fn in_thread<T: Send>(
-    work: impl FnOnce() -> Result<T, BenchError> + Send,
-) -> Result<T, BenchError> {
+pub fn in_thread<T: Send>(work: impl FnOnce() -> Result<T, Failure> + Send) -> Result<T, Failure> {
     thread::scope(|scope| scope.spawn(work).join().map_err(panicked)?)
 }

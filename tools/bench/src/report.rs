@@ -9,11 +9,11 @@ use i2ris_report::number::fixed;
 use i2ris_report::{Document, Table};
 use serde::Serialize;
 
-use crate::BenchError;
+use crate::Failure;
 use crate::outcome::{Outcome, Percentiles, Quantity, Role, Variant};
 
 /// Writes `NAME.json` and `NAME.svg` of every outcome into a folder, which is created if necessary.
-pub fn write_outcomes(folder: &Path, outcomes: &[Outcome]) -> Result<(), BenchError> {
+pub fn write_outcomes(folder: &Path, outcomes: &[Outcome]) -> Result<(), Failure> {
     for outcome in outcomes {
         let name = outcome.bench;
         write(folder, &format!("{name}.json"), json(outcome)?.as_bytes())?;
@@ -23,11 +23,11 @@ pub fn write_outcomes(folder: &Path, outcomes: &[Outcome]) -> Result<(), BenchEr
     Ok(())
 }
 
-fn json(value: &impl Serialize) -> Result<String, BenchError> {
+fn json(value: &impl Serialize) -> Result<String, Failure> {
     Ok(serde_json::to_string_pretty(value)? + "\n")
 }
 
-fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), BenchError> {
+fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {
     let path = folder.join(name);
     let written = fs::create_dir_all(folder).and_then(|()| fs::write(&path, bytes));
     Ok(written.map_err(|error| {
@@ -36,7 +36,7 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), BenchError> {
 }
 
 /// Prints outcomes as JSON, one object or an array, or as tables.
-pub fn print_outcomes(outcomes: &[Outcome], as_json: bool) -> Result<(), BenchError> {
+pub fn print_outcomes(outcomes: &[Outcome], as_json: bool) -> Result<(), Failure> {
     if as_json {
         print!("{}", if let [one] = outcomes { json(one)? } else { json(&outcomes)? });
         return Ok(());

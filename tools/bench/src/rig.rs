@@ -10,11 +10,12 @@ use i2ris::drive::link::{DriveLink, Retry};
 use i2ris::drive::object::{POSITION, TARGET};
 use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::units::Counts;
+use i2ris_report::bail;
 use i2ris_simulation::physics::springs::SnakeConfig;
 use i2ris_simulation::{Emulator, EmulatorConfig};
 use tempfile::TempDir;
 
-use crate::BenchError;
+use crate::Failure;
 use crate::placement::request_priority;
 
 const SNAKE: &str = include_str!("../../../config/snakes/steel.toml");
@@ -30,7 +31,7 @@ pub struct DriveRig {
 }
 
 impl DriveRig {
-    pub fn start() -> Result<Self, BenchError> {
+    pub fn start() -> Result<Self, Failure> {
         let folder = tempfile::tempdir()?;
         let snake = folder.path().join("snake.toml");
         fs::write(&snake, SNAKE)?;
@@ -74,7 +75,7 @@ pub struct BareLoop {
 impl BareLoop {
     /// Runs the loop over these nodes until it is stopped. The priority is that of the controller's
     /// port threads. A request without a reply is repeated.
-    pub fn serve(&self, port: &PortConfig, nodes: &[u8], priority: u8) -> Result<(), BenchError> {
+    pub fn serve(&self, port: &PortConfig, nodes: &[u8], priority: u8) -> Result<(), Failure> {
         request_priority(priority);
         let mut link = DriveLink::new(SerialTransport::open(port)?, family_of_port(port), port);
         for node in nodes.iter().cycle() {
@@ -88,7 +89,7 @@ impl BareLoop {
                     self.measured_ns.store(reply.received.0, Ordering::Release);
                 }
                 Err(error) if link.is_broken() => {
-                    return Err(format!("the emulated drive does not answer: {error}").into());
+                    bail!("the emulated drive does not answer: {error}");
                 }
                 // The machine stalled the emulator; the next exchange synchronizes the line again.
                 Err(_) => {}

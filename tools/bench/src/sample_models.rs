@@ -11,7 +11,7 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
 use i2ris::model::{Model, ModelError};
 
-use crate::BenchError;
+use crate::Failure;
 
 /// Half the width of the hull, counts.
 const REACH: f64 = 1500.0;
@@ -31,7 +31,7 @@ fn fitted() -> Result<Model, ModelError> {
 }
 
 /// The model of the controller, from a file or of the default family, and its description.
-pub fn subject(file: Option<&Path>) -> Result<(Model, String), BenchError> {
+pub fn subject(file: Option<&Path>) -> Result<(Model, String), Failure> {
     let Some(file) = file else {
         return Ok((fitted()?, "force-balance, fitted to an emulated snake".to_owned()));
     };

@@ -13,7 +13,7 @@ use i2ris::robot::StateCommand;
 use i2ris::units::{Nanos, OutputVec};
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors};
 
-use crate::BenchError;
+use crate::Failure;
 
 /// The configuration with limits and filters.
 pub const CONFIG: &str = include_str!("../../../config/emulator.toml");
@@ -61,7 +61,7 @@ struct Camera {
 impl Cycle {
     /// An enabled cycle with known memory after a conditioning cycle; with adaptation also a
     /// camera.
-    pub fn new(period: Nanos, model: &Arc<Model>, duties: Duties) -> Result<Self, BenchError> {
+    pub fn new(period: Nanos, model: &Arc<Model>, duties: Duties) -> Result<Self, Failure> {
         let Duties { adapts, keeps_out } = duties;
         let reach_deg = if keeps_out { REACH_AT_REGIONS_DEG } else { REACH_DEG };
         let text = if keeps_out { format!("{CONFIG}{}", regions()) } else { CONFIG.to_owned() };
@@ -82,7 +82,7 @@ impl Cycle {
     }
 
     /// One tick; whether a frame of the camera arrived in it.
-    pub fn step(&mut self) -> Result<bool, BenchError> {
+    pub fn step(&mut self) -> Result<bool, Failure> {
         self.seconds += self.control.period().as_seconds();
         let external = self.camera.as_mut().and_then(|camera| camera.frame(&self.control));
         let report = self.control.follow_with(self.goal(), external)?;

@@ -79,8 +79,8 @@ pub use program::{DomainOption, Interrupt};
 pub use screen::{Screen, until_closed, while_working};
 pub use style::{Color, Dash, Marker, Stroke};
 
-/// Why a program ends without success: one sentence for the user.
-pub type Failure = Box<dyn std::error::Error>;
+/// Why a program ends without success: one sentence for the user, from any thread.
+pub type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Ends a function with a sentence as its failure: the arguments of `format!`.
 #[macro_export]

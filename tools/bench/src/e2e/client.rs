@@ -13,7 +13,7 @@ use super::matching::{CommandLatencies, Observations, Written, match_commands};
 use super::{EndToEndBenchmark, READ_PERIOD};
 use crate::placement::{Run, in_thread, request_priority};
 use crate::rig::{BareLoop, DriveRig, LOCAL};
-use crate::{BenchError, panicked};
+use crate::{Failure, panicked};
 
 /// Range of the pause before a command, ms: not synchronous with loop or line.
 const PAUSE_MS: [f64; 2] = [11.0, 23.0];
@@ -50,9 +50,9 @@ impl Iterator for Pauses {
 /// Publishes commands at random instants and reads positions until the next one.
 fn at_random_instants(
     benchmark: &EndToEndBenchmark,
-    mut publish: impl FnMut(u64, &mut Observations) -> Result<(), BenchError>,
-    mut read: impl FnMut(&mut Observations) -> Result<(), BenchError>,
-) -> Result<Observations, BenchError> {
+    mut publish: impl FnMut(u64, &mut Observations) -> Result<(), Failure>,
+    mut read: impl FnMut(&mut Observations) -> Result<(), Failure>,
+) -> Result<Observations, Failure> {
     let (mut observations, mut last) = (Observations::default(), None);
     for (number, pause) in (0..benchmark.commands).zip(Pauses(benchmark.seed)) {
         let now = clock::now();
@@ -73,7 +73,7 @@ pub fn command(
     client: &mut Client,
     benchmark: &EndToEndBenchmark,
     run: Run,
-) -> Result<Observations, BenchError> {
+) -> Result<Observations, Failure> {
     let mut commander = client.commander().with_deadline(DEADLINE);
     let mut actuators = client.watcher().actuators();
     in_thread(|| {
@@ -90,7 +90,7 @@ pub fn command(
     })
 }
 
-fn publish(commander: &mut Commander, number: u64) -> Result<(), BenchError> {
+fn publish(commander: &mut Commander, number: u64) -> Result<(), Failure> {
     let angle = STEP_RAD * number as f64;
     // The circle grows from the position of the robot.
     let radius = RADIUS_DEG.to_radians() * (number as f64 / 20.0).min(1.0);
@@ -103,7 +103,7 @@ pub fn read_states(
     actuators: &mut Subscription<ActuatorState>,
     observations: &mut Observations,
     last: &mut [u64; 2],
-) -> Result<(), BenchError> {
+) -> Result<(), Failure> {
     actuators.drain(|state| {
         let seen = clock::now();
         for (motor, last) in last.iter_mut().enumerate() {
@@ -128,7 +128,7 @@ pub fn bare(
     rig: &DriveRig,
     benchmark: &EndToEndBenchmark,
     run: Run,
-) -> Result<CommandLatencies, BenchError> {
+) -> Result<CommandLatencies, Failure> {
     let (bare, ports) = (&BareLoop::default(), &rig.ports());
     let priority = run.placement.priority;
     let observations = thread::scope(|scope| {

@@ -18,7 +18,7 @@ use crate::placement::{Run, describe};
 use crate::rig::DriveRig;
 use crate::sample_models::model;
 use crate::tick::CONFIG;
-use crate::{BenchError, own_domain};
+use crate::{Failure, own_domain};
 
 /// Limit for operations that take much less than a second on an idle machine.
 pub const TIMEOUT: Nanos = Nanos::from_millis(20_000);
@@ -48,11 +48,7 @@ impl Drop for OwnDomain {
 
 impl Controller {
     /// Starts the controller with the drives of a rig, homes and enables.
-    pub fn start(
-        rig: &DriveRig,
-        benchmark: &EndToEndBenchmark,
-        run: Run,
-    ) -> Result<Self, BenchError> {
+    pub fn start(rig: &DriveRig, benchmark: &EndToEndBenchmark, run: Run) -> Result<Self, Failure> {
         let domain = OwnDomain(own_domain()?);
         let mut command = Command::new(&benchmark.controller);
         command.arg("--config").arg(configure(rig, run, &domain.0)?);
@@ -68,7 +64,7 @@ impl Controller {
     }
 
     /// Number of stops since the start because commands were late.
-    pub fn stale_stops(&mut self) -> Result<u64, BenchError> {
+    pub fn stale_stops(&mut self) -> Result<u64, Failure> {
         Ok(self.client.wait_for(TIMEOUT, |_| true)?.stale_stops)
     }
 
@@ -93,16 +89,16 @@ impl Controller {
         &self.domain.0
     }
 
-    pub fn end(self) -> Result<(), BenchError> {
+    pub fn end(self) -> Result<(), Failure> {
         drop(self.client);
-        self.process.end().map_err(|error| error.to_string().into())
+        self.process.end()
     }
 }
 
-fn connect(process: &mut Process, domain: &Domain) -> Result<Client, BenchError> {
+fn connect(process: &mut Process, domain: &Domain) -> Result<Client, Failure> {
     let start = clock::now();
     loop {
-        process.check().map_err(|error| error.to_string())?;
+        process.check()?;
         match Client::connect(domain, Nanos::from_millis(100)) {
             Err(error) if error.is_absent() && clock::now().duration_since(start) < TIMEOUT => {}
             outcome => return Ok(outcome?),
@@ -110,7 +106,7 @@ fn connect(process: &mut Process, domain: &Domain) -> Result<Client, BenchError>
     }
 }
 
-fn configure(rig: &DriveRig, run: Run, domain: &Domain) -> Result<PathBuf, BenchError> {
+fn configure(rig: &DriveRig, run: Run, domain: &Domain) -> Result<PathBuf, Failure> {
     let folder = rig.folder.path();
     let model = model(10, 8)?;
     model.file().write(&folder.join("model.json"))?;
@@ -133,7 +129,7 @@ fn configure(rig: &DriveRig, run: Run, domain: &Domain) -> Result<PathBuf, Bench
 
 /// Homes and enables. The client library does not offer this, because homing needs the operator's
 /// consent on every real robot.
-fn enable(client: &mut Client) -> Result<(), BenchError> {
+fn enable(client: &mut Client) -> Result<(), Failure> {
     client.wait_for(TIMEOUT, |state| state.flags & OperatingStateMsg::BUSY == 0)?;
     let start = clock::now();
     client.carry_out(StateCommand::Home, || clock::now().duration_since(start) > TIMEOUT)?;

@@ -31,7 +31,7 @@ use super::{ARRIVED_OF_EVENT, EndToEndBenchmark, Load, WIRE};
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::Run;
 use crate::rig::DriveRig;
-use crate::{BenchError, busy};
+use crate::{Failure, busy};
 
 const COMMANDED: &str = "event to command";
 /// Events are this much slower than the commands of the other measurement: the stream `teleop`
@@ -45,12 +45,12 @@ const AXIS: u16 = 3;
 const BTN_TR: u16 = 0x137;
 
 /// Measures the floor, then the hand, on the same emulated drives.
-pub fn run(benchmark: &EndToEndBenchmark, run: Run) -> Result<Outcome, BenchError> {
+pub fn run(benchmark: &EndToEndBenchmark, run: Run) -> Result<Outcome, Failure> {
     let about = "From an event of an input device to the last byte of its setpoint at the drive";
     Outcome::of("hand", about, || measure(benchmark, run))
 }
 
-fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError> {
+fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, Failure> {
     let _load = Load::start(benchmark.busy)?;
     let rig = DriveRig::start()?;
     let floor = super::client::bare(&rig, benchmark, run)?;
@@ -91,7 +91,7 @@ fn with_hand(
     rig: &DriveRig,
     benchmark: &EndToEndBenchmark,
     run: Run,
-) -> Result<(CommandLatencies, Durations, String), BenchError> {
+) -> Result<(CommandLatencies, Durations, String), Failure> {
     let controller = Controller::start(rig, benchmark, run)?;
     let begin = rig.emulator.log().len();
     let watcher = controller.client.watcher();
@@ -127,7 +127,7 @@ struct Seen {
 }
 
 impl Seen {
-    fn read(&mut self) -> Result<(), BenchError> {
+    fn read(&mut self) -> Result<(), Failure> {
         let Self { events, is_open, .. } = self;
         self.teleop.drain(|message| {
             *is_open = message.flags & TeleopMsg::OPEN != 0;
@@ -171,7 +171,7 @@ impl Hand {
         rig: &DriveRig,
         benchmark: &EndToEndBenchmark,
         controller: &Controller,
-    ) -> Result<Self, BenchError> {
+    ) -> Result<Self, Failure> {
         let path = rig.folder.path().join("device");
         let _ = std::fs::remove_file(&path);
         nix::unistd::mkfifo(&path, Mode::S_IRUSR | Mode::S_IWUSR)?;
@@ -182,13 +182,12 @@ impl Hand {
         write_head(&mut pipe, &Description::gamepad("Gamepad", ""))?;
         let mut command = Command::new(benchmark.controller.with_file_name("i2ris"));
         command.args(["teleop", "--domain", controller.domain().name(), "--device"]).arg(&path);
-        let program = Process::start("teleop", &mut command, rig.folder.path());
-        let program = program.map_err(|error| error.to_string())?;
+        let program = Process::start("teleop", &mut command, rig.folder.path())?;
         Ok(Self { pipe, program })
     }
 
     /// Sends an event, and the report that ends it.
-    fn send(&mut self, kind: u16, code: u16, value: i32) -> Result<(), BenchError> {
+    fn send(&mut self, kind: u16, code: u16, value: i32) -> Result<(), Failure> {
         let mut event = [encode(kind, code, value), encode(0, 0, 0)].concat();
         let now = clock::now();
         restamp(&mut event, now);
@@ -196,7 +195,7 @@ impl Hand {
     }
 
     /// Releases, then presses the clutch until it is closed.
-    fn close_the_clutch(&mut self, seen: &mut Seen, run: Run) -> Result<(), BenchError> {
+    fn close_the_clutch(&mut self, seen: &mut Seen, run: Run) -> Result<(), Failure> {
         let start = clock::now();
         while seen.is_open {
             if clock::now().duration_since(start) > TIMEOUT {
@@ -219,7 +218,7 @@ impl Hand {
         seen: &mut Seen,
         benchmark: &EndToEndBenchmark,
         run: Run,
-    ) -> Result<(), BenchError> {
+    ) -> Result<(), Failure> {
         for (number, pause) in (0..benchmark.commands).zip(Pauses(benchmark.seed)) {
             // Every value differs from the previous one.
             let value = 10_000 + 10 * (number % 500) as i32;
@@ -229,11 +228,11 @@ impl Hand {
         Ok(())
     }
 
-    fn wait(&mut self, span: Nanos, seen: &mut Seen, run: Run) -> Result<(), BenchError> {
+    fn wait(&mut self, span: Nanos, seen: &mut Seen, run: Run) -> Result<(), Failure> {
         let end = clock::now() + span;
         while clock::now() < end {
             run.check()?;
-            self.program.check().map_err(|error| error.to_string())?;
+            self.program.check()?;
             seen.read()?;
             clock::sleep(READ_PERIOD);
         }

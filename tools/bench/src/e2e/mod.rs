@@ -25,7 +25,7 @@ use i2ris::units::Nanos;
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::Run;
 use crate::rig::DriveRig;
-use crate::{BenchError, busy};
+use crate::{Failure, busy};
 use controller::Controller;
 use matching::CommandLatencies;
 
@@ -53,13 +53,13 @@ const SEEN: &str = "command to encoder position at the client";
 const READ: &str = "command to the tick that reads it";
 
 /// Measures the floor, then the controller, on the same emulated drives.
-pub fn run(benchmark: &EndToEndBenchmark, run: Run) -> Result<Outcome, BenchError> {
+pub fn run(benchmark: &EndToEndBenchmark, run: Run) -> Result<Outcome, Failure> {
     let about = "From publishing a command to the setpoint on the wire and back to an encoder \
                  position at the client";
     Outcome::of("e2e", about, || measure(benchmark, run))
 }
 
-fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError> {
+fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, Failure> {
     let _load = Load::start(benchmark.busy)?;
     let [mut floor, mut ours] = [(); 2].map(|()| CommandLatencies::new());
     let mut granted = String::new();
@@ -84,7 +84,7 @@ fn with_controller(
     rig: &DriveRig,
     benchmark: &EndToEndBenchmark,
     run: Run,
-) -> Result<(CommandLatencies, String), BenchError> {
+) -> Result<(CommandLatencies, String), Failure> {
     let mut controller = Controller::start(rig, benchmark, run)?;
     let begin = rig.emulator.log().len();
     let stops = controller.stale_stops()?;
@@ -113,7 +113,7 @@ fn found(
     granted: String,
     floor: CommandLatencies,
     ours: CommandLatencies,
-) -> Result<Found, BenchError> {
+) -> Result<Found, Failure> {
     if [&floor, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {
         return Err(busy("no command resulted in a setpoint"));
     }
@@ -155,7 +155,7 @@ fn found(
 struct Load(Vec<Child>);
 
 impl Load {
-    fn start(processes: u32) -> Result<Self, BenchError> {
+    fn start(processes: u32) -> Result<Self, Failure> {
         let mut load = Self(Vec::new());
         for _ in 0..processes {
             load.0.push(Command::new("sh").args(["-c", "while :; do :; done"]).spawn()?);

@@ -36,9 +36,13 @@ pub fn config() -> Result<Config, Failure> {
     Ok(config)
 }
 
-pub fn fitted(recording: &Recording, choice: Choice, robot_id: &str) -> Result<FitOutcome, String> {
+pub fn fitted(
+    recording: &Recording,
+    choice: Choice,
+    robot_id: &str,
+) -> Result<FitOutcome, Failure> {
     let options = FitOptions { robot_id: robot_id.to_owned(), choice, ..FitOptions::default() };
-    fit(recording, &options, &Silent).map_err(|error| format!("cannot fit: {error}"))
+    fit(recording, &options, &Silent).map_err(|error| format!("cannot fit: {error}").into())
 }
 
 /// A snake as calibrated, or aged since then.

@@ -79,7 +79,7 @@ impl Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = tempfile::tempdir()?;
     let snakes = arguments.snakes();
-    let judged: Vec<Result<Judgement, String>> = parallel::map(snakes.len(), |index| {
+    let judged: Vec<Result<Judgement, Failure>> = parallel::map(snakes.len(), |index| {
         let snake = snakes[index];
         let Arguments { family, seed, .. } = *arguments;
         let judged = Judgement::of(snake, family, seed, folder.path());

@@ -7,6 +7,7 @@ use i2ris::config::Config;
 use i2ris::model::Model;
 use i2ris_calibration::fit::{Choice, Family, FitOutcome};
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_report::Failure;
 use i2ris_simulation::camera::CameraConfig;
 use i2ris_simulation::closed_loop::{ClosedLoop, without_limits};
 use i2ris_simulation::motion::protocol::Protocol;
@@ -62,8 +63,8 @@ struct Subject {
     motion: Vec<(Motion, Vec<[f64; 2]>)>,
 }
 
-fn minutes(found: Vec<f64>) -> Result<Minutes, String> {
-    found.try_into().map_err(|_| "a minute is missing".to_owned())
+fn minutes(found: Vec<f64>) -> Result<Minutes, Failure> {
+    found.try_into().map_err(|_| "a minute is missing".into())
 }
 
 impl Judgement {
@@ -73,7 +74,7 @@ impl Judgement {
         family: Choice,
         first_seed: u64,
         folder: &Path,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, Failure> {
         let recordings = [false, true].map(|is_aged| record(snake, is_aged, 0, first_seed, folder));
         let [new, aged] = recordings.map(|it| it.map(|it| it.without_latency().0));
         let (new, aged) = (new?, aged?);
@@ -85,7 +86,7 @@ impl Judgement {
             Choice::One(_) => None,
         };
         let errors = |is_aged, camera| subject.errors(&model, is_aged, camera);
-        let off = without_limits(&config().map_err(|error| error.to_string())?);
+        let off = without_limits(&config()?);
         let mut adapted = [Minutes::default(); CAMERAS.len()];
         for (adapted, camera) in adapted.iter_mut().zip(CAMERAS) {
             *adapted = errors(true, Some(camera))?;
@@ -111,7 +112,7 @@ pub fn record(
     latency_ms: u64,
     first_seed: u64,
     folder: &Path,
-) -> Result<Recording, String> {
+) -> Result<Recording, Failure> {
     let file = folder.join(format!("{}-{}-{is_aged}.csv", snake.physics, snake.seed));
     record_robot(&mut robot(&snake.into(), is_aged), &file, latency_ms, first_seed + snake.seed)
 }
@@ -122,7 +123,7 @@ pub fn record_robot(
     file: &Path,
     latency_ms: u64,
     seed: u64,
-) -> Result<Recording, String> {
+) -> Result<Recording, Failure> {
     let (protocol, duration_s) = (Protocol::Reversals, 300.0);
     let plan =
         RecordingPlan { protocol, duration_s, noise_deg: CAMERA_NOISE_DEG, latency_ms, seed };
@@ -132,7 +133,7 @@ pub fn record_robot(
     Ok(recording)
 }
 
-fn fit(recording: &Recording, choice: Choice) -> Result<Arc<Model>, String> {
+fn fit(recording: &Recording, choice: Choice) -> Result<Arc<Model>, Failure> {
     fitted(recording, choice, ROBOT_ID).map(|outcome| outcome.model)
 }
 
@@ -147,7 +148,7 @@ impl Subject {
     }
 
     /// Compares families as they were judged: without the rows held out.
-    fn regret(&self, outcome: &FitOutcome) -> Result<f64, String> {
+    fn regret(&self, outcome: &FitOutcome) -> Result<f64, Failure> {
         let (mut chosen, mut least) = (f64::NAN, f64::INFINITY);
         for found in &outcome.families {
             if let Ok(model) = &found.result {
@@ -164,8 +165,8 @@ impl Subject {
         model: &Arc<Model>,
         is_aged: bool,
         camera: Option<(u64, f64)>,
-    ) -> Result<Minutes, String> {
-        let config = config().map_err(|error| error.to_string())?;
+    ) -> Result<Minutes, Failure> {
+        let config = config()?;
         minutes(self.followed(config, &self.motion, model, is_aged, camera)?)
     }
 
@@ -176,10 +177,10 @@ impl Subject {
         model: &Arc<Model>,
         is_aged: bool,
         camera: Option<(u64, f64)>,
-    ) -> Result<Vec<f64>, String> {
+    ) -> Result<Vec<f64>, Failure> {
         config.adaptation.enabled = camera.is_some();
-        let control = ClosedLoop::conditioned(&config, model, robot(&self.snake.into(), is_aged));
-        let mut control = control.map_err(|error| error.to_string())?;
+        let robot = robot(&self.snake.into(), is_aged);
+        let mut control = ClosedLoop::conditioned(&config, model, robot)?;
         if let Some((latency_ms, noise_deg)) = camera {
             let (rate_hz, faults) = (FRAMES_PER_S, Vec::new());
             let camera = CameraConfig { rate_hz, noise_deg, latency_ms, faults };

@@ -10,6 +10,7 @@ use i2ris::model::Model;
 use i2ris::robot::OperatingState;
 use i2ris_calibration::fit::{Choice, Family};
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_report::{Failure, bail};
 use i2ris_simulation::SnakeSource;
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs};
 use i2ris_simulation::motion::unseen_motion::{Motion, within_reach};
@@ -37,8 +38,8 @@ pub fn tracked(
     is_aged: bool,
     model: &Arc<Model>,
     recording: &Path,
-) -> Result<Vec<(String, f64, f64, f64)>, String> {
-    let config = config().map_err(|error| error.to_string())?;
+) -> Result<Vec<(String, f64, f64, f64)>, Failure> {
+    let config = config()?;
     let (recording, _) = Recording::read(recording, &ColumnMap::default())
         .map_err(|error| format!("cannot read the recording: {error}"))?;
     let recording = recording.without_latency().0;
@@ -47,8 +48,7 @@ pub fn tracked(
     let motions: Vec<_> = Motion::ALL.iter().map(path).collect();
     let motions = within_reach(&motions, &linear);
     let by = |model: &Arc<Model>| {
-        let control = ClosedLoop::conditioned(&config, model, robot(snake, is_aged));
-        follow(&mut control.map_err(|error| error.to_string())?, &motions)
+        follow(&mut ClosedLoop::conditioned(&config, model, robot(snake, is_aged))?, &motions)
     };
     let exact = follow(&mut ExactPilot::new(&config, robot(snake, is_aged)), &motions)?;
     let (model, linear) = (by(model)?, by(&linear)?);
@@ -64,10 +64,9 @@ pub fn tracked(
 /// # Errors
 ///
 /// The reason why the model cannot be followed.
-pub fn tick_times(model: &Arc<Model>, ticks: usize) -> Result<Vec<f64>, String> {
-    let config = config().map_err(|error| error.to_string())?;
-    let control = ClosedLoop::conditioned(&config, model, IdealMotors::default());
-    let mut control = control.map_err(|error| error.to_string())?;
+pub fn tick_times(model: &Arc<Model>, ticks: usize) -> Result<Vec<f64>, Failure> {
+    let config = config()?;
+    let mut control = ClosedLoop::conditioned(&config, model, IdealMotors::default())?;
     let at = control.setpoint();
     approach(&mut control, at, [0.0; 2])?;
     let mut times = Vec::with_capacity(ticks);
@@ -80,7 +79,7 @@ pub fn tick_times(model: &Arc<Model>, ticks: usize) -> Result<Vec<f64>, String> 
         let state = control.tick(inputs).report.state;
         let took = begun.elapsed().as_secs_f64() * 1e6;
         if state != OperatingState::Enabled {
-            return Err(format!("the robot is {}", state.text()));
+            bail!("the robot is {}", state.text());
         }
         if tick >= WARM_UP {
             times.push(took);

@@ -4,6 +4,7 @@ use i2ris::config::Config;
 use i2ris::core::ServoGoal;
 use i2ris::core::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
 use i2ris::units::{MotorVec, Nanos};
+use i2ris_report::Failure;
 use i2ris_simulation::closed_loop::{ClosedLoop, Motors};
 use i2ris_simulation::motion::paced_motion::between;
 use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ};
@@ -22,7 +23,7 @@ const GAP_COUNTS: f64 = 2.0;
 /// Moves a robot to goals, a tick at a time.
 pub trait Pilot {
     /// Runs one tick. The error is the reason why the robot does not follow.
-    fn follow(&mut self, goal: [f64; 2]) -> Result<(), String>;
+    fn follow(&mut self, goal: [f64; 2]) -> Result<(), Failure>;
 
     /// Pitch and yaw at which a goal must start, deg.
     fn setpoint(&self) -> [f64; 2];
@@ -38,10 +39,10 @@ pub trait Pilot {
 }
 
 impl<M: Motors> Pilot for ClosedLoop<M> {
-    fn follow(&mut self, goal: [f64; 2]) -> Result<(), String> {
+    fn follow(&mut self, goal: [f64; 2]) -> Result<(), Failure> {
         let [pitch, yaw] = goal.map(f64::to_radians);
-        let report = self.follow(ServoGoal::Joint([pitch, yaw, 0.0], 2));
-        report.map(|_| ()).map_err(|error| error.to_string())
+        self.follow(ServoGoal::Joint([pitch, yaw, 0.0], 2))?;
+        Ok(())
     }
 
     fn setpoint(&self) -> [f64; 2] {
@@ -59,7 +60,7 @@ impl<M: Motors> Pilot for ClosedLoop<M> {
 pub fn follow(
     pilot: &mut impl Pilot,
     motions: &[(Motion, Vec<[f64; 2]>)],
-) -> Result<Vec<f64>, String> {
+) -> Result<Vec<f64>, Failure> {
     let mut at = pilot.setpoint();
     let mut found = Vec::new();
     for (_, path) in motions {
@@ -72,7 +73,7 @@ pub fn follow(
 }
 
 /// Moves from one goal to another and rests there.
-pub fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), String> {
+pub fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), Failure> {
     let far = (to[0] - from[0]).hypot(to[1] - from[1]);
     let ticks = (far / (APPROACH_DEG_S * TICK_S)).ceil().max(1.0);
     let rest = (REST_S / TICK_S) as u32;
@@ -83,7 +84,7 @@ pub fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<
     Ok(())
 }
 
-fn measure(pilot: &mut impl Pilot, path: &[[f64; 2]]) -> Result<f64, String> {
+fn measure(pilot: &mut impl Pilot, path: &[[f64; 2]]) -> Result<f64, Failure> {
     let (mut squares, mut ticks) = (0.0, 0.0_f64);
     along(pilot, path, |pilot, goal| {
         let [pitch, yaw] = pilot.error(goal);
@@ -98,7 +99,7 @@ pub fn along<P: Pilot>(
     pilot: &mut P,
     path: &[[f64; 2]],
     mut look: impl FnMut(&P, [f64; 2]),
-) -> Result<(), String> {
+) -> Result<(), Failure> {
     let length_s = path.len().saturating_sub(1) as f64 / RATE_HZ;
     for tick in 0..(length_s / TICK_S) as usize {
         let goal = at(path, tick as f64 * TICK_S);
@@ -164,7 +165,7 @@ impl ExactPilot {
 }
 
 impl Pilot for ExactPilot {
-    fn follow(&mut self, goal: [f64; 2]) -> Result<(), String> {
+    fn follow(&mut self, goal: [f64; 2]) -> Result<(), Failure> {
         self.turning_band(goal);
         let counts = self.inverse.solve(self.robot.snake(), self.goal);
         let last = self.last.replace(counts).unwrap_or(counts);
