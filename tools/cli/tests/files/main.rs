@@ -2,12 +2,30 @@
 //! so they are kept apart from emulated drives, whose pseudo-terminals would starve.
 #![allow(clippy::unwrap_used)]
 
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
 use i2ris_testing::transcript;
 
-#[test]
-fn commands_print_what_their_transcripts_show() {
-    let folder = transcript::root().join("tools/cli/tests/transcripts");
-    for entry in std::fs::read_dir(folder).unwrap() {
-        transcript::check(&entry.unwrap().path());
-    }
+fn folder() -> PathBuf {
+    transcript::root().join("tools/cli/tests/transcripts")
 }
+
+macro_rules! transcripts {
+    ($($name:ident)*) => {
+        $(#[test]
+        fn $name() {
+            transcript::check(&folder().join(stringify!($name)).with_extension("md"));
+        })*
+
+        #[test]
+        fn every_transcript_is_a_test() {
+            let files = std::fs::read_dir(folder()).unwrap();
+            let files = files.map(|file| file.unwrap().path().with_extension(""));
+            let tests = [$(folder().join(stringify!($name))),*];
+            assert_eq!(BTreeSet::from_iter(files), BTreeSet::from(tests));
+        }
+    };
+}
+
+transcripts! { collect configurations drift emulate fit models programs recordings }
