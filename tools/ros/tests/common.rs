@@ -27,11 +27,23 @@ pub fn wait_for(rig: &mut Rig, wanted: impl Fn(&OperatingStateMsg) -> bool) -> O
     i2ris_testing::wait_for(&mut rig.client(), wanted)
 }
 
-/// A robot, its bridge, and a client of ROS.
-pub fn start(arguments: &[&str]) -> (Rig, Bridge, Peer) {
+/// A robot, its bridge with nothing but these arguments, and a client of ROS.
+pub fn start_with(arguments: &[&str]) -> (Rig, Bridge, Peer) {
     let (rig, domain) = (robot(), ros_domain());
-    let bridge = Bridge::start(&rig.domain(), domain, arguments);
+    let bridge = Bridge::start_with(&rig.domain(), domain, arguments);
     let peer = Peer::new(domain, ROBOT, "console");
+    (rig, bridge, peer)
+}
+
+/// The same for clients that command and home.
+pub fn start() -> (Rig, Bridge, Peer) {
+    start_with(&["--command", "--home"])
+}
+
+/// The same, homed and enabled.
+pub fn enabled() -> (Rig, Bridge, Peer) {
+    let (rig, bridge, mut peer) = start();
+    peer.enable();
     (rig, bridge, peer)
 }
 

@@ -13,13 +13,12 @@ use i2ris_testing::wait_until;
 use ros2_client::qos::Durability;
 use ros2_client::{Message, Name, ServiceMapping, ServiceTypeName, Subscription};
 
-use crate::common::{ROBOT, start};
+use crate::common::{ROBOT, enabled, start};
 use crate::peer::{Peer, qos, unix_ns};
 
 #[test]
 fn repeated_state_command_republishes_state() {
-    let (_robot, bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (_robot, bridge, mut peer) = enabled();
     for word in ["enable", "resume", "home", "pause", "pause", "disable", "disable"] {
         let sent = unix_ns();
         peer.command(word);
@@ -34,8 +33,7 @@ fn repeated_state_command_republishes_state() {
 
 #[test]
 fn joints_are_matched_by_name_and_foreign_names_refused() {
-    let (robot, _bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (robot, _bridge, mut peer) = enabled();
     let named = |names: [&str; 2], degrees: [f64; 2]| JointState {
         name: names.map(str::to_owned).to_vec(),
         position: degrees.map(f64::to_radians).to_vec(),
@@ -64,8 +62,7 @@ fn joints_are_matched_by_name_and_foreign_names_refused() {
 
 #[test]
 fn a_velocity_that_is_not_used_is_reported_once() {
-    let (_robot, _bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (_robot, _bridge, mut peer) = enabled();
     let goal = |velocity| JointState {
         position: vec![0.0; 2],
         velocity: vec![velocity; 2],
@@ -86,8 +83,7 @@ fn a_velocity_that_is_not_used_is_reported_once() {
 
 #[test]
 fn the_tip_and_the_frames_are_those_of_the_bend() {
-    let (_robot, _bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (_robot, _bridge, mut peer) = enabled();
     let frames: Subscription<Transforms> = peer.subscription("/tf");
     peer.send_degrees("move_jp", [8.0, 0.0]);
     peer.wait_for_motion();
@@ -110,8 +106,7 @@ fn the_tip_and_the_frames_are_those_of_the_bend() {
 
 #[test]
 fn tip_topics_and_loop_statistics_are_published() {
-    let (_robot, _bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (_robot, _bridge, mut peer) = enabled();
     let setpoints: Subscription<PoseStamped> = peer.subscription("setpoint_cp");
     let goals: Subscription<JointState> = peer.subscription("goal_js");
     let twists: Subscription<TwistStamped> = peer.subscription("measured_cv");
@@ -152,8 +147,7 @@ fn tip_topics_and_loop_statistics_are_published() {
 
 #[test]
 fn a_pose_right_after_a_hold_is_not_refused() {
-    let (_robot, bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (_robot, bridge, mut peer) = enabled();
     // Enabling repeats the request until it is done, and may be refused as busy.
     let enabled = bridge.lines().len();
     for _ in 0..10 {
@@ -174,7 +168,7 @@ fn a_pose_right_after_a_hold_is_not_refused() {
 
 #[test]
 fn free_takes_the_power_off_the_motors() {
-    let (_robot, _bridge, mut peer) = start(&[]);
+    let (_robot, _bridge, mut peer) = start();
     let free = peer.publisher::<Empty>("free");
     peer.enable();
     free.publish(Empty::default()).unwrap();
@@ -192,8 +186,7 @@ fn repeat(mut send: impl FnMut(f64)) {
 
 #[test]
 fn rates_move_the_snake_and_zero_stops_it() {
-    let (robot, _bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (robot, _bridge, mut peer) = enabled();
     let rate = |pitch_deg: f64| JointState {
         velocity: vec![pitch_deg.to_radians(), 0.0],
         ..JointState::default()
@@ -220,7 +213,7 @@ fn rates_move_the_snake_and_zero_stops_it() {
 
 #[test]
 fn tip_goals_are_accepted_in_the_base_frame_only() {
-    let (robot, _bridge, mut peer) = start(&[]);
+    let (robot, _bridge, mut peer) = start();
     let servo = peer.publisher::<PoseStamped>("servo_cp");
     let moves = peer.publisher::<PoseStamped>("move_cp");
     let twists = peer.publisher::<TwistStamped>("servo_cv");
@@ -266,7 +259,7 @@ fn tip_goals_are_accepted_in_the_base_frame_only() {
 
 #[test]
 fn jaw_has_its_own_topics() {
-    let (_robot, _bridge, mut peer) = start(&[]);
+    let (_robot, _bridge, mut peer) = start();
     let seen: Subscription<JointState> = peer.subscription("jaw/measured_js");
     let jaw = peer.publisher::<JointState>("jaw/servo_jp");
     peer.enable();
@@ -286,7 +279,7 @@ fn jaw_has_its_own_topics() {
 
 #[test]
 fn unsupported_features_have_no_topic() {
-    let (_robot, _bridge, mut peer) = start(&[]);
+    let (_robot, _bridge, mut peer) = start();
     peer.connect();
     for topic in ["servo_jf", "servo_cf", "servo_cr", "move_cr", "servo_cs", "measured_cf"] {
         let name = format!("/{ROBOT}/{topic}");
@@ -297,7 +290,7 @@ fn unsupported_features_have_no_topic() {
 
 #[test]
 fn the_services_answer() {
-    let (_robot, _bridge, mut peer) = start(&[]);
+    let (_robot, _bridge, mut peer) = start();
     peer.connect();
     let nothing = NoRequest::default();
     ask(

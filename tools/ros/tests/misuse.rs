@@ -2,7 +2,7 @@
 //! never in motion.
 
 use std::io::{BufRead, BufReader};
-use std::process::{ChildStdout, Command, Stdio};
+use std::process::{Command, Stdio};
 
 use i2ris::clock;
 use i2ris::ipc::OperatingState;
@@ -13,38 +13,29 @@ use i2ris_testing::{Killed, wait_until};
 use nix::sys::signal::Signal;
 use ros2_client::qos::Durability;
 
-use crate::common::{Bridge, ROBOT, robot, start, wait_for};
+use crate::common::{Bridge, ROBOT, enabled, robot, start, wait_for};
 use crate::peer::{Peer, publisher_as, qos, ros_domain, unix_ns};
 
 fn swing(t: f64) -> [f64; 2] {
     [3.0 * (2.0 * t).sin(), 2.0 * (1.5 * t).sin()]
 }
 
-/// A client in a process of its own: enables the robot and swings it until it is killed.
-struct Swinger {
-    process: Killed,
-    lines: std::io::Lines<BufReader<ChildStdout>>,
-}
-
 const DOMAIN: &str = "I2RIS_TEST_ROS_DOMAIN";
 
-impl Swinger {
-    fn start(ros_domain: u16) -> Self {
-        let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "misuse::swinger_process", "--ignored", "--nocapture"]);
-        command.env(DOMAIN, ros_domain.to_string()).stdin(Stdio::null()).stdout(Stdio::piped());
-        let mut process = Killed::start(&mut command);
-        let lines = BufReader::new(process.0.stdout.take().unwrap()).lines();
-        Self { process, lines }
-    }
-
-    fn wait(&mut self) {
-        let mut lines = self.lines.by_ref().map_while(Result::ok);
-        assert!(lines.any(|line| line.contains("swinging")), "it ended");
-    }
+/// A client in a process of its own, in the domain of another: it enables the robot and swings it
+/// until it is killed. Waits until the robot moves.
+fn swinger(peer: &Peer) -> Killed {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--exact", "misuse::swinger_process", "--ignored", "--nocapture"]);
+    command.env(DOMAIN, peer.node.domain_id().to_string());
+    let mut process = Killed::start(command.stdin(Stdio::null()).stdout(Stdio::piped()));
+    let output = BufReader::new(process.0.stdout.as_mut().unwrap());
+    let mut lines = output.lines().map_while(Result::ok);
+    assert!(lines.any(|line| line.contains("swinging")), "it ended");
+    process
 }
 
-/// The process of [`Swinger`].
+/// The process of [`swinger`].
 #[test]
 #[ignore = "a role: run by other tests"]
 fn swinger_process() {
@@ -90,7 +81,7 @@ fn h24_stored_state_command_is_not_carried_out() {
 
 #[test]
 fn h24_a_state_command_with_an_old_stamp_is_refused() {
-    let (robot, bridge, mut peer) = start(&[]);
+    let (robot, bridge, mut peer) = start();
     peer.connect();
     peer.wait_for("a robot that waits", |state| !state.is_busy);
     for seconds in [60, 3] {
@@ -112,10 +103,9 @@ fn h24_a_state_command_with_an_old_stamp_is_refused() {
 
 #[test]
 fn snake_holds_after_client_death_and_accepts_a_new_one() {
-    let (robot, _bridge, mut peer) = start(&[]);
-    let mut swinger = Swinger::start(peer.node.domain_id());
-    swinger.wait();
-    swinger.process.signal(Signal::SIGKILL);
+    let (robot, _bridge, mut peer) = start();
+    let swinger = swinger(&peer);
+    swinger.signal(Signal::SIGKILL);
     robot.wait_until_still();
     peer.wait_for_line("warning", "after their deadline");
     let from = clock::now();
@@ -128,17 +118,16 @@ fn snake_holds_after_client_death_and_accepts_a_new_one() {
 /// reason, and keeps holding. Its later messages are refused; on a busy machine DDS may have
 /// dropped the client, so that they do not arrive.
 fn suspend_and_resume(stopped: Nanos) {
-    let (mut robot, bridge, mut peer) = start(&[]);
-    let mut swinger = Swinger::start(peer.node.domain_id());
-    swinger.wait();
-    swinger.process.signal(Signal::SIGSTOP);
+    let (mut robot, bridge, mut peer) = start();
+    let swinger = swinger(&peer);
+    swinger.signal(Signal::SIGSTOP);
     robot.wait_until_still();
     peer.wait_for_line("warning", "after their deadline");
     clock::sleep(stopped);
     // By its homing and by its stream.
     let took = || bridge.lines().iter().filter(|it| it.contains("/swinger commands")).count();
     let (before, resumed) = (took(), clock::now());
-    swinger.process.signal(Signal::SIGCONT);
+    swinger.signal(Signal::SIGCONT);
     clock::sleep(Nanos::from_millis(5000));
     assert!(!robot.moved_since(resumed), "{:?}", bridge.lines());
     let state = wait_for(&mut robot, |_| true);
@@ -163,9 +152,8 @@ fn campaign_h24_client_suspended_for_a_minute_does_not_resume() {
 
 #[test]
 fn a_second_writer_is_refused_by_name() {
-    let (robot, bridge, mut peer) = start(&[]);
-    let mut swinger = Swinger::start(peer.node.domain_id());
-    swinger.wait();
+    let (robot, bridge, mut peer) = start();
+    let _swinger = swinger(&peer);
     for _ in 0..100 {
         peer.send_degrees("servo_jp", [0.0, 0.0]);
         clock::sleep(Nanos::from_millis(5));
@@ -186,8 +174,7 @@ fn a_second_writer_is_refused_by_name() {
 
 #[test]
 fn two_publishers_in_one_process_are_two_clients() {
-    let (_robot, _bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (_robot, _bridge, mut peer) = enabled();
     let second = peer.publisher("servo_jp");
     clock::sleep(Nanos::from_millis(1000));
     peer.stream(|t| {
@@ -200,8 +187,7 @@ fn two_publishers_in_one_process_are_two_clients() {
 
 #[test]
 fn a_flood_ends_in_a_hold() {
-    let (robot, bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (robot, bridge, mut peer) = enabled();
     let (start, mut next, mut sent) = (clock::now(), clock::now(), 0_u64);
     while clock::now() - start < Nanos::from_millis(2000) {
         let t = (clock::now() - start).as_seconds();
@@ -231,8 +217,7 @@ fn a_flood_ends_in_a_hold() {
 
 #[test]
 fn values_that_make_no_sense_are_refused_and_counted() {
-    let (robot, bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (robot, bridge, mut peer) = enabled();
     robot.wait_until_still();
     let from = clock::now();
     for topic in ["servo_jp", "servo_jr", "move_jp", "move_jr"] {
@@ -261,8 +246,7 @@ fn values_that_make_no_sense_are_refused_and_counted() {
 
 #[test]
 fn a_message_of_another_type_moves_nothing() {
-    let (robot, bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (robot, bridge, mut peer) = enabled();
     robot.wait_until_still();
     let from = clock::now();
     // A different type by its name: the two never match.
@@ -285,11 +269,10 @@ fn a_message_of_another_type_moves_nothing() {
 
 #[test]
 fn a_reader_that_is_stopped_does_not_stop_the_others() {
-    let (robot, bridge, peer) = start(&[]);
-    let mut swinger = Swinger::start(peer.node.domain_id());
-    swinger.wait();
+    let (robot, bridge, peer) = start();
+    let swinger = swinger(&peer);
     let memory = bridge.memory_kb();
-    swinger.process.signal(Signal::SIGSTOP);
+    swinger.signal(Signal::SIGSTOP);
     robot.wait_until_still();
     let from = clock::now();
     let [pitch, yaw] = peer.setpoint_degrees();

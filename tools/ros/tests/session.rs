@@ -1,6 +1,5 @@
 //! A client of ROS, with the topics and the quality of service of CRTK's, and the emulated snake.
 
-use std::os::fd::AsFd;
 use std::process::{Command, Stdio};
 
 use i2ris::clock;
@@ -9,12 +8,12 @@ use i2ris::robot::StateCommand;
 use i2ris::units::Nanos;
 use i2ris_report::snake::Snake;
 use i2ris_ros::message::{Header, JointState, OperatingState, Text, Time};
-use i2ris_testing::wait_until;
-use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use i2ris_testing::program::full_pipe;
+use i2ris_testing::{Killed, wait_until};
 use ros2_client::qos::Durability;
 use ros2_client::{QosProfile, Subscription};
 
-use crate::common::{Bridge, ROBOT, robot, start, wait_for};
+use crate::common::{Bridge, ROBOT, enabled, robot, start, start_with, wait_for};
 use crate::peer::{Peer, publisher, qos, ros_domain, subscription, unix_ns};
 
 fn stamp(state: &OperatingState) -> u64 {
@@ -23,8 +22,7 @@ fn stamp(state: &OperatingState) -> u64 {
 
 #[test]
 fn a_client_homes_enables_moves_servoes_and_holds() {
-    let (mut robot, bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (mut robot, bridge, mut peer) = enabled();
     // From rest to rest.
     peer.seen.clear();
     peer.send_degrees("move_jp", [4.0, -2.0]);
@@ -63,8 +61,7 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
 
 #[test]
 fn zero_length_move_is_busy_then_idle_with_rising_stamps() {
-    let (_robot, _bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (_robot, _bridge, mut peer) = enabled();
     let pose = peer.setpoint_degrees();
     for _ in 0..3 {
         let before = peer.seen.len();
@@ -81,8 +78,7 @@ fn zero_length_move_is_busy_then_idle_with_rising_stamps() {
 
 #[test]
 fn a_late_subscriber_gets_the_state_and_earlier_reports() {
-    let (_robot, _bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (_robot, _bridge, peer) = enabled();
     let mut late = Peer::new(peer.node.domain_id(), ROBOT, "late");
     late.wait_for("the latched state", |state| state.state == "ENABLED");
     late.wait_for_line("status", "the robot is ENABLED");
@@ -116,7 +112,7 @@ fn reports_from_before_the_start_are_not_repeated() {
 
 #[test]
 fn missing_controller_gives_undefined_state_and_stamp_zero() {
-    let (mut robot, bridge, mut peer) = start(&[]);
+    let (mut robot, bridge, mut peer) = start();
     peer.wait_for("a controller", |state| state.state == "DISABLED");
     peer.next_measured(|it| it.header.stamp != Time::INVALID && it.position.len() == 2);
     robot.stop_controller_thread();
@@ -132,28 +128,21 @@ fn missing_controller_gives_undefined_state_and_stamp_zero() {
 #[test]
 fn a_terminal_that_blocks_does_not_stop_the_bridge() {
     let (robot, domain) = (robot(), ros_domain());
-    let (_reader, writer) = std::io::pipe().unwrap();
-    let set_flags = |flags| fcntl(writer.as_fd(), FcntlArg::F_SETFL(flags)).unwrap();
-    set_flags(OFlag::O_NONBLOCK);
-    while nix::unistd::write(writer.as_fd(), &[b' '; 64]).is_ok() {}
-    while nix::unistd::write(writer.as_fd(), b" ").is_ok() {}
-    set_flags(OFlag::empty());
+    let (_reader, writer) = full_pipe();
     let mut bridge = Command::new(env!("CARGO_BIN_EXE_i2ris-ros"));
     bridge.args(["--command", "--home"]).env("I2RIS_DOMAIN", robot.domain().name());
     bridge.env("ROS_DOMAIN_ID", domain.to_string()).stdin(Stdio::null());
-    let mut bridge = bridge.stdout(writer).spawn().unwrap();
+    let _bridge = Killed::start(bridge.stdout(writer));
     let mut peer = Peer::new(domain, ROBOT, "console");
     peer.enable();
     peer.hold();
     peer.wait_for_line("status", "/console: hold");
-    bridge.kill().unwrap();
-    bridge.wait().unwrap();
 }
 
 /// A forged datagram that requests gigabytes ends the bridge, and no other process.
 #[test]
 fn bridge_memory_is_limited_and_it_is_killed_first() {
-    let (_robot, bridge, _peer) = start(&[]);
+    let (_robot, bridge, _peer) = start();
     let read = |name| std::fs::read_to_string(format!("/proc/{}/{name}", bridge.id())).unwrap();
     let limits = read("limits");
     let data = limits.lines().find(|line| line.starts_with("Max data size")).unwrap();
@@ -163,9 +152,7 @@ fn bridge_memory_is_limited_and_it_is_killed_first() {
 
 #[test]
 fn homing_needs_the_consent_of_who_started_the_bridge() {
-    let (robot, domain) = (robot(), ros_domain());
-    let bridge = Bridge::start_with(&robot.domain(), domain, &["--command"]);
-    let mut peer = Peer::new(domain, ROBOT, "console");
+    let (_robot, bridge, mut peer) = start_with(&["--command"]);
     peer.wait_for("a state", |_| true);
     assert!(bridge.lines()[0].contains("every user of this computer"), "{:?}", bridge.lines());
     peer.command("home");
@@ -175,9 +162,7 @@ fn homing_needs_the_consent_of_who_started_the_bridge() {
 
 #[test]
 fn read_only_robot_has_no_topic_for_commands() {
-    let (robot, domain) = (robot(), ros_domain());
-    let bridge = Bridge::start_with(&robot.domain(), domain, &[]);
-    let mut peer = Peer::new(domain, ROBOT, "console");
+    let (_robot, bridge, mut peer) = start_with(&[]);
     peer.wait_for("a state", |_| true);
     peer.wait_for_line("status", "the robot is DISABLED");
     assert!(bridge.lines()[0].contains("read-only"));
@@ -188,7 +173,6 @@ fn read_only_robot_has_no_topic_for_commands() {
         assert_eq!(peer.node.subscription_count(&name), 0, "{name}");
     }
     assert!(!peer.seen.iter().any(|state| state.is_homed || state.is_busy));
-    drop(robot);
 }
 
 #[test]
@@ -216,7 +200,7 @@ fn another_domain_and_another_name_are_another_robot() {
 
 #[test]
 fn a_camera_of_ros_feeds_the_controller() {
-    let (mut robot, _bridge, mut peer) = start(&[]);
+    let (mut robot, _bridge, mut peer) = start();
     peer.connect();
     let mut seen = robot.client().watcher().external();
     let found = wait_until("a measurement", || {
@@ -238,8 +222,7 @@ fn a_camera_of_ros_feeds_the_controller() {
 
 #[test]
 fn quality_of_service_that_does_not_fit_is_reported() {
-    let (robot, _bridge, mut peer) = start(&[]);
-    peer.enable();
+    let (robot, _bridge, mut peer) = enabled();
     let best_effort = QosProfile::subscription_default();
     // Fits: a reader may request less than is offered.
     let less: Subscription<JointState> =
