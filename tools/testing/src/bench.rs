@@ -21,12 +21,12 @@ pub struct Ended {
 }
 
 impl WorkFolder {
-    pub fn new() -> Self {
+    pub fn empty() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
 
     pub fn with(name: &str, text: &str) -> Self {
-        let bench = Self::new();
+        let bench = Self::empty();
         bench.write(name, text);
         bench
     }

@@ -66,7 +66,7 @@ fn camera(domain: &Domain, shows: Shows) -> Background {
 fn described(controller: Controller) -> (WorkFolder, Controller) {
     let config = Config::parse(ROBOT, Path::new("robot.toml")).unwrap();
     controller.robot().description = robot_description(&config);
-    (WorkFolder::new(), controller)
+    (WorkFolder::empty(), controller)
 }
 
 fn collect(bench: &WorkFolder, domain: &Domain, options: &str) -> Program {

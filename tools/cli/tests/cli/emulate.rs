@@ -41,7 +41,7 @@ impl Running {
 fn signals_end_it_cleanly() {
     let snake = repository("config/snakes/multi.toml");
     for signal in [Signal::SIGINT, Signal::SIGTERM] {
-        let (bench, snake) = (WorkFolder::new(), snake.display());
+        let (bench, snake) = (WorkFolder::empty(), snake.display());
         let emulate = format!("emulate --no-camera --line rs232 --snake {snake}");
         let words = bench.words(&format!("{emulate} --ports @ports --log @log.csv"));
         let running = Running::until("ready", start(&unique_domain(), &words));
@@ -62,7 +62,7 @@ fn write_config(bench: &WorkFolder, change: impl Fn(String) -> String) {
 #[test]
 fn doctor_checks_drives_and_computer_on_configured_line() {
     for baud in ["1000000", "115200"] {
-        let bench = WorkFolder::new();
+        let bench = WorkFolder::empty();
         write_config(&bench, |text| text.replace("baud = 1000000", &format!("baud = {baud}")));
         let emulate = bench.words("emulate --no-camera --config @robot.toml --ports @ports");
         let _running = Running::until("ready", start(&unique_domain(), &emulate));
@@ -92,7 +92,7 @@ fn doctor_checks_drives_and_computer_on_configured_line() {
 
 #[test]
 fn the_doctor_lists_the_drives_behind_a_port_to_paste() {
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     let emulate = bench.words("emulate --no-camera --ports @ports");
     let _running = Running::until("ready", start(&unique_domain(), &emulate));
     write_config(&bench, |text| text);
@@ -115,7 +115,7 @@ fn the_doctor_lists_the_drives_behind_a_port_to_paste() {
 
 #[test]
 fn configured_devices_are_created_with_their_drives_and_removed() {
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     let text = std::fs::read_to_string(repository("config/robot.toml")).unwrap();
     let device = "/dev/serial/by-id/usb-maxon-drive-of-the-snake";
     bench.write("robot.toml", &text.replace(device, &bench.file("dev/drive")));
@@ -129,7 +129,7 @@ fn configured_devices_are_created_with_their_drives_and_removed() {
 
 #[test]
 fn doctor_names_a_missing_port_and_unwritable_records() {
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     write_config(&bench, |text| text.replace("../target/records", "robot.toml"));
     let result = bench.run("doctor --config robot.toml");
     assert_ne!(result.code, Some(0));
@@ -141,17 +141,17 @@ fn named_snakes_exist_in_every_folder_and_duration_ends_emulation() {
     for name in ["", "--snake brass", "--snake springs:2", "--snake lugre:3", "--snake wire"] {
         let domain = unique_domain();
         let options = format!("--duration-s 0.2 --ports ports --domain {} {name}", domain.name());
-        let printed = WorkFolder::new().succeeds(&format!("emulate {options}"));
+        let printed = WorkFolder::empty().succeeds(&format!("emulate {options}"));
         let name = name.strip_prefix("--snake ").unwrap_or("steel");
         assert_says(&printed, &[&format!("ready: snake {name}"), "ended: 0 rule violations"]);
     }
-    let help = WorkFolder::new().succeeds("emulate --help");
+    let help = WorkFolder::empty().succeeds("emulate --help");
     Physics::NAMES.iter().for_each(|name| assert_says(&help, &[&format!("- {name}: ")]));
 }
 
 #[test]
 fn start_runs_emulator_controller_and_watchdog_and_ends_all() {
-    let (bench, domain) = (WorkFolder::new(), unique_domain());
+    let (bench, domain) = (WorkFolder::empty(), unique_domain());
     let words = bench.words("start --no-monitor --folder @here");
     let running = Running::until("ready", start(&domain, &words));
     assert_says(&running.lines, &[domain.name()]);
@@ -172,7 +172,7 @@ fn rehearsal_emulates_drives_for_a_robot_configuration() {
     for (template, serial_number) in
         [("robot.toml", "0"), ("robot-rs232.toml", "0"), ("robot.toml", "0x42E_03C0")]
     {
-        let (bench, domain) = (WorkFolder::new(), unique_domain());
+        let (bench, domain) = (WorkFolder::empty(), unique_domain());
         let text = std::fs::read_to_string(repository("config").join(template)).unwrap();
         let text = text.replace("\nfamily", &format!("\n{shared_machine}"));
         let known = format!("serial_number = {serial_number} #");

@@ -24,7 +24,7 @@ fn second_day_resumes_with_the_model_of_the_first() {
     // The model is linear, but the snake is not.
     let (rig, mut client) = robot(|rig| rig.config.limits.plausibility_deg = 0.0);
     let domain = rig.domain();
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     fs::create_dir(bench.path("here")).unwrap();
     let rows = (0..100).map(|k| {
         let (t, q) = (f64::from(k) * 0.1, 5.0 * f64::from(k));
@@ -74,7 +74,7 @@ fn second_day_resumes_with_the_model_of_the_first() {
 
 #[test]
 fn start_keeps_a_configuration_changed_by_the_user() {
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     let (domain, words) = (unique_domain(), bench.words("start --no-monitor --folder @robot"));
     let runs = || {
         let started = start(&domain, &words);
@@ -96,7 +96,7 @@ fn start_keeps_a_configuration_changed_by_the_user() {
 fn guided_calibration_resumes_and_ends_with_an_active_model() {
     let (rig, mut client) = robot(|rig| rig.config.command.max_step_counts = 250);
     let domain = rig.domain();
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     let options = "--home --duration-s 60 --motion-s 20 --family force-balance";
     let words = bench.words(&format!("calibrate --folder @here {options}"));
 

@@ -10,10 +10,10 @@ fn commands_have_examples_and_help_lists_exit_codes() {
     let own = "start emulate demo doctor home enable disable command teleop calibrate model";
     let inner = ["doctor drives", "doctor wire"];
     for name in own.split(' ').chain(inner).chain(PROGRAMS.map(|program| program.words)) {
-        let help = WorkFolder::new().succeeds(&format!("{name} --help"));
+        let help = WorkFolder::empty().succeeds(&format!("{name} --help"));
         assert_says(&help, &["Example", &format!("i2ris {name}")]);
     }
-    let help = WorkFolder::new().succeeds("--help");
+    let help = WorkFolder::empty().succeeds("--help");
     for name in own.split(' ') {
         assert_says(&help, &[&format!("\n  {name} ")]);
     }
@@ -26,7 +26,7 @@ fn commands_have_examples_and_help_lists_exit_codes() {
 #[test]
 fn examples_of_the_help_run_as_printed() {
     let (rig, _client) = robot(|_| ());
-    let (bench, domain) = (WorkFolder::new(), rig.domain());
+    let (bench, domain) = (WorkFolder::empty(), rig.domain());
     let here = |words: &str| {
         let files = ["steel.json", "newer.json", "snake.json", "desired.csv", "before.csv"];
         let files = files.iter().chain(&["path.csv", "robot.toml", "counts.csv", "angles.csv"]);

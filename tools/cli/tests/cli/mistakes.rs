@@ -72,7 +72,7 @@ fn write_files(bench: &WorkFolder) {
 
 #[test]
 fn user_mistakes_end_with_a_message_and_exit_code() {
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     write_files(&bench);
     let mut rig = Rig::start();
     expect_stalls(&mut rig);

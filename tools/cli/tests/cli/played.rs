@@ -42,7 +42,7 @@ pub struct Played {
 
 impl Played {
     pub fn new(description: &Description) -> Self {
-        let bench = WorkFolder::new();
+        let bench = WorkFolder::empty();
         nix::unistd::mkfifo(&bench.path("device"), Mode::S_IRUSR | Mode::S_IWUSR).unwrap();
         let mut played = Self { bench, pipe: None };
         played.plug_in(description);

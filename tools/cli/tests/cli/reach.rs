@@ -66,7 +66,7 @@ fn targets_are_reached_with_keys_and_scored_by_report() {
     });
     let domain = rig.domain();
     home_and_enable(&mut client, TIMEOUT).unwrap();
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     let record = record(&bench, &domain);
     let words = "teleop task reach --targets 2 --seed 3 --range-deg 2 --hold-s 0.5 --limit-s 100";
     let words: Vec<&str> = words.split(' ').collect();
@@ -95,7 +95,7 @@ fn target_is_followed_with_keys_and_scored_by_report() {
     for (words, moves, lag) in
         [("pursuit --seed 2", true, "pursuit"), ("hold-still", false, "held")]
     {
-        let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+        let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
         let record = record(&bench, &controller.domain);
         let words = format!("teleop task {words} --duration-s 6");
         let words: Vec<&str> = words.split(' ').collect();

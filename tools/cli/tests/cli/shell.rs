@@ -49,7 +49,7 @@ fn output_that_goes_nowhere_ends_in_order_and_is_said() {
     let config = repository("config/robot.toml");
     let print =
         format!("{} doctor config print {}", program::path("i2ris").display(), config.display());
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     let printed = fs::File::create(bench.file("printed")).unwrap();
     let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     let closed = nix::pty::openpty(None, None).unwrap().slave;
@@ -95,7 +95,7 @@ fn closed_reader_is_not_an_error() {
 
 #[test]
 fn schema_covers_every_table_and_is_valid_for_editors() {
-    let output = WorkFolder::new().succeeds("doctor config schema");
+    let output = WorkFolder::empty().succeeds("doctor config schema");
     let schema: serde_json::Value = serde_json::from_str(&output).unwrap();
     assert!(schema["$schema"].as_str().unwrap().contains("json-schema.org"));
     for table in ["control", "command", "limits", "compensation", "virtual_fixtures", "ports"] {
@@ -110,7 +110,7 @@ fn schema_covers_every_table_and_is_valid_for_editors() {
 fn configuration_with_a_model_reports_permitted_hand_motion() {
     let config = fs::read_to_string(repository("config/emulator.toml")).unwrap();
     let config = config.replace("\"i2ris-emulated\"", "\"bench\"");
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     balance_model().file().write(&bench.path("model.json")).unwrap();
     let model = "priority = 80\nmodel = \"model.json\"";
     bench.write("robot.toml", &config.replace("priority = 80", model));
@@ -126,7 +126,7 @@ fn configuration_with_a_model_reports_permitted_hand_motion() {
 #[needs("program: systemd-analyze")]
 #[test]
 fn the_units_of_systemd_are_valid() {
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     let units = ["i2ris-control@.service", "i2ris-watchdog@.service"].map(|name| {
         let text = fs::read_to_string(repository("config/system").join(name)).unwrap();
         assert!(text.contains("ExecStart=/usr/local/bin/i2ris-"), "{name}");

@@ -291,7 +291,7 @@ fn a_device_is_recorded_played_and_learned() {
     let controller = Controller::enabled();
     let unknown = Description { identity: identity(0x1234, 0xabcd, ""), ..pad("") };
     let mut device = Played::new(&unknown);
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     let (file, profile) = (bench.file("device.input"), bench.file("mine.toml"));
     let played = device.file();
     let unknown_device = ["teleop input learn", "has no profile"];

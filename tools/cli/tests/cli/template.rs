@@ -63,7 +63,7 @@ fn filled_in(bench: &WorkFolder, domain: &Domain, template: &str) -> (String, St
 }
 
 fn first_day(user: Option<u32>, template: &str, line: &str) {
-    let day = FirstDay { bench: WorkFolder::new(), domain: unique_domain(), user };
+    let day = FirstDay { bench: WorkFolder::empty(), domain: unique_domain(), user };
     chown(day.bench.path(""), user, user).unwrap();
     let (head, ports) = filled_in(&day.bench, &day.domain, template);
     let snake = repository("config/snakes/steel.toml");

@@ -21,7 +21,7 @@ fn robot() -> (Rig, WorkFolder) {
     expect_stalls(&mut rig);
     rig.start_controller();
     rig.client();
-    (rig, WorkFolder::new())
+    (rig, WorkFolder::empty())
 }
 
 #[test]

@@ -83,7 +83,7 @@ fn record(path: &Path, seconds: u64, has_pictures: bool, hole: Range<u64>) {
 
 /// A study with these outcomes, each a trial of two seconds, in a folder.
 fn study(outcomes: &[Outcome], has_pictures: bool) -> WorkFolder {
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     let conditions = vec!["with".parse().unwrap()];
     let study = Study::create(&bench.path("study"), conditions, "i2ris test").unwrap();
     for outcome in outcomes {
@@ -219,7 +219,7 @@ const REFUSED: &str = include_str!("python/refused.py");
 #[needs("python: csv")]
 #[test]
 fn inconsistent_recordings_are_split_or_refused() {
-    let bench = WorkFolder::new();
+    let bench = WorkFolder::empty();
     record(&bench.path("hole.mcap"), 3, false, 1000..1500);
     record(&bench.path("pictures.mcap"), 2, true, 0..0);
     // A clock that jumps: the controller's stamps restart.

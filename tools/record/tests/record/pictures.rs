@@ -56,7 +56,7 @@ fn pictures(file: &Path) -> Vec<(String, Picture)> {
 
 #[test]
 fn pictures_are_recorded_unchanged_with_their_exposure_stamp() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     let file = bench.path("a.mcap");
     let recorder = recorder(&controller.domain, &bench, "");
     let mut cameras = ["top", "side"].map(|it| PicturePublisher::new(&controller.domain, it));
@@ -94,7 +94,7 @@ fn pictures_are_recorded_unchanged_with_their_exposure_stamp() {
 
 #[test]
 fn pictures_over_budget_are_counted_and_states_recorded() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     let file = bench.path("a.mcap");
     let recorder = recorder(&controller.domain, &bench, "--pictures-mb 1");
     let mut camera = PicturePublisher::new(&controller.domain, "top");

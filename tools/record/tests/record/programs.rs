@@ -47,7 +47,7 @@ fn json(text: &str) -> Value {
 
 #[test]
 fn a_recording_has_every_stream_and_is_exported() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     controller.robot().fixtures = Some(VirtualFixturesMsg {
         active: 3,
         limited_by: 2,
@@ -95,7 +95,7 @@ fn a_recording_has_every_stream_and_is_exported() {
 
 #[test]
 fn what_was_written_before_kill_9_is_recovered() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     let mut program = start(&controller.domain, &words(&bench, "--note killed"));
     wait_for_size(&bench, 100_000);
     program.child().kill().unwrap();
@@ -108,7 +108,7 @@ fn what_was_written_before_kill_9_is_recovered() {
 
 #[test]
 fn full_disk_ends_the_recording_and_keeps_written_data() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     let options = format!("--duration-s 30 --domain {}", controller.domain.name());
     let error = full_disk(&words(&bench, &options), 60_000);
     // The limit on the size of a file, which replaces the full disk here.
@@ -119,7 +119,7 @@ fn full_disk_ends_the_recording_and_keeps_written_data() {
 
 #[test]
 fn two_recorders_are_independent_and_never_share_a_file() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     let first = start(&controller.domain, &words(&bench, "--duration-s 1"));
     wait_for_size(&bench, 1);
     let again = start(&controller.domain, &words(&bench, "--duration-s 1"));
@@ -158,7 +158,7 @@ fn full_disk(words: &str, bytes: u64) -> String {
 
 #[test]
 fn report_accepts_complete_and_truncated_recordings() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     record(&controller, &bench, "--duration-s 1 --note a<short>one");
     bench.succeeds("record report trial.mcap");
     let page = bench.read("trial.html");
@@ -181,7 +181,7 @@ fn report_accepts_complete_and_truncated_recordings() {
 
 #[test]
 fn reports_and_tables_fail_with_a_reason_on_full_disk() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     record(&controller, &bench, "--duration-s 1");
     let error = full_disk(&bench.words("record export @trial.mcap --output @tables"), 5000);
     assert_says(&error, &["cannot write", "csv"]);
@@ -192,7 +192,7 @@ fn reports_and_tables_fail_with_a_reason_on_full_disk() {
 
 #[test]
 fn recording_contains_the_run_log_of_this_run() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     let config = fs::read_to_string(repository(EMULATOR)).unwrap();
     bench.write("robot.toml", &config.replace("../target/records", "records"));
     let mut client = Client::connect(&controller.domain, TIMEOUT).unwrap();
@@ -250,7 +250,7 @@ fn model_file(robot_id: &str) -> String {
 
 #[test]
 fn only_the_model_in_use_is_attached() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     let model = bench.path("staged.json");
     bench.write("staged.json", &model_file("here"));
     let id: ModelId = ModelFile::read(&model).unwrap().id().unwrap();
@@ -271,7 +271,7 @@ fn only_the_model_in_use_is_attached() {
 fn configuration_and_run_log_are_recorded_and_extracted() {
     let mut rig = Rig::with_model();
     let mut client = rig.enabled();
-    let (bench, domain) = (WorkFolder::new(), rig.domain());
+    let (bench, domain) = (WorkFolder::empty(), rig.domain());
     let mut recorder = start(&domain, &words(&bench, ""));
     wait_for_size(&bench, 50_000);
     let mut commander = client.commander();
@@ -307,7 +307,7 @@ fn configuration_and_run_log_are_recorded_and_extracted() {
 
 #[test]
 fn configuration_of_a_different_robot_is_refused() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     let options = format!("--duration-s 0.2 --config {}", repository(EMULATOR).display());
     fails(&controller.domain, &words(&bench, &options), 1, &["i2ris-emulated"]);
     assert!(!bench.exists("trial.mcap"));

@@ -44,7 +44,7 @@ fn status(controller: &Controller) -> (String, serde_json::Value) {
 
 #[test]
 fn every_cause_reads_the_same_in_status_and_recording() {
-    let (controller, bench) = (Controller::enabled(), WorkFolder::new());
+    let (controller, bench) = (Controller::enabled(), WorkFolder::empty());
     let recorder = start(&controller.domain, &bench.words("record --output @trial.mcap"));
     wait_until("a recording begins", || bench.exists("trial.mcap"));
     let all = reasons();

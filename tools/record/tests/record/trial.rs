@@ -27,7 +27,7 @@ pub struct StudyRig {
 
 impl StudyRig {
     pub fn new(domain: &Domain) -> Self {
-        let bench = Self { folder: WorkFolder::new(), domain: domain.clone() };
+        let bench = Self { folder: WorkFolder::empty(), domain: domain.clone() };
         bench.succeeds("new STUDY --condition joystick,keyboard");
         bench
     }

@@ -1,7 +1,7 @@
 //! Sources of frames.
 //!
-//! A source returns one [`Frame`] after the other: a picture with its timestamp, or a fault. A faulty
-//! frame does not end the source; an error does.
+//! A source returns one [`Frame`] after the other: a picture with its timestamp, or a fault. A
+//! faulty frame does not end the source; an error does.
 
 mod decode;
 mod folder;

@@ -45,7 +45,7 @@ fn assert_refused(is_success: bool, message: &str, words: &[&str]) {
 
 /// A folder with numbered frames of both views: rest, then these poses in degrees. And the setup.
 fn film(poses: &[[f64; 2]]) -> WorkFolder {
-    let (bench, rig) = (WorkFolder::new(), rig());
+    let (bench, rig) = (WorkFolder::empty(), rig());
     (0..2).for_each(|view| fs::create_dir_all(bench.path(&format!("view{view}"))).unwrap());
     let all = (0..REST).map(|_| [0.0; 2]).chain(poses.iter().copied());
     for (number, [pitch, yaw]) in all.enumerate() {
@@ -99,7 +99,7 @@ fn two_folders_become_angles_and_bad_files_gaps() {
 
 /// A stream of the first view alone, and a folder with its setup.
 fn stream(poses: usize) -> (WorkFolder, Vec<u8>) {
-    let (bench, rig) = (WorkFolder::new(), rig());
+    let (bench, rig) = (WorkFolder::empty(), rig());
     let mut one = setup(&rig);
     one.views.truncate(1);
     one.save(&bench.path("one.toml")).unwrap();
