@@ -22,7 +22,7 @@ impl Display for Finding {
 
 /// Collects refused values.
 #[derive(Default)]
-pub(super) struct Findings(Vec<Finding>);
+pub(super) struct Findings(pub Vec<Finding>);
 
 impl Findings {
     pub(super) fn require(
@@ -36,10 +36,6 @@ impl Findings {
             let (key, value, reason) = (key.into(), value.to_string(), reason.into());
             self.0.push(Finding { key, value, reason });
         }
-    }
-
-    pub(super) fn into_list(self) -> Vec<Finding> {
-        self.0
     }
 }
 

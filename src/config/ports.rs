@@ -256,24 +256,25 @@ mod tests {
     }
 
     #[test]
-    fn what_a_family_does_not_have_is_refused() {
-        assert!(parse("family = \"epos2\"", "").is_ok());
-        assert!(
-            parse("family = \"epos2\"", "streaming = \"profile\"")
-                .unwrap_err()
-                .contains("for EPOS4 only")
-        );
-        assert!(
-            parse("", "family = \"epos2\"\nstreaming = \"profile\"")
-                .unwrap_err()
-                .contains("for EPOS4 only")
-        );
-        assert!(
-            parse("", "family = \"epos2\"\ncurrent_limit_ma = 70000")
-                .unwrap_err()
-                .contains("at most 2000")
-        );
-        assert!(parse("family = \"epos3\"", "").unwrap_err().contains("epos2"));
+    fn impossible_axes_are_refused_with_the_reason() {
+        let stop = "homing = \"stop-negative\"\nhoming_stop_counts = -90";
+        for (port, axis) in [("family = \"epos2\"", ""), ("", stop)] {
+            assert!(parse(port, axis).is_ok(), "{port} {axis}");
+        }
+        let second = "[[ports.axes]]\nmotor = 1\nnode_id = 0\nserial_number = 2\n\
+                      position_min_counts = 0\nposition_max_counts = 1";
+        for (port, axis, reason) in [
+            ("family = \"epos2\"", "streaming = \"profile\"", "for EPOS4 only"),
+            ("", "family = \"epos2\"\nstreaming = \"profile\"", "for EPOS4 only"),
+            ("", "family = \"epos2\"\ncurrent_limit_ma = 70000", "at most 2000"),
+            ("family = \"epos3\"", "", "epos2"),
+            ("", second, "node_id = 0: is already named by another axis of the same port"),
+            ("", "homing = \"stop-positive\"\nhoming_current_ma = 300", "how hard"),
+            ("", "homing = \"stop-positive\"\nhoming_stop_counts = 101", "within the pos"),
+        ] {
+            let error = parse(port, axis).unwrap_err();
+            assert!(error.contains(reason), "{port} {axis}: {error}");
+        }
     }
 
     proptest::proptest! {
@@ -291,33 +292,6 @@ mod tests {
             damaged.truncate(cut % length + length / 2);
             let _ = Config::parse(&String::from_utf8_lossy(&damaged), Path::new("robot.toml"));
         }
-    }
-
-    #[test]
-    fn two_axes_with_one_node_id_are_refused() {
-        let second = "[[ports.axes]]\nmotor = 1\nnode_id = 0\nserial_number = 2\n\
-                      position_min_counts = 0\n\
-                      position_max_counts = 1";
-        assert!(
-            parse("", second)
-                .unwrap_err()
-                .contains("node_id = 0: is already named by another axis of the same port")
-        );
-    }
-
-    #[test]
-    fn a_hard_stop_needs_a_current_below_the_limit() {
-        assert!(parse("", "homing = \"stop-negative\"\nhoming_stop_counts = -90").is_ok());
-        assert!(
-            parse("", "homing = \"stop-positive\"\nhoming_current_ma = 300")
-                .unwrap_err()
-                .contains("how hard")
-        );
-        assert!(
-            parse("", "homing = \"stop-positive\"\nhoming_stop_counts = 101")
-                .unwrap_err()
-                .contains("within the pos")
-        );
     }
 
     #[test]

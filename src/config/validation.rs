@@ -41,7 +41,7 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     virtual_fixtures::check(&config.virtual_fixtures, &mut findings);
     check_ports(config, &mut findings);
     check_paths(config, &mut findings);
-    findings.into_list()
+    findings.0
 }
 
 fn check_process(config: &Config, findings: &mut Findings) {
