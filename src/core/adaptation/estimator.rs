@@ -13,14 +13,12 @@ use serde::{Deserialize, Serialize};
 
 use super::ring::Regressors;
 use super::scatter::Scatter;
-use super::settings::Settings;
+use super::settings::{DEG, Settings};
 use crate::core::drift::Pair;
 use crate::core::drift::geometry::{ModelGeometry, SlowError};
 use crate::core::drift::{Drift, PARAMETERS, Parameter};
 
 type Row = [f64; PARAMETERS];
-
-const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// Deviations before the first frame: zero, gain, gap, latency, slack, play.
 const FIRST: [f64; 6] = [1.0 * DEG, 0.1, 0.3, 0.02, 0.006, 0.004];
@@ -64,6 +62,12 @@ pub(super) struct Estimator {
     drift: Row,
     covariance: [Row; PARAMETERS],
     scatter: Scatter,
+}
+
+impl Default for Estimator {
+    fn default() -> Self {
+        Self::new(None)
+    }
 }
 
 impl Estimator {

@@ -3,11 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::ring::Regressors;
-use super::settings::length;
+use super::settings::{DEG, length};
 use crate::core::drift::geometry::subtract;
 use crate::core::drift::{PARAMETERS, Pair, WORN};
-
-const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// How long motion counts, s: for zero, rate, and for ranges.
 const PATH_S: f64 = 10.0;

@@ -7,9 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::excitation::forget;
 use super::frames::Frame;
+use super::settings::DEG;
 use crate::core::drift::Pair;
-
-const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// Gain of the integrator, 1/s, if the delay allows it.
 const GAIN_PER_S: f64 = 0.3;

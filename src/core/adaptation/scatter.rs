@@ -6,10 +6,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::settings::DEG;
 use crate::core::drift::Pair;
 use crate::core::drift::geometry::subtract;
-
-const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// A camera is not taken to be worse than this, rad: the gate stays a gate.
 const LARGEST: f64 = 0.4 * DEG;

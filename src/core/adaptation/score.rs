@@ -2,11 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::settings::length;
+use super::settings::{DEG, length};
 use crate::core::drift::Pair;
 use crate::units::Nanos;
-
-const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// Length of a window.
 const WINDOW: Nanos = Nanos::from_millis(10_000);
@@ -29,14 +27,6 @@ const BETTER: f64 = 0.8;
 /// Larger errors count as this, rad: one outlier decides no window.
 const LARGEST: f64 = 3.0 * DEG;
 
-/// Result of a window.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Verdict {
-    Open,
-    /// The adapted model must be reverted.
-    TakeBack,
-}
-
 /// The errors of the present window, and of the last one.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Score {
@@ -54,8 +44,8 @@ pub(super) struct Score {
 }
 
 impl Score {
-    /// Adds the errors of a frame.
-    pub(super) fn add(&mut self, calibrated: Pair, adapted: Pair, now: Nanos) -> Verdict {
+    /// Adds the errors of a frame. Returns whether the adapted model must be reverted.
+    pub(super) fn add(&mut self, calibrated: Pair, adapted: Pair, now: Nanos) -> bool {
         let begun = *self.begun.get_or_insert(now);
         self.frames += 1;
         for (sum, error) in self.sums.iter_mut().zip([calibrated, adapted]) {
@@ -63,7 +53,7 @@ impl Score {
             *sum += error * error;
         }
         if now.duration_since(begun) < WINDOW || self.frames < MIN_FRAMES {
-            return Verdict::Open;
+            return false;
         }
         self.last = self.sums.map(|sum| (sum / f64::from(self.frames)).sqrt());
         let [calibrated, adapted] = self.last;
@@ -74,11 +64,9 @@ impl Score {
             self.worse.saturating_sub(1)
         };
         (self.begun, self.frames, self.sums) = (None, 0, [0.0; 2]);
-        if self.worse < WORSE_WINDOWS {
-            return Verdict::Open;
-        }
-        self.worse = 0;
-        Verdict::TakeBack
+        let is_reverted = self.worse >= WORSE_WINDOWS;
+        self.worse = if is_reverted { 0 } else { self.worse };
+        is_reverted
     }
 
     /// The present window is thrown away: it would mix two states.
@@ -108,24 +96,21 @@ impl Score {
 mod tests {
     use super::*;
 
-    /// Frames of 30 Hz for some seconds, with errors in degrees.
-    fn run(score: &mut Score, start_s: u64, seconds: u64, errors: Pair) -> Vec<Verdict> {
+    /// How often frames of 30 Hz revert it in some seconds, with errors in degrees.
+    fn run(score: &mut Score, start_s: u64, seconds: u64, errors: Pair) -> usize {
         let frames = (0..seconds * 30).map(|k| Nanos::from_millis(start_s * 1000 + k * 1000 / 30));
-        frames
-            .map(|now| score.add([errors[0] * DEG, 0.0], [0.0, errors[1] * DEG], now))
-            .filter(|verdict| *verdict == Verdict::TakeBack)
-            .collect()
+        frames.filter(|now| score.add([errors[0] * DEG, 0.0], [0.0, errors[1] * DEG], *now)).count()
     }
 
     #[test]
     fn three_worse_windows_revert_the_correction() {
         let mut score = Score::default();
-        assert!(run(&mut score, 1, 25, [0.5, 0.6]).is_empty());
+        assert_eq!(run(&mut score, 1, 25, [0.5, 0.6]), 0);
         score.restart();
         // A window that is not worse takes one away.
-        assert!(run(&mut score, 30, 12, [0.5, 0.4]).is_empty());
+        assert_eq!(run(&mut score, 30, 12, [0.5, 0.4]), 0);
         score.restart();
-        assert_eq!(run(&mut score, 60, 35, [0.5, 0.6]).len(), 1);
+        assert_eq!(run(&mut score, 60, 35, [0.5, 0.6]), 1);
     }
 
     #[test]
@@ -145,12 +130,12 @@ mod tests {
     #[test]
     fn equal_errors_and_outliers_revert_nothing() {
         let mut score = Score::default();
-        assert!(run(&mut score, 1, 100, [0.5, 0.54]).is_empty());
+        assert_eq!(run(&mut score, 1, 100, [0.5, 0.54]), 0);
         for second in 0..100 {
-            assert!(run(&mut score, 200 + second, 1, [0.5, 0.4]).is_empty());
+            assert_eq!(run(&mut score, 200 + second, 1, [0.5, 0.4]), 0);
             let now = Nanos::from_millis((200 + second) * 1000 + 990);
             // A wrong frame is as far from the one pose as from the other.
-            assert_eq!(score.add([1.0, 0.0], [1.0, 0.0], now), Verdict::Open);
+            assert!(!score.add([1.0, 0.0], [1.0, 0.0], now));
         }
     }
 }

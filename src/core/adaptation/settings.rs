@@ -3,6 +3,9 @@
 use crate::core::drift::Pair;
 use crate::units::Nanos;
 
+/// A degree, rad.
+pub(super) const DEG: f64 = std::f64::consts::PI / 180.0;
+
 /// Budget of the zero, of both angles together: a view that creeps leads the tip no further.
 const ZERO_BUDGET_DEG: f64 = 1.5;
 /// Budget of every entry of the gain matrix, as a share of the calibrated gain.

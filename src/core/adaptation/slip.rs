@@ -8,10 +8,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::excitation::forget;
-use super::settings::length;
+use super::settings::{DEG, length};
 use crate::core::drift::Pair;
-
-const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// Time over which frames are averaged, s.
 const TIME_CONSTANT_S: f64 = 1.0;

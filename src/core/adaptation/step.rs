@@ -12,7 +12,7 @@ use super::integral::Integral;
 use super::moving_correction::{MovedGoal, MovingCorrection};
 use super::report::{AdaptationReport, Method, Pause, Pauses};
 use super::ring::{Moment, RegressorRing, Regressors};
-use super::score::{Score, Verdict};
+use super::score::Score;
 use super::settings::{Settings, length};
 use super::slip::SlipDetector;
 use crate::config::Config;
@@ -46,7 +46,7 @@ pub(in crate::core) struct Adaptation {
 }
 
 /// Everything that changes from tick to tick.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(in crate::core) struct AdaptationState {
     model: Option<ModelId>,
     memories: DriftMemories,
@@ -72,32 +72,6 @@ pub(in crate::core) struct AdaptationState {
 }
 
 impl AdaptationState {
-    fn new() -> Self {
-        Self {
-            model: None,
-            memories: DriftMemories::default(),
-            ring: RegressorRing::default(),
-            filter: FrameFilter::default(),
-            estimator: Estimator::new(None),
-            integral: Integral::default(),
-            excitation: Excitation::default(),
-            slip: SlipDetector::default(),
-            score: Score::default(),
-            conditions: Conditions::default(),
-            correction: MovingCorrection::default(),
-            used: BudgetUse::default(),
-            beyond_s: 0.0,
-            is_used_up: false,
-            slips: 0,
-            is_reverted: false,
-            taken_back: 0,
-            refuted: None,
-            pauses: Pauses::NONE,
-        }
-    }
-}
-
-impl AdaptationState {
     /// Whether the correction was reverted too often to be tried again.
     fn is_refuted(&self) -> bool {
         let of = |(model, times)| Some(model) == self.model && times >= MAX_REVERTS;
@@ -117,7 +91,7 @@ impl Adaptation {
         let deviation_deg = config.adaptation.camera_deviation_deg;
         let plausibility_deg = config.limits.plausibility_deg;
         let settings = Settings::new(deviation_deg, plausibility_deg, config.control.period());
-        config.adaptation.enabled.then(|| Self { settings, state: AdaptationState::new() })
+        config.adaptation.enabled.then(|| Self { settings, state: AdaptationState::default() })
     }
 
     /// The memories that follow the positions with the active model.
@@ -128,7 +102,7 @@ impl Adaptation {
     /// The memory of the active model as calibrated, while there is a correction.
     pub(crate) fn calibrated_memory(&self, joints: &JointModel) -> Option<&Memory> {
         let is_own = self.state.model == Some(joints.model().id());
-        (is_own && joints.geometry().is_some()).then(|| self.state.memories.calibrated())
+        (is_own && joints.geometry().is_some()).then_some(&self.state.memories.calibrated)
     }
 
     /// Restarts when the next model takes over or the encoder zero moves. `from`: the model in use
@@ -137,13 +111,13 @@ impl Adaptation {
         if let Some(from) = from
             && Some(from.model().id()) == self.state.model
         {
-            from.end_correction(self.state.memories.calibrated());
+            from.end_correction(&self.state.memories.calibrated);
         }
         self.state = AdaptationState {
             filter: self.state.filter,
             taken_back: self.state.taken_back,
             refuted: self.state.refuted,
-            ..AdaptationState::new()
+            ..AdaptationState::default()
         };
         self.state.conditions.unsettle(now);
     }
@@ -366,7 +340,7 @@ impl Adaptation {
         let moment = &regressors.moment;
         let calibrated = subtract(frame.pose, moment.calibrated);
         let adapted = subtract(frame.pose, moment.adapted);
-        if self.state.score.add(calibrated, adapted, now) == Verdict::TakeBack {
+        if self.state.score.add(calibrated, adapted, now) {
             let state = &mut self.state;
             // A correction misled by its first frames restarts at once, the first time.
             let is_first = state.refuted.is_none_or(|(model, _)| Some(model) != state.model);

@@ -13,7 +13,8 @@ const MORE: [f64; 3] = [0.1, 0.002, 0.001];
 /// Memories that follow the same positions as the one of the model in use.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(in crate::core) struct DriftMemories {
-    calibrated: Memory,
+    /// The memory as calibrated.
+    pub calibrated: Memory,
     /// One per motor, whose gap is wider; then more slack; then more play.
     shadows: [Memory; WORN],
 }
@@ -22,11 +23,6 @@ impl DriftMemories {
     /// Copies of a new model's memory.
     pub(crate) fn new(memory: &Memory) -> Self {
         Self { calibrated: *memory, shadows: [*memory; WORN] }
-    }
-
-    /// The memory as calibrated.
-    pub(crate) fn calibrated(&self) -> &Memory {
-        &self.calibrated
     }
 
     /// Moves on to a position, some time after the one before, s. `wear` is the one in use.
