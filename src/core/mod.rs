@@ -23,8 +23,7 @@
 //! - [`adaptation`]: follows the drift of a calibration by the camera, inside fences.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
 //! - `command`: `authority`, who may do what; `sessions`, who may move; `admission` of servo
-//!   commands, `client_stream`, `refusal_record`, `deadline`, `range_check`, `clutch`,
-//!   `motion_scaling`.
+//!   commands, `client_stream`, `refusal_record`, `deadline`, `range_check`, `clutch`.
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
 //! - `outputs`: what the cycle writes.

@@ -95,9 +95,11 @@ pub struct CommandAdmission {
     refusals: RefusalRecord,
     /// Refusals of state commands, to fold their events.
     request_refusals: RefusalRecord,
-    accepted: u64,
-    refused: u64,
-    last_refusal: Refusal,
+    /// Numbers of servo commands.
+    pub(in crate::core) accepted: u64,
+    pub(in crate::core) refused: u64,
+    /// The last refusal of any command.
+    pub(in crate::core) last_refusal: Refusal,
 }
 
 impl CommandAdmission {
@@ -113,24 +115,6 @@ impl CommandAdmission {
             refused: 0,
             last_refusal: Refusal::None,
         }
-    }
-
-    /// Number of accepted servo commands.
-    #[must_use]
-    pub fn accepted(&self) -> u64 {
-        self.accepted
-    }
-
-    /// Number of refused servo commands.
-    #[must_use]
-    pub fn refused(&self) -> u64 {
-        self.refused
-    }
-
-    /// The last refusal of any command.
-    #[must_use]
-    pub fn last_refusal(&self) -> Refusal {
-        self.last_refusal
     }
 
     /// Refused servo commands, client by client.
@@ -173,7 +157,7 @@ impl CommandAdmission {
     /// The age at which a command that was checked becomes stale: at most the duration of the
     /// lease, because a client that has lost its lease is not followed.
     pub fn deadline(&self, command: &ServoCommand) -> Nanos {
-        self.check.deadline.of(deadline(command)).min(self.sessions.lease_duration())
+        self.check.deadline.of(deadline(command)).min(self.sessions.lease_duration)
     }
 
     /// Age or stamp that makes a command stale or invalid.
@@ -347,7 +331,7 @@ mod tests {
         assert!(!admission.refuse_request(7, Refusal::Busy, NOW));
         admission.accept_request(StateCommand::Release, 7, NOW);
         assert!(admission.refuse_request(7, Refusal::Busy, NOW));
-        assert_eq!(admission.last_refusal(), Refusal::Busy);
+        assert_eq!(admission.last_refusal, Refusal::Busy);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Clutch: couples a master device to the snake.
+//! Clutch and motion scaling: couples a master device to the snake.
 //!
 //! As long as a client uses neither clutch nor scaling, a command is a pose: the snake goes where
 //! the master is. While the clutch is open (flag `CLUTCH` of `servo_jp`, for example a pedal), the
@@ -9,15 +9,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::command::motion_scaling::MotionScaling;
 use crate::core::inputs::{ServoCommand, ServoGoal};
-use crate::core::vector::is_finite;
+use crate::core::vector::{is_finite, zip_map};
 use crate::units::OutputVec;
 
 /// The coupling of one client.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Clutch {
-    scaling: MotionScaling,
+    /// Displacement of the snake per displacement of the master.
+    scale: f64,
     client_id: u64,
     coupling: Coupling,
 }
@@ -35,12 +35,17 @@ enum Coupling {
 impl Clutch {
     /// With a scale other than 1, displacements need a reference: the first command couples.
     pub(crate) fn new(scale: f64) -> Self {
-        let scaling = MotionScaling::new(scale);
-        Self { scaling, client_id: 0, coupling: Self::first_coupling(scaling) }
+        Self { scale, client_id: 0, coupling: Self::first_coupling(scale) }
     }
 
-    fn first_coupling(scaling: MotionScaling) -> Coupling {
-        if scaling.is_unity() { Coupling::Absolute } else { Coupling::Open }
+    fn first_coupling(scale: f64) -> Coupling {
+        if scale == 1.0 { Coupling::Absolute } else { Coupling::Open }
+    }
+
+    /// The goal of the snake for a pose of the master, from the poses at which both were coupled.
+    fn scaled(&self, master: &OutputVec, coupled: &OutputVec, snake: &OutputVec) -> OutputVec {
+        let displacement = zip_map(master, coupled, |now, from| self.scale * (now - from));
+        zip_map(snake, &displacement, |snake, by| snake + by)
     }
 
     /// The goal of the snake for a command, and the clutch if the command is accepted. `snake`: the
@@ -60,7 +65,7 @@ impl Clutch {
         };
         if command.client_id != self.client_id {
             next.client_id = command.client_id;
-            next.coupling = Self::first_coupling(self.scaling);
+            next.coupling = Self::first_coupling(self.scale);
         }
         let Some(snake) = snake else {
             return (command.goal, next);
@@ -73,14 +78,14 @@ impl Clutch {
         }
         if let ServoGoal::Rate(..) = command.goal {
             let still = OutputVec::default();
-            return (ServoGoal::Rate(self.scaling.apply(&master, &still, &still), entries), next);
+            return (ServoGoal::Rate(self.scaled(&master, &still, &still), entries), next);
         }
         if next.coupling == Coupling::Open {
             next.coupling = Coupling::Relative { master, snake };
         }
         let goal = match &next.coupling {
             Coupling::Relative { master: reference, snake } => {
-                self.scaling.apply(&master, reference, snake)
+                self.scaled(&master, reference, snake)
             }
             Coupling::Absolute | Coupling::Open => master,
         };
@@ -107,6 +112,14 @@ mod tests {
             clutched,
             has_unknown_flags: false,
         }
+    }
+
+    #[test]
+    fn the_snake_moves_by_the_scaled_displacement_from_its_reference() {
+        let goal = Clutch::new(0.25).scaled(&[1.0, -2.0, 0.5], &[0.0, 2.0, 0.5], &[0.5, 0.0, -1.0]);
+        assert_eq!(goal, [0.75, -1.0, -1.0]);
+        let couplings = [0.25, 1.0].map(|scale| Clutch::new(scale).coupling);
+        assert_eq!(couplings, [Coupling::Open, Coupling::Absolute]);
     }
 
     #[test]

@@ -5,7 +5,6 @@ pub(super) mod authority;
 mod client_stream;
 pub(super) mod clutch;
 pub(super) mod deadline;
-mod motion_scaling;
 pub(super) mod move_planning;
 pub(super) mod range_check;
 pub(super) mod refusal_record;

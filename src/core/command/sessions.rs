@@ -114,7 +114,7 @@ pub(in crate::core) struct Sessions {
     crowded: Option<Nanos>,
     /// Those of the clients that stopped it last, newest first.
     stops: [Option<Stop>; STOPS],
-    lease_duration: Nanos,
+    pub lease_duration: Nanos,
     /// The client that commands, and when it took or last renewed the lease.
     lease: Option<(u64, Nanos)>,
 }
@@ -124,10 +124,6 @@ impl Sessions {
     pub(crate) fn new(lease_duration: Nanos) -> Self {
         let (clients, stops) = ([None; CLIENTS], [None; STOPS]);
         Self { clients, crowded: None, stops, lease_duration, lease: None }
-    }
-
-    pub(crate) fn lease_duration(&self) -> Nanos {
-        self.lease_duration
     }
 
     /// The client that holds the lease; 0: none.
