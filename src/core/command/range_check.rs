@@ -106,7 +106,7 @@ impl RangeCheck {
                 require(entries as usize == axes.count(), Refusal::Malformed)?;
                 require(axes.allow(&counts), Refusal::Range)?;
                 let counts = first_entries::<MAX_MOTORS>(counts.map(Counts::as_f64), entries);
-                let from = before.map_or_else(|| axes.setpoints(), |before| *before.goal());
+                let from = before.map_or_else(|| axes.setpoints(), |before| before.goal);
                 let largest = self.largest(before.is_none());
                 require(
                     largest_difference(&counts, &from) <= largest.actuator,
@@ -151,7 +151,7 @@ impl RangeCheck {
             }
             ServoGoal::Actuator(counts, entries) => {
                 let (from, is_first) = match followed.map(|followed| &followed.goal) {
-                    Some(ExtrapolatedGoal::Actuator(before)) => (*before.goal(), false),
+                    Some(ExtrapolatedGoal::Actuator(before)) => (before.goal, false),
                     Some(ExtrapolatedGoal::Joint(_)) | None => (axes.setpoints(), true),
                 };
                 let counts = first_entries::<MAX_MOTORS>(counts.map(Counts::as_f64), entries);
@@ -213,7 +213,7 @@ impl JointCheck<'_> {
         self.require_step(&angles)?;
         let (from, reached) = (self.present()?, self.reached(&angles)?);
         let interval = match self.before {
-            Some((before, _)) => self.stamp.duration_since(before.stamp()).max(MIN_LINE_TIME),
+            Some((before, _)) => self.stamp.duration_since(before.stamp).max(MIN_LINE_TIME),
             None => FIRST_LINE,
         };
         let after = interval.min(self.deadline);
@@ -232,7 +232,7 @@ impl JointCheck<'_> {
         let mut from = self.present()?;
         let mut begin = self.stamp.max(self.now);
         if let Some((before, _)) = self.before {
-            begin = self.stamp.max(before.stamp());
+            begin = self.stamp.max(before.stamp);
             // The goal does not run ahead of a snake that cannot keep up, or it would continue
             // after the rate is zero.
             let left = self.joints.remaining_motion(&self.axes.setpoints());
@@ -267,7 +267,7 @@ impl JointCheck<'_> {
         let reached = nearest(self.joints, self.axes, asked, (self.border, moved));
         let mut reached = reached.map_err(|_| Refusal::BadModel)?;
         let Some((before, requested)) = self.before else { return Ok(reached) };
-        if reached.limit.is_some() || before.goal() != requested {
+        if reached.limit.is_some() || before.goal != *requested {
             let most = self.apart(asked, requested)? + self.check.first.of(self.joints.unit());
             let present = self.present()?;
             let share = most / self.apart(&reached.goal, &present)?;

@@ -145,7 +145,7 @@ impl ControlCycle {
         let counts = auxiliary.counts(angle);
         require(auxiliary.axis.clamp(counts) == counts, Refusal::Range)?;
         let before = auxiliary.followed.map(|followed| followed.goal);
-        let from = before.map_or(auxiliary.axis.setpoint(), |goal| goal.goal()[0]);
+        let from = before.map_or(auxiliary.axis.setpoint(), |goal| goal.goal[0]);
         let largest = self.range_check.largest_counts(before.is_none());
         require((counts - from).abs() <= largest, Refusal::StepTooLarge)?;
         let goal = match before {

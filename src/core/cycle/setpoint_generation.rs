@@ -84,7 +84,7 @@ impl MotionTick<'_> {
         let cycle = next.as_ref().unwrap_or(cycle);
         let motion = Some(Motion::Track { targets: cycle.targets(), in_hull: false });
         let joints = self.joints.as_deref();
-        let goal = joints.map(|joints| joints.pose(cycle.position())).transpose()?;
+        let goal = joints.map(|joints| joints.pose(&cycle.position)).transpose()?;
         let next = next.map_or(EnabledActivity::Holding, EnabledActivity::Conditioning);
         Ok(GeneratedSetpoint { goal, next: Some(next), motion, ..GeneratedSetpoint::default() })
     }

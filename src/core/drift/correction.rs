@@ -8,18 +8,12 @@ use crate::model::Wear;
 use crate::units::OutputVec;
 
 /// Correction of a model: `adapted = gapped + zero + gain gapped`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(in crate::core) struct Correction {
     /// rad.
     pub zero: Pair,
     pub gain: [Pair; 2],
     pub wear: Wear,
-}
-
-impl Default for Correction {
-    fn default() -> Self {
-        Self { zero: [0.0; 2], gain: [[0.0; 2]; 2], wear: Wear::default() }
-    }
 }
 
 impl Correction {
@@ -36,25 +30,15 @@ impl Correction {
 
     /// The gapped pose whose adapted pose is the goal.
     pub(crate) fn undo(&self, goal: &OutputVec) -> OutputVec {
-        let inverse = self.inverse();
-        let from_zero = [goal[0] - self.zero[0], goal[1] - self.zero[1]];
-        let found = product(&inverse, from_zero);
-        let mut gapped = *goal;
-        for (gapped, found) in gapped.iter_mut().zip(found) {
-            *gapped = found;
-        }
-        gapped
+        self.calibrated_view().pose(goal)
     }
 
     /// How the pose without the correction follows from the adapted one.
     pub(crate) fn calibrated_view(&self) -> CalibratedView {
-        CalibratedView { inverse: self.inverse(), zero: self.zero }
-    }
-
-    fn inverse(&self) -> [Pair; 2] {
         let [[a, b], [c, d]] = self.gain;
         // The budget keeps the gain far from -1.
-        inverse(&[[1.0 + a, b], [c, 1.0 + d]]).unwrap_or([[1.0, 0.0], [0.0, 1.0]])
+        let inverse = inverse(&[[1.0 + a, b], [c, 1.0 + d]]).unwrap_or([[1.0, 0.0], [0.0, 1.0]]);
+        CalibratedView { inverse, zero: self.zero }
     }
 
     /// The correction as a drift.
@@ -80,9 +64,8 @@ pub(crate) struct CalibratedView {
 
 impl CalibratedView {
     pub(crate) fn pose(&self, pose: &OutputVec) -> OutputVec {
-        let [x, y] = [pose[0] - self.zero[0], pose[1] - self.zero[1]];
-        let [[a, b], [c, d]] = self.inverse;
-        [a * x + b * y, c * x + d * y, pose[2]]
+        let [x, y] = product(&self.inverse, [pose[0] - self.zero[0], pose[1] - self.zero[1]]);
+        [x, y, pose[2]]
     }
 
     /// Converts a slope by the calibrated pose to one by the adapted pose.

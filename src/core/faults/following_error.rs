@@ -15,14 +15,9 @@ impl FollowingErrorLimit {
         Self(i64::from(counts))
     }
 
-    /// Compares the setpoint that was written last with the encoder. The newest setpoint may still
-    /// wait for its slot on the wire; the motor cannot know it. `powered_since`: when power was
-    /// requested; older setpoints belong to an earlier session.
-    pub(crate) fn is_exceeded(&self, feedback: &AxisFeedback, powered_since: Nanos) -> bool {
-        error(feedback, powered_since).is_some_and(|error| error > self.0)
-    }
-
-    /// The present distance and its limit.
+    /// The distance of the encoder from the setpoint that was written last, if it is beyond the
+    /// limit. The newest setpoint may still wait for its slot on the wire; the motor cannot know
+    /// it. `powered_since`: when power was requested; older setpoints belong to an earlier session.
     pub(crate) fn measurement(
         &self,
         feedback: &AxisFeedback,
@@ -68,11 +63,9 @@ mod tests {
         for (target, stamp, is_error) in
             [(310, 5, false), (311, 5, true), (-291, 5, true), (311, 4, false), (i32::MIN, 9, true)]
         {
-            let found = limit.is_exceeded(&feedback(target, stamp), Nanos(5));
-            assert_eq!(found, is_error, "{target} written at {stamp}");
             let measurement = limit.measurement(&feedback(target, stamp), Nanos(5));
             assert_eq!(measurement.is_some(), is_error, "{target} written at {stamp}");
         }
-        assert!(!limit.is_exceeded(&AxisFeedback::default(), Nanos(5)));
+        assert!(limit.measurement(&AxisFeedback::default(), Nanos(5)).is_none());
     }
 }

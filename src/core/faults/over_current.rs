@@ -12,7 +12,7 @@ pub(crate) struct OverCurrentMonitor {
     /// Absolute current, mA. `None`: not monitored.
     limit_ma: Option<u32>,
     debounce: Debounce,
-    is_tripped: bool,
+    pub is_tripped: bool,
 }
 
 impl OverCurrentMonitor {
@@ -24,10 +24,6 @@ impl OverCurrentMonitor {
     pub(crate) fn update(&mut self, current_ma: i32, is_following: bool, now: Nanos) {
         let is_high = self.limit_ma.is_some_and(|limit| current_ma.unsigned_abs() > limit);
         self.is_tripped = self.debounce.update(is_following && is_high, now);
-    }
-
-    pub(crate) fn is_tripped(&self) -> bool {
-        self.is_tripped
     }
 
     /// The present current and its limit, if the monitor has tripped.
@@ -55,7 +51,7 @@ mod tests {
             (110, 500, false, false),
         ] {
             monitor.update(current_ma, is_following, Nanos::from_millis(1000 + ms));
-            assert_eq!(monitor.is_tripped(), is_tripped, "{ms} ms");
+            assert_eq!(monitor.is_tripped, is_tripped, "{ms} ms");
         }
     }
 }

@@ -106,16 +106,12 @@ impl AxisControl {
     }
 
     pub(crate) fn status(&self, now: Nanos) -> DriveStatus {
-        let has_following_error = self
-            .source
-            .following_since()
-            .is_some_and(|since| self.following_error.is_exceeded(&self.feedback, since));
         DriveStatus {
             phase: self.feedback.phase,
             age: position_age(&self.feedback, now),
             unwritten: self.unwritten.map_or(Nanos::ZERO, |since| now.duration_since(since)),
-            has_following_error,
-            has_over_current: self.over_current.is_tripped(),
+            has_following_error: self.following_error_measurement().is_some(),
+            has_over_current: self.over_current.is_tripped,
         }
     }
 
@@ -250,12 +246,12 @@ impl AxisControl {
 
     /// The setpoint before rounding, counts.
     pub(crate) fn setpoint(&self) -> f64 {
-        self.jerk_limiter.output()
+        self.jerk_limiter.output
     }
 
     /// Change of the setpoint in this tick, counts.
     pub(crate) fn increment(&self) -> f64 {
-        self.jerk_limiter.increment()
+        self.jerk_limiter.increment
     }
 
     /// The setpoint as sent to the drive.
@@ -265,23 +261,14 @@ impl AxisControl {
     }
 
     /// The request to the drive. `common` gives sequence and command.
-    pub(crate) fn request_with(&self, demand: Demand, common: &AxisRequest) -> AxisRequest {
-        AxisRequest {
-            sequence: common.sequence,
-            command_stamp: common.command_stamp,
-            command_sequence: common.command_sequence,
-            ..self.request(demand)
-        }
-    }
-
-    fn request(&self, demand: Demand) -> AxisRequest {
+    pub(crate) fn request(&self, demand: Demand, common: &AxisRequest) -> AxisRequest {
         AxisRequest {
             demand,
             target: self.target(),
             fault_resets: self.fault_resets,
             homings: self.homings,
             zero_invalid: self.feedback.homings < self.valid_homing,
-            ..AxisRequest::default()
+            ..*common
         }
     }
 }

@@ -193,7 +193,7 @@ impl AxisGroup {
     ) -> [AxisRequest; MAX_MOTORS] {
         let mut requests = [AxisRequest::default(); MAX_MOTORS];
         for ((request, axis), demand) in requests.iter_mut().zip(&self.0).zip(demands) {
-            *request = axis.request_with(*demand, common);
+            *request = axis.request(*demand, common);
         }
         requests
     }

@@ -28,7 +28,7 @@ const END_TOLERANCE: f64 = 1e-6;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ConditioningCycle {
     /// Client that requested it.
-    client_id: u64,
+    pub client_id: u64,
     start: MotorVec,
     points: ReversalPoints,
     rounds: u32,
@@ -42,7 +42,8 @@ pub(crate) struct ConditioningCycle {
     length: f64,
     /// Ticks spent at the end of the line.
     rested: u32,
-    position: MotorVec,
+    /// Counts.
+    pub position: MotorVec,
     increment: MotorVec,
 }
 
@@ -76,10 +77,6 @@ impl ConditioningCycle {
         Ok(cycle.start_line(0))
     }
 
-    pub(crate) fn client_id(&self) -> u64 {
-        self.client_id
-    }
-
     /// One tick later; `None` once the cycle has ended where it began.
     pub(crate) fn after_tick(mut self) -> Option<Self> {
         let has_arrived = self.limiter.is_at_rest()
@@ -99,7 +96,7 @@ impl ConditioningCycle {
 
     /// The points between which the first round moves.
     pub(crate) fn corners(&self) -> impl Iterator<Item = &MotorVec> {
-        (0..self.points.count()).filter_map(|number| self.points.get(number))
+        (0..self.points.count).filter_map(|number| self.points.get(number))
     }
 
     /// Targets of the motors in this tick.
@@ -107,14 +104,9 @@ impl ConditioningCycle {
         MotorTarget::from_vectors(&self.position, &self.increment)
     }
 
-    /// The same as positions, counts.
-    pub(crate) fn position(&self) -> &MotorVec {
-        &self.position
-    }
-
     /// The line back to the start.
     fn last_line(&self) -> u32 {
-        self.rounds.saturating_mul(self.points.count())
+        self.rounds.saturating_mul(self.points.count)
     }
 
     fn start_line(mut self, line: u32) -> Self {
@@ -130,7 +122,7 @@ impl ConditioningCycle {
     /// The first round goes to the reversal points themselves. Later rounds shrink towards the
     /// start. The last line ends there.
     fn end_of(&self, line: u32) -> MotorVec {
-        let (count, last) = (self.points.count().max(1), self.last_line());
+        let (count, last) = (self.points.count.max(1), self.last_line());
         if line >= last {
             return self.start;
         }

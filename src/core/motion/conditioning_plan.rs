@@ -50,7 +50,7 @@ pub(crate) struct ConditioningPlan {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct ReversalPoints {
     points: [MotorVec; MAX_POINTS],
-    count: u32,
+    pub count: u32,
 }
 
 impl ConditioningPlan {
@@ -167,10 +167,6 @@ fn height(point: &MotorVec, index: usize, motors: usize) -> f64 {
 }
 
 impl ReversalPoints {
-    pub(super) fn count(&self) -> u32 {
-        self.count
-    }
-
     /// The point with a number; numbering continues after a round.
     pub(super) fn get(&self, number: u32) -> Option<&MotorVec> {
         self.points.get((number % self.count.max(1)) as usize)

@@ -263,7 +263,7 @@ impl Gate {
             *axis = before;
             axis.stop();
         }
-        Gated(axis.request_with(demand, common))
+        Gated(axis.request(demand, common))
     }
 
     fn note(&mut self, step: OutputVec) {

@@ -54,9 +54,9 @@ impl ExtrapolatedGoal {
 pub(crate) struct GoalExtrapolation<const N: usize> {
     /// The goal of the last command.
     #[serde(with = "array")]
-    goal: [f64; N],
+    pub goal: [f64; N],
     /// Stamp of the last command.
-    stamp: Nanos,
+    pub stamp: Nanos,
     /// Rate of change between the last two commands, 1/s; 0 if they were too far apart.
     #[serde(with = "array")]
     last_rate: [f64; N],
@@ -104,16 +104,6 @@ impl<const N: usize> GoalExtrapolation<N> {
             reached_s: 0.0,
             horizon_s: (HORIZON_INTERVALS * interval_s).min(MAX_EXTRAPOLATION.as_seconds()),
         }
-    }
-
-    /// Stamp of the last command.
-    pub(crate) fn stamp(&self) -> Nanos {
-        self.stamp
-    }
-
-    /// The goal of the last command.
-    pub(crate) fn goal(&self) -> &[f64; N] {
-        &self.goal
     }
 
     /// The extrapolated goal now and one `tick` before, on the same straight line.

@@ -47,12 +47,12 @@ impl MotionTick<'_> {
         match goal {
             ExtrapolatedGoal::Joint(goal) => {
                 let (here, before) = goal.evaluate(self.now, self.period);
-                self.invert_goal(GoalStep { now: here, before }, goal.goal())
+                self.invert_goal(GoalStep { now: here, before }, &goal.goal)
             }
             ExtrapolatedGoal::Actuator(goal) => {
                 let (here, before) = goal.evaluate(self.now, self.period);
                 let joints = self.joints.as_deref();
-                let pose = joints.map(|joints| joints.pose(goal.goal())).transpose()?;
+                let pose = joints.map(|joints| joints.pose(&goal.goal)).transpose()?;
                 Ok(InverseSetpoint {
                     motion: motion(&self.axes.clamp(here), &self.axes.clamp(before), false),
                     goal: pose,
@@ -80,7 +80,7 @@ impl MotionTick<'_> {
         };
         let counts = self.axes.clamp(inverse.counts);
         joints.set_search_start(counts);
-        let is_limited = self.fixtures.limited_by().is_some();
+        let is_limited = self.fixtures.limited_by.is_some();
         Ok(InverseSetpoint {
             motion: motion(&counts, &self.axes.clamp(inverse_before.counts), true),
             goal: Some(if is_limited { limited } else { *requested }),

@@ -19,8 +19,8 @@ pub(crate) struct JerkLimiter {
     ticks: u32,
     /// Ticks; with 1, the output is the input.
     window: u32,
-    output: f64,
-    increment: f64,
+    pub output: f64,
+    pub increment: f64,
 }
 
 impl JerkLimiter {
@@ -47,15 +47,6 @@ impl JerkLimiter {
         let output = value + others / f64::from(self.window);
         self.increment = output - self.output;
         self.output = output;
-    }
-
-    pub(super) fn output(&self) -> f64 {
-        self.output
-    }
-
-    /// Change of the output in the last tick.
-    pub(super) fn increment(&self) -> f64 {
-        self.increment
     }
 
     /// All values in the window are the same, and the output has reached them.
@@ -110,10 +101,10 @@ mod tests {
                         None => limiter.stop(),
                     }
                     jerk_limiter.update(limiter.position());
-                    let third = jerk_limiter.increment() - moved - change;
+                    let third = jerk_limiter.increment - moved - change;
                     prop_assert!(third.abs() <= jerk * 1e-9 * (1.0 + 1e-9) + 1e-9, "{third}");
-                    prop_assert!(jerk_limiter.output().abs() <= 200.0 + 1e-9);
-                    (moved, change) = (jerk_limiter.increment(), jerk_limiter.increment() - moved);
+                    prop_assert!(jerk_limiter.output.abs() <= 200.0 + 1e-9);
+                    (moved, change) = (jerk_limiter.increment, jerk_limiter.increment - moved);
                 }
             }
         }
@@ -127,10 +118,10 @@ mod tests {
         for k in 0..40 {
             jerk_limiter.update(0.1 + f64::from(k.min(20)));
             let late = 0.1 + (f64::from(k) - 4.0);
-            assert!(!(8..=20).contains(&k) || (jerk_limiter.output() - late).abs() < 1e-12);
+            assert!(!(8..=20).contains(&k) || (jerk_limiter.output - late).abs() < 1e-12);
             assert_eq!(jerk_limiter.is_at_rest(), k == 0 || k > 28, "{k}");
         }
-        assert_eq!(jerk_limiter.output(), 20.1);
+        assert_eq!(jerk_limiter.output, 20.1);
     }
 
     #[test]
@@ -138,7 +129,7 @@ mod tests {
         let mut jerk_limiter = JerkLimiter::new(1);
         for value in [0.3, -7.1, 0.1 + 0.2] {
             jerk_limiter.update(value);
-            assert_eq!(jerk_limiter.output(), value);
+            assert_eq!(jerk_limiter.output, value);
         }
     }
 }

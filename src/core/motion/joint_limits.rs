@@ -31,7 +31,7 @@ pub(crate) struct JointBounds {
     /// rad.
     lowest: OutputVec,
     highest: OutputVec,
-    has_positions: bool,
+    pub has_positions: bool,
     /// Largest step, and its largest growth, rad.
     velocity: f64,
     growth: f64,
@@ -58,11 +58,6 @@ impl JointBounds {
             growth: of(0).acceleration * tick_s * tick_s,
             line: line.clamp(1, MAX_LINE_TICKS - AROUND),
         })
-    }
-
-    /// Any angle has a position limit.
-    pub(crate) fn has_positions(&self) -> bool {
-        self.has_positions
     }
 
     /// The nearest pose within the position limits.
@@ -168,7 +163,7 @@ impl JointLimits {
         for (((limiter, jerk_limiter), value), before) in limiters.zip(&mut limited).zip(before) {
             limiter.track(MotorTarget { position: *value, increment: *value - before });
             jerk_limiter.update(limiter.position());
-            *value = jerk_limiter.output();
+            *value = jerk_limiter.output;
         }
         limited
     }

@@ -13,7 +13,7 @@ use crate::units::{Nanos, OutputVec};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct JointTrajectory {
     /// Client that requested it.
-    client_id: u64,
+    pub client_id: u64,
     /// The line that comes to rest before this one starts, if there is any.
     before: Option<Line>,
     line: Line,
@@ -38,7 +38,7 @@ impl Line {
     /// The same motion until `now`, and to rest as soon as the limits allow it.
     fn shortened(&self, now: Nanos) -> Self {
         let curve = self.curve.shortened(now.duration_since(self.started).as_seconds());
-        let share = curve.length() / self.curve.length();
+        let share = curve.length / self.curve.length;
         let to = if share < 1.0 { interpolate(&self.from, &self.to, share) } else { self.to };
         Self { curve, to, ..*self }
     }
@@ -78,10 +78,6 @@ impl JointTrajectory {
         };
         let line = Line::new(before.to, to, limits, before.ends());
         Self { before: Some(before), line, ..*self }
-    }
-
-    pub(crate) fn client_id(&self) -> u64 {
-        self.client_id
     }
 
     /// When it is at rest at its end.

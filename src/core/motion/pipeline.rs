@@ -21,7 +21,7 @@ pub(crate) struct Pipeline {
     dead_banded: Option<OutputVec>,
     blend: Option<ModelBlend>,
     /// How far the stages up to the dead-band kept the goal of the last tick back, rad.
-    held_back: OutputVec,
+    pub held_back: OutputVec,
 }
 
 /// Inputs of the stages in one tick.
@@ -81,12 +81,6 @@ impl Pipeline {
     fn blended(&self, goal: OutputVec, now: Nanos) -> OutputVec {
         let offset = self.blend.and_then(|blend| blend.offset_at(now));
         offset.map_or(goal, |offset| zip_map(&goal, &offset, |a, b| a + b))
-    }
-
-    /// How far the stages keep the snake from the requested goal, rad (m), without what they add on
-    /// purpose.
-    pub(super) fn held_back(&self) -> &OutputVec {
-        &self.held_back
     }
 
     /// No angles are followed in this tick.

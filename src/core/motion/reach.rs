@@ -50,7 +50,7 @@ pub(crate) fn nearest(
     requested: &OutputVec,
     (mut border, moved): (f64, f64),
 ) -> Result<Reached, NotFinite> {
-    let bounds = joints.bounds().filter(|bounds| bounds.has_positions());
+    let bounds = joints.bounds().filter(|bounds| bounds.has_positions);
     let is_allowed = bounds.is_none_or(|bounds| bounds.excess(requested) == 0.0);
     if border == WHOLE && is_allowed && !joints.solve(requested)?.clipped {
         return Ok(Reached { goal: *requested, border, limit: None });

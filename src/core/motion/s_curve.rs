@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// Motion from 0 to `length` as a function of time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SCurve {
-    length: f64,
+    pub length: f64,
     jerk: f64,
     /// Duration of a segment with jerk, s.
     jerk_s: f64,
@@ -92,10 +92,6 @@ impl SCurve {
         }
     }
 
-    pub(crate) fn length(&self) -> f64 {
-        self.length
-    }
-
     /// Duration, s.
     pub(crate) fn duration_s(&self) -> f64 {
         4.0 * self.jerk_s + 2.0 * self.constant_acceleration_s + self.cruise_s
@@ -172,7 +168,7 @@ mod tests {
             let short = curve.shortened(time);
             for k in 0..=20 {
                 let at = time * f64::from(k) / 20.0;
-                let apart = short.length() * short.fraction(at) - length * curve.fraction(at);
+                let apart = short.length * short.fraction(at) - length * curve.fraction(at);
                 prop_assert!(apart.abs() < 1e-9, "{apart} at {at} of {time}");
             }
             let ramp = 3.0 * curve.jerk_s + curve.constant_acceleration_s;

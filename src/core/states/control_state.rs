@@ -266,8 +266,8 @@ impl ControlState {
         match self {
             Self::Disabled(DisabledActivity::Homing { client_id, .. }) => Some(*client_id),
             Self::Enabled(EnabledActivity::Following(command)) => Some(command.client_id),
-            Self::Enabled(EnabledActivity::Conditioning(cycle)) => Some(cycle.client_id()),
-            Self::Enabled(EnabledActivity::Moving(trajectory)) => Some(trajectory.client_id()),
+            Self::Enabled(EnabledActivity::Conditioning(cycle)) => Some(cycle.client_id),
+            Self::Enabled(EnabledActivity::Moving(trajectory)) => Some(trajectory.client_id),
             Self::Enabled(EnabledActivity::Holding)
             | Self::Disabled(_)
             | Self::Paused

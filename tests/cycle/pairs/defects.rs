@@ -125,7 +125,7 @@ const DEFECTS: [(&str, &[Edit]); 18] = [
         "a goal is integrated from stamps that run backwards",
         &[
             (STAMPS, "if stamp < self.stamp {", "if stamp < self.stamp && sequence == 0 {"),
-            (GOALS, "begin = self.stamp.max(before.stamp());", "begin = self.stamp;"),
+            (GOALS, "begin = self.stamp.max(before.stamp);", "begin = self.stamp;"),
         ],
     ),
     (

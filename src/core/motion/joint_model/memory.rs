@@ -38,7 +38,7 @@ impl JointModel {
                 // missing.
                 NextEntry::Lost => {
                     self.reset_memory();
-                    self.state.cursor = history.cursor();
+                    self.state.cursor = history.cursor;
                     if let Some(newest) = history.newest() {
                         self.model.advance(&mut self.state.measured_memory, &newest);
                     }

@@ -233,7 +233,7 @@ impl JointModel {
 
     /// The whole position history has been replayed.
     pub(crate) fn is_up_to_date(&self, history: &PositionHistory) -> bool {
-        self.state.cursor == history.cursor()
+        self.state.cursor == history.cursor
     }
 
     /// Both models have the same outputs, so a goal means the same to both.
@@ -299,7 +299,7 @@ impl JointModel {
     pub(crate) fn remaining_motion(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
         let left =
             vector::difference(&self.pose(&self.state.search_start)?, &self.pose(setpoints)?);
-        let held_back = self.state.pipeline.held_back();
+        let held_back = &self.state.pipeline.held_back;
         Ok(vector::zip_map(&left, held_back, |motors, held_back| motors + held_back))
     }
 

@@ -28,7 +28,7 @@ pub struct HistoryCursor {
 /// The latest positions of the motors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PositionHistory {
-    cursor: HistoryCursor,
+    pub cursor: HistoryCursor,
     /// Sequence of the last feedback of every motor, so that a position is recorded once.
     sequences: [u64; MAX_MOTORS],
     /// When the newest position was read.
@@ -62,11 +62,6 @@ impl PositionHistory {
             stamp: Nanos::ZERO,
             recent: [[Entry::default(); ROWS]; ROWS],
         }
-    }
-
-    /// Cursor of the newest entry.
-    pub(crate) fn cursor(&self) -> HistoryCursor {
-        self.cursor
     }
 
     /// Records the positions, if one of them is new. Every drive must have reported.
@@ -170,24 +165,24 @@ mod tests {
     fn every_position_is_replayed_once() {
         let mut history = PositionHistory::new();
         record(&mut history, 0..1500);
-        let cursor = history.cursor();
+        let cursor = history.cursor;
         assert_eq!((cursor.epoch, cursor.recorded), (0, 1500));
         record(&mut history, 1500..2500);
         let expected: Vec<f64> = (1500..2500).map(f64::from).collect();
         assert_eq!(rest(&history, cursor), Some(expected));
-        assert_eq!(rest(&history, history.cursor()), Some(vec![]));
+        assert_eq!(rest(&history, history.cursor), Some(vec![]));
     }
 
     #[test]
     fn overwritten_positions_and_other_epochs_are_lost() {
         let mut history = PositionHistory::new();
         record(&mut history, 0..10);
-        let cursor = history.cursor();
+        let cursor = history.cursor;
         record(&mut history, 10..10 + CAPACITY as i32);
         assert_eq!(rest(&history, cursor).unwrap().len(), CAPACITY as usize);
         record(&mut history, 10 + CAPACITY as i32..11 + CAPACITY as i32);
         assert_eq!(rest(&history, cursor), None);
-        let cursor = history.cursor();
+        let cursor = history.cursor;
         history.start_epoch();
         assert_eq!(rest(&history, cursor), None);
         let future = HistoryCursor { epoch: 1, recorded: u64::MAX };

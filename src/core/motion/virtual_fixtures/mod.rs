@@ -70,7 +70,7 @@ pub(crate) struct VirtualFixtures {
     /// Its step.
     step: OutputVec,
     /// The goal was limited in this tick, by the region with this index.
-    limited_by: Option<u8>,
+    pub limited_by: Option<u8>,
     limits: EventFold,
 }
 
@@ -105,11 +105,6 @@ impl VirtualFixtures {
     /// Some region counts.
     pub(crate) fn is_on(&self) -> bool {
         self.is_on && self.regions.iter().any(Option::is_some)
-    }
-
-    /// The region that limited the goal in this tick.
-    pub(crate) fn limited_by(&self) -> Option<u8> {
-        self.limited_by
     }
 
     /// The region that begins to limit the goal in this tick; folded to one per second. Call it

@@ -42,7 +42,7 @@ fn without_regions_a_goal_passes_unchanged() {
     for far in [wall(30.0), FixtureShape::Ball { centre_mm: [5.0, 0.0, 0.0], radius_mm: 0.1 }] {
         let mut far = fixtures(&[far]);
         let passed = far.limit(step, step.before, &SPACE);
-        assert_eq!((passed, far.limited_by()), (step, None));
+        assert_eq!((passed, far.limited_by), (step, None));
     }
 }
 
@@ -62,7 +62,7 @@ fn speed_falls_towards_a_wall_not_along_it() {
     }
     let end = out[2999][0].to_degrees();
     assert!((9.4..9.5).contains(&end), "{end}");
-    assert_eq!(fixtures.limited_by(), Some(0));
+    assert_eq!(fixtures.limited_by, Some(0));
 }
 
 #[test]
