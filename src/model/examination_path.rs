@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::model::maths::hull::Hull;
-use crate::units::{MAX_MOTORS, MotorVec};
+use crate::units::MotorVec;
 
 /// Decaying turns through the hull, after which the memory of a model is known, and then large slow
 /// motion with small faster reversals on it. Counts.
@@ -32,14 +32,7 @@ impl ExaminationPath {
 
     /// `sizes` are those of the slow and of the fast part of the motion.
     fn sized(hull: &Hull, turning_steps: usize, steps: usize, [slow, fast]: [f64; 2]) -> Self {
-        let mut low = [f64::INFINITY; MAX_MOTORS];
-        let mut high = [f64::NEG_INFINITY; MAX_MOTORS];
-        for corner in hull.corners() {
-            for motor in 0..MAX_MOTORS {
-                low[motor] = low[motor].min(corner[motor]);
-                high[motor] = high[motor].max(corner[motor]);
-            }
-        }
+        let [low, high] = hull.bounds();
         let centre = hull.centre();
         let half_ranges: MotorVec = std::array::from_fn(|motor| (high[motor] - low[motor]) / 2.0);
         let at = |part: MotorVec| {

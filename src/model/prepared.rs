@@ -353,11 +353,8 @@ impl Model {
 
 /// The extent of the hull along every motor, counts; 0 for motors that it does not have.
 fn extents(hull: &Hull) -> MotorVec {
-    std::array::from_fn(|motor| {
-        let coordinates = || hull.corners().map(|corner| corner[motor]);
-        coordinates().fold(f64::NEG_INFINITY, f64::max)
-            - coordinates().fold(f64::INFINITY, f64::min)
-    })
+    let [low, high] = hull.bounds();
+    std::array::from_fn(|motor| high[motor] - low[motor])
 }
 
 /// Clamps ranges of the motors to the extent of the hull.

@@ -10,16 +10,10 @@ const GRID: u32 = 17;
 /// A model with its memory.
 #[derive(Debug, Clone, Copy)]
 pub struct ModelState<'a> {
-    model: &'a Model,
-    memory: &'a Memory,
-}
-
-impl<'a> ModelState<'a> {
-    /// A model with its memory.
-    #[must_use]
-    pub fn new(model: &'a Model, memory: &'a Memory) -> Self {
-        Self { model, memory }
-    }
+    /// The model.
+    pub model: &'a Model,
+    /// Its memory.
+    pub memory: &'a Memory,
 }
 
 /// Motor motion that keeps the outputs at the estimate of `old` when `new` takes over: at the
@@ -81,18 +75,14 @@ fn motion(
 /// Regular grid in the hull, and its corners.
 fn grid(model: &Model) -> Vec<MotorVec> {
     let hull = model.hull();
-    let corners: Vec<MotorVec> = hull.corners().collect();
+    let [low, high] = hull.bounds();
     let side = |motor: usize| {
-        let values = || corners.iter().filter_map(|corner| corner.get(motor).copied());
-        let low = values().fold(f64::INFINITY, f64::min);
-        let high = values().fold(f64::NEG_INFINITY, f64::max);
-        let unused = motor >= model.motors();
-        let (low, high, points) = if unused { (0.0, 0.0, 1) } else { (low, high, GRID) };
-        (0..points).map(move |k| low + (high - low) * f64::from(k) / f64::from(GRID - 1))
+        let points = if motor < model.motors() { GRID } else { 1 };
+        let (low, width) = (low[motor], high[motor] - low[motor]);
+        (0..points).map(move |k| low + width * f64::from(k) / f64::from(GRID - 1))
     };
     let all = side(0).flat_map(|first| side(1).map(move |second| [first, second]));
-    let inside = all.filter(|point| hull.contains(point));
-    inside.chain(corners.iter().copied()).collect()
+    all.filter(|point| hull.contains(point)).chain(hull.corners()).collect()
 }
 
 fn max_abs(counts: &MotorVec) -> f64 {

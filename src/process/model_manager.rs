@@ -154,8 +154,8 @@ impl ModelManager {
         };
         let difference = active.and_then(|active| {
             let (old, new) = (active.recall(&history), model.recall(&history));
-            let old = ModelState::new(&active, &old);
-            let new = ModelState::new(&model, &new);
+            let old = ModelState { model: &active, memory: &old };
+            let new = ModelState { model: &model, memory: &new };
             difference(old, new, &position, self.config.compensation.factor)
         });
         self.offer(model, file.to_owned())?;

@@ -206,7 +206,7 @@ fn model_does_not_differ_from_itself_with_any_memory() {
         model.advance(&mut memory, &counts);
     }
     let here = [40.0, 0.0];
-    let state = ModelState::new(&model, &memory);
+    let state = ModelState { model: &model, memory: &memory };
     for compensation in [0.0, 0.5, 1.0] {
         let found = difference(state, state, &here, compensation).unwrap();
         assert_eq!(found.present_counts, [0.0; 2], "{compensation}");
@@ -215,6 +215,7 @@ fn model_does_not_differ_from_itself_with_any_memory() {
     let other = scaled_standard_model(1.3);
     let mut memory = other.new_memory();
     other.advance(&mut memory, &here);
-    let found = difference(state, ModelState::new(&other, &memory), &here, 0.5).unwrap();
+    let other = ModelState { model: &other, memory: &memory };
+    let found = difference(state, other, &here, 0.5).unwrap();
     assert!(found.largest_counts[0].abs().max(found.largest_counts[1].abs()) > 50.0);
 }

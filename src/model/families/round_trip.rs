@@ -7,7 +7,7 @@ use crate::model::estimate::{Inverse, OutputUnit};
 use crate::model::maths::hull::Hull;
 use crate::model::maths::newton_inverse::one_count;
 use crate::model::maths::regression::{Local, array};
-use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
+use crate::units::{MAX_OUTPUTS, MotorVec, OutputVec};
 
 /// Errors below this share of a unit are ignored, also if all positions lie in one gap, where no
 /// count has an effect.
@@ -66,12 +66,7 @@ pub(in crate::model) fn judge<const D: usize, const M: usize>(
 
 /// The points of a lattice that lie in the hull, and the corners of the hull.
 pub(in crate::model) fn positions(hull: &Hull) -> Vec<MotorVec> {
-    let mut low = [f64::INFINITY; MAX_MOTORS];
-    let mut high = [f64::NEG_INFINITY; MAX_MOTORS];
-    for corner in hull.corners() {
-        low = [low[0].min(corner[0]), low[1].min(corner[1])];
-        high = [high[0].max(corner[0]), high[1].max(corner[1])];
-    }
+    let [low, high] = hull.bounds();
     let at = |motor: usize, step: usize| {
         low[motor] + (high[motor] - low[motor]) * step as f64 / (STEPS - 1) as f64
     };

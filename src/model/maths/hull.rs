@@ -182,6 +182,17 @@ impl Hull {
         ends.into_iter().flatten().chain(edges.iter().map(|edge| edge.corner))
     }
 
+    /// The lowest and the highest counts of every motor; 0 for motors that there are not.
+    pub(crate) fn bounds(&self) -> [MotorVec; 2] {
+        let (mut low, mut high) = ([f64::INFINITY; MAX_MOTORS], [f64::NEG_INFINITY; MAX_MOTORS]);
+        for corner in self.corners() {
+            for (motor, at) in corner.into_iter().enumerate() {
+                (low[motor], high[motor]) = (low[motor].min(at), high[motor].max(at));
+            }
+        }
+        [low, high]
+    }
+
     /// The mean of the corners, a point inside the hull.
     #[must_use]
     pub fn centre(&self) -> MotorVec {
@@ -268,7 +279,7 @@ impl Hull {
     /// unconstrained minimum lies outside, the point lies on a side, because the hull and the
     /// quadratic are convex. `origin` may lie outside.
     pub(in crate::model) fn minimise(&self, quadratic: &Quadratic, origin: MotorVec) -> Minimum {
-        let free = add(origin, quadratic.minimum());
+        let free = add(origin, quadratic.minimum);
         match &self.shape {
             Shape::Interval { low, high } => Minimum {
                 counts: [free[0].clamp(*low, *high), 0.0],

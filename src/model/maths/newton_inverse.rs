@@ -206,7 +206,7 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
     fn reached(&self) -> SVector<f64, M> {
         let mean = self.local.mean;
         self.quadratic(MIN_DAMPING).map_or(mean, |quadratic| {
-            mean - self.error - self.local.jacobian * vector::<D>(&quadratic.minimum())
+            mean - self.error - self.local.jacobian * vector::<D>(&quadratic.minimum)
         })
     }
 

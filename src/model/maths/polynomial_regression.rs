@@ -119,20 +119,16 @@ impl<const D: usize, const M: usize> PolynomialRegression<D, M> {
     /// Value and slope inside the hull.
     fn inside(&self, input: &SVector<f64, D>) -> Local<D, M> {
         let scaled = (input - self.centre).component_div(&self.scale);
-        let x = legendre(scaled[0], self.degree);
-        let y = if D == 1 { legendre(0.0, 0) } else { legendre(scaled[D - 1], self.degree) };
         let mut mean = SVector::zeros();
         let mut along = [SVector::<f64, M>::zeros(); 2];
         let mut coefficients = self.coefficients.iter();
-        for total in 0..=self.degree {
-            let splits = if D == 1 { 0..=0 } else { 0..=total };
-            for (second, coefficient) in splits.zip(&mut coefficients) {
-                let ([x, x_slope], [y, y_slope]) = (x[total - second], y[second]);
-                mean += coefficient * (x * y);
-                along[0] += coefficient * (x_slope * y);
-                along[1] += coefficient * (x * y_slope);
+        products(scaled.as_slice(), self.degree, |value, [x_slope, y_slope]| {
+            if let Some(coefficient) = coefficients.next() {
+                mean += coefficient * value;
+                along[0] += coefficient * x_slope;
+                along[1] += coefficient * y_slope;
             }
-        }
+        });
         let jacobian = SMatrix::from_fn(|row, column| along[column][row] / self.scale[column]);
         Local { mean, jacobian }
     }

@@ -9,7 +9,7 @@ pub(in crate::model) struct Quadratic {
     /// Symmetric, positive definite.
     hessian: [MotorVec; MAX_MOTORS],
     /// The step with the least value.
-    minimum: MotorVec,
+    pub minimum: MotorVec,
 }
 
 impl Quadratic {
@@ -41,11 +41,6 @@ impl Quadratic {
         let first = -gradient[0] / a - ratio * second;
         let finite = first.is_finite() && second.is_finite();
         finite.then_some(Self { gradient, hessian: [[a, b], [b, c]], minimum: [first, second] })
-    }
-
-    /// The step with the least value.
-    pub(in crate::model) fn minimum(&self) -> MotorVec {
-        self.minimum
     }
 
     /// The value at a step.
@@ -84,7 +79,7 @@ mod tests {
     #[test]
     fn the_slope_vanishes_at_the_minimum() {
         let quadratic = Quadratic::new([3.0, -1.0], [[4.0, 1.0], [1.0, 2.0]], 0.5).unwrap();
-        let least = quadratic.minimum();
+        let least = quadratic.minimum;
         assert!(quadratic.slope(least).iter().all(|s| s.abs() < 1e-12));
         assert_eq!(quadratic.value([0.0, 0.0]), 0.0);
         assert!(quadratic.value(least) < quadratic.value(add(least, [0.01, 0.0])));
@@ -102,6 +97,6 @@ mod tests {
     #[test]
     fn an_absent_motor_gets_a_zero_step() {
         let quadratic = Quadratic::new([-6.0, 0.0], [[2.0, 0.0], [0.0, 0.0]], 1.0).unwrap();
-        assert_eq!(quadratic.minimum(), [2.0, 0.0]);
+        assert_eq!(quadratic.minimum, [2.0, 0.0]);
     }
 }

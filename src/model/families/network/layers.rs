@@ -50,7 +50,7 @@ impl<const T: usize> Signal<T> {
 /// A layer, and which part of the state is its own.
 #[derive(Debug, Clone)]
 pub(super) struct PreparedLayer {
-    units: usize,
+    pub units: usize,
     inputs: usize,
     state: std::ops::Range<usize>,
     kind: Kind,
@@ -107,10 +107,6 @@ impl PreparedLayer {
     /// Where the part of the next layer begins.
     pub(super) fn end(&self) -> usize {
         self.state.end
-    }
-
-    pub(super) fn units(&self) -> usize {
-        self.units
     }
 
     /// The values at an input, after the steps that the state has seen.

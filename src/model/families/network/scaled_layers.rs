@@ -26,7 +26,7 @@ impl<const D: usize, const M: usize> ScaledLayers<D, M> {
     pub(super) fn new(file: &NetworkParameters, si: f64, straight: SMatrix<f64, M, D>) -> Self {
         let mut layers: Vec<PreparedLayer> = Vec::new();
         for layer in &file.layers {
-            let last = layers.last().map(|last| (last.units(), last.end()));
+            let last = layers.last().map(|last| (last.units, last.end()));
             let (inputs, begin) = last.unwrap_or((D, 0));
             layers.push(PreparedLayer::new(layer, inputs, begin));
         }
