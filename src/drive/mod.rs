@@ -41,7 +41,7 @@ pub use frames::{serial_frame, serial_frame_parser};
 pub(crate) use line::line_turn;
 pub use line::{latency_timer, link, serial_transport, transport, unexpected_reply};
 pub use link::LinkCounters;
-pub use port::{Configured, Identified, Opened, Port};
+pub use port::{Port, ReadyPort};
 pub use port_runner::{AxisLink, PortRequest, PortRunner};
 pub(crate) use ports::port;
 use ports::saved_position;

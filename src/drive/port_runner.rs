@@ -60,20 +60,9 @@ pub struct AxisLink<R: Send = AxisRequest> {
     pub requests: Input<R>,
     /// Feedback of the axis: the newest counts.
     pub feedback: Output<AxisFeedback>,
-    /// Whether a reply of the drive is pending.
-    pub pending_reply: PendingReply,
-}
-
-/// The drive has not answered the exchange that began last. The watchdog, which takes the line over
-/// from a dead controller, stops such a drive last.
-#[derive(Debug, Clone, Default)]
-pub struct PendingReply(Arc<AtomicBool>);
-
-impl PendingReply {
-    /// Whether a reply is pending.
-    pub(crate) fn is_pending(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
+    /// The drive has not answered the exchange that began last. The watchdog, which takes the line
+    /// over from a dead controller, stops such a drive last.
+    pub pending_reply: Arc<AtomicBool>,
 }
 
 /// The port thread's end of a port. It allocates nothing while it runs.
@@ -98,7 +87,7 @@ struct AxisSlot<R: Send> {
     axis: AxisStateMachine,
     requests: Output<R>,
     feedback: Input<AxisFeedback>,
-    pending_reply: PendingReply,
+    pending_reply: Arc<AtomicBool>,
     next_reconnect: Nanos,
     position_check: Option<PositionCheck>,
     watchdog: RequestWatchdog,
@@ -121,12 +110,12 @@ impl<R: PortRequest> AxisSlot<R> {
         let family = family_of_axis(port, config);
         let (request_input, requests) = triple_buffer(&R::default());
         let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
-        let pending_reply = PendingReply::default();
+        let pending_reply = Arc::new(AtomicBool::new(false));
         let link = AxisLink {
             motor: config.motor,
             requests: request_input,
             feedback: feedback_output,
-            pending_reply: pending_reply.clone(),
+            pending_reply: Arc::clone(&pending_reply),
         };
         let mut axis = AxisStateMachine::new(config, family);
         axis.leave_out(&identity.left_out);
@@ -388,7 +377,7 @@ fn exchange(
         let begin = link.now();
         let request = slot.present_request(begin, stopping, events);
         let transfer = slot.axis.next_transfer(&request, begin, line, events);
-        slot.pending_reply.0.store(true, Ordering::Relaxed);
+        slot.pending_reply.store(true, Ordering::Relaxed);
         let timeouts = link.counters().timeouts;
         let map = slot.axis.object_map();
         // A value that the drive does not have is not requested.
@@ -402,7 +391,7 @@ fn exchange(
         }
         let refused = |code: &AbortCode| *code != AbortCode::NO_NODE;
         if outcome.is_ok() || matches!(&outcome, Err(LinkError::Refused(code)) if refused(code)) {
-            slot.pending_reply.0.store(false, Ordering::Relaxed);
+            slot.pending_reply.store(false, Ordering::Relaxed);
         }
         slot.axis.handle_outcome(transfer, outcome, link.now(), events);
     }

@@ -104,7 +104,7 @@ impl ControlLoop {
                 let power = feedback(link, &inputs).map(|feedback| feedback.power(oldest));
                 power == Some(DrivePower::Off)
             });
-        let owing = self.links.iter().filter(|link| link.pending_reply.is_pending());
+        let owing = self.links.iter().filter(|link| link.pending_reply.load(Ordering::Relaxed));
         let owing = owing.fold(0, |motors, link| motors | 1 << link.motor);
         let read = self.links.iter().filter_map(|link| Some(feedback(link, &inputs)?.stamp));
         let good_until = read.min().unwrap_or_default() + self.lost_after;

@@ -12,7 +12,7 @@ use crate::drive::capture::{Capture, CapturedLine};
 use crate::drive::error::DriveError;
 use crate::drive::fingerprint::differences_of_model;
 use crate::drive::line_turn::{LoopBeat, PortLife, PortTurn};
-use crate::drive::port::{Opened, Port};
+use crate::drive::port::Port;
 use crate::drive::port_runner::{AxisLink, PortRunner};
 use crate::drive::serial_transport::SerialTransport;
 use crate::model::{Model, ModelError};
@@ -121,12 +121,12 @@ pub(super) struct Drives {
 }
 
 impl Drives {
-    fn bring_up(&mut self, opened: Vec<Port<Opened, PortLine>>) -> Result<(), DriveError> {
+    fn bring_up(&mut self, opened: Vec<Port<PortLine>>) -> Result<(), DriveError> {
         for port in opened {
             let mut port = port.bring_up()?;
             self.fingerprints.extend(port.read_fingerprints()?);
-            self.exchanges.push(port.exchange());
-            self.identities.extend_from_slice(port.axes());
+            self.exchanges.push(port.exchange);
+            self.identities.extend_from_slice(&port.axes);
             let (runner, links) = port.split();
             self.runners.push(runner);
             self.links.extend(links);

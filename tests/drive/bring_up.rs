@@ -62,8 +62,8 @@ fn every_limit_is_written_and_read_back() {
 #[test]
 fn the_identity_of_the_drive_is_read() {
     let (_, _, port) = open(vec![one_drive()]);
-    let port = port.identify().unwrap();
-    let [axis] = port.axes() else { panic!("one axis") };
+    let port = port.bring_up().unwrap();
+    let [axis] = &port.axes[..] else { panic!("one axis") };
     assert_eq!((axis.motor, axis.node_id), (0, 1));
     assert_eq!(axis.serial_number, SERIAL_NUMBER);
     assert_eq!((axis.model.product_code, axis.model.firmware), (0x6150_0000, 0x0170));

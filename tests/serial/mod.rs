@@ -19,8 +19,8 @@ use i2ris::config::{AxisConfig, Family, HomingMethod, PortConfig, Streaming};
 use i2ris::drive::link::DriveLink;
 use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::drive::{
-    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Configured, Demand, DriveError, Port,
-    PortEvent, PortEventKind,
+    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, DriveError, Port, PortEvent,
+    PortEventKind, ReadyPort,
 };
 use i2ris::robot::DrivePower;
 use i2ris::units::{Counts, Nanos};

@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use super::enabling::{EnablingStep, PowerSequence};
 use super::homing::HomingStep;
 use super::interface::{AxisRequest, Demand};
-use super::schedule::{CommandNeed, LineUse, TransferSlot, Urgency};
+use super::schedule::{CommandNeed, LineUse, Need, Urgency};
 use super::state_machine::{
     AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_EXCHANGES,
 };
@@ -66,10 +66,7 @@ impl AxisStateMachine {
             *left = left.saturating_sub(1);
         }
         let need = self.most_urgent(request, line);
-        let transfer = match need.1 {
-            TransferSlot::Command => self.command(request),
-            TransferSlot::Read(value) => value.into(),
-        };
+        let transfer = need.1.unwrap_or_else(|| self.command(request));
         if matches!(transfer, Transfer::Setpoint(_)) {
             self.is_written = false;
             self.schedule.command_sequence = request.command_sequence;
@@ -78,9 +75,9 @@ impl AxisStateMachine {
         transfer
     }
 
-    fn most_urgent(&self, request: &AxisRequest, line: &LineUse) -> (Urgency, TransferSlot) {
+    fn most_urgent(&self, request: &AxisRequest, line: &LineUse) -> Need {
         if self.state.has_to_stop() {
-            return (self.schedule.stop_urgency(line), TransferSlot::Command);
+            return (self.schedule.stop_urgency(line), None);
         }
         self.schedule.most_urgent(self.command_need(request), self.is_moving(request, line), line)
     }
@@ -153,7 +150,7 @@ impl AxisStateMachine {
         let reset = request.fault_resets != self.feedback.fault_resets;
         match (self.state, request.demand) {
             (AxisState::Disabled, Demand::Disabled | Demand::QuickStop) if homing => {
-                let timeout = if self.plan.moves() { STOP_SEARCH_TIMEOUT } else { HOMING_TIMEOUT };
+                let timeout = if self.plan.moves { STOP_SEARCH_TIMEOUT } else { HOMING_TIMEOUT };
                 let (step, deadline) = (HomingStep::Position, now + timeout);
                 self.enter(AxisState::Homing(step, deadline, request.homings), events);
             }

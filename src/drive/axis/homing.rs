@@ -55,15 +55,15 @@ impl HomingStep {
         let write = |setting: &Setting| Transfer::Set(*setting);
         let read_back = |setting: &Setting| Transfer::ReadBack(setting.object);
         // An index is always inside its list.
-        let prepared = |index| plan.settings().get(index);
-        let restored = |index| plan.restored().get(index);
+        let prepared = |index| plan.settings.get(index);
+        let restored = |index| plan.restored.get(index);
         match self {
             Self::Position => Transfer::Position,
             Self::Preload(target) => Transfer::Preload(target),
             Self::SetMode => Transfer::SetMode(HOMING_MODE),
             Self::SetModeBack => Transfer::SetMode(map.streaming_mode),
             Self::Mode | Self::ModeBack => Transfer::Mode,
-            Self::SetMethod => Transfer::SetMethod(plan.method()),
+            Self::SetMethod => Transfer::SetMethod(plan.method),
             Self::Method => Transfer::Method,
             Self::Prepare(index) => prepared(index).map_or(Transfer::Status, write),
             Self::CheckPrepared(index) => prepared(index).map_or(Transfer::Status, read_back),
@@ -108,13 +108,13 @@ impl HomingStep {
             (Self::SetMode, Transfer::SetMode(_)) => Self::Mode,
             (Self::Mode, Transfer::Mode) if mode == HOMING_MODE => Self::SetMethod,
             (Self::SetMethod, Transfer::SetMethod(_)) => Self::Method,
-            (Self::Method, Transfer::Method) if i8::from_raw(raw) == plan.method() => {
+            (Self::Method, Transfer::Method) if i8::from_raw(raw) == plan.method => {
                 Self::prepare(0, plan)
             }
             (Self::Method, Transfer::Method) => return Err(TransitionError::HomingMethod),
             (Self::Prepare(index), Transfer::Set(_)) => Self::CheckPrepared(index),
             (Self::CheckPrepared(index), Transfer::ReadBack(_)) => {
-                compare(plan.settings().get(index), raw)?;
+                compare(plan.settings.get(index), raw)?;
                 Self::prepare(index + 1, plan)
             }
             (Self::On(mut power), _) => {
@@ -140,7 +140,7 @@ impl HomingStep {
             }
             (Self::Restore(index), Transfer::Set(_)) => Self::CheckRestored(index),
             (Self::CheckRestored(index), Transfer::ReadBack(_)) => {
-                compare(plan.restored().get(index), raw)?;
+                compare(plan.restored.get(index), raw)?;
                 Self::restore(index + 1, plan)
             }
             (Self::SetModeBack, Transfer::SetMode(_)) => Self::ModeBack,
@@ -150,7 +150,7 @@ impl HomingStep {
     }
 
     fn prepare(index: usize, plan: &HomingPlan) -> Self {
-        if index < plan.settings().len() {
+        if index < plan.settings.len() {
             Self::Prepare(index)
         } else {
             Self::On(PowerSequence::new(PowerGoal::On))
@@ -158,7 +158,7 @@ impl HomingStep {
     }
 
     fn restore(index: usize, plan: &HomingPlan) -> Self {
-        if index < plan.restored().len() { Self::Restore(index) } else { Self::SetModeBack }
+        if index < plan.restored.len() { Self::Restore(index) } else { Self::SetModeBack }
     }
 
     /// The drive refused a step.

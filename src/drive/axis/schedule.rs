@@ -101,72 +101,44 @@ impl CommandNeed {
     pub(super) const STEP: Self = Self { change: STEP_COUNTS, is_new: false };
 }
 
-/// Purpose of the next transfer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum TransferSlot {
-    /// The setpoint, or the next step of a transition.
-    Command,
-    /// One of the values that are read all the time.
-    Read(ReadValue),
-}
+/// A need, its urgency, and the value to read; `None`: the setpoint, or the next
+/// step of a transition.
+pub(super) type Need = (Urgency, Option<Transfer>);
 
 /// The values that are read all the time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ReadValue {
-    Position,
-    Status,
-    ErrorCode,
-    Current,
+const VALUES: [Transfer; 4] =
+    [Transfer::Position, Transfer::Status, Transfer::ErrorCode, Transfer::Current];
+
+/// The place in [`VALUES`] of the value that a transfer reads.
+fn place(transfer: Transfer) -> Option<usize> {
+    VALUES.iter().position(|value| *value == transfer)
 }
 
-const VALUES: [ReadValue; 4] =
-    [ReadValue::Position, ReadValue::Status, ReadValue::ErrorCode, ReadValue::Current];
-
-impl From<ReadValue> for Transfer {
-    fn from(value: ReadValue) -> Self {
-        match value {
-            ReadValue::Position => Self::Position,
-            ReadValue::Status => Self::Status,
-            ReadValue::ErrorCode => Self::ErrorCode,
-            ReadValue::Current => Self::Current,
+/// Exchanges until a value is due, and until it is at its bound.
+fn periods(value: Transfer, line: &LineUse, is_moving: bool) -> [u64; 2] {
+    match value {
+        Transfer::Position => {
+            let axes = if is_moving { line.moving } else { line.axes };
+            [POSITION_TURNS * axes, POSITION_BOUND_TURNS * line.axes]
         }
+        Transfer::Status => [STATUS_TURNS * line.axes, STATUS_BOUND_TURNS * line.axes],
+        _ => [SLOW_TURNS * line.axes, CURRENT_BOUND_TURNS * line.axes],
     }
 }
 
-impl ReadValue {
-    /// The value that a transfer reads.
-    fn of(transfer: Transfer) -> Option<Self> {
-        VALUES.into_iter().find(|value| Transfer::from(*value) == transfer)
+fn read_urgency(value: Transfer, age: u64, line: &LineUse, is_moving: bool) -> Urgency {
+    let [due, bound] = periods(value, line, is_moving);
+    let share = ((age << 16) / due).min(AT_BOUND - 1);
+    if age > bound {
+        let first = if value == Transfer::Position { AT_BOUND } else { 0 };
+        return Urgency::LateRead(first + share);
     }
-
-    /// Exchanges until it is due, and until it is at its bound.
-    const fn periods(self, line: &LineUse, is_moving: bool) -> [u64; 2] {
-        match self {
-            Self::Position => {
-                let axes = if is_moving { line.moving } else { line.axes };
-                [POSITION_TURNS * axes, POSITION_BOUND_TURNS * line.axes]
-            }
-            Self::Status => [STATUS_TURNS * line.axes, STATUS_BOUND_TURNS * line.axes],
-            Self::ErrorCode | Self::Current => {
-                [SLOW_TURNS * line.axes, CURRENT_BOUND_TURNS * line.axes]
-            }
-        }
+    if age >= due {
+        return Urgency::DueRead(share);
     }
-
-    fn urgency(self, age: u64, line: &LineUse, is_moving: bool) -> Urgency {
-        let [due, bound] = self.periods(line, is_moving);
-        let share = ((age << 16) / due).min(AT_BOUND - 1);
-        if age > bound {
-            let first = if self == Self::Position { AT_BOUND } else { 0 };
-            return Urgency::LateRead(first + share);
-        }
-        if age >= due {
-            return Urgency::DueRead(share);
-        }
-        // Two positions in a row would show a standstill in every motion.
-        let is_early = self == Self::Position && age < 2 * line.axes;
-        Urgency::SpareRead(if is_early { 0 } else { share })
-    }
+    // Two positions in a row would show a standstill in every motion.
+    let is_early = value == Transfer::Position && age < 2 * line.axes;
+    Urgency::SpareRead(if is_early { 0 } else { share })
 }
 
 /// Last service of an axis, counted in exchanges of its port.
@@ -187,14 +159,14 @@ impl Schedule {
         command: Option<CommandNeed>,
         is_moving: bool,
         line: &LineUse,
-    ) -> (Urgency, TransferSlot) {
+    ) -> Need {
         let reads = VALUES.into_iter().zip(self.read).map(|(value, last)| {
-            (value.urgency(line.since(last), line, is_moving), TransferSlot::Read(value))
+            (read_urgency(value, line.since(last), line, is_moving), Some(value))
         });
-        let command = command.map(|need| (self.command_urgency(need, line), TransferSlot::Command));
+        let command = command.map(|need| (self.command_urgency(need, line), None));
         let most = reads.chain(command).max_by_key(|(urgency, _)| *urgency);
         // There are always values to read.
-        most.unwrap_or((Urgency::SpareRead(0), TransferSlot::Read(ReadValue::Position)))
+        most.unwrap_or((Urgency::SpareRead(0), Some(Transfer::Position)))
     }
 
     fn command_urgency(&self, need: CommandNeed, line: &LineUse) -> Urgency {
@@ -224,19 +196,15 @@ impl Schedule {
         line.since(self.command) <= POSITION_TURNS * line.axes
     }
 
-    /// Counts an exchange with the axis, in this slot.
-    pub(super) fn count(
-        &mut self,
-        (urgency, slot): (Urgency, TransferSlot),
-        transfer: Transfer,
-        line: &mut LineUse,
-    ) {
+    /// Counts an exchange with the axis, for this need.
+    pub(super) fn count(&mut self, need: Need, transfer: Transfer, line: &mut LineUse) {
         line.exchanges += 1;
         self.any = line.exchanges;
-        if let Some(value) = ReadValue::of(transfer) {
-            self.read[value as usize] = line.exchanges;
+        if let Some(place) = place(transfer) {
+            self.read[place] = line.exchanges;
         }
-        let is_read = slot != TransferSlot::Command;
+        let (urgency, value) = need;
+        let is_read = value.is_some();
         if !is_read {
             self.command = line.exchanges;
             line.passed |= !line.after_read && matches!(urgency, Urgency::FirstCommand(_));
@@ -247,8 +215,8 @@ impl Schedule {
 
     /// Reads a value again at the next opportunity.
     pub(super) fn repeat(&mut self, transfer: Transfer) {
-        if let Some(value) = ReadValue::of(transfer) {
-            self.read[value as usize] = 0;
+        if let Some(place) = place(transfer) {
+            self.read[place] = 0;
         }
     }
 }
@@ -320,7 +288,7 @@ mod tests {
 
         /// Runs one exchange. Returns the axis, and `true` for a setpoint.
         fn exchange(&mut self, needs: &[Needs]) -> (usize, bool) {
-            let mut most: Option<(usize, (Urgency, TransferSlot))> = None;
+            let mut most: Option<(usize, Need)> = None;
             for (axis, need) in needs.iter().enumerate() {
                 let command = (need.change > 0)
                     .then_some(CommandNeed { change: need.change, is_new: need.is_new });
@@ -333,16 +301,14 @@ mod tests {
                 }
             }
             self.line.moving = needs.iter().filter(|need| need.is_moving).count().max(1) as u64;
-            let (axis, (urgency, slot)) = most.unwrap();
-            let (kind, transfer) = match slot {
-                TransferSlot::Command => (COMMAND, Transfer::Preload(0)),
-                TransferSlot::Read(value) => (value as usize, value.into()),
-            };
-            self.axes[axis].count((urgency, slot), transfer, &mut self.line);
+            let (axis, need) = most.unwrap();
+            let transfer = need.1.unwrap_or(Transfer::Preload(0));
+            let kind = place(transfer).unwrap_or(COMMAND);
+            self.axes[axis].count(need, transfer, &mut self.line);
             let gap = self.line.exchanges - self.last[axis][kind];
             self.longest[kind] = self.longest[kind].max(gap);
             self.last[axis][kind] = self.line.exchanges;
-            (axis, slot == TransferSlot::Command)
+            (axis, need.1.is_none())
         }
     }
 

@@ -1,6 +1,7 @@
 //! Faults of drives: cause, reaction of the drive, and remedy.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use crate::config::Family;
 
@@ -45,8 +46,8 @@ impl DriveFault {
     /// The meaning of an error code of a family. Allocates nothing.
     pub(crate) fn look_up(family: Family, code: u16) -> Self {
         let rows = TABLE.lines().filter_map(parse_row);
-        let mut rows = rows.filter(|(codes, row)| row.is_of(family) && codes.contains(&code));
-        let fault = rows.next().map(|(_, row)| Self { code, ..row.fault });
+        let mut rows = rows.filter(|(codes, row, _)| is_of(row, family) && codes.contains(&code));
+        let fault = rows.next().map(|(.., fault)| Self { code, ..fault });
         fault.unwrap_or_else(|| Self::unknown(code))
     }
 
@@ -75,25 +76,17 @@ impl DriveFault {
     }
 }
 
-/// A row of the table.
-#[derive(Debug)]
-struct Row {
-    family: &'static str,
-    fault: DriveFault,
+/// Whether a row with this family applies to a drive.
+fn is_of(row: &str, family: Family) -> bool {
+    let name = match family {
+        Family::Epos4 => "EPOS4",
+        Family::Epos2 => "EPOS2",
+    };
+    [name, "both"].contains(&row)
 }
 
-impl Row {
-    fn is_of(&self, family: Family) -> bool {
-        let name = match family {
-            Family::Epos4 => "EPOS4",
-            Family::Epos2 => "EPOS2",
-        };
-        self.family == "both" || self.family == name
-    }
-}
-
-/// The codes of a row and their meaning; `None`: not a row of a code.
-fn parse_row(line: &'static str) -> Option<(std::ops::RangeInclusive<u16>, Row)> {
+/// The codes of a row, their family and meaning; `None`: not a row of a code.
+fn parse_row(line: &'static str) -> Option<(RangeInclusive<u16>, &'static str, DriveFault)> {
     let mut cells = line.strip_prefix("| 0x")?.strip_suffix(" |")?.split(" | ");
     let codes = cells.next()?;
     let (first, last) = codes.split_once("-0x").unwrap_or((codes, codes));
@@ -119,7 +112,7 @@ fn parse_row(line: &'static str) -> Option<(std::ops::RangeInclusive<u16>, Row)>
         clears_position,
         resets_communication,
     };
-    Some((first..=last, Row { family, fault }))
+    Some((first..=last, family, fault))
 }
 
 impl fmt::Display for DriveFault {
@@ -153,15 +146,15 @@ mod tests {
     use super::*;
 
     /// The rows of a family, in the order of their codes.
-    fn rows(family: Family) -> Vec<(std::ops::RangeInclusive<u16>, Row)> {
-        let rows = TABLE.lines().filter_map(parse_row).filter(|(_, row)| row.is_of(family));
-        let mut rows: Vec<_> = rows.collect();
+    fn rows(family: Family) -> Vec<(RangeInclusive<u16>, DriveFault)> {
+        let rows = TABLE.lines().filter_map(parse_row).filter(|(_, row, _)| is_of(row, family));
+        let mut rows: Vec<_> = rows.map(|(codes, _, fault)| (codes, fault)).collect();
         rows.sort_by_key(|(codes, _)| *codes.start());
         rows
     }
 
     fn codes(family: Family, is_counted: fn(&DriveFault) -> bool) -> Vec<u16> {
-        let counted = rows(family).into_iter().filter(|(_, row)| is_counted(&row.fault));
+        let counted = rows(family).into_iter().filter(|(_, fault)| is_counted(fault));
         counted.map(|(codes, _)| *codes.start()).collect()
     }
 
@@ -175,8 +168,7 @@ mod tests {
             for pair in rows.windows(2) {
                 assert!(pair[0].0.end() < pair[1].0.start(), "{pair:?}");
             }
-            for (_, row) in rows {
-                let fault = row.fault;
+            for (_, fault) in rows {
                 assert!(!fault.cause.is_empty() && !fault.remedy.is_empty(), "{fault}");
                 assert!(!fault.to_string().contains('|') && fault.to_string().len() < 300);
             }

@@ -6,10 +6,14 @@ use crate::drive::object::{self, Address, Object, Setting};
 /// Method and settings of homing, and the settings that are restored afterwards.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HomingPlan {
-    method: i8,
-    moves: bool,
-    settings: Vec<Setting>,
-    restored: Vec<Setting>,
+    /// The number of the method.
+    pub method: i8,
+    /// The motor moves during homing.
+    pub moves: bool,
+    /// Written and read back before homing.
+    pub settings: Vec<Setting>,
+    /// Written and read back after homing.
+    pub restored: Vec<Setting>,
 }
 
 /// Motor speed towards the hard stop, rpm.
@@ -19,17 +23,25 @@ const HOMING_SPEED_RPM: u32 = 20;
 const HOMING_ACCELERATION_RPM_S: u32 = 1000;
 
 impl HomingPlan {
-    /// The plan of an axis with the number of its method. `stop_settings` gives the settings for
-    /// searching a hard stop, in addition to speeds, for a motor current in mA; homing at the
+    /// The plan of an axis. `here`: the number of the method that takes the present position as
+    /// home. `stop_settings` gives the settings for searching a hard stop, in addition to speeds,
+    /// for a motor current in mA, and `restored` the one that is restored afterwards; homing at the
     /// present position needs none.
     pub(in crate::drive) fn new(
         axis: &AxisConfig,
-        method: i8,
+        here: i8,
         stop_settings: impl FnOnce(u32) -> [Setting; 3],
+        restored: Setting,
     ) -> Self {
-        let moves = axis.homing != HomingMethod::Here;
-        let mut settings = Vec::new();
+        // At a hard stop found by the current, without an index.
+        let (method, moves) = match axis.homing {
+            HomingMethod::Here => (here, false),
+            HomingMethod::StopPositive => (-3, true),
+            HomingMethod::StopNegative => (-4, true),
+        };
+        let (mut settings, mut after) = (Vec::new(), Vec::new());
         if moves {
+            after.push(restored);
             settings.extend(stop_settings(axis.homing_current_ma));
             settings.extend([
                 object::HOMING_SPEED.set(HOMING_SPEED_RPM),
@@ -37,44 +49,12 @@ impl HomingPlan {
                 object::HOMING_ACCELERATION.set(HOMING_ACCELERATION_RPM_S).if_present(),
             ]);
         }
-        Self { method, moves, settings, restored: Vec::new() }
+        Self { method, moves, settings, restored: after }
     }
 
     /// Leaves out settings of objects that the drive does not have.
     pub(in crate::drive) fn leave_out(&mut self, objects: &[Address]) {
         self.settings.retain(|setting| !objects.contains(&setting.object));
-    }
-
-    /// Restores a setting afterwards, if it was changed.
-    pub(in crate::drive) fn with_restored(mut self, setting: Setting) -> Self {
-        if self.moves {
-            self.restored.push(setting);
-        }
-        self
-    }
-
-    /// The number of the method.
-    #[must_use]
-    pub fn method(&self) -> i8 {
-        self.method
-    }
-
-    /// The motor moves during homing.
-    #[must_use]
-    pub fn moves(&self) -> bool {
-        self.moves
-    }
-
-    /// Written and read back before homing.
-    #[must_use]
-    pub fn settings(&self) -> &[Setting] {
-        &self.settings
-    }
-
-    /// Written and read back after homing.
-    #[must_use]
-    pub fn restored(&self) -> &[Setting] {
-        &self.restored
     }
 }
 

@@ -10,7 +10,7 @@ pub struct DriveRequest {
     opcode: u8,
     data: [u8; 8],
     length: u8,
-    reply_words: u8,
+    pub(crate) reply_words: u8,
 }
 
 impl DriveRequest {
@@ -29,11 +29,6 @@ impl DriveRequest {
     pub fn frame(&self) -> SerialFrame<'_> {
         let data = self.data.get(..usize::from(self.length));
         SerialFrame { opcode: self.opcode, data: data.unwrap_or(&self.data) }
-    }
-
-    /// The largest number of data words in its reply: the time of the reply on the wire.
-    pub(crate) const fn reply_words(&self) -> u8 {
-        self.reply_words
     }
 }
 

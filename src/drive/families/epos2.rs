@@ -8,7 +8,7 @@ mod command_set;
 
 use command_set::COMMANDS;
 
-use crate::config::{AxisConfig, Family, HomingMethod};
+use crate::config::{AxisConfig, Family};
 use crate::drive::command_set::CommandSet;
 use crate::drive::drive_fault::DriveFault;
 use crate::drive::family::{DriveFamily, FirmwareVersion, ObjectMap, SetpointTrigger};
@@ -81,13 +81,6 @@ impl DriveFamily for Epos2 {
     }
 
     fn homing(&self, axis: &AxisConfig) -> HomingPlan {
-        // 35: the present position is home. -3, -4: at a hard stop found by the current, without an
-        // index.
-        let method = match axis.homing {
-            HomingMethod::Here => 35,
-            HomingMethod::StopPositive => -3,
-            HomingMethod::StopNegative => -4,
-        };
         let stop_settings = |current_ma| {
             [
                 CURRENT_LIMIT.set(saturate(current_ma)),
@@ -95,8 +88,7 @@ impl DriveFamily for Epos2 {
                 HOME_OFFSET.set(0).if_present(),
             ]
         };
-        HomingPlan::new(axis, method, stop_settings)
-            .with_restored(CURRENT_LIMIT.set(saturate(axis.current_limit_ma)))
+        HomingPlan::new(axis, 35, stop_settings, CURRENT_LIMIT.set(saturate(axis.current_limit_ma)))
     }
 
     fn fault(&self, code: u16) -> DriveFault {

@@ -6,7 +6,7 @@ mod command_set;
 
 use command_set::COMMANDS;
 
-use crate::config::{AxisConfig, Family, HomingMethod};
+use crate::config::{AxisConfig, Family};
 use crate::drive::command_set::CommandSet;
 use crate::drive::drive_fault::DriveFault;
 use crate::drive::family::{DriveFamily, FirmwareVersion, ObjectMap, SetpointTrigger};
@@ -110,13 +110,6 @@ impl DriveFamily for Epos4 {
     }
 
     fn homing(&self, axis: &AxisConfig) -> HomingPlan {
-        // 37: the present position is home. -3, -4: at a hard stop found by the current, without an
-        // index.
-        let method = match axis.homing {
-            HomingMethod::Here => 37,
-            HomingMethod::StopPositive => -3,
-            HomingMethod::StopNegative => -4,
-        };
         let stop_settings = |current_ma: u32| {
             [
                 CURRENT_LIMIT.set(current_ma),
@@ -124,8 +117,7 @@ impl DriveFamily for Epos4 {
                 HOME_OFFSET.set(0).if_present(),
             ]
         };
-        HomingPlan::new(axis, method, stop_settings)
-            .with_restored(CURRENT_LIMIT.set(axis.current_limit_ma))
+        HomingPlan::new(axis, 37, stop_settings, CURRENT_LIMIT.set(axis.current_limit_ma))
     }
 
     fn fault(&self, code: u16) -> DriveFault {
@@ -136,6 +128,7 @@ impl DriveFamily for Epos4 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::HomingMethod;
     use crate::units::Counts;
 
     fn axis() -> AxisConfig {
@@ -171,12 +164,12 @@ mod tests {
         let axis =
             AxisConfig { homing: HomingMethod::StopNegative, homing_current_ma: 25, ..axis() };
         let plan = Epos4::Cyclic.homing(&axis);
-        assert_eq!(plan.method(), -4);
-        assert!(plan.settings().contains(&CURRENT_LIMIT.set(25)));
-        assert!(plan.settings().contains(&HOMING_CURRENT.set(25)));
-        assert_eq!(plan.restored(), [CURRENT_LIMIT.set(300)]);
+        assert_eq!(plan.method, -4);
+        assert!(plan.settings.contains(&CURRENT_LIMIT.set(25)));
+        assert!(plan.settings.contains(&HOMING_CURRENT.set(25)));
+        assert_eq!(plan.restored, [CURRENT_LIMIT.set(300)]);
         let here = Epos4::Cyclic.homing(&self::axis());
-        assert_eq!(here.method(), 37);
-        assert!(here.settings().is_empty() && here.restored().is_empty());
+        assert_eq!(here.method, 37);
+        assert!(here.settings.is_empty() && here.restored.is_empty());
     }
 }

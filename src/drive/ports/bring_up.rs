@@ -66,11 +66,6 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         self
     }
 
-    /// The drive that the port belongs to.
-    fn local(link: &'a mut DriveLink<T>) -> Self {
-        Self::new(link, LOCAL_NODE)
-    }
-
     /// Checks that this is the configured drive. Of its number, the lower half counts.
     pub(in crate::drive) fn check_identity(&mut self, expected: u64) -> Result<(), AxisError> {
         // A gateway answers in the place of a node that is off, but only after a time-out of its
@@ -212,7 +207,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
 
     /// Whether the drive holds a setting; if not, it is written once more. Why it does not take it.
     fn settle(&mut self, setting: Setting) -> Result<Option<SettingRefusal>, AxisError> {
-        let held = match self.read_back(setting) {
+        let held = match self.read_raw(setting.object) {
             Ok(held) if held == setting.raw => return Ok(None),
             Ok(held) => held,
             Err(error) => {
@@ -228,7 +223,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
             Some(code) => return Ok(Some(SettingRefusal::Refused(code))),
             None => {}
         }
-        let found = self.read_back(setting)?;
+        let found = self.read_raw(setting.object)?;
         let kind = objects::first(setting.object.index, setting.object.subindex).kind;
         Ok((found != setting.raw).then_some(SettingRefusal::Keeps(kind.decode(found))))
     }
@@ -281,10 +276,6 @@ impl<'a, T: Transport> DriveNode<'a, T> {
 
     pub(in crate::drive) fn read<V: Value>(&mut self, object: Object<V>) -> Result<V, AxisError> {
         self.read_raw(object.address()).map(V::from_raw)
-    }
-
-    pub(in crate::drive) fn read_back(&mut self, setting: Setting) -> Result<u32, AxisError> {
-        self.read_raw(setting.object)
     }
 
     fn read_raw(&mut self, object: Address) -> Result<u32, AxisError> {
@@ -359,7 +350,7 @@ pub(in crate::drive) fn prepare_line(
     link: &mut DriveLink<impl Transport>,
 ) -> Result<(), AxisError> {
     learn_constants(link)?;
-    let mut drive = DriveNode::local(link);
+    let mut drive = DriveNode::new(link, LOCAL_NODE);
     let mut is_short = false;
     for object in object::FRAME_TIMEOUTS {
         match drive.write(object.set(FRAME_TIMEOUT_MS)) {
@@ -379,7 +370,7 @@ pub(in crate::drive) fn prepare_line(
 pub(in crate::drive) fn learn_constants(
     link: &mut DriveLink<impl Transport>,
 ) -> Result<(), AxisError> {
-    let mut drive = DriveNode::local(link);
+    let mut drive = DriveNode::new(link, LOCAL_NODE);
     let vendor = object::VENDOR.address();
     // The reply to a request of a previous controller may still arrive.
     let quiet = drive.link.wait_for_quiet();
@@ -397,7 +388,7 @@ const TIMED_EXCHANGES: usize = 21;
 pub(in crate::drive) fn time_exchanges(
     link: &mut DriveLink<impl Transport>,
 ) -> Result<[Nanos; 2], AxisError> {
-    let mut drive = DriveNode::local(link);
+    let mut drive = DriveNode::new(link, LOCAL_NODE);
     let mut spans = [Nanos::ZERO; TIMED_EXCHANGES];
     for span in &mut spans {
         let begin = drive.link.now();

@@ -1,8 +1,7 @@
 //! A serial port and its axes, from opened to ready to run.
 //!
 //! ```text
-//! Port<Opened> -identify-> Port<Identified> -configure-> Port<Configured>
-//!     -split-> PortRunner + one AxisLink per axis
+//! Port -bring_up-> ReadyPort -split-> PortRunner + one AxisLink per axis
 //! ```
 
 use crate::config::{AxisConfig, PortConfig};
@@ -19,34 +18,27 @@ use crate::drive::transport::Transport;
 use crate::robot::DriveFingerprint;
 use crate::units::{Counts, Nanos};
 
-/// A port whose stage of bring-up is `Stage`.
+/// An open port; its drives are unknown.
 #[derive(Debug)]
-pub struct Port<Stage, T = SerialTransport> {
+pub struct Port<T = SerialTransport> {
     link: DriveLink<T>,
     config: PortConfig,
-    stage: Stage,
 }
 
-/// The port is open; its drives are unknown.
+/// A port on which every axis is the configured drive, is off, and has its limits.
 #[derive(Debug)]
-pub struct Opened(());
-
-/// Every axis is the configured drive, and its power stage is off.
-#[derive(Debug)]
-pub struct Identified {
-    axes: Vec<AxisIdentity>,
-    exchange: Nanos,
-}
-
-/// Every axis has its limits.
-#[derive(Debug)]
-pub struct Configured {
-    identified: Identified,
+pub struct ReadyPort<T = SerialTransport> {
+    link: DriveLink<T>,
+    config: PortConfig,
+    /// The drives, in the order of the configuration.
+    pub axes: Vec<AxisIdentity>,
+    /// Median duration of an exchange.
+    pub exchange: Nanos,
     /// The present position of each axis.
     positions: Vec<Counts>,
 }
 
-impl Port<Opened> {
+impl Port {
     /// Opens the serial port, locked against other programs.
     ///
     /// # Errors
@@ -57,97 +49,55 @@ impl Port<Opened> {
     }
 }
 
-impl<T: Transport> Port<Opened, T> {
+impl<T: Transport> Port<T> {
     /// A port over an open line.
     pub fn over(transport: T, config: &PortConfig) -> Self {
-        Self {
-            link: DriveLink::new(transport, family_of_port(config), config),
-            config: config.clone(),
-            stage: Opened(()),
-        }
+        let link = DriveLink::new(transport, family_of_port(config), config);
+        Self { link, config: config.clone() }
     }
 
     /// Checks that every axis is the configured drive, and switches off drives that a previous
-    /// controller left enabled. Enables nothing. A fault is left for the operator.
+    /// controller left enabled. Then writes the limits of every axis, reads them back and compares.
+    /// Enables nothing. A fault is left for the operator.
     ///
     /// # Errors
     ///
-    /// When a drive does not answer, is not the configured one, or does not switch off, and when an
-    /// adapter holds its replies back.
-    pub fn identify(mut self) -> Result<Port<Identified, T>, DriveError> {
-        let mut axes = Vec::new();
-        for axis in &self.config.axes {
-            let identity = identify(&mut self.link, &self.config, axis)
-                .map_err(|error| explain(&self.config, axis, error))?;
-            axes.push(identity);
+    /// When a drive does not answer, is not the configured one, does not switch off, or does not
+    /// accept a limit, and when an adapter holds its replies back.
+    pub fn bring_up(self) -> Result<ReadyPort<T>, DriveError> {
+        let Self { mut link, config } = self;
+        let (mut axes, mut positions) = (Vec::new(), Vec::new());
+        for axis in &config.axes {
+            let identity = identify(&mut link, &config, axis);
+            axes.push(identity.map_err(|error| explain(&config, axis, error))?);
         }
-        let exchange = match self.config.axes.first() {
-            Some(axis) => time_exchanges(&mut self.link, &self.config, axis)?,
+        let exchange = match config.axes.first() {
+            Some(axis) => time_exchanges(&mut link, &config, axis)?,
             None => Nanos::ZERO,
         };
-        Ok(Port { link: self.link, config: self.config, stage: Identified { axes, exchange } })
-    }
-
-    /// Identifies and configures all drives.
-    ///
-    /// # Errors
-    ///
-    /// See [`Port::identify`] and [`Port::configure`].
-    pub fn bring_up(self) -> Result<Port<Configured, T>, DriveError> {
-        self.identify()?.configure()
-    }
-}
-
-impl<T: Transport> Port<Identified, T> {
-    /// The drives of the port, in the order of the configuration.
-    pub fn axes(&self) -> &[AxisIdentity] {
-        &self.stage.axes
-    }
-
-    /// Writes the limits of every axis, reads them back and compares.
-    ///
-    /// # Errors
-    ///
-    /// When a drive does not answer, or does not accept a limit.
-    pub fn configure(mut self) -> Result<Port<Configured, T>, DriveError> {
-        let mut positions = Vec::new();
-        for (axis, identity) in self.config.axes.iter().zip(&mut self.stage.axes) {
-            let family = family_of_axis(&self.config, axis);
-            let drive = DriveNode::new(&mut self.link, axis.node_id);
-            let position = configure(drive, family, axis, identity)
-                .map_err(|error| explain(&self.config, axis, error))?;
+        for (axis, identity) in config.axes.iter().zip(&mut axes) {
+            let family = family_of_axis(&config, axis);
+            let drive = DriveNode::new(&mut link, axis.node_id);
+            let position = configure(drive, family, axis, identity);
+            let position = position.map_err(|error| explain(&config, axis, error))?;
             positions.push(Counts(position));
         }
-        Ok(Port {
-            link: self.link,
-            config: self.config,
-            stage: Configured { identified: self.stage, positions },
-        })
+        Ok(ReadyPort { link, config, axes, exchange, positions })
     }
 }
 
-impl<T: Transport> Port<Configured, T> {
-    /// The drives of the port, in the order of the configuration.
-    pub fn axes(&self) -> &[AxisIdentity] {
-        &self.stage.identified.axes
-    }
-
+impl<T: Transport> ReadyPort<T> {
     /// Every setting of every axis. Writes nothing.
     pub(crate) fn read_fingerprints(&mut self) -> Result<Vec<DriveFingerprint>, DriveError> {
         fingerprint::read_axes(&mut self.link, &self.config)
-    }
-
-    /// Median duration of an exchange.
-    pub fn exchange(&self) -> Nanos {
-        self.stage.identified.exchange
     }
 
     /// Splits the port into the end of the port thread and the ends of the control loop, in the
     /// order of the configuration.
     #[must_use]
     pub fn split<R: PortRequest>(self) -> (PortRunner<T, R>, Vec<AxisLink<R>>) {
-        let Identified { axes, exchange } = self.stage.identified;
-        PortRunner::with_links(self.link, &self.config, axes, exchange, &self.stage.positions)
+        let Self { link, config, axes, exchange, positions } = self;
+        PortRunner::with_links(link, &config, axes, exchange, &positions)
     }
 }
 
@@ -200,8 +150,8 @@ fn configure(
     // Homing lowers the current limit, and restores it.
     let homing = family.homing(axis);
     let is_other =
-        |setting: &&Setting| !homing.restored().iter().any(|it| it.object == setting.object);
-    settings.extend(homing.settings().iter().filter(is_other));
+        |setting: &&Setting| !homing.restored.iter().any(|it| it.object == setting.object);
+    settings.extend(homing.settings.iter().filter(is_other));
     let left_out = &mut identity.left_out;
     drive.configure(&settings, identity.model, &mut |object| left_out.push(object))?;
     let current = family.object_map().current;

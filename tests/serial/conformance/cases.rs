@@ -6,7 +6,7 @@ use super::*;
 /// Vendor, serial number and firmware are read and checked.
 pub fn identified(bench: &TestBench) {
     let port = bench.bring_up().unwrap();
-    let mut axes = port.axes().iter();
+    let mut axes = port.axes.iter();
     let identity = axes.find(|axis| axis.motor == bench.axis).unwrap();
     assert_eq!(identity.serial_number, SERIAL_NUMBERS[bench.axis]);
     assert!(identity.model.firmware > 0, "{identity:?}");

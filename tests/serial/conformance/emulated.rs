@@ -8,9 +8,9 @@ use super::*;
 fn a_name_in_several_segments_is_read() {
     let bench = TestBench::with(&SETUPS[0], |config| config.drives[0].segment_bytes = 3);
     let port = bench.bring_up().unwrap();
-    assert_eq!(port.axes()[0].name.as_deref(), Some("EPOS4"));
+    assert_eq!(port.axes[0].name.as_deref(), Some("EPOS4"));
     let full = 0x1_0000_0000 + u64::from(SERIAL_NUMBERS[0]);
-    assert_eq!(port.axes()[0].full_serial_number, Some(full));
+    assert_eq!(port.axes[0].full_serial_number, Some(full));
 }
 
 #[test]

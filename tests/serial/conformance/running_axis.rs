@@ -20,7 +20,7 @@ pub struct RunningAxis {
 }
 
 impl RunningAxis {
-    pub fn start(port: Port<Configured>, motor: usize) -> Self {
+    pub fn start(port: ReadyPort, motor: usize) -> Self {
         let (mut runner, mut links) = port.split();
         let [stop, abandoned] = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
         let (sender, events) = channel();

@@ -108,7 +108,7 @@ impl TestBench {
         port
     }
 
-    pub fn bring_up(&self) -> Result<Port<Configured>, DriveError> {
+    pub fn bring_up(&self) -> Result<ReadyPort, DriveError> {
         Port::open(&self.port())?.bring_up()
     }
 

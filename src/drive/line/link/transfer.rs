@@ -92,7 +92,7 @@ impl<T: Transport> DriveLink<T> {
         };
         self.transport.write(bytes)?;
         let sent = self.transport.now();
-        let on_wire = bytes.len() + OVERHEAD + 4 * usize::from(request.reply_words());
+        let on_wire = bytes.len() + OVERHEAD + 4 * usize::from(request.reply_words);
         let wire_time = Nanos(self.byte_time.0 * on_wire as u64);
         let value = self.receive_frame(sent + self.reply_timeout + wire_time, decode)?;
         Ok((sent, value))

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use i2ris::config::PortConfig;
 use i2ris::drive::event::{PortEvent, PortEventKind};
 use i2ris::drive::{
-    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, DriveError, Opened, Port, PortRunner,
+    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, DriveError, Port, PortRunner,
 };
 use i2ris::units::{Counts, Nanos};
 
@@ -53,7 +53,7 @@ pub fn one_drive() -> MiniDrive {
     MiniDrive::new(NODE, SERIAL_NUMBER)
 }
 
-pub fn open(drives: Vec<MiniDrive>) -> (SimulatedLine, PortConfig, Port<Opened, SimulatedLine>) {
+pub fn open(drives: Vec<MiniDrive>) -> (SimulatedLine, PortConfig, Port<SimulatedLine>) {
     let config = port_config(&drives);
     let line = SimulatedLine::new(drives);
     let port = Port::over(line.clone(), &config);
@@ -86,7 +86,7 @@ impl PortRig {
         rig
     }
 
-    fn of(line: SimulatedLine, port: Port<Opened, SimulatedLine>) -> Self {
+    fn of(line: SimulatedLine, port: Port<SimulatedLine>) -> Self {
         let (runner, links) = port.bring_up().unwrap().split();
         let requests = vec![AxisRequest::default(); links.len()];
         let ends = Arc::new(Mutex::new(Ends { links, requests }));
