@@ -15,7 +15,7 @@ pub(super) struct CameraOwner {
     /// The publisher, and the time of its last frame.
     followed: Option<(u128, Nanos)>,
     /// Number of frames of other publishers.
-    ignored: u64,
+    pub ignored: u64,
 }
 
 impl CameraOwner {
@@ -37,11 +37,6 @@ impl CameraOwner {
             }
         }
         chosen
-    }
-
-    /// Number of ignored frames since the start.
-    pub(super) fn ignored(&self) -> u64 {
-        self.ignored
     }
 }
 
@@ -71,6 +66,6 @@ mod tests {
         assert_eq!(followed(&[frame(8, 3971)], last + 999), None);
         assert_eq!(followed(&[frame(8, 3972)], last + 1000), Some(8));
         assert_eq!(followed(&[frame(7, 3973), frame(8, 3973)], last + 1001), Some(8));
-        assert_eq!(owner.ignored(), 2 * 91 + 2);
+        assert_eq!(owner.ignored, 2 * 91 + 2);
     }
 }

@@ -67,7 +67,7 @@ impl ControlLoop {
         let mut books = Books {
             recording: TickRecording::new(config.rate_hz),
             lost: Lost::default(),
-            suspends: SuspendMonitor::new(),
+            suspends: SuspendMonitor::start(),
         };
         books.recording.push_snapshot(&self.cycle, &mut self.channels.recorder);
         while !self.run_tick(ticker.wait(), &mut books, shutdown) {}

@@ -43,7 +43,7 @@ use crate::process::run_log::{RunHeader, RunLog};
 use crate::process::start_up::{
     Drives, PortLine, bring_up_ports, check_start_drives, load_model, software, wait_for_positions,
 };
-use crate::process::threads::{NamedThread, ThreadError, ThreadName};
+use crate::process::threads::{BLACK_BOX, NamedThread, ThreadError};
 use crate::realtime::{self, Granted, SchedulingRequest};
 use crate::service_manager;
 use crate::units::Nanos;
@@ -173,7 +173,7 @@ fn start_threads(
     let (lines, recorder_lines) = mpsc::channel();
     let WorkerQueues { models, model_replies, recorder: writes, recorder_replies } = workers;
     let (cpu, until) = (config.control.cpu, Arc::clone(&quit));
-    let recorder = NamedThread::spawn(ThreadName::BlackBox, move || {
+    let recorder = NamedThread::spawn(BLACK_BOX, move || {
         realtime::keep_normal(cpu);
         recorder.run(&until, &writes, &recorder_replies, |line| {
             // The log may have ended.
@@ -181,7 +181,7 @@ fn start_threads(
         });
     })?;
     let until = Arc::clone(&quit);
-    let models = NamedThread::spawn(ThreadName::Models, move || {
+    let models = NamedThread::spawn("models", move || {
         realtime::keep_normal(cpu);
         manager.run(&until, &models, &model_replies);
     })?;
@@ -248,7 +248,7 @@ fn start_ipc(
         ..SchedulingRequest::default()
     };
     let (started_in, started) = mpsc::channel();
-    let thread = NamedThread::spawn(ThreadName::Ipc, move || {
+    let thread = NamedThread::spawn("ipc", move || {
         // Keeps off the CPU of the loop. Creating the services takes long and runs under normal
         // scheduling.
         realtime::keep_normal(cpu);
@@ -266,7 +266,7 @@ fn start_ipc(
             }
         }
     })?;
-    let started = started.recv().map_err(|_| ThreadError::Died(ThreadName::Ipc))??;
+    let started = started.recv().map_err(|_| ThreadError::Died("ipc"))??;
     Ok((thread, started))
 }
 
@@ -282,7 +282,7 @@ fn start_port(
         cpu: None,
         lock_memory: false,
     };
-    NamedThread::spawn(ThreadName::Port, move || {
+    NamedThread::spawn("port", move || {
         // If this is refused, so is the request of the loop, which reports it.
         let _ = realtime::request(wanted);
         runner.run(&quit, |event| {
@@ -302,7 +302,7 @@ fn start_control(
 ) -> Result<(NamedThread, Granted), ThreadError> {
     let (config, shutdown) = (config.clone(), Arc::clone(shutdown));
     let (granted_in, granted) = mpsc::channel();
-    let thread = NamedThread::spawn(ThreadName::Control, move || {
+    let thread = NamedThread::spawn("control", move || {
         let wanted = SchedulingRequest {
             priority: config.priority,
             cpu: config.cpu,

@@ -142,7 +142,7 @@ pub(super) fn outcome(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::process::threads::ThreadName;
+    use crate::process::threads::BLACK_BOX;
 
     #[test]
     fn outcome_is_off_only_if_every_drive_confirmed() {
@@ -151,14 +151,12 @@ mod tests {
         };
         assert_eq!(text(&[], Ok(())), Ok(()));
         let hangs = |name| Err(ThreadError::Hangs(name));
-        let text_off = text(&[], hangs(ThreadName::BlackBox)).unwrap_err();
+        let text_off = text(&[], hangs(BLACK_BOX)).unwrap_err();
         assert!(
             text_off
                 .ends_with("check the disk of the records; every drive has confirmed power-off")
         );
-        for (ended, begin) in
-            [(Ok(()), "ended, and "), (hangs(ThreadName::Port), "thread port did not")]
-        {
+        for (ended, begin) in [(Ok(()), "ended, and "), (hangs("port"), "thread port did not")] {
             let message = text(&[0, 2], ended).unwrap_err();
             assert!(message.starts_with(begin), "{message}");
             let end = "the drives of motors [0, 2] have not confirmed power-off: cut their power";

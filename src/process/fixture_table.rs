@@ -14,7 +14,7 @@ use crate::robot::{FixtureAction, FixtureKind, Refusal};
 /// Regions and pending requests.
 #[derive(Debug)]
 pub(super) struct FixtureTable {
-    message: VirtualFixturesMsg,
+    pub message: VirtualFixturesMsg,
     configured: usize,
     pending: VecDeque<(u64, VirtualFixtureRequest)>,
     added: u32,
@@ -92,11 +92,6 @@ impl FixtureTable {
         if let Some(index) = report.limited_by_fixture {
             self.message.limited_by = u32::from(index) + 1;
         }
-    }
-
-    /// The message of the stream.
-    pub(super) fn message(&self) -> VirtualFixturesMsg {
-        self.message
     }
 
     fn add(&mut self, request: &VirtualFixtureRequest) {
@@ -202,12 +197,12 @@ mod tests {
         table.sent(1, wall);
         table.sent(2, wall);
         assert!(!table.answered(1, Refusal::Range));
-        assert_eq!(table.message().kind[..3], [1, 0, 0]);
+        assert_eq!(table.message.kind[..3], [1, 0, 0]);
         assert!(table.answered(2, Refusal::None));
-        assert_eq!(table.message().kind[..3], [1, 2, 0]);
-        assert_eq!(table.message().values[1][2], 0.3);
+        assert_eq!(table.message.kind[..3], [1, 2, 0]);
+        assert_eq!(table.message.values[1][2], 0.3);
         table.sent(3, request(4, 0, [0.0; 4]));
         assert!(table.answered(3, Refusal::None));
-        assert_eq!(table.message().kind[..3], [1, 0, 0]);
+        assert_eq!(table.message.kind[..3], [1, 0, 0]);
     }
 }

@@ -149,7 +149,7 @@ impl IpcThread {
         if let Some(external) = self.cameras.choose(valid, now) {
             self.parts.channels.external.write(Some(external));
         }
-        self.parts.channels.ignored_frames.store(self.cameras.ignored(), Ordering::Relaxed);
+        self.parts.channels.ignored_frames.store(self.cameras.ignored, Ordering::Relaxed);
         self.take_requests(now);
         self.send_slow_replies();
         self.take_reports();
@@ -256,7 +256,7 @@ impl IpcThread {
     }
 
     fn publish_fixtures(&mut self, now: Nanos) {
-        let message = VirtualFixturesMsg { stamp_ns: now.0, ..self.parts.fixtures.message() };
+        let message = VirtualFixturesMsg { stamp_ns: now.0, ..self.parts.fixtures.message };
         self.server.publish(StreamMessage::VirtualFixtures(message));
     }
 

@@ -47,7 +47,7 @@ pub(super) struct MainThread<'a> {
 impl MainThread<'_> {
     /// Writes the log until the loop has ended. If another thread ends early, the loop shuts down.
     pub(super) fn run(&mut self, threads: &Threads, shutdown: &AtomicBool) {
-        let mut suspends = SuspendMonitor::new();
+        let mut suspends = SuspendMonitor::start();
         let (mut next_watchdog, mut had_files) = (Nanos::ZERO, true);
         while !threads.control.is_finished() {
             if threads.has_lost_one() {

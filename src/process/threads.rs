@@ -1,7 +1,7 @@
 //! Starting, naming and joining the threads of the controller.
 
+use std::io;
 use std::thread::{self, JoinHandle};
-use std::{fmt, io};
 
 use crate::clock;
 use crate::units::Nanos;
@@ -9,32 +9,8 @@ use crate::units::Nanos;
 /// Polling period of a wait for the end of a thread.
 const POLL_PERIOD: Nanos = Nanos::from_millis(5);
 
-/// A thread of the controller.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ThreadName {
-    /// The control loop.
-    Control,
-    /// A serial port.
-    Port,
-    /// Shared memory.
-    Ipc,
-    /// Reads, checks and frees models.
-    Models,
-    /// Writes black boxes.
-    BlackBox,
-}
-
-impl fmt::Display for ThreadName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Control => "control",
-            Self::Port => "port",
-            Self::Ipc => "ipc",
-            Self::Models => "models",
-            Self::BlackBox => "black box",
-        })
-    }
-}
+/// Name of the thread that may wait for a disk.
+pub(super) const BLACK_BOX: &str = "black box";
 
 /// Error of a thread.
 #[derive(Debug, thiserror::Error)]
@@ -43,36 +19,36 @@ pub enum ThreadError {
     #[error("cannot start thread {name}: {source}; the process limit of this user may be too low")]
     Start {
         /// Name of the thread.
-        name: ThreadName,
+        name: &'static str,
         /// Cause.
         source: io::Error,
     },
     /// A thread panicked.
     #[error("internal error: thread {0} ended early")]
-    Died(ThreadName),
+    Died(&'static str),
     /// A thread does not end, for example because of a stalled disk.
     #[error("thread {0} did not end in time and was abandoned{advice}", advice = advice(*.0))]
-    Hangs(ThreadName),
+    Hangs(&'static str),
 }
 
 /// Advice for a thread that hangs: only the black box waits for a disk.
-fn advice(name: ThreadName) -> &'static str {
-    if name == ThreadName::BlackBox { "; check the disk of the records" } else { "" }
+fn advice(name: &str) -> &'static str {
+    if name == BLACK_BOX { "; check the disk of the records" } else { "" }
 }
 
 /// A running thread, with the name for its errors.
 pub(super) struct NamedThread {
-    name: ThreadName,
+    name: &'static str,
     handle: JoinHandle<()>,
 }
 
 impl NamedThread {
     /// Starts a thread.
     pub(super) fn spawn(
-        name: ThreadName,
+        name: &'static str,
         work: impl FnOnce() + Send + 'static,
     ) -> Result<Self, ThreadError> {
-        let builder = thread::Builder::new().name(name.to_string());
+        let builder = thread::Builder::new().name(name.to_owned());
         let spawned = builder.spawn(work);
         let handle = spawned.map_err(|source| ThreadError::Start { name, source })?;
         Ok(Self { name, handle })
@@ -115,14 +91,14 @@ mod tests {
     #[test]
     fn a_thread_that_hangs_is_abandoned_and_named() {
         let (release, released) = mpsc::channel::<()>();
-        let thread = NamedThread::spawn(ThreadName::BlackBox, move || {
+        let thread = NamedThread::spawn(BLACK_BOX, move || {
             let _ = released.recv();
         })
         .unwrap();
         let error = thread.join_until(clock::now(), |_| ()).unwrap_err().to_string();
         assert!(error.contains("black box did not") && error.contains("disk"), "{error}");
         drop(release);
-        let thread = NamedThread::spawn(ThreadName::Models, || {}).unwrap();
+        let thread = NamedThread::spawn("models", || {}).unwrap();
         let end = clock::now() + Nanos::from_millis(60_000);
         assert!(thread.join_until(end, |_| ()).is_ok());
     }

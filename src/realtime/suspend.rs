@@ -22,7 +22,7 @@ pub struct SuspendMonitor {
 impl SuspendMonitor {
     /// Knows nothing of suspends before.
     #[must_use]
-    pub fn new() -> Self {
+    pub fn start() -> Self {
         let reads = (0..FIRST_READS).map(|_| clock::suspended());
         Self { known: reads.max().unwrap_or(Nanos::ZERO) }
     }
@@ -33,12 +33,6 @@ impl SuspendMonitor {
         let jump = suspended.duration_since(self.known);
         self.known = self.known.max(suspended);
         (jump > MIN_SUSPEND).then_some(jump)
-    }
-}
-
-impl Default for SuspendMonitor {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -60,7 +54,7 @@ mod tests {
 
     #[test]
     fn this_computer_does_not_sleep_while_it_runs_this() {
-        let mut monitor = SuspendMonitor::new();
+        let mut monitor = SuspendMonitor::start();
         assert!((0..1000).all(|_| monitor.update(clock::suspended()).is_none()));
     }
 }

@@ -25,8 +25,8 @@ pub enum ControllerStatus {
 pub struct HeartbeatMonitor {
     silence: Nanos,
     last: Option<LastHeartbeat>,
-    /// See [`Heartbeat::owing`], of the last one.
-    owing: u8,
+    /// Motors whose drives had a pending reply at the last heartbeat.
+    pub owing: u8,
     /// Ports whose thread was silent at the last look.
     silent: [bool; MAX_AXES],
 }
@@ -49,12 +49,6 @@ impl HeartbeatMonitor {
     #[must_use]
     pub fn age(&self, now: Nanos) -> Nanos {
         self.last.map_or(Nanos::ZERO, |last| now - last.heartbeat.stamp)
-    }
-
-    /// Motors whose drives had a pending reply at the last heartbeat.
-    #[must_use]
-    pub fn owing(&self) -> u8 {
-        self.owing
     }
 
     /// Whether the controller has a port now: its loop and the port thread are alive.
@@ -179,7 +173,7 @@ mod tests {
             let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
             monitor.update(Ok(Some(heartbeat(100, false))), Nanos(101));
             let absent = ControllerAbsent { last: Some(heartbeat(102, off)) };
-            assert_eq!((monitor.update(Err(absent), Nanos(103)), monitor.owing()), (status, 4));
+            assert_eq!((monitor.update(Err(absent), Nanos(103)), monitor.owing), (status, 4));
         }
     }
 
