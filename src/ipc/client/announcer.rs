@@ -60,7 +60,7 @@ impl<T: Announcement> Announcer<T> {
     /// [`ClientError::Transport`] when iceoryx2 fails.
     pub fn publish(&mut self, message: T) -> Result<(), ClientError> {
         self.sequence += 1;
-        let (sequence, client_id) = (self.sequence, self.link.client_id());
+        let (sequence, client_id) = (self.sequence, self.link.client_id);
         let sent =
             self.publisher.deliver(&self.link, |now| message.announced(sequence, client_id, now));
         sent.map(drop)

@@ -196,7 +196,7 @@ impl Commander {
                 sequence
             },
             stamp_ns: now.0,
-            client_id: link.client_id(),
+            client_id: link.client_id,
             deadline_ns: self.deadline.0,
             position_counts,
             count,
@@ -217,7 +217,7 @@ fn send_angles(
         sequence = link.next_sequence();
         let mut message = command;
         (message.sequence, message.stamp_ns) = (sequence, now.0);
-        message.client_id = link.client_id();
+        message.client_id = link.client_id;
         message
     })?;
     Ok(sequence)

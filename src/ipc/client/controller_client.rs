@@ -66,7 +66,7 @@ impl Client {
     /// The identity in commands: random, not 0.
     #[must_use]
     pub fn id(&self) -> u64 {
-        self.link.client_id()
+        self.link.client_id
     }
 
     /// Version of the domain's controller. Waits for the reply, at most 1 s.

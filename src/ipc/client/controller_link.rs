@@ -36,7 +36,7 @@ pub(super) struct ControllerSession {
 #[derive(Debug)]
 pub(super) struct ControllerLink {
     domain: Domain,
-    client_id: u64,
+    pub client_id: u64,
     sequence: AtomicU64,
     state: Mutex<LinkState>,
 }
@@ -57,10 +57,6 @@ impl ControllerLink {
             sequence: AtomicU64::new(0),
             state: Mutex::default(),
         })
-    }
-
-    pub(super) fn client_id(&self) -> u64 {
-        self.client_id
     }
 
     /// Sequence number of the next command of this client, common to all streams.

@@ -54,17 +54,17 @@ impl ReasonMsg {
     /// The message of a reason.
     #[must_use]
     pub fn new(reason: &Reason, client_id: u64, stamp: Nanos) -> Self {
-        let fields = MeasurementFields::from(reason.measurement);
+        let ([measured, limit], [quantity, motor, flags]) = fields(reason.measurement);
         Self {
             stamp_ns: stamp.0,
             client_id,
-            measured: fields.measured,
-            limit: fields.limit,
+            measured,
+            limit,
             kind: reason.cause.kind(),
             number: reason.cause.number(),
-            quantity: fields.quantity,
-            motor: fields.motor,
-            flags: fields.flags,
+            quantity,
+            motor,
+            flags,
             text: padded_text(&reason.text()),
             advice: padded_text(reason.cause.advice()),
             ..Self::default()
@@ -75,15 +75,8 @@ impl ReasonMsg {
     #[must_use]
     pub fn reason(&self) -> Option<Reason> {
         let cause = Cause::from_numbers(self.kind, self.number)?;
-        let fields = MeasurementFields {
-            measured: self.measured,
-            limit: self.limit,
-            quantity: self.quantity,
-            motor: self.motor,
-            flags: self.flags,
-        };
-        let measurement = fields.measurement();
-        Some(Reason { cause, measurement })
+        let numbers = [self.quantity, self.motor, self.flags];
+        Some(Reason { cause, measurement: measurement([self.measured, self.limit], numbers) })
     }
 
     /// Code, sentence, measured value and limit.
@@ -130,44 +123,32 @@ impl OperatingStateMsg {
     }
 }
 
-/// An [`Measurement`] as fields of a payload.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct MeasurementFields {
-    pub measured: f64,
-    pub limit: f64,
-    pub quantity: u32,
-    pub motor: u32,
-    pub flags: u32,
+/// A [`Measurement`] as fields of a payload: value and limit; quantity, motor and flags.
+pub(super) fn fields(measurement: Option<Measurement>) -> ([f64; 2], [u32; 3]) {
+    let flag = |is_known: bool, flag: u32| if is_known { flag } else { 0 };
+    let limit = measurement.and_then(|it| it.limit);
+    let motor = measurement.and_then(|it| it.motor);
+    let flags = flag(measurement.is_some(), ReasonMsg::MEASURED)
+        | flag(limit.is_some(), ReasonMsg::LIMIT)
+        | flag(motor.is_some(), ReasonMsg::MOTOR);
+    let quantity = measurement.map_or(0, |it| it.quantity.number());
+    let measured = measurement.map_or(0.0, |it| it.measured);
+    ([measured, limit.unwrap_or(0.0)], [quantity, motor.map_or(0, u32::from), flags])
 }
 
-impl From<Option<Measurement>> for MeasurementFields {
-    fn from(measurement: Option<Measurement>) -> Self {
-        let flag = |is_known: bool, flag: u32| if is_known { flag } else { 0 };
-        let limit = measurement.and_then(|it| it.limit);
-        let motor = measurement.and_then(|it| it.motor);
-        Self {
-            measured: measurement.map_or(0.0, |it| it.measured),
-            limit: limit.unwrap_or(0.0),
-            quantity: measurement.map_or(0, |it| it.quantity.number()),
-            motor: motor.map_or(0, u32::from),
-            flags: flag(measurement.is_some(), ReasonMsg::MEASURED)
-                | flag(limit.is_some(), ReasonMsg::LIMIT)
-                | flag(motor.is_some(), ReasonMsg::MOTOR),
-        }
-    }
-}
-
-impl MeasurementFields {
-    pub(super) fn measurement(&self) -> Option<Measurement> {
-        let has = |flag: u32| self.flags & flag != 0;
-        let quantity = Quantity::from_number(self.quantity)?;
-        has(ReasonMsg::MEASURED).then_some(Measurement {
-            motor: u8::try_from(self.motor).ok().filter(|_| has(ReasonMsg::MOTOR)),
-            quantity,
-            measured: self.measured,
-            limit: has(ReasonMsg::LIMIT).then_some(self.limit),
-        })
-    }
+/// The opposite of [`fields`].
+pub(super) fn measurement(
+    [measured, limit]: [f64; 2],
+    [quantity, motor, flags]: [u32; 3],
+) -> Option<Measurement> {
+    let has = |flag: u32| flags & flag != 0;
+    let quantity = Quantity::from_number(quantity)?;
+    has(ReasonMsg::MEASURED).then_some(Measurement {
+        motor: u8::try_from(motor).ok().filter(|_| has(ReasonMsg::MOTOR)),
+        quantity,
+        measured,
+        limit: has(ReasonMsg::LIMIT).then_some(limit),
+    })
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::{Payload, payload, unpadded_text};
 use super::model_requests::ModelRequest;
-use super::reason::MeasurementFields;
+use super::reason;
 use crate::robot::{Measurement, OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
@@ -155,30 +155,16 @@ impl StateCommandReply {
     /// The reply to a command. `measurement`: what was measured, if it was refused.
     #[must_use]
     pub fn new(refusal: Refusal, state: OperatingState, measurement: Option<Measurement>) -> Self {
-        let fields = MeasurementFields::from(measurement);
-        Self {
-            refusal: refusal.number(),
-            state: state.number(),
-            measured: fields.measured,
-            limit: fields.limit,
-            quantity: fields.quantity,
-            motor: fields.motor,
-            flags: fields.flags,
-            reserved: 0,
-        }
+        let ([measured, limit], [quantity, motor, flags]) = reason::fields(measurement);
+        let (refusal, state, reserved) = (refusal.number(), state.number(), 0);
+        Self { refusal, state, measured, limit, quantity, motor, flags, reserved }
     }
 
     /// Measured value at the refusal, if known.
     #[must_use]
     pub fn measurement(&self) -> Option<Measurement> {
-        let fields = MeasurementFields {
-            measured: self.measured,
-            limit: self.limit,
-            quantity: self.quantity,
-            motor: self.motor,
-            flags: self.flags,
-        };
-        fields.measurement()
+        let numbers = [self.quantity, self.motor, self.flags];
+        reason::measurement([self.measured, self.limit], numbers)
     }
 }
 
