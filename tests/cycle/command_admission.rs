@@ -129,13 +129,6 @@ fn refused_commands_do_not_renew_the_lease() {
 }
 
 #[test]
-fn angles_need_a_model() {
-    let mut bench = Bench::enabled_with(config(""), None);
-    assert_eq!(bench.joint(0.0, 0.0), Refusal::NoModel);
-    assert_eq!(bench.actuator([0, 0]), Refusal::None);
-}
-
-#[test]
 fn counts_outside_the_position_limits_are_refused() {
     let mut bench = Bench::enabled();
     for motors in [[1001, 0], [0, 1001], [-1001, 0], [0, -701], [i32::MIN, i32::MAX]] {
@@ -223,11 +216,4 @@ fn repeated_refusals_are_counted_but_are_one_event() {
         (bench.report().accepted, bench.report().refused, refusal_events(&bench)),
         (1, 22, 3)
     );
-}
-
-#[test]
-fn number_of_entries_must_match_the_model() {
-    let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
-    let command = bench.servo(ServoGoal::Joint([0.0; 3], 3));
-    assert_eq!(bench.send(command), Refusal::Malformed);
 }

@@ -165,19 +165,6 @@ fn drive_that_fails_to_enable_disables_all_drives() {
 }
 
 #[test]
-fn disable_calls_enabling_and_homing_off() {
-    for command in [StateCommand::Enable, StateCommand::Home] {
-        let mut bench = Bench::homed();
-        bench.drives[1].delay = 30;
-        bench.ask(command);
-        bench.run(10);
-        bench.carry_out(StateCommand::Disable);
-        assert_eq!(bench.state(), OperatingState::Disabled);
-        assert_eq!(bench.phases(), [AxisPhase::Disabled; 2], "after {command}");
-    }
-}
-
-#[test]
 fn first_report_of_slow_drive_is_awaited() {
     let mut bench = Bench::new(config(""), None);
     bench.drives.iter_mut().for_each(|drive| {

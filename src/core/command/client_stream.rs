@@ -97,22 +97,3 @@ impl ClientStream {
         *self = Self { sequence: self.sequence, stamp: self.stamp, ..Self::new(&self.rest) };
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sequences_and_stamps_rise() {
-        let stream =
-            ClientStream { sequence: 10, stamp: Nanos(50), ..ClientStream::new(&[0.0; 2]) };
-        for (sequence, stamp, expected) in [
-            (10, 60, Err(Refusal::Sequence)),
-            (9, 60, Err(Refusal::Sequence)),
-            (11, 49, Err(Refusal::Stamp)),
-            (11, 50, Ok(())),
-        ] {
-            assert_eq!(stream.require_newer(sequence, Nanos(stamp)), expected, "{sequence}");
-        }
-    }
-}

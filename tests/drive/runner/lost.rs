@@ -25,15 +25,18 @@ fn a_silent_line_is_lost_before_the_control_loop_faults() {
 
 #[test]
 fn restarted_drive_reconnects_disabled_and_with_limits() {
-    let mut rig = lost();
-    rig.turns(100);
-    assert_eq!(rig.phase(), AxisPhase::Lost);
-    rig.drive(MiniDrive::restart);
-    rig.reconnect_until(AxisPhase::Disabled);
-    assert_eq!(rig.drive(|drive| drive.objects[&(0x607D, 2)]), 2000);
-    rig.turns(200);
-    assert_eq!(rig.phase(), AxisPhase::Disabled);
-    rig.release_and_enable();
+    for demand in [Demand::Enabled, Demand::QuickStop] {
+        let mut rig = lost();
+        rig.demand(demand);
+        rig.turns(100);
+        assert_eq!(rig.phase(), AxisPhase::Lost);
+        rig.drive(MiniDrive::restart);
+        rig.reconnect_until(AxisPhase::Disabled);
+        assert_eq!(rig.drive(|drive| drive.objects[&(0x607D, 2)]), 2000);
+        rig.turns(200);
+        assert_eq!(rig.phase(), AxisPhase::Disabled);
+        rig.release_and_enable();
+    }
 }
 
 #[test]
@@ -57,15 +60,6 @@ fn powered_drive_holds_on_reconnection_during_fault() {
     assert!(rig.feedback().homed, "the same zero");
     rig.demand_until(Demand::Disabled, AxisPhase::Disabled);
     rig.release_and_enable();
-}
-
-#[test]
-fn power_cycled_drive_gets_its_limits_again_on_reconnection() {
-    let mut rig = lost();
-    rig.demand(Demand::QuickStop);
-    rig.drive(MiniDrive::restart);
-    rig.reconnect_until(AxisPhase::Disabled);
-    assert_eq!(rig.drive(|drive| drive.objects[&(0x607D, 2)]), 2000);
 }
 
 #[test]

@@ -44,28 +44,21 @@ fn both_are_left_switched_off() {
 }
 
 #[test]
-fn a_silent_node_is_lost_alone() {
-    let mut rig = two_enabled();
-    rig.line.state().silent_node = Some(2);
-    rig.turns(200);
-    assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Lost]);
-    let sequence = rig.feedback_of(0).sequence;
-    rig.turns(200);
-    assert!(rig.feedback_of(0).sequence > sequence + 80, "the other continues");
-    rig.line.state().silent_node = None;
-    rig.turns(2000);
-    assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Disabled]);
-}
-
-#[test]
-fn unreachable_node_is_lost_alone() {
-    let mut rig = two_enabled();
-    let removed = rig.line.state().drives.pop().unwrap();
-    rig.turns(50);
-    assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Lost]);
-    rig.line.state().drives.push(removed);
-    rig.turns(2000);
-    assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Disabled]);
+fn silent_or_unreachable_node_is_lost_alone() {
+    for is_unreachable in [false, true] {
+        let mut rig = two_enabled();
+        let removed = is_unreachable.then(|| rig.line.state().drives.pop().unwrap());
+        rig.line.state().silent_node = (!is_unreachable).then_some(2);
+        rig.turns(200);
+        assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Lost]);
+        let sequence = rig.feedback_of(0).sequence;
+        rig.turns(200);
+        assert!(rig.feedback_of(0).sequence > sequence + 80, "the other continues");
+        rig.line.state().drives.extend(removed);
+        rig.line.state().silent_node = None;
+        rig.turns(2000);
+        assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Disabled]);
+    }
 }
 
 #[test]
