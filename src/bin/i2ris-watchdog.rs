@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use i2ris::config::Config;
+use i2ris::config::{Config, ConfigError};
 use i2ris::ipc::Domain;
 use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::process::console_log::ConsoleLog;
@@ -36,6 +36,12 @@ without stopping the drives. It cannot act when the host loses power or hangs as
 cable is pulled: then its pulse ends ([watchdog] pulse of the configuration) and a relay on the
 safe-torque-off inputs of the drives opens. On a terminal it ends after 10 s without any port; as a
 service it waits.
+
+Exit codes, as those of i2ris-control:
+  0  ended by SIGINT or SIGTERM
+  1  failed; the last line on standard error gives the reason
+  2  invalid command line
+  6  invalid configuration
 ";
 
 /// SCHED_FIFO priority: above every thread of the controller.
@@ -50,12 +56,26 @@ enum Request {
 }
 
 fn main() -> ExitCode {
-    i2ris::process::run_process(start, |_| 1)
+    i2ris::process::run_process(start, code)
 }
 
+fn code(failure: &Failure) -> u8 {
+    if failure.is::<UsageError>() {
+        2
+    } else if failure.is::<ConfigError>() {
+        6
+    } else {
+        1
+    }
+}
+
+/// A wrong command line.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}; see i2ris-watchdog --help")]
+struct UsageError(lexopt::Error);
+
 fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
-    let request = parse(std::env::args_os().skip(1))
-        .map_err(|error| format!("{error}; see i2ris-watchdog --help"))?;
+    let request = parse(std::env::args_os().skip(1)).map_err(UsageError)?;
     match request {
         Request::Help => Ok(io::stdout().write_all(HELP.as_bytes())?),
         Request::Version => {

@@ -1,5 +1,5 @@
-//! Refusals of `i2ris-control` at its start: a sentence with the reason, and the matching exit
-//! code.
+//! Refusals of `i2ris-control` and `i2ris-watchdog` at their start: a sentence with the reason, and
+//! the matching exit code.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -12,7 +12,11 @@ use super::*;
 
 /// Runs the controller and returns its one line of standard error.
 fn refusal(code: i32, arguments: &[&str]) -> String {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-control"));
+    refusal_by(env!("CARGO_BIN_EXE_i2ris-control"), code, arguments)
+}
+
+fn refusal_by(program: &str, code: i32, arguments: &[&str]) -> String {
+    let mut command = Command::new(program);
     let output = command.args(arguments).output().unwrap();
     assert_eq!(output.status.code(), Some(code), "{output:?}");
     let text = String::from_utf8(output.stderr).unwrap();
@@ -79,6 +83,19 @@ fn a_missing_configuration_is_refused() {
     let file = "no/such/file.toml";
     let text = refusal(6, &["--config", file]);
     assert!(text.contains(file) && text.lines().count() == 1, "{text}");
+}
+
+#[test]
+fn watchdog_and_controller_have_the_same_exit_codes() {
+    let folder = tempfile::tempdir().unwrap();
+    let wrong = folder.path().join("robot.toml");
+    fs::write(&wrong, "robot_id = 1\n").unwrap();
+    for program in [env!("CARGO_BIN_EXE_i2ris-control"), env!("CARGO_BIN_EXE_i2ris-watchdog")] {
+        assert!(refusal_by(program, 2, &[]).contains("--help"));
+        let _ = refusal_by(program, 6, &["--config", "no/such/file.toml"]);
+        let text = refusal_by(program, 6, &["--config", wrong.to_str().unwrap()]);
+        assert!(text.contains("robot.toml is not valid"), "{text}");
+    }
 }
 
 #[test]
