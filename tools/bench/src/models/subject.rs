@@ -204,7 +204,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let snake = DrawnSnake { physics: Physics::Springs, seed: 61 };
         let recording = record(snake, false, 60, 1, folder.path()).unwrap();
-        let found = recording.without_latency().1.unwrap_or_default();
+        let found = recording.without_latency().1.unwrap().unwrap_or_default();
         assert!((found - 0.06).abs() < 0.005, "{found} s");
     }
 

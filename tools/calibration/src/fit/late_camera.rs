@@ -53,14 +53,26 @@ pub struct LateStamps {
     ms: f64,
 }
 
+impl LateStamps {
+    /// Warning for a use that keeps the stamps.
+    #[must_use]
+    pub fn kept(&self) -> String {
+        format!(
+            "the outputs are stamped {:.0} ms late, more than any camera takes, so the stamps are \
+             kept: results are those of a slower snake; stamp frames at the exposure, and record \
+             again",
+            self.ms
+        )
+    }
+}
+
 impl Recording {
     /// The recording, corrected by the confirmed part of its latency, and this part, s. Stamps
-    /// later than those of any camera stay as they are.
-    #[must_use]
-    pub fn without_latency(self) -> (Self, Option<f64>) {
+    /// later than those of any camera are kept and returned as an error.
+    pub fn without_latency(self) -> (Self, Result<Option<f64>, LateStamps>) {
         match self.camera_latency() {
-            Ok(Some(seconds)) => (self.shifted(seconds), Some(seconds)),
-            _ => (self, None),
+            Ok(Some(seconds)) => (self.shifted(seconds), Ok(Some(seconds))),
+            other => (self, other),
         }
     }
 
@@ -70,10 +82,8 @@ impl Recording {
     ///
     /// Stamps later than those of any camera.
     pub fn aligned(self) -> Result<(Self, Option<f64>), LateStamps> {
-        match self.camera_latency()? {
-            Some(seconds) => Ok((self.shifted(seconds), Some(seconds))),
-            None => Ok((self, None)),
-        }
+        let (recording, latency) = self.without_latency();
+        Ok((recording, latency?))
     }
 
     /// The confirmed latency of the camera, s.
@@ -188,7 +198,7 @@ mod tests {
         let strokes = |time: f64| 300.0 * (0.7 * time + 0.9 * (0.11 * time).sin()).sin();
         let many = |time: f64| wander(time)[0];
         for recording in [creeping(strokes, 0.5), creeping(many, 0.6)] {
-            assert_eq!(recording.without_latency().1, None);
+            assert_eq!(recording.without_latency().1, Ok(None));
         }
     }
 
@@ -196,13 +206,16 @@ mod tests {
     fn latency_corrected_at_60_ms_but_not_at_250_ms() {
         let taken_off = |seconds: f64| {
             let snake = recording(1000, |time| (wander(time), straight(wander(time - seconds))));
-            snake.without_latency().1.unwrap_or_default()
+            snake.without_latency().1.ok().flatten().unwrap_or_default()
         };
         assert_near(taken_off(0.0), 0.0, 0.004);
         assert_near(taken_off(0.06), 0.06, 0.01);
         // No camera has this latency: it is refused, and not subtracted.
         assert_near(taken_off(0.25), 0.0, 0.0);
         let late = recording(1000, |time| (wander(time), straight(wander(time - 0.25))));
+        let (kept, warning) = late.clone().without_latency();
+        assert_eq!(kept, late);
+        assert_contains(&warning.unwrap_err().kept(), &[" ms late", "the stamps are kept"]);
         let refused = late.aligned().unwrap_err();
         assert_contains(&refused, &["at the exposure", "--latency-ms 0 keeps"]);
         assert_near(refused.ms, 250.0, 5.0);

@@ -7,7 +7,7 @@ use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_calibration::report::{Comparison, DriftReport};
 use i2ris_report::{Failure, while_working};
 
-use super::files::{ColumnArguments, check, check_output, write};
+use super::files::{ColumnArguments, check, check_output, without_latency, write};
 
 /// Arguments of `i2ris calibrate compare`.
 #[derive(Debug, clap::Args)]
@@ -16,7 +16,8 @@ use super::files::{ColumnArguments, check, check_output, write};
   i2ris calibrate compare config/models/snake.json --recording today.csv --drift --report drift.html
 
 The memory of every model follows the path of the motors through the whole recording, from an
-unknown start. Compare on a recording that none of the models was fitted to.")]
+unknown start. Compare on a recording that none of the models was fitted to. Stamps are used as
+recorded; with --drift, a latency of the camera that held-out rows confirm is subtracted.")]
 pub struct Arguments {
     /// The models
     #[arg(required = true)]
@@ -50,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (mut recording, read) = Recording::read(&arguments.recording, &columns)?;
     read.notes.iter().for_each(|note| eprintln!("warning: {}: {note}", recording.name()));
     if arguments.drift {
-        (recording, _) = recording.without_latency();
+        (recording, _) = without_latency(recording);
     }
     let load = |file: &PathBuf| Ok((file.display().to_string(), load(file, &recording)?));
     let models = arguments.models.iter().map(load).collect::<Result<Vec<_>, Failure>>()?;

@@ -86,6 +86,22 @@ pub fn same(a: &Path, b: &Path) -> bool {
     }
 }
 
+/// The recording without the confirmed latency of its stamps, and this latency, s. Warns of stamps
+/// that are kept.
+pub fn without_latency(recording: Recording) -> (Recording, Option<f64>) {
+    let (recording, latency) = recording.without_latency();
+    if let Err(late) = &latency {
+        eprintln!("warning: {}: {}", recording.name(), late.kept());
+    }
+    (recording, latency.unwrap_or_default())
+}
+
+pub fn print_latency(latency: Option<f64>) {
+    if let Some(seconds) = latency {
+        println!("latency    {:+.1} ms subtracted from the stamps of the angles", 1e3 * seconds);
+    }
+}
+
 /// Writes a page atomically: a reader finds the old or the new one.
 pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
     replace(path, text.as_bytes())

@@ -16,7 +16,7 @@ use i2ris_calibration::quality::{Quality, SpikeOptions};
 use i2ris_calibration::recording::{MIN_ROWS, Recording};
 use i2ris_calibration::report::CalibrationReport;
 
-use super::files::{ColumnArguments, check_output, same, write};
+use super::files::{ColumnArguments, check_output, print_latency, same, without_latency, write};
 use super::refine;
 use crate::model::show;
 use crate::progress_bar::Bar;
@@ -49,8 +49,8 @@ pub struct Arguments {
     file: PathBuf,
     /// A later trial with a camera: MCAP or CSV
     #[arg(requires = "model_file", conflicts_with_all = [
-        "network", "json", "robot_id", "family", "components", "restarts", "seed", "hold_out", "force",
-        "latency_ms", "counts", "angles", "time", "unwrap",
+        "network", "json", "robot_id", "family", "components", "restarts", "seed", "hold_out",
+        "force", "latency_ms", "counts", "angles", "time", "unwrap",
     ])]
     trial: Option<PathBuf>,
     /// With a trial: the model that was fitted to the recording
@@ -64,7 +64,7 @@ pub struct Arguments {
     /// Model to write; its folder is created
     #[arg(long, short, value_name = "MODEL.json")]
     output: PathBuf,
-    /// Report with figures to write: one self-contained HTML file
+    /// Report to write: one self-contained HTML file with figures
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
     /// Print the results as JSON
@@ -86,7 +86,8 @@ pub struct Arguments {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Model")]
 struct ModelArguments {
-    /// Model family, or `best`: fit all and write the one with the least held-out error
+    /// Model family, or `best`: fit all and write the one with the least held-out error (of
+    /// families that are equally good, `force-balance`, else the simplest)
     #[arg(long, default_value_t = Choice::Best)]
     family: Choice,
     /// Mixture components of `gmr`, 1 to 64; ..K: three up to K, chosen by the error of the
@@ -109,7 +110,7 @@ struct ModelArguments {
     #[arg(long)]
     force: bool,
     /// Subtract this camera latency from the stamps of the angles first; 0 keeps them, `auto`
-    /// uses the estimate from the recording [default: that estimate, where it is certain]
+    /// uses the estimate from the recording [default: that estimate, if held-out rows confirm it]
     #[arg(long, value_name = "MS", allow_negative_numbers = true)]
     latency_ms: Option<LatencyChoice>,
 }
@@ -244,9 +245,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Ok(());
     }
     print!("{report}");
-    if let Some(seconds) = taken_off {
-        println!("latency    {:+.1} ms subtracted from the stamps of the angles", 1e3 * seconds);
-    }
+    print_latency(taken_off);
     println!("\nwrote {}", output.display());
     if let Some(page) = &arguments.report {
         println!("wrote {}", page.display());
@@ -262,10 +261,12 @@ fn of_network(
     output: &Path,
 ) -> Result<(), Failure> {
     let file = NetworkFile::read(network)?;
-    let model = import(&file, &recording.without_latency().0, options)
+    let (recording, latency) = without_latency(recording);
+    let model = import(&file, &recording, options)
         .map_err(|error| format!("network {}: {error}", network.display()))?;
     model.file().write(output)?;
     show(output, false)?;
+    print_latency(latency);
     println!("\nwrote {}", output.display());
     Ok(())
 }

@@ -17,7 +17,7 @@ use i2ris_report::{Failure, bail};
 use serde::Deserialize;
 
 use super::collect::Recorder;
-use super::files::{check, write};
+use super::files::{check, print_latency, without_latency, write};
 use crate::progress_bar::Bar;
 
 /// Fits a model to its recording and a trial, and writes it when all else has succeeded. Files: the
@@ -44,8 +44,8 @@ pub fn run(
         let name = model_file.display();
         check(&old, recording).map_err(|reason| format!("model {name}: {reason}"))?;
     }
-    let (calibration, _) = calibration.without_latency();
-    let (trial, latency) = trial.without_latency();
+    let (calibration, _) = without_latency(calibration);
+    let (trial, latency) = without_latency(trial);
     let in_use = trial.rows().len();
     let both = calibration.followed_by(&trial)?;
     let options = FitOptions {
@@ -66,9 +66,7 @@ pub fn run(
     let [before, after] = refined.held_out;
     println!("in use     {in_use} frames of {}", trial_file.display());
     println!("held out   {before:.3} before, {after:.3} after, on their last quarter");
-    if let Some(seconds) = latency {
-        println!("latency    {:+.1} ms subtracted from the stamps of the angles", 1e3 * seconds);
-    }
+    print_latency(latency);
     println!("\nwrote {}", output.display());
     if let Some(page) = report {
         println!("wrote {}", page.display());

@@ -1,5 +1,6 @@
 //! Fits, and networks that were trained elsewhere.
 
+use std::ffi::CString;
 use std::fs::File;
 use std::io::BufWriter;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -20,7 +21,7 @@ use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
 use i2ris_calibration::report::CalibrationReport;
 use i2ris_calibration::table::DataTable;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
-use pyo3::exceptions::PyRuntimeError;
+use pyo3::exceptions::{PyRuntimeError, PyUserWarning};
 use pyo3::prelude::*;
 
 use crate::model::Model;
@@ -207,10 +208,16 @@ pub fn import_network(
         let file = NetworkFile::read(&network).map_err(|error| error.to_string())?;
         let (recording, _) = Recording::read(&recording, &ColumnMap::default())
             .map_err(|error| error.to_string())?;
-        import(&file, &recording.without_latency().0, &options)
-            .map_err(|error| format!("network {}: {error}", network.display()))
+        let (recording, latency) = recording.without_latency();
+        let model = import(&file, &recording, &options)
+            .map_err(|error| format!("network {}: {error}", network.display()))?;
+        Ok::<_, String>((model, latency.err().map(|late| late.kept())))
     });
-    Ok(Model(made.map_err(refused)?.into()))
+    let (model, warning) = made.map_err(refused)?;
+    if let Some(warning) = warning {
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &CString::new(warning)?, 2)?;
+    }
+    Ok(Model(model.into()))
 }
 
 /// Writes a recording in the common format. Values that are not finite were not measured.
