@@ -37,7 +37,7 @@ const FLAGS: usize = 1 + MAX_AXES;
 /// Tick, end of validity of the positions, and a sign of life per port.
 type Words = [AtomicU64; 2 + MAX_AXES];
 
-const SIZE: NonZeroUsize = NonZeroUsize::new(size_of::<Words>()).unwrap();
+const SIZE: NonZeroUsize = NonZeroUsize::MIN.saturating_add(size_of::<Words>() - 1);
 
 /// A tick of the loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
