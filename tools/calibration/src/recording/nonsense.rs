@@ -132,7 +132,7 @@ fn repeats_leave_the_path_as_it_is() {
 /// A camera without noise, as emulated: the snake stands inside gaps of an eighth of the range, and
 /// whenever the motors rest.
 #[test]
-fn gaps_seen_without_noise_are_no_repeats() {
+fn gaps_without_noise_are_not_repeats() {
     let (mut play, mut at) = ([-30.0_f64, -15.0], 0.0);
     let line = |row: usize| {
         // Strokes of 450 counts, with a rest of five rows at each end.

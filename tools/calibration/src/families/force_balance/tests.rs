@@ -129,7 +129,7 @@ fn creep_is_found_where_there_is_some() {
 /// The derivatives that the search uses are those of the residuals.
 #[test]
 #[ignore = "a minute of fits: for .ci/nightly"]
-fn how_late_the_samples_are_is_told_apart_from_hysteresis() {
+fn sample_latency_is_separated_from_hysteresis() {
     for late_s in [0.0, 0.04, -0.04] {
         let RemainingLatency { seconds, deviation_s } =
             fit(&late(900, [0.0; CREEPING], late_s)).unwrap().latency.unwrap();
