@@ -56,17 +56,17 @@
 //! |---|---|---|
 //! | [`units`] | counts, nanoseconds, sizes of the robot | |
 //! | [`robot`] | the vocabulary: operating states, state commands, refusals, faults | `units` |
-//! | [`clock`], [`wall_clock`] | the monotonic clock; the wall clock, for file names only | `units` |
+//! | [`clock`], [`wall_clock`] | monotonic clock; wall clock, for file names only | `units` |
 //! | [`file_permissions`] | reads files that no other user may have written | |
 //! | [`service_manager`] | readiness and life signs for systemd | |
 //! | [`realtime`] | real-time scheduling, the tick grid | `units`, `clock` |
 //! | [`model`] | forward model and inverse, model files | `units`, `robot`, `file_permissions` |
 //! | [`config`] | the configuration file | `units`, `file_permissions`, `model` |
-//! | [`drive`] | maxon drives: serial frames, objects, CiA 402, one thread per serial port | `units`, `robot`, `clock`, `file_permissions`, `config` |
-//! | [`core`] | the control cycle: a pure function of time and inputs, with its states and limits | `units`, `robot`, `config`, `model`, `drive` |
-//! | [`ipc`] | payloads and services in shared memory, the client library | `units`, `robot`, `clock` |
-//! | [`process`] | the controller process around the core: threads, channels, black box, run log | all but `watchdog` |
-//! | [`watchdog`] | the second process, which stops the drives when the controller dies or hangs | `units`, `clock`, `service_manager`, `config`, `drive`, `ipc` |
+//! | [`drive`] | drives, serial ports | `units`, `robot`, `clock`, `file_permissions`, `config` |
+//! | [`core`] | the control cycle: a pure function | `units`, `robot`, `config`, `model`, `drive` |
+//! | [`ipc`] | payloads and services in shared memory, the client | `units`, `robot`, `clock` |
+//! | [`process`] | controller process: threads, channels, black box, run log | all but `watchdog` |
+//! | [`watchdog`] | stops drives | `units`, `clock`, `service_manager`, `config`, `drive`, `ipc` |
 //!
 //! # From a command to the wire, and a position back
 //!

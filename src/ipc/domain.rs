@@ -6,7 +6,7 @@
 //! | `/dev/shm/i2ris-UID-NAME/ready` | boot id, interface version, process id: [`super::ready`] |
 //! | `/dev/shm/i2ris-UID-NAME/pulse` | heartbeat of the control loop, [`super::heartbeat`] |
 //! | `/dev/shm/i2ris-UID-NAME/drives` | settings of the drives at the start, as JSON |
-//! | `/dev/shm/i2ris-UID-NAME/run` | boot id, and folder of the records; an end out of order leaves it |
+//! | `/dev/shm/i2ris-UID-NAME/run` | boot id, folder of the records; a failed end leaves it |
 //! | `/dev/shm/i2ris-UID-NAME/ticks-*` | the last ticks, for the black box of a killed controller |
 //! | `/dev/shm/i2ris-UID-NAME/BOOT/` | nodes and service descriptions of iceoryx2 |
 //! | `/dev/shm/i2ris-UID-NAME_BOOT_*` | shared memory of iceoryx2 |

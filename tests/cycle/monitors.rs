@@ -134,7 +134,7 @@ fn h12_sustained_over_current_raises_fault_and_cuts_motor_power() {
     assert_eq!(bench.demands(), [Demand::QuickStop, Demand::Disabled]);
 }
 
-/// Five minutes of simulated time with every monitor on: slow lines, a noisy camera, occasional late
+/// Five minutes of simulated time with every monitor: slow lines, a noisy camera, occasional late
 /// ticks.
 #[test]
 fn h16_five_minutes_of_ordinary_use_raise_no_fault() {

@@ -18,10 +18,10 @@
 //! |   | and is not held | `StreamInterrupted` | `authority` |
 //! | 10 | sequence above the client's last accepted one, | `Sequence` | `client_stream` |
 //! |   | and stamp not before it | `Stamp` | `client_stream` |
-//! | 11 | angles: a model is loaded; rates and places of the tip: of angles | `NoModel`, `Unsupported` | `range_check` |
+//! | 11 | a model; for rates and places: of angles | `NoModel`, `Unsupported` | `range_check` |
 //! | 12 | number of entries as the model or the motors have | `Malformed` | `range_check` |
 //! | 13 | counts: within the position limits of the axes | `Range` | `range_check` |
-//! | 14 | near the last goal, or near the present setpoint; a rate: so far until its deadline | `StepTooLarge` | `range_check` |
+//! | 14 | near the last goal or setpoint; rates: by the deadline | `StepTooLarge` | `range_check` |
 //!
 //! Errors of the command itself come before errors of the present situation. A refused command
 //! changes only counters: it does not renew the lease and does not use up its sequence number.

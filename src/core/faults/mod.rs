@@ -3,7 +3,7 @@
 //! | condition | fault | detected in |
 //! |---|---|---|
 //! | phase Faulted | Drive | every state |
-//! | phase Lost, or newest position older than three times `feedback_stale_ms` | Link | every state |
+//! | phase Lost, or latest position older than 3 times `feedback_stale_ms` | Link | every state |
 //! | phase Starting | Link | every state but DISABLED, idle or powering off |
 //! | last written setpoint and encoder too far apart | FollowingError | while the drive follows |
 //! | any other phase than Enabled | DriveState | ENABLED, PAUSED, stopping, settling |

@@ -9,7 +9,7 @@
 //! | 0 | `command/tip_goal` | a place or a velocity of the tip becomes one of the joints |
 //! | 1 | `command/clutch` | the goal of the master becomes one of the snake |
 //! | 2 | `motion/reach` | the goal, or the nearest pose in reach |
-//! | 3 | `motion/goal_extrapolation` | the goal between commands: extrapolated, interpolated, or a rate integrated |
+//! | 3 | `motion/goal_extrapolation` | the goal between commands, or a rate integrated |
 //! | 4 | `motion/tremor_filter`, `motion/goal_lead` | the goal |
 //! | 5 | `motion/joint_limits` | the goal: position, velocity, acceleration, jerk of the angles |
 //! | 6 | `motion/virtual_fixtures` | the goal, within the limits of stage 5 |

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | a stop | the axis that waits longest |
 //! | a read at its bound | the position, then the latest |
-//! | a setpoint that changed, or a step of a transition, after a read | a new command, then the largest change |
+//! | a changed setpoint, or a step of a transition | a new command, then the largest change |
 //! | a read that is due | the latest |
 //! | a setpoint or a step after a setpoint | the same |
 //! | a read that is not due | the one nearest to it |
@@ -342,7 +342,7 @@ mod tests {
             prop_assert!(status <= (STATUS_BOUND_TURNS + 2) * axes, "{status} of {axes}");
             let slow = error_code.max(current);
             prop_assert!(slow <= (CURRENT_BOUND_TURNS + 2) * axes, "{slow} of {axes}");
-            prop_assert!(command <= 2 * (COMMAND_BOUND_TURNS + 1) * axes + 2, "{command} of {axes}");
+            prop_assert!(command <= 2 * (COMMAND_BOUND_TURNS + 1) * axes + 2, "{command}, {axes}");
         }
     }
 

@@ -6,7 +6,7 @@
 //! | `object` | the objects that the driver uses, with their types in Rust |
 //! | `abort_code` | reasons of a refusal |
 //! | `cia402` | controlword, statusword, states, and the commands that lead to a state |
-//! | `drive_fault`, `homing_plan` | meaning of error codes (`error_codes.md`); method and settings of homing |
+//! | `drive_fault`, `homing_plan` | error codes (`error_codes.md`); method and settings of homing |
 //! | `variant` | what a model or a firmware lacks or limits, in words |
 
 pub mod abort_code;

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`Client`] | requests: version, changes of state, models; waiting for their effect |
 //! | [`Commander`] | streaming servo commands |
-//! | [`Watcher`], [`Subscription`], [`Latest`] | receiving every message of a stream, or the last one |
+//! | [`Watcher`], [`Subscription`], [`Latest`] | receive every message of a stream, or the last |
 //! | [`Subscriptions`] | receiving every message of several streams |
 //! | [`ExternalPublisher`] | publishing measurements of cameras and other sensors |
 //! | [`Announcer`] | telling other clients: targets of a task, input devices, trials |

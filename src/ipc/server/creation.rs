@@ -136,7 +136,8 @@ pub enum IpcError {
     /// Bytes that are free: use of unavailable memory ends the process by a signal.
     #[error(
         "{SHARED_MEMORY} has {} MB free, and {} MB are needed: delete unused files there, or \
-         enlarge it (`mount -o remount,size=256M {SHARED_MEMORY}`; `--shm-size=256m` of a container)",
+         enlarge it (`mount -o remount,size=256M {SHARED_MEMORY}`; `--shm-size=256m` of a \
+         container)",
         .0 >> 20, NEEDED >> 20
     )]
     Memory(u64),

@@ -119,7 +119,11 @@ macro_rules! request_servers {
 
             /// Replies to a request. A token that is unknown or of another kind of reply is
             /// ignored.
-            pub(super) fn reply<R: Payload>(&mut self, token: u64, reply: R) -> Result<(), TransportError> {
+            pub(super) fn reply<R: Payload>(
+                &mut self,
+                token: u64,
+                reply: R,
+            ) -> Result<(), TransportError> {
                 $(if let Some(reply) = (&reply as &dyn Any).downcast_ref::<$reply>() {
                     self.$function.reply(token, *reply)?;
                 })*

@@ -52,7 +52,10 @@ macro_rules! stream_publishers {
         }
 
         impl StreamPublishers {
-            pub(super) fn new(from: &StreamFactories, boot_id: u64) -> Result<Self, TransportError> {
+            pub(super) fn new(
+                from: &StreamFactories,
+                boot_id: u64,
+            ) -> Result<Self, TransportError> {
                 Ok(Self {
                     $($function: StreamPublisher::new(&from.$function, Stream::$stream, boot_id)?,)*
                 })

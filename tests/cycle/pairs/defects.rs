@@ -47,7 +47,8 @@ const DEFECTS: [(&str, &[Edit]); 18] = [
         &[(
             GATE,
             "let speed = self.judge_speed(axes, gate)?;",
-            "let (speed, _) = (Verdict::Passes { step: gate.steps[0] }, self.judge_speed(axes, gate)?);",
+            "let passes = Verdict::Passes { step: gate.steps[0] };
+             let (speed, _) = (passes, self.judge_speed(axes, gate)?);",
         )],
     ),
     (

@@ -152,10 +152,8 @@ fn rejected_setting_is_reported_with_key_object_and_range() {
         (
             with_range(0x3001, 2, 0, 200),
             none,
-            &[
-                "`current_limit_ma = 300`: this drive (EPOS4 50/5, firmware 0x0110) takes at most 200 \
-               in output current limit (0x3001:02)",
-            ][..],
+            &["`current_limit_ma = 300`: this drive (EPOS4 50/5, firmware 0x0110) takes at most \
+               200 in output current limit (0x3001:02)"][..],
         ),
         (with_range(0x6080, 0, 1, 777), none, &["`motor_speed_rpm = ", "at most 777", "0x6080:00"]),
         (

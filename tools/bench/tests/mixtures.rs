@@ -74,7 +74,7 @@ fn is_held_out(row: usize, rows: usize) -> bool {
     [1, 6].contains(&(10 * row / rows))
 }
 
-/// Mean log-likelihood of the rows used for training, and the RMS length of the error on the others.
+/// Mean log-likelihood of the training rows, and the RMS length of the error on the others.
 fn fitted(table: &Table, components: usize) -> (f64, f64) {
     let (rows, width) = (table.rows.len(), table.rows[0].len());
     let part = |held_out: bool| {

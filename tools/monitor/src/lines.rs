@@ -297,8 +297,8 @@ mod tests {
         assert_has(
             &text(&messages, NOW),
             &[
-                "fault 2: a drive does not answer (motor 1: 612.0 ms, limit 200.0 ms)\n  action: check \
-                 cable",
+                "fault 2: a drive does not answer (motor 1: 612.0 ms, limit 200.0 ms)\n  action: \
+                 check cable",
                 "refusal 4: another client holds the lease, 0.0 s ago\n  action: end",
             ],
         );

@@ -11,8 +11,8 @@ use std::process::Command;
 
 use proc_macro::TokenStream;
 
-/// Ignores a test where its need is not met, and names the need: `#[needs("python: numpy")]`. Stands
-/// above `#[test]`.
+/// Ignores a test where its need is not met, and names the need: `#[needs("python: numpy")]`.
+/// Stands above `#[test]`.
 ///
 /// | need | is met by |
 /// |---|---|

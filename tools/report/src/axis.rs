@@ -286,7 +286,7 @@ mod tests {
         ) {
             let ticks = Axis::linear("").scale((middle - size, middle + size), count).ticks;
             prop_assert!((2..=2 * count + 1).contains(&ticks.len()), "{ticks:?}");
-            prop_assert!(ticks.windows(2).all(|pair| pair[0].0 < pair[1].0 && pair[0].1 != pair[1].1));
+            prop_assert!(ticks.windows(2).all(|it| it[0].0 < it[1].0 && it[0].1 != it[1].1));
             for (value, label) in ticks {
                 let label: f64 = label.replace(MINUS, "-").parse().unwrap();
                 prop_assert!((label - value).abs() < 1e-6 * size);
@@ -300,8 +300,9 @@ mod tests {
             let axis = if is_log { Axis::log("") } else { Axis::linear("") };
             let scale = axis.scale((low, high), 5);
             prop_assert!(scale.low < scale.high && scale.ticks.len() < 20);
-            prop_assert_eq!([scale.low, scale.high].map(|end| scale.map(&end, (100, 900))), [100, 900]);
-            prop_assert!((-700..=1700).contains(&scale.map(&value, (100, 900))) || !scale.knows(value));
+            let map = |value| scale.map(&value, (100, 900));
+            prop_assert_eq!([scale.low, scale.high].map(map), [100, 900]);
+            prop_assert!((-700..=1700).contains(&map(value)) || !scale.knows(value));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Leaves out points that cannot be seen. All functions take pixels, tenths of a unit of the figure.
+//! Leaves out points that cannot be seen. Functions take pixels, tenths of a unit of the figure.
 
 use std::collections::HashSet;
 

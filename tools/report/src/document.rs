@@ -13,7 +13,11 @@ const STYLE: &str = include_str!("document.css");
 
 /// A browser may load only the style sheet of the page itself. The tags end as in XML, which
 /// browsers accept and every parser reads.
-const META: &str = r#"<meta charset="utf-8"/><meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'"/><meta name="viewport" content="width=device-width, initial-scale=1"/>"#;
+const META: &str = concat!(
+    r#"<meta charset="utf-8"/><meta http-equiv="Content-Security-Policy" "#,
+    r#"content="default-src 'none'; style-src 'unsafe-inline'"/>"#,
+    r#"<meta name="viewport" content="width=device-width, initial-scale=1"/>"#
+);
 
 /// Minimum width of the names in a list of facts.
 const NAME_WIDTH: usize = 10;

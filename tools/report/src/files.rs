@@ -46,7 +46,7 @@ fn is_own_file(path: &Path) -> bool {
     is_file && !target.starts_with("/proc")
 }
 
-/// Replaces the file at `path` atomically, or the one that a link names. After an error the old file
+/// Replaces the file at `path` atomically, or the one that a link names. After an error that file
 /// is unchanged.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     if let Some(mut output) = STANDARD_OUTPUT.get().filter(|_| path == Path::new("-")) {

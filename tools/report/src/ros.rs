@@ -92,7 +92,11 @@ macro_rules! ros_messages {
                 let name = <Self as $crate::ros::Field>::name();
                 if defined.iter().all(|known| known.0 != name) {
                     let fields = [$(
-                        format!("{} {}\n", <$kind as $crate::ros::Field>::name(), stringify!($field)),
+                        format!(
+                            "{} {}\n",
+                            <$kind as $crate::ros::Field>::name(),
+                            stringify!($field)
+                        ),
                     )*];
                     defined.push((name, fields.concat()));
                     $(<$kind as $crate::ros::Field>::define(defined);)*

@@ -128,7 +128,10 @@ mod tests {
     proptest! {
         #[test]
         fn recording_is_read_back_unchanged_in_any_pieces(
-            frames in prop::collection::vec((any::<u64>(), prop::collection::vec(any::<u8>(), 0..40)), 0..8),
+            frames in prop::collection::vec(
+                (any::<u64>(), prop::collection::vec(any::<u8>(), 0..40)),
+                0..8,
+            ),
             cut in 1..50_usize,
         ) {
             let frames: Vec<_> = frames.into_iter().map(|(at, bytes)| (Nanos(at), bytes)).collect();

@@ -124,7 +124,8 @@ fn found(
                      after that.";
     let parts = format!(
         "Between command and line are: the wait for the IPC thread before the next tick (up to \
-         1 ms), the tick, and the wait for the end of the exchange on the line. The client reads every {} us.",
+         1 ms), the tick, and the wait for the end of the exchange on the \
+          line. The client reads every {} us.",
         READ_PERIOD.0 / 1000
     );
     let on_the_wire_us = 14.0 * 10.0 / 115_200.0 * 1e6;

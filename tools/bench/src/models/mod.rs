@@ -94,8 +94,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         println!("{}", serde_json::to_string_pretty(&judgements)?);
     } else {
         println!(
-            "RMS error of the tip, deg, minute by minute, within the limits of a robot as delivered; \
-             limits off: without any; aged: gaps +40 %, preload -30 %, \
+            "RMS error of the tip, deg, minute by minute, within the limits of a robot as \
+             delivered; limits off: without any; aged: gaps +40 %, preload -30 %, \
              friction +25 %; recalibrated: by a model of the aged snake. Medians over the snakes. \
              `regret`: error of the selected family over the smallest error; the maximum."
         );

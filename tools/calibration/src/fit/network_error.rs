@@ -43,8 +43,8 @@ pub enum NetworkError {
     },
     /// Another direction, or other columns.
     #[error(
-        "the network goes from {found}, and the recording from {wanted}: train it on those columns, \
-         in that order, from counts to angles in degrees"
+        "the network goes from {found}, and the recording from {wanted}: train it on those \
+         columns, in that order, from counts to angles in degrees"
     )]
     Columns {
         /// Columns of the network.

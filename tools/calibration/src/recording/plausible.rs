@@ -243,8 +243,8 @@ impl Table<'_> {
         let (names, line) = (names.join(", "), |at: usize| self.rows[complete[at]].line);
         let left_out: usize = runs.iter().map(|(at, end)| end - at).sum();
         self.notes.push(format!(
-            "column `{names}`: the same values from line {} to {} while the motors moved {} counts: \
-             the camera repeats itself; {left_out} row(s) of {} such place(s) are left out",
+            "column `{names}`: the same values from line {} to {} while the motors moved {} \
+             counts: the camera repeats itself; {left_out} row(s) of {} such place(s) are left out",
             line(first.0),
             line(first.1),
             moved(first).round(),
@@ -283,8 +283,8 @@ impl Table<'_> {
                 let unit = if spec.unit == OutputUnit::Deg { "deg" } else { "mm" };
                 let line = |at: usize| self.rows[complete[at]].line;
                 return Some(format!(
-                    "column `{}`: a step of {:.2} {unit} between lines {} and {} that no motor made: \
-                     if the camera was moved there, cut the recording there",
+                    "column `{}`: a step of {:.2} {unit} between lines {} and {} that no motor \
+                     made: if the camera was moved there, cut the recording there",
                     column.name,
                     found[at],
                     line(at),
@@ -324,8 +324,8 @@ impl Table<'_> {
                 && first.abs().min(second.abs()) < HALF_GAIN * first.abs().max(second.abs())
             {
                 return Some(format!(
-                    "column `{}`: follows `{}` {:.1} times as far from line {} on: if a motor slips \
-                     or the camera was changed there, fit the parts apart",
+                    "column `{}`: follows `{}` {:.1} times as far from line {} on: if a motor \
+                     slips or the camera was changed there, fit the parts apart",
                     name[0],
                     name[1],
                     second / first,
@@ -341,8 +341,8 @@ impl Table<'_> {
             {
                 let side = if below.abs() < above.abs() { "below" } else { "above" };
                 return Some(format!(
-                    "column `{}`: hardly follows `{}` {side} {middle:.0} counts ({:.0} % of the gain \
-                     on the other side): look for a broken or slack wire, or a stop",
+                    "column `{}`: hardly follows `{}` {side} {middle:.0} counts ({:.0} % of the \
+                     gain on the other side): look for a broken or slack wire, or a stop",
                     name[0],
                     name[1],
                     100.0 * below.abs().min(above.abs()) / below.abs().max(above.abs())

@@ -100,7 +100,8 @@ impl Comparison {
         };
         Some(format!(
             "{} is the best on the {} rows known to every model: {least:.3} RMS length; the next, \
-             {}, leaves {percent:.0} % more, and is worse in {won} of {parts} parts{sure}{flattered}",
+             {}, leaves {percent:.0} % more, and is worse in {won} of {parts} parts{sure}\
+              {flattered}",
             best.model, self.common, next.model
         ))
     }

@@ -109,8 +109,8 @@ pub(super) fn write(page: &mut Document, data: &CalibrationReport) {
         let mut figure = Figure::new(
             &format!("mixture-{}", family.name),
             format!("The mixture of {}", family.title),
-            "The components of the mixture as ellipses over the measured loop, with the mean of the \
-             regression and its band.",
+            "The components of the mixture as ellipses over the measured loop, with the mean of \
+             the regression and its band.",
         );
         for (index, output) in data.outputs.iter().enumerate() {
             let of_output = |at: &&PlanarMixture| at.output == index;
@@ -121,8 +121,8 @@ pub(super) fn write(page: &mut Document, data: &CalibrationReport) {
         let less = "With one mixture per motor, the contribution of the other motor is subtracted.";
         let caption = format!(
             "{}: components as ellipses of two standard deviations, the mean of the regression \
-             (solid) and two standard deviations around it (dashed), over the measured rows. {less} \
-             The mixture does not represent the width of the loop around the mean{}.",
+             (solid) and two standard deviations around it (dashed), over the measured rows. \
+             {less} The mixture does not represent the width of the loop around the mean{}.",
             family.title,
             if family.name == "gmr" { "" } else { "; the plays before it do" }
         );

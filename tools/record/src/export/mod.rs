@@ -10,7 +10,7 @@
 //!
 //! | file | contains |
 //! |---|---|
-//! | `columns` | the columns of a payload and the cells of a message; all angles and the state on one grid |
+//! | `columns` | columns of a payload, cells of a message; angles and state on one grid |
 //! | [`extract`] | attachments and commands as files |
 //! | [`source`] | selection of the recordings to export |
 //! | [`staged`] | a folder that is written completely or not at all |

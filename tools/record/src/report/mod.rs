@@ -9,7 +9,7 @@
 //! | `reaches` | point-to-point motion and reach-and-hold tasks: time, overshoot, detour |
 //! | `pursuit` | targets to follow: error and lag |
 //! | `hysteresis` | counts against angle, width of the loop |
-//! | `latency` | percentiles; from command to serial line, age of encoder positions, the control loop |
+//! | `latency` | percentiles: command to serial line, age of encoder positions, loop |
 //! | `events` | events in words |
 //! | `page`, `figures` | the writers |
 //!

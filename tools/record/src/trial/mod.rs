@@ -4,7 +4,7 @@
 //! STUDY/
 //!   study.json                conditions, order, software; written once
 //!   P07-joystick-02/          participant, condition, number of the trial
-//!     journal.jsonl           start, marks, stop, workload: one line each, synchronised, only ever appended
+//!     journal.jsonl           start, marks, stop, workload: a line each, synchronised, appended
 //!     recording.mcap          every stream, as `i2ris record` writes it
 //! ```
 //!

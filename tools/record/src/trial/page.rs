@@ -91,7 +91,8 @@ impl StudyReport {
             .chain(others.map(|name| format!("{name} − {reference}")));
         let mut table = Table::new(
             "Means over the participants, and the mean difference within the participants: with \
-             its 95 % interval (paired bootstrap), or below eight participants with all differences.",
+             its 95 % interval (paired bootstrap), or below eight participants with all \
+              differences.",
             header,
         );
         for Row { measure, means, effects, .. } in self.known() {
@@ -113,10 +114,11 @@ impl StudyReport {
             );
             page.figure(self.effect_figure(), caption);
         }
-        let about = "Throughput after ISO 9241-411, with the effective width of the end points along the way; \
-             the hold time is not part of the movement time. Error: between goal and camera. Lag of a \
-             pursuit: where the cross-correlation of target and snake is largest; its first 3 s do \
-             not count. Workload: NASA-TLX without weights. Trials that were aborted do not count.";
+        let about = "Throughput after ISO 9241-411, with the effective width of the end points \
+             along the way; the hold time is not part of the movement time. Error: between goal \
+             and camera. Lag of a pursuit: where the cross-correlation of target and snake is \
+             largest; its first 3 s do not count. Workload: NASA-TLX without weights. Trials \
+             that were aborted do not count.";
         page.page_only(|page| page.paragraph(about));
     }
 

@@ -109,8 +109,8 @@ impl Study {
         while Journal::is_held(&running.folder) {
             if clock::now().duration_since(start) > STOP_TIMEOUT {
                 return Err(StudyError::Recorder(format!(
-                    "its recorder, process {}, does not end; end it, then run `i2ris record trial stop` \
-                     again",
+                    "its recorder, process {}, does not end; end it, then run `i2ris record trial \
+                     stop` again",
                     pid.unwrap_or(0)
                 )));
             }

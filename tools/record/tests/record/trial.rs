@@ -70,7 +70,7 @@ impl StudyRig {
 }
 
 impl Drop for StudyRig {
-    /// The recorder of a trial that a failed test left running would wait for its controller for ever.
+    /// A recorder that a failed test left running would wait for its controller for ever.
     fn drop(&mut self) {
         if std::thread::panicking() {
             let _ = self.command("stop --outcome aborted").output();

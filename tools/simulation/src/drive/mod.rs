@@ -7,9 +7,9 @@
 //! | file | content |
 //! |---|---|
 //! | `device` | [`Drive`]: its state, start-up, encoder, snapshot |
-//! | `family`, `object_map` | EPOS4 and EPOS2, their modes of operation, and the objects that differ between them |
+//! | `family`, `object_map` | EPOS4 and EPOS2: modes of operation, objects that differ |
 //! | `abort` | abort codes |
-//! | `dictionary` | values of the objects, and the checks on access; types, access and ranges are those of the controller's table of objects, or of a file |
+//! | `dictionary` | values of the objects, checks on access, by the controller's table or a file |
 //! | `device_file` | objects of a real drive, as written by maxon's tool |
 //! | `state` | CiA 402 state machine, and the motor task of the drive |
 //! | `controlword`, `statusword` | effects of a controlword; objects computed when they are read |

@@ -1,4 +1,5 @@
-//! The Python package, in the Python that `I2RIS_PYTHON` names, otherwise `python3`. `pip install 'tools/python[markers,publish,test]'` makes one.
+//! The Python package, in the Python that `I2RIS_PYTHON` names, otherwise `python3`. `pip install
+//! 'tools/python[markers,publish,test]'` makes one.
 
 use std::process::Output;
 

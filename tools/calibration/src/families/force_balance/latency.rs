@@ -20,7 +20,7 @@ pub struct RemainingLatency {
     pub deviation_s: f64,
 }
 
-/// The latency of the samples at a minimum, by the slopes of all residuals there; `None` where there
+/// Latency of the samples at a minimum, by the slopes of all residuals there; `None` where there
 /// is no model, or no time.
 pub(super) fn remaining_latency<const D: usize>(
     objective: &Objective<'_, D>,

@@ -102,7 +102,7 @@ const COUPLING: usize = 2;
 const FRICTION_BY_OTHER: usize = 12;
 const FRICTION_GROWTH_BY_OTHER: usize = 14;
 
-/// Places of both stiffnesses in [`BalanceMotor::numbers`]: the first number is a logarithm, and the
+/// Places of both stiffnesses in [`BalanceMotor::numbers`]: the first is a logarithm, and the
 /// second stiffness follows from it.
 const STIFFNESS: [usize; 2] = [6, 7];
 
@@ -111,7 +111,7 @@ fn own_places() -> impl Iterator<Item = usize> {
     (0..=PER_MOTOR).filter(|place| *place != STIFFNESS[1])
 }
 
-/// In units of travel: half the range of a motor is 1000. The third, the coupling, is that of robots
+/// In units of travel: half the range of a motor is 1000. The third, the coupling, is of robots
 /// of all kinds: in a wrist with crossing cables it is 0.7, in a snake hardly any.
 const MOTOR: [Usual; PER_MOTOR] = [
     signed(0.0, 20.0),
@@ -133,8 +133,8 @@ const MOTOR: [Usual; PER_MOTOR] = [
     signed(0.0, 0.2),
 ];
 
-/// Where one axis at a time was recorded, coupling and a shape that is not square look nearly alike,
-/// and what the other motor does to friction looks like another friction, for its bend hardly changes.
+/// Where one axis at a time was recorded, coupling and a shape not square look nearly alike,
+/// and the other motor's effect on friction looks like another friction: its bend hardly changes.
 /// So they are held nearer to what is usual.
 const LESS_FREE: [(usize, Usual); 3] = [
     (COUPLING, signed(0.0, 0.1)),

@@ -36,7 +36,7 @@ impl<const D: usize> Visited<D> {
         };
         let along = follow(operator.begin(&first));
         let (mut apart, mut possible) = (vec![0.0; along.len()], along.clone());
-        // As if every motor had come from as far as the snake remembers, from one side or the other.
+        // As if every motor had come from as far as the snake remembers, from either side.
         let range = operator.conditioning_range();
         for corner in 0..1 << D {
             let side = |i: usize| if (corner >> i) & 1 == 0 { -range[i] } else { range[i] };

@@ -1,9 +1,9 @@
 //! The polynomial from the bend to the outputs: ridge regression with a penalty by degree.
 //!
 //! A snake bends in a plane, and nothing but the length of its bend says how stiff it is. Where
-//! samples show one bend at a time an output is `l = a x + b y` times `1 + c r^2 + d r^4` with `r^2 =
-//! x^2 + ratio y^2`, and even terms: the asymmetry of a motor, `a k x^n` and `b k' y^n` in every
-//! output, and that of an output, `m l^n`. Two outputs along two bends tell them apart, and that
+//! samples show one bend at a time, an output is `l = a x + b y` times `1 + c r^2 + d r^4` with
+//! `r^2 = x^2 + ratio y^2`, and even terms: the asymmetry of a motor, `a k x^n` and `b k' y^n` in
+//! every output, and that of an output, `m l^n`. Two outputs along two bends tell them apart, and that
 //! gives the mixed terms.
 
 use i2ris::model::polynomial_regression::{coefficients, products};
@@ -88,7 +88,7 @@ impl ReadOut {
         if inputs == 1 || self.plane {
             return held;
         }
-        // Of the degree, the square of how many of its factors are of the other bend, and how often.
+        // Of the degree, the square of the number of its factors of the other bend, and how often.
         for (degree, squares, times) in [(3, 1, 1.0), (5, 1, 2.0), (5, 2, 1.0)] {
             if degree <= self.degree {
                 let first = degree * (degree + 1) / 2;
@@ -103,7 +103,7 @@ impl ReadOut {
         held
     }
 
-    /// What the mixed even terms of all outputs are by the coefficients of all, output after output.
+    /// The mixed even terms of all outputs by the coefficients of all, output after output.
     fn mixed(&self, coefficients: &DMatrix<f64>) -> DMatrix<f64> {
         let (terms, outputs) = coefficients.shape();
         let mut mixed = DMatrix::zeros(terms * outputs, terms * outputs);
