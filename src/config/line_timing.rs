@@ -191,8 +191,8 @@ impl Config {
         );
         let lossy = format!("one lost reply is a fault, with reply_timeout_ms = {}", ms(timeout));
         let single = format!(
-            "with {} ms an exchange the current is read once in {} ms, and a single reading is a \
-             fault: a latency timer of 1 ms makes exchanges short",
+            "with {} ms an exchange the current is read once in {} ms, so a single reading raises \
+             the fault; a latency timer of 1 ms shortens the exchanges",
             ms(exchange),
             ms(period)
         );

@@ -197,8 +197,8 @@ pub enum AxisError {
 fn missing_node(node: u8, object: Address) -> String {
     if object != object::VENDOR.address() {
         return format!(
-            "answered before, but not the request for {object} (0x05040000), as if two drives had \
-             node {node} or a CAN plug were loose; set unique DIP switches on every drive and \
+            "answered before, but not the request for {object} (0x05040000): two drives may have \
+             node {node}, or a CAN plug is loose; set unique DIP switches on every drive, and \
              press the plugs in"
         );
     }
@@ -223,8 +223,8 @@ fn other_serial_number(expected: u64, found: u32) -> String {
             format!("this is the drive if read as hexadecimal: write 0x{expected}")
         }
         _ => format!(
-            "if {found} is in the configuration as another motor's, they are swapped: swap the \
-             cables back; if this drive replaces the old one, {write}"
+            "if the configuration names {found} for another motor, swap the cables back; if this \
+             drive replaces the old one, {write}"
         ),
     };
     format!(

@@ -237,7 +237,7 @@ impl fmt::Display for PortEventKind {
             Self::SlowLine(median) => write!(
                 f,
                 "an exchange takes {:.1} ms; with an FTDI adapter set its latency timer to 1 ms, \
-                 and use no hub",
+                 and connect without a hub",
                 median.as_seconds() * 1e3
             ),
             Self::Reconnected(true) => f.write_str("answers again; holds by quick stop"),

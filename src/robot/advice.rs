@@ -24,7 +24,7 @@ pub(super) fn fault_advice(fault: Fault) -> &'static str {
         Fault::Homing => {
             "check the keys `homing_*` of the axis; then `i2ris command state acknowledge`"
         }
-        Fault::Model => "keep the black box (`i2ris record dump`) and report it",
+        Fault::Model => "save the black box (`i2ris record dump`) and report it",
         Fault::Late => {
             "reduce the load on the computer, or grant real-time permission; then `i2ris command \
              state acknowledge`"
@@ -62,8 +62,8 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         Refusal::NotDisabled => "`i2ris disable`",
         Refusal::NoFault => "continue; no action is needed",
         Refusal::WatchdogNotReady => {
-            "give the watchdog access to every port (see its log), or end it (`i2ris doctor`): the \
-             robot then runs without a watchdog"
+            "give the watchdog access to every port (see its log), or end it (`i2ris doctor` names \
+             it): the robot then runs without a watchdog"
         }
         Refusal::NotHomed => "straighten the snake, then `i2ris home`",
         Refusal::NoModel => "`i2ris model use FILE`, or name it in the configuration",
@@ -78,7 +78,7 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
             "wait until it is done, or send `i2ris command state hold` and wait 1 s"
         }
         Refusal::CausePersists => "remove the cause of the fault first",
-        Refusal::Unsupported => "use a model of angles, or another command",
+        Refusal::Unsupported => "use a model whose outputs are angles, or another command",
         Refusal::DrivesNotReady => {
             "wait for the drives to start; if they do not, run `i2ris doctor`"
         }
@@ -90,8 +90,8 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         }
         Refusal::OutOfReach => "command a smaller angle, or calibrate a wider range",
         Refusal::StreamInterrupted => {
-            "(1) read `i2ris status`, (2) fix the stream; send nothing for 1 s, then `hold` as \
-             this client, then restart from `setpoint_js`"
+            "(1) read `i2ris status`, (2) fix the stream; send nothing for 1 s, then send `hold` \
+             as this client, then restart from `setpoint_js`"
         }
         Refusal::BadModel => "read the reason in the controller's reply to `i2ris model use`",
     }
@@ -111,8 +111,11 @@ pub(super) fn stop_advice(stop: Stop) -> &'static str {
         }
         Stop::Limit => "start further inside the limits, or correct them",
         Stop::Hull => "start further inside the calibrated range, or calibrate a wider one",
-        Stop::Setpoint => "find in the log which object the drive refuses, then `i2ris disable`",
-        Stop::Speed => "raise `joint_limits`, or calibrate again: the model jumps there",
+        Stop::Setpoint => "`i2ris disable`, then find in the log which object the drive refuses",
+        Stop::Speed => {
+            "raise the rates in `joint_limits`, or, if the model jumps there, calibrate \
+             again"
+        }
         Stop::Fault => "remove the cause (`i2ris status`), then repeat the command",
     }
 }

@@ -25,7 +25,8 @@ numbered_enum! {
         Malformed = 8, "malformed command";
         Range = 9, "outside the position limits";
         /// The robot follows a goal of another kind, or the controller shuts down.
-        WrongState = 10, "not while the robot follows commands or while the controller shuts down";
+        WrongState = 10, "not possible while the robot follows commands, or while \
+            the controller shuts down";
         Busy = 11, "busy: the previous command is still running";
         CausePersists = 12, "the cause of the fault persists";
         Sequence = 13, "the sequence number did not increase";
@@ -42,7 +43,7 @@ numbered_enum! {
         MemoryUnknown = 19, "the hysteresis memory is unknown: run a conditioning cycle, or use \
             --force";
         /// The model is invalid. The message gives the reason.
-        BadModel = 20, "the model is refused";
+        BadModel = 20, "the controller refused the model";
         Conditioning = 21, "busy: the conditioning cycle is still running";
         /// The motion crosses a virtual fixture, or is not planned in angles while one is active.
         Fixture = 22, "a virtual fixture is in the way";

@@ -227,7 +227,8 @@ pub fn follow(
     };
     let _pipe = Pipe::make(to)?;
     say(&format!(
-        "waiting for /{name}; `i2ris teleop --mode position --device {}` follows it; Ctrl-C to stop",
+        "waiting for /{name}; `i2ris teleop --mode position --device {}` follows it; Ctrl-C \
+         stops",
         to.display()
     ));
     let mut follower = Follower::new(*full);

@@ -38,9 +38,9 @@ const MAX_POSITION_ERROR: i32 = 3;
 Needs no camera and no model. A robot with unknown zero is homed: the present pose becomes the zero.
 The motor returns to where it started, and the robot stays enabled. On Ctrl-C it stops and holds.")]
 pub struct Arguments {
-    /// Which motor
+    /// Motor, counted from 0
     motor: usize,
-    /// Distance; negative: the other direction
+    /// Distance, 1 to 100; negative: the other direction
     #[arg(allow_negative_numbers = true, value_parser = few)]
     counts: i32,
     #[command(flatten)]
@@ -83,7 +83,7 @@ fn permission(arguments: &Arguments, interrupt: &Interrupt) -> Result<PrepareOpt
          zero is unknown",
     )?;
     let typed = person.answer(&format!(
-        "motor {motor} will move {counts} counts and back. Its power is switched on; if its zero \
+        "motor {motor} will move {counts} counts and back. Its drive will be powered; if its zero \
          is unknown, {HOMING}. Is the snake out of the eye, are the wires slack, and is one hand \
          on the switch of the motor supply? Type yes."
     ));

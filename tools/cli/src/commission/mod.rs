@@ -64,7 +64,7 @@ pub struct Arguments {
     /// Folder for the results: state, page, captured bytes; it is created
     #[arg(long, value_name = "DIR", default_value = "commission")]
     folder: PathBuf,
-    /// Expected drive settings: an EDS or DCF file of maxon's tool, or a table of one (CSV)
+    /// Expected drive settings: an EDS or DCF file of EPOS Studio, or its objects as a CSV table
     #[arg(long, value_name = "FILE")]
     device: Option<PathBuf>,
     /// After confirmation, write differing findings into the configuration; the old file is kept

@@ -141,7 +141,7 @@ fn find_friction<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Re
             motor.place
         ),
         "more",
-        "any other input ends here",
+        "any other input ends the run",
     )?;
     let still = "is blocked, its encoder gives no signal, or its friction is higher; turn it by \
                  hand with the power off and look at 0x6064:00 (`i2ris doctor drives dump`)";
@@ -170,8 +170,9 @@ fn pulses<T: Transport>(
         if there - back <= -2 {
             guard.off()?;
             let text = format!(
-                "it turns the other way: {evidence}. A position loop would run away: swap the \
-                 direction of the encoder (0x3010:02; EPOS2 0x2210:04) or two phases of the motor"
+                "it turns the other way: {evidence}. A position loop would run away: reverse the \
+                 direction of the encoder (0x3010:02; EPOS2 0x2210:04), or swap two phases of the \
+                 motor"
             );
             motor.find(Topic::Direction, "against the current", evidence);
             return Err(text.into());

@@ -32,7 +32,7 @@ impl<L: Lines> Procedure for Session<'_, L> {
     fn perform(&mut self, at: &Place<Stage>) -> Result<Ended, Halt> {
         let Place { stage, number, of, .. } = *at;
         let what = format!("== {number} of {of}: {stage}\n{}", stage.announcement());
-        let yes = permission(self.person, &what, "yes", "any other input ends here")?;
+        let yes = permission(self.person, &what, "yes", "any other input ends the run")?;
         // Not a failure of anything.
         let yes = yes.ok_or(Gone::NotPermitted)?;
         if self.ports.is_empty() {

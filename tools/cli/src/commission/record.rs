@@ -36,7 +36,9 @@ impl Stage {
     /// Announcement of what will happen and move, and how to stop it.
     pub fn announcement(self) -> &'static str {
         match self {
-            Self::Identify => "The identity of every drive is read. Nothing is written or moves.",
+            Self::Identify => {
+                "The identity of every drive is read. Nothing is written, nothing moves."
+            }
             Self::Settings => {
                 "Every setting of every drive is read and compared with the configuration. Nothing \
                  is written, nothing moves."

@@ -91,7 +91,7 @@ fn supply<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     };
     let on_again = "switch the supply on again";
     let Some(outage) = outage(motor, &yes, "switch the supply off NOW", on_again)? else {
-        motor.skip(Topic::SupplySwitched, "it was not switched within 30 s");
+        motor.skip(Topic::SupplySwitched, "the supply was not switched within 30 s");
         return Ok(());
     };
     let has_power = !outage.state.is_off() && outage.state != DriveState::Fault;
@@ -102,9 +102,14 @@ fn supply<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     motor.find(Topic::PowerUp, &boot, evidence.to_owned());
     off(motor)?;
     match (has_power, outage.code) {
-        (true, _) => bail!("it has power after its supply was switched"),
+        (true, _) => {
+            bail!("its power stage is on after its supply was switched off and on: it must stay off")
+        }
         (false, 0 | NO_CAN) => Ok(()),
-        (false, code) => bail!("it comes up with a fault: {}", motor.node.family.fault(code)),
+        (false, code) => {
+            let fault = motor.node.family.fault(code);
+            bail!("it starts with a fault after its supply was switched: {fault}")
+        }
     }
 }
 

@@ -36,7 +36,7 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
             let found = format!("answers; {}", port.describe_line(seen.exchange));
             if seen.exchange > SLOW {
                 let shorten = latency_timer::command(&port.device);
-                report.warn(name, found, format!("`{shorten}`, and use no hub"));
+                report.warn(name, found, format!("run `{shorten}`, and connect without a hub"));
             } else {
                 report.pass(name, found);
             }
@@ -58,14 +58,17 @@ pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut R
             report.warn(name, error.to_string(), "end the controller to check its drives")
         }
         Err(error) => {
-            let is_garbled = matches!(&error, DriveError::InvalidReply(.., it) if !it.is_frame() && !it.is_late());
+            let is_garbled = matches!(
+                &error,
+                DriveError::InvalidReply(.., it) if !it.is_frame() && !it.is_late()
+            );
             let is_silent = matches!(error, DriveError::NoAnswer { .. });
             match (is_garbled || is_silent).then(|| answering_rate(port)).flatten() {
                 Some(baud) => say_other(port, baud, report),
                 None if is_silent => report.fail(
                     name,
                     "no reply at any rate from 9600 to 1000000 baud",
-                    "switch on the power of the drives, press in the cable at both ends, and check that \
+                    "switch on the drive power, press in the cable at both ends, and check that \
                      `device` is the port of the drives; an EPOS2 is driven over USB, not RS232",
                 ),
                 None => fail(name, &error.to_string(), report),

@@ -61,7 +61,8 @@ fn check_records(folder: &Path, report: &mut Report) {
 fn check_pulse(config: &Config, report: &mut Report) {
     let Some(pulse) = &config.watchdog.pulse else {
         let found = config.host_failure_warning().unwrap_or_default();
-        return report.warn("pulse", found, "the manual: stops and faults, when the computer dies");
+        let fix = "see the manual: Stops and faults, When the computer dies";
+        return report.warn("pulse", found, fix);
     };
     let tried = PulseLine::open(&pulse.device, pulse.line).and_then(|line| {
         let was_on = line.is_on()?;
@@ -71,10 +72,11 @@ fn check_pulse(config: &Config, report: &mut Report) {
         Ok(is_switched)
     });
     let (found, fix) = match tried {
-        Ok(true) => return report.pass("pulse", "the line switches"),
-        Ok(false) => {
-            ("the line does not follow".to_owned(), "another adapter, or the other `line`")
-        }
+        Ok(true) => return report.pass("pulse", "the modem line can be switched"),
+        Ok(false) => (
+            "the modem line cannot be switched".to_owned(),
+            "use another adapter, or the other `line`",
+        ),
         Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {
             return report.pass("pulse", "the adapter is used by a watchdog");
         }

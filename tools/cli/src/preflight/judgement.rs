@@ -47,12 +47,12 @@ const MAX_LOST_COUNTS: f64 = 60.0;
 /// Maximum offset between camera and model, deg.
 const MAX_OFFSET_DEG: f64 = 1.0;
 
-const SWAPPED: &str = "find what is swapped (plugs of motors, wires, views of the camera) or turns \
-                       the other way: move one motor (`i2ris command motor 0 20`), change it back";
+const SWAPPED: &str = "move one motor (`i2ris command motor 0 20`) to find what is swapped (motor \
+                       plugs, wires, camera views) or turns the other way, then correct it";
 const CALIBRATE: &str = "calibrate this snake: `i2ris calibrate`";
 pub const CAMERA: &str = "start a camera: `python -m i2ris.markers --publish`";
 pub const CONDITION: &str = "`i2ris command state condition`";
-pub const PICTURE: &str = "light, focus and marker: look at the camera image";
+pub const PICTURE: &str = "check light, focus and marker in the camera image";
 const LOOSE: &str = "look for play: turn each motor shaft by hand, and feel where gear, coupling \
                                           and wires follow late; repair it, then calibrate";
 const SCALE: &str = "check magnification, distance and scale of the camera; if they are right, \
@@ -138,7 +138,7 @@ pub fn judge(measured: &Measured) -> Report {
         }
         Swing::TooFar([seen, goal]) => {
             let found = format!(
-                "stopped at {:+.1} {:+.1} deg from the start instead of {:+.1} {:+.1}",
+                "stopped: the tip was {:+.1} {:+.1} deg from the start, the goal {:+.1} {:+.1}",
                 seen[0], seen[1], goal[0], goal[1]
             );
             // More than 60 deg off the commanded direction.
@@ -182,14 +182,15 @@ fn judge_computer(measured: &Measured, report: &mut Report) {
         "free some space, or choose another record_folder",
     );
     let step_s = measured.clock_step_s;
-    let found = format!("the wall clock was set by {step_s:+.0} s since the controller started");
-    let fix = "restart the controller, so that its logs use a single time";
+    let found = format!("the wall clock was changed by {step_s:+.0} s after the controller start");
+    let fix = "restart the controller, so that all its logs use one time base";
     check(report, "clock", step_s.abs() <= MAX_CLOCK_STEP_S, found, fix);
     for (device, ages_s) in &measured.lines {
         let [age, longest] = ages_s.map(|age| age * 1e3);
         let found =
             format!("{device}: positions are {age:.0} ms old; at most {longest:.0} expected");
-        check(report, "line", age <= longest, found, "its latency timer: `i2ris doctor`");
+        let fix = "check the latency timer of its adapter: `i2ris doctor`";
+        check(report, "line", age <= longest, found, fix);
     }
     let [requested, granted] = measured.priority;
     if granted < requested {
@@ -215,10 +216,10 @@ fn judge_robot(measured: &Measured, report: &mut Report) {
     check(report, "memory", measured.is_memory_known, found, CONDITION);
     if let [first, more @ ..] = &measured.drive_differences[..] {
         let found = format!("changed since the calibration: {first}, and {} more", more.len());
-        report.fail("drive gains", found, "restore them, or calibrate: `i2ris doctor drives`");
+        report.fail("drive gains", found, "restore them (`i2ris doctor drives`), or calibrate");
     }
     let found = match measured.is_homed {
-        true => format!("motors at {first} and {second} counts from it"),
+        true => format!("motors at {first} and {second} counts from the zero"),
         false => "unknown".to_owned(),
     };
     check(report, "zero", measured.is_homed, found, "straighten the snake, then `i2ris home`");
@@ -227,7 +228,7 @@ fn judge_robot(measured: &Measured, report: &mut Report) {
 /// Whether the camera data can be compared.
 fn judge_camera(measured: &Measured, report: &mut Report) -> bool {
     let Some(camera) = measured.camera else {
-        report.warn("camera", "none publishes", CAMERA);
+        report.warn("camera", "no camera publishes", CAMERA);
         return true;
     };
     let CameraFacts { frames_per_s, seen, late_s, scatter_deg } = camera;
@@ -275,7 +276,8 @@ fn judge_follow(motion: &Motion, line_s: f64, report: &mut Report) -> bool {
             follow_s * 1e3,
             100.0 * followed
         );
-        report.fail("drive gains", found, "compare the drives: `i2ris doctor drives`; tune them");
+        let fix = "compare the drive settings (`i2ris doctor drives`), then tune them";
+        report.fail("drive gains", found, fix);
     }
     is_right
 }
@@ -355,7 +357,10 @@ fn fault(seen: &Seen) -> Option<(&'static str, String, &'static str)> {
         [false, false] => None,
         [first, _] => {
             let motor = usize::from(!first);
-            let found = format!("motor {motor} loses {:.0} counts more; {shown}", lost[motor]);
+            let found = format!(
+                "motor {motor} loses {:.0} counts more than the model predicts; {shown}",
+                lost[motor]
+            );
             Some(("wire", found, "tighten the wire, then calibrate"))
         }
     }

@@ -48,8 +48,8 @@ pub fn run(
     if !options.is_given() {
         let question = format!(
             "The snake will swing by less than 2 deg to one side and back, in pitch, then in yaw, \
-             for {LENGTH_S:.0} s. Its power is switched on. Is one hand on the switch of the motor \
-             supply, and the snake out of the eye?"
+             for {LENGTH_S:.0} s. The drives will be powered. Is one hand on the switch of the \
+             motor supply, and the snake out of the eye?"
         );
         if !has_person {
             return none(NOBODY);
@@ -95,7 +95,7 @@ pub fn run(
         }
         Some(_) if !has_person => none(["seen by neither operator nor camera", CAMERA]),
         Some(motion) => {
-            let question = "Did the tip swing in pitch only, then in yaw only, without delay at \
+            let question = "Did the tip swing in pitch only, then in yaw only, without a pause at \
                                             every turn, and is it back at the start?";
             Ok(Swing::ByEye(motion, is_yes(question)?))
         }

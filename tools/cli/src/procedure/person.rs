@@ -45,7 +45,7 @@ pub fn permission(
     word: &str,
     otherwise: &str,
 ) -> Result<Option<Permission>, Gone> {
-    let typed = person.answer(&format!("\n{what}\nType {word} for that; {otherwise}: "))?;
+    let typed = person.answer(&format!("\n{what}\nType {word} to permit it; {otherwise}: "))?;
     Ok((typed == word).then_some(Permission(())))
 }
 

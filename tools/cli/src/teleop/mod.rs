@@ -46,8 +46,8 @@ const MIN_PERIOD: Nanos = Nanos::from_millis(1);
 const PUBLISH_PERIOD: Nanos = Nanos::from_millis(50);
 /// Warning if the controller would mistake rotated image axes for pitch and yaw.
 const ROTATED_CAMERA: &str = "warning: the camera reports angles in image axes, but the controller \
-         compares them with pitch and yaw and will stop; set limits.plausibility_deg to 0, or let \
-         `i2ris vision calibrate` find pitch and yaw";
+         compares them with pitch and yaw and will stop; set limits.plausibility_deg to 0, or \
+         state axis, reversed and turn_deg of every view in the setup of `i2ris vision`";
 
 /// Arguments of `i2ris teleop`.
 #[derive(Debug, clap::Args)]
