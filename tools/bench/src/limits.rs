@@ -46,7 +46,7 @@ pub struct Arguments {
     /// Store the fitted models in this folder, and reuse those that it contains
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
-    /// Also this many moves to drawn poses, and as many conditioning cycles
+    /// Also run this many moves to random poses, and as many conditioning cycles
     #[arg(long, value_name = "N", default_value_t = 0)]
     moves: u32,
 }
@@ -69,7 +69,8 @@ struct Found {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     println!("RMS deg, with the limits as shipped | without those of the joints");
     println!(
-        "snake, motion, deg/s               model              tip            at most          rest s"
+        "snake, motion, deg/s               model              tip            at most          \
+         rest s"
     );
     let Arguments { snake, models, moves } = arguments;
     let folder = tempfile::tempdir()?;

@@ -45,7 +45,7 @@ const REST: usize = 200;
 /// Arguments of `i2ris bench lines`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Lines; errors are compared with those on the first
+    /// Lines to compare; tracking errors are relative to those on the first
     #[arg(
         long,
         value_name = "LINE,..",
@@ -53,7 +53,7 @@ pub struct Arguments {
         default_value = "rs232,usb-each,lab"
     )]
     line: Vec<Line>,
-    /// Drives of the laboratory's line; the third turns no joint and stays at rest
+    /// Number of drives on the laboratory's line; the third turns no joint and stays at rest
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_value = "2,3",
           value_parser = clap::value_parser!(u8).range(2..=3))]
     axes: Vec<u8>,

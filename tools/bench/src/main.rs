@@ -9,7 +9,7 @@
 //! | `control_loop`, `inverse`, `e2e` | the measurements |
 //! | `outcome`, `report` | variants, quantities, ratios; as text, JSON and figures |
 //! | `placement`, `machine` | scheduling of threads; properties and load of the machine |
-//! | `rig`, `sample_models`, `tick` | emulated drives, models of any size, a tick with ideal drives |
+//! | `rig`, `sample_models`, `tick` | emulated drives, models of any size, an ideal tick |
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -117,7 +117,7 @@ enum Task {
 
 #[derive(Debug, clap::Args)]
 struct LoopArguments {
-    /// Ticks per second; several rates, separated by commas, are measured in turns
+    /// Ticks per second; several rates, separated by commas, are measured in turn
     #[arg(long, value_name = "HZ", default_value = "1000", value_delimiter = ',',
           value_parser = value_parser!(u32).range(100..=4000))]
     rate_hz: Vec<u32>,
@@ -134,7 +134,7 @@ struct LoopArguments {
 
 #[derive(Debug, clap::Args)]
 struct InverseArguments {
-    /// Turns of the 2000-pose motion
+    /// Passes through the motion of 2000 poses
     #[arg(long, value_name = "N", default_value_t = 50,
           value_parser = value_parser!(u32).range(1..))]
     turns: u32,
@@ -154,7 +154,7 @@ struct EndToEndArguments {
     /// Random seed of the command times
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Turns; each measures the bare loop, then the controller
+    /// Rounds; each measures the bare loop, then the controller
     #[arg(long, value_name = "N", default_value_t = 2,
           value_parser = value_parser!(u32).range(1..=100))]
     turns: u32,

@@ -75,7 +75,7 @@ enum What {
         /// Stop this many seconds after arriving
         #[arg(long, value_name = "S", value_parser = positive)]
         duration_s: Option<f64>,
-        /// Hold the pose until Ctrl-C; otherwise a script ends on arrival
+        /// Hold the pose until Ctrl-C, also in a script, which otherwise ends on arrival
         #[arg(long, conflicts_with = "duration_s")]
         hold: bool,
         #[command(flatten)]
@@ -111,7 +111,7 @@ enum What {
     Fixture(fixture::Arguments),
     /// Send a state command (top level: stop, home, enable, disable)
     State {
-        /// What to do
+        /// State command
         #[arg(value_enum)]
         command: StateWord,
         #[command(flatten)]

@@ -23,7 +23,7 @@ use commands::Demo;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris demo
-  i2ris demo --snake brass --duration-s 300 --motions teleoperation,circle,square,points --motion-s 60
+  i2ris demo --snake brass --duration-s 300 --motions teleoperation,circle,square --motion-s 60
   i2ris demo --snake preisach:3 --duration-s 300 --family best")]
 pub struct Arguments {
     /// The snake, as for `i2ris emulate`: steel (mild), brass (a wide, asymmetric
@@ -39,7 +39,7 @@ pub struct Arguments {
     /// Connection of drives and computer
     #[arg(long, value_enum, default_value_t)]
     line: Line,
-    /// Calibration time
+    /// Duration of the calibration recording
     #[arg(long, value_name = "S", default_value_t = 90.0)]
     duration_s: f64,
     /// Model families to compare, comma-separated; `best` is the one with the least held-out
@@ -54,7 +54,7 @@ pub struct Arguments {
     /// Motions to follow
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Motion::Teleoperation])]
     motions: Vec<Motion>,
-    /// Duration of teleoperation
+    /// Duration of the motion `teleoperation`
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     motion_s: f64,
     /// Random seed; calibrations and motions use different seeds

@@ -64,11 +64,11 @@ pub struct Arguments {
     /// nodes, serial numbers, and devices that do not exist
     #[arg(long, value_name = "FILE", conflicts_with = "line")]
     config: Option<PathBuf>,
-    /// Objects of a real drive: an EDS or DCF file of maxon's tool, or a table of one (CSV). The
-    /// emulated drives refuse missing objects and values out of range
+    /// Objects of a real drive: an EDS or DCF file of EPOS Studio, or its objects as a CSV table.
+    /// The emulated drives refuse missing objects and values out of range
     #[arg(long, value_name = "FILE")]
     device: Option<PathBuf>,
-    /// Scenario of faults in drives, lines, wires and camera, and of ageing of the snake (TOML)
+    /// Scenario (TOML): faults in drives, lines, wires and camera, and ageing of the snake
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// Do not publish camera frames

@@ -30,7 +30,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(50);
   i2ris start
   i2ris start --snake config/snakes/brass.toml --no-monitor
   i2ris start --line rs232 --folder two-epos4
-  i2ris start --config my-robot.toml          a rehearsal: emulated drives with a robot's configuration
+  i2ris start --config my-robot.toml        a rehearsal: emulated drives, a robot's configuration
 
 Then, in another terminal:
   i2ris calibrate

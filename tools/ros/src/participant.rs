@@ -32,7 +32,7 @@ pub const NODE: &str = "i2ris_ros";
 /// Domain and networks of ROS.
 #[derive(Debug, Clone, clap::Args)]
 pub struct RosNetwork {
-    /// Domain of ROS
+    /// ROS domain id
     #[arg(
         long,
         env = "ROS_DOMAIN_ID",

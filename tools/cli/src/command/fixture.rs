@@ -36,10 +36,10 @@ z is along the straight snake; yaw bends towards x, pitch towards y. A half-plan
 forbids everything beyond the offset in the direction of the normal."
 )]
 pub struct Arguments {
-    /// What to do
+    /// Action
     #[arg(value_enum)]
     action: Action,
-    /// The numbers of a region to add
+    /// Numbers of the region to add, as in the examples
     #[arg(value_parser = finite)]
     numbers: Vec<f64>,
     #[command(flatten)]

@@ -23,7 +23,7 @@ const ARRIVAL_TIMEOUT: Nanos = Nanos::from_millis(5000);
 /// Reaction when the controller has stopped the snake because commands came late.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum OnLate {
-    /// Resume, later than the times of the trajectory
+    /// Resume; the rest of the trajectory is delayed
     Continue,
     /// Exit; the snake holds
     End,

@@ -26,9 +26,9 @@ const MARK: &str = " # CHECK";
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
   i2ris doctor config check my-robot.toml
-  i2ris doctor config print config/robot.toml           all keys with values and meanings
-  i2ris doctor config schema > robot.schema.json        for editors: completion, meanings, unknown keys
-  i2ris doctor config schema vision                     for the file that describes the views")]
+  i2ris doctor config print config/robot.toml       all keys with values and meanings
+  i2ris doctor config schema > robot.schema.json    for editors: completion, meanings, unknown keys
+  i2ris doctor config schema vision                 for the file that describes the views")]
 pub enum Command {
     /// Validate a configuration
     Check {

@@ -19,7 +19,7 @@ use i2ris_simulation::drive::DeviceFile;
   i2ris doctor drives compare before.json after.json
   i2ris doctor drives compare motor.dcf                 as EPOS Studio exports it
 
-Drives are read, and nothing is written to them.")]
+The drives are only read: nothing is written to them.")]
 pub enum Command {
     /// Print every setting of every drive as JSON
     Dump(Present),

@@ -43,7 +43,7 @@ pub struct Arguments {
     /// Print JSON instead of lines
     #[arg(long)]
     json: bool,
-    /// Do not open the ports
+    /// Do not open the serial ports: the drives are then not checked
     #[arg(long)]
     no_drives: bool,
 }

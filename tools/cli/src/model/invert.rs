@@ -32,7 +32,8 @@ const REST_TIMEOUT_TICKS: u32 = 10_000;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris model invert steel.json desired.csv --output counts.csv
-  i2ris model invert steel.json desired.csv --history before.csv --config robot.toml --output counts.csv
+  i2ris model invert steel.json desired.csv --history before.csv --output counts.csv
+  i2ris model invert steel.json desired.csv --config robot.toml --output counts.csv
 
 The trajectory has the columns t_s, pitch_deg, yaw_deg (or those of the model), interpolated
 linearly; the history has q0_counts, q1_counts. The output contains the setpoints that the control
@@ -43,7 +44,7 @@ pub struct Arguments {
     /// The desired angles
     #[arg(value_name = "DESIRED.csv")]
     trajectory: PathBuf,
-    /// Earlier path of the motors, which sets the memory
+    /// Earlier path of the motors: sets the hysteresis memory at the start
     #[arg(long, value_name = "COUNTS.csv")]
     history: Option<PathBuf>,
     /// Output file: time, desired angles and counts

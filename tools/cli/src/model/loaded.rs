@@ -33,7 +33,7 @@ pub struct UseArguments {
     model: PathBuf,
     #[command(flatten)]
     prepare: PrepareOptions,
-    /// Only check it and keep it ready; the same command without this option activates it
+    /// Only check it and keep it ready (staged); the same command without this option activates it
     #[arg(long, conflicts_with_all = ["no_condition", "enable", "home"])]
     no_activate: bool,
     /// Accept a model that was calibrated with different drive settings: another gear, encoder

@@ -22,7 +22,7 @@ pub struct Arguments {
     /// The path of the motors
     #[arg(id = "path", value_name = "COUNTS.csv")]
     counts: PathBuf,
-    /// Earlier path of the motors, which sets the memory
+    /// Earlier path of the motors: sets the hysteresis memory at the start
     #[arg(long, value_name = "COUNTS.csv")]
     history: Option<PathBuf>,
     /// Output file: angles, counts, and the time if the path has one

@@ -22,7 +22,7 @@ use i2ris_report::{DomainOption, Failure};
 pub struct Arguments {
     /// The model [default: those of the running controller]
     model: Option<PathBuf>,
-    /// Print the file with its identity as JSON
+    /// Print the file and the id of the model as JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -220,7 +220,8 @@ fn balance_table(balance: &BalanceParameters) {
         let [sine, cosine, twice_sine, twice_cosine] = motor.transmission_error.map(counts);
         if motor.transmission_error != [0.0; 4] {
             println!(
-                "        transmission error {:.2} counts once and {:.2} twice a turn of {:.0} counts",
+                "        transmission error {:.2} counts once and {:.2} twice a turn of {:.0} \
+                 counts",
                 sine.hypot(cosine),
                 twice_sine.hypot(twice_cosine),
                 balance.counts_per_turn

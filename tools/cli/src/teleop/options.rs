@@ -24,7 +24,7 @@ pub(super) struct HandOptions {
     /// Minimum command rate; device events are sent at once
     #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate)]
     pub rate_hz: f64,
-    /// Speed of the snake at full deflection, and its limit
+    /// Speed limit of the snake, reached at full deflection
     #[arg(long, default_value_t = 10.0, value_name = "DEG_PER_S", value_parser = positive)]
     speed_deg_s: f64,
     #[command(flatten)]
@@ -39,14 +39,14 @@ pub(super) struct HandOptions {
     /// Profile of an unknown device; create one by `i2ris teleop input learn`
     #[arg(long, value_name = "FILE")]
     profile: Vec<PathBuf>,
-    /// Meaning of a deflection: a speed; a distance from the pose where the dead-man was pressed;
-    /// or a distance, with speed at the rim
+    /// Meaning of a deflection. rate: a speed; position: a distance from the pose where the
+    /// dead-man was pressed; hybrid: a distance, and a speed at the rim
     #[arg(long, value_enum, default_value_t = ModeWord::Rate)]
     mode: ModeWord,
     /// Distance of full deflection in position and hybrid
     #[arg(long, default_value_t = 1.5, value_name = "DEG", value_parser = positive)]
     reach_deg: f64,
-    /// Motion scaling; several values are steps for a button of the device
+    /// Motion scaling; a button of the device selects the next of several values
     #[arg(long, value_delimiter = ',', default_values_t = [1.0, 0.5, 0.25], value_name = "SHARE",
           value_parser = share)]
     pub scale: Vec<f64>,

@@ -27,7 +27,7 @@ pub fn above_zero(text: &str) -> Result<f64, String> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, strum::IntoStaticStr)]
 #[strum(serialize_all = "kebab-case")]
 pub enum Protocol {
-    /// Both motors wander over the whole disc and make strokes of all sizes, in turns (best
+    /// Both motors alternately wander over the whole disc and make strokes of all sizes (best
     /// calibration)
     Reversals,
     /// The laboratory's sawtooth: full-range strokes of both motors that cross the disc on changing

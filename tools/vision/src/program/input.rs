@@ -21,11 +21,11 @@ pub struct Format {
     /// Format of streams
     #[arg(long, value_enum, default_value_t = StreamFormat::Y4m)]
     format: StreamFormat,
-    /// Frames were taken at this rate: stamps by number. Otherwise, frames of a stream are stamped
-    /// on arrival
+    /// Frame rate, from which stamps are computed [default: 30 for folders; frames of a stream are
+    /// stamped on arrival]
     #[arg(long, value_name = "HZ", value_parser = positive)]
     fps: Option<f64>,
-    /// Frames arrive this long after they were taken
+    /// Delay from exposure to arrival, subtracted from the stamps
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
     latency_ms: f64,
 }
@@ -33,6 +33,7 @@ pub struct Format {
 /// Format of a stream.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum StreamFormat {
+    /// YUV4MPEG2
     Y4m,
     /// JPEG files, one after the other
     Mjpeg,

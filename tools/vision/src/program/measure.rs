@@ -47,7 +47,7 @@ pub struct Arguments {
     setup: PathBuf,
     #[command(flatten)]
     format: Format,
-    /// The frames begin at rest for this long: reference of the angles
+    /// Time at rest at the start: the reference of the angles
     #[arg(long, value_name = "SECONDS", default_value = "2", value_parser = span)]
     rest_s: Nanos,
     /// File to write the angles to, CSV [default: standard output]

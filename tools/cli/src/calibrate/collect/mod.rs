@@ -60,8 +60,8 @@ pub struct Arguments {
     /// Duration [default: that of the protocol; 300 for reversals]
     #[arg(long, value_name = "S", value_parser = above_zero)]
     duration_s: Option<f64>,
-    /// Range around the centre [default: three quarters of the distance to the nearest position
-    /// limit]
+    /// Largest distance from the centre [default: three quarters of the distance to the nearest
+    /// position limit]
     #[arg(long, value_name = "COUNTS", value_parser = above_zero)]
     range_counts: Option<f64>,
     /// Centre of the motion, one value per motor [default: 0,0]
@@ -79,7 +79,7 @@ pub struct Arguments {
     watch: bool,
     #[command(flatten)]
     prepare: PrepareOptions,
-    /// Skip the conditioning cycle: the initial hysteresis is then unknown
+    /// Skip the conditioning cycle: the hysteresis memory is then unknown at the start
     #[arg(long)]
     no_condition: bool,
     #[command(flatten)]

@@ -22,7 +22,7 @@ pub struct Arguments {
     /// Folder to write; each of several recordings gets its own subfolder
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Also write the pictures of cameras: pictures/VIEW/SECONDS.jpg
+    /// Also write the camera images: pictures/VIEW/SECONDS.jpg
     #[arg(long)]
     pictures: bool,
     /// Replace an earlier export

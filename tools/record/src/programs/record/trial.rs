@@ -89,7 +89,7 @@ pub enum Task {
         /// Condition of the study
         #[arg(long, value_name = "NAME")]
         condition: Condition,
-        /// Task
+        /// Name of the task
         #[arg(long, value_name = "NAME", default_value = "")]
         task: String,
         /// Note to store
