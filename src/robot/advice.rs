@@ -62,8 +62,8 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         Refusal::NotDisabled => "`i2ris disable`",
         Refusal::NoFault => "continue; no action is needed",
         Refusal::WatchdogNotReady => {
-            "give the watchdog access to every port (see its log), or end it (`i2ris doctor` names \
-             it): the robot then runs without a watchdog"
+            "give the watchdog access to every port (see its log), or end it (see `i2ris \
+             doctor`): the robot then runs without a watchdog"
         }
         Refusal::NotHomed => "straighten the snake, then `i2ris home`",
         Refusal::NoModel => "`i2ris model use FILE`, or name it in the configuration",
@@ -90,8 +90,8 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         }
         Refusal::OutOfReach => "command a smaller angle, or calibrate a wider range",
         Refusal::StreamInterrupted => {
-            "(1) read `i2ris status`, (2) fix the stream; send nothing for 1 s, then send `hold` \
-             as this client, then restart from `setpoint_js`"
+            "(1) read `i2ris status`, (2) fix the stream; stay silent for 1 s, send `hold` as \
+             this client, then restart from `setpoint_js`"
         }
         Refusal::BadModel => "read the reason in the controller's reply to `i2ris model use`",
     }

@@ -42,8 +42,8 @@ pub struct Arguments {
     /// Duration of the calibration recording
     #[arg(long, value_name = "S", default_value_t = 90.0)]
     duration_s: f64,
-    /// Model families to compare, comma-separated; `best` is the one with the least held-out
-    /// error
+    /// Model families to compare, comma-separated; `best` selects one as `i2ris calibrate
+    /// fit` does
     #[arg(
         long,
         value_name = "FAMILY,..",

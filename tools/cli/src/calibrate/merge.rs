@@ -34,8 +34,8 @@ pub struct Arguments {
     #[arg(long)]
     overwrite: bool,
     /// Add this to the stamps of the angles
-    #[arg(long, value_name = " \
-     S", default_value_t = 0.0, allow_negative_numbers = true, value_parser = shift)]
+    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true,
+          value_parser = shift)]
     shift_s: f64,
     #[command(flatten)]
     columns: PathColumns,
