@@ -20,6 +20,7 @@
 //! | `objective` | the sum of squares |
 //! | `latency` | how late the samples are |
 //! | `search` | the whole fit |
+//! | `terms` | what a snake may have or not |
 //! | `error` | why there is none |
 //! | `mechanism` | what the parameters say of the robot |
 
@@ -34,5 +35,6 @@ mod reach;
 mod read_out;
 pub mod search;
 mod target;
+mod terms;
 #[cfg(test)]
 mod tests;

@@ -2,13 +2,13 @@
 
 use i2ris::model::Hull;
 use i2ris::model::file::{FamilyParameters, PolynomialParameters};
-use i2ris::model::hysteresis::force_balance::{BalanceParameters, CREEPING, ForceBalance, REACH};
+use i2ris::model::hysteresis::force_balance::{BalanceParameters, ForceBalance, REACH};
 use i2ris::units::MotorVec;
 use i2ris_report::statistics::min_max;
 use nalgebra::{DMatrix, DVector, SVector};
 
 use super::error::BalanceError;
-use super::judge::{Judge, ONE_OF, SURE, is_better, mean};
+use super::judge::{Judge, ONE_OF};
 use super::latency::{RemainingLatency, remaining_latency};
 use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::{LeastSquares, Minimum, StoppingRule, minimise};
@@ -53,7 +53,6 @@ const STARTS: [(f64, f64, f64); 15] = [
 /// that help, the last search.
 const TRY: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
 const COARSE: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
-const TERM: StoppingRule = StoppingRule { iterations: 8, tolerance: 2e-3 };
 const FINE: StoppingRule = StoppingRule { iterations: 20, tolerance: 3e-4 };
 const KEPT: usize = 4;
 const ROUNDS: usize = 2;
@@ -63,20 +62,13 @@ const ROUNDS: usize = 2;
 const ERRORS: [f64; 5] = [0.4, 0.2, 0.1, 0.05, 0.025];
 
 /// More error is allowed where that is worse by less than this part on the blocks held out.
-const ALIKE_HELD_OUT: f64 = 0.04;
-
-/// In a recording of less, creep of 5 s looks like hysteresis, and that of 50 s like drift, s.
-const CREEP_S: f64 = 20.0;
-const SLOW_CREEP_S: f64 = 200.0;
+pub(super) const ALIKE_HELD_OUT: f64 = 0.04;
 
 /// A motor does at most so many times what the other one does, squared.
 const MOST_UNLIKE: f64 = 30.0;
 
-/// The slowest creep has to be surer: it learns drift, too.
-const SURE_OF_SLOW: f64 = 2.0;
-
 /// The fold by whose blocks the prior is chosen.
-const FOLD: usize = ONE_OF / 2;
+pub(super) const FOLD: usize = ONE_OF / 2;
 
 /// The degree of the polynomial, and simpler ones for where that one folds.
 const DEGREE: usize = 6;
@@ -147,11 +139,11 @@ pub fn fit_force_balance(
     }
 }
 
-struct Search<'a, const D: usize> {
+pub(super) struct Search<'a, const D: usize> {
     series: &'a Series,
-    target: Target<D>,
+    pub target: Target<D>,
     /// Whether the series shows what both motors do together.
-    plane: bool,
+    pub plane: bool,
     /// RMS error of a straight line, and half the range of the outputs, on average.
     line: f64,
     range: f64,
@@ -230,62 +222,9 @@ impl<'a, const D: usize> Search<'a, D> {
         Some(self.with_terms_that_help(best?))
     }
 
-    fn judge(&self, fold: usize) -> Judge<D> {
+    pub(super) fn judge(&self, fold: usize) -> Judge<D> {
         let every = self.target.samples().div_ceil(COARSE_SAMPLES);
         Judge::new(self.target.thinned(every, COARSE_SPACING).coarse(), fold)
-    }
-
-    /// What the other motor's bend does, the transmission error, and creep, each only where blocks
-    /// that are left out, one fold after the other, are explained better with it.
-    fn with_terms_that_help(&self, mut best: Place) -> Place {
-        let folds: Vec<Judge<D>> = (0..ONE_OF).map(|fold| self.judge(fold)).collect();
-        let left_out = |place: &Place, terms: Terms| -> Option<(Place, Vec<f64>)> {
-            let with = |fold: usize| self.with(&folds[fold], place, terms);
-            let found: Option<Vec<_>> = parallel::map(ONE_OF, with).into_iter().collect();
-            let (places, errors): (Vec<Place>, Vec<Vec<f64>>) = found?.into_iter().unzip();
-            Some((places.into_iter().nth(FOLD)?, errors.concat()))
-        };
-        let Some((_, mut errors)) = left_out(&best, best.terms) else { return best };
-        let time_s = self.target.time_s();
-        for term in [Term::Other, Term::Transmission, Term::Creep(2), Term::Creep(CREEPING)] {
-            let terms = match term {
-                Term::Other if D > 1 => Terms { other: true, ..best.terms },
-                Term::Transmission => Terms { transmission: true, ..best.terms },
-                Term::Creep(2) if time_s >= CREEP_S => Terms { creep: 2, ..best.terms },
-                Term::Creep(all) if best.terms.creep == 2 && time_s >= SLOW_CREEP_S => {
-                    Terms { creep: all, ..best.terms }
-                }
-                _ => continue,
-            };
-            // More steps alone are not what helps.
-            if matches!(term, Term::Creep(CREEPING)) {
-                let Some(again) = left_out(&best, best.terms) else { continue };
-                (best, errors) = again;
-            }
-            let Some((place, with)) = left_out(&best, terms) else { continue };
-            let helps = match term {
-                // One axis at a time does not show it: a snake bends in a plane.
-                Term::Other if !self.plane => !is_better([&with, &errors], SURE, 0.0),
-                Term::Other => is_better([&errors, &with], SURE, 0.0),
-                Term::Creep(CREEPING) => is_better([&errors, &with], SURE_OF_SLOW, ALIKE_HELD_OUT),
-                _ => is_better([&errors, &with], SURE, ALIKE_HELD_OUT),
-            };
-            if helps {
-                (best, errors) = (place, with);
-            }
-        }
-        best
-    }
-
-    /// Where other terms lead from a place, and the errors there on the blocks held out.
-    fn with(&self, judge: &Judge<D>, place: &Place, terms: Terms) -> Option<(Place, Vec<f64>)> {
-        let known = judge.whole.layout.with(place.terms).decode(&place.at);
-        let judge = judge.with_terms(terms);
-        let objective = self.objective(&judge.seen, place.error);
-        let start = judge.whole.layout.encode(&known);
-        let at = minimise(&objective, start, TERM, &|| ())?.at;
-        let errors = judge.errors(&objective.read_out, &at)?;
-        Some((Place { terms, at, error: place.error, held_out: mean(&errors) }, errors))
     }
 
     /// Where the best starts lead in some steps.
@@ -348,7 +287,7 @@ impl<'a, const D: usize> Search<'a, D> {
         Ok(BalanceFit { family, simpler, mechanism, latency })
     }
 
-    fn objective<'t>(&self, target: &'t Target<D>, error: f64) -> Objective<'t, D> {
+    pub(super) fn objective<'t>(&self, target: &'t Target<D>, error: f64) -> Objective<'t, D> {
         let share = self.target.samples() as f64 / target.samples() as f64;
         let ridge = HELD * error / self.range;
         Objective {
@@ -408,21 +347,14 @@ impl<'a, const D: usize> Search<'a, D> {
     }
 }
 
-/// What a snake may have or not.
-enum Term {
-    Other,
-    Transmission,
-    Creep(usize),
-}
-
 /// A place of the search.
-struct Place {
-    terms: Terms,
-    at: DVector<f64>,
+pub(super) struct Place {
+    pub terms: Terms,
+    pub at: DVector<f64>,
     /// The error that is allowed.
-    error: f64,
+    pub error: f64,
     /// Mean square error on the samples held out.
-    held_out: f64,
+    pub held_out: f64,
 }
 
 /// How many samples count as one, because their errors are alike: by the correlation of neighbours.

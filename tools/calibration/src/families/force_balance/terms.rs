@@ -1,0 +1,81 @@
+//! The terms that not every snake has, each only where blocks that are left out show it.
+
+use i2ris::model::hysteresis::force_balance::CREEPING;
+
+use super::judge::{Judge, ONE_OF, SURE, is_better, mean};
+use super::layout::Terms;
+use super::levenberg_marquardt::{StoppingRule, minimise};
+use super::search::{ALIKE_HELD_OUT, FOLD, Place, Search};
+use crate::parallel;
+
+/// When the search with another term ends.
+const TERM: StoppingRule = StoppingRule { iterations: 8, tolerance: 2e-3 };
+
+/// In a recording of less, creep of 5 s looks like hysteresis, and that of 50 s like drift, s.
+const CREEP_S: f64 = 20.0;
+const SLOW_CREEP_S: f64 = 200.0;
+
+/// The slowest creep has to be surer: it learns drift, too.
+const SURE_OF_SLOW: f64 = 2.0;
+
+/// What a snake may have or not.
+enum Term {
+    Other,
+    Transmission,
+    Creep(usize),
+}
+
+impl<const D: usize> Search<'_, D> {
+    /// What the other motor's bend does, the transmission error, and creep, each only where blocks
+    /// that are left out, one fold after the other, are explained better with it.
+    pub(super) fn with_terms_that_help(&self, mut best: Place) -> Place {
+        let folds: Vec<Judge<D>> = (0..ONE_OF).map(|fold| self.judge(fold)).collect();
+        let left_out = |place: &Place, terms: Terms| -> Option<(Place, Vec<f64>)> {
+            let with = |fold: usize| self.with(&folds[fold], place, terms);
+            let found: Option<Vec<_>> = parallel::map(ONE_OF, with).into_iter().collect();
+            let (places, errors): (Vec<Place>, Vec<Vec<f64>>) = found?.into_iter().unzip();
+            Some((places.into_iter().nth(FOLD)?, errors.concat()))
+        };
+        let Some((_, mut errors)) = left_out(&best, best.terms) else { return best };
+        let time_s = self.target.time_s();
+        for term in [Term::Other, Term::Transmission, Term::Creep(2), Term::Creep(CREEPING)] {
+            let terms = match term {
+                Term::Other if D > 1 => Terms { other: true, ..best.terms },
+                Term::Transmission => Terms { transmission: true, ..best.terms },
+                Term::Creep(2) if time_s >= CREEP_S => Terms { creep: 2, ..best.terms },
+                Term::Creep(all) if best.terms.creep == 2 && time_s >= SLOW_CREEP_S => {
+                    Terms { creep: all, ..best.terms }
+                }
+                _ => continue,
+            };
+            // More steps alone are not what helps.
+            if matches!(term, Term::Creep(CREEPING)) {
+                let Some(again) = left_out(&best, best.terms) else { continue };
+                (best, errors) = again;
+            }
+            let Some((place, with)) = left_out(&best, terms) else { continue };
+            let helps = match term {
+                // One axis at a time does not show it: a snake bends in a plane.
+                Term::Other if !self.plane => !is_better([&with, &errors], SURE, 0.0),
+                Term::Other => is_better([&errors, &with], SURE, 0.0),
+                Term::Creep(CREEPING) => is_better([&errors, &with], SURE_OF_SLOW, ALIKE_HELD_OUT),
+                _ => is_better([&errors, &with], SURE, ALIKE_HELD_OUT),
+            };
+            if helps {
+                (best, errors) = (place, with);
+            }
+        }
+        best
+    }
+
+    /// Where other terms lead from a place, and the errors there on the blocks held out.
+    fn with(&self, judge: &Judge<D>, place: &Place, terms: Terms) -> Option<(Place, Vec<f64>)> {
+        let known = judge.whole.layout.with(place.terms).decode(&place.at);
+        let judge = judge.with_terms(terms);
+        let objective = self.objective(&judge.seen, place.error);
+        let start = judge.whole.layout.encode(&known);
+        let at = minimise(&objective, start, TERM, &|| ())?.at;
+        let errors = judge.errors(&objective.read_out, &at)?;
+        Some((Place { terms, at, error: place.error, held_out: mean(&errors) }, errors))
+    }
+}
