@@ -80,8 +80,8 @@ pub(super) struct Terms {
     /// What the bend of the other motor does: to preload, spring and shared stops, of which there
     /// are more then.
     pub other: bool,
-    /// The transmission error of the gear.
-    pub transmission: bool,
+    /// The transmission error of the gear, by the counts of its turn.
+    pub transmission: Option<f64>,
     /// So many elements that creep, the quickest first.
     pub creep: usize,
 }
@@ -190,7 +190,7 @@ pub(super) struct Layout {
 impl Layout {
     /// Without terms that not every snake has.
     pub fn new(scales: Vec<(f64, f64)>, plane: bool) -> Self {
-        Self { scales, plane, terms: Terms { other: false, transmission: false, creep: 0 } }
+        Self { scales, plane, terms: Terms { other: false, transmission: None, creep: 0 } }
     }
 
     /// The same parameters, with other terms.
@@ -199,8 +199,12 @@ impl Layout {
     }
 
     fn per_motor(&self) -> usize {
-        let Terms { other, transmission, .. } = self.terms;
-        PER_MOTOR + if other { OTHER.len() } else { 0 } + if transmission { 4 } else { 0 }
+        let other = if self.terms.other { OTHER.len() } else { 0 };
+        PER_MOTOR + other + if self.has_transmission() { 4 } else { 0 }
+    }
+
+    fn has_transmission(&self) -> bool {
+        self.terms.transmission.is_some()
     }
 
     fn shared_stiffness(&self) -> &'static [Usual] {
@@ -225,7 +229,7 @@ impl Layout {
         for _ in &self.scales {
             usual.extend(motor);
             usual.extend(OTHER.iter().filter(|_| self.terms.other));
-            usual.extend([TRANSMISSION; 4].iter().filter(|_| self.terms.transmission));
+            usual.extend([TRANSMISSION; 4].iter().filter(|_| self.has_transmission()));
         }
         usual.extend(OWN_STIFFNESS.into_iter().chain(OWN_SHARE));
         let shared = self.shared_stiffness();
@@ -262,7 +266,7 @@ impl Layout {
                 motor.preload_growth_by_other = motor.preload_growth + next();
                 motor.hardening_by_other = motor.hardening * next();
             }
-            if self.terms.transmission {
+            if self.has_transmission() {
                 motor.transmission_error = std::array::from_fn(|_| next());
             }
             let ratio = motor.stiffness[0].exp();
@@ -299,7 +303,7 @@ impl Layout {
             friction_stays: next(),
             shared_growth: if self.terms.other { next() } else { 0.0 },
             creep: std::array::from_fn(|k| if k < self.terms.creep { next() } else { 0.0 }),
-            counts_per_turn: USUAL_TURN,
+            counts_per_turn: self.terms.transmission.unwrap_or(USUAL_TURN),
         }
     }
 
@@ -320,9 +324,10 @@ impl Layout {
 
     /// The terms that some parameters have.
     pub fn terms_of(balance: &BalanceParameters) -> Terms {
+        let has_error = balance.motors.iter().any(|it| it.transmission_error != [0.0; 4]);
         Terms {
             other: balance.shared_stops.len() > FEW_STIFFNESS.len(),
-            transmission: balance.motors.iter().any(|it| it.transmission_error != [0.0; 4]),
+            transmission: has_error.then_some(balance.counts_per_turn),
             creep: balance.creep.iter().take_while(|stiffness| **stiffness > 0.0).count(),
         }
     }
@@ -342,7 +347,7 @@ impl Layout {
             } else if self.terms.other {
                 values.extend(OTHER.map(|usual| usual.value));
             }
-            values.extend(motor.transmission_error.iter().filter(|_| self.terms.transmission));
+            values.extend(motor.transmission_error.iter().filter(|_| self.has_transmission()));
         }
         values.extend(balance.own_stops.iter().map(|stop| stop.stiffness));
         let last = balance.own_stops.last().map_or(1.0, |stop| stop.share);

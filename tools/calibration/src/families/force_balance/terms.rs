@@ -1,6 +1,6 @@
 //! The terms that not every snake has, each only where blocks that are left out show it.
 
-use i2ris::model::hysteresis::force_balance::CREEPING;
+use i2ris::model::hysteresis::force_balance::{CREEPING, USUAL_TURN};
 
 use super::judge::{Judge, ONE_OF, SURE, is_better, mean};
 use super::layout::Terms;
@@ -17,6 +17,10 @@ const SLOW_CREEP_S: f64 = 200.0;
 
 /// The slowest creep has to be surer: it learns drift, too.
 const SURE_OF_SLOW: f64 = 2.0;
+
+/// Turns that no motor has, over the one that it has: as far as can be from it, from half of it and
+/// from twice it. What helps as much with them is no transmission error.
+const WRONG_TURNS: [f64; 2] = [std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::SQRT_2];
 
 /// What a snake may have or not.
 enum Term {
@@ -41,7 +45,7 @@ impl<const D: usize> Search<'_, D> {
         for term in [Term::Other, Term::Transmission, Term::Creep(2), Term::Creep(CREEPING)] {
             let terms = match term {
                 Term::Other if D > 1 => Terms { other: true, ..best.terms },
-                Term::Transmission => Terms { transmission: true, ..best.terms },
+                Term::Transmission => Terms { transmission: Some(USUAL_TURN), ..best.terms },
                 Term::Creep(2) if time_s >= CREEP_S => Terms { creep: 2, ..best.terms },
                 Term::Creep(all) if best.terms.creep == 2 && time_s >= SLOW_CREEP_S => {
                     Terms { creep: all, ..best.terms }
@@ -59,7 +63,15 @@ impl<const D: usize> Search<'_, D> {
                 Term::Other if !self.plane => !is_better([&with, &errors], SURE, 0.0),
                 Term::Other => is_better([&errors, &with], SURE, 0.0),
                 Term::Creep(CREEPING) => is_better([&errors, &with], SURE_OF_SLOW, ALIKE_HELD_OUT),
-                _ => is_better([&errors, &with], SURE, ALIKE_HELD_OUT),
+                Term::Transmission => {
+                    is_better([&errors, &with], SURE, ALIKE_HELD_OUT)
+                        && WRONG_TURNS.iter().all(|part| {
+                            let wrong = Some(part * USUAL_TURN);
+                            left_out(&best, Terms { transmission: wrong, ..best.terms })
+                                .is_none_or(|(_, wrong)| is_better([&wrong, &with], SURE, 0.0))
+                        })
+                }
+                Term::Creep(_) => is_better([&errors, &with], SURE, ALIKE_HELD_OUT),
             };
             if helps {
                 (best, errors) = (place, with);
