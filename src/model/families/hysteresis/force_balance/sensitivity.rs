@@ -112,6 +112,13 @@ pub struct SensitiveState<const D: usize> {
     crept: [[Slopes; CREEPING]; D],
 }
 
+/// The balance of a step.
+struct Balanced<const D: usize> {
+    bend: SVector<f64, D>,
+    stretch: SVector<f64, D>,
+    by_bend: [Slopes; D],
+}
+
 impl<const D: usize> SensitiveState<D> {
     /// The bend, units of travel.
     #[must_use]
@@ -199,8 +206,11 @@ impl<const D: usize> ForceBalance<D> {
             if let Some(middle) = self.middle(&at.state, &pulleys) {
                 let mut half = at.clone();
                 let by_middle = std::array::from_fn(|i| (before[i] + at.pulley[i]) * 0.5);
-                let middle = (&middle, &by_middle);
-                self.step_sensitive(&mut half, (&limits, &by_limits), middle, None);
+                let travel = self.travel(&middle);
+                let travel = (&travel, &self.travel_slopes(&by_middle, &middle));
+                // Limits do not depend on the stops, which stay where they were.
+                let balanced = self.balance_of(&half, (&limits, &by_limits), travel, None);
+                self.store_bend(&mut half, (&limits, &by_limits), travel, balanced);
                 (limits, by_limits) = known(&half);
             }
             let held =
@@ -234,14 +244,14 @@ impl<const D: usize> ForceBalance<D> {
         time_s: f64,
     ) -> Option<(SVector<f64, D>, [Slopes; D])> {
         let held = self.held_back(&at.state, limits, pulleys, time_s)?;
-        let mut balanced = at.clone();
-        let stayed = (&vector(&at.state.pulley), before);
+        let stayed = vector(&at.state.pulley);
+        let travel = (&self.travel(&stayed), &self.travel_slopes(before, &stayed));
         let at_once = self.at_once(limits);
-        self.step_sensitive(&mut balanced, (&at_once, by_limits), stayed, None);
+        let balanced = self.balance_of(at, (&at_once, by_limits), travel, None);
         let by_motion =
             (at.pulley[held.farthest] - before[held.farthest]) * (held.sign / SMALL_MOTION);
         let by_left = std::array::from_fn(|i| {
-            (balanced.bend[i] - at.bend[i]) * held.part - by_motion * held.jump[i]
+            (balanced.by_bend[i] - at.bend[i]) * held.part - by_motion * held.jump[i]
         });
         Some((held.jump * held.part, by_left))
     }
@@ -270,16 +280,28 @@ impl<const D: usize> ForceBalance<D> {
     fn balance(
         &self,
         at: &mut SensitiveState<D>,
+        limits: (&Limits<D>, &LimitSlopes<D>),
+        travel: (&SVector<f64, D>, &[Slopes; D]),
+        held: Option<(SVector<f64, D>, [Slopes; D])>,
+    ) {
+        let balanced = self.balance_of(at, limits, travel, held);
+        self.move_stops(at, limits, &balanced);
+        self.store_bend(at, limits, travel, balanced);
+    }
+
+    /// The balance of a step and its derivatives.
+    fn balance_of(
+        &self,
+        at: &SensitiveState<D>,
         (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
         (travel, by_travel): (&SVector<f64, D>, &[Slopes; D]),
         held: Option<(SVector<f64, D>, [Slopes; D])>,
-    ) {
+    ) -> Balanced<D> {
         let mut bend = self.solve(&at.state, limits, travel);
         let mut stretch = travel - bend;
         // First all that changes at a constant bend.
         let by_moved: [Slopes; D] = std::array::from_fn(|i| -at.bend[i]);
-        let shared = self.shared_slopes(at, (limits, by_limits), (&bend, &by_moved));
-        let by_rest: [Slopes; D] = std::array::from_fn(|i| {
+        let mut by_rest: [Slopes; D] = std::array::from_fn(|i| {
             let wires = self.wires(i, limits);
             let [plus, minus] =
                 tension_slopes(i, &wires, stretch[i], &by_limits.preload[i], &by_travel[i]);
@@ -291,8 +313,9 @@ impl<const D: usize> ForceBalance<D> {
             by_rest[places.at(SPRING)] -= bend[i] * (1.0 + hardened);
             by_rest -= by_limits.hardened[i] * (motor.spring * bend[i]);
             by_rest[places.at(HARDENING)] -= motor.spring * bend[i] * square;
-            let own = self.own_slopes(at, i, (limits, by_limits), (bend[i], &by_moved[i]));
-            for (k, (deflection, slopes)) in own.iter().enumerate() {
+            for k in self.own_stops() {
+                let moved = (bend[i], &by_moved[i]);
+                let (deflection, slopes) = self.own_slopes(at, (i, k), (limits, by_limits), moved);
                 by_rest -= slopes * self.own[k].stiffness;
                 by_rest[OWN_STIFFNESS + k] -= deflection;
             }
@@ -303,13 +326,15 @@ impl<const D: usize> ForceBalance<D> {
                         (1.0 - limits.passed[k]) * (bend[i] - at.state.crept[i][k]);
                 }
             }
-            for (k, deflections) in shared.iter().enumerate() {
-                let (deflection, slopes) = &deflections[i];
-                by_rest -= slopes * self.shared[k].stiffness;
-                by_rest[SHARED_STIFFNESS + k] -= deflection;
-            }
             by_rest
         });
+        for k in 0..self.shared_count {
+            let shared = self.shared_slopes(at, k, (limits, by_limits), (&bend, &by_moved));
+            for (by_rest, (deflection, slopes)) in by_rest.iter_mut().zip(shared) {
+                *by_rest -= slopes * self.shared[k].stiffness;
+                by_rest[SHARED_STIFFNESS + k] -= deflection;
+            }
+        }
         let slope = self.rest(&at.state, limits, travel, &bend).slope;
         let inverse = slope.try_inverse().unwrap_or_else(SMatrix::zeros);
         let mut by_bend: [Slopes; D] = std::array::from_fn(|i| {
@@ -319,19 +344,43 @@ impl<const D: usize> ForceBalance<D> {
             (bend, stretch) = (bend - left, stretch + left);
             by_bend = std::array::from_fn(|i| by_bend[i] - by_left[i]);
         }
+        Balanced { bend, stretch, by_bend }
+    }
+
+    /// The stops after a step, and what creeps, with their derivatives.
+    fn move_stops(
+        &self,
+        at: &mut SensitiveState<D>,
+        (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
+        Balanced { bend, by_bend, .. }: &Balanced<D>,
+    ) {
         let by_moved: [Slopes; D] = std::array::from_fn(|i| by_bend[i] - at.bend[i]);
-        let shared = self.shared_slopes(at, (limits, by_limits), (&bend, &by_moved));
-        for (to, from) in at.shared.iter_mut().zip(shared) {
-            *to = from.map(|(_, slopes)| slopes);
+        for k in 0..self.shared_count {
+            let shared = self.shared_slopes(at, k, (limits, by_limits), (bend, &by_moved));
+            at.shared[k] = shared.map(|(_, slopes)| slopes);
         }
         for i in 0..D {
-            let own = self.own_slopes(at, i, (limits, by_limits), (bend[i], &by_moved[i]));
-            at.own[i] = own.map(|(_, slopes)| slopes);
+            for k in self.own_stops() {
+                let moved = (bend[i], &by_moved[i]);
+                at.own[i][k] = self.own_slopes(at, (i, k), (limits, by_limits), moved).1;
+            }
             if self.has_creep {
                 for (by_crept, passed) in at.crept[i].iter_mut().zip(limits.passed) {
                     *by_crept += (by_bend[i] - *by_crept) * passed;
                 }
             }
+        }
+    }
+
+    /// The bend and the tensions after a step, with their derivatives, and the state.
+    fn store_bend(
+        &self,
+        at: &mut SensitiveState<D>,
+        (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
+        (travel, by_travel): (&SVector<f64, D>, &[Slopes; D]),
+        Balanced { bend, stretch, by_bend }: Balanced<D>,
+    ) {
+        for i in 0..D {
             let by_stretch = by_travel[i] - by_bend[i];
             let wires = self.wires(i, limits);
             at.tension[i] =
@@ -339,61 +388,6 @@ impl<const D: usize> ForceBalance<D> {
         }
         at.bend = by_bend;
         self.store(&mut at.state, limits, travel, &bend);
-    }
-
-    /// Deflections of the own stops of a motor after a motion, and their derivatives.
-    fn own_slopes(
-        &self,
-        at: &SensitiveState<D>,
-        i: usize,
-        (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
-        (bend, by_moved): (f64, &Slopes),
-    ) -> [(f64, Slopes); OWN_STOPS] {
-        std::array::from_fn(|k| {
-            let stop = &self.own[k];
-            if stop.stiffness == 0.0 {
-                return (0.0, Slopes::zeros());
-            }
-            let (from, moved) = (at.state.own[i][k], bend - at.state.bend[i]);
-            let held = stop.moved(from, moved, limits.own[i], limits.stays);
-            let mut slopes = at.own[i][k] * held.by_from + by_moved * held.by_moved;
-            for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
-                let (by_end, limit) = (sign * held.by_ends[side], limits.own[i][side]);
-                if by_end != 0.0 {
-                    slopes += by_limits.own[i][side] * (by_end * stop.reach);
-                    slopes[OWN_SHARE + k] += by_end * limit / stop.stiffness;
-                    slopes[OWN_STIFFNESS + k] -= by_end * stop.reach * limit / stop.stiffness;
-                }
-            }
-            slopes[STAYS] += held.by_stays;
-            (held.deflection, slopes)
-        })
-    }
-
-    /// The same of the shared stops.
-    fn shared_slopes(
-        &self,
-        at: &SensitiveState<D>,
-        (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
-        (bend, by_moved): (&SVector<f64, D>, &[Slopes; D]),
-    ) -> [[(f64, Slopes); D]; SHARED_STOPS] {
-        std::array::from_fn(|k| {
-            let stop = &self.shared[k];
-            if stop.stiffness == 0.0 {
-                return [(0.0, Slopes::zeros()); D];
-            }
-            let moved = std::array::from_fn(|i| bend[i.min(D - 1)] - at.state.bend[i]);
-            let held = stop.moved_in_plane(at.state.shared[k], moved, limits.shared);
-            let mut by_reach = by_limits.shared * stop.reach;
-            by_reach[SHARED_SHARE + k] += limits.shared / stop.stiffness;
-            by_reach[SHARED_STIFFNESS + k] -= stop.reach * limits.shared / stop.stiffness;
-            std::array::from_fn(|i| {
-                let slopes = (0..D).fold(by_reach * held.by_reach[i], |sum, j| {
-                    sum + at.shared[k][j] * held.by_from[i][j] + by_moved[j] * held.by_moved[i][j]
-                });
-                (held.deflection[i], slopes)
-            })
-        })
     }
 }
 
@@ -419,5 +413,6 @@ fn tension_slopes(
 }
 
 mod limits;
+mod stops;
 #[cfg(test)]
 mod tests;

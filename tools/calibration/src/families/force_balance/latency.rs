@@ -7,6 +7,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::judge::BLOCKS;
+use super::levenberg_marquardt::squares_of;
 use super::objective::Objective;
 use crate::quality::latency::jackknife_deviation;
 use crate::series::blocks;
@@ -37,7 +38,7 @@ pub(super) fn remaining_latency<const D: usize>(
     later.rows_mut(0, errors.nrows()).copy_from(&errors.column(0));
     later.rows_mut(errors.nrows(), shrinkage.nrows()).copy_from(&shrinkage.column(0));
     later *= -objective.weight;
-    let explained = slopes.tr_mul(slopes).cholesky()?.solve(&slopes.tr_mul(&later));
+    let explained = squares_of(slopes).cholesky()?.solve(&slopes.tr_mul(&later));
     later -= slopes * explained;
     let samples = bends.nrows();
     let parts: Vec<(f64, f64)> = blocks(samples, BLOCKS)

@@ -9,6 +9,8 @@
 use i2ris::model::polynomial_regression::{coefficients, products};
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn};
 
+use super::levenberg_marquardt::squares_of;
+
 /// A term of degree n is expected to be this part of the one of degree n - 1, and the first after
 /// the straight ones half of it.
 const DECAY: f64 = 0.5;
@@ -193,7 +195,7 @@ impl ReadOut {
         inputs: usize,
     ) -> Option<Solved> {
         let held = self.held(inputs);
-        let normal = (features.tr_mul(&features) + held.tr_mul(&held)).cholesky()?;
+        let normal = (squares_of(&features) + squares_of(&held)).cholesky()?;
         let coefficients = normal.solve(&features.tr_mul(measured));
         let errors = &features * &coefficients - measured;
         let shrinkage = &held * &coefficients;

@@ -1,7 +1,6 @@
 //! The path of the motors, the samples along it, and the bend that parameters give there.
 
 use i2ris::model::hysteresis::Operator;
-use i2ris::model::hysteresis::force_balance::sensitivity::NUMBERS;
 use i2ris::model::hysteresis::force_balance::{BalanceParameters, ForceBalance, REACH};
 use i2ris::units::MAX_OUTPUTS;
 use i2ris_report::statistics::min_max;
@@ -160,19 +159,27 @@ impl<const D: usize> Target<D> {
         let operator = self.operator(&self.layout.decode(at))?;
         let mut state = operator.begin_sensitive(&self.path.first()?.0);
         let mut bends = DMatrix::zeros(self.samples.len(), D);
+        // A number of a layout is hardly ever more than one parameter.
+        let decoded = self.layout.slopes(at);
+        let parts = |column: usize| {
+            let parts = decoded.column(column).into_iter().copied().enumerate();
+            parts.filter(|(_, part)| *part != 0.0).collect::<Vec<_>>()
+        };
+        let parts: Vec<Vec<(usize, f64)>> = (0..at.len()).map(parts).collect();
         let mut slopes: [DMatrix<f64>; D] =
-            std::array::from_fn(|_| DMatrix::zeros(NUMBERS, self.samples.len()));
+            std::array::from_fn(|_| DMatrix::zeros(self.samples.len(), at.len()));
         self.follow(|row, (counts, time_s)| match row {
             None => operator.advance_sensitive(&mut state, counts, *time_s),
             Some(row) => {
                 bends.set_row(row, &(state.bend() / REACH).transpose());
                 for (slopes, of_bend) in slopes.iter_mut().zip(state.slopes()) {
-                    slopes.set_column(row, &(of_bend / REACH));
+                    let of_bend = of_bend / REACH;
+                    for (slope, parts) in slopes.row_mut(row).iter_mut().zip(&parts) {
+                        *slope = parts.iter().map(|(number, part)| of_bend[*number] * part).sum();
+                    }
                 }
             }
         });
-        let decoded = self.layout.slopes(at);
-        let slopes = slopes.map(|slopes| slopes.tr_mul(&decoded));
         let is_finite = |matrix: &DMatrix<f64>| matrix.iter().all(|value| value.is_finite());
         (is_finite(&bends) && slopes.iter().all(is_finite)).then_some((bends, slopes))
     }
