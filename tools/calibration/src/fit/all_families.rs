@@ -6,6 +6,7 @@ use i2ris::model::file::{FamilyParameters, HullParameters};
 use i2ris::model::{Hull, Model};
 
 use super::choice::{Score, best, scores};
+use super::earlier;
 use super::error::{FitError, refused};
 use super::evidence::{Evidence, judged_rows, known_from};
 use super::family::{Choice, Family};
@@ -39,17 +40,19 @@ pub fn fit(
 ) -> Result<FitOutcome, FitError> {
     let quality = Quality::new(recording, &options.spikes)?;
     let split = Split::new(recording, options.hold_out)?;
-    if options.choice == Choice::Best && split.is_empty() {
+    let earlier = options.earlier.as_ref();
+    if (options.choice == Choice::Best || earlier.is_some()) && split.is_empty() {
         return Err(FitError::NothingToChooseBy);
     }
+    let start = earlier.map(|it| earlier::balance_of(it, recording, options.choice)).transpose()?;
     let usable = |row: &usize| options.spikes.keep || !quality.is_flagged(*row);
     let every = split.training().count().div_ceil(MAX_ROWS).max(1);
     let training: Vec<usize> = split.training().filter(usable).step_by(every).collect();
     outputs_change(recording, &training)?;
     let data = TrainingData::new(recording, training)?;
-    let fitter = data.fitter(&quality, &split, options, progress);
+    let mut fitter = data.fitter(&quality, &split, options, progress);
     let wanted = Family::ALL.into_iter().filter(|family| options.choice.includes(*family));
-    let parts = Parts::new(options.choice);
+    let parts = Parts::new(options);
     let mut families: Vec<FamilyOutcome> = wanted
         .map(|family| {
             parts.announce(family, progress);
@@ -58,12 +61,14 @@ pub fn fit(
         .collect();
     let judged_rows = judged_rows(&split, known_from(recording), &usable);
     let training: Vec<usize> = fitter.context.training.to_vec();
-    let noise = quality.noise.iter().zip(recording.outputs()).map(|(noise, output)| {
-        let deviation = noise.map_or(0.0, |noise| noise.deviation);
-        (deviation * output.unit.si()).powi(2)
-    });
-    let noise = noise.sum::<f64>().sqrt();
+    let noise = noise_of(&quality, recording);
     let evidence = Evidence { recording, rows: &judged_rows, noise };
+    if let (Some(earlier), Some(own)) = (earlier, families.last_mut()) {
+        parts.announce_earlier(progress);
+        fitter.earlier = start;
+        let found = fitter.attempt(Family::ForceBalance);
+        earlier::take_better(own, found, earlier, &evidence);
+    }
     let (linear, family, judged, scores) = choose(&mut families, options.choice, &evidence)?;
     let doubt = match (doubt(&judged), options.force) {
         (Some(doubt), false) => return Err(FitError::Worthless { family, doubt }),
@@ -95,6 +100,15 @@ pub fn fit(
         families,
         report: FitReport { split, quality, training, every, scores, judged: judged_rows },
     })
+}
+
+/// RMS length of the noise of the measurement, SI units.
+fn noise_of(quality: &Quality, recording: &Recording) -> f64 {
+    let noise = quality.noise.iter().zip(recording.outputs()).map(|(noise, output)| {
+        let deviation = noise.map_or(0.0, |noise| noise.deviation);
+        (deviation * output.unit.si()).powi(2)
+    });
+    noise.sum::<f64>().sqrt()
 }
 
 /// Input of every model from a recording.
@@ -139,17 +153,24 @@ pub(super) fn balance_of(
 /// The parts of the work: every family, and the fit to all rows in the end.
 struct Parts {
     choice: Choice,
+    /// Of the families, and of all.
+    families: f64,
     total: f64,
 }
 
 /// Share of the usual duration for the fit to all rows.
 const REFIT: f64 = 4.0;
 
+/// The same for the search from an earlier calibration.
+const EARLIER: f64 = 6.0;
+
 impl Parts {
-    fn new(choice: Choice) -> Self {
+    fn new(options: &FitOptions) -> Self {
+        let choice = options.choice;
         let wanted = Family::ALL.into_iter().filter(|f| choice.includes(*f));
-        let total = REFIT + wanted.map(Family::usual_duration).sum::<f64>();
-        Self { choice, total }
+        let families = wanted.map(Family::usual_duration).sum::<f64>();
+        let earlier = options.earlier.as_ref().map_or(0.0, |_| EARLIER);
+        Self { choice, families, total: families + earlier + REFIT }
     }
 
     fn announce(&self, family: Family, progress: &dyn Progress) {
@@ -158,6 +179,11 @@ impl Parts {
         let begin: f64 = before.map(Family::usual_duration).sum();
         let end = begin + family.usual_duration();
         progress.part(&family.to_string(), begin / self.total, end / self.total);
+    }
+
+    fn announce_earlier(&self, progress: &dyn Progress) {
+        let (from, to) = (self.families, self.families + EARLIER);
+        progress.part("the earlier calibration", from / self.total, to / self.total);
     }
 
     fn announce_refit(&self, family: Family, progress: &dyn Progress) {
@@ -249,6 +275,7 @@ impl<'a> TrainingData<'a> {
             straight: &self.straight,
             options,
             known: None,
+            earlier: None,
             progress,
         }
     }

@@ -72,10 +72,16 @@ pub enum FitError {
         /// Cause.
         doubt: String,
     },
+    /// A model that cannot be one more start.
+    #[error(
+        "the earlier calibration (--model) cannot be a start: {0}; name another one, or leave it \
+         out"
+    )]
+    Earlier(String),
     /// No rows are held out for the choice.
     #[error(
-        "choosing the best family needs held-out rows; name a family with --family, or hold \
-         something out"
+        "choosing the best family, or an earlier calibration, needs held-out rows; name a family \
+         with --family and no --model, or hold something out"
     )]
     NothingToChooseBy,
     /// The model is refused, as the controller would refuse it.

@@ -12,7 +12,7 @@ use super::all_families::balance_of;
 use super::evidence::{block_errors, known_from};
 use super::metrics::predictions;
 use super::split::{HoldOut, Split};
-use crate::families::force_balance::search::fit_force_balance;
+use crate::families::force_balance::search::{Start, fit_force_balance};
 use crate::progress::Silent;
 use crate::quality::{Finding, limits_of_path};
 use crate::recording::Recording;
@@ -126,11 +126,11 @@ fn held_out_latency(recording: &Recording, near: f64, plane: bool) -> Option<(f6
         let shifted = recording.shifted(found);
         let every = shifted.rows().len().div_ceil(MAX_ROWS);
         let rows: Vec<usize> = (0..shifted.rows().len()).step_by(every).collect();
-        let known = match &family {
-            Some(FamilyParameters::ForceBalance { balance, .. }) => Some(balance),
-            _ => None,
+        let start = match &family {
+            Some(FamilyParameters::ForceBalance { balance, .. }) => Start::Known(balance),
+            _ => Start::Typical,
         };
-        let fit = fit_force_balance(&Series::new(&shifted, &rows), plane, known, &Silent).ok()?;
+        let fit = fit_force_balance(&Series::new(&shifted, &rows), plane, start, &Silent).ok()?;
         let late = fit.latency?;
         found += late.seconds.clamp(-FURTHEST_S, FURTHEST_S);
         (deviation_s, family) = (late.deviation_s, Some(fit.family));

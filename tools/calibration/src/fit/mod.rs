@@ -15,6 +15,7 @@
 //! | `network_error` | why such a network is refused |
 //! | `one_family` | the fit of each family |
 //! | `all_families` | the whole fit, and the choice |
+//! | `earlier` | an earlier calibration as one more start |
 //! | `evidence` | rows for judging families |
 //! | [`choice`] | scores of the families: errors held out, and tracking on other families |
 //! | `outcome` | models and the report of the fit |
@@ -23,6 +24,7 @@
 
 mod all_families;
 pub mod choice;
+mod earlier;
 pub mod error;
 mod evidence;
 pub mod family;

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, Mixture, OutputMetrics};
+use i2ris::model::hysteresis::force_balance::BalanceParameters;
 
 use super::error::{FitError, refused};
 use super::family::Family;
@@ -15,7 +16,7 @@ use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, Mechanism};
 use crate::em::error::EmError;
 use crate::families::chain::ChainOptions;
-use crate::families::force_balance::search::fit_force_balance;
+use crate::families::force_balance::search::{Start, fit_force_balance};
 use crate::families::play::play_fit::{PlayFit, fit_play};
 use crate::progress::Progress;
 use crate::quality::Finding;
@@ -54,6 +55,8 @@ pub(super) struct FamilyFitter<'a> {
     pub options: &'a FitOptions,
     /// Parameters of the same family from most of the same rows, whose choices are kept.
     pub known: Option<&'a FamilyParameters>,
+    /// A balance of forces to start from, of other rows.
+    pub earlier: Option<&'a BalanceParameters>,
     pub progress: &'a dyn Progress,
 }
 
@@ -199,11 +202,12 @@ impl FamilyFitter<'_> {
     }
 
     fn force_balance(&self, remarks: &mut Remarks) -> Result<Model, FitError> {
-        let known = match self.known {
-            Some(FamilyParameters::ForceBalance { balance, .. }) => Some(balance),
-            _ => None,
+        let start = match (self.known, self.earlier) {
+            (Some(FamilyParameters::ForceBalance { balance, .. }), _) => Start::Known(balance),
+            (_, Some(earlier)) => Start::Earlier(earlier),
+            _ => Start::Typical,
         };
-        let fit = fit_force_balance(&self.series, self.no_plane.is_none(), known, self.progress);
+        let fit = fit_force_balance(&self.series, self.no_plane.is_none(), start, self.progress);
         let fit = fit.map_err(|source| failed(Family::ForceBalance, source))?;
         remarks.mechanism = Some(Mechanism::Balance(fit.mechanism));
         let checked = |parameters| self.checked(Family::ForceBalance, &Fitted::plain(parameters));

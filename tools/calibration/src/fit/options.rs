@@ -1,5 +1,6 @@
 //! Options of a fit.
 
+use i2ris::model::file::ModelFile;
 use i2ris::robot::DriveFingerprint;
 
 use super::family::Choice;
@@ -18,6 +19,9 @@ pub struct FitOptions {
     pub drives: Vec<DriveFingerprint>,
     /// Families to fit.
     pub choice: Choice,
+    /// An earlier model of `force-balance`, of this robot or another one: its balance is one more
+    /// start, and is taken where rows held out show that it leads to a better model.
+    pub earlier: Option<ModelFile>,
     /// Components of a mixture on the counts.
     pub components: Components,
     /// Options of the mixture fit.
@@ -37,6 +41,7 @@ impl Default for FitOptions {
             recorded_at: None,
             drives: Vec::new(),
             choice: Choice::Best,
+            earlier: None,
             components: Components::UpTo(MAX_COMPONENTS_TRIED),
             em: EmOptions::default(),
             hold_out: HoldOut::default(),

@@ -6,6 +6,7 @@ use std::str::FromStr;
 
 use clap::builder::NonEmptyStringValueParser;
 use clap::value_parser;
+use i2ris::model::Model;
 use i2ris::robot::DriveFingerprint;
 use i2ris::wall_clock::WallTime;
 use i2ris_calibration::em::EmOptions;
@@ -32,8 +33,14 @@ const MAX_LATENCY_MS: f64 = 1000.0;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris calibrate fit recording.csv --output config/models/snake.json --report report.html
+  i2ris calibrate fit today.csv --model last-week.json --output today.json
   i2ris calibrate fit recording.csv trial.mcap --model model.json --output refined.json
   i2ris calibrate fit recording.csv --network gru.json --output gru-model.json
+
+With a model, its force balance is one more start of the search for `force-balance`. The own starts
+run as always; the result of the further one is taken if it is surely better on held-out rows, and
+the report has both errors. The model may be of another robot. Rows to which it was fitted do not
+test it.
 
 With a trial, the model is refitted, in its family, to its own recording and the trial together.
 The trial is a later recording of `i2ris record`, with the zero of that day and a publishing camera;
@@ -53,8 +60,14 @@ pub struct Arguments {
         "force", "latency_ms", "counts", "angles", "time", "unwrap",
     ])]
     trial: Option<PathBuf>,
-    /// With a trial: the model that was fitted to the recording
-    #[arg(long = "model", id = "model_file", value_name = "MODEL.json", requires = "trial")]
+    /// An earlier calibration: one more start of `force-balance`. With a trial: the model that was
+    /// fitted to the recording
+    #[arg(
+        long = "model",
+        id = "model_file",
+        value_name = "MODEL.json",
+        conflicts_with = "network"
+    )]
     old: Option<PathBuf>,
     /// Import a network that was trained elsewhere
     #[arg(long, value_name = "NETWORK.json", conflicts_with_all = [
@@ -219,6 +232,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut options = arguments.options(robot_id, recorded_at);
     options.drives = metadata.map(|metadata| metadata.drives).unwrap_or_default();
     let (mut recording, read) = Recording::read(file, &arguments.columns.map())?;
+    if let Some(earlier) = old {
+        options.earlier = Some(Model::load(earlier)?.file().clone());
+    }
     if let Some(network) = &arguments.network {
         return of_network(network, recording, &options, output);
     }

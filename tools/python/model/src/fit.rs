@@ -148,6 +148,7 @@ pub fn fit(
         robot_id,
         recorded_at,
         choice: family.parse().map_err(refused)?,
+        earlier: None,
         components: components.map_or(Components::UpTo(max_components), Components::Exactly),
         em: EmOptions { restarts, seed, ..EmOptions::default() },
         hold_out: hold_out.parse().map_err(refused)?,

@@ -12,7 +12,7 @@ pub(super) const BLOCKS: usize = 20;
 pub(super) const ONE_OF: usize = 5;
 
 /// A mean difference of so many of its deviations is none of chance. One block alone makes 1.
-pub(super) const SURE: f64 = 1.5;
+pub(crate) const SURE: f64 = 1.5;
 
 /// Samples in blocks, of which some are held out.
 pub(super) struct Judge<const D: usize> {
@@ -65,7 +65,7 @@ impl<const D: usize> Judge<D> {
 /// Whether blocks are explained better by a second model: by more than so many deviations of what
 /// chance makes of the differences, and by more than a part of the error. Of ratios every block
 /// counts the same: one in which the state is not known yet has many times the error of the others.
-pub(super) fn is_better([before, after]: [&[f64]; 2], sure: f64, least: f64) -> bool {
+pub(crate) fn is_better([before, after]: [&[f64]; 2], sure: f64, least: f64) -> bool {
     let gain = |(before, after): (&f64, &f64)| {
         before.max(f64::MIN_POSITIVE).ln() - after.max(f64::MIN_POSITIVE).ln()
     };

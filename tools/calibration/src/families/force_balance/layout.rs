@@ -181,7 +181,7 @@ const CREEP: Usual = positive(0.02, 1.0);
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
     /// Middle and travel per count of every motor.
-    scales: Vec<(f64, f64)>,
+    pub scales: Vec<(f64, f64)>,
     /// Whether the samples show what both motors do together.
     plane: bool,
     pub terms: Terms,
@@ -349,10 +349,14 @@ impl Layout {
             }
             values.extend(motor.transmission_error.iter().filter(|_| self.has_transmission()));
         }
-        values.extend(balance.own_stops.iter().map(|stop| stop.stiffness));
-        let last = balance.own_stops.last().map_or(1.0, |stop| stop.share);
-        let own = balance.own_stops.iter().map(|stop| stop.share * LAST_SHARE / last);
-        values.extend(own.take(OWN_STOPS - 1));
+        let own = |place: usize| balance.own_stops.get(place);
+        for (place, usual) in OWN_STIFFNESS.iter().enumerate() {
+            values.push(own(place).map_or(usual.value, |stop| stop.stiffness));
+        }
+        let last = own(OWN_STOPS - 1).map_or(LAST_SHARE, |stop| stop.share);
+        for (place, usual) in OWN_SHARE.iter().enumerate() {
+            values.push(own(place).map_or(usual.value, |stop| stop.share * LAST_SHARE / last));
+        }
         let shared = self.shared_stiffness();
         let known = |place: usize| match had_other == self.terms.other {
             true => balance.shared_stops.get(place),

@@ -4,10 +4,10 @@
 //! the squared distance from usual parameters (`layout`). The polynomial from the bend to the
 //! outputs is solved for in every step of the search (variable projection, G. H. Golub and V.
 //! Pereyra 1973), with a penalty that grows with its degree. The search starts from several
-//! preloads, gaps and frictions: a start with the wrong one ends in a local minimum. How far the
-//! parameters may be from the usual ones is chosen by blocks of samples held out. The inverse of
-//! the normal equations at the end gives the deviations of the parameters, and tells which of them
-//! the recording does not show.
+//! preloads, gaps and frictions: a start with the wrong one ends in a local minimum. Another search
+//! may start at an earlier calibration. How far the parameters may be from the usual ones is chosen
+//! by blocks of samples held out. The inverse of the normal equations at the end gives the
+//! deviations of the parameters, and tells which of them the recording does not show.
 //!
 //! | file | contents |
 //! |---|---|
@@ -21,11 +21,12 @@
 //! | `latency` | how late the samples are |
 //! | `search` | the whole fit |
 //! | `terms` | what a snake may have or not |
+//! | `rescaled` | parameters of another range as a start |
 //! | `error` | why there is none |
 //! | `mechanism` | what the parameters say of the robot |
 
 pub mod error;
-mod judge;
+pub(crate) mod judge;
 pub mod latency;
 mod layout;
 mod levenberg_marquardt;
@@ -33,6 +34,7 @@ pub mod mechanism;
 mod objective;
 mod reach;
 mod read_out;
+mod rescaled;
 pub mod search;
 mod target;
 mod terms;

@@ -54,6 +54,7 @@ const STARTS: [(f64, f64, f64); 15] = [
 const TRY: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
 const COARSE: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
 const FINE: StoppingRule = StoppingRule { iterations: 20, tolerance: 3e-4 };
+const STANDS_STILL: StoppingRule = StoppingRule { iterations: 40, tolerance: 1e-3 };
 const KEPT: usize = 4;
 const ROUNDS: usize = 2;
 
@@ -102,9 +103,19 @@ pub struct BalanceFit {
     pub latency: Option<RemainingLatency>,
 }
 
+/// Where a search begins. Parameters are of as many motors as the series.
+#[derive(Debug, Clone, Copy)]
+pub enum Start<'a> {
+    /// At snakes of all kinds.
+    Typical,
+    /// At parameters of most of the same samples, whose terms are kept: it ends nearby.
+    Known(&'a BalanceParameters),
+    /// At parameters of other samples, perhaps of another snake.
+    Earlier(&'a BalanceParameters),
+}
+
 /// Fits a balance of forces to a series. The same series gives the same bits, whatever the number
-/// of threads. `plane` tells whether the series shows what both motors do together. From parameters
-/// `known` of most of the same samples there is no search among starts.
+/// of threads. `plane` tells whether the series shows what both motors do together.
 ///
 /// # Errors
 ///
@@ -112,7 +123,7 @@ pub struct BalanceFit {
 pub fn fit_force_balance(
     series: &Series,
     plane: bool,
-    known: Option<&BalanceParameters>,
+    start: Start<'_>,
     progress: &dyn Progress,
 ) -> Result<BalanceFit, BalanceError> {
     let few = |finding: &Finding| matches!(finding, Finding::FewReversals { .. });
@@ -134,8 +145,8 @@ pub fn fit_force_balance(
         }
     }
     match motors {
-        1 => Search::<1>::new(series, plane, progress).run(known),
-        _ => Search::<2>::new(series, plane, progress).run(known),
+        1 => Search::<1>::new(series, plane, progress).run(start),
+        _ => Search::<2>::new(series, plane, progress).run(start),
     }
 }
 
@@ -180,16 +191,17 @@ impl<'a, const D: usize> Search<'a, D> {
         }
     }
 
-    fn run(&self, known: Option<&BalanceParameters>) -> Result<BalanceFit, BalanceError> {
+    fn run(&self, start: Start<'_>) -> Result<BalanceFit, BalanceError> {
         let samples = self.target.samples();
         let parameters = self.target.layout.start(0.0, 1.0, 1.0).len();
         let least = LEAST_SAMPLES * parameters;
         if samples < least {
             return Err(BalanceError::FewSamples { samples, parameters, least });
         }
-        let place = match known {
-            Some(known) => self.known(known),
-            None => self.coarse(),
+        let place = match start {
+            Start::Typical => self.coarse(),
+            Start::Known(known) => self.known(known),
+            Start::Earlier(earlier) => self.earlier(earlier),
         };
         let place = place.ok_or(BalanceError::NoModel)?;
         Self { target: self.target.with_terms(place.terms), ..*self }.fine(place)
@@ -200,10 +212,15 @@ impl<'a, const D: usize> Search<'a, D> {
         let terms = Layout::terms_of(known);
         let target = self.target.with_terms(terms);
         let at = target.layout.encode(known);
-        let objective = self.objective(&target, ERRORS[0] * self.line);
-        let bends = target.bends(&target.layout.decode(&at))?;
-        let solved = objective.read_out.solve(&bends, &objective.measured)?;
-        Some(Place { terms, at, error: left(&solved), held_out: f64::NAN })
+        let error = self.left_by(&target, &at)?;
+        Some(Place { terms, at, error, held_out: f64::NAN })
+    }
+
+    /// The error that parameters leave.
+    fn left_by(&self, target: &Target<D>, at: &DVector<f64>) -> Option<f64> {
+        let objective = self.objective(target, ERRORS[0] * self.line);
+        let bends = target.bends(&target.layout.decode(at))?;
+        Some(left(&objective.read_out.solve(&bends, &objective.measured)?))
     }
 
     /// The best place on thinned data, from several starts.
@@ -212,14 +229,24 @@ impl<'a, const D: usize> Search<'a, D> {
         let stages = KEPT * ERRORS.len() * COARSE.iterations;
         self.progress.begin(STARTS.len() * TRY.iterations + stages);
         let kept = self.tried(&judge.seen);
-        let paths = parallel::map(kept.len(), |index| self.path(&judge, kept[index].clone()));
+        let errors = ERRORS.map(|part| part * self.line);
+        let path = |index: usize| self.path(&judge, kept[index].clone(), &errors, COARSE);
+        let paths = parallel::map(kept.len(), path);
         self.progress.end();
-        let places: Vec<Place> = paths.into_iter().flatten().collect();
-        let least = places.iter().map(|place| place.held_out).fold(f64::INFINITY, f64::min);
-        let good = places.into_iter().filter(|p| p.held_out <= least * (1.0 + ALIKE_HELD_OUT));
-        let best =
-            good.min_by(|a, b| b.error.total_cmp(&a.error).then(a.held_out.total_cmp(&b.held_out)));
-        Some(self.with_terms_that_help(best?))
+        Some(self.with_terms_that_help(best(paths.into_iter().flatten().collect())?))
+    }
+
+    /// The best place on thinned data on the way from an earlier calibration.
+    fn earlier(&self, earlier: &BalanceParameters) -> Option<Place> {
+        let judge = self.judge(FOLD).with_terms(self.possible(Layout::terms_of(earlier)));
+        let at = judge.whole.layout.start_at(earlier);
+        let most = self.left_by(&judge.seen, &at)?.min(ERRORS[0] * self.line);
+        let less = ERRORS.map(|part| part * self.line).into_iter().filter(|error| *error < most);
+        let errors: Vec<f64> = std::iter::once(most).chain(less).collect();
+        self.progress.begin(errors.len() * STANDS_STILL.iterations);
+        let places = self.path(&judge, at, &errors, STANDS_STILL);
+        self.progress.end();
+        Some(self.with_terms_that_help(best(places)?))
     }
 
     pub(super) fn judge(&self, fold: usize) -> Judge<D> {
@@ -243,12 +270,17 @@ impl<'a, const D: usize> Search<'a, D> {
     }
 
     /// The places on the way from a start, with less and less error allowed.
-    fn path(&self, judge: &Judge<D>, mut at: DVector<f64>) -> Vec<Place> {
+    fn path(
+        &self,
+        judge: &Judge<D>,
+        mut at: DVector<f64>,
+        errors: &[f64],
+        stop: StoppingRule,
+    ) -> Vec<Place> {
         let mut places = Vec::new();
-        for part in ERRORS {
-            let error = part * self.line;
+        for error in errors.iter().copied() {
             let objective = self.objective(&judge.seen, error);
-            let found = minimise(&objective, at.clone(), COARSE, &|| self.progress.step());
+            let found = minimise(&objective, at.clone(), stop, &|| self.progress.step());
             let Some(found) = found else { break };
             at = found.at;
             let Some(held_out) = judge.held_out(&objective.read_out, &at) else { break };
@@ -355,6 +387,13 @@ pub(super) struct Place {
     pub error: f64,
     /// Mean square error on the samples held out.
     pub held_out: f64,
+}
+
+/// The place of the most error allowed among those that are about the best on samples held out.
+fn best(places: Vec<Place>) -> Option<Place> {
+    let least = places.iter().map(|place| place.held_out).fold(f64::INFINITY, f64::min);
+    let good = places.into_iter().filter(|p| p.held_out <= least * (1.0 + ALIKE_HELD_OUT));
+    good.min_by(|a, b| b.error.total_cmp(&a.error).then(a.held_out.total_cmp(&b.held_out)))
 }
 
 /// How many samples count as one, because their errors are alike: by the correlation of neighbours.

@@ -18,8 +18,8 @@ const SLOW_CREEP_S: f64 = 200.0;
 /// The slowest creep has to be surer: it learns drift, too.
 const SURE_OF_SLOW: f64 = 2.0;
 
-/// Turns that no motor has, over the one that it has: as far as can be from it, from half of it and
-/// from twice it. What helps as much with them is no transmission error.
+/// Periods that no gear has, over the turn of its motor: equally far from the turn, from half a turn
+/// and from two. An improvement that is as large with them is not a transmission error.
 const WRONG_TURNS: [f64; 2] = [std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::SQRT_2];
 
 /// What a snake may have or not.
@@ -41,43 +41,59 @@ impl<const D: usize> Search<'_, D> {
             Some((places.into_iter().nth(FOLD)?, errors.concat()))
         };
         let Some((_, mut errors)) = left_out(&best, best.terms) else { return best };
-        let time_s = self.target.time_s();
         for term in [Term::Other, Term::Transmission, Term::Creep(2), Term::Creep(CREEPING)] {
-            let terms = match term {
-                Term::Other if D > 1 => Terms { other: true, ..best.terms },
-                Term::Transmission => Terms { transmission: Some(USUAL_TURN), ..best.terms },
-                Term::Creep(2) if time_s >= CREEP_S => Terms { creep: 2, ..best.terms },
-                Term::Creep(all) if best.terms.creep == 2 && time_s >= SLOW_CREEP_S => {
-                    Terms { creep: all, ..best.terms }
-                }
-                _ => continue,
-            };
+            let Some([without, with]) = self.terms_of(&term, best.terms) else { continue };
             // More steps alone are not what helps.
             if matches!(term, Term::Creep(CREEPING)) {
                 let Some(again) = left_out(&best, best.terms) else { continue };
                 (best, errors) = again;
             }
-            let Some((place, with)) = left_out(&best, terms) else { continue };
+            let has = best.terms == with;
+            let Some(tried) = left_out(&best, if has { without } else { with }) else { continue };
+            let pair = if has { [&tried.1, &errors] } else { [&errors, &tried.1] };
+            let [before, after] = pair.map(Vec::as_slice);
             let helps = match term {
                 // One axis at a time does not show it: a snake bends in a plane.
-                Term::Other if !self.plane => !is_better([&with, &errors], SURE, 0.0),
-                Term::Other => is_better([&errors, &with], SURE, 0.0),
-                Term::Creep(CREEPING) => is_better([&errors, &with], SURE_OF_SLOW, ALIKE_HELD_OUT),
+                Term::Other if !self.plane => !is_better([after, before], SURE, 0.0),
+                Term::Other => is_better([before, after], SURE, 0.0),
+                Term::Creep(CREEPING) => is_better([before, after], SURE_OF_SLOW, ALIKE_HELD_OUT),
+                Term::Creep(_) => is_better([before, after], SURE, ALIKE_HELD_OUT),
                 Term::Transmission => {
-                    is_better([&errors, &with], SURE, ALIKE_HELD_OUT)
+                    is_better([before, after], SURE, ALIKE_HELD_OUT)
                         && WRONG_TURNS.iter().all(|part| {
-                            let wrong = Some(part * USUAL_TURN);
-                            left_out(&best, Terms { transmission: wrong, ..best.terms })
-                                .is_none_or(|(_, wrong)| is_better([&wrong, &with], SURE, 0.0))
+                            let wrong = with.transmission.map(|turn| part * turn);
+                            left_out(&best, Terms { transmission: wrong, ..with })
+                                .is_none_or(|(_, wrong)| is_better([&wrong, after], SURE, 0.0))
                         })
                 }
-                Term::Creep(_) => is_better([&errors, &with], SURE, ALIKE_HELD_OUT),
             };
-            if helps {
-                (best, errors) = (place, with);
+            if helps != has {
+                (best, errors) = tried;
             }
         }
         best
+    }
+
+    /// Terms without and with a further one, as far as the recording can show it.
+    fn terms_of(&self, term: &Term, terms: Terms) -> Option<[Terms; 2]> {
+        let Terms { transmission, creep, .. } = terms;
+        let pair = match term {
+            Term::Other => [false, true].map(|other| Terms { other, ..terms }),
+            Term::Transmission => [None, Some(transmission.unwrap_or(USUAL_TURN))]
+                .map(|transmission| Terms { transmission, ..terms }),
+            Term::Creep(CREEPING) if creep < 2 => return None,
+            Term::Creep(CREEPING) => [2, CREEPING].map(|creep| Terms { creep, ..terms }),
+            Term::Creep(few) => [0, creep.max(*few)].map(|creep| Terms { creep, ..terms }),
+        };
+        (pair[1] == self.possible(pair[1])).then_some(pair)
+    }
+
+    /// Those of some terms that the recording can show.
+    pub(super) fn possible(&self, terms: Terms) -> Terms {
+        let time_s = self.target.time_s();
+        let most =
+            if time_s >= SLOW_CREEP_S { CREEPING } else { 2 * usize::from(time_s >= CREEP_S) };
+        Terms { other: terms.other && D > 1, creep: terms.creep.min(most), ..terms }
     }
 
     /// Where other terms lead from a place, and the errors there on the blocks held out.

@@ -12,7 +12,7 @@ use super::layout::{Layout, Terms};
 use super::levenberg_marquardt::LeastSquares;
 use super::objective::Objective;
 use super::read_out::ReadOut;
-use super::search::{BalanceFit, fit_force_balance};
+use super::search::{BalanceFit, Start, fit_force_balance};
 use super::target::Target;
 use crate::progress::Silent;
 use crate::recording::Recording;
@@ -20,7 +20,7 @@ use crate::series::Series;
 use crate::testing::{noise, one_motor, recording, straight, wander, with_threads};
 
 fn fit(recording: &Recording) -> Result<BalanceFit, BalanceError> {
-    fit_force_balance(&Series::whole(recording), true, None, &Silent)
+    fit_force_balance(&Series::whole(recording), true, Start::Typical, &Silent)
 }
 
 fn snake(rows: usize) -> Recording {
@@ -61,6 +61,33 @@ fn parameters_are_the_same_after_encoding() {
     }
 }
 
+/// The same snake in the units of another calibration: twice the range, and another middle.
+#[test]
+fn rescaled_parameters_bend_alike() {
+    let layout = |half: f64, middle: [f64; 2]| {
+        let terms = Terms { other: true, transmission: Some(USUAL_TURN), creep: 3 };
+        Layout::new(middle.map(|middle| (middle, REACH / half)).to_vec(), true).with(terms)
+    };
+    let [narrow, wide] = [layout(500.0, [40.0, -70.0]), layout(1000.0, [0.0; 2])];
+    let mut at = narrow.start(-20.0, 16.0, 30.0);
+    for (index, number) in at.iter_mut().enumerate() {
+        *number += 0.1 * (index as f64 + 1.0).sin();
+    }
+    let balance = narrow.decode(&at);
+    let [narrow, wide] = [balance.clone(), wide.rescaled(&balance)]
+        .map(|balance| ForceBalance::<2>::prepare(&balance).unwrap());
+    let first = SVector::from(wander(0.0));
+    let (mut near, mut far) = (narrow.begin(&first), wide.begin(&first));
+    for step in 1..400 {
+        let counts = SVector::from(wander(0.2 * f64::from(step)));
+        narrow.advance_over(&mut near, &counts, 0.2);
+        wide.advance_over(&mut far, &counts, 0.2);
+        let apart = narrow.bend(&near) * 0.5 - wide.bend(&far);
+        // Half a step of the one is a whole one of the other.
+        assert!(apart.amax() < 2.0, "{step}: {apart}");
+    }
+}
+
 /// Only the noise of 0.02 deg is left, and the deviations of the parameters hold.
 #[test]
 fn a_snake_of_this_kind_is_explained_to_its_noise() {
@@ -84,7 +111,7 @@ fn a_snake_of_this_kind_is_explained_to_its_noise() {
     assert!(loose.to_string().contains("40 % of the half range is 20 times what is usual"));
 }
 
-/// A pinion that is not round, over so many counts of the motor; its turn has others.
+/// A pinion that is not round, by half the range and by the turn of the motor, counts.
 fn uneven(half_range: f64, turn: f64) -> Recording {
     let layout = Layout::new(vec![(0.0, REACH / half_range)], true);
     let mut truth = layout.decode(&layout.start(20.0, 8.0, 20.0));
@@ -101,11 +128,11 @@ fn uneven(half_range: f64, turn: f64) -> Recording {
 
 const UNEVEN: [f64; 4] = [6.0, -3.0, 2.0, 0.0];
 
-/// Not one of 820 counts, of which a turn of 1024 explains a third over 1080 counts to each side.
+/// In the last recording it has a turn of 820 counts, of which one of 1024 explains a third.
 #[test]
 #[ignore = "a minute of fits: for .ci/nightly"]
 fn a_transmission_error_is_found_where_there_is_one() {
-    let found = |recording| match fit(recording).unwrap().family {
+    let found = |recording: &Recording| match fit(recording).unwrap().family {
         FamilyParameters::ForceBalance { balance, .. } => balance.motors[0].transmission_error,
         other => panic!("{other:?}"),
     };
