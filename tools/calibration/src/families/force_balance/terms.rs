@@ -18,9 +18,10 @@ const SLOW_CREEP_S: f64 = 200.0;
 /// The slowest creep has to be surer: it learns drift, too.
 const SURE_OF_SLOW: f64 = 2.0;
 
-/// Periods that no gear has, over the turn of its motor: equally far from the turn, from half a turn
-/// and from two. An improvement that is as large with them is not a transmission error.
-const WRONG_TURNS: [f64; 2] = [std::f64::consts::FRAC_1_SQRT_2, std::f64::consts::SQRT_2];
+/// Periods that no gear has, over the turn of its motor. An improvement that is as large with them
+/// is not a transmission error. They are near, because over two or three turns anything that waves
+/// is explained in part by a turn and half a turn together, and better by what is nearer to it.
+const WRONG_TURNS: [f64; 2] = [5.0 / 6.0, 6.0 / 5.0];
 
 /// What a snake may have or not.
 enum Term {
