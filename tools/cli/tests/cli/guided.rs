@@ -38,7 +38,7 @@ fn second_day_resumes_with_the_model_of_the_first() {
     }
     let file = bench.path("here/recording.csv");
     let read = Recording::read(&file, &ColumnMap::default()).unwrap().0;
-    let model = fs::read_to_string(rig.sample_model("second.json", "rig", 1.1)).unwrap();
+    let model = fs::read_to_string(rig.sample_model("second.json", "rig", 1.02)).unwrap();
     bench.write("here/model.json", &model.replace(&"0".repeat(64), read.sha256()));
     let id = Model::load(&bench.path("here/model.json")).unwrap().id();
     for step in ["compare", "check", "refine"] {

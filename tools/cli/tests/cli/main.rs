@@ -8,6 +8,7 @@ mod commission;
 mod emulate;
 mod guided;
 mod help;
+mod manual;
 mod mistakes;
 mod motor;
 mod operator;

@@ -29,38 +29,11 @@ fn no_go(domain: &Domain) -> (Vec<String>, String) {
     }
 }
 
-#[test]
-fn without_a_camera_a_person_is_asked_what_was_seen() {
+/// An ENABLED robot with a model and known memory.
+fn conditioned(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
     let mut rig = Rig::with_fitted_model();
     expect_stalls(&mut rig);
-    rig.camera_is_shut.store(true, Ordering::Relaxed);
-    rig.start_controller();
-    drop(rig.client());
-    let domain = rig.domain();
-    for words in ["home", "enable", "command state condition"] {
-        succeeds(&domain, words);
-    }
-    let (named, result) = no_go(&domain);
-    assert_eq!(named, ["watchdog", "motion"], "{result}");
-    assert_says(&result, &["seen by neither operator nor camera"]);
-    for (answer, outcome) in [("no\n", "did not see the expected motion"), ("yes\n", "by eye only")]
-    {
-        let mut terminal = Terminal::start(&domain, &["preflight"], 50, 160);
-        terminal.wait_for("one hand on the switch");
-        terminal.type_keys("yes\n");
-        terminal.wait_for("Did the tip swing");
-        terminal.type_keys(answer);
-        terminal.wait_for(outcome);
-        // Nothing watches the controller here.
-        assert_eq!(terminal.end().code(), Some(1));
-    }
-}
-
-/// An ENABLED robot with a model and known memory, without comparison with a camera.
-fn conditioned() -> (Rig, Client) {
-    let mut rig = Rig::with_fitted_model();
-    expect_stalls(&mut rig);
-    rig.config.limits.plausibility_deg = 0.0;
+    change(&mut rig);
     rig.start_controller();
     let client = rig.client();
     for words in ["home", "enable", "command state condition"] {
@@ -69,9 +42,44 @@ fn conditioned() -> (Rig, Client) {
     (rig, client)
 }
 
+fn without_camera(rig: &mut Rig) {
+    rig.camera_is_shut.store(true, Ordering::Relaxed);
+}
+
+fn without_comparison(rig: &mut Rig) {
+    rig.config.limits.plausibility_deg = 0.0;
+}
+
+/// A person without a camera answers whether the tip swings.
+fn asked(domain: &Domain, answer: &str, outcome: &str) {
+    let mut terminal = Terminal::start(domain, &["preflight"], 50, 160);
+    terminal.wait_for("one hand on the switch");
+    terminal.type_keys("yes\n");
+    terminal.wait_for("Did the tip swing");
+    terminal.type_keys(answer);
+    terminal.wait_for(outcome);
+    // Nothing watches the controller here.
+    assert_eq!(terminal.end().code(), Some(1));
+}
+
 #[test]
-fn preflight_moves_by_permission_names_faults_and_is_stored() {
-    let (rig, mut client) = conditioned();
+fn motion_seen_by_nobody_is_no_go() {
+    let (rig, _client) = conditioned(without_camera);
+    let (named, result) = no_go(&rig.domain());
+    assert_eq!(named, ["watchdog", "motion"], "{result}");
+    assert_says(&result, &["seen by neither operator nor camera"]);
+}
+
+#[test]
+fn without_a_camera_a_person_is_asked_what_was_seen() {
+    let (rig, _client) = conditioned(without_camera);
+    asked(&rig.domain(), "no\n", "did not see the expected motion");
+    asked(&rig.domain(), "yes\n", "by eye only");
+}
+
+#[test]
+fn preflight_moves_by_permission() {
+    let (rig, mut client) = conditioned(without_comparison);
     let domain = rig.domain();
     let (result, is_go) = Preflight::before_trial(&domain, clock::now());
     assert!(!is_go && result.contains("no preflight"), "{result}");
@@ -92,6 +100,12 @@ fn preflight_moves_by_permission_names_faults_and_is_stored() {
     assert_eq!(named, ["watchdog"], "{result}");
     let largest = rig.emulator.snapshot().angles_deg;
     assert!(largest.iter().all(|angle| angle.abs() < 2.0), "{largest:?}");
+}
+
+#[test]
+fn preflight_names_a_fault_and_is_stored() {
+    let (rig, _client) = conditioned(without_comparison);
+    let domain = rig.domain();
     rig.emulator.begin_ageing(Change {
         parameter: Parameter::Gap,
         by: 3.0,
@@ -108,7 +122,7 @@ fn preflight_moves_by_permission_names_faults_and_is_stored() {
 
 #[test]
 fn a_camera_that_dies_in_the_swing_ends_it() {
-    let (rig, mut client) = conditioned();
+    let (rig, mut client) = conditioned(without_comparison);
     let domain = rig.domain();
     let accepted = client.wait_for(TIMEOUT, |_| true).unwrap().accepted;
     let program = start(&domain, "preflight --enable");
