@@ -184,13 +184,10 @@ impl Hull {
 
     /// The lowest and the highest counts of every motor; 0 for motors that there are not.
     pub(crate) fn bounds(&self) -> [MotorVec; 2] {
-        let (mut low, mut high) = ([f64::INFINITY; MAX_MOTORS], [f64::NEG_INFINITY; MAX_MOTORS]);
-        for corner in self.corners() {
-            for (motor, at) in corner.into_iter().enumerate() {
-                (low[motor], high[motor]) = (low[motor].min(at), high[motor].max(at));
-            }
-        }
-        [low, high]
+        let start = [[f64::INFINITY; MAX_MOTORS], [f64::NEG_INFINITY; MAX_MOTORS]];
+        self.corners().fold(start, |[low, high], at| {
+            [[0, 1].map(|i: usize| low[i].min(at[i])), [0, 1].map(|i: usize| high[i].max(at[i]))]
+        })
     }
 
     /// The mean of the corners, a point inside the hull.
