@@ -55,7 +55,7 @@ pub(super) struct FamilyFitter<'a> {
     pub options: &'a FitOptions,
     /// Parameters of the same family from most of the same rows, whose choices are kept.
     pub known: Option<&'a FamilyParameters>,
-    /// A balance of forces to start from, of other rows.
+    /// A force balance fitted to other rows, to start from.
     pub earlier: Option<&'a BalanceParameters>,
     pub progress: &'a dyn Progress,
 }

@@ -19,7 +19,7 @@ pub struct FitOptions {
     pub drives: Vec<DriveFingerprint>,
     /// Families to fit.
     pub choice: Choice,
-    /// An earlier model of `force-balance`, of this robot or another one: its balance is one more
+    /// An earlier `force-balance` model, of this robot or a similar one: its balance is one more
     /// start, and is taken where rows held out show that it leads to a better model.
     pub earlier: Option<ModelFile>,
     /// Components of a mixture on the counts.

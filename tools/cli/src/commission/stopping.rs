@@ -103,7 +103,9 @@ fn supply<T: Transport>(motor: &mut Motor<'_, T>) -> Result<(), Halt> {
     off(motor)?;
     match (has_power, outage.code) {
         (true, _) => {
-            bail!("its power stage is on after its supply was switched off and on: it must stay off")
+            bail!(
+                "its power stage is on after its supply was switched off and on: it must stay off"
+            )
         }
         (false, 0 | NO_CAN) => Ok(()),
         (false, code) => {

@@ -347,7 +347,7 @@ impl<const D: usize> ForceBalance<D> {
         Balanced { bend, stretch, by_bend }
     }
 
-    /// The stops after a step, and what creeps, with their derivatives.
+    /// The stops and the creep after a step, with their derivatives.
     fn move_stops(
         &self,
         at: &mut SensitiveState<D>,

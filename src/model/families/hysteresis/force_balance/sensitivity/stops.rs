@@ -1,4 +1,4 @@
-//! Derivatives of the deflections of stops.
+//! How the deflections of stops change with the parameters.
 
 use nalgebra::SVector;
 
