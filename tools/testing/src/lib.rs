@@ -14,7 +14,7 @@
 //! | `random` | [`Random`]: the same random numbers everywhere |
 //! | `properties` | [`cases`]: number of random cases of a property test |
 //! | [`program`] | the programs of this build |
-//! | [`bench`] | a folder for them, and what they say at their end |
+//! | [`bench`](mod@bench) | a folder for them, and what they say at their end |
 //! | [`sizes`] | ceilings on lines, files and commands |
 //! | `terminal` | [`Terminal`]: a program on a terminal of any size |
 //! | `python` | a Python with the modules of a test |
