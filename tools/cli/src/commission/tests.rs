@@ -368,7 +368,7 @@ fn run(case: Case) {
     let parts: &[&str] = match case.wrong {
         None | Some(Wrong::NobodyActs | Wrong::NoPulses | Wrong::NotPermitted) => &[],
         Some(Wrong::Family) => &["identify", "is this an EPOS", "correct `family`"],
-        Some(Wrong::Swapped) => &["identify", "serial number 62000002", "swapped"],
+        Some(Wrong::Swapped) => &["identify", "serial number 62000002", "swap the cables back"],
         Some(Wrong::Enabled) => &["identify", "already switched on", "another program"],
         Some(Wrong::Blocked | Wrong::NoSignal) => &["steps", "blocked", "no signal"],
         Some(Wrong::Reversed) => &["steps", "turns the other way", "0x3010:02"],
