@@ -63,7 +63,8 @@ pub fn fit(
     let training: Vec<usize> = fitter.context.training.to_vec();
     let noise = noise_of(&quality, recording);
     let evidence = Evidence { recording, rows: &judged_rows, noise };
-    if let (Some(earlier), Some(own)) = (earlier, families.last_mut()) {
+    let own = families.iter_mut().find(|it| it.family == Family::ForceBalance);
+    if let (Some(earlier), Some(own)) = (earlier, own) {
         parts.announce_earlier(progress);
         fitter.earlier = start;
         let found = fitter.attempt(Family::ForceBalance);

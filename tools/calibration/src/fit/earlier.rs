@@ -79,7 +79,8 @@ pub(super) fn take_better(
     if is_taken {
         *own = found;
     }
-    (own.note, own.seconds) = (Some(note), seconds);
+    own.note = Some(own.note.take().map_or(note.clone(), |of_fit| format!("{of_fit}; {note}")));
+    own.seconds = seconds;
 }
 
 #[cfg(test)]

@@ -28,9 +28,8 @@ pub(super) fn with_unit(output: &OutputFacts) -> String {
 
 /// Label of an axis of counts along a direction: `q₀`, or `0.83 q₀ − 0.56 q₁`.
 pub(super) fn along(direction: &MotorVec, motors: usize) -> String {
-    let named =
-        direction.iter().zip(["₀", "₁"]).take(motors).filter(|(part, _)| part.abs() >= NEGLIGIBLE);
-    let named: Vec<_> = named.collect();
+    let named = direction.iter().zip(["₀", "₁"]).take(motors);
+    let named: Vec<_> = named.filter(|(part, _)| part.abs() >= NEGLIGIBLE).collect();
     match named.as_slice() {
         [(part, index)] if **part > 0.0 => format!("q{index}"),
         [(_, index)] => format!("{MINUS}q{index}"),
