@@ -1,7 +1,6 @@
 //! The vocabulary of the robot: states, commands, refusals, faults, and the reasons shown to
 //! people. Core, process, shared memory and clients use this module. It depends on none of them.
 
-mod advice;
 mod axis_phase;
 mod drive_fingerprint;
 mod masked_client_id;

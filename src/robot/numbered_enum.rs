@@ -1,8 +1,21 @@
 //! Enums with fixed numbers for payloads and a text for display.
 
 /// Declares an enum with fixed numbers, the conversion from a number, and a display text, with
-/// which the documentation of a value begins.
+/// which the documentation of a value begins. After `=>`: the recommended action.
 macro_rules! numbered_enum {
+    ($(#[$meta:meta])* $name:ident {
+        $($(#[$vmeta:meta])* $variant:ident = $number:literal, $text:literal => $advice:literal;)*
+    }) => {
+        numbered_enum! { $(#[$meta])* $name { $($(#[$vmeta])* $variant = $number, $text;)* } }
+
+        impl $name {
+            pub(super) const fn advice(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $advice,)*
+                }
+            }
+        }
+    };
     ($(#[$meta:meta])* $name:ident {
         $($(#[$vmeta:meta])* $variant:ident = $number:literal, $text:literal;)*
     }) => {

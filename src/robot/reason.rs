@@ -6,7 +6,7 @@
 
 use std::fmt;
 
-use super::{Clip, Fault, Measurement, OperatingState, Refusal, Stop, advice};
+use super::{Clip, Fault, Measurement, OperatingState, Refusal, Stop};
 
 /// Cause of not moving, or of not moving as commanded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -80,7 +80,7 @@ impl Cause {
             Self::Refusal(it) => it.text(),
             Self::Stop(it) => it.text(),
             Self::Clip(it) => it.text(),
-            Self::State(it) => advice::state_sentence(it),
+            Self::State(it) => of_state(it)[0],
         }
     }
 
@@ -88,11 +88,25 @@ impl Cause {
     #[must_use]
     pub fn advice(self) -> &'static str {
         match self {
-            Self::Fault(it) => advice::fault_advice(it),
-            Self::Refusal(it) => advice::refusal_advice(it),
-            Self::Stop(it) => advice::stop_advice(it),
-            Self::Clip(it) => advice::clip_advice(it),
-            Self::State(it) => advice::state_advice(it),
+            Self::Fault(it) => it.advice(),
+            Self::Refusal(it) => it.advice(),
+            Self::Stop(it) => it.advice(),
+            Self::Clip(it) => it.advice(),
+            Self::State(it) => of_state(it)[1],
+        }
+    }
+}
+
+/// Sentence and recommended action of a state.
+fn of_state(state: OperatingState) -> [&'static str; 2] {
+    match state {
+        OperatingState::Disabled => ["the drives are off", "`i2ris enable`"],
+        OperatingState::Enabled => ["the robot waits for commands", "send commands"],
+        OperatingState::Paused => {
+            ["the robot holds, and servo commands are refused", "`i2ris command state resume`"]
+        }
+        OperatingState::Fault => {
+            ["a fault is latched", "remove the cause, then `i2ris command state acknowledge`"]
         }
     }
 }
