@@ -12,8 +12,6 @@ mod system;
 mod usb;
 mod wire;
 
-use std::ffi::OsStr;
-use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
 
 use i2ris::config::Config;
@@ -22,6 +20,7 @@ use i2ris::ipc::ready::Ready;
 
 use config::as_delivered;
 use i2ris_report::Failure;
+use i2ris_report::programs::served_file;
 use report::Report;
 
 /// Arguments of `i2ris doctor`.
@@ -107,10 +106,5 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
 fn running() -> Option<PathBuf> {
     let name = std::env::var("I2RIS_DOMAIN");
     let domain = Domain::new(name.as_deref().unwrap_or("i2ris")).ok()?;
-    let process = Path::new("/proc").join(Ready::read(&domain)?.pid.to_string());
-    let words = std::fs::read(process.join("cmdline")).ok()?;
-    let mut words = words.split(|byte| *byte == 0);
-    words.find(|word| [&b"--config"[..], b"-c"].contains(word))?;
-    let file = OsStr::from_bytes(words.next()?);
-    Some(process.join("cwd").read_link().ok()?.join(file))
+    served_file(Ready::read(&domain)?.pid)
 }
