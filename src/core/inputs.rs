@@ -97,10 +97,6 @@ impl Validity {
     pub const ALWAYS: Self = Self { stamp: Nanos::ZERO, span: Nanos(u64::MAX) };
 
     /// Refuses a request that is too old or stamped in the future.
-    ///
-    /// # Errors
-    ///
-    /// [`Refusal::Stale`], [`Refusal::Stamp`].
     pub(crate) fn require_young(&self, now: Nanos) -> Result<(), Refusal> {
         if self.stamp.duration_since(now) > FUTURE_MARGIN {
             return Err(Refusal::Stamp);

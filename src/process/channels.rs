@@ -105,11 +105,8 @@ impl LoopChannels {
 }
 
 impl IpcChannels {
-    /// Passes a request to the loop.
-    ///
-    /// # Errors
-    ///
-    /// [`Refusal::Busy`] when the queue is full. Stop requests have a separate queue.
+    /// Passes a request to the loop. [`Refusal::Busy`] when the queue is full. Stop requests have a
+    /// separate queue.
     pub(super) fn ask(&mut self, request: StateRequest) -> Result<(), Refusal> {
         let queue = if request.command.only_stops() { &mut self.stops } else { &mut self.requests };
         queue.push(request).map_err(|_| Refusal::Busy)

@@ -38,11 +38,7 @@ impl FixtureTable {
         }
     }
 
-    /// The change that a request asks for.
-    ///
-    /// # Errors
-    ///
-    /// [`Refusal::Malformed`] for an action or a region that does not exist.
+    /// The change that a request asks for. Refuses an action or a region that does not exist.
     pub(super) fn parse(request: &VirtualFixtureRequest) -> Result<FixtureChange, Refusal> {
         let action = FixtureAction::from_number(request.action).ok_or(Refusal::Malformed)?;
         let is_empty = request.kind == 0 && request.values == [0.0; 4];

@@ -138,7 +138,6 @@ impl CommandAdmission {
 
     /// The client that commands, as the owner of the activity in progress or the holder of the
     /// lease; 0: none.
-    #[must_use]
     pub(crate) fn commander(&self, owner: Option<u64>) -> u64 {
         owner.unwrap_or(self.sessions.holder())
     }

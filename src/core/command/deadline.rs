@@ -40,9 +40,6 @@ impl DeadlineCheck {
     }
 
     /// The deadline of a command that was sent at `stamp`. `requested`: zero for the default.
-    ///
-    /// # Errors
-    ///
     /// [`Refusal::Stamp`] for a stamp in the future or a deadline that is too long;
     /// [`Refusal::Stale`] for a command older than its deadline.
     pub(super) fn check(

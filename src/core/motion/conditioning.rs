@@ -48,11 +48,8 @@ pub(crate) struct ConditioningCycle {
 }
 
 impl ConditioningCycle {
-    /// A cycle that starts at given setpoints.
-    ///
-    /// # Errors
-    ///
-    /// [`Refusal::Range`] if the position limits leave less room than the model needs to forget.
+    /// A cycle that starts at given setpoints. [`Refusal::Range`] if the position limits leave less
+    /// room than the model needs to forget.
     pub(crate) fn new(
         client_id: u64,
         plan: &ConditioningPlan,

@@ -86,9 +86,6 @@ impl ConditioningPlan {
 
     /// The reversal points of a cycle that starts at given setpoints: those of the calibrated hull,
     /// or of a cross around the start if a half-width is configured or the hull is too small.
-    ///
-    /// # Errors
-    ///
     /// [`Refusal::Range`] if the position limits leave less room than the model needs to forget.
     pub(super) fn reversal_points(
         &self,

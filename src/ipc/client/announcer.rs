@@ -15,7 +15,6 @@ pub trait Announcement: Payload {
     const STREAM: Stream;
 
     /// The message with its number, sender and time.
-    #[must_use]
     fn announced(self, sequence: u64, client_id: u64, now: Nanos) -> Self;
 }
 

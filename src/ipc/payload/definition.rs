@@ -43,7 +43,6 @@ pub trait Message: Payload {
 /// A message that the controller sends.
 pub(in crate::ipc) trait Outgoing: Message {
     /// The message with the boot id and the sequence number of its sender.
-    #[must_use]
     fn with_sender(self, boot_id: u64, sequence: u64) -> Self;
 }
 

@@ -142,11 +142,8 @@ impl Hull {
         Self::new(&HullParameters { corners }, motors)
     }
 
-    /// Intersection of two hulls. Allocates: not for the control loop.
-    ///
-    /// # Errors
-    ///
-    /// When the intersection is nearly empty, see [`Hull::from_points`].
+    /// Intersection of two hulls. Allocates: not for the control loop. Fails if the intersection is
+    /// nearly empty, see [`Hull::from_points`].
     pub(in crate::model) fn common(&self, other: &Self, motors: usize) -> Result<Self, ModelError> {
         let inside = |one: &Self, of: &Self| -> Vec<MotorVec> {
             one.corners().filter(|corner| of.contains(corner)).collect()

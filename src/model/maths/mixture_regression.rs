@@ -29,11 +29,8 @@ pub(in crate::model) enum MixtureGmr<const D: usize, const M: usize> {
 }
 
 impl<const D: usize, const M: usize> MixtureGmr<D, M> {
-    /// Checks the mixture of a file and scales its outputs by `si`.
-    ///
-    /// # Errors
-    ///
-    /// Those of [`Gmr::prepare`], and when there is not one mixture per motor.
+    /// Checks the mixture of a file and scales its outputs by `si`. Fails as [`Gmr::prepare`] does,
+    /// and if there is not one mixture per motor.
     pub(in crate::model) fn prepare(mixture: &Mixture, si: f64) -> Result<Self, ModelError> {
         Ok(match mixture {
             Mixture::Joint(mixture) => Self::Joint(Gmr::prepare(mixture, si, "family.mixture")?),

@@ -112,7 +112,6 @@ pub(crate) struct RecordedRun {
 
 impl Recorder {
     /// A recorder, and the endpoints of the loop.
-    #[must_use]
     pub(crate) fn new(run: RecordedRun) -> (Self, RecorderChannels) {
         let RecordedRun { config, software, boot_id, model, captures, drives } = run;
         let (ticks_in, ticks) = RingBuffer::new(TICKS);

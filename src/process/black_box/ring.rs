@@ -18,7 +18,6 @@ pub(super) struct Ring {
 
 impl Ring {
     /// Keeps `span` plus up to one interval between two snapshots.
-    #[must_use]
     pub(super) fn new(span: Nanos) -> Self {
         Self { span, ticks: VecDeque::new(), snapshots: VecDeque::new() }
     }

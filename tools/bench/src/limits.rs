@@ -62,10 +62,6 @@ struct Found {
 }
 
 /// Measures all snakes and prints a line for each motion.
-///
-/// # Errors
-///
-/// A snake that cannot be calibrated.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     println!("RMS deg, with the limits as shipped | without those of the joints");
     println!(

@@ -99,10 +99,6 @@ struct Outcome {
 }
 
 /// Measures all lines and prints them as a table.
-///
-/// # Errors
-///
-/// A snake that cannot be calibrated.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = tempfile::tempdir()?;
     let Arguments { line, axes, timer_ms, snake, duration_s } = arguments;

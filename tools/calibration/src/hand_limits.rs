@@ -42,7 +42,6 @@ pub struct HandLimits {
 
 impl HandLimits {
     /// Limits from the model's own numbers.
-    #[must_use]
     pub fn new(model: &Model, limits: &LimitConfig, joint_limits: &JointLimitConfig) -> Self {
         let (hull, centre) = (model.hull(), model.hull().centre());
         let unit = model.file().outputs.first().map_or(OutputUnit::Deg, |output| output.unit);

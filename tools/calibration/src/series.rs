@@ -30,7 +30,6 @@ pub struct Sample {
 impl Series {
     /// The samples of the given rows of a recording, in rising order, and the path up to the last
     /// of them.
-    #[must_use]
     pub fn new(recording: &Recording, rows: &[usize]) -> Self {
         let rows = rows.iter().filter_map(|row| recording.rows().get(*row));
         let samples: Vec<Sample> = rows.map(Sample::from).collect();
@@ -46,25 +45,21 @@ impl Series {
     }
 
     /// All rows of a recording.
-    #[must_use]
     pub fn whole(recording: &Recording) -> Self {
         Self::new(recording, &(0..recording.rows().len()).collect::<Vec<_>>())
     }
 
     /// Number of motors, 1 or 2.
-    #[must_use]
     pub fn motors(&self) -> usize {
         self.motors
     }
 
     /// Number of outputs, 1 to 3.
-    #[must_use]
     pub fn outputs(&self) -> usize {
         self.outputs
     }
 
     /// Positions of the motors, counts, in order.
-    #[must_use]
     pub fn path(&self) -> &[MotorVec] {
         &self.path
     }
@@ -76,13 +71,11 @@ impl Series {
     }
 
     /// The samples, in the order of the path.
-    #[must_use]
     pub fn samples(&self) -> &[Sample] {
         &self.samples
     }
 
     /// The counts at a sample.
-    #[must_use]
     pub fn counts(&self, sample: &Sample) -> MotorVec {
         self.path[sample.path_index]
     }
@@ -114,7 +107,6 @@ impl From<&crate::recording::Row> for Sample {
 }
 
 /// Contiguous blocks of nearly equal size, for leaving out one at a time.
-#[must_use]
 pub fn blocks(rows: usize, count: usize) -> Vec<Range<usize>> {
     let count = count.clamp(1, rows.max(1));
     let block = |block| block * rows / count..(block + 1) * rows / count;

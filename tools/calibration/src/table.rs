@@ -11,13 +11,11 @@ pub struct DataTable {
 
 impl DataTable {
     /// An empty table whose rows will have `width` numbers.
-    #[must_use]
     pub fn new(width: usize) -> Self {
         Self { width, values: Vec::new() }
     }
 
     /// The rows of a matrix.
-    #[must_use]
     pub fn from_matrix(rows: &DMatrix<f64>) -> Self {
         let cells = |row| (0..rows.ncols()).map(move |column| rows[(row, column)]);
         Self::from_rows(rows.ncols(), (0..rows.nrows()).map(cells))
@@ -25,7 +23,6 @@ impl DataTable {
 
     /// A table of the given rows. Rows longer than `width` are truncated; shorter ones are filled
     /// with 0.
-    #[must_use]
     pub fn from_rows<Row: IntoIterator<Item = f64>>(
         width: usize,
         rows: impl IntoIterator<Item = Row>,
@@ -44,25 +41,21 @@ impl DataTable {
     }
 
     /// All numbers, one row after the other.
-    #[must_use]
     pub fn values(&self) -> &[f64] {
         &self.values
     }
 
     /// Numbers in a row.
-    #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
     /// The number of rows.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.values.len().checked_div(self.width).unwrap_or(0)
     }
 
     /// Whether there are no rows.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -105,7 +105,6 @@ impl Document {
     }
 
     /// An HTML document that is also well-formed XML.
-    #[must_use]
     pub fn html(&self) -> String {
         let mut figures = 0;
         let page = html! {
@@ -125,7 +124,6 @@ impl Document {
     }
 
     /// Lines of at most `width` columns, if their words and tables allow it; without figures.
-    #[must_use]
     pub fn text(&self, width: usize) -> String {
         let mut text = wrapped("", &self.title, width);
         for (index, part) in self.parts.iter().enumerate() {

@@ -56,11 +56,8 @@ pub enum OutlineError {
     NoAngles,
 }
 
-/// The outline of the model in `file`, if it is the model `used`.
-///
-/// # Errors
-///
-/// The file cannot be read, contains another model, or a model without angles.
+/// The outline of the model in `file`, if it is the model `used`. Fails if the file cannot be read,
+/// contains another model, or a model without angles.
 pub fn outline_of(file: &Path, used: ModelId) -> Result<Outline, OutlineError> {
     let model = Model::load(file)?;
     if model.id() != used {

@@ -31,17 +31,12 @@ fn file(domain: &Domain) -> PathBuf {
 
 impl Preflight {
     /// Stores the result for the trials of this controller.
-    ///
-    /// # Errors
-    ///
-    /// The system cannot write the file.
     pub fn write(&self, domain: &Domain) -> io::Result<()> {
         crate::files::replace(&file(domain), &serde_json::to_vec(self)?)
     }
 
     /// Describes the preflight before a trial: a sentence, and whether the result was go and is
     /// recent.
-    #[must_use]
     pub fn before_trial(domain: &Domain, now: Nanos) -> (String, bool) {
         let text = fs::read(file(domain)).unwrap_or_default();
         let boot_id = Ready::read(domain).map(|ready| ready.boot_id);

@@ -24,10 +24,6 @@ pub struct Process {
 
 impl Process {
     /// Starts a program, writing what it prints to `NAME.log` in `folder`.
-    ///
-    /// # Errors
-    ///
-    /// The log cannot be written, or the program cannot be started.
     pub fn start(
         name: &'static str,
         command: &mut Command,
@@ -49,20 +45,12 @@ impl Process {
         Ok(Self { name, child, log })
     }
 
-    /// Checks that the child runs.
-    ///
-    /// # Errors
-    ///
-    /// It has ended; with the last lines of its output.
+    /// Checks that the child runs. Fails if it has ended, with the last lines of its output.
     pub fn check(&mut self) -> Result<(), Failure> {
         self.child.try_wait()?.map_or(Ok(()), |status| Err(self.failure(status)))
     }
 
-    /// Whether the child has ended with success.
-    ///
-    /// # Errors
-    ///
-    /// It ended otherwise.
+    /// Whether the child has ended with success. Fails if it ended otherwise.
     pub fn finished(&mut self) -> Result<bool, Failure> {
         match self.child.try_wait()? {
             Some(status) if !status.success() => Err(self.failure(status)),
@@ -70,11 +58,7 @@ impl Process {
         }
     }
 
-    /// Ends the child with SIGTERM and waits.
-    ///
-    /// # Errors
-    ///
-    /// It does not end, or its exit code is not 0.
+    /// Ends the child with SIGTERM and waits. Fails if it does not end, or its exit code is not 0.
     pub fn end(mut self) -> Result<(), Failure> {
         self.terminate();
         match self.wait()? {
@@ -88,10 +72,6 @@ impl Process {
     }
 
     /// Kills the child at once.
-    ///
-    /// # Errors
-    ///
-    /// The system refuses it.
     pub fn kill(mut self) -> Result<(), Failure> {
         self.child.kill()?;
         self.child.wait()?;

@@ -88,10 +88,6 @@ pub fn parsed<T>(arguments: Result<T, clap::Error>) -> ExitCode {
 }
 
 /// Prints a command line for [`DESCRIBE`].
-///
-/// # Errors
-///
-/// The reader of the output has gone.
 pub fn describe(command: &clap::Command) -> Result<(), Failure> {
     println!("{}", serde_json::to_string(&Description::new(command))?);
     Ok(())

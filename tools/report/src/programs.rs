@@ -56,7 +56,6 @@ impl Program {
 }
 
 /// The file that a controller was started with, as the system keeps its command line.
-#[must_use]
 pub fn served_file(pid: u32) -> Option<PathBuf> {
     let process = Path::new("/proc").join(pid.to_string());
     let line = std::fs::read(process.join("cmdline")).ok()?;

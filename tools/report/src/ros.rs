@@ -24,13 +24,11 @@ pub trait Typed: Field {
     const TYPE: (&'static str, &'static str);
 
     /// Full name of its type.
-    #[must_use]
     fn full_name() -> String {
         format!("{}/msg/{}", Self::TYPE.0, Self::TYPE.1)
     }
 
     /// Its definition with all that it needs, as rosbag2 joins them.
-    #[must_use]
     fn definition() -> String {
         let mut defined = Vec::new();
         Self::define(&mut defined);
@@ -204,7 +202,6 @@ impl Time {
     /// The stamp of a message with invalid values.
     pub const INVALID: Self = Self { sec: 0, nanosec: 0 };
 
-    #[must_use]
     pub fn from_unix_ns(unix_ns: u64) -> Self {
         Self {
             sec: i32::try_from(unix_ns / 1_000_000_000).unwrap_or(i32::MAX),
@@ -213,7 +210,6 @@ impl Time {
     }
 
     /// Nanoseconds since the epoch; `None`: no time was given, or one before the epoch.
-    #[must_use]
     pub fn unix_ns(&self) -> Option<u64> {
         let seconds = u64::try_from(self.sec).ok()?;
         let unix_ns = seconds * 1_000_000_000 + u64::from(self.nanosec);
@@ -222,7 +218,6 @@ impl Time {
 }
 
 impl Header {
-    #[must_use]
     pub fn new(unix_ns: u64, frame_id: &str) -> Self {
         Self { stamp: Time::from_unix_ns(unix_ns), frame_id: frame_id.to_owned() }
     }
@@ -230,7 +225,6 @@ impl Header {
 
 impl Transforms {
     /// All links of a snake but its base, at a bend.
-    #[must_use]
     pub fn of_links(snake: &Snake, bend: Bend, unix_ns: u64) -> Self {
         let transforms = snake.link_poses(bend).map(|(joint, pose)| TransformStamped {
             header: Header::new(unix_ns, &joint.parent),

@@ -26,10 +26,6 @@ impl Screen {
 
     /// Standard output, for programs on which the robot may depend: a stopped terminal (Ctrl-S) or
     /// a pipe without a reader does not block them. Lines are lost instead.
-    ///
-    /// # Errors
-    ///
-    /// The system cannot create a thread.
     pub fn never_blocking() -> io::Result<Self> {
         Ok(Self { log: Some(ConsoleLog::start(io::stdout())?), ..Self::stdout() })
     }

@@ -24,10 +24,6 @@ pub struct Stopped {
 
 /// Holds every client, ends every activity, and waits until nothing moves. The result says whether
 /// drives are off or held by a fault.
-///
-/// # Errors
-///
-/// See [`Client::carry_out`].
 pub fn stop(client: &mut Client, domain: &Domain) -> Result<Stopped, ClientError> {
     // Without an answer to this query, the stop is still sent.
     let before = newest(client, LOOK).ok().flatten();

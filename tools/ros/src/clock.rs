@@ -21,7 +21,6 @@ pub struct Moment {
 }
 
 impl Moment {
-    #[must_use]
     pub fn now() -> Self {
         Self { unix_ns: wall_clock::unix_time().0, monotonic: clock::now() }
     }
@@ -33,7 +32,6 @@ impl Moment {
 
     /// The instant of a past Unix time, at most `limit` ago; now for a future one: a stamp cannot
     /// make a message younger than its arrival.
-    #[must_use]
     pub fn monotonic_at(&self, unix_ns: u64, limit: Nanos) -> Nanos {
         self.monotonic - Nanos(self.unix_ns.saturating_sub(unix_ns)).min(limit)
     }

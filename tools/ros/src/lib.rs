@@ -72,10 +72,6 @@ pub struct Options {
 }
 
 /// Runs the robot in ROS until `stop`. `say` receives a line for every event.
-///
-/// # Errors
-///
-/// If it cannot join ROS.
 pub fn run(
     options: &Options,
     stop: impl Fn() -> bool,
@@ -123,11 +119,7 @@ pub fn run(
     })
 }
 
-/// A name that is valid in topics of ROS and in links of URDF.
-///
-/// # Errors
-///
-/// Rules for a name.
+/// A name that is valid in topics of ROS and in links of URDF. An error has the rules for a name.
 pub fn robot_name(text: &str) -> Result<String, String> {
     let letters = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let begins = text.starts_with(|c: char| c.is_ascii_alphabetic());

@@ -207,10 +207,6 @@ fn newest<M: DeserializeOwned + 'static>(
 }
 
 /// Follows a master until `stop`. `say` receives a line for every event.
-///
-/// # Errors
-///
-/// If it cannot join ROS, or the pipe cannot be created.
 pub fn follow(
     options: &MasterOptions,
     stop: impl Fn() -> bool,

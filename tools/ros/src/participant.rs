@@ -51,11 +51,8 @@ pub struct RosNetwork {
 static ONLY_HERE: AtomicBool = AtomicBool::new(false);
 
 /// Joins a domain of ROS with a node of this name. Without networks it reaches only this computer,
-/// with any interfaces; with networks, also the interfaces that have these addresses.
-///
-/// # Errors
-///
-/// The participant cannot be created, or cannot be restricted to this computer.
+/// with any interfaces; with networks, also the interfaces that have these addresses. Fails if it
+/// cannot be restricted to this computer.
 pub fn join(domain: u16, networks: &[IpAddr], name: &str) -> Result<(Context, Node), RosError> {
     let failed = |reason: String| RosError::Join { domain, reason };
     let mut builder = DomainParticipantBuilder::new(domain).same_host_loopback(true);

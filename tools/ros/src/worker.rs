@@ -17,10 +17,6 @@ pub struct Worker<T> {
 
 impl<T: Send + 'static> Worker<T> {
     /// Starts a thread of this name. At most `waiting` tasks wait.
-    ///
-    /// # Errors
-    ///
-    /// If the system cannot start a thread.
     pub fn start(
         name: &str,
         waiting: usize,

@@ -71,10 +71,7 @@ pub struct Device {
 
 impl Device {
     /// Opens `/dev/input/event*` or `/dev/hidraw*`, or a pipe through which a recording is played.
-    ///
-    /// # Errors
-    ///
-    /// [`DeviceError`]; other files are not read.
+    /// Other files are not read.
     pub fn open(path: &Path) -> Result<Self, DeviceError> {
         let failed = |error| DeviceError::Io { path: path.to_owned(), error };
         let kind = path.metadata().map_err(failed)?.file_type();
@@ -106,11 +103,8 @@ impl Device {
         self.played.is_some()
     }
 
-    /// Opens a recording that is played through a pipe: head, then frames at their times.
-    ///
-    /// # Errors
-    ///
-    /// [`DeviceError`], also when no head comes within that time.
+    /// Opens a recording that is played through a pipe: head, then frames at their times. Fails if
+    /// no head comes within that time.
     pub(crate) fn open_played(path: &Path, within: Nanos) -> Result<Self, DeviceError> {
         let failed = |error| DeviceError::Io { path: path.to_owned(), error };
         let wrong = |error| DeviceError::Recording { path: path.to_owned(), error };
@@ -141,11 +135,8 @@ impl Device {
         Self { path, description, file, grabbed, pulse, played, decoder, state }
     }
 
-    /// Grabs the device for this program alone: a pedal is a keyboard, and would type.
-    ///
-    /// # Errors
-    ///
-    /// [`DeviceError::Io`] when another program has grabbed it.
+    /// Grabs the device for this program alone: a pedal is a keyboard, and would type. Fails if
+    /// another program has grabbed it.
     pub fn grab(&mut self) -> Result<(), DeviceError> {
         let path = &self.path;
         let grabbed = self.grabbed.as_mut().map_or(Ok(()), RawDevice::grab);
@@ -187,11 +178,8 @@ impl Device {
         (&self.description, &mut self.state)
     }
 
-    /// Reads what has arrived, and passes on every piece unchanged. Never waits.
-    ///
-    /// # Errors
-    ///
-    /// [`DeviceError`] when the device is gone.
+    /// Reads what has arrived, and passes on every piece unchanged. Never waits. Fails when the
+    /// device is gone.
     pub fn read(&mut self, now: Nanos, mut raw: impl FnMut(&[u8])) -> Result<(), DeviceError> {
         // Frames may have come together with the head.
         self.play(&[], now, &mut raw)?;

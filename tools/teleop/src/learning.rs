@@ -68,11 +68,8 @@ fn taps(key: Code) -> String {
     )
 }
 
-/// Creates a profile from four answers.
-///
-/// # Errors
-///
-/// One sentence about the answer that is not clear.
+/// Creates a profile from four answers. An error is one sentence about the answer that is not
+/// clear.
 pub fn profile(device: &Description, answers: &[Snapshot; 4]) -> Result<Profile, String> {
     let [rest, right, up, dead_man] = answers;
     let named =

@@ -134,11 +134,7 @@ pub enum Handedness {
 }
 
 impl Profile {
-    /// Parses a profile.
-    ///
-    /// # Errors
-    ///
-    /// One sentence: the error and the valid form.
+    /// Parses a profile. An error is one sentence with the valid form.
     pub fn parse(text: &str) -> Result<Self, String> {
         let profile: Self = toml::from_str(text).map_err(|error| error.to_string())?;
         for id in &profile.devices {
@@ -168,12 +164,8 @@ impl Profile {
         self.devices.contains(&identity.product_id().to_string())
     }
 
-    /// Finds the controls in a device.
-    ///
-    /// # Errors
-    ///
-    /// Names a control that the device lacks, or has but must not: it is a different device, in a
-    /// different mode, or served by a different driver.
+    /// Finds the controls in a device. An error names a control that the device lacks, or has but
+    /// must not: it is a different device, in a different mode, or served by a different driver.
     pub fn controls(&self, device: &Description, hand: Handedness) -> Result<Controls, String> {
         let left = { self.left.as_ref() }.filter(|_| hand == Handedness::Left);
         let name = |choose: fn(&ControlNames) -> &Option<String>| {

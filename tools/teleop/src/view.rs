@@ -74,11 +74,8 @@ impl View {
         Self { seen: [mirrored([-sin, cos]), mirrored([cos, sin])], deviation_deg: [0.0; 2] }
     }
 
-    /// Measures the view from a motion of pitch alone and one of yaw alone.
-    ///
-    /// # Errors
-    ///
-    /// [`ViewError`] if they do not determine it.
+    /// Measures the view from a motion of pitch alone and one of yaw alone. Fails if they do not
+    /// determine it.
     pub fn measured(pitch: SeenMotion, yaw: SeenMotion) -> Result<Self, ViewError> {
         let column = |axis, motion: SeenMotion| {
             let SeenMotion { moved_deg, picture: [right, up], deviation } = motion;

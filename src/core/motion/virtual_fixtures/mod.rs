@@ -121,11 +121,7 @@ impl VirtualFixtures {
         bits.fold(0, |bits, (index, _)| bits | 1 << index)
     }
 
-    /// Carries out a request.
-    ///
-    /// # Errors
-    ///
-    /// [`Refusal::Range`] when there is no place for one more region.
+    /// Carries out a request. [`Refusal::Range`] when there is no place for one more region.
     pub(crate) fn change(&mut self, change: &FixtureChange) -> Result<(), Refusal> {
         match change {
             FixtureChange::SwitchOn => self.is_on = true,

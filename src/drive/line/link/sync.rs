@@ -63,11 +63,8 @@ impl<T: Transport> DriveLink<T> {
         Ok(())
     }
 
-    /// Discards bytes until the line is quiet, for a bounded time.
-    ///
-    /// # Errors
-    ///
-    /// [`LinkError::Broken`] only.
+    /// Discards bytes until the line is quiet, for a bounded time. Fails with [`LinkError::Broken`]
+    /// only.
     pub(crate) fn wait_for_quiet(&mut self) -> Result<(), LinkError> {
         self.drain().map(|_| ()).map_err(LinkError::broken)
     }
@@ -97,10 +94,7 @@ impl<T: Transport> DriveLink<T> {
         Ok(())
     }
 
-    /// One attempt to synchronise. [`DriveLink::is_in_sync`] says whether it succeeded.
-    ///
-    /// # Errors
-    ///
+    /// One attempt to synchronise. [`DriveLink::is_in_sync`] says whether it succeeded. Fails with
     /// [`LinkError::Broken`] only.
     pub(crate) fn try_to_synchronise(&mut self) -> Result<(), LinkError> {
         self.lose_sync(0);

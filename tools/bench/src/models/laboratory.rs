@@ -46,7 +46,6 @@ pub fn fitted(
 }
 
 /// A snake as calibrated, or aged since then.
-#[must_use]
 pub fn robot(snake: &SnakeSource, is_aged: bool) -> Robot {
     let mut robot = Robot::new(snake.build(1));
     if is_aged {

@@ -72,10 +72,6 @@ impl Arguments {
 }
 
 /// Judges all snakes and prints a line for each as soon as it is done, then a table or JSON.
-///
-/// # Errors
-///
-/// A snake cannot be judged.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = tempfile::tempdir()?;
     let snakes = arguments.snakes();

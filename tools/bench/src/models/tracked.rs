@@ -29,10 +29,6 @@ const WARM_UP: usize = 10_000;
 
 /// RMS error of the tip, deg, of every motion: of the model, of the straight line through the
 /// recording, and of the exact inverse.
-///
-/// # Errors
-///
-/// The reason why the model cannot be followed.
 pub fn tracked(
     snake: &SnakeSource,
     is_aged: bool,
@@ -60,10 +56,6 @@ pub fn tracked(
 
 /// Duration of each tick of the control cycle with a model, us, while it follows two sines with
 /// ideal motors.
-///
-/// # Errors
-///
-/// The reason why the model cannot be followed.
 pub fn tick_times(model: &Arc<Model>, ticks: usize) -> Result<Vec<f64>, Failure> {
     let config = config()?;
     let mut control = ClosedLoop::conditioned(&config, model, IdealMotors::default())?;

@@ -72,10 +72,6 @@ struct Shape {
 
 impl DriftEstimate {
     /// Estimates the drift from a recording of the same robot.
-    ///
-    /// # Errors
-    ///
-    /// [`DriftError`].
     pub fn new(model: &Model, recording: &Recording) -> Result<Self, DriftError> {
         let shape = Shape {
             outputs: model.outputs(),

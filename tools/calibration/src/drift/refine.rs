@@ -63,10 +63,6 @@ pub enum RefineError {
 
 /// Fits a model to a calibration and the use after it: `both` has the rows of the calibration, then
 /// `in_use` rows of the use ([`Recording::followed_by`]). Lengths are in the unit of the recording.
-///
-/// # Errors
-///
-/// [`RefineError`].
 pub fn refine(
     old: &Model,
     both: &Recording,

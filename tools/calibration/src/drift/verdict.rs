@@ -36,7 +36,6 @@ pub enum Verdict {
 
 impl Verdict {
     /// The verdict on a model with its drift.
-    #[must_use]
     pub fn new(model: &Model, drift: &DriftEstimate) -> Self {
         let [before, after] = drift.rms;
         let usual = usual(&model.file().metrics);

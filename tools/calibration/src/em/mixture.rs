@@ -15,13 +15,11 @@ pub struct MixtureFit {
 
 /// Free parameters of a mixture of `components` over `variables`: weights that sum to 1, means,
 /// symmetric covariances.
-#[must_use]
 pub fn free_parameters(components: usize, variables: usize) -> usize {
     components * (1 + variables + variables * (variables + 1) / 2) - 1
 }
 
 /// Maximum number of components for the given rows: no more free parameters than rows.
-#[must_use]
 pub fn most_components(rows: usize, variables: usize) -> usize {
     (rows + 1) / (free_parameters(1, variables) + 1)
 }
@@ -30,7 +28,6 @@ pub fn most_components(rows: usize, variables: usize) -> usize {
 /// likelihood `L` of all of them: the lower the better (G. Schwarz, "Estimating the dimension of a
 /// model", Annals of Statistics, 1978). It assumes independent rows; neighbouring rows of a slow
 /// motion are not, so it favours too many components.
-#[must_use]
 pub fn bic(log_likelihood: f64, rows: usize, components: usize, variables: usize) -> f64 {
     let rows = rows as f64;
     free_parameters(components, variables) as f64 * rows.ln() - 2.0 * rows * log_likelihood

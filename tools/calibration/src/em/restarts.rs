@@ -44,10 +44,6 @@ impl Default for EmOptions {
 }
 
 /// Fits a mixture of `components` Gaussians to the rows of `data`, or of as many as get rows.
-///
-/// # Errors
-///
-/// See [`EmError`].
 pub fn fit_mixture(
     data: &DataTable,
     components: usize,

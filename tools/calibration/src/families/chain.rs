@@ -86,10 +86,6 @@ pub enum ChainError {
 }
 
 /// Fits the chain to the trace of an operator along a series.
-///
-/// # Errors
-///
-/// See [`ChainError`].
 pub fn fit_chain(
     series: &Series,
     points: &[TracePoint],

@@ -34,11 +34,7 @@ pub enum UnknownMemory {
 /// Minimum part of every motor's range that the remaining samples must cover.
 const MIN_COVERAGE: f64 = 0.9;
 
-/// Runs play operators along the path.
-///
-/// # Errors
-///
-/// The operator is refused.
+/// Runs play operators along the path. Fails if the operator is refused.
 pub fn trace_plays(
     series: &Series,
     plays: &PlayParameters,

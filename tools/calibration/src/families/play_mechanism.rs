@@ -35,10 +35,7 @@ pub struct PlayMotor {
 
 impl PlayMechanism {
     /// Derives the properties from plays, the virtual counts of all samples and their outputs.
-    ///
-    /// # Errors
-    ///
-    /// The virtual counts do not span their space.
+    /// Fails if the virtual counts do not span their space.
     pub fn new(
         plays: &PlayParameters,
         virtual_counts: &DataTable,

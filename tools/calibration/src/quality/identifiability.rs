@@ -95,19 +95,16 @@ pub enum Finding {
 impl Finding {
     /// Whether the recording cannot show hysteresis at all, so that only memoryless models can be
     /// fitted. Otherwise a model with memory can be fitted, with the limit in the sentence.
-    #[must_use]
     pub fn hides_hysteresis(&self) -> bool {
         matches!(self, Self::FewReversals { .. } | Self::Circulation { .. })
     }
 
     /// Whether the recording does not show what both motors do together.
-    #[must_use]
     pub fn hides_plane(&self) -> bool {
         matches!(self, Self::OneAxisAtATime { .. } | Self::TwoLines { .. })
     }
 
     /// Whether the recording contains no small loops inside the large ones.
-    #[must_use]
     pub fn hides_small_loops(&self) -> bool {
         matches!(self, Self::OneLoop { .. } | Self::LargeLoops { .. })
     }

@@ -76,7 +76,6 @@ pub struct Latency {
 /// `None` if there is too little of either, nothing moves, the motion does not show it, parts of
 /// the recording contradict each other, or the best shift is at the end of the range: -100 to 400
 /// ms.
-#[must_use]
 pub fn estimate_latency(
     path: &[TimedCounts],
     measured: &[TimedOutputs],

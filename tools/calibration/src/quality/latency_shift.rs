@@ -17,7 +17,6 @@ const GAP: f64 = 5.0;
 impl Recording {
     /// Latency of the outputs' stamps against the counts; `None` without time stamps and if the
     /// motion does not show it, see [`estimate_latency`].
-    #[must_use]
     pub fn latency(&self) -> Option<Latency> {
         let path = self.timed_path()?;
         if usual_step(&path)? > SETTLED_S {
@@ -38,7 +37,6 @@ impl Recording {
     /// The recording with all outputs `seconds` earlier, at the motors' counts at that time. Rows
     /// that leave the recording or fall into a gap are left out; a recording without time stamps
     /// stays as it is.
-    #[must_use]
     pub fn shifted(&self, seconds: f64) -> Self {
         let Some(timed) = self.timed_path() else {
             return self.clone();

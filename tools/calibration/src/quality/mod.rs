@@ -58,11 +58,8 @@ pub struct Quality {
 const MIN_BEND_DEG: f64 = 1.6;
 
 impl Quality {
-    /// Examines a recording.
-    ///
-    /// # Errors
-    ///
-    /// The motors do not span their space, so that not even an affine model can be fitted.
+    /// Examines a recording. Fails if the motors do not span their space: not even an affine model
+    /// can be fitted.
     pub fn new(recording: &Recording, options: &SpikeOptions) -> Result<Self, LinearError> {
         let rows = recording.rows();
         let indices = || 0..rows.len();
@@ -88,19 +85,16 @@ impl Quality {
     }
 
     /// Why hysteresis cannot be found at all, if so.
-    #[must_use]
     pub fn hides_hysteresis(&self) -> Option<Finding> {
         self.warnings.iter().find(|finding| finding.hides_hysteresis()).copied()
     }
 
     /// Why the recording lacks motion between the axes of the motors, if so.
-    #[must_use]
     pub fn hides_plane(&self) -> Option<Finding> {
         self.warnings.iter().find(|finding| finding.hides_plane()).copied()
     }
 
     /// Whether a row was flagged, for any output.
-    #[must_use]
     pub fn is_flagged(&self, row: usize) -> bool {
         self.spikes.binary_search_by_key(&row, |spike| spike.row).is_ok()
     }
@@ -113,7 +107,6 @@ fn residuals(measured: &[f64], inputs: &DataTable, linear: &LinearFit, output: u
 }
 
 /// All limits of a recording.
-#[must_use]
 pub fn findings(recording: &Recording) -> Vec<Finding> {
     let independent = independence(&inputs(recording, 0..recording.rows().len()));
     let percent = 100.0 * independent;

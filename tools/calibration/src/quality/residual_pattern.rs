@@ -137,7 +137,6 @@ pub struct Unexplained {
 impl Unexplained {
     /// Analyses predictions at some rows; `None` if they are as good as the noise allows, or the
     /// noise is not known. Without memory, a model errs by hysteresis, which no speed avoids.
-    #[must_use]
     pub fn find(
         recording: &Recording,
         quality: &Quality,

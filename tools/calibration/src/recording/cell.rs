@@ -36,7 +36,6 @@ pub(super) fn is_grouped(cell: &str) -> bool {
 
 /// Parses a time, s: a number of seconds, a date and a time of day as in ISO 8601, or the time of
 /// day alone. A date counts from 1970-01-01.
-#[must_use]
 pub fn seconds(cell: &str, decimal_comma: bool) -> Option<f64> {
     number(cell, decimal_comma).or_else(|| match cell.split_once(['T', 't', ' ']) {
         Some((date, clock)) => Some(86_400.0 * days(date)? + clock_s(clock)?),

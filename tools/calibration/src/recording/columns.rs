@@ -93,26 +93,22 @@ pub struct Wanted {
 
 impl Wanted {
     /// Counts and outputs, and their time if available.
-    #[must_use]
     pub fn recording() -> Self {
         let (noun, motors, outputs) = ("recording", 1..=MAX_MOTORS, Some(Vec::new()));
         Self { noun, time: false, rising: true, motors, outputs }
     }
 
     /// Counts over time.
-    #[must_use]
     pub fn path() -> Self {
         Self { time: true, outputs: None, ..Self::recording() }
     }
 
     /// The path of this many motors. Time stamps are ignored.
-    #[must_use]
     pub fn path_of(motors: usize) -> Self {
         Self { time: false, rising: false, motors: motors..=motors, ..Self::path() }
     }
 
     /// These outputs over time.
-    #[must_use]
     pub fn trajectory(outputs: &[OutputSpec]) -> Self {
         let (noun, outputs) = ("table", Some(outputs.to_vec()));
         Self { noun, motors: 0..=0, outputs, ..Self::path() }
@@ -120,7 +116,6 @@ impl Wanted {
 }
 
 /// Pitch and yaw, degrees.
-#[must_use]
 pub fn pitch_and_yaw() -> [OutputSpec; 2] {
     ["pitch", "yaw"].map(|name| output(name, OutputUnit::Deg))
 }
@@ -395,7 +390,6 @@ fn seconds_of(name: &str) -> Option<f64> {
 }
 
 /// Name of an output in a table.
-#[must_use]
 pub fn column_of(OutputSpec { name, unit }: &OutputSpec) -> String {
     match unit {
         OutputUnit::Deg => format!("{name}_deg"),

@@ -40,12 +40,7 @@ pub struct DroppedRow {
 
 impl Recording {
     /// Reads and checks a CSV file with a header. Rows with an empty cell in a column in use are
-    /// left out and reported.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be read, a column is missing, or a value in it is wrong; see
-    /// [`RecordingError`].
+    /// left out and reported. Fails if a column is missing, or a value in it is wrong.
     pub fn read(path: &Path, columns: &ColumnMap) -> Result<(Self, ReadReport), RecordingError> {
         let name = path.file_name().unwrap_or(path.as_os_str());
         let wanted = Wanted::recording();

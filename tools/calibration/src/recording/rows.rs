@@ -31,7 +31,6 @@ pub struct Row {
 
 impl Row {
     /// A row for writing: its line and its path index do not matter.
-    #[must_use]
     pub fn new(time_s: Option<f64>, counts: MotorVec, outputs: [f64; MAX_OUTPUTS]) -> Self {
         let (line, path_index) = (0, 0);
         Self { line, time_s, counts, outputs, path_index }
@@ -63,33 +62,28 @@ pub struct Recording {
 
 impl Recording {
     /// Name of the file, without folders.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// SHA-256 of the bytes of the file, hexadecimal, as printed by `sha256sum`. For two recordings
     /// together, that of both sums with a space between.
-    #[must_use]
     pub fn sha256(&self) -> &str {
         &self.sha256
     }
 
     /// Number of motors, 1 or 2.
-    #[must_use]
     pub fn motors(&self) -> usize {
         self.motors
     }
 
     /// Measured outputs, 1 to 3.
-    #[must_use]
     pub fn outputs(&self) -> &[OutputSpec] {
         &self.outputs
     }
 
     /// The path of the motors: every position of the file, in order, including those without
     /// outputs.
-    #[must_use]
     pub fn path(&self) -> &[PathPoint] {
         &self.path
     }
@@ -107,17 +101,13 @@ impl Recording {
     }
 
     /// The rows with outputs, in the order of the file.
-    #[must_use]
     pub fn rows(&self) -> &[Row] {
         &self.rows
     }
 
     /// Joins two recordings of one snake, the second shortly after the first. The motors are
-    /// assumed to have moved straight between them. Lines are those of either file.
-    ///
-    /// # Errors
-    ///
-    /// The two have different motors or outputs, or only one has time stamps.
+    /// assumed to have moved straight between them. Lines are those of either file. Fails if the
+    /// two have different motors or outputs, or only one has time stamps.
     pub fn followed_by(&self, later: &Self) -> Result<Self, String> {
         if (self.motors, &self.outputs) != (later.motors, &later.outputs) {
             return Err(format!(
@@ -154,7 +144,6 @@ impl Recording {
     }
 
     /// The first rows, with the path up to the last of them.
-    #[must_use]
     pub fn first_rows(&self, count: usize) -> Self {
         let mut part = self.clone();
         part.rows.truncate(count);

@@ -204,11 +204,8 @@ pub struct Rows {
     pub notes: Vec<String>,
 }
 
-/// Reads a table that is not a recording. Rows with an empty cell are left out.
-///
-/// # Errors
-///
-/// The table cannot be read, a column is missing, or a value in it is wrong.
+/// Reads a table that is not a recording. Rows with an empty cell are left out. Fails if a column
+/// is missing, or a value in it is wrong.
 pub fn read_rows(
     path: &Path,
     columns: &ColumnMap,

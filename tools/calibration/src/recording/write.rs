@@ -20,10 +20,6 @@ pub struct RecordingWriter<W: Write> {
 
 impl<W: Write> RecordingWriter<W> {
     /// Begins a recording with its header.
-    ///
-    /// # Errors
-    ///
-    /// The writer fails.
     pub fn new(mut to: W, timed: bool, motors: usize, outputs: &[OutputSpec]) -> io::Result<Self> {
         let time = timed.then(|| "t_s".to_owned());
         let counts = (0..motors).map(|motor| format!("q{motor}_counts"));
@@ -35,10 +31,6 @@ impl<W: Write> RecordingWriter<W> {
 
     /// Writes a row; its `line` does not matter. A missing time in a timed recording, or a number
     /// that is not finite, leaves its cell empty.
-    ///
-    /// # Errors
-    ///
-    /// The writer fails.
     pub fn row(&mut self, row: &Row) -> io::Result<()> {
         let time = self.timed.then(|| row.time_s.unwrap_or(f64::NAN));
         let counts = row.counts.iter().take(self.motors);
@@ -52,10 +44,6 @@ impl<W: Write> RecordingWriter<W> {
     }
 
     /// Ends the recording.
-    ///
-    /// # Errors
-    ///
-    /// The writer fails.
     pub fn finish(mut self) -> io::Result<W> {
         self.to.flush()?;
         Ok(self.to)

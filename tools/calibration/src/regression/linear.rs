@@ -66,7 +66,6 @@ pub enum LinearError {
 
 /// Part of the motion of each of two inputs that is independent of the other, 0 to 1:
 /// `sqrt(1 - correlation^2)`. 1 for a single input.
-#[must_use]
 pub fn independence(inputs: &DataTable) -> f64 {
     if inputs.width() < 2 {
         return 1.0;
@@ -80,11 +79,8 @@ pub fn independence(inputs: &DataTable) -> f64 {
     (1.0 - ab * ab / (a * b)).max(0.0).sqrt()
 }
 
-/// Fits every output by least squares, by QR decomposition of the standardised inputs.
-///
-/// # Errors
-///
-/// There are too few rows, or the inputs do not span their space.
+/// Fits every output by least squares, by QR decomposition of the standardised inputs. Fails if
+/// there are too few rows, or the inputs do not span their space.
 pub fn fit_linear(inputs: &DataTable, outputs: &DataTable) -> Result<LinearFit, LinearError> {
     let rows = inputs.len().min(outputs.len());
     let (d, m) = (inputs.width(), outputs.width());

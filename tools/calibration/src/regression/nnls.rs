@@ -12,7 +12,6 @@ const ROUNDING: f64 = 1e-11;
 /// The `x >= 0` that minimises `x' gram x / 2 - rhs' x`, for a positive definite `gram`. At the
 /// solution the gradient `rhs - gram x` is 0 where `x > 0` and not positive elsewhere (Karush,
 /// Kuhn, Tucker).
-#[must_use]
 pub fn nnls(gram: &DMatrix<f64>, rhs: &DVector<f64>) -> DVector<f64> {
     let size = rhs.len();
     let mut search = ActiveSet {

@@ -61,11 +61,7 @@ struct ComparedOutput {
 
 impl Comparison {
     /// Compares models, with the names of their files, on a recording of the same motors and
-    /// outputs.
-    ///
-    /// # Errors
-    ///
-    /// An output does not vary in the recording: a sentence.
+    /// outputs. Fails if an output does not vary in the recording.
     pub fn new(models: &[(String, Model)], recording: &Recording) -> Result<Self, String> {
         let (rows, positions) = (recording.rows().len(), recording.path().len());
         let doubts: Vec<_> = models.iter().map(|(_, model)| doubts(model, recording)).collect();

@@ -32,10 +32,6 @@ pub struct DriftReport {
 impl DriftReport {
     /// The drift from a model, with the name of its file, and a recording of the same motors and
     /// outputs.
-    ///
-    /// # Errors
-    ///
-    /// [`DriftError`].
     pub fn new(name: &str, model: &Model, recording: &Recording) -> Result<Self, DriftError> {
         let drift = DriftEstimate::new(model, recording)?;
         Ok(Self {
@@ -48,7 +44,6 @@ impl DriftReport {
     }
 
     /// A page with the numbers, and the errors over time with and without them.
-    #[must_use]
     pub fn html(&self) -> String {
         let Self { model, verdict, drift, recording, outputs } = self;
         let mut page = Document::new(format!("Drift of {model}"));

@@ -27,7 +27,6 @@ const DEAD_BAND_COUNTS: f64 = 1.0;
 
 impl CalibrationReport {
     /// All results of a fit.
-    #[must_use]
     pub fn new(
         recording: &Recording,
         read: &ReadReport,

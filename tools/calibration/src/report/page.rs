@@ -33,7 +33,6 @@ impl fmt::Display for CalibrationReport {
 
 impl CalibrationReport {
     /// The report as a self-contained HTML document.
-    #[must_use]
     pub fn html(&self) -> String {
         self.document().html()
     }

@@ -30,10 +30,6 @@ const PARTING: Duration = Duration::from_millis(500);
 const BREATH: Duration = Duration::from_millis(50);
 
 /// Starts to serve, in threads that end with the process.
-///
-/// # Errors
-///
-/// When the system gives no thread.
 pub fn start(listener: TcpListener, source: Arc<Source>, local: bool) -> io::Result<()> {
     thread::Builder::new()
         .name("web".to_owned())

@@ -59,7 +59,6 @@ pub struct Joint {
 
 impl Joint {
     /// The axis that it turns about, as the link below sees it.
-    #[must_use]
     pub fn axis(&self) -> [f64; 3] {
         match self.motion {
             Motion::Pitch => [-1.0, 0.0, 0.0],
@@ -110,7 +109,6 @@ pub struct Snake {
 
 impl Snake {
     /// The snake of the robot with this name, which all its links have as a prefix.
-    #[must_use]
     pub fn new(name: &str) -> Self {
         let link = |what: &str| format!("{name}_{what}");
         let (mut joints, mut parent, mut end) = (Vec::new(), link("base"), 0.0);
@@ -162,31 +160,26 @@ impl Snake {
         Self { name, masters, joints }
     }
 
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// The link that does not move, where the first joint begins.
-    #[must_use]
     pub fn base(&self) -> String {
         format!("{}_base", self.name)
     }
 
     /// The link without a body at the end of the snake.
-    #[must_use]
     pub fn tip(&self) -> String {
         format!("{}_tip", self.name)
     }
 
     /// The joints `pitch` and `yaw`, which those of the chain follow.
-    #[must_use]
     pub fn masters(&self) -> &[Joint] {
         &self.masters
     }
 
     /// The chain from base to tip.
-    #[must_use]
     pub fn joints(&self) -> &[Joint] {
         &self.joints
     }
@@ -198,7 +191,6 @@ impl Snake {
     }
 
     /// Where the tip is, as the base sees it.
-    #[must_use]
     pub fn tip_pose(&self, bend: Bend) -> LinkPose {
         let joints = self.joints.iter();
         joints.fold(Isometry3::identity(), |pose, joint| pose * joint.at(&bend)).into()

@@ -7,7 +7,6 @@ use super::{Bend, Motion, Snake};
 impl Snake {
     /// Linear (m) and angular (rad) velocity of the tip in the base, six rows, by the velocities of
     /// pitch and yaw.
-    #[must_use]
     pub fn jacobian(&self, bend: Bend) -> [[f64; 2]; 6] {
         self.jacobian_matrix(bend).transpose().into()
     }

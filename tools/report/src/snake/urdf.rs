@@ -19,7 +19,6 @@ const BASE_M: f64 = 4e-3;
 const EFFORT_AND_VELOCITY: &str = r#"effort="1" velocity="10""#;
 
 impl Snake {
-    #[must_use]
     pub fn urdf(&self) -> String {
         let mut text = String::from("<?xml version=\"1.0\"?>\n");
         // Writing into a String cannot fail.

@@ -20,12 +20,8 @@ pub(super) struct Flood {
 }
 
 impl Flood {
-    /// Counts messages.
-    ///
-    /// # Errors
-    ///
-    /// [`Reason::Flood`] for too many in this window or in the previous one: a client that floods
-    /// never gets through.
+    /// Counts messages. Refuses too many in this window or in the previous one: a client that
+    /// floods never gets through.
     pub fn check(&mut self, count: u32, now: Nanos) -> Result<(), Reason> {
         let elapsed = now.duration_since(self.start);
         if elapsed >= WINDOW {

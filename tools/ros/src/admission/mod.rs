@@ -45,9 +45,6 @@ pub struct Ages {
 }
 
 impl Ages {
-    /// # Errors
-    ///
-    /// [`Reason::Old`].
     pub fn check(&self, stamp_ns: u64, now_ns: u64) -> Result<(), Reason> {
         let (apart, future) = (Nanos(stamp_ns.abs_diff(now_ns)), stamp_ns > now_ns);
         let limit = if future { self.ahead } else { self.oldest };
@@ -67,7 +64,6 @@ pub struct Writer(pub [u8; 16]);
 pub struct Participant(pub [u8; 12]);
 
 impl Writer {
-    #[must_use]
     pub fn participant(&self) -> Participant {
         Participant(std::array::from_fn(|i| self.0[i]))
     }
@@ -89,7 +85,6 @@ macro_rules! topics {
             /// All, in the order of their numbers.
             pub const ALL: &'static [Self] = &[$(Self::$topic,)*];
 
-            #[must_use]
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$topic => $name,)* }
             }
@@ -134,17 +129,12 @@ pub struct Pose {
 
 impl Pose {
     /// The pose at this distance from another.
-    #[must_use]
     pub fn from(&self, start: &OutputVec) -> Self {
         Self { position: std::array::from_fn(|i| self.position[i] + start[i]), ..*self }
     }
 }
 
 /// Checks the number of values, and that they are finite.
-///
-/// # Errors
-///
-/// [`Reason::Length`], [`Reason::NotFinite`].
 pub fn checked(values: &[f64], joints: usize) -> Result<Pose, Reason> {
     if values.len() != joints || joints == 0 || joints > MAX_OUTPUTS {
         let given = values.len();
@@ -228,7 +218,6 @@ pub struct Admission {
 }
 
 impl Admission {
-    #[must_use]
     pub const fn new(ages: Ages) -> Self {
         Self { peers: BTreeMap::new(), ages }
     }
@@ -247,12 +236,9 @@ impl Admission {
         peer
     }
 
-    /// Counts `count` servo commands that arrived together, and judges the newest of them.
-    ///
-    /// # Errors
-    ///
-    /// The reason for the refusal. The first message of a client is refused with
-    /// [`Reason::FirstOfStream`]: it may have been stored for late joiners.
+    /// Counts `count` servo commands that arrived together, and judges the newest of them. The
+    /// first message of a client is refused with [`Reason::FirstOfStream`]: it may have been stored
+    /// for late joiners.
     pub fn servo(
         &mut self,
         writer: Writer,
@@ -294,10 +280,6 @@ impl Admission {
     }
 
     /// Judges a command that is sent once. One that is passed on ends the client's stream.
-    ///
-    /// # Errors
-    ///
-    /// The reason for the refusal.
     pub fn once(
         &mut self,
         writer: Writer,
@@ -317,10 +299,6 @@ impl Admission {
     }
 
     /// Counts measurements of a camera.
-    ///
-    /// # Errors
-    ///
-    /// [`Reason::Flood`], [`Reason::TooManyWriters`].
     pub fn camera(&mut self, writer: Writer, count: u32, times: &Times) -> Result<(), Reason> {
         let now = times.arrived;
         let peer = self.peer(writer.participant(), now);
@@ -328,7 +306,6 @@ impl Admission {
     }
 
     /// The identity of the client that a writer belongs to.
-    #[must_use]
     pub fn client_id(&mut self, writer: Writer, topic: Topic, now: Nanos) -> Option<u64> {
         let peer = self.peer(writer.participant(), now);
         peer.client(writer, topic).ok().map(|client| client.id)

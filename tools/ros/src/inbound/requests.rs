@@ -81,9 +81,6 @@ impl Requests {
         Ok(Self { stopper, worker, stops })
     }
 
-    /// # Errors
-    ///
-    /// [`Reason::Waiting`].
     pub fn ask(&self, client_id: u64, what: What) -> Result<(), Reason> {
         let ask = Ask { client_id, what, stops: self.stops.count.load(Ordering::Acquire) };
         if self.worker.ask(ask) { Ok(()) } else { Err(Reason::Waiting) }

@@ -81,11 +81,8 @@ pub struct ChangeError {
 }
 
 impl Change {
-    /// Checks all values.
-    ///
-    /// # Errors
-    ///
-    /// A value is out of its range, or a place does not fit the parameter.
+    /// Checks all values. Fails if a value is out of its range, or a place does not fit the
+    /// parameter.
     pub fn check(&self) -> Result<(), ChangeError> {
         let refuse = |key, value, reason| Err(ChangeError { key, value, reason });
         let by = self.by;

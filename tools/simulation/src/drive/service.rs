@@ -269,7 +269,6 @@ pub struct Gateway {
 impl Gateway {
     /// Additional time for a request to a node, and the abort code of the gateway for a node that
     /// does not answer.
-    #[must_use]
     pub fn forward(self, node_answers: bool) -> (Nanos, Option<Abort>) {
         if node_answers { (self.round_trip, None) } else { (self.timeout, Some(Abort::SdoTimeout)) }
     }

@@ -35,7 +35,6 @@ pub enum Line {
 impl Line {
     /// The ports of a controller on this line, of axes in the order of the motors. An axis without
     /// a drive is left out.
-    #[must_use]
     pub fn ports(
         self,
         axes: Vec<AxisConfig>,
@@ -110,11 +109,7 @@ impl EmulatorConfig {
     }
 
     /// Takes drives and lines from the configuration of a controller: families, rate, nodes and
-    /// serial numbers.
-    ///
-    /// # Errors
-    ///
-    /// The ports differ in a property that all emulated ports share.
+    /// serial numbers. Fails if the ports differ in a property that all emulated ports share.
     pub fn rehearse(&mut self, ports: &[PortConfig]) -> Result<(), &'static str> {
         let [first, ..] = ports else { return Err("no port to emulate") };
         if ports.iter().any(|port| port.baud != first.baud) {

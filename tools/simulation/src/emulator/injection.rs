@@ -108,7 +108,6 @@ impl Injection {
     }
 
     /// The name of its kind, as in files.
-    #[must_use]
     pub fn name(&self) -> &'static str {
         self.into()
     }

@@ -13,11 +13,7 @@ use super::reversals;
 /// Turns of a decaying sine.
 const DECAYING_TURNS: f64 = 8.0;
 
-/// Parses an option that must be above 0.
-///
-/// # Errors
-///
-/// A message for the user with the valid range.
+/// Parses an option that must be above 0. An error names the valid range.
 pub fn above_zero(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "must be a number above 0".to_owned())

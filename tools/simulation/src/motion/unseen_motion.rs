@@ -200,7 +200,6 @@ const MARGIN: f64 = 1.15;
 
 /// Motions, scaled down if they exceed the calibrated hull of a model: the result shall depend on
 /// the model, not on the size of the hull.
-#[must_use]
 pub fn within_reach(
     motions: &[(Motion, Vec<[f64; 2]>)],
     model: &Model,

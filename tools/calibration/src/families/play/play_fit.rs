@@ -33,10 +33,6 @@ pub struct PlayFit {
 
 impl PlayFit {
     /// Fits the chain after the same plays again, for example with fewer components.
-    ///
-    /// # Errors
-    ///
-    /// See [`fit_play`].
     pub fn refit(
         &self,
         series: &Series,
@@ -48,7 +44,6 @@ impl PlayFit {
     }
 
     /// The parameters for a model file.
-    #[must_use]
     pub fn family(&self) -> FamilyParameters {
         FamilyParameters::GmrPlay {
             plays: self.plays.clone(),
@@ -61,10 +56,6 @@ impl PlayFit {
 
 /// Fits plays and the chain after them. The same `options`, with their seed, give the same fit to
 /// the bit, on any number of cores.
-///
-/// # Errors
-///
-/// See [`PlayError`].
 pub fn fit_play(
     series: &Series,
     options: &ChainOptions,

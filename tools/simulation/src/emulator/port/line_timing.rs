@@ -47,7 +47,6 @@ impl Default for LineConfig {
 impl LineConfig {
     /// An EPOS2 on USB: an FTDI bridge at 1,000,000 baud, with its timer set to 1 ms. An exchange
     /// takes 2 ms, as others have measured.
-    #[must_use]
     pub fn usb() -> Self {
         Self { baud: 1_000_000, latency_timer_ms: 1, processing_us: 300, ..Self::default() }
     }

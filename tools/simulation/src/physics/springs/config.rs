@@ -155,10 +155,6 @@ pub enum SnakeConfigError {
 
 impl SnakeConfig {
     /// Reads and checks a file.
-    ///
-    /// # Errors
-    ///
-    /// When the file cannot be read, is not TOML of this shape, or holds a value out of range.
     pub fn load(path: &Path) -> Result<Self, SnakeConfigError> {
         let text = fs::read_to_string(path)
             .map_err(|source| SnakeConfigError::Read { path: path.to_owned(), source })?;
@@ -166,10 +162,6 @@ impl SnakeConfig {
     }
 
     /// Parses and checks the text of a file; `path` is for messages only.
-    ///
-    /// # Errors
-    ///
-    /// When the text is not TOML of this shape or holds a value out of range.
     pub fn parse(text: &str, path: &Path) -> Result<Self, SnakeConfigError> {
         let config: Self = toml::from_str(text).map_err(|source| SnakeConfigError::Parse {
             path: path.to_owned(),
