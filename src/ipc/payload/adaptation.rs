@@ -13,12 +13,6 @@ payload! {
     /// (rad), preload loss of both motors beyond the gap and growth of half the play of both gears
     /// (shares of half the calibrated range).
     AdaptationMsg "I2risAdaptationV2": outgoing {
-        /// Counts up by one per message.
-        pub sequence: u64,
-        /// Time of the values.
-        pub stamp_ns: u64,
-        /// Identifies this start of the controller.
-        pub boot_id: u64,
         /// SHA-256 of the model whose drift it is.
         pub model_id: [u8; 32],
         /// Estimate from the camera.

@@ -47,9 +47,29 @@ pub(in crate::ipc) trait Outgoing: Message {
 }
 
 /// Declares payloads by name, type name in iceoryx2, and fields; `: message` for those that clients
-/// send, `: outgoing` for those of the controller. The default value is all zero.
+/// send, `: outgoing` for those of the controller, which begin with the same three fields. The
+/// default value is all zero.
 macro_rules! payload {
-    (@message $name:ident) => {
+    (@fields outgoing $(#[$doc:meta])* $name:ident $type_name:literal { $($field:tt)* }) => {
+        payload! { @fields message $(#[$doc])* $name $type_name {
+            /// Counts up by one per message.
+            pub sequence: u64,
+            /// Time of the values.
+            pub stamp_ns: u64,
+            /// Identifies this start of the controller.
+            pub boot_id: u64,
+            $($field)*
+        } }
+
+        impl $crate::ipc::payload::definition::Outgoing for $name {
+            fn with_sender(self, boot_id: u64, sequence: u64) -> Self {
+                Self { boot_id, sequence, ..self }
+            }
+        }
+    };
+    (@fields message $(#[$doc:meta])* $name:ident $type_name:literal { $($field:tt)* }) => {
+        payload! { @fields $(#[$doc])* $name $type_name { $($field)* } }
+
         impl $crate::ipc::Message for $name {
             fn sequence(&self) -> u64 {
                 self.sequence
@@ -60,18 +80,9 @@ macro_rules! payload {
             }
         }
     };
-    (@outgoing $name:ident) => {
-        payload!(@message $name);
-
-        impl $crate::ipc::payload::definition::Outgoing for $name {
-            fn with_sender(self, boot_id: u64, sequence: u64) -> Self {
-                Self { boot_id, sequence, ..self }
-            }
-        }
-    };
-    ($($(#[$doc:meta])* $name:ident $type_name:literal $(: $kind:ident)? {
+    (@fields $(#[$doc:meta])* $name:ident $type_name:literal {
         $($(#[$field_doc:meta])* pub $field:ident: $type:ty,)*
-    })*) => {$(
+    }) => {
         $(#[$doc])*
         #[repr(C)]
         #[derive(
@@ -108,9 +119,10 @@ macro_rules! payload {
                     &<$name as $crate::ipc::payload::Payload>::LAYOUT,
                 );
         }
-
-        $(payload!(@$kind $name);)?
-    )*};
+    };
+    ($($(#[$doc:meta])* $name:ident $type_name:literal $(: $kind:ident)? { $($field:tt)* })*) => {
+        $(payload! { @fields $($kind)? $(#[$doc])* $name $type_name { $($field)* } })*
+    };
 }
 
 pub(super) use payload;

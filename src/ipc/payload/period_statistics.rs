@@ -19,14 +19,9 @@ payload! {
         pub max_ns: u64,
     }
 
-    /// `period_statistics`, out, once a second: timing of the control loop.
+    /// `period_statistics`, out, once a second: timing of the control loop in the window that ends
+    /// at its stamp.
     PeriodStatistics "I2risPeriodStatisticsV2": outgoing {
-        /// Counts up by one per message.
-        pub sequence: u64,
-        /// End of the window.
-        pub stamp_ns: u64,
-        /// Identifies this start of the controller.
-        pub boot_id: u64,
         /// Length of the window.
         pub window_ns: u64,
         /// Intended length of a tick.

@@ -11,12 +11,6 @@ payload! {
     /// `error` (faults) and `warning` (refusals, stops, clips), out. Code, sentence and advice are
     /// the same in the log and in every program.
     ReasonMsg "I2risReasonV1": outgoing {
-        /// Counts up by one per message of a stream.
-        pub sequence: u64,
-        /// When it happened.
-        pub stamp_ns: u64,
-        /// Identifies this start of the controller.
-        pub boot_id: u64,
         /// The client whose command it concerns; 0: none.
         pub client_id: u64,
         /// The measured value, in the unit of `quantity`.

@@ -13,12 +13,6 @@ payload! {
     /// setpoints, `goal_js` the requested goal, clipped to the calibrated hull. All three
     /// are invalid while no model is loaded.
     JointState "I2risJointStateV1": outgoing {
-        /// Counts up by one per message.
-        pub sequence: u64,
-        /// Time of the values.
-        pub stamp_ns: u64,
-        /// Identifies this start of the controller.
-        pub boot_id: u64,
         /// Pitch and yaw, rad (x, y, z, m).
         pub position: [f64; MAX_OUTPUTS],
         /// Time derivative of `position`, per second.
@@ -37,12 +31,6 @@ payload! {
 
     /// `actuators/measured_js`, out: state of the motors.
     ActuatorState "I2risActuatorStateV1": outgoing {
-        /// Counts up by one per message.
-        pub sequence: u64,
-        /// Time of the tick.
-        pub stamp_ns: u64,
-        /// Identifies this start of the controller.
-        pub boot_id: u64,
         /// Time of reading each encoder position. 0: never.
         pub measured_stamp_ns: [u64; MAX_MOTORS],
         /// Time of writing each setpoint to the operating system. 0: never.
@@ -76,12 +64,6 @@ payload! {
 
     /// `operating_state`, out: state of the controller and its reason.
     OperatingStateMsg "I2risOperatingStateV2": outgoing {
-        /// Counts up by one per message.
-        pub sequence: u64,
-        /// Time of the tick.
-        pub stamp_ns: u64,
-        /// Identifies this start of the controller.
-        pub boot_id: u64,
         /// Start of the present state.
         pub since_ns: u64,
         /// Client that commands: by the lease, or by its move, conditioning cycle or homing; 0:
@@ -113,12 +95,6 @@ payload! {
     /// `health`, out, once a second: what failed or was lost since the start of the controller. All
     /// 0 in a healthy one.
     Health "I2risHealthV1": outgoing {
-        /// Counts up by one per message.
-        pub sequence: u64,
-        /// Time of the message.
-        pub stamp_ns: u64,
-        /// Identifies this start of the controller.
-        pub boot_id: u64,
         /// Failed calls into shared memory; a message was lost each time.
         pub ipc_failures: u64,
         /// Events that are not in the log, because there were too many in one tick or the log
@@ -140,14 +116,9 @@ payload! {
         pub retries: [u64; MAX_MOTORS],
     }
 
-    /// `events`, out: a line of the log.
+    /// `events`, out: a line of the log, stamped when it was written; its text has the time of the
+    /// event.
     EventMsg "I2risEventV1": outgoing {
-        /// Counts up by one per message.
-        pub sequence: u64,
-        /// When the controller wrote the line. The text has the time of the event.
-        pub stamp_ns: u64,
-        /// Identifies this start of the controller.
-        pub boot_id: u64,
         /// The line, UTF-8, padded with 0; a longer one is truncated.
         pub text: [u8; 232],
     }
@@ -251,12 +222,6 @@ pub const FIXTURES: usize = 8;
 payload! {
     /// `virtual_fixtures`, out, once a second and after every change.
     VirtualFixturesMsg "I2risVirtualFixturesV1": outgoing {
-        /// Counts up by one per message.
-        pub sequence: u64,
-        /// Time of the message.
-        pub stamp_ns: u64,
-        /// Identifies this start of the controller.
-        pub boot_id: u64,
         /// The regions that count: bit 0 for the first.
         pub active: u32,
         /// Number of the region that limited the goal last, from 1; 0: none did.
