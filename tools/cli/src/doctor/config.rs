@@ -11,7 +11,6 @@ use i2ris::model::Model;
 use i2ris_calibration::hand_limits::HandLimits;
 use i2ris_report::Failure;
 use i2ris_report::exit::{Coded, NOT_READY};
-use schema::Kind;
 
 /// Configurations as delivered.
 const TEMPLATES: [&str; 2] = [
@@ -26,9 +25,7 @@ const MARK: &str = " # CHECK";
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
   i2ris doctor config check my-robot.toml
-  i2ris doctor config print config/robot.toml       all keys with values and meanings
-  i2ris doctor config schema > robot.schema.json    for editors: completion, meanings, unknown keys
-  i2ris doctor config schema vision                 for the file that describes the views")]
+  i2ris doctor config print config/robot.toml       all keys with values and meanings")]
 pub enum Command {
     /// Validate a configuration
     Check {
@@ -46,12 +43,6 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Print a JSON Schema: keys, types, meanings
-    Schema {
-        /// Kind of file
-        #[arg(value_enum, default_value_t = Kind::Controller)]
-        kind: Kind,
-    },
 }
 
 pub fn run(command: &Command) -> Result<(), Failure> {
@@ -62,9 +53,6 @@ pub fn run(command: &Command) -> Result<(), Failure> {
         }
         Command::Print { file, json: false } => {
             print!("{}", describe::describe(&Config::load(file)?)?)
-        }
-        Command::Schema { kind } => {
-            print!("{}", schema::text(*kind))
         }
     }
     Ok(())

@@ -327,7 +327,7 @@ fn recording_gives_a_model_from_angles_and_from_images() {
 
     // Images of the recorded motion, their angles, and a model of those.
     draw(&recording, whole.rig.folder.path());
-    let measure = "vision --setup @vision.toml @view0 @view1 --rest-s 0.001";
+    let measure = "vision --config @vision.toml @view0 @view1 --rest-s 0.001";
     whole.tool(&format!("{measure} --output @angles.csv"));
     whole.tool("calibrate merge @take.csv @angles.csv --output @seen.csv");
     let (apart, common) = apart_deg(&whole.recording("seen.csv"), &recording);

@@ -35,8 +35,8 @@ const QUEUE_LENGTH: usize = 64;
 #[derive(Debug, clap::Parser)]
 #[command(name = "i2ris-vision", bin_name = "i2ris vision", version)]
 #[command(after_help = "Examples:
-  i2ris vision --setup vision.toml P/top P/side --overlays drawn
-  i2ris vision --setup vision.toml top.fifo side.fifo --latency-ms 40 --publish \\
+  i2ris vision --config vision.toml P/top P/side --overlays drawn
+  i2ris vision --config vision.toml top.fifo side.fifo --latency-ms 40 --publish \\
       --output angles.csv")]
 pub struct Arguments {
     /// Frames of each view of the setup: a folder, a file, a FIFO, or `-` for the standard input
@@ -44,7 +44,7 @@ pub struct Arguments {
     images: Vec<PathBuf>,
     /// Description of the views
     #[arg(long, value_name = "FILE", default_value = "config/vision.toml")]
-    setup: PathBuf,
+    config: PathBuf,
     #[command(flatten)]
     format: Format,
     /// Time at rest at the start: the reference of the angles
@@ -76,9 +76,9 @@ fn span(text: &str) -> Result<Nanos, String> {
 type ViewMessage = Result<ViewResult, SourceError>;
 
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    let setup = VisionSetup::load(&arguments.setup)?;
+    let setup = VisionSetup::load(&arguments.config)?;
     let Arguments { images, format, .. } = &arguments;
-    check_count(images, &setup, &arguments.setup)?;
+    check_count(images, &setup, &arguments.config)?;
     let live = format.is_live(images);
     let session = Session::new(&setup, arguments.rest_s);
     let output = AngleOutput::open(&arguments, live, session.axes())?;

@@ -81,7 +81,7 @@ fn two_folders_become_angles_and_bad_files_gaps() {
     let whole = fs::read(bench.path("view1/image_0008.png")).unwrap();
     fs::write(bench.path("view1/image_0008.png"), &whole[..whole.len() / 2]).unwrap();
     let options = "--rest-s 0.2 --overlays overlays";
-    let result = bench.run(&format!("vision --setup vision.toml view0 view1 {options}"));
+    let result = bench.run(&format!("vision --config vision.toml view0 view1 {options}"));
     assert_eq!(result.code, Some(0), "{}", result.error);
     let rows = rows(&result.output);
     assert_eq!(rows.len(), 10);
@@ -117,7 +117,7 @@ fn stream(poses: usize) -> (WorkFolder, Vec<u8>) {
 fn truncated_stream_keeps_its_frames_and_reports_its_end() {
     let (bench, mut bytes) = stream(9);
     bytes.truncate(bytes.len() - 1000);
-    let words = "--setup one.toml - --fps 30 --rest-s 0.15";
+    let words = "--config one.toml - --fps 30 --rest-s 0.15";
     let mut child = vision(&bench, words).spawn().unwrap();
     let mut to = child.stdin.take().unwrap();
     let writer = std::thread::spawn(move || {
@@ -134,7 +134,7 @@ fn truncated_stream_keeps_its_frames_and_reports_its_end() {
 }
 
 /// Six frames of [`send_frames`] are at rest, however late they come.
-const LIVE: &str = "--setup one.toml - --rest-s 0.0055";
+const LIVE: &str = "--config one.toml - --rest-s 0.0055";
 
 /// Sends like a camera that takes the frames of `bytes` repeatedly, each stamped a millisecond
 /// after the previous one.
@@ -227,7 +227,7 @@ fn bad_input_is_refused_with_a_reason() {
         ("vision.toml view0 view1 --publish", &["--publish", "stream"]),
         ("vision.toml vision.toml vision.toml", &["YUV4MPEG2"]),
     ] {
-        let result = bench.run(&format!("vision --setup {arguments}"));
+        let result = bench.run(&format!("vision --config {arguments}"));
         assert_refused(result.code == Some(0), &result.error, words);
     }
 }

@@ -5,14 +5,14 @@ use std::fmt::Write as _;
 use i2ris::config::Config;
 use toml::Value;
 
-use super::schema::{Kind, Node, of};
+use super::schema::{Node, controller};
 use i2ris_report::Failure;
 
 const WIDTH: usize = 110;
 
 /// The configuration with every key. Optional keys that are absent appear as comments.
 pub fn describe(config: &Config) -> Result<String, Failure> {
-    let (table, schema) = (toml::Table::try_from(config)?, of(Kind::Controller)?);
+    let (table, schema) = (toml::Table::try_from(config)?, controller()?);
     let mut text = String::new();
     write_table(&mut text, &table, Node::root(&schema), "");
     Ok(text.trim_start_matches('\n').to_owned())

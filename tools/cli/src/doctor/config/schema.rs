@@ -5,26 +5,9 @@
 
 use serde_json::Value;
 
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-pub enum Kind {
-    /// Configuration of `i2ris-control`
-    Controller,
-    /// A snake of the emulator
-    Snake,
-    /// The views of `i2ris vision`
-    Vision,
-}
-
-pub const fn text(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Controller => include_str!("../../../../../config/schema/controller.json"),
-        Kind::Snake => include_str!("../../../../../config/schema/snake.json"),
-        Kind::Vision => include_str!("../../../../../config/schema/vision.json"),
-    }
-}
-
-pub fn of(kind: Kind) -> serde_json::Result<Value> {
-    serde_json::from_str(text(kind))
+/// The schema of the configuration of `i2ris-control`.
+pub fn controller() -> serde_json::Result<Value> {
+    serde_json::from_str(include_str!("../../../../../config/schema/controller.json"))
 }
 
 /// A node of a schema, and the schema that its references point into.
@@ -105,6 +88,15 @@ mod tests {
 
     use super::*;
 
+    fn config_file(name: &str) -> String {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
+        fs::read_to_string(folder.join(name)).unwrap()
+    }
+
+    fn of(kind: &str) -> Value {
+        serde_json::from_str(&config_file(&format!("schema/{kind}.json"))).unwrap()
+    }
+
     /// Every key of a table that is not in the schema, or has no meaning there.
     fn unknown(table: &toml::Table, node: Node<'_>, path: &str, found: &mut Vec<String>) {
         for (key, value) in table {
@@ -131,18 +123,17 @@ mod tests {
     #[test]
     fn every_configuration_key_here_has_a_meaning_in_the_schema() {
         for (kind, file) in [
-            (Kind::Controller, "robot.toml"),
-            (Kind::Controller, "robot-rs232.toml"),
-            (Kind::Controller, "emulator.toml"),
-            (Kind::Snake, "snakes/steel.toml"),
-            (Kind::Snake, "snakes/brass.toml"),
-            (Kind::Snake, "snakes/loose.toml"),
-            (Kind::Snake, "snakes/multi.toml"),
-            (Kind::Vision, "vision.toml"),
+            ("controller", "robot.toml"),
+            ("controller", "robot-rs232.toml"),
+            ("controller", "emulator.toml"),
+            ("snake", "snakes/steel.toml"),
+            ("snake", "snakes/brass.toml"),
+            ("snake", "snakes/loose.toml"),
+            ("snake", "snakes/multi.toml"),
+            ("vision", "vision.toml"),
         ] {
-            let schema = of(kind).unwrap();
-            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(file);
-            let table: toml::Table = fs::read_to_string(path).unwrap().parse().unwrap();
+            let schema = of(kind);
+            let table: toml::Table = config_file(file).parse().unwrap();
             let mut found = Vec::new();
             unknown(&table, Node::root(&schema), "", &mut found);
             assert!(found.is_empty() && !table.is_empty(), "{file}: {found:?}");
@@ -164,16 +155,16 @@ mod tests {
 
     #[test]
     fn schema_keys_have_a_meaning_and_tables_are_closed() {
-        for (kind, least) in [(Kind::Controller, 60), (Kind::Snake, 20), (Kind::Vision, 12)] {
-            let schema = of(kind).unwrap();
+        for (kind, least) in [("controller", 60), ("snake", 20), ("vision", 12)] {
+            let schema = of(kind);
             let (mut found, mut count) = (Vec::new(), 0);
             without_meaning(Node::root(&schema), "", &mut found, &mut count);
             assert!(
                 found.is_empty() && count > least,
-                "{kind:?}: {count} keys, without meaning: {found:?}"
+                "{kind}: {count} keys, without meaning: {found:?}"
             );
         }
-        let schema = of(Kind::Controller).unwrap();
+        let schema = controller().unwrap();
         assert_eq!(schema["additionalProperties"], false);
         let limits = &schema["$defs"]["LimitConfig"];
         assert_eq!(
@@ -188,7 +179,7 @@ mod tests {
     #[test]
     fn a_misspelt_key_is_not_in_the_schema() {
         let table: toml::Table = "[control]\nrate_herz = 3".parse().unwrap();
-        let (schema, mut found) = (of(Kind::Controller).unwrap(), Vec::new());
+        let (schema, mut found) = (controller().unwrap(), Vec::new());
         unknown(&table, Node::root(&schema), "", &mut found);
         assert_eq!(found, ["control.rate_herz: not in the schema"]);
     }
