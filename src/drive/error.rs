@@ -14,60 +14,44 @@ use crate::units::Nanos;
 
 /// Why a port or its drives could not be brought up.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum DriveError {
-    /// The device file does not exist.
     #[error(
         "serial port {0} does not exist; plug in the drive, or correct `device` in the \
          configuration"
     )]
     NotFound(PathBuf),
-    /// The device file may not be opened.
     #[error(
         "no permission to open serial port {0}; add the user to its group (often `dialout`) \
          and log in again"
     )]
     NotPermitted(PathBuf),
-    /// Another process holds the port.
     #[error(
         "serial port {0} is in use by another program; end it (another controller? a \
          terminal?) and try again"
     )]
     Busy(PathBuf),
-    /// The device cannot be set up as a serial port.
     #[error(
         "{device} cannot be used as a serial port: {source}; correct `device` or `baud` in the \
          configuration"
     )]
     NotSerial {
-        /// The device.
         device: PathBuf,
         /// The error of the operating system.
         source: serialport::Error,
     },
-    /// Nothing arrives.
     #[error(
         "no reply from a drive on {device} at {baud} baud, node {node}; check power, cable, `baud` \
          and `node_id`; no other program may use the port"
     )]
     NoAnswer {
-        /// The device.
         device: PathBuf,
         /// Bits per second.
         baud: u32,
-        /// Node id.
         node: u8,
     },
-    /// The drive at this port answers for a node behind it: the node does not, or no longer.
     #[error("node {node} behind {device} {}", missing_node(*node, *object))]
-    NoNode {
-        /// The device.
-        device: PathBuf,
-        /// Node id.
-        node: u8,
-        /// Requested object.
-        object: Address,
-    },
-    /// An invalid reply: device, bits per second, received bytes.
+    NoNode { device: PathBuf, node: u8, object: Address },
     #[error(
         "{0} at {1} baud: {2}; {advice}",
         advice = late_or(.2, "check `device`, `baud` and `family`; nothing else may be on the line")
@@ -89,36 +73,25 @@ pub enum DriveError {
         latency_timer::command(.device)
     )]
     SlowAdapter {
-        /// The device.
         device: PathBuf,
         /// Lower quartile of the exchange time.
         exchange: Nanos,
     },
-    /// The drive answers, but is not usable as it is.
     #[error("drive on {device}, node {node}: {error}")]
-    Axis {
-        /// The device.
-        device: PathBuf,
-        /// Node id.
-        node: u8,
-        /// The problem.
-        error: AxisError,
-    },
+    Axis { device: PathBuf, node: u8, error: AxisError },
 }
 
 /// Why an exchange failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum LinkError {
-    /// The drive refused the request.
     #[error("refused: {0}")]
     Refused(AbortCode),
     /// No valid reply; the line is in sync again.
     #[error("not answered{}", suffix(.0))]
     Unanswered(UnexpectedReply),
-    /// The line does not answer at all.
     #[error("{0}; {advice}", advice = late_or(.0, "check power and cable"))]
     Lost(UnexpectedReply),
-    /// The operating system reports the port as broken.
     #[error("the port is broken ({0}); check the cable")]
     Broken(io::ErrorKind),
     /// The control loop or this thread was silent, and the line is the watchdog's.
@@ -151,16 +124,14 @@ impl LinkError {
 
 /// Why a drive that answers is not usable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum AxisError {
-    /// An exchange failed.
     #[error("{object}: {error}")]
     Exchange {
         /// Object read or written.
         object: Address,
-        /// Why.
         error: LinkError,
     },
-    /// A drive of another vendor.
     #[error(
         "vendor number 0x{found:08X} instead of 0x{expected:08X}; not a maxon drive; check \
          `device`"
@@ -168,26 +139,16 @@ pub enum AxisError {
     Vendor {
         /// Vendor number of maxon.
         expected: u32,
-        /// Number read.
         found: u32,
     },
-    /// Not the configured drive.
     #[error("{}", other_serial_number(*expected, *found))]
-    SerialNumber {
-        /// Configured number.
-        expected: u64,
-        /// Number read.
-        found: u32,
-    },
-    /// The drive does not accept a setting.
+    SerialNumber { expected: u64, found: u32 },
     #[error("{0}")]
     Setting(SettingError),
-    /// The power stage does not switch off.
     #[error(
         "power stage does not switch off, state {0:?}; cut its power supply and check the drive"
     )]
     PowerStageStillOn(DriveState),
-    /// The statusword is not a known state.
     #[error("statusword 0x{0:04X} is not a known state; check that the firmware is supported")]
     UnknownState(u16),
 }

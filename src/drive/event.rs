@@ -108,62 +108,34 @@ pub enum PortEventKind {
 
 /// Why a transition of an axis failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum TransitionError {
-    /// The drive has lost the limits written to it.
     #[error("the drive was restarted and has lost its limits; it is configured again")]
     Restarted,
-    /// The position is outside the limits of targets.
     #[error(
         "position {position} is outside {min} to {max}; home the axis, or correct the position \
          limits"
     )]
-    OutsideLimits {
-        /// The position.
-        position: Counts,
-        /// Lowest allowed.
-        min: Counts,
-        /// Highest allowed.
-        max: Counts,
-    },
-    /// The drive holds another target than the one written.
+    OutsideLimits { position: Counts, min: Counts, max: Counts },
     #[error("the target reads back as {found} after {written} was written")]
-    Preload {
-        /// Written value.
-        written: Counts,
-        /// Value read back.
-        found: Counts,
-    },
-    /// The homing method reads back differently.
+    Preload { written: Counts, found: Counts },
     #[error("the drive did not accept the homing method")]
     HomingMethod,
-    /// A setting of homing reads back differently.
     #[error("{object} reads back as 0x{found:08X} after 0x{written:08X} was written")]
-    ReadBack {
-        /// The setting.
-        object: Address,
-        /// Written value.
-        written: u32,
-        /// Value read back.
-        found: u32,
-    },
-    /// The drive refused a step.
+    ReadBack { object: Address, written: u32, found: u32 },
     #[error("{object} refused: {code}")]
     Refused {
         /// Object read or written.
         object: Address,
-        /// Why.
         code: AbortCode,
     },
-    /// It took too long; the last statusword.
     #[error("the drive did not reach the state in time, statusword 0x{0:04X}")]
     Timeout(u16),
-    /// The drive reports a homing error.
     #[error("the drive reports a homing error")]
     HomingError,
     /// The start of homing was not acknowledged, and must not be sent twice.
     #[error("the start was not acknowledged")]
     Unanswered,
-    /// A stop was requested, the drive changed its state, or the line was lost.
     #[error("interrupted")]
     Interrupted,
 }

@@ -38,29 +38,22 @@ impl RunEnd {
 
 /// Why the controller could not start, or how it failed.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum ControllerError {
-    /// The model of the configuration cannot be used.
     #[error(transparent)]
     Model(#[from] StartModelError),
-    /// The domain is taken or cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
-    /// Shared memory cannot be created.
     #[error(transparent)]
     Ipc(#[from] IpcError),
-    /// A port or a drive cannot be brought up.
     #[error(transparent)]
     Drive(#[from] DriveError),
-    /// A thread did not start.
     #[error(transparent)]
     Thread(#[from] ThreadError),
-    /// A thread ended early or hangs; every drive has confirmed power-off.
     #[error("{0}; {power}", power = power_at_end(&[]))]
     Off(ThreadError),
-    /// The controller ended without confirmed power-off of every drive.
     #[error("{}, and {}", what_ended(.thread.as_ref()), power_at_end(.motors))]
     Powered {
-        /// These motors.
         motors: Vec<usize>,
         /// Error of a thread, if any.
         thread: Option<ThreadError>,

@@ -27,26 +27,18 @@ const FIRST_POSITIONS: Nanos = Nanos::from_millis(2000);
 
 /// Why the model of the configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum StartModelError {
-    /// The model is missing, damaged or writable by others.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The model belongs to a different robot, or is marked as worthless.
     #[error("model file {path} {source}")]
     Use {
-        /// The file.
         path: PathBuf,
         /// Why this robot may not use it.
         source: ModelError,
     },
-    /// The model was calibrated with different drive settings.
     #[error("model file {path} {differences}; or set `control.other_drive = true`")]
-    OtherDrive {
-        /// The file.
-        path: PathBuf,
-        /// The differing settings.
-        differences: String,
-    },
+    OtherDrive { path: PathBuf, differences: String },
 }
 
 /// Loads the model of the configuration, if it names one.

@@ -14,16 +14,14 @@ pub(super) const BLACK_BOX: &str = "black box";
 
 /// Error of a thread.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum ThreadError {
-    /// The system refuses a thread.
     #[error("cannot start thread {name}: {source}; the process limit of this user may be too low")]
     Start {
         /// Name of the thread.
         name: &'static str,
-        /// Cause.
         source: io::Error,
     },
-    /// A thread panicked.
     #[error("internal error: thread {0} ended early")]
     Died(&'static str),
     /// A thread does not end, for example because of a stalled disk.

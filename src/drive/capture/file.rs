@@ -44,16 +44,10 @@ pub struct CaptureFile {
 
 /// Why a file cannot be read.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum CaptureError {
-    /// A system call failed.
     #[error("cannot read capture {}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
-    /// Another kind of file.
+    Io { path: PathBuf, source: std::io::Error },
     #[error(
         "{} is not a capture of serial lines; name a file that i2ris-control wrote next to a black \
          box",

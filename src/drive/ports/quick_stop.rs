@@ -11,26 +11,20 @@ use crate::units::Nanos;
 
 /// Why a drive could not be stopped from outside the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum QuickStopError {
-    /// The port is not open.
     #[error("the port could not be opened; cut the power of the drive")]
     NotHeld,
-    /// The controller resumed before the drive answered.
     #[error("the controller continues and controls the drive again")]
     ControllerResumed,
-    /// Nothing answers.
     #[error("the drive does not answer; cut its power")]
     NoAnswer,
-    /// The received bytes are not a valid reply.
     #[error("{0}; cut the power of the drive")]
     InvalidReply(UnexpectedReply),
-    /// It refuses.
     #[error("the drive refuses to be stopped or read: {0}; cut its power")]
     Refused(AbortCode),
-    /// It answers with a statusword that is not a known state.
     #[error("the drive answers with the unknown statusword 0x{0:04X}; cut its power")]
     UnknownState(u16),
-    /// It answers and still follows its target.
     #[error("the drive does not stop ({0:?}); cut its power")]
     PowerStageStillOn(DriveState),
 }

@@ -80,58 +80,35 @@ pub struct OfferRecord {
 
 /// Why a file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum BlackBoxError {
-    /// A system call failed.
     #[error("cannot {action} black box {path}: {source}")]
-    Io {
-        /// `read` or `write`.
-        action: &'static str,
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
-    /// A different kind of file.
+    Io { action: &'static str, path: PathBuf, source: io::Error },
     #[error(
         "{0} is not a black-box file: it does not begin with `I2RISBOX`; name a file written by \
          i2ris-control"
     )]
     Foreign(PathBuf),
-    /// A file with a different format version.
     #[error(
         "black box {path} has format {found}; this software reads only {VERSION}; use the version \
          that wrote it"
     )]
-    Version {
-        /// The file.
-        path: PathBuf,
-        /// Its version.
-        found: u32,
-    },
-    /// The file is too short or too long.
+    Version { path: PathBuf, found: u32 },
     #[error("black box {path} is incomplete: {found} bytes instead of {expected}; copy it again")]
     Length {
-        /// The file.
         path: PathBuf,
         /// Length according to its header.
         expected: u64,
         /// Length of the file.
         found: u64,
     },
-    /// The checksum is wrong.
     #[error("black box {0} is damaged: its checksum does not match its content; copy it again")]
     Damaged(PathBuf),
-    /// The checksum is right, but the content cannot be read.
     #[error(
         "black box {path} contains data unknown to this software ({reason}); use the version that \
          wrote it"
     )]
-    Decode {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        reason: String,
-    },
+    Decode { path: PathBuf, reason: String },
 }
 
 impl BlackBoxError {

@@ -15,17 +15,14 @@ use crate::robot::Refusal;
 
 /// Why a black box cannot be replayed.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum ReplayError {
-    /// The configuration is not valid.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// A model is not valid.
     #[error("a model in the black box: {0}")]
     Model(#[from] ModelError),
-    /// A model is missing.
     #[error("the black box refers to model {0} but does not contain it")]
     NoModel(ModelId),
-    /// No snapshot precedes the ticks.
     #[error("the black box contains no controller state to start from")]
     NoSnapshot,
 }

@@ -32,16 +32,13 @@ const FOOTER: u64 = HEAD + 20 + mcap::MAGIC.len() as u64;
 /// Reason why a file cannot be read, or not to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// The file cannot be opened or read.
     #[error("cannot read {path}: {source}")]
     Read { path: PathBuf, source: io::Error },
-    /// Not a recording.
     #[error(
         "{path} is not a recording of `i2ris record` (MCAP): its first bytes differ; recordings \
          of `i2ris calibrate collect` are CSV files, for `i2ris calibrate fit`"
     )]
     Kind { path: PathBuf },
-    /// The content is not valid MCAP, or ends too early.
     #[error("{path}: {source}; if the file is truncated, `i2ris record recover` repairs it")]
     Format { path: PathBuf, source: McapError },
     /// The chunks are compressed with zstd, which is not built in.

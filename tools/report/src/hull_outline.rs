@@ -42,16 +42,13 @@ impl Outline {
 /// Why there is no outline.
 #[derive(Debug, thiserror::Error)]
 pub enum OutlineError {
-    /// The file cannot be used.
     #[error("no hull: {0}; or name the file with --model")]
     Model(#[from] i2ris::model::ModelError),
-    /// The file contains a different model.
     #[error(
         "no hull: {file} is model {found}, but the controller uses {used}; name the right file \
          with --model"
     )]
     Other { file: String, found: String, used: String },
-    /// Its outputs are not two angles.
     #[error("no hull: the model does not predict pitch and yaw")]
     NoAngles,
 }

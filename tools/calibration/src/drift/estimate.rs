@@ -53,11 +53,10 @@ pub struct DriftEstimate {
 
 /// Why there is no estimate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum DriftError {
-    /// The recording is too short.
     #[error("{0} rows with a known memory are too few; record at least a minute of motion")]
     Rows(usize),
-    /// The equations cannot be solved.
     #[error("the model gives values that are not finite on this recording; recalibrate")]
     NotFinite,
 }

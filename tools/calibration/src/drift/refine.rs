@@ -32,23 +32,20 @@ pub struct Refined {
 
 /// Why there is no new model.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum RefineError {
-    /// Not enough rows of the use.
     #[error("{rows} frames in use are too few, {MIN_ROWS} are needed; record a minute of motion")]
     Short {
         /// Rows of the use.
         rows: usize,
     },
-    /// The counts of the use have a different zero.
     #[error(
         "mean error of the model in use is {0:.2}: the zero has shifted; this is not hysteresis. \
          If the robot was homed again, home it at the pose of the calibration, or recalibrate"
     )]
     Zero(f64),
-    /// The fit refuses the data.
     #[error(transparent)]
     Fit(#[from] FitError),
-    /// The new model would not be better.
     #[error(
         "fitted with the first part of the use, the model is not better on the rest: {old:.3} \
          before, {new:.3} after; the old model stays"

@@ -2,20 +2,18 @@
 
 /// Why no mixture could be fitted.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum EmError {
-    /// A number of variables that no model has.
     #[error("a mixture has 2 to 6 variables, and the data have {found}")]
     Variables {
         /// Columns of the data.
         found: usize,
     },
-    /// NaN or infinite.
     #[error("row {row} of the data holds a number that is not finite")]
     NotFinite {
         /// Counted from 0.
         row: usize,
     },
-    /// More parameters than rows.
     #[error(
         "{rows} rows of {variables} variables support at most {most} component(s); \
          {components} were requested; record more, or use fewer components"
@@ -25,12 +23,10 @@ pub enum EmError {
         rows: usize,
         /// Columns of the data.
         variables: usize,
-        /// Requested components.
         components: usize,
         /// Maximum number of components.
         most: usize,
     },
-    /// No start kept a component.
     #[error(
         "no start left a component: the likelihood of these rows has no maximum; record more, or \
          regularise more"

@@ -70,14 +70,12 @@ pub struct ChainFit {
 
 /// Why no chain could be fitted behind an operator.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum ChainError {
-    /// No mixture.
     #[error(transparent)]
     Mixture(#[from] EmError),
-    /// The mixture or the region of virtual counts is refused.
     #[error(transparent)]
     Refused(#[from] ModelError),
-    /// The virtual counts do not move.
     #[error(
         "the outputs cannot be regressed on the virtual counts: a motor does not move them, or \
          there are too few samples"

@@ -34,16 +34,10 @@ impl LinearFit {
 
 /// Why no affine model could be fitted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum LinearError {
-    /// Not enough rows.
     #[error("{rows} row(s) do not determine an affine model, {least} would; record more")]
-    TooFewRows {
-        /// Rows given.
-        rows: usize,
-        /// Rows needed.
-        least: usize,
-    },
-    /// A motor does not move.
+    TooFewRows { rows: usize, least: usize },
     #[error(
         "motor {motor} does not move in the rows used for training; move that motor, or hold \
          out other rows"
@@ -52,7 +46,6 @@ pub enum LinearError {
         /// Counted from 0.
         motor: usize,
     },
-    /// Motors move together.
     #[error(
         "the motors move together: only {percent:.2} % of a motor's motion is independent of the \
          other, so their effects cannot be separated; record motion in which they move \

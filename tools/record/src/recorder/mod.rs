@@ -63,7 +63,6 @@ pub enum RecordError {
         cause(source)
     )]
     Write { path: PathBuf, source: McapError },
-    /// The writing thread panicked.
     #[error("{path}: the thread that writes it ended without an error message")]
     Thread { path: PathBuf },
 }

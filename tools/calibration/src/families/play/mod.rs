@@ -34,8 +34,8 @@ use crate::regression::linear::LinearError;
 
 /// Why no plays could be fitted.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum PlayError {
-    /// Too few samples: their number, and the number needed.
     #[error("{0} sample(s) do not determine play operators, {1} might; record more")]
     TooFewSamples(usize, usize),
     /// A motor, counted from 0, that hardly moves.
@@ -44,19 +44,15 @@ pub enum PlayError {
          other rows"
     )]
     Still(usize),
-    /// Outputs that cannot be regressed on the counts.
     #[error(
         "the outputs cannot be regressed on the plays: numbers are too large, or there are too \
          few samples"
     )]
     Degenerate,
-    /// The operator is refused.
     #[error(transparent)]
     Refused(#[from] ModelError),
-    /// Virtual counts that move as one.
     #[error(transparent)]
     Linear(#[from] LinearError),
-    /// Nothing could be fitted after the operator.
     #[error(transparent)]
     Chain(#[from] ChainError),
 }
