@@ -29,27 +29,18 @@ const STICKY: u32 = 0o1000;
 
 /// Why a file is not trusted.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum UntrustedFile {
-    /// It cannot be opened or read.
     #[error("{path}: {source}")]
     Io {
-        /// The file.
         path: PathBuf,
         /// Error of the system.
         source: io::Error,
     },
-    /// A folder, FIFO, device or socket.
     #[error("{0} is not a regular file; name a file")]
     Kind(PathBuf),
-    /// Longer than any valid file.
     #[error("{path} is longer than {limit} bytes; name the right file")]
-    TooLong {
-        /// The file.
-        path: PathBuf,
-        /// The limit, bytes.
-        limit: u64,
-    },
-    /// It belongs to another user.
+    TooLong { path: PathBuf, limit: u64 },
     #[error(
         "{path} belongs to user {owner}, who may change it at any time; review it, then take \
          ownership with `chown {user} {path}`"
@@ -62,13 +53,11 @@ pub enum UntrustedFile {
         /// The user of this process.
         user: u32,
     },
-    /// Every user of the machine may write it.
     #[error(
         "{0}: every user of this machine may write it; review it, then run \
          `chmod o-w {0}`"
     )]
     WritableByAll(PathBuf),
-    /// A group may write it that is not this user's own.
     #[error(
         "{path}: every member of group {group} may write it; review it, then run \
          `chmod g-w {path}`"
@@ -76,7 +65,6 @@ pub enum UntrustedFile {
     WritableByGroup {
         /// The file or its folder.
         path: PathBuf,
-        /// The group.
         group: u32,
     },
 }

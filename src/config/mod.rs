@@ -99,34 +99,24 @@ fn default_record_folder() -> PathBuf {
 
 /// Why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum ConfigError {
-    /// The file could not be read.
     #[error("cannot read configuration {path}: {source}; name an existing file with --config")]
     Read {
-        /// The file.
         path: PathBuf,
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Other users may write it, or it is not a regular file.
     #[error("configuration {0}")]
     Untrusted(UntrustedFile),
-    /// Not TOML, a wrong type, or a key that does not exist.
     #[error("configuration {path} is not valid: {source}{}", finding::hint(.source.message()))]
     Parse {
-        /// The file.
         path: PathBuf,
         /// Line, column and what was expected.
         source: Box<toml::de::Error>,
     },
-    /// Values that are out of range or do not fit together; one line each.
     #[error("{}", validation::lines(.path, .findings))]
-    Values {
-        /// The file.
-        path: PathBuf,
-        /// All findings.
-        findings: Vec<Finding>,
-    },
+    Values { path: PathBuf, findings: Vec<Finding> },
 }
 
 impl Config {

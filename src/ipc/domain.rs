@@ -47,11 +47,10 @@ pub struct Domain {
 
 /// Why a domain cannot be used.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum DomainError {
-    /// The name cannot be part of a file name.
     #[error("domain name `{0}` is not valid: use 1 to 32 letters, digits or `-`")]
     Name(String),
-    /// Another controller serves this domain.
     #[error("{} already serves domain `{name}`; stop it, or choose another domain", owner(*.pid))]
     Taken {
         /// Name of the domain.
@@ -59,27 +58,17 @@ pub enum DomainError {
         /// Process id of the other controller; `None` if it is still starting.
         pid: Option<u32>,
     },
-    /// The directory of the domain belongs to another user, or is open to other users.
     #[error(
         "{0} is not a folder that only this user can use (mode 0700); remove it, or choose \
          another domain"
     )]
     Unsafe(PathBuf),
-    /// Another watchdog runs.
     #[error("domain `{0}` already has a watchdog; end that one first")]
     Watched(String),
-    /// A system call failed.
     #[error(
         "cannot {action} {path}: {source}; check the permissions and the free space of /dev/shm"
     )]
-    Io {
-        /// The failed action.
-        action: &'static str,
-        /// File or directory.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
+    Io { action: &'static str, path: PathBuf, source: io::Error },
 }
 
 impl DomainError {

@@ -126,11 +126,10 @@ impl Services {
 
 /// Why the controller has no shared memory.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum IpcError {
-    /// The domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
-    /// A call into iceoryx2 failed.
     #[error(transparent)]
     Transport(#[from] TransportError),
     /// Bytes that are free: use of unavailable memory ends the process by a signal.
@@ -141,13 +140,11 @@ pub enum IpcError {
         .0 >> 20, NEEDED >> 20
     )]
     Memory(u64),
-    /// Creating the services did not end, twice.
     #[error(
         "creating the shared memory of domain `{domain}` did not finish within {seconds} s, even \
          after a clean-up"
     )]
     Hangs {
-        /// The domain.
         domain: String,
         /// Time limit of one attempt, s.
         seconds: u64,
