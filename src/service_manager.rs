@@ -15,7 +15,6 @@ pub const STOPPING: &str = "STOPPING=1";
 pub(crate) const ALIVE: &str = "WATCHDOG=1";
 
 /// Whether a service manager started this process, which then waits for missing devices.
-#[must_use]
 pub fn is_supervised() -> bool {
     std::env::var_os("NOTIFY_SOCKET").is_some()
 }

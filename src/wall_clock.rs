@@ -17,21 +17,18 @@ pub struct WallTime {
 }
 
 /// The present date and time.
-#[must_use]
 pub fn now() -> WallTime {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     WallTime::from_unix_seconds(since.as_secs())
 }
 
 /// Time since 1970-01-01 00:00 UTC.
-#[must_use]
 pub fn unix_time() -> Nanos {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Nanos(u64::try_from(since.as_nanos()).unwrap_or(u64::MAX))
 }
 
 /// Date and time this long ago.
-#[must_use]
 pub fn ago(span: Nanos) -> WallTime {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let then = since.saturating_sub(Duration::from_nanos(span.0));
@@ -40,7 +37,6 @@ pub fn ago(span: Nanos) -> WallTime {
 
 impl WallTime {
     /// Seconds since 1970-01-01 00:00 UTC as a date, by the C library.
-    #[must_use]
     pub fn from_unix_seconds(seconds: u64) -> Self {
         let seconds = i64::try_from(seconds).unwrap_or(i64::MAX);
         // SAFETY: `tm` is plain data, for which all zeros is a valid value.
@@ -57,7 +53,6 @@ impl WallTime {
     }
 
     /// For file names: `20260131-235959`.
-    #[must_use]
     pub fn compact(&self) -> String {
         let [hour, minute, second] = self.time;
         let Self { year, month, day, .. } = self;

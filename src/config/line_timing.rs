@@ -57,7 +57,6 @@ pub struct LineBounds {
 
 impl PortConfig {
     /// Duration of an exchange with the drive at the port, computed from the file.
-    #[must_use]
     pub fn nominal_exchange(&self) -> Nanos {
         let baud = u64::from(self.baud.max(1));
         (Nanos(BITS * 1_000_000_000 / baud) + DRIVE).max(USB)
@@ -66,14 +65,12 @@ impl PortConfig {
     /// The greatest age of the newest position of an axis while every reply arrives.
     ///
     /// `exchange`: with the drive of the port; [`PortConfig::nominal_exchange`], or as measured.
-    #[must_use]
     pub fn longest_gap(&self, exchange: Nanos) -> Nanos {
         Nanos(self.turn(exchange).0.saturating_mul(POSITION_BOUND_TURNS + 1))
     }
 
     /// An exchange with every axis: also the longest time until a stop reaches the last drive, in
     /// addition to the exchange in progress.
-    #[must_use]
     pub fn turn(&self, exchange: Nanos) -> Nanos {
         let others = self.axes.len().saturating_sub(1) as u64;
         Nanos(exchange.0.saturating_add((exchange + GATEWAY).0.saturating_mul(others)))
@@ -81,7 +78,6 @@ impl PortConfig {
 
     /// Setpoints per second of each axis while all axes move, in addition to the reads that are
     /// due: at three quarters of the statusword bound, and five sixths of the current bound.
-    #[must_use]
     pub fn setpoints_per_s(&self, exchange: Nanos) -> f64 {
         let [position, status, current] =
             [POSITION_BOUND_TURNS, STATUS_BOUND_TURNS, CURRENT_BOUND_TURNS].map(|it| it as f64);
@@ -90,7 +86,6 @@ impl PortConfig {
     }
 
     /// Describes the capacity of the line in a sentence.
-    #[must_use]
     pub fn describe_line(&self, exchange: Nanos) -> String {
         format!(
             "{} ms an exchange: {:.0} setpoints a second for each of {} axes if all move, more if \
@@ -123,7 +118,6 @@ impl PortConfig {
 
 impl Config {
     /// Age of the newest position at which the motion stops.
-    #[must_use]
     pub fn feedback_stale(&self) -> Nanos {
         match self.limits.feedback_stale_ms {
             0 => {
@@ -150,7 +144,6 @@ impl Config {
 
     /// The time that the slowest line takes to carry a setpoint to each of its axes while all of
     /// them move.
-    #[must_use]
     pub fn setpoint_interval(&self) -> Nanos {
         let per_s = |port: &PortConfig| port.setpoints_per_s(port.nominal_exchange());
         let slowest = self.ports.iter().map(per_s).fold(f64::INFINITY, f64::min);
@@ -158,13 +151,11 @@ impl Config {
     }
 
     /// Age of the newest position at which the robot goes to FAULT.
-    #[must_use]
     pub fn feedback_lost(&self) -> Nanos {
         Nanos(self.feedback_stale().0.saturating_mul(LOST))
     }
 
     /// Duration of an over-current that leads to FAULT.
-    #[must_use]
     pub fn over_current_time(&self) -> Nanos {
         let period = |port: &PortConfig| port.current_period(port.nominal_exchange());
         let period = self.ports.iter().map(period).max().unwrap_or(Nanos::ZERO);
@@ -172,7 +163,6 @@ impl Config {
     }
 
     /// Limits and timeouts that a port cannot keep with this exchange time.
-    #[must_use]
     pub fn line_findings(&self, port: &PortConfig, exchange: Nanos) -> Vec<Finding> {
         let (gap, timeout) =
             (port.longest_gap(exchange), Nanos::from_millis(port.reply_timeout_ms));

@@ -121,7 +121,6 @@ pub enum ConfigError {
 
 impl Config {
     /// Monitors that are switched off, one sentence each, for the log of every start.
-    #[must_use]
     pub fn disabled_monitors(&self) -> Vec<String> {
         let late = "limits.overrun_ticks = 0: late ticks are not a fault".to_owned();
         let current = "limits.over_current_ma = 0: only the drive limits the current".to_owned();
@@ -142,7 +141,6 @@ impl Config {
 
     /// Warning about a failure of the computer, for the log of every start; `None`: a pulse stops
     /// the drives then.
-    #[must_use]
     pub fn host_failure_warning(&self) -> Option<String> {
         let motors: Vec<String> = self.axes().map(|axis| axis.motor.to_string()).collect();
         self.watchdog.pulse.is_none().then(|| {
@@ -154,11 +152,8 @@ impl Config {
         })
     }
 
-    /// Checks that the robot may use a model, and can keep its limits with it.
-    ///
-    /// # Errors
-    ///
-    /// See [`Model::check_use`]; also when angles are limited and the model has none.
+    /// Checks that the robot may use a model, and can keep its limits with it. Fails as
+    /// [`Model::check_use`] does, and when angles are limited and the model has none.
     pub fn check_model(&self, model: &Model) -> Result<(), ModelError> {
         model.check_use(&self.robot_id, self.motors())?;
         let is_angle = |output: &OutputSpec| output.unit == OutputUnit::Deg;
@@ -168,12 +163,8 @@ impl Config {
     }
 
     /// Reads and checks a file. Paths in it become relative to the folder of the file, of the real
-    /// one where `path` is a link.
-    ///
-    /// # Errors
-    ///
-    /// When others may write the file, it cannot be read, is not TOML of this shape, or holds a
-    /// value out of range.
+    /// one where `path` is a link. Fails when others may write the file, it cannot be read, is not
+    /// TOML of this shape, or holds a value out of range.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let mut config = Self::parse(&read(path)?, path)?;
         config.resolve_paths(path);
@@ -182,10 +173,6 @@ impl Config {
 
     /// Loads a file as [`Config::load`], with the domain from the environment variable
     /// `I2RIS_DOMAIN`, as in every client, so that a controller and its clients meet in one domain.
-    ///
-    /// # Errors
-    ///
-    /// See [`Config::load`].
     pub fn load_for_process(path: &Path) -> Result<Self, ConfigError> {
         let mut config = Self::load(path)?;
         if let Ok(domain) = std::env::var("I2RIS_DOMAIN") {
@@ -194,11 +181,8 @@ impl Config {
         Ok(config)
     }
 
-    /// Reads and checks a file as [`Config::load`], and also the files that it names.
-    ///
-    /// # Errors
-    ///
-    /// See [`Config::load`]; all problems of values and files are reported at once.
+    /// Reads and checks a file as [`Config::load`], and also the files that it names. All problems
+    /// of values and files are reported at once.
     pub fn load_and_check_files(path: &Path) -> Result<Self, ConfigError> {
         let mut config = Self::from_toml(&read(path)?, path)?;
         let mut findings = validation::validate(&config);
@@ -219,11 +203,8 @@ impl Config {
         }
     }
 
-    /// Parses and checks the text of a file; `path` is for messages only.
-    ///
-    /// # Errors
-    ///
-    /// When the text is not TOML of this shape or holds a value out of range.
+    /// Parses and checks the text of a file; `path` is for messages only. Fails when the text is
+    /// not TOML of this shape or holds a value out of range.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
         let config = Self::from_toml(text, path)?;
         let findings = validation::validate(&config);
@@ -247,7 +228,6 @@ impl Config {
 
     /// A digest of ports and axes in their sequence: a watchdog with a different digest could not
     /// stop every drive. Excludes the position files, whose names depend on the start folder.
-    #[must_use]
     pub fn ports_digest(&self) -> [u8; 32] {
         let mut ports = self.ports.clone();
         ports.iter_mut().for_each(|port| port.positions_file = None);
@@ -256,7 +236,6 @@ impl Config {
     }
 
     /// Number of motors that move the snake.
-    #[must_use]
     pub fn motors(&self) -> usize {
         self.axes().filter(|axis| axis.auxiliary_counts_per_deg.is_none()).count()
     }
@@ -267,7 +246,6 @@ impl Config {
     }
 
     /// The axis that turns a motor.
-    #[must_use]
     pub fn axis(&self, motor: usize) -> Option<&AxisConfig> {
         self.axes().find(|axis| axis.motor == motor)
     }

@@ -35,7 +35,6 @@ pub struct PortConfig {
 
 impl PortConfig {
     /// A port with every default.
-    #[must_use]
     pub fn new(device: PathBuf, axes: Vec<AxisConfig>) -> Self {
         Self {
             device,
@@ -182,7 +181,6 @@ fn serial_number<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u6
 
 impl AxisConfig {
     /// An axis with every default.
-    #[must_use]
     pub fn new(motor: usize, serial_number: u32, limits: [Counts; 2]) -> Self {
         let [position_min_counts, position_max_counts] = limits;
         Self {
@@ -204,7 +202,6 @@ impl AxisConfig {
     }
 
     /// Lower half of the serial number, as reported by the drive (object 0x1018:04).
-    #[must_use]
     pub const fn short_serial_number(&self) -> u32 {
         self.serial_number as u32
     }

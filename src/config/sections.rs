@@ -38,7 +38,6 @@ impl Default for ControlConfig {
 
 impl ControlConfig {
     /// The length of a tick.
-    #[must_use]
     pub fn period(&self) -> Nanos {
         Nanos(1_000_000_000 / u64::from(self.rate_hz.max(1)))
     }
@@ -74,7 +73,6 @@ pub struct CommandConfig {
 
 impl CommandConfig {
     /// The delay of slow motion by the tremor filter, s; `None`: it is off.
-    #[must_use]
     pub fn tremor_filter_delay_s(&self) -> Option<f64> {
         let cut_off_hz = self.tremor_filter_hz;
         (cut_off_hz > 0.0).then(|| 1.0 / (std::f64::consts::TAU * cut_off_hz))
@@ -156,7 +154,6 @@ impl Default for LimitConfig {
 
 impl LimitConfig {
     /// Length in ticks of the moving average over the setpoint that keeps the jerk limit.
-    #[must_use]
     pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
         self.jerk_counts_s3.map(|jerk| window_ticks(self.stop_deceleration_counts_s2, jerk, tick))
     }
@@ -238,13 +235,11 @@ impl JointLimitConfig {
     };
 
     /// Whether any limit is set.
-    #[must_use]
     pub fn is_any(&self) -> bool {
         *self != Self::OFF
     }
 
     /// Length in ticks of the moving average that keeps the jerk limit.
-    #[must_use]
     pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
         Some(window_ticks(self.acceleration_deg_s2?, self.jerk_deg_s3?, tick))
     }

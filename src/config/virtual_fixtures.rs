@@ -102,7 +102,6 @@ impl FixtureShape {
     }
 
     /// Why this shape cannot be used; `None`: it can.
-    #[must_use]
     pub fn problem(&self) -> Option<&'static str> {
         let is_in_range = |values: &[f64]| values.iter().all(|value| value.abs() <= MAX_COORDINATE);
         let is_direction = |normal: &[f64]| {

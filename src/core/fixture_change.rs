@@ -56,7 +56,6 @@ pub enum SimpleShape {
 
 impl SimpleRegion {
     /// A shape without corners in rad and m; `None` for a polygon.
-    #[must_use]
     pub fn new(shape: &FixtureShape) -> Option<Self> {
         let plane = |[pitch, yaw]: [f64; 2]| [pitch, yaw, 0.0];
         let unit = |normal: [f64; 3]| {

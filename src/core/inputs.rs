@@ -13,7 +13,6 @@ use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 pub(crate) const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
 
 /// The age of a command that was sent at `stamp`, if it is stale: as old as its deadline, or older.
-#[must_use]
 pub fn stale_age(stamp: Nanos, deadline: Nanos, now: Nanos) -> Option<Nanos> {
     let age = now.duration_since(stamp);
     (age >= deadline).then_some(age)

@@ -50,13 +50,11 @@ pub struct LineEvent {
 
 impl LineEvent {
     /// The end of an attempt.
-    #[must_use]
     pub fn of_outcome(time: Nanos, outcome: Outcome) -> Self {
         Self { time, kind: LineEventKind::Outcome, bytes: outcome.to_bytes().to_vec() }
     }
 
     /// How an attempt ended, if this is its end.
-    #[must_use]
     pub fn outcome(&self) -> Option<Outcome> {
         (self.kind == LineEventKind::Outcome).then(|| Outcome::from_bytes(&self.bytes)).flatten()
     }
@@ -79,7 +77,6 @@ impl CapturedPort {
     /// Events grouped by attempt: sent, received, outcome. Groups that do not begin with sent bytes
     /// are bytes without a request, or the rest of an attempt. The last attempt may
     /// have no outcome yet.
-    #[must_use]
     pub fn attempts(&self) -> Vec<&[LineEvent]> {
         let (mut parts, mut rest) = (Vec::new(), self.events.as_slice());
         while let Some(first) = rest.first() {
@@ -123,7 +120,6 @@ pub struct Capture {
 
 impl Capture {
     /// Traffic of the line in the last minute.
-    #[must_use]
     pub fn read(&self) -> CapturedPort {
         CapturedPort { events: self.ring.read(), ..self.port.clone() }
     }

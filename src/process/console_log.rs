@@ -25,11 +25,7 @@ pub struct ConsoleLog {
 }
 
 impl ConsoleLog {
-    /// Starts the thread that writes to `output`.
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses a thread.
+    /// Starts the thread that writes to `output`. Fails when the system refuses a thread.
     pub fn start(output: impl Write + Send + 'static) -> io::Result<Self> {
         let (lines, queue) = sync_channel(LINES);
         let (ending, ended) = sync_channel(1);

@@ -60,11 +60,8 @@ const PORT_EVENTS: usize = 1024;
 const START_DELAY: Nanos = Nanos::from_millis(20);
 
 /// Runs the controller until `shutdown` is set and the drives are off. `note` goes to the run log;
-/// lines for the operator go to `log`.
-///
-/// # Errors
-///
-/// When a component cannot be started, a thread ended early, or a drive may still have power.
+/// lines for the operator go to `log`. Fails when a component cannot be started, a thread ended
+/// early, or a drive may still have power.
 pub fn run(
     config: &Config,
     note: &str,

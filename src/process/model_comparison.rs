@@ -23,7 +23,6 @@ pub struct ModelState<'a> {
 /// Both models invert the same estimate from the same start, each with its memory of the same
 /// history. So a model compared with itself gives zero, although an inverse with compensation does
 /// not return to the position of the estimate.
-#[must_use]
 pub fn difference(
     old: ModelState<'_>,
     new: ModelState<'_>,

@@ -238,7 +238,6 @@ pub(super) fn health(report: &CycleReport, lost: &LostCounters) -> Health {
 }
 
 /// Robot and limits of a configuration, for the reply to `version`.
-#[must_use]
 pub fn robot_description(config: &Config) -> Version {
     let mut described = Version {
         robot_id: padded_text(&config.robot_id),
@@ -257,7 +256,6 @@ pub fn robot_description(config: &Config) -> Version {
 }
 
 /// `operating_state` of one tick.
-#[must_use]
 pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStateMsg {
     let memory_known = report.joint.is_some_and(|joint| joint.memory_known);
     let flags = [

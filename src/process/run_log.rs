@@ -49,11 +49,8 @@ pub struct RunLog {
 }
 
 impl RunLog {
-    /// Opens the log and writes the header of a run.
-    ///
-    /// # Errors
-    ///
-    /// When the file cannot be written. The result then contains a log that writes nothing.
+    /// Opens the log and writes the header of a run. Fails when the file cannot be written. The
+    /// result then contains a log that writes nothing.
     pub fn begin(run: &RunHeader<'_>) -> (Self, io::Result<()>) {
         let boot_id = run.boot_id;
         let mut log = Self { file: None, boot_id };
@@ -81,11 +78,7 @@ impl RunLog {
         self.write(name, merge(first, fields))
     }
 
-    /// Writes the end of the run.
-    ///
-    /// # Errors
-    ///
-    /// When the file cannot be written.
+    /// Writes the end of the run. Fails when the file cannot be written.
     pub fn end(&mut self, outcome: &str) -> io::Result<()> {
         self.write("end", json!({ "outcome": outcome }))
     }

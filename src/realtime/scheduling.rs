@@ -42,7 +42,6 @@ pub struct Granted {
 ///
 /// Threads and processes that this thread starts do not inherit SCHED_FIFO. They do inherit the
 /// processor: see `keep_normal`.
-#[must_use]
 pub fn request(wanted: SchedulingRequest) -> Granted {
     let mut warnings = Vec::new();
     if wanted.lock_memory {

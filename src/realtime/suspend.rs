@@ -21,7 +21,6 @@ pub struct SuspendMonitor {
 
 impl SuspendMonitor {
     /// Knows nothing of suspends before.
-    #[must_use]
     pub fn start() -> Self {
         let reads = (0..FIRST_READS).map(|_| clock::suspended());
         Self { known: reads.max().unwrap_or(Nanos::ZERO) }

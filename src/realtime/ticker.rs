@@ -32,14 +32,12 @@ pub struct Schedule {
 
 impl Schedule {
     /// A grid whose first tick is at `first`. A period of zero counts as one nanosecond.
-    #[must_use]
     pub const fn new(first: Nanos, period: Nanos) -> Self {
         let period = if period.0 == 0 { Nanos(1) } else { period };
         Self { period, next: first }
     }
 
     /// When the next tick should begin.
-    #[must_use]
     pub const fn next(&self) -> Nanos {
         self.next
     }
@@ -66,7 +64,6 @@ impl Ticker {
     /// Ticks every `period` from `first` on. The thread wakes `spin` before each tick and reads the
     /// clock until it is due: waking takes the kernel tens of microseconds, reading the clock less
     /// than a tenth of one.
-    #[must_use]
     pub const fn new(first: Nanos, period: Nanos, spin: Nanos) -> Self {
         Self { schedule: Schedule::new(first, period), spin }
     }

@@ -40,13 +40,11 @@ struct LastHeartbeat {
 
 impl HeartbeatMonitor {
     /// A controller that is silent for longer than `silence` hangs.
-    #[must_use]
     pub fn new(silence: Nanos) -> Self {
         Self { silence, last: None, owing: 0, silent: [false; MAX_AXES] }
     }
 
     /// Age of the last heartbeat.
-    #[must_use]
     pub fn age(&self, now: Nanos) -> Nanos {
         self.last.map_or(Nanos::ZERO, |last| now - last.heartbeat.stamp)
     }

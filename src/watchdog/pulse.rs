@@ -49,11 +49,8 @@ pub struct PulseLine {
 }
 
 impl PulseLine {
-    /// Opens the adapter.
-    ///
-    /// # Errors
-    ///
-    /// When it does not exist, is in use by another program, or has no modem lines.
+    /// Opens the adapter. Fails when it does not exist, is in use by another program, or has no
+    /// modem lines.
     pub fn open(device: &Path, line: ModemLine) -> io::Result<Self> {
         let flags = libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC;
         let file = OpenOptions::new().read(true).write(true).custom_flags(flags).open(device)?;
@@ -67,11 +64,7 @@ impl PulseLine {
         Ok(opened)
     }
 
-    /// Switches the line.
-    ///
-    /// # Errors
-    ///
-    /// When the adapter is gone.
+    /// Switches the line. Fails when the adapter is gone.
     pub fn set(&self, is_on: bool) -> io::Result<()> {
         let request = if is_on { libc::TIOCMBIS } else { libc::TIOCMBIC };
         // SAFETY: reads the bits that it is given.
@@ -79,11 +72,7 @@ impl PulseLine {
         Ok(())
     }
 
-    /// Reads the line back.
-    ///
-    /// # Errors
-    ///
-    /// When the adapter is gone, or has no modem lines.
+    /// Reads the line back. Fails when the adapter is gone, or has no modem lines.
     pub fn is_on(&self) -> io::Result<bool> {
         let mut bits: libc::c_int = 0;
         let descriptor = self.file.as_raw_fd();

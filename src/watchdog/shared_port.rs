@@ -40,7 +40,6 @@ pub struct SharedPort {
 
 impl SharedPort {
     /// Opens nothing yet.
-    #[must_use]
     pub fn new(config: &PortConfig) -> Self {
         Self { config: config.clone(), file: None, refusal_reported: false }
     }
@@ -68,19 +67,16 @@ impl SharedPort {
     }
 
     /// Whether the port is open and its device existed at the last check.
-    #[must_use]
     pub fn is_open(&self) -> bool {
         self.file.is_some()
     }
 
     /// The device of the port.
-    #[must_use]
     pub fn device(&self) -> &Path {
         &self.config.device
     }
 
     /// Locks the port against other programs until the next stop has ended. `false`: one has it.
-    #[must_use]
     pub fn try_lock(&self) -> bool {
         self.file.as_ref().is_some_and(|file| file.try_lock().is_ok())
     }

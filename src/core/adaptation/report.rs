@@ -90,7 +90,6 @@ impl Pause {
     ];
 
     /// Text of the reason.
-    #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
             Self::NotFollowing => "not following a goal",
@@ -116,7 +115,6 @@ impl Pauses {
     pub const NONE: Self = Self(0);
 
     /// Adds a reason, if it holds.
-    #[must_use]
     pub fn with(self, pause: Pause, holds: bool) -> Self {
         Self(self.0 | if holds { pause as u32 } else { 0 })
     }
@@ -131,7 +129,6 @@ impl Pauses {
     }
 
     /// Whether a reason holds.
-    #[must_use]
     pub fn contains(self, pause: Pause) -> bool {
         self.0 & pause as u32 != 0
     }

@@ -71,16 +71,11 @@ pub struct CommandCheck {
 
 impl CommandCheck {
     /// The checks with this configuration.
-    #[must_use]
     pub fn new(config: &CommandConfig) -> Self {
         Self { deadline: DeadlineCheck::new(Nanos::from_millis(config.deadline_ms)) }
     }
 
-    /// Checks a command and returns its deadline.
-    ///
-    /// # Errors
-    ///
-    /// The first check that fails.
+    /// Checks a command and returns its deadline. Fails with the first check.
     pub fn check(&self, command: &ServoCommand, now: Nanos) -> Result<Nanos, Refusal> {
         require_well_formed(command)?;
         self.deadline.check(command.stamp, deadline(command), now)
@@ -104,7 +99,6 @@ pub struct CommandAdmission {
 
 impl CommandAdmission {
     /// A free lease and no accepted command.
-    #[must_use]
     pub fn new(config: &CommandConfig) -> Self {
         Self {
             check: CommandCheck::new(config),
@@ -118,7 +112,6 @@ impl CommandAdmission {
     }
 
     /// Refused servo commands, client by client.
-    #[must_use]
     pub fn refusals(&self) -> [ClientRefusals; REFUSED_CLIENTS] {
         self.refusals.clients()
     }
@@ -182,11 +175,7 @@ impl CommandAdmission {
         Some(Measurement::new(Quantity::Sequence, number, last))
     }
 
-    /// Checks 1 to 10. Returns the deadline of the command.
-    ///
-    /// # Errors
-    ///
-    /// The first check that fails.
+    /// Checks 1 to 10. Returns the deadline of the command. Fails with the first check.
     pub fn check(
         &self,
         of: StreamOf,

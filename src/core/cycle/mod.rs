@@ -101,7 +101,6 @@ impl ControlCycle {
     ///
     /// Configuration and model must have been checked, including that they match
     /// ([`Model::check_robot`]).
-    #[must_use]
     pub fn new(config: &Config, model: Option<Arc<Model>>) -> Self {
         let limits = &config.limits;
         Self {
@@ -136,13 +135,11 @@ impl ControlCycle {
     }
 
     /// Number of events since the start that did not fit into [`CycleOutputs::events`].
-    #[must_use]
     pub fn lost_events(&self) -> u64 {
         self.lost_events
     }
 
     /// Whether [`ControlCycle::stage_model`] can take a model now.
-    #[must_use]
     #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     pub fn can_stage_model(&self) -> bool {
         self.models.can_retire()
@@ -156,7 +153,6 @@ impl ControlCycle {
     }
 
     /// A model that is no longer needed, to be freed by another thread. Call it after every tick.
-    #[must_use]
     #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     pub fn take_retired(&mut self) -> Option<ModelCandidate> {
         self.models.take_retired()

@@ -55,7 +55,6 @@ pub struct CycleSnapshot {
 
 impl CycleSnapshot {
     /// Number of ticks since the start of the cycle.
-    #[must_use]
     pub fn ticks(&self) -> u64 {
         self.ticks
     }
@@ -69,7 +68,6 @@ impl CycleSnapshot {
 impl ControlCycle {
     /// All values that change from tick to tick. `None` while a model waits to be taken by
     /// [`ControlCycle::take_retired`].
-    #[must_use]
     #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     pub fn snapshot(&self) -> Option<CycleSnapshot> {
         Some(CycleSnapshot {
@@ -97,11 +95,7 @@ impl ControlCycle {
     }
 
     /// A cycle that continues from a snapshot of a cycle with the same configuration. Not for the
-    /// control loop.
-    ///
-    /// # Errors
-    ///
-    /// The id of a model that `find` does not know.
+    /// control loop. Fails with the id of a model that `find` does not know.
     pub fn restored(
         config: &Config,
         snapshot: &CycleSnapshot,

@@ -26,7 +26,6 @@ pub struct CycleEvent {
 
 impl CycleEvent {
     /// Reason why the robot does not move as requested, if the event has one.
-    #[must_use]
     pub fn reason(&self) -> Option<Reason> {
         let measurement = self.measurement;
         let cause = self.kind.cause()?;
@@ -170,7 +169,6 @@ pub enum CycleEventKind {
 
 impl CycleEventKind {
     /// Cause of not moving as requested.
-    #[must_use]
     pub fn cause(&self) -> Option<Cause> {
         match self {
             Self::State { fault, .. } => (*fault != Fault::None).then_some(Cause::Fault(*fault)),
@@ -197,7 +195,6 @@ impl CycleEventKind {
     }
 
     /// The client that the event concerns; 0: none.
-    #[must_use]
     pub fn client_id(&self) -> u64 {
         match self {
             Self::StaleStop { client_id, .. }
@@ -229,7 +226,6 @@ pub struct EventList {
 
 impl EventList {
     /// No events yet. `stamp`: start of the tick.
-    #[must_use]
     pub fn new(stamp: Nanos) -> Self {
         Self { stamp, list: [None; 4], lost: 0 }
     }
@@ -263,7 +259,6 @@ impl EventList {
     }
 
     /// The events, and the number of events that did not fit.
-    #[must_use]
     pub fn finish(self) -> ([Option<CycleEvent>; 4], u64) {
         (self.list, self.lost)
     }

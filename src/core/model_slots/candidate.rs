@@ -23,7 +23,6 @@ pub struct CandidateState(JointModelState);
 impl ModelCandidate {
     /// A model whose memory is rebuilt from a history that ends at a cursor of the cycle's position
     /// history. Takes thousands of steps: for a slower thread.
-    #[must_use]
     pub fn new(
         model: Arc<Model>,
         config: &Config,
@@ -34,19 +33,16 @@ impl ModelCandidate {
     }
 
     /// A model with a saved state.
-    #[must_use]
     pub fn restored(model: Arc<Model>, config: &Config, state: CandidateState) -> Self {
         Self(Box::new(JointModel::from_state(model, config, state.0)))
     }
 
     /// The model.
-    #[must_use]
     pub fn model(&self) -> &Model {
         self.0.model()
     }
 
     /// The state, to be written to a file.
-    #[must_use]
     pub fn state(&self) -> CandidateState {
         CandidateState(*self.0.state())
     }

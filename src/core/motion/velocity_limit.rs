@@ -71,7 +71,6 @@ pub struct MotorTarget {
 
 impl MotorTarget {
     /// A target that does not move.
-    #[must_use]
     pub fn fixed(position: f64) -> Self {
         Self { position, increment: 0.0 }
     }
@@ -104,7 +103,6 @@ pub struct VelocityLimiter {
 
 impl VelocityLimiter {
     /// A limiter for ticks of length `period`, at rest at 0.
-    #[must_use]
     pub fn new(limits: &MotorLimits, period: Nanos) -> Self {
         let tick = period.as_seconds();
         // A limit so small that it vanishes would make 0 * infinity below.
@@ -121,19 +119,16 @@ impl VelocityLimiter {
     }
 
     /// The setpoint, counts.
-    #[must_use]
     pub fn position(&self) -> f64 {
         self.position
     }
 
     /// Change of the setpoint in the last tick, counts.
-    #[must_use]
     pub fn velocity(&self) -> f64 {
         self.velocity
     }
 
     /// The setpoint has no velocity.
-    #[must_use]
     pub fn is_at_rest(&self) -> bool {
         self.velocity == 0.0
     }
@@ -170,7 +165,6 @@ impl VelocityLimiter {
     }
 
     /// Ticks until then.
-    #[must_use]
     pub fn ticks_to_rest(&self) -> f64 {
         (self.velocity.abs() / self.deceleration).ceil()
     }

@@ -74,7 +74,6 @@ pub struct AxisFeedback {
 
 impl AxisFeedback {
     /// Known power of the drive. A drive that has not replied since `oldest` may have power.
-    #[must_use]
     pub fn power(&self, oldest: Nanos) -> DrivePower {
         match self.phase.power() {
             _ if self.stamp < oldest => DrivePower::NotKnown,

@@ -57,7 +57,6 @@ pub enum CaptureError {
 }
 
 /// The file as bytes. `wall_offset`: the wall clock minus the monotonic clock.
-#[must_use]
 pub fn to_bytes(ports: &[CapturedPort], software: &str, wall_offset: Nanos) -> Vec<u8> {
     let mut file = Vec::new();
     let section = [&BYTE_ORDER.to_le_bytes()[..], &[1, 0, 0, 0], &(-1_i64).to_le_bytes()].concat();
@@ -114,11 +113,7 @@ fn pad(bytes: &mut Vec<u8>) {
     bytes.resize(bytes.len().next_multiple_of(4), 0);
 }
 
-/// Reads a file.
-///
-/// # Errors
-///
-/// When it cannot be read, or is not a capture.
+/// Reads a file. Fails when it cannot be read, or is not a capture.
 pub fn read(path: &Path) -> Result<CaptureFile, CaptureError> {
     let path = path.to_owned();
     match std::fs::read(&path) {
@@ -129,7 +124,6 @@ pub fn read(path: &Path) -> Result<CaptureFile, CaptureError> {
 
 /// Reads the bytes of a file up to its end, or to the first incomplete block. `None`: the
 /// bytes are not a capture.
-#[must_use]
 pub fn from_bytes(bytes: &[u8]) -> Option<CaptureFile> {
     let mut rest = bytes;
     let (kind, section) = next_block(&mut rest)?;

@@ -14,7 +14,6 @@ impl AbortCode {
     pub(crate) const NO_NODE: Self = Self(0x0504_0000);
 
     /// The drive does not have the object.
-    #[must_use]
     pub const fn is_missing(self) -> bool {
         matches!(self.0, 0x0602_0000 | 0x0609_0011)
     }
@@ -27,7 +26,6 @@ impl AbortCode {
     pub(crate) const UNKNOWN_COMMAND: Self = Self(0x0F00_FFBF);
 
     /// The meaning in plain words.
-    #[must_use]
     pub const fn name(self) -> &'static str {
         match self.0 {
             0x0503_0000 => "toggle bit not alternated",

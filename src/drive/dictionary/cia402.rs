@@ -30,7 +30,6 @@ impl Statusword {
     /// The state; `None` for a pattern that is not a state.
     ///
     /// Bit 9 (remote) is ignored: a drive on a serial line need not be operational on CAN.
-    #[must_use]
     pub const fn state(self) -> Option<DriveState> {
         let [without, with] = Self::STATE;
         match [self.0 & without, self.0 & with] {
@@ -48,7 +47,6 @@ impl Statusword {
 
     /// The position refers to the home position (bit 15). Cleared by power loss, overflow and
     /// sensor errors.
-    #[must_use]
     pub const fn homed(self) -> bool {
         self.0 & 1 << 15 != 0
     }
@@ -112,13 +110,11 @@ pub enum DriveState {
 
 impl DriveState {
     /// The power stage is off.
-    #[must_use]
     pub const fn is_off(self) -> bool {
         matches!(self, Self::SwitchOnDisabled | Self::Ready)
     }
 
     /// The drive reports a fault.
-    #[must_use]
     pub const fn is_fault(self) -> bool {
         matches!(self, Self::Fault | Self::FaultReaction)
     }
@@ -151,7 +147,6 @@ pub enum PowerStep {
 }
 
 /// The next step from `state` to `goal`.
-#[must_use]
 pub const fn power_step(state: DriveState, goal: PowerGoal) -> PowerStep {
     match (state, goal) {
         (DriveState::Fault, _) => PowerStep::Blocked,

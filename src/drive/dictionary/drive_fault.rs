@@ -52,7 +52,6 @@ impl DriveFault {
     }
 
     /// Looks up a code without knowing the drive's family. If the families differ, it has no name.
-    #[must_use]
     pub fn look_up_any(code: u16) -> Self {
         let [epos4, epos2] = [Family::Epos4, Family::Epos2].map(|it| Self::look_up(it, code));
         match (epos4.reaction, epos2.reaction) {

@@ -28,7 +28,6 @@ impl Address {
     /// # Panics
     ///
     /// When it is not in the table: a constant does not compile.
-    #[must_use]
     pub const fn of(index: u16, subindex: u8) -> Self {
         Self::from_entry(objects::first(index, subindex))
     }
@@ -40,7 +39,6 @@ impl Address {
     }
 
     /// Converts a value to a signed number of the object's size.
-    #[must_use]
     pub const fn signed(&self, raw: u32) -> i32 {
         match self.size {
             1 => raw as i8 as i32,
@@ -50,7 +48,6 @@ impl Address {
     }
 
     /// Truncates a value to the size of the object.
-    #[must_use]
     pub const fn truncate(&self, raw: u32) -> u32 {
         match self.size {
             1 => raw & 0xFF,
@@ -79,7 +76,6 @@ impl<T: Value> Object<T> {
     /// # Panics
     ///
     /// When it is not in the table, or its values are no `T`: a constant does not compile.
-    #[must_use]
     pub const fn of(index: u16, subindex: u8) -> Self {
         let entry = objects::first(index, subindex);
         assert!(entry.kind as u8 == T::KIND as u8, "the type differs from the table of objects");
@@ -87,13 +83,11 @@ impl<T: Value> Object<T> {
     }
 
     /// Its address.
-    #[must_use]
     pub const fn address(self) -> Address {
         self.address
     }
 
     /// A write of this value.
-    #[must_use]
     pub fn set(self, value: T) -> Setting {
         Setting { object: self.address, raw: value.into_raw(), optional: false }
     }

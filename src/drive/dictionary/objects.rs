@@ -26,7 +26,6 @@ pub enum Kind {
 
 impl Kind {
     /// Bytes of a value; 0: any number.
-    #[must_use]
     pub const fn size(self) -> u8 {
         match self {
             Self::U8 | Self::I8 => 1,
@@ -38,7 +37,6 @@ impl Kind {
     }
 
     /// The value in the low bytes of `raw`.
-    #[must_use]
     pub const fn decode(self, raw: u32) -> i64 {
         match self {
             Self::U8 => raw as u8 as i64,
@@ -104,7 +102,6 @@ impl Entry {
 pub const ALL: &[Entry] = &read_table();
 
 /// The object of a family at this address.
-#[must_use]
 pub fn find(family: Family, index: u16, subindex: u8) -> Option<&'static Entry> {
     of_family(family).find(|entry| (entry.index, entry.subindex) == (index, subindex))
 }

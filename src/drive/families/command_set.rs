@@ -16,7 +16,6 @@ pub struct DriveRequest {
 impl DriveRequest {
     /// A request with up to eight bytes of data. `reply_words` is the largest number of data words
     /// in its reply.
-    #[must_use]
     pub fn new<const N: usize>(opcode: u8, data: [u8; N], reply_words: u8) -> Self {
         const { assert!(N <= 8, "a request holds at most eight bytes") };
         let mut bytes = [0; 8];
@@ -25,7 +24,6 @@ impl DriveRequest {
     }
 
     /// The request as a frame.
-    #[must_use]
     pub fn frame(&self) -> SerialFrame<'_> {
         let data = self.data.get(..usize::from(self.length));
         SerialFrame { opcode: self.opcode, data: data.unwrap_or(&self.data) }
@@ -100,13 +98,11 @@ pub(in crate::drive) struct Segment<'a> {
 
 impl CommandSet {
     /// Reads an object of at most four bytes.
-    #[must_use]
     pub fn read(&self, node: u8, object: Address) -> DriveRequest {
         DriveRequest::new(self.read, self.selector(node, object), READ_REPLY_WORDS)
     }
 
     /// Writes an object of at most four bytes.
-    #[must_use]
     pub fn write(&self, node: u8, setting: Setting) -> DriveRequest {
         let [a, b, c, d] = self.selector(node, setting.object);
         let [e, f, g, h] = setting.raw.to_le_bytes();
@@ -114,7 +110,6 @@ impl CommandSet {
     }
 
     /// Starts to read an object of any length. Allocates; for bring-up only.
-    #[must_use]
     pub fn read_segmented(&'static self, node: u8, object: Address) -> SegmentedRead {
         let (bytes, is_open, total, toggle) = (Vec::new(), false, None, false);
         SegmentedRead { commands: self, node, object, bytes, is_open, total, toggle }
@@ -128,7 +123,6 @@ impl CommandSet {
 
     /// Content of a captured request; `None`: not a request of this software. Missing data counts
     /// as zeros.
-    #[must_use]
     pub fn parse(&self, request: SerialFrame<'_>) -> Option<Requested> {
         let mut data = request.data.iter().copied().chain(std::iter::repeat(0));
         let mut next = || std::array::from_fn::<u8, 4, _>(|_| data.next().unwrap_or_default());
@@ -149,11 +143,7 @@ impl CommandSet {
 
     /// The value in the reply to [`CommandSet::read`], truncated to the size of the object. It
     /// comes in four bytes, whose upper ones are undefined; some hosts have read two for a short
-    /// object.
-    ///
-    /// # Errors
-    ///
-    /// When the drive refused, or the frame is not a reply to a read.
+    /// object. Fails when the drive refused, or the frame is not a reply to a read.
     pub fn read_reply(&self, reply: SerialFrame<'_>, object: Address) -> Result<u32, ReplyError> {
         match *after_error_code(reply)? {
             [a, b, c, d] => Ok(object.truncate(u32::from_le_bytes([a, b, c, d]))),
@@ -164,11 +154,8 @@ impl CommandSet {
         }
     }
 
-    /// Checks the reply to [`CommandSet::write`].
-    ///
-    /// # Errors
-    ///
-    /// When the drive refused, or the frame is not a reply to a write.
+    /// Checks the reply to [`CommandSet::write`]. Fails when the drive refused, or the frame is not
+    /// a reply to a write.
     pub fn write_reply(&self, reply: SerialFrame<'_>) -> Result<(), ReplyError> {
         if after_error_code(reply)?.is_empty() { Ok(()) } else { Err(ReplyError::Mismatch) }
     }
@@ -202,11 +189,8 @@ impl SegmentedRead {
         }
     }
 
-    /// Handles the reply; `true` when the value is complete.
-    ///
-    /// # Errors
-    ///
-    /// When the drive refused, or the frame is not a reply to the request.
+    /// Handles the reply; `true` when the value is complete. Fails when the drive refused, or the
+    /// frame is not a reply to the request.
     pub fn take_reply(&mut self, reply: SerialFrame<'_>) -> Result<bool, ReplyError> {
         let rest = after_error_code(reply)?;
         let parse = if self.is_open { self.commands.next } else { self.commands.first };
@@ -228,7 +212,6 @@ impl SegmentedRead {
     }
 
     /// The bytes read so far.
-    #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }

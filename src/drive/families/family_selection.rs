@@ -6,19 +6,16 @@ use crate::drive::epos4::Epos4;
 use crate::drive::family::DriveFamily;
 
 /// The family of the drive that a port belongs to: its command set is used on the line.
-#[must_use]
 pub fn family_of_port(port: &PortConfig) -> &'static dyn DriveFamily {
     family_of_line(port.family)
 }
 
 /// The family whose command set is used on a line.
-#[must_use]
 pub fn family_of_line(family: Family) -> &'static dyn DriveFamily {
     select(family, Streaming::Cyclic)
 }
 
 /// The drive family of an axis.
-#[must_use]
 pub fn family_of_axis(port: &PortConfig, axis: &AxisConfig) -> &'static dyn DriveFamily {
     select(axis.family.unwrap_or(port.family), axis.streaming)
 }

@@ -68,11 +68,7 @@ impl Default for FrameEncoder {
 }
 
 impl FrameEncoder {
-    /// The bytes that put `frame` on the wire.
-    ///
-    /// # Errors
-    ///
-    /// When the data does not fit a frame.
+    /// The bytes that put `frame` on the wire. Fails when the data does not fit a frame.
     pub fn encode(&mut self, frame: SerialFrame<'_>) -> Result<&[u8], FrameTooLong> {
         let bytes = frame.data.len();
         let words = bytes.div_ceil(2);

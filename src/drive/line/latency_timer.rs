@@ -19,7 +19,6 @@ pub fn shorten(device: &Path) -> Option<u32> {
 }
 
 /// The command that shortens the timer of a device.
-#[must_use]
 pub fn command(device: &Path) -> String {
     let real = fs::canonicalize(device).unwrap_or_else(|_| device.to_owned());
     let name = real.file_name().and_then(|name| name.to_str()).unwrap_or_default();

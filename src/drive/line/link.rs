@@ -192,11 +192,7 @@ impl<T: Transport> DriveLink<T> {
         self.broken
     }
 
-    /// Reopens a broken port.
-    ///
-    /// # Errors
-    ///
-    /// When it is still broken.
+    /// Reopens a broken port. Fails when it is still broken.
     pub fn reopen(&mut self) -> Result<(), LinkError> {
         self.transport.reopen().map_err(LinkError::broken)?;
         self.broken = false;
@@ -252,30 +248,18 @@ impl<T: Transport> DriveLink<T> {
     }
 
     /// Reads an object.
-    ///
-    /// # Errors
-    ///
-    /// See [`LinkError`].
     pub fn read<V: Value>(&mut self, node: u8, object: Object<V>) -> Result<V, LinkError> {
         let reply = self.read_raw(node, object.address())?;
         Ok(V::from_raw(reply.value))
     }
 
     /// Reads an object as four bytes, truncated to its size.
-    ///
-    /// # Errors
-    ///
-    /// See [`LinkError`].
     pub fn read_raw(&mut self, node: u8, object: Address) -> Result<TimedReply<u32>, LinkError> {
         self.read_with(node, object, Retry::Safe)
     }
 
     /// The data of the reply to a read as it came, a refusal as well as a value: for finding out
     /// how a drive answers. Allocates.
-    ///
-    /// # Errors
-    ///
-    /// See [`LinkError`].
     pub fn read_reply_data(&mut self, node: u8, object: Address) -> Result<Vec<u8>, LinkError> {
         let (request, mut data) = (self.family.command_set().read(node, object), Vec::new());
         let mut keep = |reply: SerialFrame<'_>| {
@@ -319,11 +303,7 @@ impl<T: Transport> DriveLink<T> {
         })
     }
 
-    /// Writes an object.
-    ///
-    /// # Errors
-    ///
-    /// See [`LinkError`]. After [`LinkError::Unanswered`] it is unknown whether the drive took the
+    /// Writes an object. After [`LinkError::Unanswered`] it is unknown whether the drive took the
     /// value.
     pub fn write(
         &mut self,
@@ -352,10 +332,6 @@ impl<T: Transport> DriveLink<T> {
     }
 
     /// Reads an object of any length. Allocates.
-    ///
-    /// # Errors
-    ///
-    /// See [`LinkError`].
     pub fn read_segmented(
         &mut self,
         node: u8,

@@ -42,12 +42,9 @@ pub struct SerialTransport {
 }
 
 impl SerialTransport {
-    /// Opens and locks the device, raw, 8 data bits, no parity, 1 stop bit, and discards bytes
-    /// that arrived before.
-    ///
-    /// # Errors
-    ///
-    /// When the device does not exist, may not be opened, is in use, or is not a serial port.
+    /// Opens and locks the device, raw, 8 data bits, no parity, 1 stop bit, and discards bytes that
+    /// arrived before. Fails when the device does not exist, may not be opened, is in use, or is
+    /// not a serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
         Self::open_with(config, PortTurn::default())
     }

@@ -66,27 +66,18 @@ pub(crate) const NOT_OUR_TURN: io::ErrorKind = io::ErrorKind::PermissionDenied;
 /// The clock belongs to the line so that a simulated line can run in simulated time: tests are then
 /// exact and fast.
 pub trait Transport {
-    /// Hands all bytes to the line in one call: on USB every call costs a packet.
-    ///
-    /// # Errors
-    ///
-    /// When the line is broken. Bytes waiting to be sent are not an error.
+    /// Hands all bytes to the line in one call: on USB every call costs a packet. Fails when the
+    /// line is broken. Bytes waiting to be sent are not an error.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
     /// Reads the bytes that have arrived, and waits for the first one until `deadline`. 0: none
-    /// came. Bytes that have arrived are returned even if the deadline has passed.
-    ///
-    /// # Errors
-    ///
-    /// When the line is broken.
+    /// came. Bytes that have arrived are returned even if the deadline has passed. Fails when the
+    /// line is broken.
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize>;
 
-    /// Reopens a broken line: the cable may be plugged in again, with a different device under
-    /// the same name. May block. A line that cannot break has nothing to do.
-    ///
-    /// # Errors
-    ///
-    /// When it is still broken.
+    /// Reopens a broken line: the cable may be plugged in again, with a different device under the
+    /// same name. May block. A line that cannot break has nothing to do. Fails when it is still
+    /// broken.
     fn reopen(&mut self) -> io::Result<()> {
         Ok(())
     }

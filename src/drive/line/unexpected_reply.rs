@@ -32,7 +32,6 @@ impl UnexpectedReply {
     }
 
     /// Whether a whole frame was received.
-    #[must_use]
     pub fn is_frame(&self) -> bool {
         self.frames > 0
     }
@@ -66,7 +65,6 @@ impl UnexpectedReply {
     }
 
     /// Whether replies came, but after the wait for them.
-    #[must_use]
     pub fn is_late(&self) -> bool {
         self.frames == 0 && self.late
     }

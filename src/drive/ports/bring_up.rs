@@ -318,11 +318,8 @@ fn refusal(error: &AxisError) -> Option<AbortCode> {
 }
 
 /// Writes the limits of an axis whose power stage is off, reads them back and compares. Returns the
-/// objects that the drive does not have and can do without.
-///
-/// # Errors
-///
-/// When the drive does not answer, or does not take a limit.
+/// objects that the drive does not have and can do without. Fails when the drive does not answer,
+/// or does not take a limit.
 pub fn configure_axis(
     link: &mut DriveLink<impl Transport>,
     family: &dyn DriveFamily,
@@ -335,11 +332,8 @@ pub fn configure_axis(
     Ok(left_out)
 }
 
-/// Switches a drive off by its ramp, or cuts its power if that fails.
-///
-/// # Errors
-///
-/// When the drive does not answer, or stays on.
+/// Switches a drive off by its ramp, or cuts its power if that fails. Fails when the drive does not
+/// answer, or stays on.
 pub fn switch_off(link: &mut DriveLink<impl Transport>, node: u8) -> Result<(), AxisError> {
     DriveNode::new(link, node).switch_off()
 }

@@ -26,7 +26,6 @@ const OF_MODEL: [u16; 13] = [
 ];
 
 /// The object as a key of a fingerprint.
-#[must_use]
 pub fn key(entry: &Entry) -> String {
     format!("0x{:04X}:{:02X}", entry.index, entry.subindex)
 }
@@ -37,20 +36,14 @@ pub fn settings(family: Family) -> impl Iterator<Item = &'static Entry> {
     objects::of_family(family).filter(|entry| entry.is_setting()).filter(is_short)
 }
 
-/// Opens a port and reads every setting of its drives. Writes nothing.
-///
-/// # Errors
-///
-/// When the port cannot be opened, nothing answers, or a drive is not the configured one.
+/// Opens a port and reads every setting of its drives. Writes nothing. Fails when the port cannot
+/// be opened, nothing answers, or a drive is not the configured one.
 pub fn read_port(config: &PortConfig) -> Result<Vec<DriveFingerprint>, DriveError> {
     read_transport(SerialTransport::open(config)?, config)
 }
 
-/// Reads the settings over an open line, see [`read_port`].
-///
-/// # Errors
-///
-/// When nothing answers, or a drive is not the configured one.
+/// Reads the settings over an open line, see [`read_port`]. Fails when nothing answers, or a drive
+/// is not the configured one.
 pub fn read_transport<T: Transport>(
     transport: T,
     config: &PortConfig,
@@ -62,11 +55,8 @@ pub fn read_transport<T: Transport>(
     read_axes(&mut link, config)
 }
 
-/// Reads the settings on a line whose drives are known, see [`read_port`].
-///
-/// # Errors
-///
-/// When a drive does not answer, or is not the configured one.
+/// Reads the settings on a line whose drives are known, see [`read_port`]. Fails when a drive does
+/// not answer, or is not the configured one.
 pub fn read_axes(
     link: &mut DriveLink<impl Transport>,
     config: &PortConfig,
@@ -107,7 +97,6 @@ fn read_axis(
 
 /// All settings that differ, with both values; `of_model`: those on which a model depends, where
 /// both values are known.
-#[must_use]
 pub fn differences(
     before: &DriveFingerprint,
     after: &DriveFingerprint,
@@ -148,7 +137,6 @@ fn name(drive: &DriveFingerprint, key: &str) -> &'static str {
 
 /// Settings that differ from those of the calibration: those that a model depends on, of the
 /// drives of its motors, where both values are known.
-#[must_use]
 pub fn differences_of_model(
     calibrated: &[DriveFingerprint],
     present: &[DriveFingerprint],

@@ -50,21 +50,14 @@ pub struct PortInspection {
     pub axes: Vec<Result<Inspection, String>>,
 }
 
-/// Opens a port and inspects its drives.
-///
-/// # Errors
-///
-/// When the port cannot be opened, or nothing answers.
+/// Opens a port and inspects its drives. Fails when the port cannot be opened, or nothing answers.
 pub fn inspect(config: &PortConfig) -> Result<PortInspection, DriveError> {
     let (line, config) = (SerialTransport::open(config)?, &unhurried(config));
     inspect_link(&mut DriveLink::new(line, family_of_port(config), config), config)
 }
 
-/// Inspects the drives on a line that is also used otherwise, see [`inspect`].
-///
-/// # Errors
-///
-/// When nothing answers.
+/// Inspects the drives on a line that is also used otherwise, see [`inspect`]. Fails when nothing
+/// answers.
 pub fn inspect_link(
     link: &mut DriveLink<impl Transport>,
     config: &PortConfig,

@@ -39,11 +39,8 @@ pub struct ReadyPort<T = SerialTransport> {
 }
 
 impl Port {
-    /// Opens the serial port, locked against other programs.
-    ///
-    /// # Errors
-    ///
-    /// When the device does not exist, may not be opened, is in use, or is not a serial port.
+    /// Opens the serial port, locked against other programs. Fails when the device does not exist,
+    /// may not be opened, is in use, or is not a serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
         Ok(Self::over(SerialTransport::open(config)?, config))
     }
@@ -58,12 +55,9 @@ impl<T: Transport> Port<T> {
 
     /// Checks that every axis is the configured drive, and switches off drives that a previous
     /// controller left enabled. Then writes the limits of every axis, reads them back and compares.
-    /// Enables nothing. A fault is left for the operator.
-    ///
-    /// # Errors
-    ///
-    /// When a drive does not answer, is not the configured one, does not switch off, or does not
-    /// accept a limit, and when an adapter holds its replies back.
+    /// Enables nothing. A fault is left for the operator. Fails when a drive does not answer, is
+    /// not the configured one, does not switch off, or does not accept a limit, and when an adapter
+    /// holds its replies back.
     pub fn bring_up(self) -> Result<ReadyPort<T>, DriveError> {
         let Self { mut link, config } = self;
         let (mut axes, mut positions) = (Vec::new(), Vec::new());
@@ -94,7 +88,6 @@ impl<T: Transport> ReadyPort<T> {
 
     /// Splits the port into the end of the port thread and the ends of the control loop, in the
     /// order of the configuration.
-    #[must_use]
     pub fn split<R: PortRequest>(self) -> (PortRunner<T, R>, Vec<AxisLink<R>>) {
         let Self { link, config, axes, exchange, positions } = self;
         PortRunner::with_links(link, &config, axes, exchange, &positions)

@@ -50,7 +50,6 @@ fn patient(config: &PortConfig, timeout: Nanos) -> PortConfig {
 }
 
 /// Another rate at which a drive of any family answers on a port. Takes some seconds.
-#[must_use]
 pub fn answering_rate(config: &PortConfig) -> Option<u32> {
     RATES.into_iter().filter(|rate| *rate != config.baud).find(|&baud| {
         let config = PortConfig { baud, ..unhurried(config) };
@@ -63,11 +62,8 @@ pub fn answering_rate(config: &PortConfig) -> Option<u32> {
     })
 }
 
-/// The drives of a port by node id: the drive at the port and those behind its gateway.
-///
-/// # Errors
-///
-/// When the port cannot be opened, or its drive does not answer.
+/// The drives of a port by node id: the drive at the port and those behind its gateway. Fails when
+/// the port cannot be opened, or its drive does not answer.
 pub fn nodes(config: &PortConfig) -> Result<Vec<FoundNode>, DriveError> {
     let patient = patient(config, GATEWAY_TIMEOUT);
     let Some(first) = config.axes.first() else {

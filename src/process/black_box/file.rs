@@ -120,20 +120,13 @@ impl BlackBoxError {
 
 impl BlackBox {
     /// The file as bytes.
-    ///
-    /// # Errors
-    ///
-    /// When postcard fails, which it does not for these types.
     pub fn to_bytes(&self) -> Result<Vec<u8>, postcard::Error> {
         let body = postcard::to_allocvec(self)?;
         Ok(with_head(&body))
     }
 
-    /// Reads the bytes of a file; `path` is for messages only.
-    ///
-    /// # Errors
-    ///
-    /// When they are not a black box of this version, or are damaged.
+    /// Reads the bytes of a file; `path` is for messages only. Fails when they are not a black box
+    /// of this version, or are damaged.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self, BlackBoxError> {
         let path = || path.to_owned();
         let wrong_length =
@@ -161,20 +154,13 @@ impl BlackBox {
     }
 
     /// Reads a file.
-    ///
-    /// # Errors
-    ///
-    /// As [`BlackBox::from_bytes`], and when the file cannot be read.
     pub fn read(path: &Path) -> Result<Self, BlackBoxError> {
         let bytes = std::fs::read(path).map_err(BlackBoxError::io("read", path))?;
         Self::from_bytes(&bytes, path)
     }
 
-    /// Writes a new file, for its owner only.
-    ///
-    /// # Errors
-    ///
-    /// When a file of this name exists, or cannot be written.
+    /// Writes a new file, for its owner only. Fails when a file of this name exists, or cannot be
+    /// written.
     pub fn write(&self, path: &Path) -> Result<(), BlackBoxError> {
         let bytes = self.to_bytes().map_err(|error| BlackBoxError::Decode {
             path: path.to_owned(),

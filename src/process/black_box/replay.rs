@@ -53,11 +53,8 @@ pub struct ReplayDifference {
     pub replayed: String,
 }
 
-/// Replays a black box up to the first tick with different outputs.
-///
-/// # Errors
-///
-/// When the configuration, a model or the first snapshot is missing or not valid.
+/// Replays a black box up to the first tick with different outputs. Fails when the configuration, a
+/// model or the first snapshot is missing or not valid.
 pub fn replay(content: &BlackBox) -> Result<ReplayResult, ReplayError> {
     let config = Config::parse(&content.config, Path::new("in the black box"))?;
     let models = models(content)?;

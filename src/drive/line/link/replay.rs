@@ -25,7 +25,6 @@ pub struct LineReplay {
 }
 
 /// Replays what was captured on a port.
-#[must_use]
 pub fn replay(port: &CapturedPort) -> LineReplay {
     let config = PortConfig {
         family: port.family,

@@ -76,9 +76,6 @@ impl<T: Transport> DriveLink<T> {
     }
 
     /// Makes sure that the next reply belongs to the next request. Does nothing on a line in sync.
-    ///
-    /// # Errors
-    ///
     /// [`LinkError::Lost`] after several attempts, [`LinkError::Broken`] when the port is broken.
     pub fn synchronise(&mut self) -> Result<(), LinkError> {
         let end = self.transport.now() + GATEWAY_TIMEOUT;
