@@ -48,7 +48,6 @@ pub enum UntrustedFile {
     Owner {
         /// The file or its folder.
         path: PathBuf,
-        /// Its owner.
         owner: u32,
         /// The user of this process.
         user: u32,

@@ -141,8 +141,10 @@ pub mod clock;
 #[cfg(feature = "controller")]
 pub mod config;
 #[cfg(feature = "controller")]
+#[allow(missing_docs, reason = "no client sees it")]
 pub mod core;
 #[cfg(feature = "controller")]
+#[allow(missing_docs, reason = "no client sees it")]
 pub mod drive;
 #[cfg(feature = "controller")]
 pub mod file_permissions;
@@ -151,6 +153,7 @@ mod file_permissions;
 pub mod ipc;
 pub mod model;
 #[cfg(feature = "controller")]
+#[allow(missing_docs, reason = "no client sees it")]
 pub mod process;
 #[cfg(feature = "controller")]
 pub mod realtime;
@@ -161,6 +164,7 @@ pub mod units;
 #[cfg(feature = "controller")]
 pub mod wall_clock;
 #[cfg(feature = "controller")]
+#[allow(missing_docs, reason = "no client sees it")]
 pub mod watchdog;
 
 /// Commit of this software, if the release records it.

@@ -39,12 +39,7 @@ pub struct SimpleRegion {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum SimpleShape {
     /// A circle or a ball.
-    Ball {
-        /// Centre.
-        centre: [f64; 3],
-        /// Radius.
-        radius: f64,
-    },
+    Ball { centre: [f64; 3], radius: f64 },
     /// Everything beyond a line or a plane.
     HalfSpace {
         /// Direction into the forbidden side, of length 1.

@@ -60,7 +60,6 @@ pub struct ModelSwapReply {
 pub struct CycleReport {
     /// Start of the tick.
     pub now: Nanos,
-    /// Operating state.
     pub state: OperatingState,
     /// Time of the last change of `state`.
     pub since: Nanos,

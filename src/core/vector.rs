@@ -54,7 +54,6 @@ pub(crate) fn collect<const N: usize>(values: impl Iterator<Item = f64>) -> [f64
     result
 }
 
-/// Every value is finite.
 pub(crate) fn is_finite<const N: usize>(values: &[f64; N]) -> bool {
     values.iter().all(|value| value.is_finite())
 }

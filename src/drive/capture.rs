@@ -42,7 +42,6 @@ pub struct LineEvent {
     /// Time on the clock of the line, in whole microseconds; for bytes that arrived in parts, that
     /// of the first part.
     pub time: Nanos,
-    /// Kind of the event.
     pub kind: LineEventKind,
     /// The bytes; of an outcome its own, see [`LineEvent::outcome`].
     pub bytes: Vec<u8>,

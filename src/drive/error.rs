@@ -14,7 +14,6 @@ use crate::units::Nanos;
 
 /// Why a port or its drives could not be brought up.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum DriveError {
     #[error(
         "serial port {0} does not exist; plug in the drive, or correct `device` in the \
@@ -83,7 +82,6 @@ pub enum DriveError {
 
 /// Why an exchange failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum LinkError {
     #[error("refused: {0}")]
     Refused(AbortCode),
@@ -124,7 +122,6 @@ impl LinkError {
 
 /// Why a drive that answers is not usable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum AxisError {
     #[error("{object}: {error}")]
     Exchange {

@@ -17,7 +17,6 @@ use super::objects::{self, Access, Entry};
 pub struct PortEvent {
     /// Index of the motor.
     pub motor: usize,
-    /// Its kind.
     pub kind: PortEventKind,
 }
 
@@ -26,13 +25,10 @@ pub struct PortEvent {
 pub enum PortEventKind {
     /// The drive was identified and limited, and the port thread starts.
     Ready {
-        /// Node id.
         node_id: u8,
-        /// Product code.
         product_code: u32,
         /// Firmware version.
         firmware: u16,
-        /// Serial number.
         serial_number: u32,
     },
     /// The drive does not have an object that it can do without.
@@ -108,7 +104,6 @@ pub enum PortEventKind {
 
 /// Why a transition of an axis failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum TransitionError {
     #[error("the drive was restarted and has lost its limits; it is configured again")]
     Restarted,

@@ -54,7 +54,6 @@ impl<R: Copy + Default + Send + Into<AxisRequest>> PortRequest for R {}
 /// The control loop's end of one axis.
 #[derive(Debug)]
 pub struct AxisLink<R: Send = AxisRequest> {
-    /// The motor.
     pub motor: usize,
     /// Requests to the axis: the newest counts.
     pub requests: Input<R>,

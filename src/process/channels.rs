@@ -41,9 +41,7 @@ pub(super) struct ModelOffer {
 /// One tick for the IPC thread.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TickReport {
-    /// Report of the cycle.
     pub report: CycleReport,
-    /// Timing of the tick.
     pub timing: TickTiming,
     /// Losses up to this tick.
     pub lost: LostCounters,
@@ -89,7 +87,6 @@ pub(super) struct IpcChannels {
     pub external: triple_buffer::Input<Option<ExternalPose>>,
     pub ignored_frames: Arc<AtomicU64>,
     pub requests: Producer<StateRequest>,
-    /// Stop requests.
     pub stops: Producer<StateRequest>,
     pub replies: Consumer<StateReply>,
     pub reports: Consumer<TickReport>,

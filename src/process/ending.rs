@@ -38,7 +38,6 @@ impl RunEnd {
 
 /// Why the controller could not start, or how it failed.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum ControllerError {
     #[error(transparent)]
     Model(#[from] StartModelError),

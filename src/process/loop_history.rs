@@ -14,9 +14,7 @@ use crate::units::{MotorVec, Nanos};
 /// A model that the loop has, or will receive.
 #[derive(Debug, Clone)]
 pub(super) struct LoadedModel {
-    /// The model.
     pub model: Arc<Model>,
-    /// Its file.
     pub file: PathBuf,
 }
 
@@ -59,7 +57,6 @@ impl LoopHistory {
         self.mark = report.mark;
     }
 
-    /// A loaded model.
     pub(super) fn model(&self, id: Option<ModelId>) -> Option<&LoadedModel> {
         self.known.get(&id?)
     }

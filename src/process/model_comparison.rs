@@ -10,9 +10,7 @@ const GRID: u32 = 17;
 /// A model with its memory.
 #[derive(Debug, Clone, Copy)]
 pub struct ModelState<'a> {
-    /// The model.
     pub model: &'a Model,
-    /// Its memory.
     pub memory: &'a Memory,
 }
 

@@ -31,7 +31,6 @@ pub struct RunHeader<'a> {
     pub config: &'a Config,
     /// The model at the start.
     pub model: Option<ModelId>,
-    /// The drives.
     pub drives: &'a [AxisIdentity],
     /// Drive settings.
     pub fingerprints: &'a [DriveFingerprint],

@@ -27,7 +27,6 @@ const FIRST_POSITIONS: Nanos = Nanos::from_millis(2000);
 
 /// Why the model of the configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum StartModelError {
     #[error(transparent)]
     Model(#[from] ModelError),

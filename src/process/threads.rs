@@ -12,9 +12,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(5);
 /// Name of the thread that may wait for a disk.
 pub(super) const BLACK_BOX: &str = "black box";
 
-/// Error of a thread.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum ThreadError {
     #[error("cannot start thread {name}: {source}; the process limit of this user may be too low")]
     Start {

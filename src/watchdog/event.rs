@@ -8,10 +8,8 @@ use crate::drive::cia402::DriveState;
 use crate::drive::quick_stop::QuickStopError;
 use crate::units::Nanos;
 
-/// An event of the watchdog.
 #[derive(Debug, Clone, PartialEq)]
 pub enum WatchdogEvent {
-    /// A port is open.
     PortOpened(PathBuf),
     /// A port cannot be opened now, and the reason.
     PortRefused(PathBuf, String),
@@ -32,7 +30,6 @@ pub enum WatchdogEvent {
 /// Outcome of the quick stop of one axis.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AxisStop {
-    /// The motor.
     pub motor: usize,
     /// State of the drive, or why it is not known.
     pub outcome: Result<DriveState, QuickStopError>,

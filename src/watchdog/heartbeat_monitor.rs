@@ -3,7 +3,6 @@
 use crate::ipc::heartbeat::{ControllerAbsent, Heartbeat};
 use crate::units::{MAX_AXES, Nanos};
 
-/// Status of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ControllerStatus {
     /// No controller serves the domain.

@@ -51,7 +51,6 @@ const INTERPOLATED_DEADLINE: Nanos = Nanos::from_millis(250);
 pub struct AdmissionContext {
     /// Start of the tick.
     pub now: Nanos,
-    /// Operating state.
     pub state: OperatingState,
     /// The refusal while a conditioning cycle or a trajectory is in progress.
     pub unoccupied: Result<(), Refusal>,

@@ -18,7 +18,6 @@ pub struct ClientRefusals {
     pub client_id: u64,
     /// Refused commands. 0: the entry is not in use.
     pub count: u64,
-    /// The last refusal.
     pub last: Refusal,
 }
 

@@ -13,7 +13,6 @@ const MORE: [f64; 3] = [0.1, 0.002, 0.001];
 /// Memories that follow the same positions as the one of the model in use.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(in crate::core) struct DriftMemories {
-    /// The memory as calibrated.
     pub calibrated: Memory,
     /// One per motor, whose gap is wider; then more slack; then more play.
     shadows: [Memory; WORN],
@@ -45,7 +44,6 @@ impl DriftMemories {
         }
     }
 
-    /// The pose as calibrated.
     pub(crate) fn calibrated_pose(&self, model: &Model, position: &MotorVec) -> Pair {
         pair(&model.predict(position, &self.calibrated).mean)
     }

@@ -107,7 +107,6 @@ impl Drift {
         [a, b, c, d, e, f]
     }
 
-    /// The wear.
     pub(super) fn wear(&self) -> Wear {
         Wear { gap: self.gap, slack: self.slack, play: self.play }
     }

@@ -13,7 +13,6 @@ use crate::robot::{
 };
 use crate::units::Nanos;
 
-/// An event of the cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CycleEvent {
     /// Start of the tick in which it happened.
@@ -33,7 +32,6 @@ impl CycleEvent {
     }
 }
 
-/// An event of the adaptation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum AdaptationEvent {
     /// The budget is used up; adaptation has stopped.
@@ -91,7 +89,6 @@ pub enum CycleEventKind {
     LimitStop {
         /// Client whose stream, move or conditioning cycle it was.
         client_id: u64,
-        /// The limit.
         limit: Stop,
     },
     /// The motion stopped, because a drive gave no recent position. Folded to one per second.
@@ -121,7 +118,6 @@ pub enum CycleEventKind {
     RequestRefused {
         /// Client that had sent the command.
         client_id: u64,
-        /// The command.
         command: StateCommand,
         /// Reason.
         refusal: Refusal,
@@ -152,7 +148,6 @@ pub enum CycleEventKind {
         /// Its frames since the start.
         frames: u64,
     },
-    /// An event of the adaptation.
     Adaptation(AdaptationEvent),
     /// A drive changed its phase.
     Axis {

@@ -37,7 +37,6 @@ impl ModelCandidate {
         Self(Box::new(JointModel::from_state(model, config, state.0)))
     }
 
-    /// The model.
     pub fn model(&self) -> &Model {
         self.0.model()
     }

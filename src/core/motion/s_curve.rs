@@ -92,7 +92,6 @@ impl SCurve {
         }
     }
 
-    /// Duration, s.
     pub(crate) fn duration_s(&self) -> f64 {
         4.0 * self.jerk_s + 2.0 * self.constant_acceleration_s + self.cruise_s
     }

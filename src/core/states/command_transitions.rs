@@ -14,7 +14,6 @@ use crate::robot::{Refusal, StateCommand};
 pub(crate) enum CommandEffect {
     /// Nothing: the state is already as requested.
     NoChange,
-    /// The state changes.
     Change(ControlState),
     /// The drives start homing.
     Home,

@@ -154,7 +154,6 @@ impl DisabledActivity {
     }
 }
 
-/// Activity in ENABLED.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum EnabledActivity {
     /// The setpoints slow down and stay: there is no fresh command.

@@ -32,7 +32,6 @@ pub(super) enum HomingStep {
     CheckPrepared(usize),
     /// Switch on.
     On(PowerSequence),
-    /// Start.
     Start,
     /// Wait for the end.
     Run,

@@ -52,7 +52,6 @@ pub struct AxisFeedback {
     pub stamp: Nanos,
     /// Encoder position (0x6064).
     pub position: Counts,
-    /// Phase of the axis.
     pub phase: AxisPhase,
     /// The position refers to the home position (statusword bit 15), and is trusted.
     pub homed: bool,

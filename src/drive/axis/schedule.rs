@@ -78,7 +78,6 @@ pub(in crate::drive) enum Urgency {
     SpareRead(u64),
     /// A setpoint or a step.
     Command(u64),
-    /// A read that is due.
     DueRead(u64),
     /// A setpoint or a step that passes reads that are due.
     FirstCommand(u64),
@@ -181,7 +180,6 @@ impl Schedule {
         if passes { Urgency::FirstCommand(rank) } else { Urgency::Command(rank) }
     }
 
-    /// The urgency of a stop.
     pub(super) fn stop_urgency(&self, line: &LineUse) -> Urgency {
         Urgency::Stop(line.since(self.any))
     }

@@ -73,7 +73,6 @@ pub(super) enum FaultStep {
     WaitForOperator,
     /// Lower the reset bit: only its rising edge counts.
     LowerBit(u32),
-    /// Raise it.
     RaiseBit(u32),
     /// Wait for the fault to clear.
     WaitForClear(u32, Nanos),

@@ -36,7 +36,6 @@ const FRAME: usize = 12;
 /// A file with the captures of all ports.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CaptureFile {
-    /// The ports.
     pub ports: Vec<CapturedPort>,
     /// The file is whole. If not, `ports` holds what is in front of the cut.
     pub is_whole: bool,
@@ -44,7 +43,6 @@ pub struct CaptureFile {
 
 /// Why a file cannot be read.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum CaptureError {
     #[error("cannot read capture {}: {source}", path.display())]
     Io { path: PathBuf, source: std::io::Error },

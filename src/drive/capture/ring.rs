@@ -94,7 +94,6 @@ impl Ring {
     }
 }
 
-/// A record as an event.
 fn event(record: &[u64]) -> Option<LineEvent> {
     let (&header, data) = record.split_first()?;
     let mut bytes: Vec<u8> = data.iter().flat_map(|word| word.to_le_bytes()).collect();

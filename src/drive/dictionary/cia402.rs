@@ -87,7 +87,6 @@ impl Controlword {
     pub(crate) const START_HOMING: Self = Self(0x001F);
 }
 
-/// The states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DriveState {
     /// The drive boots and leaves this state without a command.

@@ -11,9 +11,7 @@ const TABLE: &str = include_str!("error_codes.md");
 /// Meaning of an error code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DriveFault {
-    /// The code.
     pub code: u16,
-    /// Its name.
     pub name: &'static str,
     /// Cause of the fault; empty if unknown.
     pub cause: &'static str,
@@ -38,7 +36,6 @@ pub enum FaultReaction {
     ConnectionLost,
     /// None: a warning.
     Warning,
-    /// Unknown.
     Unknown,
 }
 

@@ -12,9 +12,7 @@ use crate::drive::objects::{self, Entry, Kind};
 /// Address of an object in the dictionary, without the type of its value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Address {
-    /// Index.
     pub index: u16,
-    /// Subindex.
     pub subindex: u8,
     /// Size of its value in bytes, 1 to 8; 0 for text of any length.
     pub size: u8,
@@ -82,7 +80,6 @@ impl<T: Value> Object<T> {
         Self { address: Address::from_entry(entry), value: PhantomData }
     }
 
-    /// Its address.
     pub const fn address(self) -> Address {
         self.address
     }
@@ -103,7 +100,6 @@ impl Object<u32> {
 /// A value to write to an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Setting {
-    /// The object.
     pub object: Address,
     /// The value as four bytes, little endian.
     pub raw: u32,
@@ -160,7 +156,6 @@ pub const VENDOR: Object<u32> = Object::of(0x1018, 1);
 pub const MAXON: u32 = 0xFB;
 /// Product code.
 pub(crate) const PRODUCT: Object<u32> = Object::of(0x1018, 2);
-/// Serial number.
 pub const SERIAL_NUMBER: Object<u32> = Object::of(0x1018, 4);
 /// How long the drive waits for the rest of a frame, ms: on RS232 and on USB.
 pub(crate) const FRAME_TIMEOUTS: [Object<u16>; 2] = [Object::of(0x2005, 0), Object::of(0x2006, 0)];
@@ -194,7 +189,6 @@ pub(crate) const QUICK_STOP_DECELERATION: Object<u32> = Object::of(0x6085, 0);
 pub(crate) const QUICK_STOP_RPM_S: u32 = 10_000;
 /// Newest entry of the error history, with the error code in its low word.
 pub(crate) const NEWEST_ERROR: Object<u32> = Object::of(0x1003, 1);
-/// Homing method.
 pub(crate) const HOMING_METHOD: Object<i8> = Object::of(0x6098, 0);
 /// Device name, text: read in segments.
 pub const DEVICE_NAME: Address = Address::of(0x1008, 0);

@@ -63,13 +63,10 @@ pub enum Access {
 /// An object of a dictionary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Entry {
-    /// Index.
     pub index: u16,
-    /// Subindex.
     pub subindex: u8,
     /// Type.
     pub kind: Kind,
-    /// Access.
     pub access: Access,
     /// Value as delivered.
     pub default: i64,

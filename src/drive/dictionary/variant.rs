@@ -16,7 +16,6 @@ const MODELS: [(u32, &str); 5] =
 pub struct DriveModel {
     /// Name of the family.
     pub family: &'static str,
-    /// Product code.
     pub product_code: u32,
     /// Firmware version, in hexadecimal as maxon writes it.
     pub firmware: u16,
@@ -39,11 +38,8 @@ impl fmt::Display for DriveModel {
 /// A setting that a drive does not take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SettingError {
-    /// The setting.
     pub setting: Setting,
-    /// The drive.
     pub drive: DriveModel,
-    /// Why.
     pub why: SettingRefusal,
 }
 

@@ -52,7 +52,6 @@ pub enum ReplyError {
     Mismatch,
 }
 
-/// The opcode of every reply.
 pub(in crate::drive) const REPLY_OPCODE: u8 = 0x00;
 
 /// Words of data in the reply to a read: error code and value.

@@ -38,7 +38,6 @@ const MAX_MOTOR_SPEED: Object<u32> = Object::of(0x6080, 0);
 /// Interpolation period between two setpoints; 0: no interpolation.
 const INTERPOLATION_PERIOD: Object<u8> = Object::of(0x60C2, 1);
 
-/// The EPOS4.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Epos4 {
     /// Cyclic synchronous position mode (8): a target takes effect when written.

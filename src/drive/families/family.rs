@@ -34,7 +34,6 @@ pub trait DriveFamily: fmt::Debug + Sync {
 /// The objects and modes that differ between families. The common objects are in `object`.
 #[derive(Debug, Clone, Copy)]
 pub struct ObjectMap {
-    /// Firmware version.
     pub firmware_version: FirmwareVersion,
     /// Full serial number, 8 bytes; `None` if the family has none.
     pub full_serial_number: Option<Address>,

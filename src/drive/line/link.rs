@@ -68,10 +68,8 @@ pub enum Retry {
     Never,
 }
 
-/// A reply with its times.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TimedReply<R> {
-    /// The value.
     pub value: R,
     /// When the last byte of the request was handed to the operating system.
     pub sent: Nanos,
@@ -247,7 +245,6 @@ impl<T: Transport> DriveLink<T> {
         self.frame_timeout = DEFAULT_FRAME_TIMEOUT;
     }
 
-    /// Reads an object.
     pub fn read<V: Value>(&mut self, node: u8, object: Object<V>) -> Result<V, LinkError> {
         let reply = self.read_raw(node, object.address())?;
         Ok(V::from_raw(reply.value))

@@ -86,7 +86,6 @@ fn open(config: &PortConfig) -> Result<TTYPort, DriveError> {
     Ok(port)
 }
 
-/// The descriptor of a port.
 fn descriptor(port: &TTYPort) -> BorrowedFd<'_> {
     // SAFETY: the descriptor belongs to `port`, which outlives this borrow.
     unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) }

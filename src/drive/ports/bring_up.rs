@@ -47,7 +47,6 @@ pub struct AxisIdentity {
     pub model: DriveModel,
     /// Objects that the drive does not have; they are left out.
     pub left_out: Vec<Address>,
-    /// Serial number.
     pub serial_number: u32,
     /// Full serial number, if the drive has one.
     pub full_serial_number: Option<u64>,

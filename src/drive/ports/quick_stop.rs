@@ -11,7 +11,6 @@ use crate::units::Nanos;
 
 /// Why a drive could not be stopped from outside the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum QuickStopError {
     #[error("the port could not be opened; cut the power of the drive")]
     NotHeld,

@@ -29,13 +29,11 @@ const UNHURRIED: Nanos = Nanos::from_millis(200);
 /// A drive that answers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FoundNode {
-    /// Node id.
     pub node_id: u8,
     /// Name of the family.
     pub family: &'static str,
     /// Firmware version, in hexadecimal as maxon writes it.
     pub firmware: u16,
-    /// Serial number.
     pub serial_number: u32,
 }
 

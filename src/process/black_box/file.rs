@@ -72,7 +72,6 @@ pub struct BlackBoxHeader {
 pub struct OfferRecord {
     /// [`TickRecord::offered`].
     pub number: u64,
-    /// The model.
     pub model: ModelId,
     /// State of the model.
     pub carried: CandidateState,
@@ -80,7 +79,6 @@ pub struct OfferRecord {
 
 /// Why a file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum BlackBoxError {
     #[error("cannot {action} black box {path}: {source}")]
     Io { action: &'static str, path: PathBuf, source: io::Error },

@@ -47,7 +47,6 @@ const BETWEEN_FAULTS: Nanos = Nanos::from_millis(5000);
 /// Number of offers from which old ones are dropped.
 const OFFERS: usize = 64;
 
-/// A request to the recorder.
 #[derive(Debug)]
 pub enum RecorderRequest {
     /// A model is on its way to the loop.

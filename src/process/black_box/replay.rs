@@ -15,7 +15,6 @@ use crate::robot::Refusal;
 
 /// Why a black box cannot be replayed.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs, reason = "the messages say it")]
 pub enum ReplayError {
     #[error(transparent)]
     Config(#[from] ConfigError),
@@ -27,7 +26,6 @@ pub enum ReplayError {
     NoSnapshot,
 }
 
-/// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplayResult {
     /// Number of replayed ticks.

@@ -63,9 +63,7 @@ pub struct TickRecord {
     /// The model that was passed to the cycle before the tick: number of its
     /// [`super::OfferRecord`].
     pub offered: Option<u64>,
-    /// Inputs of the cycle.
     pub inputs: CycleInputs,
-    /// Outputs of the cycle.
     pub outputs: CycleOutputs,
     /// Timing. `timing.tick.started` is the time argument of the cycle.
     pub timing: TickTiming,

@@ -17,12 +17,10 @@ pub struct Picture {
     pub jpeg: Vec<u8>,
 }
 
-/// The topic of a view.
 pub fn topic(view: &str) -> String {
     format!("/camera/{view}/compressed")
 }
 
-/// The view of a topic.
 pub fn view(topic: &str) -> Option<&str> {
     topic.strip_prefix("/camera/")?.strip_suffix("/compressed")
 }

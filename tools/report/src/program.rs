@@ -140,7 +140,6 @@ impl DomainOption {
         self.domain == "i2ris"
     }
 
-    /// The domain.
     pub fn domain(&self) -> Result<Domain, DomainError> {
         Domain::new(&self.domain)
     }

@@ -18,7 +18,6 @@ pub fn variance(values: impl IntoIterator<Item = f64, IntoIter: Clone>) -> Optio
     mean(values.map(|value| (value - centre) * (value - centre)))
 }
 
-/// The root mean square.
 pub fn root_mean_square(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     mean(values.into_iter().map(|value| value * value)).map(f64::sqrt)
 }

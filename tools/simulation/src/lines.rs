@@ -284,7 +284,6 @@ impl Bench {
         Self { plant, config: config.clone() }
     }
 
-    /// The line of a port.
     pub fn line(&self, port: usize) -> BenchLine {
         let axis = self.config.ports().get(port).and_then(|axes| axes.first().copied());
         let instants = Instants(Arc::new((Mutex::new(vec![Nanos::ZERO]), Condvar::new())));

@@ -96,7 +96,6 @@ fn dead_man_ms() -> u64 {
     DEAD_MAN_MS
 }
 
-/// An axis and its sign.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SignedAxis {
     pub code: Code,

@@ -35,7 +35,6 @@ pub fn settings(scene: &Scene) -> DetectorSettings {
     DetectorSettings { base_length: 0.9 * 0.3 * scene.camera.width as f64, ..settings }
 }
 
-/// The setup of a rig.
 pub fn setup(rig: &Rig) -> VisionSetup {
     let named = |(number, camera): (usize, &PinholeCamera)| View {
         name: format!("view{number}"),

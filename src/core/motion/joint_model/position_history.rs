@@ -98,7 +98,6 @@ impl PositionHistory {
         self.entry(number).filter(|_| number > 0).map(|entry| entry.position)
     }
 
-    /// The entry after a cursor.
     pub(super) fn next_after(&self, cursor: HistoryCursor) -> NextEntry {
         let behind = self.cursor.recorded.wrapping_sub(cursor.recorded);
         if cursor.epoch != self.cursor.epoch || behind > CAPACITY {

@@ -67,7 +67,6 @@ pub(crate) struct VirtualFixtures {
     fall: f64,
     /// The goal of the last tick, while goals in joint space are followed.
     last: Option<OutputVec>,
-    /// Its step.
     step: OutputVec,
     /// The goal was limited in this tick, by the region with this index.
     pub limited_by: Option<u8>,

@@ -43,7 +43,6 @@ impl Permit {
     }
 }
 
-/// Reason for a power cut.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PowerCutReason {
     #[error("the encoder is {counts} counts from the start, but only {most} are permitted")]

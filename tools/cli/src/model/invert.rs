@@ -64,7 +64,6 @@ pub struct Arguments {
     columns: ColumnArguments,
 }
 
-/// The outcome.
 #[derive(Debug, Serialize)]
 struct Outcome {
     ticks: usize,
@@ -142,7 +141,6 @@ fn print(outcome: &Outcome, output: &Path, unit: OutputUnit, json: bool) -> Resu
     Ok(())
 }
 
-/// The trajectory.
 struct DesiredTrajectory<'a> {
     rows: &'a [Row],
     si: f64,

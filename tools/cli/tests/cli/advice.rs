@@ -13,7 +13,6 @@ use i2ris_testing::{Rig, TIMEOUT, has, wait_for, wait_until};
 
 const POSE: &str = "command pose 1 1 --duration-s 0.2";
 
-/// The commands in a text.
 fn commands(text: &str) -> Vec<String> {
     let quoted = text.split('`').skip(1).step_by(2);
     let words = quoted.filter_map(|it| it.strip_prefix("i2ris "));

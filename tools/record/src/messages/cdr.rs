@@ -25,7 +25,6 @@ pub fn decode(stream: Stream, message: &[u8]) -> Option<StreamMessage> {
     StreamMessage::from_bytes(stream, message.strip_prefix(&ENCAPSULATION)?)
 }
 
-/// Encodes a standard message.
 pub fn encode_standard(message: &impl Serialize) -> Vec<u8> {
     // All messages can be encoded: none has a sequence of unknown length.
     encode(&cdr_encoding::to_vec::<_, LittleEndian>(message).unwrap_or_default())

@@ -154,7 +154,6 @@ pub fn names(version: &Version) -> Vec<String> {
     if named.is_empty() { DEFAULT_NAMES.map(str::to_owned).to_vec() } else { named }
 }
 
-/// The snake.
 pub fn snake() -> Snake {
     Snake::new(SNAKE)
 }

@@ -70,7 +70,6 @@ impl Topic {
         }
     }
 
-    /// Schema of the topic.
     pub fn schema(self) -> TopicSchema {
         let payload = |stream: Stream| {
             let layout = stream.layout();

@@ -132,7 +132,6 @@ fn throughput(report: &TrialReport) -> Option<f64> {
     mean(ends.iter().map(|(distance, time_s, _)| (distance / width + 1.0).log2() / time_s))
 }
 
-/// A trial and its numbers.
 #[derive(Debug, Clone, Serialize)]
 pub struct TrialNumbers {
     pub name: String,

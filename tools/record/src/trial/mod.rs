@@ -89,7 +89,6 @@ struct Description {
     conditions: Vec<Condition>,
 }
 
-/// A study.
 #[derive(Debug)]
 pub struct Study {
     folder: PathBuf,
@@ -135,7 +134,6 @@ impl Study {
         Ok(Self { folder: folder.to_owned(), conditions: description.conditions })
     }
 
-    /// Opens a study.
     pub fn open(folder: &Path) -> Result<Self, StudyError> {
         let file = folder.join(STUDY);
         let text = match fs::read(&file) {
@@ -191,7 +189,6 @@ impl Study {
         Ok(trials)
     }
 
-    /// The running trial.
     pub fn running(&self) -> Result<Option<TrialFolder>, StudyError> {
         let mut open = self.trials()?.into_iter().filter(|trial| trial.state.outcome.is_none());
         Ok(open.find(|trial| Journal::is_held(&trial.folder)))
@@ -211,7 +208,6 @@ impl Study {
         }
     }
 
-    /// The trial of a name.
     pub fn trial(&self, name: &str) -> Result<TrialFolder, StudyError> {
         let found = self.trials()?.into_iter().find(|trial| trial.name == name);
         found.ok_or_else(|| StudyError::NoTrial(name.to_owned()))

@@ -10,7 +10,6 @@ use serde::Serialize;
 
 use super::json;
 
-/// Points of a circle.
 const CIRCLE_POINTS: u32 = 48;
 /// How far the outline of a half-plane reaches, deg: beyond every picture.
 const FAR_DEG: f64 = 180.0;

@@ -215,7 +215,6 @@ pub struct Models {
     pub hull_problem: Option<String>,
 }
 
-/// A loaded model.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct LoadedModel {
     #[serde(skip)]
@@ -370,7 +369,6 @@ fn health(message: &Health) -> String {
     if found.is_empty() { "no errors, nothing lost".to_owned() } else { found.join(", ") }
 }
 
-/// The name of the state.
 pub fn state_name(state: &OperatingStateMsg) -> &'static str {
     OperatingState::from_number(state.state).map_or("UNKNOWN STATE", OperatingState::text)
 }

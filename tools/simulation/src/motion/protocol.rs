@@ -62,7 +62,6 @@ impl Region {
     }
 }
 
-/// A requested motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionRequest {
     pub protocol: Protocol,

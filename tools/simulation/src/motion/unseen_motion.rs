@@ -22,7 +22,6 @@ const SPEED_DEG_S: f64 = 4.0;
 const TREMOR_DEG: f64 = 0.05;
 const TREMOR_HZ: f64 = 10.0;
 
-/// A motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, strum::Display)]
 #[strum(serialize_all = "kebab-case")]
 pub enum Motion {

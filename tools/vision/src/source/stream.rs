@@ -53,7 +53,6 @@ struct Format {
     colour_bytes: usize,
 }
 
-/// A stream of frames.
 pub struct FrameStream<R> {
     reader: BufReader<R>,
     format: Format,

@@ -22,7 +22,6 @@ pub struct Progress {
     folder: PathBuf,
     done: Vec<Step>,
     model: Option<ModelId>,
-    /// The refined model.
     refined: Option<ModelId>,
     /// The model was checked on a circle, maybe before a controller restart.
     checked_before: bool,

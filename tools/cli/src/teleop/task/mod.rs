@@ -42,13 +42,11 @@ trait Course {
     /// Instruction for the operator, within 70 columns.
     fn line(&self, now: Nanos) -> String;
 
-    /// Outcome of a target.
     fn outcome(&self, ended: &ReachTarget, now: Nanos) -> String;
 
     fn summary(&self) -> String;
 }
 
-/// A task and its options.
 #[derive(Debug, Clone)]
 pub enum TaskOptions {
     Reach(ReachOptions),

@@ -38,7 +38,6 @@ const POLL: Nanos = Nanos::from_millis(20);
 /// A thread that slept longer than this was delayed by the machine.
 const STALL: Nanos = Nanos::from_millis(30);
 
-/// A port.
 pub(crate) struct Port {
     /// Axis of the drive with the port.
     axis: usize,
