@@ -14,6 +14,7 @@ mod trajectory_player;
 use std::io::{self, IsTerminal as _};
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use i2ris::ipc::{Domain, StateCommand};
 
 use i2ris_report::{DomainOption, Failure, Interrupt};
@@ -112,8 +113,8 @@ enum What {
     /// Send a state command (top level: stop, home, enable, disable)
     State {
         /// State command
-        #[arg(value_enum)]
-        command: StateWord,
+        #[arg(value_parser = state_words())]
+        command: StateCommand,
         #[command(flatten)]
         options: state::Arguments,
     },
@@ -135,38 +136,26 @@ struct Periodic {
     stream: StreamOptions,
 }
 
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum StateWord {
-    /// Decelerate and hold; servo commands are refused
-    Pause,
-    /// Accept servo commands again
-    Resume,
-    /// Invalidate the zero
-    Unhome,
-    /// Set the hysteresis memory by a decaying oscillation
-    Condition,
-    /// Acknowledge a fault
-    Acknowledge,
-    /// Stop and hold until the next command
-    Hold,
-}
+/// The words of `i2ris command state`.
+const STATE_WORDS: [(StateCommand, &str); 6] = [
+    (StateCommand::Pause, "Decelerate and hold; servo commands are refused"),
+    (StateCommand::Resume, "Accept servo commands again"),
+    (StateCommand::Unhome, "Invalidate the zero"),
+    (StateCommand::Condition, "Set the hysteresis memory by a decaying oscillation"),
+    (StateCommand::Acknowledge, "Acknowledge a fault"),
+    (StateCommand::Hold, "Stop and hold until the next command"),
+];
 
-impl StateWord {
-    fn command(self) -> StateCommand {
-        match self {
-            Self::Pause => StateCommand::Pause,
-            Self::Resume => StateCommand::Resume,
-            Self::Unhome => StateCommand::Unhome,
-            Self::Condition => StateCommand::Condition,
-            Self::Acknowledge => StateCommand::Acknowledge,
-            Self::Hold => StateCommand::Hold,
-        }
-    }
+fn state_words() -> impl TypedValueParser<Value = StateCommand> {
+    let words = STATE_WORDS.map(|(it, help)| PossibleValue::new(it.text()).help(help));
+    let command = |word: String| STATE_WORDS.into_iter().find(|(it, _)| it.text() == word);
+    PossibleValuesParser::new(words)
+        .try_map(move |word| command(word).map(|(it, _)| it).ok_or("not a state command"))
 }
 
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let (name, trajectory, duration_s, stream) = match arguments.what {
-        What::State { command, options } => return state::run(&options, command.command()),
+        What::State { command, options } => return state::run(&options, command),
         What::Fixture(arguments) => return fixture::run(&arguments),
         What::Motor(arguments) => {
             let domain = arguments.domain.domain()?;

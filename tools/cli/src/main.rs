@@ -95,17 +95,7 @@ impl Task {
             Self::Doctor(_) => true,
             Self::Calibrate(arguments) => arguments.only_prints(),
             Self::Model(command) => command.only_prints(),
-            Self::Start(_)
-            | Self::Emulate(_)
-            | Self::Demo(_)
-            | Self::Preflight(_)
-            | Self::Commission(_)
-            | Self::Stop(_)
-            | Self::Home(_)
-            | Self::Enable(_)
-            | Self::Disable(_)
-            | Self::Command(_)
-            | Self::Teleop(_) => false,
+            _ => false,
         }
     }
 
