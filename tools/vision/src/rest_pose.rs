@@ -90,16 +90,7 @@ mod tests {
     use crate::fibre::FittedLine;
 
     fn reading(angle_deg: f64, quality: f64) -> Reading {
-        let line = FittedLine {
-            middle: [0.0; 2],
-            direction_rad: 0.0,
-            std_rad: 0.0,
-            sigma_px: 0.0,
-            length_px: 1.0,
-            bend_rad: 0.0,
-            bend_std_rad: 0.0,
-            followed: 1.0,
-        };
+        let line = FittedLine { length_px: 1.0, followed: 1.0, ..FittedLine::default() };
         Reading {
             angle_rad: angle_deg.to_radians(),
             std_rad: 0.001,

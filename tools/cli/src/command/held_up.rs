@@ -11,7 +11,7 @@ const OFTEN: usize = 5;
 const SPAN: Nanos = Nanos::from_millis(60_000);
 
 /// Counts stops by late commands while this client commands.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct HeldUp {
     stale_stops: u64,
     stops: VecDeque<Nanos>,
@@ -21,8 +21,7 @@ pub struct HeldUp {
 
 impl HeldUp {
     pub fn new(state: &OperatingStateMsg, now: Nanos) -> Self {
-        let stops = VecDeque::with_capacity(OFTEN);
-        Self { stale_stops: state.stale_stops, stops, seen_at: now, longest: Nanos::ZERO }
+        Self { stale_stops: state.stale_stops, seen_at: now, ..Self::default() }
     }
 
     /// Checks the newest state. After `OFTEN` stops within `SPAN`: the longest time in which this

@@ -79,7 +79,7 @@ pub fn enabled(state: &OperatingStateMsg) -> Result<(), StopReason> {
     }
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct StreamMonitor {
     client_id: u64,
     boot_id: u64,
@@ -106,17 +106,12 @@ impl StreamMonitor {
         Self {
             client_id,
             boot_id: state.boot_id,
-            had_lease: false,
             accepted: state.accepted,
             accepted_at: now,
             refused: state.refusals_of(client_id).0,
             ended: state.broken_off(),
-            refused_now: None,
-            restarts_left: 0,
-            waits: false,
-            reported: None,
             held_up: HeldUp::new(state, now),
-            load: None,
+            ..Self::default()
         }
     }
 

@@ -135,7 +135,7 @@ impl TrackingSummary {
 }
 
 /// Detects poses that the controller clips to the reach of the snake.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct ClipMonitor {
     /// Earlier goals belong to another client.
     since: Nanos,
@@ -162,14 +162,7 @@ pub struct OutOfReach {
 
 impl ClipMonitor {
     pub fn new(since: Nanos) -> Self {
-        Self {
-            since,
-            is_clipped: false,
-            is_fixture: false,
-            was_clipped: false,
-            reported: None,
-            farthest_deg: 0.0,
-        }
+        Self { since, ..Self::default() }
     }
 
     /// Checks the newest goal of the controller. Returns a line to print when clipping begins, at

@@ -132,7 +132,7 @@ fn throughput(report: &TrialReport) -> Option<f64> {
     mean(ends.iter().map(|(distance, time_s, _)| (distance / width + 1.0).log2() / time_s))
 }
 
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Default)]
 pub struct TrialNumbers {
     pub name: String,
     pub participant: String,
@@ -232,10 +232,7 @@ impl StudyReport {
                 outcome: state.outcome,
                 marks: state.marks.len(),
                 workload: state.workload,
-                made_with: MadeWith::default(),
-                targets: Vec::new(),
-                values: Default::default(),
-                left_out: None,
+                ..TrialNumbers::default()
             };
             match (state.outcome, TrialReport::read(&trial.recording())) {
                 (None, _) => numbers.left_out = Some("still running, or truncated".into()),
@@ -366,17 +363,10 @@ mod tests {
     #[test]
     fn a_condition_with_two_models_is_named() {
         let trial = |model: &str| TrialNumbers {
-            name: String::new(),
             participant: "P1".into(),
             condition: "a".into(),
-            started: String::new(),
-            outcome: None,
-            marks: 0,
-            workload: None,
             made_with: MadeWith { model: model.into(), ..MadeWith::default() },
-            targets: Vec::new(),
-            values: Default::default(),
-            left_out: None,
+            ..TrialNumbers::default()
         };
         let found = mixed(&["a".into()], &[trial("11"), trial("22"), trial("11")]);
         assert_eq!(found, ["a: more than one model (11, 22)"]);

@@ -34,7 +34,7 @@ pub(super) struct Setpoints {
     pub(super) taken: Option<i64>,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Drive {
     pub(super) config: DriveConfig,
     pub(super) dictionary: Dictionary,
@@ -101,30 +101,8 @@ impl Drive {
             config: config.clone(),
             stored: dictionary.clone(),
             dictionary,
-            state: State::NotReadyToSwitchOn,
-            mode: Mode::ProfilePosition,
-            controlword: 0,
-            task: Task::Off,
-            demand: Demand::default(),
             motor: Motor::at(motor_counts),
-            frozen: None,
-            lost_counts: 0.0,
-            origin: 0,
-            homed: false,
-            homing: Homing::Idle,
-            setpoints: Setpoints::default(),
-            since_setpoint_s: 0.0,
-            since_request_s: 0.0,
-            fault: None,
-            cause_persists: false,
-            warning: false,
-            operational: false,
-            boot_left_s: 0.0,
-            silent: false,
-            lost: 0,
-            transfer: SegmentedTransfer::default(),
-            transfer_node: None,
-            events: Vec::new(),
+            ..Self::default()
         };
         drive.lose_position();
         drive.finish_boot();

@@ -15,7 +15,7 @@ const HOMING_METHODS: u16 = 0x60E3;
 const LOCKED: [u16; 5] = [0x2210, 0x3000, 0x3010, 0x6076, 0x6402];
 
 /// The stored value of every object.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Dictionary {
     family: Family,
     entries: Arc<[Entry]>,

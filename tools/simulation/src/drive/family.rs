@@ -35,8 +35,9 @@ impl Family {
 }
 
 /// A mode of operation (object 0x6060).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Mode {
+    #[default]
     ProfilePosition = 1,
     ProfileVelocity = 3,
     Homing = 6,

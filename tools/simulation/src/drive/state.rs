@@ -1,7 +1,8 @@
 //! The CiA 402 state machine: controlword commands and transitions (reference, section 3.2).
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum State {
+    #[default]
     NotReadyToSwitchOn,
     /// Booted, power stage off; parameters can be set.
     SwitchOnDisabled,
@@ -110,8 +111,9 @@ impl DeviceCommand {
 }
 
 /// The present task of the drive. Positions are counts of the motor.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) enum Task {
+    #[default]
     Off,
     Hold,
     /// The demand is object 0x607A.

@@ -21,7 +21,7 @@ const ROUNDS: usize = 10;
 const MIN_COUNT: usize = 8;
 
 /// A straight line through a stretch of the trace.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct FittedLine {
     pub middle: [f64; 2],
     /// Its direction, rad, counter-clockwise in the image.

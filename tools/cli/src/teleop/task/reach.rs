@@ -16,7 +16,7 @@ use crate::command::trajectory::Angles;
 /// Averaging window for the tolerance: a camera has noise.
 const WINDOW: Nanos = Nanos::from_millis(200);
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Settings {
     /// Distance within which a target is reached, deg.
     pub tolerance_deg: f64,
@@ -24,7 +24,7 @@ pub struct Settings {
     pub limit: Nanos,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Reach {
     targets: Vec<Angles>,
     settings: Settings,
@@ -40,15 +40,7 @@ pub struct Reach {
 
 impl Reach {
     pub fn new(targets: Vec<Angles>, settings: Settings) -> Self {
-        Self {
-            targets,
-            settings,
-            index: 0,
-            shown: None,
-            window: VecDeque::new(),
-            within: None,
-            held_s: Vec::new(),
-        }
+        Self { targets, settings, ..Self::default() }
     }
 
     fn add(&mut self, seen: Seen) {
