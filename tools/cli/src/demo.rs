@@ -16,7 +16,7 @@ use i2ris_report::{Failure, Interrupt};
 use i2ris_simulation::motion::unseen_motion::Motion;
 use i2ris_simulation::{Line, SnakeSource};
 
-use crate::emulate::snake_help;
+use crate::emulate::SnakeOption;
 
 use commands::Demo;
 
@@ -26,16 +26,8 @@ use commands::Demo;
   i2ris demo --snake brass --duration-s 300 --motions teleoperation,circle,square --motion-s 60
   i2ris demo --snake preisach:3 --duration-s 300 --family best")]
 pub struct Arguments {
-    /// The snake, as for `i2ris emulate`: steel (mild), brass (a wide, asymmetric
-    /// gap, and slack around the straight pose), multi (several slopes on one stroke), NAME:SEED
-    /// of a physics, or a file
-    #[arg(
-        long,
-        value_name = "NAME[:SEED]|FILE",
-        default_value = "steel",
-        long_help = snake_help()
-    )]
-    snake: String,
+    #[command(flatten)]
+    snake: SnakeOption,
     /// Connection of drives and computer
     #[arg(long, value_enum, default_value_t)]
     line: Line,
@@ -67,7 +59,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    SnakeSource::load(&arguments.snake)?;
+    SnakeSource::load(&arguments.snake.snake)?;
     let interrupt = Interrupt::catch()?;
     build_controller()?;
     let mut demo = Demo::start(arguments, interrupt)?;

@@ -34,15 +34,8 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(20);
 
 Then, in another terminal: i2ris-control --config config/emulator.toml")]
 pub struct Arguments {
-    /// The snake: steel, brass or multi; the name of a physics and a seed for its parameters, such
-    /// as preisach:3; or a file of parameters
-    #[arg(
-        long,
-        value_name = "NAME[:SEED]|FILE",
-        default_value = "steel",
-        long_help = snake_help()
-    )]
-    snake: String,
+    #[command(flatten)]
+    snake: SnakeOption,
     /// Folder in which the ports appear as axis0, axis1 and so on
     #[arg(
         long,
@@ -90,7 +83,21 @@ pub struct Arguments {
     duration_s: Option<Nanos>,
 }
 
-pub fn snake_help() -> String {
+#[derive(Debug, clap::Args)]
+pub struct SnakeOption {
+    /// The snake: steel (mild), brass (a wide, asymmetric gap, and slack around the straight pose)
+    /// or multi (several slopes on one stroke); the name of a physics and a seed for its
+    /// parameters, such as preisach:3; or a file of parameters
+    #[arg(
+        long,
+        value_name = "NAME[:SEED]|FILE",
+        default_value = "steel",
+        long_help = snake_help()
+    )]
+    pub snake: String,
+}
+
+fn snake_help() -> String {
     let mut text = String::from(
         "The snake: steel, brass or multi; NAME:SEED with the name of a physics and a seed for \
          its parameters (default: seed 1); or a file of parameters (a path, or a name \
@@ -115,7 +122,7 @@ impl Arguments {
     }
 
     fn config(&self) -> Result<EmulatorConfig, Failure> {
-        let mut config = EmulatorConfig::new(SnakeSource::load(&self.snake)?, &self.ports);
+        let mut config = EmulatorConfig::new(SnakeSource::load(&self.snake.snake)?, &self.ports);
         config.seed = self.seed;
         config.camera.noise_deg = self.camera_noise_deg;
         config.log.clone_from(&self.log);

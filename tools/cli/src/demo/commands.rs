@@ -64,7 +64,7 @@ impl Demo {
         let _ = fs::remove_file(&file);
         let mut demo = Self { arguments, interrupt, domain, robot: None, folder };
         let (seed, log) = (demo.arguments.seed.to_string(), demo.file("setpoints.csv")?);
-        let snake = &demo.arguments.snake;
+        let snake = &demo.arguments.snake.snake;
         let options = ["--snake", snake, "--seed", &seed, "--log", &log].map(str::to_owned);
         let bar = spinner("start emulated drives, a snake and the controller");
         // Models without memory, which the demo compares, are wrong by a whole hysteresis loop.

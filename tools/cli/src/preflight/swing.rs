@@ -1,20 +1,19 @@
 //! The small motion: permission, commands and measurement.
 
-use std::io::{self, BufRead, IsTerminal};
-
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Latest};
 use i2ris::ipc::payload::{ExternalPosition, JointState, Message};
 use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
-use i2ris_report::{Failure, Interrupt, Screen, bail, until_closed, while_working};
+use i2ris_report::{Failure, Interrupt, bail, while_working};
 
 use super::judgement::{CAMERA, CONDITION, Measured, PICTURE, Swing};
 use super::motion::{LENGTH_S, Observer, Pair, Plan, Series};
 use crate::command::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
 use crate::command::stream::present_pose;
 use crate::command::stream_monitor::{StopReason, StreamMonitor};
+use crate::procedure::person::{Person, Terminal};
 
 const PERIOD: Nanos = Nanos::from_millis(5);
 /// Time for the last frames to arrive, s.
@@ -37,7 +36,7 @@ pub fn run(
     interrupt: &Interrupt,
 ) -> Result<Swing, Failure> {
     let none = |[why, fix]: [&str; 2]| Ok(Swing::None([why.to_owned(), fix.to_owned()]));
-    let has_person = io::stdin().is_terminal();
+    let mut person = Terminal::open(interrupt);
     if !measured.is_memory_known {
         return none(["none: the hysteresis memory of the model is unknown", CONDITION]);
     }
@@ -51,10 +50,8 @@ pub fn run(
              for {LENGTH_S:.0} s. The drives will be powered. Is one hand on the switch of the \
              motor supply, and the snake out of the eye?"
         );
-        if !has_person {
-            return none(NOBODY);
-        }
-        if !is_yes(&question)? {
+        let Some(person) = &mut person else { return none(NOBODY) };
+        if !is_yes(person, &question) {
             return none([
                 "none: not confirmed",
                 "run it again, and type yes when the snake may move",
@@ -93,20 +90,19 @@ pub fn run(
         Some(motion) if motion.seen.is_some() || measured.camera.is_some() => {
             Ok(Swing::Done(motion))
         }
-        Some(_) if !has_person => none(["seen by neither operator nor camera", CAMERA]),
         Some(motion) => {
+            let Some(person) = &mut person else {
+                return none(["seen by neither operator nor camera", CAMERA]);
+            };
             let question = "Did the tip swing in pitch only, then in yaw only, without a pause at \
                                             every turn, and is it back at the start?";
-            Ok(Swing::ByEye(motion, is_yes(question)?))
+            Ok(Swing::ByEye(motion, is_yes(person, question)))
         }
     }
 }
 
-fn is_yes(question: &str) -> Result<bool, Failure> {
-    until_closed(Screen::stdout().say(&format!("{question} Type yes.")))?;
-    let mut typed = String::new();
-    io::stdin().lock().read_line(&mut typed)?;
-    Ok(typed.trim() == "yes")
+fn is_yes(person: &mut Terminal, question: &str) -> bool {
+    person.answer(&format!("{question} Type yes.")).is_ok_and(|typed| typed == "yes")
 }
 
 fn swing(
