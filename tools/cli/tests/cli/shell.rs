@@ -95,7 +95,7 @@ fn closed_reader_is_not_an_error() {
 
 #[test]
 fn schema_covers_every_table_and_is_valid_for_editors() {
-    let text = std::fs::read_to_string(repository("config/schema/controller.json")).unwrap();
+    let text = fs::read_to_string(repository("config/schema/controller.json")).unwrap();
     let schema: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert!(schema["$schema"].as_str().unwrap().contains("json-schema.org"));
     for table in ["control", "command", "limits", "compensation", "virtual_fixtures", "ports"] {
