@@ -32,7 +32,7 @@ use crate::process::black_box::{RecordedRun, Recorder};
 use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::{Beats, ControlLoop};
 pub use crate::process::ending::ControllerError;
-use crate::process::ending::{self, RunEnd, Threads};
+use crate::process::ending::{self, RunEnd};
 use crate::process::fixture_table::FixtureTable;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
@@ -43,7 +43,7 @@ use crate::process::run_log::{RunHeader, RunLog};
 use crate::process::start_up::{
     Drives, PortLine, bring_up_ports, check_start_drives, load_model, software, wait_for_positions,
 };
-use crate::process::threads::{BLACK_BOX, NamedThread, ThreadError};
+use crate::process::threads::{BLACK_BOX, NamedThread, ThreadError, Threads};
 use crate::realtime::{self, Granted, SchedulingRequest};
 use crate::service_manager;
 use crate::units::Nanos;

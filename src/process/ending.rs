@@ -1,16 +1,14 @@
 //! Shutdown of the controller threads, and the final power state of the drives.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use crate::clock;
 use crate::drive::error::DriveError;
 use crate::ipc::heartbeat::Heartbeat;
 use crate::ipc::{DomainError, IpcError};
-use crate::process::control_loop::Beats;
 use crate::process::main_thread::MainThread;
 use crate::process::start_up::StartModelError;
-use crate::process::threads::{NamedThread, ThreadError};
+use crate::process::threads::{ThreadError, Threads};
 use crate::units::Nanos;
 
 /// Time for the other threads to end after the loop, including writing the black box.
@@ -72,24 +70,7 @@ fn power_at_end(powered: &[usize]) -> String {
     format!("the drives of motors {powered:?} have not confirmed power-off: cut their power")
 }
 
-/// All threads but the main thread.
-pub(super) struct Threads {
-    pub control: NamedThread,
-    pub ports: Vec<NamedThread>,
-    pub others: Vec<NamedThread>,
-    /// Ends the threads of the ports.
-    pub quit_ports: Arc<AtomicBool>,
-    /// Ends the others: until the drives are off, clients and watchdog see a running controller.
-    pub quit: Arc<AtomicBool>,
-    pub beats: Arc<Beats>,
-}
-
 impl Threads {
-    /// Whether a thread other than the loop has ended.
-    pub(crate) fn has_lost_one(&self) -> bool {
-        self.ports.iter().chain(&self.others).any(NamedThread::is_finished)
-    }
-
     /// Waits for the loop, ends the other threads, and writes their last events. Returns the result
     /// and the end of the threads.
     pub(super) fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, RunEnd) {

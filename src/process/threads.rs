@@ -1,9 +1,12 @@
 //! Starting, naming and joining the threads of the controller.
 
 use std::io;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::thread::{self, JoinHandle};
 
 use crate::clock;
+use crate::process::control_loop::Beats;
 use crate::units::Nanos;
 
 /// Polling period of a wait for the end of a thread.
@@ -30,6 +33,25 @@ pub enum ThreadError {
 /// Advice for a thread that hangs: only the black box waits for a disk.
 fn advice(name: &str) -> &'static str {
     if name == BLACK_BOX { "; check the disk of the records" } else { "" }
+}
+
+/// All threads but the main thread.
+pub(super) struct Threads {
+    pub control: NamedThread,
+    pub ports: Vec<NamedThread>,
+    pub others: Vec<NamedThread>,
+    /// Ends the threads of the ports.
+    pub quit_ports: Arc<AtomicBool>,
+    /// Ends the others: until the drives are off, clients and watchdog see a running controller.
+    pub quit: Arc<AtomicBool>,
+    pub beats: Arc<Beats>,
+}
+
+impl Threads {
+    /// Whether a thread other than the loop has ended.
+    pub(crate) fn has_lost_one(&self) -> bool {
+        self.ports.iter().chain(&self.others).any(NamedThread::is_finished)
+    }
 }
 
 /// A running thread, with the name for its errors.

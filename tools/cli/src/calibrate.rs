@@ -10,7 +10,7 @@ mod refine;
 
 use i2ris_report::Failure;
 
-pub use files::{ColumnArguments, PathColumns, same};
+pub use files::{ColumnArguments, PathColumns};
 
 /// `i2ris calibrate`: one step, or all of them.
 #[derive(Debug, clap::Args)]

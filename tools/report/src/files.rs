@@ -74,6 +74,16 @@ pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), String> {
         .map_err(|error| format!("cannot write {}: {error}", path.display()))
 }
 
+/// Whether two paths name the same file, which need not exist yet.
+pub fn same(a: &Path, b: &Path) -> bool {
+    match (fs::canonicalize(a), fs::canonicalize(b)) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => std::path::absolute(a)
+            .ok()
+            .is_some_and(|a| std::path::absolute(b).is_ok_and(|b| a == b)),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::os::unix::fs::{FileTypeExt as _, symlink};

@@ -6,7 +6,6 @@ use i2ris::model::file::OutputMetrics;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use serde::Serialize;
 
-use super::mixture_figure::PlanarMixture;
 use crate::hand_limits::HandLimits;
 use crate::quality::latency::Latency;
 use crate::quality::residual_pattern::Unexplained;
@@ -109,6 +108,16 @@ pub(super) struct ChoiceScore {
     pub chosen: bool,
     /// Summary in one sentence.
     pub sentence: String,
+}
+
+/// A mixture over counts in a direction of the motors and one output.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PlanarMixture {
+    pub(super) output: usize,
+    /// Direction of the counts, of length 1.
+    pub(super) direction: MotorVec,
+    /// Weight, mean, and the variances of counts and output with their covariance between them.
+    pub(super) components: Vec<(f64, [f64; 2], [f64; 3])>,
 }
 
 /// A model and its predictions.

@@ -5,7 +5,7 @@ use i2ris::units::MotorVec;
 use i2ris_report::statistics::min_max;
 use i2ris_report::{Axis, Color, Dash, Document, Figure, Mark, Panel, Stroke};
 
-use super::fit::{CalibrationReport, FamilyResult, OutputFacts, Straight};
+use super::fit::{CalibrationReport, FamilyResult, OutputFacts, PlanarMixture, Straight};
 use super::labels::{CHOSEN, along, with_unit};
 
 const HEIGHT: f64 = 250.0;
@@ -19,16 +19,6 @@ const ROWS: usize = 3000;
 
 const ELLIPSE: Stroke = Stroke::new(Color::VERMILION, 1.0);
 const BAND: Stroke = Stroke::new(Color::BLUE, 1.0).dash(Dash::Dashed);
-
-/// A mixture over counts in a direction of the motors and one output.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct PlanarMixture {
-    output: usize,
-    /// Direction of the counts, of length 1.
-    direction: MotorVec,
-    /// Weight, mean, and the variances of counts and output with their covariance between them.
-    components: Vec<(f64, [f64; 2], [f64; 3])>,
-}
 
 /// The mixtures of a family: along every output, or with one mixture per motor along every motor.
 pub(super) fn planar(

@@ -1,12 +1,11 @@
 //! Shared parts of the commands on recordings: column options, checks, output files.
 
-use std::fs;
 use std::path::Path;
 
 use i2ris::model::Model;
 use i2ris::model::file::OutputSpec;
 use i2ris_calibration::recording::{ColumnMap, OutputColumn, Recording, TimeColumn};
-use i2ris_report::files::{check_overwrite, make_folder_of, replace};
+use i2ris_report::files::{check_overwrite, make_folder_of, replace, same};
 use i2ris_report::{Failure, bail};
 
 /// Columns of a recording.
@@ -74,16 +73,6 @@ pub fn check_output(
     }
     check_overwrite(option, output, overwrite)?;
     Ok(make_folder_of(option, output)?)
-}
-
-/// Whether two paths name the same file, which need not exist yet.
-pub fn same(a: &Path, b: &Path) -> bool {
-    match (fs::canonicalize(a), fs::canonicalize(b)) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => std::path::absolute(a)
-            .ok()
-            .is_some_and(|a| std::path::absolute(b).is_ok_and(|b| a == b)),
-    }
 }
 
 /// The recording without the confirmed latency of its stamps, and this latency, s. Warns of stamps

@@ -17,10 +17,11 @@ use i2ris_calibration::quality::{Quality, SpikeOptions};
 use i2ris_calibration::recording::{MIN_ROWS, Recording};
 use i2ris_calibration::report::CalibrationReport;
 
-use super::files::{ColumnArguments, check_output, print_latency, same, without_latency, write};
+use super::files::{ColumnArguments, check_output, print_latency, without_latency, write};
 use super::refine;
 use crate::model::show;
 use crate::progress_bar::Bar;
+use i2ris_report::files::same;
 use i2ris_report::{Failure, bail};
 
 /// Robot id for recordings without one.

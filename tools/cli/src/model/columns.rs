@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use i2ris::model::Model;
 use i2ris_calibration::recording::{ColumnMap, Row, Wanted, column_of};
 use i2ris_report::Failure;
+use i2ris_report::files::same;
 
-use crate::calibrate::same;
 use crate::csv_table;
 
 pub fn counts_columns(model: &Model) -> Vec<String> {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use i2ris::config::{self, AxisConfig, PortConfig};
 
-use super::port::LineConfig;
+use super::port::line_timing::LineConfig;
 use super::scenario::Scenario;
 use super::snake_source::SnakeSource;
 use crate::camera::CameraConfig;

@@ -13,6 +13,7 @@ use i2ris::core::{
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::{History, Model};
+use i2ris::process::black_box::BlackBox;
 use i2ris::robot::Reason;
 use i2ris::units::{Counts, Nanos, OutputVec};
 
@@ -180,6 +181,11 @@ impl Bench {
     /// A model that has seen what the motors did so far.
     pub fn candidate(&self, model: &Arc<Model>) -> ModelCandidate {
         ModelCandidate::new(Arc::clone(model), &self.config, &self.history, self.mark)
+    }
+
+    /// The black box of a session that began with this model.
+    pub fn black_box(&mut self, first: &Model) -> BlackBox {
+        self.recording.take().unwrap().black_box(first, &self.config)
     }
 
     /// Stages a model.

@@ -1,12 +1,11 @@
 //! Records a bench as the black box does.
 
+use i2ris::config::Config;
 use i2ris::core::{CycleInputs, CycleOutputs, CycleSnapshot, ModelCandidate};
 use i2ris::model::Model;
 use i2ris::process::black_box::{BlackBox, BlackBoxHeader, OfferRecord, TickRecord};
 use i2ris::realtime::{Tick, TickTiming};
 use i2ris::units::Nanos;
-
-use super::bench::Bench;
 
 /// Content of a black box.
 #[derive(Default)]
@@ -56,20 +55,17 @@ impl Recording {
         self.keep(candidate.model());
         self.offered = Some(number);
     }
-}
 
-impl Bench {
     /// The black box of a session that began with this model.
-    pub fn black_box(&mut self, first: &Model) -> BlackBox {
-        let mut recording = self.recording.take().unwrap();
-        recording.keep(first);
+    pub(super) fn black_box(mut self, first: &Model, config: &Config) -> BlackBox {
+        self.keep(first);
         BlackBox {
             header: BlackBoxHeader { software: "test".to_owned(), ..BlackBoxHeader::default() },
-            config: toml::to_string(&self.config).unwrap(),
-            models: recording.models,
-            offers: recording.offers,
-            snapshots: recording.snapshots,
-            ticks: recording.ticks,
+            config: toml::to_string(config).unwrap(),
+            models: self.models,
+            offers: self.offers,
+            snapshots: self.snapshots,
+            ticks: self.ticks,
         }
     }
 }

@@ -8,7 +8,7 @@
 //! | `fault_injection` | damage to the bytes of one exchange |
 
 mod fault_injection;
-mod line_timing;
+pub(super) mod line_timing;
 mod port_folder;
 mod pty;
 
