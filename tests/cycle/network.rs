@@ -67,7 +67,7 @@ fn thousand_swaps_to_and_from_gru_while_moving() {
 
 #[test]
 fn gru_session_is_replayed_bit_for_bit() {
-    let models = [network(64), standard_model()];
+    let models = [network(24), standard_model()];
     let mut bench = Bench::new(config(""), Some(models[0].clone()));
     bench.recording = Some(Recording::default());
     swap_while_moving(&mut bench, &models, 60);
