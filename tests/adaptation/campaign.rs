@@ -120,9 +120,6 @@ fn campaign(seeds: impl Iterator<Item = u64>, seconds: u64) {
         count += 1;
         largest = largest.max(shift);
         fastest = fastest.max(rate);
-        if count % 20 == 0 {
-            println!("{count}: largest correction {largest:.3} deg, fastest {fastest:.3} deg/s");
-        }
     }
     println!("{count} signals: largest correction {largest:.3} deg, fastest {fastest:.3} deg/s");
 }

@@ -60,7 +60,6 @@ fn learned(wear: Wear, motions: &[(f64, f64)]) -> AdaptationReport {
 fn gap_slack_and_play_are_estimated_where_distinguishable() {
     let wear = Wear { gap: [0.3, 0.1], slack: [0.004, 0.006], play: [0.003, 0.006] };
     let found = learned(wear, &[(120.0, 13.0)]);
-    println!("{found:?}");
     let truth = [wear.gap, wear.slack, wear.play];
     let estimate = [found.estimate.gap, found.estimate.slack, found.estimate.play];
     let deviations = [6, 7, 10, 11, 12, 13].map(|index: usize| found.deviations[index]);
@@ -88,7 +87,6 @@ fn gear_loses_at_most_the_play_it_has() {
     let play = first_model().gear_play();
     let wear = Wear { gap: [0.2; 2], play: play.map(|play| -2.0 * play), ..Wear::default() };
     let found = learned(wear, &[(60.0, 13.0)]);
-    println!("{play:?} {found:?}");
     for (estimate, play) in found.estimate.play.into_iter().zip(play) {
         assert!(play > 0.0 && estimate >= -play, "{found:?}");
     }
@@ -101,7 +99,6 @@ fn wear_uses_the_budget_while_the_snake_hardly_moves() {
     let wear = Wear { gap: [0.3, 0.1], ..Wear::default() };
     let [moved, rested] = [0.0, 240.0].map(|rest| learned(wear, &[(60.0, 13.0), (rest, 0.3)]));
     let change = [0, 1].map(|motor: usize| moved.estimate.gap[motor] - rested.estimate.gap[motor]);
-    println!("{} {} {change:?}", moved.total_used, rested.total_used);
     assert!(change.iter().all(|change| change.abs() < 0.05), "{moved:?}\n{rested:?}");
     assert!(rested.total_used > 0.8 * moved.total_used, "{moved:?}\n{rested:?}");
 }

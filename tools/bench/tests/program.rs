@@ -1,6 +1,5 @@
 //! `i2ris bench` as a process.
 #![allow(clippy::unwrap_used)]
-#![allow(clippy::print_stderr, reason = "a skipped test reports it")]
 
 use std::path::Path;
 
