@@ -1,15 +1,10 @@
 //! `i2ris status` against a controller without drives.
 #![allow(clippy::unwrap_used)]
 
-#[path = "monitor/chromium.rs"]
 mod chromium;
-#[path = "monitor/http.rs"]
 mod http;
-#[path = "monitor/pages.rs"]
 mod pages;
-#[path = "monitor/trial.rs"]
 mod trial;
-#[path = "monitor/web.rs"]
 mod web;
 
 use std::fs::File;
