@@ -1,7 +1,7 @@
 //! Model blend: a swap from one model to the next without a step of the motors.
 //!
 //! Two models disagree about the angles at the present setpoints. When the second one takes over,
-//! the disagreement is added to the goal, so that the inverse gives the present setpoints. Then the
+//! the disagreement is added to the goal, so that the motors stay, or stay on their way. Then the
 //! offset fades out. The motors move only by the difference of the models, smoothly and within all
 //! limits.
 //!

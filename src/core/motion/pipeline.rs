@@ -91,19 +91,16 @@ impl Pipeline {
         self.held_back = OutputVec::default();
     }
 
-    /// Takes over from the model that was active before, until [`Pipeline::blend_from`].
-    pub(super) fn take_over(&mut self, before: Option<&Self>) {
-        self.dead_band.take_over(before.map(|before| &before.dead_band));
-        if let Some(before) = before {
-            self.filter = before.filter;
-        }
-        self.dead_banded = before.and_then(|before| before.dead_banded);
-        self.held_back = before.map_or(OutputVec::default(), |before| before.held_back);
-        self.blend = None;
-    }
-
-    /// The difference between this pose of the new model and the goal becomes a [`ModelBlend`].
-    pub(super) fn blend_from(&mut self, pose: &OutputVec, now: Nanos) {
-        self.blend = self.dead_banded.map(|goal| ModelBlend::new(difference(pose, &goal), now));
+    /// Takes over from the model that was active before. What the poses of both differ by at the
+    /// present setpoints becomes a [`ModelBlend`]. Motion that the goal is still ahead by is no part
+    /// of it: it would go on after the hand has stopped.
+    pub(super) fn take_over(&mut self, before: Option<(&Self, OutputVec)>, now: Nanos) {
+        self.dead_band.take_over(before.map(|(before, _)| &before.dead_band));
+        (self.dead_banded, self.blend, self.held_back) = (None, None, OutputVec::default());
+        let Some((before, difference)) = before else { return };
+        self.filter = before.filter;
+        (self.dead_banded, self.held_back) = (before.dead_banded, before.held_back);
+        let offset = before.blended(difference, now);
+        self.blend = self.dead_banded.map(|_| ModelBlend::new(offset, now));
     }
 }

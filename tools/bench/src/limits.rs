@@ -3,6 +3,7 @@
 //! A snake is calibrated with a force-balance model. It follows a circle and a nested motion with
 //! the limits as shipped, and without those of the joints.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -43,7 +44,7 @@ pub struct Arguments {
     #[arg(long, value_name = "SNAKE,..", value_delimiter = ',', value_parser = SnakeSource::load,
           default_value = "steel,brass,multi,loose")]
     snake: Vec<SnakeSource>,
-    /// Store the fitted models in this folder, and reuse those that it contains
+    /// Store the fitted models in this folder, which is created, and reuse those that it contains
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
     /// Also run this many moves to random poses, and as many conditioning cycles
@@ -71,6 +72,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { snake, models, moves } = arguments;
     let folder = tempfile::tempdir()?;
     let models = models.as_deref().unwrap_or(folder.path());
+    fs::create_dir_all(models)?;
     let lines =
         parallel::map(snake.len(), |index| judge(&snake[index], folder.path(), models, *moves));
     for line in lines {

@@ -256,9 +256,8 @@ impl JointModel {
         self.state.setpoint.map(|setpoint| setpoint.mean)
     }
 
-    /// Takes over from the model that was active before. The motors stay at their setpoints, the
-    /// poses are recomputed, and the difference between the goal and this model becomes a
-    /// blend.
+    /// Takes over from the model that was active before. The setpoints stay, the poses are
+    /// recomputed, and their difference becomes a blend.
     pub(crate) fn take_over(
         &mut self,
         from: Option<&Self>,
@@ -268,13 +267,15 @@ impl JointModel {
     ) -> Result<(), NotFinite> {
         let before = from.map(|from| &from.state);
         self.state.search_start = *setpoints;
-        self.state.pipeline.take_over(before.map(|before| &before.pipeline));
         self.state.correction = None;
         self.update_memory(drives, true)?;
         self.update_measured(drives, before.and_then(|before| before.measured))?;
         let pose = self.pose(setpoints)?;
         self.state.setpoint = Some(Setpoint { mean: pose, velocity: OutputVec::default() });
-        self.state.pipeline.blend_from(&pose, now);
+        let difference = before.and_then(|before| before.setpoint);
+        let difference =
+            difference.map_or(OutputVec::default(), |old| vector::difference(&pose, &old.mean));
+        self.state.pipeline.take_over(before.map(|before| (&before.pipeline, difference)), now);
         Ok(())
     }
 
