@@ -24,6 +24,9 @@ const STATUS_PERIOD: Nanos = Nanos::from_millis(200);
 
 const POLL_PERIOD: Nanos = Nanos::from_millis(20);
 
+/// Below the threads of a controller.
+const PRIORITY: u8 = 40;
+
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris emulate --log setpoints.csv
@@ -126,6 +129,7 @@ impl Arguments {
         config.seed = self.seed;
         config.camera.noise_deg = self.camera_noise_deg;
         config.log.clone_from(&self.log);
+        config.priority = PRIORITY;
         match &self.config {
             Some(file) => config.rehearse(&self.named_ports(file)?)?,
             None => config.connect(self.line),

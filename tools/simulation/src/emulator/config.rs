@@ -77,6 +77,9 @@ pub struct EmulatorConfig {
     pub camera: CameraConfig,
     /// A file for the log, CSV.
     pub log: Option<PathBuf>,
+    /// SCHED_FIFO priority of the threads, where it is permitted: devices do not wait for a busy
+    /// computer. 0: normal scheduling.
+    pub priority: u8,
 }
 
 impl EmulatorConfig {
@@ -96,6 +99,7 @@ impl EmulatorConfig {
             auxiliary: None,
             camera: CameraConfig::default(),
             log: None,
+            priority: 0,
         }
     }
 

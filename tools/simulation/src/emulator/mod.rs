@@ -32,6 +32,7 @@ use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::ExternalPublisher;
 use i2ris::ipc::payload::ExternalPosition;
+use i2ris::realtime::{SchedulingRequest, request};
 use i2ris::units::Nanos;
 use nix::sys::prctl;
 
@@ -272,8 +273,10 @@ impl Emulator {
         work: impl FnOnce(Arc<Shared>) + Send + 'static,
     ) -> Result<(), EmulatorError> {
         let shared = Arc::clone(&self.shared);
+        let scheduling = SchedulingRequest { priority: self.config.priority, ..Default::default() };
         let builder = thread::Builder::new().name(format!("emulator-{name}"));
         self.threads.push(builder.spawn(move || {
+            let _ = request(scheduling);
             // Timers of normal threads are late by 50 microseconds by default. A refusal is
             // harmless.
             let _ = prctl::set_timerslack(1);
