@@ -91,9 +91,9 @@ impl Pipeline {
         self.held_back = OutputVec::default();
     }
 
-    /// Takes over from the model that was active before. What the poses of both differ by at the
-    /// present setpoints becomes a [`ModelBlend`]. Motion that the goal is still ahead by is no part
-    /// of it: it would go on after the hand has stopped.
+    /// Takes over from the model that was active before. The difference of their poses at the
+    /// present setpoints becomes a [`ModelBlend`]; motion that remains to the goal does not, or it
+    /// would continue after the hand has stopped.
     pub(super) fn take_over(&mut self, before: Option<(&Self, OutputVec)>, now: Nanos) {
         self.dead_band.take_over(before.map(|(before, _)| &before.dead_band));
         (self.dead_banded, self.blend, self.held_back) = (None, None, OutputVec::default());

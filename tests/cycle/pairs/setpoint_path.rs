@@ -12,10 +12,6 @@ const EVERY: usize = 8;
 const TOLERANCE_DEG: f64 = 0.3;
 /// Ticks over which speed is measured.
 const SPEED: usize = 10;
-/// Ticks after which a snake is at rest, and the largest difference of models that its motors follow
-/// without being late, degrees.
-const REST: usize = 50;
-const MOST_DEG: f64 = 1.5;
 /// Detour around a circle.
 const AROUND_DEG: f64 = 3.0;
 
@@ -45,8 +41,6 @@ pub struct SetpointPath {
     past: VecDeque<Entry>,
     /// Difference between the models at the last swap, and the end of its blend.
     blend: (f64, Nanos),
-    /// Ticks at rest at a rate of zero, and the goal of a swap then, until anything else is asked.
-    at_rest: (usize, Option<Angles>),
     /// deg/s^2.
     braking: f64,
     ticks: usize,
@@ -55,7 +49,7 @@ pub struct SetpointPath {
 impl SetpointPath {
     pub fn new(expected: Expected, braking: f64) -> Self {
         let past = VecDeque::new();
-        Self { expected, past, blend: (0.0, Nanos::ZERO), at_rest: (0, None), braking, ticks: 0 }
+        Self { expected, past, blend: (0.0, Nanos::ZERO), braking, ticks: 0 }
     }
 
     /// Discards the history.
@@ -75,7 +69,6 @@ impl SetpointPath {
         if report.holding || report.state != OperatingState::Enabled {
             self.expected.what = What::Nothing;
         }
-        self.check_rest(bench, snake);
         self.note(bench, snake, seen);
         self.ticks += 1;
         if self.ticks.is_multiple_of(EVERY) && self.past.len() > SPEED {
@@ -83,25 +76,6 @@ impl SetpointPath {
         }
         if self.past.len() > WINDOW {
             self.past.pop_front();
-        }
-    }
-
-    /// At a rate of zero the goal of a snake at rest stays, whatever a new model sees.
-    fn check_rest(&mut self, bench: &Bench, snake: &Snake) {
-        let report = bench.report();
-        let is_zero = matches!(self.expected.what, What::Rate { rate: [0.0, 0.0], .. });
-        let is_free = is_zero && report.limited_by_fixture.is_none() && !report.clipped;
-        let Some(joint) = report.joint.filter(|_| is_free) else {
-            self.at_rest = (0, None);
-            return;
-        };
-        let goal = snake.wire.angles(joint.goal);
-        if bench.now >= self.blend.1 {
-            let is_at_rest = joint.setpoint_velocity == OutputVec::default();
-            self.at_rest = (if is_at_rest { self.at_rest.0 + 1 } else { 0 }, None);
-        } else if self.at_rest.0 > REST && self.blend.0 < MOST_DEG {
-            let kept = *self.at_rest.1.get_or_insert(goal);
-            assert!(distance(goal, kept) < 1e-6, "{goal:?} at a rate of zero, and not {kept:?}");
         }
     }
 
