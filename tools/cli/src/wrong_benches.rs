@@ -136,7 +136,7 @@ fn first_cause_is_right_on_forty_wrong_benches() {
     };
     let (mut right, mut new) = ([0, 0], format!("{head}|---|---|---|---|---|---|---|\n"));
     for (row, mut found) in rows.iter().zip(rows.chunks(AT_ONCE).flat_map(outputs)) {
-        // Alone once more: beside the others a reply may come too late.
+        // Alone once more: with others at the same time a reply may come too late.
         if ![0, 1].iter().all(|which| has(row, &found, *which)) {
             found = output(row);
         }
