@@ -118,7 +118,7 @@ fn a_drive_of_the_other_family_is_named() {
         [(0, Family::Epos2, "is this an EPOS4?"), (3, Family::Epos4, "is this an EPOS2?")]
     {
         let bench = TestBench::emulated(&SETUPS[setup]);
-        let port = quick(PortConfig { family, ..bench.port() });
+        let port = PortConfig { family, ..bench.port() };
         let [controller, doctor, watchdog] = messages(&port);
         assert!(controller.contains(question) && controller.contains("`family`"), "{controller}");
         assert_eq!(doctor, controller);
