@@ -6,7 +6,7 @@ use i2ris::model::file::{FamilyParameters, HullParameters};
 use i2ris::model::{Hull, Model};
 
 use super::choice::{Score, best, scores};
-use super::earlier;
+use super::earlier::{self, take_better, try_shipped};
 use super::error::{FitError, refused};
 use super::evidence::{Evidence, judged_rows, known_from};
 use super::family::{Choice, Family};
@@ -15,6 +15,7 @@ use super::one_family::FamilyFitter;
 use super::options::FitOptions;
 use super::outcome::{FamilyOutcome, FitOutcome, FitReport};
 use super::split::{HoldOut, Split};
+use crate::families::force_balance::search::Start;
 use crate::progress::{Progress, Silent};
 use crate::quality::{Quality, findings, inputs, outputs};
 use crate::recording::Recording;
@@ -64,11 +65,15 @@ pub fn fit(
     let noise = noise_of(&quality, recording);
     let evidence = Evidence { recording, rows: &judged_rows, noise };
     let own = families.iter_mut().find(|it| it.family == Family::ForceBalance);
-    if let (Some(earlier), Some(own)) = (earlier, own) {
-        parts.announce_earlier(progress);
-        fitter.earlier = start;
-        let found = fitter.attempt(Family::ForceBalance);
-        earlier::take_better(own, found, earlier, &evidence);
+    if let Some(own) = own.filter(|_| !judged_rows.is_empty()) {
+        parts.announce_starts(0, progress);
+        try_shipped(own, &mut fitter, &evidence);
+        if let (Some(earlier), Some(start)) = (earlier, start) {
+            parts.announce_starts(1, progress);
+            fitter.start = Start::Earlier(start);
+            let judgement = take_better(own, fitter.attempt(Family::ForceBalance), &evidence);
+            own.note_also(&judgement.note(earlier, recording));
+        }
     }
     let (linear, family, judged, scores) = choose(&mut families, options.choice, &evidence)?;
     let doubt = match (doubt(&judged), options.force) {
@@ -162,16 +167,17 @@ struct Parts {
 /// Share of the usual duration for the fit to all rows.
 const REFIT: f64 = 4.0;
 
-/// The same for the search from an earlier calibration.
-const EARLIER: f64 = 6.0;
+/// The same for the search from shipped snakes, or from an earlier calibration.
+const STARTS: f64 = 6.0;
 
 impl Parts {
     fn new(options: &FitOptions) -> Self {
         let choice = options.choice;
         let wanted = Family::ALL.into_iter().filter(|f| choice.includes(*f));
         let families = wanted.map(Family::usual_duration).sum::<f64>();
-        let earlier = options.earlier.as_ref().map_or(0.0, |_| EARLIER);
-        Self { choice, families, total: families + earlier + REFIT }
+        let has_balance = choice.includes(Family::ForceBalance);
+        let starts = usize::from(has_balance) + usize::from(options.earlier.is_some());
+        Self { choice, families, total: families + STARTS * starts as f64 + REFIT }
     }
 
     fn announce(&self, family: Family, progress: &dyn Progress) {
@@ -182,9 +188,11 @@ impl Parts {
         progress.part(&family.to_string(), begin / self.total, end / self.total);
     }
 
-    fn announce_earlier(&self, progress: &dyn Progress) {
-        let (from, to) = (self.families, self.families + EARLIER);
-        progress.part("the earlier calibration", from / self.total, to / self.total);
+    /// Of the shipped snakes, or of the earlier calibration.
+    fn announce_starts(&self, before: usize, progress: &dyn Progress) {
+        let from = self.families + STARTS * before as f64;
+        let name = ["other starts", "the earlier calibration"][before.min(1)];
+        progress.part(name, from / self.total, (from + STARTS) / self.total);
     }
 
     fn announce_refit(&self, family: Family, progress: &dyn Progress) {
@@ -276,7 +284,7 @@ impl<'a> TrainingData<'a> {
             straight: &self.straight,
             options,
             known: None,
-            earlier: None,
+            start: Start::Typical,
             progress,
         }
     }

@@ -1,7 +1,8 @@
-//! An earlier calibration as one more start of `force-balance`.
+//! Further starts of `force-balance`: shipped snakes, and an earlier calibration.
 //!
-//! The own starts run as without it. Where the earlier one leads is taken only if it explains the
-//! rows held out surely better: neither search has seen them.
+//! The own starts run as without them. Where a further one leads is taken only if it explains the
+//! rows held out better, which neither search has seen, and surely so with the blocks that each
+//! search has left out itself.
 
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::model::hysteresis::force_balance::BalanceParameters;
@@ -10,9 +11,18 @@ use super::error::FitError;
 use super::evidence::{Evidence, block_errors, rms};
 use super::family::{Choice, Family};
 use super::metrics::predictions;
+use super::one_family::FamilyFitter;
 use super::outcome::FamilyOutcome;
 use crate::families::force_balance::judge::{SURE, is_better};
+use crate::families::force_balance::search::{SHIPPED_STARTS, Start};
 use crate::recording::Recording;
+
+/// Maximum number of training rows for which shipped starts are tried. With more, a further start
+/// costs as much as half of the own ones together, and gains less.
+const MAX_SHIPPED_ROWS: usize = 4000;
+
+/// They are of use where the model leaves more than this many times the noise.
+const ABOVE_NOISE: f64 = 1.1;
 
 /// The balance of an earlier model, if it can be a start.
 ///
@@ -42,45 +52,86 @@ pub(super) fn balance_of<'a>(
     Ok(balance)
 }
 
-/// Takes what the earlier calibration leads to in place of the own model if rows held out show that
-/// it is better. A note says what was found.
+/// Error on the rows held out of the own model and of another search, SI units, where there is a
+/// model, and which was taken.
+pub(super) struct Judgement {
+    is_taken: bool,
+    own: Option<f64>,
+    found: Option<f64>,
+}
+
+/// Takes what the shipped starts lead to in place of the own model where that is better.
+pub(super) fn try_shipped(
+    own: &mut FamilyOutcome,
+    fitter: &mut FamilyFitter<'_>,
+    evidence: &Evidence<'_>,
+) {
+    if fitter.context.training.len() > MAX_SHIPPED_ROWS {
+        return;
+    }
+    for index in 0..SHIPPED_STARTS {
+        let noise = ABOVE_NOISE * evidence.noise;
+        if errors(own, evidence).is_none_or(|errors| rms(&errors) > noise) {
+            fitter.start = Start::Shipped(index);
+            take_better(own, fitter.attempt(Family::ForceBalance), evidence);
+        }
+    }
+}
+
+/// Takes what another search has found in place of the own model if rows held out show that it is
+/// better.
 pub(super) fn take_better(
     own: &mut FamilyOutcome,
     found: FamilyOutcome,
-    earlier: &ModelFile,
     evidence: &Evidence<'_>,
-) {
-    let &Evidence { recording, rows, .. } = evidence;
-    let errors = |outcome: &FamilyOutcome| {
-        let model = outcome.result.as_ref().ok()?;
-        Some(block_errors(&predictions(model, recording), recording, rows))
-    };
-    let (before, after) = (errors(own), errors(&found));
+) -> Judgement {
+    let (before, after) = (errors(own, evidence), errors(&found, evidence));
     let is_taken = match (&before, &after) {
         (Some(before), Some(after)) => {
-            rms(after) < rms(before) && is_better([before, after], SURE, 0.0)
+            // Few blocks alone are seldom sure.
+            let has_more = own.left_out.len() == found.left_out.len();
+            let all = |left_out: &[f64], errors: &[f64]| match has_more {
+                true => [left_out, errors].concat(),
+                false => errors.to_vec(),
+            };
+            let [own, found] = [all(&own.left_out, before), all(&found.left_out, after)];
+            rms(after) < rms(before) && is_better([&own, &found], SURE, 0.0)
         }
         (before, after) => before.is_none() && after.is_some(),
     };
-    let unit = recording.outputs().first().map(|output| output.unit);
-    let shown = |errors: Option<Vec<f64>>| match (errors, unit) {
-        (Some(errors), Some(unit)) => format!("{:.3} {unit}", rms(&errors) / unit.si()),
-        _ => "no model".to_owned(),
-    };
-    let seen = earlier.training.data_sha256 == recording.sha256();
-    let note = format!(
-        "the earlier calibration is one more start, and is {} (held out {}, own starts {}){}",
-        if is_taken { "taken" } else { "not surely better" },
-        shown(after),
-        shown(before),
-        if seen { "; it was fitted to these rows, so they do not test it" } else { "" }
-    );
     let seconds = own.seconds + found.seconds;
     if is_taken {
         *own = found;
     }
-    own.note = Some(own.note.take().map_or(note.clone(), |of_fit| format!("{of_fit}; {note}")));
     own.seconds = seconds;
+    let [own, found] = [before, after].map(|errors| errors.map(|errors| rms(&errors)));
+    Judgement { is_taken, own, found }
+}
+
+/// Mean square error of a model on every block held out, if there is one.
+fn errors(outcome: &FamilyOutcome, evidence: &Evidence<'_>) -> Option<Vec<f64>> {
+    let &Evidence { recording, rows, .. } = evidence;
+    let model = outcome.result.as_ref().ok()?;
+    Some(block_errors(&predictions(model, recording), recording, rows))
+}
+
+impl Judgement {
+    /// What became of an earlier calibration.
+    pub fn note(&self, earlier: &ModelFile, recording: &Recording) -> String {
+        let unit = recording.outputs().first().map(|output| output.unit);
+        let shown = |error: Option<f64>| match (error, unit) {
+            (Some(error), Some(unit)) => format!("{:.3} {unit}", error / unit.si()),
+            _ => "no model".to_owned(),
+        };
+        let seen = earlier.training.data_sha256 == recording.sha256();
+        format!(
+            "the earlier calibration is one more start, and is {} (held out {}, own starts {}){}",
+            if self.is_taken { "taken" } else { "not surely better" },
+            shown(self.found),
+            shown(self.own),
+            if seen { "; it was fitted to these rows, so they do not test it" } else { "" }
+        )
+    }
 }
 
 #[cfg(test)]

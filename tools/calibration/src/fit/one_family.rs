@@ -6,7 +6,6 @@ use std::time::Instant;
 
 use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, Mixture, OutputMetrics};
-use i2ris::model::hysteresis::force_balance::BalanceParameters;
 
 use super::error::{FitError, refused};
 use super::family::Family;
@@ -39,6 +38,7 @@ const PUBLISHED: usize = 3;
 struct Remarks {
     mechanism: Option<Mechanism>,
     note: Option<String>,
+    left_out: Vec<f64>,
 }
 
 /// The data of all families.
@@ -55,8 +55,8 @@ pub(super) struct FamilyFitter<'a> {
     pub options: &'a FitOptions,
     /// Parameters of the same family from most of the same rows, whose choices are kept.
     pub known: Option<&'a FamilyParameters>,
-    /// A force balance fitted to other rows, to start from.
-    pub earlier: Option<&'a BalanceParameters>,
+    /// Where the search of a force balance begins.
+    pub start: Start<'a>,
     pub progress: &'a dyn Progress,
 }
 
@@ -68,8 +68,9 @@ impl FamilyFitter<'_> {
         let result = self.fit(family, &mut remarks);
         let result = result.and_then(|model| self.not_worse_than_linear(family, model));
         let result = result.map(Arc::new);
-        let Remarks { mechanism, note } = remarks;
-        FamilyOutcome { family, result, mechanism, note, seconds: begin.elapsed().as_secs_f64() }
+        let Remarks { mechanism, note, left_out } = remarks;
+        let seconds = begin.elapsed().as_secs_f64();
+        FamilyOutcome { family, result, mechanism, note, left_out, seconds }
     }
 
     fn fit(&self, family: Family, remarks: &mut Remarks) -> Result<Model, FitError> {
@@ -202,14 +203,14 @@ impl FamilyFitter<'_> {
     }
 
     fn force_balance(&self, remarks: &mut Remarks) -> Result<Model, FitError> {
-        let start = match (self.known, self.earlier) {
-            (Some(FamilyParameters::ForceBalance { balance, .. }), _) => Start::Known(balance),
-            (_, Some(earlier)) => Start::Earlier(earlier),
-            _ => Start::Typical,
+        let start = match self.known {
+            Some(FamilyParameters::ForceBalance { balance, .. }) => Start::Known(balance),
+            _ => self.start,
         };
         let fit = fit_force_balance(&self.series, self.no_plane.is_none(), start, self.progress);
         let fit = fit.map_err(|source| failed(Family::ForceBalance, source))?;
         remarks.mechanism = Some(Mechanism::Balance(fit.mechanism));
+        remarks.left_out = fit.left_out;
         let checked = |parameters| self.checked(Family::ForceBalance, &Fitted::plain(parameters));
         checked(fit.family).or_else(|refused| {
             fit.simpler.into_iter().find_map(|simpler| checked(simpler).ok()).ok_or(refused)

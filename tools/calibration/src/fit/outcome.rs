@@ -43,6 +43,9 @@ pub struct FamilyOutcome {
     pub mechanism: Option<Mechanism>,
     /// Additional note on the fit: remaining components, smoothing.
     pub note: Option<String>,
+    /// Mean square error on blocks of its training rows that its search left out, one fold after
+    /// the other; empty for families without folds.
+    pub left_out: Vec<f64>,
     /// Duration, s; the only value that differs between runs.
     pub seconds: f64,
 }
@@ -62,6 +65,14 @@ impl fmt::Display for Mechanism {
             Self::Plays(found) => found.fmt(f),
             Self::Balance(found) => found.fmt(f),
         }
+    }
+}
+
+impl FamilyOutcome {
+    /// Adds to the note.
+    pub(super) fn note_also(&mut self, text: &str) {
+        self.note =
+            Some(self.note.take().map_or(text.to_owned(), |note| format!("{note}; {text}")));
     }
 }
 

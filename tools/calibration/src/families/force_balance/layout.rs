@@ -98,6 +98,7 @@ const TRANSMISSION: Usual = signed(0.0, 3.0);
 pub(super) const GAP: usize = 1;
 pub(super) const PRELOAD: [usize; 2] = [3, 4];
 pub(super) const FRICTION: usize = 9;
+const FRICTION_BY_TENSION: [usize; 2] = [10, 11];
 const COUPLING: usize = 2;
 const FRICTION_BY_OTHER: usize = 12;
 const FRICTION_GROWTH_BY_OTHER: usize = 14;
@@ -177,6 +178,30 @@ const STAYS: Usual = part(0.2, 2.0);
 /// In most snakes hardly anything: of a bend that is held by taut wires, 1 % comes late.
 const CREEP: Usual = positive(0.02, 1.0);
 
+/// What a typical snake has.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Typical {
+    /// Units of travel.
+    pub preload: f64,
+    pub gap: f64,
+    pub friction: f64,
+    pub friction_by_tension: f64,
+    /// Stiffness of the own stop that yields, and the share of every shared stop.
+    pub own: f64,
+    pub shared: f64,
+}
+
+impl Typical {
+    pub const USUAL: Self = Self {
+        preload: 15.0,
+        gap: 10.0,
+        friction: 30.0,
+        friction_by_tension: 0.2,
+        own: 3.0,
+        shared: 0.2,
+    };
+}
+
 /// The parameters of a number of motors.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
@@ -240,16 +265,27 @@ impl Layout {
         usual
     }
 
-    /// The usual parameters with a preload, a gap and friction, units of travel.
-    pub fn start(&self, preload: f64, gap: f64, friction: f64) -> DVector<f64> {
+    /// The usual parameters but for what a typical snake has.
+    pub fn start(&self, snake: &Typical) -> DVector<f64> {
         let mut at = DVector::zeros(self.usual().len());
+        let [plus, minus] = PRELOAD;
+        let [by_plus, by_minus] = FRICTION_BY_TENSION;
+        let values = [
+            (GAP, snake.gap),
+            (FRICTION, snake.friction),
+            (plus, snake.preload),
+            (minus, snake.preload),
+            (by_plus, snake.friction_by_tension),
+            (by_minus, snake.friction_by_tension),
+        ];
         for motor in 0..self.motors() {
-            let first = motor * self.per_motor();
-            at[first + GAP] = MOTOR[GAP].encode(gap);
-            at[first + FRICTION] = MOTOR[FRICTION].encode(friction);
-            for place in PRELOAD {
-                at[first + place] = MOTOR[place].encode(preload);
+            for (place, value) in values {
+                at[self.index(motor, place)] = MOTOR[place].encode(value);
             }
+        }
+        at[self.motors() * self.per_motor()] = OWN_STIFFNESS[YIELDS].encode(snake.own);
+        for share in self.shared_shares() {
+            at[share] = SHARED_SHARE.encode(snake.shared);
         }
         at
     }

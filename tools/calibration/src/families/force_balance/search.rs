@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector, SVector};
 use super::error::BalanceError;
 use super::judge::{Judge, ONE_OF};
 use super::latency::{RemainingLatency, remaining_latency};
-use super::layout::{Layout, Terms};
+use super::layout::{Layout, Terms, Typical};
 use super::levenberg_marquardt::{LeastSquares, Minimum, StoppingRule, minimise};
 use super::mechanism::BalanceMechanism;
 use super::objective::Objective;
@@ -47,6 +47,24 @@ const STARTS: [(f64, f64, f64); 15] = [
     (200.0, 5.0, 100.0),
     (200.0, 5.0, 600.0),
 ];
+
+/// Snakes to which the others do not lead: usual, with friction in the plane, and with a worn gear.
+const SHIPPED: [Typical; SHIPPED_STARTS] = [
+    Typical::USUAL,
+    Typical {
+        preload: -12.0,
+        gap: 8.0,
+        friction: 60.0,
+        friction_by_tension: 0.1,
+        own: 1.0,
+        shared: 0.6,
+    },
+    Typical { gap: 150.0, ..Typical::USUAL },
+];
+const SHIPPED_TERMS: Terms = Terms { other: true, transmission: None, creep: 0 };
+
+/// Number of [`Start::Shipped`].
+pub const SHIPPED_STARTS: usize = 3;
 
 /// When each part of the search ends. From all starts there are some steps, from the best a path
 /// with less and less error allowed, and from where that is best on blocks held out, with the terms
@@ -101,6 +119,9 @@ pub struct BalanceFit {
     pub mechanism: BalanceMechanism,
     /// How late the samples are; `None` where nobody can tell.
     pub latency: Option<RemainingLatency>,
+    /// Mean square error on blocks that were left out, one fold after the other; none without a
+    /// search.
+    pub left_out: Vec<f64>,
 }
 
 /// Where a search begins. Parameters are of as many motors as the series.
@@ -112,6 +133,8 @@ pub enum Start<'a> {
     Known(&'a BalanceParameters),
     /// At parameters of other samples, perhaps of another snake.
     Earlier(&'a BalanceParameters),
+    /// At one of [`SHIPPED_STARTS`] typical snakes, with a whole search.
+    Shipped(usize),
 }
 
 /// Fits a balance of forces to a series. The same series gives the same bits, whatever the number
@@ -193,7 +216,7 @@ impl<'a, const D: usize> Search<'a, D> {
 
     fn run(&self, start: Start<'_>) -> Result<BalanceFit, BalanceError> {
         let samples = self.target.samples();
-        let parameters = self.target.layout.start(0.0, 1.0, 1.0).len();
+        let parameters = self.target.layout.start(&Typical::USUAL).len();
         let least = LEAST_SAMPLES * parameters;
         if samples < least {
             return Err(BalanceError::FewSamples { samples, parameters, least });
@@ -201,7 +224,12 @@ impl<'a, const D: usize> Search<'a, D> {
         let place = match start {
             Start::Typical => self.coarse(),
             Start::Known(known) => self.known(known),
-            Start::Earlier(earlier) => self.earlier(earlier),
+            Start::Earlier(earlier) => {
+                self.whole(Layout::terms_of(earlier), |layout| layout.start_at(earlier))
+            }
+            Start::Shipped(index) => {
+                self.whole(SHIPPED_TERMS, |layout| layout.start(&SHIPPED[index]))
+            }
         };
         let place = place.ok_or(BalanceError::NoModel)?;
         Self { target: self.target.with_terms(place.terms), ..*self }.fine(place)
@@ -213,7 +241,7 @@ impl<'a, const D: usize> Search<'a, D> {
         let target = self.target.with_terms(terms);
         let at = target.layout.encode(known);
         let error = self.left_by(&target, &at)?;
-        Some(Place { terms, at, error, held_out: f64::NAN })
+        Some(Place { terms, at, error, held_out: f64::NAN, left_out: Vec::new() })
     }
 
     /// The error that parameters leave.
@@ -236,10 +264,10 @@ impl<'a, const D: usize> Search<'a, D> {
         Some(self.with_terms_that_help(best(paths.into_iter().flatten().collect())?))
     }
 
-    /// The best place on thinned data on the way from an earlier calibration.
-    fn earlier(&self, earlier: &BalanceParameters) -> Option<Place> {
-        let judge = self.judge(FOLD).with_terms(self.possible(Layout::terms_of(earlier)));
-        let at = judge.whole.layout.start_at(earlier);
+    /// The best place on thinned data on the way from one start with its terms.
+    fn whole(&self, terms: Terms, start: impl Fn(&Layout) -> DVector<f64>) -> Option<Place> {
+        let judge = self.judge(FOLD).with_terms(self.possible(terms));
+        let at = start(&judge.whole.layout);
         let most = self.left_by(&judge.seen, &at)?.min(ERRORS[0] * self.line);
         let less = ERRORS.map(|part| part * self.line).into_iter().filter(|error| *error < most);
         let errors: Vec<f64> = std::iter::once(most).chain(less).collect();
@@ -259,7 +287,8 @@ impl<'a, const D: usize> Search<'a, D> {
         let objective = self.objective(target, ERRORS[0] * self.line);
         let from = |start: usize| {
             let (preload, gap, friction) = STARTS[start];
-            let start = self.target.layout.start(preload, gap, friction);
+            let snake = Typical { preload, gap, friction, ..Typical::USUAL };
+            let start = self.target.layout.start(&snake);
             minimise(&objective, start, TRY, &|| self.progress.step())
         };
         let mut found: Vec<Minimum> =
@@ -285,7 +314,8 @@ impl<'a, const D: usize> Search<'a, D> {
             at = found.at;
             let Some(held_out) = judge.held_out(&objective.read_out, &at) else { break };
             let terms = judge.whole.layout.terms;
-            places.push(Place { terms, at: at.clone(), error, held_out });
+            let left_out = Vec::new();
+            places.push(Place { terms, at: at.clone(), error, held_out, left_out });
         }
         places
     }
@@ -293,7 +323,7 @@ impl<'a, const D: usize> Search<'a, D> {
     /// The search on all samples, in rounds: where they leave less than was allowed, that is the
     /// weight of the next.
     fn fine(&self, place: Place) -> Result<BalanceFit, BalanceError> {
-        let Place { mut at, mut error, .. } = place;
+        let Place { mut at, mut error, left_out, .. } = place;
         self.progress.begin(ROUNDS * FINE.iterations);
         let mut objective = self.objective(&self.target, error);
         let mut solved = self.solved(&objective, &at).ok_or(BalanceError::NoModel)?;
@@ -316,7 +346,7 @@ impl<'a, const D: usize> Search<'a, D> {
             let solved = self.solved(&objective, &at).ok_or(BalanceError::NoModel)?;
             simpler.push(self.family(&at, &objective.read_out, &solved)?);
         }
-        Ok(BalanceFit { family, simpler, mechanism, latency })
+        Ok(BalanceFit { family, simpler, mechanism, latency, left_out })
     }
 
     pub(super) fn objective<'t>(&self, target: &'t Target<D>, error: f64) -> Objective<'t, D> {
@@ -387,6 +417,8 @@ pub(super) struct Place {
     pub error: f64,
     /// Mean square error on the samples held out.
     pub held_out: f64,
+    /// See [`BalanceFit::left_out`].
+    pub left_out: Vec<f64>,
 }
 
 /// The place of the most error allowed among those that are about the best on samples held out.

@@ -72,7 +72,7 @@ impl<const D: usize> Search<'_, D> {
                 (best, errors) = tried;
             }
         }
-        best
+        Place { left_out: errors, ..best }
     }
 
     /// Terms without and with a further one, as far as the recording can show it.
@@ -105,6 +105,7 @@ impl<const D: usize> Search<'_, D> {
         let start = judge.whole.layout.encode(&known);
         let at = minimise(&objective, start, TERM, &|| ())?.at;
         let errors = judge.errors(&objective.read_out, &at)?;
-        Some((Place { terms, at, error: place.error, held_out: mean(&errors) }, errors))
+        let held_out = mean(&errors);
+        Some((Place { terms, at, error: place.error, held_out, left_out: Vec::new() }, errors))
     }
 }

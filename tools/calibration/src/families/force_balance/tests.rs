@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector, SVector};
 use super::error::BalanceError;
 use super::judge::{SURE, is_better};
 use super::latency::RemainingLatency;
-use super::layout::{Layout, Terms};
+use super::layout::{Layout, Terms, Typical};
 use super::levenberg_marquardt::LeastSquares;
 use super::objective::Objective;
 use super::read_out::ReadOut;
@@ -23,6 +23,10 @@ fn fit(recording: &Recording) -> Result<BalanceFit, BalanceError> {
     fit_force_balance(&Series::whole(recording), true, Start::Typical, &Silent)
 }
 
+fn start(layout: &Layout, [preload, gap, friction]: [f64; 3]) -> DVector<f64> {
+    layout.start(&Typical { preload, gap, friction, ..Typical::USUAL })
+}
+
 fn snake(rows: usize) -> Recording {
     late(rows, [0.0; CREEPING], 0.0)
 }
@@ -31,7 +35,7 @@ fn snake(rows: usize) -> Recording {
 /// and a gear with play. Half the range of the motor is 750 counts. Its angles are late.
 fn late(rows: usize, creep: [f64; CREEPING], late_s: f64) -> Recording {
     let layout = Layout::new(vec![(0.0, REACH / 750.0)], true);
-    let mut truth = layout.decode(&layout.start(-20.0, 16.0, 30.0));
+    let mut truth = layout.decode(&start(&layout, [-20.0, 16.0, 30.0]));
     truth.motors[0].friction = 45.0;
     truth.creep = creep;
     let operator = ForceBalance::<1>::prepare(&truth).unwrap();
@@ -51,7 +55,7 @@ fn parameters_are_the_same_after_encoding() {
     {
         let terms = Terms { other, transmission, creep };
         let layout = Layout::new(vec![(10.0, 1.5), (-20.0, 2.0)], true).with(terms);
-        let mut at = layout.start(-20.0, 16.0, 30.0);
+        let mut at = start(&layout, [-20.0, 16.0, 30.0]);
         for (index, number) in at.iter_mut().enumerate() {
             *number += 0.1 * (index as f64 + 1.0).sin();
         }
@@ -69,7 +73,7 @@ fn rescaled_parameters_bend_alike() {
         Layout::new(middle.map(|middle| (middle, REACH / half)).to_vec(), true).with(terms)
     };
     let [narrow, wide] = [layout(500.0, [40.0, -70.0]), layout(1000.0, [0.0; 2])];
-    let mut at = narrow.start(-20.0, 16.0, 30.0);
+    let mut at = start(&narrow, [-20.0, 16.0, 30.0]);
     for (index, number) in at.iter_mut().enumerate() {
         *number += 0.1 * (index as f64 + 1.0).sin();
     }
@@ -114,7 +118,7 @@ fn a_snake_of_this_kind_is_explained_to_its_noise() {
 /// A pinion that is not round, by half the range and by the turn of the motor, counts.
 fn uneven(half_range: f64, turn: f64) -> Recording {
     let layout = Layout::new(vec![(0.0, REACH / half_range)], true);
-    let mut truth = layout.decode(&layout.start(20.0, 8.0, 20.0));
+    let mut truth = layout.decode(&start(&layout, [20.0, 8.0, 20.0]));
     (truth.motors[0].transmission_error, truth.counts_per_turn) = (UNEVEN, turn);
     let operator = ForceBalance::<1>::prepare(&truth).unwrap();
     let at = |time| SVector::from([(half_range / 450.0 * wander(time)[0]).round()]);
@@ -181,7 +185,7 @@ fn derivatives_are_those_of_the_residuals() {
         read_out: ReadOut { degree: 3, ridge: 0.01, plane: true, ratio: 0.8 },
         weight: 10.0,
     };
-    let at = target.layout.start(-15.0, 12.0, 30.0);
+    let at = start(&target.layout, [-15.0, 12.0, 30.0]);
     // What the form of Kaufman leaves out does not change the gradient.
     let gradient = objective.slopes(&at).unwrap().tr_mul(&objective.residuals(&at).unwrap());
     for number in 0..at.len() {
