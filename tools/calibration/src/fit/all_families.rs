@@ -188,7 +188,7 @@ impl Parts {
         progress.part(&family.to_string(), begin / self.total, end / self.total);
     }
 
-    /// Of the shipped snakes, or of the earlier calibration.
+    /// The part for the shipped snakes or for the earlier calibration.
     fn announce_starts(&self, before: usize, progress: &dyn Progress) {
         let from = self.families + STARTS * before as f64;
         let name = ["other starts", "the earlier calibration"][before.min(1)];

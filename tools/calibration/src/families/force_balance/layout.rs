@@ -178,7 +178,7 @@ const STAYS: Usual = part(0.2, 2.0);
 /// In most snakes hardly anything: of a bend that is held by taut wires, 1 % comes late.
 const CREEP: Usual = positive(0.02, 1.0);
 
-/// What a typical snake has.
+/// A typical snake.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Typical {
     /// Units of travel.
