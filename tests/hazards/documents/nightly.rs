@@ -1,4 +1,4 @@
-//! `.ci/test` runs every binary, and `.ci/nightly` every test that the gate leaves out.
+//! `.ci/nightly` runs every test that the gate leaves out.
 
 use std::fs;
 use std::path::{Component, Path};
@@ -110,17 +110,6 @@ fn runs() -> Vec<Run> {
         }
     }
     runs
-}
-
-#[test]
-fn script_of_the_tests_names_every_binary() {
-    let (script, files) = (read(".ci/test"), sources(Path::new(ROOT)).into_iter());
-    let files = files.filter(|file| file.iter().any(|folder| folder == "tests"));
-    let files = files.filter(|file| !file.ends_with("tests/main.rs"));
-    let targets = files.map(|file| place(&file).1).filter(|target| target != "lib");
-    let forgotten: Vec<String> =
-        targets.filter(|target| !script.contains(&format!("--test {target}"))).collect();
-    assert!(forgotten.is_empty(), "not in .ci/test: {forgotten:?}");
 }
 
 #[test]
