@@ -15,75 +15,46 @@ pub enum Injection {
     /// The next request is lost.
     LoseRequest,
     /// A byte of the next request is lost.
-    DropRequest {
-        offset: usize,
-    },
+    DropRequest { offset: usize },
     /// A bit of the next request is flipped.
-    FlipRequest {
-        offset: usize,
-    },
+    FlipRequest { offset: usize },
     /// A byte of the next request is sent twice.
-    DoubleRequest {
-        offset: usize,
-    },
+    DoubleRequest { offset: usize },
     /// The next request ends before this byte.
-    CutRequest {
-        offset: usize,
-    },
+    CutRequest { offset: usize },
     /// The next reply is lost.
     LoseReply,
     /// A byte of the next reply is lost.
-    DropReply {
-        offset: usize,
-    },
+    DropReply { offset: usize },
     /// A bit of the next reply is flipped.
-    FlipReply {
-        offset: usize,
-    },
+    FlipReply { offset: usize },
     /// A byte of the next reply is sent twice.
-    DoubleReply {
-        offset: usize,
-    },
+    DoubleReply { offset: usize },
     /// The next reply ends before this byte.
-    CutReply {
-        offset: usize,
-    },
+    CutReply { offset: usize },
     /// The next reply ends between the halves of a doubled byte.
     CutReplyInPair,
     /// The next reply is late.
-    LateReply {
-        delay_ms: u64,
-    },
+    LateReply { delay_ms: u64 },
     /// The next reply is an error of an invalid length.
     WrongLength,
     /// An unsolicited reply comes before the next one.
     StrayReply,
     /// The port disappears and comes back.
-    HangUp {
-        for_ms: u64,
-    },
+    HangUp { for_ms: u64 },
     /// The drive does not reply, but executes everything.
-    Mute {
-        for_ms: u64,
-    },
+    Mute { for_ms: u64 },
     /// The node is reset: parameters as stored, position lost.
     Reset,
     /// A fault is raised.
-    Fault {
-        code: u16,
-    },
+    Fault { code: u16 },
     /// The encoder stops counting.
-    FreezeEncoder {
-        for_ms: u64,
-    },
+    FreezeEncoder { for_ms: u64 },
     /// The encoder loses or gains counts at once.
-    SlipEncoder {
-        counts: i32,
-    },
+    SlipEncoder { counts: i32 },
     /// The wire has play.
-    SlackWire {
-        counts: u32,
-    },
+    SlackWire { counts: u32 },
+    /// The wire breaks.
     BreakWire,
     /// The wire is repaired.
     MendWire,
