@@ -263,14 +263,10 @@ fn h21_loose_wire_raises_fault_even_if_mostly_corrected() {
             .follow(3.0, wandering, |t, [pitch, yaw]| [pitch + 2.0 + (t - start).min(1.2), yaw]);
     }));
     assert!(run.is_err(), "commands are refused after the fault");
-    assert!(drifting.bench.events.iter().any(is_implausible));
-}
-
-fn is_implausible(kind: &CycleEventKind) -> bool {
-    let CycleEventKind::State { fault, .. } = kind else {
-        return false;
+    let is_implausible = |kind: &CycleEventKind| {
+        matches!(kind, CycleEventKind::State { fault: Fault::Implausible, .. })
     };
-    *fault == Fault::Implausible
+    assert!(drifting.bench.events.iter().any(is_implausible));
 }
 
 #[test]

@@ -29,17 +29,9 @@ fn tick_for_a_second(model: &Model) {
         black_box((model.is_memory_known(&memory), model.correction(&memory)));
         black_box(model.predict(&last, &memory).deviation());
         black_box(model.jacobian(&last, &memory));
-        black_box((
-            model.hull().contains(&goal_as_counts(goal)),
-            model.motors(),
-            model.outputs(),
-            model.id(),
-        ));
+        let is_inside = model.hull().contains(&[goal[0], goal[1]]);
+        black_box((is_inside, model.motors(), model.outputs(), model.id()));
     }
-}
-
-fn goal_as_counts(goal: [f64; 3]) -> [f64; 2] {
-    [goal[0], goal[1]]
 }
 
 #[test]

@@ -2,29 +2,19 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use super::documents::map::sources;
 use super::documents::{ROOT, SAFETY, code, hazards, read, rows, section};
 
 /// Names of all tests that run by default.
 fn tests() -> BTreeSet<String> {
-    let mut files = Vec::new();
-    for folder in ["src", "tests", "tools"] {
-        collect(&Path::new(ROOT).join(folder), &mut files);
-    }
-    let texts = files.iter().map(|file| fs::read_to_string(file).unwrap());
-    texts.flat_map(|text| tests_of(&text)).collect()
+    ["src", "tests", "tools"].into_iter().flat_map(tests_below).collect()
 }
 
-pub fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap().flatten() {
-        let path = entry.path();
-        if path.is_dir() {
-            collect(&path, files);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            files.push(path);
-        }
-    }
+fn tests_below(folder: &str) -> Vec<String> {
+    let texts = sources(&Path::new(ROOT).join(folder)).into_iter().map(fs::read_to_string);
+    texts.flat_map(|text| tests_of(&text.unwrap())).collect()
 }
 
 /// Tests are functions after `#[test]`; in `proptest!` there may be attributes between.
@@ -65,12 +55,7 @@ fn every_hazard_has_a_row_and_a_test() {
         assert_tested(&row[0], &row[3], &tests);
         listed.extend(code(&row[3]));
     }
-    let folders = ["tests/hazards", "tools/ros/tests"];
-    let mut files = Vec::new();
-    for folder in folders {
-        collect(&Path::new(ROOT).join(folder), &mut files);
-    }
-    for name in files.iter().flat_map(|file| tests_of(&fs::read_to_string(file).unwrap())) {
+    for name in ["tests/hazards", "tools/ros/tests"].into_iter().flat_map(tests_below) {
         let of_hazard =
             name.starts_with('h') && name.get(1..3).is_some_and(|id| id.parse::<u32>().is_ok());
         assert!(!of_hazard || listed.contains(name.as_str()), "`{name}` is not in the table");

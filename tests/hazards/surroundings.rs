@@ -1,26 +1,34 @@
 //! H13, H16, H17: a logger that blocks, false trips, a step of the wall clock.
 
 use std::fs;
+use std::io::PipeReader;
 use std::path::Path;
 use std::process::Stdio;
 
 use i2ris::ipc::OperatingState;
+use i2ris::ipc::client::Client;
 use i2ris_testing::program::{c_library, full_pipe};
 use i2ris_testing::{Rig, enable, home, stream_angles, stream_counts, wait_until, wait_until_idle};
 use nix::sys::signal::Signal;
 
-use super::coverage::collect;
+use super::documents::map::sources;
+
+/// A controller whose standard error is a full pipe, with its end that no one reads.
+fn enabled_with_blocked_log(rig: &mut Rig) -> (PipeReader, Client) {
+    let (reader, writer) = full_pipe();
+    rig.start_controller_with(Stdio::from(writer));
+    let mut client = rig.client();
+    home(&mut client);
+    enable(&mut client);
+    (reader, client)
+}
 
 /// Standard error is a full pipe without a reader; the folder of the black boxes is a file.
 #[test]
 fn h13_blocked_log_and_missing_record_folder_do_not_stop_loop() {
     let mut rig = Rig::start();
     fs::write(rig.folder.path().join("records"), "in the way").unwrap();
-    let (reader, writer) = full_pipe();
-    rig.start_controller_with(Stdio::from(writer));
-    let mut client = rig.client();
-    home(&mut client);
-    enable(&mut client);
+    let (reader, mut client) = enabled_with_blocked_log(&mut rig);
     stream_counts(&client, 1.0, |t| [(200.0 * t) as i32, 0]);
     let mut statistics = client.watcher().period_statistics();
     for _ in 0..3 {
@@ -43,11 +51,7 @@ fn h13_blocked_log_and_missing_record_folder_do_not_stop_loop() {
 #[test]
 fn h13_blocked_log_does_not_block_run_log_or_shutdown() {
     let mut rig = Rig::start();
-    let (_reader, writer) = full_pipe();
-    rig.start_controller_with(Stdio::from(writer));
-    let mut client = rig.client();
-    home(&mut client);
-    enable(&mut client);
+    let (_reader, _client) = enabled_with_blocked_log(&mut rig);
     let runs = rig.folder.path().join("records/runs.jsonl");
     let read = || fs::read_to_string(&runs).unwrap_or_default();
     wait_until("the change of state is in the run log", || {
@@ -124,8 +128,7 @@ const WALL_CLOCKS: [&str; 5] =
 #[test]
 fn h17_only_file_names_and_headers_use_the_wall_clock() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = Vec::new();
-    collect(&folder, &mut files);
+    let files = sources(&folder);
     assert!(files.len() > 100, "{}", files.len());
     let (mut readers, mut users) = (Vec::new(), Vec::new());
     for file in &files {

@@ -40,6 +40,13 @@ fn layout_and_order_of_fields_do_not_change_the_identity() {
     }
 }
 
+pub fn mixture(file: &mut ModelFile) -> &mut MixtureParameters {
+    match &mut file.family {
+        FamilyParameters::Gmr { mixture: Mixture::Joint(mixture) } => mixture,
+        _ => panic!("no mixture"),
+    }
+}
+
 #[test]
 fn every_value_changes_the_identity() {
     let changes: [fn(&mut ModelFile); 10] = [
@@ -51,19 +58,10 @@ fn every_value_changes_the_identity() {
         |file| file.training.bic = Some(0.0),
         |file| file.metrics[0].training.max = 1.25,
         |file| file.metrics[0].held_out = Some(file.metrics[0].training),
+        |file| mixture(file).weights[0] = mixture(file).weights[0].next_up(),
         |file| {
-            let FamilyParameters::Gmr { mixture: Mixture::Joint(mixture) } = &mut file.family
-            else {
-                panic!()
-            };
-            mixture.weights[0] = mixture.weights[0].next_up();
-        },
-        |file| {
-            let FamilyParameters::Gmr { mixture: Mixture::Joint(mixture) } = &mut file.family
-            else {
-                panic!()
-            };
-            mixture.covariances[1][0][0] = mixture.covariances[1][0][0].next_down();
+            let covariance = &mut mixture(file).covariances[1][0][0];
+            *covariance = covariance.next_down();
         },
     ];
     let mut ids = vec![id(&sample())];

@@ -182,19 +182,17 @@ fn invalid_weights_are_refused_with_their_location() {
 
 #[test]
 fn sizes_that_do_not_fit_are_refused() {
-    let text = refused(|_, network| network.layers = vec![gru(65), averages(65)]);
-    assert!(text.contains("1 to 64 units"), "{text}");
-    let text = refused(|_, network| network.layers = vec![gru(6), averages(5)]);
-    assert!(text.contains("layers[1].weight"), "{text}");
-    let text = refused(|_, network| network.layers = vec![gru(2); 9]);
-    assert!(text.contains("1 to 8 layers"), "{text}");
-    let text = refused(|_, network| {
-        let taps = vec![vec![vec![0.1; 2]; 2]; 64];
-        let bias = vec![0.0; 2];
-        let activation = Activation::None;
-        network.layers = vec![Layer::Conv { taps, bias, dilation: 10, activation }];
-    });
-    assert!(text.contains("at most 512 numbers"), "{text}");
+    let (taps, bias) = (vec![vec![vec![0.1; 2]; 2]; 64], vec![0.0; 2]);
+    let long = Layer::Conv { taps, bias, dilation: 10, activation: Activation::None };
+    for (layers, part) in [
+        (vec![gru(65), averages(65)], "1 to 64 units"),
+        (vec![gru(6), averages(5)], "layers[1].weight"),
+        (vec![gru(2); 9], "1 to 8 layers"),
+        (vec![long], "at most 512 numbers"),
+    ] {
+        let text = refused(|_, network| network.layers = layers);
+        assert!(text.contains(part), "{text}");
+    }
     let text = refused(|_, network| network.input_scale = vec![0.001]);
     assert!(text.contains("input_scale"), "{text}");
 }

@@ -6,6 +6,7 @@ use i2ris::model::ModelError;
 use i2ris::model::file::FAMILIES;
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 
+use super::file::mixture;
 use super::*;
 
 fn refused(file: ModelFile) -> String {
@@ -17,10 +18,7 @@ fn refused(file: ModelFile) -> String {
 #[track_caller]
 fn with_mixture(change: impl FnOnce(&mut MixtureParameters), parts: &[&str]) {
     let mut file = file(1, two_components(), region(1, 300.0));
-    let FamilyParameters::Gmr { mixture: Mixture::Joint(mixture) } = &mut file.family else {
-        panic!()
-    };
-    change(mixture);
+    change(mixture(&mut file));
     assert_mentions(&refused(file), parts);
 }
 

@@ -4,6 +4,7 @@
 //! The whole table: `cargo test --test real_time -- --ignored --nocapture campaign_whole`.
 
 use std::fs::{self, File};
+use std::os::fd::OwnedFd;
 use std::sync::{Mutex, PoisonError};
 
 use i2ris_testing::program::{self, c_library, full_pipe};
@@ -41,37 +42,32 @@ const SUBJECTS: [Subject; 5] =
 const TROUBLES: [Trouble; 4] =
     [Trouble::Blocked, Trouble::Gone, Trouble::FullDisk, Trouble::Stopped];
 
-/// Both ends of standard output and error, as long as it is held.
+/// Standard output and error, as long as it is held.
 struct Output {
     /// Held, and never read.
     _reader: Option<std::io::PipeReader>,
-    file: Option<File>,
-    pipe: Option<std::io::PipeWriter>,
+    end: Option<OwnedFd>,
 }
 
 impl Output {
     fn new(trouble: Option<Trouble>) -> Self {
-        let mut output = Self { _reader: None, file: None, pipe: None };
+        let (mut _reader, mut end) = (None, None);
         match trouble {
             None | Some(Trouble::Stopped) => {}
             Some(Trouble::FullDisk) => {
-                output.file = Some(File::options().write(true).open("/dev/full").unwrap());
+                end = Some(File::options().write(true).open("/dev/full").unwrap().into());
             }
-            Some(Trouble::Gone) => output.pipe = Some(std::io::pipe().unwrap().1),
+            Some(Trouble::Gone) => end = Some(std::io::pipe().unwrap().1.into()),
             Some(Trouble::Blocked) => {
                 let (reader, writer) = full_pipe();
-                (output._reader, output.pipe) = (Some(reader), Some(writer));
+                (_reader, end) = (Some(reader), Some(writer.into()));
             }
         }
-        output
+        Self { _reader, end }
     }
 
     fn stdio(&self) -> Stdio {
-        match (&self.file, &self.pipe) {
-            (Some(file), _) => Stdio::from(file.try_clone().unwrap()),
-            (_, Some(pipe)) => Stdio::from(pipe.try_clone().unwrap()),
-            (None, None) => Stdio::null(),
-        }
+        self.end.as_ref().map_or_else(Stdio::null, |end| end.try_clone().unwrap().into())
     }
 }
 

@@ -309,19 +309,22 @@ fn stop_latency() {
             violations += watched.violations();
             watched.end_with(Signal::SIGKILL);
         }
-        spans.sort_unstable();
-        let ms = |quantile: f64| {
-            spans[((spans.len() - 1) as f64 * quantile) as usize].as_seconds() * 1e3
-        };
         // The emulated gateway waits for 100 ms.
-        let within = spans.iter().filter(|span| **span <= Nanos::from_millis(160)).count();
-        println!(
-            "{name}: {within} of {times} within 160 ms; ms: min {:.0}, median {:.0}, p90 {:.0}, \
-             max {:.0}; {violations} protocol violations",
-            ms(0.0),
-            ms(0.5),
-            ms(0.9),
-            ms(1.0)
-        );
+        print_spans(name, spans, 160, &format!("{violations} protocol violations"));
     }
+}
+
+/// Prints how many spans were within a limit, and how long they were.
+fn print_spans(name: &str, mut spans: Vec<Nanos>, limit_ms: u64, remark: &str) {
+    spans.sort_unstable();
+    let ms = [0.0, 0.5, 0.9, 1.0].map(|quantile| {
+        let index = (spans.len() - 1) as f64 * quantile;
+        (spans[index as usize].as_seconds() * 1e3).round()
+    });
+    let within = spans.iter().filter(|span| **span <= Nanos::from_millis(limit_ms)).count();
+    println!(
+        "{name}: {within} of {} within {limit_ms} ms; ms, minimum, median, p90, maximum: {ms:?}; \
+         {remark}",
+        spans.len()
+    );
 }

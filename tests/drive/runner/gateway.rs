@@ -14,12 +14,7 @@ fn three_enabled(gateway_ms: u64, reply_ms: u64) -> PortRig {
     let drives = [1, 2, 3].map(|node| MiniDrive::new(node, 10 * u32::from(node)));
     let mut rig = PortRig::with_reply_timeout(drives.into(), reply_ms);
     rig.line.state().gateway.timeout = Nanos::from_millis(gateway_ms);
-    rig.turns(20);
-    for axis in 0..3 {
-        rig.request_of(axis, |request| request.demand = Demand::Enabled);
-    }
-    rig.until(AxisPhase::Enabled);
-    rig.turns(20);
+    enable_all(&mut rig, 3);
     rig.line.state().forwarded.clear();
     rig.events.clear();
     rig

@@ -6,12 +6,7 @@ use super::*;
 
 fn two_enabled() -> PortRig {
     let mut rig = PortRig::new(vec![MiniDrive::new(1, 11), MiniDrive::new(2, 22)]);
-    rig.turns(20);
-    for axis in 0..2 {
-        rig.request_of(axis, |request| request.demand = Demand::Enabled);
-    }
-    rig.until(AxisPhase::Enabled);
-    rig.turns(20);
+    enable_all(&mut rig, 2);
     assert_eq!(rig.phases(), [AxisPhase::Enabled; 2]);
     rig
 }
@@ -128,11 +123,7 @@ fn position_of_third_node_never_exceeds_configured_age() {
     let config = Config { ports: vec![port_config(&drives)], ..fast_config(ROBOT) };
     let config = Config { limits: LimitConfig::default(), ..config };
     let mut rig = PortRig::new(drives);
-    rig.turns(20);
-    for axis in 0..3 {
-        rig.request_of(axis, |request| request.demand = Demand::Enabled);
-    }
-    rig.turns(60);
+    enable_all(&mut rig, 3);
     let (mut oldest, mut stamp) = (Nanos::ZERO, rig.feedback_of(2).stamp);
     for turn in 0..2000_u64 {
         for axis in 0..3 {

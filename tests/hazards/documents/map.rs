@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use super::{ROOT, code, read, rows};
 
 /// All Rust sources below a folder.
-pub(super) fn sources(folder: &Path) -> Vec<PathBuf> {
+pub fn sources(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|path| path.is_dir());
     let is_source = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "rs");

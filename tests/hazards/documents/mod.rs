@@ -4,7 +4,7 @@
 //! `I2RIS_UPDATE=1 cargo test --test real_time up_to_date` writes all of them.
 
 mod english;
-mod map;
+pub mod map;
 mod nightly;
 mod packages;
 mod risk;

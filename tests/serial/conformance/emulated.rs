@@ -90,22 +90,22 @@ fn h06_encoder_moved_without_controller_unhomes_axis() {
     let mut axis = bench.run_with(&port);
     axis.until("is still homed", |feedback| feedback.homed);
     axis.stop();
+    let unhomed = || {
+        let mut axis = bench.run_with(&port);
+        axis.wait_for_positions(21);
+        assert!(bench.drive().homed && !axis.feedback().homed);
+        axis
+    };
     // Moved by hand in between.
     bench.emulator().inject(0, Injection::SlipEncoder { counts: 900 });
-    let mut axis = bench.run_with(&port);
-    axis.wait_for_positions(21);
-    assert!(bench.drive().homed && !axis.feedback().homed);
+    let mut axis = unhomed();
     // The operator declared the zero invalid: the next start does not trust it either.
     axis.home();
     axis.request(|request| request.zero_invalid = true);
     axis.stop();
-    let mut axis = bench.run_with(&port);
-    axis.wait_for_positions(21);
-    assert!(bench.drive().homed && !axis.feedback().homed);
+    let mut axis = unhomed();
     // Killed: no position is saved.
     axis.home();
     axis.abandon();
-    let mut axis = bench.run_with(&port);
-    axis.wait_for_positions(21);
-    assert!(bench.drive().homed && !axis.feedback().homed);
+    unhomed();
 }

@@ -133,13 +133,6 @@ fn pulse_latency() {
             let last = pulsed.last_edge();
             spans.push(if last > begin { last - begin } else { Nanos::ZERO });
         }
-        spans.sort_unstable();
-        let within = spans.iter().filter(|span| **span <= Nanos::from_millis(60)).count();
-        println!(
-            "{name}: last edge {:.1} ms after (median), {:.1} at most; {within} of {TIMES} \
-             within 60 ms ({without} without a pulse before)",
-            spans[TIMES / 2].as_seconds() * 1e3,
-            spans[TIMES - 1].as_seconds() * 1e3
-        );
+        print_spans(name, spans, 60, &format!("{without} without a pulse before"));
     }
 }
