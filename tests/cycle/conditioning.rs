@@ -141,15 +141,7 @@ fn pause_and_disable_stop_it_at_once() {
 }
 
 #[test]
-fn stale_positions_stop_conditioning_and_blocked_motor_raises_fault() {
-    let mut bench = ready(config(""), None);
-    bench.ask(StateCommand::Condition);
-    bench.run(300);
-    bench.quirk(0, Quirk::Silent);
-    bench.run(60);
-    let seen = (bench.state(), bench.report().busy, bench.report().holding);
-    assert_eq!(seen, (OperatingState::Enabled, false, true));
-
+fn motor_blocked_during_conditioning_raises_fault() {
     let mut bench = ready(config(""), None);
     bench.ask(StateCommand::Condition);
     bench.run(100);

@@ -74,7 +74,9 @@ fn homing_without_resulting_zero_raises_fault() {
 fn a_motor_outside_its_limits_cannot_be_enabled() {
     let mut bench = Bench::homed();
     bench.drives[0].feedback.position = Counts(1001);
-    assert_eq!(bench.ask(StateCommand::Enable), Refusal::Range);
+    let reply = bench.ask_as(CLIENT, StateCommand::Enable);
+    let outside = Measurement::new(Quantity::Counts, 1001.0, Some(1000.0)).of_motor(0);
+    assert_eq!((reply.refusal, reply.measurement), (Refusal::Range, Some(outside)));
     bench.drives[0].feedback.position = Counts(1000);
     bench.drives[1].feedback.position = Counts(-701);
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::Range);

@@ -1,5 +1,6 @@
 //! FAULT: its causes, the demands to the drives, and the acknowledgement.
 
+use super::reasons::measurement;
 use super::*;
 
 fn fault(bench: &Bench) -> Option<Fault> {
@@ -71,6 +72,10 @@ fn lost_line_raises_fault_and_keeps_quick_stop_demanded() {
         bench.tick();
         assert_eq!(fault(&bench), Some(Fault::Link));
     }
+    let mut bench = Bench::enabled();
+    bench.drives[0].feedback.phase = AxisPhase::Starting;
+    bench.tick();
+    assert_eq!(fault(&bench), Some(Fault::Link), "it restarts");
     let mut bench = Bench::moving();
     bench.quirk(0, Quirk::Silent);
     bench.drives[0].feedback.phase = AxisPhase::Lost;
@@ -85,23 +90,6 @@ fn lost_line_raises_fault_and_keeps_quick_stop_demanded() {
     bench.run(10);
     assert_eq!(bench.phases()[0], AxisPhase::QuickStopped);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-}
-
-#[test]
-fn missing_positions_raise_link_fault() {
-    let mut bench = Bench::enabled();
-    bench.quirk(1, Quirk::Silent);
-    let last_report = bench.drives[1].feedback.stamp;
-    expect_fault(&mut bench, Fault::Link);
-    assert_eq!(bench.now.duration_since(last_report), Nanos::from_millis(150));
-}
-
-#[test]
-fn restarting_drive_raises_link_fault() {
-    let mut bench = Bench::enabled();
-    bench.drives[1].feedback.phase = AxisPhase::Starting;
-    bench.tick();
-    assert_eq!(fault(&bench), Some(Fault::Link));
 }
 
 #[test]
@@ -132,6 +120,8 @@ fn motor_that_does_not_follow_faults_and_loses_power() {
     assert_eq!(fault(&bench), Some(Fault::FollowingError));
     let written = bench.drives[0].feedback.written.unwrap().target;
     assert_eq!(written, Counts(301), "the first setpoint beyond 300 counts");
+    let error = Measurement::new(Quantity::Counts, 301.0, Some(300.0)).of_motor(0);
+    assert_eq!(measurement(&bench, Cause::Fault(Fault::FollowingError)), Some(error));
     bench.quirk(0, Quirk::None);
     bench.run(20);
     assert_eq!(bench.phases(), [AxisPhase::Disabled, AxisPhase::QuickStopped]);
@@ -258,16 +248,6 @@ fn disabled_drive_is_not_asked_to_hold_later() {
     bench.drives[1].feedback.phase = AxisPhase::Disabled;
     bench.run(10);
     assert_eq!(bench.demands(), [Demand::Disabled; 2]);
-}
-
-#[test]
-fn disable_in_fault_switches_off_and_the_fault_stays() {
-    let mut bench = Bench::faulted();
-    bench.run(10);
-    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
-    bench.run(20);
-    assert_eq!(bench.phases(), [AxisPhase::Faulted, AxisPhase::Disabled]);
-    assert_eq!(fault(&bench), Some(Fault::Drive));
 }
 
 #[test]

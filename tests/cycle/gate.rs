@@ -126,18 +126,6 @@ fn homing_against_stop_is_refused_with_active_fixture() {
 }
 
 #[test]
-fn goal_clipped_by_joint_limits_is_reported() {
-    let tables = "[joint_limits]\nposition_max_deg = [3.0, 9.0]";
-    let mut bench = Bench::with(tables);
-    sweep(&mut bench, [0.0, 0.0], [5.0, 1.0], 1000, |_| {});
-    assert!(bench.report().clipped);
-    let goal_deg = bench.joints().goal.map(f64::to_degrees);
-    assert!((goal_deg[0] - 3.0).abs() < 1e-6 && (goal_deg[1] - 1.0).abs() < 1e-6, "{goal_deg:?}");
-    let clipped = |event: &&CycleEventKind| matches!(event, CycleEventKind::Clipped { .. });
-    assert!(bench.events.iter().any(|event| clipped(&event)));
-}
-
-#[test]
 fn tip_model_is_refused_with_joint_limits() {
     let tip = model(OutputUnit::Mm);
     let limited = config("[joint_limits]\nvelocity_deg_s = 20.0");
@@ -264,29 +252,6 @@ fn lagging_motors_do_not_leave_slanted_hull() {
     assert!(farthest < 1.0 + 1.5 * 0.5_f64.hypot(1.0) / 400.0, "{farthest}");
     let [pitch, yaw] = bench.pose_deg();
     assert!((pitch - end[0]).hypot(yaw - end[1]) < 0.05, "{pitch} {yaw} of {end:?}");
-}
-
-/// The same next to a region that one motor would enter before the other leads away from it.
-#[test]
-fn lagging_motors_do_not_enter_adjacent_region() {
-    let slant = "[[virtual_fixtures]]\nname = \"slant\"\n\
-         shape = { half_plane = { normal = [2.0, 1.0], offset_deg = 6.0 } }";
-    let mut bench = Bench::enabled_with(config(slant), Some(model(OutputUnit::Deg)));
-    let normal = [2.0, 1.0].map(|part| part / 5.0_f64.sqrt());
-    let along = |way: f64| [5.2 * normal[0] - way * normal[1], 5.2 * normal[1] + way * normal[0]];
-    let mut deepest = f64::MIN;
-    let mut note = |bench: &Bench| {
-        let [pitch, yaw] = calibrated_deg(bench);
-        deepest = deepest.max(normal[0] * pitch + normal[1] * yaw);
-    };
-    sweep(&mut bench, [0.0; 2], along(-9.0), 2000, &mut note);
-    sweep(&mut bench, along(-9.0), along(9.0), 60, &mut note);
-    sweep(&mut bench, along(9.0), along(9.0), 1000, &mut note);
-    // The margin is half a degree; part of it may be used, plus a count.
-    assert!((5.1..5.8 + 2.0 * GAIN_DEG).contains(&deepest), "{deepest} deg");
-    let [pitch, yaw] = bench.pose_deg();
-    let end = along(9.0);
-    assert!((pitch - end[0]).hypot(yaw - end[1]) < 0.2, "{pitch} {yaw} of {end:?}");
 }
 
 #[test]

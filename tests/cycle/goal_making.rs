@@ -115,17 +115,6 @@ fn slow_rate_leaves_the_dead_band() {
 }
 
 #[test]
-fn snake_stops_soon_after_an_unreachable_rate_ends() {
-    let slow = strict_config("[joint_limits]\nvelocity_deg_s = 4.0");
-    let mut bench = Bench::enabled_with(slow, Some(model(OutputUnit::Deg)));
-    stream(&mut bench, 100, |_| ServoGoal::Rate(rad(60.0, 0.0), 2));
-    let [before, _] = bench.pose_deg();
-    stream(&mut bench, 400, |_| STILL);
-    let gone = bench.pose_deg()[0] - before;
-    assert!(gone < 1.0, "{gone} deg further");
-}
-
-#[test]
 fn lead_does_not_extend_a_rate_that_ended() {
     for lead in [0.0, 30.0] {
         let tables = format!("[compensation]\nlead_ms = {lead:?}");
@@ -208,14 +197,6 @@ fn stream_returning_from_beyond_limit_has_followed_it() {
         }
         assert!(apart(bench.pose_deg(), [4.6, 8.0]) < 0.1, "{name}: {:?}", bench.pose_deg());
     }
-}
-
-#[test]
-fn straight_out_and_back_in_is_followed_all_the_way() {
-    let limited = "[joint_limits]\nposition_max_deg = [5.0, 9.5]";
-    let mut bench = Bench::enabled_with(strict_config(limited), Some(model(OutputUnit::Deg)));
-    stream(&mut bench, 400, |t| angles(if t < 1.0 { 10.0 * t } else { 20.0 - 10.0 * t }, 0.0));
-    assert!(apart(bench.pose_deg(), [0.0, 0.0]) < 0.1, "{:?}", bench.pose_deg());
 }
 
 /// The hand is far beyond a limit when the pedal goes down.

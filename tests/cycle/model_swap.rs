@@ -3,6 +3,7 @@
 use i2ris::model::History;
 use proptest::prelude::*;
 
+use super::network::swap_while_moving;
 use super::*;
 
 /// Enabled with a model with memory that has seen enough motion to know where it is.
@@ -195,38 +196,11 @@ fn an_impossible_swap_is_refused_and_changes_nothing() {
     assert_eq!(bench.change_model(activate(&tip), false), Refusal::None);
 }
 
-/// A thousand swaps while a client draws a figure: every tick is checked against the limits by the
-/// bench, and every second swap returns to the model with the correct angles.
 #[test]
 fn a_thousand_swaps_during_motion_stay_within_the_limits() {
-    let models = [standard_model(), scaled_standard_model(1.2), scaled_standard_model(0.85)];
-    let mut bench = conditioned(&models[0]);
-    let (mut swaps, mut largest) = (0, 0.0_f64);
-    figure(&mut bench, 0, 4000, |bench, k| match k % 4 {
-        0 if k % 12 == 0 => {
-            assert_eq!(bench.change_model(ModelChange::Rollback, false), expected(swaps > 0));
-            swaps += u32::from(swaps > 0);
-        }
-        0 => {
-            let before = bench.targets();
-            assert_eq!(bench.swap(&models[(k / 4 % 3) as usize]), Refusal::None);
-            swaps += 1;
-            // Two ticks: staging and activating.
-            let after = bench.targets();
-            let steps =
-                after.iter().zip(before).map(|(now, before)| f64::from((now - before).abs()));
-            largest = steps.fold(largest, |largest, step| largest.max(step / 2.0));
-        }
-        _ => {}
-    });
-    assert!(swaps >= 999, "{swaps}");
-    let limit = bench.config.limits.velocity_counts_s * bench.config.control.period().as_seconds();
-    assert!(largest <= limit + 0.5, "{largest} counts in a tick, {limit} allowed");
-    assert_eq!(bench.report().stale_stops, 0);
-}
-
-fn expected(has_former: bool) -> Refusal {
-    if has_former { Refusal::None } else { Refusal::NoPreviousModel }
+    let models = [standard_model(), scaled_standard_model(1.2)];
+    let mut bench = Bench::new(config(""), Some(models[0].clone()));
+    swap_while_moving(&mut bench, &models, 1000);
 }
 
 /// Pitch motion of half a count of every motor, beyond the gaps.

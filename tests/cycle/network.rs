@@ -26,9 +26,8 @@ fn network(units: usize) -> Arc<Model> {
     Arc::new(Model::from_file(file).unwrap())
 }
 
-/// Swaps of a GRU of 64 units and a play model, back and forth, while the snake moves along a
-/// figure. Every set-point stays within the limits of the motors: the bench checks each tick.
-fn swap_while_moving(bench: &mut Bench, models: &[Arc<Model>; 2], swaps: u32) {
+/// Swaps of two models, back and forth, while the snake moves along a figure. Every set-point stays within the limits of the motors: the bench checks each tick.
+pub fn swap_while_moving(bench: &mut Bench, models: &[Arc<Model>; 2], swaps: u32) {
     bench.home();
     bench.enable();
     bench.carry_out(StateCommand::Condition);

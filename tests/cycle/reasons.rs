@@ -5,7 +5,7 @@ use i2ris::process::model_comparison::{ModelState, difference};
 use super::*;
 
 /// The measurement of the last event with this cause.
-fn measurement(bench: &Bench, cause: Cause) -> Option<Measurement> {
+pub fn measurement(bench: &Bench, cause: Cause) -> Option<Measurement> {
     let mut reasons = bench.reasons.iter().rev();
     let reason = reasons.find(|reason| reason.cause == cause);
     reason.unwrap_or_else(|| panic!("{cause}: {:?}", bench.reasons)).measurement
@@ -33,17 +33,6 @@ fn a_fault_reports_what_was_measured_and_of_which_motor() {
     bench.drives[1].feedback.phase = AxisPhase::Lost;
     let lost = fault(&mut bench, Fault::Link);
     assert_eq!(lost.to_string(), "motor 1", "given up before the limit: its age says nothing");
-
-    let mut bench = Bench::enabled();
-    bench.quirk(0, Quirk::Blocked);
-    for goal in (100..=800).step_by(100) {
-        if bench.state() == OperatingState::Enabled {
-            assert_eq!(bench.actuator([goal, 0]), Refusal::None);
-        }
-        bench.run(45);
-    }
-    let error = Measurement::new(Quantity::Counts, 301.0, Some(300.0));
-    assert_eq!(fault(&mut bench, Fault::FollowingError), error.of_motor(0));
 
     let limits = "[limits]\nover_current_ma = 200";
     let mut bench = Bench::enabled_with(config(limits), None);
@@ -127,19 +116,12 @@ fn refused_step_is_reported_with_the_violated_limit() {
 }
 
 #[test]
-fn refused_state_command_reports_measurement_and_one_event() {
+fn a_repeated_refusal_is_one_event() {
     let mut bench = Bench::standard();
     for _ in 0..20 {
         assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
     }
     assert_eq!(bench.reasons.len(), 1, "{:?}", bench.reasons);
-    let mut bench = Bench::homed();
-    bench.drives[0].feedback.position = Counts(100_000);
-    bench.run(5);
-    let reply = bench.ask_as(7, StateCommand::Enable);
-    assert_eq!(reply.refusal, Refusal::Range);
-    let measurement = reply.measurement.unwrap();
-    assert_eq!((measurement.motor, measurement.measured), (Some(0), 100_000.0));
 }
 
 #[test]

@@ -38,18 +38,6 @@ fn silent_client_is_followed_until_deadline_plus_two_ticks() {
     assert!(bench.events.contains(&stop), "{:?}", bench.events);
 }
 
-#[test]
-fn a_command_may_set_its_own_deadline() {
-    let mut bench = Bench::enabled();
-    let mut command = bench.servo(ServoGoal::Actuator([Counts(250); 2], 2));
-    command.deadline = Nanos::from_millis(5);
-    assert_eq!(bench.send(command), Refusal::None);
-    bench.run(4);
-    assert!(!bench.report().holding);
-    bench.tick();
-    assert!(bench.report().holding);
-}
-
 /// A deadline beyond the lease would leave a robot that moves without a client.
 #[test]
 fn no_command_outlives_the_lease() {
@@ -61,22 +49,6 @@ fn no_command_outlives_the_lease() {
     assert_eq!((bench.report().holding, bench.report().lease_client_id), (false, CLIENT));
     bench.tick();
     assert_eq!((bench.report().holding, bench.report().lease_client_id), (true, 0));
-}
-
-#[test]
-fn command_after_stale_stop_must_be_near_present_pose() {
-    let mut bench = Bench::enabled();
-    for step in 1..=20 {
-        // The goal may run ahead in small steps.
-        assert_eq!(bench.joint(f64::from(step), 0.0), Refusal::None);
-        bench.run(4);
-    }
-    bench.run(100);
-    assert!(bench.report().holding);
-    let here = bench.joints().setpoint[0].to_degrees();
-    assert!(here < 14.0, "{here}");
-    assert_eq!(bench.joint(20.0, 0.0), Refusal::StepTooLarge);
-    assert_eq!(bench.joint(here + 4.9, 0.0), Refusal::None);
 }
 
 #[test]

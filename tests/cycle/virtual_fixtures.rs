@@ -1,7 +1,5 @@
 //! Virtual fixtures in the whole cycle: the setpoints of the motors stay out of the regions.
 
-use proptest::prelude::*;
-
 use super::gate::sweep;
 use super::*;
 
@@ -74,39 +72,4 @@ fn a_fixture_that_is_added_during_a_trajectory_stops_it() {
     assert_eq!(bench.change_fixtures(CLIENT, ball), Refusal::None);
     bench.idle();
     assert!(bench.pose_deg()[0] < 6.0, "{}", bench.pose_deg()[0]);
-}
-
-proptest! {
-    #![proptest_config(i2ris_testing::cases(10))]
-
-    /// Whatever is commanded, with a model of 100 counts of backlash: the margin of the goal keeps
-    /// the setpoints out of the region itself.
-    #[test]
-    fn no_setpoint_enters_a_region(
-        goals in prop::collection::vec((-9.0..9.0_f64, -9.0..9.0_f64, 30_u32..400), 1..12),
-        direction in 0.0..6.3_f64,
-        offset_deg in 2.0..5.0_f64,
-    ) {
-        let tables = format!(
-            "[[virtual_fixtures]]\nname = \"wall\"\nshape = {{ half_plane = {{ normal = \
-             [{}, {}], offset_deg = {offset_deg} }} }}",
-            direction.cos(),
-            direction.sin()
-        );
-        let mut bench = Bench::with(&tables);
-        let mut at = [0.0; 2];
-        for (pitch, yaw, ticks) in goals {
-            let length = (pitch - at[0]).hypot(yaw - at[1]);
-            // Steps of at most a tenth of a degree.
-            for k in 1..=ticks.max((10.0 * length) as u32 + 1) {
-                let share = f64::from(k) / f64::from(ticks.max((10.0 * length) as u32 + 1));
-                let goal = [at[0] + share * (pitch - at[0]), at[1] + share * (yaw - at[1])];
-                prop_assert_eq!(bench.joint(goal[0], goal[1]), Refusal::None);
-                let setpoint = bench.joints().setpoint.map(f64::to_degrees);
-                let along = setpoint[0] * direction.cos() + setpoint[1] * direction.sin();
-                prop_assert!(along < offset_deg, "{along} of {offset_deg}");
-            }
-            at = [pitch, yaw];
-        }
-    }
 }

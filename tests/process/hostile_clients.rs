@@ -184,6 +184,13 @@ fn every_client_learns_of_its_own_refusals() {
         assert_eq!(state.refusals_of(client.id()), (0, Refusal::None));
         assert_eq!(state.refusals_of(101).1, Refusal::Stamp);
     });
+    // The log folds them; accepted commands of the honest client do not end that.
+    let log = rig.log_text("controller");
+    for hostile in HOSTILE {
+        let name = format!("refused {}", MaskedClientId(hostile.client_id));
+        let lines = log.lines().filter(|line| line.contains(&name)).count();
+        assert!((1..=4).contains(&lines), "{hostile:?}: {lines} lines\n{log}");
+    }
     // A second commander learns that the lease is held; the holder is not.
     let second = rig.client();
     while_streaming(&client, still, || {
@@ -196,24 +203,4 @@ fn every_client_learns_of_its_own_refusals() {
         assert_eq!(state.refusals_of(id).1, Refusal::Lease);
         assert_eq!(state.refusals_of(holder), (0, Refusal::None));
     });
-}
-
-#[test]
-fn log_folds_refusals_of_every_client() {
-    let mut rig = Rig::with_model();
-    let mut client = rig.enabled();
-    let domain = rig.domain();
-    besieged(&domain, false, || {
-        for hostile in HOSTILE {
-            wait_until_refused(&mut client, hostile.client_id);
-        }
-        // Accepted commands of the honest client do not end the folding.
-        stream_counts(&client, 1.0, still);
-    });
-    let log = rig.log_text("controller");
-    for hostile in HOSTILE {
-        let name = format!("refused {}", MaskedClientId(hostile.client_id));
-        let lines = log.lines().filter(|line| line.contains(&name)).count();
-        assert!((1..=4).contains(&lines), "{hostile:?}: {lines} lines\n{log}");
-    }
 }

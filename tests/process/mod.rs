@@ -2,7 +2,6 @@
 
 mod campaign;
 mod examples;
-mod goal_making;
 mod hostile_clients;
 mod ipc_domain;
 mod ipc_processes;
