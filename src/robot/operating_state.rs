@@ -40,7 +40,7 @@ numbered_enum! {
         Homing = 6, "homing failed"
             => "check the keys `homing_*` of the axis; then `i2ris command state acknowledge`";
         Model = 7, "the model gave a value that is not finite"
-            => "save the black box (`i2ris record dump`) and report it";
+            => "save the black box (`i2ris record replay`) and report it";
         Late = 8, "too many late ticks: the computer cannot keep up"
             => "reduce the load on the computer, or grant real-time permission; then `i2ris \
                 command state acknowledge`";

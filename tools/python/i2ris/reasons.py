@@ -75,7 +75,7 @@ ADVICE: dict[tuple[int, int], str] = {
     (1, 4): "check STO and supply, and close EPOS Studio; then `i2ris command state acknowledge`",
     (1, 5): "check the drives with `i2ris doctor`; then `i2ris command state acknowledge`",
     (1, 6): "check the keys `homing_*` of the axis; then `i2ris command state acknowledge`",
-    (1, 7): "save the black box (`i2ris record dump`) and report it",
+    (1, 7): "save the black box (`i2ris record replay`) and report it",
     (1, 8): "reduce the load on the computer, or grant real-time permission; then `i2ris command state acknowledge`",
     (1, 9): "check camera, wires, zero and model; then `i2ris command state acknowledge`",
     (1, 10): "free the mechanism and inspect the snake; then `i2ris command state acknowledge`",

@@ -6,8 +6,8 @@ use clap::error::{ContextKind, ContextValue, Error};
 /// Words that a tip may contain: they move nothing, switch nothing on and change no model. A new
 /// command must be added here to be suggested.
 const HARMLESS: &str = "stop estop disable pause acknowledge help doctor status config model \
-     record report replay dump emulate bench input vision trial fixture state list show check \
-     print schema predict invert fit compare merge info export recover learn wire drives";
+     record report replay emulate bench input vision trial fixture state list show \
+     schema predict invert fit compare merge info export recover learn wire drives";
 /// Options that are never suggested.
 const MOVING: [&str; 3] = ["--enable", "--home", "--force"];
 

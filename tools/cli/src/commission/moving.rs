@@ -144,7 +144,7 @@ fn find_friction<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Re
         "any other input ends the run",
     )?;
     let still = "is blocked, its encoder gives no signal, or its friction is higher; turn it by \
-                 hand with the power off and look at 0x6064:00 (`i2ris doctor drives dump`)";
+                 hand with the power off and look at 0x6064:00 (`i2ris doctor drives`)";
     let Some(more) = more else {
         bail!("it does not turn with {last:.0} mA: it {still}");
     };
@@ -296,7 +296,7 @@ pub fn gear<T: Transport>(motor: &mut Motor<'_, T>, yes: &Permission) -> Result<
         let text = format!(
             "counts per turn are unknown, because this drive has no {name}: take four times the \
              pulses in the data sheet of the encoder, and compare with 0x6064:00 before and after \
-             a turn by hand (`i2ris doctor drives dump`)"
+             a turn by hand (`i2ris doctor drives`)"
         );
         motor.find(Topic::CountsPerTurn, "not known", text.clone());
         motor.find(Topic::Direction, NOT_THERE, format!("without {name} no turn is made"));

@@ -38,7 +38,7 @@ pub fn page(record: &Record, config_name: &str) -> Document {
     lines.lines().for_each(|line| page.paragraph(line));
     page.footer(format!(
         "i2ris commission, {}. The bytes of every stage are next to this page (.pcapng): `i2ris \
-         doctor wire show` prints them.",
+         doctor wire` prints them.",
         record.software
     ));
     page

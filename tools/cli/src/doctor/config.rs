@@ -4,7 +4,7 @@ mod describe;
 mod schema;
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use i2ris::config::{Config, PortConfig};
 use i2ris::model::Model;
@@ -21,48 +21,40 @@ const TEMPLATES: [&str; 2] = [
 /// Mark after every line that the operator must check.
 const MARK: &str = " # CHECK";
 
-/// Commands of `i2ris doctor config`.
-#[derive(Debug, clap::Subcommand)]
+/// Arguments of `i2ris doctor config`.
+#[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris doctor config check my-robot.toml
-  i2ris doctor config print config/robot.toml       all keys with values and meanings")]
-pub enum Command {
-    /// Validate a configuration
-    Check {
-        /// The configuration
-        file: PathBuf,
-        /// Print JSON
-        #[arg(long)]
-        json: bool,
-    },
-    /// Print all keys of a configuration, including defaults, with values and meanings
-    Print {
-        /// The configuration
-        file: PathBuf,
-        /// Print JSON, without meanings
-        #[arg(long)]
-        json: bool,
-    },
+  i2ris doctor config my-robot.toml
+  i2ris doctor config --all config/robot.toml       all keys with values and meanings")]
+pub struct Arguments {
+    /// The configuration
+    file: PathBuf,
+    /// Print all keys, including defaults, with values and meanings
+    #[arg(long)]
+    all: bool,
+    /// Print JSON; with --all, without meanings
+    #[arg(long)]
+    json: bool,
 }
 
-pub fn run(command: &Command) -> Result<(), Failure> {
-    match command {
-        Command::Check { file, json } => check(file.clone(), *json)?,
-        Command::Print { file, json: true } => {
-            println!("{}", serde_json::to_string_pretty(&Config::load(file)?)?)
-        }
-        Command::Print { file, json: false } => {
-            print!("{}", describe::describe(&Config::load(file)?)?)
-        }
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let Arguments { file, all, json } = arguments;
+    if !all {
+        return check(file, *json);
+    }
+    let config = Config::load(file)?;
+    match json {
+        true => println!("{}", serde_json::to_string_pretty(&config)?),
+        false => print!("{}", describe::describe(&config)?),
     }
     Ok(())
 }
 
-fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
-    let config = Config::load_and_check_files(&file)?;
+fn check(file: &Path, json: bool) -> Result<(), Failure> {
+    let config = Config::load_and_check_files(file)?;
     let (robot, motors, axes) = (&config.robot_id, config.motors(), config.axes().count());
     let of_line = |port: &PortConfig| config.line_findings(port, port.nominal_exchange());
-    let mut findings = as_delivered(&fs::read_to_string(&file)?, &config);
+    let mut findings = as_delivered(&fs::read_to_string(file)?, &config);
     findings.extend(config.ports.iter().flat_map(of_line).map(|finding| finding.to_string()));
     let model = config.control.model.as_deref().map(Model::load_trusted).transpose()?;
     let hand = model.map(|model| HandLimits::new(&model, &config.limits, &config.joint_limits));

@@ -10,26 +10,22 @@ use i2ris::robot::DriveFingerprint;
 use i2ris_report::{DomainOption, Failure, bail, while_working};
 use i2ris_simulation::drive::DeviceFile;
 
-/// Commands of `i2ris doctor drives`.
-#[derive(Debug, clap::Subcommand)]
+/// Arguments of `i2ris doctor drives`.
+#[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris doctor drives dump > drives.json                the drives of the running controller
-  i2ris doctor drives dump --config my-robot.toml       while no controller runs
-  i2ris doctor drives compare drives.json               with the present drives
-  i2ris doctor drives compare before.json after.json
-  i2ris doctor drives compare motor.dcf                 as EPOS Studio exports it
+  i2ris doctor drives > drives.json                the drives of the running controller
+  i2ris doctor drives --config my-robot.toml       while no controller runs
+  i2ris doctor drives drives.json                  compare with the present drives
+  i2ris doctor drives before.json after.json
+  i2ris doctor drives motor.dcf                    as EPOS Studio exports it
 
 The drives are only read: nothing is written to them.")]
-pub enum Command {
-    /// Print every setting of every drive as JSON
-    Dump(Present),
-    /// List settings that differ
-    Compare(CompareArguments),
-}
-
-// Where the drives are.
-#[derive(Debug, clap::Args)]
-pub struct Present {
+pub struct Arguments {
+    /// Settings to compare: from `i2ris doctor drives`, a model, or a DCF file [default: print every
+    /// setting of every drive as JSON]
+    first: Option<PathBuf>,
+    /// Settings to compare with [default: those of the present drives]
+    second: Option<PathBuf>,
     /// Read the drives of this configuration; no controller may be running [default: the settings
     /// that the running controller read at its start]
     #[arg(long, value_name = "FILE")]
@@ -38,27 +34,17 @@ pub struct Present {
     domain: DomainOption,
 }
 
-#[derive(Debug, clap::Args)]
-pub struct CompareArguments {
-    /// Settings: from `i2ris doctor drives dump`, a model, or a DCF file
-    first: PathBuf,
-    /// Settings to compare with [default: those of the present drives]
-    second: Option<PathBuf>,
-    #[command(flatten)]
-    present: Present,
-}
-
-pub fn run(command: &Command) -> Result<(), Failure> {
-    match command {
-        Command::Dump(present) => {
-            println!("{}", serde_json::to_string_pretty(&read(present)?)?);
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    match &arguments.first {
+        Some(first) => compare(arguments, first),
+        None => {
+            println!("{}", serde_json::to_string_pretty(&read(arguments)?)?);
             Ok(())
         }
-        Command::Compare(arguments) => compare(arguments),
     }
 }
 
-fn read(present: &Present) -> Result<Vec<DriveFingerprint>, Failure> {
+fn read(present: &Arguments) -> Result<Vec<DriveFingerprint>, Failure> {
     if let Some(path) = &present.config {
         let config = Config::load(path)?;
         let drives = while_working("reading every setting", || {
@@ -78,15 +64,12 @@ fn read(present: &Present) -> Result<Vec<DriveFingerprint>, Failure> {
     Ok(drives)
 }
 
-fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
-    let CompareArguments { first, second, present } = arguments;
-    let (before, after) = (
-        load(first)?,
-        match second {
-            Some(second) => load(second)?,
-            None => (read(present)?, false),
-        },
-    );
+fn compare(arguments: &Arguments, first: &Path) -> Result<(), Failure> {
+    let before = load(first)?;
+    let after = match &arguments.second {
+        Some(second) => load(second)?,
+        None => (read(arguments)?, false),
+    };
     let (mut compared, mut lines) = (0, Vec::new());
     for old in &before.0 {
         for new in &after.0 {
@@ -129,7 +112,7 @@ fn load(path: &Path) -> Result<(Vec<DriveFingerprint>, bool), Failure> {
     }
     let model = Model::load(path).map_err(|_| {
         format!(
-            "{} contains no settings: name a file of `i2ris doctor drives dump`, a model, or a DCF \
+            "{} contains no settings: name a file of `i2ris doctor drives`, a model, or a DCF \
              file",
             path.display()
         )

@@ -30,7 +30,7 @@ use report::Report;
     after_help = "Examples:
   i2ris doctor --config my-robot.toml
   i2ris doctor --config my-robot.toml --json --no-drives
-  i2ris doctor config check my-robot.toml        the file alone"
+  i2ris doctor config my-robot.toml              the file alone"
 )]
 pub struct Arguments {
     #[command(subcommand)]
@@ -49,23 +49,21 @@ pub struct Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Other {
-    /// Inspect a configuration without starting anything
-    #[command(subcommand)]
-    Config(config::Command),
-    /// Print and compare drive settings (read-only)
-    #[command(subcommand)]
-    Drives(drives::Command),
-    /// Inspect serial captures
-    #[command(subcommand)]
-    Wire(wire::Command),
+    /// Check or print a configuration without starting anything
+    Config(config::Arguments),
+    /// Print or compare drive settings (read-only)
+    Drives(drives::Arguments),
+    /// Print requests and replies of a serial capture, and run them through the driver again; or
+    /// compare two captures
+    Wire(wire::Arguments),
 }
 
 /// Runs the checks. Fails when a check fails.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match &arguments.other {
-        Some(Other::Config(command)) => return config::run(command),
-        Some(Other::Drives(command)) => return drives::run(command),
-        Some(Other::Wire(command)) => return wire::run(command),
+        Some(Other::Config(arguments)) => return config::run(arguments),
+        Some(Other::Drives(arguments)) => return drives::run(arguments),
+        Some(Other::Wire(arguments)) => return wire::run(arguments),
         None => {}
     }
     let mut report = Report::default();

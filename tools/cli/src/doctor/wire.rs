@@ -15,62 +15,45 @@ use i2ris_report::exit::{Coded, INCOMPLETE};
 /// Maximum number of printed differences of a port.
 const MAX_SHOWN: usize = 5;
 
-/// Commands of `i2ris doctor wire`.
-#[derive(Debug, clap::Subcommand)]
+/// Arguments of `i2ris doctor wire`.
+#[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris doctor wire show records/20260131-120000-fault.pcapng
-  i2ris doctor wire replay records/20260131-120000-fault.pcapng
-  i2ris doctor wire compare good.pcapng bad.pcapng
+  i2ris doctor wire records/20260131-120000-fault.pcapng
+  i2ris doctor wire good.pcapng bad.pcapng
 
 The controller writes such a file next to every black box. Wireshark can also open it.")]
-pub enum Command {
-    /// Print requests and replies: time, node, object, value or reason of refusal
-    Show {
-        /// The capture: a file that i2ris-control wrote next to a black box
-        file: PathBuf,
-    },
-    /// Run captured bytes through the driver again and compare
-    Replay {
-        /// The capture
-        file: PathBuf,
-    },
-    /// Print the first differences between two captures, ignoring times
-    Compare {
-        /// A capture
-        first: PathBuf,
-        /// Another capture
-        second: PathBuf,
-    },
+pub struct Arguments {
+    /// The capture: a file that i2ris-control wrote next to a black box
+    file: PathBuf,
+    /// Another capture: print the first differences instead, ignoring times
+    other: Option<PathBuf>,
 }
 
-pub fn run(command: &Command) -> Result<(), Failure> {
-    let (files, differences) = match command {
-        Command::Show { file } => {
-            let capture = read(file)?;
-            for port in &capture.ports {
-                println!("port       {}", header(port));
-                port.attempts().iter().for_each(|attempt| println!("{}", lines(port, attempt)));
-            }
-            (vec![(file, capture)], 0)
+pub fn run(Arguments { file, other }: &Arguments) -> Result<(), Failure> {
+    let one = read(file)?;
+    let (differences, second) = match other {
+        None => {
+            one.ports.iter().for_each(show);
+            (one.ports.iter().map(replay_port).sum(), None)
         }
-        Command::Replay { file } => {
-            let capture = read(file)?;
-            let differences = capture.ports.iter().map(replay_port).sum();
-            (vec![(file, capture)], differences)
-        }
-        Command::Compare { first, second } => {
-            let (one, other) = (read(first)?, read(second)?);
-            let pairs = one.ports.iter().zip(&other.ports);
-            let differences: usize = pairs.map(|(one, other)| compare(one, other)).sum();
-            let more = one.ports.len().abs_diff(other.ports.len());
-            (vec![(first, one), (second, other)], differences + more)
+        Some(other) => {
+            let two = read(other)?;
+            let pairs = one.ports.iter().zip(&two.ports);
+            let differences: usize = pairs.map(|(one, two)| compare(one, two)).sum();
+            (differences + one.ports.len().abs_diff(two.ports.len()), Some((other, two)))
         }
     };
-    files.iter().try_for_each(|(file, capture)| whole(file, capture))?;
+    let mut files = [(file, one)].into_iter().chain(second);
+    files.try_for_each(|(file, capture)| whole(file, &capture))?;
     match differences {
         0 => Ok(()),
         count => Err(format!("{count} differences").into()),
     }
+}
+
+fn show(port: &CapturedPort) {
+    println!("port       {}", header(port));
+    port.attempts().iter().for_each(|attempt| println!("{}", lines(port, attempt)));
 }
 
 /// Fails for a truncated capture, after the events before the cut were used.
@@ -91,6 +74,7 @@ fn header(port: &CapturedPort) -> String {
     format!("{device}, {family:?}, {baud} baud: {span:.3} s")
 }
 
+/// Runs the captured bytes through the driver again.
 fn replay_port(port: &CapturedPort) -> usize {
     let found = replay(port);
     let (differences, skipped) = (found.differences.len(), found.skipped);

@@ -48,7 +48,7 @@ fn the_exit_code_reports_what_kind_of_failure_it_was() {
 fn output_that_goes_nowhere_ends_in_order_and_is_said() {
     let config = repository("config/robot.toml");
     let print =
-        format!("{} doctor config print {}", program::path("i2ris").display(), config.display());
+        format!("{} doctor config --all {}", program::path("i2ris").display(), config.display());
     let bench = WorkFolder::empty();
     let printed = fs::File::create(bench.file("printed")).unwrap();
     let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
@@ -114,12 +114,12 @@ fn configuration_with_a_model_reports_permitted_hand_motion() {
     balance_model().file().write(&bench.path("model.json")).unwrap();
     let model = "priority = 80\nmodel = \"model.json\"";
     bench.write("robot.toml", &config.replace("priority = 80", model));
-    let output = bench.succeeds("doctor config check robot.toml");
+    let output = bench.succeeds("doctor config robot.toml");
     let hand = "a reversal takes 300 ms; a hand of up to 11.0 deg/s is followed";
     assert_says(&output, &[hand]);
     let slow = format!("{config}\n[joint_limits]\nvelocity_deg_s = 4.0");
     bench.write("robot.toml", &slow.replace("priority = 80", model));
-    assert_says(&bench.succeeds("doctor config check robot.toml"), &["of up to 4.0 deg/s"]);
+    assert_says(&bench.succeeds("doctor config robot.toml"), &["of up to 4.0 deg/s"]);
 }
 
 /// The units, with the programs of this build instead of the installed ones.

@@ -28,12 +28,13 @@ fn robot() -> (Rig, WorkFolder) {
 fn capture_is_shown_replayed_and_compared_up_to_truncation() {
     let (mut rig, bench) = robot();
     let domain = rig.domain();
-    let path = succeeds(&domain, "record dump").trim().to_owned();
-    let path = Path::new(&path).with_extension("pcapng");
+    let replayed = succeeds(&domain, "record replay");
+    assert_says(&replayed, &["identical bit for bit"]);
+    let path = Path::new(replayed.lines().next().unwrap()).with_extension("pcapng");
     rig.signal(Signal::SIGTERM);
     rig.wait_for_end();
     fs::copy(&path, bench.path("a.pcapng")).unwrap();
-    let shown = bench.succeeds("doctor wire show a.pcapng");
+    let shown = bench.succeeds("doctor wire a.pcapng");
     let says = [
         "read statusword (0x6041:00)",
         "read actual position (0x6064:00)",
@@ -43,40 +44,39 @@ fn capture_is_shown_replayed_and_compared_up_to_truncation() {
         "90 02 ",
     ];
     assert_says(&shown, &says);
-    let replayed = bench.succeeds("doctor wire replay a.pcapng");
-    assert_eq!(replayed.matches(" 0 differences").count(), 2, "{replayed}");
-    assert_says(&bench.succeeds("doctor wire compare a.pcapng a.pcapng"), &["differ     0 of"]);
+    assert_eq!(shown.matches(" 0 differences").count(), 2, "{shown}");
+    assert_says(&bench.succeeds("doctor wire a.pcapng a.pcapng"), &["differ     0 of"]);
 
     let whole = fs::read(bench.path("a.pcapng")).unwrap();
     fs::write(bench.path("cut.pcapng"), &whole[..whole.len() / 2 + 1]).unwrap();
-    for words in ["show cut.pcapng", "replay cut.pcapng", "compare a.pcapng cut.pcapng"] {
+    for words in ["cut.pcapng", "a.pcapng cut.pcapng"] {
         let result = bench.run(&format!("doctor wire {words}"));
         assert_eq!(result.code, Some(10), "{words}: {}", result.error);
         assert_says(&result.error, &["cut.pcapng is truncated", "complete events"]);
         assert!(result.output.lines().count() > 1, "{words}");
     }
     fs::write(bench.path("other.pcapng"), "t_s,q0_counts\n").unwrap();
-    bench.fails("doctor wire show other.pcapng", &["other.pcapng is not a capture"]);
+    bench.fails("doctor wire other.pcapng", &["other.pcapng is not a capture"]);
 }
 
 #[test]
 fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let (mut rig, bench) = robot();
     let domain = rig.domain();
-    let now = succeeds(&domain, "doctor drives dump");
+    let now = succeeds(&domain, "doctor drives");
     let drives: Vec<DriveFingerprint> = serde_json::from_str(&now).unwrap();
     assert_eq!(drives.iter().map(|drive| drive.motor).collect::<Vec<_>>(), [0, 1]);
     let limit = i64::from(rig.config.ports[0].axes[0].current_limit_ma);
     assert_eq!(drives[0].settings["0x3001:02"], limit);
     bench.write("now.json", &now);
-    let same = succeeds(&domain, &bench.words("doctor drives compare @now.json"));
+    let same = succeeds(&domain, &bench.words("doctor drives @now.json"));
     assert_says(&same, &["no differences"]);
     let mut other = drives.clone();
     *other[1].settings.get_mut("0x3010:01").unwrap() += 1;
     let pulses = drives[1].settings["0x3010:01"];
     bench.write("other.json", &serde_json::to_string(&other).unwrap());
     let named = format!("motor 1: encoder pulses (0x3010:01) {} -> {pulses}", pulses + 1);
-    let result = bench.run("doctor drives compare other.json now.json");
+    let result = bench.run("doctor drives other.json now.json");
     assert_eq!((result.code, result.output.trim()), (Some(1), named.as_str()), "{}", result.error);
 
     // As maxon's tool writes the settings of one drive of any motor.
@@ -90,12 +90,12 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let rows: String = objects::of_family(Family::Epos4).map(row).collect();
     let table = format!("index,subindex,type,access,low,high,default,value\n{rows}");
     bench.write("motor_fw0170.csv", &table);
-    let same = bench.succeeds("doctor drives compare motor_fw0170.csv now.json");
+    let same = bench.succeeds("doctor drives motor_fw0170.csv now.json");
     assert_says(&same, &["no differences: 2 drives"]);
     let changed = table.replace("0x3001,2,U32,rw,,,,300", "0x3001,2,U32,rw,,,,301");
     assert_ne!(table, changed, "{table}");
     bench.write("changed_fw0170.csv", &changed);
-    let result = bench.run("doctor drives compare changed_fw0170.csv now.json");
+    let result = bench.run("doctor drives changed_fw0170.csv now.json");
     let named_both = "motor 0: output current limit (0x3001:02) 301 -> 300\nmotor 1: output";
     assert_says(&result.output, &[named_both]);
 
@@ -126,7 +126,7 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     rig.signal(Signal::SIGTERM);
     rig.wait_for_end();
     let config = rig.folder.path().join("robot.toml");
-    let read = bench.succeeds(&format!("doctor drives dump --config {}", config.display()));
+    let read = bench.succeeds(&format!("doctor drives --config {}", config.display()));
     let read: Vec<DriveFingerprint> = serde_json::from_str(&read).unwrap();
     assert_eq!(read, drives);
     rig.config.control.model = Some(strange.to_string().into());
@@ -136,5 +136,5 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     let log = fs::read_to_string(rig.folder.path().join("records/runs.jsonl")).unwrap();
     let begin: Value = serde_json::from_str(log.lines().next().unwrap()).unwrap();
     assert_eq!(begin["drives"][0]["settings"]["0x3001:02"], limit);
-    assert_eq!(run(&domain, "doctor drives dump").code, Some(3));
+    assert_eq!(run(&domain, "doctor drives").code, Some(3));
 }

@@ -1,5 +1,4 @@
-//! `i2ris record replay`: runs the last seconds of a controller again, through the same cycle; and
-//! `i2ris record dump`, which saves them.
+//! `i2ris record replay`: runs the last seconds of a controller again, through the same cycle.
 
 use std::path::PathBuf;
 
@@ -9,35 +8,32 @@ use i2ris::process::black_box::{BlackBox, ReplayDifference, ReplayResult, replay
 use i2ris_report::{DomainOption, Failure, while_working};
 
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  i2ris record replay $(i2ris record dump)")]
+#[command(after_help = "Examples:
+  i2ris record replay                      save the last seconds, print the path, and replay them
+  i2ris record replay 20260131-120000-fault.box --events")]
 pub struct Arguments {
-    /// Black box: a file that i2ris-control writes on a fault, at its end, or for `i2ris record
-    /// dump`
-    file: PathBuf,
+    /// Black box: a file that i2ris-control wrote on a fault or at its end [default: the last
+    /// seconds of the running controller, which writes them first]
+    file: Option<PathBuf>,
     /// Also print every event
     #[arg(long)]
     events: bool,
-}
-
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  i2ris record replay $(i2ris record dump)")]
-pub struct DumpArguments {
     #[command(flatten)]
     domain: DomainOption,
 }
 
-pub fn dump(arguments: &DumpArguments) -> Result<(), Failure> {
-    let mut client =
-        Client::connect(&arguments.domain.domain()?, super::recording::CONNECT_TIMEOUT)?;
-    println!("{}", while_working("the controller writes", || client.write_black_box())?.display());
-    Ok(())
+/// Has the running controller write its black box, and prints the path.
+fn saved(domain: &DomainOption) -> Result<PathBuf, Failure> {
+    let mut client = Client::connect(&domain.domain()?, super::recording::CONNECT_TIMEOUT)?;
+    let file = while_working("the controller writes", || client.write_black_box())?;
+    println!("{}", file.display());
+    Ok(file)
 }
 
 /// Replays a black box. A tick with a different result is a failure.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let content = while_working("reading", || BlackBox::read(&arguments.file))?;
+    let file = arguments.file.clone().map_or_else(|| saved(&arguments.domain), Ok)?;
+    let content = while_working("reading", || BlackBox::read(&file))?;
     header(&content);
     if arguments.events {
         content.ticks.iter().for_each(|tick| events(&tick.outputs));

@@ -28,7 +28,7 @@ use i2ris_report::Failure;
   i2ris record export reach-study --output reach --pictures
   i2ris record recover killed.mcap --output whole.mcap
   i2ris record trial start --study reach-study --participant P07 --condition joystick
-  i2ris record replay $(i2ris record dump)
+  i2ris record replay                             save and replay the last seconds of the controller
 
 Ctrl-C ends a recording. The file opens in Lichtblick, Foxglove, PlotJuggler, rosbags and
 the Python package mcap: topics /measured_js, /setpoint_js and /goal_js as sensor_msgs/JointState,
@@ -54,9 +54,8 @@ enum Task {
     /// Run the trials of a study: start, mark, stop, list
     #[command(subcommand)]
     Trial(trial::Task),
-    /// Save the black box of the running controller: every tick of the last seconds
-    Dump(black_box::DumpArguments),
-    /// Replay a black box of a controller and compare bit for bit
+    /// Save the black box of the running controller (every tick of the last seconds), or take one
+    /// of an earlier controller; replay it and compare bit for bit
     Replay(black_box::Arguments),
 }
 
@@ -72,7 +71,6 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         Some(Task::Info(arguments)) => existing::info(&arguments),
         Some(Task::Report(arguments)) => report::run(&arguments),
         Some(Task::Trial(task)) => trial::run(task),
-        Some(Task::Dump(arguments)) => black_box::dump(&arguments),
         Some(Task::Replay(arguments)) => black_box::run(&arguments),
     }
 }
