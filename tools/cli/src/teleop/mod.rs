@@ -34,7 +34,7 @@ use crate::exit::name_holder;
 use options::{CameraOrientation, HandOptions};
 use pulse::Pulses;
 use source::{HandRequest, Source};
-use task::{HandTask, HoldStillOptions, PursuitOptions, ReachOptions, TaskOptions};
+use task::{HandTask, TaskOptions};
 
 use input_devices::profiles;
 
@@ -73,31 +73,20 @@ pub struct Arguments {
 #[derive(Debug, clap::Subcommand)]
 enum Other {
     /// Manual tasks: the monitor shows the target, `i2ris record report` scores a recording
-    #[command(subcommand)]
-    Task(Task),
+    Task(Steered),
     /// Inspect, record and play back input devices
     #[command(subcommand)]
     Input(input::Command),
 }
 
-#[derive(Debug, clap::Subcommand)]
+#[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris teleop task reach --targets 5
   i2ris teleop task pursuit --device /dev/input/event7
   i2ris teleop task hold-still --duration-s 20")]
-enum Task {
-    /// Move the snake to targets, one after the other, and hold it there, by keyboard or --device
-    Reach(Steered<ReachOptions>),
-    /// Track an unpredictable target
-    Pursuit(Steered<PursuitOptions>),
-    /// Hold the snake at a place
-    HoldStill(Steered<HoldStillOptions>),
-}
-
-#[derive(Debug, clap::Args)]
-struct Steered<T: clap::Args> {
+struct Steered {
     #[command(flatten)]
-    task: T,
+    task: TaskOptions,
     #[command(flatten)]
     hand: HandOptions,
 }
@@ -106,10 +95,9 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let (hand, task) = match arguments.other {
         None => (arguments.hand, None),
         Some(Other::Input(command)) => return input::run(&command),
-        Some(Other::Task(Task::Reach(it))) => (it.hand, Some(TaskOptions::Reach(it.task))),
-        Some(Other::Task(Task::Pursuit(it))) => (it.hand, Some(TaskOptions::Pursuit(it.task))),
-        Some(Other::Task(Task::HoldStill(it))) => (it.hand, Some(TaskOptions::HoldStill(it.task))),
+        Some(Other::Task(Steered { task, hand })) => (hand, Some(task)),
     };
+    task.iter().try_for_each(TaskOptions::check)?;
     let domain = hand.domain.domain()?;
     steer(&domain, &hand, task.as_ref()).map_err(|failure| name_holder(failure, &domain))
 }

@@ -68,7 +68,8 @@ fn targets_are_reached_with_keys_and_scored_by_report() {
     home_and_enable(&mut client, TIMEOUT).unwrap();
     let bench = WorkFolder::empty();
     let record = record(&bench, &domain);
-    let words = "teleop task reach --targets 2 --seed 3 --range-deg 2 --hold-s 0.5 --limit-s 100";
+    let words =
+        "teleop task reach --targets 2 --seed 3 --range-deg 2 --hold-s 0.5 --duration-s 100";
     let words: Vec<&str> = words.split(' ').collect();
     let mut terminal = Terminal::start(&domain, &words, 24, 80);
     terminal.wait_for("2 targets; close the clutch to begin");
@@ -124,4 +125,7 @@ fn a_task_without_a_terminal_and_without_targets_is_refused() {
     let controller = Controller::enabled();
     fails(&controller.domain, "teleop task reach", 1, &["needs a terminal"]);
     fails(&controller.domain, "teleop task reach --targets 0", 2, &["1..=1000"]);
+    for words in ["pursuit --targets 5", "hold-still --hold-s 1", "hold-still --seed 2"] {
+        fails(&controller.domain, &format!("teleop task {words}"), 2, &["--"]);
+    }
 }

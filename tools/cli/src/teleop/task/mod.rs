@@ -13,6 +13,7 @@ use i2ris::ipc::client::{Announcer, Client, Latest};
 use i2ris::ipc::payload::{ExternalPosition, JointState, ReachTarget};
 use i2ris::units::Nanos;
 use i2ris_report::Failure;
+use i2ris_report::exit::Coded;
 
 use crate::command::trajectory::Angles;
 use crate::numbers::{finite, pair, positive};
@@ -47,68 +48,86 @@ trait Course {
     fn summary(&self) -> String;
 }
 
-#[derive(Debug, Clone)]
-pub enum TaskOptions {
-    Reach(ReachOptions),
-    Pursuit(PursuitOptions),
-    HoldStill(HoldStillOptions),
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum Task {
+    /// Move the snake to targets, one after the other, and hold it there
+    Reach,
+    /// Track an unpredictable target
+    Pursuit,
+    /// Hold the snake at a place
+    HoldStill,
 }
 
 #[derive(Debug, Clone, clap::Args)]
-pub struct ReachOptions {
-    /// Number of targets
-    #[arg(long, default_value_t = 10, value_name = "N",
-          value_parser = clap::value_parser!(u32).range(1..=1000))]
-    targets: u32,
-    /// Random seed: the same number gives the same targets
-    #[arg(long, default_value_t = 1, value_name = "NUMBER")]
-    seed: u64,
-    #[command(flatten)]
-    area: AreaOptions,
-    /// Time for which a target must be held
-    #[arg(long, default_value_t = 1.0, value_name = "S", value_parser = positive)]
-    hold_s: f64,
-    /// Distance within which a target is reached
-    #[arg(long, default_value_t = 0.15, value_name = "DEG", value_parser = positive)]
-    tolerance_deg: f64,
-    /// Time limit: a target not held by then is missed, and the next one is shown
-    #[arg(long, default_value_t = 30.0, value_name = "S", value_parser = positive)]
-    limit_s: f64,
-}
-
-#[derive(Debug, Clone, clap::Args)]
-pub struct PursuitOptions {
-    /// Duration of the target motion
-    #[arg(long, default_value_t = 30.0, value_name = "S", value_parser = positive)]
-    duration_s: f64,
-    /// Random seed: the same number gives the same curve
-    #[arg(long, default_value_t = 1, value_name = "NUMBER")]
-    seed: u64,
-    #[command(flatten)]
-    area: AreaOptions,
-}
-
-/// Area of the targets.
-#[derive(Debug, Clone, clap::Args)]
-struct AreaOptions {
-    /// Centre of the area
+pub struct TaskOptions {
+    /// The task, by keyboard or --device
+    #[arg(value_enum)]
+    task: Task,
+    /// Duration; of `reach`: time limit of a target, which is missed if it is not held by then
+    /// [default: 30, or 20 for `hold-still`]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    duration_s: Option<f64>,
+    /// Centre of the area, or pose to hold
     #[arg(long, num_args = 2, value_names = ["PITCH_DEG", "YAW_DEG"], default_values_t = [0.0, 0.0],
           value_parser = finite, allow_negative_numbers = true)]
     centre_deg: Vec<f64>,
-    /// Largest distance of a target from the centre
-    #[arg(long, default_value_t = 8.0, value_name = "DEG", value_parser = positive)]
-    range_deg: f64,
+    /// Largest distance of a target from the centre; not for `hold-still` [default: 8]
+    #[arg(long, value_name = "DEG", value_parser = positive)]
+    range_deg: Option<f64>,
+    /// Random seed: the same number gives the same targets, or the same curve; not for `hold-still`
+    /// [default: 1]
+    #[arg(long, value_name = "NUMBER")]
+    seed: Option<u64>,
+    /// Number of targets, only of `reach` [default: 10]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    targets: Option<u32>,
+    /// Time for which a target must be held, only of `reach` [default: 1]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    hold_s: Option<f64>,
+    /// Distance within which a target is reached, only of `reach` [default: 0.15]
+    #[arg(long, value_name = "DEG", value_parser = positive)]
+    tolerance_deg: Option<f64>,
 }
 
-#[derive(Debug, Clone, clap::Args)]
-pub struct HoldStillOptions {
-    /// Duration
-    #[arg(long, default_value_t = 20.0, value_name = "S", value_parser = positive)]
-    duration_s: f64,
-    /// Pose to hold
-    #[arg(long, num_args = 2, value_names = ["PITCH_DEG", "YAW_DEG"], default_values_t = [0.0, 0.0],
-          value_parser = finite, allow_negative_numbers = true)]
-    centre_deg: Vec<f64>,
+impl TaskOptions {
+    /// Refuses options that the task does not have.
+    pub fn check(&self) -> Result<(), Failure> {
+        let of_reach =
+            self.targets.is_some() || self.hold_s.is_some() || self.tolerance_deg.is_some();
+        let of_area = self.range_deg.is_some() || self.seed.is_some();
+        let sentence = match self.task {
+            Task::HoldStill if of_reach || of_area => {
+                "`hold-still` has a single target at rest: only --duration-s and --centre-deg apply"
+            }
+            Task::Pursuit if of_reach => {
+                "--targets, --hold-s and --tolerance-deg are for the task `reach`"
+            }
+            _ => return Ok(()),
+        };
+        Err(Coded { code: 2, sentence: sentence.to_owned() }.into())
+    }
+
+    fn course(&self) -> (Box<dyn Course>, Nanos) {
+        let Self { task, range_deg, seed, targets, hold_s, tolerance_deg, .. } = *self;
+        let (centre, range_deg) = (pair(&self.centre_deg), range_deg.unwrap_or(8.0));
+        let usual_s = if task == Task::HoldStill { 20.0 } else { 30.0 };
+        let (duration, seed) = (seconds(self.duration_s.unwrap_or(usual_s)), seed.unwrap_or(1));
+        let curve = match task {
+            Task::Reach => {
+                let settings = Settings {
+                    tolerance_deg: tolerance_deg.unwrap_or(0.15),
+                    hold: seconds(hold_s.unwrap_or(1.0)),
+                    limit: duration,
+                };
+                let (number, disc) = (targets.unwrap_or(10), Disc { centre, range_deg });
+                let targets = seeded_targets(number as usize, seed, disc);
+                return (Box::new(Reach::new(targets, settings)), PUBLISH_PERIOD);
+            }
+            Task::Pursuit => Curve::seeded(centre, range_deg, seed),
+            Task::HoldStill => Curve::at_rest(centre),
+        };
+        (Box::new(Follow::new(curve, duration)), MOVING_PERIOD)
+    }
 }
 
 pub struct HandTask {
@@ -124,28 +143,7 @@ pub struct HandTask {
 impl HandTask {
     /// Creates a task, which begins when the clutch first closes.
     pub fn new(options: &TaskOptions, client: &Client) -> Self {
-        let (course, period): (Box<dyn Course>, _) = match options {
-            TaskOptions::Reach(options) => {
-                let area = &options.area;
-                let disc = Disc { centre: pair(&area.centre_deg), range_deg: area.range_deg };
-                let settings = Settings {
-                    tolerance_deg: options.tolerance_deg,
-                    hold: seconds(options.hold_s),
-                    limit: seconds(options.limit_s),
-                };
-                let targets = seeded_targets(options.targets as usize, options.seed, disc);
-                (Box::new(Reach::new(targets, settings)), PUBLISH_PERIOD)
-            }
-            TaskOptions::Pursuit(options) => {
-                let area = &options.area;
-                let curve = Curve::seeded(pair(&area.centre_deg), area.range_deg, options.seed);
-                (Box::new(Follow::new(curve, seconds(options.duration_s))), MOVING_PERIOD)
-            }
-            TaskOptions::HoldStill(options) => {
-                let curve = Curve::at_rest(pair(&options.centre_deg));
-                (Box::new(Follow::new(curve, seconds(options.duration_s))), MOVING_PERIOD)
-            }
-        };
+        let (course, period) = options.course();
         Self {
             course,
             period,
