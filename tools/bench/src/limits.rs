@@ -46,7 +46,7 @@ pub struct Arguments {
     snake: Vec<SnakeSource>,
     /// Store the fitted models in this folder, which is created, and reuse those that it contains
     #[arg(long, value_name = "DIR")]
-    models: Option<PathBuf>,
+    folder: Option<PathBuf>,
     /// Also run this many moves to random poses, and as many conditioning cycles
     #[arg(long, value_name = "N", default_value_t = 0)]
     moves: u32,
@@ -69,12 +69,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         "snake, motion, deg/s               model              tip            at most          \
          rest s"
     );
-    let Arguments { snake, models, moves } = arguments;
-    let folder = tempfile::tempdir()?;
-    let models = models.as_deref().unwrap_or(folder.path());
+    let Arguments { snake, folder, moves } = arguments;
+    let own = tempfile::tempdir()?;
+    let models = folder.as_deref().unwrap_or(own.path());
     fs::create_dir_all(models)?;
     let lines =
-        parallel::map(snake.len(), |index| judge(&snake[index], folder.path(), models, *moves));
+        parallel::map(snake.len(), |index| judge(&snake[index], own.path(), models, *moves));
     for line in lines {
         print!("{}", line?);
     }

@@ -36,14 +36,14 @@ use subject::{CAMERAS, Judgement, MINUTES, Minutes};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris bench models --family force-balance --draws 1
-  i2ris bench models --family force-balance --physics gear,wire
+  i2ris bench models --family force-balance --snake gear,wire
 
 Nothing moves and no process starts: drives and snakes are simulated. A snake takes a minute of
 computing. Families against each other, and models by others: python -m i2ris.benchmark_table.")]
 pub struct Arguments {
     /// Physics of the snakes [default: all of them]
-    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
-    physics: Vec<Physics>,
+    #[arg(long, value_name = "PHYSICS,..", value_delimiter = ',')]
+    snake: Vec<Physics>,
     /// Snakes of each physics
     #[arg(long, value_name = "N", default_value_t = 5,
           value_parser = clap::value_parser!(u64).range(1..=1000))]
@@ -61,7 +61,7 @@ pub struct Arguments {
 
 impl Arguments {
     fn snakes(&self) -> Vec<DrawnSnake> {
-        let physics = if self.physics.is_empty() { Physics::ALL } else { &self.physics };
+        let physics = if self.snake.is_empty() { Physics::ALL } else { &self.snake };
         let seeds = self.seed..self.seed + self.draws;
         let drawn = |physics: &Physics| {
             let physics = *physics;

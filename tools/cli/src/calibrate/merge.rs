@@ -12,7 +12,7 @@ use i2ris_report::{Failure, bail};
 use super::collect::GAP_NS;
 use super::files::PathColumns;
 use crate::csv_table;
-use crate::numbers::within;
+use crate::numbers::finite;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
@@ -33,16 +33,12 @@ pub struct Arguments {
     /// Overwrite that file if it exists
     #[arg(long)]
     overwrite: bool,
-    /// Add this to the stamps of the angles
-    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true,
-          value_parser = shift)]
-    shift_s: f64,
+    /// Subtract this delay from the stamps of the angles
+    #[arg(long, value_name = "MS", default_value_t = 0.0, allow_negative_numbers = true,
+          value_parser = finite)]
+    latency_ms: f64,
     #[command(flatten)]
     columns: PathColumns,
-}
-
-fn shift(text: &str) -> Result<f64, String> {
-    within(f64::MIN..=f64::MAX, "must be a number of seconds", text)
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -52,14 +48,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         csv_table::read(&arguments.recording, &columns, &Wanted::path())?;
     let wanted = Wanted { rising: false, ..Wanted::trajectory(&pitch_and_yaw()) };
     let seen = csv_table::read(&arguments.angles, &ColumnMap::default(), &wanted)?.rows;
-    let merged = merge(&path, &seen, arguments.shift_s);
+    let merged = merge(&path, &seen, arguments.latency_ms * 1e-3);
     if merged.pictures == 0 {
         let [from, to] = [path.first(), path.last()].map(|row| row.map_or(0.0, time_s));
         let [first, last] = [seen.first(), seen.last()].map(|row| row.map_or(0.0, time_s));
         let (recording, angles) = (arguments.recording.display(), arguments.angles.display());
         bail!(
             "no image of {angles} ({first} to {last} s) lies within {recording} ({from} to {to} \
-             s): check that clocks and units agree; see --shift-s and --time"
+             s): check that clocks and units agree; see --latency-ms and --time"
         );
     }
     let mut writer = RecordingWriter::new(Vec::new(), true, motors, &pitch_and_yaw())?;
@@ -90,7 +86,7 @@ struct Merged {
     twice: usize,
 }
 
-fn merge(path: &[Row], seen: &[Row], shift_s: f64) -> Merged {
+fn merge(path: &[Row], seen: &[Row], latency_s: f64) -> Merged {
     let start_s = path.first().map_or(0.0, time_s);
     let ns = |row: &Row| ((time_s(row) - start_s) * 1e9).round() as i64;
     let mut counts = TimeSeries::<2>::default();
@@ -98,7 +94,7 @@ fn merge(path: &[Row], seen: &[Row], shift_s: f64) -> Merged {
     let unmeasured = |row: &Row| Row { outputs: [f64::NAN; MAX_OUTPUTS], ..*row };
     let mut rows: Vec<Row> = path.iter().map(unmeasured).collect();
     for picture in seen {
-        let picture = Row { time_s: Some(time_s(picture) + shift_s), ..*picture };
+        let picture = Row { time_s: Some(time_s(picture) - latency_s), ..*picture };
         let at = u64::try_from(ns(&picture)).ok();
         if let Some(counts) = at.and_then(|at| counts.value_at(at, GAP_NS)) {
             rows.push(Row { counts, ..picture });
@@ -125,7 +121,7 @@ mod tests {
         let path: Vec<Row> = (0..100).map(|k| row(time(k))).collect();
         let seen = [(-5.0, 0.0), (0.005, 1.0), (0.1, 2.0), (0.55, 3.0), (0.905, 4.0), (9.0, 5.0)];
         let seen = seen.map(|(at, deg)| Row::new(Some(at), [0.0; 2], [deg, -deg, 0.0]));
-        let Merged { rows, pictures, outside, twice } = merge(&path, &seen, 0.01);
+        let Merged { rows, pictures, outside, twice } = merge(&path, &seen, -0.01);
         assert_eq!((pictures, outside, twice), (3, 3, 0), "before, in the hole, after the end");
         assert_eq!(rows.len(), 100 + 2, "one falls on a position");
         let samples: Vec<&Row> = rows.iter().filter(|row| row.outputs[0].is_finite()).collect();
