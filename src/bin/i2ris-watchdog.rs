@@ -33,7 +33,7 @@ Options:
 It keeps every port open that the controller uses. While it runs, the controller refuses to enable
 if it lacks a port, or if its configuration has different ports or axes. SIGINT and SIGTERM end it
 without stopping the drives. It cannot act when the host loses power or hangs as a whole, or when a
-cable is pulled: then its pulse ends ([watchdog] pulse of the configuration) and a relay on the
+cable is pulled: then its pulse ends ([watchdog] of the configuration) and a relay on the
 safe-torque-off inputs of the drives opens. On a terminal it ends after 10 s without any port; as a
 service it waits.
 

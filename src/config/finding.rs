@@ -39,6 +39,14 @@ impl Findings {
     }
 }
 
+/// Keys of earlier versions, with what to do.
+const REMOVED: [(&str, &str); 4] = [
+    ("first_step_counts", "it follows from `first_step_deg` and `max_step_counts`: delete it"),
+    ("camera_deviation_deg", "the scatter of the frames decides: delete it"),
+    ("other_drive", "delete it; `i2ris model use FILE --other-drive` permits such a model"),
+    ("pulse", "its keys are those of `[watchdog]` itself now: `device` and `line`"),
+];
+
 /// A sentence about the unknown key or value in a message of the parser; empty if there is nothing
 /// to say. The parser names the unknown word first and then the known ones, each in back-quotes.
 pub(super) fn hint(message: &str) -> String {
@@ -50,6 +58,9 @@ pub(super) fn hint(message: &str) -> String {
     let Some(unknown) = quoted.next() else {
         return String::new();
     };
+    if let Some((_, what)) = REMOVED.iter().find(|(key, _)| *key == unknown) {
+        return format!("`{unknown}` was removed: {what}\n");
+    }
     let nearest = quoted.map(|word| (strsim::levenshtein(unknown, word), word)).min();
     match nearest {
         Some((distance, word)) if distance <= unknown.len().max(word.len()) / 2 => {
@@ -61,6 +72,7 @@ pub(super) fn hint(message: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Config;
     use super::*;
 
     #[test]
@@ -71,6 +83,20 @@ mod tests {
         assert_eq!(hint("unknown field `velocity`, expected `robot_id`"), "");
         assert_eq!(hint("invalid type: string \"x\", expected u32"), "");
         assert_eq!(hint("unknown field"), "");
+    }
+
+    #[test]
+    fn a_removed_key_says_what_to_do() {
+        for (table, key) in [
+            ("command", "first_step_counts = 25"),
+            ("adaptation", "camera_deviation_deg = 0.1"),
+            ("control", "other_drive = true"),
+            ("watchdog", "pulse = { device = \"/dev/ttyUSB0\" }"),
+        ] {
+            let text = format!("robot_id = \"r\"\nports = []\n[{table}]\n{key}");
+            let error = Config::parse(&text, "robot.toml".as_ref()).unwrap_err().to_string();
+            assert!(error.contains("` was removed: "), "{error}");
+        }
     }
 
     proptest::proptest! {

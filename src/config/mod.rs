@@ -41,7 +41,7 @@ pub(crate) use line_timing::{CURRENT_BOUND_TURNS, POSITION_BOUND_TURNS, STATUS_B
 pub use ports::{AxisConfig, Family, HomingMethod, PortConfig, Streaming};
 pub use sections::{
     AdaptationConfig, CommandConfig, CompensationConfig, ControlConfig, JointLimitConfig,
-    LimitConfig, ModemLine, PulseConfig, WatchdogConfig,
+    LimitConfig, ModemLine, WatchdogConfig,
 };
 pub use virtual_fixtures::{FixtureRegionConfig, FixtureShape, MAX_CORNERS, MAX_REGIONS};
 
@@ -82,9 +82,11 @@ pub struct Config {
     /// Calibration drift, followed by the camera.
     #[serde(default)]
     pub adaptation: AdaptationConfig,
-    /// Stop of the drives when the controller cannot stop them.
-    #[serde(default)]
-    pub watchdog: WatchdogConfig,
+    /// A modem line of a serial adapter that changes 50 times a second while loop and lines are
+    /// healthy, for a relay on the STO inputs of the drives. Absent: if the computer dies, every
+    /// axis holds its last setpoint; a warning is logged at every start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub watchdog: Option<WatchdogConfig>,
     /// The serial ports, each with its axes.
     pub ports: Vec<PortConfig>,
 }
@@ -143,9 +145,9 @@ impl Config {
     /// the drives then.
     pub fn host_failure_warning(&self) -> Option<String> {
         let motors: Vec<String> = self.axes().map(|axis| axis.motor.to_string()).collect();
-        self.watchdog.pulse.is_none().then(|| {
+        self.watchdog.is_none().then(|| {
             format!(
-                "no [watchdog] pulse: if this computer dies, the axes of motors {} hold their last \
+                "no [watchdog] line: if this computer dies, the axes of motors {} hold their last \
                  setpoint, with power",
                 motors.join(", ")
             )

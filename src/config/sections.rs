@@ -25,14 +25,11 @@ pub struct ControlConfig {
     /// The model file, relative to the folder of this file. Absent: motors move by counts only,
     /// which is what calibration needs.
     pub model: Option<PathBuf>,
-    /// Start also with a model that was calibrated with other settings of the drives: gear,
-    /// encoder, motor, gains.
-    pub other_drive: bool,
 }
 
 impl Default for ControlConfig {
     fn default() -> Self {
-        Self { rate_hz: 1000, priority: 80, cpu: None, model: None, other_drive: false }
+        Self { rate_hz: 1000, priority: 80, cpu: None, model: None }
     }
 }
 
@@ -59,10 +56,8 @@ pub struct CommandConfig {
     pub max_step_counts: i32,
     /// The largest difference between the first command of a stream and the present pose, in
     /// degrees: also after a pause, a stop and a fault. A hand that is further away must open the
-    /// clutch or come back.
+    /// clutch or come back. For commands in counts it is the same share of the largest step.
     pub first_step_deg: f64,
-    /// The same for commands in counts.
-    pub first_step_counts: i32,
     /// Motion of the snake per motion of the master. With a value other than 1, a stream
     /// of commands is relative to its first one, as after the clutch; see `i2ris::core`.
     pub motion_scale: f64,
@@ -72,6 +67,12 @@ pub struct CommandConfig {
 }
 
 impl CommandConfig {
+    /// The largest first step of commands in counts.
+    pub(crate) fn first_step_counts(&self) -> f64 {
+        let counts = f64::from(self.max_step_counts);
+        (counts * self.first_step_deg / self.max_step_deg).min(counts)
+    }
+
     /// The delay of slow motion by the tremor filter, s; `None`: it is off.
     pub fn tremor_filter_delay_s(&self) -> Option<f64> {
         let cut_off_hz = self.tremor_filter_hz;
@@ -87,7 +88,6 @@ impl Default for CommandConfig {
             max_step_deg: 1.0,
             max_step_counts: 50,
             first_step_deg: 0.5,
-            first_step_counts: 25,
             motion_scale: 1.0,
             tremor_filter_hz: 0.0,
         }
@@ -247,39 +247,20 @@ impl JointLimitConfig {
 
 /// Adaptation to drift: correction of an ageing calibration by `external/measured_jp` of a camera;
 /// see the chapter on adaptation in the manual.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct AdaptationConfig {
     /// Follow the drift of the calibration by the camera.
     pub enabled: bool,
-    /// Standard deviation of the camera's angles, in degrees.
-    pub camera_deviation_deg: f64,
 }
 
-impl Default for AdaptationConfig {
-    fn default() -> Self {
-        Self { enabled: false, camera_deviation_deg: 0.07 }
-    }
-}
-
-/// The watchdog.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields, default)]
-pub struct WatchdogConfig {
-    /// A modem line of a serial adapter that changes 50 times a second while loop and lines are
-    /// healthy, for a relay on the STO inputs of the drives. Absent: if the computer dies, every
-    /// axis holds its last setpoint; a warning is logged at every start.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pulse: Option<PulseConfig>,
-}
-
-/// The pulse of the watchdog.
+/// The pulse of the watchdog: a modem line of a serial adapter that changes 50 times a second while
+/// loop and lines are healthy, for a relay on the STO inputs of the drives.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub struct PulseConfig {
+pub struct WatchdogConfig {
     /// The device file of the adapter; no drive is connected to it.
     pub device: PathBuf,
     /// Which line changes.

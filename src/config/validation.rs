@@ -75,10 +75,10 @@ fn check_paths(config: &Config, findings: &mut Findings) {
 }
 
 fn check_watchdog(config: &Config, findings: &mut Findings) {
-    if let Some(pulse) = &config.watchdog.pulse {
+    if let Some(pulse) = &config.watchdog {
         let is_free = config.ports.iter().all(|port| port.device != pulse.device);
         let why = "is the port of a drive: the pulse needs an adapter of its own";
-        findings.require(is_free, "watchdog.pulse.device", pulse.device.display(), why);
+        findings.require(is_free, "watchdog.device", pulse.device.display(), why);
     }
 }
 

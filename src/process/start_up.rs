@@ -36,7 +36,10 @@ pub enum StartModelError {
         /// Why this robot may not use it.
         source: ModelError,
     },
-    #[error("model file {path} {differences}; or set `control.other_drive = true`")]
+    #[error(
+        "model file {path} {differences}; or start without `control.model`, then `i2ris model use \
+         {path} --other-drive`"
+    )]
     OtherDrive { path: PathBuf, differences: String },
 }
 
@@ -77,11 +80,7 @@ pub(crate) fn check_start_drives(
     model: Option<&Model>,
     drives: &[DriveFingerprint],
 ) -> Result<(), StartModelError> {
-    let (Some(model), Some(path), false) =
-        (model, &config.control.model, config.control.other_drive)
-    else {
-        return Ok(());
-    };
+    let (Some(model), Some(path)) = (model, &config.control.model) else { return Ok(()) };
     check_drives(model, drives)
         .map_err(|differences| StartModelError::OtherDrive { path: path.clone(), differences })
 }

@@ -46,7 +46,7 @@ impl fmt::Display for WatchdogEvent {
             Self::Monitoring => f.write_str("watching the controller"),
             Self::Pulse(None) => f.write_str("the pulse adapter works again"),
             Self::Pulse(Some(why)) => {
-                write!(f, "no pulse: {why}; see [watchdog] pulse; retrying every 200 ms")
+                write!(f, "no pulse: {why}; see [watchdog]; retrying every 200 ms")
             }
             Self::ControllerEnded => f.write_str("the controller ended with its drives off"),
             Self::ControllerLost(status, age) => {

@@ -99,7 +99,7 @@ pub fn run(watched: Watched<'_>, stop: &AtomicBool, report: &mut dyn FnMut(Watch
     };
     let (mut next_open, mut was_complete) = (Nanos::ZERO, false);
     let mut unstopped = PendingStops::default();
-    let pulse = config.watchdog.pulse.as_ref().map(|pulse| Pulse::start(pulse, silence));
+    let pulse = config.watchdog.as_ref().map(|pulse| Pulse::start(pulse, silence));
     let mut pulse = pulse.and_then(|pulse| {
         pulse.map_err(|error| report(WatchdogEvent::Pulse(Some(error.to_string())))).ok()
     });

@@ -23,7 +23,7 @@ use nix::errno::Errno;
 use nix::libc;
 
 use crate::clock;
-use crate::config::{ModemLine, PulseConfig};
+use crate::config::{ModemLine, WatchdogConfig};
 use crate::ipc::heartbeat::Heartbeat;
 use crate::units::Nanos;
 
@@ -127,7 +127,7 @@ struct Shared {
 
 impl Pulse {
     /// Starts the thread, which ends with the process.
-    pub(super) fn start(config: &PulseConfig, silence: Nanos) -> io::Result<Self> {
+    pub(super) fn start(config: &WatchdogConfig, silence: Nanos) -> io::Result<Self> {
         let shared = Arc::new(Shared::default());
         let (theirs, config) = (Arc::clone(&shared), config.clone());
         thread::Builder::new().spawn(move || run(&config, &theirs))?;
@@ -149,7 +149,7 @@ impl Pulse {
     }
 }
 
-fn run(config: &PulseConfig, shared: &Shared) {
+fn run(config: &WatchdogConfig, shared: &Shared) {
     let mut is_on = false;
     let mut opened: Option<PulseLine> = None;
     loop {

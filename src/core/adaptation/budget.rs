@@ -150,7 +150,7 @@ mod tests {
         SlowError { direction: [0.6, 0.8], deviation: 1e-3, time_constant_s: 10.0, fast: 1e-3 };
 
     fn settings(total_budget: f64) -> Settings {
-        let settings = Settings::new(0.07, 0.0, crate::units::Nanos::from_millis(1));
+        let settings = Settings::new(0.0, crate::units::Nanos::from_millis(1));
         let (gain_budget, gap_budget, latency_budget_s) = (0.2, 0.4, 0.03);
         let zero_budget = 0.1;
         Settings {

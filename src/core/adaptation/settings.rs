@@ -29,6 +29,8 @@ const SLEW_DEG_S: f64 = 1.0;
 /// The largest step of the zero that is taken to be a slip. A larger one is taken to be a push from
 /// outside and not followed.
 const LARGEST_STEP_DEG: f64 = 1.5;
+/// Standard deviation of the best camera's angles; frames that scatter more count less.
+const CAMERA_DEVIATION_DEG: f64 = 0.07;
 /// Frames with a quality below this are not used. Cameras that give none are used.
 const MIN_QUALITY: f64 = 0.3;
 
@@ -56,7 +58,7 @@ pub(in crate::core) struct Settings {
 
 impl Settings {
     /// `plausibility_deg`: 0 if camera and model are not compared.
-    pub(super) fn new(camera_deviation_deg: f64, plausibility_deg: f64, tick: Nanos) -> Self {
+    pub(super) fn new(plausibility_deg: f64, tick: Nanos) -> Self {
         let plausible = match plausibility_deg {
             0.0 => f64::INFINITY,
             distance => SHARE_OF_PLAUSIBILITY * distance,
@@ -70,7 +72,7 @@ impl Settings {
             latency_budget_s: LATENCY_BUDGET_S,
             total_budget: TOTAL_BUDGET_DEG.min(plausible).to_radians(),
             slew: SLEW_DEG_S.to_radians(),
-            camera: camera_deviation_deg.to_radians(),
+            camera: CAMERA_DEVIATION_DEG.to_radians(),
             largest_step: LARGEST_STEP_DEG.to_radians(),
             least_quality: MIN_QUALITY,
             tick_s: tick.as_seconds(),

@@ -88,9 +88,7 @@ impl AdaptationState {
 impl Adaptation {
     /// `None` if it is switched off.
     pub(crate) fn new(config: &Config) -> Option<Self> {
-        let deviation_deg = config.adaptation.camera_deviation_deg;
-        let plausibility_deg = config.limits.plausibility_deg;
-        let settings = Settings::new(deviation_deg, plausibility_deg, config.control.period());
+        let settings = Settings::new(config.limits.plausibility_deg, config.control.period());
         config.adaptation.enabled.then(|| Self { settings, state: AdaptationState::default() })
     }
 

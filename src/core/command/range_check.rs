@@ -55,7 +55,7 @@ impl RangeCheck {
             },
             first: LargestStep {
                 joint: config.first_step_deg.min(config.max_step_deg).to_radians(),
-                actuator: f64::from(config.first_step_counts.min(config.max_step_counts)),
+                actuator: config.first_step_counts(),
             },
         }
     }

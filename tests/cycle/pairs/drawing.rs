@@ -35,7 +35,7 @@ pub fn configuration(
 ) -> Config {
     let mut text = String::new();
     if random.one_in(2) {
-        text += "[adaptation]\nenabled = true\ncamera_deviation_deg = 0.3\n";
+        text += "[adaptation]\nenabled = true\n";
     }
     if !is_shipped {
         text += &tables(random, limits);

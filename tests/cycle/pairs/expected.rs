@@ -1,9 +1,15 @@
 //! The expected goal: as sent by the followed client, scaled, and between commands extrapolated,
 //! filtered and led as configured. With formulae of its own.
 
+use i2ris::config::CommandConfig;
 use i2ris::core::CycleReport;
 
 use super::*;
+
+/// Largest distance in counts at which a stream may begin.
+pub fn first_step_counts(command: &CommandConfig) -> f64 {
+    f64::from(command.max_step_counts) * command.first_step_deg / command.max_step_deg
+}
 
 pub type Angles = [f64; 2];
 
@@ -88,8 +94,8 @@ impl Expected {
         let command = &config.command;
         // A tip position is compared in counts.
         let steps = match wire {
-            Wire::Place => [command.first_step_counts, command.max_step_counts]
-                .map(|counts| 2.0 * GAIN_DEG * LARGEST_GAIN * f64::from(counts)),
+            Wire::Place => [first_step_counts(command), f64::from(command.max_step_counts)]
+                .map(|counts| 2.0 * GAIN_DEG * LARGEST_GAIN * counts),
             _ => [command.first_step_deg, command.max_step_deg],
         };
         let delay_s = command.tremor_filter_delay_s().unwrap_or(0.0);

@@ -151,7 +151,7 @@ impl Situation {
                 };
                 let step = (angle.to_degrees() * COUNTS_PER_DEG - f64::from(before)).abs();
                 let is_first = followed == Nanos::ZERO;
-                let first = f64::from(config.command.first_step_counts) + 1.0;
+                let first = first_step_counts(&config.command) + 1.0;
                 assert!(!is_first || step <= first, "the jaw begins {step} counts away");
                 let deadline = Nanos::from_millis(config.command.deadline_ms);
                 if let Some(jaw) = &mut self.jaw {

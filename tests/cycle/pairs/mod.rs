@@ -21,7 +21,7 @@ use std::collections::VecDeque;
 use i2ris::units::OutputVec;
 
 use drawing::{braking, configuration, limits};
-use expected::{Angles, Expected, What};
+use expected::{Angles, Expected, What, first_step_counts};
 use jaw::Jaw;
 use oracle::{LARGEST_GAIN, Limits, Oracle, SLANTED, SQUARE, Stop, adapted};
 use routes::{distance, plus};

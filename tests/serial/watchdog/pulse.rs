@@ -4,7 +4,7 @@
 //!
 //! Times: `cargo test --test real_time -- --ignored --nocapture pulse_latency`.
 
-use i2ris::config::{ModemLine, PulseConfig};
+use i2ris::config::{ModemLine, WatchdogConfig};
 use i2ris_testing::program::c_library;
 use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
 
@@ -24,7 +24,7 @@ impl PulsedRig {
         grantpt(&adapter).unwrap();
         unlockpt(&adapter).unwrap();
         let device = ptsname_r(&adapter).unwrap().into();
-        rig.config.watchdog.pulse = Some(PulseConfig { device, line: ModemLine::Rts });
+        rig.config.watchdog = Some(WatchdogConfig { device, line: ModemLine::Rts });
         let edges = rig.folder.path().join("edges");
         let library = c_library(rig.folder.path(), include_str!("modem_lines.c"));
         // For the watchdog alone.

@@ -398,7 +398,6 @@ pub fn without_limits(config: &Config) -> Config {
     config.command.max_step_deg = NO_LIMIT;
     config.command.max_step_counts = i32::MAX;
     config.command.first_step_deg = NO_LIMIT;
-    config.command.first_step_counts = i32::MAX;
     for axis in config.ports.iter_mut().flat_map(|port| &mut port.axes) {
         (axis.position_min_counts, axis.position_max_counts) =
             (Counts(-NO_POSITION_LIMIT), Counts(NO_POSITION_LIMIT));

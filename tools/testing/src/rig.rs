@@ -110,7 +110,6 @@ impl Rig {
         config.command.deadline_ms = 200;
         // Tests need not approach the first goal of every stream.
         config.command.first_step_deg = config.command.max_step_deg;
-        config.command.first_step_counts = config.command.max_step_counts;
         config.command.lease_timeout_ms = 1000;
         Self {
             emulator,

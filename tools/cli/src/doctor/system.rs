@@ -59,7 +59,7 @@ fn check_records(folder: &Path, report: &mut Report) {
 
 /// Switches the line once, which does not close a relay that needs a pulse.
 fn check_pulse(config: &Config, report: &mut Report) {
-    let Some(pulse) = &config.watchdog.pulse else {
+    let Some(pulse) = &config.watchdog else {
         let found = config.host_failure_warning().unwrap_or_default();
         let fix = "see the manual: Stops and faults, When the computer dies";
         return report.warn("pulse", found, fix);
@@ -80,7 +80,7 @@ fn check_pulse(config: &Config, report: &mut Report) {
         Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {
             return report.pass("pulse", "the adapter is used by a watchdog");
         }
-        Err(error) => (error.to_string(), "plug in the adapter, or correct [watchdog] pulse"),
+        Err(error) => (error.to_string(), "plug in the adapter, or correct [watchdog]"),
     };
     report.fail("pulse", format!("{}: {found}", pulse.device.display()), fix);
 }

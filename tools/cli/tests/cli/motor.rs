@@ -9,7 +9,8 @@ use i2ris_testing::{Rig, Terminal, wait_until};
 fn robot() -> Rig {
     let mut rig = Rig::start();
     expect_stalls(&mut rig);
-    rig.config.command.first_step_counts = 25;
+    // 25 counts.
+    rig.config.command.first_step_deg = 0.1 * rig.config.command.max_step_deg;
     rig.camera_is_shut.store(true, Ordering::Relaxed);
     rig.start_controller_thread();
     rig.client();

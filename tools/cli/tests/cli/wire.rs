@@ -132,7 +132,7 @@ fn drive_settings_are_dumped_compared_and_stored_in_models() {
     rig.config.control.model = Some(strange.to_string().into());
     let mut child = rig.spawn_controller("strange");
     assert_eq!(i2ris_testing::wait_for_end(&mut child).code(), Some(1));
-    assert_says(&rig.log_text("strange"), &[&named, "control.other_drive"]);
+    assert_says(&rig.log_text("strange"), &[&named, "--other-drive"]);
     let log = fs::read_to_string(rig.folder.path().join("records/runs.jsonl")).unwrap();
     let begin: Value = serde_json::from_str(log.lines().next().unwrap()).unwrap();
     assert_eq!(begin["drives"][0]["settings"]["0x3001:02"], limit);

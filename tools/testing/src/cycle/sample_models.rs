@@ -47,7 +47,6 @@ pub const ROBOT: &str = r#"
 pub fn config(tables: &str) -> Config {
     let mut config = strict_config(tables);
     config.command.first_step_deg = config.command.max_step_deg;
-    config.command.first_step_counts = config.command.max_step_counts;
     config
 }
 
