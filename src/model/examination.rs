@@ -15,7 +15,7 @@ use crate::model::error::ModelError;
 use crate::model::estimate::Query;
 use crate::model::examination_path::ExaminationPath;
 use crate::model::families::memory::Memory;
-use crate::model::families::runtime::{Reach, Runtime};
+use crate::model::families::runtime::{Reach, Runtime, Search};
 use crate::model::file::ModelFile;
 use crate::units::{MotorVec, OutputVec};
 
@@ -163,8 +163,8 @@ impl<'a> Subject<'a> {
         let (mut squares, mut travel) = (0.0, 0.0);
         for goal in goals {
             let query = Query { correction: Some(correction), ..Query::new(counts) };
-            let target = self.runtime.invert(goal, &memory, self.reach, &query);
-            let target = target.counts;
+            let search = Search { memory: &memory, reach: self.reach, query: &query };
+            let target = self.runtime.invert(goal, search).counts;
             let mut next = counts;
             for (motor, next) in next.iter_mut().enumerate().take(self.motors) {
                 let step = (target[motor] - *next).clamp(-fastest[motor], fastest[motor]);
@@ -216,7 +216,8 @@ impl<'a> Subject<'a> {
         let mut memory = self.memory_after_turns();
         let is_reached = |(counts, goal): &(&MotorVec, &OutputVec)| {
             self.advance(&mut memory, counts);
-            let found = self.runtime.invert(goal, &memory, self.reach, &Query::new(**counts));
+            let (memory, query) = (&memory, &Query::new(**counts));
+            let found = self.runtime.invert(goal, Search { memory, reach: self.reach, query });
             !found.clipped || found.residual <= rounding
         };
         path.iter().zip(&goals).filter(is_reached).count() as f64 / goals.len() as f64

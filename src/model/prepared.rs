@@ -8,7 +8,7 @@ use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Out
 use crate::model::examination::Examination;
 use crate::model::families::hysteresis::force_balance::{CREEPING, REACH};
 use crate::model::families::memory::Memory;
-use crate::model::families::runtime::{Reach, Runtime};
+use crate::model::families::runtime::{Reach, Runtime, Search};
 use crate::model::families::sized::prepare;
 use crate::model::file::{FamilyParameters, ModelFile, check};
 use crate::model::history::History;
@@ -308,7 +308,7 @@ impl Model {
     ///   an infinite residual.
     #[must_use]
     pub fn invert(&self, goal: &OutputVec, memory: &Memory, query: &Query) -> Inverse {
-        self.runtime.invert(goal, memory, &self.reach, query)
+        self.runtime.invert(goal, Search { memory, reach: &self.reach, query })
     }
 
     /// The inverses of several goals near each other, with the same memory. The search for the
@@ -332,7 +332,7 @@ impl Model {
         query: &Query,
     ) -> [Inverse; N] {
         let mut found = [Inverse::default(); N];
-        self.runtime.invert_each(goals, memory, reach, query, &mut found);
+        self.runtime.invert_each(goals, Search { memory, reach, query }, &mut found);
         found
     }
 

@@ -45,6 +45,14 @@ pub(in crate::core) struct Adaptation {
     pub state: AdaptationState,
 }
 
+/// A frame, the robot at its exposure, and the model.
+#[derive(Clone, Copy)]
+struct Seen<'a> {
+    frame: &'a Frame,
+    regressors: &'a Regressors,
+    geometry: &'a ModelGeometry,
+}
+
 /// Everything that changes from tick to tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(in crate::core) struct AdaptationState {
@@ -222,26 +230,22 @@ impl Adaptation {
             }
             return;
         }
+        let seen = Seen { frame: &frame, regressors: &regressors, geometry };
         let has_slipped = self.state.slips > MAX_SLIPS;
         if self.state.is_used_up || self.state.is_reverted || has_slipped {
             self.state.filter.counts.paused += 1;
         } else if geometry.has_gap {
-            self.filter_frame(&frame, &regressors, geometry, events);
+            self.filter_frame(seen, events);
             self.update_budget(seconds, geometry, events);
         } else {
-            self.integrate_frame(&frame, &regressors, geometry, events);
+            self.integrate_frame(seen, events);
             self.update_budget(seconds, geometry, events);
         }
-        self.judge(&frame, &regressors, geometry, now, events);
+        self.judge(seen, now, events);
     }
 
-    fn filter_frame(
-        &mut self,
-        frame: &Frame,
-        regressors: &Regressors,
-        geometry: &ModelGeometry,
-        events: &mut EventList,
-    ) {
+    fn filter_frame(&mut self, seen: Seen<'_>, events: &mut EventList) {
+        let Seen { frame, regressors, geometry } = seen;
         let (state, settings) = (&mut self.state, &self.settings);
         let is_learning = !state.pauses.contains(Pause::CameraRejected);
         let shown = state.excitation.excited_parameters();
@@ -265,13 +269,8 @@ impl Adaptation {
         self.count(used, seconds, events);
     }
 
-    fn integrate_frame(
-        &mut self,
-        frame: &Frame,
-        regressors: &Regressors,
-        geometry: &ModelGeometry,
-        events: &mut EventList,
-    ) {
+    fn integrate_frame(&mut self, seen: Seen<'_>, events: &mut EventList) {
+        let Seen { frame, regressors, geometry } = seen;
         let state = &mut self.state;
         let is_learning = !state.pauses.contains(Pause::CameraRejected)
             && state.excitation.excited_parameters().first() == Some(&true);
@@ -327,17 +326,10 @@ impl Adaptation {
         }
     }
 
-    fn judge(
-        &mut self,
-        frame: &Frame,
-        regressors: &Regressors,
-        geometry: &ModelGeometry,
-        now: Nanos,
-        events: &mut EventList,
-    ) {
-        let moment = &regressors.moment;
-        let calibrated = subtract(frame.pose, moment.calibrated);
-        let adapted = subtract(frame.pose, moment.adapted);
+    fn judge(&mut self, seen: Seen<'_>, now: Nanos, events: &mut EventList) {
+        let (pose, moment) = (seen.frame.pose, &seen.regressors.moment);
+        let calibrated = subtract(pose, moment.calibrated);
+        let adapted = subtract(pose, moment.adapted);
         if self.state.score.add(calibrated, adapted, now) {
             let state = &mut self.state;
             // A correction misled by its first frames restarts at once, the first time.
@@ -346,7 +338,7 @@ impl Adaptation {
             state.conditions.accept_camera();
             state.taken_back = state.taken_back.saturating_add(1);
             state.note_refuted();
-            state.estimator = Estimator::new(geometry.slow.as_ref());
+            state.estimator = Estimator::new(seen.geometry.slow.as_ref());
             state.integral = Integral::default();
             // The budget is reset with the learned values: it is tried once more.
             state.used = BudgetUse::default();

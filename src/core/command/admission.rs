@@ -36,7 +36,7 @@ use crate::config::CommandConfig;
 use crate::core::command::authority::Access;
 use crate::core::command::deadline::DeadlineCheck;
 use crate::core::command::refusal_record::{ClientRefusals, RefusalRecord};
-use crate::core::command::sessions::{Sessions, StreamOf};
+use crate::core::command::sessions::{Arrival, Sessions};
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::robot::{Measurement, OperatingState, Quantity, REFUSED_CLIENTS, Refusal, StateCommand};
@@ -49,8 +49,6 @@ const INTERPOLATED_DEADLINE: Nanos = Nanos::from_millis(250);
 /// Robot state that admission needs.
 #[derive(Debug, Clone, Copy)]
 pub struct AdmissionContext {
-    /// Start of the tick.
-    pub now: Nanos,
     pub state: OperatingState,
     /// The refusal while a conditioning cycle or a trajectory is in progress.
     pub unoccupied: Result<(), Refusal>,
@@ -175,31 +173,29 @@ impl CommandAdmission {
     }
 
     /// Checks 1 to 10. Returns the deadline of the command. Fails with the first check.
-    pub fn check(
+    pub(crate) fn check(
         &self,
-        of: StreamOf,
-        command: &ServoCommand,
+        arrival: Arrival<'_>,
         context: &AdmissionContext,
     ) -> Result<Nanos, Refusal> {
-        self.check.check(command, context.now)?;
+        let Arrival { command, now, .. } = arrival;
+        self.check.check(command, now)?;
         require_ready(context)?;
-        self.require(Access::Alone, command.client_id, context.owner, context.now)?;
-        self.sessions.require_stream(of, command, context.now)?;
+        self.require(Access::Alone, command.client_id, context.owner, now)?;
+        self.sessions.require_stream(arrival)?;
         Ok(self.deadline(command))
     }
 
     /// Records an accepted command, with the setpoints where they are, counts.
     pub(crate) fn accept(
         &mut self,
-        of: StreamOf,
-        command: &ServoCommand,
+        arrival: Arrival<'_>,
         setpoints: &MotorVec,
-        now: Nanos,
         events: &mut EventList,
     ) {
-        let (client_id, deadline) = (command.client_id, self.deadline(command));
-        self.sessions.accepted(of, command, setpoints, deadline, now);
-        if self.sessions.renew_lease(client_id, now) {
+        let (client_id, deadline) = (arrival.command.client_id, self.deadline(arrival.command));
+        self.sessions.accepted(arrival, setpoints, deadline);
+        if self.sessions.renew_lease(client_id, arrival.now) {
             events.push(CycleEventKind::Lease { client_id });
         }
         self.refusals.accepted(client_id);
@@ -207,17 +203,11 @@ impl CommandAdmission {
     }
 
     /// Records a refused command. Returns whether it is an event: repeats are folded.
-    pub(crate) fn refuse(
-        &mut self,
-        of: StreamOf,
-        command: &ServoCommand,
-        refusal: Refusal,
-        now: Nanos,
-    ) -> bool {
+    pub(crate) fn refuse(&mut self, arrival: Arrival<'_>, refusal: Refusal) -> bool {
         self.refused = self.refused.saturating_add(1);
         self.last_refusal = refusal;
-        self.sessions.refused(of, command, refusal, now);
-        self.refusals.record(command.client_id, refusal, now)
+        self.sessions.refused(arrival, refusal);
+        self.refusals.record(arrival.command.client_id, refusal, arrival.now)
     }
 
     /// Frees the lease of a client that has been silent for too long, unless a move or a
@@ -293,6 +283,7 @@ fn require_ready(context: &AdmissionContext) -> Result<(), Refusal> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::core::command::sessions::StreamOf;
     use crate::units::Counts;
 
     const NOW: Nanos = Nanos::from_millis(5000);
@@ -327,7 +318,8 @@ mod tests {
         let first = admission.sequence_measurement(&command(7, 4)).unwrap();
         assert_eq!(first, Measurement::new(Quantity::Sequence, 4.0, None));
         let events = &mut EventList::new(NOW);
-        admission.accept(StreamOf::Joints, &command(7, 9), &[0.0; 2], NOW, events);
+        let (of, command_9) = (StreamOf::Joints, &command(7, 9));
+        admission.accept(Arrival { of, command: command_9, now: NOW }, &[0.0; 2], events);
         let old = admission.sequence_measurement(&command(7, 4)).unwrap();
         assert_eq!(old, Measurement::new(Quantity::Sequence, 4.0, Some(9.0)));
     }

@@ -48,6 +48,14 @@ pub enum StreamOf {
     Jaw,
 }
 
+/// A servo command when it is read.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Arrival<'a> {
+    pub of: StreamOf,
+    pub command: &'a ServoCommand,
+    pub now: Nanos,
+}
+
 /// Run of messages without a pause of [`BREAK`].
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct Run {
@@ -172,9 +180,7 @@ impl Sessions {
     /// last one of its stream.
     pub(crate) fn require_stream(
         &self,
-        of: StreamOf,
-        command: &ServoCommand,
-        now: Nanos,
+        Arrival { of, command, now }: Arrival<'_>,
     ) -> Result<(), Refusal> {
         let client = self.client(command.client_id);
         let stream = client.and_then(|client| client.streams[of as usize]);
@@ -197,11 +203,9 @@ impl Sessions {
     /// A servo command was accepted, with the setpoints where they are.
     pub(crate) fn accepted(
         &mut self,
-        of: StreamOf,
-        command: &ServoCommand,
+        Arrival { of, command, now }: Arrival<'_>,
         setpoints: &MotorVec,
         deadline: Nanos,
-        now: Nanos,
     ) {
         let Some(client) = self.remember(command.client_id, now, true) else { return };
         client.has_ended = false;
@@ -216,13 +220,8 @@ impl Sessions {
 
     /// Records a refused servo command. Late commands do not keep a stream alive, and malformed
     /// ones are not recorded.
-    pub(crate) fn refused(
-        &mut self,
-        of: StreamOf,
-        command: &ServoCommand,
-        refusal: Refusal,
-        now: Nanos,
-    ) {
+    pub(crate) fn refused(&mut self, arrival: Arrival<'_>, refusal: Refusal) {
+        let Arrival { of, command, now } = arrival;
         let no_command = [Refusal::Malformed, Refusal::NotFinite, Refusal::Stamp, Refusal::Stale];
         if no_command.contains(&refusal) && self.client(command.client_id).is_none() {
             return;

@@ -3,7 +3,7 @@
 
 use crate::core::command::admission::AdmissionContext;
 use crate::core::command::range_check::require;
-use crate::core::command::sessions::StreamOf;
+use crate::core::command::sessions::{Arrival, StreamOf};
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::{DriveStatus, DriveSummary};
 use crate::core::events::{CycleEventKind, EventList};
@@ -81,11 +81,12 @@ impl ControlCycle {
         summary: &DriveSummary,
         events: &mut EventList,
     ) -> Option<Gated> {
-        if let Some(command) = command
-            && let Err(refusal) = self.follow_angle(command, summary, events)
+        let arrival = |command| Arrival { of: StreamOf::Jaw, command, now: summary.now };
+        if let Some(arrival) = command.map(arrival)
+            && let Err(refusal) = self.follow_angle(arrival, summary, events)
         {
-            let client_id = command.client_id;
-            if self.admission.refuse(StreamOf::Jaw, command, refusal, summary.now) {
+            let client_id = arrival.command.client_id;
+            if self.admission.refuse(arrival, refusal) {
                 let kind = CycleEventKind::Refused { client_id, refusal };
                 events.push_measured(kind, self.request_measurement(refusal, summary));
             }
@@ -122,14 +123,13 @@ impl ControlCycle {
 
     fn follow_angle(
         &mut self,
-        command: &ServoCommand,
+        arrival: Arrival<'_>,
         summary: &DriveSummary,
         events: &mut EventList,
     ) -> Result<(), Refusal> {
         let auxiliary = self.auxiliary.as_ref().ok_or(Refusal::Unsupported)?;
-        let state = self.machine.state();
+        let (command, state) = (arrival.command, self.machine.state());
         let context = AdmissionContext {
-            now: summary.now,
             state: state.operating_state(),
             // Trajectories and conditioning cycles do not move it, so their client may.
             unoccupied: Ok(()),
@@ -137,7 +137,7 @@ impl ControlCycle {
             is_homed: summary.is_homed,
             is_fresh: summary.is_fresh(),
         };
-        let deadline = self.admission.check(StreamOf::Jaw, command, &context)?;
+        let deadline = self.admission.check(arrival, &context)?;
         let ServoGoal::Joint([angle, ..], 1) = command.goal else {
             return Err(Refusal::Malformed);
         };
@@ -153,7 +153,7 @@ impl ControlCycle {
             None => GoalExtrapolation::first([counts], command.stamp),
         };
         let setpoint = collect([auxiliary.axis.setpoint()].into_iter());
-        self.admission.accept(StreamOf::Jaw, command, &setpoint, summary.now, events);
+        self.admission.accept(arrival, &setpoint, events);
         if let Some(auxiliary) = &mut self.auxiliary {
             auxiliary.followed = Some(FollowedAngle {
                 client_id: command.client_id,

@@ -6,7 +6,7 @@ use crate::core::command::authority::Access;
 use crate::core::command::deadline::FollowedCommand;
 use crate::core::command::move_planning::MovePlanning;
 use crate::core::command::range_check::{CheckedGoal, UncheckedGoal, require};
-use crate::core::command::sessions::StreamOf;
+use crate::core::command::sessions::{Arrival, StreamOf};
 use crate::core::command::tip_goal;
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::DriveSummary;
@@ -268,10 +268,10 @@ impl ControlCycle {
         // What is scaled or clutched does not go to the place.
         let place = place.filter(|_| goal == led.goal);
         let command = &ServoCommand { goal, ..*command };
-        match self.check_servo_command(command, place, summary) {
+        let arrival = Arrival { of: StreamOf::Joints, command, now: summary.now };
+        match self.check_servo_command(arrival, place, summary) {
             Ok(followed) => {
-                let setpoints = self.axes.setpoints();
-                self.admission.accept(StreamOf::Joints, command, &setpoints, summary.now, events);
+                self.admission.accept(arrival, &self.axes.setpoints(), events);
                 let before = self.machine.state().followed_command();
                 if before.and_then(FollowedCommand::joint).is_none() {
                     self.release_goal();
@@ -286,7 +286,7 @@ impl ControlCycle {
             }
             Err(refusal) => {
                 let client_id = command.client_id;
-                if self.admission.refuse(StreamOf::Joints, command, refusal, summary.now) {
+                if self.admission.refuse(arrival, refusal) {
                     let measurement = self.servo_measurement(refusal, command, summary);
                     let kind = CycleEventKind::Refused { client_id, refusal };
                     events.push_measured(kind, measurement);
@@ -317,20 +317,19 @@ impl ControlCycle {
 
     fn check_servo_command(
         &self,
-        command: &ServoCommand,
+        arrival: Arrival<'_>,
         place: Option<OutputVec>,
         summary: &DriveSummary,
     ) -> Result<FollowedCommand, Refusal> {
-        let state = self.machine.state();
+        let (command, state) = (arrival.command, self.machine.state());
         let context = AdmissionContext {
-            now: summary.now,
             state: state.operating_state(),
             unoccupied: state.require_unoccupied(),
             owner: state.owner(),
             is_homed: summary.is_homed,
             is_fresh: summary.is_fresh(),
         };
-        let deadline = self.admission.check(StreamOf::Joints, command, &context)?;
+        let deadline = self.admission.check(arrival, &context)?;
         if matches!(command.goal, ServoGoal::Actuator(..)) {
             self.require_no_fixture()?;
         }

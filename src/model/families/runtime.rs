@@ -19,6 +19,14 @@ pub(crate) struct Reach {
     pub(in crate::model) virtual_counts: Hull,
 }
 
+/// From where an inverse is searched, and how.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::model) struct Search<'a> {
+    pub memory: &'a Memory,
+    pub reach: &'a Reach,
+    pub query: &'a Query,
+}
+
 /// A family of models with its numbers of motors and outputs hidden. The provided methods suit a
 /// family without memory.
 pub(in crate::model) trait Runtime: Debug + Send + Sync {
@@ -69,9 +77,9 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
     }
 
     /// A family implements this or [`Runtime::invert_each`].
-    fn invert(&self, goal: &OutputVec, memory: &Memory, reach: &Reach, query: &Query) -> Inverse {
+    fn invert(&self, goal: &OutputVec, search: Search<'_>) -> Inverse {
         let mut found = [Inverse::default()];
-        self.invert_each(std::slice::from_ref(goal), memory, reach, query, &mut found);
+        self.invert_each(std::slice::from_ref(goal), search, &mut found);
         let [found] = found;
         found
     }
@@ -82,17 +90,10 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
     }
 
     /// See [`crate::model::Model::invert_each`].
-    fn invert_each(
-        &self,
-        goals: &[OutputVec],
-        memory: &Memory,
-        reach: &Reach,
-        query: &Query,
-        found: &mut [Inverse],
-    ) {
-        let mut query = *query;
+    fn invert_each(&self, goals: &[OutputVec], search: Search<'_>, found: &mut [Inverse]) {
+        let mut query = *search.query;
         for (index, (goal, found)) in goals.iter().zip(found).enumerate() {
-            *found = self.invert(goal, memory, reach, &query);
+            *found = self.invert(goal, Search { query: &query, ..search });
             if index == 0 {
                 query.start = found.counts;
             }
@@ -128,8 +129,8 @@ impl<const D: usize, const M: usize> Runtime for Memoryless<D, M> {
         (array(&local.mean), rows(&local.jacobian))
     }
 
-    fn invert(&self, goal: &OutputVec, _memory: &Memory, reach: &Reach, query: &Query) -> Inverse {
-        newton_inverse::invert(&*self.0, &reach.counts, goal, &query.start)
+    fn invert(&self, goal: &OutputVec, search: Search<'_>) -> Inverse {
+        newton_inverse::invert(&*self.0, &search.reach.counts, goal, &search.query.start)
     }
 
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {

@@ -8,7 +8,7 @@ use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputUnit, Query};
 use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
-use crate::model::families::runtime::{Reach, Runtime};
+use crate::model::families::runtime::{Reach, Runtime, Search};
 use crate::model::maths::hull::{Hull, TOLERANCE_COUNTS};
 use crate::model::maths::newton_inverse::{self, SearchStart};
 use crate::model::maths::regression::{Local, Regression, array, bounded, estimate, rows, vector};
@@ -232,14 +232,8 @@ where
         Reach { counts: hull.clone(), virtual_counts }
     }
 
-    fn invert_each(
-        &self,
-        goals: &[OutputVec],
-        memory: &Memory,
-        reach: &Reach,
-        query: &Query,
-        found: &mut [Inverse],
-    ) {
+    fn invert_each(&self, goals: &[OutputVec], search: Search<'_>, found: &mut [Inverse]) {
+        let Search { memory, reach, query } = search;
         let correction = query.correction.unwrap_or_else(|| self.memory_terms(memory).correction);
         self.with_state(memory, |state| {
             let origin = self.operator.origin(state);

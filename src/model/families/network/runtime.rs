@@ -10,7 +10,7 @@ use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, OutputUnit, Quer
 use crate::model::examination_path::ExaminationPath;
 use crate::model::families::memory::{Memory, State};
 use crate::model::families::round_trip;
-use crate::model::families::runtime::{Reach, Runtime};
+use crate::model::families::runtime::{Runtime, Search};
 use crate::model::maths::hull::Hull;
 use crate::model::maths::matrix_checks::{positive_semidefinite, square};
 use crate::model::maths::newton_inverse::{self, SearchStart};
@@ -246,14 +246,8 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
 
     /// Without compensation the network goes to the goal as if it had just woken up at the present
     /// position.
-    fn invert_each(
-        &self,
-        goals: &[OutputVec],
-        memory: &Memory,
-        reach: &Reach,
-        query: &Query,
-        found: &mut [Inverse],
-    ) {
+    fn invert_each(&self, goals: &[OutputVec], search: Search<'_>, found: &mut [Inverse]) {
+        let Search { memory, reach, query } = search;
         let hull = &reach.counts;
         self.with_state(memory, |state| {
             self.at(state).invert_each(goals, hull, query, found);
