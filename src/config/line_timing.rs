@@ -103,12 +103,6 @@ impl PortConfig {
         exchange + GATEWAY + self.turn(exchange)
     }
 
-    /// Longest time between two current readings of an axis: other axes at their bounds may come
-    /// first.
-    fn current_period(&self, exchange: Nanos) -> Nanos {
-        Nanos(self.turn(exchange).0.saturating_mul(CURRENT_BOUND_TURNS + 2))
-    }
-
     /// The least age of feedback that stops the motion and bears the loss of a reply.
     fn stale(&self, exchange: Nanos) -> Nanos {
         let wait = Nanos::from_millis(self.reply_timeout_ms).min(MAX_REPLY_WAIT);
@@ -155,11 +149,12 @@ impl Config {
         Nanos(self.feedback_stale().0.saturating_mul(LOST))
     }
 
-    /// Duration of an over-current that leads to FAULT.
+    /// Duration of an over-current that leads to FAULT: two readings on the slowest line, which are
+    /// due at five sixths of their bound.
     pub fn over_current_time(&self) -> Nanos {
-        let period = |port: &PortConfig| port.current_period(port.nominal_exchange());
-        let period = self.ports.iter().map(period).max().unwrap_or(Nanos::ZERO);
-        Nanos(period.0.saturating_mul(5) / 4).max(MIN_OVER_CURRENT_TIME)
+        let turn = |port: &PortConfig| port.turn(port.nominal_exchange());
+        let slowest = self.ports.iter().map(turn).max().unwrap_or_default();
+        Nanos(slowest.0.saturating_mul(CURRENT_BOUND_TURNS * 3 / 4)).max(MIN_OVER_CURRENT_TIME)
     }
 
     /// Limits and timeouts that a port cannot keep with this exchange time.
@@ -167,11 +162,9 @@ impl Config {
         let (gap, timeout) =
             (port.longest_gap(exchange), Nanos::from_millis(port.reply_timeout_ms));
         let (stale, lost) = (self.feedback_stale(), self.feedback_lost());
-        let (period, over_current) = (port.current_period(exchange), self.over_current_time());
         let slowest = if port.axes.len() > 1 { exchange + GATEWAY } else { exchange };
         // No axis waits longer for a setpoint than for a position.
         let step = self.limits.velocity_counts_s * gap.as_seconds();
-        let is_watched = self.limits.over_current_ma.is_some();
         let aged = format!(
             "with {} axes and {} ms an exchange a position becomes {} ms old, so the robot stops \
              without a command",
@@ -180,20 +173,12 @@ impl Config {
             ms(gap)
         );
         let lossy = format!("one lost reply is a fault, with reply_timeout_ms = {}", ms(timeout));
-        let single = format!(
-            "with {} ms an exchange the current is read once in {} ms, so a single reading raises \
-             the fault; a latency timer of 1 ms shortens the exchanges",
-            ms(exchange),
-            ms(period)
-        );
         let late = format!("an exchange takes {} ms, and replies come too late", ms(slowest));
         let (twice, needed) = (slowest + slowest, port.stale(exchange));
         let third = Nanos((gap + timeout).0 / LOST);
-        let is_single = is_watched && over_current < period;
         let findings = [
             (stale < gap, "limits.feedback_stale_ms", stale, aged, Some(needed)),
             (lost < gap + timeout, "limits.feedback_stale_ms", stale, lossy, Some(third)),
-            (is_single, "duration of an over-current, ms", over_current, single, None),
             (timeout < twice, "reply_timeout_ms", timeout, late, Some(twice)),
         ];
         let failed = findings.into_iter().filter(|(is_failed, ..)| *is_failed);

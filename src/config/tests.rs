@@ -170,13 +170,13 @@ fn limits_of_time_follow_from_the_slowest_line() {
     };
     let [stale, lost, over_current] = ages(&alone);
     assert_eq!([stale, lost], [32, 96].map(Nanos::from_millis));
-    assert!((200..230).contains(&(over_current.0 / 1_000_000)), "{over_current:?}");
+    assert_eq!(over_current, Nanos::from_millis(200), "a quick start");
     let mut shared = alone.clone();
     let axis = shared.ports[0].axes[0].clone();
     shared.ports[0].axes.extend([axis.clone(), axis]);
     let [stale, lost, over_current] = ages(&shared);
     assert_eq!([stale, lost], [62, 186].map(Nanos::from_millis));
-    assert!(over_current > Nanos::from_millis(600), "two readings: {over_current:?}");
+    assert!((400..500).contains(&(over_current.0 / 1_000_000)), "two readings: {over_current:?}");
     // A long wait for replies makes no stop late.
     shared.ports[0].reply_timeout_ms = 500;
     assert_eq!(shared.feedback_stale(), stale);
@@ -187,9 +187,8 @@ fn limits_of_time_follow_from_the_slowest_line() {
     assert_eq!(found(&alone, 2), [""; 0]);
     assert_eq!(found(&shared, 2), ["limits.feedback_stale_ms"]);
     // An adapter with the latency timer of the kernel.
-    let late =
-        ["limits.feedback_stale_ms", "limits.feedback_stale_ms", "duration of an over-current, ms"];
-    assert_eq!(found(&alone, 17), [&late[..], &["reply_timeout_ms"]].concat());
+    let late = ["limits.feedback_stale_ms", "limits.feedback_stale_ms", "reply_timeout_ms"];
+    assert_eq!(found(&alone, 17), late);
 }
 
 #[test]

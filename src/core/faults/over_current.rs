@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::core::faults::debounce::Debounce;
+use crate::drive::AxisFeedback;
 use crate::robot::{Measurement, Quantity};
 use crate::units::Nanos;
 
@@ -20,10 +21,13 @@ impl OverCurrentMonitor {
         Self { limit_ma, debounce: Debounce::new(time), is_tripped: false }
     }
 
-    /// Updates the monitor. The current counts only while the drive follows setpoints.
-    pub(crate) fn update(&mut self, current_ma: i32, is_following: bool, now: Nanos) {
-        let is_high = self.limit_ma.is_some_and(|limit| current_ma.unsigned_abs() > limit);
-        self.is_tripped = self.debounce.update(is_following && is_high, now);
+    /// Updates the monitor. A reading counts only if the drive follows setpoints since before it.
+    /// The time between readings counts, not the loop's: a single high one may precede a late line.
+    pub(crate) fn update(&mut self, feedback: &AxisFeedback, following_since: Option<Nanos>) {
+        let (current, read) = (feedback.current_ma.unsigned_abs(), feedback.current_stamp);
+        let is_high = self.limit_ma.is_some_and(|limit| current > limit);
+        let counts = following_since.is_some_and(|since| read >= since);
+        self.is_tripped = self.debounce.update(counts && is_high, read);
     }
 
     /// The present current and its limit, if the monitor has tripped.
@@ -39,18 +43,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn over_current_trips_only_while_following() {
+    fn over_current_trips_only_by_readings_while_following() {
         let mut monitor = OverCurrentMonitor::new(Some(200), Nanos::from_millis(50));
-        for (ms, current_ma, is_following, is_tripped) in [
-            (0, -201, true, false),
-            (49, 201, true, false),
-            (50, 201, true, true),
-            (51, 200, true, false),
-            (60, 500, true, false),
-            (109, 500, true, false),
-            (110, 500, false, false),
+        for (ms, current_ma, since, is_tripped) in [
+            (0, -201, Some(0), false),
+            (49, 201, Some(0), false),
+            (50, 201, Some(0), true),
+            (51, 200, Some(0), false),
+            (60, 500, Some(0), false),
+            // The line is late with the next reading.
+            (60, 500, Some(0), false),
+            (109, 500, Some(0), false),
+            (110, 500, None, false),
+            (110, 500, Some(120), false),
+            (170, 500, Some(120), false),
+            (220, 500, Some(120), true),
         ] {
-            monitor.update(current_ma, is_following, Nanos::from_millis(1000 + ms));
+            let current_stamp = Nanos::from_millis(ms);
+            let feedback = AxisFeedback { current_ma, current_stamp, ..AxisFeedback::default() };
+            monitor.update(&feedback, since.map(Nanos::from_millis));
             assert_eq!(monitor.is_tripped, is_tripped, "{ms} ms");
         }
     }

@@ -91,7 +91,7 @@ impl AxisControl {
             let last = written.and(feedback.written).map_or(Nanos::ZERO, |it| it.stamp);
             self.unwritten.unwrap_or(now).max(last)
         });
-        self.over_current.update(feedback.current_ma, self.source.is_following(), now);
+        self.over_current.update(feedback, self.source.following_since());
     }
 
     /// The setpoint that the drive has; `None` unless it follows.

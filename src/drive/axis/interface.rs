@@ -63,6 +63,8 @@ pub struct AxisFeedback {
     pub error_code: u16,
     /// Motor current (0x30D1:02; EPOS2 0x6078), mA.
     pub current_ma: i32,
+    /// When the reply with `current_ma` arrived. Zero: never.
+    pub current_stamp: Nanos,
     /// The last fault reset that was carried out, as counted in [`AxisRequest::fault_resets`].
     pub fault_resets: u32,
     /// The last homing that ended, successful or not, as counted in [`AxisRequest::homings`].

@@ -118,7 +118,10 @@ impl AxisStateMachine {
                 let is_old = map.error_code_is_history && !state.is_some_and(DriveState::is_fault);
                 feedback.error_code = if is_old { 0 } else { u16::from_raw(reply.value) };
             }
-            Transfer::Current => feedback.current_ma = map.current.signed(reply.value),
+            Transfer::Current => {
+                feedback.current_ma = map.current.signed(reply.value);
+                feedback.current_stamp = reply.received;
+            }
             Transfer::Setpoint(request) => {
                 self.reported.target = false;
                 match map.setpoint_trigger {

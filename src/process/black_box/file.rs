@@ -29,7 +29,7 @@ use crate::robot::DriveFingerprint;
 /// The first bytes of every file.
 const MAGIC: [u8; 8] = *b"I2RISBOX";
 /// Format version that this software writes and reads.
-pub(super) const VERSION: u32 = 13;
+pub(super) const VERSION: u32 = 14;
 /// Bytes before the content.
 const HEAD: usize = 8 + 4 + 8 + 32;
 

@@ -20,6 +20,8 @@ pub enum Quirk {
     SilentPreload,
     /// Homing ends without a zero.
     Homeless,
+    /// The line is too late to read the current.
+    CurrentUnread,
     /// A fault cannot be reset.
     Broken,
 }
@@ -65,6 +67,9 @@ impl SimulatedDrive {
         }
         self.feedback.sequence += 1;
         self.feedback.stamp = now;
+        if self.quirk != Quirk::CurrentUnread {
+            self.feedback.current_stamp = now;
+        }
     }
 
     fn apply_request(&mut self, now: Nanos, request: &AxisRequest) {
