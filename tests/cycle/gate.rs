@@ -126,6 +126,15 @@ fn homing_against_stop_is_refused_with_active_fixture() {
 }
 
 #[test]
+fn goal_clipped_by_joint_limits_is_reported() {
+    let mut bench = Bench::with("[joint_limits]\nposition_max_deg = [3.0, 9.0]");
+    sweep(&mut bench, [0.0, 0.0], [5.0, 1.0], 1000, |_| {});
+    let goal_deg = bench.joints().goal.map(f64::to_degrees);
+    assert!((goal_deg[0] - 3.0).abs() < 1e-6 && (goal_deg[1] - 1.0).abs() < 1e-6, "{goal_deg:?}");
+    assert!(bench.events.iter().any(|event| matches!(event, CycleEventKind::Clipped { .. })));
+}
+
+#[test]
 fn tip_model_is_refused_with_joint_limits() {
     let tip = model(OutputUnit::Mm);
     let limited = config("[joint_limits]\nvelocity_deg_s = 20.0");

@@ -314,7 +314,7 @@ fn stop_latency() {
     }
 }
 
-/// Prints how many spans were within a limit, and how long they were.
+/// Prints the number of spans within a limit, and their lengths.
 fn print_spans(name: &str, mut spans: Vec<Nanos>, limit_ms: u64, remark: &str) {
     spans.sort_unstable();
     let ms = [0.0, 0.5, 0.9, 1.0].map(|quantile| {

@@ -19,7 +19,7 @@ pub(crate) struct Reach {
     pub(in crate::model) virtual_counts: Hull,
 }
 
-/// From where an inverse is searched, and how.
+/// Start and method of the search of an inverse.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::model) struct Search<'a> {
     pub memory: &'a Memory,
