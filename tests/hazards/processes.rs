@@ -165,8 +165,7 @@ fn h18_restarted_controller_continues_with_same_client_and_zero() {
         rig.signal(Signal::SIGKILL);
         rig.wait_for_end();
         rig.started();
-        let state = settle_in(&mut client, OperatingState::Disabled);
-        assert!(has(&state, OperatingStateMsg::HOMED), "the drives kept their zero");
+        settle(&mut client, |state| has(state, OperatingStateMsg::HOMED));
         enable(&mut client);
         stream_counts(&client, 0.3, |t| [(200.0 * t) as i32, 0]);
     }

@@ -161,7 +161,7 @@ pub fn fails(domain: &Domain, words: &str, code: i32, parts: &[&str]) -> Ended {
 
 /// Raises limits: on a shared machine, commands and emulated drives are late.
 pub fn expect_stalls(rig: &mut Rig) {
-    rig.config.command.deadline_ms = 500;
+    rig.config.command.deadline_ms = 1000;
     rig.config.command.lease_timeout_ms = 2000;
     rig.config.limits.following_error_counts = 3000;
 }

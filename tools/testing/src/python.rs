@@ -19,20 +19,12 @@ fn python_of(variable: &str) -> Command {
     command
 }
 
-/// Runs a script in Python.
-///
-/// # Panics
-///
-/// When the script fails, with its output.
+/// Runs a script in Python; panics with its output when it fails.
 pub fn run_python(script: &str, arguments: &[&str]) {
     run_python_of("I2RIS_PYTHON", script, arguments);
 }
 
 /// Runs like [`run_python`] in the Python named by a variable: some modules exclude each other.
-///
-/// # Panics
-///
-/// When the script fails, with its output.
 pub fn run_python_of(variable: &str, script: &str, arguments: &[&str]) {
     let output =
         python_of(variable).args(["-c", script]).args(arguments).output().expect("Python starts");

@@ -74,8 +74,12 @@ impl Terminal {
         nix::unistd::Pid::from_raw(i32::try_from(self.process.0.id()).unwrap())
     }
 
-    /// Types keys.
+    /// Types keys. Once the program has ended, the terminal would fill, and a write wait forever.
     pub fn type_keys(&mut self, keys: &str) {
+        if let Some(status) = self.process.0.try_wait().unwrap() {
+            self.end();
+            panic!("it ended ({status}):\n{}", self.screen.screen().contents());
+        }
         self.keyboard.write_all(keys.as_bytes()).unwrap();
     }
 
@@ -101,14 +105,6 @@ impl Terminal {
         self.wait(word, |text| text.contains(word))
     }
 
-    /// Whether the terminal is raw and without echo, as needed for a full screen.
-    fn is_raw(&self) -> bool {
-        !tcgetattr(self.slave.as_fd())
-            .unwrap()
-            .local_flags
-            .intersects(LocalFlags::ICANON | LocalFlags::ECHO)
-    }
-
     /// Waits for the end, and reads the output until then.
     pub fn end(&mut self) -> ExitStatus {
         let status = wait_until("the program ends", || self.process.0.try_wait().unwrap());
@@ -120,7 +116,9 @@ impl Terminal {
 
     /// Asserts that the terminal was restored: lines and echo, the first screen, a cursor.
     pub fn assert_restored(&self) {
-        assert!(!self.is_raw(), "keys are shown and come in lines");
+        let flags = tcgetattr(self.slave.as_fd()).unwrap().local_flags;
+        let lines = LocalFlags::ICANON | LocalFlags::ECHO;
+        assert!(flags.contains(lines), "keys are shown and come in lines");
         assert!(!self.screen.screen().alternate_screen() && !self.screen.screen().hide_cursor());
     }
 }

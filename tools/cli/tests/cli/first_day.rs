@@ -11,8 +11,8 @@ use i2ris_testing::{Program, unique_domain, wait_until};
 const PLAIN: u32 = 65_534;
 
 /// Raises limits: on a shared machine, stalls of emulated drives are not a fault.
-const SHARED_MACHINE: &str = "[limits]\nfeedback_stale_ms = 2000\n\
-     following_error_counts = 3000\noverrun_ticks = 0\n[command]\ndeadline_ms = 500\n\
+const SHARED_MACHINE: &str = "[limits]\nfeedback_stale_ms = 5000\n\
+     following_error_counts = 3000\noverrun_ticks = 0\n[command]\ndeadline_ms = 1000\n\
      lease_timeout_ms = 2000\n";
 const SHARED_PORT: &str = "\nreply_timeout_ms = 1000\n";
 const SHARED_AXIS: &str = "\nfollowing_error_counts = 3000\n";

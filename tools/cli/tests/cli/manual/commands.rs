@@ -45,7 +45,7 @@ impl Session {
                 .replace("domain = \"i2ris\"", &format!("domain = \"{domain}\""))
                 .replace("../target/records", "records")
                 // A loaded machine stalls the emulated drives.
-                .replace(stale, &format!("feedback_stale_ms = 2000\n{far}"))
+                .replace(stale, &format!("feedback_stale_ms = 5000\n{far}"))
                 .replace(highest, &format!("{highest}\n{far}"))
                 .replace("reply_timeout_ms = 100", "reply_timeout_ms = 1000");
             fs::write(config.join(name), text).unwrap();
