@@ -19,7 +19,7 @@ pub(crate) struct Reach {
     pub(in crate::model) virtual_counts: Hull,
 }
 
-/// Start and method of the search of an inverse.
+/// Start and method of a search.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::model) struct Search<'a> {
     pub memory: &'a Memory,

@@ -4,7 +4,7 @@
 //! samples lie on two lines, with bends `x` and `y` along them, an output is `l = a x + b y` times
 //! `1 + c r^2 + d r^4` with `r^2 = x^2 + 2 skew x y + ratio y^2`, the length of the outputs, and
 //! even terms: the asymmetry of a line, `a k x^n` and `b k' y^n` in every output, and that of an
-//! output, `m l^n`. Two outputs along two lines tell them apart, which gives the mixed terms. Those
+//! output, `m l^n`. Two outputs along two lines distinguish them, which gives the mixed terms. Those
 //! are powers, the features products of Legendre polynomials.
 
 use i2ris::model::polynomial_regression::{coefficients, products};
@@ -28,11 +28,11 @@ const MOST: f64 = 1e4;
 /// of either.
 const AMBIGUOUS: f64 = 1e-3;
 
-/// Errors of neighbouring samples count as so many at most.
+/// Largest weight of an error that is like its neighbours.
 const MOST_ALIKE: f64 = 10.0;
 
-/// A line does at most so many times what the other one does, squared, and is at least so far from
-/// it.
+/// Largest squared ratio of the effects of two lines, and the cosine of the least angle between
+/// them.
 const MOST_UNLIKE: f64 = 30.0;
 const MOST_SKEW: f64 = 0.9;
 
@@ -61,7 +61,7 @@ pub(super) struct Lines {
 }
 
 impl Lines {
-    /// Of ends, and of an affine model by the bends of the motors.
+    /// `ends` in half ranges of the motors; `affine` gives the outputs by the bends of the motors.
     pub fn new(ends: &[MotorVec; 2], affine: &DMatrix<f64>, degree: usize) -> Option<Self> {
         let [first, second] = ends.map(|[x, y]| affine.row(1) * x + affine.row(2) * y);
         let size = first.norm_squared();
@@ -99,7 +99,7 @@ fn legendre(bends: &DMatrix<f64>, degree: usize) -> DMatrix<f64> {
     features
 }
 
-/// The products of powers of two bends, in the same order.
+/// Products of the powers of two bends, in the same order.
 fn powers(bends: &DMatrix<f64>, degree: usize) -> DMatrix<f64> {
     let terms = (0..=degree).flat_map(|total| (0..=total).map(move |second| (total, second)));
     let terms: Vec<(usize, usize)> = terms.collect();

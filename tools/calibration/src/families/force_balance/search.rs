@@ -90,7 +90,7 @@ pub(super) const FOLD: usize = ONE_OF / 2;
 const DEGREE: usize = 6;
 const SIMPLER: [usize; 2] = [3, 1];
 
-/// The ends of the lines of the motors.
+/// Lines along which only one motor moves, by their ends.
 const AXES: [MotorVec; 2] = [[1.0, 0.0], [0.0, 1.0]];
 
 /// A coefficient of the polynomial is held as if an error were so many times larger.
