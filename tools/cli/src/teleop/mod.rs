@@ -73,7 +73,7 @@ pub struct Arguments {
 #[derive(Debug, clap::Subcommand)]
 enum Other {
     /// Manual tasks: the monitor shows the target, `i2ris record report` scores a recording
-    Task(Steered),
+    Task(Box<Steered>),
     /// Inspect, record and play back input devices
     #[command(subcommand)]
     Input(input::Command),
@@ -95,7 +95,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let (hand, task) = match arguments.other {
         None => (arguments.hand, None),
         Some(Other::Input(command)) => return input::run(&command),
-        Some(Other::Task(Steered { task, hand })) => (hand, Some(task)),
+        Some(Other::Task(steered)) => (steered.hand, Some(steered.task)),
     };
     task.iter().try_for_each(TaskOptions::check)?;
     let domain = hand.domain.domain()?;
