@@ -36,7 +36,7 @@ const NEAR_DEG: f64 = 0.3;
 const LET_GO_DEG: f64 = 0.18;
 /// Time limit for a target.
 const PATIENCE: Nanos = Nanos::from_millis(60_000);
-const REST: Nanos = Nanos::from_millis(400);
+const REST: Nanos = Nanos::from_millis(2000);
 /// Longest period between reports of the hand.
 const REPORT_PERIOD: Nanos = Nanos::from_millis(12);
 /// Speed at full deflection, as started.
