@@ -26,7 +26,7 @@ fn network(units: usize) -> Arc<Model> {
     Arc::new(Model::from_file(file).unwrap())
 }
 
-/// Swaps of two models, back and forth, while the snake moves along a figure. Every set-point stays within the limits of the motors: the bench checks each tick.
+/// Swaps two models back and forth during a motion; the bench checks the motor limits in each tick.
 pub fn swap_while_moving(bench: &mut Bench, models: &[Arc<Model>; 2], swaps: u32) {
     bench.home();
     bench.enable();

@@ -21,8 +21,8 @@ use i2ris_simulation::drive::DeviceFile;
 
 The drives are only read: nothing is written to them.")]
 pub struct Arguments {
-    /// Settings to compare: from `i2ris doctor drives`, a model, or a DCF file [default: print every
-    /// setting of every drive as JSON]
+    /// Settings to compare: from `i2ris doctor drives`, a model, or a DCF file [default: print
+    /// every setting of every drive as JSON]
     first: Option<PathBuf>,
     /// Settings to compare with [default: those of the present drives]
     second: Option<PathBuf>,

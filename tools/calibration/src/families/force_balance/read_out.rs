@@ -4,8 +4,8 @@
 //! samples lie on two lines, with bends `x` and `y` along them, an output is `l = a x + b y` times
 //! `1 + c r^2 + d r^4` with `r^2 = x^2 + 2 skew x y + ratio y^2`, the length of the outputs, and
 //! even terms: the asymmetry of a line, `a k x^n` and `b k' y^n` in every output, and that of an
-//! output, `m l^n`. Two outputs along two lines distinguish them, which gives the mixed terms. Those
-//! are powers, the features products of Legendre polynomials.
+//! output, `m l^n`. Two outputs along two lines distinguish them, which gives the mixed terms. They
+//! are powers; the features are products of Legendre polynomials.
 
 use i2ris::model::polynomial_regression::{coefficients, products};
 use i2ris::units::MotorVec;
