@@ -30,8 +30,7 @@ impl Recording {
         let tick = Tick { planned: now, started: now, missed: 0 };
         let timing = TickTiming { tick, ended: now };
         let (number, offered) = (outputs.requests[0].sequence, self.offered.take());
-        let (inputs, outputs) = (*inputs, *outputs);
-        self.ticks.push(TickRecord { number, offered, inputs, outputs, timing });
+        self.ticks.push(TickRecord { number, offered, inputs: *inputs, outputs: *outputs, timing });
         let is_due = self.ticks.len().is_multiple_of(self.interval.max(1));
         self.snapshots.extend(snapshot.filter(|_| is_due));
     }
