@@ -200,7 +200,10 @@ fn plane_finding(series: &Series) -> Option<Finding> {
         let turns = turns(&phases);
         return Some(Finding::Circulation { turns });
     }
-    let spans = spans(series);
+    let spans = [0, 1].map(|motor| {
+        let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
+        (high - low).max(f64::MIN_POSITIVE)
+    });
     let (mut together, mut whole) = (0.0, 0.0);
     for pair in series.path().windows(2) {
         let [a, b] = [0, 1].map(|motor| (pair[1][motor] - pair[0][motor]).abs() / spans[motor]);
@@ -214,26 +217,13 @@ fn plane_finding(series: &Series) -> Option<Finding> {
     if together < MIN_TOGETHER * whole {
         return Some(Finding::OneAxisAtATime { percent });
     }
-    let (on_lines, _) = on_two_lines(series, spans)?;
+    let on_lines = on_two_lines(series, spans)?;
     (on_lines >= ON_BOTH).then_some(Finding::TwoLines { percent: 100.0 * on_lines })
 }
 
-/// The ends of the two lines to which the motors keep, in half ranges of each motor.
-pub(crate) fn ends_of_lines(series: &Series) -> Option<[MotorVec; 2]> {
-    let Some(Finding::TwoLines { .. }) = plane_finding(series) else { return None };
-    on_two_lines(series, spans(series)).map(|(_, ends)| ends)
-}
-
-fn spans(series: &Series) -> MotorVec {
-    [0, 1].map(|motor| {
-        let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
-        (high - low).max(f64::MIN_POSITIVE)
-    })
-}
-
-/// The part of the positions away from the middle that lie on two straight lines through it, and
-/// where each line leaves the range of a motor; `None` if one of them has hardly any.
-fn on_two_lines(series: &Series, spans: MotorVec) -> Option<(f64, [MotorVec; 2])> {
+/// The part of the positions away from the middle that lie on two straight lines through it; `None`
+/// if one of them has hardly any.
+fn on_two_lines(series: &Series, spans: [f64; 2]) -> Option<f64> {
     let middle = [0, 1].map(|motor| {
         let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
         0.5 * (low + high)
@@ -242,8 +232,8 @@ fn on_two_lines(series: &Series, spans: MotorVec) -> Option<(f64, [MotorVec; 2])
     let mut left: Vec<[f64; 2]> = series.path().iter().map(at).collect();
     left.retain(|at| at[0].hypot(at[1]) > AWAY);
     let all = left.len() as f64;
-    let (mut on_both, mut ends) = (0.0, [[0.0; 2]; 2]);
-    for end in &mut ends {
+    let mut on_both = 0.0;
+    for _ in 0..2 {
         let is_on = |direction: usize, at: &[f64; 2]| {
             let (sin, cos) = (PI * direction as f64 / DIRECTIONS as f64).sin_cos();
             (at[0] * sin - at[1] * cos).abs() < ON_LINE
@@ -255,19 +245,9 @@ fn on_two_lines(series: &Series, spans: MotorVec) -> Option<(f64, [MotorVec; 2])
             return None;
         }
         on_both += on_line;
-        let (on, off): (Vec<_>, Vec<_>) = left.iter().copied().partition(|at| is_on(line, at));
-        *end = end_of_line(&on);
-        left = off;
+        left.retain(|at| !is_on(line, at));
     }
-    Some((on_both, ends))
-}
-
-/// Where the line closest to some positions leaves the range of a motor.
-fn end_of_line(on: &[MotorVec]) -> MotorVec {
-    let sum = |part: fn(&MotorVec) -> f64| on.iter().map(part).sum::<f64>();
-    let along = sum(|at| at[0] * at[0] - at[1] * at[1]);
-    let (sin, cos) = (0.5 * (2.0 * sum(|at| at[0] * at[1])).atan2(along)).sin_cos();
-    [cos, sin].map(|part| part / cos.abs().max(sin.abs()))
+    Some(on_both)
 }
 
 /// Positions at which a motor reverses by more than a band.

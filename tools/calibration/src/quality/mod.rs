@@ -30,7 +30,7 @@ use crate::series::Series;
 use crate::table::DataTable;
 
 pub use identifiability::Finding;
-pub(crate) use identifiability::{ends_of_lines, limits_of_path};
+pub(crate) use identifiability::limits_of_path;
 pub use noise::{NoiseFloor, NoiseMethod};
 pub use spike::{Spike, SpikeOptions};
 

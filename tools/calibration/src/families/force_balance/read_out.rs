@@ -1,14 +1,12 @@
 //! The polynomial from the bend to the outputs: ridge regression with a penalty by degree.
 //!
 //! A snake bends in a plane, and nothing but the length of its bend says how stiff it is. Where
-//! samples lie on two lines, with bends `x` and `y` along them, an output is `l = a x + b y` times
-//! `1 + c r^2 + d r^4` with `r^2 = x^2 + 2 skew x y + ratio y^2`, the length of the outputs, and
-//! even terms: the asymmetry of a line, `a k x^n` and `b k' y^n` in every output, and that of an
-//! output, `m l^n`. Two outputs along two lines distinguish them, which gives the mixed terms. They
-//! are powers; the features are products of Legendre polynomials.
+//! samples show one bend at a time, an output is `l = a x + b y` times `1 + c r^2 + d r^4` with
+//! `r^2 = x^2 + ratio y^2`, and even terms: the asymmetry of a motor, `a k x^n` and `b k' y^n` in
+//! every output, and that of an output, `m l^n`. Two outputs along two bends tell them apart, which
+//! gives the mixed terms.
 
 use i2ris::model::polynomial_regression::{coefficients, products};
-use i2ris::units::MotorVec;
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView, Dyn};
 
 use super::levenberg_marquardt::squares_of;
@@ -28,85 +26,17 @@ const MOST: f64 = 1e4;
 /// of either.
 const AMBIGUOUS: f64 = 1e-3;
 
-/// Largest weight of an error that is like its neighbours.
-const MOST_ALIKE: f64 = 10.0;
-
-/// Largest squared ratio of the effects of two lines, and the cosine of the least angle between
-/// them.
-const MOST_UNLIKE: f64 = 30.0;
-const MOST_SKEW: f64 = 0.9;
-
 /// The features of samples, and how their coefficients are held.
 #[derive(Debug, Clone)]
 pub(super) struct ReadOut {
     pub degree: usize,
     /// Noise of a sample over half the range of the outputs.
     pub ridge: f64,
-    /// Where the samples do not show what both bends do together: it is what a snake does that is
-    /// alike in every direction.
-    pub lines: Option<Lines>,
-}
-
-/// Two lines on which the samples lie: those of the motors, or others as along pitch and yaw.
-#[derive(Debug, Clone)]
-pub(super) struct Lines {
-    /// The square of what the bend along the second line does to the outputs, and the product of
-    /// what both do, over the square of what that along the first does.
+    /// Whether the samples show what both bends do together. Otherwise it is what a snake does that
+    /// is alike in every direction.
+    pub plane: bool,
+    /// The square of what the second bend does to the outputs, over that of the first.
     pub ratio: f64,
-    pub skew: f64,
-    /// Coefficients in bends along the lines, by those in bends of the motors: of Legendre
-    /// polynomials, and of powers.
-    legendre: DMatrix<f64>,
-    powers: DMatrix<f64>,
-}
-
-impl Lines {
-    /// `ends` in half ranges of the motors; `affine` gives the outputs by the bends of the motors.
-    pub fn new(ends: &[MotorVec; 2], affine: &DMatrix<f64>, degree: usize) -> Option<Self> {
-        let [first, second] = ends.map(|[x, y]| affine.row(1) * x + affine.row(2) * y);
-        let size = first.norm_squared();
-        let ratio = (second.norm_squared() / size).clamp(1.0 / MOST_UNLIKE, MOST_UNLIKE);
-        let most = MOST_SKEW * ratio.sqrt();
-        let skew = (first.dot(&second) / size).clamp(-most, most);
-        let at = |step: usize| 2.0 * step as f64 / degree as f64 - 1.0;
-        let grid = DMatrix::from_fn((degree + 1).pow(2), 2, |row, motor| match motor {
-            0 => at(row % (degree + 1)),
-            _ => at(row / (degree + 1)),
-        });
-        let [[a, b], [c, d]] = ends;
-        let determinant = a * d - b * c;
-        let along = DMatrix::from_fn(grid.nrows(), 2, |row, line| {
-            let (x, y) = (grid[(row, 0)], grid[(row, 1)]);
-            (if line == 0 { x * d - y * c } else { a * y - b * x }) / determinant
-        });
-        let own = legendre(&grid, degree);
-        let by_own = |of: &DMatrix<f64>| Some(squares_of(of).cholesky()?.solve(&of.tr_mul(&own)));
-        let (legendre, powers) = (legendre(&along, degree), powers(&along, degree));
-        Some(Self { ratio, skew, legendre: by_own(&legendre)?, powers: by_own(&powers)? })
-    }
-}
-
-fn legendre(bends: &DMatrix<f64>, degree: usize) -> DMatrix<f64> {
-    let mut features = DMatrix::zeros(bends.nrows(), coefficients(bends.ncols(), degree));
-    for (row, bend) in bends.row_iter().enumerate() {
-        let bend: Vec<f64> = bend.iter().copied().collect();
-        let mut column = 0;
-        products(&bend, degree, |value, _| {
-            features[(row, column)] = value;
-            column += 1;
-        });
-    }
-    features
-}
-
-/// Products of the powers of two bends, in the same order.
-fn powers(bends: &DMatrix<f64>, degree: usize) -> DMatrix<f64> {
-    let terms = (0..=degree).flat_map(|total| (0..=total).map(move |second| (total, second)));
-    let terms: Vec<(usize, usize)> = terms.collect();
-    DMatrix::from_fn(bends.nrows(), terms.len(), |row, column| {
-        let (total, second) = terms[column];
-        bends[(row, 0)].powi((total - second) as i32) * bends[(row, 1)].powi(second as i32)
-    })
 }
 
 /// A polynomial that was solved for.
@@ -123,32 +53,19 @@ pub(super) struct Solved {
     pub shrinkage: DMatrix<f64>,
 }
 
-impl Solved {
-    /// RMS length of the errors.
-    pub fn rms(&self) -> f64 {
-        (self.errors.norm_squared() / self.errors.nrows() as f64).sqrt()
-    }
-
-    /// RMS length of the errors, as large as it counts where neighbours are alike: what the model
-    /// cannot explain must not pull its parameters away from the usual ones.
-    pub fn left(&self) -> f64 {
-        self.rms() * alike(&self.errors).sqrt()
-    }
-}
-
-/// How many samples count as one, because their errors are alike: by the correlation of neighbours.
-fn alike(errors: &DMatrix<f64>) -> f64 {
-    let rows = errors.nrows();
-    let before = errors.rows(0, rows - 1);
-    let after = errors.rows(1, rows - 1);
-    let correlation = before.dot(&after) / errors.norm_squared().max(f64::MIN_POSITIVE);
-    let correlation = correlation.clamp(0.0, 0.99);
-    ((1.0 + correlation) / (1.0 - correlation)).min(MOST_ALIKE)
-}
-
 impl ReadOut {
     pub fn features(&self, bends: &DMatrix<f64>) -> DMatrix<f64> {
-        legendre(bends, self.degree)
+        let count = coefficients(bends.ncols(), self.degree);
+        let mut features = DMatrix::zeros(bends.nrows(), count);
+        for (row, bend) in bends.row_iter().enumerate() {
+            let bend: Vec<f64> = bend.iter().copied().collect();
+            let mut column = 0;
+            products(&bend, self.degree, |value, _| {
+                features[(row, column)] = value;
+                column += 1;
+            });
+        }
+        features
     }
 
     fn penalties(&self, inputs: usize) -> DVector<f64> {
@@ -160,7 +77,7 @@ impl ReadOut {
             let terms = if inputs == 1 { 1 } else { degree + 1 };
             (0..terms).map(move |second| {
                 let is_between = second > 0 && second < degree;
-                if is_between && self.lines.is_some() { MOST } else { of_degree(degree) }
+                if is_between && !self.plane { MOST } else { of_degree(degree) }
             })
         });
         DVector::from_vec(each.collect())
@@ -168,39 +85,27 @@ impl ReadOut {
 
     /// What of the coefficients is held, row by row.
     fn held(&self, inputs: usize) -> DMatrix<f64> {
-        let mut pure = DMatrix::from_diagonal(&self.penalties(inputs));
-        let Some(lines) = &self.lines else { return pure };
-        // Mixed terms are held as powers: those of a straight term times a power of the length.
-        let terms = pure.nrows();
-        let mut mixed = DMatrix::zeros(terms, terms);
-        let squared = [1.0, 2.0 * lines.skew, lines.ratio];
-        let mut length = vec![1.0];
-        for degree in 2..=self.degree {
-            let first = degree * (degree + 1) / 2;
-            for row in first + 1..first + degree {
-                mixed[(row, row)] = std::mem::take(&mut pure[(row, row)]);
-            }
-            if degree % 2 == 0 {
-                continue;
-            }
-            let times = |power: usize| {
-                let parts = squared.iter().zip((0..=power).rev());
-                parts
-                    .map(|(part, of)| part * length.get(of).copied().unwrap_or_default())
-                    .sum::<f64>()
-            };
-            length = (0..degree).map(times).collect();
-            for second in 1..degree {
-                let row = first + second;
-                mixed[(row, first)] = -MOST * length[second];
-                mixed[(row, first + degree)] = -MOST * length[second - 1] / length[degree - 1];
+        let penalties = self.penalties(inputs);
+        let mut held = DMatrix::from_diagonal(&penalties);
+        if inputs == 1 || self.plane {
+            return held;
+        }
+        // Of the degree, the square of the number of its factors of the other bend, and how often.
+        for (degree, squares, times) in [(3, 1, 1.0), (5, 1, 2.0), (5, 2, 1.0)] {
+            if degree <= self.degree {
+                let first = degree * (degree + 1) / 2;
+                let others = 2 * squares;
+                let sides = [(0, others, 1), (degree, degree - others, -1)];
+                for (own, mixed, sign) in sides {
+                    let implied = times * self.ratio.powi(sign * squares as i32);
+                    held[(first + mixed, first + own)] = -implied * penalties[first + mixed];
+                }
             }
         }
-        let size = (terms, terms);
-        pure * lines.legendre.view((0, 0), size) + mixed * lines.powers.view((0, 0), size)
+        held
     }
 
-    /// The mixed even powers of all outputs by the coefficients of all, output after output.
+    /// The mixed even terms of all outputs by the coefficients of all, output after output.
     fn mixed(&self, coefficients: &DMatrix<f64>) -> DMatrix<f64> {
         let (terms, outputs) = coefficients.shape();
         let mut mixed = DMatrix::zeros(terms * outputs, terms * outputs);
@@ -261,16 +166,14 @@ impl ReadOut {
         for mut column in features.column_iter_mut().chain(measured.column_iter_mut()) {
             column.component_mul_assign(weights);
         }
-        let solved = self.solved(features, &measured, bends.ncols())?;
-        let Some(lines) = &self.lines else { return Some(solved.coefficients) };
+        let inputs = bends.ncols();
+        let solved = self.solved(features, &measured, inputs)?;
+        if inputs == 1 || self.plane {
+            return Some(solved.coefficients);
+        }
         // All outputs together. The search does without: it would be eight times the work.
         let (terms, outputs) = solved.coefficients.shape();
-        let powers = lines.powers.view((0, 0), (terms, terms));
-        let mut held = self.mixed(&(powers * &solved.coefficients)) * -MOST;
-        for output in 0..outputs {
-            let mut columns = held.columns_mut(output * terms, terms);
-            columns.copy_from(&(&columns * powers));
-        }
+        let mut held = self.mixed(&solved.coefficients) * -MOST;
         let mut squares = DMatrix::zeros(held.nrows(), held.nrows());
         let own_squares = solved.features.tr_mul(&solved.features);
         for output in 0..outputs {

@@ -15,11 +15,11 @@ use super::levenberg_marquardt::{LeastSquares, Minimum, StoppingRule, minimise};
 use super::mechanism::BalanceMechanism;
 use super::objective::Objective;
 use super::reach::Visited;
-use super::read_out::{Lines, ReadOut, Solved};
+use super::read_out::{ReadOut, Solved};
 use super::target::Target;
 use crate::parallel;
 use crate::progress::Progress;
-use crate::quality::{Finding, ends_of_lines, limits_of_path};
+use crate::quality::{Finding, limits_of_path};
 use crate::regression::linear::rows_of;
 use crate::series::Series;
 
@@ -83,6 +83,9 @@ const ERRORS: [f64; 5] = [0.4, 0.2, 0.1, 0.05, 0.025];
 /// More error is allowed where that is worse by less than this part on the blocks held out.
 pub(super) const ALIKE_HELD_OUT: f64 = 0.04;
 
+/// A motor does at most so many times what the other one does, squared.
+const MOST_UNLIKE: f64 = 30.0;
+
 /// The fold by whose blocks the prior is chosen.
 pub(super) const FOLD: usize = ONE_OF / 2;
 
@@ -90,11 +93,11 @@ pub(super) const FOLD: usize = ONE_OF / 2;
 const DEGREE: usize = 6;
 const SIMPLER: [usize; 2] = [3, 1];
 
-/// Lines along which only one motor moves, by their ends.
-const AXES: [MotorVec; 2] = [[1.0, 0.0], [0.0, 1.0]];
-
 /// A coefficient of the polynomial is held as if an error were so many times larger.
 const HELD: f64 = 3.0;
+
+/// Errors of neighbouring samples count as so many at most.
+const MOST_ALIKE: f64 = 10.0;
 
 /// A motor that moves less than this part of what the other one moves holds still.
 const LEAST_MOTION: f64 = 0.01;
@@ -178,8 +181,8 @@ pub(super) struct Search<'a, const D: usize> {
     /// RMS error of a straight line, and half the range of the outputs, on average.
     line: f64,
     range: f64,
-    /// Without a ridge.
-    read_out: ReadOut,
+    /// What the second motor does to the outputs, squared, over that of the first.
+    ratio: f64,
     progress: &'a dyn Progress,
 }
 
@@ -193,20 +196,18 @@ impl<'a, const D: usize> Search<'a, D> {
             column.add_scalar_mut(-0.5 * (low + high));
             column /= (0.5 * (high - low)).max(1.0);
         }
-        let line = ReadOut { degree: 1, ridge: 0.0, lines: None }.solve(&counts, &measured);
-        let affine = line.as_ref().filter(|_| D > 1 && !plane).map(|line| &line.coefficients);
-        let lines = affine.and_then(|affine| {
-            ends_of_lines(series)
-                .into_iter()
-                .chain([AXES])
-                .find_map(|ends| Lines::new(&ends, affine, DEGREE))
+        let line = ReadOut { degree: 1, ridge: 0.0, plane: true, ratio: 1.0 };
+        let line = line.solve(&counts, &measured);
+        let ratio = line.as_ref().map_or(1.0, |line| {
+            let moves = |motor: usize| line.coefficients.row(1 + motor).norm_squared();
+            (moves(D - 1) / moves(0)).clamp(1.0 / MOST_UNLIKE, MOST_UNLIKE)
         });
         let ranges = measured.column_iter().map(|column| 0.5 * (column.max() - column.min()));
         Self {
             series,
-            line: line.map_or(f64::NAN, |solved| solved.rms()),
+            line: line.map_or(f64::NAN, |solved| rms(&solved)),
             range: ranges.sum::<f64>() / target.outputs as f64,
-            read_out: ReadOut { degree: DEGREE, ridge: 0.0, lines },
+            ratio,
             target,
             plane,
             progress,
@@ -231,8 +232,7 @@ impl<'a, const D: usize> Search<'a, D> {
             }
         };
         let place = place.ok_or(BalanceError::NoModel)?;
-        let (target, read_out) = (self.target.with_terms(place.terms), self.read_out.clone());
-        Self { target, read_out, ..*self }.fine(place)
+        Self { target: self.target.with_terms(place.terms), ..*self }.fine(place)
     }
 
     /// Known parameters, with the error that they leave.
@@ -248,7 +248,7 @@ impl<'a, const D: usize> Search<'a, D> {
     fn left_by(&self, target: &Target<D>, at: &DVector<f64>) -> Option<f64> {
         let objective = self.objective(target, ERRORS[0] * self.line);
         let bends = target.bends(&target.layout.decode(at))?;
-        Some(objective.read_out.solve(&bends, &objective.measured)?.left())
+        Some(left(&objective.read_out.solve(&bends, &objective.measured)?))
     }
 
     /// The best place on thinned data, from several starts.
@@ -328,14 +328,14 @@ impl<'a, const D: usize> Search<'a, D> {
         let mut objective = self.objective(&self.target, error);
         let mut solved = self.solved(&objective, &at).ok_or(BalanceError::NoModel)?;
         for _ in 0..ROUNDS {
-            error = error.min(solved.left());
+            error = error.min(left(&solved));
             objective = self.objective(&self.target, error);
             let found = minimise(&objective, at, FINE, &|| self.progress.step());
             at = found.ok_or(BalanceError::NoModel)?.at;
             solved = self.solved(&objective, &at).ok_or(BalanceError::NoModel)?;
         }
         self.progress.end();
-        objective.weight = 1.0 / solved.left();
+        objective.weight = 1.0 / left(&solved);
         let slopes = objective.slopes(&at).ok_or(BalanceError::NoModel)?;
         let mechanism = BalanceMechanism::new(&self.target.layout, &at, &slopes);
         let latency = remaining_latency(&objective, &at, &slopes);
@@ -355,7 +355,7 @@ impl<'a, const D: usize> Search<'a, D> {
         Objective {
             target,
             measured: target.measured(),
-            read_out: ReadOut { ridge, ..self.read_out.clone() },
+            read_out: ReadOut { degree: DEGREE, ridge, plane: self.plane, ratio: self.ratio },
             weight: share.sqrt() / error,
         }
     }
@@ -383,7 +383,7 @@ impl<'a, const D: usize> Search<'a, D> {
             possible.iter().map(|bend| virtual_counts(&(bend * WIDER))).collect();
         // The polynomial is that of the region in which it is used; where the bend is not sure, an
         // error counts less.
-        let error = solved.rms();
+        let error = rms(solved);
         let weights = unsure.map(|unsure| error / error.hypot(self.range * unsure));
         let samples = self.series.samples();
         let measured = DMatrix::from_fn(bends.nrows(), self.target.outputs, |row, output| {
@@ -426,4 +426,25 @@ fn best(places: Vec<Place>) -> Option<Place> {
     let least = places.iter().map(|place| place.held_out).fold(f64::INFINITY, f64::min);
     let good = places.into_iter().filter(|p| p.held_out <= least * (1.0 + ALIKE_HELD_OUT));
     good.min_by(|a, b| b.error.total_cmp(&a.error).then(a.held_out.total_cmp(&b.held_out)))
+}
+
+/// How many samples count as one, because their errors are alike: by the correlation of neighbours.
+fn alike(errors: &DMatrix<f64>) -> f64 {
+    let rows = errors.nrows();
+    let before = errors.rows(0, rows - 1);
+    let after = errors.rows(1, rows - 1);
+    let correlation = before.dot(&after) / errors.norm_squared().max(f64::MIN_POSITIVE);
+    let correlation = correlation.clamp(0.0, 0.99);
+    ((1.0 + correlation) / (1.0 - correlation)).min(MOST_ALIKE)
+}
+
+/// RMS length of the errors, as large as it counts where neighbours are alike: what the model
+/// cannot explain must not pull its parameters away from the usual ones.
+fn left(solved: &Solved) -> f64 {
+    rms(solved) * alike(&solved.errors).sqrt()
+}
+
+/// RMS length of the errors.
+fn rms(solved: &Solved) -> f64 {
+    (solved.errors.norm_squared() / solved.errors.nrows() as f64).sqrt()
 }
