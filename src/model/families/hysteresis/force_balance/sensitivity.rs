@@ -103,13 +103,19 @@ const TRANSMISSION: usize = 20;
 /// A state whose derivatives are known.
 #[derive(Debug, Clone)]
 pub struct SensitiveState<const D: usize> {
-    state: BalanceState,
+    place: Place<D>,
     pulley: [Slopes; D],
-    bend: [Slopes; D],
-    tension: [[Slopes; 2]; D],
     own: [[Slopes; OWN_STOPS]; D],
     shared: [[Slopes; D]; SHARED_STOPS],
     crept: [[Slopes; CREEPING]; D],
+}
+
+/// The result of a balance; limits depend on it alone.
+#[derive(Debug, Clone)]
+struct Place<const D: usize> {
+    state: BalanceState,
+    bend: [Slopes; D],
+    tension: [[Slopes; 2]; D],
 }
 
 /// The balance of a step.
@@ -123,13 +129,13 @@ impl<const D: usize> SensitiveState<D> {
     /// The bend, units of travel.
     #[must_use]
     pub fn bend(&self) -> SVector<f64, D> {
-        vector(&self.state.bend)
+        vector(&self.place.state.bend)
     }
 
     /// Its derivatives, by motor.
     #[must_use]
     pub fn slopes(&self) -> &[Slopes; D] {
-        &self.bend
+        &self.place.bend
     }
 }
 
@@ -140,16 +146,15 @@ impl<const D: usize> ForceBalance<D> {
         let pulleys = self.driven(counts);
         let travel = self.travel(&pulleys);
         let none = Slopes::zeros();
+        let state = BalanceState::at(&array(counts), &array(&pulleys));
         let mut at = SensitiveState {
-            state: BalanceState::at(&array(counts), &array(&pulleys)),
+            place: Place { state, bend: [none; D], tension: [[none; 2]; D] },
             pulley: [none; D],
-            bend: [none; D],
-            tension: [[none; 2]; D],
             own: [[none; OWN_STOPS]; D],
             shared: [[none; D]; SHARED_STOPS],
             crept: [[none; CREEPING]; D],
         };
-        at.state.bend = array(&travel.component_mul(&self.gain));
+        at.place.state.bend = array(&travel.component_mul(&self.gain));
         for (i, by) in at.pulley.iter_mut().enumerate() {
             Self::add_turn(by, i, self.turn(counts[i]));
         }
@@ -158,13 +163,14 @@ impl<const D: usize> ForceBalance<D> {
             let taut = motor.stiffness[0] + motor.stiffness[1];
             let by_taut = travel[i] * motor.spring / (taut + motor.spring).powi(2);
             let places = Places::of(i);
-            at.bend[i] = moved[i] * self.gain[i];
-            at.bend[i][places.at(WIRE)] += by_taut;
-            at.bend[i][places.at(WIRE + 1)] += by_taut;
-            at.bend[i][places.at(SPRING)] -= travel[i] * taut / (taut + motor.spring).powi(2);
+            let by_bend = &mut at.place.bend[i];
+            *by_bend = moved[i] * self.gain[i];
+            by_bend[places.at(WIRE)] += by_taut;
+            by_bend[places.at(WIRE + 1)] += by_taut;
+            by_bend[places.at(SPRING)] -= travel[i] * taut / (taut + motor.spring).powi(2);
         }
-        let limits = self.limits(&at.state).without_friction().over([1.0; CREEPING]);
-        let mut by_limits = self.limit_slopes(&at);
+        let limits = self.limits(&at.place.state).without_friction().over([1.0; CREEPING]);
+        let mut by_limits = self.limit_slopes(&at.place);
         by_limits.own = [[none; 2]; D];
         by_limits.shared = none;
         self.balance(&mut at, (&limits, &by_limits), (&travel, &moved), None);
@@ -179,18 +185,18 @@ impl<const D: usize> ForceBalance<D> {
         time_s: f64,
     ) {
         let turns: [[[f64; 4]; 2]; D] =
-            std::array::from_fn(|i| [self.turn(at.state.position[i]), self.turn(counts[i])]);
-        let steps = self.steps(&at.state, counts, time_s);
+            std::array::from_fn(|i| [self.turn(at.place.state.position[i]), self.turn(counts[i])]);
+        let steps = self.steps(&at.place.state, counts, time_s);
         let time_s = time_s / steps.len() as f64;
         let passed = self.passed(time_s);
         for (part, position) in steps {
-            let pulleys = self.drag(&at.state, &position);
-            if array(&pulleys) == at.state.pulley && passed == [0.0; CREEPING] {
+            let pulleys = self.drag(&at.place.state, &position);
+            if array(&pulleys) == at.place.state.pulley && passed == [0.0; CREEPING] {
                 continue;
             }
             let before = at.pulley;
             for i in 0..D {
-                if pulleys[i] != at.state.pulley[i] {
+                if pulleys[i] != at.place.state.pulley[i] {
                     at.pulley[i] = Slopes::zeros();
                     let sign = if pulleys[i] < position[i] { -1.0 } else { 1.0 };
                     at.pulley[i][Places::of(i).at(GAP)] = sign;
@@ -199,27 +205,25 @@ impl<const D: usize> ForceBalance<D> {
                     Self::add_turn(&mut at.pulley[i], i, turn);
                 }
             }
-            let known = |at: &SensitiveState<D>| {
-                (self.limits(&at.state).over(passed), self.limit_slopes(at))
-            };
-            let (mut limits, mut by_limits) = known(at);
-            if let Some(middle) = self.middle(&at.state, &pulleys) {
-                let mut half = at.clone();
+            let known =
+                |at: &Place<D>| (self.limits(&at.state).over(passed), self.limit_slopes(at));
+            let (mut limits, mut by_limits) = known(&at.place);
+            if let Some(middle) = self.middle(&at.place.state, &pulleys) {
                 let by_middle = std::array::from_fn(|i| (before[i] + at.pulley[i]) * 0.5);
                 let travel = self.travel(&middle);
                 let travel = (&travel, &self.travel_slopes(&by_middle, &middle));
-                // Limits do not depend on the stops, which stay where they were.
-                let balanced = self.balance_of(&half, (&limits, &by_limits), travel, None);
-                self.store_bend(&mut half, (&limits, &by_limits), travel, balanced);
-                (limits, by_limits) = known(&half);
+                let balanced = self.balance_of(at, (&limits, &by_limits), travel, None);
+                let half = at.place.state;
+                (limits, by_limits) =
+                    known(&self.stored(half, (&limits, &by_limits), travel, balanced));
             }
             let held =
                 self.held_back_sensitive(at, (&limits, &by_limits), &pulleys, &before, time_s);
             let by_pulleys = at.pulley;
             self.step_sensitive(at, (&limits, &by_limits), (&pulleys, &by_pulleys), held);
-            at.state.pulley = array(&pulleys);
+            at.place.state.pulley = array(&pulleys);
         }
-        at.state.position = array(counts);
+        at.place.state.position = array(counts);
     }
 
     fn step_sensitive(
@@ -243,15 +247,15 @@ impl<const D: usize> ForceBalance<D> {
         before: &[Slopes; D],
         time_s: f64,
     ) -> Option<(SVector<f64, D>, [Slopes; D])> {
-        let held = self.held_back(&at.state, limits, pulleys, time_s)?;
-        let stayed = vector(&at.state.pulley);
+        let held = self.held_back(&at.place.state, limits, pulleys, time_s)?;
+        let stayed = vector(&at.place.state.pulley);
         let travel = (&self.travel(&stayed), &self.travel_slopes(before, &stayed));
         let at_once = self.at_once(limits);
         let balanced = self.balance_of(at, (&at_once, by_limits), travel, None);
         let by_motion =
             (at.pulley[held.farthest] - before[held.farthest]) * (held.sign / SMALL_MOTION);
         let by_left = std::array::from_fn(|i| {
-            (balanced.by_bend[i] - at.bend[i]) * held.part - by_motion * held.jump[i]
+            (balanced.by_bend[i] - at.place.bend[i]) * held.part - by_motion * held.jump[i]
         });
         Some((held.jump * held.part, by_left))
     }
@@ -286,7 +290,7 @@ impl<const D: usize> ForceBalance<D> {
     ) {
         let balanced = self.balance_of(at, limits, travel, held);
         self.move_stops(at, limits, &balanced);
-        self.store_bend(at, limits, travel, balanced);
+        at.place = self.stored(at.place.state, limits, travel, balanced);
     }
 
     /// The balance of a step and its derivatives.
@@ -297,10 +301,10 @@ impl<const D: usize> ForceBalance<D> {
         (travel, by_travel): (&SVector<f64, D>, &[Slopes; D]),
         held: Option<(SVector<f64, D>, [Slopes; D])>,
     ) -> Balanced<D> {
-        let mut bend = self.solve(&at.state, limits, travel);
+        let mut bend = self.solve(&at.place.state, limits, travel);
         let mut stretch = travel - bend;
         // First all that changes at a constant bend.
-        let by_moved: [Slopes; D] = std::array::from_fn(|i| -at.bend[i]);
+        let by_moved: [Slopes; D] = std::array::from_fn(|i| -at.place.bend[i]);
         let mut by_rest: [Slopes; D] = std::array::from_fn(|i| {
             let wires = self.wires(i, limits);
             let [plus, minus] =
@@ -323,7 +327,7 @@ impl<const D: usize> ForceBalance<D> {
                 for (k, by_crept) in at.crept[i].iter().enumerate() {
                     by_rest += by_crept * limits.late[k];
                     by_rest[CREEP + k] -=
-                        (1.0 - limits.passed[k]) * (bend[i] - at.state.crept[i][k]);
+                        (1.0 - limits.passed[k]) * (bend[i] - at.place.state.crept[i][k]);
                 }
             }
             by_rest
@@ -335,7 +339,7 @@ impl<const D: usize> ForceBalance<D> {
                 by_rest[SHARED_STIFFNESS + k] -= deflection;
             }
         }
-        let slope = self.rest(&at.state, limits, travel, &bend).slope;
+        let slope = self.rest(&at.place.state, limits, travel, &bend).slope;
         let inverse = slope.try_inverse().unwrap_or_else(SMatrix::zeros);
         let mut by_bend: [Slopes; D] = std::array::from_fn(|i| {
             (0..D).fold(Slopes::zeros(), |sum, j| sum + by_rest[j] * inverse[(i, j)])
@@ -354,7 +358,7 @@ impl<const D: usize> ForceBalance<D> {
         (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
         Balanced { bend, by_bend, .. }: &Balanced<D>,
     ) {
-        let by_moved: [Slopes; D] = std::array::from_fn(|i| by_bend[i] - at.bend[i]);
+        let by_moved: [Slopes; D] = std::array::from_fn(|i| by_bend[i] - at.place.bend[i]);
         for k in 0..self.shared_count {
             let shared = self.shared_slopes(at, k, (limits, by_limits), (bend, &by_moved));
             at.shared[k] = shared.map(|(_, slopes)| slopes);
@@ -372,22 +376,21 @@ impl<const D: usize> ForceBalance<D> {
         }
     }
 
-    /// The bend and the tensions after a step, with their derivatives, and the state.
-    fn store_bend(
+    /// The state after a step, and the derivatives of its bend and tensions.
+    fn stored(
         &self,
-        at: &mut SensitiveState<D>,
+        mut state: BalanceState,
         (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
         (travel, by_travel): (&SVector<f64, D>, &[Slopes; D]),
         Balanced { bend, stretch, by_bend }: Balanced<D>,
-    ) {
-        for i in 0..D {
-            let by_stretch = by_travel[i] - by_bend[i];
+    ) -> Place<D> {
+        self.store(&mut state, limits, travel, &bend);
+        let tension = std::array::from_fn(|i| {
             let wires = self.wires(i, limits);
-            at.tension[i] =
-                tension_slopes(i, &wires, stretch[i], &by_limits.preload[i], &by_stretch);
-        }
-        at.bend = by_bend;
-        self.store(&mut at.state, limits, travel, &bend);
+            let by_stretch = by_travel[i] - by_bend[i];
+            tension_slopes(i, &wires, stretch[i], &by_limits.preload[i], &by_stretch)
+        });
+        Place { state, bend: by_bend, tension }
     }
 }
 

@@ -5,8 +5,8 @@ use super::super::parameters::REACH;
 use super::super::state::{MAX_BEND, MIN_FACTOR, grown};
 use super::{
     ASYMMETRY, BY_OTHER, BY_TENSION, FRICTION, GROWTH, HARDENING_BY_OTHER, OTHER_GROWTH,
-    POSE_SLOPE, PRELOAD, PRELOAD_GROWTH, PRELOAD_GROWTH_BY_OTHER, Places, SHARED_GROWTH,
-    SensitiveState, Slopes,
+    POSE_SLOPE, PRELOAD, PRELOAD_GROWTH, PRELOAD_GROWTH_BY_OTHER, Place, Places, SHARED_GROWTH,
+    Slopes,
 };
 
 /// Derivatives of a step's limits.
@@ -24,8 +24,8 @@ struct Dual {
 }
 
 impl Dual {
-    fn nothing() -> Self {
-        Self { value: 0.0, slopes: Slopes::zeros() }
+    fn of(value: f64) -> Self {
+        Self { value, slopes: Slopes::zeros() }
     }
 
     fn times(&self, other: &Self) -> Self {
@@ -37,7 +37,7 @@ impl Dual {
 }
 
 impl<const D: usize> ForceBalance<D> {
-    pub(super) fn limit_slopes(&self, at: &SensitiveState<D>) -> LimitSlopes<D> {
+    pub(super) fn limit_slopes(&self, at: &Place<D>) -> LimitSlopes<D> {
         let none = Slopes::zeros();
         let mut found = LimitSlopes {
             preload: [[none; 2]; D],
@@ -45,7 +45,7 @@ impl<const D: usize> ForceBalance<D> {
             shared: none,
             hardened: [none; D],
         };
-        let (mut base, mut square) = (Dual::nothing(), Dual::nothing());
+        let (mut base, mut square) = (Dual::of(0.0), Dual::of(0.0));
         for (i, motor) in self.motors.iter().enumerate() {
             let (places, other) = (Places::of(i), D - 1 - i);
             self.bend_slopes(at, i, &mut found);
@@ -87,14 +87,14 @@ impl<const D: usize> ForceBalance<D> {
     }
 
     /// The bend of a motor as far as all else grows with it, relative to the reach.
-    fn grown(at: &SensitiveState<D>, i: usize) -> Dual {
+    fn grown(at: &Place<D>, i: usize) -> Dual {
         let value = grown(at.state.bend[i]);
         let is_within = value.abs() < MAX_BEND;
         Dual { value, slopes: if is_within { at.bend[i] / REACH } else { Slopes::zeros() } }
     }
 
     /// Preload and hardening by both bends.
-    fn bend_slopes(&self, at: &SensitiveState<D>, i: usize, found: &mut LimitSlopes<D>) {
+    fn bend_slopes(&self, at: &Place<D>, i: usize, found: &mut LimitSlopes<D>) {
         let (motor, places) = (&self.motors[i], Places::of(i));
         let own = Self::grown(at, i);
         let mut by_growth = own.slopes * (2.0 * motor.preload_growth * own.value);
@@ -114,8 +114,8 @@ impl<const D: usize> ForceBalance<D> {
     }
 
     /// Friction by the wire tension of a motor.
-    fn load(&self, at: &SensitiveState<D>, i: usize) -> Dual {
-        let mut load = Dual::nothing();
+    fn load(&self, at: &Place<D>, i: usize) -> Dual {
+        let mut load = Dual::of(0.0);
         for side in 0..2 {
             let (tension, by) =
                 (at.state.tension[i][side], self.motors[i].friction_by_tension[side]);
@@ -127,16 +127,16 @@ impl<const D: usize> ForceBalance<D> {
     }
 
     /// The factor on the friction of a motor by both bends.
-    fn pose(&self, at: &SensitiveState<D>, i: usize) -> Dual {
+    fn pose(&self, at: &Place<D>, i: usize) -> Dual {
         let (motor, places) = (&self.motors[i], Places::of(i));
         let own = Self::grown(at, i);
-        let across = if D > 1 { Self::grown(at, D - 1 - i) } else { Dual::nothing() };
+        let across = if D > 1 { Self::grown(at, D - 1 - i) } else { Dual::of(0.0) };
         let [own_growth, other_growth] = motor.friction_growth;
         let pose = 1.0
             + own_growth * own.value.abs()
             + other_growth * across.value.abs()
             + motor.friction_slope * own.value;
-        let mut factor = Dual { value: pose.max(MIN_FACTOR), ..Dual::nothing() };
+        let mut factor = Dual::of(pose.max(MIN_FACTOR));
         if pose > MIN_FACTOR {
             factor.slopes = own.slopes * (own_growth * own.value.signum() + motor.friction_slope)
                 + across.slopes * (other_growth * across.value.signum());
@@ -150,11 +150,11 @@ impl<const D: usize> ForceBalance<D> {
     }
 
     /// The factor on the friction of the shared stops by the length of the bend.
-    fn shared_pose(&self, at: &SensitiveState<D>) -> Dual {
+    fn shared_pose(&self, at: &Place<D>) -> Dual {
         let bend: [Dual; D] = std::array::from_fn(|i| Self::grown(at, i));
         let length = bend.iter().map(|part| part.value.powi(2)).sum::<f64>().sqrt();
         let pose = 1.0 + self.shared_growth * length;
-        let mut factor = Dual { value: pose.max(MIN_FACTOR), ..Dual::nothing() };
+        let mut factor = Dual::of(pose.max(MIN_FACTOR));
         if pose > MIN_FACTOR && length > 0.0 {
             for part in &bend {
                 factor.slopes += part.slopes * (self.shared_growth * part.value / length);

@@ -25,7 +25,7 @@ impl<const D: usize> ForceBalance<D> {
         (bend, by_moved): (f64, &Slopes),
     ) -> (f64, Slopes) {
         let stop = &self.own[k];
-        let (from, moved) = (at.state.own[i][k], bend - at.state.bend[i]);
+        let (from, moved) = (at.place.state.own[i][k], bend - at.place.state.bend[i]);
         let held = stop.moved(from, moved, limits.own[i], limits.stays);
         // One that slips has forgotten where it was.
         let mut slopes = match held.by_from == 0.0 && held.by_moved == 0.0 {
@@ -53,8 +53,8 @@ impl<const D: usize> ForceBalance<D> {
         (bend, by_moved): (&SVector<f64, D>, &[Slopes; D]),
     ) -> [(f64, Slopes); D] {
         let stop = &self.shared[k];
-        let moved = std::array::from_fn(|i| bend[i.min(D - 1)] - at.state.bend[i]);
-        let held = stop.moved_in_plane(at.state.shared[k], moved, limits.shared);
+        let moved = std::array::from_fn(|i| bend[i.min(D - 1)] - at.place.state.bend[i]);
+        let held = stop.moved_in_plane(at.place.state.shared[k], moved, limits.shared);
         let mut by_reach = by_limits.shared * stop.reach;
         by_reach[SHARED_SHARE + k] += limits.shared / stop.stiffness;
         by_reach[SHARED_STIFFNESS + k] -= stop.reach * limits.shared / stop.stiffness;
