@@ -129,15 +129,10 @@ impl Stream {
 
 impl RequestService {
     /// The controller's side.
-    pub(super) fn create<S, Q, R>(
+    pub(super) fn create<S: Service, Q: ZeroCopySend + fmt::Debug, R: ZeroCopySend + fmt::Debug>(
         self,
         node: &Node<S>,
-    ) -> Result<request_response::PortFactory<S, Q, (), R, ()>, TransportError>
-    where
-        S: Service,
-        Q: ZeroCopySend + fmt::Debug,
-        R: ZeroCopySend + fmt::Debug,
-    {
+    ) -> Result<request_response::PortFactory<S, Q, (), R, ()>, TransportError> {
         node.service_builder(&service_name(self.service())?)
             .request_response::<Q, R>()
             .max_servers(1)
@@ -149,15 +144,10 @@ impl RequestService {
     }
 
     /// A client's side.
-    pub(super) fn open<S, Q, R>(
+    pub(super) fn open<S: Service, Q: ZeroCopySend + fmt::Debug, R: ZeroCopySend + fmt::Debug>(
         self,
         node: &Node<S>,
-    ) -> Result<request_response::PortFactory<S, Q, (), R, ()>, TransportError>
-    where
-        S: Service,
-        Q: ZeroCopySend + fmt::Debug,
-        R: ZeroCopySend + fmt::Debug,
-    {
+    ) -> Result<request_response::PortFactory<S, Q, (), R, ()>, TransportError> {
         node.service_builder(&service_name(self.service())?)
             .request_response::<Q, R>()
             .open()

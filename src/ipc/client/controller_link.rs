@@ -142,7 +142,13 @@ impl<P> SessionPort<P> {
         let present = self.opened.take().filter(|(old, _)| Arc::ptr_eq(old, &session));
         let opened = match present {
             Some(opened) => opened,
-            None => (Arc::clone(&session), self.open(&session, now, open)?),
+            None => {
+                let port = self.open(&session, now, open);
+                // The streams of a controller end with it: check again whether one serves.
+                let _ = port.is_err().then(|| link.lost());
+                link.session(now)?;
+                (session, port?)
+            }
         };
         Ok(&self.opened.insert(opened).1)
     }
