@@ -6,6 +6,7 @@ use i2ris::ipc::payload::{ExternalPosition, JointState, Message};
 use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
+use i2ris_report::statistics::mean;
 use i2ris_report::{Failure, Interrupt, bail, while_working};
 
 use super::judgement::{CAMERA, CONDITION, Measured, PICTURE, Swing};
@@ -24,6 +25,8 @@ const BLIND: Nanos = Nanos::from_millis(1000);
 /// Reasons for no motion, with remedy.
 pub const NOBODY: [&str; 2] =
     ["none: no operator to ask here", "run it at a terminal, or give permission by --enable"];
+const UNCONFIRMED: [&str; 2] =
+    ["none: not confirmed", "run it again, and type yes when the snake may move"];
 pub const PAUSED: [&str; 2] =
     ["none: a client has paused the robot", "`i2ris command state resume`, then run it again"];
 const AGAIN: &str = "fix what `i2ris status` shows (also computer load), then run it again";
@@ -52,10 +55,7 @@ pub fn run(
         );
         let Some(person) = &mut person else { return none(NOBODY) };
         if !is_yes(person, &question) {
-            return none([
-                "none: not confirmed",
-                "run it again, and type yes when the snake may move",
-            ]);
+            return none(UNCONFIRMED);
         }
         options = PrepareOptions::ENABLE;
     }
@@ -69,7 +69,7 @@ pub fn run(
     if state.state == OperatingState::Paused.number() {
         return none(PAUSED);
     }
-    let moved = swing(client, options, measured.camera.is_some(), interrupt);
+    let moved = swing(client, options, measured, interrupt);
     let state = client.operating_state().ok().flatten();
     let holder = state.map_or(0, |state| state.lease_client_id);
     let released = match moved {
@@ -108,7 +108,7 @@ fn is_yes(person: &mut Terminal, question: &str) -> bool {
 fn swing(
     client: &mut Client,
     options: PrepareOptions,
-    has_camera: bool,
+    before: &Measured,
     interrupt: &Interrupt,
 ) -> Result<Observer, Failure> {
     let state = prepare(client, options, interrupt)?;
@@ -117,7 +117,7 @@ fn swing(
     let (watcher, mut commander) = (client.watcher(), client.commander());
     let (mut measured, mut motors) = (watcher.measured_js(), watcher.actuators());
     let (mut camera, mut goal) = (watcher.external(), Latest::new(watcher.goal_js()));
-    let mut observer = Observer::new(plan);
+    let (mut observer, mut ages_ms) = (Observer::new(plan), Vec::new());
     let begin = clock::now();
     let mut shown = begin;
     let mut ticker = Ticker::new(begin, PERIOD, Nanos::ZERO);
@@ -132,6 +132,9 @@ fn swing(
                 }
             })?;
             motors.drain(|state| {
+                let oldest = state.measured_stamp_ns.into_iter().filter(|it| *it > 0).min();
+                let age = oldest.map(|it| state.stamp().duration_since(Nanos(it)));
+                ages_ms.extend(age.map(|it| 1e3 * it.as_seconds()));
                 for (series, counts) in [
                     (Series::Setpoint, state.setpoint_counts),
                     (Series::Encoder, state.measured_counts),
@@ -149,7 +152,7 @@ fn swing(
             if observer.is_too_far() || now_s > LENGTH_S + LAST_FRAMES_S {
                 return Ok(());
             }
-            if has_camera && clock::now().duration_since(shown) > BLIND {
+            if before.camera.is_some() && clock::now().duration_since(shown) > BLIND {
                 bail!("the camera has shown no angle for 1 s and cannot limit the motion");
             }
             if interrupt.came() {
@@ -169,5 +172,10 @@ fn swing(
             }
         }
     })?;
+    let age = mean(ages_ms).unwrap_or(0.0);
+    let longest = before.lines.iter().map(|(_, [_, it])| 1e3 * it).fold(0.0, f64::max);
+    if age > longest {
+        bail!("positions were {age:.0} ms old in the motion; at most {longest:.0} expected");
+    }
     Ok(observer)
 }
