@@ -60,7 +60,9 @@ pub fn fit(
             fitter.attempt(family)
         })
         .collect();
-    let judged_rows = judged_rows(&split, known_from(recording), &usable);
+    let judging = fitter.context.held_out_or_training();
+    let judges = |row: &usize| usable(row) && judging.binary_search(row).is_ok();
+    let judged_rows = judged_rows(&split, known_from(recording), &judges);
     let training: Vec<usize> = fitter.context.training.to_vec();
     let noise = noise_of(&quality, recording);
     let evidence = Evidence { recording, rows: &judged_rows, noise };

@@ -1,7 +1,7 @@
 //! Errors of predictions.
 
 use i2ris::model::file::FitMetrics;
-use i2ris::model::{Memory, Model};
+use i2ris::model::{Memory, Model, Query};
 use i2ris::units::MAX_OUTPUTS;
 
 use crate::recording::Recording;
@@ -35,6 +35,20 @@ pub(super) fn along(model: &Model, recording: &Recording, mut at: impl FnMut(usi
         next = row.path_index + 1;
         at(index, &memory);
     }
+}
+
+/// Rows whose pose the inverse of a model clips, outside the range of the robot, and the distance,
+/// rad (m).
+#[must_use]
+pub fn clipped_rows(model: &Model, recording: &Recording) -> Vec<(usize, f64)> {
+    let mut clipped = Vec::new();
+    along(model, recording, |index, memory| {
+        let counts = &recording.rows()[index].counts;
+        let goal = model.predict(counts, memory).mean;
+        let found = model.invert(&goal, memory, &Query::new(*counts));
+        clipped.extend(found.clipped.then_some((index, found.residual)));
+    });
+    clipped
 }
 
 /// Metrics of one output over pairs of measured and predicted values. `None` for fewer than two

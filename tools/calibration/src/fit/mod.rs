@@ -5,7 +5,7 @@
 //! | `options` | options of a fit |
 //! | `family` | names of the families, and the choice among them |
 //! | `split` | training and held-out rows |
-//! | `metrics` | errors of predictions |
+//! | `metrics` | errors of predictions, and rows that a robot cannot reach with the model |
 //! | `flatness` | models that are flat where the robot is not |
 //! | [`model_mismatch`] | evidence for a larger error than the model states |
 //! | `late_camera` | latency of a camera's stamps |
@@ -19,7 +19,6 @@
 //! | `evidence` | rows for judging families |
 //! | [`choice`] | scores of the families: errors held out, and tracking on other families |
 //! | `outcome` | models and the report of the fit |
-//! | `usable_range` | the part of the measured range in which a robot may use a model |
 //! | `error` | errors of a fit |
 
 mod all_families;
@@ -42,7 +41,6 @@ pub(crate) mod slow_error;
 pub mod split;
 #[cfg(test)]
 mod tests;
-pub mod usable_range;
 
 pub use all_families::fit;
 pub use error::FitError;

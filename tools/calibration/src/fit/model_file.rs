@@ -4,7 +4,7 @@ use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, SCHEMA_VERSION,
     SlowErrorParameters, TrainingRecord,
 };
-use i2ris::model::{Model, ModelError};
+use i2ris::model::{Hull, Model, ModelError};
 use i2ris::robot::DriveFingerprint;
 use i2ris::units::MAX_OUTPUTS;
 use i2ris_report::statistics::min_max;
@@ -142,10 +142,20 @@ impl FileContext<'_> {
         })
     }
 
-    /// Held-out rows if there are any; their error is that of motion in use.
+    /// Held-out rows if there are any; their error is that of motion in use. A model is not used
+    /// outside the hull of its training rows, so rows outside count only if they are the majority.
     pub fn held_out_or_training(&self) -> Vec<usize> {
-        let held_out: Vec<usize> = self.split.held_out().collect();
+        let held_out = self.judging();
         if held_out.is_empty() { self.training.to_vec() } else { held_out }
+    }
+
+    fn judging(&self) -> Vec<usize> {
+        let hull = Hull::new(self.hull, self.recording.motors());
+        let counts = |row: usize| &self.recording.rows()[row].counts;
+        let is_inside = |row: &usize| hull.as_ref().is_ok_and(|hull| hull.contains(counts(*row)));
+        let inside: Vec<usize> = self.split.held_out().filter(is_inside).collect();
+        let all: Vec<usize> = self.split.held_out().collect();
+        if 2 * inside.len() < all.len() { all } else { inside }
     }
 
     fn slow_error(&self, model: &Model) -> Option<SlowErrorParameters> {
@@ -194,7 +204,7 @@ impl FileContext<'_> {
         variance
     }
 
-    /// Metrics on the training rows and on all held-out rows, including flagged ones: the test rows
+    /// Metrics on the training rows and on the held-out rows, including flagged ones: the test rows
     /// are not selected by how well they fit.
     fn measure(&self, predicted: &[[f64; MAX_OUTPUTS]]) -> Vec<OutputMetrics> {
         let rows = self.recording.rows();
@@ -206,7 +216,7 @@ impl FileContext<'_> {
             // Training rows of a constant output were refused before anything was fitted.
             training: measure(&mut self.training.iter().copied(), output)
                 .unwrap_or(NO_METRICS.training),
-            held_out: measure(&mut self.split.held_out(), output),
+            held_out: measure(&mut self.judging().into_iter(), output),
         };
         (0..self.recording.outputs().len()).map(of_output).collect()
     }

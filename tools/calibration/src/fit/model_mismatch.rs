@@ -12,10 +12,9 @@ use i2ris::model::file::OutputUnit;
 
 use super::choice::{Score, held_out_error};
 use super::family::Family;
-use super::metrics::along;
+use super::metrics::{along, clipped_rows};
 use super::one_family::MIN_NRMSD;
 use super::outcome::FitOutcome;
-use super::usable_range::clipped_rows;
 use crate::quality::residual_pattern::Unexplained;
 use crate::recording::Recording;
 use i2ris_report::statistics::min_max;

@@ -11,11 +11,10 @@ use super::fit::{
 };
 use super::mixture_figure::planar;
 use super::sweep::branches;
-use crate::fit::metrics::predictions;
+use crate::fit::metrics::{clipped_rows, predictions};
 use crate::fit::model_mismatch::ModelMismatch;
 use crate::fit::outcome::FamilyOutcome;
 use crate::fit::split::Split;
-use crate::fit::usable_range::clipped_rows;
 use crate::fit::{Choice, Components, FitOptions, FitOutcome};
 use crate::hand_limits::HandLimits;
 use crate::quality::{inputs, outputs};
