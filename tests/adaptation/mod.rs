@@ -31,5 +31,6 @@ use trial::{AgeingRun, SNAKES};
 #[test]
 #[ignore = "a minute of fits: for .ci/nightly"]
 fn the_fitted_family_flies_too() {
-    i2ris_testing::cycle::with_family("force-balance-fitted", &["adaptation::hazards::"]);
+    let tests = format!("adaptation::hazards:: {}", crate::cycle::FOR_ALL_FAMILIES);
+    i2ris_testing::cycle::with_family("force-balance-fitted", &tests);
 }

@@ -82,7 +82,7 @@ fn ten_thousand_ticks_with_adaptation_do_not_allocate() {
 
 #[test]
 fn other_families_fly_too() {
-    i2ris_testing::cycle::with_other_families(&["cycle::"]);
+    i2ris_testing::cycle::with_other_families("cycle::");
 }
 
 fn count_calls(mut bench: Bench) {

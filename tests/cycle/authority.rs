@@ -184,7 +184,7 @@ fn mistake(
 fn permission_table_holds_in_every_activity() {
     // The table does not depend on the model: a thousand robots get the one that computes least.
     if has_memory() {
-        return with_family("linear", &["permission_table_holds"]);
+        return with_family("linear", "permission_table_holds");
     }
     let rows = printed();
     let asked = |row: &[&str]| ACTIONS.iter().any(|(name, _)| row[0].contains(name));

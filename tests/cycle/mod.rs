@@ -44,15 +44,14 @@ use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, OutputUnit};
 use i2ris::robot::{Cause, Clip, Measurement, Quantity, Stop};
 use i2ris::units::{Counts, Nanos};
+use i2ris_testing::Random;
 use i2ris_testing::cycle::*;
 
-use i2ris_testing::Random;
+/// The skipped tests select their own families, or test something independent of the model.
+pub const FOR_ALL_FAMILIES: &str = "cycle:: --skip=pairs:: --skip=network:: --skip=replay:: --skip=_family --skip=reach:: \
+     --skip=permission_table --skip=interleavings:: --skip=gaps::";
 
-/// Some tests select their own families, or use no model.
 #[test]
-fn other_families_fly_too() {
-    // Neither the permission table nor what a black box keeps depends on the model.
-    let own = "cycle:: --skip=pairs:: --skip=network:: --skip=replay:: --skip=_family \
-               --skip=reach:: --skip=permission_table --skip=interleavings:: --skip=gaps::";
-    with_other_families(&own.split(' ').collect::<Vec<_>>());
+fn the_linear_family_flies_too() {
+    with_family("linear", FOR_ALL_FAMILIES);
 }

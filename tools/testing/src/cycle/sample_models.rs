@@ -97,16 +97,16 @@ pub fn standard_model() -> Arc<Model> {
 }
 
 /// Runs tests of this binary again, with a fitted and with the linear model as the standard one.
-pub fn with_other_families(filter: &[&str]) {
+pub fn with_other_families(filter: &str) {
     ["force-balance-fitted", "linear"].iter().for_each(|family| with_family(family, filter));
 }
 
 /// Runs tests of this binary again with another family as the standard one.
-pub fn with_family(family: &str, filter: &[&str]) {
+pub fn with_family(family: &str, filter: &str) {
     // Not within itself.
     if std::env::var_os(FAMILY).is_none() {
         let mut tests = Command::new(std::env::current_exe().unwrap());
-        let tests = tests.args(filter).env(FAMILY, family).output().unwrap();
+        let tests = tests.args(filter.split(' ')).env(FAMILY, family).output().unwrap();
         assert!(tests.status.success(), "{family}: {}", String::from_utf8_lossy(&tests.stdout));
     }
 }
