@@ -14,9 +14,10 @@ use crate::peer::{Peer, ros_domain};
 
 pub const ROBOT: &str = "i2ris";
 
-/// A robot that is neither homed nor enabled.
+/// A robot that is neither homed nor enabled. Half the rate leaves time for six at once.
 pub fn robot() -> Rig {
     let mut rig = Rig::with_model();
+    rig.config.control.rate_hz = 500;
     rig.start_controller_thread();
     wait_until_idle(&mut rig.client());
     rig
@@ -99,8 +100,7 @@ impl Bridge {
 
     /// Resident memory, kB.
     pub fn memory_kb(&self) -> u64 {
-        let status =
-            std::fs::read_to_string(format!("/proc/{}/status", self.process.0.id())).unwrap();
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.id())).unwrap();
         let line = status.lines().find(|line| line.starts_with("VmRSS")).unwrap();
         line.split_whitespace().nth(1).unwrap().parse().unwrap()
     }
