@@ -17,7 +17,7 @@ const MIN_FRAMES_PER_S: f64 = 8.0;
 const MIN_SEEN_SHARE: f64 = 0.8;
 /// Maximum scatter of a frame at rest, deg.
 const MAX_SCATTER_DEG: f64 = 0.2;
-/// Maximum lag of the encoders, s, in addition to the line latency of writing and reading.
+/// Maximum lag of the encoders, s, in addition to the line latency of writing.
 const LATEST_FOLLOW_S: f64 = 0.015;
 /// Maximum lag of the camera, s. A gap that is wider or narrower than the model's is crossed later
 /// or earlier within the motor limits, which looks like a lag.
@@ -268,7 +268,7 @@ fn describe(Motion { seen, follow_s, .. }: &Motion) -> String {
 
 fn judge_follow(motion: &Motion, line_s: f64, report: &mut Report) -> bool {
     let Motion { follow_s, followed, .. } = motion;
-    let latest_s = LATEST_FOLLOW_S + 2.0 * line_s;
+    let latest_s = LATEST_FOLLOW_S + line_s;
     let is_right = *followed >= MIN_FOLLOWED_SHARE && follow_s.abs() <= latest_s;
     if !is_right {
         let found = format!(

@@ -132,14 +132,14 @@ fn swing(
                 }
             })?;
             motors.drain(|state| {
-                let oldest = state.measured_stamp_ns.into_iter().filter(|it| *it > 0).min();
-                let age = oldest.map(|it| state.stamp().duration_since(Nanos(it)));
-                ages_ms.extend(age.map(|it| 1e3 * it.as_seconds()));
-                for (series, counts) in [
-                    (Series::Setpoint, state.setpoint_counts),
-                    (Series::Encoder, state.measured_counts),
+                let read = state.measured_stamp_ns.into_iter().filter(|it| *it > 0).min();
+                let read = read.map_or(state.stamp(), Nanos);
+                ages_ms.push(1e3 * state.stamp().duration_since(read).as_seconds());
+                for (series, stamp, counts) in [
+                    (Series::Setpoint, state.stamp(), state.setpoint_counts),
+                    (Series::Encoder, read, state.measured_counts),
                 ] {
-                    observer.see(series, time_s(state.stamp()), Pair::from(counts.map(f64::from)));
+                    observer.see(series, time_s(stamp), Pair::from(counts.map(f64::from)));
                 }
             })?;
             camera.drain(|frame| {
