@@ -37,7 +37,7 @@ Then, in another terminal:
 
 The monitor takes this terminal; Ctrl-C ends all four programs, the drives first.")]
 pub struct Arguments {
-    /// Parameters of the snake [default: those of the steel snake]
+    /// Parameters of the snake, or physics and seed, NAME:SEED [default: the steel snake]
     #[arg(long, value_name = "FILE")]
     snake: Option<PathBuf>,
     /// Connection of drives and computer [default: that of the folder, or lab]
@@ -62,10 +62,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     fs::create_dir_all(&arguments.folder)
         .map_err(|error| format!("--folder {}: {error}", arguments.folder.display()))?;
     let folder = fs::canonicalize(&arguments.folder)?;
-    let snake = match &arguments.snake {
-        Some(snake) => vec!["--snake".to_owned(), text(&fs::canonicalize(snake)?)?],
-        None => Vec::new(),
-    };
+    // A name of physics is no file.
+    let snake = arguments.snake.as_ref().map(|it| fs::canonicalize(it).unwrap_or(it.clone()));
+    let snake = snake.map(|it| text(&it)).transpose()?;
+    let snake = snake.map_or(Vec::new(), |it| vec!["--snake".to_owned(), it]);
     let domain = arguments.domain.domain()?;
     let (file, config) = match &arguments.config {
         Some(robot) => (REHEARSED, rehearsed(robot, &folder, arguments)?),
