@@ -14,7 +14,9 @@ use i2ris::units::Nanos;
 use i2ris_report::process::Process;
 use i2ris_report::programs::find;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, bail, files, until_closed};
-use i2ris_simulation::Line;
+use i2ris_simulation::{Line, SnakeSource};
+
+use crate::emulate::SnakeOption;
 
 /// Controller configuration in the folder; in a rehearsal, a copy of the robot's.
 pub const FILE: &str = "controller.toml";
@@ -37,9 +39,8 @@ Then, in another terminal:
 
 The monitor takes this terminal; Ctrl-C ends all four programs, the drives first.")]
 pub struct Arguments {
-    /// Parameters of the snake, or physics and seed, NAME:SEED [default: the steel snake]
-    #[arg(long, value_name = "FILE")]
-    snake: Option<PathBuf>,
+    #[command(flatten)]
+    snake: SnakeOption,
     /// Connection of drives and computer [default: that of the folder, or lab]
     #[arg(long, value_enum)]
     line: Option<Line>,
@@ -58,14 +59,12 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    SnakeSource::load(&arguments.snake.snake)?;
     let interrupt = Interrupt::catch()?;
     fs::create_dir_all(&arguments.folder)
         .map_err(|error| format!("--folder {}: {error}", arguments.folder.display()))?;
     let folder = fs::canonicalize(&arguments.folder)?;
-    // A name of physics is no file.
-    let snake = arguments.snake.as_ref().map(|it| fs::canonicalize(it).unwrap_or(it.clone()));
-    let snake = snake.map(|it| text(&it)).transpose()?;
-    let snake = snake.map_or(Vec::new(), |it| vec!["--snake".to_owned(), it]);
+    let snake = ["--snake".to_owned(), arguments.snake.snake.clone()];
     let domain = arguments.domain.domain()?;
     let (file, config) = match &arguments.config {
         Some(robot) => (REHEARSED, rehearsed(robot, &folder, arguments)?),

@@ -14,7 +14,7 @@ use ros2_client::{Context, MessageTypeName, Name, Node, Publisher, QosProfile, S
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Tests of one or more processes do not meet. Domains above 101 use ports that Linux gives away.
+/// Tests of one or more processes do not meet. Above 101, any program may have their ports.
 pub fn ros_domain() -> u16 {
     static NEXT: AtomicU16 = AtomicU16::new(0);
     let own = (std::process::id() as u16).wrapping_mul(16);

@@ -1,4 +1,4 @@
-//! Errors of predictions.
+//! Errors of predictions, and rows that a robot cannot reach with the model.
 
 use i2ris::model::file::FitMetrics;
 use i2ris::model::{Memory, Model, Query};
