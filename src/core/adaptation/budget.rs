@@ -9,10 +9,17 @@ use crate::core::drift::{Drift, PARAMETERS, Pair, WORN};
 
 /// Share at which the budget counts as used up: the estimate is kept inside.
 pub(super) const USED_UP: f64 = 0.99;
+/// The same where the estimate was kept inside and the frames are refused since then.
+pub(super) const NEARLY_USED_UP: f64 = 0.9;
 
 /// A parameter is known once its standard deviation is below this share of its value. Until then,
 /// its estimate may swing to the end of the budget and back.
 const KNOWN: f64 = 0.05;
+
+/// The total is known if it is this share of the budget even with every parameter nearer to none by
+/// so many deviations: the first seconds say little of the corners of the hull.
+const KNOWN_TOTAL: f64 = 0.8;
+const DEVIATIONS: f64 = 2.0;
 
 /// A gap may shrink by this share of what it may grow.
 const SHRINK: f64 = 0.5;
@@ -43,12 +50,22 @@ impl BudgetUse {
         Self { parameters, total }
     }
 
-    /// Whether the budget is certainly used up: the total, or that of a known parameter.
-    pub(super) fn is_known(&self, drift: &Drift, deviations: &[f64; PARAMETERS]) -> bool {
-        let known = drift.to_array().into_iter().zip(deviations);
-        let known = known.map(|(value, deviation)| *deviation <= KNOWN * value.abs());
-        let mut shares = self.parameters.iter().zip(known);
-        self.total >= USED_UP || shares.any(|(share, is_known)| is_known && *share >= USED_UP)
+    /// Whether the budget is certainly used up: that of a known parameter, or the known total.
+    /// `total`: that of a drift.
+    pub(super) fn is_known(
+        &self,
+        drift: &Drift,
+        deviations: &[f64; PARAMETERS],
+        total: impl Fn(&Drift) -> f64,
+    ) -> bool {
+        let values = drift.to_array();
+        let least = |index: usize| {
+            (values[index].abs() - DEVIATIONS * deviations[index]).max(0.0).copysign(values[index])
+        };
+        let least = Drift::from_array(std::array::from_fn(least));
+        let is_known = |index: usize| deviations[index] <= KNOWN * values[index].abs();
+        let is_used_up = |index: usize| is_known(index) && self.parameters[index] >= USED_UP;
+        self.total >= USED_UP && total(&least) >= KNOWN_TOTAL || (0..PARAMETERS).any(is_used_up)
     }
 
     /// The largest share.
@@ -150,17 +167,10 @@ mod tests {
         SlowError { direction: [0.6, 0.8], deviation: 1e-3, time_constant_s: 10.0, fast: 1e-3 };
 
     fn settings(total_budget: f64) -> Settings {
-        let settings = Settings::new(0.0, crate::units::Nanos::from_millis(1));
-        let (gain_budget, gap_budget, latency_budget_s) = (0.2, 0.4, 0.03);
-        let zero_budget = 0.1;
-        Settings {
-            zero_budget,
-            gain_budget,
-            gap_budget,
-            latency_budget_s,
-            total_budget,
-            ..settings
-        }
+        let mut settings = Settings::new(0.0, crate::units::Nanos::from_millis(1));
+        (settings.zero_budget, settings.gain_budget, settings.gap_budget) = (0.1, 0.2, 0.4);
+        (settings.latency_budget_s, settings.total_budget) = (0.03, total_budget);
+        settings
     }
 
     fn near(found: &[f64], wanted: &[f64], of: &str) {
@@ -215,12 +225,8 @@ mod tests {
                 let geometry = ModelGeometry { slow, ..geometry() };
                 let drift = Drift { latency_s: 0.02, ..zero(moved) };
                 let found = inside(&drift, &geometry, &UNMOVED, &settings(total));
-                let name = format!("{moved} of {total}");
-                near(
-                    &found.to_array(),
-                    &Drift { latency_s: 0.02, ..zero(wanted * moved) }.to_array(),
-                    &name,
-                );
+                let wanted = Drift { latency_s: 0.02, ..zero(wanted * moved) };
+                near(&found.to_array(), &wanted.to_array(), &format!("{moved} of {total}"));
             }
         }
         // Zero, gain at two corners, two gaps, and the slow error along its direction.
@@ -273,16 +279,15 @@ mod tests {
 
     #[test]
     fn uncertain_value_at_its_limit_is_not_used_up() {
-        let used = |gap: f64, deviation: f64, total: f64| {
-            let drift = Drift { gap: [gap, 0.0], ..Drift::default() };
-            let mut deviations = [0.0; PARAMETERS];
-            deviations[6] = deviation;
-            BudgetUse::new(&drift, &geometry(), &REACH, &settings(total))
-                .is_known(&drift, &deviations)
+        let used = |at: f64, deviation: f64, total: f64| {
+            let gap = |gap: f64| Drift { gap: [gap, 0.0], ..Drift::default() };
+            let of = |it: &Drift| BudgetUse::new(it, &geometry(), &REACH, &settings(total));
+            of(&gap(at)).is_known(&gap(at), &gap(deviation).to_array(), |it| of(it).total)
         };
         assert!(used(0.4, 0.01, f64::INFINITY));
         assert!(!used(0.4, 0.1, f64::INFINITY));
         assert!(!used(0.3, 0.01, f64::INFINITY));
-        assert!(used(0.4, 0.1, 0.4 * 0.02), "the total");
+        assert!(used(0.4, 0.03, 0.4 * 0.02), "the total");
+        assert!(!used(0.4, 0.1, 0.4 * 0.02), "the total of the first frames");
     }
 }

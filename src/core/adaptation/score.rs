@@ -58,11 +58,8 @@ impl Score {
         self.last = self.sums.map(|sum| (sum / f64::from(self.frames)).sqrt());
         let [calibrated, adapted] = self.last;
         self.was_better |= adapted < BETTER * calibrated;
-        self.worse = if adapted > (1.0 + MARGIN_SHARE) * calibrated + MARGIN {
-            self.worse + 1
-        } else {
-            self.worse.saturating_sub(1)
-        };
+        let is_worse = adapted > (1.0 + MARGIN_SHARE) * calibrated + MARGIN;
+        self.worse = if is_worse { self.worse + 1 } else { self.worse.saturating_sub(1) };
         (self.begun, self.frames, self.sums) = (None, 0, [0.0; 2]);
         let is_reverted = self.worse >= WORSE_WINDOWS;
         self.worse = if is_reverted { 0 } else { self.worse };

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::budget::{BudgetUse, USED_UP, inside};
+use super::budget::{BudgetUse, NEARLY_USED_UP, USED_UP, inside};
 use super::conditions::Conditions;
 pub(in crate::core) use super::conditions::Surroundings;
 use super::estimator::Estimator;
@@ -234,11 +234,11 @@ impl Adaptation {
         let has_slipped = self.state.slips > MAX_SLIPS;
         if self.state.is_used_up || self.state.is_reverted || has_slipped {
             self.state.filter.counts.paused += 1;
-        } else if geometry.has_gap {
-            self.filter_frame(seen, events);
-            self.update_budget(seconds, geometry, events);
         } else {
-            self.integrate_frame(seen, events);
+            match geometry.has_gap {
+                true => self.filter_frame(seen, events),
+                false => self.integrate_frame(seen, events),
+            }
             self.update_budget(seconds, geometry, events);
         }
         self.judge(seen, now, events);
@@ -280,8 +280,7 @@ impl Adaptation {
         let error = subtract(frame.pose, expected);
         let model = length(geometry.deviation);
         let is_accepted = state.integral.add(error, model, frame, is_learning);
-        let used = FrameUse { is_accepted, is_learning };
-        self.count(used, frame.interval_s.min(1.0), events);
+        self.count(FrameUse { is_accepted, is_learning }, frame.interval_s.min(1.0), events);
     }
 
     fn count(&mut self, used: FrameUse, seconds: f64, events: &mut EventList) {
@@ -310,10 +309,15 @@ impl Adaptation {
         let drift = self.drift(geometry);
         let (state, settings) = (&mut self.state, &self.settings);
         let reach = state.excitation.reach();
-        state.used = BudgetUse::new(&drift, geometry, &reach, settings);
+        let used_by = |drift: &Drift| BudgetUse::new(drift, geometry, &reach, settings);
+        state.used = used_by(&drift);
         let used = state.used.largest();
-        let is_known = state.used.is_known(&drift, &state.estimator.deviations());
-        let seconds = if used >= USED_UP { seconds } else { -seconds };
+        // A correction that is kept at the end of its budget no longer explains the frames.
+        let is_refused = used >= NEARLY_USED_UP && state.pauses.contains(Pause::CameraRejected);
+        let total = |it: &Drift| used_by(it).total;
+        let deviations = state.estimator.deviations();
+        let is_known = is_refused || state.used.is_known(&drift, &deviations, total);
+        let seconds = if is_refused || used >= USED_UP { seconds } else { -seconds };
         state.beyond_s = (state.beyond_s + seconds).max(0.0);
         if geometry.has_gap {
             let drift = inside(&drift, geometry, &reach, settings);
