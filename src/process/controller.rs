@@ -81,9 +81,9 @@ pub fn run(
     check_start_drives(config, model.as_deref(), &drives.fingerprints)?;
     let (identities, exchanges) = (drives.identities.clone(), drives.exchanges.clone());
     let (config, fingerprints) = (&config.with_exchanges(&exchanges), drives.fingerprints.clone());
-    let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
-    // Without the file, clients do not know the drive settings, but the robot runs.
+    // Before clients find it. Without the file they do not know the drive settings, but it runs.
     let _ = domain.publish_drives(&fingerprints);
+    let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
     // Without it, clients do not know why a killed controller ended.
     let _ = publish_run(&domain, boot_id, &config.record_folder);
     service_manager::notify(service_manager::READY);
