@@ -65,7 +65,8 @@ pub fn fit(
     let judged_rows = judged_rows(&split, known_from(recording), &judges);
     let training: Vec<usize> = fitter.context.training.to_vec();
     let noise = noise_of(&quality, recording);
-    let evidence = Evidence { recording, rows: &judged_rows, noise };
+    let hides_plane = quality.hides_plane().is_some();
+    let evidence = Evidence { recording, rows: &judged_rows, noise, hides_plane };
     let own = families.iter_mut().find(|it| it.family == Family::ForceBalance);
     if let Some(own) = own.filter(|_| !judged_rows.is_empty()) {
         parts.announce_starts(0, progress);
@@ -84,19 +85,9 @@ pub fn fit(
     };
     let all = (0..recording.rows().len()).filter(usable).step_by(every);
     parts.announce_refit(family, progress);
-    let model = match refit(
-        recording,
-        all.collect(),
-        family,
-        &judged,
-        (&quality, &split),
-        options,
-        progress,
-    ) {
-        Some(model) => Arc::new(model),
-        None => judged,
-    };
-    let model = marked(model, doubt);
+    let of = (&quality, &split);
+    let model = refit(recording, all.collect(), family, &judged, of, options, progress);
+    let model = marked(model.map_or(judged, Arc::new), doubt);
     let linear = match family {
         Family::Linear => Arc::clone(&model),
         _ => linear,

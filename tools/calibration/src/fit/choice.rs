@@ -14,6 +14,9 @@
 //!
 //! Of those that are as good as the best, `force-balance` is taken, because a mechanism also holds
 //! in other motion; otherwise the simplest.
+//!
+//! A recording of one axis at a time says nothing of the plane between. There a mixture may be tens
+//! of degrees wrong, so it is neither a candidate nor a plant.
 
 use std::ops::Range;
 
@@ -65,6 +68,8 @@ pub struct Score {
     pub nearest: Option<(f64, Family)>,
     /// Travel of the motors in the trials, relative to that of `linear`.
     pub travel: f64,
+    /// Whether the recording hides what both motors do together, so that there were no trials.
+    pub hides_plane: bool,
 }
 
 impl Score {
@@ -109,21 +114,29 @@ impl Score {
                 error / unit.si(),
                 self.travel
             ),
-            None => "no other family is near enough to test its inverse".to_owned(),
+            None => untried(self.hides_plane).to_owned(),
         };
         format!("{family}: {held_out:.3} {unit} on rows held out; {tracking}")
     }
 }
 
+/// Why an inverse was not tried.
+pub(crate) fn untried(hides_plane: bool) -> &'static str {
+    match hides_plane {
+        true => "its inverse was not tried: the recording does not show both motors together",
+        false => "no other family is near enough to test its inverse",
+    }
+}
+
 /// Scores the families, in the order given.
 pub(super) fn scores(models: &[(Family, &Model)], evidence: &Evidence<'_>) -> Vec<Score> {
-    let &Evidence { recording, rows, noise } = evidence;
+    let &Evidence { recording, rows, noise, hides_plane } = evidence;
     let errors = parallel::map(models.len(), |index| {
         block_errors(&predictions(models[index].1, recording), recording, rows)
     });
     let held_out: Vec<f64> = errors.iter().map(|blocks| rms(blocks)).collect();
-    let credible = credible(&held_out, noise);
-    let trials = trials(models, &held_out, &credible);
+    let plants = credible(&held_out, noise).into_iter().map(|it| it && !hides_plane);
+    let trials = trials(models, &held_out, &plants.collect::<Vec<_>>());
     let score = |(index, (family, _)): (usize, &(Family, &Model))| {
         let trials = &trials[index];
         let mut order: Vec<_> =
@@ -138,6 +151,7 @@ pub(super) fn scores(models: &[(Family, &Model)], evidence: &Evidence<'_>) -> Ve
             tracking: mean.zip(order.last().map(|(_, worst)| *worst)),
             nearest: order.first().copied(),
             travel: trials.iter().map(|(_, trial)| trial.travel).fold(0.0, f64::max),
+            hides_plane,
         }
     };
     decided(models.iter().enumerate().map(score).collect(), &trials)
@@ -223,11 +237,12 @@ fn followed(trials: &[Vec<(usize, Candidate)>], held_out: &[f64]) -> Vec<usize> 
 
 /// The family to take. Scores are in the order of [`Family::ALL`], the simplest first.
 pub(super) fn best(scores: &[Score]) -> Option<Family> {
+    let extends = |it: &&Score| !it.hides_plane || it.family.extends();
+    let scores: Vec<Score> = scores.iter().filter(extends).cloned().collect();
     // Those that were not tried are worse on the rows held out.
-    let tried = scores.iter().filter(|score| !score.parts.is_empty()).cloned();
-    let tried: Vec<Score> = tried.collect();
-    let scores = if tried.is_empty() { scores } else { &tried };
-    let mut good = as_good(scores).into_iter().map(|index| scores[index].family);
+    let tried: Vec<Score> = scores.iter().filter(|it| !it.parts.is_empty()).cloned().collect();
+    let scores = if tried.is_empty() { scores } else { tried };
+    let mut good = as_good(&scores).into_iter().map(|index| scores[index].family);
     let simplest = good.next();
     good.find(|family| *family == Family::ForceBalance).or(simplest)
 }
@@ -317,6 +332,7 @@ mod tests {
             tracking: None,
             nearest: None,
             travel: 1.0,
+            hides_plane: false,
         }
     }
 
@@ -346,6 +362,17 @@ mod tests {
         ];
         let trials = [vec![on(1, 0.9)], vec![on(0, 3.1)]];
         assert_eq!(best(&decided(scores, &trials)), Some(Family::ForceBalance));
+    }
+
+    /// The numbers of a snake recorded along pitch, then along yaw: the plays, half as wrong on the
+    /// rows held out, are 10 deg wrong between the axes, and the balance 1.6 deg.
+    #[test]
+    fn of_one_axis_at_a_time_no_mixture_is_chosen() {
+        let families = [(Family::Linear, 2.5), (Family::GmrPlay, 0.1), (Family::ForceBalance, 0.2)];
+        let mut scores = families.map(|(family, error)| score(family, [error; 4]));
+        assert_eq!(best(&scores), Some(Family::GmrPlay));
+        scores.iter_mut().for_each(|it| it.hides_plane = true);
+        assert_eq!(best(&scores), Some(Family::ForceBalance));
     }
 
     /// The numbers of a cable arm, of `linear`, `gmr` and a balance of friction.

@@ -41,13 +41,13 @@ pub(super) fn balance_of<'a>(
     if !choice.includes(Family::ForceBalance) {
         return refused(format!("its family is `force-balance`, and `{choice}` is to be fitted"));
     }
-    let (found, wanted) = (balance.motors.len(), recording.motors());
-    if found != wanted {
-        return refused(format!("it has {found} motor(s), the recording {wanted}"));
-    }
-    let (found, wanted) = (earlier.outputs.len(), recording.outputs().len());
-    if found != wanted {
-        return refused(format!("it has {found} output(s), the recording {wanted}"));
+    for (what, found, wanted) in [
+        ("motor", balance.motors.len(), recording.motors()),
+        ("output", earlier.outputs.len(), recording.outputs().len()),
+    ] {
+        if found != wanted {
+            return refused(format!("it has {found} {what}(s), the recording {wanted}"));
+        }
     }
     Ok(balance)
 }

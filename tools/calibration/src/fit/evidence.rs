@@ -22,6 +22,8 @@ pub(super) struct Evidence<'a> {
     pub rows: &'a [Vec<usize>],
     /// RMS length of the noise of the measurement, SI units; 0 where it is not known.
     pub noise: f64,
+    /// Whether the recording hides what both motors do together.
+    pub hides_plane: bool,
 }
 
 /// The first row with known state: after the motors have covered some range. Before, the position

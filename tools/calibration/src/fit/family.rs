@@ -46,6 +46,11 @@ impl Family {
     pub fn has_memory(self) -> bool {
         !matches!(self, Self::Linear | Self::Gmr)
     }
+
+    /// Whether it holds between axes that were recorded one at a time.
+    pub(super) fn extends(self) -> bool {
+        matches!(self, Self::Linear | Self::ForceBalance)
+    }
 }
 
 /// A text that does not name a family.

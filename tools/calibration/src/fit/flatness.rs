@@ -85,11 +85,8 @@ fn find(
     rows: &Rows,
     straight: &LinearFit,
 ) -> Option<FlatSpot> {
-    let gain = DMatrix::from_row_iterator(
-        straight.gain.len(),
-        rows.motors(),
-        straight.gain.iter().flatten().copied(),
-    );
+    let gains = straight.gain.iter().flatten().copied();
+    let gain = DMatrix::from_row_iterator(straight.gain.len(), rows.motors(), gains);
     let (straight, _) = flattest(gain)?;
     let flat = |counts: MotorVec| {
         let (slope, direction) = flattest(slope(&counts))?;

@@ -280,8 +280,9 @@ mod tests {
 
     use super::*;
     use crate::recording::{ColumnMap, Recording};
-    use crate::testing::wandering;
-    use crate::testing::{assert_contains, circle, one_motor, recording, straight, wander};
+    use crate::testing::{
+        assert_contains, circle, one_motor, recording, straight, wander, wandering,
+    };
 
     fn findings_of(recording: &Recording) -> Vec<Finding> {
         limits_of_path(&Series::whole(recording))

@@ -19,21 +19,8 @@ use super::error::{Place, Problem, RecordingError};
 const TIMES: [&str; 2] = ["t_s", "Enc TS"];
 
 /// Words in a name of time, besides its unit.
-const TIME_WORDS: [&str; 13] = [
-    "t",
-    "time",
-    "times",
-    "timestamp",
-    "timestamps",
-    "stamp",
-    "ts",
-    "enc",
-    "encoder",
-    "elapsed",
-    "header",
-    "ros",
-    "zeit",
-];
+const TIME_WORDS: &str =
+    "t time times timestamp timestamps stamp ts enc encoder elapsed header ros zeit";
 
 /// Units of time by their names, s.
 pub(super) const TIME_UNITS: [(&[&str], f64); 4] = [
@@ -164,10 +151,7 @@ impl FromStr for OutputColumn {
         if column.is_empty() || !(1..=16).contains(&name.len()) {
             return Err(ParseColumnError { text: text.to_owned() });
         }
-        let unit = match column.ends_with("_mm") {
-            true => OutputUnit::Mm,
-            false => OutputUnit::Deg,
-        };
+        let unit = if column.ends_with("_mm") { OutputUnit::Mm } else { OutputUnit::Deg };
         Ok(Self { column: column.to_owned(), output: output(name, unit) })
     }
 }
@@ -385,7 +369,7 @@ fn seconds_of(name: &str) -> Option<f64> {
     let mut words = words(name);
     let unit = words.last().and_then(|word| unit_s(word));
     words.truncate(words.len() - usize::from(unit.is_some()));
-    let is_time = words.iter().all(|word| TIME_WORDS.contains(&word.as_str()));
+    let is_time = words.iter().all(|word| TIME_WORDS.split(' ').any(|known| known == word));
     (is_time && (unit.is_some() || !words.is_empty())).then(|| unit.unwrap_or(1.0))
 }
 

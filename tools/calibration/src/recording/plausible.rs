@@ -202,10 +202,9 @@ impl Table<'_> {
                 steps_counts[*at].abs() > limit && !follows(*at)
             };
             if let Some(at) = (0..steps_counts.len()).find(is_step) {
-                let (before, line) =
-                    (self.rows[complete[at]].line, self.rows[complete[at + 1]].line);
-                let problem = Problem::Zero { step: steps_counts[at], before };
-                let place = self.place.line(line).column(&column.name);
+                let line = |at: usize| self.rows[complete[at]].line;
+                let problem = Problem::Zero { step: steps_counts[at], before: line(at) };
+                let place = self.place.line(line(at + 1)).column(&column.name);
                 return Err(RecordingError::new(place, problem));
             }
         }

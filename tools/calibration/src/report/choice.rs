@@ -5,7 +5,7 @@ use i2ris_report::number::fixed;
 use i2ris_report::{Document, Table};
 
 use super::fit::{CalibrationReport, ChoiceScore};
-use crate::fit::choice::Score;
+use crate::fit::choice::{Score, untried};
 use crate::fit::{Family, FitOutcome};
 
 /// Relative distance to the chosen family's score within which another family would be as good on
@@ -61,6 +61,9 @@ pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> 
     let (other, side) = (&next.family, if worse < 0.0 { "below" } else { "above" });
     let is_balance = *family == Family::ForceBalance.to_string();
     let sure = match worse {
+        worse if worse < 0.0 && chosen.hides_plane => {
+            "but only linear and force-balance hold between the axes of this recording"
+        }
         worse if worse < 0.0 && is_balance => "so little that the force balance was chosen",
         worse if worse < 0.0 => "so little that the simpler family was chosen",
         worse if worse < error.max(NEAR) => "so close that another recording may reverse the order",
@@ -72,7 +75,7 @@ pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> 
             let error = fixed(*error, 3);
             format!("its inverse has an error of {error} {unit} on the others, most on {plant}")
         }
-        None => "no other family is close enough to test its inverse".to_owned(),
+        None => untried(chosen.hides_plane).to_owned(),
     };
     Some(format!(
         "{family} was chosen: on the rows held out its error is {held_out} {unit}, and {tracking}. \
@@ -102,6 +105,7 @@ pub(super) fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
         travel: score.travel,
         chosen: score.family == outcome.family,
         sentence: score.sentence(unit),
+        hides_plane: score.hides_plane,
     }
 }
 
@@ -126,16 +130,14 @@ mod tests {
             travel: 0.0,
             chosen,
             sentence: String::new(),
+            hides_plane: false,
         }
     }
 
     #[test]
     fn the_sentence_reports_the_certainty_of_the_choice() {
         for (next, part) in [
-            (
-                1.5,
-                "force-balance, is 50 % above it, with a standard error of 3 %: a clear difference",
-            ),
+            (1.5, "force-balance, is 50 % above it, with a standard error of 3 %: a clear"),
             (1.05, "is 5 % above it, with a standard error of 3 %: so close that another"),
             (0.98, "is 2 % below it, with a standard error of 3 %: so little that the simpler"),
         ] {
@@ -146,11 +148,14 @@ mod tests {
             ];
             let text = explanation(&scores, "deg").unwrap();
             assert!(text.contains(part), "{text}");
-            assert!(text.contains("no other family is close enough"), "{text}");
+            assert!(text.contains("no other family is near enough"), "{text}");
         }
-        let alike = [score("gmr-play", 0.98, false), score("force-balance", 1.0, true)];
+        let mut alike = [score("gmr-play", 0.98, false), score("force-balance", 1.0, true)];
         let text = explanation(&alike, "deg").unwrap();
         assert!(text.contains("so little that the force balance was chosen"), "{text}");
+        alike[1].hides_plane = true;
+        let text = explanation(&alike, "deg").unwrap();
+        assert!(text.contains("but only linear and force-balance hold between"), "{text}");
         let one = [score("linear", 1.0, true)];
         assert!(explanation(&one, "deg").unwrap().contains("the only family"));
     }

@@ -108,6 +108,8 @@ pub(super) struct ChoiceScore {
     pub chosen: bool,
     /// Summary in one sentence.
     pub sentence: String,
+    #[serde(skip)]
+    pub hides_plane: bool,
 }
 
 /// A mixture over counts in a direction of the motors and one output.

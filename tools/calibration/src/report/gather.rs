@@ -44,6 +44,8 @@ impl CalibrationReport {
         let failure = |family: &FamilyOutcome| {
             Some((family.family.to_string(), family.result.as_ref().err()?.to_string()))
         };
+        let score = |score| choice::choice_score(score, outcome);
+        let (motors, joints) = (LimitConfig::default(), JointLimitConfig::default());
         Self {
             robot_id: file.robot_id.clone(),
             recorded_at: file.training.recorded_at.clone(),
@@ -58,17 +60,9 @@ impl CalibrationReport {
             failures: outcome.families.iter().filter_map(failure).collect(),
             chosen_by_held_out: options.choice == Choice::Best && families.len() > 1,
             families,
-            choice: report
-                .scores
-                .iter()
-                .map(|score| choice::choice_score(score, outcome))
-                .collect(),
+            choice: report.scores.iter().map(score).collect(),
             usable_percent: 100.0 * (1.0 - track.clipped.len() as f64 / rows as f64),
-            hand: Some(HandLimits::new(
-                &outcome.model,
-                &LimitConfig::default(),
-                &JointLimitConfig::default(),
-            )),
+            hand: Some(HandLimits::new(&outcome.model, &motors, &joints)),
             unexplained: outcome.unexplained(recording),
             beyond_model: ModelMismatch::find(outcome, recording).map(|found| found.to_string()),
             settings: settings(options),

@@ -103,11 +103,8 @@ impl CalibrationReport {
 
     fn notices(&self) -> Vec<String> {
         let mut notices = self.warnings.clone();
-        notices.extend(
-            self.failures
-                .iter()
-                .map(|(family, reason)| format!("Family {family} gave no model: {reason}.")),
-        );
+        let failed = self.failures.iter();
+        notices.extend(failed.map(|(of, why)| format!("Family {of} gave no model: {why}.")));
         let flagged = self.recording.held_out_flagged;
         if flagged > 0 {
             notices.push(format!(
