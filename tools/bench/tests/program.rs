@@ -11,7 +11,12 @@ fn text(bytes: &[u8]) -> String {
 
 /// Runs a benchmark as JSON, with normal scheduling, because other tests run at the same time.
 fn bench(arguments: &[&str]) -> serde_json::Value {
-    let output = program::output(&[&["bench"], arguments, &["--json", "--priority", "0"]].concat());
+    let words = [&["bench"], arguments, &["--json", "--priority", "0"]].concat();
+    let mut output = program::output(&words);
+    // The kernel may deliver nothing on any pseudo-terminal for seconds.
+    if text(&output.stderr).contains("homing failed") {
+        output = program::output(&words);
+    }
     assert!(output.status.success(), "{}", text(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
 }
@@ -22,11 +27,8 @@ fn check_outcome(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
     for variant in variants {
         let durations = &variant["spans_ns"];
         assert!(durations["count"].as_u64().unwrap() > 0, "{variant}");
-        assert!(
-            durations["p50"].as_u64() <= durations["p99"].as_u64()
-                && durations["p99"].as_u64() <= durations["max"].as_u64(),
-            "{variant}"
-        );
+        let rising = ["p50", "p99", "max"].map(|it| durations[it].as_u64());
+        assert!(rising.is_sorted(), "{variant}");
         let compared = variant["role"] != "floor"
             && groups_with_floor.iter().any(|group| variant["group"] == *group);
         assert_eq!(variant["x_floor"]["p50"].is_f64(), compared, "{variant}");
@@ -53,11 +55,8 @@ fn a_command_is_measured_to_the_wire_and_back() {
     check_outcome(&outcome, &[arrived, seen]);
     let p50 = |group: &str| {
         let variants = outcome["variants"].as_array().unwrap();
-        let variant = variants
-            .iter()
-            .find(|variant| variant["group"] == group && variant["role"] == "ours")
-            .unwrap();
-        variant["spans_ns"]["p50"].as_u64().unwrap()
+        let is_ours = |it: &&serde_json::Value| it["group"] == group && it["role"] == "ours";
+        variants.iter().find(is_ours).unwrap()["spans_ns"]["p50"].as_u64().unwrap()
     };
     assert!(p50("command to the tick that reads it") < p50("command to operating system"));
     // Causes come before effects, whatever the machine does.

@@ -194,9 +194,7 @@ fn a_flood_ends_in_a_hold() {
         peer.send_degrees("servo_jp", swing(t));
         sent += 1;
         next = next + Nanos::from_micros(100);
-        if next > clock::now() {
-            clock::sleep_until(next);
-        }
+        clock::sleep_until(next);
     }
     assert!(sent > 5000, "a flood: {sent}");
     let line = peer.wait_for_line("warning", "messages a second");
@@ -206,8 +204,9 @@ fn a_flood_ends_in_a_hold() {
     let from = clock::now();
     peer.stream(|t| (t < 1.0).then(|| swing(2.0 + t)));
     assert!(!robot.moved_since(from), "{:?}", bridge.lines());
-    // A deliberate command resumes, once the flood is over.
+    // A deliberate command after a silence resumes, once the flood is over.
     wait_until("it is followed again", || {
+        clock::sleep(Nanos::from_millis(1100));
         peer.hold();
         let [pitch, yaw] = peer.setpoint_degrees();
         peer.stream(|t| (t < 0.5).then_some([pitch + t, yaw]));
