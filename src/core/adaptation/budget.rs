@@ -16,8 +16,8 @@ pub(super) const NEARLY_USED_UP: f64 = 0.9;
 /// its estimate may swing to the end of the budget and back.
 const KNOWN: f64 = 0.05;
 
-/// The total is known if it is this share of the budget even with every parameter nearer to none by
-/// so many deviations: the first seconds say little of the corners of the hull.
+/// The total is known if it is this share of the budget even with every parameter smaller by some
+/// deviations: the first seconds show little of the corners of the hull.
 const KNOWN_TOTAL: f64 = 0.8;
 const DEVIATIONS: f64 = 2.0;
 
