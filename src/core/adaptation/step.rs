@@ -393,15 +393,12 @@ impl Adaptation {
                 ..AdaptationReport::default()
             };
         };
+        let deviations = state.estimator.deviations();
         AdaptationReport {
             model: state.model,
             method: if geometry.has_gap { Method::Filter } else { Method::Integral },
             estimate: self.drift(geometry),
-            deviations: if geometry.has_gap {
-                state.estimator.deviations()
-            } else {
-                [0.0; PARAMETERS]
-            },
+            deviations: if geometry.has_gap { deviations } else { [0.0; PARAMETERS] },
             applied: joints.applied_drift(),
             budget_used: state.used.parameters,
             total_used: state.used.total,

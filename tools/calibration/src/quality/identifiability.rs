@@ -142,8 +142,8 @@ impl fmt::Display for Finding {
             ),
             Self::TwoLines { percent } => write!(
                 f,
-                "the motors keep to two lines for {percent:.0} % of the path, so the recording \
-                 does not show the plane between them; record motion all over that plane"
+                "the motors keep to two lines for {percent:.0} % of the path, and between them \
+                 only `linear` and `force-balance` hold; record motion all over that plane"
             ),
             Self::HardlySeparable { percent } => write!(
                 f,
