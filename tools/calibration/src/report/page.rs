@@ -130,9 +130,9 @@ impl CalibrationReport {
         let mut findings = Vec::new();
         if self.chosen_by_held_out {
             findings.push(format!(
-                "The family was chosen among {} by its error on the held-out rows and by its \
-                 inverse on the others, so that error is too optimistic. Quote the error on \
-                 another recording, which neither a fit nor the choice has seen.",
+                "The family was chosen among {} by its error on the held-out rows, and by \
+                 its inverse where that was tried, so that error is too optimistic. Quote the \
+                 error on another recording, which neither a fit nor the choice has seen.",
                 self.families.len()
             ));
         }

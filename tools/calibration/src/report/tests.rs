@@ -97,8 +97,8 @@ fn a_choice_by_the_error_that_is_shown_is_mentioned() {
     assert!(!data.html().contains("flatters"));
     data.chosen_by_held_out = true;
     assert!(data.html().contains(
-        "chosen among 2 by its error on the held-out rows and by its inverse on the others, so \
-             that error is too optimistic"
+        "chosen among 2 by its error on the held-out rows, and by its inverse where that was \
+             tried, so that error is too optimistic"
     ));
 }
 
