@@ -39,8 +39,8 @@ numbered_enum! {
             => "read why in the controller's log; then `i2ris command state acknowledge`, and \
                 repeat if the computer was busy, or `i2ris doctor`";
         Homing = 6, "homing failed"
-            => "read why in the controller's log; if a drive refused it, check the keys \
-                `homing_*` of the axis; then `i2ris command state acknowledge`";
+            => "read why in the controller's log; check the keys `homing_*` of the axis; then \
+                `i2ris command state acknowledge`";
         Model = 7, "the model gave a value that is not finite"
             => "save the black box (`i2ris record replay`) and report it";
         Late = 8, "too many late ticks: the computer cannot keep up"

@@ -10,7 +10,7 @@ use crate::core::drift::{Drift, PARAMETERS, Pair, WORN};
 /// Share at which the budget counts as used up: the estimate is kept inside.
 pub(super) const USED_UP: f64 = 0.99;
 /// The same where the estimate was kept inside and the frames are refused since then.
-pub(super) const NEARLY_USED_UP: f64 = 0.9;
+pub(super) const NEARLY_USED_UP: f64 = 0.95;
 
 /// A parameter is known once its standard deviation is below this share of its value. Until then,
 /// its estimate may swing to the end of the budget and back.

@@ -74,7 +74,7 @@ ADVICE: dict[tuple[int, int], str] = {
     (1, 3): "free the mechanism, raise `current_limit_ma`, or command slower motion; then `i2ris command state acknowledge`",
     (1, 4): "check STO and supply, and close EPOS Studio; then `i2ris command state acknowledge`",
     (1, 5): "read why in the controller's log; then `i2ris command state acknowledge`, and repeat if the computer was busy, or `i2ris doctor`",
-    (1, 6): "read why in the controller's log; if a drive refused it, check the keys `homing_*` of the axis; then `i2ris command state acknowledge`",
+    (1, 6): "read why in the controller's log; check the keys `homing_*` of the axis; then `i2ris command state acknowledge`",
     (1, 7): "save the black box (`i2ris record replay`) and report it",
     (1, 8): "reduce the load on the computer, or grant real-time permission; then `i2ris command state acknowledge`",
     (1, 9): "check camera, wires, zero and model; then `i2ris command state acknowledge`",
