@@ -314,6 +314,7 @@ impl Adaptation {
         let used = state.used.largest();
         // A correction that is kept at the end of its budget no longer explains the frames.
         let is_refused = used >= NEARLY_USED_UP && state.pauses.contains(Pause::CameraRejected);
+        // An integral swings with the hysteresis: the filter's first deviations keep it unknown.
         let total = |it: &Drift| used_by(it).total;
         let deviations = state.estimator.deviations();
         let is_known = is_refused || state.used.is_known(&drift, &deviations, total);

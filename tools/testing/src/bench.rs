@@ -78,8 +78,8 @@ impl WorkFolder {
     #[track_caller]
     pub fn fails(&self, words: &str, parts: &[&str]) -> String {
         let result = self.run(words);
-        let of = (result.code, result.output.as_str());
-        assert_eq!(of, (Some(1), ""), "{words}: {}", result.error);
+        let ended = (result.code, result.output.as_str());
+        assert_eq!(ended, (Some(1), ""), "{words}: {}", result.error);
         assert!(result.error.starts_with("error: ") && result.error.lines().count() == 1);
         assert_says(&result.error, parts);
         result.error

@@ -85,8 +85,8 @@ pub fn fit(
     };
     let all = (0..recording.rows().len()).filter(usable).step_by(every);
     parts.announce_refit(family, progress);
-    let of = (&quality, &split);
-    let model = refit(recording, all.collect(), family, &judged, of, options, progress);
+    let rows = (&quality, &split);
+    let model = refit(recording, all.collect(), family, &judged, rows, options, progress);
     let model = marked(model.map_or(judged, Arc::new), doubt);
     let linear = match family {
         Family::Linear => Arc::clone(&model),

@@ -123,7 +123,7 @@ impl Score {
 /// Why an inverse was not tried.
 pub(crate) fn untried(hides_plane: bool) -> &'static str {
     match hides_plane {
-        true => "its inverse was not tried: the recording does not show both motors together",
+        true => "its inverse was not tried: the recording hides the plane between the axes",
         false => "no other family is near enough to test its inverse",
     }
 }

@@ -142,8 +142,8 @@ impl fmt::Display for Finding {
             ),
             Self::TwoLines { percent } => write!(
                 f,
-                "the motors keep to two lines for {percent:.0} % of the path, and between them \
-                 only `linear` and `force-balance` hold; record motion all over that plane"
+                "the motors keep to two lines for {percent:.0} % of the path: the plane between \
+                 them is not shown; fit `force-balance`, or record motion all over that plane"
             ),
             Self::HardlySeparable { percent } => write!(
                 f,
