@@ -14,13 +14,10 @@ const NAMES: [&str; 2] = ["pitch", "yaw"];
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct AngleRow {
-    /// Exposure of the frames.
     pub stamp: Nanos,
-    /// Measured angles, or the reason for none.
     pub seen: Result<JointAngles, String>,
 }
 
-/// Writes rows one by one.
 pub struct Recorder<W: Write> {
     to: csv::Writer<W>,
     axes: [bool; 2],

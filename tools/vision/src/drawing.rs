@@ -22,11 +22,9 @@ const NAME: Rgb888 = Rgb888::new(230, 230, 230);
 const GOOD: Rgb888 = Rgb888::new(120, 255, 120);
 const POOR: Rgb888 = Rgb888::new(255, 110, 110);
 const LABEL: Rgb888 = Rgb888::new(20, 20, 20);
-
 /// Lines are a pixel thick for every 320 columns of the image.
 const COLUMNS: u32 = 320;
 
-/// A colour image to draw on.
 #[derive(Clone)]
 pub struct Canvas {
     size: Size,
@@ -80,7 +78,6 @@ impl Canvas {
         let Ok(_) = Text::with_baseline(text, at, style, Baseline::Top).draw(self);
     }
 
-    /// Writes it as a PNG file.
     pub fn save(&self, path: &Path) -> Result<(), SaveError> {
         let data: Vec<u8> = self.data.iter().flat_map(|c| [c.r(), c.g(), c.b()]).collect();
         save_png(path, self.size, png::ColorType::Rgb, &data)
@@ -88,8 +85,7 @@ impl Canvas {
 }
 
 /// Draws a reading over its image: base line green, tip line orange, trace blue, the end a cross,
-/// and as text the name, the angle, its standard deviation, the quality and the issue; or the
-/// reason for no reading.
+/// and as text name, angle, deviation, quality and issue.
 pub fn overlay(image: &GreyImage, name: &str, reading: &Result<Reading, String>) -> Canvas {
     let mut canvas = Canvas::of(image);
     let (text, colour) = match reading {
@@ -126,7 +122,6 @@ fn draw(canvas: &mut Canvas, reading: &Reading) {
     canvas.line([x, y - arm], [x, y + arm], thick, END);
 }
 
-/// Error when writing an image.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {source}")]
 pub struct SaveError {
@@ -134,7 +129,6 @@ pub struct SaveError {
     source: png::EncodingError,
 }
 
-/// Writes a grey image as a PNG file.
 pub fn save_grey(path: &Path, image: &GreyImage) -> Result<(), SaveError> {
     let size = Size::new(image.width() as u32, image.height() as u32);
     save_png(path, size, png::ColorType::Grayscale, image.data())
@@ -163,7 +157,7 @@ mod tests {
         let path = folder.path().join("a.png");
         let image = GreyImage::new(3, 2, vec![0, 50, 100, 150, 200, 250]).unwrap();
         save_grey(&path, &image).unwrap();
-        assert_eq!(crate::source::decode(&std::fs::read(&path).unwrap()).unwrap(), image);
+        assert_eq!(crate::image::decode(&std::fs::read(&path).unwrap()).unwrap(), image);
     }
 
     #[test]

@@ -1,6 +1,11 @@
 //! A grey image.
 
 use std::hash::{DefaultHasher, Hasher};
+use std::io::Cursor;
+
+use zune_jpeg::zune_core::bytestream::ZCursor;
+use zune_jpeg::zune_core::colorspace::ColorSpace;
+use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// An image with one byte of brightness per pixel, rows from top to bottom.
 ///
@@ -13,14 +18,10 @@ pub struct GreyImage {
 }
 
 impl GreyImage {
-    /// An image from its bytes, row by row. `None` if there are not exactly `width * height` of
-    /// them, or none at all.
+    /// An image from its bytes, row by row: exactly `width * height`, and not none.
     pub fn new(width: usize, height: usize, data: Vec<u8>) -> Option<Self> {
-        (!data.is_empty() && width.checked_mul(height) == Some(data.len())).then_some(Self {
-            width,
-            height,
-            data,
-        })
+        let fits = !data.is_empty() && width.checked_mul(height) == Some(data.len());
+        fits.then_some(Self { width, height, data })
     }
 
     /// The smallest image: one black pixel.
@@ -36,13 +37,11 @@ impl GreyImage {
         self.height
     }
 
-    /// The bytes, row by row.
     pub fn data(&self) -> &[u8] {
         &self.data
     }
 
-    /// Brightness at (x, y), interpolated between the four pixels around it. `None` outside the
-    /// image.
+    /// Brightness at (x, y), interpolated between four pixels. `None` outside the image.
     pub fn sample(&self, x: f64, y: f64) -> Option<f32> {
         // A comparison with NaN is false, so a NaN leaves here as well.
         if !(x >= 0.0 && y >= 0.0) {
@@ -61,8 +60,7 @@ impl GreyImage {
         Some(top + fy * (bottom - top))
     }
 
-    /// A hash of the image, to detect a frozen camera. Not stable
-    /// between releases.
+    /// A hash, to detect a frozen camera. Not stable between releases.
     pub fn digest(&self) -> u64 {
         let mut hasher = DefaultHasher::new();
         hasher.write_usize(self.width);
@@ -80,7 +78,6 @@ impl std::fmt::Debug for GreyImage {
 /// A position in the image, px.
 pub(crate) type Px = [f64; 2];
 
-/// The unit step in a direction.
 pub(crate) fn step(direction_rad: f64) -> Px {
     [direction_rad.cos(), -direction_rad.sin()]
 }
@@ -102,6 +99,71 @@ pub(crate) fn relative(point: Px, origin: Px, direction_rad: f64) -> Px {
     [dx * ux + dy * uy, dx * vx + dy * vy]
 }
 
+/// Maximum number of pixels of an image: a file that claims more is not from a microscope.
+const MAX_PIXELS: usize = 64 << 20;
+
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct DecodeError(String);
+
+/// Decodes the bytes of a PNG or JPEG file. Colours become brightness by the weights of ITU-R
+/// BT.601.
+/// A truncated file is an error, not an image with a grey rest.
+pub fn decode(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
+    match bytes {
+        [0x89, b'P', b'N', b'G', ..] => decode_png(bytes),
+        [0xFF, 0xD8, ..] => decode_jpeg(bytes),
+        _ => Err(broken("neither PNG nor JPEG")),
+    }
+}
+
+fn broken(error: impl std::fmt::Display) -> DecodeError {
+    DecodeError(error.to_string())
+}
+
+fn decode_png(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
+    let mut decoder = png::Decoder::new(Cursor::new(bytes));
+    // Palettes and 1, 2, 4 bit become 8 bit; 16 bit lose their lower half.
+    decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
+    let mut reader = decoder.read_info().map_err(broken)?;
+    let size = reader.output_buffer_size().filter(|size| *size <= 4 * MAX_PIXELS);
+    let mut data = vec![0; size.ok_or_else(|| broken("too large"))?];
+    let info = reader.next_frame(&mut data).map_err(broken)?;
+    data.truncate(info.buffer_size());
+    let grey = match info.color_type {
+        png::ColorType::Grayscale => data,
+        png::ColorType::GrayscaleAlpha => data.chunks_exact(2).map(|p| p[0]).collect(),
+        png::ColorType::Rgb => data.chunks_exact(3).map(brightness).collect(),
+        png::ColorType::Rgba => data.chunks_exact(4).map(brightness).collect(),
+        png::ColorType::Indexed => return Err(broken("indexed pixels are not supported")),
+    };
+    GreyImage::new(info.width as usize, info.height as usize, grey)
+        .ok_or_else(|| broken("size and data differ"))
+}
+
+fn brightness(pixel: &[u8]) -> u8 {
+    let [red, green, blue] = [pixel[0], pixel[1], pixel[2]].map(u32::from);
+    ((299 * red + 587 * green + 114 * blue + 500) / 1000) as u8
+}
+
+fn decode_jpeg(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
+    // Decoders fill missing data with grey, so a missing end has to be detected here.
+    let end = bytes.iter().rposition(|b| !matches!(b, 0 | b'\n' | b'\r'));
+    let is_whole = |end: usize| end > 2 && bytes[end] == 0xD9 && bytes[end - 1] == 0xFF;
+    if !end.is_some_and(is_whole) {
+        return Err(broken("no end of image: the file is truncated"));
+    }
+    let options = DecoderOptions::default()
+        .jpeg_set_out_colorspace(ColorSpace::Luma)
+        .set_strict_mode(true)
+        .set_max_width(1 << 14)
+        .set_max_height(1 << 14);
+    let mut decoder = zune_jpeg::JpegDecoder::new_with_options(ZCursor::new(bytes), options);
+    let data = decoder.decode().map_err(broken)?;
+    let (width, height) = decoder.dimensions().ok_or_else(|| broken("no size"))?;
+    GreyImage::new(width, height, data).ok_or_else(|| broken("size and data differ"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -121,5 +183,33 @@ mod tests {
         assert!(GreyImage::new(2, 2, vec![0; 3]).is_none());
         assert!(GreyImage::new(0, 0, Vec::new()).is_none());
         assert!(GreyImage::new(usize::MAX, 2, vec![0; 4]).is_none());
+    }
+
+    fn encoded(colour: png::ColorType, data: &[u8]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 2, 2);
+        encoder.set_color(colour);
+        encoder.write_header().unwrap().write_image_data(data).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn grey_and_colour_png() {
+        let grey = decode(&encoded(png::ColorType::Grayscale, &[1, 2, 3, 4])).unwrap();
+        assert_eq!(grey.data(), [1, 2, 3, 4]);
+        let colour =
+            decode(&encoded(png::ColorType::Rgb, &[255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9]))
+                .unwrap();
+        assert_eq!(colour.data(), [76, 150, 29, 9]);
+    }
+
+    #[test]
+    fn truncated_files_are_errors() {
+        let png = encoded(png::ColorType::Grayscale, &[1, 2, 3, 4]);
+        for length in 0..png.len() - 12 {
+            assert!(decode(&png[..length]).is_err(), "{length} of {}", png.len());
+        }
+        assert!(decode(&[0xFF, 0xD8, 0xFF, 0xE0, 0, 0, 0, 0]).is_err());
+        assert_eq!(decode(b"hello"), Err(broken("neither PNG nor JPEG")));
     }
 }

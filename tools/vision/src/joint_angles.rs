@@ -16,9 +16,10 @@
 //! then appears as `(1 + n/D) (1, t) + (a, c) s / D`. The other view measures `n` and `s`, so this
 //! is corrected (iteratively, because both views need each other).
 
+use i2ris_report::statistics;
+
 use crate::fibre::{QualityIssue, Reading};
 use crate::image::relative;
-use crate::rest_pose::RestPose;
 use crate::setup::{JointAxis, View, VisionSetup};
 
 /// Tolerance of the apparent length of the fibre, relative.
@@ -28,7 +29,6 @@ const UNSEEN_BEND: f64 = std::f64::consts::FRAC_PI_4;
 /// Rounds in which both views correct each other. Each makes the error about fifty times smaller.
 const ROUNDS: usize = 4;
 
-/// Result of both views together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointAngles {
     /// Pitch and yaw, rad, from the rest pose; `None` for the axis that no view shows.
@@ -39,7 +39,6 @@ pub struct JointAngles {
     pub tip_mm: [Option<f64>; 3],
 }
 
-/// One view at one instant.
 #[derive(Debug, Clone, Copy)]
 struct ViewReading<'a> {
     view: &'a View,
@@ -78,10 +77,8 @@ struct Depth {
 
 fn one(input: ViewReading<'_>) -> Result<JointAngles, (usize, QualityIssue)> {
     let planar = PlanarView::of(&input);
-    let (axis, sign) = (
-        usize::from(input.view.axis == JointAxis::Yaw),
-        if input.view.reversed { -1.0 } else { 1.0 },
-    );
+    let axis = usize::from(input.view.axis == JointAxis::Yaw);
+    let sign = if input.view.reversed { -1.0 } else { 1.0 };
     check_length(&input, planar.tan, [0.0, UNSEEN_BEND.tan()]).map_err(|issue| (0, issue))?;
     let mut angles = JointAngles {
         angle_rad: [None; 2],
@@ -102,10 +99,8 @@ fn two(inputs: [ViewReading<'_>; 2]) -> Result<JointAngles, (usize, QualityIssue
     let mut depths = [Depth::default(); 2];
     let (mut tan, mut tip) = ([0.0; 2], [0.0; 3]);
     for _ in 0..ROUNDS {
-        let views: [[f64; 2]; 2] =
-            std::array::from_fn(|i| planars[i].without_perspective(depths[i]));
-        let tips: [[f64; 2]; 2] =
-            std::array::from_fn(|i| planars[i].tip_without_perspective(depths[i]));
+        let views = [0, 1].map(|i: usize| planars[i].without_perspective(depths[i]));
+        let tips = [0, 1].map(|i: usize| planars[i].tip_without_perspective(depths[i]));
         tan = mixing.joint([views[0][0], views[1][0]]);
         let [x, y] = mixing.joint([tips[0][1], tips[1][1]]);
         tip = [0.5 * (tips[0][0] + tips[1][0]), x, y];
@@ -116,11 +111,10 @@ fn two(inputs: [ViewReading<'_>; 2]) -> Result<JointAngles, (usize, QualityIssue
         let [seen, _] = planars[i].without_perspective(depths[i]);
         check_length(input, seen, [depths[i].slope.abs(); 2]).map_err(|issue| (i, issue))?;
     }
+    let std = [0, 1].map(|i| inputs[i].reading.std_rad * (1.0 + planars[i].tan.powi(2)));
     Ok(JointAngles {
         angle_rad: tan.map(|tan| Some(tan.atan())),
-        std_rad: mixing
-            .spread([0, 1].map(|i| inputs[i].reading.std_rad * (1.0 + planars[i].tan.powi(2))), tan)
-            .map(Some),
+        std_rad: mixing.spread(std, tan).map(Some),
         quality: inputs[0].reading.quality.min(inputs[1].reading.quality),
         tip_mm: tip.map(Some),
     })
@@ -165,32 +159,28 @@ impl PlanarView {
 }
 
 /// Transformation from the directions of both views to both axes.
-struct AxisMixing {
-    inverse: nalgebra::Matrix2<f64>,
-}
+struct AxisMixing(nalgebra::Matrix2<f64>);
 
 impl AxisMixing {
     fn of(planes_rad: [f64; 2]) -> Option<Self> {
         let [(s0, c0), (s1, c1)] = planes_rad.map(f64::sin_cos);
-        nalgebra::Matrix2::new(c0, s0, c1, s1).try_inverse().map(|inverse| Self { inverse })
+        nalgebra::Matrix2::new(c0, s0, c1, s1).try_inverse().map(Self)
     }
 
     fn joint(&self, views: [f64; 2]) -> [f64; 2] {
-        (self.inverse * nalgebra::Vector2::from(views)).into()
+        (self.0 * nalgebra::Vector2::from(views)).into()
     }
 
     /// Standard deviations of the joint angles from those of the views' tangents.
     fn spread(&self, std: [f64; 2], tan: [f64; 2]) -> [f64; 2] {
         std::array::from_fn(|axis| {
-            let sum =
-                (0..2).map(|view| (self.inverse[(axis, view)] * std[view]).powi(2)).sum::<f64>();
+            let sum = (0..2).map(|view| (self.0[(axis, view)] * std[view]).powi(2)).sum::<f64>();
             sum.sqrt() / (1.0 + tan[axis].powi(2))
         })
     }
 }
 
-/// The length in the frame must fit a fibre that is bent towards the camera by a tangent within
-/// `nearer`.
+/// The length must fit a fibre that is bent towards the camera by a tangent within `nearer`.
 fn check_length(input: &ViewReading<'_>, tan: f64, nearer: [f64; 2]) -> Result<(), QualityIssue> {
     let view = input.view;
     let expected = |nearer: f64| {
@@ -203,8 +193,7 @@ fn check_length(input: &ViewReading<'_>, tan: f64, nearer: [f64; 2]) -> Result<(
     if fits { Ok(()) } else { Err(QualityIssue::Length) }
 }
 
-/// Apparent length of a piece of length 1 whose direction is the part `share` of a bend with these
-/// tangents.
+/// Apparent length of a piece of length 1, `share` of the way into a bend with these tangents.
 fn step_in_view(tan: f64, nearer: f64, share: f64) -> f64 {
     let across = tan.hypot(nearer);
     let (sin, cos) = (across.atan() * share).sin_cos();
@@ -233,8 +222,7 @@ impl Stereo {
 
     /// Combines one reading per view.
     ///
-    /// An error names the view that shows an impossible length of the fibre: something else was
-    /// measured.
+    /// An error names the view with an impossible length of the fibre: it measured something else.
     pub fn solve(
         &self,
         readings: &[(&Reading, [usize; 2])],
@@ -248,5 +236,120 @@ impl Stereo {
             [only] => one(only),
             _ => Err((0, QualityIssue::NoBase)),
         }
+    }
+}
+
+/// Minimum number of good frames at rest.
+const MIN_COUNT: usize = 5;
+/// Maximum spread, deg; more means that it moved or cannot be measured.
+const MAX_SPREAD_DEG: f64 = 0.3;
+/// Ratio of the standard deviation to the median absolute deviation of a normal distribution.
+const MAD: f64 = 1.4826;
+
+/// Straight pose in one view: medians over some frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RestPose {
+    /// Angle between base and tip, deg: offset of fibre and joint zero.
+    pub angle_deg: f64,
+    /// Standard deviation of a single frame, deg.
+    pub spread_deg: f64,
+    /// Length from the border of the frame along the fibre to its end, px.
+    pub length_px: f64,
+    /// End of the fibre, px.
+    pub tip_px: [f64; 2],
+}
+
+/// Reason why there is no rest reference.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RestPoseError {
+    #[error(
+        "view {view}: only {good} of {frames} frames at rest can be measured, \
+         {MIN_COUNT} are needed; look at them with --overlays"
+    )]
+    TooFew { view: String, good: usize, frames: usize },
+    #[error(
+        "view {view}: the angle spreads by {spread_deg:.2} deg at rest, \
+         more than {MAX_SPREAD_DEG}: hold the snake straight and still, or shorten --rest-s"
+    )]
+    Moving { view: String, spread_deg: f64 },
+}
+
+/// Collects frames at rest.
+#[derive(Debug, Clone, Default)]
+pub struct RestPoseEstimator {
+    frames: usize,
+    angles: Vec<f64>,
+    lengths: Vec<f64>,
+    tips: [Vec<f64>; 2],
+}
+
+impl RestPoseEstimator {
+    /// Takes one frame's reading; `None` or one of low quality counts as a frame only.
+    pub fn add(&mut self, reading: Option<&Reading>) {
+        self.frames += 1;
+        if let Some(reading) = reading.filter(|reading| reading.is_good()) {
+            self.angles.push(reading.angle_rad.to_degrees());
+            self.lengths.push(reading.length_px);
+            self.tips[0].push(reading.tip_px[0]);
+            self.tips[1].push(reading.tip_px[1]);
+        }
+    }
+
+    pub fn finish(&self, view: &str) -> Result<RestPose, RestPoseError> {
+        let good = self.angles.len();
+        if good < MIN_COUNT {
+            return Err(RestPoseError::TooFew { view: view.to_owned(), good, frames: self.frames });
+        }
+        let angle_deg = median(&self.angles);
+        let deviations: Vec<f64> = self.angles.iter().map(|a| (a - angle_deg).abs()).collect();
+        // This detects a slow drift over the whole time, which the median deviation does not.
+        let half = good / 2;
+        let drift = (median(&self.angles[..half]) - median(&self.angles[half..])).abs();
+        let spread_deg = (MAD * median(&deviations)).max(drift);
+        if spread_deg > MAX_SPREAD_DEG {
+            return Err(RestPoseError::Moving { view: view.to_owned(), spread_deg });
+        }
+        let tip_px = [median(&self.tips[0]), median(&self.tips[1])];
+        Ok(RestPose { angle_deg, spread_deg, length_px: median(&self.lengths), tip_px })
+    }
+}
+
+/// The middle value of at least one.
+fn median(values: &[f64]) -> f64 {
+    statistics::median(&mut values.to_vec()).unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fibre::FittedLine;
+
+    fn reading(angle_deg: f64, quality: f64) -> Reading {
+        let line = FittedLine { length_px: 1.0, followed: 1.0, ..FittedLine::default() };
+        Reading {
+            angle_rad: angle_deg.to_radians(),
+            std_rad: 0.001,
+            tip_px: [600.0, 300.0 + angle_deg],
+            base: line,
+            tip: line,
+            length_px: 900.0,
+            quality,
+            issue: None,
+            trace: Vec::new(),
+        }
+    }
+
+    fn estimator(angles: impl IntoIterator<Item = f64>) -> RestPoseEstimator {
+        let mut estimator = RestPoseEstimator::default();
+        angles.into_iter().for_each(|angle| estimator.add(Some(&reading(angle, 0.9))));
+        estimator
+    }
+
+    #[test]
+    fn reference_ignores_outliers_and_reports_its_spread() {
+        let angle = |i| if i % 10 == 0 { 20.0 } else { 1.5 + 0.02 * f64::from(i % 3 - 1) };
+        let rest = estimator((0..40).map(angle)).finish("top").unwrap();
+        assert!((rest.angle_deg - 1.5).abs() < 0.021 && rest.spread_deg < 0.05, "{rest:?}");
+        assert!((rest.length_px, rest.tip_px[0]) == (900.0, 600.0));
     }
 }

@@ -1,8 +1,7 @@
 //! Bending angle and tip position of the snake, measured in microscope images.
 //!
-//! An optical fibre runs through the snake and sticks out of its tip. The angle between the
-//! straight base and the straight tip of the fibre, in the image plane, is the bending angle of
-//! that view.
+//! An optical fibre runs through the snake and sticks out of its tip. The angle between its
+//! straight base and its straight tip, in the image plane, is the bending angle of that view.
 //!
 //! # Principles
 //!
@@ -20,16 +19,14 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`image`] | a grey image; directions and positions in it |
+//! | [`image`] | a grey image, from PNG or JPEG; directions and positions in it |
 //! | [`fibre`] | base line, tip line, tip position, quality, from one image |
 //! | [`source`] | frames from folders and streams, with their timestamps |
 //! | [`setup`] | description of the views, TOML |
-//! | [`rest_pose`] | the straight pose that is angle 0 |
 //! | [`view_detector`] | one view: a frame in, a reading or a reason for none out |
-//! | [`frame_pairing`] | pairs of frames of two views |
-//! | [`joint_angles`] | one or two views to pitch, yaw and tip position |
+//! | [`joint_angles`] | one or two views to pitch, yaw and tip position, from the straight pose |
 //! | [`angle_csv`] | angles over time as CSV |
-//! | [`session`] | frames in, rows out |
+//! | [`session`] | frames in, in pairs of two views; rows out |
 //! | [`drawing`] | readings drawn over their images |
 //! | [`scene`] | synthetic images at known angles |
 //! | [`scene_setup`] | the setup of such images |
@@ -38,10 +35,8 @@
 pub mod angle_csv;
 pub mod drawing;
 pub mod fibre;
-pub mod frame_pairing;
 pub mod image;
 pub mod joint_angles;
-pub mod rest_pose;
 pub mod scene;
 pub mod scene_setup;
 pub mod session;

@@ -4,11 +4,8 @@ use crate::fibre::{Background, DetectorSettings, EntrySide};
 use crate::scene::{Brightness, PinholeCamera, Rig, Scene, SnakeShape};
 use crate::setup::{JointAxis, View, VisionSetup};
 
-fn ground(paint: &Brightness) -> Background {
-    if paint.ground > paint.fibre { Background::Bright } else { Background::Dark }
-}
-
 fn view(snake: &SnakeShape, paint: &Brightness, camera: &PinholeCamera) -> View {
+    let is_bright = paint.ground > paint.fibre;
     let mut view = View {
         name: "view0".to_owned(),
         axis: JointAxis::Pitch,
@@ -16,7 +13,7 @@ fn view(snake: &SnakeShape, paint: &Brightness, camera: &PinholeCamera) -> View 
         turn_deg: 0.0,
         px_per_mm: camera.px_per_mm,
         distance_mm: Some(camera.distance_mm),
-        ground: ground(paint),
+        ground: if is_bright { Background::Bright } else { Background::Dark },
         side: EntrySide::Left,
         near_px: None,
         body_width_mm: snake.body_width_mm,

@@ -74,7 +74,6 @@ pub struct View {
     pub tip_length_mm: f64,
 }
 
-/// Reason why a setup cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {reason}")]
 pub struct VisionSetupError {
@@ -93,7 +92,6 @@ fn default_pair_within_ms() -> f64 {
 }
 
 impl VisionSetup {
-    /// Reads and checks a file.
     pub fn load(path: &Path) -> Result<Self, VisionSetupError> {
         let failed = |reason: &dyn ToString| VisionSetupError::new(path, reason.to_string());
         let text = std::fs::read_to_string(path).map_err(|error| failed(&error))?;
@@ -103,7 +101,6 @@ impl VisionSetup {
         Ok(setup)
     }
 
-    /// Writes the file.
     pub fn save(&self, path: &Path) -> Result<(), VisionSetupError> {
         let text = toml::to_string(self).map_err(|error| VisionSetupError::new(path, error))?;
         let text = format!("# Views of the camera process; `i2ris vision --help`.\n{text}");
@@ -121,27 +118,23 @@ impl VisionSetup {
             view.check()
                 .map_err(|(field, reason)| (format!("view {}: {field}", view.name), reason))?;
         }
-        if let [view] = self.views.as_slice()
-            && view.turn_deg.abs() > 0.5
-        {
-            let reason = "must be 0 with one view: only a second view shows the part of the \
-                          other axis";
-            return Err((format!("view {}: turn_deg", view.name), reason));
-        }
-        if let [a, b] = self.views.as_slice() {
-            if a.name == b.name {
-                return Err((
-                    format!("view {}: name", a.name),
-                    "must differ from the name of the other view",
-                ));
+        match self.views.as_slice() {
+            [view] if view.turn_deg.abs() > 0.5 => {
+                let reason = "must be 0 with one view: only a second view shows the part of the \
+                              other axis";
+                Err((format!("view {}: turn_deg", view.name), reason))
             }
-            if (a.plane_rad() - b.plane_rad()).sin().abs() < 0.25 {
+            [a, b] if a.name == b.name => {
+                let reason = "must differ from the name of the other view";
+                Err((format!("view {}: name", a.name), reason))
+            }
+            [a, b] if (a.plane_rad() - b.plane_rad()).sin().abs() < 0.25 => {
                 let reason =
                     "both views show nearly the same axis; they must be 15 deg apart or more";
-                return Err((format!("views {} and {}", a.name, b.name), reason));
+                Err((format!("views {} and {}", a.name, b.name), reason))
             }
+            _ => Ok(()),
         }
-        Ok(())
     }
 }
 
@@ -163,10 +156,8 @@ impl View {
             }
         }
         if !self.turn_deg.is_finite() || self.turn_deg.abs() > 60.0 {
-            return Err((
-                "turn_deg",
-                "must be between -60 and 60; name the other axis or set reversed",
-            ));
+            let reason = "must be between -60 and 60; name the other axis or set reversed";
+            return Err(("turn_deg", reason));
         }
         let name_is_plain =
             self.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
@@ -194,16 +185,14 @@ impl View {
         }
     }
 
-    /// The direction that bends counter-clockwise in the image, turned from positive pitch
-    /// towards positive yaw, rad.
+    /// The direction that bends counter-clockwise in the image, from pitch towards yaw, rad.
     pub fn plane_rad(&self) -> f64 {
         let axis = if self.axis == JointAxis::Pitch { 0.0 } else { 90.0 };
         let reversed = if self.reversed { 180.0 } else { 0.0 };
         f64::to_radians(axis + self.turn_deg + reversed)
     }
 
-    /// Sets axis, direction and turn from a direction as returned by [`View::plane_rad`]: the
-    /// nearest axis, and the rest as turn.
+    /// Sets the nearest axis, and the rest as turn, from a direction as of [`View::plane_rad`].
     pub fn set_plane(&mut self, plane_rad: f64) {
         let deg = plane_rad.to_degrees().rem_euclid(360.0);
         let quarter = ((deg / 90.0).round() as u8) % 4;

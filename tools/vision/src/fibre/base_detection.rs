@@ -1,15 +1,15 @@
 //! Detection of the base where it enters the image.
 
 use super::intensity_profile::{Candidate, IntensityProfile};
-use super::settings::DetectorSettings;
+use super::{DetectorSettings, QualityIssue};
 use crate::image::{GreyImage, Px, across, advance, step};
 
 /// Sections inside the border in which the base is searched.
 const SECTIONS: usize = 9;
 /// The base must show at this many of them.
 const MIN_COUNT: usize = 5;
-/// Distance of the first station from the border, px.
-const MARGIN: f64 = 8.0;
+/// Distance of the first station, and of the first point of the trace, from the border, px.
+pub(super) const MARGIN: f64 = 8.0;
 /// The base comes in within this angle of the inward direction: its tangent.
 const MAX_SLOPE: f64 = 0.47;
 /// The weakest contrast that counts, grey levels.
@@ -26,12 +26,6 @@ pub struct BaseDetection {
     pub ground: f32,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BaseNotFound {
-    Nothing,
-    Two,
-}
-
 /// One candidate at one station: distance from the border, place along it.
 #[derive(Clone, Copy)]
 struct EdgePair {
@@ -40,51 +34,38 @@ struct EdgePair {
     candidate: Candidate,
 }
 
-pub fn find(image: &GreyImage, settings: &DetectorSettings) -> Result<BaseDetection, BaseNotFound> {
+pub fn find(image: &GreyImage, settings: &DetectorSettings) -> Result<BaseDetection, QualityIssue> {
     let frame = BorderFrame::new(image, settings);
     let seen = frame.detect(image, settings);
-    let mut best: Option<(usize, f32, Vec<EdgePair>)> = None;
-    let mut rival = 0;
-    let mut fits: Vec<(usize, f32, Vec<EdgePair>)> = hypotheses(&seen).collect();
+    let mut fits: Vec<_> = hypotheses(&seen).collect();
     fits.sort_by(|a, b| (b.0, b.1).partial_cmp(&(a.0, a.1)).unwrap_or(std::cmp::Ordering::Equal));
-    for fit in fits {
-        match &best {
-            None => best = Some(fit),
-            Some((_, _, on_it)) if differs(on_it, &fit.2, settings.body_width) => {
-                rival = rival.max(fit.0)
-            }
-            Some(_) => {}
-        }
+    let best = fits.first().filter(|(support, ..)| *support >= MIN_COUNT);
+    let (support, _, on_it) = best.ok_or(QualityIssue::NoBase)?;
+    let rivals = fits.iter().filter(|fit| differs(on_it, &fit.2, settings.body_width));
+    let rival = rivals.map(|fit| fit.0).max().unwrap_or(0);
+    if rival + 1 >= *support && rival >= MIN_COUNT {
+        return Err(QualityIssue::TwoBases);
     }
-    let (support, _, on_it) =
-        best.filter(|(support, ..)| *support >= MIN_COUNT).ok_or(BaseNotFound::Nothing)?;
-    if rival + 1 >= support && rival >= MIN_COUNT {
-        return Err(BaseNotFound::Two);
-    }
-    frame.entry(&on_it).ok_or(BaseNotFound::Nothing)
+    frame.entry(on_it).ok_or(QualityIssue::NoBase)
 }
 
 /// Lines through two candidates of different stations, with all candidates that lie on them.
 fn hypotheses(seen: &[Vec<EdgePair>]) -> impl Iterator<Item = (usize, f32, Vec<EdgePair>)> + '_ {
-    let pairs = (0..SECTIONS - MIN_COUNT + 1)
+    let stations = (0..SECTIONS - MIN_COUNT + 1)
         .flat_map(|i| (i + MIN_COUNT - 1..SECTIONS).map(move |j| (i, j)));
-    pairs
-        .flat_map(move |(i, j)| {
-            seen[i].iter().flat_map(move |a| seen[j].iter().map(move |b| (*a, *b)))
+    let pairs = stations.flat_map(move |(i, j)| {
+        seen[i].iter().flat_map(move |a| seen[j].iter().map(move |b| (*a, *b)))
+    });
+    pairs.filter_map(move |(a, b)| {
+        let slope = (b.place - a.place) / (b.depth - a.depth);
+        let expected = |s: &EdgePair| a.place + slope * (s.depth - a.depth);
+        (slope.abs() <= MAX_SLOPE).then(|| {
+            let on_it = seen.iter().filter_map(|station| nearest(station, expected));
+            let on_it: Vec<EdgePair> = on_it.collect();
+            let contrast = on_it.iter().map(|s| s.candidate.contrast).sum::<f32>();
+            (on_it.len(), contrast, on_it)
         })
-        .filter_map(move |(a, b)| {
-            let slope = (b.place - a.place) / (b.depth - a.depth);
-            (slope.abs() <= MAX_SLOPE).then(|| {
-                let on_it: Vec<EdgePair> = seen
-                    .iter()
-                    .filter_map(|station| {
-                        nearest(station, |s| a.place + slope * (s.depth - a.depth))
-                    })
-                    .collect();
-                let contrast = on_it.iter().map(|s| s.candidate.contrast).sum::<f32>();
-                (on_it.len(), contrast, on_it)
-            })
-        })
+    })
 }
 
 fn nearest(station: &[EdgePair], expected: impl Fn(&EdgePair) -> f64) -> Option<EdgePair> {
@@ -130,24 +111,18 @@ impl BorderFrame {
     fn detect(&self, image: &GreyImage, settings: &DetectorSettings) -> Vec<Vec<EdgePair>> {
         let (mut profile, mut found) = (IntensityProfile::default(), Vec::new());
         let half = (0.5 * self.width) as usize;
-        self.depths
-            .iter()
-            .map(|depth| {
-                let centre =
-                    advance(advance(self.corner, self.inward, *depth), self.along, half as f64);
-                profile.read(image, settings.ground, centre, self.along, half);
-                profile.find(settings.body_width, MIN_CONTRAST, &mut found);
-                found
-                    .iter()
-                    .map(|candidate| EdgePair {
-                        depth: *depth,
-                        place: half as f64 + candidate.offset,
-                        candidate: *candidate,
-                    })
-                    .filter(|seen| self.is_near(settings, seen.place))
-                    .collect()
-            })
-            .collect()
+        let station = |depth: &f64| {
+            let inside = advance(self.corner, self.inward, *depth);
+            let centre = advance(inside, self.along, half as f64);
+            profile.read(image, settings.ground, centre, self.along, half);
+            profile.find(settings.body_width, MIN_CONTRAST, &mut found);
+            let pair = |candidate: &Candidate| {
+                let (depth, place) = (*depth, half as f64 + candidate.offset);
+                EdgePair { depth, place, candidate: *candidate }
+            };
+            found.iter().map(pair).filter(|it| self.is_near(settings, it.place)).collect()
+        };
+        self.depths.iter().map(station).collect()
     }
 
     fn is_near(&self, settings: &DetectorSettings, place: f64) -> bool {
@@ -163,11 +138,8 @@ impl BorderFrame {
         let (depth, place) = (mean(&|s| s.depth), mean(&|s| s.place));
         let slope = on_it.iter().map(|s| (s.depth - depth) * (s.place - place)).sum::<f64>()
             / on_it.iter().map(|s| (s.depth - depth).powi(2)).sum::<f64>();
-        let start = advance(
-            advance(self.corner, self.inward, MARGIN),
-            self.along,
-            place + slope * (MARGIN - depth),
-        );
+        let inside = advance(self.corner, self.inward, MARGIN);
+        let start = advance(inside, self.along, place + slope * (MARGIN - depth));
         slope.is_finite().then(|| BaseDetection {
             start,
             // `along` is to the left of `inward`.
@@ -176,9 +148,4 @@ impl BorderFrame {
             ground: mean(&|s| f64::from(s.candidate.ground)) as f32,
         })
     }
-}
-
-/// Length of the base from the border to the first point of the trace, px.
-pub fn before_start() -> f64 {
-    MARGIN
 }

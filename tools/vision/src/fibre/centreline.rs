@@ -1,8 +1,8 @@
 //! Following the fibre from its base to its end.
 
+use super::DetectorSettings;
 use super::base_detection::{BaseDetection, MIN_CONTRAST};
 use super::intensity_profile::{Candidate, IntensityProfile};
-use super::settings::DetectorSettings;
 use crate::image::{GreyImage, Px, across, advance, relative, step};
 
 /// Distance between two readings along the fibre, px.
@@ -11,13 +11,11 @@ pub const STRIDE: f64 = 2.0;
 const MEMORY: usize = 32;
 /// With fewer than this, the direction of the entry counts.
 const MIN_COUNT: usize = 10;
-/// A reading this far from the direction of the last stretch is something else, px, in addition to
-/// a part of the thickness.
+/// A reading this far off the last direction is something else, px, plus a part of the thickness.
 const GATE: f64 = 2.5;
 /// Per pixel that was bridged the gate opens by this: a direction known to 4 deg.
 const GATE_GROWTH: f64 = 0.07;
-/// Contrast may change along the fibre, with the light, but not between two readings by more than
-/// this factor.
+/// Contrast may change with the light, but not between two readings by more than this factor.
 const CONTRAST_KEPT: f32 = 0.45;
 /// Brightness differs from the ground's by less than this part of the contrast: it is ground.
 const GROUND_LIKE: f32 = 0.35;
@@ -30,12 +28,10 @@ const WIDTH_FROM: f64 = 15.0;
 const SMOOTHING: f32 = 0.1;
 /// The end of the fibre may be blurred over this length, px.
 const BLUR: f64 = 12.0;
-/// Neighbouring readings are an island if the trace was broken for more steps than this before
-/// them.
+/// Readings are an island if the trace was broken for more steps than this before them.
 const BREAK: f64 = 3.0 * STRIDE;
 /// An island at the end with fewer readings is dropped: a speck, an edge of an instrument.
 const ISLAND: usize = 6;
-/// No trace is longer.
 const MAX_STEPS: usize = 4000;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,13 +40,11 @@ pub struct TracePoint {
     /// Distance along the fibre from the start of the trace, px.
     pub along: f64,
     pub width: f64,
-    /// It was read as bare fibre, not as body.
     pub is_fibre: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TraceEnd {
-    /// Ground ahead: the fibre ends.
     Background,
     /// Something covers it, and it did not reappear.
     Covered,
@@ -124,7 +118,8 @@ impl CentrelineTracker<'_> {
             }
             match self.detect(place, direction, along) {
                 StepResult::Fibre(candidate, is_fibre) => {
-                    self.accept(candidate, is_fibre, place, direction, along);
+                    let at = advance(place, across(direction), candidate.offset);
+                    self.accept(candidate, is_fibre, at, along);
                     (bare, covered) = (0.0, 0.0);
                 }
                 StepResult::Background => {
@@ -161,8 +156,8 @@ impl CentrelineTracker<'_> {
 
     fn is_inside(&self, [x, y]: Px) -> bool {
         let margin = 3.0;
-        let (right, bottom) =
-            (self.image.width() as f64 - 1.0 - margin, self.image.height() as f64 - 1.0 - margin);
+        let last = |size: usize| size as f64 - 1.0 - margin;
+        let (right, bottom) = (last(self.image.width()), last(self.image.height()));
         x >= margin && y >= margin && x <= right && y <= bottom
     }
 
@@ -251,20 +246,11 @@ impl CentrelineTracker<'_> {
         count < WIDTH_FROM || (candidate.width - mean).abs() <= WIDTH_KEPT.0 + WIDTH_KEPT.1 * mean
     }
 
-    fn accept(
-        &mut self,
-        candidate: Candidate,
-        is_fibre: bool,
-        place: Px,
-        direction: f64,
-        along: f64,
-    ) {
-        let at = advance(place, across(direction), candidate.offset);
+    fn accept(&mut self, candidate: Candidate, is_fibre: bool, at: Px, along: f64) {
         if is_fibre && !self.is_fibre {
             // Before this the middle was the body's; the fibre need not sit exactly there.
-            self.is_fibre =
-                self.points.iter().rev().take(ISLAND - 1).filter(|p| p.is_fibre).count()
-                    == ISLAND - 1;
+            let recent = self.points.iter().rev().take(ISLAND - 1);
+            self.is_fibre = recent.filter(|p| p.is_fibre).count() == ISLAND - 1;
             if self.is_fibre {
                 self.thickness = (0.0, 0.0);
             }
@@ -280,7 +266,6 @@ impl CentrelineTracker<'_> {
     }
 }
 
-/// Removes short runs of readings after a break at the end of the trace.
 fn drop_islands(points: &mut Vec<TracePoint>) {
     while let Some(start) = last_island(points) {
         points.truncate(start);
@@ -305,16 +290,12 @@ mod tests {
     }
 
     #[test]
-    fn short_runs_after_a_break_are_dropped_from_the_end() {
-        let mut some = points(&[(0.0, 50), (200.0, 4), (300.0, 3)]);
-        drop_islands(&mut some);
-        assert_eq!(some.len(), 50);
-    }
-
-    #[test]
-    fn long_runs_after_a_break_stay() {
-        let mut some = points(&[(0.0, 50), (200.0, 20)]);
-        drop_islands(&mut some);
-        assert_eq!(some.len(), 70);
+    fn only_short_runs_after_a_break_are_dropped_from_the_end() {
+        let short = &[(0.0, 50), (200.0, 4), (300.0, 3)][..];
+        for (runs, left) in [(short, 50), (&[(0.0, 50), (200.0, 20)], 70)] {
+            let mut some = points(runs);
+            drop_islands(&mut some);
+            assert_eq!(some.len(), left);
+        }
     }
 }

@@ -1,17 +1,15 @@
 //! The brightness along a short line across the fibre, and the pairs of edges in it.
 
-use super::settings::Background;
+use super::Background;
 use crate::image::{GreyImage, Px, advance};
 
-/// Parallel lines whose mean is read: at -1, 0 and 1 px.
 const LINES: [f64; 3] = [-1.0, 0.0, 1.0];
 /// An edge counts if it is this many times as high as the noise.
 const EDGE_TO_NOISE: f32 = 4.5;
 /// Ratio of the standard deviation of one value to the median absolute difference of neighbours.
 const DIFFERENCE_TO_SIGMA: f32 = 1.4826 / std::f32::consts::SQRT_2;
-/// An edge is evaluated to both sides over this multiple of its height divided by its maximum
-/// slope. For a Gaussian blur this covers 4.3 standard deviations; farther inside are glints,
-/// farther outside specks.
+/// An edge is evaluated to both sides over this multiple of its height over its slope: for a
+/// Gaussian blur 4.3 standard deviations. Farther inside are glints, farther outside specks.
 const EDGE_REACH: f64 = 1.7;
 /// Thickness may differ from what is expected by this part.
 const WIDTH_TOLERANCE: f64 = 0.3;
@@ -97,9 +95,7 @@ impl IntensityProfile {
         self.rise.clear();
         self.rise.resize(length, 0.0);
         for i in reach..=length - reach {
-            if i < length {
-                self.rise[i] = self.mean_of(i, i + reach) - self.mean_of(i - reach, i);
-            }
+            self.rise[i] = self.mean_of(i, i + reach) - self.mean_of(i - reach, i);
         }
         let threshold =
             (0.5 * contrast).max(EDGE_TO_NOISE * self.noise * (2.0 / reach as f32).sqrt());
@@ -126,7 +122,6 @@ impl IntensityProfile {
             && (around.start..i).all(|j| sign * self.rise[j] < here)
     }
 
-    /// Measures the stretch between a falling and a rising edge.
     fn between(&self, fall: usize, rise: usize, width: f64) -> Option<Candidate> {
         let left = self.edge(fall as f64 - 0.5, self.edge_reach(fall, width))?;
         let right = self.edge(rise as f64 - 0.5, self.edge_reach(rise, width))?;
@@ -147,9 +142,7 @@ impl IntensityProfile {
     fn edge_reach(&self, at: usize, width: f64) -> f64 {
         let most = (width / 3.0).clamp(3.0, 10.0);
         let (start, end) = (at.saturating_sub(most as usize).max(1), at + most as usize);
-        let Some(around) = self.values.get(start - 1..=end) else {
-            return most;
-        };
+        let Some(around) = self.values.get(start - 1..=end) else { return most };
         let slope = around.windows(3).map(|v| 0.5 * (v[2] - v[0]).abs()).fold(0.0, f32::max);
         let height = (around[0] - around[around.len() - 1]).abs();
         (EDGE_REACH * f64::from(height / slope)).clamp(3.0, most)
@@ -188,8 +181,7 @@ struct Edge {
 }
 
 fn noise(values: &[f32]) -> f32 {
-    let mut differences: Vec<f32> =
-        values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let mut differences: Vec<_> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     if differences.is_empty() {
         return 0.0;
     }

@@ -17,7 +17,6 @@ const MAD: f64 = 1.4826;
 /// Minimum error of an image, px: synthetic images without noise would have none.
 const SIGMA_FLOOR: f64 = 0.01;
 const ROUNDS: usize = 10;
-/// Minimum number of points for a line.
 const MIN_COUNT: usize = 8;
 
 /// A straight line through a stretch of the trace.
@@ -31,8 +30,7 @@ pub struct FittedLine {
     pub sigma_px: f64,
     /// Length from the first to the last point, px.
     pub length_px: f64,
-    /// Change of direction from the middle to the end of the stretch if it is bent instead of
-    /// straight, rad.
+    /// Change of direction from the middle to the end of a bent stretch, rad.
     pub bend_rad: f64,
     pub bend_std_rad: f64,
     /// Points that the line follows: the sum of their weights.
@@ -45,8 +43,7 @@ impl FittedLine {
         advance(self.middle, step(self.direction_rad), along)
     }
 
-    /// Fits a line to points in order, roughly in `direction_rad`. `None` for fewer than 8 points
-    /// or no extent.
+    /// Fits a line roughly in `direction_rad`. `None` for fewer than 8 points or no extent.
     pub(super) fn fit(points: &[Px], direction_rad: f64) -> Option<Self> {
         let origin = *points.first()?;
         if points.len() < MIN_COUNT {
@@ -58,23 +55,19 @@ impl FittedLine {
         for _ in 0..ROUNDS {
             fit = fit.again(&u, &v)?;
         }
-        let spread = FitUncertainty::of(&fit, &u, &v)?;
-        let middle = advance(
-            advance(origin, step(direction_rad), fit.mean_u),
-            across(direction_rad),
-            fit.mean_v,
-        );
-        // The slope is measured in the turned frame: a change of it turns the line by less where it
-        // is steep.
+        let [slope_std, bend, bend_std] = fit.uncertainty(&u, &v)?;
+        let along = advance(origin, step(direction_rad), fit.mean_u);
+        let middle = advance(along, across(direction_rad), fit.mean_v);
+        // In the turned frame a change of the slope turns a steep line by less.
         let turned = 1.0 / (1.0 + fit.slope * fit.slope);
         Some(Self {
             middle,
             direction_rad: direction_rad + fit.slope.atan(),
-            std_rad: spread.slope_std * turned,
+            std_rad: slope_std * turned,
             sigma_px: fit.sigma,
             length_px: (u.last()? - u.first()?).abs(),
-            bend_rad: spread.bend * turned,
-            bend_std_rad: spread.bend_std * turned,
+            bend_rad: bend * turned,
+            bend_std_rad: bend_std * turned,
             followed: fit.weights.iter().sum(),
         })
     }
@@ -92,11 +85,8 @@ struct WeightedFit {
 impl WeightedFit {
     fn start(u: &[f64], v: &[f64]) -> Option<Self> {
         let half = u.len() / 2;
-        let mut slopes: Vec<f64> = (0..u.len() - half)
-            .map(|i| (v[i + half] - v[i]) / (u[i + half] - u[i]))
-            .filter(|s| s.is_finite())
-            .collect();
-        let slope = median(&mut slopes)?;
+        let slopes = (0..u.len() - half).map(|i| (v[i + half] - v[i]) / (u[i + half] - u[i]));
+        let slope = median(&mut slopes.filter(|s| s.is_finite()).collect::<Vec<_>>())?;
         let mut offsets: Vec<f64> = u.iter().zip(v).map(|(u, v)| v - slope * u).collect();
         let offset = median(&mut offsets)?;
         let mut start =
@@ -110,8 +100,7 @@ impl WeightedFit {
     }
 
     fn scale(&self, u: &[f64], v: &[f64]) -> Option<f64> {
-        let mut sizes: Vec<f64> =
-            u.iter().zip(v).map(|(u, v)| self.residual(*u, *v).abs()).collect();
+        let mut sizes: Vec<_> = u.iter().zip(v).map(|(u, v)| self.residual(*u, *v).abs()).collect();
         Some((MAD * median(&mut sizes)?).max(SIGMA_FLOOR))
     }
 
@@ -120,8 +109,7 @@ impl WeightedFit {
         let weight = |r: f64| {
             if r.abs() < limit { (1.0 - (r / limit).powi(2)).powi(2) } else { 0.0 }
         };
-        let weights: Vec<f64> =
-            u.iter().zip(v).map(|(u, v)| weight(self.residual(*u, *v))).collect();
+        let weights: Vec<_> = u.iter().zip(v).map(|(u, v)| weight(self.residual(*u, *v))).collect();
         let sum: f64 = weights.iter().sum();
         let mean_u = u.iter().zip(&weights).map(|(u, w)| w * u).sum::<f64>() / sum;
         let mean_v = v.iter().zip(&weights).map(|(v, w)| w * v).sum::<f64>() / sum;
@@ -135,43 +123,29 @@ impl WeightedFit {
         next.sigma = next.scale(u, v)?;
         slope.is_finite().then_some(next)
     }
-}
 
-/// Uncertainty of the fit by its residuals.
-struct FitUncertainty {
-    slope_std: f64,
-    bend: f64,
-    bend_std: f64,
-}
-
-impl FitUncertainty {
-    fn of(fit: &WeightedFit, u: &[f64], v: &[f64]) -> Option<Self> {
-        let sum: f64 = fit.weights.iter().sum();
-        let centred: Vec<f64> = u.iter().map(|u| u - fit.mean_u).collect();
-        let moment = |power: i32| {
-            centred.iter().zip(&fit.weights).map(|(u, w)| w * u.powi(power)).sum::<f64>()
-        };
+    /// By the residuals: standard deviation of the slope, and the bend with its own.
+    fn uncertainty(&self, u: &[f64], v: &[f64]) -> Option<[f64; 3]> {
+        let weights = &self.weights;
+        let sum: f64 = weights.iter().sum();
+        let centred: Vec<f64> = u.iter().map(|u| u - self.mean_u).collect();
+        let moment =
+            |power| centred.iter().zip(weights).map(|(u, w)| w * u.powi(power)).sum::<f64>();
         let (m2, m3) = (moment(2), moment(3));
         // The part of u^2 that line and mean do not explain.
         let curved: Vec<f64> = centred.iter().map(|u| u * u - m2 / sum - m3 / m2 * u).collect();
-        let cc: f64 = curved.iter().zip(&fit.weights).map(|(c, w)| w * c * c).sum();
-        let residuals: Vec<f64> = u.iter().zip(v).map(|(u, v)| fit.residual(*u, *v)).collect();
-        let cr: f64 =
-            curved.iter().zip(&residuals).zip(&fit.weights).map(|((c, r), w)| w * c * r).sum();
+        let cc: f64 = curved.iter().zip(weights).map(|(c, w)| w * c * c).sum();
+        let residuals: Vec<f64> = u.iter().zip(v).map(|(u, v)| self.residual(*u, *v)).collect();
+        let cr: f64 = curved.iter().zip(&residuals).zip(weights).map(|((c, r), w)| w * c * r).sum();
         let length = (u.last()? - u.first()?).abs();
-        let widened = fit.sigma * inflation(&residuals, &fit.weights).sqrt();
+        let widened = self.sigma * inflation(&residuals, weights).sqrt();
         // A bent stretch scatters around its bend, not around the line.
         let bend = cr / cc;
         let left: Vec<f64> = residuals.iter().zip(&curved).map(|(r, c)| r - bend * c).collect();
-        let left_squares: f64 = left.iter().zip(&fit.weights).map(|(r, w)| w * r * r).sum();
-        let left_sigma =
-            (left_squares / sum * inflation(&left, &fit.weights)).sqrt().max(SIGMA_FLOOR);
+        let left_squares: f64 = left.iter().zip(weights).map(|(r, w)| w * r * r).sum();
+        let left_sigma = (left_squares / sum * inflation(&left, weights)).sqrt().max(SIGMA_FLOOR);
         // v = ... + bend u^2 turns by twice that per pixel, over half the length.
-        Some(Self {
-            slope_std: widened / m2.sqrt(),
-            bend: bend * length,
-            bend_std: left_sigma / cc.sqrt() * length,
-        })
+        Some([widened / m2.sqrt(), bend * length, left_sigma / cc.sqrt() * length])
     }
 }
 
@@ -193,15 +167,8 @@ mod tests {
     use super::*;
 
     fn points(direction: f64, count: usize, error: impl Fn(usize) -> f64) -> Vec<Px> {
-        (0..count)
-            .map(|i| {
-                advance(
-                    advance([300.0, 200.0], step(direction), 2.0 * i as f64),
-                    across(direction),
-                    error(i),
-                )
-            })
-            .collect()
+        let along = |i: usize| advance([300.0, 200.0], step(direction), 2.0 * i as f64);
+        (0..count).map(|i| advance(along(i), across(direction), error(i))).collect()
     }
 
     proptest! {

@@ -4,13 +4,12 @@
 use std::collections::VecDeque;
 use std::io::{BufReader, Read};
 
-use super::decode::decode;
-use super::frame::{Frame, FrameFault, Picture, SourceError};
 use super::stream::{BUFFER, FrameClock, FrameSource};
+use super::{Frame, FrameFault, Picture, SourceError};
+use crate::image::decode;
 
 /// Maximum length of a file, bytes: a longer one is not from a camera.
 const MAX_LENGTH: usize = 64 << 20;
-
 /// The start of a picture, and of the marker after it.
 const START: [u8; 3] = [0xFF, 0xD8, 0xFF];
 
@@ -110,8 +109,7 @@ impl<R: Read + Send> MjpegStream<R> {
             self.take(file, 2)?;
             let length = [file[file.len() - 2], file[file.len() - 1]];
             self.take(file, usize::from(u16::from_be_bytes(length)).saturating_sub(2))?;
-            // The next marker; in a scan, at its end: FF within it is followed by 0 or is a
-            // restart.
+            // The next marker; in a scan, at its end: FF in it precedes 0 or is a restart.
             self.take(file, 2)?;
             let is_data = |end: &[u8]| !matches!(end, [.., 0xFF, 1..=0xCF | 0xD8..=0xFE]);
             while marker == 0xDA && is_data(file) {

@@ -9,16 +9,13 @@ use std::io::{BufRead, BufReader, Read};
 
 use i2ris::units::Nanos;
 
-use super::frame::{Frame, ImageSize, SourceError};
-use super::timestamps::seconds;
+use super::folder::seconds;
+use super::{Frame, SourceError};
 use crate::image::GreyImage;
 
-/// Start of a frame.
 const FRAME: &str = "FRAME";
-
 /// Buffer of a stream, bytes: large enough for large reads.
 pub(super) const BUFFER: usize = 1 << 18;
-
 /// Maximum length of a header line, bytes.
 const MAX_LINE: usize = 512;
 
@@ -27,7 +24,6 @@ pub trait FrameSource: Send {
     fn next(&mut self) -> Result<Option<Frame>, SourceError>;
 }
 
-/// Source of the stamps of frames in a stream.
 pub enum FrameClock {
     /// The instant that its last byte arrived.
     Arrival(Box<dyn FnMut() -> Nanos + Send>),
@@ -45,24 +41,28 @@ impl FrameClock {
     }
 }
 
-/// Format of a stream.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 struct Format {
-    size: ImageSize,
-    /// Bytes of the planes after the first one.
+    width: usize,
+    height: usize,
+    /// Bytes of the planes after the first one, which has one per pixel.
     colour_bytes: usize,
+}
+
+impl Format {
+    fn bytes(&self) -> usize {
+        self.width * self.height + self.colour_bytes
+    }
 }
 
 pub struct FrameStream<R> {
     reader: BufReader<R>,
     format: Format,
     clock: FrameClock,
-    /// Frames so far.
     number: u64,
 }
 
 impl<R: Read + Send> FrameStream<R> {
-    /// Reads the header of YUV4MPEG2.
     pub fn y4m(reader: R, clock: FrameClock) -> Result<Self, SourceError> {
         let mut reader = BufReader::with_capacity(BUFFER, reader);
         let line = read_line(&mut reader)?.ok_or_else(|| SourceError::Stream("empty".into()))?;
@@ -74,7 +74,7 @@ impl<R: Read + Send> FrameStream<R> {
     /// between two frames, and the rest of an incomplete one, are skipped.
     fn find(&mut self) -> Result<Option<String>, SourceError> {
         let mut last = [0; FRAME.len() + 1];
-        let longest = 4 * (self.format.size.bytes() + self.format.colour_bytes);
+        let longest = 4 * self.format.bytes();
         for byte in self.reader.by_ref().bytes().take(longest) {
             last.rotate_left(1);
             last[FRAME.len()] = byte?;
@@ -97,20 +97,20 @@ impl<R: Read + Send> FrameSource for FrameStream<R> {
         let Some(words) = self.find()? else { return Ok(None) };
         let reported = words.split(' ').find_map(|word| word.strip_prefix("XT=")).and_then(seconds);
         self.number += 1;
-        let (number, Format { size, colour_bytes, .. }) = (self.number, &self.format);
-        let expected = size.bytes() + colour_bytes;
+        let (number, Format { width, height, .. }) = (self.number, self.format);
+        let expected = self.format.bytes();
         let mut data = Vec::with_capacity(expected);
         let got = self.reader.by_ref().take(expected as u64).read_to_end(&mut data)?;
         if got < expected {
             return Err(SourceError::Stream(format!(
-                "ends within frame {number}, after {got} of {expected} bytes; is the size {size} \
-                 right?"
+                "ends within frame {number}, after {got} of {expected} bytes; is the size \
+                 {width}x{height} right?"
             )));
         }
-        data.truncate(size.bytes());
+        data.truncate(width * height);
         let stamp = reported.unwrap_or_else(|| self.clock.stamp(number - 1));
         let name = format!("frame {number}");
-        let image = GreyImage::new(size.width, size.height, data);
+        let image = GreyImage::new(width, height, data);
         Ok(image.map(|image| Frame::new(stamp, name, image)))
     }
 }
@@ -152,20 +152,23 @@ fn parse(line: &str) -> Result<Format, String> {
             _ => {}
         }
     }
-    let size: ImageSize = format!("{width}x{height}").parse()?;
-    let half = |n: usize| n.div_ceil(2);
+    let side = |text: &str| text.parse().ok().filter(|side: &usize| (16..=1 << 14).contains(side));
+    let (Some(width), Some(height)) = (side(width), side(height)) else {
+        let size = format!("{width}x{height}");
+        return Err(format!("{size:?} is not a size; write columns x rows, e.g. 1280x960"));
+    };
     let colour_bytes = match colour {
         "mono" => 0,
-        "420" | "420jpeg" | "420paldv" | "420mpeg2" => 2 * half(size.width) * half(size.height),
-        "422" => 2 * half(size.width) * size.height,
-        "444" => 2 * size.bytes(),
+        "420" | "420jpeg" | "420paldv" | "420mpeg2" => 2 * width.div_ceil(2) * height.div_ceil(2),
+        "422" => 2 * width.div_ceil(2) * height,
+        "444" => 2 * width * height,
         other => {
             return Err(format!(
                 "colour space {other} is not supported; use 8 bit mono, 420, 422 or 444"
             ));
         }
     };
-    Ok(Format { size, colour_bytes })
+    Ok(Format { width, height, colour_bytes })
 }
 
 #[cfg(test)]

@@ -3,5 +3,10 @@
 
 mod fibre;
 mod program;
-mod python;
 mod session;
+
+use i2ris_vision::scene::Rig;
+
+fn rig() -> Rig {
+    Rig::laboratory(640, 480, 100.0)
+}

@@ -1,27 +1,25 @@
-//! `i2ris vision` as a process: frames in, angles out, and one sentence for everything that is
-//! wrong.
+//! `i2ris vision` as a process: frames in, angles out, one sentence for each error.
 
 use std::fs;
 use std::io::Write;
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::Nanos;
+use i2ris_needs::needs;
 use i2ris_testing::bench::{WorkFolder, assert_says};
-use i2ris_testing::{program, serve, unique_domain, wait_until};
+use i2ris_testing::{program, python, serve, unique_domain, wait_until};
 use i2ris_vision::drawing::save_grey;
-use i2ris_vision::scene::{JointPose, Rig};
+use i2ris_vision::scene::JointPose;
 use i2ris_vision::scene_setup::setup;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-const REST: u64 = 6;
+use super::rig;
 
-fn rig() -> Rig {
-    Rig::laboratory(640, 480, 100.0)
-}
+const REST: u64 = 6;
 
 /// `i2ris vision` in a folder, with a pipe to its input.
 fn vision(bench: &WorkFolder, words: &str) -> Command {
@@ -58,7 +56,6 @@ fn film(poses: &[[f64; 2]]) -> WorkFolder {
     bench
 }
 
-/// Rows of a CSV text without its header, cell by cell.
 fn rows(csv: &str) -> Vec<Vec<String>> {
     csv.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect()).collect()
 }
@@ -67,7 +64,6 @@ fn number(cell: &str) -> f64 {
     cell.parse().unwrap()
 }
 
-/// Pitch and yaw of a row, degrees.
 #[track_caller]
 fn assert_near(row: &[String], expected: [f64; 2], within: f64) {
     let off = [number(&row[1]) - expected[0], number(&row[2]) - expected[1]];
@@ -136,8 +132,7 @@ fn truncated_stream_keeps_its_frames_and_reports_its_end() {
 /// Six frames of [`send_frames`] are at rest, however late they come.
 const LIVE: &str = "--config one.toml - --rest-s 0.0055";
 
-/// Sends like a camera that takes the frames of `bytes` repeatedly, each stamped a millisecond
-/// after the previous one.
+/// Sends the frames of `bytes` repeatedly, each stamped a millisecond after the previous one.
 fn send_frames(
     to: &mut impl Write,
     bytes: &[u8],
@@ -189,10 +184,8 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     assert!(last.quality > 0.5 && last.deviation[0] > 0.0 && last.deviation[0] < 0.01, "{last:?}");
     assert!(seen.windows(2).all(|pair| pair[0].stamp_ns < pair[1].stamp_ns));
     let number = (last.stamp_ns - before.0) / 1_000_000;
-    assert!(
-        last.stamp_ns == before.0 + number * 1_000_000 && number < 29,
-        "the frame's own stamp: {last:?}"
-    );
+    let is_own = last.stamp_ns == before.0 + number * 1_000_000 && number < 29;
+    assert!(is_own, "the frame's own stamp: {last:?}");
     assert_eq!(seen.last().unwrap().flags, 0, "an empty frame is reported to show nothing");
 }
 
@@ -230,4 +223,44 @@ fn bad_input_is_refused_with_a_reason() {
         let result = bench.run(&format!("vision --config {arguments}"));
         assert_refused(result.code == Some(0), &result.error, words);
     }
+}
+
+fn assert_success(output: &Output) {
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{out}{err}");
+}
+
+#[needs("python: cv2, numpy, pytest")]
+#[test]
+fn the_tests_of_the_python_package_pass() {
+    let mut tests = python();
+    assert_success(&tests.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).output().unwrap());
+}
+
+#[needs("python: iceoryx2")]
+#[test]
+fn what_python_publishes_reaches_the_controller() {
+    let domain = unique_domain();
+    let mut server = serve(&domain);
+    let script = include_str!("python/publish.py");
+    let before = clock::now().0;
+    let mut command = python();
+    command.args(["-c", script, domain.name()]).stdout(Stdio::piped());
+    let child = command.spawn().unwrap();
+    let mut seen: Vec<ExternalPosition> = Vec::new();
+    wait_until("nothing is published", || {
+        server.maintain(clock::now());
+        seen.extend(server.poll_external());
+        seen.last().is_some_and(|last| last.flags == 0)
+    });
+    let output = child.wait_with_output().unwrap();
+    assert_success(&output);
+    assert_says(&text(&output.stdout), &["no controller serves domain nobody-"]);
+    let first = seen.first().unwrap();
+    assert_eq!((first.position, first.deviation), ([0.1, -0.2, 0.0], [0.001, 0.002, 0.0]));
+    assert_eq!((first.quality, first.count, first.flags), (0.75, 2, ExternalPosition::VALID));
+    let is_between = first.stamp_ns > before && first.stamp_ns < clock::now().0;
+    assert!(is_between, "one clock for both languages");
+    assert!(seen.windows(2).all(|pair| pair[0].sequence < pair[1].sequence));
+    assert_eq!(seen.last().unwrap().flags, 0);
 }

@@ -1,24 +1,21 @@
-//! The whole path of the frames, and everything that cameras and folders do wrong: named, counted,
-//! never an angle.
+//! The whole path of the frames; faults of cameras and folders are counted, never an angle.
 
 use i2ris::units::Nanos;
 use i2ris_vision::angle_csv::AngleRow;
 use i2ris_vision::image::GreyImage;
-use i2ris_vision::rest_pose::RestPoseError;
-use i2ris_vision::scene::{JointPose, Rig};
+use i2ris_vision::joint_angles::RestPoseError;
+use i2ris_vision::scene::{JointPose, Rig, SnakeShape};
 use i2ris_vision::scene_setup::setup;
 use i2ris_vision::session::{Session, SessionError, SessionStatistics};
 use i2ris_vision::source::{Frame, FrameFault};
 use i2ris_vision::view_detector::{Rejection, ViewDetector};
 
+use super::rig;
+
 const PERIOD: u64 = 33_000_000;
 /// Frames at rest, and frames that move after them.
 const REST: u64 = 8;
 const MOVING: u64 = 8;
-
-fn rig() -> Rig {
-    Rig::laboratory(640, 480, 100.0)
-}
 
 fn pose(number: u64) -> JointPose {
     let step = number.saturating_sub(REST - 1) as f64;
@@ -29,7 +26,6 @@ fn frame(number: u64, image: GreyImage) -> Frame {
     Frame::new(Nanos(1_000_000_000 + number * PERIOD), number, image)
 }
 
-/// Shots of both views.
 fn film(rig: &Rig) -> [Vec<Frame>; 2] {
     let mut views = [Vec::new(), Vec::new()];
     for number in 0..REST + MOVING {
@@ -82,22 +78,16 @@ fn assert_gaps(rig: &Rig, items: [Vec<Frame>; 2], gaps: usize, cause: FrameFault
                 let off = |axis: usize, truth: f64| {
                     (angles.angle_rad[axis].unwrap() - truth).to_degrees().abs()
                 };
-                assert!(
-                    off(0, truth.pitch_rad) < 0.1 && off(1, truth.yaw_rad) < 0.1,
-                    "{number}: {angles:?}"
-                );
+                let is_near = off(0, truth.pitch_rad) < 0.1 && off(1, truth.yaw_rad) < 0.1;
+                assert!(is_near, "{number}: {angles:?}");
             }
             Err(words) => assert!(words.contains(&cause), "{words}"),
         }
     }
     let missing = rows.iter().filter(|row| row.seen.is_err()).count();
     assert_eq!((missing, statistics.rows - statistics.good), (gaps, gaps), "{statistics:?}");
-    let counted: usize = statistics
-        .causes
-        .iter()
-        .filter(|((_, words), _)| words.contains(&cause))
-        .map(|(_, n)| n)
-        .sum();
+    let of_cause = statistics.causes.iter().filter(|((_, words), _)| words.contains(&cause));
+    let counted: usize = of_cause.map(|(_, n)| n).sum();
     assert!(gaps == 0 || counted >= gaps, "{statistics:?}");
 }
 
@@ -116,10 +106,6 @@ fn cameras_that_are_turned_and_reversed_give_the_same_angles() {
     assert_gaps(&rig, film(&rig), 0, FrameFault::NoPicture);
 }
 
-fn missing(items: &mut [Vec<Frame>; 2], cause: FrameFault) {
-    items[0][13].picture = Err(cause);
-}
-
 #[test]
 fn faults_of_cameras_and_files_are_gaps_with_their_cause() {
     type Change = fn(&mut [Vec<Frame>; 2]);
@@ -133,8 +119,8 @@ fn faults_of_cameras_and_files_are_gaps_with_their_cause() {
             items[0][9] = frame(9, GreyImage::new(320, 240, vec![9; 320 * 240]).unwrap());
         }),
         (FrameFault::NoPartner, 1, |items| drop(items[1].remove(10))),
-        (FrameFault::MissingFile, 1, |items| missing(items, FrameFault::MissingFile)),
-        (FrameFault::Undecodable, 1, |items| missing(items, FrameFault::Undecodable)),
+        (FrameFault::MissingFile, 1, |it| it[0][13].picture = Err(FrameFault::MissingFile)),
+        (FrameFault::Undecodable, 1, |it| it[0][13].picture = Err(FrameFault::Undecodable)),
     ];
     let rig = rig();
     for (cause, gaps, change) in cases {
@@ -214,8 +200,7 @@ fn moving_snake_gives_no_reference() {
 fn object_of_a_different_length_is_not_measured() {
     let rig = rig();
     let mut items = film(&rig);
-    let short =
-        Rig { snake: i2ris_vision::scene::SnakeShape { tip_mm: 1.0, ..rig.snake }, ..rig.clone() };
+    let short = Rig { snake: SnakeShape { tip_mm: 1.0, ..rig.snake }, ..rig.clone() };
     items[0][12] = frame(12, short.render_views(pose(12), 12).swap_remove(0));
     let mut detector = ViewDetector::new(setup(&rig).views[0].settings());
     let result = detector.detect(items[0][12].clone());
