@@ -16,7 +16,6 @@ use i2ris::{clock, wall_clock};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Moment {
     pub monotonic: Nanos,
-    /// Nanoseconds since the epoch.
     pub unix_ns: u64,
 }
 
@@ -30,8 +29,7 @@ impl Moment {
         self.unix_ns.saturating_sub(self.monotonic.duration_since(monotonic).0)
     }
 
-    /// The instant of a past Unix time, at most `limit` ago; now for a future one: a stamp cannot
-    /// make a message younger than its arrival.
+    /// The instant of a past Unix time, at most `limit` ago; now for a future one.
     pub fn monotonic_at(&self, unix_ns: u64, limit: Nanos) -> Nanos {
         self.monotonic - Nanos(self.unix_ns.saturating_sub(unix_ns)).min(limit)
     }
@@ -63,8 +61,7 @@ impl SenderClock {
     }
 }
 
-/// Maximum difference between the rates of two clocks: ten times that of quartz and its correction
-/// by the network.
+/// Maximum difference between the rates of two clocks: ten times that of corrected quartz.
 const DRIFT: f64 = 1e-3;
 
 #[cfg(test)]

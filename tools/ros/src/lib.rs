@@ -4,15 +4,13 @@
 //! | file | contains |
 //! |---|---|
 //! | `participant` | joining the network of ROS, limited to this computer |
-//! | `topics`, `message` | the topics with their quality of service, and the messages |
+//! | `message` | the messages, and the topics with their quality of service |
 //! | `inbound` | path from ROS to the controller |
 //! | `admission` | admission of commands to the controller, with reasons for refusals |
 //! | `clock` | the age of a message, without trust in the clock of its sender |
-//! | `refusals` | refusals as lines: the first at once, repeats with their number |
-//! | `worker` | a thread that sends requests to the controller and waits for its answers |
 //! | `outbound` | path from the controller to ROS |
 //! | `master` | a CRTK arm as an input device of `i2ris teleop` |
-//! | `event` | events between the threads |
+//! | `event` | events between the threads; refusals as lines |
 //!
 //! ```text
 //! ROS 2 (DDS)        servo_jp, state_command, ...      measured_js, operating_state, ...
@@ -34,9 +32,6 @@ mod master;
 pub mod message;
 mod outbound;
 mod participant;
-mod refusals;
-mod topics;
-mod worker;
 
 use std::io;
 use std::net::IpAddr;
@@ -52,20 +47,18 @@ pub use participant::{NODE, RosNetwork, join};
 
 use event::ClientNames;
 use inbound::{Inbound, Shared};
+use message::{Inputs, Outputs, Services};
 use outbound::{Outbound, SharedState};
-use topics::{Inputs, Outputs, Services};
 
 /// Options of the robot in ROS.
 #[derive(Debug, Clone)]
 pub struct Options {
     pub domain: Domain,
-    /// The name of the robot, and prefix of its topics.
     pub robot: String,
     pub ros: RosNetwork,
     pub read_only: bool,
     /// Whether clients may make the present pose the zero.
     pub may_home: bool,
-    /// Period of the joint messages.
     pub period: Nanos,
     /// Mapping of services to DDS, which differs between implementations of ROS.
     pub services: ServiceMapping,
@@ -82,10 +75,7 @@ pub fn run(
     let robot = options.robot.as_str();
     let outputs = Outputs::new(&mut node, robot)?;
     let services = Services::new(&mut node, robot, options.services)?;
-    let inputs = match options.read_only {
-        true => None,
-        false => Some(Inputs::new(&mut node, robot)?),
-    };
+    let inputs = (!options.read_only).then(|| Inputs::new(&mut node, robot)).transpose()?;
     let (events, receiver) = event::channel();
     let (names, state) = (ClientNames::default(), SharedState::default());
     let shared = Shared {
@@ -99,20 +89,18 @@ pub fn run(
     };
     let inbound = Inbound::new(&context, &mut node, inputs, services, shared)?;
     let outbound = Outbound::new((outputs, node), options, (receiver, names), state);
-    say(&format!(
-        "/{robot} is in ROS domain {ros_domain}, {}, {}; Ctrl-C to stop",
-        reach(network),
-        match options.read_only {
-            true => "read-only",
-            false => "every user of this computer can command",
-        }
-    ));
+    let users = match options.read_only {
+        true => "read-only",
+        false => "every user of this computer can command",
+    };
+    let reach = reach(network);
+    say(&format!("/{robot} is in ROS domain {ros_domain}, {reach}, {users}; Ctrl-C to stop"));
     let ended = AtomicBool::new(false);
     thread::scope(|scope| {
-        let inbound = thread::Builder::new()
-            .name("inbound".to_owned())
-            .spawn_scoped(scope, || inbound.run(|| ended.load(Ordering::Relaxed)))
-            .map_err(RosError::thread)?;
+        let receive = || inbound.run(|| ended.load(Ordering::Relaxed));
+        let inbound =
+            thread::Builder::new().name("inbound".to_owned()).spawn_scoped(scope, receive);
+        let inbound = inbound.map_err(RosError::thread)?;
         outbound.run(|| stop() || inbound.is_finished(), say);
         ended.store(true, Ordering::Relaxed);
         Ok(())
@@ -138,7 +126,6 @@ fn reach(networks: &[IpAddr]) -> String {
     format!("in the network {}", networks.join(", "))
 }
 
-/// Reason why the program cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum RosError {
     #[error("cannot join ROS domain {domain}: {reason}")]

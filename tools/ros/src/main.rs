@@ -11,13 +11,8 @@ use i2ris_ros::{MasterOptions, Options, RosNetwork, ServiceMapping, robot_name};
 
 /// Connect the robot to ROS 2 (CRTK)
 #[derive(Debug, Parser)]
-#[command(
-    name = "i2ris-ros",
-    bin_name = "i2ris start ros",
-    version,
-    propagate_version = true,
-    args_conflicts_with_subcommands = true
-)]
+#[command(name = "i2ris-ros", bin_name = "i2ris start ros", version, propagate_version = true)]
+#[command(args_conflicts_with_subcommands = true)]
 #[command(after_help = "Examples:
   i2ris start ros                               topics under /i2ris, this computer only
   i2ris start ros --name eye --command          topics under /eye, every user of this computer can
@@ -62,12 +57,8 @@ struct RunArguments {
     #[arg(long, requires = "command")]
     home: bool,
     /// Messages of measured_js and setpoint_js per second
-    #[arg(
-        long,
-        default_value_t = 100,
-        value_name = "HZ",
-        value_parser = clap::value_parser!(u64).range(1..=1000)
-    )]
+    #[arg(long, default_value_t = 100, value_name = "HZ",
+          value_parser = clap::value_parser!(u64).range(1..=1000))]
     rate_hz: u64,
     /// Mapping of services to DDS: that of Fast DDS, or of Cyclone DDS
     #[arg(long, value_enum, env = "RMW_IMPLEMENTATION", default_value_t = Rmw::FastDds)]
@@ -85,15 +76,6 @@ enum Rmw {
     FastDds,
     #[value(name = "rmw_cyclonedds_cpp")]
     CycloneDds,
-}
-
-impl Rmw {
-    const fn mapping(self) -> ServiceMapping {
-        match self {
-            Self::FastDds => ServiceMapping::Enhanced,
-            Self::CycloneDds => ServiceMapping::Cyclone,
-        }
-    }
 }
 
 fn main() -> ExitCode {
@@ -121,7 +103,10 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         read_only: !command,
         may_home: home,
         period: Nanos(1_000_000_000 / rate_hz),
-        services: rmw.mapping(),
+        services: match rmw {
+            Rmw::FastDds => ServiceMapping::Enhanced,
+            Rmw::CycloneDds => ServiceMapping::Cyclone,
+        },
     };
     let (interrupt, mut screen) = (Interrupt::catch()?, Screen::never_blocking()?);
     // A lost reader of the lines must not end the program: the robot may depend on it.

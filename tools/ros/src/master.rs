@@ -23,8 +23,7 @@ use nix::sys::stat::Mode;
 use ros2_client::{Gid, Subscription};
 use serde::de::DeserializeOwned;
 
-use crate::message::{JointState, Joy, PoseStamped};
-use crate::topics::Maker;
+use crate::message::{JointState, Joy, Maker, PoseStamped};
 use crate::{RosError, RosNetwork, join, robot_name};
 
 /// Timeout of a master: without messages for this time it is gone. CRTK streams at 100 Hz and more.
@@ -36,7 +35,6 @@ const POLL: Nanos = Nanos::from_millis(2);
 /// Value of full deflection, and maximum value of the device.
 const FULL: f64 = 10_000.0;
 const MAX_VALUE: f64 = 1.4 * FULL;
-
 const EV_KEY: u16 = 1;
 const EV_ABS: u16 = 3;
 const BTN_TRIGGER: u16 = 0x120;
@@ -77,7 +75,6 @@ fn axes(text: &str) -> Result<[Axis; 2], String> {
     Ok([right, up].map(Axis::new))
 }
 
-/// One direction of a master.
 #[derive(Debug, Clone)]
 struct Axis {
     name: String,
@@ -106,27 +103,26 @@ impl Axis {
 }
 
 /// Conversion of a master and its pedal to events of a device. Pure.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Follower {
     full: f64,
     /// Position of its centre, and time since which it stands still at `still`.
     centre: Option<[f64; 2]>,
     still: Option<([f64; 2], Nanos)>,
-    /// The pedal, and its last message. Pedals of CRTK send changes only, and the arm keeps sending
-    /// if the pedal is gone.
+    /// The pedal, and its last message: it sends changes only, and the arm also sends without it.
     pedal: (bool, Nanos),
 }
 
 impl Follower {
     fn new(full: f64) -> Self {
-        Self { full, centre: None, still: None, pedal: (false, Nanos::ZERO) }
+        Self { full, ..Self::default() }
     }
 
     /// The events of a message; `None` while the master has no centre.
     fn events(&mut self, at: [f64; 2], now: Nanos) -> Option<Vec<u8>> {
         let (is_pressed, last_seen) = self.pedal;
-        let is_pressed =
-            is_pressed && now.duration_since(last_seen) <= Nanos::from_millis(DEAD_MAN_MS);
+        let is_alive = now.duration_since(last_seen) <= Nanos::from_millis(DEAD_MAN_MS);
+        let is_pressed = is_pressed && is_alive;
         let away = |from: [f64; 2]| (at[0] - from[0]).hypot(at[1] - from[1]) / self.full;
         match self.still {
             Some((place, since)) if away(place) < STILL => {
@@ -167,16 +163,12 @@ impl Plug {
         let mut options = OpenOptions::new();
         options.read(true).write(true).custom_flags(nix::libc::O_NONBLOCK);
         let mut pipe = options.open(path).map_err(failed)?;
-        write_head(&mut pipe, &description(arm)).map_err(failed)?;
+        let range = |code| Range { code, minimum: -(FULL as i32), maximum: FULL as i32, flat: 0 };
+        let identity = Identity::new(CRTK.0, CRTK.1, &format!("CRTK {arm}"));
+        let device = Description::new(identity, vec![range(0), range(1)], vec![BTN_TRIGGER]);
+        write_head(&mut pipe, &device).map_err(failed)?;
         Ok(Self { pipe, from })
     }
-}
-
-fn description(arm: &str) -> Description {
-    let range = |code| Range { code, minimum: -(FULL as i32), maximum: FULL as i32, flat: 0 };
-    let (vendor, product) = CRTK;
-    let identity = Identity::new(vendor, product, &format!("CRTK {arm}"));
-    Description::new(identity, vec![range(0), range(1)], vec![BTN_TRIGGER])
 }
 
 enum Arm {
@@ -188,10 +180,8 @@ impl Arm {
     /// The newest message: position and sender.
     fn newest(&self, axes: &[Axis; 2]) -> Option<([f64; 2], Gid)> {
         let newest = match self {
-            Self::Joints(topic) => {
-                newest(topic, |joints| axes.each_ref().map(|it| it.in_joints(joints)))
-            }
-            Self::Pose(topic) => newest(topic, |pose| axes.each_ref().map(|it| it.in_pose(pose))),
+            Self::Joints(topic) => newest(topic, |at| axes.each_ref().map(|it| it.in_joints(at))),
+            Self::Pose(topic) => newest(topic, |at| axes.each_ref().map(|it| it.in_pose(at))),
         };
         newest.filter(|(at, _)| at.iter().all(|value| value.is_finite()))
     }
@@ -222,11 +212,8 @@ pub fn follow(
         Arm::Joints(make.subscription("measured_js")?)
     };
     let _pipe = Pipe::make(to)?;
-    say(&format!(
-        "waiting for /{name}; `i2ris teleop --mode position --device {}` follows it; Ctrl-C \
-         stops",
-        to.display()
-    ));
+    let follows = format!("`i2ris teleop --mode position --device {}` follows it", to.display());
+    say(&format!("waiting for /{name}; {follows}; Ctrl-C stops"));
     let mut follower = Follower::new(*full);
     let (mut plug, mut last_seen) = (None::<Plug>, Nanos::ZERO);
     while !stop() {
@@ -266,11 +253,7 @@ impl<'a> Pipe<'a> {
             return Ok(Self(None));
         }
         let made = nix::unistd::mkfifo(path, Mode::S_IRUSR | Mode::S_IWUSR);
-        let failed = |error: nix::errno::Errno| RosError::System {
-            action: "create the pipe",
-            source: error.into(),
-        };
-        made.map_err(failed)?;
+        made.map_err(|error| RosError::System { action: "create the pipe", source: error.into() })?;
         Ok(Self(Some(path)))
     }
 }

@@ -25,21 +25,14 @@ use crate::RosError;
 
 /// Maximum domain of ROS: larger ones have no ports.
 pub const MAX_DOMAIN: u16 = 232;
-
-/// The name of the node.
 pub const NODE: &str = "i2ris_ros";
 
 /// Domain and networks of ROS.
 #[derive(Debug, Clone, clap::Args)]
 pub struct RosNetwork {
     /// ROS domain id
-    #[arg(
-        long,
-        env = "ROS_DOMAIN_ID",
-        default_value_t = 0,
-        value_name = "NUMBER",
-        value_parser = clap::value_parser!(u16).range(0..=i64::from(MAX_DOMAIN))
-    )]
+    #[arg(long, env = "ROS_DOMAIN_ID", default_value_t = 0, value_name = "NUMBER",
+          value_parser = clap::value_parser!(u16).range(0..=i64::from(MAX_DOMAIN)))]
     pub ros_domain: u16,
     /// Address of this computer in a network to join; may be repeated. Without one, ROS is
     /// restricted to this computer
@@ -54,7 +47,7 @@ static ONLY_HERE: AtomicBool = AtomicBool::new(false);
 /// with any interfaces; with networks, also the interfaces that have these addresses. Fails if it
 /// cannot be restricted to this computer.
 pub fn join(domain: u16, networks: &[IpAddr], name: &str) -> Result<(Context, Node), RosError> {
-    let failed = |reason: String| RosError::Join { domain, reason };
+    let failed = |error: &dyn ToString| RosError::Join { domain, reason: error.to_string() };
     let mut builder = DomainParticipantBuilder::new(domain).same_host_loopback(true);
     ONLY_HERE.store(networks.is_empty(), Ordering::Relaxed);
     if networks.is_empty() {
@@ -64,13 +57,11 @@ pub fn join(domain: u16, networks: &[IpAddr], name: &str) -> Result<(Context, No
         let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
         builder = builder.with_only_networks(networks.iter().copied().chain([here]));
     }
-    let participant = builder.build().map_err(|error| failed(error.to_string()))?;
-    let context = Context::from_domain_participant(participant);
-    let context = context.map_err(|error| failed(error.to_string()))?;
-    let name = NodeName::new("/", name).map_err(|error| failed(error.to_string()))?;
+    let participant = builder.build().map_err(|error| failed(&error))?;
+    let context = Context::from_domain_participant(participant).map_err(|error| failed(&error))?;
+    let name = NodeName::new("/", name).map_err(|error| failed(&error))?;
     let options = NodeOptions::new().start_parameter_services(false);
-    let node = context.new_node(name, options);
-    let node = node.map_err(|error| failed(error.to_string()))?;
+    let node = context.new_node(name, options).map_err(|error| failed(&error))?;
     Ok((context, node))
 }
 
@@ -126,18 +117,11 @@ fn keep_here(socket: &impl AsFd, address: SocketAddrV4) -> io::Result<()> {
 /// Drops messages over a different device. Messages of this computer to itself use `lo` for any
 /// address (`ip_local_out` of Linux).
 fn restrict_to_device(socket: RawFd, device: u32) -> io::Result<()> {
-    let step = |code: u32, jump_if_not: u8, k: u32| sock_filter {
-        code: code as u16,
-        jt: 0,
-        jf: jump_if_not,
-        k,
-    };
+    let step =
+        |code: u32, jump_if_not, k| sock_filter { code: code as u16, jt: 0, jf: jump_if_not, k };
+    let interface = (libc::SKF_AD_OFF + libc::SKF_AD_IFINDEX) as u32;
     let mut filter = [
-        step(
-            libc::BPF_LD | libc::BPF_W | libc::BPF_ABS,
-            0,
-            (libc::SKF_AD_OFF + libc::SKF_AD_IFINDEX) as u32,
-        ),
+        step(libc::BPF_LD | libc::BPF_W | libc::BPF_ABS, 0, interface),
         step(libc::BPF_JMP | libc::BPF_JEQ | libc::BPF_K, 1, device),
         step(libc::BPF_RET | libc::BPF_K, 0, u32::MAX),
         step(libc::BPF_RET | libc::BPF_K, 0, 0),

@@ -13,8 +13,7 @@ use i2ris_testing::wait_until;
 use ros2_client::qos::Durability;
 use ros2_client::{Message, Name, ServiceMapping, ServiceTypeName, Subscription};
 
-use crate::common::{ROBOT, enabled, start};
-use crate::peer::{Peer, qos, unix_ns};
+use crate::common::{Peer, ROBOT, enabled, qos, repeat, start, unix_ns};
 
 #[test]
 fn repeated_state_command_republishes_state() {
@@ -52,10 +51,8 @@ fn joints_are_matched_by_name_and_foreign_names_refused() {
         peer.lines.clear();
         clock::sleep(Nanos::from_millis(1100));
     }
-    for _ in 0..20 {
-        peer.send_message("servo_jp", named(["outer_yaw", "outer_pitch"], [4.5, -2.0]));
-        clock::sleep(Nanos::from_millis(5));
-    }
+    let foreign = || named(["outer_yaw", "outer_pitch"], [4.5, -2.0]);
+    repeat(20, 5, |_| peer.send_message("servo_jp", foreign()));
     peer.wait_for_line("warning", "servo_jp: it names \"outer_yaw\"");
     assert!(!robot.moved_since(from));
 }
@@ -69,10 +66,7 @@ fn a_velocity_that_is_not_used_is_reported_once() {
         ..JointState::default()
     };
     for velocity in [0.0, 0.1, 0.2, 0.3] {
-        peer.send_message("servo_jp", goal(velocity));
-        clock::sleep(Nanos::from_millis(20));
-        peer.send_message("servo_jp", goal(velocity));
-        clock::sleep(Nanos::from_millis(20));
+        repeat(2, 20, |_| peer.send_message("servo_jp", goal(velocity)));
     }
     peer.wait_for_line("warning", "/console: servo_jp: its velocity is not used");
     clock::sleep(Nanos::from_millis(1500));
@@ -176,12 +170,9 @@ fn free_takes_the_power_off_the_motors() {
     peer.wait_for_line("status", "/console: disable");
 }
 
-/// Sends something every 20 ms for two seconds.
-fn repeat(mut send: impl FnMut(f64)) {
-    for k in 0..100 {
-        send(f64::from(k) * 0.02);
-        clock::sleep(Nanos::from_millis(20));
-    }
+/// Sends something for two seconds.
+fn for_two_seconds(mut send: impl FnMut(f64)) {
+    repeat(100, 20, |number| send(f64::from(number) * 0.02));
 }
 
 #[test]
@@ -191,16 +182,17 @@ fn rates_move_the_snake_and_zero_stops_it() {
         velocity: vec![pitch_deg.to_radians(), 0.0],
         ..JointState::default()
     };
-    repeat(|t| peer.send_message("servo_jv", rate(if t < 1.6 { 4.0 } else { 0.0 })));
+    for_two_seconds(|t| {
+        peer.send_message("servo_jv", rate(if t < 1.6 { 4.0 } else { 0.0 }));
+    });
     let [pitch, yaw] = peer.setpoint_degrees();
     assert!((4.0..9.0).contains(&pitch) && yaw.abs() < 0.3, "{pitch} {yaw}");
     robot.wait_until_still();
     // Ten times a second.
     let from = pitch;
-    for k in 0..20 {
-        peer.send_degrees("interpolate_jp", [from - 0.1 * f64::from(k), 0.0]);
-        clock::sleep(Nanos::from_millis(100));
-    }
+    repeat(20, 100, |number| {
+        peer.send_degrees("interpolate_jp", [from - 0.1 * f64::from(number), 0.0]);
+    });
     robot.wait_until_still();
     let [pitch, _] = peer.setpoint_degrees();
     assert!((pitch - (from - 1.9)).abs() < 0.3, "{pitch} from {from}");
@@ -235,11 +227,11 @@ fn tip_goals_are_accepted_in_the_base_frame_only() {
     moves.publish(at(5.0, "i2ris_base")).unwrap();
     gone(&mut peer, 5.0);
     robot.wait_until_still();
-    repeat(|t| servo.publish(at(5.0 + t.min(1.5), "")).unwrap());
+    for_two_seconds(|t| servo.publish(at(5.0 + t.min(1.5), "")).unwrap());
     gone(&mut peer, 6.5);
     let mut back = TwistStamped::default();
     back.linear.y = -2e-4;
-    repeat(|_| twists.publish(back.clone()).unwrap());
+    for_two_seconds(|_| twists.publish(back.clone()).unwrap());
     assert!(peer.setpoint_degrees()[0] < 6.0, "{:?}", peer.setpoint_degrees());
     robot.wait_until_still();
     let from = clock::now();
@@ -267,7 +259,7 @@ fn jaw_has_its_own_topics() {
         let message = JointState { position: angles.to_vec(), ..JointState::default() };
         jaw.publish(message).unwrap();
     };
-    repeat(|t| to(&[0.1 * t.min(1.5)]));
+    for_two_seconds(|t| to(&[0.1 * t.min(1.5)]));
     let there = wait_until("its angle", || {
         let angle = seen.take().ok().flatten()?.0;
         (angle.name == ["jaw"] && angle.position.first()? > &0.1).then_some(angle)
@@ -293,13 +285,8 @@ fn the_services_answer() {
     let (_robot, _bridge, mut peer) = start();
     peer.connect();
     let nothing = NoRequest::default();
-    ask(
-        &mut peer,
-        "crtk_version",
-        ("std_srvs", "Trigger"),
-        &nothing,
-        |answer: &TriggerResponse| answer.success && answer.message.starts_with("1."),
-    );
+    let version = |it: &TriggerResponse| it.success && it.message.starts_with("1.");
+    ask(&mut peer, "crtk_version", ("std_srvs", "Trigger"), &nothing, version);
     let state = |answer: &TriggerOperatingStateResponse| answer.operating_state.state == "DISABLED";
     let trigger = ("crtk_msgs", "TriggerOperatingState");
     ask(&mut peer, "operating_state", trigger, &nothing, state);

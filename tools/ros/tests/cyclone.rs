@@ -1,5 +1,4 @@
-//! Interoperation with Cyclone DDS by its Python wheel, with types written out in the example
-//! `crtk_arm.py`.
+//! Interoperation with Cyclone DDS by its Python wheel, with the types in `crtk_arm.py`.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -9,10 +8,8 @@ use i2ris::units::Nanos;
 use i2ris_needs::needs;
 use i2ris_testing::Rig;
 
-use crate::common::{Bridge, robot};
-use crate::peer::ros_domain;
+use crate::common::{Bridge, robot, ros_domain};
 
-/// Python with the example on its path.
 fn python(ros_domain: u16) -> Command {
     let mut command = i2ris_testing::python();
     command.env("PYTHONPATH", examples()).env("ROS_DOMAIN_ID", ros_domain.to_string());
@@ -23,7 +20,6 @@ fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples")
 }
 
-/// Runs Python to its end; returns its output.
 fn finish(command: &mut Command) -> String {
     let output = command.output().unwrap();
     let [out, err] =
@@ -39,13 +35,11 @@ fn meet(arguments: &[&str]) -> (Rig, Bridge, Command) {
     (robot, bridge, python(domain))
 }
 
-/// Output of a script that meets a robot.
 fn run(arguments: &[&str], script: &str) -> String {
     let (_robot, _bridge, mut command) = meet(arguments);
     finish(command.args(["-c", script]))
 }
 
-/// Runs a script to its last line.
 fn runs(script: &str) {
     let out = run(&[], script);
     assert!(out.contains("done"), "{out}");

@@ -1,17 +1,17 @@
-//! A CRTK arm as an input device: a program that acts as the arm and its pedal, `i2ris start ros
-//! master` and `i2ris teleop`, with a controller.
+//! A CRTK arm as an input device: a program that acts as arm and pedal, and the programs it leads.
 
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use i2ris::clock;
 use i2ris::ipc::payload::ServoJp;
 use i2ris::units::Nanos;
 use i2ris_ros::message::{JointState, Joy, Point, Pose, PoseStamped};
-use i2ris_testing::{Controller, Program, wait_until};
+use i2ris_testing::{Controller, Program, SetOnDrop, wait_until};
 use ros2_client::qos::Durability;
 
-use crate::peer::{publisher, qos, ros_domain};
+use crate::common::{publisher, qos, ros_domain};
 
 /// Hand of a surgeon.
 #[derive(Debug, Clone, Copy)]
@@ -20,19 +20,18 @@ struct Hand {
     at: [f64; 2],
     pressed: bool,
     speaks: bool,
-    ended: bool,
 }
 
 /// Streams the arm and its pedal, 200 times a second.
-fn speak(domain: u16, hand: &Mutex<Hand>) {
+fn speak(domain: u16, hand: &Mutex<Hand>, ended: &AtomicBool) {
     let (_context, mut node) = i2ris_ros::join(domain, &[], "mtm").unwrap();
     let qos = qos(Durability::Volatile);
     let arm = publisher::<PoseStamped>(&mut node, "MTML", "measured_cp", &qos);
     let joints = publisher::<JointState>(&mut node, "MTML", "measured_js", &qos);
     let pedal = publisher::<Joy>(&mut node, "MTML", "/footpedals/coag", &qos);
     for number in 0.. {
-        let Hand { at: [x, y], pressed, speaks, ended } = *hand.lock().unwrap();
-        if ended {
+        let Hand { at: [x, y], pressed, speaks } = *hand.lock().unwrap();
+        if ended.load(Ordering::Relaxed) {
             return;
         }
         if speaks {
@@ -49,14 +48,6 @@ fn speak(domain: u16, hand: &Mutex<Hand>) {
     }
 }
 
-struct Ended<'a>(&'a Mutex<Hand>);
-
-impl Drop for Ended<'_> {
-    fn drop(&mut self) {
-        self.0.lock().unwrap().ended = true;
-    }
-}
-
 /// The arm, `i2ris start ros master` that follows it with these words, and `i2ris teleop`.
 struct Leading {
     controller: Controller,
@@ -67,7 +58,7 @@ struct Leading {
 
 impl Leading {
     fn new() -> Self {
-        let hand = Hand { at: [0.1, 0.05], pressed: false, speaks: true, ended: false };
+        let hand = Hand { at: [0.1, 0.05], pressed: false, speaks: true };
         Self {
             controller: Controller::enabled(),
             hand: Mutex::new(hand),
@@ -137,10 +128,10 @@ impl Leading {
 
 /// Runs an arm, the two programs, and a story.
 fn lead(axes: &[&str], story: impl FnOnce(&Leading, [Program; 2])) -> Leading {
-    let leading = Leading::new();
+    let (leading, ended) = (Leading::new(), AtomicBool::new(false));
     thread::scope(|scope| {
-        let _ended = Ended(&leading.hand);
-        scope.spawn(|| speak(leading.domain, &leading.hand));
+        let _end = SetOnDrop(&ended);
+        scope.spawn(|| speak(leading.domain, &leading.hand, &ended));
         let programs = leading.start(axes);
         leading.goes_up();
         story(&leading, programs);

@@ -1,5 +1,4 @@
-//! Clients of ROS that do what they should not: each ends in a hold or in a refusal with a reason,
-//! never in motion.
+//! Clients of ROS that misbehave: each ends in a hold or a refusal with a reason, never in motion.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -13,8 +12,10 @@ use i2ris_testing::{Killed, wait_until};
 use nix::sys::signal::Signal;
 use ros2_client::qos::Durability;
 
-use crate::common::{Bridge, ROBOT, enabled, robot, start, wait_for};
-use crate::peer::{Peer, publisher_as, qos, ros_domain, unix_ns};
+use crate::common::{
+    Bridge, Peer, ROBOT, enabled, publisher_as, qos, repeat, robot, ros_domain, start, unix_ns,
+    wait_for,
+};
 
 fn swing(t: f64) -> [f64; 2] {
     [3.0 * (2.0 * t).sin(), 2.0 * (1.5 * t).sin()]
@@ -22,8 +23,7 @@ fn swing(t: f64) -> [f64; 2] {
 
 const DOMAIN: &str = "I2RIS_TEST_ROS_DOMAIN";
 
-/// A client in a process of its own, in the domain of another: it enables the robot and swings it
-/// until it is killed. Waits until the robot moves.
+/// A client in a process of its own: it enables the robot and swings it until it is killed.
 fn swinger(peer: &Peer) -> Killed {
     let mut command = Command::new(std::env::current_exe().unwrap());
     command.args(["--exact", "misuse::swinger_process", "--ignored", "--nocapture"]);
@@ -142,8 +142,7 @@ fn h24_resumed_client_does_not_move_the_snake() {
     suspend_and_resume(Nanos::from_millis(2000));
 }
 
-/// For `cargo test -p i2ris-ros --test ros -- --ignored campaign`: DDS considers it gone
-/// by then.
+/// For `cargo test -p i2ris-ros --test ros -- --ignored campaign`: gone for DDS by then.
 #[test]
 #[ignore = "takes more than a minute"]
 fn campaign_h24_client_suspended_for_a_minute_does_not_resume() {
@@ -154,10 +153,7 @@ fn campaign_h24_client_suspended_for_a_minute_does_not_resume() {
 fn a_second_writer_is_refused_by_name() {
     let (robot, bridge, mut peer) = start();
     let _swinger = swinger(&peer);
-    for _ in 0..100 {
-        peer.send_degrees("servo_jp", [0.0, 0.0]);
-        clock::sleep(Nanos::from_millis(5));
-    }
+    repeat(100, 5, |_| peer.send_degrees("servo_jp", [0.0, 0.0]));
     let line = peer.wait_for_line("warning", "another client holds the lease");
     assert!(line.starts_with("/console: refusal 4"), "{line}");
     assert!(line.contains(": /swinger; action: "), "who commands: {line}");
@@ -233,10 +229,7 @@ fn values_that_make_no_sense_are_refused_and_counted() {
         peer.wait_for_line("warning", &format!("{topic}: a position is not finite"));
     }
     // Far away in one step.
-    for _ in 0..20 {
-        peer.send_degrees("servo_jp", [40.0, 0.0]);
-        clock::sleep(Nanos::from_millis(5));
-    }
+    repeat(20, 5, |_| peer.send_degrees("servo_jp", [40.0, 0.0]));
     peer.wait_for_line("warning", "step too large");
     let counted = { peer.lines.iter() }.any(|(_, line)| line.contains("times)"));
     assert!(counted, "{:?}", peer.lines);
@@ -254,13 +247,12 @@ fn a_message_of_another_type_moves_nothing() {
     let (kind, volatile) = (("sensor_msgs", "JointState"), qos(Durability::Volatile));
     let liar = publisher_as::<Text>(&mut peer.node, ROBOT, "servo_jp", kind, &volatile);
     clock::sleep(Nanos::from_millis(1000));
-    for _ in 0..100 {
+    repeat(100, 5, |_| {
         for publisher in [&text, &liar] {
             let data = "go to 0.2".to_owned();
             publisher.publish(Text { data }).unwrap();
         }
-        clock::sleep(Nanos::from_millis(5));
-    }
+    });
     peer.wait_for_line("warning", "does not have the type");
     peer.wait_for_line("warning", "std_msgs::msg::dds_::String_");
     assert!(!robot.moved_since(from), "{:?}", bridge.lines());

@@ -10,11 +10,13 @@ use i2ris_report::snake::Snake;
 use i2ris_ros::message::{Header, JointState, OperatingState, Text, Time};
 use i2ris_testing::program::full_pipe;
 use i2ris_testing::{Killed, wait_until};
+use ros2_client::QosProfile;
 use ros2_client::qos::Durability;
-use ros2_client::{QosProfile, Subscription};
 
-use crate::common::{Bridge, ROBOT, enabled, robot, start, start_with, wait_for};
-use crate::peer::{Peer, publisher, qos, ros_domain, subscription, unix_ns};
+use crate::common::{
+    Bridge, Peer, ROBOT, enabled, publisher, qos, repeat, robot, ros_domain, start, start_with,
+    subscription, unix_ns, wait_for,
+};
 
 fn stamp(state: &OperatingState) -> u64 {
     state.header.stamp.unix_ns().unwrap()
@@ -45,10 +47,7 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     peer.hold();
     clock::sleep(Nanos::from_millis(200));
     let [before, _] = peer.setpoint_degrees();
-    for _ in 0..50 {
-        peer.send_degrees("servo_jr", [0.02, 0.0]);
-        clock::sleep(Nanos::from_millis(5));
-    }
+    repeat(50, 5, |_| peer.send_degrees("servo_jr", [0.02, 0.0]));
     wait_until("the snake follows the steps", || {
         let [after, _] = peer.setpoint_degrees();
         after - before > 0.5
@@ -85,8 +84,7 @@ fn a_late_subscriber_gets_the_state_and_earlier_reports() {
     assert!(late.seen.len() > 1, "also the earlier states");
     assert!(late.seen.windows(2).all(|pair| stamp(&pair[0]) < stamp(&pair[1])));
     let latched = qos(Durability::TransientLocal);
-    let description: Subscription<Text> =
-        subscription(&mut late.node, ROBOT, "robot_description", &latched);
+    let description = subscription::<Text>(&mut late.node, ROBOT, "robot_description", &latched);
     let urdf = wait_until("the URDF", || description.take().ok().flatten());
     assert_eq!(urdf.0.data, Snake::new(ROBOT).urdf());
 }
@@ -225,22 +223,19 @@ fn quality_of_service_that_does_not_fit_is_reported() {
     let (robot, _bridge, mut peer) = enabled();
     let best_effort = QosProfile::subscription_default();
     // Fits: a reader may request less than is offered.
-    let less: Subscription<JointState> =
-        subscription(&mut peer.node, ROBOT, "measured_js", &best_effort);
+    let less = subscription::<JointState>(&mut peer.node, ROBOT, "measured_js", &best_effort);
     wait_until("a best-effort reader is served", || less.take().ok().flatten());
     // Does not fit: a reader requests stored samples of a stream.
-    let _more: Subscription<JointState> =
-        subscription(&mut peer.node, ROBOT, "measured_js", &qos(Durability::TransientLocal));
+    let latched = qos(Durability::TransientLocal);
+    let _more = subscription::<JointState>(&mut peer.node, ROBOT, "measured_js", &latched);
     peer.wait_for_line("warning", "wants RELIABLE TRANSIENT_LOCAL");
     // Does not fit: a writer offers less than commands need.
     let careless = publisher::<JointState>(&mut peer.node, ROBOT, "servo_jp", &best_effort);
     peer.wait_for_line("warning", "publishes BEST_EFFORT VOLATILE");
     let from = clock::now();
-    for step in 0..100 {
+    repeat(100, 5, |step| {
         let position = vec![0.0005 * f64::from(step), 0.0];
-        let message = JointState { position, ..JointState::default() };
-        careless.publish(message).unwrap();
-        clock::sleep(Nanos::from_millis(5));
-    }
+        careless.publish(JointState { position, ..JointState::default() }).unwrap();
+    });
     assert!(!robot.moved_since(from));
 }

@@ -1,16 +1,8 @@
 //! Admission of commands to the controller, by sender and age. Without I/O.
 //!
-//! | file | contains |
-//! |---|---|
-//! | `flood` | message rate of a client |
-//! | `reason` | reasons for a refusal |
-//!
 //! The controller itself checks lease, deadline, step and state of every command. This module
 //! checks the rest: the sender, the age by clocks that differ, and whether the message was stored
 //! on the way. ROS 2 has neither keys nor sessions, so the message is the only evidence.
-
-mod flood;
-mod reason;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -18,18 +10,13 @@ use std::fmt;
 use i2ris::ipc::random_id;
 use i2ris::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
-pub use reason::Reason;
-
 use crate::clock::SenderClock;
-use flood::Flood;
+use crate::event::Reason;
 
-/// Participants that are remembered.
 const PARTICIPANTS: usize = 64;
-
 /// Age from which nothing is passed on, so that a stream in motion is interrupted. The controller
 /// refuses commands older than its own deadline, which is shorter.
 const LATE: Nanos = Nanos::from_millis(250);
-
 /// Maximum number of clients in one participant: objects that publish the same topics.
 const CLIENTS_PER_PARTICIPANT: usize = 4;
 
@@ -77,12 +64,10 @@ impl fmt::Display for Participant {
 
 macro_rules! topics {
     ($($topic:ident $name:literal,)*) => {
-        /// A topic with commands.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
         pub enum Topic { $($topic,)* }
 
         impl Topic {
-            /// All, in the order of their numbers.
             pub const ALL: &'static [Self] = &[$(Self::$topic,)*];
 
             pub const fn name(self) -> &'static str {
@@ -109,7 +94,6 @@ topics! {
     External "external/measured_jp",
 }
 
-/// When a message was sent and when it arrived.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Times {
     pub arrived: Nanos,
@@ -123,7 +107,6 @@ pub struct Times {
 pub struct Pose {
     /// rad, or rad/s, m or m/s as the topic says; 0 beyond `count`.
     pub position: OutputVec,
-    /// Number of joints.
     pub count: u32,
 }
 
@@ -134,7 +117,6 @@ impl Pose {
     }
 }
 
-/// Checks the number of values, and that they are finite.
 pub fn checked(values: &[f64], joints: usize) -> Result<Pose, Reason> {
     if values.len() != joints || joints == 0 || joints > MAX_OUTPUTS {
         let given = values.len();
@@ -149,28 +131,15 @@ pub fn checked(values: &[f64], joints: usize) -> Result<Pose, Reason> {
 }
 
 /// A commander in the view of the controller.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Client {
     id: u64,
-    /// Its writer on every topic.
     writers: [Option<Writer>; Topic::ALL.len()],
     flood: Flood,
     /// Whether the first message of its stream has arrived, and of that of the auxiliary axis.
     has_begun: [bool; 2],
 }
 
-impl Client {
-    fn new() -> Self {
-        Self {
-            id: random_id(),
-            writers: [None; Topic::ALL.len()],
-            flood: Flood::default(),
-            has_begun: [false; 2],
-        }
-    }
-}
-
-/// State of one participating process.
 #[derive(Debug, Default)]
 struct Peer {
     clients: Vec<Client>,
@@ -188,7 +157,7 @@ impl Peer {
         let found = match found {
             Some(found) => found,
             None if self.clients.len() < CLIENTS_PER_PARTICIPANT => {
-                self.clients.push(Client::new());
+                self.clients.push(Client { id: random_id(), ..Client::default() });
                 self.clients.len() - 1
             }
             None => return Err(Reason::TooManyWriters),
@@ -202,7 +171,6 @@ impl Peer {
 /// A servo command that is passed on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Admitted {
-    /// The client's identity for the controller.
     pub client_id: u64,
     /// Latest possible time of sending; monotonic.
     pub stamp: Nanos,
@@ -236,9 +204,8 @@ impl Admission {
         peer
     }
 
-    /// Counts `count` servo commands that arrived together, and judges the newest of them. The
-    /// first message of a client is refused with [`Reason::FirstOfStream`]: it may have been stored
-    /// for late joiners.
+    /// Counts `count` servo commands that arrived together, and judges the newest. The first of a
+    /// client is refused ([`Reason::FirstOfStream`]): it may have been stored for late joiners.
     pub fn servo(
         &mut self,
         writer: Writer,
@@ -298,27 +265,52 @@ impl Admission {
         Ok(client.id)
     }
 
-    /// Counts measurements of a camera.
     pub fn camera(&mut self, writer: Writer, count: u32, times: &Times) -> Result<(), Reason> {
         let now = times.arrived;
         let peer = self.peer(writer.participant(), now);
         peer.client(writer, Topic::External)?.flood.check(count, now)
     }
 
-    /// The identity of the client that a writer belongs to.
     pub fn client_id(&mut self, writer: Writer, topic: Topic, now: Nanos) -> Option<u64> {
         let peer = self.peer(writer.participant(), now);
         peer.client(writer, topic).ok().map(|client| client.id)
     }
 
-    /// Forgets a participant that is gone, or was silent for long: its next message may be a stored
-    /// one.
+    /// Forgets a participant that is gone or was silent for long: its next message may be stored.
     pub fn lost(&mut self, participant: Participant) {
         if let Some((_, peer)) = self.peers.get_mut(&participant) {
             for client in &mut peer.clients {
                 client.has_begun = [false; 2];
             }
         }
+    }
+}
+
+/// Maximum message rate of one client, 1/s: twice the rate of the loop.
+const PER_SECOND: u32 = 2000;
+/// Long enough for a client that catches up after a stall of the machine.
+const WINDOW: Nanos = Nanos::from_millis(1000);
+
+#[derive(Debug, Default)]
+struct Flood {
+    start: Nanos,
+    count: u32,
+    flooding: bool,
+}
+
+impl Flood {
+    /// Refuses too many in this window or in the previous one: a flood never gets through.
+    fn check(&mut self, count: u32, now: Nanos) -> Result<(), Reason> {
+        let elapsed = now.duration_since(self.start);
+        if elapsed >= WINDOW {
+            self.flooding = self.count > PER_SECOND && elapsed < WINDOW + WINDOW;
+            (self.start, self.count) = (now, 0);
+        }
+        self.count = self.count.saturating_add(count);
+        if self.flooding || self.count > PER_SECOND {
+            return Err(Reason::Flood { per_second: PER_SECOND });
+        }
+        Ok(())
     }
 }
 

@@ -192,3 +192,26 @@ fn first_message_of_a_returning_client_is_refused() {
     assert_eq!(servo(&mut admission, one, 29_990, 29_990), first);
     assert!(servo(&mut admission, one, 30_000, 30_000).is_ok());
 }
+
+fn share_taken(per_second: u64, seconds: u64) -> f64 {
+    let (mut flood, total) = (Flood::default(), per_second * seconds);
+    let at = |place: u64| Nanos(1 + place * 1_000_000_000 / per_second);
+    let taken = (0..total).filter(|place| flood.check(1, at(*place)).is_ok());
+    taken.count() as f64 / total as f64
+}
+
+#[test]
+fn a_thousand_messages_a_second_pass_and_a_flood_ends() {
+    assert_eq!(share_taken(1000, 3), 1.0);
+    // 2000 in the first second, and nothing after that.
+    assert!(share_taken(10_000, 3) < 0.07);
+}
+
+#[test]
+fn client_that_stops_flooding_passes_again() {
+    let mut flood = Flood::default();
+    let ms = |ms: u64| Nanos::from_millis(1000 + ms);
+    assert!(flood.check(5000, ms(0)).is_err());
+    assert!(flood.check(1, ms(1100)).is_err(), "the previous window");
+    assert!(flood.check(1, ms(2200)).is_ok());
+}

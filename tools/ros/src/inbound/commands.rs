@@ -10,37 +10,27 @@ use i2ris::units::{Nanos, OutputVec};
 use ros2_client::Subscription;
 use serde::de::DeserializeOwned;
 
-use super::Shared;
-use super::arrivals::{Arrivals, Received, take};
 use super::graph::Graph;
 use super::requests::{Requests, STOPS, What};
+use super::{Arrivals, Received, Shared, take};
 use crate::RosError;
-use crate::admission::{Admission, Ages, Participant, Pose, Reason, Times, Topic, Writer, checked};
+use crate::admission::{Admission, Ages, Pose, Topic, Writer, checked};
 use crate::clock::Moment;
-use crate::event::Event;
-use crate::message::{Header, JOINTS, JointState, Point, StringStamped, Vector3};
-use crate::refusals::Refused;
-use crate::topics::Inputs;
+use crate::event::{Event, Reason, Refused};
+use crate::message::{Header, Inputs, JOINTS, JointState, Point, StringStamped, Vector3};
 
-/// Maximum age of a command that is sent once.
 const ONCE_LIMIT: Nanos = Nanos::from_millis(2000);
-
 /// Time for which `servo_jr` continues a goal; after that it starts at the setpoint.
 const CONTINUES: Nanos = Nanos::from_millis(200);
-
 /// Maximum age of a setpoint: beyond, the controller is gone or hangs.
 const FRESH: Nanos = Nanos::from_millis(500);
-
 /// Maximum age of a camera's exposure, and maximum lead of its clock.
 const EXPOSURE_LIMIT: Nanos = Nanos::from_millis(1000);
-
-/// Maximum number of clients remembered as warned.
 const MAX_WARNED: usize = 64;
 
-/// Subscriptions, and the connections to the controller.
 pub(super) struct Commands {
     pub inputs: Inputs,
-    admission: Admission,
+    pub admission: Admission,
     forwarder: Forwarder,
     requests: Requests,
     camera: ExternalPublisher,
@@ -72,10 +62,6 @@ impl Commands {
         })
     }
 
-    pub fn lost(&mut self, participant: Participant) {
-        self.admission.lost(participant);
-    }
-
     /// Executes all commands that arrived, those that stop the robot first. They are read last, so
     /// that no pose is read without the hold that was sent before it.
     pub fn take_all(&mut self, graph: &Graph) {
@@ -83,56 +69,50 @@ impl Commands {
         let of_places = take_newest(&self.inputs.places);
         let of_twist = take(&self.inputs.twist).newest();
         for (topic, arrivals) in take_newest(&self.inputs.stops) {
-            self.judge(graph, topic, arrivals, |commands, Received { writer, times, .. }, _| {
+            self.judge(graph, topic, arrivals, |commands, Received { writer, times, .. }| {
                 let client_id = commands.admission.stop(*writer, topic, times);
-                commands.requests.stop(
-                    client_id,
-                    match topic {
-                        // Without power the motors turn freely.
-                        Topic::Free => StateCommand::Disable,
-                        _ => StateCommand::Hold,
-                    },
-                );
+                let command = match topic {
+                    // Without power the motors turn freely.
+                    Topic::Free => StateCommand::Disable,
+                    _ => StateCommand::Hold,
+                };
+                commands.requests.stop(client_id, command);
                 Ok(())
             });
         }
         // All of them, in sequence: the newest alone may have a different meaning.
         let arrivals = take(&self.inputs.state_command);
-        self.judge(graph, Topic::StateCommand, arrivals, |commands, received, _| {
-            commands.change_state(received)
-        });
+        self.judge(graph, Topic::StateCommand, arrivals, Self::change_state);
         for (topic, arrivals) in of_joints {
-            self.judge(graph, topic, arrivals, |commands, received, count| match topic {
+            self.judge(graph, topic, arrivals, |commands, received| match topic {
                 Topic::ServoJp | Topic::ServoJr | Topic::ServoJv | Topic::InterpolateJp => {
-                    commands.servo(topic, received, count)
+                    commands.servo(topic, received)
                 }
                 Topic::Jaw => {
-                    let Received { message, writer, times } = received;
-                    let angle = checked(&message.position, 1)?;
-                    commands.stream(topic, *writer, times, &angle, count).map(drop)
+                    let angle = checked(&received.message.position, 1)?;
+                    commands.stream(topic, received, &angle).map(drop)
                 }
-                Topic::External => commands.see(received, count),
+                Topic::External => commands.see(received),
                 _ => commands.move_to(topic, received),
             });
         }
         for (topic, arrivals) in of_places {
-            self.judge(graph, topic, arrivals, |commands, received, count| {
-                let Received { message, writer, times } = received;
+            self.judge(graph, topic, arrivals, |commands, received| {
+                let Received { message, writer, times, .. } = received;
                 let Point { x, y, z } = message.pose.position;
                 let place = commands.in_frame(&message.header, [x, y, z])?;
                 if topic == Topic::ServoCp {
-                    return commands.stream(topic, *writer, times, &place, count).map(drop);
+                    return commands.stream(topic, received, &place).map(drop);
                 }
                 let header = message.header.stamp.unix_ns();
                 let client_id = commands.admission.once(*writer, topic, header, times)?;
                 commands.requests.ask(client_id, What::Move(topic, place))
             });
         }
-        self.judge(graph, Topic::ServoCv, of_twist, |commands, received, count| {
-            let Received { message, writer, times } = received;
-            let Vector3 { x, y, z } = message.linear;
-            let velocity = commands.in_frame(&message.header, [x, y, z])?;
-            commands.stream(Topic::ServoCv, *writer, times, &velocity, count).map(drop)
+        self.judge(graph, Topic::ServoCv, of_twist, |commands, received| {
+            let Vector3 { x, y, z } = received.message.linear;
+            let velocity = commands.in_frame(&received.message.header, [x, y, z])?;
+            commands.stream(Topic::ServoCv, received, &velocity).map(drop)
         });
         // Stored, so that the first command finds it.
         let _ = self.setpoint.refresh();
@@ -143,21 +123,21 @@ impl Commands {
         graph: &Graph,
         topic: Topic,
         arrivals: Arrivals<M>,
-        mut carry_out: impl FnMut(&mut Self, &Received<M>, u32) -> Result<(), Reason>,
+        mut carry_out: impl FnMut(&mut Self, &Received<M>) -> Result<(), Reason>,
     ) {
         if arrivals.undecodable > 0 {
             let client = "unknown".to_owned();
             self.refuse(client, topic, Reason::Undecodable, arrivals.undecodable);
         }
-        for (received, count) in arrivals.messages {
+        for received in arrivals.messages {
             let (writer, name) = (received.writer, graph.name(received.writer));
             if let Some(client_id) = self.admission.client_id(writer, topic, clock::now()) {
                 self.shared.names.note(client_id, &name);
             }
-            match carry_out(self, &received, count) {
+            match carry_out(self, &received) {
                 // Expected: the next one is followed.
                 Ok(()) | Err(Reason::FirstOfStream) => {}
-                Err(reason) => self.refuse(name, topic, reason, count.into()),
+                Err(reason) => self.refuse(name, topic, reason, received.count.into()),
             }
         }
     }
@@ -168,14 +148,13 @@ impl Commands {
     }
 
     fn change_state(&mut self, received: &Received<StringStamped>) -> Result<(), Reason> {
-        let Received { message, writer, times } = received;
+        let Received { message, writer, times, .. } = received;
         let header = message.header.stamp.unix_ns();
-        let known = |command: &&StateCommand| command.text() == message.string;
         // A pose comes by `move_jp`.
-        let command = { StateCommand::ALL.iter() }
-            .filter(|command| **command != StateCommand::Move)
-            .find(known)
-            .ok_or_else(|| Reason::UnknownCommand(shortened(&message.string)))?;
+        let is_known =
+            |it: &&StateCommand| **it != StateCommand::Move && it.text() == message.string;
+        let command = StateCommand::ALL.iter().find(is_known);
+        let command = command.ok_or_else(|| Reason::UnknownCommand(shortened(&message.string)))?;
         if STOPS.contains(command) {
             let client_id = self.admission.stop(*writer, Topic::StateCommand, times);
             self.requests.stop(client_id, *command);
@@ -188,16 +167,11 @@ impl Commands {
         self.requests.ask(client_id, What::State(*command))
     }
 
-    fn servo(
-        &mut self,
-        topic: Topic,
-        received: &Received<JointState>,
-        count: u32,
-    ) -> Result<(), Reason> {
-        let Received { message, writer, times } = received;
+    fn servo(&mut self, topic: Topic, received: &Received<JointState>) -> Result<(), Reason> {
+        let Received { message, writer, times, .. } = received;
         if topic == Topic::ServoJv {
             let rate = self.ordered(&message.name, &message.velocity)?;
-            return self.stream(topic, *writer, times, &rate, count).map(drop);
+            return self.stream(topic, received, &rate).map(drop);
         }
         let given = self.given(message)?;
         let start = match topic {
@@ -205,22 +179,15 @@ impl Commands {
             _ => OutputVec::default(),
         };
         let goal = given.from(&start);
-        let client_id = self.stream(topic, *writer, times, &goal, count)?;
+        let client_id = self.stream(topic, received, &goal)?;
         self.warn_of_velocity(client_id, topic, message);
         self.last = Some((client_id, goal.position, times.arrived));
         Ok(())
     }
 
     /// Passes on a command of a stream. Returns its client.
-    fn stream(
-        &mut self,
-        topic: Topic,
-        writer: Writer,
-        times: &Times,
-        goal: &Pose,
-        count: u32,
-    ) -> Result<u64, Reason> {
-        let admitted = self.admission.servo(writer, topic, count, times)?;
+    fn stream<M>(&mut self, topic: Topic, of: &Received<M>, goal: &Pose) -> Result<u64, Reason> {
+        let admitted = self.admission.servo(of.writer, topic, of.count, &of.times)?;
         self.sequence += 1;
         let command = ServoJp {
             sequence: self.sequence,
@@ -237,12 +204,11 @@ impl Commands {
                 _ => 0,
             },
         };
-        let sent = match topic {
-            Topic::Jaw => self.forwarder.servo_jaw(command),
-            _ => {
-                self.last = None;
-                self.forwarder.servo_jp(command)
-            }
+        let sent = if topic == Topic::Jaw {
+            self.forwarder.servo_jaw(command)
+        } else {
+            self.last = None;
+            self.forwarder.servo_jp(command)
         };
         sent.map_err(|_| Reason::NoController)?;
         Ok(admitted.client_id)
@@ -258,7 +224,7 @@ impl Commands {
     }
 
     fn move_to(&mut self, topic: Topic, received: &Received<JointState>) -> Result<(), Reason> {
-        let Received { message, writer, times } = received;
+        let Received { message, writer, times, .. } = received;
         let given = self.given(message)?;
         let goal = match topic {
             Topic::MoveJr => given.from(&self.setpoint()?.position),
@@ -283,11 +249,10 @@ impl Commands {
         self.shared.events.report(Event::Warning(line));
     }
 
-    /// Passes on a camera's measurement. Its stamp is the exposure; it moves nothing, so any
-    /// plausible stamp is accepted.
-    fn see(&mut self, received: &Received<JointState>, count: u32) -> Result<(), Reason> {
-        let Received { message, writer, times } = received;
-        self.admission.camera(*writer, count, times)?;
+    /// Passes on a camera's measurement. Its stamp is the exposure; any plausible one is accepted.
+    fn see(&mut self, received: &Received<JointState>) -> Result<(), Reason> {
+        let Received { message, writer, times, count } = received;
+        self.admission.camera(*writer, *count, times)?;
         let exposed = match message.header.stamp.unix_ns() {
             None => times.arrived,
             Some(stamp) => exposure(stamp, times.arrived_unix_ns, times.arrived)?,
@@ -302,7 +267,6 @@ impl Commands {
         sent.map_err(|_| Reason::NoController)
     }
 
-    /// The positions of a message in the order of the joints.
     fn given(&mut self, message: &JointState) -> Result<Pose, Reason> {
         self.ordered(&message.name, &message.position)
     }
@@ -325,28 +289,22 @@ impl Commands {
     fn setpoint(&mut self) -> Result<JointPayload, Reason> {
         let now = clock::now();
         let setpoint = self.setpoint.refresh().ok().flatten().copied();
-        let valid = |state: &JointPayload| {
-            state.flags & JointPayload::VALID != 0
-                && now.duration_since(Nanos(state.stamp_ns)) < FRESH
-        };
+        let is_fresh = |state: &JointPayload| now.duration_since(Nanos(state.stamp_ns)) < FRESH;
+        let valid = |it: &JointPayload| it.flags & JointPayload::VALID != 0 && is_fresh(it);
         setpoint.filter(valid).ok_or(Reason::NoSetpoint)
     }
 
     /// The goal of a client: its last one if it still streams, else the setpoint.
     fn goal_of(&mut self, writer: Writer, topic: Topic, now: Nanos) -> Result<OutputVec, Reason> {
         let client_id = self.admission.client_id(writer, topic, now);
-        match self.last {
-            Some((owner, goal, at))
-                if client_id == Some(owner) && now.duration_since(at) < CONTINUES =>
-            {
-                Ok(goal)
-            }
+        let is_own = |(owner, _, _): &(u64, OutputVec, Nanos)| client_id == Some(*owner);
+        match self.last.filter(is_own) {
+            Some((_, goal, at)) if now.duration_since(at) < CONTINUES => Ok(goal),
             _ => Ok(self.setpoint()?.position),
         }
     }
 }
 
-/// The newest messages of several topics.
 fn take_newest<M: DeserializeOwned + 'static>(
     inputs: &[(Topic, Subscription<M>)],
 ) -> Vec<(Topic, Arrivals<M>)> {
@@ -370,7 +328,6 @@ fn in_order(names: &[String], values: &[f64], joints: usize) -> Result<Vec<f64>,
     })
 }
 
-/// Text of a client, shortened for a line.
 fn shortened(text: &str) -> String {
     text.chars().take(40).collect()
 }

@@ -6,19 +6,18 @@ use ros2_client::entities_info::ParticipantEntitiesInfo;
 use ros2_client::{Context, MessageTypeName, Node, QosProfile, Subscription};
 use rustdds::qos::policy;
 use rustdds::{
-    DomainParticipantStatusEvent, DomainParticipantStatusListener, GUID, QosPolicies, StatusEvented,
+    DomainParticipantStatusEvent as Status, DomainParticipantStatusListener, GUID, QosPolicies,
+    StatusEvented,
 };
 
-use super::{Shared, arrivals};
+use super::{Shared, writer};
 use crate::RosError;
 use crate::admission::{Participant, Writer};
-use crate::event::{Event, Events};
+use crate::event::Event;
+use crate::message::Inputs;
 use crate::participant::NODE;
-use crate::topics::Inputs;
 
-/// Maximum number of stored participant names.
 const NAMES: usize = 256;
-
 /// Topic on which rmw announces the nodes of a participant.
 const DISCOVERY: &str = "ros_discovery_info";
 
@@ -26,15 +25,14 @@ pub(super) struct Graph {
     status: DomainParticipantStatusListener,
     nodes: Subscription<ParticipantEntitiesInfo>,
     names: BTreeMap<Participant, String>,
-    robot: String,
-    state_writer: GUID,
+    shared: Shared,
 }
 
 impl Graph {
     pub fn new(context: &Context, node: &mut Node, shared: &Shared) -> Result<Self, RosError> {
-        let failed = |error: ros2_client::CreateError| RosError::Topic {
-            name: DISCOVERY.to_owned(),
-            reason: error.to_string(),
+        let failed = |error: ros2_client::CreateError| {
+            let (name, reason) = (DISCOVERY.to_owned(), error.to_string());
+            RosError::Topic { name, reason }
         };
         let kind = MessageTypeName::new("rmw_dds_common", "ParticipantEntitiesInfo");
         let qos = QosProfile::publisher_default()
@@ -46,8 +44,7 @@ impl Graph {
             status: context.domain_participant().status_listener(),
             nodes,
             names: BTreeMap::new(),
-            robot: shared.robot.clone(),
-            state_writer: shared.state_writer,
+            shared: shared.clone(),
         })
     }
 
@@ -59,28 +56,24 @@ impl Graph {
     }
 
     /// Processes new events. `lost` is called for participants that left.
-    pub fn update(&mut self, events: &Events, mut lost: impl FnMut(Participant)) {
+    pub fn update(&mut self, mut lost: impl FnMut(Participant)) {
         // Undecodable announcements are not ours.
         while let Ok(Some((info, _))) = self.nodes.take() {
             let names: Vec<String> =
                 { info.nodes().iter() }.map(|node| node.fully_qualified_name()).collect();
             if !names.is_empty() {
-                self.note(arrivals::writer(info.gid()).participant(), names.join(", "));
+                self.note(writer(info.gid()).participant(), names.join(", "));
             }
         }
         while let Some(event) = self.status.try_recv_status() {
-            self.take(event, events, &mut lost);
+            self.take(event, &mut lost);
         }
     }
 
-    fn take(
-        &mut self,
-        event: DomainParticipantStatusEvent,
-        events: &Events,
-        lost: &mut impl FnMut(Participant),
-    ) {
+    fn take(&mut self, event: Status, lost: &mut impl FnMut(Participant)) {
+        let events = &self.shared.events;
         match event {
-            DomainParticipantStatusEvent::ParticipantDiscovered { dpd } => {
+            Status::ParticipantDiscovered { dpd } => {
                 let participant = Writer(dpd.guid.to_bytes()).participant();
                 if let Some(name) = dpd.entity_name
                     && !self.names.contains_key(&participant)
@@ -88,7 +81,7 @@ impl Graph {
                     self.note(participant, name);
                 }
             }
-            DomainParticipantStatusEvent::ParticipantLost { id, .. } => {
+            Status::ParticipantLost { id, .. } => {
                 let mut guid = GUID::from_bytes([0; 16]);
                 guid.prefix = id;
                 let participant = Writer(guid.to_bytes()).participant();
@@ -97,27 +90,29 @@ impl Graph {
                     events.report(Event::Status(format!("{name} is gone")));
                 }
             }
-            DomainParticipantStatusEvent::RemoteReaderMatched { local_writer, .. }
-                if local_writer == self.state_writer =>
+            Status::RemoteReaderMatched { local_writer, .. }
+                if local_writer == self.shared.state_writer =>
             {
                 events.report(Event::ReaderFound);
             }
-            DomainParticipantStatusEvent::RemoteWriterQosIncompatible {
+            Status::RemoteWriterQosIncompatible {
                 remote_writer,
                 requested_qos,
                 offered_qos,
                 ..
-            } => {
-                self.say_mismatch(remote_writer, "publishes", &offered_qos, &requested_qos, events)
-            }
-            DomainParticipantStatusEvent::RemoteReaderQosIncompatible {
+            } => self.say_mismatch(remote_writer, "publishes", &offered_qos, &requested_qos),
+            Status::RemoteReaderQosIncompatible {
                 remote_reader,
                 requested_qos,
                 offered_qos,
                 ..
-            } => self.say_mismatch(remote_reader, "wants", &requested_qos, &offered_qos, events),
-            DomainParticipantStatusEvent::WriterDetected { writer }
-                if !Inputs::is_own_type(&self.robot, &writer.topic_name, &writer.type_name) =>
+            } => self.say_mismatch(remote_reader, "wants", &requested_qos, &offered_qos),
+            Status::WriterDetected { writer }
+                if !Inputs::is_own_type(
+                    &self.shared.robot,
+                    &writer.topic_name,
+                    &writer.type_name,
+                ) =>
             {
                 let name = self.name(Writer(writer.guid.to_bytes()));
                 events.report(Event::Warning(format!(
@@ -137,19 +132,12 @@ impl Graph {
         self.names.insert(participant, name);
     }
 
-    fn say_mismatch(
-        &self,
-        other: GUID,
-        verb: &str,
-        theirs: &QosPolicies,
-        ours: &QosPolicies,
-        events: &Events,
-    ) {
+    fn say_mismatch(&self, other: GUID, verb: &str, theirs: &QosPolicies, ours: &QosPolicies) {
         let name = self.name(Writer(other.to_bytes()));
         if name.contains(NODE) {
             return;
         }
-        events.report(Event::Warning(format!(
+        self.shared.events.report(Event::Warning(format!(
             "{name} {verb} {}, but this side has {}: nothing is exchanged",
             words(theirs),
             words(ours)

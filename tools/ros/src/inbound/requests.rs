@@ -3,6 +3,8 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
 use i2ris::ipc::Domain;
@@ -12,10 +14,8 @@ use i2ris::robot::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 
 use crate::RosError;
-use crate::admission::{Pose, Reason, Topic};
-use crate::event::{ClientNames, Event, Events};
-use crate::refusals::Refused;
-use crate::worker::{WAITING, Worker};
+use crate::admission::{Pose, Topic};
+use crate::event::{ClientNames, Event, Events, Reason, Refused};
 
 /// State commands that only stop. They pass every check and overtake every queue.
 pub(super) const STOPS: [StateCommand; 3] =
@@ -25,7 +25,6 @@ pub(super) const STOPS: [StateCommand; 3] =
 struct Ask {
     client_id: u64,
     what: What,
-    /// Number of stops before it.
     stops: u64,
 }
 
@@ -74,10 +73,8 @@ impl Requests {
             names: names.clone(),
         };
         let (mut asking, mut stopping) = (asker(), asker());
-        let worker = Worker::start("requests", WAITING, move |ask| asking.take(ask));
-        let stopper = Worker::start("stops", 1, move |()| stopping.stop_all());
-        let (worker, stopper) =
-            (worker.map_err(RosError::thread)?, stopper.map_err(RosError::thread)?);
+        let worker = Worker::start("requests", WAITING, move |ask| asking.take(ask))?;
+        let stopper = Worker::start("stops", 1, move |()| stopping.stop_all())?;
         Ok(Self { stopper, worker, stops })
     }
 
@@ -182,8 +179,7 @@ impl Asker {
         self.events.report_move(Event::MoveAnswered(since));
     }
 
-    /// The state after a command that was accepted. The reason for a refusal is in the controller's
-    /// stream of warnings.
+    /// The state after an accepted command. The stream of warnings has the reason for a refusal.
     fn check(
         &mut self,
         client_id: u64,
@@ -212,9 +208,7 @@ impl Asker {
 
     /// Whether a command requests the present state. CRTK's clients wait for a state message.
     fn is_so_already(&mut self, command: StateCommand) -> bool {
-        let Some(state) = self.state.refresh().ok().flatten() else {
-            return false;
-        };
+        let Some(state) = self.state.refresh().ok().flatten() else { return false };
         let is_in = |wanted: OperatingState| state.state == wanted.number();
         let is_homed = state.flags & OperatingStateMsg::HOMED != 0;
         match command {
@@ -229,6 +223,42 @@ impl Asker {
 
     fn name(&self, client_id: u64) -> String {
         self.names.of(client_id).unwrap_or_default()
+    }
+}
+
+const WAITING: usize = 16;
+
+/// A thread that does one task after the other, so that nothing else waits for a controller that
+/// hangs. Ends when it is dropped, once its last task is done.
+#[derive(Debug)]
+struct Worker<T> {
+    tasks: Option<SyncSender<T>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl<T: Send + 'static> Worker<T> {
+    fn start(
+        name: &str,
+        waiting: usize,
+        mut work: impl FnMut(T) + Send + 'static,
+    ) -> Result<Self, RosError> {
+        let (tasks, to_do) = sync_channel(waiting);
+        let run = move || to_do.into_iter().for_each(&mut work);
+        let thread = thread::Builder::new().name(name.to_owned()).spawn(run);
+        let thread = thread.map_err(RosError::thread)?;
+        Ok(Self { tasks: Some(tasks), thread: Some(thread) })
+    }
+
+    /// `false`: too many tasks wait already.
+    fn ask(&self, task: T) -> bool {
+        self.tasks.as_ref().is_some_and(|tasks| tasks.try_send(task).is_ok())
+    }
+}
+
+impl<T> Drop for Worker<T> {
+    fn drop(&mut self) {
+        self.tasks = None;
+        let _ = self.thread.take().map(JoinHandle::join);
     }
 }
 
@@ -256,12 +286,11 @@ mod tests {
         }
         asker.take(before);
         drop(requests);
-        let reasons: Vec<String> = { reported.try_iter() }
-            .filter_map(|event| match event {
-                Event::Refused(refused) => Some(refused.reason.to_string()),
-                _ => None,
-            })
-            .collect();
+        let reason = |event| match event {
+            Event::Refused(refused) => Some(refused.reason.to_string()),
+            _ => None,
+        };
+        let reasons: Vec<String> = reported.try_iter().filter_map(reason).collect();
         assert!(reasons.iter().any(|reason| *reason == Reason::Overtaken.to_string()));
         assert!(reasons.iter().any(|reason| reason.contains("disable failed")), "{reasons:?}");
         assert!(!reasons.iter().any(|reason| reason.contains("enable failed")), "{reasons:?}");

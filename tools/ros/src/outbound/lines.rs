@@ -32,7 +32,6 @@ const RECENT: Nanos = Nanos::from_millis(5000);
 pub(super) struct Lines {
     names: ClientNames,
     last: Option<OperatingStateMsg>,
-    /// Whether the absence of the controller was reported.
     absent: bool,
 }
 
@@ -43,9 +42,8 @@ impl Lines {
 
     pub fn absent(&mut self, error: &ClientError) -> Option<(Level, String)> {
         self.last = None;
-        let first = !self.absent;
-        self.absent = true;
-        first.then(|| (Level::Error, error.to_string()))
+        let is_first = !std::mem::replace(&mut self.absent, true);
+        is_first.then(|| (Level::Error, error.to_string()))
     }
 
     pub fn state(&mut self, now: &OperatingStateMsg) -> Vec<(Level, String)> {
@@ -55,20 +53,13 @@ impl Lines {
         if before.is_none_or(|before| before.state != now.state) {
             lines.push(match OperatingState::from_number(now.state) {
                 Some(state) => (Level::Status, format!("the robot is {state}")),
-                None => {
-                    let number = now.state;
-                    (Level::Error, format!("state {number} is of another release"))
-                }
+                None => (Level::Error, format!("state {} is of another release", now.state)),
             });
         }
         let lease = now.lease_client_id;
         if before.map_or(0, |before| before.lease_client_id) != lease {
-            let text = if lease == 0 {
-                "no client commands".to_owned()
-            } else {
-                format!("{} commands", self.client(lease))
-            };
-            lines.push((Level::Status, text));
+            let who = if lease == 0 { "no client".to_owned() } else { self.client(lease) };
+            lines.push((Level::Status, format!("{who} commands")));
         }
         // "No longer busy" says nothing about the effect.
         let was = before.and_then(|before| before.broken_off());
@@ -101,12 +92,8 @@ impl Lines {
         let (text, advice) = (message.text(), message.advice());
         let lease = Cause::Refusal(Refusal::Lease);
         let holder = self.last.map_or(0, |state| state.lease_client_id);
-        let by = match message.reason() {
-            Some(reason) if reason.cause == lease && holder != 0 => {
-                format!(": {}", self.client(holder))
-            }
-            _ => String::new(),
-        };
+        let is_held = holder != 0 && message.reason().is_some_and(|it| it.cause == lease);
+        let by = if is_held { format!(": {}", self.client(holder)) } else { String::new() };
         let age = now.duration_since(Nanos(message.stamp_ns));
         let ago = match age < RECENT {
             true => String::new(),

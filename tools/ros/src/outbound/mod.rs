@@ -1,14 +1,7 @@
 //! Path from the controller to ROS: reads what the controller publishes, and publishes it.
-//!
-//! | file | contains |
-//! |---|---|
-//! | `conversion` | messages of the controller as messages of ROS |
-//! | `state` | publication of operating states |
-//! | `lines` | events as lines for `error`, `warning` and `status` |
 
 mod conversion;
 mod lines;
-mod state;
 
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -27,25 +20,18 @@ use serde::Serialize;
 
 use crate::Options;
 use crate::clock::Moment;
-use crate::event::{ClientNames, Event};
-use crate::message::{Header, OperatingState, Text};
+use crate::event::{ClientNames, Event, Refusals};
+use crate::message::{Header, OperatingState, Outputs, Text};
 use crate::participant::NODE;
-use crate::refusals::Refusals;
-use crate::topics::Outputs;
+use conversion::{Snapshot, StateReport, UNDEFINED};
 use lines::{Level, Lines};
-use state::{Snapshot, StateReport, UNDEFINED};
 
 /// Period of publishing the pose of the tip and the frames, as in cisst-ros.
 const POSE_PERIOD: Nanos = Nanos::from_millis(20);
-
-/// Polling period of the state.
 const LOOK_PERIOD: Nanos = Nanos::from_millis(2);
-
 /// Number of times that a new reader gets the state: messages sent before it knows the writer are
 /// lost if it requests no stored ones.
 const GREETINGS: u32 = 5;
-
-/// Time between two of these.
 const GREETING_PERIOD: Nanos = Nanos::from_millis(250);
 
 /// The operating state that was published last, for services.
@@ -70,7 +56,6 @@ pub(crate) struct Outbound {
     warnings: Subscription<ReasonMsg>,
     events: Receiver<Event>,
     report: StateReport,
-    /// Stamp of the last operating state.
     stamp_unix_ns: u64,
     /// Number of times that new readers still get it, and the next time.
     greetings: (u32, Nanos),
@@ -81,7 +66,6 @@ pub(crate) struct Outbound {
 }
 
 impl Outbound {
-    /// Creates a publisher of everything.
     pub fn new(
         (outputs, node): (Outputs, Node),
         options: &Options,
@@ -115,9 +99,8 @@ impl Outbound {
 
     /// Publishes until `stop`; passes every line also to `say`.
     pub fn run(mut self, stop: impl Fn() -> bool, mut say: impl FnMut(&str)) {
-        let description = self.snake.urdf();
-        publish(&self.outputs.description, Text { data: description });
-        self.publish_state(UNDEFINED);
+        publish(&self.outputs.description, Text { data: self.snake.urdf() });
+        self.publish_state(Some(UNDEFINED));
         let look = self.period.min(LOOK_PERIOD);
         let (mut next, mut next_joints, mut next_pose) = (clock::now(), Nanos::ZERO, Nanos::ZERO);
         while !stop() {
@@ -137,34 +120,28 @@ impl Outbound {
         }
     }
 
-    /// Reads messages of the controller and events of the other threads.
     fn look(&mut self, now: Nanos, say: &mut impl FnMut(&str)) {
         // Before the states: an answer changes their meaning.
         while let Ok(event) = self.events.try_recv() {
             self.take(event, now, say);
         }
         let mut messages = Vec::new();
-        match self.states.drain(|message| messages.push(message)) {
+        let lines = match self.states.drain(|message| messages.push(message)) {
             Ok(_) => {
                 for message in &messages {
-                    if let Some(snapshot) = self.report.state(message) {
-                        self.publish_state(snapshot);
-                    }
+                    let changed = self.report.state(message);
+                    self.publish_state(changed);
                 }
-                if let Some(last) = messages.last() {
-                    for (level, line) in self.lines.state(last) {
-                        self.say(level, line, say);
-                    }
-                }
+                messages.last().map(|last| self.lines.state(last)).unwrap_or_default()
             }
             Err(error) => {
-                if let Some(snapshot) = self.report.absent() {
-                    self.publish_state(snapshot);
-                }
-                if let Some((level, line)) = self.lines.absent(&error) {
-                    self.say(level, line, say);
-                }
+                let changed = self.report.absent();
+                self.publish_state(changed);
+                self.lines.absent(&error).into_iter().collect()
             }
+        };
+        for (level, line) in lines {
+            self.say(level, line, say);
         }
         self.greet(now);
         self.read_reasons(say);
@@ -173,7 +150,6 @@ impl Outbound {
         }
     }
 
-    /// Reads faults, refusals, stops and clips of the controller.
     fn read_reasons(&mut self, say: &mut impl FnMut(&str)) {
         let mut reasons = Vec::new();
         // Without a controller there are none.
@@ -194,33 +170,34 @@ impl Outbound {
             }
             Event::Status(line) => self.say(Level::Status, line, say),
             Event::Warning(line) => self.say(Level::Warning, line, say),
-            Event::StateRepeated => self.publish_state(self.report.published()),
+            Event::StateRepeated => self.publish_state(Some(self.report.published)),
             Event::ReaderFound => self.greetings = (GREETINGS, now),
             Event::MoveRequested => self.report.move_requested(),
             Event::MoveAnswered(since) => {
-                if let Some(snapshot) = self.report.move_answered(since) {
-                    self.publish_state(snapshot);
-                }
+                let changed = self.report.move_answered(since);
+                self.publish_state(changed);
             }
         }
     }
 
-    /// Sends the state to new readers, with its old stamp: a client that waits for the end of its
-    /// motion ignores states older than its command.
+    /// Sends the state to new readers with its old stamp: clients ignore what is older than a
+    /// command.
     fn greet(&mut self, now: Nanos) {
         let (left, due) = self.greetings;
         if left > 0 && now >= due {
             self.greetings = (left - 1, now + GREETING_PERIOD);
-            self.publish_state_at(self.report.published(), self.stamp_unix_ns);
+            self.publish_state_at(self.report.published, self.stamp_unix_ns);
         }
     }
 
-    fn publish_state(&mut self, snapshot: Snapshot) {
-        self.publish_state_at(snapshot, Moment::now().unix_ns);
+    fn publish_state(&mut self, changed: Option<Snapshot>) {
+        if let Some(snapshot) = changed {
+            self.publish_state_at(snapshot, Moment::now().unix_ns);
+        }
     }
 
     fn publish_state_at(&mut self, snapshot: Snapshot, unix_ns: u64) {
-        self.stamp_unix_ns = state::rising(self.stamp_unix_ns, unix_ns);
+        self.stamp_unix_ns = conversion::rising(self.stamp_unix_ns, unix_ns);
         let message = OperatingState {
             header: Header::new(self.stamp_unix_ns, ""),
             state: snapshot.state.to_owned(),
