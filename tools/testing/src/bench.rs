@@ -12,8 +12,7 @@ use crate::{Program, Rig, program, transcript};
 
 pub struct WorkFolder(TempDir);
 
-/// Result of a program: exit code, standard output, standard error without progress lines, whose
-/// number depends on the load.
+/// Result of a program: exit code, standard output, standard error without lines of progress.
 pub struct Ended {
     pub code: Option<i32>,
     pub output: String,
@@ -35,7 +34,6 @@ impl WorkFolder {
         self.0.path().join(name)
     }
 
-    /// The path as an argument.
     pub fn file(&self, name: &str) -> String {
         self.path(name).to_str().unwrap().to_owned()
     }
@@ -57,7 +55,6 @@ impl WorkFolder {
         words.replace('@', &self.file(""))
     }
 
-    /// Runs `i2ris` in the folder.
     pub fn run(&self, words: &str) -> Ended {
         let words: Vec<&str> = words.split_whitespace().collect();
         let mut command = program::command(&words);
@@ -100,12 +97,10 @@ pub fn assert_says(text: &str, parts: &[&str]) {
     }
 }
 
-/// Starts `i2ris` on the domain of a controller.
 pub fn start(domain: &Domain, words: &str) -> Program {
     Program::start(domain, &words.split_whitespace().collect::<Vec<_>>())
 }
 
-/// Runs it to its end.
 pub fn run(domain: &Domain, words: &str) -> Ended {
     end(start(domain, words))
 }
@@ -137,7 +132,6 @@ pub fn ends(program: Program, code: i32, parts: &[&str]) -> Ended {
     result
 }
 
-/// Ends a program as Ctrl-C does, and expects success.
 #[track_caller]
 pub fn interrupt(mut program: Program) {
     program.interrupt();
@@ -175,7 +169,6 @@ pub fn robot(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
     (rig, client)
 }
 
-/// A file of the repository.
 pub fn repository(name: &str) -> PathBuf {
     transcript::root().join(name)
 }

@@ -18,10 +18,8 @@ use i2ris::model::ModelId;
 use i2ris::robot::Reason;
 use i2ris::units::Nanos;
 
-use crate::server::{serve_on_thread, unique_domain};
-use crate::waiting::{Background, wait_until};
+use crate::waiting::{Background, serve_on_thread, unique_domain, wait_until};
 
-/// The robot and its history.
 #[derive(Debug)]
 pub struct Robot {
     pub state: OperatingState,
@@ -37,25 +35,20 @@ pub struct Robot {
     pub counts: [i32; 2],
     /// Supports `condition`, which takes no time.
     pub conditions: bool,
-    /// Duration of a conditioning cycle.
     pub busy_for: Nanos,
     busy_until: Nanos,
     pub lease: u64,
     /// Holding after `hold`, until a command is followed.
     holds: bool,
     pub refused: u64,
-    /// The client whose command was refused last.
     pub refused_client: u64,
-    /// Refusal of every servo command.
     pub refuse: Option<Refusal>,
     /// Robot and limits in the reply to `version`.
     pub description: Version,
-    /// Number of stops by late commands.
     pub stale_stops: u64,
     /// All state commands, oldest first.
     pub requested: Vec<StateCommand>,
-    /// Models in use, staged and in use before, by the byte that their identity is made of; 0:
-    /// none.
+    /// Models in use, staged and in use before, by the byte of their identity; 0: none.
     pub models: [u8; 3],
     /// File and identity of the model in use, in place of a made-up one.
     pub model_file: Option<(PathBuf, ModelId)>,
@@ -63,15 +56,11 @@ pub struct Robot {
     pub model_requests: Vec<ModelAction>,
     /// Pitch that the snake lacks to its setpoint, deg.
     pub short_deg: f64,
-    /// Flags of the last accepted pose.
     pub flags: u32,
-    /// Every accepted pose with its stamp.
     pub poses: Vec<(Nanos, [f64; 2])>,
-    /// Every accepted position of the motors.
     pub places: Vec<[i32; 2]>,
     /// Next message of `error` or `warning`, with the client concerned.
     pub reasons: Vec<(Reason, u64)>,
-    /// Message of `virtual_fixtures`.
     pub fixtures: Option<VirtualFixturesMsg>,
     sequence: u64,
 }
@@ -149,12 +138,10 @@ impl Robot {
         }
     }
 
-    /// Whether a conditioning cycle is in progress.
     pub fn is_busy(&self) -> bool {
         clock::now() < self.busy_until
     }
 
-    /// Ends the conditioning cycle.
     pub fn end_activity(&mut self) {
         self.busy_until = Nanos::ZERO;
     }
@@ -203,8 +190,7 @@ impl Robot {
         if !self.takes(command.client_id, command.sequence) {
             return;
         }
-        self.pose = [command.position[0].to_degrees(), command.position[1].to_degrees()];
-        let asked = self.pose;
+        let asked = [command.position[0].to_degrees(), command.position[1].to_degrees()];
         self.pose = asked.map(|angle| angle.clamp(-self.reach, self.reach));
         self.clipped = self.pose != asked;
         self.flags = command.flags;
@@ -279,18 +265,15 @@ impl Robot {
         };
         let stamped = |fixtures| VirtualFixturesMsg { stamp_ns: now.0, ..fixtures };
         let fixtures = self.fixtures.map(stamped).map(StreamMessage::VirtualFixtures);
-        [
-            Some(StreamMessage::Goal(joint)),
-            Some(StreamMessage::Setpoint(joint)),
-            Some(StreamMessage::Measured(measured)),
-            Some(StreamMessage::Actuators(motors)),
-            Some(StreamMessage::Statistics(statistics)),
-            fixtures,
-            Some(StreamMessage::State(state)),
-        ]
-        .into_iter()
-        .flatten()
-        .for_each(|message| server.publish(message));
+        let messages = [
+            StreamMessage::Goal(joint),
+            StreamMessage::Setpoint(joint),
+            StreamMessage::Measured(measured),
+            StreamMessage::Actuators(motors),
+            StreamMessage::Statistics(statistics),
+        ];
+        let messages = messages.into_iter().chain(fixtures).chain([StreamMessage::State(state)]);
+        messages.for_each(|message| server.publish(message));
     }
 }
 
@@ -302,7 +285,6 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// Serves in a separate domain.
     pub fn start() -> Self {
         Self::serve(unique_domain(), Arc::new(Mutex::new(Robot::new())))
     }
@@ -332,7 +314,6 @@ impl Controller {
         Self { domain, robot, _thread: thread }
     }
 
-    /// A controller that is homed and enabled.
     pub fn enabled() -> Self {
         let controller = Self::start();
         controller.robot().homed = true;
@@ -344,7 +325,6 @@ impl Controller {
         self.robot.lock().unwrap()
     }
 
-    /// Waits until the robot is as wanted.
     pub fn wait(&self, what: &str, wanted: impl Fn(&Robot) -> bool) {
         wait_until(what, || wanted(&self.robot()));
     }

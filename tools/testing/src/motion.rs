@@ -12,10 +12,8 @@ use i2ris::units::Nanos;
 use crate::rig::Rig;
 use crate::waiting::wait_until;
 
-/// Period of the commands that tests send.
 pub const SEND_PERIOD: Nanos = Nanos::from_millis(5);
 
-/// Sends a motion of the motors for a while.
 pub fn stream_counts(client: &Client, seconds: f64, counts: impl Fn(f64) -> [i32; 2]) {
     let (mut commander, start) = (client.commander(), clock::now());
     while (clock::now() - start).as_seconds() < seconds {

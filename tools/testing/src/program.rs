@@ -1,17 +1,27 @@
-//! The programs of this build.
+//! The programs of this build, on a terminal where a test needs one, and a Python that
+//! `#[needs("python: MODULES")]` has found.
 
-use std::fs;
-use std::io::{PipeReader, PipeWriter};
+use std::fs::{self, File};
+use std::io::{PipeReader, PipeWriter, Read, Write};
+use std::num::NonZeroU16;
 use std::os::fd::AsFd;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::thread;
+use std::time::Duration;
 
+use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris_report::programs;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::pty::{OpenptyResult, Winsize, openpty};
 use nix::sys::signal::{Signal, kill};
+use nix::sys::termios::{LocalFlags, tcgetattr};
 use nix::unistd::Pid;
+
+use crate::waiting::{TIMEOUT, wait_until};
 
 /// `i2ris` with these arguments. A program that `i2ris` would only start is called directly, and so
 /// is the controller as `control`.
@@ -30,11 +40,8 @@ pub fn command(arguments: &[&str]) -> Command {
 pub fn path(program: &str) -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let path = test.parent().unwrap().with_file_name(program);
-    assert!(
-        path.exists(),
-        "there is no {}: build all programs with `cargo build --workspace --bins`",
-        path.display()
-    );
+    let remedy = "build all programs with `cargo build --workspace --bins`";
+    assert!(path.exists(), "there is no {}: {remedy}", path.display());
     path
 }
 
@@ -46,7 +53,6 @@ pub fn example(name: &str, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Runs `i2ris` with these arguments to its end, without input.
 pub fn output(arguments: &[&str]) -> Output {
     command(arguments).stdin(Stdio::null()).output().unwrap()
 }
@@ -114,14 +120,8 @@ impl Program {
         if let Some(user) = user {
             command.uid(user).gid(user);
         }
-        Self(Some(
-            command
-                .stdin(Stdio::null())
-                .stdout(Stdio::piped())
-                .stderr(Stdio::piped())
-                .spawn()
-                .unwrap(),
-        ))
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        Self(Some(command.spawn().unwrap()))
     }
 
     pub fn child(&mut self) -> &mut Child {
@@ -152,13 +152,11 @@ impl Program {
         (status.code(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
     }
 
-    /// Waits for the end: success, standard output, standard error.
     pub fn end(self) -> (bool, String, String) {
         let (code, output, error) = self.code();
         (code == Some(0), output, error)
     }
 
-    /// Runs to the end.
     pub fn run(domain: &Domain, arguments: &[&str]) -> (bool, String, String) {
         Self::start(domain, arguments).end()
     }
@@ -171,4 +169,131 @@ impl Drop for Program {
             let _ = child.wait();
         }
     }
+}
+
+pub struct Terminal {
+    process: Killed,
+    keyboard: File,
+    /// Kept open, so that its settings can be read after the program has ended.
+    slave: File,
+    output: Receiver<Vec<u8>>,
+    pub screen: vt100::Parser,
+}
+
+impl Terminal {
+    /// Starts `i2ris` with arguments on a terminal of the given rows and columns.
+    pub fn start(domain: &Domain, arguments: &[&str], rows: u16, columns: u16) -> Self {
+        let mut command = command(arguments);
+        command.env("I2RIS_DOMAIN", domain.name());
+        Self::run(command, rows, columns)
+    }
+
+    pub fn run(mut command: Command, rows: u16, columns: u16) -> Self {
+        command.env("TERM", "xterm-256color").env_remove("NO_COLOR");
+        let size = Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
+        let OpenptyResult { master, slave } = openpty(&size, None).unwrap();
+        let other = || Stdio::from(slave.try_clone().unwrap());
+        command.stdin(other()).stdout(other()).stderr(other());
+        // SAFETY: both calls are async-signal-safe and touch no memory of the parent.
+        unsafe {
+            command.pre_exec(|| {
+                nix::unistd::setsid()?;
+                nix::errno::Errno::result(nix::libc::ioctl(0, nix::libc::TIOCSCTTY, 0))?;
+                Ok(())
+            });
+        }
+        let process = Killed::start(&mut command);
+        let mut reader = File::from(master.try_clone().unwrap());
+        let (sender, output) = channel();
+        thread::spawn(move || {
+            let mut chunk = [0; 4096];
+            while let Ok(count @ 1..) = reader.read(&mut chunk) {
+                if sender.send(chunk[..count].to_vec()).is_err() {
+                    return;
+                }
+            }
+        });
+        let [rows, columns] = [rows, columns].map(|length| NonZeroU16::new(length).unwrap());
+        let screen = vt100::Parser::new(rows, columns, 0);
+        Self { process, keyboard: File::from(master), slave: File::from(slave), output, screen }
+    }
+
+    pub fn pid(&self) -> Pid {
+        Pid::from_raw(i32::try_from(self.process.0.id()).unwrap())
+    }
+
+    /// Types keys. Once the program has ended, the terminal would fill, and a write wait forever.
+    pub fn type_keys(&mut self, keys: &str) {
+        if let Some(status) = self.process.0.try_wait().unwrap() {
+            self.end();
+            panic!("it ended ({status}):\n{}", self.screen.screen().contents());
+        }
+        self.keyboard.write_all(keys.as_bytes()).unwrap();
+    }
+
+    /// Waits until the screen shows something, and returns its content.
+    pub fn wait(&mut self, what: &str, shown: impl Fn(&str) -> bool) -> String {
+        let end = clock::now() + TIMEOUT;
+        loop {
+            let text = self.screen.screen().contents();
+            if shown(&text) {
+                return text;
+            }
+            assert!(clock::now() < end, "waited in vain: {what}\n{text}");
+            match self.output.recv_timeout(Duration::from_millis(100)) {
+                Ok(bytes) => self.screen.process(&bytes),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => panic!("it ended: {what}\n{text}"),
+            }
+        }
+    }
+
+    pub fn wait_for(&mut self, word: &str) -> String {
+        self.wait(word, |text| text.contains(word))
+    }
+
+    /// Waits for the end, and reads the output until then.
+    pub fn end(&mut self) -> ExitStatus {
+        let status = wait_until("the program ends", || self.process.0.try_wait().unwrap());
+        while let Ok(bytes) = self.output.recv_timeout(Duration::from_millis(300)) {
+            self.screen.process(&bytes);
+        }
+        status
+    }
+
+    /// Asserts that the terminal was restored: lines and echo, the first screen, a cursor.
+    pub fn assert_restored(&self) {
+        let flags = tcgetattr(self.slave.as_fd()).unwrap().local_flags;
+        let lines = LocalFlags::ICANON | LocalFlags::ECHO;
+        assert!(flags.contains(lines), "keys are shown and come in lines");
+        assert!(!self.screen.screen().alternate_screen() && !self.screen.screen().hide_cursor());
+    }
+}
+
+/// The Python named by `I2RIS_PYTHON`, otherwise `python3`, in the folder of the Python package.
+#[must_use]
+pub fn python() -> Command {
+    python_of("I2RIS_PYTHON")
+}
+
+/// A Python like [`python`], named by another variable.
+fn python_of(variable: &str) -> Command {
+    let name = std::env::var(variable).unwrap_or_else(|_| "python3".to_owned());
+    let mut command = Command::new(name);
+    command.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python"));
+    command.env("PYTHONDONTWRITEBYTECODE", "1");
+    command
+}
+
+/// Runs a script in Python; panics with its output when it fails.
+pub fn run_python(script: &str, arguments: &[&str]) {
+    run_python_of("I2RIS_PYTHON", script, arguments);
+}
+
+/// Runs like [`run_python`] in the Python named by a variable: some modules exclude each other.
+pub fn run_python_of(variable: &str, script: &str, arguments: &[&str]) {
+    let output =
+        python_of(variable).args(["-c", script]).args(arguments).output().expect("Python starts");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
 }

@@ -1,6 +1,7 @@
 //! Random numbers that are the same everywhere: SplitMix64 (G. L. Steele et al. 2014).
 
-/// A generator.
+use proptest::test_runner::{Config, FileFailurePersistence};
+
 #[derive(Debug, Clone, Copy)]
 pub struct Random(u64);
 
@@ -48,5 +49,16 @@ impl Random {
     pub fn normal(&mut self) -> f64 {
         let (a, b) = (self.unit(), self.unit());
         (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+    }
+}
+
+/// The given number of cases in the gate, or `PROPTEST_CASES`, for example in `.ci/nightly`.
+/// Cases that failed once are kept next to the test, as `NAME.regressions`.
+pub fn cases(in_the_gate: u32) -> Config {
+    let usual = Config::default();
+    Config {
+        cases: std::env::var("PROPTEST_CASES").map_or(in_the_gate, |_| usual.cases),
+        failure_persistence: Some(Box::new(FileFailurePersistence::WithSource("regressions"))),
+        ..usual
     }
 }

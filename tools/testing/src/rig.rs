@@ -14,7 +14,7 @@ use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
-use i2ris::model::file::{FamilyParameters, ModelFile};
+use i2ris::model::file::FamilyParameters;
 use i2ris::process::controller::{self, ControllerError};
 use i2ris::units::{AUXILIARY, Counts, Nanos};
 use i2ris_simulation::drive::DriveConfig;
@@ -25,14 +25,13 @@ use i2ris_simulation::{Emulator, EmulatorConfig, Line};
 use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
 
-use crate::cycle::{GAIN_DEG, HULL, sample_model};
-use crate::fast_values::{fast_axis, fast_table};
+use crate::cycle::{GAIN_DEG, HULL, fast_axis, fast_table, sample_model};
 use crate::program;
+use crate::transcript::root;
 use crate::waiting::{Background, TIMEOUT, wait_until};
 
 static RIGS: AtomicU32 = AtomicU32::new(0);
 
-/// See above.
 pub struct Rig {
     /// Dropped first: a controller that ends sees its drives off.
     thread: Option<Background>,
@@ -66,7 +65,6 @@ impl Rig {
         Self::on(Line::Lab)
     }
 
-    /// A rig on another line.
     pub fn on(line: Line) -> Self {
         Self::build(line, |_| {})
     }
@@ -123,7 +121,6 @@ impl Rig {
         }
     }
 
-    /// A robot whose controller starts with a model.
     pub fn with_model() -> Self {
         Self::start().and_model()
     }
@@ -158,10 +155,6 @@ impl Rig {
             }
             _ => unreachable!("no sample"),
         }
-        self.write_model(name, robot_id, file)
-    }
-
-    fn write_model(&self, name: &str, robot_id: &str, mut file: ModelFile) -> PathBuf {
         robot_id.clone_into(&mut file.robot_id);
         file.hull.corners.iter_mut().flatten().for_each(|counts| *counts *= 1000.0 / HULL);
         let path = self.folder.path().join(name);
@@ -182,13 +175,11 @@ impl Rig {
         self.controller = Some(self.spawn_controller("controller"));
     }
 
-    /// Starts a controller with another standard error.
     pub fn start_controller_with(&mut self, stderr: Stdio) {
         assert!(self.controller.is_none(), "one at a time");
         self.controller = Some(self.spawn(stderr));
     }
 
-    /// Starts a controller on a thread of this process.
     pub fn start_controller_thread(&mut self) {
         let mut config = self.config.clone();
         config.record_folder = self.folder.path().join(&config.record_folder);
@@ -199,7 +190,6 @@ impl Rig {
         }));
     }
 
-    /// Ends the controller on the thread cleanly.
     pub fn stop_controller_thread(&mut self) {
         self.thread = None;
     }
@@ -221,7 +211,6 @@ impl Rig {
         command.spawn().unwrap()
     }
 
-    /// The log of a controller.
     pub fn log_text(&self, name: &str) -> String {
         fs::read_to_string(self.log_file(name)).unwrap_or_default()
     }
@@ -234,7 +223,6 @@ impl Rig {
         Domain::new(&self.config.domain).unwrap()
     }
 
-    /// A client of the running controller.
     pub fn client(&mut self) -> Client {
         let start = clock::now();
         loop {
@@ -254,30 +242,25 @@ impl Rig {
         }
     }
 
-    /// Starts a controller, and a client of it.
     pub fn started(&mut self) -> Client {
         self.start_controller();
         self.client()
     }
 
-    /// A client of a controller that runs, is homed and enabled.
     pub fn enabled(&mut self) -> Client {
         let mut client = self.started();
         home_and_enable(&mut client, TIMEOUT).unwrap();
         client
     }
 
-    /// The process of the controller.
     pub fn controller_id(&self) -> u32 {
         self.controller.as_ref().expect("a controller runs").id()
     }
 
-    /// Sends a signal to the controller.
     pub fn signal(&self, signal: Signal) {
         kill(nix::unistd::Pid::from_raw(self.controller_id() as i32), signal).unwrap();
     }
 
-    /// Waits until the controller has ended.
     pub fn wait_for_end(&mut self) -> ExitStatus {
         let status = wait_for_end(self.controller.as_mut().expect("a controller runs"));
         self.controller = None;
@@ -311,7 +294,6 @@ impl Rig {
         })
     }
 
-    /// The encoder positions of the drives.
     pub fn positions(&self) -> [i32; 2] {
         self.emulator.snapshot().axes.map(|axis| axis.drive.position)
     }
@@ -329,7 +311,6 @@ impl Drop for Rig {
     }
 }
 
-/// Waits until a program has ended.
 pub fn wait_for_end(child: &mut Child) -> ExitStatus {
     wait_until("the program ends", || child.try_wait().unwrap())
 }
@@ -337,14 +318,11 @@ pub fn wait_for_end(child: &mut Child) -> ExitStatus {
 /// Following error of a motor at full speed after 1.5 s, counts.
 const FAR_COUNTS: u32 = 3000;
 
-/// Disables spinning and real-time scheduling, and makes limits tolerate the stalls of a shared
-/// machine.
-pub fn run_on_shared_machine(config: &mut Config) {
+/// Disables real-time scheduling, and makes limits tolerate the stalls of a shared machine.
+fn run_on_shared_machine(config: &mut Config) {
     config.control.priority = 0;
     // A busy kernel delivers bytes of pseudo-terminals seconds late.
     config.limits.feedback_stale_ms = 5000;
-    config.command.deadline_ms = 1000;
-    config.command.lease_timeout_ms = 2000;
     for port in &mut config.ports {
         // The longest permitted: on a loaded machine an emulated drive may answer late, five
         // timeouts disconnect its line, and a request before a late reply counts as a host bug.
@@ -379,12 +357,10 @@ pub fn enable(client: &mut Client) {
     settle_in(client, OperatingState::Enabled);
 }
 
-/// Whether a flag of the operating state is set.
 pub fn has(state: &OperatingStateMsg, flag: u32) -> bool {
     state.flags & flag != 0
 }
 
-/// Waits until a condition is true.
 pub fn wait_for(
     client: &mut Client,
     condition: impl Fn(&OperatingStateMsg) -> bool,
@@ -392,22 +368,18 @@ pub fn wait_for(
     client.wait_for(TIMEOUT, condition).unwrap()
 }
 
-/// Waits until the robot holds.
 pub fn wait_until_holding(client: &mut Client) -> OperatingStateMsg {
     wait_for(client, |state| has(state, OperatingStateMsg::HOLDING))
 }
 
-/// Waits until the robot is not busy.
 pub fn wait_until_idle(client: &mut Client) -> OperatingStateMsg {
     settle(client, |_| true)
 }
 
-/// Waits until the robot is not busy and in a state.
 pub fn settle_in(client: &mut Client, state: OperatingState) -> OperatingStateMsg {
     settle(client, |message| message.state == state.number())
 }
 
-/// Waits until the robot is not busy and a condition is true.
 pub fn settle(
     client: &mut Client,
     condition: impl Fn(&OperatingStateMsg) -> bool,
@@ -421,13 +393,6 @@ pub fn emulation() -> (TempDir, EmulatorConfig) {
     let snake = SnakeConfig::load(&root().join("config/snakes/steel.toml")).unwrap();
     let config = EmulatorConfig::new(snake, &folder.path().join("ports"));
     (folder, config)
-}
-
-/// The root of the repository.
-fn root() -> PathBuf {
-    let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
-    let root = folders.find(|folder| folder.join("config/snakes").exists());
-    root.unwrap().to_owned()
 }
 
 fn axis(motor: usize, drive: &DriveConfig) -> AxisConfig {

@@ -7,7 +7,6 @@ use std::thread;
 
 use crate::program;
 
-/// The top of the repository.
 pub fn root() -> PathBuf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     folder.canonicalize().unwrap()
@@ -18,13 +17,9 @@ pub fn shell(folder: &Path, text: &str) -> Command {
     let programs = program::path("i2ris");
     let programs = programs.parent().unwrap().display().to_string();
     let mut command = Command::new("bash");
-    command
-        .args(["-c", text])
-        .current_dir(folder)
-        .env("PATH", format!("{programs}:{}", std::env::var("PATH").unwrap()))
-        .env("REPOSITORY", root())
-        .env("LC_ALL", "C.UTF-8")
-        .stdin(Stdio::null());
+    command.args(["-c", text]).current_dir(folder).stdin(Stdio::null());
+    command.env("PATH", format!("{programs}:{}", std::env::var("PATH").unwrap()));
+    command.env("REPOSITORY", root()).env("LC_ALL", "C.UTF-8");
     command
 }
 
@@ -85,16 +80,12 @@ fn played(setup: &str, section: &str) -> String {
 
 /// The written text, with the new output of commands that print something else now.
 fn merged(written: &str, played: &str) -> String {
-    let is_same = |written: &str, played: &str| {
-        let [written, played] = [written, played].map(|it| it.lines().collect::<Vec<_>>());
-        matches(&written, &played)
+    let newer = |(written, played): (_, _)| {
+        let [expected, lines] = [written, played].map(|it: &str| it.lines().collect::<Vec<_>>());
+        if matches(&expected, &lines) { written } else { played }
     };
     let steps = written.split("\n$ ").zip(played.split("\n$ "));
-    let steps = steps.map(|(written, played)| match is_same(written, played) {
-        true => written,
-        false => played,
-    });
-    steps.collect::<Vec<_>>().join("\n$ ")
+    steps.map(newer).collect::<Vec<_>>().join("\n$ ")
 }
 
 fn matches(expected: &[&str], lines: &[&str]) -> bool {

@@ -1,5 +1,4 @@
-//! A cycle with two simulated drives, on simulated time. Every tick of every test is checked
-//! against the invariants in `invariant`.
+//! A cycle with two simulated drives, on simulated time, checked against the invariants.
 
 use std::sync::Arc;
 
@@ -17,10 +16,9 @@ use i2ris::process::black_box::BlackBox;
 use i2ris::robot::Reason;
 use i2ris::units::{Counts, Nanos, OutputVec};
 
-use super::invariants::InvariantCheck;
-use super::recording::Recording;
+use super::SimulatedDrive;
+use super::invariants::{InvariantCheck, Recording};
 use super::sample_models::{camera_frame, config, rad, standard_model};
-use super::simulated_drive::SimulatedDrive;
 
 pub struct Bench {
     pub cycle: ControlCycle,
@@ -29,26 +27,21 @@ pub struct Bench {
     pub drives: [SimulatedDrive; 2],
     /// Counts only where the configuration has an auxiliary axis.
     pub jaw: SimulatedDrive,
-    /// For the auxiliary axis, in the next tick.
     pub jaw_command: Option<ServoCommand>,
     pub out: CycleOutputs,
     pub events: Vec<CycleEventKind>,
     pub reasons: Vec<Reason>,
     pub shutdown: bool,
-    /// Asked for in the next tick.
     pub model_request: Option<ModelSwapRequest>,
     /// The clutch is open in servo commands from now on.
     pub clutched: bool,
-    /// Where to go, in the next request.
     pub pose: Option<(OutputVec, u32)>,
     pub fixture: Option<FixtureChange>,
     /// How old requests are that are valid for a second.
     pub request_age: Nanos,
-    /// Seen by a camera, in the next tick.
     pub external: Option<ExternalPose>,
     /// A camera that sees the estimate and this shift, rad, 30 times a second and 20 ms late.
     pub camera: Option<[f64; 2]>,
-    /// Frames of other cameras.
     pub ignored_frames: u64,
     /// How many ticks late every tick is from now on.
     pub missed: u32,
@@ -58,7 +51,6 @@ pub struct Bench {
     /// Motor path and its cursor, as kept by the thread that stages models.
     pub history: History,
     pub mark: HistoryCursor,
-    /// Fills while there is one.
     pub recording: Option<Recording>,
     client_sequence: u64,
     request_id: u64,
@@ -112,7 +104,6 @@ impl Bench {
         Self::new(config(""), Some(standard_model()))
     }
 
-    /// One tick.
     pub fn step(&mut self, servo: Option<ServoCommand>, request: Option<StateRequest>) {
         let requests = self.out.requests;
         self.now = self.now + self.config.control.period();
@@ -124,16 +115,14 @@ impl Bench {
         }
         let feedback = [self.drives[0].feedback, self.drives[1].feedback];
         self.see();
-        let (model, external, missed) =
-            (self.model_request.take(), self.external.take(), self.missed);
         let inputs = CycleInputs {
             servo,
             jaw: self.jaw_command.take(),
             request,
-            model,
-            external,
+            model: self.model_request.take(),
+            external: self.external.take(),
             ignored_frames: self.ignored_frames,
-            missed,
+            missed: self.missed,
             feedback,
             auxiliary: self.jaw.feedback,
             shutdown: self.shutdown,
@@ -179,17 +168,14 @@ impl Bench {
         }
     }
 
-    /// A model that has seen what the motors did so far.
     pub fn candidate(&self, model: &Arc<Model>) -> ModelCandidate {
         ModelCandidate::new(Arc::clone(model), &self.config, &self.history, self.mark)
     }
 
-    /// The black box of a session that began with this model.
     pub fn black_box(&mut self, first: &Model) -> BlackBox {
         self.recording.take().unwrap().black_box(first, &self.config)
     }
 
-    /// Stages a model.
     pub fn offer(&mut self, candidate: ModelCandidate) {
         if let Some(recording) = &mut self.recording {
             recording.offer(&candidate);
@@ -200,7 +186,6 @@ impl Bench {
         self.probed += (self.probe)() - before;
     }
 
-    /// One tick with a change of the model in use.
     pub fn change_model(&mut self, change: ModelChange, forced: bool) -> Refusal {
         self.change_model_as(CLIENT, change, forced)
     }
@@ -221,7 +206,6 @@ impl Bench {
         reply.refusal
     }
 
-    /// Stages a model that has seen the motion so far.
     pub fn stage(&mut self, model: &Arc<Model>) {
         self.offer(self.candidate(model));
         self.tick();
@@ -263,7 +247,6 @@ impl Bench {
         Validity { stamp, span }
     }
 
-    /// One tick with a state command.
     pub fn ask_as(&mut self, client_id: u64, command: StateCommand) -> StateReply {
         let pose = self.pose.take().map(|(pose, entries)| ServoGoal::Joint(pose, entries));
         self.ask_for(client_id, command, pose)
@@ -298,13 +281,11 @@ impl Bench {
         self.idle();
     }
 
-    /// One tick with a move to a pose, degrees.
     pub fn go(&mut self, pitch_deg: f64, yaw_deg: f64) -> Refusal {
         self.pose = Some((rad(pitch_deg, yaw_deg), 2));
         self.ask(StateCommand::Move)
     }
 
-    /// One tick with a change of the fixtures.
     pub fn change_fixtures(&mut self, client_id: u64, change: FixtureChange) -> Refusal {
         self.fixture = Some(change);
         self.ask_as(client_id, StateCommand::Fixture).refusal
@@ -346,7 +327,6 @@ impl Bench {
         }
     }
 
-    /// One tick with a servo command of the usual client, sent now.
     pub fn goal(&mut self, goal: ServoGoal) -> Refusal {
         let command = self.servo(goal);
         self.send(command)
@@ -380,7 +360,6 @@ impl Bench {
         self.out.requests.map(|request| request.demand)
     }
 
-    /// Pitch and yaw of the setpoints, degrees.
     pub fn pose_deg(&self) -> [f64; 2] {
         let [pitch, yaw, _] = self.joints().setpoint.map(f64::to_degrees);
         [pitch, yaw]

@@ -1,11 +1,16 @@
-//! Invariants: what must hold in every tick, for any inputs.
+//! Invariants that hold in every tick, for any inputs; and ticks recorded as the black box does.
 
 use i2ris::config::Config;
-use i2ris::core::{CycleEvent, CycleEventKind, CycleInputs, CycleOutputs};
+use i2ris::core::{
+    CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleSnapshot, ModelCandidate,
+};
 use i2ris::drive::{AxisPhase, AxisRequest, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal};
+use i2ris::model::Model;
+use i2ris::process::black_box::{BlackBox, BlackBoxHeader, OfferRecord, TickRecord};
+use i2ris::realtime::{Tick, TickTiming};
+use i2ris::units::Nanos;
 
-/// Checks the inputs and outputs of every tick.
 pub struct InvariantCheck {
     /// Counts per tick.
     velocity: f64,
@@ -35,10 +40,8 @@ impl InvariantCheck {
         let axes = (0..config.motors()).filter_map(|motor| config.axis(motor));
         let limits =
             axes.map(|axis| (axis.position_min_counts.0, axis.position_max_counts.0)).collect();
-        let (velocity, slow_down) = (
-            config.limits.velocity_counts_s * tick,
-            config.limits.stop_deceleration_counts_s2 * tick * tick,
-        );
+        let velocity = config.limits.velocity_counts_s * tick;
+        let slow_down = config.limits.stop_deceleration_counts_s2 * tick * tick;
         let window = config.limits.window_ticks(config.control.period()).unwrap_or(1);
         Self {
             velocity,
@@ -56,7 +59,7 @@ impl InvariantCheck {
         self.check_counters(inputs, outputs);
         check_numbers(outputs);
         for motor in 0..self.limits.len() {
-            self.check_axis(motor, inputs.feedback[motor].phase, inputs, outputs);
+            self.check_axis(motor, inputs, outputs);
         }
         for absent in &outputs.requests[self.limits.len()..] {
             assert_eq!(**absent, AxisRequest::default());
@@ -106,32 +109,23 @@ impl InvariantCheck {
         }
         for (before, after) in last.requests.iter().zip(&outputs.requests).take(self.limits.len()) {
             assert_eq!(after.sequence, before.sequence + 1);
-            assert!(
-                after.homings - before.homings <= 1
-                    && after.fault_resets - before.fault_resets <= 1
-            );
+            let homings = after.homings - before.homings;
+            let fault_resets = after.fault_resets - before.fault_resets;
+            assert!(homings <= 1 && fault_resets <= 1);
             let accepted = outputs.reply.is_some_and(|reply| reply.refusal == Refusal::None);
-            let raised =
-                after.homings != before.homings || after.fault_resets != before.fault_resets;
+            let raised = homings != 0 || fault_resets != 0;
             assert!(accepted || !raised, "counters rise on accepted commands only");
         }
     }
 
-    fn check_axis(
-        &mut self,
-        motor: usize,
-        phase: AxisPhase,
-        inputs: &CycleInputs,
-        outputs: &CycleOutputs,
-    ) {
+    fn check_axis(&mut self, motor: usize, inputs: &CycleInputs, outputs: &CycleOutputs) {
         let (request, axis) = (&outputs.requests[motor], &mut self.axes[motor]);
+        let phase = inputs.feedback[motor].phase;
         assert_eq!(request.target, outputs.report.setpoints[motor]);
         let firm = request.demand == Demand::Enabled && phase == AxisPhase::Enabled;
         if !firm {
-            assert_eq!(
-                request.target, inputs.feedback[motor].position,
-                "a drive that does not follow has no setpoint"
-            );
+            let position = inputs.feedback[motor].position;
+            assert_eq!(request.target, position, "a drive that does not follow has no setpoint");
             *axis = AxisWatch::default();
             return;
         }
@@ -139,36 +133,21 @@ impl InvariantCheck {
         assert!((lowest..=highest).contains(&request.target.0), "{}", request.target);
         axis.quiet =
             if outputs.report.state == OperatingState::Enabled { 0 } else { axis.quiet + 1 };
-        check_motion(axis, request, self.velocity, self.slow_down, self.stop_ticks);
-        axis.before = axis.target;
-        axis.target = Some(request.target.0);
+        let AxisWatch { target, before, quiet } = *axis;
+        (axis.before, axis.target) = (target, Some(request.target.0));
+        let Some(target) = target else { return };
+        let step = f64::from(request.target.0 - target);
+        assert!(step.abs() <= self.velocity + 1.0, "a step of {step}");
+        let may_move = quiet <= self.stop_ticks;
+        assert!(may_move || step == 0.0, "a step of {step}, {quiet} ticks after ENABLED");
+        let Some(before) = before else { return };
+        let step_before = f64::from(target - before);
+        assert!((step - step_before).abs() <= self.slow_down + 2.0, "from {step_before} to {step}");
     }
 }
 
-fn check_motion(
-    axis: &AxisWatch,
-    request: &AxisRequest,
-    velocity: f64,
-    slow_down: f64,
-    stop_ticks: u32,
-) {
-    let Some(target) = axis.target else { return };
-    let step = f64::from(request.target.0 - target);
-    assert!(step.abs() <= velocity + 1.0, "a step of {step}");
-    assert!(
-        axis.quiet <= stop_ticks || step == 0.0,
-        "a step of {step}, {} ticks after ENABLED",
-        axis.quiet
-    );
-    let Some(before) = axis.before else { return };
-    let step_before = f64::from(target - before);
-    assert!((step - step_before).abs() <= slow_down + 2.0, "from {step_before} to {step}");
-}
-
 fn check_numbers(outputs: &CycleOutputs) {
-    let Some(joint) = &outputs.report.joint else {
-        return;
-    };
+    let Some(joint) = &outputs.report.joint else { return };
     let values = [
         joint.goal,
         joint.setpoint,
@@ -178,4 +157,56 @@ fn check_numbers(outputs: &CycleOutputs) {
     ];
     assert!(values.iter().flatten().all(|value| value.is_finite()), "{joint:?}");
     assert!(joint.deviation.iter().all(|value| value.is_finite() && *value >= 0.0), "{joint:?}");
+}
+
+#[derive(Default)]
+pub struct Recording {
+    pub ticks: Vec<TickRecord>,
+    pub snapshots: Vec<CycleSnapshot>,
+    /// Ticks from snapshot to snapshot; 0: in every tick.
+    pub interval: usize,
+    pub offers: Vec<OfferRecord>,
+    pub models: Vec<Vec<u8>>,
+    offered: Option<u64>,
+}
+
+impl Recording {
+    pub(super) fn push(
+        &mut self,
+        now: Nanos,
+        inputs: &CycleInputs,
+        outputs: &CycleOutputs,
+        snapshot: Option<CycleSnapshot>,
+    ) {
+        let tick = Tick { planned: now, started: now, missed: 0 };
+        let timing = TickTiming { tick, ended: now };
+        let (number, offered) = (outputs.requests[0].sequence, self.offered.take());
+        self.ticks.push(TickRecord { number, offered, inputs: *inputs, outputs: *outputs, timing });
+        let is_due = self.ticks.len().is_multiple_of(self.interval.max(1));
+        self.snapshots.extend(snapshot.filter(|_| is_due));
+    }
+
+    fn keep(&mut self, model: &Model) {
+        self.models.push(model.file().canonical_form().unwrap());
+    }
+
+    pub(super) fn offer(&mut self, candidate: &ModelCandidate) {
+        let number = self.offers.len() as u64 + 1;
+        let (model, carried) = (candidate.model().id(), candidate.state());
+        self.offers.push(OfferRecord { number, model, carried });
+        self.keep(candidate.model());
+        self.offered = Some(number);
+    }
+
+    pub(super) fn black_box(mut self, first: &Model, config: &Config) -> BlackBox {
+        self.keep(first);
+        BlackBox {
+            header: BlackBoxHeader { software: "test".to_owned(), ..BlackBoxHeader::default() },
+            config: toml::to_string(config).unwrap(),
+            models: self.models,
+            offers: self.offers,
+            snapshots: self.snapshots,
+            ticks: self.ticks,
+        }
+    }
 }

@@ -1,6 +1,10 @@
-//! The robot of the tests and its models.
+//! The robot of the tests and its models. It is faster than the cautious defaults, and its watches
+//! are off: a test switches on what it is about.
 
-use i2ris::config::Config;
+use std::process::Command;
+use std::sync::{Arc, LazyLock};
+
+use i2ris::config::{AxisConfig, Config};
 use i2ris::core::{ExternalPose, FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 use i2ris::model::Model;
 use i2ris::model::file::{
@@ -11,16 +15,13 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::force_balance::{
     BalanceMotor, BalanceParameters, BalanceStop, CREEPING, USUAL_TURN,
 };
-use i2ris::units::{Nanos, OutputVec};
-use std::process::Command;
-use std::sync::{Arc, LazyLock};
+use i2ris::units::{Counts, Nanos, OutputVec};
+use toml::{Table, Value};
 
 use crate::families::{self, Flight};
-use crate::fast_config;
 
 /// One count of one motor, in each of pitch and yaw: 0.022 deg / sqrt 2.
 pub const GAIN_DEG: f64 = 0.015_556;
-
 /// Corner of the square that the model knows, counts.
 pub const HULL: f64 = 800.0;
 
@@ -42,8 +43,7 @@ pub const ROBOT: &str = r#"
     position_max_counts = 1000
 "#;
 
-/// The robot with additional tables. The first step of a stream may be as large as later ones, so
-/// that a test need not approach every goal.
+/// The robot with additional tables. The first step of a stream may be large.
 pub fn config(tables: &str) -> Config {
     let mut config = strict_config(tables);
     config.command.first_step_deg = config.command.max_step_deg;
@@ -76,8 +76,7 @@ pub fn model(unit: OutputUnit) -> Arc<Model> {
     Arc::new(Model::from_file(file(unit, family)).unwrap())
 }
 
-/// The families that fly, as the rows of the one list say: tests of every family have them from
-/// here.
+/// The families that fly, for the tests of every family.
 pub fn flying() -> Vec<Flight> {
     families::all().iter().flat_map(|row| row.flies).copied().collect()
 }
@@ -207,25 +206,13 @@ pub fn balance_model() -> Arc<Model> {
 pub fn scaled_balance_model(factor: f64) -> Arc<Model> {
     // Both wires stay taut, so that a force of two counts stretches them by one.
     let motor = BalanceMotor {
-        centre_counts: 0.0,
         travel_per_count: 1.0,
-        neutral: 0.0,
         gap: 30.0,
-        coupling: 0.0,
         preload: [200.0; 2],
-        preload_growth: 0.0,
         stiffness: [1.0; 2],
         spring: 0.1,
-        hardening: 0.0,
         friction: 40.0,
-        friction_by_tension: [0.0; 2],
-        friction_by_other: 0.0,
-        friction_growth: [0.0; 2],
-        friction_slope: 0.0,
-        friction_asymmetry: 0.0,
-        preload_growth_by_other: 0.0,
-        hardening_by_other: 0.0,
-        transmission_error: [0.0; 4],
+        ..BalanceMotor::default()
     };
     let gain = 1000.0 * factor * GAIN_DEG;
     let family = FamilyParameters::ForceBalance {
@@ -252,7 +239,6 @@ pub fn scaled_balance_model(factor: f64) -> Arc<Model> {
     Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
 }
 
-/// The same model, calibrated within other corners.
 pub fn within(model: &Model, corners: &[[f64; 2]]) -> Arc<Model> {
     let corners = corners.iter().map(|corner| corner.to_vec()).collect();
     let file = ModelFile { hull: HullParameters { corners }, ..model.file().clone() };
@@ -274,22 +260,18 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
     file
 }
 
-/// Angles in rad for angles in deg.
 pub fn rad(pitch_deg: f64, yaw_deg: f64) -> OutputVec {
     [pitch_deg.to_radians(), yaw_deg.to_radians(), 0.0]
 }
 
-/// A frame of a camera that sees pitch and yaw.
 pub fn camera_frame(stamp: Nanos, position: OutputVec) -> ExternalPose {
     ExternalPose { stamp, position, outputs: 2, quality: 0.0 }
 }
 
-/// Adds a forbidden ball, rad.
 pub fn add_ball(centre: OutputVec, radius: f64) -> FixtureChange {
     add(SimpleShape::Ball { centre, radius })
 }
 
-/// Adds a wall, rad.
 pub fn add_wall(normal: OutputVec, offset: f64) -> FixtureChange {
     add(SimpleShape::HalfSpace { normal, offset })
 }
@@ -298,7 +280,65 @@ fn add(shape: SimpleShape) -> FixtureChange {
     FixtureChange::Add(SimpleRegion { space: FixtureSpace::Angles, shape })
 }
 
-/// The counts at which the model predicts these angles.
 pub fn counts_at(pitch_deg: f64, yaw_deg: f64) -> [f64; 2] {
     [(pitch_deg - yaw_deg) / (2.0 * GAIN_DEG), (pitch_deg + yaw_deg) / (2.0 * GAIN_DEG)]
+}
+
+const FAST: &str = "
+    [command]
+    max_step_deg = 5.0
+    max_step_counts = 250
+    [limits]
+    velocity_counts_s = 2000.0
+    acceleration_counts_s2 = 40000.0
+    feedback_stale_ms = 50
+    following_error_counts = 300
+    over_current_ma = 0
+    overrun_ticks = 0
+    [compensation]
+    lead_ms = 0.0
+    conditioning_counts = 0
+    [joint_limits]
+    velocity_deg_s = 0.0
+    acceleration_deg_s2 = 0.0
+";
+
+/// A configuration with these values where the text has no others, checked.
+pub fn fast_config(text: &str) -> Config {
+    let text = toml::to_string(&fast_table(text)).unwrap();
+    Config::parse(&text, "test.toml".as_ref()).unwrap()
+}
+
+/// The same, not checked: it may have no ports yet.
+pub fn fast_table(text: &str) -> Table {
+    let (mut config, fast): (Table, Table) = (text.parse().unwrap(), FAST.parse().unwrap());
+    let robot = fast_axis(0, 0, [Counts(0); 2]);
+    let axis = [
+        ("current_limit_ma", robot.current_limit_ma),
+        ("following_error_counts", robot.following_error_counts),
+        ("motor_speed_rpm", robot.motor_speed_rpm),
+    ];
+    for axes in config["ports"].as_array_mut().unwrap().iter_mut().map(|port| &mut port["axes"]) {
+        for table in axes.as_array_mut().unwrap().iter_mut().filter_map(Value::as_table_mut) {
+            for (key, value) in axis {
+                table.entry(key).or_insert(i64::from(value).into());
+            }
+        }
+    }
+    for (name, values) in fast {
+        let table = config.entry(name).or_insert(Value::Table(Table::new()));
+        for (key, value) in values.as_table().unwrap() {
+            table.as_table_mut().unwrap().entry(key.clone()).or_insert(value.clone());
+        }
+    }
+    config
+}
+
+pub fn fast_axis(motor: usize, serial_number: u32, limits: [Counts; 2]) -> AxisConfig {
+    AxisConfig {
+        current_limit_ma: 300,
+        following_error_counts: 400,
+        motor_speed_rpm: 3000,
+        ..AxisConfig::new(motor, serial_number, limits)
+    }
 }

@@ -12,13 +12,12 @@ use i2ris::drive::serial_frame::{FrameEncoder, MAX_ENCODED, SerialFrame};
 use i2ris::drive::serial_frame_parser::{FrameError, FrameParser, ParserEvent};
 use i2ris::drive::transport::Transport;
 use i2ris::units::{Counts, Nanos};
-use i2ris_simulation::drive::{Abort, Gateway};
+use i2ris_simulation::drive::Gateway;
 
 use super::mini_drive::{MiniDrive, Reply};
 use crate::fast_axis;
 
 pub const SERIAL_NUMBER: u32 = 0x6215_0001;
-
 /// Processing time of a request in the drive.
 const PROCESSING: Nanos = Nanos::from_micros(300);
 
@@ -36,7 +35,6 @@ pub enum Disturbance {
     DropReplyByte(usize),
     DuplicateReplyByte(usize),
     TruncateReply(usize),
-    /// Noise before the reply.
     Noise,
     /// A reply to something else before the reply.
     StrayReply,
@@ -46,7 +44,6 @@ pub enum Disturbance {
 #[derive(Clone, Debug)]
 pub struct SimulatedLine(Arc<Mutex<LineState>>);
 
-/// A request that arrived undamaged.
 #[derive(Debug, Clone, Copy)]
 pub struct ReceivedRequest {
     pub opcode: u8,
@@ -58,30 +55,23 @@ pub struct ReceivedRequest {
     pub arrived: Nanos,
 }
 
-/// Something that happens at an instant.
 type Act = Box<dyn FnOnce() + Send>;
 
 #[derive(Debug)]
 pub struct LineState {
     pub now: Nanos,
     pub drives: Vec<MiniDrive>,
-    /// Disturbances of the next requests, in sequence.
     pub disturbances: VecDeque<Disturbance>,
-    /// Nothing answers.
     pub silent: bool,
-    /// Nothing answers before this instant.
     pub booting_until: Nanos,
     /// This node does not answer; the others do, unless it is the gateway to them.
     pub silent_node: Option<u8>,
-    /// Forwarding of requests by the drive at the port.
     pub gateway: Gateway,
-    /// Delay of replies by an adapter.
     pub adapter_hold: Nanos,
     /// Disturbs the next write of this value to this object.
     pub disturb_write: Option<(u16, u32, Disturbance)>,
     /// Delay of the host when it waits for bytes.
     pub host_delay: Nanos,
-    /// The cable is unplugged.
     pub hung_up: bool,
     /// Requests that were sent before the reply to the previous one was read.
     pub pipelined: u32,
@@ -101,6 +91,8 @@ pub struct LineState {
 impl SimulatedLine {
     /// A line at 115200 baud with these drives; the first one owns the port.
     pub fn new(drives: Vec<MiniDrive>) -> Self {
+        let (round_trip, timeout) = (Nanos::from_micros(600), Nanos::from_millis(50));
+        let gateway = Gateway { round_trip, timeout };
         Self(Arc::new(Mutex::new(LineState {
             now: Nanos::from_millis(1000),
             drives,
@@ -108,10 +100,7 @@ impl SimulatedLine {
             silent: false,
             booting_until: Nanos::ZERO,
             silent_node: None,
-            gateway: Gateway {
-                round_trip: Nanos::from_micros(600),
-                timeout: Nanos::from_millis(50),
-            },
+            gateway,
             adapter_hold: Nanos::ZERO,
             disturb_write: None,
             host_delay: Nanos::ZERO,
@@ -133,12 +122,10 @@ impl SimulatedLine {
         self.0.lock().unwrap()
     }
 
-    /// The present instant.
     pub fn time(&self) -> Nanos {
         self.state().now
     }
 
-    /// Reads or changes the drive with a node id.
     pub fn drive<R>(&self, node: u8, access: impl FnOnce(&mut MiniDrive) -> R) -> R {
         let mut state = self.state();
         let mut drives = state.drives.iter_mut();
@@ -181,14 +168,11 @@ impl LineState {
         if !self.inbox.is_empty() {
             self.pipelined += 1;
         }
-        let disturbance = self
-            .matching_disturbance(bytes)
-            .or_else(|| self.disturbances.pop_front())
-            .unwrap_or(Disturbance::Nothing);
-        if self.silent || self.now < self.booting_until || disturbance == Disturbance::LoseRequest {
-            return;
-        }
-        if self.now < self.gateway_busy_until {
+        let matching = self.matching_disturbance(bytes);
+        let disturbance = matching.or_else(|| self.disturbances.pop_front());
+        let disturbance = disturbance.unwrap_or(Disturbance::Nothing);
+        let is_deaf = self.silent || self.now < self.booting_until.max(self.gateway_busy_until);
+        if is_deaf || disturbance == Disturbance::LoseRequest {
             return;
         }
         let mut bytes = bytes.to_vec();
@@ -224,10 +208,10 @@ impl LineState {
                         }
                         begin = begin + delay;
                         self.gateway_busy_until = begin;
-                        abort.map_or_else(
-                            || answer(&mut self.drives, &frame),
-                            |abort: Abort| Reply::error(abort as u32),
-                        )
+                        match abort {
+                            Some(abort) => Reply::error(abort as u32),
+                            None => answer(&mut self.drives, &frame),
+                        }
                     }
                 }
             };
@@ -376,7 +360,6 @@ impl fmt::Debug for Planned {
     }
 }
 
-/// Advances to an instant, running scheduled actions.
 fn advance(mut state: MutexGuard<'_, LineState>, now: Nanos) {
     state.now = now;
     let due: Vec<_> = state.planned.0.extract_if(.., |(at, _)| *at <= now).collect();
@@ -384,15 +367,11 @@ fn advance(mut state: MutexGuard<'_, LineState>, now: Nanos) {
     due.into_iter().for_each(|(_, act)| act());
 }
 
-/// A port with one axis per drive.
 pub fn port_config(drives: &[MiniDrive]) -> PortConfig {
-    let axes = drives
-        .iter()
-        .enumerate()
-        .map(|(motor, drive)| AxisConfig {
-            node_id: drive.node,
-            ..fast_axis(motor, drive.serial_number, [Counts(-2000), Counts(2000)])
-        })
-        .collect();
+    let axis = |(motor, drive): (usize, &MiniDrive)| AxisConfig {
+        node_id: drive.node,
+        ..fast_axis(motor, drive.serial_number, [Counts(-2000), Counts(2000)])
+    };
+    let axes = drives.iter().enumerate().map(axis).collect();
     PortConfig::new("/dev/simulated".into(), axes)
 }

@@ -1,9 +1,7 @@
-//! The list of model families, with samples and promises: the conformance suites of models, cycle
-//! and others run with each row.
+//! The list of model families, with samples and promises: conformance suites run with each row.
 //!
 //! To delete a family, remove its row here and its function in `rows`.
 
-mod networks;
 mod parameters;
 mod rows;
 mod samples;
@@ -15,7 +13,6 @@ use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use proptest::strategy::BoxedStrategy;
 
-pub use networks::*;
 pub use parameters::*;
 pub use samples::*;
 
@@ -35,7 +32,6 @@ macro_rules! for_each_family {
 
 macro_rules! list {
     ($($row:ident = $family:ident;)*) => {
-        /// The samples of all rows.
         pub fn all() -> Vec<Sample> {
             vec![$($row()),*]
         }
@@ -59,7 +55,6 @@ for_each_family!(list);
 /// A model used in the cycle tests, by name: it can be computed by hand, or it is fitted.
 pub type Flight = (&'static str, fn() -> Arc<Model>);
 
-/// A family in the tests.
 #[derive(Clone)]
 pub struct Sample {
     pub name: &'static str,
@@ -80,7 +75,6 @@ impl fmt::Debug for Sample {
 }
 
 impl Sample {
-    /// The model of [`Sample::file`].
     pub fn model(&self) -> Arc<Model> {
         Arc::new(Model::from_file(self.file.clone()).unwrap())
     }
@@ -95,8 +89,7 @@ pub struct Promise {
     pub has_gap: bool,
     /// A part of the compensation is possible; none gives the counts of a model without memory.
     pub compensates: bool,
-    /// Error of outputs and counts of an inverse. If a motor is in a gap, other counts are as good:
-    /// infinite.
+    /// Error of outputs and counts of an inverse; infinite where a gap makes other counts as good.
     pub inverse: [f64; 2],
     /// Difference between a pose computed with its slope and one computed alone, rad.
     pub shared: f64,
@@ -115,7 +108,6 @@ pub struct Promise {
 }
 
 impl Promise {
-    /// Promises of a family without memory.
     pub const EXACT: Self = Self {
         has_memory: false,
         has_gap: false,

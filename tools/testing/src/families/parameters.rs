@@ -1,4 +1,4 @@
-//! Sample parameters of families, and random ones.
+//! Sample parameters of families, and random ones; sample networks.
 
 use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile, PolynomialParameters};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
@@ -6,13 +6,13 @@ use i2ris::model::hysteresis::force_balance::{
     BalanceMotor, BalanceParameters, BalanceStop, CREEPING, USUAL_TURN,
 };
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
+use i2ris::model::network::{Activation, Layer, NetworkParameters};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
 use super::samples::{REACH, file, region};
 
-/// Force balance of a snake with slack, backlash and friction: a typical sample of
-/// [`balances`].
+/// A typical sample of [`balances`]: a snake with slack, backlash and friction.
 pub fn some_balance(motors: usize) -> BalanceParameters {
     balance_of(motors, [6.0, 9.0], [-12.0, -6.0, 15.0, 8.0], [0.2, 0.3])
 }
@@ -39,7 +39,6 @@ pub fn balance_family(balance: BalanceParameters, gain: &[Vec<f64>]) -> FamilyPa
     }
 }
 
-/// A model of [`some_balance`].
 pub fn balance_file(motors: usize) -> ModelFile {
     let gain = [[0.024, -0.016], [0.018, 0.022]];
     let gain: Vec<_> = gain[..motors].iter().map(|row| row[..motors].to_vec()).collect();
@@ -98,11 +97,9 @@ pub fn balances(motors: usize) -> impl Strategy<Value = BalanceParameters> {
         .prop_map(move |(gap, preload, by_tension)| balance_of(motors, gap, preload, by_tension))
 }
 
-/// Minimum weight of threshold 0 of [`plays`]. Where virtual counts differ by one, counts may
-/// differ by its reciprocal.
+/// Minimum weight of threshold 0 of [`plays`]. Counts may differ by its reciprocal.
 pub const MIN_WEIGHT: f64 = 0.1;
 
-/// Thresholds and weights of one motor.
 fn plays_of_a_motor() -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
     (MIN_WEIGHT..1.0_f64, vec((2.0..60.0_f64, 0.0..1.0_f64), 0..5)).prop_map(|(first, others)| {
         let total: f64 = others.iter().map(|(_, weight)| weight).sum::<f64>().max(1e-9);
@@ -142,4 +139,85 @@ pub fn residual(motors: usize, lags: usize, outputs: usize, size: f64) -> Residu
     let coefficients =
         (0..outputs).map(|i| (0..features).map(|j| coefficient(i, j)).collect()).collect();
     ResidualParameters { scale_counts: REACH, shape_degree: 2, lag_degree: 1, coefficients }
+}
+
+/// Numbers of a network between -`size` and `size`, always the same.
+fn weights(height: usize, width: usize, size: f64) -> Vec<Vec<f64>> {
+    let number = |i: usize, j: usize| size * (1.7 * i as f64 + 2.9 * j as f64 + 0.4).sin();
+    (0..height).map(|i| (0..width).map(|j| number(i, j)).collect()).collect()
+}
+
+/// Weights and biases of gates from two inputs: `open` are biases; gate 2 depends on one motor.
+fn gates(units: usize, open: &[f64]) -> ([Vec<Vec<f64>>; 2], [Vec<f64>; 2]) {
+    let height = open.len() * units;
+    let mut input = weights(height, 2, 0.05);
+    for (unit, row) in input[2 * units..3 * units].iter_mut().enumerate() {
+        *row = vec![0.0, 0.0];
+        row[unit % 2] = 0.5;
+    }
+    let bias = open.iter().flat_map(|bias| vec![*bias; units]).collect();
+    ([input, weights(height, units, 0.1 / units as f64)], [bias, vec![0.01; height]])
+}
+
+pub fn averages(units: usize) -> Layer {
+    let row = |motor: usize| {
+        (0..units).map(|unit| if unit % 2 == motor { 4.0 / units as f64 } else { 0.0 }).collect()
+    };
+    Layer::Dense { weight: vec![row(0), row(1)], bias: vec![0.1; 2], activation: Activation::None }
+}
+
+pub fn gru(units: usize) -> Layer {
+    let (weights, [input_bias, recurrent_bias]) = gates(units, &[0.0, -1.5, 0.0]);
+    let [input_weight, recurrent_weight] = weights;
+    Layer::Gru { input_weight, recurrent_weight, input_bias, recurrent_bias }
+}
+
+/// A GRU that outputs the average of each kind of input.
+pub fn gru_of(inputs: usize, units: usize) -> Layer {
+    let Layer::Gru { recurrent_weight, input_bias, recurrent_bias, .. } = gru(units) else {
+        unreachable!()
+    };
+    let new = |unit: usize, input: usize| if unit % 2 == input % 2 { 0.8 } else { 0.0 };
+    let row = |row: usize| {
+        let number =
+            |input: usize| if row < 2 * units { 0.02 } else { new(row - 2 * units, input) };
+        (0..inputs).map(number).collect()
+    };
+    let input_weight = (0..3 * units).map(row).collect();
+    Layer::Gru { input_weight, recurrent_weight, input_bias, recurrent_bias }
+}
+
+pub fn lstm(units: usize) -> Layer {
+    let (weights, [input_bias, recurrent_bias]) = gates(units, &[2.0, -1.5, 0.0, 2.0]);
+    let [input_weight, recurrent_weight] = weights;
+    Layer::Lstm { input_weight, recurrent_weight, input_bias, recurrent_bias }
+}
+
+pub fn conv(activation: Activation) -> Layer {
+    let tap = |size: f64| vec![vec![size, 0.02], vec![-0.03, size], vec![0.5 * size, 0.1]];
+    let taps = vec![tap(0.1), tap(0.15), tap(0.4)];
+    Layer::Conv { taps, bias: vec![0.05, -0.05, 0.3], dilation: 2, activation }
+}
+
+/// A network of two motors and two angles, about 0.02 deg per count.
+pub fn network_file(layers: Vec<Layer>) -> ModelFile {
+    let network = NetworkParameters {
+        step_counts: 10.0,
+        input_centre: vec![20.0, -30.0],
+        input_scale: vec![0.001; 2],
+        layers,
+        output_gain: vec![vec![20.0, 5.0], vec![-5.0, 20.0]],
+        output_offset: vec![0.5, -0.25],
+        skip_gain: vec![vec![0.001, 0.002], vec![0.0, 0.001]],
+    };
+    let gain = vec![vec![0.02, 0.005], vec![-0.005, 0.02]];
+    let family = FamilyParameters::Network {
+        network,
+        memory_counts: vec![200.0; 2],
+        gain: gain.clone(),
+        covariance: vec![vec![0.01, 0.0], vec![0.0, 0.02]],
+    };
+    let mut file = file(2, family, region(2, 1000.0));
+    file.training.linear_gain = Some(gain);
+    file
 }

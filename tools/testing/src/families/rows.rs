@@ -5,8 +5,10 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::network::Activation;
 use proptest::prelude::*;
 
-use super::networks::{averages, conv, gru, gru_of, lstm, network_file};
-use super::parameters::{balance_family, balances, plays, residual, some_balance};
+use super::parameters::{
+    averages, balance_family, balances, conv, gru, gru_of, lstm, network_file, plays, residual,
+    some_balance,
+};
 use super::samples::{REACH, SmoothMap, affine, file, region, smooth_gmr, square, two_by_two};
 use super::{Promise, Sample};
 use crate::cycle::{GAIN_DEG, HULL, balance_model, fitted_model, model, play_model};
@@ -14,9 +16,7 @@ use crate::cycle::{GAIN_DEG, HULL, balance_model, fitted_model, model, play_mode
 type Random = BoxedStrategy<ModelFile>;
 
 const GAIN: [[f64; 2]; 2] = [[GAIN_DEG, GAIN_DEG], [-GAIN_DEG, GAIN_DEG]];
-
 const ALL_SIZES: &[(usize, usize)] = &[(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3)];
-
 /// A model with as many angles as motors, or the tip.
 const SQUARE: &[(usize, usize)] = &[(1, 1), (2, 2)];
 

@@ -8,7 +8,6 @@ use i2ris::model::{Memory, Model};
 use i2ris::units::MotorVec;
 use proptest::prelude::*;
 
-/// One degree in radians.
 pub const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// A model file with a family and a hull; all other fields have valid values.
@@ -42,9 +41,8 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
 /// `output = gain * counts + offset`, degrees, with a variance of 0.25 deg^2.
 pub fn affine(gain: &[&[f64]], offset: &[f64]) -> FamilyParameters {
     let outputs = offset.len();
-    let covariance = (0..outputs)
-        .map(|i| (0..outputs).map(|j| if i == j { 0.25 } else { 0.0 }).collect())
-        .collect();
+    let row = |i| (0..outputs).map(|j| if i == j { 0.25 } else { 0.0 }).collect();
+    let covariance = (0..outputs).map(row).collect();
     FamilyParameters::Linear {
         gain: gain.iter().map(|row| row.to_vec()).collect(),
         offset: offset.to_vec(),
@@ -52,7 +50,6 @@ pub fn affine(gain: &[&[f64]], offset: &[f64]) -> FamilyParameters {
     }
 }
 
-/// A Gaussian mixture of two components over one motor and one angle.
 pub fn two_components() -> FamilyParameters {
     let mixture = MixtureParameters {
         weights: vec![0.4, 0.6],
@@ -65,7 +62,6 @@ pub fn two_components() -> FamilyParameters {
     FamilyParameters::Gmr { mixture: mixture.into() }
 }
 
-/// A Gaussian mixture of two components over two motors and two angles.
 pub fn two_by_two() -> FamilyParameters {
     let rows = |rows: [[f64; 4]; 4]| rows.iter().map(|row| row.to_vec()).collect();
     let mixture = MixtureParameters {
@@ -89,7 +85,6 @@ pub fn two_by_two() -> FamilyParameters {
     FamilyParameters::Gmr { mixture: mixture.into() }
 }
 
-/// A square of motor space around 0.
 pub fn square(half_width: f64) -> Vec<Vec<f64>> {
     let h = half_width;
     vec![vec![-h, -h], vec![h, -h], vec![h, h], vec![-h, h]]
@@ -100,21 +95,17 @@ pub fn region(motors: usize, half_width: f64) -> Vec<Vec<f64>> {
     if motors == 1 { vec![vec![-half_width], vec![half_width]] } else { square(half_width) }
 }
 
-/// Half-width of the [`smooth_gmr`] hull.
 pub const REACH: f64 = 500.0;
 
-/// A mixture that follows a smooth invertible map: components on a lattice of motor space, each
-/// tangent to the map.
+/// A mixture that follows a smooth invertible map: components on a lattice, each tangent to it.
 ///
-/// Every motor `j` contributes `g(x) = x + bend * s * sin(x / s)`, and the outputs are `gain *
-/// g(counts)`.
+/// Every motor `j` contributes `g(x) = x + bend * s * sin(x / s)`, outputs are `gain * g(counts)`.
 #[derive(Debug, Clone)]
 pub struct SmoothMap {
     /// Degrees per count, one row per output.
     pub gain: Vec<Vec<f64>>,
     /// Relative change of the slope over the range, below 1.
     pub bend: f64,
-    /// Components along each motor.
     pub steps: usize,
 }
 
@@ -143,7 +134,6 @@ impl SmoothMap {
         (mean, (0..size).map(|i| (0..size).map(|j| entry(i, j)).collect()).collect())
     }
 
-    /// Linear outputs.
     pub fn straight(gain: &[&[f64]]) -> Self {
         Self { gain: gain.iter().map(|row| row.to_vec()).collect(), bend: 0.0, steps: 1 }
     }
@@ -166,20 +156,17 @@ impl SmoothMap {
         MixtureParameters { weights, means, covariances }
     }
 
-    /// The map for fewer motors or outputs.
     pub fn of_size(&self, motors: usize, outputs: usize) -> Self {
         let gain = self.gain.iter().take(outputs).map(|row| row[..motors].to_vec());
         Self { gain: gain.collect(), ..self.clone() }
     }
 
-    /// The model file, with the hull [`REACH`].
     pub fn file(&self) -> ModelFile {
         file(self.gain.len(), self.family(), region(self.gain[0].len(), REACH))
     }
 }
 
-/// Smooth maps of given sizes. Two motors act in two planes that may be oblique. A third output
-/// follows both.
+/// Smooth maps of given sizes. Two planes may be oblique. A third output follows both.
 pub fn smooth_gmr(motors: usize, outputs: usize) -> impl Strategy<Value = SmoothMap> {
     (0.005..0.05_f64, 0.005..0.05_f64, -0.4..0.4_f64, 0.0..0.4_f64, 1..6_usize).prop_map(
         move |(a, b, skew, bend, steps)| {
@@ -191,22 +178,15 @@ pub fn smooth_gmr(motors: usize, outputs: usize) -> impl Strategy<Value = Smooth
     )
 }
 
-/// A position in the hull of [`smooth_gmr`].
 pub fn position(motors: usize) -> impl Strategy<Value = [f64; 2]> {
     (-REACH..REACH, -REACH..REACH)
         .prop_map(move |(a, b)| if motors == 1 { [a, 0.0] } else { [a, b] })
 }
 
-/// Any number, including NaN.
 pub fn any_number() -> impl Strategy<Value = f64> {
-    prop_oneof![
-        any::<f64>(),
-        -2.0..2.0_f64,
-        Just(f64::NAN),
-        Just(f64::INFINITY),
-        Just(f64::MAX),
-        Just(-0.0)
-    ]
+    let special = [f64::NAN, f64::INFINITY, f64::MAX, -0.0].map(Just);
+    let [nan, infinity, max, zero] = special;
+    prop_oneof![any::<f64>(), -2.0..2.0_f64, nan, infinity, max, zero]
 }
 
 pub fn distance(a: &[f64], b: &[f64]) -> f64 {
