@@ -29,9 +29,7 @@ use crate::models::tracking::{Pilot, along, approach};
 
 /// Duration of every motion, s, after a turn that is not measured.
 const DURATION_S: f64 = 60.0;
-
 const SPEEDS_DEG_S: [f64; 2] = [3.0, 10.0];
-
 /// Tolerance of a move at arrival, deg; and maximum duration of a move or cycle, ticks.
 const AWAY_DEG: f64 = 0.2;
 const MAX_TICKS: u32 = 300_000;
@@ -52,7 +50,6 @@ pub struct Arguments {
     moves: u32,
 }
 
-/// Result of a motion.
 struct Found {
     /// Setpoint minus goal, from the model, and tip minus goal; deg.
     model_deg: f64,
@@ -62,7 +59,6 @@ struct Found {
     rest_s: f64,
 }
 
-/// Measures all snakes and prints a line for each motion.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     println!("RMS deg, with the limits as shipped | without those of the joints");
     println!(
@@ -109,42 +105,34 @@ fn judge(snake: &SnakeSource, folder: &Path, models: &Path, moves: u32) -> Resul
             };
             let [a, b] = [of(&shipped)?, of(&free)?];
             text += &format!("{name:20} {motion} {speed:4}");
-            for (shipped, free) in [
-                (a.model_deg, b.model_deg),
-                (a.tip_deg, b.tip_deg),
-                (a.farthest_deg, b.farthest_deg),
-                (a.rest_s, b.rest_s),
-            ] {
+            let found = |of: Found| [of.model_deg, of.tip_deg, of.farthest_deg, of.rest_s];
+            for (shipped, free) in found(a).into_iter().zip(found(b)) {
                 text += &format!("  {shipped:6.3} | {free:6.3}");
             }
             text.push('\n');
         }
     }
     for adapts in [false, true] {
-        let ended = (moves > 0).then(|| ends(&shipped, &model, snake, moves, adapts));
+        let ended = (moves > 0).then(|| ends([&shipped, &free], &model, snake, moves, adapts));
         text += &ended.transpose()?.unwrap_or_default();
     }
     Ok(text)
 }
 
-/// Compares moves and conditioning cycles with and without joint limits: whether they end within
-/// twice the time.
+/// Whether moves and conditioning cycles end within twice the time that they take without limits.
 fn ends(
-    config: &Config,
+    configs: [&Config; 2],
     model: &Arc<Model>,
     snake: &SnakeSource,
     moves: u32,
     adapts: bool,
 ) -> Result<String, Failure> {
-    let mut shipped = config.clone();
-    shipped.adaptation.enabled = adapts;
-    let mut free = shipped.clone();
-    free.joint_limits = JointLimitConfig::OFF;
     let mut random = Pcg64Mcg::seed_from_u64(u64::from(adapts));
     let mut robots = Vec::new();
-    for config in [&shipped, &free] {
-        let motors = Robot::new(snake.build(1));
-        let mut robot = ClosedLoop::conditioned(config, model, motors)?;
+    for config in configs {
+        let mut config = config.clone();
+        config.adaptation.enabled = adapts;
+        let mut robot = ClosedLoop::conditioned(&config, model, Robot::new(snake.build(1)))?;
         if adapts {
             robot.watch(&CameraConfig::default(), 1);
         }
@@ -213,10 +201,8 @@ fn nested(phase: f64) -> [f64; 2] {
 /// A path played at the given maximum speed, [`RATE_HZ`] times a second.
 fn played(path: fn(f64) -> [f64; 2], speed_deg_s: f64) -> Vec<[f64; 2]> {
     let way = |from: [f64; 2], to: [f64; 2]| (to[0] - from[0]).hypot(to[1] - from[1]);
-    let per_radian = (0..10_000)
-        .map(|k| 0.01 * f64::from(k))
-        .map(|phase| way(path(phase), path(phase + 1e-4)) * 1e4)
-        .fold(0.0, f64::max);
+    let speed = |phase: f64| way(path(phase), path(phase + 1e-4)) * 1e4;
+    let per_radian = (0..10_000).map(|k| speed(0.01 * f64::from(k))).fold(0.0, f64::max);
     let rate = speed_deg_s / per_radian / RATE_HZ;
     (0..(DURATION_S * RATE_HZ) as u32).map(|sample| path(rate * f64::from(sample))).collect()
 }

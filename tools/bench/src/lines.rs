@@ -34,9 +34,7 @@ const AMPLITUDE_DEG: f64 = 6.0;
 const SPEED_DEG_S: f64 = 6.0;
 /// Whole periods in the duration: every motion ends at the start of the next.
 const SINES_HZ: [f64; 2] = [1.0 / 6.0, 1.0 / 12.0];
-
-/// Ticks: smoothing of the motor speed, window of a delay, maximum delay; rest after a command and
-/// after a stop.
+/// Ticks: smoothing of the motor speed, window of a delay, maximum delay; rest after a command.
 const SMOOTH: usize = 50;
 const WINDOW: usize = 1000;
 const MAX_DELAY: usize = 80;
@@ -46,12 +44,8 @@ const REST: usize = 200;
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Lines to compare; tracking errors are relative to those on the first
-    #[arg(
-        long,
-        value_name = "LINE,..",
-        value_delimiter = ',',
-        default_value = "rs232,usb-each,lab"
-    )]
+    #[arg(long, value_name = "LINE,..", value_delimiter = ',')]
+    #[arg(default_value = "rs232,usb-each,lab")]
     line: Vec<Line>,
     /// Number of drives on the laboratory's line; the third turns no joint and stays at rest
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_value = "2,3",
@@ -61,19 +55,14 @@ pub struct Arguments {
     #[arg(long, value_name = "MS,..", value_delimiter = ',', default_value = "1,16")]
     timer_ms: Vec<u64>,
     /// Snakes, by physics and seed
-    #[arg(
-        long,
-        value_name = "NAME:SEED,..",
-        value_delimiter = ',',
-        default_value = "springs:3,wire:3,dahl:3"
-    )]
+    #[arg(long, value_name = "NAME:SEED,..", value_delimiter = ',')]
+    #[arg(default_value = "springs:3,wire:3,dahl:3")]
     snake: Vec<DrawnSnake>,
     /// Duration of the hand's motion on every line, s
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     duration_s: f64,
 }
 
-/// One line of the table.
 #[derive(Debug, Clone, Copy)]
 struct Plan {
     line: Line,
@@ -81,10 +70,8 @@ struct Plan {
     timer_ms: u64,
 }
 
-/// Results of a line with a snake.
 struct Outcome {
-    /// Setpoint rate of each motor while both move evenly, and its share of the rate of a bare loop
-    /// that exchanges setpoint and position.
+    /// Setpoint rate of each motor while both move evenly, and its share of that of a bare loop.
     setpoints_per_s: f64,
     share: f64,
     /// Delay from goal to tip, ms: median and 99th percentile.
@@ -98,7 +85,6 @@ struct Outcome {
     error_deg: f64,
 }
 
-/// Measures all lines and prints them as a table.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = tempfile::tempdir()?;
     let Arguments { line, axes, timer_ms, snake, duration_s } = arguments;
@@ -151,7 +137,6 @@ fn print_row(plan: Plan, found: &[Outcome]) {
     );
 }
 
-/// A snake with its model, and the motion of a hand.
 struct Subject {
     snake: DrawnSnake,
     model: Arc<Model>,

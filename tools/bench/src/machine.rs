@@ -1,9 +1,14 @@
-//! The machine of a measurement, and its load.
+//! The machine of a measurement and its load; and the scheduling of threads: a dedicated processor
+//! and SCHED_FIFO, if permitted.
 
-use std::fs;
 use std::path::Path;
+use std::{fs, thread};
 
+use i2ris::realtime::{Granted, SchedulingRequest, request};
+use i2ris_report::Interrupt;
 use serde::Serialize;
+
+use crate::{Failure, panicked};
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Machine {
@@ -26,7 +31,6 @@ fn read(path: &str) -> String {
     fs::read_to_string(path).unwrap_or_default().trim().to_owned()
 }
 
-/// The preemption model in the version of the kernel.
 fn preemption(version: &str, real_time: bool) -> String {
     if real_time {
         return "PREEMPT_RT".to_owned();
@@ -43,7 +47,6 @@ fn real_time_share(runtime: &str, period: &str) -> Option<f64> {
 }
 
 impl Machine {
-    /// Reads the properties of this machine from /proc and /sys.
     pub fn detect() -> Self {
         let cpu = read("/proc/cpuinfo");
         let value = |name: &str| {
@@ -53,6 +56,7 @@ impl Machine {
         // All processors, not only those that this thread may use.
         let processors = cpu.lines().filter(|line| line.starts_with("processor")).count();
         let is_realtime = Path::new("/sys/kernel/realtime").exists();
+        let share = |name: &str| read(&format!("/proc/sys/kernel/sched_rt_{name}_us"));
         Self {
             processor: value("model name").unwrap_or("unknown").to_owned(),
             processors: processors.max(1),
@@ -61,16 +65,12 @@ impl Machine {
             clock: read("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
             governor: read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
             isolated: read("/sys/devices/system/cpu/isolated"),
-            real_time_share: real_time_share(
-                &read("/proc/sys/kernel/sched_rt_runtime_us"),
-                &read("/proc/sys/kernel/sched_rt_period_us"),
-            ),
+            real_time_share: real_time_share(&share("runtime"), &share("period")),
             is_virtual: value("flags")
                 .is_some_and(|flags| flags.split(' ').any(|flag| flag == "hypervisor")),
         }
     }
 
-    /// The machine in one sentence.
     pub fn description(&self) -> String {
         let kind = if self.is_virtual { "virtual machine" } else { "not a virtual machine" };
         let mut text = format!(
@@ -86,15 +86,13 @@ impl Machine {
         text
     }
 
-    /// Notes on the validity of measurements on this machine.
     pub fn notes(&self) -> Vec<String> {
-        let debug = cfg!(debug_assertions).then_some(DEBUG_NOTE);
+        let debug = cfg!(debug_assertions)
+            .then_some("This is a debug build: measure with a build with --release.");
         let notes = if self.is_virtual { VIRTUAL_NOTES } else { REAL_NOTES };
         debug.iter().chain(notes).map(|note| (*note).to_owned()).collect()
     }
 }
-
-const DEBUG_NOTE: &str = "This is a debug build: measure with a build with --release.";
 
 const REAL_NOTES: &[&str] =
     &["Everything runs on this one computer. Maxima are of this run, not bounds for the next."];
@@ -111,7 +109,6 @@ const VIRTUAL_NOTES: &[&str] = &[
      them at the baud rate.",
 ];
 
-/// The load of a machine during a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SystemLoad {
     /// Use of all processors by all processes, percent.
@@ -121,19 +118,15 @@ pub struct SystemLoad {
 }
 
 impl SystemLoad {
-    /// The load in one sentence.
     pub fn description(&self) -> String {
         let Self { busy_percent: busy, stolen_percent: stolen } = self;
         format!("{busy:.0} % of all processors in use, {stolen:.1} % stolen by the host")
     }
 }
 
-/// Measures the load since its start.
+/// Times of all processors since boot.
 #[derive(Debug, Clone, Copy)]
-pub struct LoadMonitor(Times);
-
-#[derive(Debug, Clone, Copy, Default)]
-struct Times {
+pub struct LoadMonitor {
     idle: u64,
     stolen: u64,
     total: u64,
@@ -141,26 +134,81 @@ struct Times {
 
 impl LoadMonitor {
     pub fn start() -> Self {
-        Self(times(&read("/proc/stat")))
+        Self::at(&read("/proc/stat"))
     }
 
     pub fn stop(self) -> SystemLoad {
-        let (before, after) = (self.0, times(&read("/proc/stat")));
-        let total = after.total.saturating_sub(before.total).max(1) as f64;
+        let now = Self::start();
+        let total = now.total.saturating_sub(self.total).max(1) as f64;
         let share = |before: u64, after: u64| 100.0 * after.saturating_sub(before) as f64 / total;
-        let stolen_percent = share(before.stolen, after.stolen);
-        let busy = 100.0 - share(before.idle, after.idle) - stolen_percent;
+        let stolen_percent = share(self.stolen, now.stolen);
+        let busy = 100.0 - share(self.idle, now.idle) - stolen_percent;
         SystemLoad { busy_percent: busy.clamp(0.0, 100.0), stolen_percent }
+    }
+
+    /// Line 1 of `/proc/stat` (proc(5)): user, nice, system, idle, iowait, irq, softirq, steal.
+    fn at(stat: &str) -> Self {
+        let first = stat.lines().next().unwrap_or_default();
+        let fields = first.split_whitespace().skip(1).take(8);
+        let fields: Vec<u64> = fields.map(|field| field.parse().unwrap_or(0)).collect();
+        let field = |index: usize| fields.get(index).copied().unwrap_or(0);
+        Self { idle: field(3) + field(4), stolen: field(7), total: fields.iter().sum() }
     }
 }
 
-/// The first line of `/proc/stat` (proc(5)): user, nice, system, idle, iowait, irq, softirq, steal.
-fn times(stat: &str) -> Times {
-    let first = stat.lines().next().unwrap_or_default();
-    let fields = first.split_whitespace().skip(1).take(8);
-    let fields: Vec<u64> = fields.map(|field| field.parse().unwrap_or(0)).collect();
-    let field = |index: usize| fields.get(index).copied().unwrap_or(0);
-    Times { idle: field(3) + field(4), stolen: field(7), total: fields.iter().sum() }
+#[derive(Debug, Clone, Copy)]
+pub struct Run<'a> {
+    /// SCHED_FIFO priority of the threads; 0: normal scheduling.
+    pub priority: u8,
+    pub interrupt: &'a Interrupt,
+}
+
+impl Run<'_> {
+    pub fn check(self) -> Result<(), Failure> {
+        if self.interrupt.came() { Err("interrupted".into()) } else { Ok(()) }
+    }
+
+    /// Its own processor, if there are two: the last one, because the first one serves the
+    /// interrupts of most machines.
+    pub fn processor(self) -> Option<usize> {
+        let processors = thread::available_parallelism().map_or(1, usize::from);
+        (self.priority > 0 && processors >= 2).then(|| processors - 1)
+    }
+
+    /// Requests the scheduling for the calling thread, and describes the result.
+    pub fn schedule(self, thread: &str) -> String {
+        let (priority, lock_memory) = (self.priority, self.priority > 0);
+        let granted = request(SchedulingRequest { priority, cpu: self.processor(), lock_memory });
+        format!("{thread}: {}", describe(&granted))
+    }
+}
+
+pub fn request_priority(priority: u8) {
+    let _ = request(SchedulingRequest { priority, ..SchedulingRequest::default() });
+}
+
+/// Describes the scheduling that was granted or refused, with the reason.
+pub fn describe(granted: &Granted) -> String {
+    let mut text = match granted.priority {
+        0 => "normal scheduling".to_owned(),
+        priority => format!("SCHED_FIFO {priority}"),
+    };
+    text += &match granted.cpu {
+        None => ", on any processor".to_owned(),
+        Some(cpu) => format!(", on processor {cpu} only"),
+    };
+    if granted.memory_locked {
+        text += ", memory locked";
+    }
+    for warning in &granted.warnings {
+        text += &format!("; {warning}");
+    }
+    text
+}
+
+/// Runs `work` in a new thread: its scheduling ends with the thread.
+pub fn in_thread<T: Send>(work: impl FnOnce() -> Result<T, Failure> + Send) -> Result<T, Failure> {
+    thread::scope(|scope| scope.spawn(work).join().map_err(panicked)?)
 }
 
 #[cfg(test)]
@@ -169,8 +217,8 @@ mod tests {
 
     #[test]
     fn the_files_of_the_kernel_are_read() {
-        let Times { idle, stolen, total } = times("cpu  100 1 50 800 20 3 4 22 5 6\ncpu0 1 2 3");
-        assert_eq!((idle, stolen, total), (820, 22, 1000));
+        let load = LoadMonitor::at("cpu  100 1 50 800 20 3 4 22 5 6\ncpu0 1 2 3");
+        assert_eq!((load.idle, load.stolen, load.total), (820, 22, 1000));
         assert_eq!(preemption("#1 SMP PREEMPT_DYNAMIC Debian 6.1", false), "PREEMPT_DYNAMIC");
         assert_eq!(preemption("#1 SMP", false), "no preemption named");
         assert_eq!(preemption("", true), "PREEMPT_RT");

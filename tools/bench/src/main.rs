@@ -1,15 +1,13 @@
 //! `i2ris bench`: latencies on this machine, compared with the floor of the same run.
 //!
 //! A latency has little meaning without the minimum that the machine allows. Every measurement is
-//! an [`Outcome`] with several variants. One of them is a floor. All variants run in turns in the
-//! same run.
+//! an [`Outcome`] with several variants. One is a floor. All run in turns in the same run.
 //!
 //! | file | contains |
 //! |---|---|
-//! | `control_loop`, `inverse`, `e2e` | the measurements |
+//! | `control_loop`, `inverse`, `e2e` | the measurements, with models and drives |
 //! | `outcome`, `report` | variants, quantities, ratios; as text, JSON and figures |
-//! | `placement`, `machine` | scheduling of threads; properties and load of the machine |
-//! | `rig`, `sample_models`, `tick` | emulated drives, models of any size, an ideal tick |
+//! | `machine` | scheduling of threads; properties and load of the machine |
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -18,11 +16,7 @@ mod e2e;
 mod inverse;
 mod machine;
 mod outcome;
-mod placement;
 mod report;
-mod rig;
-mod sample_models;
-mod tick;
 
 use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
@@ -30,18 +24,15 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Parser, value_parser};
-use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
 use i2ris_bench::{limits, lines, models};
 use i2ris_report::{Failure, Interrupt};
 use indicatif::ProgressBar;
 
+use e2e::EndToEndBenchmark;
+use inverse::subject;
+use machine::Run;
 use outcome::Outcome;
-use placement::{Placement, Run};
-use sample_models::subject;
-
-/// Time before each tick at which the ticker wakes and polls the clock.
-const SPIN: Nanos = Nanos::from_micros(100);
 
 /// A timeout of a measurement.
 fn busy(what: &str) -> Failure {
@@ -50,11 +41,6 @@ fn busy(what: &str) -> Failure {
 
 fn panicked<T>(_: T) -> Failure {
     busy("a thread of the measurement panicked")
-}
-
-/// A domain for this run alone.
-fn own_domain() -> Result<Domain, Failure> {
-    Ok(Domain::new(&format!("bench-{:08x}", i2ris::ipc::random_id() as u32))?)
 }
 
 /// Benchmark computer, controller and models
@@ -181,11 +167,6 @@ struct HandArguments {
     measurement: Measurement,
 }
 
-/// Path of the controller, next to this program.
-fn controller() -> Result<PathBuf, Failure> {
-    Ok(std::env::current_exe()?.with_file_name("i2ris-control"))
-}
-
 fn main() -> ExitCode {
     i2ris_report::program::run(|_| true, |arguments: Arguments| run(&arguments))
 }
@@ -203,8 +184,7 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
         Task::All(measurement) => (measurement, true),
     };
     let interrupt = Interrupt::catch()?;
-    let placement = Placement { priority: *priority, pinned: *priority > 0 };
-    let run = Run { placement, interrupt: &interrupt };
+    let run = Run { priority: *priority, interrupt: &interrupt };
     let outcomes = if is_all { all(*json, run)? } else { vec![measured(task, *json, "it", run)?] };
     report::print_outcomes(&outcomes, *json)?;
     let Some(folder) = output else { return Ok(()) };
@@ -215,7 +195,6 @@ fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Runs one measurement with a spinner.
 fn measured(task: &Task, json: bool, name: &str, run: Run) -> Result<Outcome, Failure> {
     let is_hidden = json || !stderr().is_terminal();
     let bar = if is_hidden { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
@@ -226,7 +205,6 @@ fn measured(task: &Task, json: bool, name: &str, run: Run) -> Result<Outcome, Fa
     outcome
 }
 
-/// All with their defaults.
 fn all(json: bool, run: Run) -> Result<Vec<Outcome>, Failure> {
     let of = |name| {
         let task = Arguments::try_parse_from(["i2ris-bench", name])?.task;
@@ -239,28 +217,19 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, Failure> {
     match task {
         Task::Loop(LoopArguments { rate_hz, duration_s, model, .. }) => {
             let period = |rate_hz: &u32| Nanos(1_000_000_000 / u64::from(*rate_hz));
-            let benchmark = control_loop::LoopBenchmark {
-                periods: rate_hz.iter().map(period).collect(),
-                spin: SPIN,
-                turns: *duration_s,
-                model: model.clone(),
-            };
-            control_loop::run(&benchmark, run)
+            let periods: Vec<Nanos> = rate_hz.iter().map(period).collect();
+            control_loop::run(&periods, *duration_s, subject(model.as_deref())?, run)
         }
         Task::Inverse(InverseArguments { turns, model, .. }) => {
             inverse::run(*turns, subject(model.as_deref())?, run)
         }
         Task::E2e(arguments) => {
-            let controller = controller()?;
             let EndToEndArguments { commands, seed, turns, busy, .. } = *arguments;
-            let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
-            e2e::run(&benchmark, run)
+            e2e::run(&EndToEndBenchmark { commands, seed, turns, busy }, run)
         }
-        Task::Hand(HandArguments { events, seed, busy, .. }) => {
-            let (commands, controller) = (*events, controller()?);
-            let (seed, turns, busy) = (*seed, 1, *busy);
-            let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
-            e2e::hand::run(&benchmark, run)
+        Task::Hand(arguments) => {
+            let HandArguments { events: commands, seed, busy, .. } = *arguments;
+            e2e::hand::run(&EndToEndBenchmark { commands, seed, turns: 1, busy }, run)
         }
         Task::Models(_) | Task::Lines(_) | Task::Limits(_) | Task::All(_) => {
             Err("not a single measurement".into())

@@ -9,13 +9,12 @@ use crate::machine::{LoadMonitor, Machine, SystemLoad};
 
 /// Maximum duration: a longer one is counted as one minute.
 const MAX_DURATION_NS: u64 = 60_000_000_000;
-/// Significant digits of a duration.
 const DIGITS: u8 = 3;
 
 /// A histogram of durations. It ignores the first ones, in which caches and clocks warm up.
 #[derive(Debug, Clone)]
 pub struct Durations {
-    histogram: Histogram<u64>,
+    pub histogram: Histogram<u64>,
     warm_up: u64,
 }
 
@@ -54,10 +53,6 @@ impl Durations {
         self.histogram.is_empty()
     }
 
-    pub fn histogram(&self) -> &Histogram<u64> {
-        &self.histogram
-    }
-
     pub fn percentiles(&self) -> Percentiles {
         let quantile = |share| self.histogram.value_at_quantile(share);
         Percentiles {
@@ -69,13 +64,8 @@ impl Durations {
             max: self.histogram.max(),
         }
     }
-
-    pub fn median_us(&self) -> f64 {
-        self.percentiles().p50 as f64 / 1e3
-    }
 }
 
-/// The purpose of a variant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {

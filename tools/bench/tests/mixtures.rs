@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use i2ris::model::MixtureRegression;
 use i2ris_bench::models::{RecordingPlan, robot};
@@ -19,10 +19,8 @@ use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::physics::{DrawnSnake, Physics};
 
 const COMPONENTS: [usize; 7] = [1, 2, 3, 5, 8, 12, 20];
-
 /// Maximum number of rows of a recording, evenly spaced.
 const ROWS: usize = 4000;
-
 /// Length of the tip's arm, mm.
 const ARM_MM: f64 = 6.0;
 
@@ -94,10 +92,6 @@ fn fitted(table: &Table, components: usize) -> (f64, f64) {
     (fit.log_likelihood, (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }
 
-fn beside_python() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/tests/mixtures.json")
-}
-
 #[test]
 fn few_components_are_fitted_as_well_as_by_scikit_learn() {
     compare(&COMPONENTS[..4]);
@@ -121,7 +115,8 @@ fn compare(numbers: &[usize]) {
         }
         return;
     }
-    let figures = fs::read_to_string(beside_python()).unwrap();
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/tests/mixtures.json");
+    let figures = fs::read_to_string(file).unwrap();
     let figures: BTreeMap<String, BTreeMap<usize, (f64, f64)>> =
         serde_json::from_str(&figures).unwrap();
     let mut worse = Vec::new();

@@ -60,10 +60,8 @@ fn a_command_is_measured_to_the_wire_and_back() {
     };
     assert!(p50("command to the tick that reads it") < p50("command to operating system"));
     // Causes come before effects, whatever the machine does.
-    assert!(
-        p50("command to operating system") < p50(arrived) && p50(arrived) < p50(seen),
-        "{outcome}"
-    );
+    let [written, arrived, seen] = ["command to operating system", arrived, seen].map(p50);
+    assert!(written < arrived && arrived < seen, "{outcome}");
 }
 
 /// See above; `i2ris` is a program of another package.

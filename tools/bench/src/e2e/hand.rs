@@ -24,22 +24,18 @@ use i2ris_teleop::recording::{write_frame, write_head};
 use i2ris_teleop::state::Description;
 use nix::sys::stat::Mode;
 
-use super::client::{Pauses, read_states};
-use super::controller::{Controller, TIMEOUT};
+use super::controller::{Controller, Pauses, TIMEOUT, read_states};
 use super::matching::{CommandLatencies, Observations, Written, match_commands};
-use super::{ARRIVED_OF_EVENT, EndToEndBenchmark, Load, WIRE};
+use super::{ARRIVED_OF_EVENT, BARE, CONTROLLER, DriveRig, EndToEndBenchmark, Load, WIRE, program};
+use crate::machine::Run;
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
-use crate::placement::Run;
-use crate::rig::DriveRig;
 use crate::{Failure, busy};
 
 const COMMANDED: &str = "event to command";
-/// Events are this much slower than the commands of the other measurement: the stream `teleop`
-/// reports one event in 50 ms.
+/// Events are this much slower than other commands: `teleop` reports one event in 50 ms.
 const SLOWER: u64 = 5;
 /// Short enough to lose no message, long enough to leave the processors to the others.
 const READ_PERIOD: Nanos = Nanos::from_micros(500);
-
 const KEY: u16 = 1;
 const AXIS: u16 = 3;
 const BTN_TR: u16 = 0x137;
@@ -53,13 +49,12 @@ pub fn run(benchmark: &EndToEndBenchmark, run: Run) -> Result<Outcome, Failure> 
 fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, Failure> {
     let _load = Load::start(benchmark.busy)?;
     let rig = DriveRig::start()?;
-    let floor = super::client::bare(&rig, benchmark, run)?;
+    let floor = super::controller::bare(&rig, benchmark, run)?;
     let (ours, commanded, granted) = with_hand(&rig, benchmark, run)?;
     if [&floor, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {
         return Err(busy("no event resulted in a setpoint"));
     }
     let on_the_wire_us = 14.0 * 10.0 / 115_200.0 * 1e6;
-    let controller = "the controller";
     Ok(Found {
         scheduling: vec![format!("control loop: {granted}")],
         quantities: vec![
@@ -68,15 +63,10 @@ fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, Failure> {
             Quantity::new("a tick, the wire and 0.2 ms", 1000.0 + on_the_wire_us + 200.0, "us"),
         ],
         variants: vec![
-            Variant::new(
-                "a bare loop on the same line",
-                ARRIVED_OF_EVENT,
-                Role::Floor,
-                floor.arrived,
-            ),
-            Variant::new(controller, ARRIVED_OF_EVENT, Role::Ours, ours.arrived),
-            Variant::new(controller, COMMANDED, Role::Ours, commanded),
-            Variant::new(controller, WIRE, Role::Ours, ours.wire),
+            Variant::new(BARE, ARRIVED_OF_EVENT, Role::Floor, floor.arrived),
+            Variant::new(CONTROLLER, ARRIVED_OF_EVENT, Role::Ours, ours.arrived),
+            Variant::new(CONTROLLER, COMMANDED, Role::Ours, commanded),
+            Variant::new(CONTROLLER, WIRE, Role::Ours, ours.wire),
         ],
         notes: vec![
             "The floor passes a number from memory to the line: it has the wait for the line and \
@@ -92,10 +82,10 @@ fn with_hand(
     benchmark: &EndToEndBenchmark,
     run: Run,
 ) -> Result<(CommandLatencies, Durations, String), Failure> {
-    let controller = Controller::start(rig, benchmark, run)?;
+    let controller = Controller::start(rig, run)?;
     let begin = rig.emulator.log().len();
     let watcher = controller.client.watcher();
-    let mut hand = Hand::start(rig, benchmark, &controller)?;
+    let mut hand = Hand::start(rig, &controller)?;
     let mut seen = Seen {
         events: Vec::new(),
         is_open: true,
@@ -115,9 +105,7 @@ fn with_hand(
     Ok((found, commanded, granted))
 }
 
-/// Messages of the controller's streams.
 struct Seen {
-    /// Events and the numbers of their commands.
     events: Vec<(Nanos, u64)>,
     is_open: bool,
     observations: Observations,
@@ -139,8 +127,7 @@ impl Seen {
         read_states(&mut self.actuators, &mut self.observations, &mut self.last)
     }
 
-    /// The setpoints of the commands that events caused, with the times of the events; and the
-    /// delay from event to command.
+    /// Setpoints of commands by events, with the times of the events; delay from event to command.
     fn of_events(self) -> (Observations, Durations) {
         let mut commanded = Durations::new(0);
         let written = self.observations.written.map(|written| {
@@ -167,11 +154,7 @@ struct Hand {
 }
 
 impl Hand {
-    fn start(
-        rig: &DriveRig,
-        benchmark: &EndToEndBenchmark,
-        controller: &Controller,
-    ) -> Result<Self, Failure> {
+    fn start(rig: &DriveRig, controller: &Controller) -> Result<Self, Failure> {
         let path = rig.folder.path().join("device");
         let _ = std::fs::remove_file(&path);
         nix::unistd::mkfifo(&path, Mode::S_IRUSR | Mode::S_IWUSR)?;
@@ -180,13 +163,12 @@ impl Hand {
         options.read(true).write(true).custom_flags(nix::libc::O_NONBLOCK);
         let mut pipe = options.open(&path)?;
         write_head(&mut pipe, &Description::gamepad("Gamepad", ""))?;
-        let mut command = Command::new(benchmark.controller.with_file_name("i2ris"));
-        command.args(["teleop", "--domain", controller.domain().name(), "--device"]).arg(&path);
+        let mut command = Command::new(program("i2ris")?);
+        command.args(["teleop", "--domain", controller.domain.0.name(), "--device"]).arg(&path);
         let program = Process::start("teleop", &mut command, rig.folder.path())?;
         Ok(Self { pipe, program })
     }
 
-    /// Sends an event, and the report that ends it.
     fn send(&mut self, kind: u16, code: u16, value: i32) -> Result<(), Failure> {
         let mut event = [encode(kind, code, value), encode(0, 0, 0)].concat();
         let now = clock::now();
@@ -201,9 +183,8 @@ impl Hand {
             if clock::now().duration_since(start) > TIMEOUT {
                 return Err(busy("the clutch did not close"));
             }
-            for (kind, code, value) in
-                [(AXIS, 0, 0), (AXIS, 1, 0), (KEY, BTN_TR, 0), (KEY, BTN_TR, 1)]
-            {
+            let pressed = [(AXIS, 0, 0), (AXIS, 1, 0), (KEY, BTN_TR, 0), (KEY, BTN_TR, 1)];
+            for (kind, code, value) in pressed {
                 self.send(kind, code, value)?;
                 self.wait(Nanos::from_millis(50), seen, run)?;
             }
@@ -212,7 +193,6 @@ impl Hand {
         Ok(())
     }
 
-    /// Swings the stick at random instants.
     fn steer(
         &mut self,
         seen: &mut Seen,

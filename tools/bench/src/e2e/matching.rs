@@ -11,32 +11,26 @@ const WARM_UP: usize = 10;
 /// The setpoint of a command, as reported by the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Written {
-    /// When the command was published.
     pub command: Nanos,
-    /// The number of the command.
     pub sequence: u64,
     /// When the setpoint was passed to the operating system; zero: not reported.
     pub written: Nanos,
     pub counts: i32,
 }
 
-/// An encoder position at the client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reading {
     /// When the reply of the drive arrived at the computer.
     pub measured: Nanos,
-    /// When the client read it.
     pub seen: Nanos,
 }
 
 /// Setpoints and encoder positions of each motor, in the order of time.
 #[derive(Debug, Default)]
 pub struct Observations {
-    /// The first setpoint of each command.
     pub written: [Vec<Written>; 2],
     pub readings: [Vec<Reading>; 2],
     pub sent: u64,
-    /// Maximum time between two commands.
     pub longest_gap: Nanos,
 }
 
@@ -63,12 +57,10 @@ pub struct CommandLatencies {
     pub seen: Durations,
     /// Commands with a setpoint, of both motors.
     pub commands: u64,
-    /// Commands without a setpoint.
     pub overtaken: u64,
     pub longest_gap: Nanos,
     /// Command to the tick that read it.
     pub read: Durations,
-    /// Stops because commands were late.
     pub stale_stops: u64,
 }
 
@@ -79,7 +71,6 @@ impl CommandLatencies {
         Self { written, arrived, wire, seen, read, commands, overtaken, longest_gap, stale_stops }
     }
 
-    /// Adds the durations of another turn.
     pub fn add(&mut self, other: &Self) {
         self.written.add(&other.written);
         self.arrived.add(&other.arrived);
@@ -99,8 +90,7 @@ pub fn match_commands(observations: &Observations, log: &[Event]) -> CommandLate
     let mut matched = CommandLatencies::new();
     matched.longest_gap = observations.longest_gap;
     for motor in 0..2 {
-        let arrivals: Vec<(Nanos, i32)> =
-            log.iter().filter_map(|event| setpoint(event, motor)).collect();
+        let arrivals: Vec<_> = log.iter().filter_map(|event| setpoint(event, motor)).collect();
         for own in observations.written[motor].iter().skip(WARM_UP) {
             let first =
                 arrivals.partition_point(|(stamp, _)| *stamp <= own.written.max(own.command));

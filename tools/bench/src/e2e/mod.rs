@@ -7,44 +7,49 @@
 //! ```
 //!
 //! Commands come at random instants, at all phases of loop and lines. The floor is a loop that
-//! passes the newest setpoint to the same line ([`BareLoop`](crate::rig::BareLoop)). It has to wait
-//! for the line and to transmit. The controller's black box records the age of a command at the
-//! tick that read it.
+//! passes the newest setpoint to the same line ([`BareLoop`]). It has to wait for the line and to
+//! transmit. The controller's black box records the age of a command at the tick that read it.
 
-mod client;
 mod controller;
 pub mod hand;
 mod matching;
 
+use std::fs;
 use std::path::PathBuf;
 use std::process::{Child, Command};
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
 
+use i2ris::config::{AxisConfig, PortConfig};
+use i2ris::drive::family_selection::family_of_port;
+use i2ris::drive::link::{DriveLink, Retry};
+use i2ris::drive::object::{POSITION, TARGET};
+use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::process::black_box::BlackBox;
-use i2ris::units::Nanos;
+use i2ris::units::{Counts, Nanos};
+use i2ris_report::bail;
+use i2ris_simulation::physics::springs::SnakeConfig;
+use i2ris_simulation::{Emulator, EmulatorConfig};
+use tempfile::TempDir;
 
+use crate::machine::{Run, request_priority};
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
-use crate::placement::Run;
-use crate::rig::DriveRig;
 use crate::{Failure, busy};
 use controller::Controller;
 use matching::CommandLatencies;
 
-/// Time between two reads of the client.
 const READ_PERIOD: Nanos = Nanos::from_micros(50);
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 pub struct EndToEndBenchmark {
     pub commands: u64,
-    /// The program `i2ris-control`.
-    pub controller: PathBuf,
-    /// Seed of the random pauses.
     pub seed: u64,
     /// Each turn gives the floor and the controller a part of the commands.
     pub turns: u32,
-    /// Additional processes that only compute.
     pub busy: u32,
 }
 
+const BARE: &str = "a bare loop on the same line";
+const CONTROLLER: &str = "the controller";
 const WRITTEN: &str = "command to operating system";
 const ARRIVED_OF_EVENT: &str = "event to last byte of the setpoint";
 const ARRIVED: &str = "command to last byte of the setpoint";
@@ -69,14 +74,14 @@ fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, Failure> {
         let part = EndToEndBenchmark {
             commands: benchmark.commands.div_ceil(u64::from(benchmark.turns)),
             seed: benchmark.seed.wrapping_add(u64::from(turn)),
-            ..benchmark.clone()
+            ..*benchmark
         };
-        floor.add(&client::bare(&rig, &part, run)?);
+        floor.add(&controller::bare(&rig, &part, run)?);
         let (found, scheduling) = with_controller(&rig, &part, run)?;
         ours.add(&found);
         granted = scheduling;
     }
-    found(granted, floor, ours)
+    found(granted, [floor, ours])
 }
 
 /// Measures the controller on the drives of a rig, and returns the scheduling of its loop.
@@ -85,10 +90,10 @@ fn with_controller(
     benchmark: &EndToEndBenchmark,
     run: Run,
 ) -> Result<(CommandLatencies, String), Failure> {
-    let mut controller = Controller::start(rig, benchmark, run)?;
+    let mut controller = Controller::start(rig, run)?;
     let begin = rig.emulator.log().len();
     let stops = controller.stale_stops()?;
-    let observations = client::command(&mut controller.client, benchmark, run)?;
+    let observations = controller::command(&mut controller.client, benchmark, run)?;
     let stale_stops = controller.stale_stops()? - stops;
     let granted = controller.scheduling();
     let black_box = BlackBox::read(&controller.client.write_black_box()?)?;
@@ -109,16 +114,10 @@ fn ages(black_box: &BlackBox) -> Durations {
     ages
 }
 
-fn found(
-    granted: String,
-    floor: CommandLatencies,
-    ours: CommandLatencies,
-) -> Result<Found, Failure> {
+fn found(granted: String, [floor, ours]: [CommandLatencies; 2]) -> Result<Found, Failure> {
     if [&floor, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {
         return Err(busy("no command resulted in a setpoint"));
     }
-    let bare = "a bare loop on the same line";
-    let controller = "the controller";
     let last_byte = "`last byte`: the stamp of the emulated drive, when a wire of 115200 baud has \
                      delivered it. `encoder position`: the first one that was read from the drive \
                      after that.";
@@ -140,19 +139,23 @@ fn found(
             Quantity::new("stops because commands came late", ours.stale_stops as f64, ""),
         ],
         variants: vec![
-            Variant::new(bare, ARRIVED, Role::Floor, floor.arrived),
-            Variant::new(controller, ARRIVED, Role::Ours, ours.arrived),
-            Variant::new(bare, SEEN, Role::Floor, floor.seen),
-            Variant::new(controller, SEEN, Role::Ours, ours.seen),
-            Variant::new(controller, READ, Role::Ours, ours.read),
-            Variant::new(controller, WRITTEN, Role::Ours, ours.written),
-            Variant::new(controller, WIRE, Role::Ours, ours.wire),
+            Variant::new(BARE, ARRIVED, Role::Floor, floor.arrived),
+            Variant::new(CONTROLLER, ARRIVED, Role::Ours, ours.arrived),
+            Variant::new(BARE, SEEN, Role::Floor, floor.seen),
+            Variant::new(CONTROLLER, SEEN, Role::Ours, ours.seen),
+            Variant::new(CONTROLLER, READ, Role::Ours, ours.read),
+            Variant::new(CONTROLLER, WRITTEN, Role::Ours, ours.written),
+            Variant::new(CONTROLLER, WIRE, Role::Ours, ours.wire),
         ],
         notes: vec![last_byte.to_owned(), parts],
     })
 }
 
-/// Processes that only compute, until they are dropped.
+/// A program of the build that contains this one.
+fn program(name: &str) -> Result<PathBuf, Failure> {
+    Ok(std::env::current_exe()?.with_file_name(name))
+}
+
 struct Load(Vec<Child>);
 
 impl Load {
@@ -171,5 +174,79 @@ impl Drop for Load {
             let _ = process.kill();
             let _ = process.wait();
         }
+    }
+}
+
+const SNAKE: &str = include_str!("../../../../config/snakes/steel.toml");
+/// Node number 0 addresses the drive itself, whatever its node id.
+const LOCAL: u8 = 0;
+
+pub struct DriveRig {
+    pub emulator: Emulator,
+    pub folder: TempDir,
+    serial_numbers: [u32; 2],
+}
+
+impl DriveRig {
+    pub fn start() -> Result<Self, Failure> {
+        let folder = tempfile::tempdir()?;
+        let snake = folder.path().join("snake.toml");
+        fs::write(&snake, SNAKE)?;
+        let ports = folder.path().join("ports");
+        let config = EmulatorConfig::new(SnakeConfig::load(&snake)?, &ports);
+        let serial_numbers = config.drives.clone().map(|drive| drive.serial_number);
+        let emulator = Emulator::start(config)?;
+        Ok(Self { emulator, folder, serial_numbers })
+    }
+
+    /// The ports, with wide limits and long timeouts: the machine may be busy.
+    pub fn ports(&self) -> Vec<PortConfig> {
+        let axis = |motor: usize| {
+            let limits = [Counts(-2400), Counts(2400)];
+            AxisConfig {
+                current_limit_ma: 300,
+                following_error_counts: 400,
+                motor_speed_rpm: 3000,
+                ..AxisConfig::new(motor, self.serial_numbers[motor], limits)
+            }
+        };
+        let port = |motor: usize, axes: Vec<AxisConfig>| PortConfig {
+            reply_timeout_ms: 1000,
+            ..PortConfig::new(self.emulator.device(motor).to_owned(), axes)
+        };
+        vec![port(0, vec![axis(0)]), port(1, vec![axis(1)])]
+    }
+}
+
+/// Writes the newest setpoint and reads the position, with frames and exchanges of the driver. It
+/// has no states, no limits, no model and does not wait for another thread.
+#[derive(Debug, Default)]
+pub struct BareLoop {
+    /// The newest setpoint, counts.
+    pub target: AtomicI32,
+    /// When the reply with the last position was read, ns.
+    pub measured_ns: AtomicU64,
+    pub stop: AtomicBool,
+}
+
+impl BareLoop {
+    /// Runs the loop until it is stopped. The priority is that of the controller's port threads. A
+    /// request without a reply is repeated.
+    pub fn serve(&self, port: &PortConfig, priority: u8) -> Result<(), Failure> {
+        request_priority(priority);
+        let mut link = DriveLink::new(SerialTransport::open(port)?, family_of_port(port), port);
+        while !self.stop.load(Ordering::Acquire) {
+            let target = TARGET.set(self.target.load(Ordering::Acquire));
+            let written = link.write(LOCAL, target, Retry::Safe);
+            match written.and_then(|_| link.read_raw(LOCAL, POSITION.address())) {
+                Ok(reply) => self.measured_ns.store(reply.received.0, Ordering::Release),
+                Err(error) if link.is_broken() => {
+                    bail!("the emulated drive does not answer: {error}")
+                }
+                // The machine stalled the emulator; the next exchange synchronizes the line again.
+                Err(_) => {}
+            }
+        }
+        Ok(())
     }
 }

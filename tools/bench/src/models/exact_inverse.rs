@@ -1,5 +1,4 @@
-//! The exact inverse of a snake: counts that move a copy of the snake, with its whole state, to a
-//! goal.
+//! The exact inverse of a snake: counts that move a copy, with its whole state, to a goal.
 //!
 //! No controller has it. Its remaining error is the cost of the motor limits.
 
@@ -8,28 +7,21 @@ use i2ris_simulation::physics::Snake;
 
 /// Tolerance of a goal, deg.
 const TOLERANCE_DEG: f64 = 0.003;
-
 /// Steps of the search. Crossing a gap takes about ten; a turn of two coupled motors takes more.
 const MAX_STEPS: usize = 150;
-
 /// Time that a copy gets to reach the goal, s: drag would slow a jump within a tick.
 const STEP_S: f64 = 0.02;
-
 /// Longer strokes than this are outside the position limits, counts.
 const LIMIT_COUNTS: f64 = 2400.0;
-
 /// An interval narrower than this, or inverted, is not valid any more: the other motor moved.
 const NARROW_COUNTS: f64 = 0.02;
-
 /// Growth of the step if a motor has not come nearer.
 const GROWTH: f64 = 2.5;
 
-/// The exact inverse of one snake.
 #[derive(Debug, Clone)]
 pub struct ExactInverse {
     /// Counts per degree: motor by axis.
     counts_per_deg: [[f64; 2]; 2],
-    /// Result of the last search.
     counts: MotorVec,
 }
 
@@ -51,16 +43,10 @@ impl ExactInverse {
         };
         let [[a, c], [b, d]] = [stroke(0), stroke(1)];
         let determinant = a * d - b * c;
-        Self {
-            counts_per_deg: [
-                [d / determinant, -b / determinant],
-                [-c / determinant, a / determinant],
-            ],
-            counts: MotorVec::default(),
-        }
+        let counts_per_deg = [[d, -b], [-c, a]].map(|row| row.map(|it| it / determinant));
+        Self { counts_per_deg, counts: MotorVec::default() }
     }
 
-    /// Counts for a goal, deg.
     pub fn solve(&mut self, snake: &Snake, goal: [f64; 2]) -> MotorVec {
         let mut searches = self.counts.map(Search::new);
         let mut best = (f64::INFINITY, self.counts);
@@ -91,10 +77,8 @@ impl ExactInverse {
 struct Search {
     at: f64,
     last: f64,
-    /// Step per count of error.
     factor: f64,
-    /// Largest known count that is too small, smallest that is too large. They move with the other
-    /// motor.
+    /// Largest count that is too small, smallest that is too large. The other motor moves them.
     low: Option<f64>,
     high: Option<f64>,
 }

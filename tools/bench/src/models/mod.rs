@@ -3,26 +3,14 @@
 //! For every snake: record a calibration, fit, and follow motions that are in no calibration, with
 //! the real cycle of the controller. Python judges any model, compared with the exact inverse of
 //! the snake; `i2ris bench models` judges the benefit of adaptation on snakes that wear.
-//!
-//! | file | contents |
-//! |---|---|
-//! | `recording` | a calibration recording of a snake |
-//! | `laboratory` | shared by all snakes: configuration, fits, ageing |
-//! | `exact_inverse` | the inverse of the true snake |
-//! | `tracking` | following motions and measuring them |
-//! | `tracked` | any model on a snake, for Python |
-//! | `subject` | one snake that wears, with its models |
 
 mod exact_inverse;
 pub(crate) mod laboratory;
-mod recording;
 pub(crate) mod subject;
-mod tracked;
 pub(crate) mod tracking;
 
-pub use laboratory::robot;
-pub use recording::RecordingPlan;
-pub use tracked::{tick_times, tracked};
+pub use laboratory::{RecordingPlan, robot};
+pub use tracking::{tick_times, tracked};
 
 use i2ris_calibration::fit::Choice;
 use i2ris_calibration::parallel;
@@ -63,10 +51,8 @@ impl Arguments {
     fn snakes(&self) -> Vec<DrawnSnake> {
         let physics = if self.snake.is_empty() { Physics::ALL } else { &self.snake };
         let seeds = self.seed..self.seed + self.draws;
-        let drawn = |physics: &Physics| {
-            let physics = *physics;
-            seeds.clone().map(move |seed| DrawnSnake { physics, seed })
-        };
+        let drawn =
+            |&physics: &Physics| seeds.clone().map(move |seed| DrawnSnake { physics, seed });
         physics.iter().flat_map(drawn).collect()
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use i2ris::config::Config;
 use i2ris::model::Model;
 use i2ris_calibration::fit::{Choice, Family, FitOutcome};
-use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_calibration::recording::Recording;
 use i2ris_report::Failure;
 use i2ris_simulation::camera::CameraConfig;
 use i2ris_simulation::closed_loop::{ClosedLoop, without_limits};
@@ -16,21 +16,17 @@ use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::robot::Robot;
 use serde::Serialize;
 
-use super::laboratory::{config, fitted, robot};
-use super::recording::RecordingPlan;
+use super::laboratory::{RecordingPlan, config, fitted, read, robot};
 use super::tracking::follow;
 
 /// The judged motion, minute by minute, s.
 pub const MINUTES: usize = 4;
 const MINUTE_S: f64 = 60.0;
-
 /// Deviation of the camera angles during calibration, deg.
 const CAMERA_NOISE_DEG: f64 = 0.07;
-
 /// Cameras of the adaptation: frames per second; age of the frames, ms, and their noise, deg.
 const FRAMES_PER_S: f64 = 20.0;
 pub const CAMERAS: [(u64, f64); 4] = [(60, 0.15), (100, 0.15), (60, 0.3), (100, 0.3)];
-
 const ROBOT_ID: &str = "i2ris-emulated";
 
 /// RMS error of the tip on one snake, deg.
@@ -49,15 +45,14 @@ pub struct Judgement {
     pub anew: Minutes,
     /// The aged snake with adaptation, for each of [`CAMERAS`].
     pub adapted: [Minutes; CAMERAS.len()],
-    /// The calibrated snake: error of the selected family over the smallest error of all; `None` if
-    /// a family was given.
+    /// Error of the selected family over the smallest of all; `None` if a family was given.
     pub regret: Option<f64>,
 }
 
-/// One value per minute.
 pub type Minutes = [f64; MINUTES];
+/// Age of the frames, ms, and their noise, deg; `None`: no adaptation.
+type Camera = Option<(u64, f64)>;
 
-/// A snake, and the motion on it.
 struct Subject {
     snake: DrawnSnake,
     motion: Vec<(Motion, Vec<[f64; 2]>)>,
@@ -105,7 +100,6 @@ impl Judgement {
     }
 }
 
-/// A recording, as made.
 pub fn record(
     snake: DrawnSnake,
     is_aged: bool,
@@ -117,7 +111,6 @@ pub fn record(
     record_robot(&mut robot(&snake.into(), is_aged), &file, latency_ms, first_seed + snake.seed)
 }
 
-/// A recording of any robot.
 pub fn record_robot(
     robot: &mut Robot,
     file: &Path,
@@ -128,9 +121,7 @@ pub fn record_robot(
     let plan =
         RecordingPlan { protocol, duration_s, noise_deg: CAMERA_NOISE_DEG, latency_ms, seed };
     plan.record(robot, file).map_err(|error| format!("cannot record: {error}"))?;
-    let (recording, _) = Recording::read(file, &ColumnMap::default())
-        .map_err(|error| format!("cannot read the recording: {error}"))?;
-    Ok(recording)
+    read(file)
 }
 
 fn fit(recording: &Recording, choice: Choice) -> Result<Arc<Model>, Failure> {
@@ -164,10 +155,9 @@ impl Subject {
         &self,
         model: &Arc<Model>,
         is_aged: bool,
-        camera: Option<(u64, f64)>,
+        camera: Camera,
     ) -> Result<Minutes, Failure> {
-        let config = config()?;
-        minutes(self.followed(config, &self.motion, model, is_aged, camera)?)
+        minutes(self.followed(config()?, &self.motion, model, is_aged, camera)?)
     }
 
     fn followed(
@@ -176,7 +166,7 @@ impl Subject {
         motion: &[(Motion, Vec<[f64; 2]>)],
         model: &Arc<Model>,
         is_aged: bool,
-        camera: Option<(u64, f64)>,
+        camera: Camera,
     ) -> Result<Vec<f64>, Failure> {
         config.adaptation.enabled = camera.is_some();
         let robot = robot(&self.snake.into(), is_aged);
@@ -242,9 +232,8 @@ mod tests {
             let model = fit(&new, Choice::One(Family::ForceBalance)).unwrap();
             let subject = Subject::new(snake, &linear);
             let motion = vec![subject.motion.clone(); ROUNDS].concat();
-            let errors = subject
-                .followed(config().unwrap(), &motion, &model, true, Some(CAMERAS[0]))
-                .unwrap();
+            let config = config().unwrap();
+            let errors = subject.followed(config, &motion, &model, true, Some(CAMERAS[0])).unwrap();
             let round = |at: usize| errors[at * MINUTES..][..MINUTES].iter().sum::<f64>() / 4.0;
             let (second, last) = (round(1), round(ROUNDS - 1));
             let worst = (1..ROUNDS).map(round).fold(0.0, f64::max);

@@ -1,22 +1,29 @@
 //! Following motions and measuring them.
 
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
 use i2ris::config::Config;
 use i2ris::core::ServoGoal;
 use i2ris::core::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
+use i2ris::model::Model;
+use i2ris::robot::OperatingState;
 use i2ris::units::{MotorVec, Nanos};
-use i2ris_report::Failure;
-use i2ris_simulation::closed_loop::{ClosedLoop, Motors};
+use i2ris_calibration::fit::{Choice, Family};
+use i2ris_report::{Failure, bail};
+use i2ris_simulation::SnakeSource;
+use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs, Motors};
 use i2ris_simulation::motion::paced_motion::between;
-use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ};
+use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ, within_reach};
 use i2ris_simulation::robot::{Robot, TICK_S};
 
 use super::exact_inverse::ExactInverse;
-use super::recording::condition;
+use super::laboratory::{condition, config, fitted, read, robot};
 
 /// Speed on the way to the start of a motion, deg/s, and rest there, s.
 const APPROACH_DEG_S: f64 = 6.0;
 const REST_S: f64 = 1.0;
-
 /// A larger step of the exact inverse crosses a gap and is not motion of the goal, counts.
 const GAP_COUNTS: f64 = 2.0;
 
@@ -31,7 +38,6 @@ pub trait Pilot {
     /// True pitch and yaw, deg.
     fn tip(&self) -> [f64; 2];
 
-    /// Error of the tip, deg.
     fn error(&self, goal: [f64; 2]) -> [f64; 2] {
         let [pitch, yaw] = self.tip();
         [pitch - goal[0], yaw - goal[1]]
@@ -109,7 +115,6 @@ pub fn along<P: Pilot>(
     Ok(())
 }
 
-/// The goal at a time on a path.
 fn at(path: &[[f64; 2]], time_s: f64) -> [f64; 2] {
     let place = time_s * RATE_HZ;
     let first = (place as usize).min(path.len() - 1);
@@ -117,8 +122,7 @@ fn at(path: &[[f64; 2]], time_s: f64) -> [f64; 2] {
     between(&path[first], &path[next], place - first as f64)
 }
 
-/// Follows with the exact inverse of the true snake, within the motor limits and with the turning
-/// band of the controller.
+/// Follows with the exact inverse, within the motor limits and the turning band of the controller.
 pub struct ExactPilot {
     robot: Robot,
     inverse: ExactInverse,
@@ -189,5 +193,87 @@ impl Pilot for ExactPilot {
 
     fn tip(&self) -> [f64; 2] {
         self.robot.angles_deg()
+    }
+}
+
+/// Seed of the motions: no calibration has it.
+const MOTION_SEED: u64 = 1001;
+const MOTION_S: f64 = 30.0;
+/// Ticks before times are recorded.
+const WARM_UP: usize = 10_000;
+
+/// RMS error of the tip, deg, of every motion: by model, straight line and exact inverse.
+pub fn tracked(
+    snake: &SnakeSource,
+    is_aged: bool,
+    model: &Arc<Model>,
+    recording: &Path,
+) -> Result<Vec<(String, f64, f64, f64)>, Failure> {
+    let config = config()?;
+    let recording = read(recording)?.without_latency().0;
+    let linear = fitted(&recording, Choice::One(Family::Linear), &config.robot_id)?.model;
+    let path = |motion: &Motion| (*motion, motion.path(MOTION_S, MOTION_SEED));
+    let motions: Vec<_> = Motion::ALL.iter().map(path).collect();
+    let motions = within_reach(&motions, &linear);
+    let by = |model: &Arc<Model>| {
+        follow(&mut ClosedLoop::conditioned(&config, model, robot(snake, is_aged))?, &motions)
+    };
+    let exact = follow(&mut ExactPilot::new(&config, robot(snake, is_aged)), &motions)?;
+    let (model, linear) = (by(model)?, by(&linear)?);
+    let rows = motions.iter().zip(model).zip(linear).zip(exact);
+    Ok(rows
+        .map(|(((motion, model), linear), exact)| (motion.0.to_string(), model, linear, exact))
+        .collect())
+}
+
+/// Durations of ticks of the control cycle, us, while it follows two sines with ideal motors.
+pub fn tick_times(model: &Arc<Model>, ticks: usize) -> Result<Vec<f64>, Failure> {
+    let config = config()?;
+    let mut control = ClosedLoop::conditioned(&config, model, IdealMotors::default())?;
+    let at = control.setpoint();
+    approach(&mut control, at, [0.0; 2])?;
+    let mut times = Vec::with_capacity(ticks);
+    for tick in 0..ticks + WARM_UP {
+        let seconds = tick as f64 * control.period().as_seconds();
+        let axis = |hz: f64| 5.0_f64.to_radians() * (std::f64::consts::TAU * hz * seconds).sin();
+        let goal = ServoGoal::Joint([axis(0.15), axis(0.093), 0.0], 2);
+        let inputs = Inputs { servo: Some(control.servo_command(goal)), ..Inputs::default() };
+        let begun = Instant::now();
+        let state = control.tick(inputs).report.state;
+        let took = begun.elapsed().as_secs_f64() * 1e6;
+        if state != OperatingState::Enabled {
+            bail!("the robot is {}", state.text());
+        }
+        if tick >= WARM_UP {
+            times.push(took);
+        }
+    }
+    Ok(times)
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris_simulation::motion::protocol::Protocol;
+
+    use super::super::RecordingPlan;
+    use super::*;
+
+    #[test]
+    fn a_model_is_compared_with_linear_and_exact_inverse() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("preisach-4.csv");
+        let snake = SnakeSource::load("preisach:4").unwrap();
+        let (protocol, duration_s) = (Protocol::Reversals, 60.0);
+        let plan = RecordingPlan { protocol, duration_s, noise_deg: 0.07, latency_ms: 0, seed: 5 };
+        plan.record(&mut robot(&snake, false), &file).unwrap();
+        let recording = read(&file).unwrap().without_latency().0;
+        let linear = fitted(&recording, Choice::One(Family::Linear), "i2ris-emulated").unwrap();
+        let rows = tracked(&snake, false, &linear.model, &file).unwrap();
+        assert_eq!(rows.len(), Motion::ALL.len());
+        for (motion, model, linear, exact) in rows {
+            // The exact inverse errs by the motor limits: it turns with every tremor.
+            assert!(exact < 0.3 && (0.3..5.0).contains(&linear), "{motion}: {linear} {exact}");
+            assert_eq!(model, linear, "{motion}");
+        }
     }
 }
