@@ -9,7 +9,6 @@ use i2ris_report::view::{LatestMessages, Pair, STALE, angles, count};
 
 /// Time between samples: enough for a plot, and much slower than the streams.
 pub const SAMPLE_PERIOD: Nanos = Nanos::from_millis(40);
-/// Length of the history.
 pub const SPAN: Nanos = Nanos::from_millis(30_000);
 /// Samples, and frames of a camera, that are kept.
 const CAPACITY: usize = (SPAN.0 / SAMPLE_PERIOD.0) as usize;
@@ -19,7 +18,6 @@ const MAX_PENDING: usize = 16;
 /// Everything at one instant. A stream that is stale, invalid or absent leaves a gap.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sample {
-    /// Time of the sample.
     pub stamp: Nanos,
     /// Time at which the encoders were read.
     pub read: [Nanos; MAX_MOTORS],
@@ -30,7 +28,6 @@ pub struct Sample {
     pub deviation: Pair,
     /// Encoder positions, counts.
     pub counts: Pair,
-    /// Setpoints of the motors, counts.
     pub setpoint_counts: Pair,
     /// Milliampere.
     pub current: Pair,
@@ -39,16 +36,13 @@ pub struct Sample {
 /// Angles from a camera, with the encoder positions at the same instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFrame {
-    /// Exposure of the frame.
     pub stamp: Nanos,
     /// Degrees.
     pub angles: [f64; 2],
-    /// Counts at that instant: frames arrive late, and the present counts would widen the
-    /// hysteresis loop.
+    /// Counts at that instant: a frame is late, and present counts would widen the hysteresis loop.
     pub counts: Pair,
 }
 
-/// The last seconds.
 #[derive(Debug, Clone, Default)]
 pub struct History {
     samples: Ring<Sample>,
@@ -57,9 +51,9 @@ pub struct History {
 }
 
 impl History {
-    /// Adds a sample, if one is due.
     pub fn sample(&mut self, view: &LatestMessages, now: Nanos) {
-        if self.samples.last().is_some_and(|last| now.duration_since(last.stamp) < SAMPLE_PERIOD) {
+        let last = self.samples.entries.back();
+        if last.is_some_and(|last| now.duration_since(last.stamp) < SAMPLE_PERIOD) {
             return;
         }
         self.samples.push(sample(view, now));
@@ -71,17 +65,15 @@ impl History {
         }
     }
 
-    /// Adds a camera frame; ignores an invalid one.
     pub fn add_frame(&mut self, camera: &ExternalPosition) {
         if camera.flags & ExternalPosition::VALID == 0 || camera.count != 2 {
             return;
         }
-        let last =
-            self.waiting.back().map(Message::stamp).or(self.frames.last().map(|frame| frame.stamp));
+        let last = self.waiting.back().map(Message::stamp);
+        let last = last.or(self.frames.entries.back().map(|frame| frame.stamp));
+        let since = |last| camera.stamp().duration_since(last);
         // Stamps that do not increase come from a restarted camera, or from a second one.
-        if last.is_some_and(|last| {
-            camera.stamp().duration_since(last) < SAMPLE_PERIOD && camera.stamp() >= last
-        }) {
+        if last.is_some_and(|last| since(last) < SAMPLE_PERIOD && camera.stamp() >= last) {
             return;
         }
         if self.waiting.len() == MAX_PENDING {
@@ -95,7 +87,6 @@ impl History {
         (self.samples.after(after), self.samples.next)
     }
 
-    /// The same for camera frames.
     pub fn frames(&self, after: u64) -> (impl Iterator<Item = &CameraFrame> + Clone, u64) {
         (self.frames.after(after), self.frames.next)
     }
@@ -103,20 +94,18 @@ impl History {
     /// Whether the encoders were read after the frame was taken, or will not be.
     fn is_due(&self, camera: &ExternalPosition, now: Nanos) -> bool {
         let later = |read: &Nanos| *read >= camera.stamp();
-        self.samples.last().is_some_and(|last| last.read.iter().all(later))
-            || camera.age(now) > STALE
+        let last = self.samples.entries.back();
+        last.is_some_and(|last| last.read.iter().all(later)) || camera.age(now) > STALE
     }
 
     fn take(&mut self, camera: &ExternalPosition) {
-        let counts = [self.counts_at(0, camera.stamp()), self.counts_at(1, camera.stamp())];
-        let counts =
-            if let [Some(first), Some(second)] = counts { Some([first, second]) } else { None };
+        let counts_at = |motor| self.counts_at(motor, camera.stamp());
+        let counts = counts_at(0).zip(counts_at(1)).map(|(first, second)| [first, second]);
         let angles = [camera.position[0].to_degrees(), camera.position[1].to_degrees()];
         self.frames.push(CameraFrame { stamp: camera.stamp(), angles, counts });
     }
 
-    /// The encoder position of a motor at an instant, interpolated between two readings; `None` in
-    /// a gap.
+    /// The encoder position at an instant, interpolated between two readings; `None` in a gap.
     fn counts_at(&self, motor: usize, instant: Nanos) -> Option<f64> {
         let reading =
             |sample: &Sample| Some((*sample.read.get(motor)?, *sample.counts?.get(motor)?));
@@ -166,12 +155,9 @@ fn readings(motors: &ActuatorState, now: Nanos) -> [Nanos; MAX_MOTORS] {
 
 /// Whether every encoder was read a short time ago.
 fn is_read(motors: Option<&ActuatorState>, now: Nanos) -> bool {
+    let is_recent = |stamp: &u64| *stamp > 0 && now.duration_since(Nanos(*stamp)) <= STALE;
     motors.is_some_and(|motors| {
-        motors
-            .measured_stamp_ns
-            .iter()
-            .take(count(motors.count))
-            .all(|stamp| *stamp > 0 && now.duration_since(Nanos(*stamp)) <= STALE)
+        motors.measured_stamp_ns.iter().take(count(motors.count)).all(is_recent)
     })
 }
 
@@ -197,12 +183,7 @@ impl<T> Ring<T> {
         self.next += 1;
     }
 
-    fn last(&self) -> Option<&T> {
-        self.entries.back()
-    }
-
-    /// A number of another run of the monitor may be larger than any here: then everything is
-    /// new.
+    /// A number of another run may be larger than any here: then everything is new.
     fn after(&self, number: u64) -> impl Iterator<Item = &T> + Clone {
         let first = self.next - self.entries.len() as u64;
         let skip = if number > self.next { 0 } else { number.saturating_sub(first) };

@@ -48,10 +48,8 @@ pub fn page(view: &View) -> Vec<String> {
 }
 
 fn state_line(state: Option<&State>) -> String {
-    let Some(state) = state else {
-        return "state      not received yet".to_owned();
-    };
-    let flags: Vec<&str> = [
+    let Some(state) = state else { return "state      not received yet".to_owned() };
+    let flags = [
         (true, if state.homed { "homed" } else { "not homed" }),
         (state.busy, "busy"),
         (state.holding, "holding"),
@@ -61,12 +59,10 @@ fn state_line(state: Option<&State>) -> String {
         (state.memory_known, "memory known"),
         (true, if state.watched { "watchdog" } else { "no watchdog" }),
         (state.compared, "compared with camera"),
-    ]
-    .into_iter()
-    .filter_map(|(is_set, text)| is_set.then_some(text))
-    .collect();
+    ];
+    let flags = flags.into_iter().filter_map(|(is_set, text)| is_set.then_some(text));
     let fault = state.fault.map(|fault| format!(": {fault}")).unwrap_or_default();
-    let (flags, mark) = (flags.join(", "), mark(Some(&state.age)));
+    let (flags, mark) = (flags.collect::<Vec<_>>().join(", "), mark(Some(&state.age)));
     format!("state      {}{fault} for {:.0} s, {flags}{mark}", state.name, state.for_s)
 }
 
@@ -115,10 +111,8 @@ fn angle_lines(view: &View) -> Vec<String> {
 fn motor_line(index: usize, motor: &Motor) -> String {
     let Motor { setpoint_counts, measured_counts, current_ma, phase, status, .. } = motor;
     let error = motor.error.as_ref().map(|code| format!(", error {code}")).unwrap_or_default();
-    let rate = motor.exchanges_per_s.map_or_else(
-        || "exchanges not counted yet".to_owned(),
-        |rate| format!("{rate:.0} exchanges/s"),
-    );
+    let rate = motor.exchanges_per_s.map(|rate| format!("{rate:.0} exchanges/s"));
+    let rate = rate.unwrap_or_else(|| "exchanges not counted yet".to_owned());
     format!(
         "motor {index}    setpoint {setpoint_counts}, measured {measured_counts} counts, \
          {current_ma} mA; {phase}{error}, status {status}; {rate}{}",
@@ -127,9 +121,7 @@ fn motor_line(index: usize, motor: &Motor) -> String {
 }
 
 fn loop_lines(control_loop: Option<&ControlLoop>) -> Vec<String> {
-    let Some(it) = control_loop else {
-        return vec!["loop       not received yet".to_owned()];
-    };
+    let Some(it) = control_loop else { return vec!["loop       not received yet".to_owned()] };
     let ControlLoop { hz, missed, missed_in_window, granted, line, .. } = it;
     let spans = |span: &Span| {
         let [p50, p99, max] = span.texts();
@@ -294,14 +286,10 @@ mod tests {
             warning: Some(reason(Cause::Refusal(Refusal::Lease), None)),
             ..messages()
         };
-        assert_has(
-            &text(&messages, NOW),
-            &[
-                "fault 2: a drive does not answer (motor 1: 612.0 ms, limit 200.0 ms)\n  action: \
-                 check cable",
-                "refusal 4: another client holds the lease, 0.0 s ago\n  action: end",
-            ],
-        );
+        let fault = "fault 2: a drive does not answer (motor 1: 612.0 ms, limit 200.0 ms)\n  \
+                     action: check cable";
+        let refusal = "refusal 4: another client holds the lease, 0.0 s ago\n  action: end";
+        assert_has(&text(&messages, NOW), &[fault, refusal]);
         let later = text(&messages, NOW + Nanos::from_millis(6000));
         assert!(later.contains("fault 2") && !later.contains("refusal 4"), "{later}");
     }

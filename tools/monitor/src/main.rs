@@ -3,27 +3,21 @@
 //!
 //! | part | does |
 //! |---|---|
-//! | `subscriptions` | subscribes to every stream; it only reads |
-//! | `dashboard` | all known data, and the view that the parts below display |
+//! | `dashboard` | reads every stream: all known data, and the view that the parts below display |
 //! | `history`, `event_log` | last seconds, last events |
-//! | `commander` | name of the process that commands |
-//! | `last_run` | reason why a controller that is no longer running ended |
 //! | `lines` | lines of text |
-//! | `status` | reasons with advice, and everything else, once or every second |
+//! | `status` | reasons with advice, the end of the last run, and everything else |
 //! | `web` | the page; it holds a dashboard and no client |
 //!
 //! The control loop is not affected: a slow subscriber loses the oldest messages, and the loop
 //! never waits.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
-mod commander;
 mod dashboard;
 mod event_log;
 mod history;
-mod last_run;
 mod lines;
 mod status;
-mod subscriptions;
 mod web;
 
 use std::process::ExitCode;
@@ -59,12 +53,8 @@ struct Arguments {
     #[arg(long, value_name = "S")]
     duration_s: Option<f64>,
     /// Serve a read-only page for a browser at PORT, ADDRESS or ADDRESS:PORT
-    #[arg(
-        long,
-        value_name = "ADDR",
-        num_args = 0..=1,
-        default_missing_value = web::DEFAULT_ADDRESS
-    )]
+    #[arg(long, value_name = "ADDR", num_args = 0..=1,
+          default_missing_value = web::DEFAULT_ADDRESS)]
     web: Option<web::ListenAddress>,
 }
 

@@ -1,19 +1,22 @@
-//! `i2ris status` as text: why the robot does not move, what to do, and everything else; once, or
-//! every second.
+//! `i2ris status` as text: why the robot does not move, what to do, and everything else.
+
+use std::fs;
+use std::path::Path;
 
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::Version;
 use i2ris::model::ModelId;
+use i2ris::process::run_log::FILE;
 use i2ris::units::Nanos;
 use i2ris_report::exit::Coded;
 use i2ris_report::view::{View, reasons, short_id};
 use i2ris_report::{Failure, Interrupt, Screen, until_closed};
+use serde_json::Value;
 
-use super::dashboard::Dashboard;
-use super::subscriptions::{READ_PERIOD, Subscriptions};
-use super::{last_run, lines};
+use super::dashboard::{Dashboard, READ_PERIOD, Subscriptions};
+use super::lines;
 
 /// Time to wait for a controller that is starting, or that has gone while it is watched.
 const CONNECT: Nanos = Nanos::from_millis(2000);
@@ -23,7 +26,6 @@ const FIRST_MESSAGES: Nanos = Nanos::from_millis(1500);
 /// Time for the last messages of `error` and `warning`, which a controller sends to new
 /// subscribers every 50 ms, and for the trial that a recorder publishes, twice a second.
 const LAST_REASONS: Nanos = Nanos::from_millis(700);
-/// Time between two prints.
 const PRINT_PERIOD: Nanos = Nanos::from_millis(1000);
 
 /// Waits for a message of every stream that a controller always publishes, then prints.
@@ -72,7 +74,7 @@ pub fn watch(domain: &Domain, span: Option<Nanos>) -> Result<(), Failure> {
 /// Software and process of the controller, and its model, in one line.
 fn title(domain: &Domain, timeout: Nanos) -> Result<String, Failure> {
     let mut client = Client::connect(domain, timeout).map_err(|error| {
-        let last = Some(domain).filter(|_| error.is_absent()).and_then(last_run::sentence);
+        let last = Some(domain).filter(|_| error.is_absent()).and_then(last_run);
         match last {
             Some(last) => Coded { code: 3, sentence: format!("{error}; {last}") }.into(),
             None => Failure::from(error),
@@ -87,7 +89,6 @@ fn title(domain: &Domain, timeout: Nanos) -> Result<String, Failure> {
     Ok(format!("i2ris {major}.{minor}.{patch}, domain {domain}, process {pid}, {model}"))
 }
 
-/// Known data, and the time since which messages arrive.
 struct Status {
     domain: Domain,
     subscriptions: Subscriptions,
@@ -150,4 +151,33 @@ impl Status {
         self.title = Some(title);
         lines
     }
+}
+
+/// A sentence about the last run of a domain, if it has not ended cleanly.
+fn last_run(domain: &Domain) -> Option<String> {
+    let (boot_id, folder) = domain.last_run()?;
+    let (run, log) = (format!("{boot_id:016x}"), folder.join(FILE));
+    let text = fs::read_to_string(&log).ok()?;
+    let lines = text.lines().rev().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let lines: Vec<Value> = lines.filter(|line| line["run"] == run.as_str()).collect();
+    let field = |name: &str| lines.iter().find_map(|line| line[name].as_str());
+    let time = field("time")?;
+    let how = match field("outcome") {
+        Some(outcome) => format!("ended at {time}: {outcome}"),
+        None => format!("was killed or crashed after {time}"),
+    };
+    let reason = field("reason").map(|it| format!(", the last reason was `{it}`"));
+    // Names begin with the time.
+    let black_box = match newest(&folder) {
+        Some(path) if field("outcome").is_some() => format!("black box {path}"),
+        _ => "the next start writes its black box there".to_owned(),
+    };
+    let (reason, log) = (reason.unwrap_or_default(), log.display());
+    Some(format!("the last one {how}{reason}; log {log}; {black_box}"))
+}
+
+fn newest(folder: &Path) -> Option<String> {
+    let entries = fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path());
+    let boxes = entries.filter(|path| path.extension().is_some_and(|it| it == "box"));
+    boxes.max().map(|path| path.display().to_string())
 }

@@ -10,14 +10,12 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::http::{Head, MAX_HEAD_BYTES, Response, parse};
-use super::route::answer;
-use super::source::Source;
+use super::Source;
+use super::http::{Head, MAX_HEAD_BYTES, Response, answer, parse};
 
 /// Connections at the same time. A browser opens up to six.
 const CONNECTIONS: usize = 48;
-/// Maximum time for which a connection may be idle, for a head once it has begun, and for an
-/// answer.
+/// Maximum time of an idle connection, of a head once it has begun, and of an answer.
 const IDLE: Duration = Duration::from_secs(15);
 const HEAD: Duration = Duration::from_secs(5);
 const ANSWER: Duration = Duration::from_secs(5);
@@ -26,15 +24,12 @@ const ANSWER: Duration = Duration::from_secs(5);
 const PACE: Duration = Duration::from_millis(10);
 /// Maximum time for the other side to finish sending after it has its answer.
 const PARTING: Duration = Duration::from_millis(500);
-/// Waiting time after the system refused a connection.
 const BREATH: Duration = Duration::from_millis(50);
 
 /// Starts to serve, in threads that end with the process.
 pub fn start(listener: TcpListener, source: Arc<Source>, local: bool) -> io::Result<()> {
-    thread::Builder::new()
-        .name("web".to_owned())
-        .spawn(move || accept(&listener, &source, local))?;
-    Ok(())
+    let thread = thread::Builder::new().name("web".to_owned());
+    thread.spawn(move || accept(&listener, &source, local)).map(drop)
 }
 
 fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
@@ -62,13 +57,10 @@ fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
 
 /// Does not wait: a few hundred bytes always fit into the buffer of a new connection.
 fn refuse(mut stream: TcpStream) {
-    drop(write(
-        &mut stream,
-        &Response::refusal(503, "too many browsers are watching; close one").bytes(false),
-    ));
+    let refusal = Response::refusal(503, "too many browsers are watching; close one");
+    drop(write(&mut stream, &refusal.bytes(false)));
 }
 
-/// Answers the requests of one connection, one after the other.
 fn serve(mut stream: TcpStream, source: &Source, local: bool) -> io::Result<()> {
     stream.set_nodelay(true)?;
     let mut bytes = Vec::new();
@@ -94,8 +86,7 @@ fn serve(mut stream: TcpStream, source: &Source, local: bool) -> io::Result<()> 
     }
 }
 
-/// Ends a connection cleanly. Closing it with unread bytes would reset it, and the answer could be
-/// lost.
+/// Ends cleanly: closing with unread bytes would reset it, and the answer could be lost.
 fn part(stream: &mut TcpStream) -> io::Result<()> {
     stream.shutdown(Shutdown::Write)?;
     stream.set_read_timeout(Some(PARTING))?;
@@ -104,8 +95,7 @@ fn part(stream: &mut TcpStream) -> io::Result<()> {
     Ok(())
 }
 
-/// Reads a head; `Partial` if it is too long; `None` if the other side sends no more, or takes too
-/// long.
+/// Reads a head; `Partial` if it is too long; `None` if no more comes in time.
 fn read_head(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> io::Result<Option<Head>> {
     let mut begun = (!bytes.is_empty()).then(Instant::now);
     loop {
@@ -114,9 +104,7 @@ fn read_head(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> io::Result<Option<H
             head => return Ok(Some(head)),
         }
         let left = begun.map_or(Some(IDLE), |begun: Instant| HEAD.checked_sub(begun.elapsed()));
-        let Some(left) = left.filter(|left| !left.is_zero()) else {
-            return Ok(None);
-        };
+        let Some(left) = left.filter(|left| !left.is_zero()) else { return Ok(None) };
         stream.set_read_timeout(Some(left))?;
         let mut chunk = [0; 1024];
         match stream.read(&mut chunk) {
@@ -133,11 +121,8 @@ fn read_head(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> io::Result<Option<H
 fn write(stream: &mut TcpStream, mut bytes: &[u8]) -> io::Result<()> {
     let start = Instant::now();
     while !bytes.is_empty() {
-        let left = ANSWER
-            .checked_sub(start.elapsed())
-            .filter(|left| !left.is_zero())
-            .ok_or(ErrorKind::TimedOut)?;
-        stream.set_write_timeout(Some(left))?;
+        let left = ANSWER.checked_sub(start.elapsed()).filter(|left| !left.is_zero());
+        stream.set_write_timeout(Some(left.ok_or(ErrorKind::TimedOut)?))?;
         match stream.write(bytes) {
             Ok(0) => return Err(ErrorKind::WriteZero.into()),
             Ok(count) => bytes = bytes.get(count..).unwrap_or_default(),

@@ -1,10 +1,8 @@
 //! `i2ris status` against a controller without drives.
 #![allow(clippy::unwrap_used)]
 
-mod chromium;
 mod http;
 mod pages;
-mod trial;
 mod web;
 
 use std::fs::File;

@@ -120,21 +120,20 @@ fn browsers_that_stall_or_vanish_cost_the_others_nothing() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     // Some send half a request, some send many and never read, some disconnect.
-    let stalled: Vec<TcpStream> = (0..30)
-        .map(|number| {
-            let mut stream = served.connect();
-            match number % 3 {
-                0 => stream.write_all(b"GET / HT").unwrap(),
-                1 => {
-                    stream.set_nonblocking(true).unwrap();
-                    let many = "GET /live HTTP/1.1\r\nHost: localhost\r\n\r\n".repeat(2000);
-                    let _ = stream.write(many.as_bytes());
-                }
-                _ => {}
+    let stall = |number| {
+        let mut stream = served.connect();
+        match number % 3 {
+            0 => stream.write_all(b"GET / HT").unwrap(),
+            1 => {
+                stream.set_nonblocking(true).unwrap();
+                let many = "GET /live HTTP/1.1\r\nHost: localhost\r\n\r\n".repeat(2000);
+                let _ = stream.write(many.as_bytes());
             }
-            stream
-        })
-        .collect();
+            _ => {}
+        }
+        stream
+    };
+    let stalled: Vec<TcpStream> = (0..30).map(stall).collect();
     drop((0..50).map(|_| served.connect()).collect::<Vec<_>>());
     served.wait_for_a_place();
     let before = served.live("")["next_sample"].as_u64().unwrap();
@@ -211,13 +210,8 @@ impl Census {
             FileName::new(format!("{}{boot}_", domain.prefix()).as_bytes()).unwrap();
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
-        Self(
-            NodeBuilder::new()
-                .config(&config)
-                .signal_handling_mode(SignalHandlingMode::Disabled)
-                .create()
-                .unwrap(),
-        )
+        let node = NodeBuilder::new().config(&config);
+        Self(node.signal_handling_mode(SignalHandlingMode::Disabled).create().unwrap())
     }
 
     /// Publishers and subscribers of a stream.
