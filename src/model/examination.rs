@@ -70,7 +70,6 @@ pub struct Examination {
 }
 
 impl Examination {
-    /// Examines a model.
     pub(in crate::model) fn of(runtime: &dyn Runtime, reach: &Reach, file: &ModelFile) -> Self {
         let subject = Subject::new(runtime, reach, file);
         let (error, travel) = subject.follow();
@@ -130,7 +129,6 @@ impl<'a> Subject<'a> {
         subject
     }
 
-    /// Predictions of the model along a path.
     fn along(&self, path: &ExaminationPath) -> Vec<OutputVec> {
         let mut memory = self.memory_after_turns();
         let predict = |counts: &MotorVec| {

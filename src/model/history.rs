@@ -83,9 +83,7 @@ impl History {
 
     /// Whether the motion reverses at `newest` before `next`, or is longer than the spacing.
     fn is_corner(&self, newest: &MotorVec, next: &MotorVec) -> bool {
-        let Some((last, _)) = self.corners.back() else {
-            return true;
-        };
+        let Some((last, _)) = self.corners.back() else { return true };
         last.iter().zip(newest).zip(next).any(|((last, newest), next)| {
             let (previous_step, next_step) = (newest - last, next - newest);
             previous_step * next_step < 0.0 || (next - last).abs() > SPACING_COUNTS

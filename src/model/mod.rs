@@ -45,9 +45,9 @@ pub use estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputMatrix,
 pub use examination::Examination;
 #[cfg(feature = "controller")]
 pub use examination_path::ExaminationPath;
-#[cfg(feature = "controller")]
-pub use families::gap_scale::Wear;
 pub use families::memory::Memory;
+#[cfg(feature = "controller")]
+pub use families::memory::Wear;
 pub(crate) use families::runtime::Reach;
 #[cfg(feature = "controller")]
 pub use families::{hysteresis, network};
@@ -60,7 +60,5 @@ pub use maths::hull::{MAX_CORNERS, TOLERANCE_COUNTS};
 #[cfg(feature = "controller")]
 pub use maths::mixture_regression::MixtureRegression;
 #[cfg(feature = "controller")]
-pub use maths::polynomial_regression;
-#[cfg(feature = "controller")]
-pub use maths::regression::Local;
+pub use maths::{Local, polynomial_regression};
 pub use prepared::Model;

@@ -8,12 +8,12 @@ use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Out
 use crate::model::examination::Examination;
 use crate::model::families::hysteresis::force_balance::{CREEPING, REACH};
 use crate::model::families::memory::Memory;
+use crate::model::families::prepare;
 use crate::model::families::runtime::{Reach, Runtime, Search};
-use crate::model::families::sized::prepare;
-use crate::model::file::{FamilyParameters, ModelFile, check};
+use crate::model::file::{self, FamilyParameters, ModelFile};
 use crate::model::history::History;
+use crate::model::maths::bounded;
 use crate::model::maths::hull::Hull;
-use crate::model::maths::regression::bounded;
 use crate::robot::ModelId;
 use crate::units::{MotorVec, OutputVec};
 
@@ -66,7 +66,7 @@ impl Model {
     /// by more than one count's worth somewhere in the hull, or the model fails its
     /// [`Examination`].
     pub fn from_file(file: ModelFile) -> Result<Self, ModelError> {
-        let motors = check::check(&file)?;
+        let motors = file::check(&file)?;
         let hull = Hull::new(&file.hull, motors)?;
         let runtime = prepare(&file.family, [motors, file.outputs.len()], unit(&file))?;
         runtime.check_round_trip(&hull, unit(&file))?;
@@ -91,10 +91,8 @@ impl Model {
     /// See [`Self::check_robot`]; also when the model is marked as worthless.
     pub fn check_use(&self, robot_id: &str, motors: usize) -> Result<(), ModelError> {
         self.check_robot(robot_id, motors)?;
-        match &self.file.worthless {
-            Some(doubt) => Err(ModelError::Worthless(doubt.clone())),
-            None => Ok(()),
-        }
+        let doubt = self.file.worthless.clone();
+        doubt.map_or(Ok(()), |doubt| Err(ModelError::Worthless(doubt)))
     }
 
     /// Checks that the model belongs to a robot.
@@ -161,10 +159,8 @@ impl Model {
     /// Whether the bend also depends on time: the snake creeps.
     #[must_use]
     pub fn creeps(&self) -> bool {
-        match &self.file().family {
-            FamilyParameters::ForceBalance { balance, .. } => balance.creep != [0.0; CREEPING],
-            _ => false,
-        }
+        matches!(&self.file.family, FamilyParameters::ForceBalance { balance, .. }
+            if balance.creep != [0.0; CREEPING])
     }
 
     /// Updates a memory with the present position `counts`. Call this with every measured position,
@@ -357,7 +353,6 @@ fn extents(hull: &Hull) -> MotorVec {
     std::array::from_fn(|motor| high[motor] - low[motor])
 }
 
-/// Clamps ranges of the motors to the extent of the hull.
 fn clamp_to_extent(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
     for (range, extent) in ranges.iter_mut().zip(extents(hull)) {
         *range = range.min(extent);
@@ -382,7 +377,7 @@ fn mean_slope(runtime: &dyn Runtime, hull: &Hull) -> JacobianMatrix {
     slope
 }
 
-/// The unit of all outputs. [`check::check`] makes sure that they share one unit.
+/// The unit of all outputs. [`file::check`] makes sure that they share one unit.
 fn unit(file: &ModelFile) -> OutputUnit {
     file.outputs.first().map_or(OutputUnit::Deg, |output| output.unit)
 }

@@ -1,12 +1,11 @@
-//! The hysteresis memory of a model.
+//! The hysteresis memory of a model, and its wear, which drift may change.
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::families::gap_scale::{self, Wear};
+use crate::model::families::hysteresis::backlash_play::PlayState;
 use crate::model::families::hysteresis::force_balance::state::BalanceState;
-use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::network::layers::NetworkState;
-use crate::units::MotorVec;
+use crate::units::{MAX_MOTORS, MotorVec};
 
 /// The state that a model keeps of the past motion of the motors. It has a fixed size and uses no
 /// heap. A copy is an independent memory.
@@ -30,10 +29,6 @@ pub(in crate::model) struct Seen {
 }
 
 impl Seen {
-    fn first(position: MotorVec) -> Self {
-        Self { position, low: position, high: position }
-    }
-
     fn extend(&mut self, position: MotorVec) {
         self.position = position;
         for ((low, high), at) in self.low.iter_mut().zip(&mut self.high).zip(position) {
@@ -43,18 +38,14 @@ impl Seen {
     }
 }
 
-/// The state of a family.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "no heap in the control loop")]
 pub(in crate::model) enum State {
     /// No state.
     #[default]
     None,
-    /// The state of play operators.
     Plays(PlayState),
-    /// State of a force balance.
     Balance(BalanceState),
-    /// The hidden state of a network.
     Network(NetworkState),
 }
 
@@ -63,7 +54,8 @@ impl Memory {
     /// balance) from now on; 1 as calibrated, clamped to 0.2...3. Families without gaps ignore it,
     /// and so does a memory without any past motion.
     pub fn set_gap_scale(&mut self, scale: &MotorVec) {
-        let clamped = gap_scale::clamp(scale);
+        let clamp = |scale: f64| scale.clamp(MIN_SCALE, MAX_SCALE);
+        let clamped = scale.map(|scale| if scale.is_nan() { 1.0 } else { clamp(scale) });
         match &mut self.state {
             State::None | State::Network(_) => {}
             State::Plays(state) => state.gap_scale = clamped,
@@ -87,10 +79,8 @@ impl Memory {
 
     /// Adds a position. The caller then advances the state to it.
     pub(in crate::model) fn note(&mut self, position: MotorVec) {
-        match &mut self.seen {
-            Some(seen) => seen.extend(position),
-            None => self.seen = Some(Seen::first(position)),
-        }
+        let first = Seen { position, low: position, high: position };
+        self.seen.get_or_insert(first).extend(position);
     }
 
     /// Whether every motor has covered the given range, counts. All earlier motion is then
@@ -102,4 +92,25 @@ impl Memory {
             covered.all(|(covered, range)| covered >= *range)
         })
     }
+}
+
+/// The gap scale of a calibration.
+pub(in crate::model) const UNSCALED: MotorVec = [1.0; MAX_MOTORS];
+
+/// Limits of the gap scale.
+const MIN_SCALE: f64 = 0.2;
+const MAX_SCALE: f64 = 3.0;
+
+/// How a snake differs from the calibrated one by wear, per motor; 0 as calibrated.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Wear {
+    /// Growth of all lost motion, friction with it, as a share: see [`Memory::set_gap_scale`].
+    ///
+    /// [`Memory::set_gap_scale`]: crate::model::Memory::set_gap_scale
+    pub gap: MotorVec,
+    /// Preload that the wires have lost beyond that, as a share of half the calibrated range.
+    pub slack: MotorVec,
+    /// Growth of half the gear's play beyond that factor, as such a share: a fit may have put all
+    /// the play of a new gear into the friction, and a factor on zero remains zero.
+    pub play: MotorVec,
 }

@@ -5,10 +5,8 @@ use std::fmt::Debug;
 use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputUnit, Query};
 use crate::model::families::memory::Memory;
-use crate::model::families::round_trip;
 use crate::model::maths::hull::Hull;
-use crate::model::maths::newton_inverse;
-use crate::model::maths::regression::{Regression, array, bounded, estimate, rows, vector};
+use crate::model::maths::{Regression, array, bounded, estimate, newton_inverse, rows, vector};
 use crate::units::{MotorVec, OutputVec};
 
 /// Where an inverse may go.
@@ -100,7 +98,7 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
         }
     }
 
-    /// See [`round_trip::check`].
+    /// See [`newton_inverse::check_round_trip`].
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError>;
 }
 
@@ -135,7 +133,7 @@ impl<const D: usize, const M: usize> Runtime for Memoryless<D, M> {
 
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
         let local = |counts: &MotorVec| Some(self.0.local(&vector::<D>(counts)));
-        round_trip::check(hull, unit, local, |goal| {
+        newton_inverse::check_round_trip(hull, unit, local, |goal| {
             newton_inverse::invert(&*self.0, hull, goal, &hull.centre())
         })
     }

@@ -5,19 +5,18 @@
 //! the same bits, UTF-8. It depends on every value, but not on the layout and field order of the
 //! file on disk. The identity of a model is the SHA-256 of this form.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
+use std::fs::{File, OpenOptions};
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::{fs, io, process};
 
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use crate::file_permissions::MAX_MODEL_BYTES;
 use crate::model::error::ModelError;
-use crate::model::file::check::check_header;
-use crate::model::file::{FAMILIES, ModelFile};
+use crate::model::file::{FAMILIES, ModelFile, check_header};
 use crate::robot::ModelId;
 
 /// The fields of every version of the schema.
@@ -31,7 +30,6 @@ struct Header {
     family: FamilyHeader,
 }
 
-/// The name of a family.
 #[derive(Default, Deserialize)]
 struct FamilyHeader {
     kind: Option<String>,

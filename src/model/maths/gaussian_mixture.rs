@@ -139,29 +139,17 @@ fn check_weights(mixture: &MixtureParameters, name: &str) -> Result<(), ModelErr
     for (list, entries) in
         [("means", mixture.means.len()), ("covariances", mixture.covariances.len())]
     {
-        require(
-            entries == count,
-            || format!("{name}.{list}"),
-            entries,
-            "must have one entry per weight",
-        )?;
+        let reason = "must have one entry per weight";
+        require(entries == count, || format!("{name}.{list}"), entries, reason)?;
     }
     for (k, weight) in mixture.weights.iter().enumerate() {
         let positive = weight.is_finite() && *weight > 0.0;
-        require(
-            positive,
-            || format!("{name}.weights[{k}]"),
-            weight,
-            "must be a finite number above 0",
-        )?;
+        let reason = "must be a finite number above 0";
+        require(positive, || format!("{name}.weights[{k}]"), weight, reason)?;
     }
     let total: f64 = mixture.weights.iter().sum();
-    require(
-        (total - 1.0).abs() <= WEIGHT_TOLERANCE,
-        key,
-        format!("sum {total}"),
-        "the weights must sum to 1",
-    )
+    let reason = "the weights must sum to 1";
+    require((total - 1.0).abs() <= WEIGHT_TOLERANCE, key, format!("sum {total}"), reason)
 }
 
 fn checked_mean(

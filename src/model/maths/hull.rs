@@ -7,9 +7,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::error::{ModelError, require};
-use crate::model::maths::polygon;
-pub use crate::model::maths::polygon::TOLERANCE_COUNTS;
-use crate::model::maths::quadratic::{Quadratic, add, dot, subtract};
+pub use crate::model::maths::plane::TOLERANCE_COUNTS;
+use crate::model::maths::plane::{self, Quadratic, add, dot, subtract};
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// The most corners of a polygon. It bounds the work of every tick.
@@ -41,18 +40,12 @@ pub struct Hull {
     centre: MotorVec,
 }
 
+/// `inner_radius`: of the circle around the centre that touches the nearest side. Most positions
+/// lie in it and need no further test.
 #[derive(Debug, Clone, PartialEq)]
 enum Shape {
-    Interval {
-        low: f64,
-        high: f64,
-    },
-    Polygon {
-        edges: Vec<Edge>,
-        /// Radius of the circle around the centre that touches the nearest side. Most positions lie
-        /// in it and need no further test.
-        inner_radius: f64,
-    },
+    Interval { low: f64, high: f64 },
+    Polygon { edges: Vec<Edge>, inner_radius: f64 },
 }
 
 /// One side of a polygon: from `corner` along `along` to the next corner.
@@ -78,7 +71,6 @@ impl Edge {
     }
 }
 
-/// The result of [`Hull::minimise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::model) struct Minimum {
     pub counts: MotorVec,
@@ -122,17 +114,13 @@ impl Hull {
     /// a line (two motors).
     pub fn from_points(motors: usize, points: &[MotorVec]) -> Result<Self, ModelError> {
         for (i, point) in points.iter().enumerate() {
-            let shown = format!("{point:?}");
-            require(
-                point.iter().all(|c| c.is_finite()),
-                || format!("position {i}"),
-                shown,
-                "must be finite counts",
-            )?;
+            let is_finite = point.iter().all(|c| c.is_finite());
+            let (key, shown) = (|| format!("position {i}"), format!("{point:?}"));
+            require(is_finite, key, shown, "must be finite counts")?;
         }
         let corners = match motors {
-            1 => polygon::interval(points),
-            _ => polygon::thin(polygon::convex_hull(points), MAX_CORNERS),
+            1 => plane::interval(points),
+            _ => plane::thin(plane::convex_hull(points), MAX_CORNERS),
         };
         if corners.len() < motors + 1 {
             return Err(ModelError::FlatHull(mean(points)));
@@ -355,25 +343,14 @@ impl Edge {
     fn check(&self, number: usize, corners: &[MotorVec]) -> Result<(), ModelError> {
         let key = || format!("hull.corners[{number}]");
         let shown = format!("{:?}", self.corner);
-        let (lowest, highest) = corners
-            .iter()
-            .map(|corner| self.excess(*corner))
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), excess| {
-                (low.min(excess), high.max(excess))
-            });
+        let excesses = || corners.iter().map(|corner| self.excess(*corner));
+        let lowest = excesses().fold(f64::INFINITY, f64::min);
+        let highest = excesses().fold(f64::NEG_INFINITY, f64::max);
         let convex = highest <= TOLERANCE_COUNTS;
-        require(
-            convex,
-            key,
-            &shown,
-            "the corners must go round a convex polygon counter-clockwise",
-        )?;
-        require(
-            lowest <= -MIN_WIDTH_COUNTS,
-            key,
-            &shown,
-            "the polygon must be at least one count wide",
-        )
+        let reason = "the corners must go round a convex polygon counter-clockwise";
+        require(convex, key, &shown, reason)?;
+        let reason = "the polygon must be at least one count wide";
+        require(lowest <= -MIN_WIDTH_COUNTS, key, &shown, reason)
     }
 }
 
@@ -384,37 +361,23 @@ fn checked_corners(
     let key = || "hull.corners".to_owned();
     let rows = &parameters.corners;
     let count = rows.len();
-    require(
-        (1..=MAX_MOTORS).contains(&motors),
-        key,
-        format!("for {motors} motors"),
-        "there must be 1 or 2",
-    )?;
-    match motors {
-        1 => require(
-            count == 2,
-            key,
-            format!("{count} corners"),
-            "one motor takes 2: lowest and highest count",
-        )?,
-        _ => require(
+    let reason = "there must be 1 or 2";
+    require((1..=MAX_MOTORS).contains(&motors), key, format!("for {motors} motors"), reason)?;
+    let (is_possible, reason) = match motors {
+        1 => (count == 2, "one motor takes 2: lowest and highest count"),
+        _ => (
             (3..=MAX_CORNERS).contains(&count),
-            key,
-            format!("{count} corners"),
             "two motors take 3 to 64 corners of a convex polygon",
-        )?,
-    }
+        ),
+    };
+    require(is_possible, key, format!("{count} corners"), reason)?;
     let corners = rows.iter().enumerate().map(|(i, corner)| checked_corner(i, corner, motors));
     let corners = corners.collect::<Result<Vec<_>, _>>()?;
     for (i, (corner, next)) in corners.iter().zip(corners.iter().cycle().skip(1)).enumerate() {
         let side = subtract(*next, *corner);
         let distinct = side[0].hypot(side[1]) > TOLERANCE_COUNTS;
-        require(
-            distinct,
-            || format!("hull.corners[{i}]"),
-            format!("{corner:?}"),
-            "must differ from the next corner",
-        )?;
+        let reason = "must differ from the next corner";
+        require(distinct, || format!("hull.corners[{i}]"), format!("{corner:?}"), reason)?;
     }
     Ok(corners)
 }

@@ -30,12 +30,8 @@ pub(in crate::model) fn parameters(
     key: impl FnOnce() -> String,
 ) -> Result<(), ModelError> {
     let invalid = numbers.iter().find(|number| !(-MAX_VALUE..=MAX_VALUE).contains(*number));
-    require(
-        invalid.is_none(),
-        key,
-        invalid.unwrap_or(&0.0),
-        "must be a finite number of at most 1e15",
-    )
+    let reason = "must be a finite number of at most 1e15";
+    require(invalid.is_none(), key, invalid.unwrap_or(&0.0), reason)
 }
 
 /// Converts rows to a matrix, and checks sizes and finite numbers.
@@ -67,12 +63,8 @@ pub(in crate::model) fn square(
         let (variances, difference) =
             (matrix[(i, i)] * matrix[(j, j)], matrix[(i, j)] - matrix[(j, i)]);
         let entry_key = || format!("{}[{i}][{j}]", key());
-        require(
-            matrix[(i, i)] >= 0.0,
-            || format!("{}[{i}][{i}]", key()),
-            matrix[(i, i)],
-            "a variance is not negative",
-        )?;
+        let reason = "a variance is not negative";
+        require(matrix[(i, i)] >= 0.0, || format!("{}[{i}][{i}]", key()), matrix[(i, i)], reason)?;
         let symmetric = difference.abs() <= ROUNDING * variances.sqrt();
         require(symmetric, entry_key, matrix[(i, j)], "the matrix must be symmetric")?;
     }
@@ -95,12 +87,8 @@ pub(in crate::model) fn positive_definite(
     let least =
         correlation.cholesky().map(|factor| factor.l().diagonal().map(|pivot| pivot * pivot).min());
     let definite = least.is_some_and(|pivot| pivot > MIN_PIVOT);
-    require(
-        definite,
-        key,
-        format!("least pivot {:.1e} of the correlations", least.unwrap_or(0.0)),
-        reason,
-    )
+    let shown = format!("least pivot {:.1e} of the correlations", least.unwrap_or(0.0));
+    require(definite, key, shown, reason)
 }
 
 /// Checks that a symmetric matrix has no negative eigenvalue, up to rounding.
@@ -110,10 +98,6 @@ pub(in crate::model) fn positive_semidefinite(
 ) -> Result<(), ModelError> {
     let eigenvalues = matrix.symmetric_eigenvalues();
     let valid = eigenvalues.min() >= -ROUNDING * matrix.trace();
-    require(
-        valid,
-        key,
-        format!("eigenvalue {:.1e}", eigenvalues.min()),
-        "a covariance has no negative eigenvalue",
-    )
+    let reason = "a covariance has no negative eigenvalue";
+    require(valid, key, format!("eigenvalue {:.1e}", eigenvalues.min()), reason)
 }

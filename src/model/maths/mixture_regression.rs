@@ -17,11 +17,9 @@ use crate::model::error::ModelError;
 use crate::model::maths::gaussian_mixture::{Mixture, MixtureParameters};
 use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::Hull;
-use crate::model::maths::newton_inverse;
-use crate::model::maths::regression::{Local, Prediction, Regression, array, vector};
+use crate::model::maths::{Local, Prediction, Regression, array, newton_inverse, vector};
 use crate::units::{MotorVec, OutputVec};
 
-/// Mixture regression of M outputs on D inputs.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::model) enum MixtureGmr<const D: usize, const M: usize> {
     Joint(Gmr<D, M>),

@@ -9,9 +9,8 @@ use serde::{Deserialize, Serialize};
 use crate::model::error::{ModelError, require};
 use crate::model::maths::hull::{Hull, HullParameters};
 use crate::model::maths::matrix_checks::{matrix, parameters, square};
-use crate::model::maths::regression::{Local, Prediction, Regression, array, vector};
+use crate::model::maths::{Local, Prediction, Regression, array, vector};
 
-/// The highest degree.
 pub(crate) const MAX_DEGREE: usize = 8;
 
 /// The parameters of a polynomial in a model file. `d` inputs, `m` outputs.
@@ -88,12 +87,8 @@ impl<const D: usize, const M: usize> PolynomialRegression<D, M> {
     ) -> Result<Self, ModelError> {
         let key = |name: &str| format!("family.read_out.{name}");
         let sizes = (file.centre_counts.len(), file.scale_counts.len());
-        require(
-            sizes == (D, D),
-            || key("scale_counts"),
-            format!("{sizes:?} numbers"),
-            "must have one number per motor",
-        )?;
+        let reason = "must have one number per motor";
+        require(sizes == (D, D), || key("scale_counts"), format!("{sizes:?} numbers"), reason)?;
         parameters(&file.centre_counts, || key("centre_counts"))?;
         parameters(&file.scale_counts, || key("scale_counts"))?;
         let positive = file.scale_counts.iter().all(|scale| *scale > 0.0);

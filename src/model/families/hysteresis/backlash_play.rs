@@ -11,17 +11,14 @@ use serde::{Deserialize, Serialize};
 
 use super::{Lags, Operator, StoredOperator};
 use crate::model::error::{ModelError, require};
-use crate::model::families::gap_scale::UNSCALED;
-use crate::model::families::hysteresis::play_state::MAX_PLAYS;
-pub use crate::model::families::hysteresis::play_state::PlayState;
-use crate::model::families::memory::State;
+use crate::model::families::memory::{State, UNSCALED};
 use crate::model::maths::matrix_checks::parameters;
-use crate::model::maths::regression::{Local, array, vector};
-use crate::units::MotorVec;
+use crate::model::maths::{Local, array, vector};
+use crate::units::{MAX_MOTORS, MotorVec};
 
 /// The least weight of the threshold 0. At a turning point the slope of the inverse is its
 /// reciprocal.
-pub(crate) const MIN_FIRST_WEIGHT: f64 = 1e-3;
+const MIN_FIRST_WEIGHT: f64 = 1e-3;
 
 /// The parameters of play operators in a model file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -191,12 +188,8 @@ fn one_motor(thresholds: &[f64], weights: &[f64], motor: usize) -> Result<Vec<Pl
     let starts_at_zero =
         (1..=MAX_PLAYS).contains(&thresholds.len()) && thresholds.first() == Some(&0.0);
     let increasing = starts_at_zero && thresholds.is_sorted_by(|a, b| a < b);
-    require(
-        increasing,
-        key,
-        format!("{thresholds:?}"),
-        "must be 1 to 13 numbers that rise from 0",
-    )?;
+    let reason = "must be 1 to 13 numbers that rise from 0";
+    require(increasing, key, format!("{thresholds:?}"), reason)?;
     let key = || format!("family.plays.weights[{motor}]");
     parameters(weights, key)?;
     let valid = weights.len() == thresholds.len() && weights.iter().all(|w| *w >= 0.0);
@@ -315,16 +308,23 @@ impl<const D: usize> StoredOperator<D> for Plays<D> {
     }
 
     fn unpack(state: &State) -> Option<&PlayState> {
-        match state {
-            State::Plays(state) => Some(state),
-            _ => None,
-        }
+        if let State::Plays(state) = state { Some(state) } else { None }
     }
 
     fn unpack_mut(state: &mut State) -> Option<&mut PlayState> {
-        match state {
-            State::Plays(state) => Some(state),
-            _ => None,
-        }
+        if let State::Plays(state) = state { Some(state) } else { None }
     }
+}
+
+/// The most plays per motor, including the play of threshold 0, and the most planar plays.
+const MAX_PLAYS: usize = 13;
+
+/// The positions of the motors and the outputs of the plays.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PlayState {
+    pub(super) position: MotorVec,
+    pub(super) outputs: [[f64; MAX_PLAYS]; MAX_MOTORS],
+    pub(super) planar: [MotorVec; MAX_PLAYS],
+    /// Factor on the thresholds of every motor: 1 as calibrated.
+    pub(in crate::model) gap_scale: MotorVec,
 }

@@ -7,14 +7,14 @@ use super::{Lags, StoredOperator};
 use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputUnit, Query};
 use crate::model::families::memory::Memory;
-use crate::model::families::round_trip;
 use crate::model::families::runtime::{Reach, Runtime, Search};
 use crate::model::maths::hull::{Hull, TOLERANCE_COUNTS};
-use crate::model::maths::newton_inverse::{self, SearchStart};
-use crate::model::maths::regression::{Local, Regression, array, bounded, estimate, rows, vector};
+use crate::model::maths::newton_inverse::SearchStart;
+use crate::model::maths::{
+    Local, Regression, array, bounded, estimate, newton_inverse, rows, vector,
+};
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
-/// A prepared model with memory.
 #[derive(Debug)]
 pub(in crate::model) struct Chain<O, R, const D: usize, const M: usize> {
     pub operator: O,
@@ -98,7 +98,6 @@ where
         array(&self.operator.virtual_counts(&self.operator.begin(&counts), &counts))
     }
 
-    /// Where the search of the regression starts for a query.
     fn search_start(&self, state: &O::State, query: &Query, hull: &Hull) -> SearchStart<D, M> {
         let start = vector(&bounded(&query.start));
         let virtual_counts = self.operator.virtual_counts(state, &start);
@@ -261,7 +260,7 @@ where
         let virtual_counts = |counts: &MotorVec| -> MotorVec {
             array::<D, MAX_MOTORS>(&self.operator.virtual_counts(&state, &vector(counts)))
         };
-        round_trip::check(
+        newton_inverse::check_round_trip(
             hull,
             unit,
             |counts| {

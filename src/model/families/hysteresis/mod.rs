@@ -12,15 +12,13 @@
 //! | file | contents |
 //! |---|---|
 //! | `chain` | the chain and its inverse |
-//! | `play_state` | the state of play operators |
-//! | [`backlash_play`] | play operators |
+//! | [`backlash_play`] | play operators and their state |
 //! | [`force_balance`] | force balance of gear, wires, spring and friction |
 //! | [`residual`] | the residual and its features |
 
 pub mod backlash_play;
 pub(in crate::model) mod chain;
 pub mod force_balance;
-pub(in crate::model) mod play_state;
 pub mod residual;
 
 use std::fmt::Debug;
@@ -28,7 +26,7 @@ use std::fmt::Debug;
 use nalgebra::SVector;
 
 use crate::model::families::memory::State;
-use crate::model::maths::regression::{Local, array};
+use crate::model::maths::{Local, array};
 use crate::units::MotorVec;
 
 /// The most normalised lags of an operator; see [`Lags`].
@@ -129,7 +127,6 @@ pub(in crate::model) trait StoredOperator<const D: usize>: Operator<D> {
     /// The state, if it belongs to this operator.
     fn unpack(state: &State) -> Option<&Self::State>;
 
-    /// Mutable [`StoredOperator::unpack`].
     fn unpack_mut(state: &mut State) -> Option<&mut Self::State>;
 }
 

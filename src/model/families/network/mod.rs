@@ -20,16 +20,12 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `parameters` | layers in a file, and their checks |
-//! | `layers` | prepared layers, their arithmetic and their hidden state |
+//! | `parameters` | layers in a file, and their checks; activations |
+//! | `layers` | prepared layers, their weights, arithmetic and hidden state |
 //! | `scaled_layers` | layers between inputs and outputs in their units |
-//! | `matrix` | weights, and products with them |
-//! | `activation` | activations and their slopes |
 //! | `runtime` | the network as a family of models |
 
-mod activation;
 pub(in crate::model) mod layers;
-mod matrix;
 mod parameters;
 mod runtime;
 mod scaled_layers;

@@ -1,14 +1,14 @@
-//! Layers of a network in a file, and their checks.
+//! Layers of a network in a file, and their checks; activations and their slopes.
 
 use serde::{Deserialize, Serialize};
 
 use crate::model::error::{ModelError, require};
+use crate::model::maths::exp_above;
 
 /// The most units of a layer.
 pub(crate) const MAX_WIDTH: usize = 64;
 
-/// The most layers.
-pub(crate) const MAX_LAYERS: usize = 8;
+const MAX_LAYERS: usize = 8;
 
 /// The most numbers of all hidden states with their recurrent parts.
 pub(crate) const MAX_STATE: usize = 512;
@@ -23,7 +23,6 @@ const MAX_TAPS: usize = 64;
 /// network sees no reversal.
 const STEPS: std::ops::RangeInclusive<f64> = 1.0..=1000.0;
 
-/// Rows of a matrix.
 type Rows = Vec<Vec<f64>>;
 
 /// A network in units of the file: `(counts - input_centre) * input_scale`, then the layers, then
@@ -187,7 +186,6 @@ impl NetworkParameters {
         (!self.layers.iter().any(lives_on)).then_some(window)
     }
 
-    /// Checks sizes and numbers.
     pub(super) fn check(&self, motors: usize, outputs: usize) -> Result<(), ModelError> {
         let (key, step) = (|| "family.network.step_counts".to_owned(), self.step_counts);
         require(STEPS.contains(&step), key, step, "must be 1 to 1000 counts")?;
@@ -238,4 +236,96 @@ pub(super) fn matrix(
     let reason = "their number must follow those of motors, outputs and units";
     require(rows.len() == height, || key.to_owned(), shown, reason)?;
     rows.iter().try_for_each(|row| numbers(row, width, key))
+}
+
+/// Below this an exponential adds nothing to 1.
+const MIN_EXPONENT: f64 = -40.0;
+
+impl Activation {
+    /// Replaces every value by its activation.
+    pub(super) fn apply(self, values: &mut [f64]) {
+        match self {
+            Self::None => {}
+            Self::Relu => values.iter_mut().for_each(|value| *value = relu(*value)),
+            Self::Tanh => tanh(values),
+            Self::Sigmoid => sigmoid(values),
+            Self::Softplus => softplus(values),
+        }
+    }
+
+    /// The slope of the activation, from its value.
+    pub(super) fn slope(self, activated: f64) -> f64 {
+        match self {
+            Self::None => 1.0,
+            Self::Relu => f64::from(u8::from(activated > 0.0)),
+            Self::Tanh => 1.0 - activated * activated,
+            Self::Sigmoid => activated * (1.0 - activated),
+            // Of y = ln (1 + e^x) it is 1 - e^-y.
+            Self::Softplus => -(-activated).exp_m1(),
+        }
+    }
+}
+
+/// Not a number stays.
+fn relu(value: f64) -> f64 {
+    if value < 0.0 { 0.0 } else { value }
+}
+
+fn tanh(values: &mut [f64]) {
+    for value in values {
+        let power = exp_above(-2.0 * value.abs(), MIN_EXPONENT);
+        *value = ((1.0 - power) / (1.0 + power)).copysign(*value);
+    }
+}
+
+fn sigmoid(values: &mut [f64]) {
+    for value in values {
+        let power = exp_above(-value.abs(), MIN_EXPONENT);
+        *value = (if *value < 0.0 { power } else { 1.0 }) / (1.0 + power);
+    }
+}
+
+fn softplus(values: &mut [f64]) {
+    for value in values {
+        *value = relu(*value) + exp_above(-value.abs(), MIN_EXPONENT).ln_1p();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn activations_and_slopes_are_those_of_the_library(x in -60.0..60.0_f64) {
+            let expected = [
+                (Activation::None, x, 1.0),
+                (Activation::Relu, x.max(0.0), if x > 0.0 { 1.0 } else { 0.0 }),
+                (Activation::Tanh, x.tanh(), 1.0 - x.tanh().powi(2)),
+                (Activation::Sigmoid, 1.0 / (1.0 + (-x).exp()), 0.25 / (0.5 * x).cosh().powi(2)),
+                (Activation::Softplus, x.max(0.0) + (-x.abs()).exp().ln_1p(),
+                    1.0 / (1.0 + (-x).exp())),
+            ];
+            for (activation, value, slope) in expected {
+                let mut found = [x, 0.5, x];
+                activation.apply(&mut found);
+                prop_assert!((found[0] - value).abs() < 1e-14, "{activation:?} {x}: {found:?}");
+                prop_assert!((found[2] - value).abs() < 1e-14, "{activation:?} {x}: {found:?}");
+                let found = activation.slope(found[0]);
+                prop_assert!((found - slope).abs() < 1e-12, "{activation:?} {x}: {found} {slope}");
+            }
+        }
+    }
+
+    #[test]
+    fn not_a_number_stays() {
+        use Activation::{None, Relu, Sigmoid, Softplus, Tanh};
+        for activation in [None, Relu, Tanh, Sigmoid, Softplus] {
+            let mut values = [f64::NAN; 3];
+            activation.apply(&mut values);
+            assert!(values.iter().all(|value| value.is_nan()), "{activation:?} {values:?}");
+        }
+    }
 }

@@ -9,13 +9,12 @@ use crate::model::error::{ModelError, require};
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, OutputUnit, Query};
 use crate::model::examination_path::ExaminationPath;
 use crate::model::families::memory::{Memory, State};
-use crate::model::families::round_trip;
 use crate::model::families::runtime::{Runtime, Search};
 use crate::model::maths::hull::Hull;
 use crate::model::maths::matrix_checks::{positive_semidefinite, square};
-use crate::model::maths::newton_inverse::{self, SearchStart};
-use crate::model::maths::regression::{
-    Local, Prediction, Regression, array, bounded, estimate, rows, vector,
+use crate::model::maths::newton_inverse::SearchStart;
+use crate::model::maths::{
+    Local, Prediction, Regression, array, bounded, estimate, newton_inverse, rows, vector,
 };
 use crate::units::{MotorVec, OutputVec};
 
@@ -278,7 +277,7 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
         self.check_growth(hull)?;
         let mut state = self.begin(&hull.centre());
         let mut trips = Vec::new();
-        for counts in round_trip::positions(hull) {
+        for counts in newton_inverse::lattice(hull) {
             while state.position != counts {
                 let before = state.position;
                 self.walk(&mut state, &counts);
@@ -292,6 +291,6 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
             let found = newton_inverse::invert(&at, hull, &array(&local.mean), &start);
             trips.push((counts, local, found.residual));
         }
-        round_trip::judge(unit, trips)
+        newton_inverse::judge_round_trips(unit, trips)
     }
 }

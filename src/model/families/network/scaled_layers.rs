@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::layers::{PreparedLayer, Signal};
 use super::parameters::NetworkParameters;
-use crate::model::maths::regression::vector;
+use crate::model::maths::vector;
 
 /// A network from D motors to M outputs, rad (m). Its state is some numbers that it is handed.
 #[derive(Debug)]
@@ -54,7 +54,6 @@ impl<const D: usize, const M: usize> ScaledLayers<D, M> {
         self.take_step(values, input);
     }
 
-    /// Takes a step to an input.
     pub(crate) fn take_step(&self, values: &mut [f64], input: &SVector<f64, D>) {
         let mut signal = Signal::<0>::zero();
         let scaled = (input - self.centre).component_mul(&self.scale);

@@ -42,7 +42,7 @@
 //! They grow with a bend no further than a calibration goes.
 //! With them both sides are monotone functions of the bend: there is exactly one balance, and it
 //! rises with every motor. A semi-smooth Newton method with a line search finds it (L. Qi and J.
-//! Sun 1993). The shortest motion moves the bend least, also where limits have changed (`still`).
+//! Sun 1993). The shortest motion moves the bend least, also where limits have changed (`solve`).
 //!
 //! A step takes a time. Its `w_k` are those at its end, as if the snake had been at its last bend
 //! throughout the step (implicit Euler): so the balance is one with less stiff elements, in a long
@@ -59,40 +59,32 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `inverse` | the counts of a bend |
+//! | `elements` | the force of two wires, and its inverse; elastic elements that slip |
 //! | `parameters` | parameters in a file, and their checks |
 //! | [`sensitivity`] | derivatives of the bend by the parameters, for calibration |
 //! | `state` | the state, and the terms that a step takes from it |
-//! | `wires` | the force of two wires, and its inverse |
-//! | `still` | the balance of a snake that hardly moves |
-//! | `stops` | elastic elements that slip |
-//! | `solve` | forces, slopes and Newton's method |
-//! | `transmission` | the transmission error of the gear, and its inverse |
+//! | `solve` | forces, slopes, Newton's method; a snake that hardly moves; the counts of a bend |
 
-mod inverse;
+mod elements;
 mod parameters;
 pub mod sensitivity;
 mod solve;
 pub(in crate::model) mod state;
-mod still;
-mod stops;
-mod transmission;
-mod wires;
 
 use nalgebra::{SMatrix, SVector};
 
 use super::{Operator, StoredOperator};
 use crate::model::error::ModelError;
 use crate::model::families::memory::State;
-use crate::model::maths::regression::{Local, array, vector};
+use crate::model::maths::{Local, array, vector};
 use crate::units::MotorVec;
+use elements::Stop;
 pub use parameters::{
     BalanceMotor, BalanceParameters, BalanceStop, CREEPING, OWN_STOPS, PER_MOTOR, REACH,
     SHARED_STOPS, USUAL_TURN,
 };
 pub use state::BalanceState;
 use state::Limits;
-use stops::Stop;
 
 /// The longest step of an advance, and of a coarse one, in units of travel: limits and preload
 /// follow from step to step.
@@ -194,7 +186,6 @@ impl<const D: usize> ForceBalance<D> {
         self.counts(&bend.component_div(&self.gain))
     }
 
-    /// Wire travel at pulleys.
     fn travel(&self, pulleys: &SVector<f64, D>) -> SVector<f64, D> {
         let mut travel = self.coupling * pulleys;
         for (travel, motor) in travel.iter_mut().zip(&self.motors) {
@@ -216,7 +207,6 @@ impl<const D: usize> ForceBalance<D> {
         })
     }
 
-    /// The shared stops that there are.
     #[inline]
     fn shared_stops(&self) -> &[Stop] {
         &self.shared[..self.shared_count]
@@ -419,16 +409,10 @@ impl<const D: usize> StoredOperator<D> for ForceBalance<D> {
     }
 
     fn unpack(state: &State) -> Option<&BalanceState> {
-        match state {
-            State::Balance(state) => Some(state),
-            _ => None,
-        }
+        if let State::Balance(state) = state { Some(state) } else { None }
     }
 
     fn unpack_mut(state: &mut State) -> Option<&mut BalanceState> {
-        match state {
-            State::Balance(state) => Some(state),
-            _ => None,
-        }
+        if let State::Balance(state) = state { Some(state) } else { None }
     }
 }

@@ -156,7 +156,6 @@ pub struct BalanceStop {
 }
 
 impl BalanceParameters {
-    /// Checks all parameters.
     pub(super) fn check(&self, motors: usize) -> Result<(), ModelError> {
         let found = self.motors.len();
         let key = || "family.balance.motors".to_owned();

@@ -4,14 +4,16 @@
 //! its equation, without a search: the change of the residual force at a constant bend, through the
 //! slope that Newton's method uses.
 
+mod limits;
+
 use nalgebra::{SMatrix, SVector};
 
+use super::elements::{Force, Wires};
 use super::parameters::{CREEPING, OWN_STOPS, PER_MOTOR, REACH, SHARED_STOPS};
+use super::solve::SMALL_MOTION;
 use super::state::{BalanceState, Limits};
-use super::still::SMALL_MOTION;
-use super::wires::{Force, Wires};
 use super::{BalanceParameters, ForceBalance};
-use crate::model::maths::regression::{array, vector};
+use crate::model::maths::{array, vector};
 use limits::LimitSlopes;
 
 /// Places of the parameters that belong to no motor.
@@ -118,7 +120,6 @@ struct Place<const D: usize> {
     tension: [[Slopes; 2]; D],
 }
 
-/// The balance of a step.
 struct Balanced<const D: usize> {
     bend: SVector<f64, D>,
     stretch: SVector<f64, D>,
@@ -219,25 +220,14 @@ impl<const D: usize> ForceBalance<D> {
             }
             let held =
                 self.held_back_sensitive(at, (&limits, &by_limits), &pulleys, &before, time_s);
-            let by_pulleys = at.pulley;
-            self.step_sensitive(at, (&limits, &by_limits), (&pulleys, &by_pulleys), held);
+            let travel = (&self.travel(&pulleys), &self.travel_slopes(&at.pulley, &pulleys));
+            self.balance(at, (&limits, &by_limits), travel, held);
             at.place.state.pulley = array(&pulleys);
         }
         at.place.state.position = array(counts);
     }
 
-    fn step_sensitive(
-        &self,
-        at: &mut SensitiveState<D>,
-        limits: (&Limits<D>, &LimitSlopes<D>),
-        (pulleys, by_pulleys): (&SVector<f64, D>, &[Slopes; D]),
-        held: Option<(SVector<f64, D>, [Slopes; D])>,
-    ) {
-        let by_travel = self.travel_slopes(by_pulleys, pulleys);
-        self.balance(at, limits, (&self.travel(pulleys), &by_travel), held);
-    }
-
-    /// Rest of a bend jump after a step, and its derivatives; see `still`. `before`: those of the
+    /// Rest of a bend jump after a step, and its derivatives; see `solve`. `before`: those of the
     /// pulleys.
     fn held_back_sensitive(
         &self,
@@ -267,7 +257,6 @@ impl<const D: usize> ForceBalance<D> {
         }
     }
 
-    /// Derivatives of the travel at pulleys.
     fn travel_slopes(&self, by: &[Slopes; D], pulleys: &SVector<f64, D>) -> [Slopes; D] {
         std::array::from_fn(|i| {
             let mut slopes = by[i];
@@ -394,7 +383,6 @@ impl<const D: usize> ForceBalance<D> {
     }
 }
 
-/// Tension derivatives of both wires of a motor.
 fn tension_slopes(
     motor: usize,
     wires: &Wires,
@@ -415,7 +403,5 @@ fn tension_slopes(
     })
 }
 
-mod limits;
-mod stops;
 #[cfg(test)]
 mod tests;

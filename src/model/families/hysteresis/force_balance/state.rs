@@ -4,9 +4,9 @@ use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 use super::ForceBalance;
+use super::elements::Wires;
 use super::parameters::{CREEPING, OWN_STOPS, REACH, SHARED_STOPS, TIMES_S};
-use super::wires::Wires;
-use crate::model::families::gap_scale::UNSCALED;
+use crate::model::families::memory::UNSCALED;
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// Factors on friction stay above this, however far a snake is bent.
@@ -158,7 +158,6 @@ impl<const D: usize> ForceBalance<D> {
         Limits { passed: [0.0; CREEPING], late: self.creep, ..*limits }
     }
 
-    /// The wires of a motor in a step.
     #[inline]
     pub(super) fn wires(&self, motor: usize, limits: &Limits<D>) -> Wires {
         Wires {

@@ -1,12 +1,16 @@
-//! Derivatives of what stays as before during a step.
+//! Derivatives of what stays constant during a step, and of the stops.
 
-use super::super::ForceBalance;
-use super::super::parameters::REACH;
-use super::super::state::{MAX_BEND, MIN_FACTOR, grown};
+use nalgebra::SVector;
+
 use super::{
-    ASYMMETRY, BY_OTHER, BY_TENSION, FRICTION, GROWTH, HARDENING_BY_OTHER, OTHER_GROWTH,
-    POSE_SLOPE, PRELOAD, PRELOAD_GROWTH, PRELOAD_GROWTH_BY_OTHER, Place, Places, SHARED_GROWTH,
-    Slopes,
+    ASYMMETRY, BY_OTHER, BY_TENSION, FRICTION, GROWTH, HARDENING_BY_OTHER, OTHER_GROWTH, OWN_SHARE,
+    OWN_STIFFNESS, POSE_SLOPE, PRELOAD, PRELOAD_GROWTH, PRELOAD_GROWTH_BY_OTHER, Place, Places,
+    SHARED_GROWTH, SHARED_SHARE, SHARED_STIFFNESS, STAYS, SensitiveState, Slopes,
+};
+use crate::model::families::hysteresis::force_balance::ForceBalance;
+use crate::model::families::hysteresis::force_balance::parameters::{OWN_STOPS, REACH};
+use crate::model::families::hysteresis::force_balance::state::{
+    Limits, MAX_BEND, MIN_FACTOR, grown,
 };
 
 /// Derivatives of a step's limits.
@@ -162,5 +166,61 @@ impl<const D: usize> ForceBalance<D> {
             factor.slopes[SHARED_GROWTH] += length;
         }
         factor
+    }
+}
+
+impl<const D: usize> ForceBalance<D> {
+    pub(super) fn own_stops(&self) -> impl Iterator<Item = usize> + use<'_, D> {
+        (0..OWN_STOPS).filter(|k| self.own[*k].stiffness != 0.0)
+    }
+
+    /// Deflection of an own stop of a motor after a motion, and its derivatives.
+    pub(super) fn own_slopes(
+        &self,
+        at: &SensitiveState<D>,
+        (i, k): (usize, usize),
+        (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
+        (bend, by_moved): (f64, &Slopes),
+    ) -> (f64, Slopes) {
+        let stop = &self.own[k];
+        let (from, moved) = (at.place.state.own[i][k], bend - at.place.state.bend[i]);
+        let held = stop.moved(from, moved, limits.own[i], limits.stays);
+        // One that slips has forgotten where it was.
+        let mut slopes = match held.by_from == 0.0 && held.by_moved == 0.0 {
+            true => Slopes::zeros(),
+            false => at.own[i][k] * held.by_from + by_moved * held.by_moved,
+        };
+        for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
+            let (by_end, limit) = (sign * held.by_ends[side], limits.own[i][side]);
+            if by_end != 0.0 {
+                slopes += by_limits.own[i][side] * (by_end * stop.reach);
+                slopes[OWN_SHARE + k] += by_end * limit / stop.stiffness;
+                slopes[OWN_STIFFNESS + k] -= by_end * stop.reach * limit / stop.stiffness;
+            }
+        }
+        slopes[STAYS] += held.by_stays;
+        (held.deflection, slopes)
+    }
+
+    /// The same of a shared stop.
+    pub(super) fn shared_slopes(
+        &self,
+        at: &SensitiveState<D>,
+        k: usize,
+        (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
+        (bend, by_moved): (&SVector<f64, D>, &[Slopes; D]),
+    ) -> [(f64, Slopes); D] {
+        let stop = &self.shared[k];
+        let moved = std::array::from_fn(|i| bend[i.min(D - 1)] - at.place.state.bend[i]);
+        let held = stop.moved_in_plane(at.place.state.shared[k], moved, limits.shared);
+        let mut by_reach = by_limits.shared * stop.reach;
+        by_reach[SHARED_SHARE + k] += limits.shared / stop.stiffness;
+        by_reach[SHARED_STIFFNESS + k] -= stop.reach * limits.shared / stop.stiffness;
+        std::array::from_fn(|i| {
+            let slopes = (0..D).fold(by_reach * held.by_reach[i], |sum, j| {
+                sum + at.shared[k][j] * held.by_from[i][j] + by_moved[j] * held.by_moved[i][j]
+            });
+            (held.deflection[i], slopes)
+        })
     }
 }
