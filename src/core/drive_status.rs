@@ -4,7 +4,6 @@ use crate::drive::{AxisFeedback, AxisPhase};
 use crate::robot::Refusal;
 use crate::units::{MAX_AXES, Nanos};
 
-/// Drive power that the operating state expects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ExpectedPower {
     /// Off, or still starting.
@@ -15,7 +14,6 @@ pub(crate) enum ExpectedPower {
     On,
 }
 
-/// Status of one drive.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DriveStatus {
     pub phase: AxisPhase,
@@ -59,11 +57,9 @@ pub(crate) struct DriveSummary {
     pub is_in_range: bool,
     /// No setpoint moves.
     pub is_at_rest: bool,
-    /// Every requested homing has ended.
     pub is_homing_done: bool,
     /// Every requested fault reset is done, and no drive is at fault.
     pub is_reset_done: bool,
-    /// The model gives finite values at the present position.
     pub is_model_finite: bool,
     /// Too many ticks were late.
     pub is_overrun: bool,
@@ -76,7 +72,6 @@ impl DriveSummary {
         self.axes.iter().flatten()
     }
 
-    /// Every drive is in this phase.
     pub(crate) fn all_in(&self, phase: AxisPhase) -> bool {
         self.drives().all(|drive| drive.phase == phase)
     }
@@ -98,11 +93,8 @@ impl DriveSummary {
 
     /// Enabling and homing start from drives that are off and report a recent position.
     pub(crate) fn require_ready(&self) -> Result<(), Refusal> {
-        if self.all_in(AxisPhase::Disabled) && self.is_fresh() {
-            Ok(())
-        } else {
-            Err(Refusal::DrivesNotReady)
-        }
+        let is_ready = self.all_in(AxisPhase::Disabled) && self.is_fresh();
+        if is_ready { Ok(()) } else { Err(Refusal::DrivesNotReady) }
     }
 
     /// Conditions of enabling besides ready drives.
@@ -114,7 +106,6 @@ impl DriveSummary {
         }
     }
 
-    /// Drives can be enabled now.
     pub(crate) fn require_enabling(&self) -> Result<(), Refusal> {
         self.require_ready()?;
         self.require_zero_and_range()

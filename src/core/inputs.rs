@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::fixture_change::FixtureChange;
+use crate::config::FixtureShape;
 use crate::drive::AxisFeedback;
 use crate::model::ModelId;
 use crate::robot::{Measurement, Refusal, StateCommand};
@@ -18,7 +18,6 @@ pub fn stale_age(stamp: Nanos, deadline: Nanos, now: Nanos) -> Option<Nanos> {
     (age >= deadline).then_some(age)
 }
 
-/// Inputs of one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct CycleInputs {
     /// Newest servo command, if one arrived since the last tick.
@@ -47,7 +46,6 @@ pub struct CycleInputs {
 /// A servo command, parsed but not checked. The cycle accepts or refuses it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ServoCommand {
-    /// The client that sent it.
     pub client_id: u64,
     /// Rises with every command of the client.
     pub sequence: u64,
@@ -55,7 +53,6 @@ pub struct ServoCommand {
     pub stamp: Nanos,
     /// Age at which the command is stale. Zero: the configured default.
     pub deadline: Nanos,
-    /// The requested goal.
     pub goal: ServoGoal,
     /// The clutch is open: the snake holds.
     pub clutched: bool,
@@ -108,16 +105,13 @@ impl Validity {
     }
 }
 
-/// A state command.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StateRequest {
     /// Identifies the request to the thread that sends the reply.
     pub id: u64,
-    /// The client that sent it.
     pub client_id: u64,
     /// Until when it may be carried out.
     pub validity: Validity,
-    /// The requested command.
     pub command: StateCommand,
     /// Goal pose, in angles or as a place of the tip. Only for [`StateCommand::Move`].
     pub pose: Option<ServoGoal>,
@@ -125,22 +119,18 @@ pub struct StateRequest {
     pub fixture: Option<FixtureChange>,
 }
 
-/// A request to change the active model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelSwapRequest {
     /// Identifies the request to the thread that sends the reply.
     pub id: u64,
-    /// The client that sent it.
     pub client_id: u64,
     /// Until when it may be carried out.
     pub validity: Validity,
-    /// The requested change.
     pub change: ModelChange,
     /// Swap even if the hysteresis memory of the next model is not known.
     pub forced: bool,
 }
 
-/// A change of the active model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ModelChange {
     /// Activate the staged model, if it has this id.
@@ -160,4 +150,77 @@ pub struct ExternalPose {
     pub outputs: u32,
     /// Confidence of the sensor, up to 1; 0: not given.
     pub quality: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum FixtureChange {
+    /// All regions count.
+    SwitchOn,
+    /// No region counts.
+    SwitchOff,
+    /// One more region, and all regions count.
+    Add(SimpleRegion),
+    RemoveAdded,
+}
+
+/// The coordinates of a region.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FixtureSpace {
+    /// Pitch and yaw, rad.
+    Angles,
+    /// Position of the tip, m.
+    Tip,
+}
+
+/// A region without corners, as requests add it. Without margin.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SimpleRegion {
+    /// The coordinates.
+    pub space: FixtureSpace,
+    /// The set.
+    pub shape: SimpleShape,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum SimpleShape {
+    /// A circle or a ball.
+    Ball { centre: [f64; 3], radius: f64 },
+    /// Everything beyond a line or a plane: the normal, of length 1, points to the forbidden side,
+    /// the offset is the distance of the border from the origin along the normal.
+    HalfSpace { normal: [f64; 3], offset: f64 },
+}
+
+impl SimpleRegion {
+    /// A shape without corners in rad and m; `None` for a polygon.
+    pub fn new(shape: &FixtureShape) -> Option<Self> {
+        let plane = |[pitch, yaw]: [f64; 2]| [pitch, yaw, 0.0];
+        let unit = |normal: [f64; 3]| {
+            let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+            normal.map(|n| n / length)
+        };
+        let metres = |mm: f64| mm * 1e-3;
+        let (in_angles, at_tip) = (FixtureSpace::Angles, FixtureSpace::Tip);
+        let ball = |space, centre, radius| {
+            Some(Self { space, shape: SimpleShape::Ball { centre, radius } })
+        };
+        let half_space = |space, normal, offset| {
+            Some(Self { space, shape: SimpleShape::HalfSpace { normal: unit(normal), offset } })
+        };
+        match *shape {
+            FixtureShape::Circle { centre_deg, radius_deg } => {
+                let centre = plane(centre_deg.map(f64::to_radians));
+                ball(in_angles, centre, radius_deg.to_radians())
+            }
+            FixtureShape::HalfPlane { normal, offset_deg } => {
+                half_space(in_angles, plane(normal), offset_deg.to_radians())
+            }
+            FixtureShape::Ball { centre_mm, radius_mm } => {
+                ball(at_tip, centre_mm.map(metres), metres(radius_mm))
+            }
+            FixtureShape::HalfSpace { normal, offset_mm } => {
+                half_space(at_tip, normal, metres(offset_mm))
+            }
+            FixtureShape::Polygon { .. } => None,
+        }
+    }
 }

@@ -6,20 +6,17 @@ use crate::core::adaptation::AdaptationReport;
 use crate::core::command::refusal_record::ClientRefusals;
 use crate::core::events::{CycleEvent, PlausibilityCheck};
 use crate::core::model_slots::ModelSlots;
-use crate::core::motion::auxiliary_axis::AuxiliaryReport;
+use crate::core::motion::axis_group::AuxiliaryReport;
 use crate::core::motion::gate::Gated;
+use crate::core::motion::joint_model::memory::JointReport;
 use crate::core::motion::joint_model::position_history::HistoryCursor;
-use crate::core::motion::joint_model::report::JointReport;
 use crate::drive::AxisFeedback;
 use crate::robot::{Fault, Measurement, OperatingState, REFUSED_CLIENTS, Refusal, Stop};
 use crate::units::{Counts, MAX_MOTORS, Nanos};
 
-/// Outputs of one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CycleOutputs {
-    /// Requests to the drives of the motors.
     pub requests: [Gated; MAX_MOTORS],
-    /// Request to the drive of the auxiliary axis, if there is one.
     pub auxiliary: Option<Gated>,
     /// Reply to [`CycleInputs::request`](super::inputs::CycleInputs::request), if there was one.
     pub reply: Option<StateReply>,
@@ -33,23 +30,18 @@ pub struct CycleOutputs {
     pub finished: bool,
 }
 
-/// Reply to a [`StateRequest`](super::inputs::StateRequest).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StateReply {
-    /// Id of the request.
     pub id: u64,
     /// [`Refusal::None`] when accepted.
     pub refusal: Refusal,
     /// State after the command.
     pub state: OperatingState,
-    /// Measurement of a refusal, if known.
     pub measurement: Option<Measurement>,
 }
 
-/// Reply to a [`ModelSwapRequest`](super::inputs::ModelSwapRequest).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ModelSwapReply {
-    /// Id of the request.
     pub id: u64,
     /// [`Refusal::None`] when accepted.
     pub refusal: Refusal,
@@ -89,17 +81,13 @@ pub struct CycleReport {
     pub plausibility: PlausibilityCheck,
     /// Client that commands: by the lease, or by the activity in progress; 0: none.
     pub lease_client_id: u64,
-    /// Number of accepted servo commands.
     pub accepted: u64,
-    /// Number of refused servo commands.
     pub refused: u64,
     /// Last refusal of any command of any client.
     pub last_refusal: Refusal,
-    /// Refused servo commands, client by client.
     pub refusals: [ClientRefusals; REFUSED_CLIENTS],
     /// Number of stops because the followed command became stale.
     pub stale_stops: u64,
-    /// Loaded models.
     pub models: ModelSlots,
     /// Drift followed by the camera; `None` if the adaptation is off.
     pub adaptation: Option<AdaptationReport>,
@@ -108,10 +96,7 @@ pub struct CycleReport {
     /// Goal, setpoint and estimate in joint space. `None` without a model, or before every drive
     /// has reported.
     pub joint: Option<JointReport>,
-    /// Setpoints of this tick.
     pub setpoints: [Counts; MAX_MOTORS],
-    /// Feedback of this tick.
     pub feedback: [AxisFeedback; MAX_MOTORS],
-    /// The auxiliary axis, if there is one.
     pub auxiliary: Option<AuxiliaryReport>,
 }

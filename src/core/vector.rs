@@ -13,7 +13,6 @@ pub(crate) fn zip_map<const N: usize>(
     result
 }
 
-/// `a - b`.
 pub(crate) fn difference<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
     zip_map(a, b, |a, b| a - b)
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::excitation::Reach;
-use super::settings::{Settings, length};
+use super::{Settings, length};
 use crate::core::drift::geometry::{ModelGeometry, add, product};
 use crate::core::drift::{Drift, PARAMETERS, Pair, WORN};
 
@@ -68,7 +68,6 @@ impl BudgetUse {
         self.total >= USED_UP && total(&least) >= KNOWN_TOTAL || (0..PARAMETERS).any(is_used_up)
     }
 
-    /// The largest share.
     pub(super) fn largest(&self) -> f64 {
         self.parameters.iter().copied().fold(self.total, f64::max)
     }
@@ -85,10 +84,8 @@ pub(super) fn inside(
     let values = drift.to_array();
     let clamped: [f64; PARAMETERS] = std::array::from_fn(|index| {
         let limit = limit(settings, geometry, index, values[index]);
-        let least = match index {
-            12 | 13 => limit.min(geometry.gear_play[index - 12]),
-            _ => limit,
-        };
+        let is_play = matches!(index, 12 | 13);
+        let least = if is_play { limit.min(geometry.gear_play[index - 12]) } else { limit };
         values[index].max(-least).min(limit)
     });
     let mut clamped = Drift::from_array(clamped);

@@ -1,4 +1,5 @@
-//! Estimator: a Kalman filter over the drift, with random walks.
+//! The two methods of estimating the drift: a Kalman filter over all parameters, with random walks,
+//! and, for families without gaps, a slow integral of the zero.
 //!
 //! ```text
 //! camera = g + zero + gain g + sum_i slope_i (wear_i - wear in use) + slow d - latency rate
@@ -11,12 +12,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ring::Regressors;
-use super::scatter::Scatter;
-use super::settings::{DEG, Settings};
-use crate::core::drift::Pair;
+use super::excitation::forget;
+use super::frames::{Frame, Regressors, Scatter};
+use super::{DEG, Settings};
 use crate::core::drift::geometry::{ModelGeometry, SlowError};
-use crate::core::drift::{Drift, PARAMETERS, Parameter};
+use crate::core::drift::{Drift, PARAMETERS, Pair, Parameter};
 
 type Row = [f64; PARAMETERS];
 
@@ -56,10 +56,9 @@ pub(super) struct Innovation {
     pub is_accepted: bool,
 }
 
-/// The estimate and its covariance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Estimator {
-    drift: Row,
+    pub drift: Row,
     covariance: [Row; PARAMETERS],
     scatter: Scatter,
 }
@@ -83,20 +82,11 @@ impl Estimator {
         Drift::from_array(self.drift)
     }
 
-    pub(super) fn latency_s(&self) -> f64 {
-        self.drift[LATENCY]
-    }
-
-    /// Standard deviations of the parameters.
     pub(super) fn deviations(&self) -> Row {
         std::array::from_fn(|index| self.covariance[index][index].max(0.0).sqrt())
     }
 
     /// Keeps the drift within bounds.
-    pub(crate) fn set_drift(&mut self, drift: &Drift) {
-        self.drift = drift.to_array();
-    }
-
     /// Widens the zero after a slip: it may be anywhere within this distance.
     pub(crate) fn open_zero(&mut self, distance: f64) {
         for index in 0..2 {
@@ -246,7 +236,6 @@ impl Measurement {
         }
     }
 
-    /// Error that the drift does not explain.
     fn error(&self, drift: &Row) -> f64 {
         let expected: f64 = self.row.iter().zip(drift).map(|(h, x)| h * x).sum();
         self.value - expected
@@ -289,4 +278,96 @@ fn row(output: usize, regressors: &Regressors, geometry: &ModelGeometry) -> Row 
     row[LATENCY] = -regressors.rate[output];
     row[SLOW] = geometry.slow.as_ref().map_or(0.0, |slow| slow.direction[output]);
     row
+}
+
+/// Gain of the integrator, 1/s, if the delay allows it.
+const GAIN_PER_S: f64 = 0.3;
+
+/// The gain stays this much below the limit of `1/e`.
+const MARGIN: f64 = 0.9;
+
+/// Time that the motors take, s.
+const ACTUATION_S: f64 = 0.02;
+
+/// The zero stays within this, rad.
+const LARGEST_ZERO: f64 = 1.0 * DEG;
+
+/// Frames further away than this, rad, or than this many model deviations are refused.
+const INTEGRAL_GATE: f64 = 3.0 * DEG;
+const INTEGRAL_DEVIATIONS: f64 = 3.0;
+
+/// Time over which the delay is averaged, s.
+const DELAY_S: f64 = 2.0;
+
+/// The zero, which follows the error of the camera, and the delay of the frames: that of the
+/// picture, half a frame, and the motors. An integrator around a delay `T` does not overshoot while
+/// `k T < 1/e`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct Integral {
+    pub zero: Pair,
+    /// s; `None` before the first frame.
+    delay_s: Option<f64>,
+}
+
+impl Integral {
+    /// Takes a frame; false if it was refused. `error`: camera minus adapted pose, rad. `model`:
+    /// deviation of the model, rad.
+    pub(super) fn add(
+        &mut self,
+        error: Pair,
+        model: f64,
+        frame: &Frame,
+        is_learning: bool,
+    ) -> bool {
+        let interval_s = frame.interval_s.min(1.0);
+        let delay_s = frame.age_s + 0.5 * interval_s + ACTUATION_S;
+        let before = self.delay_s.unwrap_or(delay_s);
+        let delay_s = forget(before, delay_s, DELAY_S, interval_s);
+        self.delay_s = Some(delay_s);
+        if error[0].hypot(error[1]) > INTEGRAL_GATE.max(INTEGRAL_DEVIATIONS * model) {
+            return false;
+        }
+        if is_learning {
+            let gain = GAIN_PER_S.min(MARGIN / (std::f64::consts::E * delay_s));
+            for (zero, error) in self.zero.iter_mut().zip(error) {
+                *zero = (*zero + gain * interval_s * error).clamp(-LARGEST_ZERO, LARGEST_ZERO);
+            }
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Nanos;
+
+    #[test]
+    fn integral_follows_slowly_up_to_one_degree() {
+        let mut integral = Integral::default();
+        let frame =
+            Frame { stamp: Nanos::ZERO, pose: [0.0; 2], interval_s: 1.0 / 30.0, age_s: 0.06 };
+        for _ in 0..100 {
+            let error = [0.5 * DEG - integral.zero[0], 0.0];
+            assert!(integral.add(error, 0.0, &frame, true));
+        }
+        // One time constant of 3.3 s.
+        assert!((integral.zero[0] / DEG - 0.316).abs() < 0.01, "{integral:?}");
+        for _ in 0..3000 {
+            assert!(integral.add([2.0 * DEG, -2.0 * DEG], 0.0, &frame, true));
+        }
+        assert_eq!(integral.zero, [LARGEST_ZERO, -LARGEST_ZERO]);
+        assert!(!integral.add([4.0 * DEG, 0.0], 0.0, &frame, true));
+    }
+
+    #[test]
+    fn a_late_camera_is_followed_more_slowly() {
+        let frame = |age_s| Frame { stamp: Nanos::ZERO, pose: [0.0; 2], interval_s: 1.0, age_s };
+        let follow = |age_s| {
+            let mut integral = Integral::default();
+            integral.add([0.1 * DEG, 0.0], 0.0, &frame(age_s), true);
+            integral.zero[0]
+        };
+        assert!(follow(1.5) < 0.7 * follow(0.05));
+    }
 }

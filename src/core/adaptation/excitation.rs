@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ring::Regressors;
-use super::settings::{DEG, length};
+use super::frames::Regressors;
+use super::{DEG, length};
 use crate::core::drift::geometry::subtract;
 use crate::core::drift::{PARAMETERS, Pair, WORN};
 
@@ -25,7 +25,6 @@ const MIN_BRANCH: [f64; 3] = [0.1 * DEG, 10.0 * DEG, 10.0 * DEG];
 /// The rate that shows the latency, rad/s.
 const MIN_RATE: f64 = 3.0 * DEG;
 
-/// Excitation by recent motion.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct Excitation {
     last: Option<Pair>,
@@ -33,7 +32,6 @@ pub(super) struct Excitation {
     path: f64,
     low: Pair,
     high: Pair,
-    /// Mean square of the rate.
     square_rate: f64,
     /// Excitation of wear on both branches.
     branches: [Pair; WORN],
@@ -53,7 +51,6 @@ pub(super) struct Reach {
     pub per_growth: [f64; WORN],
     /// Maximum effect of the wear in use, rad.
     pub moved: f64,
-    /// The wear in use.
     pub wear: [f64; WORN],
 }
 
@@ -124,8 +121,8 @@ pub(super) fn forget(value: f64, towards: f64, time_constant_s: f64, seconds: f6
 
 #[cfg(test)]
 mod tests {
-    use super::super::ring::Moment;
     use super::*;
+    use crate::core::adaptation::frames::Moment;
 
     fn seen(frames: impl Iterator<Item = (Pair, [Pair; 2], Pair)>) -> [bool; PARAMETERS] {
         let mut excitation = Excitation::default();

@@ -12,10 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use super::budget::BudgetUse;
 use super::excitation::Reach;
-use super::settings::{Settings, length};
-use crate::core::drift::correction::Correction;
+use super::{Settings, length};
 use crate::core::drift::geometry::{ModelGeometry, add, product, subtract};
-use crate::core::drift::{Drift, Pair};
+use crate::core::drift::{Correction, Drift, Pair};
 use crate::model::Wear;
 use crate::units::{MAX_MOTORS, MotorVec};
 
@@ -161,7 +160,6 @@ fn shares_towards(steps: &[MotorStep; MAX_MOTORS], slope: &[Pair; 2]) -> Pair {
     candidates.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or_default()
 }
 
-/// Correction step of a motor.
 #[derive(Debug, Clone, Copy, Default)]
 struct MotorStep {
     row: MotorRow,

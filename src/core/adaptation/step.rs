@@ -3,22 +3,16 @@
 use serde::{Deserialize, Serialize};
 
 use super::budget::{BudgetUse, NEARLY_USED_UP, USED_UP, inside};
-use super::conditions::Conditions;
-pub(in crate::core) use super::conditions::Surroundings;
-use super::estimator::Estimator;
+use super::estimator::{Estimator, Integral};
 use super::excitation::Excitation;
-use super::frames::{Frame, FrameFilter, FrameUse};
-use super::integral::Integral;
+pub(in crate::core) use super::fences::Surroundings;
+use super::fences::{Conditions, Score, SlipDetector};
+use super::frames::{Frame, FrameFilter, FrameUse, Moment, RegressorRing, Regressors};
 use super::moving_correction::{MovedGoal, MovingCorrection};
-use super::report::{AdaptationReport, Method, Pause, Pauses};
-use super::ring::{Moment, RegressorRing, Regressors};
-use super::score::Score;
-use super::settings::{Settings, length};
-use super::slip::SlipDetector;
+use super::{AdaptationReport, Method, Pause, Pauses, Settings, length};
 use crate::config::Config;
 use crate::core::drift::geometry::{ModelGeometry, pair, subtract};
-use crate::core::drift::memories::DriftMemories;
-use crate::core::drift::{Drift, PARAMETERS};
+use crate::core::drift::{Drift, DriftMemories, PARAMETERS};
 use crate::core::events::{AdaptationEvent, CycleEventKind, EventList};
 use crate::core::inputs::ExternalPose;
 use crate::core::motion::joint_model::JointModel;
@@ -38,7 +32,6 @@ const MAX_REVERTS: u32 = 2;
 /// A wire slips once; repeated slips come from a moving camera.
 const MAX_SLIPS: u32 = 1;
 
-/// The adaptation of the active model.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::core) struct Adaptation {
     settings: Settings,
@@ -57,7 +50,8 @@ struct Seen<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(in crate::core) struct AdaptationState {
     model: Option<ModelId>,
-    memories: DriftMemories,
+    /// They follow the positions with the active model.
+    pub memories: DriftMemories,
     ring: RegressorRing,
     filter: FrameFilter,
     estimator: Estimator,
@@ -98,11 +92,6 @@ impl Adaptation {
     pub(crate) fn new(config: &Config) -> Option<Self> {
         let settings = Settings::new(config.limits.plausibility_deg, config.control.period());
         config.adaptation.enabled.then(|| Self { settings, state: AdaptationState::default() })
-    }
-
-    /// The memories that follow the positions with the active model.
-    pub(crate) fn memories_mut(&mut self) -> &mut DriftMemories {
-        &mut self.state.memories
     }
 
     /// The memory of the active model as calibrated, while there is a correction.
@@ -168,9 +157,7 @@ impl Adaptation {
     }
 
     fn record(&mut self, joints: &JointModel) {
-        let Some(measured) = joints.measured_at() else {
-            return;
-        };
+        let Some(measured) = joints.measured_at() else { return };
         if !self.state.ring.is_due(measured.stamp) {
             return;
         }
@@ -213,10 +200,8 @@ impl Adaptation {
     ) {
         let state = &mut self.state;
         let quality = self.settings.least_quality;
-        let Some(frame) = state.filter.take(frame, geometry.outputs, quality, now) else {
-            return;
-        };
-        let latency_s = state.estimator.latency_s();
+        let Some(frame) = state.filter.take(frame, geometry.outputs, quality, now) else { return };
+        let latency_s = state.estimator.drift().latency_s;
         let Some(regressors) = state.ring.at(frame.stamp, latency_s) else {
             state.filter.counts.too_old += 1;
             return;
@@ -275,7 +260,7 @@ impl Adaptation {
         let is_learning = !state.pauses.contains(Pause::CameraRejected)
             && state.excitation.excited_parameters().first() == Some(&true);
         // Sum of the applied and the pending correction.
-        let zero = state.integral.zero();
+        let zero = state.integral.zero;
         let expected = [0, 1].map(|output| regressors.moment.gapped[output] + zero[output]);
         let error = subtract(frame.pose, expected);
         let model = length(geometry.deviation);
@@ -297,11 +282,9 @@ impl Adaptation {
         }
         let changed = self.state.conditions.add_frame(is_accepted, seconds);
         if let Some(is_accepted) = changed {
-            events.push(CycleEventKind::Adaptation(if is_accepted {
-                AdaptationEvent::CameraAccepted
-            } else {
-                AdaptationEvent::CameraRejected
-            }));
+            let [accepted, rejected] =
+                [AdaptationEvent::CameraAccepted, AdaptationEvent::CameraRejected];
+            events.push(CycleEventKind::Adaptation(if is_accepted { accepted } else { rejected }));
         }
     }
 
@@ -321,8 +304,7 @@ impl Adaptation {
         let seconds = if is_refused || used >= USED_UP { seconds } else { -seconds };
         state.beyond_s = (state.beyond_s + seconds).max(0.0);
         if geometry.has_gap {
-            let drift = inside(&drift, geometry, &reach, settings);
-            state.estimator.set_drift(&drift);
+            state.estimator.drift = inside(&drift, geometry, &reach, settings).to_array();
         }
         let most = if is_known { BEYOND_S } else { BEYOND_UNKNOWN_S };
         if state.beyond_s >= most && !state.is_used_up {
@@ -354,9 +336,7 @@ impl Adaptation {
 
     /// The correction moves with the goal, and only while the robot is settled.
     fn move_correction(&mut self, joints: &mut JointModel, now: Nanos) {
-        let Some(geometry) = joints.geometry() else {
-            return;
-        };
+        let Some(geometry) = joints.geometry() else { return };
         let motion = geometry.counts(pair(joints.goal_motion()));
         if self.state.conditions.is_settled(now) {
             let drift = self.drift(geometry);
@@ -374,7 +354,7 @@ impl Adaptation {
         if geometry.has_gap {
             self.state.estimator.drift()
         } else {
-            Drift { zero: self.state.integral.zero(), ..Drift::default() }
+            Drift { zero: self.state.integral.zero, ..Drift::default() }
         }
     }
 
@@ -385,14 +365,11 @@ impl Adaptation {
 
     pub(crate) fn report(&self, joints: Option<&JointModel>) -> AdaptationReport {
         let state = &self.state;
-        let [calibrated_error, adapted_error] = state.score.last();
+        let [calibrated_error, adapted_error] = state.score.last;
+        let (frames, taken_back) = (state.filter.counts, state.taken_back);
         let Some((joints, geometry)) = joints.and_then(|joints| Some((joints, joints.geometry()?)))
         else {
-            return AdaptationReport {
-                frames: state.filter.counts,
-                taken_back: state.taken_back,
-                ..AdaptationReport::default()
-            };
+            return AdaptationReport { frames, taken_back, ..AdaptationReport::default() };
         };
         let deviations = state.estimator.deviations();
         AdaptationReport {
@@ -405,10 +382,10 @@ impl Adaptation {
             total_used: state.used.total,
             excited: state.excitation.excited_parameters(),
             pauses: state.pauses,
-            frames: state.filter.counts,
+            frames,
             calibrated_error,
             adapted_error,
-            taken_back: state.taken_back,
+            taken_back,
         }
     }
 }

@@ -7,8 +7,8 @@
 //! |---|---|---|---|
 //! | 1 | client id not 0, no unknown flag, number of entries possible | `Malformed` | `admission` |
 //! | 2 | every entry finite | `NotFinite` | `admission` |
-//! | 3 | stamp at most 2 ms in the future, deadline at most 1 s | `Stamp` | `deadline` |
-//! | 4 | younger than its deadline | `Stale` | `deadline` |
+//! | 3 | stamp at most 2 ms in the future, deadline at most 1 s | `Stamp` | `client_stream` |
+//! | 4 | younger than its deadline | `Stale` | `client_stream` |
 //! | 5 | state ENABLED, | `NotEnabled`, `Paused`, `InFault` | `admission` |
 //! |   | and no conditioning cycle or trajectory in progress | `Busy` | `admission` |
 //! | 6 | every axis homed | `NotHomed` | `admission` |
@@ -34,7 +34,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::CommandConfig;
 use crate::core::command::authority::Access;
-use crate::core::command::deadline::DeadlineCheck;
+use crate::core::command::client_stream::DeadlineCheck;
 use crate::core::command::refusal_record::{ClientRefusals, RefusalRecord};
 use crate::core::command::sessions::{Arrival, Sessions};
 use crate::core::events::{CycleEventKind, EventList};
@@ -46,7 +46,6 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos, OutputVec};
 /// command. Without the next command, the goal comes to rest at its end long before.
 const INTERPOLATED_DEADLINE: Nanos = Nanos::from_millis(250);
 
-/// Robot state that admission needs.
 #[derive(Debug, Clone, Copy)]
 pub struct AdmissionContext {
     pub state: OperatingState,
@@ -56,7 +55,6 @@ pub struct AdmissionContext {
     pub owner: Option<u64>,
     /// Every axis has a valid zero.
     pub is_homed: bool,
-    /// Every position is fresh.
     pub is_fresh: bool,
 }
 
@@ -67,7 +65,6 @@ pub struct CommandCheck {
 }
 
 impl CommandCheck {
-    /// The checks with this configuration.
     pub fn new(config: &CommandConfig) -> Self {
         Self { deadline: DeadlineCheck::new(Nanos::from_millis(config.deadline_ms)) }
     }
@@ -90,12 +87,10 @@ pub struct CommandAdmission {
     /// Numbers of servo commands.
     pub(in crate::core) accepted: u64,
     pub(in crate::core) refused: u64,
-    /// The last refusal of any command.
     pub(in crate::core) last_refusal: Refusal,
 }
 
 impl CommandAdmission {
-    /// A free lease and no accepted command.
     pub fn new(config: &CommandConfig) -> Self {
         Self {
             check: CommandCheck::new(config),
@@ -108,7 +103,6 @@ impl CommandAdmission {
         }
     }
 
-    /// Refused servo commands, client by client.
     pub fn refusals(&self) -> [ClientRefusals; REFUSED_CLIENTS] {
         self.refusals.clients()
     }
@@ -120,7 +114,6 @@ impl CommandAdmission {
         self.request_refusals.record(client_id, refusal, now)
     }
 
-    /// Records an accepted state command.
     pub(crate) fn accept_request(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
         self.request_refusals.accepted(client_id);
         self.sessions.carried_out(command, client_id, now);
@@ -164,7 +157,6 @@ impl CommandAdmission {
         Some(check.measurement(command.stamp, deadline(command), now))
     }
 
-    /// The sequence number of a command, and the last one.
     pub(crate) fn sequence_measurement(&self, command: &ServoCommand) -> Option<Measurement> {
         let last = self.sessions.last(command.client_id);
         let last = last.map(|(last, _)| last as f64);
@@ -234,7 +226,6 @@ impl CommandAdmission {
         }
     }
 
-    /// Gives the lease of a client back.
     pub(crate) fn release_lease(&mut self, client_id: u64, events: &mut EventList) {
         if self.sessions.release_lease(client_id) {
             events.push(CycleEventKind::Lease { client_id: 0 });

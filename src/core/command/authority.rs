@@ -26,14 +26,12 @@
 //! means that other conditions decide, those of the state first; a servo command needs a session as
 //! well (`sessions`).
 
-use crate::core::fixture_change::FixtureChange;
-use crate::core::inputs::StateRequest;
+use crate::core::inputs::{FixtureChange, StateRequest};
 use crate::robot::StateCommand;
 
 /// Clients that may send a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Access {
-    /// Every client, at any time.
     AnyClient,
     /// Every client that does not repeat it in a loop.
     Power,

@@ -2,11 +2,8 @@
 
 pub(super) mod admission;
 pub(super) mod authority;
-mod client_stream;
-pub(super) mod clutch;
-pub(super) mod deadline;
-pub(super) mod move_planning;
+pub(super) mod client_stream;
+pub(super) mod goals;
 pub(super) mod range_check;
 pub(super) mod refusal_record;
 pub(super) mod sessions;
-pub(super) mod tip_goal;

@@ -1,7 +1,7 @@
 //! Range check: the goals that a servo command may request. Checks 10 to 13 of `admission`.
 
 use crate::config::CommandConfig;
-use crate::core::command::deadline::FollowedCommand;
+use crate::core::command::client_stream::FollowedCommand;
 use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
@@ -163,7 +163,6 @@ impl RangeCheck {
     }
 }
 
-/// A goal and the bounds for its check.
 #[derive(Clone, Copy)]
 pub(crate) struct UncheckedGoal<'a> {
     pub command: &'a ServoCommand,
@@ -175,7 +174,6 @@ pub(crate) struct UncheckedGoal<'a> {
     pub now: Nanos,
 }
 
-/// A goal that passed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct CheckedGoal {
     pub goal: ExtrapolatedGoal,
@@ -185,7 +183,6 @@ pub(crate) struct CheckedGoal {
     pub limit: Option<(Clip, f64)>,
 }
 
-/// The check of a goal in joint space.
 struct JointCheck<'a> {
     check: &'a RangeCheck,
     stamp: Nanos,
@@ -194,7 +191,6 @@ struct JointCheck<'a> {
     now: Nanos,
     /// The followed goal and the requested goal.
     before: Option<(&'a GoalExtrapolation<MAX_OUTPUTS>, &'a OutputVec)>,
-    /// The border of the last goal.
     border: f64,
     axes: &'a AxisGroup,
     joints: &'a JointModel,
@@ -319,7 +315,8 @@ pub(crate) fn require(is_met: bool, refusal: Refusal) -> Result<(), Refusal> {
     if is_met { Ok(()) } else { Err(refusal) }
 }
 
-fn extend<const N: usize>(
+/// The next goal of a stream, or the first.
+pub(crate) fn extend<const N: usize>(
     before: Option<&GoalExtrapolation<N>>,
     goal: [f64; N],
     stamp: Nanos,

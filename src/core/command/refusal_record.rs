@@ -39,7 +39,6 @@ struct Entry {
     events: u8,
 }
 
-/// The refused servo commands, client by client.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct RefusalRecord {
     entries: [Entry; REFUSED_CLIENTS],
@@ -52,9 +51,7 @@ impl RefusalRecord {
     /// A client that finds all entries in use by others is only counted in the total: identities
     /// that change with every command fill neither the log nor the memory.
     pub(super) fn record(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
-        let Some(entry) = self.entry(client_id, now) else {
-            return false;
-        };
+        let Some(entry) = self.entry(client_id, now) else { return false };
         let is_repeat = entry.folded && entry.refusals.last == refusal;
         entry.refusals.count = entry.refusals.count.saturating_add(1);
         entry.refusals.last = refusal;
@@ -67,7 +64,6 @@ impl RefusalRecord {
         is_event
     }
 
-    /// A command of the client was accepted.
     pub(super) fn accepted(&mut self, client_id: u64) {
         for entry in &mut self.entries {
             if entry.refusals.client_id == client_id {

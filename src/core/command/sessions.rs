@@ -82,7 +82,6 @@ impl Run {
     }
 }
 
-/// State of a known client.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Client {
     id: u64,
@@ -128,7 +127,6 @@ pub(in crate::core) struct Sessions {
 }
 
 impl Sessions {
-    /// A free lease, and no client yet.
     pub(crate) fn new(lease_duration: Nanos) -> Self {
         let (clients, stops) = ([None; CLIENTS], [None; STOPS]);
         Self { clients, crowded: None, stops, lease_duration, lease: None }
@@ -245,7 +243,6 @@ impl Sessions {
         client.has_ended |= of_state.contains(&refusal);
     }
 
-    /// Records a request of `enable` or `resume`.
     pub(crate) fn record_request(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
         if matches!(command, StateCommand::Enable | StateCommand::Resume)
             && let Some(client) = self.remember(client_id, now, true)
@@ -254,7 +251,6 @@ impl Sessions {
         }
     }
 
-    /// A request was carried out.
     pub(crate) fn carried_out(&mut self, command: StateCommand, client_id: u64, now: Nanos) {
         let is_held = self.is_held(|stop| stop.by != 0, client_id, now);
         let Some(client) = self.remember(client_id, now, true) else { return };
@@ -294,7 +290,6 @@ impl Sessions {
         self.end_all();
     }
 
-    /// Ends every session.
     pub(crate) fn end_all(&mut self) {
         self.clients.iter_mut().flatten().for_each(|client| client.has_ended = true);
     }

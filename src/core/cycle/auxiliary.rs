@@ -2,16 +2,15 @@
 //! from that of the joints.
 
 use crate::core::command::admission::AdmissionContext;
-use crate::core::command::range_check::require;
+use crate::core::command::range_check::{extend, require};
 use crate::core::command::sessions::{Arrival, StreamOf};
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::{DriveStatus, DriveSummary};
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::inputs::{ServoCommand, ServoGoal};
-use crate::core::motion::auxiliary_axis::FollowedAngle;
 use crate::core::motion::axis_control::AxisControl;
+use crate::core::motion::axis_group::FollowedAngle;
 use crate::core::motion::gate::{Gate, Gated};
-use crate::core::motion::goal_extrapolation::GoalExtrapolation;
 use crate::core::states::control_state::ControlState;
 use crate::core::vector::collect;
 use crate::drive::{AxisFeedback, AxisRequest};
@@ -19,7 +18,6 @@ use crate::robot::{Measurement, Refusal};
 use crate::units::{AUXILIARY, MAX_AXES, Nanos};
 
 impl ControlCycle {
-    /// The condition holds for every axis.
     pub(super) fn all_axes(&self, condition: impl Fn(&AxisControl) -> bool) -> bool {
         let auxiliary = self.auxiliary.as_ref();
         self.axes.all(&condition) && auxiliary.is_none_or(|it| condition(&it.axis))
@@ -148,10 +146,7 @@ impl ControlCycle {
         let from = before.map_or(auxiliary.axis.setpoint(), |goal| goal.goal[0]);
         let largest = self.range_check.largest_counts(before.is_none());
         require((counts - from).abs() <= largest, Refusal::StepTooLarge)?;
-        let goal = match before {
-            Some(before) => before.next([counts], command.stamp),
-            None => GoalExtrapolation::first([counts], command.stamp),
-        };
+        let goal = extend(before.as_ref(), [counts], command.stamp);
         let setpoint = collect([auxiliary.axis.setpoint()].into_iter());
         self.admission.accept(arrival, &setpoint, events);
         if let Some(auxiliary) = &mut self.auxiliary {

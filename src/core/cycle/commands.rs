@@ -3,19 +3,17 @@
 
 use crate::core::command::admission::AdmissionContext;
 use crate::core::command::authority::Access;
-use crate::core::command::deadline::FollowedCommand;
-use crate::core::command::move_planning::MovePlanning;
+use crate::core::command::client_stream::FollowedCommand;
+use crate::core::command::goals::{self, MovePlanning};
 use crate::core::command::range_check::{CheckedGoal, UncheckedGoal, require};
 use crate::core::command::sessions::{Arrival, StreamOf};
-use crate::core::command::tip_goal;
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::DriveSummary;
 use crate::core::events::{CycleEventKind, EventList};
-use crate::core::fixture_change::FixtureChange;
-use crate::core::inputs::{ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest};
-use crate::core::model_slots::loaded_models::LoadedModels;
-use crate::core::model_slots::model_swap::{SwapContext, activate};
-use crate::core::model_slots::rollback::roll_back;
+use crate::core::inputs::{
+    FixtureChange, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest,
+};
+use crate::core::model_slots::{LoadedModels, SwapContext, activate, roll_back};
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::joint_model::JointModel;
@@ -249,7 +247,7 @@ impl ControlCycle {
             events.push(CycleEventKind::Model { from, to });
             self.plausibility.reset();
             if let Some(adaptation) = &mut self.adaptation {
-                adaptation.begin(self.models.previous_mut(), now);
+                adaptation.begin(self.models.previous.as_deref_mut(), now);
             }
         }
         ModelSwapReply { id: request.id, refusal: result.err().unwrap_or(Refusal::None) }
@@ -262,8 +260,8 @@ impl ControlCycle {
         events: &mut EventList,
     ) {
         let joints = self.models.active();
-        let place = tip_goal::place(&command.goal);
-        let led = ServoCommand { goal: tip_goal::in_joints(command.goal, joints), ..*command };
+        let place = goals::place(&command.goal);
+        let led = ServoCommand { goal: goals::in_joints(command.goal, joints), ..*command };
         let (goal, clutch) = self.clutch.couple(&led, joints.and_then(JointModel::setpoint));
         // What is scaled or clutched does not go to the place.
         let place = place.filter(|_| goal == led.goal);
@@ -277,12 +275,9 @@ impl ControlCycle {
                     self.release_goal();
                 }
                 self.clutch = clutch;
-                let activity = if command.clutched {
-                    EnabledActivity::Holding
-                } else {
-                    EnabledActivity::Following(followed)
-                };
-                self.machine.progress(ControlState::Enabled(activity), summary.now, events);
+                let following = ControlState::Enabled(EnabledActivity::Following(followed));
+                let next = if command.clutched { HOLDING } else { following };
+                self.machine.progress(next, summary.now, events);
             }
             Err(refusal) => {
                 let client_id = command.client_id;
@@ -344,7 +339,7 @@ impl ControlCycle {
             requested,
             border,
             limit,
-            place: place.map(|place| (place, tip_goal::away_m(&place, &requested))),
+            place: place.map(|place| (place, goals::away_m(&place, &requested))),
         })
     }
 }

@@ -17,49 +17,42 @@
 mod auxiliary;
 mod commands;
 mod events;
-mod measurements;
 mod setpoint_generation;
 pub(super) mod snapshot;
 
 use std::sync::Arc;
 
-use self::setpoint_generation::GeneratedSetpoint;
 use crate::config::{Config, HomingMethod};
 use crate::core::adaptation::{Adaptation, Surroundings};
 use crate::core::command::admission::CommandAdmission;
-use crate::core::command::clutch::Clutch;
+use crate::core::command::goals::Clutch;
 use crate::core::command::range_check::RangeCheck;
 use crate::core::command::sessions::StreamOf;
 use crate::core::drive_status::{DriveStatus, DriveSummary, ExpectedPower};
-use crate::core::events::PlausibilityCheck;
-use crate::core::events::clips::ClipEvents;
-use crate::core::events::fold::{EventFold, OtherCameras};
-use crate::core::events::{CycleEventKind, EventList};
-use crate::core::faults::overrun::OverrunMonitor;
+use crate::core::events::fold::{ClipEvents, EventFold, OtherCameras};
+use crate::core::events::{CycleEventKind, EventList, PlausibilityCheck};
+use crate::core::faults::OverrunMonitor;
 use crate::core::faults::plausibility::PlausibilityMonitor;
 use crate::core::inputs::{CycleInputs, ExternalPose};
-use crate::core::model_slots::ModelCandidate;
-use crate::core::model_slots::loaded_models::LoadedModels;
-use crate::core::motion::auxiliary_axis::AuxiliaryAxis;
+use crate::core::model_slots::{LoadedModels, ModelCandidate};
 use crate::core::motion::axis_control::AxisControl;
-use crate::core::motion::axis_group::AxisGroup;
-use crate::core::motion::conditioning_plan::ConditioningPlan;
+use crate::core::motion::axis_group::{AuxiliaryAxis, AxisGroup};
+use crate::core::motion::conditioning::ConditioningPlan;
 use crate::core::motion::gate::{Gate, JointSpace, Motion, Passed};
-use crate::core::motion::inverse_setpoint::MotionTick;
 use crate::core::motion::joint_model::position_history::PositionHistory;
 use crate::core::motion::joint_model::{JointModel, NotFinite};
-use crate::core::motion::s_curve::TrajectoryLimits;
+use crate::core::motion::joint_trajectory::TrajectoryLimits;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::outputs::{CycleOutputs, CycleReport, StateReply};
+use crate::core::states::automatic_transitions::{Shutdown, enter_fault};
 use crate::core::states::command_transitions::{CommandEffect, disable};
 use crate::core::states::control_state::{ControlState, HOLDING};
-use crate::core::states::fault_transitions::enter_fault;
-use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
 use crate::drive::AxisRequest;
 use crate::model::Model;
 use crate::robot::{Fault, Measurement};
 use crate::units::Nanos;
+use setpoint_generation::{GeneratedSetpoint, MotionTick};
 
 /// The controller and its state from tick to tick.
 #[derive(Debug)]
@@ -118,7 +111,7 @@ impl ControlCycle {
             clips: ClipEvents::default(),
             axes: AxisGroup::new(config),
             auxiliary: AuxiliaryAxis::new(config),
-            history: PositionHistory::new(),
+            history: PositionHistory::default(),
             overruns: OverrunMonitor::new(limits.overrun_ticks),
             plausibility: PlausibilityMonitor::new(limits.plausibility_deg),
             plausibility_check: PlausibilityCheck::default(),
@@ -130,7 +123,7 @@ impl ControlCycle {
             ticks: 0,
             stale_stops: 0,
             lost_events: 0,
-            shutdown: Shutdown::new(),
+            shutdown: Shutdown::default(),
         }
     }
 
@@ -274,11 +267,9 @@ impl ControlCycle {
         }
         self.history.record(drives);
         self.models.replay_inactive(&self.history);
-        let drift = self.adaptation.as_mut().map(Adaptation::memories_mut);
-        match self.models.active_mut() {
-            Some(joints) => joints.update_feedback(&self.history, drives, drift),
-            None => Ok(()),
-        }
+        let drift = self.adaptation.as_mut().map(|adaptation| &mut adaptation.state.memories);
+        let joints = self.models.active_mut();
+        joints.map_or(Ok(()), |joints| joints.update_feedback(&self.history, drives, drift))
     }
 
     /// Follows the drift of the active model by a frame of the camera.
@@ -297,14 +288,11 @@ impl ControlCycle {
         adaptation.step(joints, frame, &surroundings, events);
     }
 
-    /// Compares the measured pose with the model.
     fn is_implausible(&mut self, measured: Option<&ExternalPose>, now: Nanos) -> bool {
         let Some(joints) = self.models.active().filter(|_| self.plausibility.is_on()) else {
             return false;
         };
-        let Some(report) = joints.report(None) else {
-            return false;
-        };
+        let Some(report) = joints.report(None) else { return false };
         let is_on = self.machine.state().expected_power() == ExpectedPower::On;
         let is_checked = is_on && self.axes.all(AxisControl::is_homed) && report.memory_known;
         // A loose wire must be detected even if it was followed as drift.

@@ -1,16 +1,22 @@
-//! Setpoint generation: motion of all axes in a tick, according to the state.
+//! Setpoint generation: motion of all axes in a tick, according to the state, by the inverse of the
+//! model.
 
-use crate::core::command::deadline::FollowedCommand;
+use crate::core::command::client_stream::FollowedCommand;
 use crate::core::motion::GoalStep;
 use crate::core::motion::axis_control::AxisControl;
+use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::gate::Motion;
-use crate::core::motion::inverse_setpoint::{InverseSetpoint, MotionTick};
-use crate::core::motion::joint_model::NotFinite;
+use crate::core::motion::goal_extrapolation::ExtrapolatedGoal;
+use crate::core::motion::joint_model::{JointModel, NotFinite};
 use crate::core::motion::joint_trajectory::JointTrajectory;
+use crate::core::motion::pipeline::PassedGoal;
+use crate::core::motion::velocity_limit::MotorTarget;
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::states::control_state::{ControlState, EnabledActivity};
+use crate::core::vector::difference;
 use crate::robot::Clip;
-use crate::units::{Nanos, OutputVec};
+use crate::units::{MotorVec, Nanos, OutputVec};
 
 /// The goal that the setpoints of a tick move to.
 #[derive(Debug, Clone, Copy, Default)]
@@ -28,10 +34,15 @@ pub(super) struct GeneratedSetpoint {
     pub motion: Option<Motion>,
 }
 
-impl From<&InverseSetpoint> for GeneratedSetpoint {
-    fn from(inverse: &InverseSetpoint) -> Self {
-        Self { goal: inverse.goal, motion: Some(inverse.motion), ..Self::default() }
-    }
+/// State that moves in a tick.
+pub(super) struct MotionTick<'a> {
+    pub axes: &'a AxisGroup,
+    pub joints: Option<&'a mut JointModel>,
+    pub fixtures: &'a mut VirtualFixtures,
+    /// Start of the tick.
+    pub now: Nanos,
+    /// Length of a tick.
+    pub period: Nanos,
 }
 
 impl MotionTick<'_> {
@@ -63,16 +74,31 @@ impl MotionTick<'_> {
         }
     }
 
+    /// The inverse is computed every tick, because a model with memory gives another solution after
+    /// every motion. The goal of one tick before is inverted with the same memory: the target's
+    /// increment is the motion of the goal, not what the model has learned in between.
     fn follow_command(
         &mut self,
         command: &FollowedCommand,
     ) -> Result<GeneratedSetpoint, NotFinite> {
-        let inverse = self.follow_goal(&command.goal)?;
+        let setpoint = match &command.goal {
+            ExtrapolatedGoal::Joint(goal) => {
+                let (here, before) = goal.evaluate(self.now, self.period);
+                self.invert_goal(GoalStep { now: here, before }, &goal.goal)?
+            }
+            ExtrapolatedGoal::Actuator(goal) => {
+                let (here, before) = goal.evaluate(self.now, self.period);
+                let joints = self.joints.as_deref();
+                let goal = joints.map(|joints| joints.pose(&goal.goal)).transpose()?;
+                let motion = motion(&self.axes.clamp(here), &self.axes.clamp(before), false);
+                GeneratedSetpoint { goal, motion: Some(motion), ..GeneratedSetpoint::default() }
+            }
+        };
         Ok(GeneratedSetpoint {
             clip: command.clip(),
             command_stamp: command.stamp,
             command_sequence: command.sequence,
-            ..GeneratedSetpoint::from(&inverse)
+            ..setpoint
         })
     }
 
@@ -95,13 +121,43 @@ impl MotionTick<'_> {
     ) -> Result<GeneratedSetpoint, NotFinite> {
         let before = trajectory.position_at(self.now - self.period);
         let goal = GoalStep { now: trajectory.position_at(self.now), before };
-        let inverse = self.invert_goal(goal, trajectory.end())?;
+        let setpoint = self.invert_goal(goal, trajectory.end())?;
         let is_finished =
             trajectory.is_finished(self.now) && self.axes.all(AxisControl::is_settled);
+        let next = is_finished.then_some(EnabledActivity::Holding);
+        Ok(GeneratedSetpoint { next, ..setpoint })
+    }
+
+    /// Targets for a goal in joint space. `requested`: the goal that is reported, before
+    /// extrapolation or at the end of the trajectory. A goal out of reach is clipped: the motors go
+    /// to what is nearest.
+    fn invert_goal(
+        &mut self,
+        goal: GoalStep,
+        requested: &OutputVec,
+    ) -> Result<GeneratedSetpoint, NotFinite> {
+        // Angles are only accepted, and trajectories only planned, with a model.
+        let joints = self.joints.as_deref_mut().ok_or(NotFinite)?;
+        let times = [self.now, self.now - self.period];
+        let PassedGoal { limited, goal } = joints.pass_goal(goal, self.fixtures, times)?;
+        let [inverse, inverse_before] = if goal.before == goal.now {
+            [joints.solve(&goal.now)?; 2]
+        } else {
+            joints.solve_each(&[goal.now, goal.before])?
+        };
+        let counts = self.axes.clamp(inverse.counts);
+        joints.set_search_start(counts);
+        let is_limited = self.fixtures.limited_by.is_some();
+        let is_beyond = inverse.clipped || counts != inverse.counts;
         Ok(GeneratedSetpoint {
-            clip: inverse.is_beyond.then_some(Clip::Reach),
-            next: is_finished.then_some(EnabledActivity::Holding),
-            ..GeneratedSetpoint::from(&inverse)
+            goal: Some(if is_limited { limited } else { *requested }),
+            clip: is_beyond.then_some(Clip::Reach),
+            motion: Some(motion(&counts, &self.axes.clamp(inverse_before.counts), true)),
+            ..GeneratedSetpoint::default()
         })
     }
+}
+
+fn motion(now: &MotorVec, before: &MotorVec, in_hull: bool) -> Motion {
+    Motion::Track { targets: MotorTarget::from_vectors(now, &difference(now, before)), in_hull }
 }

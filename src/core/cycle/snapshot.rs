@@ -7,21 +7,19 @@ use serde::{Deserialize, Serialize};
 use crate::config::Config;
 use crate::core::adaptation::AdaptationState;
 use crate::core::command::admission::CommandAdmission;
-use crate::core::command::clutch::Clutch;
+use crate::core::command::goals::Clutch;
 use crate::core::cycle::ControlCycle;
 use crate::core::events::PlausibilityCheck;
-use crate::core::events::clips::ClipEvents;
-use crate::core::events::fold::{EventFold, OtherCameras};
-use crate::core::faults::overrun::OverrunMonitor;
+use crate::core::events::fold::{ClipEvents, EventFold, OtherCameras};
+use crate::core::faults::OverrunMonitor;
 use crate::core::faults::plausibility::PlausibilityMonitor;
-use crate::core::model_slots::loaded_models::{LoadedModelStates, LoadedModels};
-use crate::core::motion::auxiliary_axis::AuxiliaryAxis;
+use crate::core::model_slots::{LoadedModelStates, LoadedModels};
 use crate::core::motion::axis_control::AxisControl;
-use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::axis_group::{AuxiliaryAxis, AxisGroup};
 use crate::core::motion::gate::Gate;
 use crate::core::motion::joint_model::position_history::PositionHistory;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
-use crate::core::states::shutdown::Shutdown;
+use crate::core::states::automatic_transitions::Shutdown;
 use crate::core::states::state_machine::StateMachine;
 use crate::model::{Model, ModelId};
 use crate::units::MAX_MOTORS;
@@ -54,12 +52,10 @@ pub struct CycleSnapshot {
 }
 
 impl CycleSnapshot {
-    /// Number of ticks since the start of the cycle.
     pub fn ticks(&self) -> u64 {
         self.ticks
     }
 
-    /// Ids of the models that were loaded.
     pub fn models(&self) -> impl Iterator<Item = ModelId> {
         self.models.ids()
     }

@@ -101,12 +101,10 @@ pub(in crate::core) fn pair<const N: usize>(values: &[f64; N]) -> Pair {
     [at(0), at(1)]
 }
 
-/// Matrix times vector.
 pub(in crate::core) fn product(matrix: &[Pair; 2], vector: Pair) -> Pair {
     matrix.map(|[a, b]| a * vector[0] + b * vector[1])
 }
 
-/// The inverse of a matrix; `None` if there is none.
 pub(in crate::core) fn inverse([[a, b], [c, d]]: &[Pair; 2]) -> Option<[Pair; 2]> {
     let determinant = a * d - b * c;
     let largest = [a, b, c, d].map(|x| x.abs()).into_iter().fold(0.0, f64::max);

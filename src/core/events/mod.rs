@@ -1,6 +1,5 @@
 //! Events of the cycle, for the log and the black box.
 
-pub(super) mod clips;
 pub(super) mod fold;
 mod text;
 
@@ -44,7 +43,6 @@ pub enum AdaptationEvent {
     SlipAgain,
     /// Most frames are rejected, and so is the camera.
     CameraRejected,
-    /// The camera is accepted again.
     CameraAccepted,
 }
 
@@ -67,99 +65,39 @@ pub enum PlausibilityCheck {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum CycleEventKind {
     /// The operating state changed, or a command or a fault was handled in it.
-    State {
-        /// State before.
-        from: OperatingState,
-        /// State after.
-        to: OperatingState,
-        /// The command that caused the change, if any.
-        command: Option<StateCommand>,
-        /// The fault that caused the change, if any.
-        fault: Fault,
-    },
+    State { from: OperatingState, to: OperatingState, command: Option<StateCommand>, fault: Fault },
     /// The followed command became stale and the robot stopped.
-    StaleStop {
-        /// Client that had sent the command.
-        client_id: u64,
-        /// Age of the command.
-        age: Nanos,
-    },
+    StaleStop { client_id: u64, age: Nanos },
     /// Setpoints were stuck at a limit for a second before their target: the motion was
-    /// interrupted.
-    LimitStop {
-        /// Client whose stream, move or conditioning cycle it was.
-        client_id: u64,
-        limit: Stop,
-    },
+    /// interrupted, a stream, a move or a conditioning cycle of this client.
+    LimitStop { client_id: u64, limit: Stop },
     /// The motion stopped, because a drive gave no recent position. Folded to one per second.
     FeedbackStop(Stop),
     /// A goal began to be clipped to what can be reached, or more is cut off than was reported.
-    /// Folded to one per second.
-    Clipped {
-        /// Client whose command is followed; 0: that of a `move_jp`.
-        client_id: u64,
-        /// Limit that keeps the goal from the requested one.
-        clip: Clip,
-    },
-    /// The lease changed its holder.
-    Lease {
-        /// The new holder; 0: none.
-        client_id: u64,
-    },
+    /// Folded to one per second. Client 0: that of a `move_jp`.
+    Clipped { client_id: u64, clip: Clip },
+    /// The lease changed its holder; 0: none.
+    Lease { client_id: u64 },
     /// A servo command was refused. Repeats with the same reason are folded until a command of the
     /// same client is accepted.
-    Refused {
-        /// Client that had sent the command.
-        client_id: u64,
-        /// Reason.
-        refusal: Refusal,
-    },
+    Refused { client_id: u64, refusal: Refusal },
     /// A state command or `move_jp` was refused. Repeats are folded as those of servo commands.
-    RequestRefused {
-        /// Client that had sent the command.
-        client_id: u64,
-        command: StateCommand,
-        /// Reason.
-        refusal: Refusal,
-    },
+    RequestRefused { client_id: u64, command: StateCommand, refusal: Refusal },
     /// The active model changed.
-    Model {
-        /// Model before.
-        from: Option<ModelId>,
-        /// Model after.
-        to: ModelId,
-    },
-    /// A request changed the virtual fixtures.
-    Fixtures {
-        /// Client that sent the request.
-        client_id: u64,
-        /// The fixtures that count, as bits.
-        active: u32,
-    },
-    /// A virtual fixture limits the goal, after a second in which none did.
-    FixtureLimit {
-        /// Index of the fixture.
-        region: u8,
-    },
+    Model { from: Option<ModelId>, to: ModelId },
+    /// A request changed the virtual fixtures. `active`: those that count, as bits.
+    Fixtures { client_id: u64, active: u32 },
+    /// The virtual fixture with this index limits the goal, after a second in which none did.
+    FixtureLimit { region: u8 },
     /// The comparison with the camera began, or cannot be made.
     Plausibility(PlausibilityCheck),
-    /// A second camera publishes; its frames are ignored. At most every ten seconds.
-    OtherCamera {
-        /// Its frames since the start.
-        frames: u64,
-    },
+    /// A second camera publishes; its frames since the start are ignored. At most every ten
+    /// seconds.
+    OtherCamera { frames: u64 },
+    /// The adaptation of the model.
     Adaptation(AdaptationEvent),
     /// A drive changed its phase.
-    Axis {
-        /// Index of the motor.
-        motor: u8,
-        /// Phase before.
-        from: AxisPhase,
-        /// Phase after.
-        to: AxisPhase,
-        /// Error code of the drive.
-        error_code: u16,
-    },
+    Axis { motor: u8, from: AxisPhase, to: AxisPhase, error_code: u16 },
 }
 
 impl CycleEventKind {
@@ -231,7 +169,6 @@ impl EventList {
         self.push_measured(kind, None);
     }
 
-    /// Like [`EventList::push`], with a measurement.
     pub(crate) fn push_measured(&mut self, kind: CycleEventKind, measurement: Option<Measurement>) {
         if self.insert(kind, measurement) {
             return;

@@ -25,12 +25,11 @@ impl fmt::Display for CycleEventKind {
                 }
                 if *fault == Fault::None { Ok(()) } else { write!(f, ", ") }
             }
-            Self::StaleStop { client_id, .. } | Self::LimitStop { client_id, .. } => {
-                write!(f, "{}: ", MaskedClientId(*client_id))
-            }
-            Self::FeedbackStop(_) => Ok(()),
             Self::Clipped { client_id: 0, .. } => write!(f, "move_jp: "),
-            Self::Clipped { client_id, .. } => write!(f, "{}: ", MaskedClientId(*client_id)),
+            Self::StaleStop { client_id, .. }
+            | Self::LimitStop { client_id, .. }
+            | Self::Clipped { client_id, .. } => write!(f, "{}: ", MaskedClientId(*client_id)),
+            Self::FeedbackStop(_) => Ok(()),
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
             Self::Lease { client_id } => write!(f, "lease taken by {}", MaskedClientId(*client_id)),
             Self::Refused { client_id, .. } => {
@@ -98,7 +97,6 @@ impl fmt::Display for CycleEventKind {
     }
 }
 
-/// Writes the numbers of the active virtual fixtures.
 fn write_fixtures(f: &mut fmt::Formatter<'_>, active: u32) -> fmt::Result {
     if active == 0 {
         return f.write_str("none active");

@@ -10,7 +10,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::core::events::PlausibilityCheck;
-use crate::core::faults::debounce::Debounce;
+use crate::core::faults::Debounce;
 use crate::core::inputs::ExternalPose;
 use crate::core::vector;
 use crate::robot::{Measurement, Quantity};
@@ -32,7 +32,7 @@ const DEBOUNCE: Nanos = Nanos::from_millis(300);
 pub(crate) type Estimates = [OutputVec; 2];
 
 /// Compares measured poses with estimates.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct PlausibilityMonitor {
     /// Largest distance, rad; 0: the monitor is off.
     limit: f64,
@@ -57,19 +57,7 @@ pub(crate) struct PlausibilityMonitor {
 impl PlausibilityMonitor {
     /// `limit_deg`: 0 switches the check off.
     pub(crate) fn new(limit_deg: f64) -> Self {
-        Self {
-            limit: limit_deg.to_radians(),
-            debounce: Debounce::new(DEBOUNCE),
-            estimates: [[(Nanos::ZERO, Estimates::default()); COLUMNS]; ROWS],
-            written: 0,
-            last: Nanos::ZERO,
-            newest: Nanos::ZERO,
-            arrived: Nanos::ZERO,
-            compared: Nanos::ZERO,
-            checked_since: None,
-            is_implausible: false,
-            distance: 0.0,
-        }
+        Self { limit: limit_deg.to_radians(), debounce: Debounce::new(DEBOUNCE), ..Self::default() }
     }
 
     /// The distance of the last frame that was compared, and the limit.
@@ -83,7 +71,6 @@ impl PlausibilityMonitor {
         self.limit > 0.0
     }
 
-    /// Stores the estimates of this tick.
     pub(crate) fn record_estimates(&mut self, now: Nanos, estimates: Estimates) {
         if now.duration_since(self.last) < SPACING || !self.is_on() {
             return;
@@ -91,9 +78,7 @@ impl PlausibilityMonitor {
         self.last = now;
         let index = (self.written % (ROWS * COLUMNS) as u64) as usize;
         self.written += 1;
-        if let Some(entry) =
-            self.estimates.get_mut(index / COLUMNS).and_then(|row| row.get_mut(index % COLUMNS))
-        {
+        if let Some(entry) = self.estimates.as_flattened_mut().get_mut(index) {
             *entry = (now, estimates);
         }
     }
@@ -101,7 +86,7 @@ impl PlausibilityMonitor {
     /// Forgets the estimates: they belong to another model or another zero.
     pub(crate) fn reset(&mut self) {
         self.written = 0;
-        self.estimates = [[(Nanos::ZERO, Estimates::default()); COLUMNS]; ROWS];
+        self.estimates = Default::default();
         self.forget_distance();
     }
 
@@ -139,7 +124,6 @@ impl PlausibilityMonitor {
         self.is_implausible
     }
 
-    /// Whether the pose is compared with a camera now.
     pub(crate) fn check(&self, now: Nanos) -> PlausibilityCheck {
         let Some(since) = self.checked_since.filter(|_| self.is_on()) else {
             return PlausibilityCheck::Inactive;

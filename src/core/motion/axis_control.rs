@@ -5,11 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::config::{AxisConfig, Config};
 use crate::core::drive_status::{DriveStatus, position_age};
 use crate::core::events::{CycleEventKind, EventList};
-use crate::core::faults::following_error::{FollowingErrorLimit, written_after};
-use crate::core::faults::over_current::OverCurrentMonitor;
-use crate::core::motion::jerk_limit::JerkLimiter;
+use crate::core::faults::{FollowingErrorLimit, OverCurrentMonitor, written_after};
 use crate::core::motion::setpoint_source::SetpointSource;
-use crate::core::motion::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
+use crate::core::motion::velocity_limit::{JerkLimiter, MotorLimits, MotorTarget, VelocityLimiter};
 use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
 use crate::robot::{Measurement, Quantity};
 use crate::units::{Counts, Nanos};
@@ -17,7 +15,6 @@ use crate::units::{Counts, Nanos};
 /// Rounding error of a long sum, counts.
 const ROUNDING: f64 = 1e-6;
 
-/// One axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct AxisControl {
     lowest: Counts,
@@ -100,7 +97,6 @@ impl AxisControl {
         Some(written_after(&self.feedback, since).map(|written| written.target))
     }
 
-    /// The last feedback.
     pub(crate) fn feedback(&self) -> &AxisFeedback {
         &self.feedback
     }
@@ -115,13 +111,11 @@ impl AxisControl {
         }
     }
 
-    /// The following error and its limit, if it is exceeded.
     pub(crate) fn following_error_measurement(&self) -> Option<Measurement> {
         let since = self.source.following_since()?;
         self.following_error.measurement(&self.feedback, since)
     }
 
-    /// The current and its limit, if it is exceeded.
     pub(crate) fn over_current_measurement(&self) -> Option<Measurement> {
         self.over_current.measurement(self.feedback.current_ma)
     }
@@ -144,12 +138,10 @@ impl AxisControl {
         self.allows(self.feedback.position)
     }
 
-    /// The position is within the limits.
     pub(crate) fn allows(&self, position: Counts) -> bool {
         (self.lowest..=self.highest).contains(&position)
     }
 
-    /// The nearest position within the limits.
     pub(crate) fn clamp(&self, position: f64) -> f64 {
         position.max(self.lowest.as_f64()).min(self.highest.as_f64())
     }
@@ -176,7 +168,6 @@ impl AxisControl {
         self.feedback.fault_resets == self.fault_resets && self.feedback.phase != AxisPhase::Faulted
     }
 
-    /// Requests a homing.
     pub(crate) fn start_homing(&mut self) {
         self.homings = self.homings.wrapping_add(1);
     }
@@ -186,7 +177,6 @@ impl AxisControl {
         self.valid_homing = self.homings.wrapping_add(1);
     }
 
-    /// Requests a fault reset, if the drive is at fault.
     pub(crate) fn reset_fault(&mut self) {
         if self.feedback.phase == AxisPhase::Faulted {
             self.fault_resets = self.fault_resets.wrapping_add(1);

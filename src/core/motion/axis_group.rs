@@ -1,14 +1,17 @@
-//! All axes of the robot.
+//! All axes of the robot, and the auxiliary axis: a gripper or a roll, besides pitch and yaw.
+
+use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::core::drive_status::DriveStatus;
 use crate::core::events::EventList;
 use crate::core::motion::axis_control::AxisControl;
+use crate::core::motion::goal_extrapolation::GoalExtrapolation;
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::vector;
 use crate::drive::{AxisFeedback, AxisRequest, Demand};
 use crate::robot::Measurement;
-use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
+use crate::units::{AUXILIARY, Counts, MAX_MOTORS, MotorVec, Nanos};
 
 /// All axes, in the order of the motors.
 #[derive(Debug)]
@@ -36,7 +39,6 @@ impl AxisGroup {
         self.0.len()
     }
 
-    /// The condition holds for every axis.
     pub(crate) fn all(&self, condition: impl Fn(&AxisControl) -> bool) -> bool {
         self.0.iter().all(condition)
     }
@@ -45,7 +47,6 @@ impl AxisGroup {
         self.0.iter_mut().for_each(action);
     }
 
-    /// Takes the feedback of this tick.
     pub(crate) fn update_feedback(
         &mut self,
         feedback: &[AxisFeedback; MAX_MOTORS],
@@ -57,7 +58,6 @@ impl AxisGroup {
         }
     }
 
-    /// The last feedback of every motor.
     pub(crate) fn feedback(&self) -> [AxisFeedback; MAX_MOTORS] {
         self.per_motor(|axis| *axis.feedback())
     }
@@ -107,7 +107,6 @@ impl AxisGroup {
         self.0.iter().map(AxisControl::ticks_to_rest).fold(0.0, f64::max)
     }
 
-    /// Any setpoint has moved in this tick.
     pub(crate) fn is_moving(&self) -> bool {
         self.0.iter().any(|axis| axis.increment() != 0.0)
     }
@@ -118,7 +117,6 @@ impl AxisGroup {
         pairs.any(|(axis, target)| (axis.clamp(target.position) - axis.setpoint()).abs() > counts)
     }
 
-    /// Every axis keeps its limits after a tick: [`AxisControl::keeps_limits`].
     pub(crate) fn keep_limits(&self, before: &[Option<AxisControl>; MAX_MOTORS]) -> bool {
         let mut pairs = self.0.iter().zip(before.iter().flatten());
         pairs.all(|(axis, before)| axis.keeps_limits(before))
@@ -145,7 +143,6 @@ impl AxisGroup {
         beyond.into_iter().any(|beyond| self.clamp(beyond) != beyond)
     }
 
-    /// Every position is within the limits of its axis.
     pub(crate) fn allow(&self, positions: &[Counts; MAX_MOTORS]) -> bool {
         let mut pairs = self.0.iter().zip(positions);
         pairs.all(|(axis, position)| axis.allows(*position))
@@ -205,6 +202,67 @@ impl AxisGroup {
             *to = value(axis);
         }
         values
+    }
+}
+
+/// The auxiliary axis in one tick, rad.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct AuxiliaryReport {
+    /// At the encoder position.
+    pub measured: f64,
+    /// At the setpoint before it is rounded to counts.
+    pub setpoint: f64,
+}
+
+/// The auxiliary axis and the command that it follows.
+///
+/// It has no model, no hysteresis memory and no place in joint space: an angle is counts. Limits,
+/// homing, faults and the gate are those of every axis. Its stream is separate from that of the
+/// joints, under the same lease.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct AuxiliaryAxis {
+    pub axis: AxisControl,
+    counts_per_rad: f64,
+    pub followed: Option<FollowedAngle>,
+}
+
+/// The last accepted command.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FollowedAngle {
+    pub client_id: u64,
+    pub sequence: u64,
+    pub stamp: Nanos,
+    pub deadline: Nanos,
+    /// Counts.
+    pub goal: GoalExtrapolation<1>,
+}
+
+impl AuxiliaryAxis {
+    /// `None`: the robot has none.
+    pub(crate) fn new(config: &Config) -> Option<Self> {
+        let axis = config.axis(AUXILIARY)?;
+        // Counts per degree times degrees per rad.
+        let counts_per_rad = axis.auxiliary_counts_per_deg?.to_degrees();
+        Some(Self { axis: AxisControl::new(axis, config), counts_per_rad, followed: None })
+    }
+
+    /// The encoder position of an angle, rad.
+    pub(crate) fn counts(&self, angle: f64) -> f64 {
+        angle * self.counts_per_rad
+    }
+
+    pub(crate) fn target(&self, now: Nanos, tick: Nanos) -> Option<MotorTarget> {
+        let ([here], [before]) = self.followed?.goal.evaluate(now, tick);
+        let (here, before) = (self.axis.clamp(here), self.axis.clamp(before));
+        Some(MotorTarget { position: here, increment: here - before })
+    }
+
+    pub(crate) fn report(&self) -> AuxiliaryReport {
+        let angle = |counts: f64| counts / self.counts_per_rad;
+        AuxiliaryReport {
+            measured: angle(self.axis.feedback().position.as_f64()),
+            setpoint: angle(self.axis.setpoint()),
+        }
     }
 }
 

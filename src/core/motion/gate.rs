@@ -6,17 +6,17 @@
 //!
 //! | | stage | what it may move |
 //! |---|---|---|
-//! | 0 | `command/tip_goal` | a place or a velocity of the tip becomes one of the joints |
-//! | 1 | `command/clutch` | the goal of the master becomes one of the snake |
+//! | 0 | `command/goals` | a place or a velocity of the tip becomes one of the joints |
+//! | 1 | `command/goals` | the goal of the master becomes one of the snake |
 //! | 2 | `motion/reach` | the goal, or the nearest pose in reach |
 //! | 3 | `motion/goal_extrapolation` | the goal between commands, or a rate integrated |
-//! | 4 | `motion/tremor_filter`, `motion/goal_lead` | the goal |
+//! | 4 | `motion/joint_filter` | the goal |
 //! | 5 | `motion/joint_limits` | the goal: position, velocity, acceleration, jerk of the angles |
 //! | 6 | `motion/virtual_fixtures` | the goal, within the limits of stage 5 |
-//! | 7 | `motion/backlash_dead_band` | the goal |
-//! | 8 | `motion/model_blend` | the goal, after a swap of the model |
+//! | 7 | `motion/pipeline`, dead-band | the goal |
+//! | 8 | `motion/pipeline`, blend | the goal, after a swap of the model |
 //! | 9 | inverse of the model, correction of the adaptation, position limits of the axes | counts |
-//! | 10 | `motion/velocity_limit`, `motion/jerk_limit` | the setpoints |
+//! | 10 | `motion/velocity_limit` | the setpoints |
 //! | 11 | the gate | a setpoint that breaks a limit is slowed down, or stops |
 //!
 //! `motion/pipeline` runs stages 4 to 8. A goal is made in stages 0 to 3, and begins at the
@@ -100,7 +100,6 @@ impl From<Gated> for AxisRequest {
     }
 }
 
-/// Motion of the setpoints in this tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Motion {
     /// Slow down as hard as allowed, and stay.
@@ -129,7 +128,6 @@ impl Passed {
         self.held_by.filter(|_| self.is_blocked)
     }
 
-    /// The requests to the drives.
     pub(crate) fn requests(
         self,
         axes: &AxisGroup,
@@ -150,9 +148,7 @@ pub(crate) struct Gate {
     max_stood: u32,
 }
 
-/// A tick at the gate.
 struct GateTick<'a> {
-    /// The axes before the tick.
     before: [Option<AxisControl>; MAX_MOTORS],
     /// The setpoints before, and where they come to rest in a stop, counts.
     setpoints: MotorVec,
@@ -163,15 +159,10 @@ struct GateTick<'a> {
     space: Option<JointSpace<'a>>,
 }
 
-/// Result of an attempt.
+/// Result of an attempt. What is too fast passes with this share of its velocity, if it passes.
 enum Verdict {
-    Passes {
-        step: OutputVec,
-    },
-    /// It passes with this share of its velocity, if it passes.
-    TooFast {
-        share: f64,
-    },
+    Passes { step: OutputVec },
+    TooFast { share: f64 },
     Fails(Stop),
 }
 
@@ -190,7 +181,6 @@ enum Attempt {
 const ATTEMPTS: [Attempt; 4] = [Attempt::All, Attempt::Straight, Attempt::First, Attempt::Second];
 
 impl Attempt {
-    /// Velocity shares of the motors.
     fn shares(self, axes: &AxisGroup, targets: &[MotorTarget; MAX_MOTORS]) -> MotorVec {
         match self {
             Self::All => [1.0; MAX_MOTORS],

@@ -34,7 +34,6 @@ const HORIZON_INTERVALS: f64 = 2.0;
 /// that time.
 const MAX_EXTRAPOLATION: Nanos = Nanos::from_millis(20);
 
-/// Extrapolated goal of a servo stream.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum ExtrapolatedGoal {
     /// Angles, rad.
@@ -52,10 +51,8 @@ impl ExtrapolatedGoal {
 /// A goal of `N` values and its rate of change.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct GoalExtrapolation<const N: usize> {
-    /// The goal of the last command.
     #[serde(with = "array")]
     pub goal: [f64; N],
-    /// Stamp of the last command.
     pub stamp: Nanos,
     /// Rate of change between the last two commands, 1/s; 0 if they were too far apart.
     #[serde(with = "array")]
@@ -70,7 +67,6 @@ pub(crate) struct GoalExtrapolation<const N: usize> {
 }
 
 impl<const N: usize> GoalExtrapolation<N> {
-    /// The first goal of a stream.
     pub(crate) fn first(goal: [f64; N], stamp: Nanos) -> Self {
         let (still, reached_s, horizon_s) = ([0.0; N], 0.0, 0.0);
         Self { goal, stamp, last_rate: still, rate: still, reached_s, horizon_s }
@@ -88,7 +84,6 @@ impl<const N: usize> GoalExtrapolation<N> {
         Self { rate, reached_s: after_s, horizon_s: after_s, ..Self::first(goal, stamp) }
     }
 
-    /// The next goal of the same stream.
     pub(crate) fn next(&self, goal: [f64; N], stamp: Nanos) -> Self {
         let interval = stamp.duration_since(self.stamp);
         if interval == Nanos::ZERO || interval > MAX_EXTRAPOLATION {

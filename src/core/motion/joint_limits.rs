@@ -6,8 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::config::JointLimitConfig;
-use crate::core::motion::jerk_limit::JerkLimiter;
-use crate::core::motion::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
+use crate::core::motion::velocity_limit::{JerkLimiter, MotorLimits, MotorTarget, VelocityLimiter};
 use crate::core::vector::{largest_difference, zip_map};
 use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
@@ -60,7 +59,6 @@ impl JointBounds {
         })
     }
 
-    /// The nearest pose within the position limits.
     pub(crate) fn clamp(&self, pose: &OutputVec) -> OutputVec {
         let lowest = zip_map(pose, &self.lowest, f64::max);
         zip_map(&lowest, &self.highest, f64::min)
@@ -123,7 +121,6 @@ impl JointBounds {
     }
 }
 
-/// Limiters of all outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct JointLimits {
     /// `None`: off.
@@ -146,7 +143,6 @@ impl JointLimits {
         self.limiters.is_none()
     }
 
-    /// Starts at rest.
     pub(super) fn restart(&mut self, start: &OutputVec) {
         for (limiter, start) in self.limiters.iter_mut().flatten().zip(start) {
             limiter.restart(*start);

@@ -8,35 +8,26 @@
 //! Angles are inverted in every tick, clamped to the position limits of the axes, limited per motor
 //! and rounded. `goal_extrapolation` defines what happens between commands, `velocity_limit` what
 //! the limits guarantee. Together: motion within the limits is followed without lag, at every
-//! command rate above 50 Hz; `goal_lead` compensates the delay of lines and drives. The path of the
-//! limiter towards a *step* is kept in the calibrated hull by the `gate`, where the whole order of
-//! filters stands: motors with unequal distances do not move on a straight line.
+//! command rate above 50 Hz; `joint_filter` compensates the delay of lines and drives. The path of
+//! the limiter towards a *step* is kept in the calibrated hull by the `gate`, where the whole order
+//! of filters stands: motors with unequal distances do not move on a straight line.
 //!
 //! A drive that is off or not yet enabled has its own position as setpoint. When it reports to be
 //! enabled, its setpoint starts where the drive holds, at the target that was preloaded, and at
 //! rest.
 
-pub(super) mod auxiliary_axis;
 pub(super) mod axis_control;
 pub(super) mod axis_group;
-pub(super) mod backlash_dead_band;
 pub(super) mod conditioning;
-pub(super) mod conditioning_plan;
 pub(super) mod gate;
 pub(super) mod goal_extrapolation;
-mod goal_lead;
-pub(super) mod inverse_setpoint;
-mod jerk_limit;
 pub(super) mod joint_filter;
 pub(super) mod joint_limits;
 pub(super) mod joint_model;
 pub(super) mod joint_trajectory;
-mod model_blend;
-mod pipeline;
+pub(super) mod pipeline;
 pub(super) mod reach;
-pub(super) mod s_curve;
 mod setpoint_source;
-mod tremor_filter;
 pub mod velocity_limit;
 pub(super) mod virtual_fixtures;
 

@@ -32,7 +32,6 @@ pub(crate) const WHOLE: f64 = 1.0;
 /// Rounding error, rad (m).
 const UNMOVED: f64 = 1e-9;
 
-/// A goal in reach.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Reached {
     /// rad (m).
@@ -92,9 +91,7 @@ fn within_limits(
     let mut trial = 1;
     loop {
         let pose = within_border(joints, &difference(requested, &push), border)?;
-        let Some(bounds) = bounds else {
-            return Ok((pose, false));
-        };
+        let Some(bounds) = bounds else { return Ok((pose, false)) };
         let pushed = zip_map(&pose, &push, |pose, push| pose + push);
         let more = difference(&difference(&pushed, &bounds.clamp(&pushed)), &push);
         if largest_difference(&more, &[0.0; MAX_OUTPUTS]) < KEPT || trial == TRIALS {
@@ -112,7 +109,6 @@ fn within_limits(
     }
 }
 
-/// The nearest pose within the border.
 fn within_border(
     joints: &JointModel,
     requested: &OutputVec,

@@ -2,25 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::faults::following_error::written_after;
+use crate::core::faults::written_after;
 use crate::drive::{AxisFeedback, AxisPhase, Demand};
 use crate::units::{Counts, Nanos};
 
-/// Setpoint source of one motor.
+/// `since`: when power was requested.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum SetpointSource {
     /// The drive is off. The setpoint tracks the encoder.
     Tracking,
     /// Power is requested. The setpoint tracks the encoder until the drive is enabled.
-    Engaging {
-        /// Time of the request.
-        since: Nanos,
-    },
+    Engaging { since: Nanos },
     /// The drive follows the setpoint of the limiter.
-    Following {
-        /// Time of the request for power.
-        since: Nanos,
-    },
+    Following { since: Nanos },
 }
 
 impl SetpointSource {

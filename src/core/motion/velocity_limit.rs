@@ -1,4 +1,4 @@
-//! Velocity and acceleration limits on the setpoint of one motor.
+//! Velocity, acceleration and jerk limits on the setpoint of one motor.
 //!
 //! # Terms
 //!
@@ -43,9 +43,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::{MAX_MOTORS, MotorVec, Nanos};
+use crate::units::{MAX_MOTORS, MAX_WINDOW_TICKS, MotorVec, Nanos};
 
-/// Limits of one motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotorLimits {
     /// Largest velocity, counts per second, above 0.
@@ -75,7 +74,6 @@ impl MotorTarget {
         Self { position, increment: 0.0 }
     }
 
-    /// One target per motor.
     pub(crate) fn from_vectors(positions: &MotorVec, increments: &MotorVec) -> [Self; MAX_MOTORS] {
         let mut targets = [Self::default(); MAX_MOTORS];
         for ((target, position), increment) in targets.iter_mut().zip(positions).zip(increments) {
@@ -205,7 +203,6 @@ impl VelocityLimiter {
         [self.velocity_limit, self.deceleration]
     }
 
-    /// The highest velocity that can come after `velocity`.
     fn max_next_velocity(&self, velocity: f64) -> f64 {
         if velocity >= 0.0 {
             velocity + self.acceleration
@@ -232,6 +229,64 @@ fn clamp(value: f64, lowest: f64, highest: f64) -> f64 {
 fn braking_velocity(distance: f64, step: f64) -> f64 {
     let ticks = (((1.0 + 8.0 * distance / step).sqrt() - 1.0) / 2.0).floor();
     distance / (ticks + 1.0) + step * ticks / 2.0
+}
+
+/// Jerk limit: a moving average over the last ticks.
+///
+/// The input has a limited acceleration. In the average over `n` ticks of length `T`, the
+/// acceleration changes per tick by the difference of two accelerations over `n`. With
+/// accelerations between `-A` and `A`, the jerk is at most `2 A / (n T)` (L. Biagiotti and
+/// C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008: trajectories by
+/// filters). The average keeps the limits on position, velocity and acceleration of its input. It
+/// lags by `(n - 1) / 2` ticks and comes to rest `n - 1` ticks after its input.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct JerkLimiter {
+    /// The newest value is at `ticks % window`.
+    past: [f64; MAX_WINDOW_TICKS],
+    ticks: u32,
+    /// Ticks; with 1, the output is the input.
+    window: u32,
+    pub output: f64,
+    pub increment: f64,
+}
+
+impl JerkLimiter {
+    /// At rest at 0. The window is clamped to 1 to [`MAX_WINDOW_TICKS`].
+    pub(super) fn new(window: u32) -> Self {
+        let window = window.clamp(1, MAX_WINDOW_TICKS as u32);
+        Self { past: [0.0; MAX_WINDOW_TICKS], ticks: 0, window, output: 0.0, increment: 0.0 }
+    }
+
+    pub(super) fn restart(&mut self, value: f64) {
+        self.past = [value; MAX_WINDOW_TICKS];
+        (self.output, self.increment) = (value, 0.0);
+    }
+
+    pub(super) fn update(&mut self, value: f64) {
+        self.ticks = (self.ticks + 1) % self.window;
+        if let Some(newest) = self.past.get_mut(self.ticks as usize) {
+            *newest = value;
+        }
+        // Relative to the newest value, so that the average of equal values is exact.
+        let others: f64 = self.values().map(|past| past - value).sum();
+        let output = value + others / f64::from(self.window);
+        self.increment = output - self.output;
+        self.output = output;
+    }
+
+    /// All values in the window are the same, and the output has reached them.
+    pub(super) fn is_at_rest(&self) -> bool {
+        self.increment == 0.0 && self.values().all(|past| *past == self.output)
+    }
+
+    /// All values in the window are less than a count from the output.
+    pub(crate) fn is_settled(&self) -> bool {
+        self.values().all(|past| (past - self.output).abs() < 1.0)
+    }
+
+    fn values(&self) -> impl Iterator<Item = &f64> {
+        self.past.iter().take(self.window as usize)
+    }
 }
 
 #[cfg(test)]

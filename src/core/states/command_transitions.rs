@@ -2,14 +2,12 @@
 //! documentation of [`super::control_state`], cell by cell.
 
 use crate::core::drive_status::DriveSummary;
-use crate::core::states::acknowledge::acknowledge;
+use crate::core::states::automatic_transitions::{acknowledge, require_homing};
 use crate::core::states::control_state::{
     ALL_OFF, ControlState, DisabledActivity, FaultStage, FaultState, HOLDING,
 };
-use crate::core::states::homing::require_homing;
 use crate::robot::{Refusal, StateCommand};
 
-/// Effect of an accepted command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum CommandEffect {
     /// Nothing: the state is already as requested.

@@ -91,7 +91,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::command::deadline::FollowedCommand;
+use crate::core::command::client_stream::FollowedCommand;
 use crate::core::drive_status::ExpectedPower;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::joint_trajectory::JointTrajectory;
@@ -99,13 +99,10 @@ use crate::drive::Demand;
 use crate::robot::{Fault, OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_AXES, Nanos};
 
-/// ENABLED without a followed command.
 pub(crate) const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
 
-/// Demands that switch every drive off.
 pub(crate) const ALL_OFF: [Demand; MAX_AXES] = [Demand::Disabled; MAX_AXES];
 
-/// State of the cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "no heap in the control loop")]
 pub(crate) enum ControlState {
@@ -115,7 +112,6 @@ pub(crate) enum ControlState {
     Enabled(EnabledActivity),
     /// Drives are on and hold. Servo commands are refused.
     Paused,
-    /// A fault has occurred.
     Fault(FaultState),
 }
 
@@ -204,7 +200,6 @@ impl ControlState {
         }
     }
 
-    /// Demands to the drives.
     pub(crate) fn demands(&self) -> [Demand; MAX_AXES] {
         use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
         match self {
@@ -274,7 +269,6 @@ impl ControlState {
         }
     }
 
-    /// The trajectory in progress.
     pub(crate) fn trajectory(&self) -> Option<&JointTrajectory> {
         match self {
             Self::Enabled(EnabledActivity::Moving(trajectory)) => Some(trajectory),

@@ -10,19 +10,15 @@ use crate::units::Nanos;
 /// A state and the reason to change to it.
 pub(crate) type Transition = (ControlState, TransitionCause);
 
-/// Reason of a transition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum TransitionCause {
-    /// A command was accepted.
     Command(StateCommand),
     /// The activity of a state advanced or ended; with the command that had started it, if the end
     /// is reported.
     Progress(Option<StateCommand>),
     /// The activity is interrupted.
     BrokenOff(Stop),
-    /// A fault occurred.
     Fault(Fault),
-    /// Shutdown was requested.
     Shutdown,
 }
 

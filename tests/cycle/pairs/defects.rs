@@ -12,10 +12,10 @@ use std::process::Command;
 
 const GATE: &str = "src/core/motion/gate.rs";
 const SPACE: &str = "src/core/motion/gate/joint_space.rs";
-const CORRECTION: &str = "src/core/motion/joint_model/correction.rs";
+const CORRECTION: &str = "src/core/motion/joint_model/memory.rs";
 const MOTORS: &str = "src/core/motion/velocity_limit.rs";
 const BOUNDS: &str = "src/core/motion/joint_limits.rs";
-const REGIONS: &str = "src/core/motion/virtual_fixtures/distances.rs";
+const REGIONS: &str = "src/core/motion/virtual_fixtures/region.rs";
 const GOALS: &str = "src/core/command/range_check.rs";
 const STAMPS: &str = "src/core/command/client_stream.rs";
 const SESSIONS: &str = "src/core/command/sessions.rs";

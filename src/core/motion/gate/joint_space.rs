@@ -12,7 +12,6 @@ const POSE_TOLERANCE: f64 = 2e-5;
 /// The inverse lies in the hull, and the setpoint near it: counts.
 const HULL_TOLERANCE: f64 = 1.0;
 
-/// The joint space of a tick.
 pub(crate) struct JointSpace<'a> {
     pub joints: &'a JointModel,
     pub fixtures: &'a mut VirtualFixtures,

@@ -1,25 +1,23 @@
 //! Joint model: a model with the memory that it needs in the loop.
 //!
-//! `memory`: motor positions, replayed into it. `correction`: the interface of the adaptation.
+//! `memory`: motor positions, replayed into it; the report, and the interface of the adaptation.
 
-mod correction;
-mod memory;
+pub(in crate::core) mod memory;
 pub(in crate::core) mod position_history;
-pub(in crate::core) mod report;
-mod velocity_estimate;
 
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::{AxisConfig, Config};
-use crate::core::drift::correction::Correction;
+use crate::core::drift::Correction;
 use crate::core::drift::geometry::ModelGeometry;
 use crate::core::motion::GoalStep;
-use crate::core::motion::backlash_dead_band::{BacklashDeadBand, Outputs};
 use crate::core::motion::joint_filter::JointFilter;
 use crate::core::motion::joint_limits::JointBounds;
-use crate::core::motion::pipeline::{PassedGoal, Pipeline, PipelineTick};
+use crate::core::motion::pipeline::{
+    BacklashDeadBand, Outputs, PassedGoal, Pipeline, PipelineTick,
+};
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
@@ -28,13 +26,12 @@ use crate::model::{
     Estimate, History, Inverse, JacobianMatrix, Memory, MemoryTerms, Model, Query, Reach,
 };
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
+use memory::rate;
 use position_history::{HistoryCursor, PositionHistory};
-use velocity_estimate::rate;
 
 /// Positions of the history that a model replays per tick. One takes a microsecond or two.
 const MAX_REPLAYED: usize = 8;
 
-/// A model and its state.
 #[derive(Debug, Clone)]
 pub(crate) struct JointModel {
     model: Arc<Model>,
@@ -57,7 +54,6 @@ struct CachedTerms {
     /// The setpoints that `memory` contains after the positions, motor by motor; `None`: to be
     /// computed.
     written: Option<[Option<f64>; MAX_MOTORS]>,
-    /// The terms of `measured_memory`.
     measured: MemoryTerms,
     /// [`Model::correction`] of `memory`.
     residual: OutputVec,
@@ -87,7 +83,6 @@ pub(crate) struct JointModelState {
     goal_motion: OutputVec,
 }
 
-/// A pose and its slope at setpoints.
 #[derive(Debug, Clone, Copy)]
 struct KnownSetpoint {
     at: MotorVec,
@@ -161,7 +156,6 @@ impl JointModel {
         Self::with_memory(model, config, memory, cursor)
     }
 
-    /// A model with a state that has been saved.
     pub(crate) fn from_state(model: Arc<Model>, config: &Config, state: JointModelState) -> Self {
         Self { state, ..Self::new(model, config) }
     }
@@ -241,7 +235,6 @@ impl JointModel {
         self.model.file().outputs == other.model.file().outputs
     }
 
-    /// Number of outputs.
     pub(crate) fn outputs(&self) -> usize {
         self.model.outputs()
     }
@@ -279,7 +272,6 @@ impl JointModel {
         Ok(())
     }
 
-    /// Takes the goal of this tick through the [`Pipeline`].
     pub(crate) fn pass_goal(
         &mut self,
         goal: GoalStep,
@@ -346,11 +338,8 @@ impl JointModel {
         for inverse in &mut inverses {
             inverse.reached = self.corrected(inverse.reached);
         }
-        if inverses.iter().all(|inverse| vector::is_finite(&inverse.counts)) {
-            Ok(inverses)
-        } else {
-            Err(NotFinite)
-        }
+        let are_finite = inverses.iter().all(|inverse| vector::is_finite(&inverse.counts));
+        if are_finite { Ok(inverses) } else { Err(NotFinite) }
     }
 
     /// The next search for the inverse starts here.
@@ -389,7 +378,6 @@ impl JointModel {
         correction.map_or(mean, |correction| correction.apply(&mean))
     }
 
-    /// Takes the setpoints of this tick, and their change in it.
     pub(crate) fn update_setpoint(
         &mut self,
         setpoints: &MotorVec,
@@ -397,10 +385,7 @@ impl JointModel {
         tick: Nanos,
     ) -> Result<(), NotFinite> {
         let known = self.known.setpoint.filter(|known| known.at == *setpoints);
-        let known = match known {
-            Some(known) => known,
-            None => self.setpoint_at(setpoints)?,
-        };
+        let known = known.map_or_else(|| self.setpoint_at(setpoints), Ok)?;
         self.known.setpoint = Some(known);
         let mean = self.corrected(known.mean);
         let before = self.corrected(known.before(increments));
@@ -412,11 +397,8 @@ impl JointModel {
     fn setpoint_at(&self, setpoints: &MotorVec) -> Result<KnownSetpoint, NotFinite> {
         let (memory, residual) = (&self.state.memory, self.residual());
         let (mean, slope) = self.model.pose_and_slope(setpoints, memory, &residual);
-        if vector::is_finite(&mean) && slope.iter().all(vector::is_finite) {
-            Ok(KnownSetpoint { at: *setpoints, mean, slope })
-        } else {
-            Err(NotFinite)
-        }
+        let are_finite = vector::is_finite(&mean) && slope.iter().all(vector::is_finite);
+        are_finite.then_some(KnownSetpoint { at: *setpoints, mean, slope }).ok_or(NotFinite)
     }
 }
 

@@ -16,7 +16,6 @@ use crate::units::{MAX_MOTORS, MotorVec, Nanos};
 const ROWS: usize = 32;
 const CAPACITY: u64 = (ROWS * ROWS) as u64;
 
-/// A place in the history.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct HistoryCursor {
     /// Rises when the zero moves. Positions of different epochs cannot be compared.
@@ -26,7 +25,7 @@ pub struct HistoryCursor {
 }
 
 /// The latest positions of the motors.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct PositionHistory {
     pub cursor: HistoryCursor,
     /// Sequence of the last feedback of every motor, so that a position is recorded once.
@@ -43,27 +42,16 @@ pub(super) struct Entry {
     pub time_s: f64,
 }
 
-/// The entry after a cursor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum NextEntry {
     /// No position: the cursor is at the end.
     End,
-    /// The next position, and its cursor.
     Position(Entry, HistoryCursor),
     /// It has been overwritten, or the zero has moved since.
     Lost,
 }
 
 impl PositionHistory {
-    pub(crate) fn new() -> Self {
-        Self {
-            cursor: HistoryCursor::default(),
-            sequences: Default::default(),
-            stamp: Nanos::ZERO,
-            recent: [[Entry::default(); ROWS]; ROWS],
-        }
-    }
-
     /// Records the positions, if one of them is new. Every drive must have reported.
     pub(crate) fn record(&mut self, drives: &[AxisFeedback]) {
         let mut has_new = false;
@@ -78,8 +66,8 @@ impl PositionHistory {
         let before = if self.cursor.recorded == 0 { stamp } else { self.stamp };
         self.stamp = stamp;
         self.cursor.recorded += 1;
-        let (row, column) = index(self.cursor.recorded);
-        if let Some(entry) = self.recent.get_mut(row).and_then(|row| row.get_mut(column)) {
+        let index = (self.cursor.recorded % CAPACITY) as usize;
+        if let Some(entry) = self.recent.as_flattened_mut().get_mut(index) {
             *entry = Entry {
                 position: vector::collect(drives.iter().map(|drive| drive.position.as_f64())),
                 time_s: stamp.duration_since(before).as_seconds(),
@@ -92,7 +80,6 @@ impl PositionHistory {
         self.cursor.epoch += 1;
     }
 
-    /// The newest position.
     pub(super) fn newest(&self) -> Option<MotorVec> {
         let number = self.cursor.recorded;
         self.entry(number).filter(|_| number > 0).map(|entry| entry.position)
@@ -111,20 +98,12 @@ impl PositionHistory {
     }
 
     fn entry(&self, number: u64) -> Option<Entry> {
-        let (row, column) = index(number);
-        self.recent.get(row)?.get(column).copied()
+        self.recent.as_flattened().get((number % CAPACITY) as usize).copied()
     }
 }
 
-/// When the newest of the positions was read.
 pub(crate) fn newest_stamp(drives: &[AxisFeedback]) -> Nanos {
     drives.iter().map(|drive| drive.stamp).max().unwrap_or_default()
-}
-
-/// Row and column of an entry.
-fn index(number: u64) -> (usize, usize) {
-    let index = (number % CAPACITY) as usize;
-    (index / ROWS, index % ROWS)
 }
 
 #[cfg(test)]
@@ -162,7 +141,7 @@ mod tests {
 
     #[test]
     fn every_position_is_replayed_once() {
-        let mut history = PositionHistory::new();
+        let mut history = PositionHistory::default();
         record(&mut history, 0..1500);
         let cursor = history.cursor;
         assert_eq!((cursor.epoch, cursor.recorded), (0, 1500));
@@ -174,7 +153,7 @@ mod tests {
 
     #[test]
     fn overwritten_positions_and_other_epochs_are_lost() {
-        let mut history = PositionHistory::new();
+        let mut history = PositionHistory::default();
         record(&mut history, 0..10);
         let cursor = history.cursor;
         record(&mut history, 10..10 + CAPACITY as i32);

@@ -1,6 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::config::LimitConfig;
 
 const DEFAULT: MotorLimits = MotorLimits {
     velocity: 2000.0,
@@ -262,4 +263,64 @@ fn sine_within_limits_is_followed_below_one_count() {
         }
     }
     assert!(worst < 1e-6, "{worst} counts");
+}
+
+proptest! {
+    /// Goals that jump, and stops, through the limiter of a motor.
+    #[test]
+    fn the_jerk_of_a_motor_stays_within_its_limit(
+        acts in prop::collection::vec(
+            (prop::option::of(-300.0..300.0_f64), 1..60_u32), 1..20
+        ),
+        jerk in 7e7..1e9_f64,
+    ) {
+        let tick = Nanos::from_millis(1);
+        let config = LimitConfig { jerk_counts_s3: Some(jerk), ..LimitConfig::default() };
+        let limits = MotorLimits {
+            velocity: config.velocity_counts_s,
+            acceleration: config.acceleration_counts_s2,
+            deceleration: config.stop_deceleration_counts_s2,
+            lowest: -200.0,
+            highest: 200.0,
+        };
+        let mut limiter = VelocityLimiter::new(&limits, tick);
+        let mut jerk_limiter = JerkLimiter::new(config.window_ticks(tick).unwrap());
+        let (mut moved, mut change) = (0.0, 0.0);
+        for (goal, ticks) in acts {
+            for _ in 0..ticks {
+                match goal {
+                    Some(goal) => limiter.track(MotorTarget::fixed(goal)),
+                    None => limiter.stop(),
+                }
+                jerk_limiter.update(limiter.position());
+                let third = jerk_limiter.increment - moved - change;
+                prop_assert!(third.abs() <= jerk * 1e-9 * (1.0 + 1e-9) + 1e-9, "{third}");
+                prop_assert!(jerk_limiter.output.abs() <= 200.0 + 1e-9);
+                (moved, change) = (jerk_limiter.increment, jerk_limiter.increment - moved);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_ramp_lags_by_half_the_window_and_ends_exactly() {
+    let mut jerk_limiter = JerkLimiter::new(9);
+    jerk_limiter.restart(0.1);
+    assert!(jerk_limiter.is_at_rest());
+    for k in 0..40 {
+        jerk_limiter.update(0.1 + f64::from(k.min(20)));
+        let late = 0.1 + (f64::from(k) - 4.0);
+        assert!(!(8..=20).contains(&k) || (jerk_limiter.output - late).abs() < 1e-12);
+        assert_eq!(jerk_limiter.is_at_rest(), k == 0 || k > 28, "{k}");
+    }
+    assert_eq!(jerk_limiter.output, 20.1);
+}
+
+#[test]
+fn a_window_of_one_changes_nothing() {
+    let mut jerk_limiter = JerkLimiter::new(1);
+    for value in [0.3, -7.1, 0.1 + 0.2] {
+        jerk_limiter.update(value);
+        assert_eq!(jerk_limiter.output, value);
+    }
 }

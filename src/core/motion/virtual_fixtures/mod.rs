@@ -17,26 +17,22 @@
 //! The time per tick is bounded: a pose takes one computation of the tip for all regions, and there
 //! are at most `2 + HALVINGS` poses, each of them once more as calibrated.
 
-mod distances;
 mod region;
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::{FixtureRegionConfig, MAX_REGIONS};
-use crate::core::drift::correction::CalibratedView;
+use crate::core::drift::CalibratedView;
 use crate::core::events::fold::EventFold;
-use crate::core::fixture_change::FixtureChange;
+use crate::core::inputs::FixtureChange;
 use crate::core::motion::GoalStep;
 use crate::core::motion::joint_limits::JointBounds;
 use crate::core::vector;
 use crate::model::file::OutputUnit;
 use crate::robot::Refusal;
 use crate::units::{Nanos, OutputVec};
-
 pub(crate) use region::Region;
-
-use distances::{Distances, PoseDistance};
-use region::dot;
+use region::{Distances, PoseDistance, dot};
 
 /// Rounds of projections. Two regions need two or three.
 const ROUNDS: usize = 4;

@@ -1,4 +1,4 @@
-//! A forbidden region: a convex set with the distance to it.
+//! A forbidden region: a convex set with the distance to it; and the distances of one pose to all.
 //!
 //! The distance `d` is positive outside. For a convex set it is a convex function, so that
 //! `d(x + s) >= d(x) + n s` with its slope `n` at `x`. A step `s` with `n s >= -d(x)` therefore
@@ -6,8 +6,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{FixtureShape, MAX_CORNERS};
-use crate::core::fixture_change::{FixtureSpace, SimpleRegion, SimpleShape};
+use crate::config::{FixtureShape, MAX_CORNERS, MAX_REGIONS};
+use crate::core::drift::CalibratedView;
+use crate::core::inputs::{FixtureSpace, SimpleRegion, SimpleShape};
+use crate::model::file::OutputUnit;
+use crate::model::kinematic;
+use crate::units::OutputVec;
 
 /// A point or a direction: pitch and yaw, rad, and 0; or a position of the tip, m.
 pub(crate) type Point = [f64; 3];
@@ -22,18 +26,11 @@ pub(crate) struct Region {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "the loop may not allocate a box for it")]
 enum Shape {
-    Ball {
-        centre: Point,
-        radius: f64,
-    },
-    /// The intersection of half-spaces.
-    Faces {
-        faces: [Face; MAX_CORNERS],
-        count: u8,
-    },
+    Ball { centre: Point, radius: f64 },
+    Faces { faces: [Face; MAX_CORNERS], count: u8 },
 }
 
-/// The half-space where `outward x <= offset`.
+/// The half-space where `outward x <= offset`; a region is the intersection of several.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 struct Face {
     /// Unit vector.
@@ -50,7 +47,6 @@ impl Region {
         }
     }
 
-    /// A region with its margin.
     pub(crate) fn grown(simple: &SimpleRegion) -> Self {
         let margin = margin(simple.space);
         let shape = match simple.shape {
@@ -135,6 +131,88 @@ fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
+/// Poses that a region is kept away from: adapted and calibrated.
+const POSES: usize = 2;
+
+/// The distance of a pose to a region, with the slope in output space. NaN for a region in angles
+/// with outputs that are not angles.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct PoseDistance {
+    pub region: u8,
+    pub distance: f64,
+    pub slope: OutputVec,
+}
+
+/// The distances of a pose, and of the same as calibrated, to all regions. The position of the tip,
+/// which takes longest, is computed once for all of them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Distances {
+    list: [PoseDistance; POSES * MAX_REGIONS],
+    count: usize,
+}
+
+impl Distances {
+    pub(super) fn new(
+        regions: &[Option<Region>; MAX_REGIONS],
+        pose: &OutputVec,
+        view: Option<&CalibratedView>,
+        unit: OutputUnit,
+    ) -> Self {
+        let mut distances = Self { list: [PoseDistance::default(); POSES * MAX_REGIONS], count: 0 };
+        distances.add(regions, pose, unit);
+        if let Some(view) = view {
+            let before = distances.count;
+            distances.add(regions, &view.pose(pose), unit);
+            for added in distances.list.iter_mut().take(distances.count).skip(before) {
+                added.slope = view.slope(&added.slope);
+            }
+        }
+        distances
+    }
+
+    fn add(&mut self, regions: &[Option<Region>; MAX_REGIONS], pose: &OutputVec, unit: OutputUnit) {
+        let is_tip = |region: &Region| region.space == FixtureSpace::Tip;
+        let needs_tip = unit == OutputUnit::Deg && regions.iter().flatten().any(is_tip);
+        let tip = needs_tip.then(|| kinematic::tip_position(pose[0], pose[1]));
+        for (index, region) in (0..).zip(regions) {
+            let Some(region) = region else { continue };
+            let (distance, slope) = match (region.space, unit, &tip) {
+                (FixtureSpace::Angles, OutputUnit::Deg, _) => {
+                    region.distance(&[pose[0], pose[1], 0.0])
+                }
+                (FixtureSpace::Tip, OutputUnit::Mm, _) => region.distance(pose),
+                (FixtureSpace::Tip, OutputUnit::Deg, Some(tip)) => {
+                    let (distance, slope) = region.distance(&tip.position_m);
+                    let along = |column: &Point| dot(&slope, column);
+                    let [pitch, yaw] = &tip.slope_m_per_rad;
+                    (distance, [along(pitch), along(yaw), 0.0])
+                }
+                _ => (f64::NAN, OutputVec::default()),
+            };
+            if let Some(entry) = self.list.get_mut(self.count) {
+                *entry = PoseDistance { region: index, distance, slope };
+                self.count += 1;
+            }
+        }
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = &PoseDistance> {
+        self.list.iter().take(self.count)
+    }
+
+    /// The first distance that is less than the least that is allowed after a distance before.
+    pub(crate) fn first_below(
+        &self,
+        before: &Self,
+        least: impl Fn(&PoseDistance) -> f64,
+    ) -> Option<u8> {
+        let mut pairs = self.iter().zip(before.iter());
+        // A distance that is not a number is less than any.
+        let is_allowed = |now: &PoseDistance, before: &PoseDistance| now.distance >= least(before);
+        pairs.find(|(now, before)| !is_allowed(now, before)).map(|(now, _)| now.region)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -176,5 +254,15 @@ mod tests {
         assert!((distance - 0.48e-3).abs() < 1e-12);
         assert_eq!(slope, [-1.0, 0.0, 0.0]);
         assert_eq!(ball.distance(&[1e-3, 0.0, 2e-3]).1, [0.0; 3], "its centre");
+    }
+
+    #[test]
+    fn calibrated_view_shifts_and_rotates_distances() {
+        let view = CalibratedView { inverse: [[1.5, 0.25], [-0.5, 2.0]], zero: [0.1, -0.2] };
+        let is_near = |found: OutputVec, wanted: [f64; 3]| {
+            found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12)
+        };
+        assert!(is_near(view.pose(&[0.3, 0.5, 0.7]), [0.475, 1.3, 0.7]));
+        assert!(is_near(view.slope(&[0.6, 0.8, 0.1]), [0.5, 1.75, 0.1]));
     }
 }

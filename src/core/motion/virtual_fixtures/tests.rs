@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::config::FixtureShape;
-use crate::core::fixture_change::SimpleRegion;
+use crate::core::inputs::SimpleRegion;
 
 const TICK: Nanos = Nanos::from_millis(1);
 const SPACE: GoalSpace<'_> = GoalSpace { unit: OutputUnit::Deg, view: None, bounds: None };
