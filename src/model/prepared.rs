@@ -181,6 +181,17 @@ impl Model {
         }
     }
 
+    /// The memory of this model after the motion in a history. Not for the control loop: it takes
+    /// thousands of steps.
+    #[must_use]
+    pub fn recall(&self, history: &History) -> Memory {
+        let mut memory = self.new_memory();
+        for (counts, time_s) in history.steps() {
+            self.advance_over(&mut memory, counts, time_s);
+        }
+        memory
+    }
+
     /// Whether a memory covers enough motion that all earlier motion is forgotten. Until then
     /// predictions may be off by the width of the hysteresis loop. For families without memory this
     /// is true after the first position.
@@ -380,19 +391,6 @@ fn mean_slope(runtime: &dyn Runtime, hull: &Hull) -> JacobianMatrix {
 /// The unit of all outputs. [`file::check`] makes sure that they share one unit.
 fn unit(file: &ModelFile) -> OutputUnit {
     file.outputs.first().map_or(OutputUnit::Deg, |output| output.unit)
-}
-
-impl Model {
-    /// The memory of this model after the motion in a history. Not for the control loop: it takes
-    /// thousands of steps.
-    #[must_use]
-    pub fn recall(&self, history: &History) -> Memory {
-        let mut memory = self.new_memory();
-        for (counts, time_s) in history.steps() {
-            self.advance_over(&mut memory, counts, time_s);
-        }
-        memory
-    }
 }
 
 impl ModelFile {

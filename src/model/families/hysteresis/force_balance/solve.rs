@@ -262,6 +262,9 @@ const FAR: f64 = 2.0;
 /// that far.
 const DRAGGING: f64 = 30.0;
 
+/// Steps of Newton's method from the counts without a transmission error to those with it.
+const DRIVING_STEPS: usize = 2;
+
 impl<const D: usize> ForceBalance<D> {
     /// See [`super::Operator::invert_from`].
     pub(super) fn inverse(
@@ -340,12 +343,7 @@ impl<const D: usize> ForceBalance<D> {
             pulleys[i] + self.gap(state, i).copysign(pulleys[i] - state.pulley[i])
         })
     }
-}
 
-/// Steps of Newton's method from the counts without a transmission error to those with it.
-const DRIVING_STEPS: usize = 2;
-
-impl<const D: usize> ForceBalance<D> {
     /// Sine and cosine of the motor angle, and of twice the angle.
     pub(super) fn turn(&self, counts: f64) -> [f64; 4] {
         let (sine, cosine) = (self.turn_per_count * counts).sin_cos();

@@ -58,9 +58,7 @@ impl BalanceState {
             play: MotorVec::default(),
         }
     }
-}
 
-impl BalanceState {
     /// Shares of [`REACH`]; NaN changes nothing.
     pub(in crate::model) fn set_lost_travel(&mut self, slack: &MotorVec, play: &MotorVec) {
         let travel = |share: f64| if share.is_finite() { REACH * share } else { 0.0 };

@@ -167,9 +167,7 @@ impl<const D: usize> ForceBalance<D> {
         }
         factor
     }
-}
 
-impl<const D: usize> ForceBalance<D> {
     pub(super) fn own_stops(&self) -> impl Iterator<Item = usize> + use<'_, D> {
         (0..OWN_STOPS).filter(|k| self.own[*k].stiffness != 0.0)
     }
