@@ -84,9 +84,7 @@ impl ControlCycle {
             distance: from_place.map(|mm| (mm, Quantity::Millimetres)).or(away),
         }
     }
-}
 
-impl ControlCycle {
     fn fault_measurement(&self, fault: Fault, summary: &DriveSummary) -> Option<Measurement> {
         match fault {
             Fault::Late => Some(self.overruns.measurement()),
