@@ -85,7 +85,7 @@
 //!                     states/         drive status, faults, state transitions
 //!                     command/        admission: session, lease, range; goal extrapolation
 //!                     motion/         tremor filter, joint limits, backlash dead-band
-//!                     model_slots/ -> model/prepared.rs: angles to counts
+//!                     model_slots  -> model/prepared.rs: angles to counts
 //!                     motion/         velocity and jerk limits, rounding to counts
 //!                       | one request per axis           ^ one feedback per axis
 //! port thread       drive/port_runner.rs: newest setpoint, then position, then status
