@@ -89,7 +89,7 @@
 //!                     motion/         velocity and jerk limits, rounding to counts
 //!                       | one request per axis           ^ one feedback per axis
 //! port thread       drive/port_runner.rs: newest setpoint, then position, then status
-//!                   drive/frames, command sets of EPOS4 and EPOS2
+//!                   drive/serial_frame.rs, command sets of EPOS4 and EPOS2
 //!                       | serial line                    ^
 //! drive             EPOS4 or EPOS2, motor, encoder, gear, wires, snake
 //! ```

@@ -1,15 +1,15 @@
 //! Errors of ports, lines and drives. A message names the problem, the place and the remedy.
 
-use std::io;
 use std::path::PathBuf;
+use std::{fmt, io};
 
 use super::abort_code::AbortCode;
 use super::cia402::DriveState;
 use super::latency_timer;
-use super::object::{self, Address};
+use super::object::{self, Address, Setting};
+use super::objects::{self, Entry};
 use super::transport::NOT_OUR_TURN;
 use super::unexpected_reply::UnexpectedReply;
-use super::variant::SettingError;
 use crate::units::Nanos;
 
 /// Why a port or its drives could not be brought up.
@@ -34,21 +34,12 @@ pub enum DriveError {
         "{device} cannot be used as a serial port: {source}; correct `device` or `baud` in the \
          configuration"
     )]
-    NotSerial {
-        device: PathBuf,
-        /// The error of the operating system.
-        source: serialport::Error,
-    },
+    NotSerial { device: PathBuf, source: serialport::Error },
     #[error(
         "no reply from a drive on {device} at {baud} baud, node {node}; check power, cable, `baud` \
          and `node_id`; no other program may use the port"
     )]
-    NoAnswer {
-        device: PathBuf,
-        /// Bits per second.
-        baud: u32,
-        node: u8,
-    },
+    NoAnswer { device: PathBuf, baud: u32, node: u8 },
     #[error("node {node} behind {device} {}", missing_node(*node, *object))]
     NoNode { device: PathBuf, node: u8, object: Address },
     #[error(
@@ -124,20 +115,12 @@ impl LinkError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum AxisError {
     #[error("{object}: {error}")]
-    Exchange {
-        /// Object read or written.
-        object: Address,
-        error: LinkError,
-    },
+    Exchange { object: Address, error: LinkError },
     #[error(
         "vendor number 0x{found:08X} instead of 0x{expected:08X}; not a maxon drive; check \
          `device`"
     )]
-    Vendor {
-        /// Vendor number of maxon.
-        expected: u32,
-        found: u32,
-    },
+    Vendor { expected: u32, found: u32 },
     #[error("{}", other_serial_number(*expected, *found))]
     SerialNumber { expected: u64, found: u32 },
     #[error("{0}")]
@@ -188,4 +171,76 @@ fn other_serial_number(expected: u64, found: u32) -> String {
     format!(
         "serial number {found} (0x{found:08X}) instead of {expected} (0x{expected:08X}); {remedy}"
     )
+}
+
+/// Names of models by the upper half of the product code.
+const MODELS: [(u32, &str); 5] =
+    [(0x6050, "24/1.5"), (0x6150, "50/5"), (0x6420, "70/10"), (0x6551, "50/8"), (0x6552, "50/15")];
+
+/// A drive as messages name it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DriveModel {
+    /// Name of the family.
+    pub family: &'static str,
+    pub product_code: u32,
+    /// Firmware version, in hexadecimal as maxon writes it.
+    pub firmware: u16,
+}
+
+impl fmt::Display for DriveModel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.family)?;
+        match (self.product_code >> 16, self.product_code) {
+            (_, 0) => {}
+            (upper, code) => match MODELS.iter().find(|(model, _)| *model == upper) {
+                Some((_, name)) => write!(f, " {name}")?,
+                None => write!(f, ", product 0x{code:08X}")?,
+            },
+        }
+        write!(f, ", firmware 0x{:04X}", self.firmware)
+    }
+}
+
+/// A setting that a drive does not take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SettingError {
+    pub setting: Setting,
+    pub drive: DriveModel,
+    pub why: SettingRefusal,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SettingRefusal {
+    AtMost(i64),
+    AtLeast(i64),
+    /// It refuses to write the object.
+    Refused(AbortCode),
+    Missing,
+    /// It acknowledges the value but keeps this one.
+    Keeps(i64),
+}
+
+impl fmt::Display for SettingError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { setting, drive, why } = self;
+        let object = setting.object;
+        let Entry { kind, key, since, .. } = *objects::first(object.index, object.subindex);
+        let name = if key.is_empty() { object.name } else { key };
+        write!(f, "`{name} = {}`: this drive ({drive}) ", kind.decode(setting.raw))?;
+        match why {
+            SettingRefusal::AtMost(most) => write!(f, "takes at most {most} in {object}")?,
+            SettingRefusal::AtLeast(least) => write!(f, "takes at least {least} in {object}")?,
+            SettingRefusal::Refused(code) => write!(f, "refuses {object}: {code}")?,
+            SettingRefusal::Missing => write!(f, "has no {object}")?,
+            SettingRefusal::Keeps(kept) => write!(f, "keeps {kept} in {object}")?,
+        }
+        match (why, key.is_empty()) {
+            (SettingRefusal::Missing, _) if since > drive.firmware => {
+                write!(f, "; firmware 0x{since:04X} has it: update the drive")
+            }
+            (SettingRefusal::Missing, _) => f.write_str("; use another firmware, or another drive"),
+            (_, false) => write!(f, "; correct `{key}` in the configuration"),
+            (_, true) => f.write_str("; the controller needs this value: use another firmware"),
+        }
+    }
 }

@@ -2,70 +2,54 @@
 
 use std::fmt;
 
-use crate::robot::{AxisPhase, DrivePower};
-use crate::units::{Counts, Nanos};
-
 use super::abort_code::AbortCode;
 use super::cia402::DriveState;
 use super::drive_fault::DriveFault;
 use super::error::{AxisError, LinkError};
 use super::object::Address;
 use super::objects::{self, Access, Entry};
+use crate::robot::{AxisPhase, DrivePower};
+use crate::units::{Counts, Nanos};
 
 /// An event on a port. A repeated event is reported once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PortEvent {
-    /// Index of the motor.
     pub motor: usize,
     pub kind: PortEventKind,
 }
 
-/// Kinds of events on a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PortEventKind {
     /// The drive was identified and limited, and the port thread starts.
     Ready {
         node_id: u8,
         product_code: u32,
-        /// Firmware version.
         firmware: u16,
         serial_number: u32,
     },
     /// The drive does not have an object that it can do without.
     LeftOut(Address),
-    /// The axis entered another phase.
     Phase {
-        /// Before.
         from: AxisPhase,
-        /// After.
         to: AxisPhase,
-        /// Statusword as last read.
         statusword: u16,
     },
-    /// The drive reports a fault.
     Fault(DriveFault),
     /// A fault reset was carried out: whether the fault is gone.
     FaultReset(bool),
     /// A request was not answered in time; a retry may have been answered.
     TimedOut(Address),
-    /// The drive refused a request.
     Refused {
-        /// Object read or written.
         object: Address,
-        /// Why.
         code: AbortCode,
     },
     /// A setpoint outside the position limits was not written. Reported once until one is written
     /// again.
     TargetRefused {
-        /// The setpoint.
         target: Counts,
-        /// Lowest allowed.
         min: Counts,
-        /// Highest allowed.
         max: Counts,
     },
-    /// The axis was not enabled.
     EnableFailed(TransitionError),
     /// The drive did not enter quick stop; it is switched off instead.
     QuickStopFailed(TransitionError),
@@ -78,7 +62,6 @@ pub enum PortEventKind {
     UnexpectedState(DriveState),
     /// The power stage does not switch off by the ramp, and stays in this state; its power is cut.
     StillPowered(Option<DriveState>),
-    /// The axis no longer answers.
     Lost(LinkError),
     /// The lost axis is the gateway of the port, so the drives behind it are also unreachable.
     GatewayLost,
@@ -88,7 +71,6 @@ pub enum PortEventKind {
     PositionMismatch {
         /// The last known position; `None`: it was not saved.
         before: Option<Counts>,
-        /// The present position.
         after: Counts,
     },
     /// The watchdog of the control loop expired: no request for this long. The axis is stopped.
@@ -119,11 +101,7 @@ pub enum TransitionError {
     #[error("{object} reads back as 0x{found:08X} after 0x{written:08X} was written")]
     ReadBack { object: Address, written: u32, found: u32 },
     #[error("{object} refused: {code}")]
-    Refused {
-        /// Object read or written.
-        object: Address,
-        code: AbortCode,
-    },
+    Refused { object: Address, code: AbortCode },
     #[error("the drive did not reach the state in time, statusword 0x{0:04X}")]
     Timeout(u16),
     #[error("the drive reports a homing error")]

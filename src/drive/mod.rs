@@ -4,7 +4,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `frames` | the bytes of a message |
+//! | `serial_frame`, `serial_frame_parser` | the V2 frame: stuffing, CRC, encoder; its parser |
 //! | `dictionary` | objects, error codes and states of drives |
 //! | `families` | EPOS4 and EPOS2 |
 //! | `line` | a serial port, and one request and its reply over it |
@@ -12,7 +12,6 @@
 //! | `ports` | opening ports; identifying, reading and stopping drives |
 //! | `axis` | one axis as a state machine without I/O |
 //! | `port_runner` | the thread that owns a serial port |
-//! | `request_watchdog` | notices a control loop that sends no requests |
 //! | `error`, `event` | errors and events |
 
 mod axis;
@@ -21,28 +20,25 @@ mod dictionary;
 pub mod error;
 pub mod event;
 mod families;
-mod frames;
 mod line;
 pub(crate) mod port_runner;
 mod ports;
-mod request_watchdog;
+pub mod serial_frame;
+pub mod serial_frame_parser;
 
 pub use crate::robot::AxisPhase;
 pub use axis::interface::{AxisFeedback, AxisRequest, Demand, WrittenTarget};
 pub use bring_up::AxisIdentity;
 pub use dictionary::{abort_code, cia402, drive_fault, object, objects};
-use dictionary::{homing_plan, variant};
 pub use error::DriveError;
 pub use event::{PortEvent, PortEventKind};
 pub use families::{command_set, epos4, family_selection};
 use families::{epos2, family};
 pub use family::DriveFamily;
-pub use frames::{serial_frame, serial_frame_parser};
 pub(crate) use line::line_turn;
 pub use line::{latency_timer, link, serial_transport, transport, unexpected_reply};
 pub use link::LinkCounters;
 pub use port::{Port, ReadyPort};
 pub use port_runner::{AxisLink, PortRequest, PortRunner};
 pub(crate) use ports::port;
-use ports::saved_position;
 pub use ports::{bring_up, fingerprint, inspect, quick_stop, survey};

@@ -12,10 +12,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use triple_buffer::{Input, Output, triple_buffer};
 
 use super::abort_code::AbortCode;
-use super::axis::interface::{AxisFeedback, AxisRequest, Demand};
+use super::axis::interface::{
+    AxisFeedback, AxisRequest, Demand, ObjectAccess, RequestWatchdog, Transfer,
+};
 use super::axis::schedule::LineUse;
 use super::axis::state_machine::{AxisStateMachine, EventSink};
-use super::axis::transfer::{ObjectAccess, Transfer};
 use super::bring_up::AxisIdentity;
 use super::error::LinkError;
 use super::event::{PortEvent, PortEventKind};
@@ -23,8 +24,7 @@ use super::family::ObjectMap;
 use super::family_selection::family_of_axis;
 use super::link::{DriveLink, LinkCounters, TimedReply};
 use super::object::Setting;
-use super::request_watchdog::RequestWatchdog;
-use super::saved_position::{self, SavedPosition};
+use super::port::{SavedPosition, save_positions, take_positions};
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
 use crate::config::{AxisConfig, PortConfig};
@@ -73,11 +73,9 @@ pub struct PortRunner<T = SerialTransport, R: Send = AxisRequest> {
     line: LineUse,
     /// Median duration of an exchange, measured at bring-up.
     exchange: Nanos,
-    /// Stores the positions of the axes at the end.
     positions_file: Option<PathBuf>,
 }
 
-/// One axis with its data in the port thread.
 #[derive(Debug)]
 struct AxisSlot<R: Send> {
     config: AxisConfig,
@@ -206,7 +204,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         exchange: Nanos,
         positions: &[Counts],
     ) -> (Self, Vec<AxisLink<R>>) {
-        let saved = port.positions_file.as_deref().map(saved_position::take);
+        let saved = port.positions_file.as_deref().map(take_positions);
         let (mut slots, mut links) = (Vec::new(), Vec::new());
         for ((config, identity), &present) in port.axes.iter().zip(identities).zip(positions) {
             let position_check = saved.as_ref().map(|saved| PositionCheck {
@@ -241,7 +239,6 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         self.shut_down(&mut events);
     }
 
-    /// Reports the drives that were found.
     pub fn report_ready(&mut self, events: EventSink<'_>) {
         for slot in &mut self.slots {
             slot.report_ready(events);
@@ -280,7 +277,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         if let Some(file) = &self.positions_file {
             let positions = self.slots.iter_mut().filter_map(AxisSlot::position_to_save);
             // Without the file the next start treats the axes as not homed, which is safe.
-            let _ = saved_position::save(file, positions.collect());
+            let _ = save_positions(file, positions.collect());
         }
     }
 
@@ -299,7 +296,6 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         }
     }
 
-    /// One exchange with the axis that needs it most.
     fn serve_next(&mut self, stopping: bool, events: EventSink<'_>) {
         let is_stop_due = self.is_stop_due(stopping, events);
         let (now, line) = (self.link.now(), &mut self.line);

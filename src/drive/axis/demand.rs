@@ -3,19 +3,16 @@
 
 use std::ops::RangeInclusive;
 
-use super::enabling::{EnablingStep, PowerSequence};
-use super::homing::HomingStep;
-use super::interface::{AxisRequest, Demand};
+use super::interface::{AxisRequest, Demand, Transfer};
+use super::procedures::{EnablingStep, HomingStep, PowerSequence};
 use super::schedule::{CommandNeed, LineUse, Need, Urgency};
 use super::state_machine::{
     AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_EXCHANGES,
 };
-use super::transfer::Transfer;
 use crate::drive::cia402::{Controlword, DriveState, PowerGoal};
 use crate::drive::event::{PortEventKind, TransitionError};
 use crate::units::{Counts, Nanos};
 
-/// How long enabling may take.
 const ENABLE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
 /// Time for switching off by the ramp before the power is cut, and for cutting the power before
@@ -48,12 +45,10 @@ impl AxisStateMachine {
         }
     }
 
-    /// How much it needs the next exchange.
     pub(in crate::drive) fn urgency(&self, request: &AxisRequest, line: &LineUse) -> Urgency {
         self.most_urgent(request, line).0
     }
 
-    /// The next transfer towards the demand.
     pub(in crate::drive) fn next_transfer(
         &mut self,
         request: &AxisRequest,
@@ -144,7 +139,6 @@ impl AxisStateMachine {
         }
     }
 
-    /// Starts the transition that the request asks for.
     fn start_transition(&mut self, request: &AxisRequest, now: Nanos, events: EventSink<'_>) {
         let homing = request.homings != self.feedback.homings;
         let reset = request.fault_resets != self.feedback.fault_resets;
@@ -205,7 +199,6 @@ impl AxisStateMachine {
         }
     }
 
-    /// Starts to power the axis down, in any state.
     pub(in crate::drive) fn start_shutdown(&mut self, now: Nanos, events: EventSink<'_>) {
         if !self.is_shut_down() && !matches!(self.state, AxisState::Disabling(..)) {
             self.abort(now, events);

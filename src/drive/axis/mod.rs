@@ -9,19 +9,16 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `interface` | request and feedback, as the control loop sees them |
-//! | `transfer` | the transfers that an axis can ask for |
+//! | `interface` | request and feedback of the control loop; transfers to the drive |
 //! | `schedule` | the planner of a port: the most urgent exchange; the trigger of setpoints |
-//! | `enabling`, `homing` | the two procedures, step by step |
+//! | `procedures` | power, enabling and homing, step by step |
 //! | `state_machine` | the states; entering a state |
 //! | `demand` | input from the control loop: starts transitions, gives the next transfer |
 //! | `outcome` | input from the drive: updates the feedback, ends transitions |
 
 mod demand;
-mod enabling;
-mod homing;
 pub(super) mod interface;
 mod outcome;
+mod procedures;
 pub(super) mod schedule;
 pub(super) mod state_machine;
-pub(super) mod transfer;

@@ -1,12 +1,11 @@
 //! Input from the drive: the outcome of a transfer updates the feedback and ends transitions.
 
-use super::enabling::{EnablingStep, ProcedureStatus};
-use super::interface::{AxisRequest, WrittenTarget};
+use super::interface::{AxisRequest, Transfer, WrittenTarget};
+use super::procedures::{EnablingStep, ProcedureStatus};
 use super::schedule::TriggerState;
 use super::state_machine::{
     AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_TIMEOUT,
 };
-use super::transfer::Transfer;
 use crate::drive::abort_code::AbortCode;
 use crate::drive::cia402::{Controlword, DriveState, Statusword};
 use crate::drive::error::{AxisError, LinkError};
@@ -192,7 +191,6 @@ impl AxisStateMachine {
         true
     }
 
-    /// Goes to disabled from any state of the drive.
     fn go_to_disabled(&mut self, drive: DriveState, now: Nanos, events: EventSink<'_>) {
         if drive.is_off() {
             self.enter_off(events);
@@ -208,7 +206,6 @@ impl AxisStateMachine {
         self.enter(state, events);
     }
 
-    /// Continues the present transition.
     fn advance(&mut self, transfer: Transfer, raw: u32, now: Nanos, events: EventSink<'_>) {
         let map = self.object_map();
         match &mut self.state {
@@ -249,7 +246,6 @@ impl AxisStateMachine {
         }
     }
 
-    /// The fault did not clear.
     pub(super) fn end_failed_reset(&mut self, count: u32, events: EventSink<'_>) {
         self.report(PortEventKind::FaultReset(false), events);
         self.feedback.fault_resets = count;

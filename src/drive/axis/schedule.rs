@@ -21,8 +21,7 @@
 //! Reads are counted in turns: as many exchanges as the port has axes. What a port promises at
 //! worst follows from the bounds (`config/line_timing.rs`).
 
-use super::interface::AxisRequest;
-use super::transfer::Transfer;
+use super::interface::{AxisRequest, Transfer};
 use crate::config::{CURRENT_BOUND_TURNS, POSITION_BOUND_TURNS, STATUS_BOUND_TURNS};
 use crate::drive::cia402::Controlword;
 
@@ -46,7 +45,6 @@ const AT_BOUND: u64 = 1 << 49;
 /// Exchanges of a port, as its planner counts them.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::drive) struct LineUse {
-    /// Number of axes on the port.
     axes: u64,
     /// Number of moving axes among them.
     pub(in crate::drive) moving: u64,
@@ -152,7 +150,6 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// The most urgent need.
     pub(super) fn most_urgent(
         &self,
         command: Option<CommandNeed>,
@@ -194,7 +191,6 @@ impl Schedule {
         line.since(self.command) <= POSITION_TURNS * line.axes
     }
 
-    /// Counts an exchange with the axis, for this need.
     pub(super) fn count(&mut self, need: Need, transfer: Transfer, line: &mut LineUse) {
         line.exchanges += 1;
         self.any = line.exchanges;
@@ -223,7 +219,6 @@ impl Schedule {
 /// the bit lowered again before the next setpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum TriggerState {
-    /// The next setpoint may be written.
     #[default]
     Ready,
     /// A setpoint is written; its edge is next.

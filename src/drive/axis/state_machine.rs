@@ -2,18 +2,15 @@
 
 use std::ops::RangeInclusive;
 
-use super::enabling::{EnablingStep, PowerSequence};
-use super::homing::HomingStep;
-use super::interface::{AxisFeedback, AxisRequest, Demand};
+use super::interface::{AxisFeedback, AxisRequest, Demand, Transfer};
+use super::procedures::{EnablingStep, HomingStep, PowerSequence};
 use super::schedule::{Schedule, TriggerState};
-use super::transfer::Transfer;
 use crate::config::AxisConfig;
 use crate::drive::abort_code::AbortCode;
 use crate::drive::cia402::{Controlword, DriveState, Statusword};
 use crate::drive::error::{AxisError, LinkError};
 use crate::drive::event::{PortEvent, PortEventKind, TransitionError};
-use crate::drive::family::{DriveFamily, ObjectMap};
-use crate::drive::homing_plan::HomingPlan;
+use crate::drive::family::{DriveFamily, HomingPlan, ObjectMap};
 use crate::drive::link::{LinkCounters, TimedReply};
 use crate::drive::object::Address;
 use crate::robot::{AxisPhase, DrivePower};
@@ -44,11 +41,8 @@ const TURNED_BY_HAND: f64 = 20.0;
 pub(super) enum AxisState {
     /// Configured; the state of the drive was not read yet.
     Starting,
-    /// Power stage off.
     Disabled,
-    /// Being enabled.
     Enabling(EnablingStep, Nanos),
-    /// The drive follows the target.
     Enabled,
     /// Quick stop was commanded; the drive does not report it yet. Exchanges that are left for it.
     QuickStopping(PowerSequence, u32),
@@ -58,23 +52,18 @@ pub(super) enum AxisState {
     Homing(HomingStep, Nanos, u32),
     /// Being disabled; at the deadline the power is cut instead.
     Disabling(PowerSequence, Nanos),
-    /// The drive reports a fault.
     Faulted(FaultStep),
-    /// The drive does not answer.
     Lost,
 }
 
 /// Steps of a fault. The number is the fault reset that is being carried out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum FaultStep {
-    /// Read the error code.
     ReadCode,
-    /// Wait for the operator.
     WaitForOperator,
     /// Lower the reset bit: only its rising edge counts.
     LowerBit(u32),
     RaiseBit(u32),
-    /// Wait for the fault to clear.
     WaitForClear(u32, Nanos),
 }
 
@@ -123,7 +112,6 @@ impl AxisState {
     }
 }
 
-/// One axis.
 #[derive(Debug)]
 pub(in crate::drive) struct AxisStateMachine {
     motor: usize,
@@ -205,7 +193,6 @@ impl AxisStateMachine {
         self.family.object_map()
     }
 
-    /// The feedback for the control loop.
     pub(in crate::drive) fn feedback(&self, counters: LinkCounters) -> AxisFeedback {
         AxisFeedback { counters, ..self.feedback }
     }
@@ -230,7 +217,6 @@ impl AxisStateMachine {
         }
     }
 
-    /// A request that only disables.
     pub(in crate::drive) fn disable_request(&self) -> AxisRequest {
         AxisRequest {
             demand: Demand::Disabled,
@@ -251,12 +237,10 @@ impl AxisStateMachine {
         if self.answers() { self.feedback.power(Nanos::ZERO) } else { DrivePower::NotKnown }
     }
 
-    /// The state of the drive as last read.
     pub(super) fn drive_state(&self) -> Option<DriveState> {
         Statusword(self.feedback.statusword).state()
     }
 
-    /// The axis does not answer any more.
     pub(in crate::drive) fn set_lost(&mut self, error: LinkError, events: EventSink<'_>) {
         if !self.is_lost() {
             self.report(PortEventKind::Lost(error), events);

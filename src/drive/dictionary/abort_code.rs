@@ -2,7 +2,6 @@
 
 use std::fmt;
 
-/// Why a drive refused a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AbortCode(pub u32);
 
@@ -13,6 +12,9 @@ impl AbortCode {
     /// The answer of a gateway for a node that it does not reach.
     pub(crate) const NO_NODE: Self = Self(0x0504_0000);
 
+    /// The drive does not know the opcode: it may be of another family.
+    pub(crate) const UNKNOWN_COMMAND: Self = Self(0x0F00_FFBF);
+
     /// The drive does not have the object.
     pub const fn is_missing(self) -> bool {
         matches!(self.0, 0x0602_0000 | 0x0609_0011)
@@ -22,10 +24,7 @@ impl AbortCode {
     pub(crate) const fn is_range(self) -> bool {
         matches!(self.0, 0x0609_0030..=0x0609_0032)
     }
-    /// The drive does not know the opcode: it may be of another family.
-    pub(crate) const UNKNOWN_COMMAND: Self = Self(0x0F00_FFBF);
 
-    /// The meaning in plain words.
     pub const fn name(self) -> &'static str {
         match self.0 {
             0x0503_0000 => "toggle bit not alternated",

@@ -73,7 +73,6 @@ impl Controlword {
     pub const SHUTDOWN: Self = Self(0x0006);
     /// Transition from operation enabled to switched on, by the ramp of option 0x605C.
     pub(crate) const DISABLE_OPERATION: Self = Self(0x0007);
-    /// To operation enabled.
     pub const ENABLE_OPERATION: Self = Self(0x000F);
     /// Transition from operation enabled to quick stop active; from the states below, to switch-on
     /// disabled. Bit 2 is low-active.
@@ -103,17 +102,14 @@ pub enum DriveState {
     QuickStopActive,
     /// The drive stops because of a fault.
     FaultReaction,
-    /// Stopped by a fault, without power.
     Fault,
 }
 
 impl DriveState {
-    /// The power stage is off.
     pub const fn is_off(self) -> bool {
         matches!(self, Self::SwitchOnDisabled | Self::Ready)
     }
 
-    /// The drive reports a fault.
     pub const fn is_fault(self) -> bool {
         matches!(self, Self::Fault | Self::FaultReaction)
     }
@@ -135,7 +131,6 @@ pub enum PowerGoal {
 /// The next step towards a goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PowerStep {
-    /// The goal is reached.
     Reached,
     /// Write this controlword, and wait for the state to change.
     Command(Controlword),
@@ -145,52 +140,48 @@ pub enum PowerStep {
     Blocked,
 }
 
-/// The next step from `state` to `goal`.
 pub const fn power_step(state: DriveState, goal: PowerGoal) -> PowerStep {
+    use DriveState::{
+        Fault, FaultReaction, NotReady, OperationEnabled, QuickStopActive, Ready, SwitchOnDisabled,
+        SwitchedOn,
+    };
+    use PowerGoal::{Cut, Off, On, Stopped};
     match (state, goal) {
-        (DriveState::Fault, _) => PowerStep::Blocked,
-        (DriveState::NotReady | DriveState::FaultReaction, _) => PowerStep::Wait,
-
-        (
-            DriveState::SwitchOnDisabled | DriveState::Ready,
-            PowerGoal::Off | PowerGoal::Cut | PowerGoal::Stopped,
-        ) => PowerStep::Reached,
-        (DriveState::SwitchOnDisabled, PowerGoal::On) => PowerStep::Command(Controlword::SHUTDOWN),
-        (
-            DriveState::Ready | DriveState::SwitchedOn | DriveState::QuickStopActive,
-            PowerGoal::On,
-        ) => PowerStep::Command(Controlword::ENABLE_OPERATION),
-        (DriveState::OperationEnabled, PowerGoal::On)
-        | (DriveState::QuickStopActive, PowerGoal::Stopped) => PowerStep::Reached,
-
-        (DriveState::SwitchedOn | DriveState::OperationEnabled, PowerGoal::Stopped) => {
-            PowerStep::Command(Controlword::QUICK_STOP)
+        (Fault, _) => PowerStep::Blocked,
+        (NotReady | FaultReaction, _) => PowerStep::Wait,
+        (SwitchOnDisabled | Ready, Off | Cut | Stopped)
+        | (OperationEnabled, On)
+        | (QuickStopActive, Stopped) => PowerStep::Reached,
+        (SwitchOnDisabled, On) | (SwitchedOn, Off) => PowerStep::Command(Controlword::SHUTDOWN),
+        (Ready | SwitchedOn | QuickStopActive, On) => {
+            PowerStep::Command(Controlword::ENABLE_OPERATION)
         }
-        (DriveState::SwitchedOn, PowerGoal::Off) => PowerStep::Command(Controlword::SHUTDOWN),
-        (DriveState::OperationEnabled, PowerGoal::Off) => {
-            PowerStep::Command(Controlword::DISABLE_OPERATION)
+        (SwitchedOn | OperationEnabled, Stopped) => PowerStep::Command(Controlword::QUICK_STOP),
+        (OperationEnabled, Off) => PowerStep::Command(Controlword::DISABLE_OPERATION),
+        (QuickStopActive, Off) | (SwitchedOn | OperationEnabled | QuickStopActive, Cut) => {
+            PowerStep::Command(Controlword::DISABLE_VOLTAGE)
         }
-        (DriveState::QuickStopActive, PowerGoal::Off)
-        | (
-            DriveState::SwitchedOn | DriveState::OperationEnabled | DriveState::QuickStopActive,
-            PowerGoal::Cut,
-        ) => PowerStep::Command(Controlword::DISABLE_VOLTAGE),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use DriveState::{
+        Fault, FaultReaction, NotReady, OperationEnabled, QuickStopActive, Ready, SwitchOnDisabled,
+        SwitchedOn,
+    };
+
     use super::*;
 
     const STATES: [DriveState; 8] = [
-        DriveState::NotReady,
-        DriveState::SwitchOnDisabled,
-        DriveState::Ready,
-        DriveState::SwitchedOn,
-        DriveState::OperationEnabled,
-        DriveState::QuickStopActive,
-        DriveState::FaultReaction,
-        DriveState::Fault,
+        NotReady,
+        SwitchOnDisabled,
+        Ready,
+        SwitchedOn,
+        OperationEnabled,
+        QuickStopActive,
+        FaultReaction,
+        Fault,
     ];
     const GOALS: [PowerGoal; 4] =
         [PowerGoal::Off, PowerGoal::Cut, PowerGoal::On, PowerGoal::Stopped];
@@ -198,7 +189,6 @@ mod tests {
     /// The effect of a controlword, from the table of commands in the firmware specification,
     /// section 3.2; `None`: no effect.
     fn transition(state: DriveState, controlword: Controlword) -> Option<DriveState> {
-        use DriveState::{OperationEnabled, QuickStopActive, Ready, SwitchOnDisabled, SwitchedOn};
         match (controlword.0, state) {
             (0x0006, SwitchOnDisabled | SwitchedOn | OperationEnabled) => Some(Ready),
             (0x0007, Ready | OperationEnabled) => Some(SwitchedOn),
@@ -215,17 +205,17 @@ mod tests {
     #[test]
     fn the_state_is_read_with_its_mask() {
         for (word, state) in [
-            (0x0000, DriveState::NotReady),
-            (0x0040, DriveState::SwitchOnDisabled),
-            (0x0231, DriveState::Ready),
-            (0x0233, DriveState::SwitchedOn),
-            (0x9637, DriveState::OperationEnabled),
-            (0x0217, DriveState::QuickStopActive),
-            (0x021F, DriveState::FaultReaction),
-            (0x0218, DriveState::Fault),
-            (0x0060, DriveState::SwitchOnDisabled),
-            (0x003F, DriveState::FaultReaction),
-            (0x0038, DriveState::Fault),
+            (0x0000, NotReady),
+            (0x0040, SwitchOnDisabled),
+            (0x0231, Ready),
+            (0x0233, SwitchedOn),
+            (0x9637, OperationEnabled),
+            (0x0217, QuickStopActive),
+            (0x021F, FaultReaction),
+            (0x0218, Fault),
+            (0x0060, SwitchOnDisabled),
+            (0x003F, FaultReaction),
+            (0x0038, Fault),
         ] {
             assert_eq!(Statusword(word).state(), Some(state), "0x{word:04X}");
         }
@@ -245,7 +235,6 @@ mod tests {
 
     #[test]
     fn power_follows_its_goal_and_switches_off_by_a_ramp() {
-        use DriveState::{OperationEnabled, SwitchedOn};
         let shutdown = PowerStep::Command(Controlword::SHUTDOWN);
         for (state, goal) in every_state_and_goal() {
             let step = power_step(state, goal);
@@ -272,16 +261,16 @@ mod tests {
                 end => Some(end),
             });
             let expected = match start {
-                DriveState::Fault => PowerStep::Blocked,
-                DriveState::NotReady | DriveState::FaultReaction => PowerStep::Wait,
+                Fault => PowerStep::Blocked,
+                NotReady | FaultReaction => PowerStep::Wait,
                 _ => PowerStep::Reached,
             };
             assert_eq!(end, Some(expected), "{start:?} to {goal:?}");
             if expected == PowerStep::Reached {
                 assert!(match goal {
-                    PowerGoal::On => state == DriveState::OperationEnabled,
+                    PowerGoal::On => state == OperationEnabled,
                     PowerGoal::Off | PowerGoal::Cut => state.is_off(),
-                    PowerGoal::Stopped => state.is_off() || state == DriveState::QuickStopActive,
+                    PowerGoal::Stopped => state.is_off() || state == QuickStopActive,
                 });
             }
         }

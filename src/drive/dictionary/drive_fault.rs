@@ -17,7 +17,6 @@ pub struct DriveFault {
     pub cause: &'static str,
     /// Remedy; empty if unknown.
     pub remedy: &'static str,
-    /// Reaction of the drive.
     pub reaction: FaultReaction,
     /// Whether resetting it clears the position: the axis must be homed again.
     pub clears_position: bool,
@@ -72,13 +71,17 @@ impl DriveFault {
     }
 }
 
-/// Whether a row with this family applies to a drive.
-fn is_of(row: &str, family: Family) -> bool {
-    let name = match family {
+/// Name of a family in messages and in the table.
+pub(in crate::drive) fn family_name(family: Family) -> &'static str {
+    match family {
         Family::Epos4 => "EPOS4",
         Family::Epos2 => "EPOS2",
-    };
-    [name, "both"].contains(&row)
+    }
+}
+
+/// Whether a row with this family applies to a drive.
+fn is_of(row: &str, family: Family) -> bool {
+    [family_name(family), "both"].contains(&row)
 }
 
 /// The codes of a row, their family and meaning; `None`: not a row of a code.

@@ -21,7 +21,6 @@ pub struct Address {
 }
 
 impl Address {
-    /// An object of the table, of any type.
     ///
     /// # Panics
     ///
@@ -30,7 +29,6 @@ impl Address {
         Self::from_entry(objects::first(index, subindex))
     }
 
-    /// The address of a table entry.
     pub(crate) const fn from_entry(entry: &Entry) -> Self {
         let Entry { index, subindex, kind, name, .. } = *entry;
         Self { index, subindex, size: kind.size(), name }
@@ -84,7 +82,6 @@ impl<T: Value> Object<T> {
         self.address
     }
 
-    /// A write of this value.
     pub fn set(self, value: T) -> Setting {
         Setting { object: self.address, raw: value.into_raw(), optional: false }
     }
@@ -117,7 +114,6 @@ impl Setting {
 
 /// A number that fits the four bytes of a simple transfer.
 pub trait Value: Copy + Eq {
-    /// Its type in the table.
     const KIND: Kind;
 
     /// The number in the low bytes; the upper bytes are ignored.
@@ -154,7 +150,6 @@ value!(i32, u32, I32);
 pub const VENDOR: Object<u32> = Object::of(0x1018, 1);
 /// Value of [`VENDOR`]: the vendor number of maxon.
 pub const MAXON: u32 = 0xFB;
-/// Product code.
 pub(crate) const PRODUCT: Object<u32> = Object::of(0x1018, 2);
 pub const SERIAL_NUMBER: Object<u32> = Object::of(0x1018, 4);
 /// How long the drive waits for the rest of a frame, ms: on RS232 and on USB.
@@ -167,7 +162,6 @@ pub const STATUSWORD: Object<u16> = Object::of(0x6041, 0);
 pub(crate) const DISABLE_OPTION: Object<i16> = Object::of(0x605C, 0);
 /// Reaction to a fault of the class that may ramp; 2: quick-stop ramp, then off.
 pub(crate) const FAULT_OPTION: Object<i16> = Object::of(0x605E, 0);
-/// Mode of operation.
 pub const MODE: Object<i8> = Object::of(0x6060, 0);
 /// Mode of operation in force.
 pub const MODE_DISPLAY: Object<i8> = Object::of(0x6061, 0);

@@ -6,17 +6,11 @@ use crate::config::Family;
 /// Type of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// One byte.
     U8,
-    /// Two bytes.
     U16,
-    /// Four bytes.
     U32,
-    /// One byte, signed.
     I8,
-    /// Two bytes, signed.
     I16,
-    /// Four bytes, signed.
     I32,
     /// Eight bytes: longer than a simple transfer can carry.
     U64,
@@ -52,20 +46,15 @@ impl Kind {
 /// Access of a host to an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
-    /// Read it.
     Ro,
-    /// Read and write it.
     Rw,
-    /// Write it.
     Wo,
 }
 
-/// An object of a dictionary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Entry {
     pub index: u16,
     pub subindex: u8,
-    /// Type.
     pub kind: Kind,
     pub access: Access,
     /// Value as delivered.

@@ -23,7 +23,6 @@ impl DriveRequest {
         Self { opcode, data: bytes, length: N as u8, reply_words }
     }
 
-    /// The request as a frame.
     pub fn frame(&self) -> SerialFrame<'_> {
         let data = self.data.get(..usize::from(self.length));
         SerialFrame { opcode: self.opcode, data: data.unwrap_or(&self.data) }
@@ -46,7 +45,6 @@ pub enum Requested {
 /// Why a reply has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReplyError {
-    /// The drive refused the request.
     Refused(AbortCode),
     /// A good frame, but no answer to this request: the line is out of sync.
     Mismatch,
@@ -54,11 +52,9 @@ pub enum ReplyError {
 
 pub(in crate::drive) const REPLY_OPCODE: u8 = 0x00;
 
-/// Words of data in the reply to a read: error code and value.
-pub(in crate::drive) const READ_REPLY_WORDS: u8 = 4;
-
-/// Words of data in the reply to a write: error code, and in a refusal up to as many as in a read.
-pub(in crate::drive) const WRITE_REPLY_WORDS: u8 = 4;
+/// Words of data in the reply to a read: error code and value. To a write: error code, and in a
+/// refusal up to as many.
+const REPLY_WORDS: u8 = 4;
 
 /// The longest value that is read in segments, bytes; a longer one is refused.
 pub(in crate::drive) const MAX_SEGMENTED: usize = 1024;
@@ -84,13 +80,11 @@ pub struct CommandSet {
     pub(in crate::drive) next: fn(&[u8]) -> Option<Segment<'_>>,
 }
 
-/// A segment of a value.
 #[derive(Debug, Default)]
 pub(in crate::drive) struct Segment<'a> {
     pub data: &'a [u8],
     /// Length of the whole value, if the reply has it.
     pub total: Option<usize>,
-    /// Its toggle bit, if it has one.
     pub toggle: Option<bool>,
     pub is_last: bool,
 }
@@ -98,14 +92,14 @@ pub(in crate::drive) struct Segment<'a> {
 impl CommandSet {
     /// Reads an object of at most four bytes.
     pub fn read(&self, node: u8, object: Address) -> DriveRequest {
-        DriveRequest::new(self.read, self.selector(node, object), READ_REPLY_WORDS)
+        DriveRequest::new(self.read, self.selector(node, object), REPLY_WORDS)
     }
 
     /// Writes an object of at most four bytes.
     pub fn write(&self, node: u8, setting: Setting) -> DriveRequest {
         let [a, b, c, d] = self.selector(node, setting.object);
         let [e, f, g, h] = setting.raw.to_le_bytes();
-        DriveRequest::new(self.write, [a, b, c, d, e, f, g, h], WRITE_REPLY_WORDS)
+        DriveRequest::new(self.write, [a, b, c, d, e, f, g, h], REPLY_WORDS)
     }
 
     /// Starts to read an object of any length. Allocates; for bring-up only.
@@ -176,7 +170,6 @@ pub struct SegmentedRead {
 }
 
 impl SegmentedRead {
-    /// The next request.
     pub(in crate::drive) fn request(&self) -> DriveRequest {
         let (commands, [first, next]) = (self.commands, self.commands.segment_words);
         if self.is_open {
@@ -210,7 +203,6 @@ impl SegmentedRead {
         }
     }
 
-    /// The bytes read so far.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }

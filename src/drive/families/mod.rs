@@ -2,7 +2,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `family`, `family_selection` | what differs between families of drives; the supported ones |
+//! | `family`, `family_selection` | what differs between families, homing too; the supported ones |
 //! | `command_set` | requests and replies |
 //! | `epos4`, `epos2` | the families: command set, objects, settings |
 

@@ -13,8 +13,7 @@
 //! A port thread that was silent long enough for the watchdog to begin an exchange waits for the
 //! end of that exchange before it writes again. `flock` keeps out all other programs that use it.
 //!
-//! If no watchdog is running, the port thread stops its drives itself
-//! (`request_watchdog`).
+//! If no watchdog is running, the port thread stops its drives itself (`RequestWatchdog`).
 
 use std::io;
 use std::os::fd::{AsFd, AsRawFd};

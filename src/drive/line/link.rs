@@ -8,11 +8,10 @@
 //!
 //! Replies carry neither an index nor a sequence number: a late reply looks like the answer to the
 //! next request. So a failed attempt puts the line out of sync, and no reply is trusted until
-//! `link::sync` has synchronised the line again.
+//! `link::attempt` has synchronised the line again.
 
+mod attempt;
 pub mod replay;
-mod sync;
-mod transfer;
 
 use std::io;
 
@@ -29,7 +28,6 @@ use crate::drive::serial_frame_parser::FrameParser;
 use crate::drive::transport::{NOT_OUR_TURN, Transport};
 use crate::drive::unexpected_reply::UnexpectedReply;
 use crate::units::Nanos;
-use transfer::Raw;
 
 /// Frame timeout of drives as delivered (0x2005, 0x2006).
 const DEFAULT_FRAME_TIMEOUT: Nanos = Nanos::from_millis(500);
@@ -82,11 +80,9 @@ pub struct TimedReply<R> {
 enum TransferError {
     /// The drive refused the request; the line is fine.
     Refused(AbortCode),
-    /// No reply in time.
     Timeout,
     /// A damaged reply, or a reply to another request.
     Disturbed,
-    /// The port is broken.
     Broken(io::ErrorKind),
     /// The line now belongs to another process.
     NotOurTurn,
@@ -110,8 +106,9 @@ impl From<ReplyError> for TransferError {
     }
 }
 
-/// Reads the value out of a reply.
-type Decode<'a, R> = &'a mut dyn FnMut(SerialFrame<'_>) -> Result<R, ReplyError>;
+/// Reads the value out of a reply, as the capture keeps it: 0 where a write succeeded, 1 for the
+/// last segment.
+type Decode<'a> = &'a mut dyn FnMut(SerialFrame<'_>) -> Result<u32, ReplyError>;
 
 /// Whether the next reply can be trusted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -175,12 +172,10 @@ impl<T: Transport> DriveLink<T> {
         self.family
     }
 
-    /// The present instant, by the clock of the line.
     pub fn now(&self) -> Nanos {
         self.transport.now()
     }
 
-    /// Sleeps by the clock of the line.
     pub fn sleep_until(&mut self, until: Nanos) {
         self.transport.sleep_until(until);
     }
@@ -224,7 +219,6 @@ impl<T: Transport> DriveLink<T> {
         if self.unexpected.is_silence() { UnexpectedReply::default() } else { self.unexpected }
     }
 
-    /// Lifetime counters.
     pub fn counters(&self) -> LinkCounters {
         self.counters
     }
@@ -261,7 +255,7 @@ impl<T: Transport> DriveLink<T> {
         let (request, mut data) = (self.family.command_set().read(node, object), Vec::new());
         let mut keep = |reply: SerialFrame<'_>| {
             data = reply.data.to_vec();
-            Ok(())
+            Ok(0)
         };
         self.exchange(&request, Retry::Safe, &mut keep)?;
         Ok(data)
@@ -284,7 +278,7 @@ impl<T: Transport> DriveLink<T> {
     /// Whether a frame comes for a single request, whatever it says. Leaves the line as it is then.
     pub(in crate::drive) fn is_understood(&mut self, node: u8, object: Address) -> bool {
         let request = self.family.command_set().read(node, object);
-        let outcome = self.attempt(&request, &mut |_| Ok(()));
+        let outcome = self.attempt(&request, &mut |_| Ok(0));
         matches!(outcome, Ok(_) | Err(TransferError::Refused(_))) || self.unexpected.is_frame()
     }
 
@@ -309,9 +303,10 @@ impl<T: Transport> DriveLink<T> {
         retry: Retry,
     ) -> Result<TimedReply<()>, LinkError> {
         let commands = self.family.command_set();
-        self.exchange(&commands.write(node, setting), retry, &mut |reply| {
-            commands.write_reply(reply)
-        })
+        let mut decode = |reply: SerialFrame<'_>| commands.write_reply(reply).map(|()| 0);
+        let TimedReply { sent, received, .. } =
+            self.exchange(&commands.write(node, setting), retry, &mut decode)?;
+        Ok(TimedReply { value: (), sent, received })
     }
 
     /// Writes an object in one attempt, and leaves the outcome open: whether the next reply is a
@@ -319,8 +314,8 @@ impl<T: Transport> DriveLink<T> {
     pub(in crate::drive) fn write_unconfirmed(&mut self, node: u8, setting: Setting) -> bool {
         let commands = self.family.command_set();
         let timeouts = self.counters.timeouts;
-        let outcome =
-            self.attempt(&commands.write(node, setting), &mut |reply| commands.write_reply(reply));
+        let mut decode = |reply: SerialFrame<'_>| commands.write_reply(reply).map(|()| 0);
+        let outcome = self.attempt(&commands.write(node, setting), &mut decode);
         if self.counters.timeouts != timeouts && self.reply_timeout >= GATEWAY_TIMEOUT {
             // Nothing answers for as long as a gateway waits: it does not wait now.
             self.wait_for_gateway(false);
@@ -338,19 +333,19 @@ impl<T: Transport> DriveLink<T> {
         self.synchronise()?;
         loop {
             let request = read.request();
-            let mut decode = |reply: SerialFrame<'_>| read.take_reply(reply);
-            if self.exchange(&request, Retry::Never, &mut decode)?.value {
+            let mut decode = |reply: SerialFrame<'_>| read.take_reply(reply).map(u32::from);
+            if self.exchange(&request, Retry::Never, &mut decode)?.value == 1 {
                 return Ok(read);
             }
         }
     }
 
-    fn exchange<R: Raw>(
+    fn exchange(
         &mut self,
         request: &DriveRequest,
         retry: Retry,
-        decode: Decode<'_, R>,
-    ) -> Result<TimedReply<R>, LinkError> {
+        decode: Decode<'_>,
+    ) -> Result<TimedReply<u32>, LinkError> {
         self.unexpected = UnexpectedReply::none_from(self.family.name());
         self.detect_stray_bytes()?;
         if !self.is_in_sync() {

@@ -11,12 +11,11 @@ use serialport::{ClearBuffer, SerialPort, TTYPort};
 
 use crate::clock;
 use crate::config::PortConfig;
-use crate::units::Nanos;
-
 use crate::drive::error::DriveError;
 use crate::drive::latency_timer;
 use crate::drive::line_turn::{self, PortTurn};
 use crate::drive::transport::{NOT_OUR_TURN, Transport};
+use crate::units::Nanos;
 
 /// How long a write may wait for space in the buffer of the operating system. It holds thousands of
 /// bytes and a request has tens, so waiting means that the port hangs.

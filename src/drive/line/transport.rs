@@ -10,13 +10,10 @@ use crate::units::Nanos;
 pub enum Outcome {
     /// Answered: the four bytes of a read; of a segment 1 if it is the last one; else 0.
     Answered(u32),
-    /// The drive refused the request.
     Refused(AbortCode),
-    /// No reply in time.
     Timeout,
     /// A damaged reply, or a reply to another request.
     Disturbed,
-    /// The operating system reports the port as broken.
     Broken,
 }
 
@@ -91,7 +88,6 @@ pub trait Transport {
     /// Records the outcome of an attempt, if the transport keeps it.
     fn note(&mut self, _outcome: Outcome) {}
 
-    /// The present instant.
     fn now(&self) -> Nanos;
 
     /// Sleeps until an instant, or not at all if it has passed.

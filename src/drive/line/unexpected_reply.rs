@@ -26,12 +26,10 @@ impl UnexpectedReply {
         Self { family, ..Self::default() }
     }
 
-    /// Whether nothing was received.
     pub(crate) fn is_silence(&self) -> bool {
         (self.bytes, self.frames) == (0, 0)
     }
 
-    /// Whether a whole frame was received.
     pub fn is_frame(&self) -> bool {
         self.frames > 0
     }

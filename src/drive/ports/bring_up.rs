@@ -6,14 +6,15 @@
 use crate::config::{AxisConfig, Family, PortConfig};
 use crate::drive::abort_code::AbortCode;
 use crate::drive::cia402::{DriveState, PowerGoal, PowerStep, Statusword, power_step};
-use crate::drive::error::{AxisError, DriveError, LinkError};
+use crate::drive::error::{
+    AxisError, DriveError, DriveModel, LinkError, SettingError, SettingRefusal,
+};
 use crate::drive::family::{DriveFamily, FirmwareVersion};
 use crate::drive::family_selection::family_of_port;
 use crate::drive::link::{DriveLink, LOCAL_NODE, Retry};
 use crate::drive::object::{self, Address, Object, Setting, Value};
 use crate::drive::objects;
 use crate::drive::transport::Transport;
-use crate::drive::variant::{DriveModel, SettingError, SettingRefusal};
 use crate::units::Nanos;
 
 /// How long a drive may take to switch off, with its ramp.
@@ -29,21 +30,16 @@ const FRAME_TIMEOUT_MS: u16 = 50;
 /// Called between two exchanges with a drive.
 type Interlude<'a, T> = &'a mut dyn FnMut(&mut DriveLink<T>);
 
-/// One drive on a line.
 pub(in crate::drive) struct DriveNode<'a, T> {
     link: &'a mut DriveLink<T>,
     node: u8,
     interlude: Option<Interlude<'a, T>>,
 }
 
-/// Identity of a drive.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AxisIdentity {
-    /// The motor of the axis.
     pub motor: usize,
-    /// Its node id, as configured.
     pub node_id: u8,
-    /// Family, product code and firmware.
     pub model: DriveModel,
     /// Objects that the drive does not have; they are left out.
     pub left_out: Vec<Address>,
@@ -300,12 +296,8 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         if let Some(interlude) = &mut self.interlude {
             interlude(self.link);
         }
-        outcome.map_err(|error| exchange_error(object, error))
+        outcome.map_err(|error| AxisError::Exchange { object, error })
     }
-}
-
-fn exchange_error(object: Address, error: LinkError) -> AxisError {
-    AxisError::Exchange { object, error }
 }
 
 /// Why the drive refused a request, if that is the error.
@@ -364,10 +356,10 @@ pub(in crate::drive) fn learn_constants(
     link: &mut DriveLink<impl Transport>,
 ) -> Result<(), AxisError> {
     let mut drive = DriveNode::new(link, LOCAL_NODE);
-    let vendor = object::VENDOR.address();
+    let object = object::VENDOR.address();
     // The reply to a request of a previous controller may still arrive.
     let quiet = drive.link.wait_for_quiet();
-    quiet.map_err(|error| exchange_error(vendor, error))?;
+    quiet.map_err(|error| AxisError::Exchange { object, error })?;
     drive.check_vendor()?;
     let serial_number = drive.read(object::SERIAL_NUMBER)?;
     link.set_serial_number(serial_number);

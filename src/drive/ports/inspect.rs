@@ -4,33 +4,27 @@ use crate::config::{AxisConfig, PortConfig};
 use crate::drive::bring_up::{DriveNode, explain, learn_constants, time_exchanges};
 use crate::drive::cia402::{DriveState, Statusword};
 use crate::drive::drive_fault::DriveFault;
-use crate::drive::error::{AxisError, DriveError};
+use crate::drive::error::{AxisError, DriveError, DriveModel, SettingError, SettingRefusal};
 use crate::drive::family_selection::{family_of_axis, family_of_port};
 use crate::drive::link::DriveLink;
 use crate::drive::object::{self, Address, Value};
 use crate::drive::serial_transport::SerialTransport;
 use crate::drive::survey::unhurried;
 use crate::drive::transport::Transport;
-use crate::drive::variant::{DriveModel, SettingError, SettingRefusal};
 use crate::units::Nanos;
 
 /// At most this many entries of the error history are read.
 const MAX_ERRORS: u8 = 5;
 
-/// State of one drive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inspection {
-    /// The motor of the axis.
     pub motor: usize,
-    /// Name of the family.
     pub family: &'static str,
-    /// Serial number as read.
     pub serial_number: u32,
     /// Firmware version, in hexadecimal as maxon writes it.
     pub firmware: u16,
     /// State of its state machine; `None`: unknown.
     pub state: Option<DriveState>,
-    /// The drive is homed.
     pub homed: bool,
     /// Supply voltage, volts; `None` if its object is unknown.
     pub supply_v: Option<f64>,
@@ -41,7 +35,6 @@ pub struct Inspection {
     pub differences: Vec<(Address, u32, u32)>,
 }
 
-/// State of a port and its drives.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PortInspection {
     /// Median duration of an exchange.

@@ -2,8 +2,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `bring_up`, `port` | from a device file to drives that are identified, off and limited |
-//! | `saved_position` | positions of the axes between two runs of the controller |
+//! | `bring_up`, `port` | a device file becomes limited drives; positions between two runs |
 //! | `fingerprint` | every setting of a drive, read and compared |
 //! | `inspect` | reading the state of drives without changing it |
 //! | `survey` | search for drives: the rate, and the nodes of a port |
@@ -14,5 +13,4 @@ pub mod fingerprint;
 pub mod inspect;
 pub(crate) mod port;
 pub mod quick_stop;
-pub(in crate::drive) mod saved_position;
 pub mod survey;

@@ -26,11 +26,9 @@ const LAST_NODE: u8 = 8;
 /// Time that a reply may take where no loop waits for it: a loaded computer delays replies.
 const UNHURRIED: Nanos = Nanos::from_millis(200);
 
-/// A drive that answers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FoundNode {
     pub node_id: u8,
-    /// Name of the family.
     pub family: &'static str,
     /// Firmware version, in hexadecimal as maxon writes it.
     pub firmware: u16,

@@ -12,10 +12,8 @@ use crate::drive::object::{Address, Setting};
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
-/// Result of a replay.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct LineReplay {
-    /// Attempts that were replayed.
     pub attempts: u64,
     /// Attempts that cannot be: their begin or end is not in the capture.
     pub skipped: u64,
@@ -24,7 +22,6 @@ pub struct LineReplay {
     pub differences: Vec<(Nanos, Outcome, Option<Outcome>)>,
 }
 
-/// Replays what was captured on a port.
 pub fn replay(port: &CapturedPort) -> LineReplay {
     let config = PortConfig {
         family: port.family,
@@ -80,19 +77,19 @@ fn repeat(
         Requested::Write(node, index, subindex, raw) => {
             let setting = Setting { object: address(index, subindex), raw, optional: false };
             let request = commands.write(node, setting);
-            let _ = link.attempt(&request, &mut |reply| commands.write_reply(reply));
+            let _ = link.attempt(&request, &mut |reply| commands.write_reply(reply).map(|()| 0));
         }
         // Once, whatever the size: a segment changes what comes next.
         Requested::FirstSegment(..) | Requested::NextSegment if size != 4 => {}
         Requested::FirstSegment(node, index, subindex) => {
             let read = segmented.insert(commands.read_segmented(node, address(index, subindex)));
             let request = read.request();
-            let _ = link.attempt(&request, &mut |reply| read.take_reply(reply));
+            let _ = link.attempt(&request, &mut |reply| read.take_reply(reply).map(u32::from));
         }
         Requested::NextSegment => {
             if let Some(read) = segmented {
                 let request = read.request();
-                let _ = link.attempt(&request, &mut |reply| read.take_reply(reply));
+                let _ = link.attempt(&request, &mut |reply| read.take_reply(reply).map(u32::from));
             }
         }
     }
@@ -101,7 +98,6 @@ fn repeat(
 /// A line on which everything happens as in the capture.
 #[derive(Debug, Default)]
 struct Playback<'a> {
-    /// Remaining events.
     events: &'a [LineEvent],
     /// Received bytes that are not read yet.
     unread: &'a [u8],

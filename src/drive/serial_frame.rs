@@ -50,7 +50,6 @@ pub struct SerialFrame<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a frame cannot hold {bytes} bytes of data, at most {MAX_DATA}")]
 pub struct FrameTooLong {
-    /// The number of bytes.
     pub bytes: usize,
 }
 

@@ -18,10 +18,8 @@ pub struct FrameParser {
     body: [u8; MAX_BODY],
 }
 
-/// Result of one byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ParserEvent<'a> {
-    /// More bytes are needed.
     None,
     /// This byte completed a frame with a correct CRC.
     Frame(SerialFrame<'a>),
@@ -67,7 +65,6 @@ impl FrameParser {
         self.state = ParserState::Idle;
     }
 
-    /// Parses the next byte.
     pub fn push(&mut self, byte: u8) -> ParserEvent<'_> {
         use ParserState::{Body, Candidate, Escaped, Hunting, Idle, Start};
         match (self.state, byte) {
