@@ -160,7 +160,6 @@ impl Domain {
             && memory.any(|name| is_service(&name))
     }
 
-    /// A file in the directory of the domain.
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.directory.join(name)
     }

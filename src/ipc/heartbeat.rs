@@ -61,7 +61,6 @@ pub struct Heartbeat {
 pub struct HeartbeatWriter(MappedWords);
 
 impl HeartbeatWriter {
-    /// Creates the file.
     pub(super) fn create(lock: &DomainLock) -> Result<Self, DomainError> {
         let path = lock.domain().file(FILE);
         let create = || {
@@ -137,7 +136,6 @@ impl HeartbeatReader {
     }
 }
 
-/// The words in mapped memory.
 #[derive(Debug)]
 struct MappedWords(NonNull<Words>);
 

@@ -14,8 +14,7 @@
 //! | `watchdog_presence` | whether a watchdog runs |
 //! | `streams` | the tables of all streams and requests |
 //! | `service` | creating and opening the services of iceoryx2 |
-//! | `identities` | whose a client id is |
-//! | `client_process` | process, user and program of a client |
+//! | `client_process` | process, user and program of a client; whose a client id is |
 //! | `server` | the controller's side: all publishers, subscribers and request servers |
 //! | `client` | the public client library |
 
@@ -25,7 +24,6 @@ mod domain;
 pub(crate) mod domain_lock;
 #[cfg(feature = "controller")]
 pub mod heartbeat;
-mod identities;
 pub mod payload;
 pub mod ready;
 #[cfg(feature = "controller")]

@@ -2,59 +2,12 @@
 
 use std::sync::Arc;
 
-use iceoryx2::port::publisher::Publisher;
-
-use super::controller_link::{ClientService, ControllerLink, SessionPort};
+use super::controller_link::ControllerLink;
 use super::error::ClientError;
-use crate::clock;
-use crate::ipc::payload::{Payload, ServoActuator, ServoJp};
-use crate::ipc::service::failed;
+use super::publishers::{CommandPublisher, padded};
+use crate::ipc::payload::{ServoActuator, ServoJp};
 use crate::ipc::streams::Stream;
 use crate::units::{MAX_MOTORS, Nanos};
-
-/// A publisher of one stream into the controller.
-#[derive(Debug)]
-pub(super) struct CommandPublisher<T: Payload> {
-    stream: Stream,
-    port: SessionPort<Publisher<ClientService, T, ()>>,
-}
-
-impl<T: Payload> CommandPublisher<T> {
-    pub(super) fn new(stream: Stream) -> Self {
-        let port = SessionPort::default();
-        Self { stream, port }
-    }
-
-    /// Sends the message that `message` makes at the present time to the controller.
-    pub(super) fn send(
-        &mut self,
-        link: &ControllerLink,
-        message: impl FnOnce(Nanos) -> T,
-    ) -> Result<(), ClientError> {
-        match self.deliver(link, message)? {
-            // The controller subscribes before it announces itself, so it has ended.
-            0 => Err(link.lost()),
-            _ => Ok(()),
-        }
-    }
-
-    /// Sends the message to whoever subscribes, and returns their number.
-    pub(super) fn deliver(
-        &mut self,
-        link: &ControllerLink,
-        message: impl FnOnce(Nanos) -> T,
-    ) -> Result<usize, ClientError> {
-        let (now, stream) = (clock::now(), self.stream);
-        let service = stream.properties().service;
-        let publisher = self.port.get(link, now, |session| {
-            let factory = stream.open::<ClientService, T>(&session.node)?;
-            let created = factory.publisher_builder().create();
-            created.map_err(failed("publish", service))
-        })?;
-        let sent = publisher.send_copy(message(now));
-        Ok(sent.map_err(failed("send", service))?)
-    }
-}
 
 /// Streams servo commands with the identity of one client.
 ///
@@ -221,34 +174,4 @@ fn send_angles(
         message
     })?;
     Ok(sequence)
-}
-
-/// The values in the fixed array of a payload, and their number.
-pub(super) fn padded<T: Copy + Default, const N: usize>(
-    values: &[T],
-) -> Result<([T; N], u32), ClientError> {
-    let mut array = [T::default(); N];
-    match array.get_mut(..values.len()) {
-        Some(entries) if !values.is_empty() => entries.copy_from_slice(values),
-        _ => {
-            return Err(ClientError::Count { given: values.len(), limit: N });
-        }
-    }
-    Ok((array, values.len() as u32))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::units::MAX_OUTPUTS;
-
-    #[test]
-    fn values_are_padded_with_zeros() {
-        assert_eq!(padded(&[1.0, 2.0]).unwrap(), ([1.0, 2.0, 0.0], 2));
-        for wrong in [&[][..], &[0.0; MAX_OUTPUTS + 1]] {
-            let error = padded::<f64, MAX_OUTPUTS>(wrong).unwrap_err();
-            let length = wrong.len();
-            assert!(matches!(error, ClientError::Count { given, limit: 3 } if given == length));
-        }
-    }
 }

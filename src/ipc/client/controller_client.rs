@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::announcer::{Announcement, Announcer};
-use super::commander::{Commander, padded};
+use super::commander::Commander;
 use super::controller_link::ControllerLink;
 use super::error::ClientError;
+use super::publishers::{Announcement, Announcer, padded};
 use super::request_client::RequestForwarder;
 use super::subscription::{Latest, Watcher};
 use crate::clock;
@@ -20,7 +20,7 @@ use crate::robot::{FixtureAction, FixtureKind, OperatingState, Refusal, StateCom
 use crate::units::{MAX_OUTPUTS, Nanos};
 
 /// Polling period of calls that wait.
-const POLL_PERIOD: Nanos = Nanos::from_millis(2);
+pub(super) const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 
 /// A client of a controller, with the identity that can hold the lease.
 #[derive(Debug)]

@@ -32,7 +32,6 @@ pub(super) struct ControllerSession {
     pub node: Node<ClientService>,
 }
 
-/// The connection to the controller of a domain.
 #[derive(Debug)]
 pub(super) struct ControllerLink {
     domain: Domain,
@@ -64,7 +63,6 @@ impl ControllerLink {
         self.sequence.fetch_add(1, Ordering::Relaxed) + 1
     }
 
-    /// The present session.
     pub(super) fn session(&self, now: Nanos) -> Result<Arc<ControllerSession>, ClientError> {
         let mut state = self.lock();
         if now >= state.next_probe {
@@ -131,7 +129,6 @@ impl<P> Default for SessionPort<P> {
 }
 
 impl<P> SessionPort<P> {
-    /// The port of the present session.
     pub(super) fn get(
         &mut self,
         link: &ControllerLink,

@@ -12,7 +12,7 @@
 //! | `acknowledge` | out of FAULT |
 //! | `release` | another client or none holds the lease |
 
-use super::controller_client::Client;
+use super::controller_client::{Client, POLL_PERIOD};
 use super::error::ClientError;
 use super::subscription::Latest;
 use crate::clock;
@@ -20,8 +20,6 @@ use crate::ipc::payload::{JointState, OperatingStateMsg};
 use crate::robot::{Cause, Fault, KnownPower, OperatingState, Refusal, StateCommand};
 use crate::units::Nanos;
 
-/// Polling period.
-const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 /// Period of repeating a command that has to wait for the drives or for another command to end.
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(50);
 /// Time limit for starting drives, and for all commands without motion.

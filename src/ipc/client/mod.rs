@@ -29,30 +29,25 @@
 //! connection, so every object can live in its own thread. When the controller is restarted, all
 //! objects find the new one within 20 ms; until then they return [`ClientError::NoController`].
 
-mod announcer;
 mod commander;
 mod controller_client;
 mod controller_link;
 pub mod effect;
 mod error;
-mod external_publisher;
-mod forwarder;
-mod model_client;
 mod pictures;
+mod publishers;
 mod request_client;
 mod subscription;
 
-#[cfg(feature = "controller")]
-pub use announcer::{Announcement, Announcer};
 pub use commander::Commander;
 pub use controller_client::Client;
 pub use effect::Progress;
 pub use error::ClientError;
-pub use external_publisher::ExternalPublisher;
-#[cfg(feature = "controller")]
-pub use forwarder::Forwarder;
 #[cfg(feature = "controller")]
 pub use pictures::{PictureHeader, PicturePublisher, PictureSubscription};
+pub use publishers::ExternalPublisher;
+#[cfg(feature = "controller")]
+pub use publishers::{Announcement, Announcer, Forwarder};
 #[cfg(feature = "controller")]
 pub use request_client::RequestForwarder;
 pub use subscription::{Latest, Subscription, Subscriptions, Watcher};

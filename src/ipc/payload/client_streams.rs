@@ -1,9 +1,90 @@
-//! Streams between clients: what a hand holds, and the trial that is recorded. The controller reads
-//! neither: they are for monitors and recordings.
+//! Streams that clients send: servo commands and external positions to the controller; targets,
+//! input devices and trials to each other, which the controller does not read.
 
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
+
+payload! {
+    /// `servo_jp`, in: go to these angles now. Send it repeatedly, faster than its deadline. By its
+    /// flags also `servo_jv`, `interpolate_jp`, `servo_cp` and `servo_cv`.
+    ServoJp "I2risServoJpV1": message {
+        /// Counts up by one per command of one client.
+        pub sequence: u64,
+        /// When the client sent it.
+        pub stamp_ns: u64,
+        /// Identity of the sender, which holds the lease. Not 0.
+        pub client_id: u64,
+        /// Age at which this command is stale and the robot stops. 0: the controller's default.
+        pub deadline_ns: u64,
+        /// Desired pitch and yaw, rad; or x, y, z, m, for a model of the tip position, and with
+        /// [`ServoJp::TIP`]. Per second with [`ServoJp::RATE`].
+        pub position: [f64; MAX_OUTPUTS],
+        /// Number of valid entries in `position`.
+        pub count: u32,
+        /// 0 or a sum of [`ServoJp::CLUTCH`] and the other flags.
+        pub flags: u32,
+    }
+
+    /// `actuators/servo_jp`, in: turn the motors to these encoder positions now. No model is
+    /// needed: for calibration.
+    ServoActuator "I2risServoActuatorV1": message {
+        /// Sequence number, see [`ServoJp`].
+        pub sequence: u64,
+        /// Stamp, see [`ServoJp`].
+        pub stamp_ns: u64,
+        /// Client id, see [`ServoJp`].
+        pub client_id: u64,
+        /// Deadline, see [`ServoJp`].
+        pub deadline_ns: u64,
+        /// Desired encoder positions, counts.
+        pub position_counts: [i32; MAX_MOTORS],
+        /// Number of valid entries in `position_counts`.
+        pub count: u32,
+        /// 0: no flag is defined.
+        pub flags: u32,
+    }
+
+    /// `external/measured_jp`, in: angles measured by a camera or another sensor.
+    ExternalPosition "I2risExternalPositionV2": message {
+        /// Counts up by one per message.
+        pub sequence: u64,
+        /// Time of the exposure, not of the transmission.
+        pub stamp_ns: u64,
+        /// Pitch and yaw, rad (x, y, z, m).
+        pub position: [f64; MAX_OUTPUTS],
+        /// Standard deviation of `position`. 0: unknown.
+        pub deviation: [f64; MAX_OUTPUTS],
+        /// Confidence of the sensor, up to 1. 0: not given.
+        pub quality: f64,
+        /// Number of valid entries in the arrays.
+        pub count: u32,
+        /// [`ExternalPosition::VALID`], or 0: no detection.
+        pub flags: u32,
+    }
+}
+
+impl ServoJp {
+    /// Flag: the clutch is open. The snake holds and ignores `position`; the lease is
+    /// renewed. The first command without this flag closes the clutch: its `position` is the new
+    /// reference, and only changes relative to it move the snake.
+    pub const CLUTCH: u32 = 1;
+    /// Flag: `servo_jv`, or `servo_cv` with [`ServoJp::TIP`]: `position` is a rate, which is
+    /// integrated until the next command or the deadline, over at most `max_step_deg`.
+    pub const RATE: u32 = 2;
+    /// Flag: `interpolate_jp`, a slow stream: the goal moves on a straight line and is at
+    /// `position` when the next command is due. The default deadline is 250 ms.
+    pub const INTERPOLATE: u32 = 4;
+    /// Flag: `servo_cp`: `position` is a place of the tip at the base of the snake. The tip goes to
+    /// the nearest place that it can reach; farther than 0.1 mm is a clip, with the distance.
+    pub const TIP: u32 = 8;
+}
+
+impl ExternalPosition {
+    /// Flag: the values are valid.
+    pub const VALID: u32 = 1;
+}
 
 payload! {
     /// `teleop`, between clients: what a person does with an input device, 20 times a second and
@@ -74,4 +155,49 @@ impl TrialMsg {
     pub const ENDED: u32 = 1;
     /// Flag: its recording has failed; the trial continues unrecorded.
     pub const FAILED: u32 = 2;
+}
+
+payload! {
+    /// `reach_target`, between clients: the target that a person shall reach and hold, 20 times a
+    /// second while the task runs; or the one to follow, 100 times a second.
+    ReachTarget "I2risReachTargetV1": message {
+        /// Counts up by one per message of one client.
+        pub sequence: u64,
+        /// Time of the message.
+        pub stamp_ns: u64,
+        /// The client that runs the task.
+        pub client_id: u64,
+        /// When this target was shown first.
+        pub shown_ns: u64,
+        /// How long the snake has to stay within the tolerance; of [`ReachTarget::FOLLOW`]: the
+        /// length of the task.
+        pub hold_ns: u64,
+        /// How long it has done so until now; how much of the task is over.
+        pub held_ns: u64,
+        /// Pitch and yaw of the target, rad.
+        pub position: [f64; MAX_OUTPUTS],
+        /// Distance within which the target is reached, rad.
+        pub tolerance: f64,
+        /// Number of the target, from 1.
+        pub number: u32,
+        /// Number of targets in the task.
+        pub total: u32,
+        /// Number of valid entries in `position`.
+        pub count: u32,
+        /// Sum of [`ReachTarget::ENDED`] and the other flags.
+        pub flags: u32,
+    }
+}
+
+impl ReachTarget {
+    /// Flag: the last message of this target; it was held, or its time is over.
+    pub const ENDED: u32 = 1;
+    /// Flag: it was held.
+    pub const HELD: u32 = 2;
+    /// Flag: the camera judges; otherwise the model's estimate.
+    pub const BY_CAMERA: u32 = 4;
+    /// Flag: to be followed, whether it moves or rests; nothing is reached.
+    pub const FOLLOW: u32 = 8;
+    /// The first part of such a task, in which the person gets to the target: it does not count.
+    pub const RUN_IN_NS: u64 = 3_000_000_000;
 }

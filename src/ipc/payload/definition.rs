@@ -1,11 +1,11 @@
-//! Declaration of payload types.
+//! Declaration of payload types, and their fields: schemas, tables and the payloads of other
+//! languages are made of them.
 
 use std::fmt::Debug;
 
 use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use super::layout::PayloadLayout;
 use crate::units::Nanos;
 
 /// A message, a request or a reply.
@@ -106,14 +106,14 @@ macro_rules! payload {
                     size: size_of::<Self>(),
                     fields: &[$($crate::ipc::payload::Field {
                         name: stringify!($field),
-                        kind: <$type as $crate::ipc::payload::layout::FieldValue>::KIND,
-                        count: <$type as $crate::ipc::payload::layout::FieldValue>::COUNT,
+                        kind: <$type as $crate::ipc::payload::definition::FieldValue>::KIND,
+                        count: <$type as $crate::ipc::payload::definition::FieldValue>::COUNT,
                         offset: std::mem::offset_of!($name, $field),
                     }),*],
                 };
         }
 
-        impl $crate::ipc::payload::layout::FieldValue for $name {
+        impl $crate::ipc::payload::definition::FieldValue for $name {
             const KIND: $crate::ipc::payload::FieldType =
                 $crate::ipc::payload::FieldType::Payload(
                     &<$name as $crate::ipc::payload::Payload>::LAYOUT,
@@ -144,6 +144,111 @@ pub fn padded_text<const N: usize>(text: &str) -> [u8; N] {
 pub fn unpadded_text(field: &[u8]) -> String {
     let text = field.split(|byte| *byte == 0).next().unwrap_or_default();
     String::from_utf8_lossy(text).into_owned()
+}
+
+/// The type of one entry of a field.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FieldType {
+    /// `uint8`.
+    U8,
+    /// `uint16`.
+    U16,
+    /// `uint32`.
+    U32,
+    /// `int32`.
+    I32,
+    /// `uint64`.
+    U64,
+    /// `float64`.
+    F64,
+    /// Another payload.
+    Payload(&'static PayloadLayout),
+}
+
+impl FieldType {
+    /// Size of one entry, bytes.
+    #[must_use]
+    pub const fn size(self) -> usize {
+        match self {
+            Self::U8 => 1,
+            Self::U16 => 2,
+            Self::U32 | Self::I32 => 4,
+            Self::U64 | Self::F64 => 8,
+            Self::Payload(payload) => payload.size,
+        }
+    }
+}
+
+/// One field.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Field {
+    /// Its name.
+    pub name: &'static str,
+    /// Type of one entry.
+    pub kind: FieldType,
+    /// Number of entries, of nested arrays too.
+    pub count: usize,
+    /// Offset from the start of the payload, bytes.
+    pub offset: usize,
+}
+
+/// The fields of one payload.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PayloadLayout {
+    /// Its name in Rust, Python and C++.
+    pub name: &'static str,
+    /// Its name in iceoryx2, with the version.
+    pub type_name: &'static str,
+    /// Its size, bytes.
+    pub size: usize,
+    /// Fields in the order of memory.
+    pub fields: &'static [Field],
+}
+
+impl PayloadLayout {
+    /// All numbers in the order of memory: fields of other payloads in place of these, as
+    /// `NAME_MEMBER`.
+    #[must_use]
+    pub fn numbers(&self) -> Vec<(String, Field)> {
+        let mut numbers = Vec::new();
+        for field in self.fields {
+            let FieldType::Payload(payload) = field.kind else {
+                numbers.push((field.name.to_owned(), *field));
+                continue;
+            };
+            for entry in 0..field.count {
+                let offset = field.offset + entry * payload.size;
+                numbers.extend(payload.numbers().into_iter().map(|(name, member)| {
+                    let name = format!("{}_{name}", field.name);
+                    (name, Field { offset: offset + member.offset, ..member })
+                }));
+            }
+        }
+        numbers
+    }
+}
+
+/// A type that a field can have.
+pub(super) trait FieldValue {
+    /// Type of one entry.
+    const KIND: FieldType;
+    /// Number of entries.
+    const COUNT: usize = 1;
+}
+
+macro_rules! primitives {
+    ($($type:ty => $kind:ident),*) => {
+        $(impl FieldValue for $type {
+            const KIND: FieldType = FieldType::$kind;
+        })*
+    };
+}
+
+primitives!(u8 => U8, u16 => U16, u32 => U32, i32 => I32, u64 => U64, f64 => F64);
+
+impl<T: FieldValue, const N: usize> FieldValue for [T; N] {
+    const KIND: FieldType = T::KIND;
+    const COUNT: usize = N * T::COUNT;
 }
 
 #[cfg(test)]

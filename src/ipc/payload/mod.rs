@@ -11,36 +11,29 @@
 //! - `stamp_ns` is `CLOCK_MONOTONIC`. It is valid on one machine only.
 //! - `boot_id` is new for every start of the controller.
 
-mod adaptation;
 mod client_streams;
-mod command_streams;
 pub(super) mod definition;
-mod layout;
-mod model_requests;
-mod period_statistics;
-mod reach_target;
 mod reason;
 pub(super) mod requests;
 mod state_streams;
 
-pub use adaptation::AdaptationMsg;
-pub use client_streams::{TeleopMsg, TrialMsg};
-pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
-pub use definition::{Message, Payload, padded_text, unpadded_text};
+pub use client_streams::{
+    ExternalPosition, ReachTarget, ServoActuator, ServoJp, TeleopMsg, TrialMsg,
+};
 #[cfg(feature = "controller")]
-pub use layout::{Field, FieldType, PayloadLayout};
+pub use definition::{Field, FieldType, PayloadLayout};
 #[cfg(not(feature = "controller"))]
-pub(crate) use layout::{Field, FieldType, PayloadLayout};
-pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
-pub use period_statistics::{PeriodStatistics, SpanSummary};
-pub use reach_target::ReachTarget;
+pub(crate) use definition::{Field, FieldType, PayloadLayout};
+pub use definition::{Message, Payload, padded_text, unpadded_text};
 pub use reason::ReasonMsg;
 pub use requests::{
-    BlackBoxReply, BlackBoxRequest, MoveRequest, StateCommandReply, StateCommandRequest, Version,
-    VersionRequest, VirtualFixtureRequest,
+    BlackBoxReply, BlackBoxRequest, ModelDifference, ModelReply, ModelRequest, ModelSlot,
+    MoveRequest, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    VirtualFixtureRequest,
 };
 pub use state_streams::{
-    ActuatorState, EventMsg, FIXTURES, Health, JointState, OperatingStateMsg, VirtualFixturesMsg,
+    ActuatorState, AdaptationMsg, EventMsg, FIXTURES, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, SpanSummary, VirtualFixturesMsg,
 };
 
 /// The layouts that the C++ header declares, in its order.

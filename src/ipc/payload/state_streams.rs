@@ -1,4 +1,5 @@
-//! Streams out of the controller, one message per tick: joints, motors, operating state.
+//! Streams out of the controller: joints, motors and operating state with every tick; adaptation
+//! and timing.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -232,5 +233,114 @@ payload! {
         pub values: [[f64; 17]; FIXTURES],
         /// Name of every region, UTF-8, padded with 0.
         pub name: [[u8; 24]; FIXTURES],
+    }
+}
+
+payload! {
+    /// `adaptation`, out, 50 times a second; once a second while the adaptation is off: the drift
+    /// from the calibration that the camera shows.
+    ///
+    /// Arrays of 14 are in the order zero of both outputs (rad), gain of output 0 by outputs 0 and
+    /// 1, of output 1 by outputs 0 and 1, gap growth of both motors, camera latency (s), slow state
+    /// (rad), preload loss of both motors beyond the gap and growth of half the play of both gears
+    /// (shares of half the calibrated range).
+    AdaptationMsg "I2risAdaptationV2": outgoing {
+        /// SHA-256 of the model whose drift it is.
+        pub model_id: [u8; 32],
+        /// Estimate from the camera.
+        pub estimate: [f64; 14],
+        /// Standard deviation of `estimate`.
+        pub deviation: [f64; 14],
+        /// Applied correction. The slow state is part of the zero; the latency is not applied.
+        pub applied: [f64; 14],
+        /// Share of the budget that `estimate` uses.
+        pub budget_used: [f64; 14],
+        /// Share of the total budget, at the corners of the calibrated hull.
+        pub total_used: f64,
+        /// Root mean square distance between camera and calibrated model in the last window of
+        /// 10 s, rad. 0: no window yet.
+        pub calibrated_error: f64,
+        /// The same of the adapted model.
+        pub adapted_error: f64,
+        /// Frames since the start: learned from.
+        pub frames_used: u64,
+        /// Too far from what was expected.
+        pub frames_refused: u64,
+        /// In order, while nothing was learned.
+        pub frames_paused: u64,
+        /// Dropped frames: duplicate, out of sequence, from the future, too old, too frequent, bad.
+        pub frames_dropped: [u64; 6],
+        /// Number of reverted corrections.
+        pub taken_back: u32,
+        /// 0: none, 1: filter, 2: integral.
+        pub method: u32,
+        /// Why learning is paused: sum of `Pause` values; 0: learning.
+        pub pauses: u32,
+        /// Bit `i` is set if the motion shows entry `i` of `estimate`.
+        pub excited: u32,
+        /// [`AdaptationMsg::ON`], or 0.
+        pub flags: u32,
+        /// 0.
+        pub reserved: u32,
+    }
+}
+
+impl AdaptationMsg {
+    /// Flag: the adaptation is on.
+    pub const ON: u32 = 1;
+}
+
+payload! {
+    /// Percentiles of durations, ns.
+    SpanSummary "I2risSpanSummaryV1" {
+        /// Median.
+        pub p50_ns: u64,
+        /// 90th percentile.
+        pub p90_ns: u64,
+        /// 99th percentile.
+        pub p99_ns: u64,
+        /// 99.9th percentile.
+        pub p999_ns: u64,
+        /// Largest.
+        pub max_ns: u64,
+    }
+
+    /// `period_statistics`, out, once a second: timing of the control loop in the window that ends
+    /// at its stamp.
+    PeriodStatistics "I2risPeriodStatisticsV2": outgoing {
+        /// Length of the window.
+        pub window_ns: u64,
+        /// Intended length of a tick.
+        pub period_ns: u64,
+        /// Ticks in the window.
+        pub ticks: u64,
+        /// Ticks skipped in the window because they were overdue.
+        pub missed: u64,
+        /// Ticks since the start.
+        pub total_ticks: u64,
+        /// Ticks skipped since the start.
+        pub total_missed: u64,
+        /// Time between the starts of two ticks.
+        pub period: SpanSummary,
+        /// Start of the tick after its planned instant.
+        pub lateness: SpanSummary,
+        /// Time that the cycle took.
+        pub compute: SpanSummary,
+        /// Setpoints a second for each axis that the slowest line allows while all axes move.
+        pub line_setpoints_hz: f64,
+        /// An exchange with a drive on the slowest line, as measured at start.
+        pub line_exchange_ns: u64,
+        /// Longest time until a stop reaches the last drive.
+        pub line_stop_ns: u64,
+        /// Age of a position at which the motion stops.
+        pub line_stale_ns: u64,
+        /// SCHED_FIFO priority as read back; 0: normal scheduling.
+        pub priority: u32,
+        /// CPU that the loop is pinned to, as read back; `u32::MAX`: not pinned.
+        pub cpu: u32,
+        /// 1: memory is locked.
+        pub memory_locked: u32,
+        /// 0.
+        pub reserved: u32,
     }
 }

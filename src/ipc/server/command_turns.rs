@@ -67,7 +67,6 @@ struct Sender {
     waiting: VecDeque<ReceivedCommand>,
 }
 
-/// The commands that wait for their turn.
 #[derive(Debug, Default)]
 pub(super) struct CommandTurns {
     /// In the order of their turns. A sender always has a command.
@@ -112,7 +111,6 @@ impl CommandTurns {
         Some(newest)
     }
 
-    /// Takes the command whose turn it is.
     pub(crate) fn take_next(
         &mut self,
         is_valid: impl Fn(&ReceivedCommand) -> bool,

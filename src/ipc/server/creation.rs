@@ -30,7 +30,6 @@ macro_rules! stream_factories {
     };
     ($($(#[$doc:meta])* $stream:ident $function:ident $name:literal $payload:ident
         $direction:ident $publishers:tt $subscribers:tt $history:tt;)*) => {
-        /// The services of all streams.
         pub(super) struct StreamFactories {
             $(pub $function: StreamFactory<$payload>,)*
         }
@@ -51,7 +50,6 @@ macro_rules! request_factories {
     };
     ($($(#[$doc:meta])* $service:ident $function:ident $name:literal
         $request:ident $reply:ident $speed:ident;)*) => {
-        /// The services of all requests.
         pub(super) struct RequestFactories {
             $(pub $function: RequestFactory<$request, $reply>,)*
         }

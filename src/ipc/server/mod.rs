@@ -12,17 +12,16 @@
 
 mod command_turns;
 mod creation;
-mod request_server;
-mod stream_publisher;
+mod ports;
 
 use iceoryx2::node::Node;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ipc;
 
+use super::client_process::Identities;
 use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
-use super::identities::Identities;
 use super::payload::{
     ExternalPosition, Payload, ReachTarget, ServoActuator, ServoJp, TeleopMsg, TrialMsg, Version,
 };
@@ -32,8 +31,7 @@ use super::streams::{Request, Stream, StreamMessage};
 use crate::units::{MAX_OUTPUTS, Nanos};
 use command_turns::CommandTurns;
 use creation::{Services, StreamFactory};
-use request_server::RequestServers;
-use stream_publisher::StreamPublishers;
+use ports::{RequestServers, StreamPublishers};
 
 pub use command_turns::ReceivedCommand;
 pub use creation::{IpcError, check_memory};

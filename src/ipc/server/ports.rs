@@ -1,18 +1,24 @@
-//! The controller's end of the request services.
+//! The controller's ends of the services: servers of requests, and publishers of the streams that
+//! it sends.
 
 use std::any::Any;
 use std::collections::BTreeMap;
 
 use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::server;
+use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::ipc;
 
 use super::Process;
-use super::creation::{RequestFactories, RequestFactory};
-use crate::ipc::identities::Identities;
+use super::creation::{RequestFactories, RequestFactory, StreamFactories, StreamFactory};
+use crate::ipc::client_process::Identities;
+use crate::ipc::payload::definition::Outgoing;
 use crate::ipc::payload::*;
 use crate::ipc::service::{TransportError, failed};
-use crate::ipc::streams::{ReplySpeed, Request, RequestService, for_each_request};
+use crate::ipc::streams::{
+    ReplySpeed, Request, RequestService, Stream, StreamMessage, for_each_request, for_each_stream,
+};
 use crate::units::Nanos;
 
 type Active<Q, R> = ActiveRequest<ipc::Service, Q, (), R, ()>;
@@ -136,7 +142,6 @@ macro_rules! request_servers {
 for_each_request!(request_servers);
 
 impl RequestServers {
-    /// Replies to all new requests for the version.
     pub(crate) fn reply_version(
         &mut self,
         now: Nanos,
@@ -148,3 +153,72 @@ impl RequestServers {
         Ok(())
     }
 }
+
+/// Sends a stream; adds boot id and sequence number to every message.
+#[derive(Debug)]
+struct StreamPublisher<T: Payload> {
+    publisher: Publisher<ipc::Service, T, ()>,
+    service: &'static str,
+    boot_id: u64,
+    sequence: u64,
+}
+
+impl<T: Outgoing> StreamPublisher<T> {
+    fn new(
+        factory: &StreamFactory<T>,
+        stream: Stream,
+        boot_id: u64,
+    ) -> Result<Self, TransportError> {
+        let service = stream.properties().service;
+        let publisher = factory.publisher_builder().create().map_err(failed("publish", service))?;
+        Ok(Self { publisher, service, boot_id, sequence: 0 })
+    }
+
+    fn send(&mut self, message: T) -> Result<usize, TransportError> {
+        self.sequence += 1;
+        let message = message.with_sender(self.boot_id, self.sequence);
+        self.publisher.send_copy(message).map_err(failed("send", self.service))
+    }
+
+    /// Sends the last message to subscribers that joined since the last send.
+    fn serve_late_subscribers(&self) -> Result<(), TransportError> {
+        self.publisher.update_connections().map_err(failed("update", self.service))
+    }
+}
+
+macro_rules! stream_publishers {
+    (controller { $($(#[$doc:meta])* $stream:ident $function:ident $name:literal $payload:ident
+        $direction:ident $publishers:tt $subscribers:tt $history:tt;)* } $($clients:tt)*) => {
+        #[derive(Debug)]
+        pub(super) struct StreamPublishers {
+            $($function: StreamPublisher<$payload>,)*
+        }
+
+        impl StreamPublishers {
+            pub(super) fn new(
+                from: &StreamFactories,
+                boot_id: u64,
+            ) -> Result<Self, TransportError> {
+                Ok(Self {
+                    $($function: StreamPublisher::new(&from.$function, Stream::$stream, boot_id)?,)*
+                })
+            }
+
+            /// Sends a message; those of clients are not the controller's to send.
+            #[inline]
+            pub(super) fn send(&mut self, message: StreamMessage) -> Result<usize, TransportError> {
+                match message {
+                    $(StreamMessage::$stream(message) => self.$function.send(message),)*
+                    _ => Ok(0),
+                }
+            }
+
+            pub(super) fn serve_late_subscribers(&self) -> Result<(), TransportError> {
+                $(self.$function.serve_late_subscribers()?;)*
+                Ok(())
+            }
+        }
+    };
+}
+
+for_each_stream!(stream_publishers);
