@@ -9,7 +9,6 @@ use crate::units::Nanos;
 /// Silence after which another publisher is followed.
 const SILENCE: Nanos = Nanos::from_millis(1000);
 
-/// The followed publisher.
 #[derive(Debug, Default)]
 pub(super) struct CameraOwner {
     /// The publisher, and the time of its last frame.

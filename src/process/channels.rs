@@ -11,8 +11,10 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::triple_buffer;
 
-use crate::core::{CycleEvent, CycleReport, ExternalPose, ServoCommand, StateReply, StateRequest};
-use crate::core::{ModelCandidate, ModelSwapReply, ModelSwapRequest};
+use crate::core::{
+    CycleEvent, CycleReport, ExternalPose, ModelCandidate, ModelSwapReply, ModelSwapRequest,
+    ServoCommand, StateReply, StateRequest,
+};
 use crate::ipc::{StreamMessage, payload};
 use crate::process::black_box::{RecorderChannels, RecorderRequest, WriteReply};
 use crate::realtime::TickTiming;
@@ -29,12 +31,10 @@ const STOPS: usize = 256;
 /// Models in flight; they are staged one at a time.
 const MODELS: usize = 8;
 
-/// A model for the loop.
 #[derive(Debug)]
 pub(super) struct ModelOffer {
     /// Counts up by one per offer.
     pub number: u64,
-    /// The model with its memory.
     pub candidate: ModelCandidate,
 }
 
@@ -191,7 +191,6 @@ pub(super) struct WorkerQueues {
     pub recorder_replies: Sender<WriteReply>,
 }
 
-/// All queues of slow requests.
 pub(crate) fn request_queues() -> (RequestQueues, WorkerQueues) {
     let (models, models_out) = channel();
     let (model_replies_in, model_replies) = channel();

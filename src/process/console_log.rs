@@ -9,7 +9,6 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-/// Capacity of the line queue.
 const LINES: usize = 1024;
 /// Time for the last lines.
 const LAST_LINES: Duration = Duration::from_millis(500);
@@ -83,7 +82,6 @@ impl Write for ConsoleLog {
         Ok(bytes.len())
     }
 
-    /// Passes on an incomplete line.
     fn flush(&mut self) -> io::Result<()> {
         if !self.line.is_empty() {
             let line = std::mem::take(&mut self.line);

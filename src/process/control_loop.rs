@@ -202,7 +202,6 @@ struct TickRecording {
     interval: u64,
     /// Tick from which the next snapshot is due.
     next_snapshot: u64,
-    /// Ticks that were lost.
     lost: u64,
 }
 

@@ -15,7 +15,6 @@ use std::sync::{Arc, mpsc};
 
 use rtrb::Consumer;
 
-use crate::clock;
 use crate::config::{Config, ControlConfig};
 use crate::core::cycle::ControlCycle;
 use crate::core::{CommandCheck, CycleEvent, Gated};
@@ -31,8 +30,6 @@ use crate::model::Model;
 use crate::process::black_box::{RecordedRun, Recorder};
 use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::{Beats, ControlLoop};
-pub use crate::process::ending::ControllerError;
-use crate::process::ending::{self, RunEnd};
 use crate::process::fixture_table::FixtureTable;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
@@ -43,10 +40,11 @@ use crate::process::run_log::{RunHeader, RunLog};
 use crate::process::start_up::{
     Drives, PortLine, bring_up_ports, check_start_drives, load_model, software, wait_for_positions,
 };
-use crate::process::threads::{BLACK_BOX, NamedThread, ThreadError, Threads};
+pub use crate::process::threads::ControllerError;
+use crate::process::threads::{self, BLACK_BOX, NamedThread, RunEnd, ThreadError, Threads};
 use crate::realtime::{self, Granted, SchedulingRequest};
-use crate::service_manager;
 use crate::units::Nanos;
+use crate::{clock, service_manager};
 
 /// SCHED_FIFO priority of the port threads relative to the loop: lower by this value.
 const PORT_PRIORITY_DISTANCE: u8 = 10;
@@ -130,7 +128,7 @@ pub fn run(
         // The folder was removed when the lock was released.
         let _ = publish_run(&main.domain, boot_id, &config.record_folder);
     }
-    ending::outcome(main.powered, ended)
+    threads::outcome(main.powered, ended)
 }
 
 /// All threads but the main thread, and their channels to it.

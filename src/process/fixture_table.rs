@@ -11,7 +11,6 @@ use crate::core::{CycleReport, FixtureChange, SimpleRegion};
 use crate::ipc::payload::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg, padded_text};
 use crate::robot::{FixtureAction, FixtureKind, Refusal};
 
-/// Regions and pending requests.
 #[derive(Debug)]
 pub(super) struct FixtureTable {
     pub message: VirtualFixturesMsg,
@@ -21,7 +20,6 @@ pub(super) struct FixtureTable {
 }
 
 impl FixtureTable {
-    /// The regions of a configuration.
     pub(super) fn new(regions: &[FixtureRegionConfig]) -> Self {
         let mut message = VirtualFixturesMsg::default();
         for (index, region) in regions.iter().enumerate().take(FIXTURES) {
@@ -54,7 +52,6 @@ impl FixtureTable {
         }
     }
 
-    /// Records a request that was sent to the loop.
     pub(super) fn sent(&mut self, token: u64, request: VirtualFixtureRequest) {
         self.pending.push_back((token, request));
     }
@@ -120,7 +117,6 @@ fn shape(request: &VirtualFixtureRequest) -> Option<FixtureShape> {
     shape.problem().is_none().then_some(shape)
 }
 
-/// Kind and values of a shape of the configuration.
 fn described(shape: &FixtureShape) -> (FixtureKind, [f64; 17]) {
     let mut values = [0.0; 17];
     let rad = f64::to_radians;

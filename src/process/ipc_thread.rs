@@ -33,7 +33,6 @@ use crate::units::{MAX_OUTPUTS, Nanos};
 /// Interval of the adaptation messages while adaptation is on.
 const ADAPTATION_PERIOD: Nanos = Nanos::from_millis(20);
 
-/// Window of the loop statistics.
 const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
 
 /// Polling period of the watchdog status.
@@ -62,18 +61,15 @@ pub(super) struct IpcThreadParts {
     pub history: SharedLoopHistory,
     pub queues: RequestQueues,
     pub fixtures: FixtureTable,
-    /// Period of the loop.
     pub period: Nanos,
     /// Limits due to the slowest line.
     pub line: LineBounds,
 }
 
-/// State of the IPC thread between two passes.
 pub(super) struct IpcThread {
     server: Server,
     parts: IpcThreadParts,
     granted: Granted,
-    /// Result of the last check.
     watchdog: WatchdogStatus,
     cameras: CameraOwner,
     next_watchdog: Nanos,
@@ -188,7 +184,6 @@ impl IpcThread {
         }
     }
 
-    /// Forwards replies and reports of the loop.
     fn take_reports(&mut self) {
         while let Ok(reply) = self.parts.channels.replies.pop() {
             self.reply(reply);
@@ -230,7 +225,6 @@ impl IpcThread {
         self.parts.channels.reports.pop().ok()
     }
 
-    /// Passes requests to the loop and to the slow threads.
     fn take_requests(&mut self, now: Nanos) {
         for (id, request) in self.server.poll_requests(now) {
             match request {

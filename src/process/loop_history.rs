@@ -6,8 +6,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
 use crate::config::Config;
-use crate::core::{CycleReport, ModelSlots};
-use crate::core::{HistoryCursor, newest_stamp};
+use crate::core::{CycleReport, HistoryCursor, ModelSlots, newest_stamp};
 use crate::model::{History, Model, ModelId};
 use crate::units::{MotorVec, Nanos};
 
@@ -18,14 +17,12 @@ pub(super) struct LoadedModel {
     pub file: PathBuf,
 }
 
-/// Motor positions and loaded models.
 #[derive(Debug, Default)]
 pub(super) struct LoopHistory {
     /// Past positions of the motors, up to `mark`.
     pub history: History,
     /// Cursor in the motion history of the loop.
     pub mark: HistoryCursor,
-    /// Time of the last position.
     stamp: Nanos,
     /// Present position of the motors, counts.
     pub position: MotorVec,
@@ -86,7 +83,6 @@ impl SharedLoopHistory {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Locks the history unless another thread holds the lock.
     pub(super) fn try_lock(&self) -> Option<MutexGuard<'_, LoopHistory>> {
         match self.0.try_lock() {
             Ok(history) => Some(history),

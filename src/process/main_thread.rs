@@ -7,7 +7,6 @@ use std::sync::mpsc::{Receiver, Sender};
 
 use rtrb::Consumer;
 
-use crate::clock;
 use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::event::{PortEvent, PortEventKind};
 use crate::ipc::payload::{EventMsg, padded_text};
@@ -18,14 +17,12 @@ use crate::process::threads::Threads;
 use crate::realtime::SuspendMonitor;
 use crate::robot::{Cause, DrivePower, Reason, Stop};
 use crate::units::Nanos;
-use crate::wall_clock;
+use crate::{clock, wall_clock};
 
-/// Period of writing the log.
 const LOG_PERIOD: Nanos = Nanos::from_millis(20);
 /// Polling period of the watchdog status and of the files that clients need.
 const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
 
-/// Sources and destinations of log lines.
 pub(super) struct MainThread<'a> {
     pub events: Consumer<CycleEvent>,
     /// Events of the ports, with their times.
@@ -95,7 +92,6 @@ impl MainThread<'_> {
         }
     }
 
-    /// Writes everything that has arrived.
     pub(super) fn write_events(&mut self) {
         let mut lines: Vec<(Nanos, String)> = Vec::new();
         while let Ok((stamp, event)) = self.port_events.try_recv() {
@@ -133,7 +129,6 @@ impl MainThread<'_> {
         let _ = self.log.flush();
     }
 
-    /// Writes a line into the log and the stream of events.
     fn write_text(&mut self, line: String) {
         let _ = writeln!(self.log, "{line}");
         // The IPC thread may have ended.
@@ -147,7 +142,6 @@ impl MainThread<'_> {
         let _ = self.published.send(StreamMessage::of_reason(&reason, client_id, event.stamp));
     }
 
-    /// The process that has taken the lease.
     fn lease_holder(&self, event: &CycleEvent) -> Option<String> {
         let CycleEventKind::Lease { client_id } = event.kind else {
             return None;

@@ -3,9 +3,8 @@
 //! | file | content |
 //! |---|---|
 //! | `controller` | start and shutdown of the process |
-//! | `ending` | shutdown of the threads, final power state of the drives |
 //! | `start_up` | model, ports and drives at the start |
-//! | `threads` | starting, naming and joining threads |
+//! | `threads` | starting, naming and joining threads; final power state of the drives |
 //! | `control_loop` | the real-time loop thread; the only place that runs the cycle |
 //! | `ipc_thread` | shared memory: commands in, messages out |
 //! | `model_manager` | the model thread: reads, checks, compares, frees |
@@ -27,7 +26,6 @@ mod channels;
 pub mod console_log;
 mod control_loop;
 pub mod controller;
-mod ending;
 mod fixture_table;
 mod ipc_thread;
 mod loop_history;

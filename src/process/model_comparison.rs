@@ -7,7 +7,6 @@ use crate::units::MotorVec;
 /// Points along each side of the box around the hull: steps of about 100 counts.
 const GRID: u32 = 17;
 
-/// A model with its memory.
 #[derive(Debug, Clone, Copy)]
 pub struct ModelState<'a> {
     pub model: &'a Model,

@@ -45,10 +45,8 @@ impl From<Refusal> for Refused {
     }
 }
 
-/// Manages the models.
 pub(super) struct ModelManager {
     config: Config,
-    /// The present settings of the drives.
     drives: Vec<DriveFingerprint>,
     history: SharedLoopHistory,
     channels: ModelChannels,
@@ -59,7 +57,6 @@ pub(super) struct ModelManager {
 }
 
 impl ModelManager {
-    /// A manager with the model at the start.
     pub(super) fn new(
         config: Config,
         drives: Vec<DriveFingerprint>,
@@ -238,7 +235,6 @@ impl ModelManager {
     }
 }
 
-/// The path in a request.
 fn path(field: &[u8]) -> Result<PathBuf, Refusal> {
     let bytes = field.split(|byte| *byte == 0).next().unwrap_or_default();
     let path = PathBuf::from(std::ffi::OsStr::from_bytes(bytes));
@@ -248,7 +244,6 @@ fn path(field: &[u8]) -> Result<PathBuf, Refusal> {
     Ok(path)
 }
 
-/// The loaded models as clients see them.
 fn model_slots(history: &LoopHistory) -> [ModelSlot; 3] {
     let slots = history.slots;
     let models = [(slots.active, true), (slots.staged, slots.staged_known), (slots.previous, true)];

@@ -69,7 +69,6 @@ pub(super) fn validity(stamp_ns: u64, valid_ns: u64) -> Validity {
     Validity { stamp: Nanos(stamp_ns), span: Nanos(valid_ns) }
 }
 
-/// `state_command` as a request for the loop.
 pub(super) fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Refusal> {
     let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
     // A later version may give the reserved field a meaning that this version would ignore.
@@ -80,7 +79,6 @@ pub(super) fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateR
     Ok(StateRequest { id, client_id, validity, command, pose: None, fixture: None })
 }
 
-/// `move_jp` as a request for the loop.
 pub(crate) fn move_request(id: u64, raw: &MoveRequest) -> Result<StateRequest, Refusal> {
     let pose = match raw.flags {
         0 => ServoGoal::Joint(raw.position, raw.count),
@@ -92,7 +90,6 @@ pub(crate) fn move_request(id: u64, raw: &MoveRequest) -> Result<StateRequest, R
     Ok(StateRequest { id, client_id, validity, command, pose: Some(pose), fixture: None })
 }
 
-/// `virtual_fixture` as a request for the loop.
 pub(crate) fn fixture_request(
     id: u64,
     raw: &VirtualFixtureRequest,
@@ -184,7 +181,6 @@ pub(crate) fn actuator_state(report: &CycleReport, motors: u32) -> ActuatorState
     }
 }
 
-/// `adaptation` of one tick.
 pub(super) fn adaptation(report: &CycleReport) -> AdaptationMsg {
     let base = AdaptationMsg { stamp_ns: report.now.0, ..AdaptationMsg::default() };
     let Some(adaptation) = &report.adaptation else {
@@ -221,7 +217,6 @@ pub(super) fn adaptation(report: &CycleReport) -> AdaptationMsg {
     }
 }
 
-/// `health` up to one tick.
 pub(super) fn health(report: &CycleReport, lost: &LostCounters) -> Health {
     let counters = report.feedback.map(|axis| axis.counters);
     Health {
@@ -255,7 +250,6 @@ pub fn robot_description(config: &Config) -> Version {
     described
 }
 
-/// `operating_state` of one tick.
 pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStateMsg {
     let memory_known = report.joint.is_some_and(|joint| joint.memory_known);
     let flags = [

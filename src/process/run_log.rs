@@ -23,20 +23,13 @@ pub const FILE: &str = "runs.jsonl";
 /// Identification of a run.
 #[derive(Debug)]
 pub struct RunHeader<'a> {
-    /// Version and commit.
     pub software: &'a str,
-    /// Identifies this start of the controller.
     pub boot_id: u64,
-    /// The configuration.
     pub config: &'a Config,
-    /// The model at the start.
     pub model: Option<ModelId>,
     pub drives: &'a [AxisIdentity],
-    /// Drive settings.
     pub fingerprints: &'a [DriveFingerprint],
-    /// Scheduling of the loop.
     pub granted: &'a Granted,
-    /// Note of the operator.
     pub note: &'a str,
 }
 

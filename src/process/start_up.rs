@@ -3,8 +3,6 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use crate::COMMIT;
-use crate::clock;
 use crate::config::Config;
 use crate::core::Gated;
 use crate::drive::AxisIdentity;
@@ -20,6 +18,7 @@ use crate::process::black_box::write_failed_start;
 use crate::process::main_thread::write_line;
 use crate::robot::DriveFingerprint;
 use crate::units::Nanos;
+use crate::{COMMIT, clock};
 
 /// Maximum time for the port threads to read the first positions: a few exchanges, unless the
 /// machine stalls.
@@ -85,7 +84,6 @@ pub(crate) fn check_start_drives(
         .map_err(|differences| StartModelError::OtherDrive { path: path.clone(), differences })
 }
 
-/// Version and commit of this software.
 pub(super) fn software() -> String {
     format!("i2ris {} ({COMMIT})", env!("CARGO_PKG_VERSION"))
 }
@@ -98,15 +96,11 @@ pub(super) struct Drives {
     pub runners: Vec<PortRunner<PortLine, Gated>>,
     pub links: Vec<AxisLink<Gated>>,
     pub identities: Vec<AxisIdentity>,
-    /// Captures of the port traffic.
     pub captures: Vec<Capture>,
-    /// The settings of the drives.
     pub fingerprints: Vec<DriveFingerprint>,
     /// Duration of an exchange on each port.
     pub exchanges: Vec<Nanos>,
-    /// The heartbeat of the loop, for the ports.
     pub beat: LoopBeat,
-    /// The signs of life of the port threads.
     pub lives: Vec<PortLife>,
 }
 

@@ -21,22 +21,19 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::ring::TickRecord;
-use crate::core::{CandidateState, CycleSnapshot};
+use crate::core::{CandidateState, CycleInputs, CycleOutputs, CycleSnapshot};
 use crate::model::ModelId;
+use crate::realtime::TickTiming;
 use crate::robot::DriveFingerprint;
 
-/// The first bytes of every file.
 const MAGIC: [u8; 8] = *b"I2RISBOX";
 /// Format version that this software writes and reads.
 pub(super) const VERSION: u32 = 14;
 /// Bytes before the content.
 const HEAD: usize = 8 + 4 + 8 + 32;
 
-/// The content of a file.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct BlackBox {
-    /// Origin.
     pub header: BlackBoxHeader,
     /// The configuration, as TOML.
     pub config: String,
@@ -46,7 +43,6 @@ pub struct BlackBox {
     pub offers: Vec<OfferRecord>,
     /// The state of the cycle, once a second.
     pub snapshots: Vec<CycleSnapshot>,
-    /// Every tick.
     pub ticks: Vec<TickRecord>,
 }
 
@@ -55,7 +51,6 @@ pub struct BlackBox {
 pub struct BlackBoxHeader {
     /// Version of the software, with its commit.
     pub software: String,
-    /// Identifies the start of the controller.
     pub boot_id: u64,
     /// Why the file was written.
     pub cause: String,
@@ -63,7 +58,6 @@ pub struct BlackBoxHeader {
     pub written: String,
     /// Ticks lost since the start because the recorder was too slow.
     pub lost: u64,
-    /// The settings of the drives.
     pub drives: Vec<DriveFingerprint>,
 }
 
@@ -73,11 +67,23 @@ pub struct OfferRecord {
     /// [`TickRecord::offered`].
     pub number: u64,
     pub model: ModelId,
-    /// State of the model.
     pub carried: CandidateState,
 }
 
-/// Why a file cannot be read or written.
+/// One tick, as the loop saw it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct TickRecord {
+    /// Counts up by one; the first tick after the start is 1.
+    pub number: u64,
+    /// The model that was passed to the cycle before the tick: number of its
+    /// [`OfferRecord`].
+    pub offered: Option<u64>,
+    pub inputs: CycleInputs,
+    pub outputs: CycleOutputs,
+    /// Timing. `timing.tick.started` is the time argument of the cycle.
+    pub timing: TickTiming,
+}
+
 #[derive(Debug, thiserror::Error)]
 pub enum BlackBoxError {
     #[error("cannot {action} black box {path}: {source}")]
@@ -97,7 +103,6 @@ pub enum BlackBoxError {
         path: PathBuf,
         /// Length according to its header.
         expected: u64,
-        /// Length of the file.
         found: u64,
     },
     #[error("black box {0} is damaged: its checksum does not match its content; copy it again")]
@@ -117,7 +122,6 @@ impl BlackBoxError {
 }
 
 impl BlackBox {
-    /// The file as bytes.
     pub fn to_bytes(&self) -> Result<Vec<u8>, postcard::Error> {
         let body = postcard::to_allocvec(self)?;
         Ok(with_head(&body))
@@ -151,7 +155,6 @@ impl BlackBox {
             .map_err(|error| BlackBoxError::Decode { path: path(), reason: error.to_string() })
     }
 
-    /// Reads a file.
     pub fn read(path: &Path) -> Result<Self, BlackBoxError> {
         let bytes = std::fs::read(path).map_err(BlackBoxError::io("read", path))?;
         Self::from_bytes(&bytes, path)

@@ -1,4 +1,4 @@
-//! The last seconds in shared memory, in case the controller is killed.
+//! The last seconds, tick by tick: in memory, and in shared memory in case of SIGKILL.
 //!
 //! The black-box thread writes every tick into one of two files in the folder of the domain,
 //! on a tmpfs: they survive the process, no call waits for a disk, and no disk wears out. Each file
@@ -9,6 +9,7 @@
 //! A file is the format version, then records, each after its length (u32, little-endian).
 //! An incomplete last record is ignored.
 
+use std::collections::VecDeque;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::OpenOptionsExt;
@@ -16,12 +17,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::file::{BlackBox, BlackBoxHeader, OfferRecord, VERSION};
-use super::ring::TickRecord;
+use super::file::{BlackBox, BlackBoxHeader, OfferRecord, TickRecord, VERSION};
 use crate::core::CycleSnapshot;
 use crate::units::Nanos;
 
-/// One record of a file.
 #[derive(Debug, Serialize, Deserialize)]
 enum Record {
     /// The first record: number of the file since the start, and a black box without ticks.
@@ -32,7 +31,6 @@ enum Record {
     Tick(Box<TickRecord>),
 }
 
-/// The two files.
 #[derive(Debug)]
 pub(super) struct LiveFiles {
     /// Empty without a folder for them.
@@ -76,12 +74,10 @@ impl LiveFiles {
         self.write(&Record::Snapshot(Box::new(*snapshot)));
     }
 
-    /// Adds a tick.
     pub(super) fn push_tick(&mut self, tick: &TickRecord) {
         self.write(&Record::Tick(Box::new(*tick)));
     }
 
-    /// Adds a model that was passed to the cycle.
     pub(super) fn push_offer(&mut self, offer: &OfferRecord, model: Vec<u8>) {
         self.write(&Record::Offer(Box::new(offer.clone()), model));
     }
@@ -175,6 +171,51 @@ fn next(bytes: &mut &[u8]) -> Option<Record> {
     let (record, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
     *bytes = rest;
     postcard::from_bytes(record).ok()
+}
+
+/// The last seconds, tick by tick, starting at a snapshot. Grows to its full size once.
+#[derive(Debug)]
+pub(super) struct Ring {
+    span: Nanos,
+    ticks: VecDeque<TickRecord>,
+    snapshots: VecDeque<CycleSnapshot>,
+}
+
+impl Ring {
+    /// Keeps `span` plus up to one interval between two snapshots.
+    pub(super) fn new(span: Nanos) -> Self {
+        Self { span, ticks: VecDeque::new(), snapshots: VecDeque::new() }
+    }
+
+    pub(super) fn push(&mut self, tick: TickRecord) {
+        self.ticks.push_back(tick);
+    }
+
+    /// Adds a snapshot, and drops everything before the last snapshot that is older than the span.
+    pub(super) fn push_snapshot(&mut self, snapshot: CycleSnapshot) {
+        self.snapshots.push_back(snapshot);
+        let Some(newest) = self.ticks.back().map(|tick| tick.timing.tick.started) else {
+            return;
+        };
+        while let Some(second) = self.snapshots.get(1).map(CycleSnapshot::ticks) {
+            let begin = self.ticks.partition_point(|tick| tick.number <= second);
+            let first = self.ticks.get(begin).map(|tick| tick.timing.tick.started);
+            if first.is_none_or(|first| newest.duration_since(first) < self.span) {
+                return;
+            }
+            self.ticks.drain(..begin);
+            self.snapshots.pop_front();
+        }
+    }
+
+    /// The ticks, oldest first. A gap in the numbers means lost ticks.
+    pub(super) fn ticks(&self) -> impl Iterator<Item = &TickRecord> {
+        self.ticks.iter()
+    }
+
+    pub(super) fn snapshots(&self) -> impl Iterator<Item = &CycleSnapshot> {
+        self.snapshots.iter()
+    }
 }
 
 #[cfg(test)]

@@ -2,9 +2,8 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `ring` | the last seconds, tick by tick |
 //! | `file` | the file: versioned, with a checksum |
-//! | `live` | the last seconds in shared memory: they survive SIGKILL |
+//! | `live` | the last seconds, tick by tick; in shared memory they survive SIGKILL |
 //! | `recorder` | fills the ring; writes the file on FAULT, on request, at exit, after SIGKILL |
 //! | `replay` | the same ticks through the same cycle, compared bit by bit |
 //!
@@ -22,11 +21,9 @@ mod file;
 mod live;
 mod recorder;
 mod replay;
-mod ring;
 
 pub use crate::core::CycleSnapshot;
-pub use file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
+pub use file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord, TickRecord};
 pub(super) use recorder::{RecordedRun, write_failed_start};
 pub use recorder::{Recorder, RecorderChannels, RecorderRequest, WriteReply};
 pub use replay::{ReplayDifference, ReplayError, ReplayResult, replay};
-pub use ring::TickRecord;

@@ -12,10 +12,8 @@ use std::sync::mpsc::{Receiver, Sender};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord, create_whole};
-use super::live::LiveFiles;
-use super::ring::{Ring, TickRecord};
-use crate::clock;
+use super::file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord, TickRecord, create_whole};
+use super::live::{LiveFiles, Ring};
 use crate::config::Config;
 use crate::core::{CycleEventKind, CycleSnapshot};
 use crate::drive::capture::{Capture, file};
@@ -23,7 +21,7 @@ use crate::ipc::Domain;
 use crate::model::{Model, ModelId};
 use crate::robot::{DriveFingerprint, OperatingState};
 use crate::units::Nanos;
-use crate::wall_clock;
+use crate::{clock, wall_clock};
 
 /// Ticks that the recorder may lag: four seconds at 1 kHz.
 const TICKS: usize = 4096;
@@ -61,7 +59,6 @@ pub type WriteReply = (u64, Result<(PathBuf, u64), String>);
 
 /// Endpoints of the loop.
 pub struct RecorderChannels {
-    /// Every tick.
     pub ticks: Producer<TickRecord>,
     /// The state of the cycle, once a second.
     pub snapshots: Producer<CycleSnapshot>,
@@ -78,12 +75,10 @@ pub struct Recorder {
     waiting: Option<CycleSnapshot>,
     ring: Ring,
     live: LiveFiles,
-    /// Captures of the serial ports.
     captures: Vec<Capture>,
     drives: Vec<DriveFingerprint>,
     models: BTreeMap<ModelId, Arc<Model>>,
     offers: VecDeque<OfferRecord>,
-    /// Number of the newest tick.
     newest: u64,
     lost: u64,
     /// Time of a fault whose file is not yet written.
@@ -97,20 +92,14 @@ pub struct Recorder {
 pub(crate) struct RecordedRun {
     /// Configuration, with the exchanges of the serial lines.
     pub config: Config,
-    /// Version and commit.
     pub software: String,
-    /// Identifies the run.
     pub boot_id: u64,
-    /// The model at the start.
     pub model: Option<Arc<Model>>,
-    /// Captures of the serial ports.
     pub captures: Vec<Capture>,
-    /// Settings of the drives.
     pub drives: Vec<DriveFingerprint>,
 }
 
 impl Recorder {
-    /// A recorder, and the endpoints of the loop.
     pub(crate) fn new(run: RecordedRun) -> (Self, RecorderChannels) {
         let RecordedRun { config, software, boot_id, model, captures, drives } = run;
         let (ticks_in, ticks) = RingBuffer::new(TICKS);
@@ -245,7 +234,6 @@ impl Recorder {
         self.models.retain(|id, _| used.contains(id));
     }
 
-    /// The models of the ring and of the offers.
     fn used_models(&self) -> impl Iterator<Item = ModelId> {
         let in_snapshots = self.ring.snapshots().flat_map(CycleSnapshot::models);
         in_snapshots.chain(self.offers.iter().map(|offer| offer.model))
@@ -316,7 +304,6 @@ pub(crate) fn write_failed_start(
     write_captures(captures, &path, software).map(|()| path)
 }
 
-/// Writes the serial traffic.
 fn write_captures(captures: &[Capture], path: &Path, software: &str) -> Result<(), BlackBoxError> {
     let ports: Vec<_> = captures.iter().map(Capture::read).collect();
     let wall_offset = wall_clock::unix_time().duration_since(clock::now());

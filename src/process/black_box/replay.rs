@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::file::{BlackBox, OfferRecord};
-use super::ring::TickRecord;
+use super::file::{BlackBox, OfferRecord, TickRecord};
 use crate::config::{Config, ConfigError};
 use crate::core::cycle::ControlCycle;
 use crate::core::{CycleOutputs, CycleSnapshot, ModelCandidate};
@@ -13,7 +12,6 @@ use crate::model::file::ModelFile;
 use crate::model::{Model, ModelError, ModelId};
 use crate::robot::Refusal;
 
-/// Why a black box cannot be replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
     #[error(transparent)]
@@ -28,7 +26,6 @@ pub enum ReplayError {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplayResult {
-    /// Number of replayed ticks.
     pub ticks: u64,
     /// Number of these ticks with a model swap.
     pub swaps: u64,
@@ -41,13 +38,10 @@ pub struct ReplayResult {
 /// A tick with different outputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplayDifference {
-    /// The tick.
     pub number: u64,
     /// The first field of [`CycleOutputs`] that differs.
     pub field: &'static str,
-    /// Recorded value.
     pub recorded: String,
-    /// Replayed value.
     pub replayed: String,
 }
 
