@@ -4,7 +4,6 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::numbered_enum::numbered_enum;
 use crate::units::Nanos;
 
 numbered_enum! {

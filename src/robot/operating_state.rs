@@ -1,7 +1,5 @@
 //! The operating states of the robot, causes of FAULT, and reasons for uncommanded stops.
 
-use super::numbered_enum::numbered_enum;
-
 numbered_enum! {
     /// States of the robot (CRTK).
     OperatingState {

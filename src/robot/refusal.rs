@@ -1,7 +1,5 @@
 //! Reasons for refusing a command.
 
-use super::numbered_enum::numbered_enum;
-
 /// Number of clients with a refusal entry: as many as can send at the same time.
 pub const REFUSED_CLIENTS: usize = 8;
 

@@ -1,6 +1,8 @@
-//! The phases of a drive.
+//! Phases, power and settings of a drive.
 
-use super::numbered_enum::numbered_enum;
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
 
 numbered_enum! {
     /// Phase of an axis: the state of driver and drive together.
@@ -77,4 +79,20 @@ impl AxisPhase {
             | Self::Disabling => DrivePower::On,
         }
     }
+}
+
+/// Every setting of a drive that can be read.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DriveFingerprint {
+    /// Index of its motor.
+    pub motor: usize,
+    /// Its family, `EPOS2` or `EPOS4`.
+    pub family: String,
+    /// Version of the firmware, in hexadecimal as maxon writes it.
+    pub firmware: String,
+    /// Serial number.
+    pub serial_number: u32,
+    /// Values by object, such as `0x3001:02`. Objects that the drive does not have are absent.
+    pub settings: BTreeMap<String, i64>,
 }
