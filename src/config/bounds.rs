@@ -4,7 +4,7 @@
 use toml::Value;
 
 use super::Config;
-use super::finding::Findings;
+use super::validation::Findings;
 
 /// Ceilings far above any motor here: a value beyond is a mistake, for example a wrong unit.
 pub(super) const MAX_COUNTS: f64 = 1e7;

@@ -11,20 +11,14 @@
 //! | `line_timing` | capacity of a serial line, and the limits that follow |
 //! | `virtual_fixtures` | forbidden regions and their shapes |
 //! | `bounds` | the range of every key with a number |
-//! | `validation` | checks of related values |
-//! | `finding` | problem of a value |
-//! | `zero_is_off` | features that are on by default and can be switched off |
+//! | `validation` | checks of related values, and findings |
 
 mod bounds;
-mod finding;
 mod line_timing;
 mod ports;
-#[cfg(test)]
-mod schema_file;
 mod sections;
 mod validation;
 mod virtual_fixtures;
-mod zero_is_off;
 
 use std::path::{Path, PathBuf};
 
@@ -35,7 +29,6 @@ use crate::file_permissions::{MAX_CONFIG_BYTES, UntrustedFile, read_trusted};
 use crate::model::file::{OutputSpec, OutputUnit};
 use crate::model::{Model, ModelError};
 
-pub use finding::Finding;
 pub use line_timing::LineBounds;
 pub(crate) use line_timing::{CURRENT_BOUND_TURNS, POSITION_BOUND_TURNS, STATUS_BOUND_TURNS};
 pub use ports::{AxisConfig, Family, HomingMethod, PortConfig, Streaming};
@@ -43,6 +36,7 @@ pub use sections::{
     AdaptationConfig, CommandConfig, CompensationConfig, ControlConfig, JointLimitConfig,
     LimitConfig, ModemLine, WatchdogConfig,
 };
+pub use validation::Finding;
 pub use virtual_fixtures::{FixtureRegionConfig, FixtureShape, MAX_CORNERS, MAX_REGIONS};
 
 /// The whole file.
@@ -111,7 +105,7 @@ pub enum ConfigError {
     },
     #[error("configuration {0}")]
     Untrusted(UntrustedFile),
-    #[error("configuration {path} is not valid: {source}{}", finding::hint(.source.message()))]
+    #[error("configuration {path} is not valid: {source}{}", validation::hint(.source.message()))]
     Parse {
         path: PathBuf,
         /// Line, column and what was expected.

@@ -120,7 +120,7 @@ pub struct LimitConfig {
     /// Motor current that leads to FAULT, in mA: below `current_limit_ma`, above the current of a
     /// quick start. It has to last 200 ms, or the time in which the slowest line reads the current
     /// twice. 0: only the drive limits the current; a warning is logged at every start.
-    #[serde(with = "super::zero_is_off")]
+    #[serde(with = "zero_is_off")]
     #[cfg_attr(test, schemars(with = "u32"))]
     pub over_current_ma: Option<u32>,
     /// Overruns (ticks that begin at least a period late) within a second that lead to FAULT. 0:
@@ -177,7 +177,7 @@ pub struct CompensationConfig {
     /// Amplitude of the first turn of the conditioning cycle, counts of every motor, around the
     /// start. The range that the model needs and the position limits have priority. 0: the
     /// calibrated hull of the model; 500 without a model.
-    #[serde(with = "super::zero_is_off")]
+    #[serde(with = "zero_is_off")]
     #[cfg_attr(test, schemars(with = "i32"))]
     pub conditioning_counts: Option<i32>,
 }
@@ -206,11 +206,11 @@ pub struct JointLimitConfig {
     pub position_max_deg: Option<Vec<f64>>,
     /// Velocity of every angle, degrees per second. 0: no limit. `move_jp` uses half this limit, at
     /// most 10 deg/s.
-    #[serde(with = "super::zero_is_off")]
+    #[serde(with = "zero_is_off")]
     #[cfg_attr(test, schemars(with = "f64"))]
     pub velocity_deg_s: Option<f64>,
     /// Acceleration of every angle, degrees per second squared. 0: no limit.
-    #[serde(with = "super::zero_is_off")]
+    #[serde(with = "zero_is_off")]
     #[cfg_attr(test, schemars(with = "f64"))]
     pub acceleration_deg_s2: Option<f64>,
     /// Jerk of every angle, degrees per second cubed. Needs `acceleration_deg_s2`. It delays by
@@ -286,4 +286,25 @@ pub(super) fn window_ticks(acceleration: f64, jerk: f64, tick: Nanos) -> u32 {
     // Rounding may not make a window of 20 ticks one of 21.
     let ticks = 2.0 * acceleration / (jerk * tick.as_seconds()) - 1e-9;
     ticks.ceil().clamp(1.0, 1e6) as u32
+}
+
+/// A number that is 0 in the file where there is none in the program, so that what is on by default
+/// can be switched off.
+mod zero_is_off {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<T: Serialize + Default, S: Serializer>(
+        value: &Option<T>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        value.as_ref().unwrap_or(&T::default()).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, T, D>(deserializer: D) -> Result<Option<T>, D::Error>
+    where
+        T: Deserialize<'de> + Default + PartialEq,
+        D: Deserializer<'de>,
+    {
+        Ok(Some(T::deserialize(deserializer)?).filter(|value| *value != T::default()))
+    }
 }

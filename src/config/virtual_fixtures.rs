@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::finding::Findings;
+use super::validation::Findings;
 
 /// Regions at the same time, also with those of requests.
 pub const MAX_REGIONS: usize = 8;
