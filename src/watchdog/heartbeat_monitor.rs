@@ -7,9 +7,7 @@ use crate::units::{MAX_AXES, Nanos};
 pub enum ControllerStatus {
     /// No controller serves the domain.
     Absent,
-    /// The controller has just started.
     Started,
-    /// Its loop runs.
     Alive,
     /// It ended after it had switched its drives off.
     Ended,
@@ -19,7 +17,6 @@ pub enum ControllerStatus {
     Hangs,
 }
 
-/// Monitors the heartbeat of a controller.
 #[derive(Debug)]
 pub struct HeartbeatMonitor {
     silence: Nanos,
@@ -43,7 +40,6 @@ impl HeartbeatMonitor {
         Self { silence, last: None, owing: 0, silent: [false; MAX_AXES] }
     }
 
-    /// Age of the last heartbeat.
     pub fn age(&self, now: Nanos) -> Nanos {
         self.last.map_or(Nanos::ZERO, |last| now - last.heartbeat.stamp)
     }

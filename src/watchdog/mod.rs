@@ -8,8 +8,7 @@
 //! | file | content |
 //! |---|---|
 //! | `heartbeat_monitor` | status of the controller: a pure function of heartbeats and time |
-//! | `shared_port` | a port that is also open in the controller; quick stop through it |
-//! | `unstopped` | ports whose drives could not be stopped, for retries |
+//! | `shared_port` | a port that is also open in the controller; quick stop through it, retries |
 //! | `pulse` | a modem line that toggles while all is well, for a relay on the STO inputs |
 //! | `event` | events for the log |
 //!
@@ -29,27 +28,25 @@ mod event;
 mod heartbeat_monitor;
 mod pulse;
 mod shared_port;
-mod unstopped;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use crate::clock;
 use crate::config::Config;
 use crate::drive::line_turn::TAKE_OVER;
 use crate::drive::quick_stop::STOP_ATTEMPTS;
 use crate::ipc::Domain;
 use crate::ipc::heartbeat::HeartbeatReader;
 use crate::ipc::watchdog_presence::WatchdogPresence;
-use crate::service_manager;
 use crate::units::Nanos;
+use crate::{clock, service_manager};
 
 pub use event::{AxisStop, WatchdogEvent};
 pub use heartbeat_monitor::{ControllerStatus, HeartbeatMonitor};
 use pulse::Pulse;
 pub use pulse::PulseLine;
 pub use shared_port::SharedPort;
-use unstopped::{PendingStops, is_complete_stop};
+use shared_port::{PendingStops, is_complete_stop};
 
 /// Period of reading the heartbeat.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
@@ -72,14 +69,10 @@ const ALL_OWING: u8 = u8::MAX;
 /// watchdog has priority over every controller thread, so 50 missed ticks are not its own delay.
 pub const DEFAULT_SILENCE: Nanos = TAKE_OVER;
 
-/// The subject of a watchdog.
 #[derive(Debug, Clone, Copy)]
 pub struct Watched<'a> {
-    /// Configuration of the controller.
     pub config: &'a Config,
-    /// Domain of the controller.
     pub domain: &'a Domain,
-    /// Kept up to date.
     pub presence: &'a WatchdogPresence,
     /// Age of a heartbeat at which the watchdog acts.
     pub silence: Nanos,
@@ -158,7 +151,6 @@ pub fn run(watched: Watched<'_>, stop: &AtomicBool, report: &mut dyn FnMut(Watch
     true
 }
 
-/// The ports and the status of their controller.
 struct Watch<'a> {
     ports: Vec<SharedPort>,
     reader: HeartbeatReader,

@@ -11,13 +11,12 @@
 //! off: power does not return automatically.
 
 use std::fs::{File, OpenOptions};
-use std::io;
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, AtomicU64, Ordering};
-use std::thread;
+use std::{io, thread};
 
 use nix::errno::Errno;
 use nix::libc;
@@ -109,7 +108,6 @@ impl PulseGate {
     }
 }
 
-/// The pulse of a watchdog.
 #[derive(Debug)]
 pub(super) struct Pulse {
     gate: PulseGate,
@@ -134,7 +132,6 @@ impl Pulse {
         Ok(Self { gate: PulseGate::new(silence), shared, reported: 0 })
     }
 
-    /// Permits or ends the pulse.
     pub(super) fn update(&mut self, heartbeat: Option<Heartbeat>, now: Nanos) {
         let until = if self.gate.is_open(heartbeat, now) { now + PERMISSION } else { Nanos::ZERO };
         self.shared.until.store(until.0, Ordering::Release);
