@@ -76,7 +76,6 @@ pub(crate) fn keep_normal(loop_cpu: Option<usize>) {
     }
 }
 
-/// Present scheduling of the calling thread.
 pub(crate) fn read_back() -> Granted {
     Granted {
         priority: fifo_priority(),
