@@ -35,7 +35,6 @@ Exit codes:
   8  ended, but a drive did not confirm power-off: cut its power
 ";
 
-/// Request of the command line.
 enum Request {
     Help,
     Version,
@@ -61,7 +60,6 @@ fn code(failure: &Failure) -> u8 {
     }
 }
 
-/// A wrong command line.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}; see i2ris-control --help")]
 struct UsageError(lexopt::Error);
@@ -87,7 +85,6 @@ fn print(text: &str) -> Result<(), Failure> {
     Ok(io::stdout().write_all(text.as_bytes())?)
 }
 
-/// Reads the command line.
 fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Request, lexopt::Error> {
     let mut parser = lexopt::Parser::from_args(arguments);
     let (mut config, mut note) = (None, String::new());

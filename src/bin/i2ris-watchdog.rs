@@ -69,7 +69,6 @@ fn code(failure: &Failure) -> u8 {
     }
 }
 
-/// A wrong command line.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}; see i2ris-watchdog --help")]
 struct UsageError(lexopt::Error);
@@ -121,7 +120,6 @@ fn print(log: &mut ConsoleLog, line: std::fmt::Arguments<'_>) {
     let _ = writeln!(log, "[{:12.6}] {line}", clock::now().as_seconds());
 }
 
-/// Reads the command line.
 fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Request, lexopt::Error> {
     let mut parser = lexopt::Parser::from_args(arguments);
     let (mut config, mut silence) = (None, watchdog::DEFAULT_SILENCE);
