@@ -38,11 +38,18 @@ pub mod run_log;
 mod start_up;
 mod threads;
 
-use std::fmt::Display;
+use std::error::Error;
 use std::io::{self, Write};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
+use lexopt::Arg::{Long, Short};
+use lexopt::Parser;
+
+use crate::COMMIT;
+use crate::config::{Config, ConfigError};
 use console_log::ConsoleLog;
+use controller::ControllerError;
 pub use payload_conversion::{operating_state, robot_description};
 
 /// Makes a write beyond the file-size limit fail, as on a full disk. By default it kills the
@@ -52,13 +59,64 @@ pub fn survive_file_size_limit() {
     let _ = unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
 }
 
+/// Why a process ends.
+pub type Failure = Box<dyn Error>;
+
+#[derive(Debug, thiserror::Error)]
+#[error("{error}; see {program} --help")]
+struct UsageError {
+    program: &'static str,
+    error: lexopt::Error,
+}
+
+/// The configuration that the command line names; `None`: help or version was asked for and is
+/// printed. `option` reads an option of this program alone, or says that it is not one.
+pub fn read_command_line(
+    program: &'static str,
+    help: &str,
+    mut option: impl FnMut(&str, &mut Parser) -> Result<bool, lexopt::Error>,
+) -> Result<Option<Config>, Failure> {
+    let mut parser = Parser::from_args(std::env::args_os().skip(1));
+    let mut parse = || {
+        let mut config = None;
+        while let Some(argument) = parser.next()? {
+            match argument {
+                Short('h') | Long("help") => return Ok(Err(help.to_owned())),
+                Short('V') | Long("version") => {
+                    let version = env!("CARGO_PKG_VERSION");
+                    return Ok(Err(format!("{program} {version} ({COMMIT})\n")));
+                }
+                Short('c') | Long("config") => config = Some(PathBuf::from(parser.value()?)),
+                Long(name) => {
+                    let name = name.to_owned();
+                    if !option(&name, &mut parser)? {
+                        return Err(Long(&name).unexpected());
+                    }
+                }
+                other => return Err(other.unexpected()),
+            }
+        }
+        Ok(Ok(config.ok_or("no configuration: use --config FILE")?))
+    };
+    match parse().map_err(|error| UsageError { program, error })? {
+        Ok(path) => Ok(Some(Config::load_for_process(&path)?)),
+        Err(text) => Ok(io::stdout().write_all(text.as_bytes()).map(|()| None)?),
+    }
+}
+
+/// The same codes as those of `i2ris`.
+fn exit_code(failure: &Failure) -> u8 {
+    match failure.downcast_ref() {
+        _ if failure.is::<UsageError>() => 2,
+        _ if failure.is::<ConfigError>() => 6,
+        Some(ControllerError::Powered { .. }) => 8,
+        _ => 1,
+    }
+}
+
 /// Main function of a process: starts the log and prints the final error. The log has its own
-/// thread, because a blocked terminal must not delay stopping the drives. `code`: exit code of a
-/// failure.
-pub fn run_process<E: Display>(
-    start: impl FnOnce(&mut ConsoleLog) -> Result<(), E>,
-    code: impl FnOnce(&E) -> u8,
-) -> ExitCode {
+/// thread, because a blocked terminal must not delay stopping the drives.
+pub fn run_process(start: impl FnOnce(&mut ConsoleLog) -> Result<(), Failure>) -> ExitCode {
     survive_file_size_limit();
     let mut log = match ConsoleLog::start(io::stderr()) {
         Ok(log) => log,
@@ -72,7 +130,7 @@ pub fn run_process<E: Display>(
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             let _ = writeln!(log, "error: {failure}");
-            ExitCode::from(code(&failure))
+            ExitCode::from(exit_code(&failure))
         }
     }
 }
