@@ -2,7 +2,7 @@
 //! robot reads it.
 
 use std::fmt;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use crate::units::Nanos;
 
@@ -18,21 +18,17 @@ pub struct WallTime {
 
 /// The present date and time.
 pub fn now() -> WallTime {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    WallTime::from_unix_seconds(since.as_secs())
+    ago(Nanos::ZERO)
 }
 
 /// Time since 1970-01-01 00:00 UTC.
 pub fn unix_time() -> Nanos {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Nanos(u64::try_from(since.as_nanos()).unwrap_or(u64::MAX))
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().into()
 }
 
 /// Date and time this long ago.
 pub fn ago(span: Nanos) -> WallTime {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    let then = since.saturating_sub(Duration::from_nanos(span.0));
-    WallTime::from_unix_seconds(then.as_secs())
+    WallTime::from_unix_seconds((unix_time() - span).0 / 1_000_000_000)
 }
 
 impl WallTime {
