@@ -231,7 +231,8 @@ fn lock_domain(domain: &Domain) -> Result<File, DomainError> {
             Err(errno) => return Err(DomainError::io("lock", &path)(errno.into())),
         }
         if is_same_file(&file, &path) {
-            write_pid(&mut file).map_err(DomainError::io("write", &path))?;
+            let written = file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id()));
+            written.map_err(DomainError::io("write", &path))?;
             return Ok(file);
         }
     }
@@ -242,11 +243,6 @@ fn is_same_file(file: &File, path: &Path) -> bool {
         (Ok(ours), Ok(there)) => (ours.dev(), ours.ino()) == (there.dev(), there.ino()),
         _ => false,
     }
-}
-
-fn write_pid(file: &mut File) -> io::Result<()> {
-    file.set_len(0)?;
-    writeln!(file, "{}", std::process::id())
 }
 
 fn read_pid(file: &mut File) -> Option<u32> {

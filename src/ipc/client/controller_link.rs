@@ -89,8 +89,7 @@ impl ControllerLink {
     }
 
     fn no_controller(&self) -> ClientError {
-        let domain = self.domain.name().to_owned();
-        ClientError::NoController(domain)
+        ClientError::NoController(self.domain.name().to_owned())
     }
 }
 

@@ -12,8 +12,8 @@ use crate::units::Nanos;
 
 /// Errors of the client library.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say it")]
 pub enum ClientError {
-    /// The domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
     /// No controller serves the domain. Try again: every client finds a controller that starts
@@ -24,28 +24,16 @@ pub enum ClientError {
         domain = .0
     )]
     NoController(String),
-    /// The controller has another version of the interface.
     #[error(
         "the controller of domain `{domain}` has interface version {found}, this program \
          {INTERFACE_VERSION}: use the same release for both"
     )]
-    Interface {
-        /// The domain.
-        domain: String,
-        /// The controller's version.
-        found: u32,
-    },
-    /// A call into iceoryx2 failed.
+    Interface { domain: String, found: u32 },
     #[error(transparent)]
     Transport(#[from] TransportError),
     /// More values than a payload holds, or none.
     #[error("{given} values given: a command carries 1 to {limit}")]
-    Count {
-        /// Number of values.
-        given: usize,
-        /// Maximum.
-        limit: usize,
-    },
+    Count { given: usize, limit: usize },
     /// The controller refused a state command and changed nothing.
     #[error(
         "the controller refuses `{command}` in state {}: {}",
@@ -53,60 +41,27 @@ pub enum ClientError {
         Reason { cause: Cause::Refusal(*.refusal), measurement: *.measurement }
     )]
     Refused {
-        /// The command.
         command: StateCommand,
-        /// Reason.
         refusal: Refusal,
-        /// Measured value, if known.
         measurement: Option<Measurement>,
         /// State of the robot; `None`: a number that this program does not know.
         state: Option<OperatingState>,
     },
     /// The controller refused a request about models. The model in use stays in use.
     #[error("the controller refuses to {action} a model: {}", reason(message, *.refusal))]
-    ModelRefused {
-        /// The request.
-        action: ModelAction,
-        /// Reason.
-        refusal: Refusal,
-        /// Reason in words; may be empty.
-        message: String,
-    },
-    /// No black box was written.
+    ModelRefused { action: ModelAction, refusal: Refusal, message: String },
     #[error("the controller wrote no black box: {0}")]
     BlackBox(String),
-    /// A path that does not fit into a request.
     #[error("the path {path} does not fit into a request: at most {limit} bytes and no byte 0")]
-    Path {
-        /// The path.
-        path: PathBuf,
-        /// Maximum length, bytes.
-        limit: usize,
-    },
+    Path { path: PathBuf, limit: usize },
     /// The controller is present but did not reply.
     #[error("the controller did not answer `{request}` within {} ms; see its log", ms(*.waited))]
-    NoReply {
-        /// The request.
-        request: &'static str,
-        /// Time waited.
-        waited: Nanos,
-    },
+    NoReply { request: &'static str, waited: Nanos },
     /// The controller replied with a number that this program does not know.
     #[error("the controller answered `{request}` with {number}, which this program does not know")]
-    Unknown {
-        /// The request.
-        request: &'static str,
-        /// The number.
-        number: u32,
-    },
-    /// An accepted command was interrupted.
+    Unknown { request: &'static str, number: u32 },
     #[error("`{command}` was not carried out: {}", Reason::from(*.cause))]
-    Interrupted {
-        /// The command.
-        command: StateCommand,
-        /// Cause of the interruption.
-        cause: Cause,
-    },
+    Interrupted { command: StateCommand, cause: Cause },
     /// An accepted command ended for an unknown reason, without its effect.
     #[error("the effect of `{command}` is not confirmed; {}", see(*.0), command = .0)]
     NotConfirmed(StateCommand),

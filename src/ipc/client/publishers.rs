@@ -27,8 +27,7 @@ pub(super) struct CommandPublisher<T: Payload> {
 
 impl<T: Payload> CommandPublisher<T> {
     pub(super) fn new(stream: Stream) -> Self {
-        let port = SessionPort::default();
-        Self { stream, port }
+        Self { stream, port: SessionPort::default() }
     }
 
     /// Sends the message that `message` makes at the present time to the controller.
@@ -69,9 +68,7 @@ pub(super) fn padded<T: Copy + Default, const N: usize>(
     let mut array = [T::default(); N];
     match array.get_mut(..values.len()) {
         Some(entries) if !values.is_empty() => entries.copy_from_slice(values),
-        _ => {
-            return Err(ClientError::Count { given: values.len(), limit: N });
-        }
+        _ => return Err(ClientError::Count { given: values.len(), limit: N }),
     }
     Ok((array, values.len() as u32))
 }
@@ -113,8 +110,7 @@ pub struct Announcer<T: Announcement> {
 
 impl<T: Announcement> Announcer<T> {
     pub(super) fn new(link: &Arc<ControllerLink>) -> Self {
-        let publisher = CommandPublisher::new(T::STREAM);
-        Self { link: Arc::clone(link), publisher, sequence: 0 }
+        Self { link: Arc::clone(link), publisher: CommandPublisher::new(T::STREAM), sequence: 0 }
     }
 
     /// Publishes a message; client, sequence number and time are filled in. It is sent even

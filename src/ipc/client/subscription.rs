@@ -30,8 +30,7 @@ impl Watcher {
     }
 
     pub(super) fn with_link(link: &Arc<ControllerLink>) -> Self {
-        let link = Arc::clone(link);
-        Self { link }
+        Self { link: Arc::clone(link) }
     }
 
     fn subscription<T: Message>(&self, stream: Stream) -> Subscription<T> {
