@@ -35,8 +35,6 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     let mut findings = Findings::default();
     bounds::check(config, &mut findings);
     check_process(config, &mut findings);
-    check_command(config, &mut findings);
-    check_watchdog(config, &mut findings);
     check_limits(config, &mut findings);
     check_joint_limits(config, &mut findings);
     virtual_fixtures::check(&config.virtual_fixtures, &mut findings);
@@ -45,6 +43,7 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     findings.0
 }
 
+/// Values of tables that are checked by one rule.
 fn check_process(config: &Config, findings: &mut Findings) {
     let domain = &config.domain;
     let is_plain = domain.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
@@ -54,6 +53,18 @@ fn check_process(config: &Config, findings: &mut Findings) {
         domain,
         "must be 1 to 32 letters, digits or `-`, because it names files",
     );
+    let command = &config.command;
+    findings.require(
+        (command.deadline_ms..=60_000).contains(&command.lease_timeout_ms),
+        "command.lease_timeout_ms",
+        command.lease_timeout_ms,
+        "must be between the deadline and 60000",
+    );
+    if let Some(pulse) = &config.watchdog {
+        let is_free = config.ports.iter().all(|port| port.device != pulse.device);
+        let why = "is the port of a drive: the pulse needs an adapter of its own";
+        findings.require(is_free, "watchdog.device", pulse.device.display(), why);
+    }
 }
 
 /// No shell reads the file.
@@ -73,24 +84,6 @@ fn check_paths(config: &Config, findings: &mut Findings) {
         let is_plain = !text.starts_with('~') && !text.contains('$');
         findings.require(is_plain, key, text, "is not expanded by a shell: write the full path");
     }
-}
-
-fn check_watchdog(config: &Config, findings: &mut Findings) {
-    if let Some(pulse) = &config.watchdog {
-        let is_free = config.ports.iter().all(|port| port.device != pulse.device);
-        let why = "is the port of a drive: the pulse needs an adapter of its own";
-        findings.require(is_free, "watchdog.device", pulse.device.display(), why);
-    }
-}
-
-fn check_command(config: &Config, findings: &mut Findings) {
-    let command = &config.command;
-    findings.require(
-        (command.deadline_ms..=60_000).contains(&command.lease_timeout_ms),
-        "command.lease_timeout_ms",
-        command.lease_timeout_ms,
-        "must be between the deadline and 60000",
-    );
 }
 
 fn check_limits(config: &Config, findings: &mut Findings) {
