@@ -80,15 +80,14 @@ impl AxisFeedback {
         match self.phase.power() {
             _ if self.stamp < oldest => DrivePower::NotKnown,
             // It may still ramp down.
-            DrivePower::Off if self.phase == AxisPhase::Faulted && !self.is_at_fault() => {
+            DrivePower::Off
+                if self.phase == AxisPhase::Faulted
+                    && Statusword(self.statusword).state() != Some(DriveState::Fault) =>
+            {
                 DrivePower::On
             }
             power => power,
         }
-    }
-
-    fn is_at_fault(&self) -> bool {
-        Statusword(self.statusword).state() == Some(DriveState::Fault)
     }
 }
 

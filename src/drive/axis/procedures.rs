@@ -14,7 +14,6 @@ use crate::drive::family::{HomingPlan, ObjectMap};
 use crate::drive::object::{Address, Setting, Value};
 use crate::units::Counts;
 
-/// Status of a procedure after a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum ProcedureStatus {
     Running,
@@ -41,8 +40,7 @@ enum NextAction {
 
 impl PowerSequence {
     pub(super) fn new(goal: PowerGoal) -> Self {
-        let next = NextAction::ReadState;
-        Self { goal, next }
+        Self { goal, next: NextAction::ReadState }
     }
 
     /// Begins with a command: the drive is known to be in this state.
@@ -89,7 +87,6 @@ impl PowerSequence {
     }
 }
 
-/// Sequence of the enabling steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum EnablingStep {
     /// Read a position limit back: a drive that restarted since its configuration has lost all
@@ -174,7 +171,6 @@ pub(super) enum HomingStep {
     /// use the target.
     Preload(i32),
     SetMode,
-    /// Wait until it is in force.
     Mode,
     SetMethod,
     Method,
@@ -183,7 +179,6 @@ pub(super) enum HomingStep {
     CheckPrepared(usize),
     On(PowerSequence),
     Start,
-    /// Wait for the end.
     Run,
     /// Lower the start bit, ready for the next time.
     Lower,
@@ -192,7 +187,6 @@ pub(super) enum HomingStep {
     CheckRestored(usize),
     /// Write the mode for setpoints.
     SetModeBack,
-    /// Wait until it is in force.
     ModeBack,
 }
 

@@ -77,13 +77,6 @@ pub struct Entry {
     pub key: &'static str,
 }
 
-impl Entry {
-    /// Whether it is a setting: it can be read and written, and keeps its value.
-    pub(crate) const fn is_setting(&self) -> bool {
-        matches!(self.access, Access::Rw) && !self.live
-    }
-}
-
 /// All objects that are used, by index and subindex.
 pub const ALL: &[Entry] = &read_table();
 

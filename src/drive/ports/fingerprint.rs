@@ -12,7 +12,7 @@ use crate::drive::error::{AxisError, DriveError, LinkError};
 use crate::drive::family_selection::{family_of_axis, family_of_line, family_of_port};
 use crate::drive::link::DriveLink;
 use crate::drive::object::Address;
-use crate::drive::objects::{self, Entry};
+use crate::drive::objects::{self, Access, Entry};
 use crate::drive::serial_transport::SerialTransport;
 use crate::drive::transport::Transport;
 use crate::robot::DriveFingerprint;
@@ -32,8 +32,11 @@ pub fn key(entry: &Entry) -> String {
 
 /// The settings of a family that can be read in one transfer.
 pub fn settings(family: Family) -> impl Iterator<Item = &'static Entry> {
-    let is_short = |entry: &&Entry| (1..=4).contains(&entry.kind.size());
-    objects::of_family(family).filter(|entry| entry.is_setting()).filter(is_short)
+    objects::of_family(family).filter(|entry| {
+        // What can be read and written, and keeps its value.
+        let is_setting = entry.access == Access::Rw && !entry.live;
+        is_setting && (1..=4).contains(&entry.kind.size())
+    })
 }
 
 /// Opens a port and reads every setting of its drives. Writes nothing. Fails when the port cannot
