@@ -157,7 +157,9 @@ impl IpcThread {
             self.server.publish(StreamMessage::Health(health));
             self.publish_fixtures(now);
         }
-        self.publish_log();
+        for message in self.parts.channels.log_entries.try_iter().take(LOG_ENTRIES) {
+            self.server.publish(message);
+        }
         self.server.maintain(now);
     }
 
@@ -308,12 +310,6 @@ impl IpcThread {
             for report in self.late.drain(..) {
                 history.update(&report);
             }
-        }
-    }
-
-    fn publish_log(&mut self) {
-        for message in self.parts.channels.log_entries.try_iter().take(LOG_ENTRIES) {
-            self.server.publish(message);
         }
     }
 

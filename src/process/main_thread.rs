@@ -113,7 +113,8 @@ impl MainThread<'_> {
             });
             if let Some(reason) = event.reason() {
                 lines.push((event.stamp, format!("action: {}", reason.cause.advice())));
-                self.publish_reason(&event, reason);
+                let (client_id, stamp) = (event.kind.client_id(), event.stamp);
+                let _ = self.published.send(StreamMessage::of_reason(&reason, client_id, stamp));
             }
             // A full disk does not stop the robot.
             let _ = self.run_log.write_event(&event, client.as_deref());
@@ -135,11 +136,6 @@ impl MainThread<'_> {
         let message =
             EventMsg { stamp_ns: clock::now().0, text: padded_text(&line), ..EventMsg::default() };
         let _ = self.published.send(StreamMessage::Events(message));
-    }
-
-    fn publish_reason(&self, event: &CycleEvent, reason: Reason) {
-        let client_id = event.kind.client_id();
-        let _ = self.published.send(StreamMessage::of_reason(&reason, client_id, event.stamp));
     }
 
     fn lease_holder(&self, event: &CycleEvent) -> Option<String> {

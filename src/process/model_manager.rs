@@ -40,8 +40,7 @@ struct Refused {
 
 impl From<Refusal> for Refused {
     fn from(refusal: Refusal) -> Self {
-        let message = String::new();
-        Self { refusal, message }
+        Self { refusal, message: String::new() }
     }
 }
 
