@@ -12,9 +12,13 @@ use crate::units::Nanos;
 /// The present instant.
 #[must_use]
 pub fn now() -> Nanos {
-    // CLOCK_MONOTONIC exists on every Linux and the pointer is ours, so the call has no way to
-    // fail; a stopped clock would make every input stale, which holds the robot.
-    clock_gettime(ClockId::CLOCK_MONOTONIC)
+    read(ClockId::CLOCK_MONOTONIC)
+}
+
+fn read(clock: ClockId) -> Nanos {
+    // The clocks exist on every Linux and the pointer is ours, so the call has no way to fail; a
+    // stopped clock would make every input stale, which holds the robot.
+    clock_gettime(clock)
         .map_or(Nanos::ZERO, |t| Nanos(t.tv_sec() as u64 * 1_000_000_000 + t.tv_nsec() as u64))
 }
 
@@ -23,8 +27,7 @@ pub fn now() -> Nanos {
 #[must_use]
 #[cfg(feature = "controller")]
 pub fn suspended() -> Nanos {
-    let boot_time = clock_gettime(ClockId::CLOCK_BOOTTIME)
-        .map_or(Nanos::ZERO, |t| Nanos(t.tv_sec() as u64 * 1_000_000_000 + t.tv_nsec() as u64));
+    let boot_time = read(ClockId::CLOCK_BOOTTIME);
     boot_time.duration_since(now())
 }
 
