@@ -10,8 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU64, fence};
 
-use super::serial_frame::SerialFrame;
-use super::serial_frame_parser::{FrameParser, ParserEvent};
+use super::serial_frame::{FrameParser, ParserEvent, SerialFrame};
 pub use super::transport::Outcome;
 use super::transport::Transport;
 use crate::config::{Family, PortConfig};
@@ -35,8 +34,7 @@ impl LineEventKind {
 /// Something that happened on a line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineEvent {
-    /// Time on the clock of the line, in whole microseconds; for bytes that arrived in parts, that
-    /// of the first part.
+    /// Time on the clock of the line, whole microseconds; that of the first part of bytes.
     pub time: Nanos,
     pub kind: LineEventKind,
     /// The bytes; of an outcome its own, see [`LineEvent::outcome`].

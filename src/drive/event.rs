@@ -2,11 +2,10 @@
 
 use std::fmt;
 
-use super::abort_code::AbortCode;
 use super::cia402::DriveState;
 use super::drive_fault::DriveFault;
 use super::error::{AxisError, LinkError};
-use super::object::Address;
+use super::object::{AbortCode, Address};
 use super::objects::{self, Access, Entry};
 use crate::robot::{AxisPhase, DrivePower};
 use crate::units::{Counts, Nanos};
@@ -43,8 +42,7 @@ pub enum PortEventKind {
         object: Address,
         code: AbortCode,
     },
-    /// A setpoint outside the position limits was not written. Reported once until one is written
-    /// again.
+    /// A setpoint outside the limits was not written. Reported once until one is written.
     TargetRefused {
         target: Counts,
         min: Counts,
@@ -57,8 +55,7 @@ pub enum PortEventKind {
     HomingRefused,
     /// Homing ended; why it failed, if it did.
     HomingEnded(Option<TransitionError>),
-    /// The drive changed its state without a command: its enable or quick-stop input, its supply,
-    /// or another program.
+    /// A change of state without a command: by an input, the supply, or another program.
     UnexpectedState(DriveState),
     /// The power stage does not switch off by the ramp, and stays in this state; its power is cut.
     StillPowered(Option<DriveState>),

@@ -4,7 +4,7 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `serial_frame`, `serial_frame_parser` | the V2 frame: stuffing, CRC, encoder; its parser |
+//! | `serial_frame` | the V2 frame: stuffing, CRC, encoder, parser |
 //! | `dictionary` | objects, error codes and states of drives |
 //! | `families` | EPOS4 and EPOS2 |
 //! | `line` | a serial port, and one request and its reply over it |
@@ -12,7 +12,7 @@
 //! | `ports` | opening ports; identifying, reading and stopping drives |
 //! | `axis` | one axis as a state machine without I/O |
 //! | `port_runner` | the thread that owns a serial port |
-//! | `error`, `event` | errors and events |
+//! | `error`, `event` | errors, and the received bytes in them; events |
 
 mod axis;
 pub mod capture;
@@ -24,19 +24,18 @@ mod line;
 pub(crate) mod port_runner;
 mod ports;
 pub mod serial_frame;
-pub mod serial_frame_parser;
 
 pub use crate::robot::AxisPhase;
 pub use axis::interface::{AxisFeedback, AxisRequest, Demand, WrittenTarget};
 pub use bring_up::AxisIdentity;
-pub use dictionary::{abort_code, cia402, drive_fault, object, objects};
+pub use dictionary::{cia402, drive_fault, object, objects};
 pub use error::DriveError;
 pub use event::{PortEvent, PortEventKind};
 pub use families::{command_set, epos4, family_selection};
 use families::{epos2, family};
 pub use family::DriveFamily;
 pub(crate) use line::line_turn;
-pub use line::{latency_timer, link, serial_transport, transport, unexpected_reply};
+pub use line::{latency_timer, link, serial_transport, transport};
 pub use link::LinkCounters;
 pub use port::{Port, ReadyPort};
 pub use port_runner::{AxisLink, PortRequest, PortRunner};

@@ -11,7 +11,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use triple_buffer::{Input, Output, triple_buffer};
 
-use super::abort_code::AbortCode;
 use super::axis::interface::{
     AxisFeedback, AxisRequest, Demand, ObjectAccess, RequestWatchdog, Transfer,
 };
@@ -23,7 +22,7 @@ use super::event::{PortEvent, PortEventKind};
 use super::family::ObjectMap;
 use super::family_selection::family_of_axis;
 use super::link::{DriveLink, LinkCounters, TimedReply};
-use super::object::Setting;
+use super::object::{AbortCode, Setting};
 use super::port::{SavedPosition, save_positions, take_positions};
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;

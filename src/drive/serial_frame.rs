@@ -11,6 +11,9 @@
 //! first. The CRC over a received frame with its own CRC is 0. Source: maxon's EPOS4 Communication
 //! Guide (2019-11).
 
+#[cfg(test)]
+mod tests;
+
 /// The largest number of data words in a frame.
 pub const MAX_WORDS: usize = 143;
 
@@ -21,28 +24,27 @@ pub(crate) const MAX_DATA: usize = 2 * MAX_WORDS;
 pub const MAX_ENCODED: usize = SYNC.len() + 2 * MAX_BODY;
 
 /// Data link escape: starts a frame, and is doubled inside.
-pub(in crate::drive) const DLE: u8 = 0x90;
+const DLE: u8 = 0x90;
 
 /// Start of text: the second byte of a frame, never escaped.
-pub(in crate::drive) const STX: u8 = 0x02;
+const STX: u8 = 0x02;
 
 const SYNC: [u8; 2] = [DLE, STX];
 
 /// Opcode and number of words.
-pub(in crate::drive) const HEADER: usize = 2;
+const HEADER: usize = 2;
 
-pub(in crate::drive) const CRC: usize = 2;
+const CRC: usize = 2;
 
 /// Everything after the sync bytes, before stuffing.
-pub(in crate::drive) const MAX_BODY: usize = HEADER + MAX_DATA + CRC;
+const MAX_BODY: usize = HEADER + MAX_DATA + CRC;
 
 /// The content of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SerialFrame<'a> {
     /// The command; 0x00 in every reply.
     pub opcode: u8,
-    /// The data. Frames hold whole words: an odd number of bytes is sent and received with a zero
-    /// after it.
+    /// Whole words: an odd number of bytes is sent and received with a zero after it.
     pub data: &'a [u8],
 }
 
@@ -106,7 +108,7 @@ impl FrameEncoder {
 }
 
 /// Two bytes as a word; a single byte is padded with zero.
-pub(in crate::drive) fn word(pair: &[u8]) -> u16 {
+fn word(pair: &[u8]) -> u16 {
     match *pair {
         [low, high] => u16::from_le_bytes([low, high]),
         [low] => u16::from(low),
@@ -115,7 +117,7 @@ pub(in crate::drive) fn word(pair: &[u8]) -> u16 {
 }
 
 /// Shifts a word into the CRC register, most significant bit first.
-pub(in crate::drive) fn shift_in(crc: u16, word: u16) -> u16 {
+fn shift_in(crc: u16, word: u16) -> u16 {
     const POLYNOMIAL: u16 = 0x1021;
     (0..16).rev().fold(crc, |crc, bit| {
         let shifted = crc << 1 | (word >> bit & 1);
@@ -124,6 +126,120 @@ pub(in crate::drive) fn shift_in(crc: u16, word: u16) -> u16 {
 }
 
 /// The CRC over a body with its own CRC: 0 when the body is undamaged.
-pub(in crate::drive) fn residue(body: &[u8]) -> u16 {
+fn residue(body: &[u8]) -> u16 {
     body.chunks(2).fold(0, |crc, pair| shift_in(crc, word(pair)))
+}
+
+/// Finds frames, byte by byte, also after damage.
+///
+/// In one case a good frame is lost: when the frame before it ends between the two halves of a
+/// doubled 0x90. The 0x90 that starts the good frame then looks like the second half.
+/// [`FrameParser::reset`] after a timeout discards the incomplete frame.
+#[derive(Debug, Clone)]
+pub struct FrameParser {
+    state: ParserState,
+    body: [u8; MAX_BODY],
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ParserEvent<'a> {
+    None,
+    /// This byte completed a frame with a correct CRC.
+    Frame(SerialFrame<'a>),
+    /// Bytes were lost; the parser continues with the next frame.
+    Error(FrameError),
+}
+
+/// How bytes were lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FrameError {
+    /// A complete frame has a wrong CRC.
+    Crc,
+    /// Unexpected bytes instead of a frame start, an incomplete frame, or an impossible length.
+    /// Reported once until the next frame starts.
+    LostSync,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum ParserState {
+    /// Between frames: the next byte should be a 0x90.
+    Idle,
+    /// The 0x90 of an expected frame; 0x02 should follow.
+    Start,
+    /// Out of sync: everything but a 0x90 is skipped.
+    Hunting,
+    /// Out of sync, after a 0x90; 0x02 starts a frame.
+    Candidate,
+    /// Inside a frame, with this many bytes of its body.
+    Body { length: usize },
+    /// In the body, after a 0x90 that may be the first half of a pair.
+    Escaped { length: usize },
+}
+
+impl Default for FrameParser {
+    fn default() -> Self {
+        Self { state: ParserState::Idle, body: [0; MAX_BODY] }
+    }
+}
+
+impl FrameParser {
+    /// Discards an incomplete frame. Required after every timeout.
+    pub fn reset(&mut self) {
+        self.state = ParserState::Idle;
+    }
+
+    pub fn push(&mut self, byte: u8) -> ParserEvent<'_> {
+        use ParserState::{Body, Candidate, Escaped, Hunting, Idle, Start};
+        match (self.state, byte) {
+            (Idle, DLE) => self.enter(Start),
+            (Start | Candidate, STX) => self.enter(Body { length: 0 }),
+            (Hunting | Candidate, DLE) => self.enter(Candidate),
+            (Hunting | Candidate, _) => self.enter(Hunting),
+            (Start, DLE) => self.lose_sync(Candidate),
+            (Body { length }, DLE) => self.enter(Escaped { length }),
+            (Body { length }, byte) | (Escaped { length }, byte @ DLE) => {
+                self.collect(length, byte)
+            }
+            (Escaped { .. }, STX) => self.lose_sync(Body { length: 0 }),
+            (Idle | Start | Escaped { .. }, _) => self.lose_sync(Hunting),
+        }
+    }
+
+    fn enter(&mut self, state: ParserState) -> ParserEvent<'_> {
+        self.state = state;
+        ParserEvent::None
+    }
+
+    fn lose_sync(&mut self, state: ParserState) -> ParserEvent<'_> {
+        self.state = state;
+        ParserEvent::Error(FrameError::LostSync)
+    }
+
+    fn collect(&mut self, length: usize, byte: u8) -> ParserEvent<'_> {
+        let Some(free) = self.body.get_mut(length) else {
+            return self.lose_sync(ParserState::Hunting);
+        };
+        *free = byte;
+        let length = length + 1;
+        let words = usize::from(self.body[1]);
+        if length < HEADER {
+            return self.enter(ParserState::Body { length });
+        }
+        if words > MAX_WORDS {
+            return self.lose_sync(ParserState::Hunting);
+        }
+        if length < HEADER + 2 * words + CRC {
+            return self.enter(ParserState::Body { length });
+        }
+        self.complete(length)
+    }
+
+    fn complete(&mut self, length: usize) -> ParserEvent<'_> {
+        self.state = ParserState::Idle;
+        let body = &self.body[..length];
+        if residue(body) != 0 {
+            return ParserEvent::Error(FrameError::Crc);
+        }
+        ParserEvent::Frame(SerialFrame { opcode: body[0], data: &body[HEADER..length - CRC] })
+    }
 }

@@ -1,8 +1,7 @@
 //! All frames with one or two bytes of data, and those with three (in the gate every 16th): the
 //! controller's encoder and parser against those of the emulator, which share no code with them.
 
-use i2ris::drive::serial_frame::{FrameEncoder, SerialFrame};
-use i2ris::drive::serial_frame_parser::{FrameParser, ParserEvent};
+use i2ris::drive::serial_frame::{FrameEncoder, FrameParser, ParserEvent, SerialFrame};
 use i2ris_simulation::frame::{self, Incoming};
 
 /// Both ends of a line.

@@ -1,13 +1,11 @@
 //! One request and one reply over a line that loses, damages and delays data: a wrong value is
 //! never accepted.
 
-use i2ris::drive::abort_code::AbortCode;
 use i2ris::drive::epos4::Epos4;
-use i2ris::drive::error::LinkError;
+use i2ris::drive::error::{LinkError, UnexpectedReply};
 use i2ris::drive::link::{DriveLink, Retry, TimedReply};
-use i2ris::drive::object::{self, POSITION, TARGET};
+use i2ris::drive::object::{self, AbortCode, POSITION, TARGET};
 use i2ris::drive::transport::Transport;
-use i2ris::drive::unexpected_reply::UnexpectedReply;
 use i2ris::units::Nanos;
 use i2ris_testing::drive::{Disturbance, MiniDrive, SERIAL_NUMBER, SimulatedLine, port_config};
 use proptest::collection::vec;

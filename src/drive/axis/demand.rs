@@ -15,8 +15,7 @@ use crate::units::{Counts, Nanos};
 
 const ENABLE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
-/// Time for switching off by the ramp before the power is cut, and for cutting the power before
-/// the next attempt.
+/// Time for the ramp before the power is cut, and for the cut before the next attempt.
 const OFF_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
 /// How long homing at the present position may take: a few transfers.

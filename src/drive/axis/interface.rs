@@ -10,16 +10,14 @@ use crate::drive::object::{self, Address, Setting};
 use crate::robot::{AxisPhase, DrivePower};
 use crate::units::{Counts, Nanos};
 
-/// Request of the control loop to one drive. The newest request replaces earlier ones; there is no
-/// queue.
+/// Request of the control loop to one drive. The newest replaces earlier ones: no queue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct AxisRequest {
     /// Increases by one every tick.
     pub sequence: u64,
     /// The state that the drive is brought to and kept in.
     pub demand: Demand,
-    /// The setpoint. Written only in [`Demand::Enabled`], after the drive was enabled at its own
-    /// position.
+    /// Written only in [`Demand::Enabled`], after the drive was enabled at its own position.
     pub target: Counts,
     /// Increases by one for every fault reset that the operator acknowledged.
     pub fault_resets: u32,

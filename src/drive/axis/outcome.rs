@@ -6,14 +6,12 @@ use super::schedule::TriggerState;
 use super::state_machine::{
     AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_TIMEOUT,
 };
-use crate::drive::abort_code::AbortCode;
 use crate::drive::cia402::{Controlword, DriveState, Statusword};
-use crate::drive::error::{AxisError, LinkError};
+use crate::drive::error::{AxisError, LinkError, UnexpectedReply};
 use crate::drive::event::{PortEventKind, TransitionError};
 use crate::drive::family::SetpointTrigger;
 use crate::drive::link::TimedReply;
-use crate::drive::object::Value;
-use crate::drive::unexpected_reply::UnexpectedReply;
+use crate::drive::object::{AbortCode, Value};
 use crate::units::{Counts, Nanos};
 
 /// How long the drive may take to leave the fault state.

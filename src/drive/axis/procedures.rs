@@ -5,13 +5,12 @@
 use std::ops::RangeInclusive;
 
 use super::interface::Transfer;
-use crate::drive::abort_code::AbortCode;
 use crate::drive::cia402::{
     Controlword, DriveState, HOMING_MODE, PowerGoal, PowerStep, Statusword, power_step,
 };
 use crate::drive::event::TransitionError;
 use crate::drive::family::{HomingPlan, ObjectMap};
-use crate::drive::object::{Address, Setting, Value};
+use crate::drive::object::{AbortCode, Address, Setting, Value};
 use crate::units::Counts;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,8 +88,7 @@ impl PowerSequence {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum EnablingStep {
-    /// Read a position limit back: a drive that restarted since its configuration has lost all
-    /// limits.
+    /// Read a limit back: a drive that restarted since its configuration has lost all limits.
     LimitMin,
     /// Read the other limit back. In a restarted drive both are 0; the configuration never is.
     LimitMax,

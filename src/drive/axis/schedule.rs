@@ -25,14 +25,12 @@ use super::interface::{AxisRequest, Transfer};
 use crate::config::{CURRENT_BOUND_TURNS, POSITION_BOUND_TURNS, STATUS_BOUND_TURNS};
 use crate::drive::cia402::Controlword;
 
-/// Turns until a value is due. That of a position counts only the axes that move, as long as its
-/// own does.
+/// Turns until a value is due; of a position only axes that move count, while its own does.
 const POSITION_TURNS: u64 = POSITION_BOUND_TURNS;
 const STATUS_TURNS: u64 = STATUS_BOUND_TURNS * 3 / 4;
 const SLOW_TURNS: u64 = CURRENT_BOUND_TURNS * 5 / 6;
 
-/// Maximum number of turns that an axis waits for a setpoint or a step, however large the changes
-/// of the others are.
+/// Turns that an axis waits at most for a setpoint or a step, whatever the others change.
 const COMMAND_BOUND_TURNS: u64 = 3;
 
 /// The change of a setpoint, counts, that is as urgent as a step of a transition.
@@ -98,8 +96,7 @@ impl CommandNeed {
     pub(super) const STEP: Self = Self { change: STEP_COUNTS, is_new: false };
 }
 
-/// A need, its urgency, and the value to read; `None`: the setpoint, or the next
-/// step of a transition.
+/// A need, its urgency, and the value to read; `None`: the setpoint, or the next step.
 pub(super) type Need = (Urgency, Option<Transfer>);
 
 /// The values that are read all the time.
@@ -237,8 +234,7 @@ impl TriggerState {
         }
     }
 
-    /// A transfer failed. It is unknown whether the edge arrived, so the bit is lowered; a newer
-    /// setpoint follows.
+    /// A transfer failed. The edge may have arrived, so the bit is lowered; a setpoint follows.
     pub(super) fn handle_failure(&mut self) {
         if matches!(self, Self::Written(_)) {
             *self = Self::Raised;

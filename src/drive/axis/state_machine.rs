@@ -6,13 +6,12 @@ use super::interface::{AxisFeedback, AxisRequest, Demand, Transfer};
 use super::procedures::{EnablingStep, HomingStep, PowerSequence};
 use super::schedule::{Schedule, TriggerState};
 use crate::config::AxisConfig;
-use crate::drive::abort_code::AbortCode;
 use crate::drive::cia402::{Controlword, DriveState, Statusword};
 use crate::drive::error::{AxisError, LinkError};
 use crate::drive::event::{PortEvent, PortEventKind, TransitionError};
 use crate::drive::family::{DriveFamily, HomingPlan, ObjectMap};
 use crate::drive::link::{LinkCounters, TimedReply};
-use crate::drive::object::Address;
+use crate::drive::object::{AbortCode, Address};
 use crate::robot::{AxisPhase, DrivePower};
 use crate::units::{Counts, Nanos};
 
@@ -32,8 +31,7 @@ const FINEST_ENCODER: f64 = 4096.0;
 /// Tolerated jump of a position, counts: the sampling instant of the drive is unknown.
 const POSITION_JITTER: f64 = 32.0;
 
-/// Maximum motion of a resting motor without power between two readings: it is turned by hand,
-/// through its gear.
+/// Maximum motion of a resting motor without power between two readings: turned by hand.
 const TURNED_BY_HAND: f64 = 20.0;
 
 /// The states, finer than the phases that the control loop sees. Instants are deadlines.
@@ -116,8 +114,7 @@ impl AxisState {
 pub(in crate::drive) struct AxisStateMachine {
     motor: usize,
     pub(super) limits: RangeInclusive<i32>,
-    /// The most that the position can change while it is not read, counts: the distance to the last
-    /// setpoint.
+    /// Largest change of a position that is not read, counts: the distance to the last setpoint.
     pub(super) max_unseen_motion: u32,
     /// The fastest that the motor may turn, counts/s.
     max_speed: f64,

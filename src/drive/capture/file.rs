@@ -120,8 +120,7 @@ pub fn read(path: &Path) -> Result<CaptureFile, CaptureError> {
     }
 }
 
-/// Reads the bytes of a file up to its end, or to the first incomplete block. `None`: the
-/// bytes are not a capture.
+/// Reads bytes up to their end, or to the first incomplete block. `None`: not a capture.
 pub fn from_bytes(bytes: &[u8]) -> Option<CaptureFile> {
     let mut rest = bytes;
     let (kind, section) = next_block(&mut rest)?;

@@ -45,8 +45,7 @@ impl Statusword {
         }
     }
 
-    /// The position refers to the home position (bit 15). Cleared by power loss, overflow and
-    /// sensor errors.
+    /// The position is homed (bit 15). Cleared by power loss, overflow and sensor errors.
     pub const fn homed(self) -> bool {
         self.0 & 1 << 15 != 0
     }

@@ -3,12 +3,10 @@
 //! | file | contents |
 //! |---|---|
 //! | `objects` | the single table of dictionary objects: type, access, range, firmware |
-//! | `object` | the objects that the driver uses, with their types in Rust |
-//! | `abort_code` | reasons of a refusal |
+//! | `object` | the objects that the driver uses, with their types in Rust; reasons of a refusal |
 //! | `cia402` | controlword, statusword, states, and the commands that lead to a state |
 //! | `drive_fault` | error codes (`error_codes.md`) |
 
-pub mod abort_code;
 pub mod cia402;
 pub mod drive_fault;
 pub mod object;

@@ -59,8 +59,7 @@ pub struct Entry {
     pub access: Access,
     /// Value as delivered.
     pub default: i64,
-    /// Lowest and highest value that the drive takes; `None`: every value of the type, as far as
-    /// is known.
+    /// Lowest and highest value that the drive takes; `None`: all of the type, as far as known.
     pub range: Option<(i64, i64)>,
     /// Range and default differ between models, or between versions of the firmware. The range is
     /// then the widest known; only the drive itself knows its own.

@@ -1,7 +1,6 @@
 //! The command set of a family: requests and replies. No I/O.
 
-use crate::drive::abort_code::AbortCode;
-use crate::drive::object::{Address, Setting};
+use crate::drive::object::{AbortCode, Address, Setting};
 use crate::drive::serial_frame::SerialFrame;
 
 /// A request: opcode and up to eight bytes of data.
@@ -14,8 +13,7 @@ pub struct DriveRequest {
 }
 
 impl DriveRequest {
-    /// A request with up to eight bytes of data. `reply_words` is the largest number of data words
-    /// in its reply.
+    /// A request. `reply_words` is the largest number of data words in its reply.
     pub fn new<const N: usize>(opcode: u8, data: [u8; N], reply_words: u8) -> Self {
         const { assert!(N <= 8, "a request holds at most eight bytes") };
         let mut bytes = [0; 8];
@@ -69,13 +67,11 @@ pub struct CommandSet {
     pub(in crate::drive) next_segment: u8,
     /// Every object request starts with node, index and subindex; else the node is the last.
     pub(in crate::drive) node_first: bool,
-    /// Words of data in the longest reply to the first request of a segmented read, and to the
-    /// others.
+    /// Words of data in the longest reply to the first request of a segment, and to the others.
     pub(in crate::drive) segment_words: [u8; 2],
     /// The toggle bit of the request for a segment.
     pub(in crate::drive) toggle: u8,
-    /// The segment in the data of a reply after its error code, the first or a later one; `None`:
-    /// damaged.
+    /// The segment in a reply after its error code, the first or a later one; `None`: damaged.
     pub(in crate::drive) first: fn(&[u8]) -> Option<Segment<'_>>,
     pub(in crate::drive) next: fn(&[u8]) -> Option<Segment<'_>>,
 }
@@ -114,8 +110,7 @@ impl CommandSet {
         if self.node_first { [node, low, high, subindex] } else { [low, high, subindex, node] }
     }
 
-    /// Content of a captured request; `None`: not a request of this software. Missing data counts
-    /// as zeros.
+    /// Content of a request; `None`: not of this software. Missing data counts as zeros.
     pub fn parse(&self, request: SerialFrame<'_>) -> Option<Requested> {
         let mut data = request.data.iter().copied().chain(std::iter::repeat(0));
         let mut next = || std::array::from_fn::<u8, 4, _>(|_| data.next().unwrap_or_default());
@@ -147,8 +142,7 @@ impl CommandSet {
         }
     }
 
-    /// Checks the reply to [`CommandSet::write`]. Fails when the drive refused, or the frame is not
-    /// a reply to a write.
+    /// Checks the reply to a write. Fails when the drive refused, or the frame is not one.
     pub fn write_reply(&self, reply: SerialFrame<'_>) -> Result<(), ReplyError> {
         if after_error_code(reply)?.is_empty() { Ok(()) } else { Err(ReplyError::Mismatch) }
     }
@@ -181,8 +175,7 @@ impl SegmentedRead {
         }
     }
 
-    /// Handles the reply; `true` when the value is complete. Fails when the drive refused, or the
-    /// frame is not a reply to the request.
+    /// Handles the reply; `true` at the end. Fails for a refusal, or a reply to another request.
     pub fn take_reply(&mut self, reply: SerialFrame<'_>) -> Result<bool, ReplyError> {
         let rest = after_error_code(reply)?;
         let parse = if self.is_open { self.commands.next } else { self.commands.first };

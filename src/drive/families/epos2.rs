@@ -148,8 +148,7 @@ mod tests {
         }
     }
 
-    /// One word instead of two; in a reply with two words, the upper word is 0x8090, as public code
-    /// has read it.
+    /// One word instead of two; of two words, public code has read 0x8090 as the upper one.
     #[test]
     fn short_value_is_read_from_one_or_two_words() {
         for data in [&[0, 0, 0, 0, 0x37, 0x02][..], &[0, 0, 0, 0, 0x37, 0x02, 0x90, 0x80]] {

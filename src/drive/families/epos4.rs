@@ -38,8 +38,7 @@ const INTERPOLATION_PERIOD: Object<u8> = Object::of(0x60C2, 1);
 pub enum Epos4 {
     /// Cyclic synchronous position mode (8): a target takes effect when written.
     Cyclic,
-    /// Profile position mode (1): the drive itself ramps to every target. A target takes three
-    /// writes.
+    /// Profile position mode (1): the drive ramps to every target, which takes three writes.
     Profile,
 }
 
@@ -110,8 +109,7 @@ impl DriveFamily for Epos4 {
     }
 }
 
-/// Words of data in the longest reply to the first request: error code, total length, length, 255
-/// bytes.
+/// Words in the longest first reply: error code, total length, length, 255 bytes.
 const FIRST_REPLY_WORDS: u8 = 132;
 
 /// Words of data in the longest reply to the others: error code, length, control, 255 bytes.
@@ -153,8 +151,8 @@ const COMMANDS: &CommandSet = &CommandSet {
 mod tests {
     use super::*;
     use crate::config::HomingMethod;
-    use crate::drive::abort_code::AbortCode;
     use crate::drive::command_set::{DriveRequest, REPLY_OPCODE, ReplyError};
+    use crate::drive::object::AbortCode;
     use crate::drive::object::{DEVICE_NAME, POSITION, TARGET};
     use crate::drive::serial_frame::SerialFrame;
     use crate::units::Counts;

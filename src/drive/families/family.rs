@@ -72,8 +72,7 @@ pub enum FirmwareVersion {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SetpointTrigger {
     Write,
-    /// On a rising edge of controlword bit 4 after writing; the bit is lowered again before the
-    /// next setpoint.
+    /// On a rising edge of controlword bit 4 after writing; the bit is lowered afterwards.
     Edge,
 }
 
@@ -130,8 +129,7 @@ impl HomingPlan {
     }
 }
 
-/// The position that an axis gets at the end of homing: 0 is also that of a drive without the
-/// object.
+/// The position at the end of homing: 0 is also that of a drive without the object.
 pub(in crate::drive) fn home_position(object: Object<i32>, axis: &AxisConfig) -> Setting {
     match axis.homing {
         HomingMethod::Here => object.set(0).if_present(),

@@ -60,8 +60,7 @@ impl LoopBeat {
         self.0.is_watched.store(is_watched, Ordering::Relaxed);
     }
 
-    /// When a port was opened last: a watchdog that has not looked at its ports since may not hold
-    /// it.
+    /// When a port was opened last: a watchdog that has not looked since may not hold it.
     pub(crate) fn opened(&self) -> Nanos {
         Nanos(self.0.opened.load(Ordering::Acquire))
     }

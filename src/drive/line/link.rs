@@ -18,15 +18,12 @@ use std::io;
 use serde::{Deserialize, Serialize};
 
 use crate::config::PortConfig;
-use crate::drive::abort_code::AbortCode;
 use crate::drive::command_set::{DriveRequest, ReplyError, SegmentedRead};
-use crate::drive::error::LinkError;
+use crate::drive::error::{LinkError, UnexpectedReply};
 use crate::drive::family::DriveFamily;
-use crate::drive::object::{Address, Object, Setting, Value};
-use crate::drive::serial_frame::{FrameEncoder, SerialFrame};
-use crate::drive::serial_frame_parser::FrameParser;
+use crate::drive::object::{AbortCode, Address, Object, Setting, Value};
+use crate::drive::serial_frame::{FrameEncoder, FrameParser, SerialFrame};
 use crate::drive::transport::{NOT_OUR_TURN, Transport};
-use crate::drive::unexpected_reply::UnexpectedReply;
 use crate::units::Nanos;
 
 /// Frame timeout of drives as delivered (0x2005, 0x2006).
@@ -106,8 +103,7 @@ impl From<ReplyError> for TransferError {
     }
 }
 
-/// Reads the value out of a reply, as the capture keeps it: 0 where a write succeeded, 1 for the
-/// last segment.
+/// Value of a reply, as the capture keeps it: 0 for a write, 1 for the last segment.
 type Decode<'a> = &'a mut dyn FnMut(SerialFrame<'_>) -> Result<u32, ReplyError>;
 
 /// Whether the next reply can be trusted.
@@ -294,8 +290,7 @@ impl<T: Transport> DriveLink<T> {
         })
     }
 
-    /// Writes an object. After [`LinkError::Unanswered`] it is unknown whether the drive took the
-    /// value.
+    /// Writes an object. After [`LinkError::Unanswered`] the drive may have taken the value.
     pub fn write(
         &mut self,
         node: u8,

@@ -6,11 +6,9 @@
 //! | `line_turn` | whose turn it is on a line: that of the controller or of the watchdog |
 //! | `latency_timer` | the timer of FTDI adapters that delays replies |
 //! | `link` | one request, one reply, retries, and synchronising the line; its replay |
-//! | `unexpected_reply` | bytes received instead of a valid reply, for messages |
 
 pub mod latency_timer;
 pub(crate) mod line_turn;
 pub mod link;
 pub mod serial_transport;
 pub mod transport;
-pub mod unexpected_reply;

@@ -2,7 +2,7 @@
 
 use std::{fmt, io};
 
-use crate::drive::abort_code::AbortCode;
+use crate::drive::object::AbortCode;
 use crate::units::Nanos;
 
 /// How an attempt ended: a request, and the wait for its reply.
@@ -79,8 +79,7 @@ pub trait Transport {
         Ok(())
     }
 
-    /// Whether an exchange may begin: if the line now belongs to another process, every request
-    /// fails with `NOT_OUR_TURN`.
+    /// Whether an exchange may begin; if not, every request fails with `NOT_OUR_TURN`.
     fn is_our_turn(&mut self) -> bool {
         true
     }

@@ -4,7 +4,6 @@
 //! lost axis that answers again.
 
 use crate::config::{AxisConfig, Family, PortConfig};
-use crate::drive::abort_code::AbortCode;
 use crate::drive::cia402::{DriveState, PowerGoal, PowerStep, Statusword, power_step};
 use crate::drive::error::{
     AxisError, DriveError, DriveModel, LinkError, SettingError, SettingRefusal,
@@ -12,7 +11,7 @@ use crate::drive::error::{
 use crate::drive::family::{DriveFamily, FirmwareVersion};
 use crate::drive::family_selection::family_of_port;
 use crate::drive::link::{DriveLink, LOCAL_NODE, Retry};
-use crate::drive::object::{self, Address, Object, Setting, Value};
+use crate::drive::object::{self, AbortCode, Address, Object, Setting, Value};
 use crate::drive::objects;
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
@@ -121,8 +120,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         }
     }
 
-    /// An optional value: gateways do not forward segmented reads, and a drive may not have the
-    /// object.
+    /// An optional value: gateways forward no segmented reads, and drives may lack the object.
     fn read_bytes(&mut self, object: Address) -> Option<Vec<u8>> {
         let read = self.link.read_segmented(self.node, object).ok()?;
         Some(read.bytes().to_vec())
@@ -323,14 +321,12 @@ pub fn configure_axis(
     Ok(left_out)
 }
 
-/// Switches a drive off by its ramp, or cuts its power if that fails. Fails when the drive does not
-/// answer, or stays on.
+/// Switches a drive off by its ramp, or cuts its power. Fails when it is silent, or stays on.
 pub fn switch_off(link: &mut DriveLink<impl Transport>, node: u8) -> Result<(), AxisError> {
     DriveNode::new(link, node).switch_off()
 }
 
-/// Learns the known constants of the line and shortens the frame timeout of the drive that the port
-/// belongs to.
+/// Learns the constants of the line and shortens the frame timeout of its first drive.
 pub(in crate::drive) fn prepare_line(
     link: &mut DriveLink<impl Transport>,
 ) -> Result<(), AxisError> {

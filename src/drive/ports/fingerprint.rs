@@ -6,12 +6,11 @@
 use std::collections::BTreeSet;
 
 use crate::config::{AxisConfig, Family, PortConfig};
-use crate::drive::abort_code::AbortCode;
 use crate::drive::bring_up::{DriveNode, explain, learn_constants};
 use crate::drive::error::{AxisError, DriveError, LinkError};
 use crate::drive::family_selection::{family_of_axis, family_of_line, family_of_port};
 use crate::drive::link::DriveLink;
-use crate::drive::object::Address;
+use crate::drive::object::{AbortCode, Address};
 use crate::drive::objects::{self, Access, Entry};
 use crate::drive::serial_transport::SerialTransport;
 use crate::drive::transport::Transport;
@@ -45,8 +44,7 @@ pub fn read_port(config: &PortConfig) -> Result<Vec<DriveFingerprint>, DriveErro
     read_transport(SerialTransport::open(config)?, config)
 }
 
-/// Reads the settings over an open line, see [`read_port`]. Fails when nothing answers, or a drive
-/// is not the configured one.
+/// Reads the settings over an open line, see [`read_port`].
 pub fn read_transport<T: Transport>(
     transport: T,
     config: &PortConfig,
@@ -58,8 +56,7 @@ pub fn read_transport<T: Transport>(
     read_axes(&mut link, config)
 }
 
-/// Reads the settings on a line whose drives are known, see [`read_port`]. Fails when a drive does
-/// not answer, or is not the configured one.
+/// Reads the settings on a line whose constants are known, see [`read_port`].
 pub fn read_axes(
     link: &mut DriveLink<impl Transport>,
     config: &PortConfig,
@@ -98,8 +95,7 @@ fn read_axis(
     Ok(fingerprint)
 }
 
-/// All settings that differ, with both values; `of_model`: those on which a model depends, where
-/// both values are known.
+/// All settings that differ, with both values; `of_model`: those that a model depends on.
 pub fn differences(
     before: &DriveFingerprint,
     after: &DriveFingerprint,

@@ -30,8 +30,7 @@ pub struct Inspection {
     pub supply_v: Option<f64>,
     /// The newest errors, the last one first.
     pub errors: Vec<DriveFault>,
-    /// Settings that differ from the configuration: object, as configured, as read. The controller
-    /// writes them at its start.
+    /// Settings that the controller would change: object, as configured, as read.
     pub differences: Vec<(Address, u32, u32)>,
 }
 
@@ -49,8 +48,7 @@ pub fn inspect(config: &PortConfig) -> Result<PortInspection, DriveError> {
     inspect_link(&mut DriveLink::new(line, family_of_port(config), config), config)
 }
 
-/// Inspects the drives on a line that is also used otherwise, see [`inspect`]. Fails when nothing
-/// answers.
+/// Inspects the drives on an open line, see [`inspect`]. Fails when nothing answers.
 pub fn inspect_link(
     link: &mut DriveLink<impl Transport>,
     config: &PortConfig,

@@ -93,8 +93,7 @@ impl<T: Transport> ReadyPort<T> {
         fingerprint::read_axes(&mut self.link, &self.config)
     }
 
-    /// Splits the port into the end of the port thread and the ends of the control loop, in the
-    /// order of the configuration.
+    /// Splits the port into its thread's end and the loop's, in the order of the configuration.
     pub fn split<R: PortRequest>(self) -> (PortRunner<T, R>, Vec<AxisLink<R>>) {
         let Self { link, config, axes, exchange, positions } = self;
         PortRunner::with_links(link, &config, axes, exchange, &positions)

@@ -1,12 +1,10 @@
 //! Quick stop of drives from outside the controller, used by the watchdog.
 
-use crate::drive::abort_code::AbortCode;
 use crate::drive::cia402::{Controlword, DriveState, PowerGoal, PowerStep, Statusword, power_step};
-use crate::drive::error::LinkError;
+use crate::drive::error::{LinkError, UnexpectedReply};
 use crate::drive::link::{DriveLink, Retry};
-use crate::drive::object::{self, Setting, Value};
+use crate::drive::object::{self, AbortCode, Setting, Value};
 use crate::drive::transport::Transport;
-use crate::drive::unexpected_reply::UnexpectedReply;
 use crate::units::Nanos;
 
 /// Why a drive could not be stopped from outside the controller.

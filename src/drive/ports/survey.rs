@@ -16,8 +16,7 @@ use crate::units::Nanos;
 /// The rates that drives are used at, the most frequent first.
 const RATES: [u32; 6] = [115_200, 1_000_000, 38_400, 57_600, 19_200, 9600];
 
-/// Silence after which a drive discards bytes received at a different rate: its frame timeout as
-/// delivered.
+/// Silence after which a drive discards bytes of another rate: its frame timeout as delivered.
 const FORGETS: Nanos = Nanos::from_millis(500);
 
 /// Last node that is tried, starting at 1.

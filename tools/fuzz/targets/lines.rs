@@ -5,7 +5,7 @@
 use i2ris::config::{Family, PortConfig};
 use i2ris::drive::family_selection::family_of_port;
 use i2ris::drive::serial_frame::{FrameEncoder, SerialFrame};
-use i2ris::drive::serial_frame_parser::{FrameParser, ParserEvent};
+use i2ris::drive::serial_frame::{FrameParser, ParserEvent};
 use i2ris::drive::object;
 use libfuzzer_sys::fuzz_target;
 

@@ -16,8 +16,7 @@ use crate::drive::capture::Outcome;
 use crate::drive::command_set::DriveRequest;
 use crate::drive::error::LinkError;
 use crate::drive::object::{self, Object};
-use crate::drive::serial_frame::MAX_ENCODED;
-use crate::drive::serial_frame_parser::{FrameError, ParserEvent};
+use crate::drive::serial_frame::{FrameError, MAX_ENCODED, ParserEvent};
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
@@ -81,8 +80,7 @@ impl<T: Transport> DriveLink<T> {
         outcome.map(|(sent, value)| TimedReply { value, sent, received })
     }
 
-    /// Sends a request in one frame and reads its reply. Returns when the request was handed over,
-    /// and the value.
+    /// Sends a request in one frame. Returns when it was handed over, and the reply's value.
     fn transfer(
         &mut self,
         request: &DriveRequest,
@@ -172,8 +170,7 @@ impl<T: Transport> DriveLink<T> {
         Ok(())
     }
 
-    /// Discards bytes until the line is quiet, for a bounded time. Fails with [`LinkError::Broken`]
-    /// only.
+    /// Discards bytes until the line is quiet, for a bounded time. Fails when it is broken.
     pub(crate) fn wait_for_quiet(&mut self) -> Result<(), LinkError> {
         self.drain().map(|_| ()).map_err(LinkError::broken)
     }

@@ -3,11 +3,10 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::config::Family;
-use crate::drive::abort_code::AbortCode;
 use crate::drive::capture::file::{CaptureFile, from_bytes, to_bytes};
 use crate::drive::capture::{CapturedPort, LineEvent, LineEventKind, Outcome};
 use crate::drive::link::replay::{LineReplay, replay};
-use crate::drive::serial_frame::{FrameEncoder, FrameTooLong, MAX_DATA, MAX_ENCODED};
+use crate::drive::object::AbortCode;
 use crate::units::Nanos;
 
 /// Reference frames: name, bytes on the wire, opcode, data. The first 18 are from captures and from
