@@ -9,13 +9,7 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 payload! {
     /// `servo_jp`, in: go to these angles now. Send it repeatedly, faster than its deadline. By its
     /// flags also `servo_jv`, `interpolate_jp`, `servo_cp` and `servo_cv`.
-    ServoJp "I2risServoJpV1": message {
-        /// Counts up by one per command of one client.
-        pub sequence: u64,
-        /// When the client sent it.
-        pub stamp_ns: u64,
-        /// Identity of the sender, which holds the lease. Not 0.
-        pub client_id: u64,
+    ServoJp "I2risServoJpV1": sent {
         /// Age at which this command is stale and the robot stops. 0: the controller's default.
         pub deadline_ns: u64,
         /// Desired pitch and yaw, rad; or x, y, z, m, for a model of the tip position, and with
@@ -29,13 +23,7 @@ payload! {
 
     /// `actuators/servo_jp`, in: turn the motors to these encoder positions now. No model is
     /// needed: for calibration.
-    ServoActuator "I2risServoActuatorV1": message {
-        /// Sequence number, see [`ServoJp`].
-        pub sequence: u64,
-        /// Stamp, see [`ServoJp`].
-        pub stamp_ns: u64,
-        /// Client id, see [`ServoJp`].
-        pub client_id: u64,
+    ServoActuator "I2risServoActuatorV1": sent {
         /// Deadline, see [`ServoJp`].
         pub deadline_ns: u64,
         /// Desired encoder positions, counts.
@@ -89,13 +77,7 @@ impl ExternalPosition {
 payload! {
     /// `teleop`, between clients: what a person does with an input device, 20 times a second and
     /// with every change of the clutch, while `i2ris teleop` runs.
-    TeleopMsg "I2risTeleopV1": message {
-        /// Counts up by one per message of one client.
-        pub sequence: u64,
-        /// Time of the message.
-        pub stamp_ns: u64,
-        /// The client that steers.
-        pub client_id: u64,
+    TeleopMsg "I2risTeleopV1": sent {
         /// Directions of +pitch (first) and +yaw in the picture: right, up.
         pub view: [[f64; 2]; 2],
         /// Deflection to the right and up in the picture, each -1 to 1.
@@ -128,13 +110,7 @@ impl TeleopMsg {
 payload! {
     /// `trial`, between clients: the trial of a study and its newest mark, twice a second and with
     /// every mark, from the recorder of the trial.
-    TrialMsg "I2risTrialV1": message {
-        /// Counts up by one per message of one client.
-        pub sequence: u64,
-        /// Time of the message.
-        pub stamp_ns: u64,
-        /// The client that records.
-        pub client_id: u64,
+    TrialMsg "I2risTrialV1": sent {
         /// When the trial began.
         pub started_ns: u64,
         /// When the newest mark was set.
@@ -160,13 +136,7 @@ impl TrialMsg {
 payload! {
     /// `reach_target`, between clients: the target that a person shall reach and hold, 20 times a
     /// second while the task runs; or the one to follow, 100 times a second.
-    ReachTarget "I2risReachTargetV1": message {
-        /// Counts up by one per message of one client.
-        pub sequence: u64,
-        /// Time of the message.
-        pub stamp_ns: u64,
-        /// The client that runs the task.
-        pub client_id: u64,
+    ReachTarget "I2risReachTargetV1": sent {
         /// When this target was shown first.
         pub shown_ns: u64,
         /// How long the snake has to stay within the tolerance; of [`ReachTarget::FOLLOW`]: the

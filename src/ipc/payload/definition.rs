@@ -46,9 +46,9 @@ pub(in crate::ipc) trait Outgoing: Message {
     fn with_sender(self, boot_id: u64, sequence: u64) -> Self;
 }
 
-/// Declares payloads by name, type name in iceoryx2, and fields; `: message` for those that clients
-/// send, `: outgoing` for those of the controller, which begin with the same three fields. The
-/// default value is all zero.
+/// Declares payloads by name, type name in iceoryx2, and fields; `: message` for those of a stream,
+/// `: sent` and `: outgoing` for those that begin with the three fields of a client or of the
+/// controller, `: dated` for requests with a validity. The default value is all zero.
 macro_rules! payload {
     (@fields outgoing $(#[$doc:meta])* $name:ident $type_name:literal { $($field:tt)* }) => {
         payload! { @fields message $(#[$doc])* $name $type_name {
@@ -66,6 +66,30 @@ macro_rules! payload {
                 Self { boot_id, sequence, ..self }
             }
         }
+    };
+    (@fields sent $(#[$doc:meta])* $name:ident $type_name:literal { $($field:tt)* }) => {
+        payload! { @fields message $(#[$doc])* $name $type_name {
+            /// Counts up by one per message of one client.
+            pub sequence: u64,
+            /// Time of sending.
+            pub stamp_ns: u64,
+            /// Identity of the sender. Not 0.
+            pub client_id: u64,
+            $($field)*
+        } }
+    };
+    (@fields dated $(#[$doc:meta])* $name:ident $type_name:literal { $($field:tt)* }) => {
+        payload! { @fields $(#[$doc])* $name $type_name {
+            /// Identity of the client. Not 0.
+            pub client_id: u64,
+            /// Time of sending, CLOCK_MONOTONIC. What may move or power is refused when it is older
+            /// than `valid_ns`; what only stops is good at any age.
+            pub stamp_ns: u64,
+            /// How long the client waits for the reply. The client of this library sets both where
+            /// they are 0.
+            pub valid_ns: u64,
+            $($field)*
+        } }
     };
     (@fields message $(#[$doc:meta])* $name:ident $type_name:literal { $($field:tt)* }) => {
         payload! { @fields $(#[$doc])* $name $type_name { $($field)* } }

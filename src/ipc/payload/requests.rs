@@ -9,15 +9,7 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
 payload! {
     /// `state_command`, request.
-    StateCommandRequest "I2risStateCommandV2" {
-        /// Identity of the client. Not 0.
-        pub client_id: u64,
-        /// Time of sending, CLOCK_MONOTONIC. What may move or power is refused when it is older
-        /// than `valid_ns`; what only stops is good at any age.
-        pub stamp_ns: u64,
-        /// How long the client waits for the reply. The client of this library sets both where they
-        /// are 0.
-        pub valid_ns: u64,
+    StateCommandRequest "I2risStateCommandV2": dated {
         /// [`crate::robot::StateCommand`].
         pub command: u32,
         /// 0.
@@ -47,13 +39,7 @@ payload! {
 
     /// `move_jp`, and `move_cp` by its flag, request: go to a pose, from rest to rest with limited
     /// jerk. The reply is [`StateCommandReply`].
-    MoveRequest "I2risMoveRequestV2" {
-        /// Identity of the client. Not 0.
-        pub client_id: u64,
-        /// Stamp, see [`StateCommandRequest`].
-        pub stamp_ns: u64,
-        /// Validity, see [`StateCommandRequest`].
-        pub valid_ns: u64,
+    MoveRequest "I2risMoveRequestV2": dated {
         /// Desired pitch and yaw, rad; a place of the tip, m, with [`MoveRequest::TIP`].
         pub position: [f64; MAX_OUTPUTS],
         /// Number of valid entries in `position`.
@@ -202,13 +188,7 @@ impl Version {
 
 payload! {
     /// `virtual_fixture`, request. The reply is [`super::StateCommandReply`].
-    VirtualFixtureRequest "I2risVirtualFixtureRequestV2" {
-        /// Identity of the client. Not 0.
-        pub client_id: u64,
-        /// Stamp, see [`StateCommandRequest`].
-        pub stamp_ns: u64,
-        /// Validity, see [`StateCommandRequest`].
-        pub valid_ns: u64,
+    VirtualFixtureRequest "I2risVirtualFixtureRequestV2": dated {
         /// [`crate::robot::FixtureAction`].
         pub action: u32,
         /// [`crate::robot::FixtureKind`] of the region to add; otherwise 0.
@@ -220,13 +200,7 @@ payload! {
 
 payload! {
     /// `model`, request. The reply takes one or two ticks; for `stage` it can take seconds.
-    ModelRequest "I2risModelRequestV2" {
-        /// Identity of the client. Not 0.
-        pub client_id: u64,
-        /// Stamp, see [`StateCommandRequest`](super::StateCommandRequest).
-        pub stamp_ns: u64,
-        /// Validity, see [`StateCommandRequest`](super::StateCommandRequest).
-        pub valid_ns: u64,
+    ModelRequest "I2risModelRequestV2": dated {
         /// [`crate::robot::ModelAction`].
         pub action: u32,
         /// Sum of [`ModelRequest::FORCE`] and [`ModelRequest::OTHER_DRIVE`].
