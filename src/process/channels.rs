@@ -47,8 +47,7 @@ pub(super) struct TickReport {
     pub lost: LostCounters,
 }
 
-/// Numbers of items that the loop could not pass on, since the start: a full channel means that a
-/// slower thread stalls.
+/// Items that the loop could not pass on, since the start: a slower thread stalls.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct LostCounters {
     pub events: u64,
@@ -102,8 +101,7 @@ impl LoopChannels {
 }
 
 impl IpcChannels {
-    /// Passes a request to the loop. [`Refusal::Busy`] when the queue is full. Stop requests have a
-    /// separate queue.
+    /// Passes a request to the loop; [`Refusal::Busy`]: its queue is full. Stops have their own.
     pub(super) fn ask(&mut self, request: StateRequest) -> Result<(), Refusal> {
         let queue = if request.command.only_stops() { &mut self.stops } else { &mut self.requests };
         queue.push(request).map_err(|_| Refusal::Busy)

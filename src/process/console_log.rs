@@ -35,8 +35,7 @@ impl ConsoleLog {
         Ok(Self { lines: Some(lines), ended, line: Vec::new(), lost: 0, has_panic_hook: false })
     }
 
-    /// Writes panic messages to this log as well: the standard hook could block the panicking
-    /// thread and hide its end.
+    /// Also writes panic messages: the standard hook could block and hide the thread's end.
     pub(crate) fn take_panic_messages(&mut self) {
         self.has_panic_hook = true;
         if let Some(lines) = self.lines.clone() {

@@ -279,8 +279,7 @@ impl IpcThread {
         }
     }
 
-    /// Sets robot and model in the reply to `version`, or leaves it to the next tick while another
-    /// thread has the history.
+    /// Sets the model in the reply to `version`; at the next tick if the history is locked.
     fn describe(&mut self, model: Option<ModelId>) {
         let Some(history) = self.parts.history.try_lock() else {
             return;
@@ -303,8 +302,7 @@ impl IpcThread {
         self.server.reply(reply.id, payload);
     }
 
-    /// Never waits: a thread under normal scheduling may hold the history while it is suspended,
-    /// which would delay commands.
+    /// Never waits: a suspended thread may hold the history, which would delay commands.
     fn update_history(&mut self) {
         if let Some(mut history) = self.parts.history.try_lock() {
             for report in self.late.drain(..) {

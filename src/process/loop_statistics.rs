@@ -35,8 +35,7 @@ pub(super) struct LoopStatistics {
 }
 
 impl LoopStatistics {
-    /// Statistics for a loop period, in windows of this length. `granted` and `line` are passed on
-    /// to the reader.
+    /// Statistics for a loop period, in windows. `granted` and `line` are passed on.
     pub(super) fn new(period: Nanos, window: Nanos, granted: Granted, line: LineBounds) -> Self {
         Self {
             intended: period,
@@ -68,8 +67,7 @@ impl LoopStatistics {
         }
     }
 
-    /// Message for the window that ended by `now`; opens the next window. `None` while the window
-    /// is still open.
+    /// Message for the window that ended; opens the next. `None`: the window is still open.
     pub(super) fn take(&mut self, now: Nanos) -> Option<PeriodStatistics> {
         let window = self.opened.map(|opened| now - opened).filter(|span| *span >= self.window)?;
         self.total_ticks += self.ticks;
@@ -100,8 +98,7 @@ impl LoopStatistics {
     }
 }
 
-/// Distribution of spans with fixed bounds. `None`, and then always empty, only if the constants
-/// were invalid.
+/// Spans with fixed bounds. `None`, and always empty, only if the constants were invalid.
 #[derive(Debug)]
 struct Spans(Option<Histogram<u32>>);
 

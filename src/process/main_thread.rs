@@ -73,8 +73,7 @@ impl MainThread<'_> {
         }
     }
 
-    /// A watchdog that ends, hangs or loses a port does not change the robot state or its motion;
-    /// it is reported once.
+    /// Reports once that a watchdog ended, hung or lost a port; no motion depends on it.
     fn report_lost_watchdog(&mut self, now: Nanos) {
         let status = WatchdogStatus::read(&self.domain, &self.ports, now);
         let is_watched = status == WatchdogStatus::Watching;

@@ -52,8 +52,7 @@ use console_log::ConsoleLog;
 use controller::ControllerError;
 pub use payload_conversion::{operating_state, robot_description};
 
-/// Makes a write beyond the file-size limit fail, as on a full disk. By default it kills the
-/// process.
+/// Makes a write beyond the file-size limit fail, as on a full disk: by default it kills.
 pub fn survive_file_size_limit() {
     // SAFETY: no handler is replaced.
     let _ = unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };

@@ -20,8 +20,7 @@ use crate::robot::DriveFingerprint;
 use crate::units::Nanos;
 use crate::{COMMIT, clock};
 
-/// Maximum time for the port threads to read the first positions: a few exchanges, unless the
-/// machine stalls.
+/// Maximum time until the first positions: a few exchanges, unless the machine stalls.
 const FIRST_POSITIONS: Nanos = Nanos::from_millis(2000);
 
 /// Why the model of the configuration cannot be used.

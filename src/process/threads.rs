@@ -173,8 +173,7 @@ fn what_ended(thread: Option<&ThreadError>) -> String {
     thread.map_or_else(|| "ended".to_owned(), ThreadError::to_string)
 }
 
-/// Text on the drive power when the controller ends. `powered`: motors whose drives have not
-/// confirmed power-off.
+/// Text on the final drive power. `powered`: motors that have not confirmed power-off.
 fn power_at_end(powered: &[usize]) -> String {
     if powered.is_empty() {
         return "every drive has confirmed power-off".to_owned();

@@ -114,8 +114,7 @@ mod tests {
     use super::ControllerStatus::{Absent, Alive, Died, Ended, Hangs, Started};
     use super::*;
 
-    /// Starts with a heartbeat at 100 ms, then checks `(heartbeat, now, status)`, ms.
-    /// Stamp and flag of the heartbeat, time of reading, expected status.
+    /// Stamp and flag of the heartbeat, time of reading, expected status; ms.
     type Step = (Option<(u64, bool)>, u64, ControllerStatus);
 
     fn check(off: bool, steps: &[Step]) {

@@ -54,12 +54,10 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 /// Period of trying to open ports.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(100);
 
-/// Time that a watchdog without a service manager waits for its first port: without any, it would
-/// watch nothing unnoticed.
+/// Wait of an unsupervised watchdog for its first port: without any, it watches nothing.
 const FIRST_PORT: Nanos = Nanos::from_millis(10_000);
 
-/// Stack of a thread that stops a port, bytes. The whole stack becomes resident where memory is
-/// locked.
+/// Stack of a thread that stops a port, bytes: all of it resident where memory is locked.
 const STOP_STACK: usize = 256 * 1024;
 
 /// Every reply pending: it is unknown which drives answer.

@@ -48,8 +48,7 @@ pub struct PulseLine {
 }
 
 impl PulseLine {
-    /// Opens the adapter. Fails when it does not exist, is in use by another program, or has no
-    /// modem lines.
+    /// Opens the adapter. Fails when it is absent, in use, or without modem lines.
     pub fn open(device: &Path, line: ModemLine) -> io::Result<Self> {
         let flags = libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC;
         let file = OpenOptions::new().read(true).write(true).custom_flags(flags).open(device)?;

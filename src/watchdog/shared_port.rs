@@ -20,8 +20,7 @@ use crate::drive::transport::{NOT_OUR_TURN, Transport};
 use crate::drive::{family_selection, serial_transport};
 use crate::units::Nanos;
 
-/// Maximum time to wait for a reply, ms. Trying again is faster than waiting longer, except for a
-/// gateway.
+/// Longest wait for a reply, ms: trying again is faster, except for a gateway.
 const MAX_REPLY_TIMEOUT_MS: u64 = 50;
 
 /// The frame timeout that the controller sets in its drives.
@@ -44,8 +43,7 @@ impl SharedPort {
         Self { config: config.clone(), file: None, refusal_reported: false }
     }
 
-    /// Opens the port if it is not open, without a change of its settings. Returns an event when
-    /// its state changes.
+    /// Opens the port, settings unchanged, if it is not open. Returns a change of its state.
     pub fn open(&mut self) -> Option<WatchdogEvent> {
         if self.file.as_ref().is_some_and(|file| !is_hung_up(file)) {
             return None;

@@ -75,8 +75,7 @@ pub struct OfferRecord {
 pub struct TickRecord {
     /// Counts up by one; the first tick after the start is 1.
     pub number: u64,
-    /// The model that was passed to the cycle before the tick: number of its
-    /// [`OfferRecord`].
+    /// Model passed to the cycle before the tick: number of its [`OfferRecord`].
     pub offered: Option<u64>,
     pub inputs: CycleInputs,
     pub outputs: CycleOutputs,
@@ -160,8 +159,7 @@ impl BlackBox {
         Self::from_bytes(&bytes, path)
     }
 
-    /// Writes a new file, for its owner only. Fails when a file of this name exists, or cannot be
-    /// written.
+    /// Writes a new file, for its owner only. Fails when one of this name exists.
     pub fn write(&self, path: &Path) -> Result<(), BlackBoxError> {
         let bytes = self.to_bytes().map_err(|error| BlackBoxError::Decode {
             path: path.to_owned(),

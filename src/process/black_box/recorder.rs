@@ -53,8 +53,7 @@ pub enum RecorderRequest {
     Write(u64),
 }
 
-/// Reply to [`RecorderRequest::Write`] with its token: the file and its number of ticks, or the
-/// error.
+/// Token of [`RecorderRequest::Write`]; the file and its number of ticks, or the error.
 pub type WriteReply = (u64, Result<(PathBuf, u64), String>);
 
 /// Endpoints of the loop.
