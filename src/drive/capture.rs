@@ -31,7 +31,6 @@ impl LineEventKind {
     }
 }
 
-/// Something that happened on a line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineEvent {
     /// Time on the clock of the line, whole microseconds; that of the first part of bytes.
@@ -55,7 +54,6 @@ impl LineEvent {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CapturedPort {
     pub device: String,
-    /// The family of the drive that the port belongs to.
     pub family: Family,
     /// Bits per second.
     pub baud: u32,
@@ -108,7 +106,6 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// Traffic of the line in the last minute.
     pub fn read(&self) -> CapturedPort {
         CapturedPort { events: self.ring.read(), ..self.port.clone() }
     }

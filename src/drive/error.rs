@@ -69,7 +69,6 @@ pub enum DriveError {
     Axis { device: PathBuf, node: u8, error: AxisError },
 }
 
-/// Why an exchange failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum LinkError {
     #[error("refused: {0}")]
@@ -95,7 +94,6 @@ fn late_or(unexpected: &UnexpectedReply, otherwise: &'static str) -> &'static st
     }
 }
 
-/// Text of the received bytes, to follow another clause.
 fn suffix(unexpected: &UnexpectedReply) -> String {
     if unexpected.is_silence() { String::new() } else { format!(": {unexpected}") }
 }
@@ -177,7 +175,6 @@ const MODELS: [(u32, &str); 5] =
 /// A drive as messages name it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DriveModel {
-    /// Name of the family.
     pub family: &'static str,
     pub product_code: u32,
     /// Firmware version, in hexadecimal as maxon writes it.
@@ -210,7 +207,6 @@ pub struct SettingError {
 pub enum SettingRefusal {
     AtMost(i64),
     AtLeast(i64),
-    /// It refuses to write the object.
     Refused(AbortCode),
     Missing,
     /// It acknowledges the value but keeps this one.

@@ -62,7 +62,6 @@ pub enum PortEventKind {
     Lost(LinkError),
     /// The lost axis is the gateway of the port, so the drives behind it are also unreachable.
     GatewayLost,
-    /// The axis answers, but is not usable.
     Unusable(AxisError),
     /// The position changed while it was not read: the axis counts as not homed.
     PositionMismatch {
@@ -81,7 +80,6 @@ pub enum PortEventKind {
     Ended(DrivePower),
 }
 
-/// Why a transition of an axis failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum TransitionError {
     #[error("the drive was restarted and has lost its limits; it is configured again")]

@@ -143,12 +143,10 @@ impl<R: PortRequest> AxisSlot<R> {
     /// The newest request; a quick stop if the watchdog expired while the axis is enabled.
     fn newest_request(&mut self, now: Nanos, events: EventSink<'_>) -> AxisRequest {
         let request = self.take_request();
-        let expired = self.watchdog.expired(request.sequence, now);
-        match expired {
+        match self.watchdog.expired(request.sequence, now) {
             Some(silence) if request.demand == Demand::Enabled => {
                 if !std::mem::replace(&mut self.watchdog.reported, true) {
-                    let kind = PortEventKind::WatchdogExpired(silence);
-                    self.axis.report(kind, events);
+                    self.axis.report(PortEventKind::WatchdogExpired(silence), events);
                 }
                 AxisRequest { demand: Demand::QuickStop, ..request }
             }
@@ -245,8 +243,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         if let Some(slot) = self.slots.first()
             && self.exchange > SLOW_EXCHANGE
         {
-            let median = self.exchange;
-            slot.axis.report(PortEventKind::SlowLine(median), events);
+            slot.axis.report(PortEventKind::SlowLine(self.exchange), events);
         }
     }
 

@@ -31,7 +31,6 @@ const STX: u8 = 0x02;
 
 const SYNC: [u8; 2] = [DLE, STX];
 
-/// Opcode and number of words.
 const HEADER: usize = 2;
 
 const CRC: usize = 2;
@@ -39,7 +38,6 @@ const CRC: usize = 2;
 /// Everything after the sync bytes, before stuffing.
 const MAX_BODY: usize = HEADER + MAX_DATA + CRC;
 
-/// The content of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SerialFrame<'a> {
     /// The command; 0x00 in every reply.
@@ -55,7 +53,6 @@ pub struct FrameTooLong {
     pub bytes: usize,
 }
 
-/// Encodes frames into its own buffer.
 #[derive(Debug, Clone)]
 pub struct FrameEncoder {
     wire: [u8; MAX_ENCODED],
@@ -150,7 +147,6 @@ pub enum ParserEvent<'a> {
     Error(FrameError),
 }
 
-/// How bytes were lost.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameError {
     /// A complete frame has a wrong CRC.

@@ -6,9 +6,7 @@ use std::ops::RangeInclusive;
 use super::interface::{AxisRequest, Demand, Transfer};
 use super::procedures::{EnablingStep, HomingStep, PowerSequence};
 use super::schedule::{CommandNeed, LineUse, Need, Urgency};
-use super::state_machine::{
-    AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_EXCHANGES,
-};
+use super::state_machine::{AxisState, AxisStateMachine, EventSink, FaultStep, STOP_EXCHANGES};
 use crate::drive::cia402::{Controlword, DriveState, PowerGoal};
 use crate::drive::event::{PortEventKind, TransitionError};
 use crate::units::{Counts, Nanos};
@@ -34,7 +32,7 @@ impl AxisStateMachine {
     ) {
         self.check_deadline(now, events);
         if request.demand != Demand::Enabled {
-            self.interlock = EnableInterlock::Released;
+            self.is_interlocked = false;
         }
         self.start_transition(request, now, events);
         self.acknowledge_counters(request, events);
@@ -148,7 +146,7 @@ impl AxisStateMachine {
                 self.enter(AxisState::Homing(step, deadline, request.homings), events);
             }
             (AxisState::Disabled | AxisState::QuickStopped(_), Demand::Enabled)
-                if self.interlock == EnableInterlock::Released =>
+                if !self.is_interlocked =>
             {
                 let (step, deadline) = (EnablingStep::LimitMin, now + ENABLE_TIMEOUT);
                 self.enter(AxisState::Enabling(step, deadline), events);
@@ -206,7 +204,7 @@ impl AxisStateMachine {
 
     /// Switches off because something failed.
     pub(super) fn abort(&mut self, now: Nanos, events: EventSink<'_>) {
-        self.interlock = EnableInterlock::Engaged;
+        self.is_interlocked = true;
         self.switch_off(now, events);
     }
 

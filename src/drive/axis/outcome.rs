@@ -3,9 +3,7 @@
 use super::interface::{AxisRequest, Transfer, WrittenTarget};
 use super::procedures::{EnablingStep, ProcedureStatus};
 use super::schedule::TriggerState;
-use super::state_machine::{
-    AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_TIMEOUT,
-};
+use super::state_machine::{AxisState, AxisStateMachine, EventSink, FaultStep, STOP_TIMEOUT};
 use crate::drive::cia402::{Controlword, DriveState, Statusword};
 use crate::drive::error::{AxisError, LinkError, UnexpectedReply};
 use crate::drive::event::{PortEventKind, TransitionError};
@@ -177,7 +175,7 @@ impl AxisStateMachine {
             AxisState::Disabled if drive.is_off() || drive == DriveState::NotReady => return false,
             AxisState::Enabled if drive == DriveState::QuickStopActive => {
                 self.report(PortEventKind::UnexpectedState(drive), events);
-                self.interlock = EnableInterlock::Engaged;
+                self.is_interlocked = true;
                 self.enter(AxisState::QuickStopped(now + STOP_TIMEOUT), events);
             }
             AxisState::Enabled | AxisState::QuickStopped(..) | AxisState::Disabled => {

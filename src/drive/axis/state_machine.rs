@@ -123,7 +123,8 @@ pub(in crate::drive) struct AxisStateMachine {
     pub(super) family: &'static dyn DriveFamily,
     pub(super) plan: HomingPlan,
     pub(super) state: AxisState,
-    pub(super) interlock: EnableInterlock,
+    /// A demand for enabled is not carried out until it was something else since the last failure.
+    pub(super) is_interlocked: bool,
     pub(super) schedule: Schedule,
     pub(super) trigger: TriggerState,
     /// The last setpoint that was sent is known to have arrived.
@@ -138,15 +139,6 @@ pub(in crate::drive) struct AxisStateMachine {
     /// Transfers in a row without an answer.
     pub(super) unanswered: u32,
     pub(super) reported: Reported,
-}
-
-/// Whether a demand for enabled may be carried out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum EnableInterlock {
-    /// The demand was something other than enabled since the last failure.
-    Released,
-    /// It must be something else first.
-    Engaged,
 }
 
 /// The last reports, so that a repeat is not reported again.
@@ -168,7 +160,7 @@ impl AxisStateMachine {
             family,
             plan: family.homing(config),
             state: AxisState::Starting,
-            interlock: EnableInterlock::Engaged,
+            is_interlocked: true,
             schedule: Schedule::default(),
             trigger: TriggerState::default(),
             is_written: false,
@@ -347,7 +339,7 @@ impl AxisStateMachine {
         }
         match state {
             AxisState::Starting | AxisState::Faulted(_) | AxisState::Lost => {
-                self.interlock = EnableInterlock::Engaged;
+                self.is_interlocked = true;
             }
             // The drive gets another target, or another zero.
             AxisState::Enabling(..) | AxisState::Homing(..) => self.feedback.written = None,
@@ -364,8 +356,7 @@ impl AxisStateMachine {
         let (to, statusword) = (state.phase(), self.feedback.statusword);
         self.feedback.phase = to;
         if from != to {
-            let kind = PortEventKind::Phase { from, to, statusword };
-            self.report(kind, events);
+            self.report(PortEventKind::Phase { from, to, statusword }, events);
         }
     }
 

@@ -33,7 +33,6 @@ const FRAME_KIND: &str = "V2";
 /// Bytes of a block in addition to its content: kind, and its length twice.
 const FRAME: usize = 12;
 
-/// A file with the captures of all ports.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CaptureFile {
     pub ports: Vec<CapturedPort>,
@@ -41,7 +40,6 @@ pub struct CaptureFile {
     pub is_whole: bool,
 }
 
-/// Why a file cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
     #[error("cannot read capture {}: {source}", path.display())]
@@ -106,7 +104,6 @@ fn push_block(file: &mut Vec<u8>, kind: u32, mut body: Vec<u8>, option: u16, val
     file.extend([&kind.to_le_bytes()[..], &length, &body, &length].concat());
 }
 
-/// To whole words of four bytes.
 fn pad(bytes: &mut Vec<u8>) {
     bytes.resize(bytes.len().next_multiple_of(4), 0);
 }

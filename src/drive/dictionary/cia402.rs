@@ -99,7 +99,6 @@ pub enum DriveState {
     OperationEnabled,
     /// Stopped by the quick-stop ramp; powered and holding (option 0x605A = 6).
     QuickStopActive,
-    /// The drive stops because of a fault.
     FaultReaction,
     Fault,
 }
@@ -114,14 +113,12 @@ impl DriveState {
     }
 }
 
-/// The state that a drive is brought to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PowerGoal {
     /// Power stage off, by the ramp.
     Off,
     /// Power stage off at once, for a drive that fails to switch off by the ramp.
     Cut,
-    /// Operation enabled.
     On,
     /// Quick stop active; a drive without power stays off.
     Stopped,

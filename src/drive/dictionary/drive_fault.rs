@@ -8,7 +8,6 @@ use crate::config::Family;
 /// The error codes of the families; a row starts with its code.
 const TABLE: &str = include_str!("error_codes.md");
 
-/// Meaning of an error code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DriveFault {
     pub code: u16,
@@ -24,7 +23,6 @@ pub struct DriveFault {
     pub resets_communication: bool,
 }
 
-/// Reaction of a drive to a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FaultReaction {
     /// Power off at once, without a controlled stop.
@@ -33,7 +31,6 @@ pub enum FaultReaction {
     Ramp,
     /// According to the abort-connection option.
     ConnectionLost,
-    /// None: a warning.
     Warning,
     Unknown,
 }

@@ -44,7 +44,6 @@ impl Address {
         }
     }
 
-    /// Truncates a value to the size of the object.
     pub const fn truncate(&self, raw: u32) -> u32 {
         match self.size {
             1 => raw & 0xFF,
@@ -89,13 +88,11 @@ impl<T: Value> Object<T> {
 }
 
 impl Object<u32> {
-    /// The lower half of its value.
     pub(crate) const fn low_word(self) -> Object<u16> {
         Object { address: Address { size: 2, ..self.address }, value: PhantomData }
     }
 }
 
-/// A value to write to an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Setting {
     pub object: Address,
@@ -155,9 +152,7 @@ pub(crate) const PRODUCT: Object<u32> = Object::of(0x1018, 2);
 pub const SERIAL_NUMBER: Object<u32> = Object::of(0x1018, 4);
 /// How long the drive waits for the rest of a frame, ms: on RS232 and on USB.
 pub(crate) const FRAME_TIMEOUTS: [Object<u16>; 2] = [Object::of(0x2005, 0), Object::of(0x2006, 0)];
-/// Commands to the CiA 402 state machine.
 pub const CONTROLWORD: Object<u16> = Object::of(0x6040, 0);
-/// State of the CiA 402 state machine.
 pub const STATUSWORD: Object<u16> = Object::of(0x6041, 0);
 /// Reaction to disable operation; 1: ramp, then off.
 pub(crate) const DISABLE_OPTION: Object<i16> = Object::of(0x605C, 0);
@@ -215,7 +210,6 @@ impl AbortCode {
     /// The drive does not know the opcode: it may be of another family.
     pub(crate) const UNKNOWN_COMMAND: Self = Self(0x0F00_FFBF);
 
-    /// The drive does not have the object.
     pub const fn is_missing(self) -> bool {
         matches!(self.0, 0x0602_0000 | 0x0609_0011)
     }

@@ -3,7 +3,6 @@
 
 use crate::config::Family;
 
-/// Type of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     U8,
@@ -43,7 +42,6 @@ impl Kind {
     }
 }
 
-/// Access of a host to an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     Ro,
@@ -66,7 +64,6 @@ pub struct Entry {
     pub varies: bool,
     /// It changes while the drive is used: not a setting.
     pub live: bool,
-    /// The families that have it.
     pub families: &'static [Family],
     /// The oldest firmware that is known to have it where an older one lacks it; 0: all have it.
     pub since: u16,
@@ -79,7 +76,6 @@ pub struct Entry {
 /// All objects that are used, by index and subindex.
 pub const ALL: &[Entry] = &read_table();
 
-/// The object of a family at this address.
 pub fn find(family: Family, index: u16, subindex: u8) -> Option<&'static Entry> {
     of_family(family).find(|entry| (entry.index, entry.subindex) == (index, subindex))
 }

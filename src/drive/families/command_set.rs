@@ -36,11 +36,9 @@ pub enum Requested {
     Write(u8, u16, u8, u32),
     /// The first segment of an object: node, index, subindex.
     FirstSegment(u8, u16, u8),
-    /// The next segment of the object.
     NextSegment,
 }
 
-/// Why a reply has no value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReplyError {
     Refused(AbortCode),

@@ -11,7 +11,6 @@ use crate::drive::family::{
 };
 use crate::drive::object::{self, Address, Object, Setting};
 
-/// Firmware version.
 const FIRMWARE: Object<u16> = Object::of(0x2003, 1);
 /// Full serial number, 8 bytes: read in segments.
 const FULL_SERIAL_NUMBER: Address = Address::of(0x2004, 0);
@@ -94,7 +93,6 @@ const LENGTH: u8 = 0x3F;
 const TOGGLE: u8 = 1 << 6;
 const MORE: u8 = 1 << 7;
 
-/// The command set of the EPOS2.
 const COMMANDS: &CommandSet = &CommandSet {
     read: 0x10,
     write: 0x11,

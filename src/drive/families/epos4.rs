@@ -25,7 +25,6 @@ const HOME_OFFSET: Object<i32> = Object::of(0x30B1, 0);
 const HOMING_CURRENT: Object<u16> = Object::of(0x30B2, 0);
 /// Motor current, mA, not averaged.
 const CURRENT: Object<i32> = Object::of(0x30D1, 2);
-/// The last error.
 const ERROR_CODE: Object<u16> = Object::of(0x603F, 0);
 /// Reaction to quick stop; 6: ramp, then hold with power.
 const QUICK_STOP_OPTION: Object<i16> = Object::of(0x605A, 0);
@@ -118,7 +117,6 @@ const NEXT_REPLY_WORDS: u8 = 131;
 const TOGGLE: u8 = 1 << 0;
 const LAST: u8 = 1 << 1;
 
-/// The command set of the EPOS4.
 const COMMANDS: &CommandSet = &CommandSet {
     read: 0x60,
     write: 0x68,

@@ -45,11 +45,9 @@ pub struct ObjectMap {
     pub full_serial_number: Option<Address>,
     /// The mode of operation that follows setpoints.
     pub streaming_mode: i8,
-    /// How a setpoint takes effect in it.
     pub setpoint_trigger: SetpointTrigger,
     /// Setpoint in `streaming_mode`, counts.
     pub target: Object<i32>,
-    /// The last error.
     pub error_code: Object<u16>,
     /// The last error remains after the fault is cleared.
     pub error_code_is_history: bool,
@@ -59,12 +57,9 @@ pub struct ObjectMap {
     pub supply_voltage: Option<Object<u16>>,
 }
 
-/// Location of the firmware version.
 #[derive(Debug, Clone, Copy)]
 pub enum FirmwareVersion {
-    /// The high word of an object.
     HighWord(Object<u32>),
-    /// An object of its own.
     Word(Object<u16>),
 }
 

@@ -15,7 +15,6 @@ pub fn family_of_line(family: Family) -> &'static dyn DriveFamily {
     select(family, Streaming::Cyclic)
 }
 
-/// The drive family of an axis.
 pub fn family_of_axis(port: &PortConfig, axis: &AxisConfig) -> &'static dyn DriveFamily {
     select(axis.family.unwrap_or(port.family), axis.streaming)
 }

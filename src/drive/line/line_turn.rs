@@ -71,7 +71,6 @@ impl LoopBeat {
 pub(crate) struct PortLife(Arc<AtomicU64>);
 
 impl PortLife {
-    /// When it was.
     pub(crate) fn seen(&self) -> Nanos {
         Nanos(self.0.load(Ordering::Relaxed))
     }
@@ -92,12 +91,10 @@ impl PortTurn {
         Self { beat: beat.clone(), ..Self::default() }
     }
 
-    /// Sign of life of the thread.
     pub(crate) fn life(&self) -> PortLife {
         self.life.clone()
     }
 
-    /// The port was opened.
     pub(in crate::drive) fn note_opened(&self, now: Nanos) {
         self.beat.0.opened.fetch_max(now.0, Ordering::AcqRel);
     }

@@ -72,7 +72,6 @@ pub struct TimedReply<R> {
     pub received: Nanos,
 }
 
-/// Why an attempt failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum TransferError {
     /// The drive refused the request; the line is fine.
@@ -125,7 +124,6 @@ pub struct DriveLink<T> {
     sync: SyncState,
     reply_timeout: Nanos,
     usual_reply_timeout: Nanos,
-    /// Whether the drive at the port is a gateway to other nodes.
     has_gateway: bool,
     byte_time: Nanos,
     frame_timeout: Nanos,
@@ -188,7 +186,6 @@ impl<T: Transport> DriveLink<T> {
         Ok(())
     }
 
-    /// Whether an exchange may begin.
     pub(crate) fn is_our_turn(&mut self) -> bool {
         self.transport.is_our_turn()
     }
@@ -266,7 +263,6 @@ impl<T: Transport> DriveLink<T> {
         self.read_with(node, object, self.prompt(Retry::Safe))
     }
 
-    /// Whether a node answers a single attempt.
     pub(in crate::drive) fn is_answered(&mut self, node: u8, object: Address) -> bool {
         self.read_with(node, object, Retry::Never).is_ok()
     }

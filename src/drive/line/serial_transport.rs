@@ -25,7 +25,6 @@ const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 /// may have to wait for those that do not answer.
 const RELEASE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
-/// Period of trying to open a port in use.
 const BUSY_PERIOD: Nanos = Nanos::from_millis(20);
 
 /// The longest wait without a look at whose turn it is.
@@ -160,7 +159,6 @@ impl Transport for SerialTransport {
     }
 }
 
-/// Translates an error at opening.
 fn explain(device: &Path, source: serialport::Error) -> DriveError {
     use serialport::ErrorKind::{Io, NoDevice};
     let device = device.to_owned();

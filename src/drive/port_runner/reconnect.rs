@@ -11,7 +11,6 @@ use crate::drive::object;
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
-/// Between two attempts to reconnect a lost axis.
 const RECONNECT_PERIOD: Nanos = Nanos::from_millis(500);
 
 /// Minimum pause relative to the duration of the last attempt, while other axes answer: they wait
@@ -26,7 +25,6 @@ pub(super) struct OtherSlots<'a, R: Send> {
 }
 
 impl<R: PortRequest> OtherSlots<'_, R> {
-    /// Any of them answers.
     fn answer(&self) -> bool {
         let mut slots = self.before.iter().chain(&*self.after);
         slots.any(|slot| !slot.axis.is_lost())

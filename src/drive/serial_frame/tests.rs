@@ -74,7 +74,6 @@ EPOS2 mode -1|90 02 11 04 60 60 00 01 FF 00 00 00 89 A1|11|60 60 00 01 FF 00 00 
 EPOS2 target N1|90 02 11 04 62 20 00 01 E8 03 00 00 95 6A|11|62 20 00 01 E8 03 00 00
 EPOS2 target N2|90 02 11 04 62 20 00 02 E8 03 00 00 75 A4|11|62 20 00 02 E8 03 00 00";
 
-/// A frame of the reference.
 struct Reference {
     name: &'static str,
     wire: Vec<u8>,
@@ -91,7 +90,6 @@ fn reference() -> impl Iterator<Item = Reference> {
     })
 }
 
-/// A good frame.
 fn good_wire() -> Vec<u8> {
     reference().next().unwrap().wire
 }

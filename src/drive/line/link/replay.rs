@@ -99,7 +99,6 @@ fn repeat(
 #[derive(Debug, Default)]
 struct Playback<'a> {
     events: &'a [LineEvent],
-    /// Received bytes that are not read yet.
     unread: &'a [u8],
     sends_otherwise: bool,
     outcome: Option<Outcome>,
