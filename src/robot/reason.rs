@@ -57,12 +57,20 @@ impl Cause {
     /// Number within its kind.
     #[must_use]
     pub const fn number(self) -> u32 {
+        self.parts().0
+    }
+
+    /// Number, sentence and recommended action.
+    const fn parts(self) -> (u32, &'static str, &'static str) {
         match self {
-            Self::Fault(it) => it.number(),
-            Self::Refusal(it) => it.number(),
-            Self::Stop(it) => it.number(),
-            Self::Clip(it) => it.number(),
-            Self::State(it) => it.number(),
+            Self::Fault(it) => (it.number(), it.text(), it.advice()),
+            Self::Refusal(it) => (it.number(), it.text(), it.advice()),
+            Self::Stop(it) => (it.number(), it.text(), it.advice()),
+            Self::Clip(it) => (it.number(), it.text(), it.advice()),
+            Self::State(it) => {
+                let [sentence, advice] = of_state(it);
+                (it.number(), sentence, advice)
+            }
         }
     }
 
@@ -75,30 +83,18 @@ impl Cause {
     /// Describes the event in one sentence.
     #[must_use]
     pub fn sentence(self) -> &'static str {
-        match self {
-            Self::Fault(it) => it.text(),
-            Self::Refusal(it) => it.text(),
-            Self::Stop(it) => it.text(),
-            Self::Clip(it) => it.text(),
-            Self::State(it) => of_state(it)[0],
-        }
+        self.parts().1
     }
 
     /// Recommended action, in one sentence.
     #[must_use]
     pub fn advice(self) -> &'static str {
-        match self {
-            Self::Fault(it) => it.advice(),
-            Self::Refusal(it) => it.advice(),
-            Self::Stop(it) => it.advice(),
-            Self::Clip(it) => it.advice(),
-            Self::State(it) => of_state(it)[1],
-        }
+        self.parts().2
     }
 }
 
 /// Sentence and recommended action of a state.
-fn of_state(state: OperatingState) -> [&'static str; 2] {
+const fn of_state(state: OperatingState) -> [&'static str; 2] {
     match state {
         OperatingState::Disabled => ["the drives are off", "`i2ris enable`"],
         OperatingState::Enabled => ["the robot waits for commands", "send commands"],
