@@ -13,7 +13,6 @@ const SILENCE: Nanos = Nanos::from_millis(1000);
 pub(super) struct CameraOwner {
     /// The publisher, and the time of its last frame.
     followed: Option<(u128, Nanos)>,
-    /// Number of frames of other publishers.
     pub ignored: u64,
 }
 

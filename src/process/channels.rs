@@ -22,7 +22,6 @@ use crate::robot::Refusal;
 
 /// Ticks that the IPC thread may lag before reports are dropped: a quarter of a second at 1 kHz.
 const REPORTS: usize = 256;
-/// Maximum number of events waiting for the log.
 const EVENTS: usize = 1024;
 /// State commands in flight; a client sends one and waits for its reply.
 const COMMANDS: usize = 32;
@@ -33,17 +32,14 @@ const MODELS: usize = 8;
 
 #[derive(Debug)]
 pub(super) struct ModelOffer {
-    /// Counts up by one per offer.
     pub number: u64,
     pub candidate: ModelCandidate,
 }
 
-/// One tick for the IPC thread.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TickReport {
     pub report: CycleReport,
     pub timing: TickTiming,
-    /// Losses up to this tick.
     pub lost: LostCounters,
 }
 
@@ -56,7 +52,6 @@ pub(super) struct LostCounters {
     pub replies: u64,
 }
 
-/// Endpoints of the control loop.
 pub(super) struct LoopChannels {
     pub servo: triple_buffer::Output<Option<ServoCommand>>,
     /// Commands of the auxiliary axis.
@@ -78,7 +73,6 @@ pub(super) struct LoopChannels {
     pub events: Producer<CycleEvent>,
 }
 
-/// Endpoints of the IPC thread.
 pub(super) struct IpcChannels {
     pub servo: triple_buffer::Input<Option<ServoCommand>>,
     /// Commands of the auxiliary axis.
@@ -108,7 +102,6 @@ impl IpcChannels {
     }
 }
 
-/// Endpoints of the model manager.
 pub(super) struct ModelChannels {
     pub offers: Producer<ModelOffer>,
     pub requests: Producer<ModelSwapRequest>,

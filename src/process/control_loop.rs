@@ -28,7 +28,6 @@ pub(super) struct ControlLoop {
     pub channels: LoopChannels,
     pub links: Vec<AxisLink<Gated>>,
     pub beats: Arc<Beats>,
-    /// Age at which a position is a fault.
     pub lost_after: Nanos,
 }
 
@@ -173,7 +172,6 @@ impl ControlLoop {
     }
 }
 
-/// Numbers of items that could not be passed on, since the start.
 #[derive(Debug, Default)]
 struct Lost {
     counters: LostCounters,
@@ -196,7 +194,6 @@ fn read_feedback(links: &mut [AxisLink<Gated>]) -> [AxisFeedback; MAX_AXES] {
     feedback
 }
 
-/// Passes ticks and snapshots to the recorder of the black box.
 struct TickRecording {
     ticks: u64,
     interval: u64,

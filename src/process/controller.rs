@@ -52,9 +52,7 @@ const PORT_PRIORITY_DISTANCE: u8 = 10;
 /// they are stale. It is lower than the port threads: an ongoing exchange must not wait for a
 /// client.
 const IPC_PRIORITY_DISTANCE: u8 = 20;
-/// Maximum number of drive events waiting for the log.
 const PORT_EVENTS: usize = 1024;
-/// Delay of the first tick after the start of the threads.
 const START_DELAY: Nanos = Nanos::from_millis(20);
 
 /// Runs the controller until `shutdown` is set and the drives are off. `note` goes to the run log;
@@ -238,10 +236,8 @@ fn start_ipc(
     quit: &Arc<AtomicBool>,
 ) -> Result<(NamedThread, (HeartbeatWriter, Granted)), ControllerError> {
     let (cpu, quit) = (config.control.cpu, Arc::clone(quit));
-    let wanted = SchedulingRequest {
-        priority: priority_below(&config.control, IPC_PRIORITY_DISTANCE),
-        ..SchedulingRequest::default()
-    };
+    let priority = priority_below(&config.control, IPC_PRIORITY_DISTANCE);
+    let wanted = SchedulingRequest { priority, ..SchedulingRequest::default() };
     let (started_in, started) = mpsc::channel();
     let thread = NamedThread::spawn("ipc", move || {
         // Keeps off the CPU of the loop. Creating the services takes long and runs under normal
@@ -272,11 +268,8 @@ fn start_port(
     quit: &Arc<AtomicBool>,
 ) -> Result<NamedThread, ThreadError> {
     let quit = Arc::clone(quit);
-    let wanted = SchedulingRequest {
-        priority: priority_below(config, PORT_PRIORITY_DISTANCE),
-        cpu: None,
-        lock_memory: false,
-    };
+    let priority = priority_below(config, PORT_PRIORITY_DISTANCE);
+    let wanted = SchedulingRequest { priority, ..SchedulingRequest::default() };
     NamedThread::spawn("port", move || {
         // If this is refused, so is the request of the loop, which reports it.
         let _ = realtime::request(wanted);
@@ -298,11 +291,8 @@ fn start_control(
     let (config, shutdown) = (config.clone(), Arc::clone(shutdown));
     let (granted_in, granted) = mpsc::channel();
     let thread = NamedThread::spawn("control", move || {
-        let wanted = SchedulingRequest {
-            priority: config.priority,
-            cpu: config.cpu,
-            lock_memory: config.priority > 0,
-        };
+        let ControlConfig { priority, cpu, .. } = config;
+        let wanted = SchedulingRequest { priority, cpu, lock_memory: priority > 0 };
         let _ = granted_in.send(realtime::request(wanted));
         drop(granted_in);
         control_loop.run(&config, first, &shutdown);

@@ -79,7 +79,6 @@ impl FixtureTable {
         true
     }
 
-    /// Updates the active fixtures from the report of a tick.
     pub(super) fn update(&mut self, report: &CycleReport) {
         self.message.active = report.fixtures;
         if let Some(index) = report.limited_by_fixture {
@@ -118,34 +117,30 @@ fn shape(request: &VirtualFixtureRequest) -> Option<FixtureShape> {
 }
 
 fn described(shape: &FixtureShape) -> (FixtureKind, [f64; 17]) {
-    let mut values = [0.0; 17];
-    let rad = f64::to_radians;
-    let kind = match shape {
+    let rad = |deg: &f64| deg.to_radians();
+    let (kind, list) = match shape {
         FixtureShape::Circle { centre_deg: [pitch, yaw], radius_deg } => {
-            values[..3].copy_from_slice(&[rad(*pitch), rad(*yaw), rad(*radius_deg)]);
-            FixtureKind::Circle
+            (FixtureKind::Circle, vec![rad(pitch), rad(yaw), rad(radius_deg)])
         }
-        FixtureShape::HalfPlane { normal, offset_deg } => {
-            values[..3].copy_from_slice(&[normal[0], normal[1], rad(*offset_deg)]);
-            FixtureKind::HalfPlane
+        FixtureShape::HalfPlane { normal: [pitch, yaw], offset_deg } => {
+            (FixtureKind::HalfPlane, vec![*pitch, *yaw, rad(offset_deg)])
         }
         FixtureShape::Ball { centre_mm: [x, y, z], radius_mm } => {
-            let metres = [x, y, z, radius_mm].map(|mm| mm * 1e-3);
-            values[..4].copy_from_slice(&metres);
-            FixtureKind::Ball
+            (FixtureKind::Ball, [x, y, z, radius_mm].map(|mm| mm * 1e-3).to_vec())
         }
         FixtureShape::HalfSpace { normal: [x, y, z], offset_mm } => {
-            values[..4].copy_from_slice(&[*x, *y, *z, offset_mm * 1e-3]);
-            FixtureKind::HalfSpace
+            (FixtureKind::HalfSpace, vec![*x, *y, *z, offset_mm * 1e-3])
         }
         FixtureShape::Polygon { corners_deg } => {
-            values[0] = corners_deg.len() as f64;
-            for (to, corner) in values[1..].chunks_exact_mut(2).zip(corners_deg) {
-                to.copy_from_slice(&corner.map(f64::to_radians));
-            }
-            FixtureKind::Polygon
+            let corners = corners_deg.iter().flatten().map(rad);
+            let count = corners_deg.len() as f64;
+            (FixtureKind::Polygon, [count].into_iter().chain(corners).collect())
         }
     };
+    let mut values = [0.0; 17];
+    for (to, from) in values.iter_mut().zip(list) {
+        *to = from;
+    }
     (kind, values)
 }
 

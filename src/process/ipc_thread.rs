@@ -30,12 +30,10 @@ use crate::realtime::Granted;
 use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_OUTPUTS, Nanos};
 
-/// Interval of the adaptation messages while adaptation is on.
 const ADAPTATION_PERIOD: Nanos = Nanos::from_millis(20);
 
 const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
 
-/// Polling period of the watchdog status.
 const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
 /// Ticks that the loop history may lag: the capacity of the report ring.
 const LATE_TICKS: usize = 256;
@@ -62,7 +60,6 @@ pub(super) struct IpcThreadParts {
     pub queues: RequestQueues,
     pub fixtures: FixtureTable,
     pub period: Nanos,
-    /// Limits due to the slowest line.
     pub line: LineBounds,
 }
 
@@ -256,7 +253,6 @@ impl IpcThread {
         self.server.publish(StreamMessage::VirtualFixtures(message));
     }
 
-    /// Passes a request to the loop, or replies with the refusal.
     fn request(&mut self, id: u64, request: Result<StateRequest, Refusal>) {
         let channels = &mut self.parts.channels;
         if let Err(refusal) = request.and_then(|request| channels.ask(request)) {

@@ -10,7 +10,6 @@ use crate::core::{CycleReport, HistoryCursor, ModelSlots, newest_stamp};
 use crate::model::{History, Model, ModelId};
 use crate::units::{MotorVec, Nanos};
 
-/// A model that the loop has, or will receive.
 #[derive(Debug, Clone)]
 pub(super) struct LoadedModel {
     pub model: Arc<Model>,
@@ -26,7 +25,6 @@ pub(super) struct LoopHistory {
     stamp: Nanos,
     /// Present position of the motors, counts.
     pub position: MotorVec,
-    /// The models of the loop in the newest tick.
     pub slots: ModelSlots,
     /// Every model that is loaded, or on its way to the loop.
     pub known: BTreeMap<ModelId, LoadedModel>,
@@ -59,7 +57,6 @@ impl LoopHistory {
     }
 }
 
-/// The loop history, shared among the slower threads.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SharedLoopHistory(Arc<Mutex<LoopHistory>>);
 

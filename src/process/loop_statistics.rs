@@ -166,19 +166,11 @@ mod tests {
         }
         let message = statistics.take(Nanos(1000 * PERIOD.0)).unwrap();
         assert_eq!((message.ticks, message.missed, message.window_ns), (1000, 2, WINDOW.0));
-        assert!(
-            near(message.lateness.p50_ns, 10) && near(message.lateness.p90_ns, 10),
-            "{message:?}"
-        );
-        assert!(
-            near(message.lateness.p99_ns, 200) && near(message.lateness.max_ns, 200),
-            "{message:?}"
-        );
-        assert!(
-            near(message.period.p50_ns, 1000) && near(message.period.max_ns, 1190),
-            "{message:?}"
-        );
-        assert!(near(message.compute.p999_ns, 5), "{message:?}");
+        let PeriodStatistics { lateness, period, compute, .. } = message;
+        assert!(near(lateness.p50_ns, 10) && near(lateness.p90_ns, 10), "{message:?}");
+        assert!(near(lateness.p99_ns, 200) && near(lateness.max_ns, 200), "{message:?}");
+        assert!(near(period.p50_ns, 1000) && near(period.max_ns, 1190), "{message:?}");
+        assert!(near(compute.p999_ns, 5), "{message:?}");
         assert_eq!((message.priority, message.cpu, message.memory_locked), (80, 1, 1));
     }
 

@@ -27,7 +27,6 @@ use crate::units::Nanos;
 
 /// Timeout for the reply of the loop: normally one tick, unless the machine stalls.
 const REPLY_TIMEOUT: Nanos = Nanos::from_millis(2000);
-/// Polling period for the reply.
 const POLL_PERIOD: Nanos = Nanos::from_micros(500);
 /// Period of freeing returned models while there are no requests.
 const IDLE_PERIOD: Duration = Duration::from_millis(100);

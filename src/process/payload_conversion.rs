@@ -64,7 +64,6 @@ impl From<&ServoActuator> for ServoCommand {
     }
 }
 
-/// Time span in which a request may be executed.
 pub(super) fn validity(stamp_ns: u64, valid_ns: u64) -> Validity {
     Validity { stamp: Nanos(stamp_ns), span: Nanos(valid_ns) }
 }

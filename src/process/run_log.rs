@@ -20,7 +20,6 @@ use crate::wall_clock;
 /// Name of the file in the folder of the records.
 pub const FILE: &str = "runs.jsonl";
 
-/// Identification of a run.
 #[derive(Debug)]
 pub struct RunHeader<'a> {
     pub software: &'a str,

@@ -23,7 +23,6 @@ use crate::{COMMIT, clock};
 /// Maximum time until the first positions: a few exchanges, unless the machine stalls.
 const FIRST_POSITIONS: Nanos = Nanos::from_millis(2000);
 
-/// Why the model of the configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StartModelError {
     #[error(transparent)]
@@ -41,7 +40,6 @@ pub enum StartModelError {
     OtherDrive { path: PathBuf, differences: String },
 }
 
-/// Loads the model of the configuration, if it names one.
 pub(crate) fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
     let Some(path) = &config.control.model else {
         return Ok(None);

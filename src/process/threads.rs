@@ -15,7 +15,6 @@ use crate::process::main_thread::MainThread;
 use crate::process::start_up::StartModelError;
 use crate::units::Nanos;
 
-/// Polling period of a wait for the end of a thread.
 const POLL_PERIOD: Nanos = Nanos::from_millis(5);
 
 /// Name of the thread that may wait for a disk.
@@ -131,7 +130,6 @@ impl NamedThread {
 /// Time for the other threads to end after the loop, including writing the black box.
 const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 
-/// How the threads of a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RunEnd {
     Clean,
@@ -150,7 +148,6 @@ impl RunEnd {
     }
 }
 
-/// Why the controller could not start, or how it failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ControllerError {
     #[error(transparent)]

@@ -11,7 +11,6 @@ use crate::units::Nanos;
 #[derive(Debug, Clone, PartialEq)]
 pub enum WatchdogEvent {
     PortOpened(PathBuf),
-    /// A port cannot be opened now, and the reason.
     PortRefused(PathBuf, String),
     /// The controller is present, and monitored from now on.
     Monitoring,
@@ -19,15 +18,12 @@ pub enum WatchdogEvent {
     ControllerLost(ControllerStatus, Nanos),
     /// The thread of a port hangs, in a controller whose loop lives; age of its last sign of life.
     PortLost(PathBuf, Nanos),
-    /// Outcome of the quick stop on a port.
     Stopped(PathBuf, Vec<AxisStop>),
-    /// The controller ended with its drives off.
     ControllerEnded,
     /// The adapter of the pulse works again, or why it does not.
     Pulse(Option<String>),
 }
 
-/// Outcome of the quick stop of one axis.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AxisStop {
     pub motor: usize,

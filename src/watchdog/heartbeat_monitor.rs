@@ -66,7 +66,6 @@ impl HeartbeatMonitor {
         std::array::from_fn(|port| (silent[port] && !before[port]).then(|| now - beat.alive[port]))
     }
 
-    /// Updates the status with the heartbeat that is read at `now`.
     pub fn update(
         &mut self,
         read: Result<Option<Heartbeat>, ControllerAbsent>,

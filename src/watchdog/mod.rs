@@ -48,10 +48,8 @@ pub use pulse::PulseLine;
 pub use shared_port::SharedPort;
 use shared_port::{PendingStops, is_complete_stop};
 
-/// Period of reading the heartbeat.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 
-/// Period of trying to open ports.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(100);
 
 /// Wait of an unsupervised watchdog for its first port: without any, it watches nothing.
@@ -72,7 +70,6 @@ pub struct Watched<'a> {
     pub config: &'a Config,
     pub domain: &'a Domain,
     pub presence: &'a WatchdogPresence,
-    /// Age of a heartbeat at which the watchdog acts.
     pub silence: Nanos,
 }
 

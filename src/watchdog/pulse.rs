@@ -37,7 +37,6 @@ const PERMISSION: Nanos = Nanos::from_millis(20);
 /// happened.
 const OLDEST_TICK: u64 = 8;
 
-/// Between two tries to open an adapter that is gone.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(200);
 
 /// A line that is switched by hand: also what `i2ris doctor` tries.

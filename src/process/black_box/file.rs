@@ -29,7 +29,6 @@ use crate::robot::DriveFingerprint;
 const MAGIC: [u8; 8] = *b"I2RISBOX";
 /// Format version that this software writes and reads.
 pub(super) const VERSION: u32 = 14;
-/// Bytes before the content.
 const HEAD: usize = 8 + 4 + 8 + 32;
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -46,13 +45,11 @@ pub struct BlackBox {
     pub ticks: Vec<TickRecord>,
 }
 
-/// Origin of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct BlackBoxHeader {
     /// Version of the software, with its commit.
     pub software: String,
     pub boot_id: u64,
-    /// Why the file was written.
     pub cause: String,
     /// Date and time, UTC, of the wall clock.
     pub written: String,
@@ -98,12 +95,7 @@ pub enum BlackBoxError {
     )]
     Version { path: PathBuf, found: u32 },
     #[error("black box {path} is incomplete: {found} bytes instead of {expected}; copy it again")]
-    Length {
-        path: PathBuf,
-        /// Length according to its header.
-        expected: u64,
-        found: u64,
-    },
+    Length { path: PathBuf, expected: u64, found: u64 },
     #[error("black box {0} is damaged: its checksum does not match its content; copy it again")]
     Damaged(PathBuf),
     #[error(

@@ -36,11 +36,9 @@ pub(super) struct LiveFiles {
     /// Empty without a folder for them.
     paths: Vec<PathBuf>,
     span: Nanos,
-    /// Number of the current file.
     number: u64,
     /// `None` before the first snapshot, and after an error.
     file: Option<BufWriter<File>>,
-    /// Time of the first snapshot in the current file.
     begun: Nanos,
 }
 

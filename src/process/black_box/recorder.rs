@@ -36,7 +36,6 @@ const FILES: usize = 100;
 /// Extension of the captures that accompany the black boxes.
 const CAPTURE: &str = "pcapng";
 
-/// Polling period of the recorder.
 const PERIOD: Nanos = Nanos::from_millis(20);
 /// Time after a fault that its file includes.
 const AFTER_FAULT: Nanos = Nanos::from_millis(500);
@@ -47,7 +46,6 @@ const OFFERS: usize = 64;
 
 #[derive(Debug)]
 pub enum RecorderRequest {
-    /// A model is on its way to the loop.
     Offer(Box<OfferRecord>, Arc<Model>),
     /// Write the file now; the reply carries the token.
     Write(u64),
@@ -220,7 +218,6 @@ impl Recorder {
         self.ring.push(tick);
     }
 
-    /// Drops models that no tick in the ring uses.
     fn drop_unused_models(&mut self) {
         if self.offers.len() <= OFFERS {
             return;
@@ -327,7 +324,6 @@ fn write_new(content: &BlackBox, folder: &Path, stem: &str) -> Result<PathBuf, B
     content.write(&path).map(|()| path)
 }
 
-/// Creates a folder for its owner only, unless it exists.
 fn create_folder(folder: &Path) -> Result<(), BlackBoxError> {
     if fs::metadata(folder).is_ok_and(|metadata| metadata.is_dir()) {
         return Ok(());

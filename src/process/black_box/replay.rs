@@ -27,7 +27,6 @@ pub enum ReplayError {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplayResult {
     pub ticks: u64,
-    /// Number of these ticks with a model swap.
     pub swaps: u64,
     /// Ticks that cannot be replayed because earlier ticks are missing.
     pub skipped: u64,
@@ -35,7 +34,6 @@ pub struct ReplayResult {
     pub difference: Option<ReplayDifference>,
 }
 
-/// A tick with different outputs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReplayDifference {
     pub number: u64,
@@ -86,7 +84,6 @@ struct Player<'a> {
     config: Config,
     models: BTreeMap<ModelId, Arc<Model>>,
     cycle: Option<ControlCycle>,
-    /// Number of the next tick.
     next: u64,
 }
 
