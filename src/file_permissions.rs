@@ -93,16 +93,14 @@ pub(crate) fn read_trusted(path: &Path, limit: u64) -> Result<String, UntrustedF
     let file = open(&real, libc::O_NONBLOCK | libc::O_NOFOLLOW).map_err(io)?;
     let metadata = file.metadata().map_err(io)?;
     if !metadata.is_file() {
-        let path = path.to_owned();
-        return Err(UntrustedFile::Kind(path));
+        return Err(UntrustedFile::Kind(path.to_owned()));
     }
     check_access(path, &metadata, false)?;
     let mut text = String::new();
     // Its length may change while it is read.
     let read = file.take(limit + 1).read_to_string(&mut text).map_err(io)?;
     if read as u64 > limit {
-        let path = path.to_owned();
-        return Err(UntrustedFile::TooLong { path, limit });
+        return Err(UntrustedFile::TooLong { path: path.to_owned(), limit });
     }
     Ok(text)
 }

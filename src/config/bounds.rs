@@ -98,15 +98,12 @@ impl Bound {
     }
 
     fn check(&self, value: &Value, shown: String, findings: &mut Findings) {
-        match value {
-            Value::Integer(number) => {
-                findings.require(self.contains(*number as f64), shown, number, self.reason());
-            }
-            Value::Float(number) => {
-                findings.require(self.contains(*number), shown, number, self.reason());
-            }
-            _ => {}
-        }
+        let (number, text) = match value {
+            Value::Integer(number) => (*number as f64, number.to_string()),
+            Value::Float(number) => (*number, number.to_string()),
+            _ => return,
+        };
+        findings.require(self.contains(number), shown, text, self.reason());
     }
 
     /// Follows the rest of the key from a table. `shown`: how messages name the table.

@@ -43,7 +43,7 @@ impl DomainLock {
         let lock = lock_domain(domain)?;
         let domain = domain.clone();
         let held = Self { domain, boot_id: random_id(), lock };
-        held.remove_files(Ticks::Kept)?;
+        held.remove_files(true)?;
         Ok(held)
     }
 
@@ -63,17 +63,16 @@ impl DomainLock {
     /// one cannot reach.
     pub(crate) fn renew(&mut self) -> Result<(), DomainError> {
         self.boot_id = random_id();
-        self.remove_files(Ticks::Kept)
+        self.remove_files(true)
     }
 
     /// Removes everything of the domain except the lock. Nothing in use is lost: no other
     /// controller serves the domain, and clients of a previous one reopen everything.
-    fn remove_files(&self, ticks: Ticks) -> Result<(), DomainError> {
+    fn remove_files(&self, keeps_ticks: bool) -> Result<(), DomainError> {
         for entry in entries(self.domain.directory())? {
             if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
                 remove_directory(&entry.path())?;
-            } else if entry.path() != self.domain.lock_file()
-                && !(ticks == Ticks::Kept && is_ticks(&entry))
+            } else if entry.path() != self.domain.lock_file() && !(keeps_ticks && is_ticks(&entry))
             {
                 remove_file(&entry.path())?;
             }
@@ -121,7 +120,7 @@ impl DomainLock {
 impl Drop for DomainLock {
     /// Removes the lock file last, while it is still locked: see `lock_domain`.
     fn drop(&mut self) {
-        let _ = self.remove_files(Ticks::Removed);
+        let _ = self.remove_files(false);
         let _ = fs::remove_file(self.domain.lock_file());
         let _ = fs::remove_dir(self.domain.directory());
         for byte in [LockedByte::Serves, LockedByte::Held] {
@@ -144,12 +143,6 @@ pub(crate) fn publish_run(
 }
 
 /// The last ticks of a killed controller, which the black box of the next one recovers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Ticks {
-    Kept,
-    Removed,
-}
-
 fn is_ticks(entry: &fs::DirEntry) -> bool {
     let name = entry.file_name();
     name.as_encoded_bytes().starts_with(b"ticks-")
