@@ -104,17 +104,16 @@ impl FixtureShape {
     /// Why this shape cannot be used; `None`: it can.
     pub fn problem(&self) -> Option<&'static str> {
         let is_in_range = |values: &[f64]| values.iter().all(|value| value.abs() <= MAX_COORDINATE);
+        let is_size = |radius: f64| radius > 0.0 && radius <= MAX_COORDINATE;
         let is_direction = |normal: &[f64]| {
             let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
             (1e-6..=1e6).contains(&length)
         };
         let is_valid = match self {
             Self::Circle { centre_deg, radius_deg } => {
-                is_in_range(centre_deg) && *radius_deg > 0.0 && *radius_deg <= MAX_COORDINATE
+                is_in_range(centre_deg) && is_size(*radius_deg)
             }
-            Self::Ball { centre_mm, radius_mm } => {
-                is_in_range(centre_mm) && *radius_mm > 0.0 && *radius_mm <= MAX_COORDINATE
-            }
+            Self::Ball { centre_mm, radius_mm } => is_in_range(centre_mm) && is_size(*radius_mm),
             Self::HalfPlane { normal, offset_deg } => {
                 if !is_direction(normal) {
                     return Some("needs a normal that is not zero");

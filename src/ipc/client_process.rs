@@ -111,7 +111,7 @@ const IDS: usize = 512;
 /// An id stays with its owner after the lease, so that it cannot be taken in a pause. Owners come
 /// and go, so the table is bounded: an owner displaces its own oldest id, and a new one the id that
 /// was silent for longest.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Identities<K> {
     owned: BTreeMap<u64, Owned<K>>,
     uses: u64,
@@ -122,12 +122,6 @@ pub(super) struct Identities<K> {
 struct Owned<K> {
     owner: K,
     last_use: u64,
-}
-
-impl<K> Default for Identities<K> {
-    fn default() -> Self {
-        Self { owned: BTreeMap::new(), uses: 0, salt: RandomState::new() }
-    }
 }
 
 impl<K: Clone + Eq + Hash> Identities<K> {

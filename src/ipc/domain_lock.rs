@@ -72,8 +72,11 @@ impl DomainLock {
         for entry in entries(self.domain.directory())? {
             if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
                 remove_directory(&entry.path())?;
-            } else if entry.path() != self.domain.lock_file() && !(keeps_ticks && is_ticks(&entry))
-            {
+                continue;
+            }
+            // The last ticks of a killed controller: the black box of the next one recovers them.
+            let is_ticks = entry.file_name().as_encoded_bytes().starts_with(b"ticks-");
+            if entry.path() != self.domain.lock_file() && !(keeps_ticks && is_ticks) {
                 remove_file(&entry.path())?;
             }
         }
@@ -140,12 +143,6 @@ pub(crate) fn publish_run(
     let records = std::path::absolute(records);
     let text = records.map(|records| format!("{boot_id:016x} {}", records.display()));
     text.and_then(|text| fs::write(&path, text)).map_err(DomainError::io("write", &path))
-}
-
-/// The last ticks of a killed controller, which the black box of the next one recovers.
-fn is_ticks(entry: &fs::DirEntry) -> bool {
-    let name = entry.file_name();
-    name.as_encoded_bytes().starts_with(b"ticks-")
 }
 
 /// The bytes of a lock file that are locked.

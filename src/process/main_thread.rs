@@ -13,7 +13,7 @@ use crate::ipc::payload::{EventMsg, padded_text};
 use crate::ipc::watchdog_presence::{PortsDigest, WatchdogStatus};
 use crate::ipc::{Domain, StreamMessage, find_client_process};
 use crate::process::run_log::RunLog;
-use crate::process::threads::Threads;
+use crate::process::threads::{NamedThread, Threads};
 use crate::realtime::SuspendMonitor;
 use crate::robot::{Cause, DrivePower, Reason, Stop};
 use crate::units::Nanos;
@@ -47,7 +47,7 @@ impl MainThread<'_> {
         let mut suspends = SuspendMonitor::start();
         let (mut next_watchdog, mut had_files) = (Nanos::ZERO, true);
         while !threads.control.is_finished() {
-            if threads.has_lost_one() {
+            if threads.ports.iter().chain(&threads.others).any(NamedThread::is_finished) {
                 shutdown.store(true, Ordering::Release);
             }
             if let Some(slept) = suspends.update(clock::suspended()) {

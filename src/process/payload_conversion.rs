@@ -7,8 +7,7 @@ use crate::core::{
 };
 use crate::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, MoveRequest,
-    OperatingStateMsg, ServoActuator, ServoJp, StateCommandRequest, Version, VirtualFixtureRequest,
-    padded_text,
+    OperatingStateMsg, ServoJp, StateCommandRequest, Version, VirtualFixtureRequest, padded_text,
 };
 use crate::ipc::server::ReceivedCommand;
 use crate::process::channels::LostCounters;
@@ -23,43 +22,31 @@ const KINDS: u32 = TIP_RATE | ServoJp::INTERPOLATE;
 impl From<&ReceivedCommand> for ServoCommand {
     fn from(raw: &ReceivedCommand) -> Self {
         match raw {
-            ReceivedCommand::Joint(raw) => raw.into(),
-            ReceivedCommand::Actuator(raw) => raw.into(),
-        }
-    }
-}
-
-impl From<&ServoJp> for ServoCommand {
-    fn from(raw: &ServoJp) -> Self {
-        Self {
-            client_id: raw.client_id,
-            sequence: raw.sequence,
-            stamp: Nanos(raw.stamp_ns),
-            deadline: Nanos(raw.deadline_ns),
-            goal: match raw.flags & KINDS {
-                ServoJp::RATE => ServoGoal::Rate(raw.position, raw.count),
-                ServoJp::INTERPOLATE => ServoGoal::Interpolated(raw.position, raw.count),
-                ServoJp::TIP => ServoGoal::Tip(raw.position, raw.count),
-                TIP_RATE => ServoGoal::TipRate(raw.position, raw.count),
-                _ => ServoGoal::Joint(raw.position, raw.count),
+            ReceivedCommand::Joint(raw) => Self {
+                client_id: raw.client_id,
+                sequence: raw.sequence,
+                stamp: Nanos(raw.stamp_ns),
+                deadline: Nanos(raw.deadline_ns),
+                goal: match raw.flags & KINDS {
+                    ServoJp::RATE => ServoGoal::Rate(raw.position, raw.count),
+                    ServoJp::INTERPOLATE => ServoGoal::Interpolated(raw.position, raw.count),
+                    ServoJp::TIP => ServoGoal::Tip(raw.position, raw.count),
+                    TIP_RATE => ServoGoal::TipRate(raw.position, raw.count),
+                    _ => ServoGoal::Joint(raw.position, raw.count),
+                },
+                clutched: raw.flags & ServoJp::CLUTCH != 0,
+                has_unknown_flags: raw.flags & !(KINDS | ServoJp::CLUTCH) != 0
+                    || raw.flags & ServoJp::INTERPOLATE != 0 && raw.flags & TIP_RATE != 0,
             },
-            clutched: raw.flags & ServoJp::CLUTCH != 0,
-            has_unknown_flags: raw.flags & !(KINDS | ServoJp::CLUTCH) != 0
-                || raw.flags & ServoJp::INTERPOLATE != 0 && raw.flags & TIP_RATE != 0,
-        }
-    }
-}
-
-impl From<&ServoActuator> for ServoCommand {
-    fn from(raw: &ServoActuator) -> Self {
-        Self {
-            client_id: raw.client_id,
-            sequence: raw.sequence,
-            stamp: Nanos(raw.stamp_ns),
-            deadline: Nanos(raw.deadline_ns),
-            goal: ServoGoal::Actuator(raw.position_counts.map(Counts), raw.count),
-            clutched: false,
-            has_unknown_flags: raw.flags != 0,
+            ReceivedCommand::Actuator(raw) => Self {
+                client_id: raw.client_id,
+                sequence: raw.sequence,
+                stamp: Nanos(raw.stamp_ns),
+                deadline: Nanos(raw.deadline_ns),
+                goal: ServoGoal::Actuator(raw.position_counts.map(Counts), raw.count),
+                clutched: false,
+                has_unknown_flags: raw.flags != 0,
+            },
         }
     }
 }
@@ -95,14 +82,8 @@ pub(crate) fn fixture_request(
 ) -> Result<StateRequest, Refusal> {
     let fixture = Some(FixtureTable::parse(raw)?);
     let (client_id, validity) = (raw.client_id, validity(raw.stamp_ns, raw.valid_ns));
-    Ok(StateRequest {
-        id,
-        client_id,
-        validity,
-        command: StateCommand::Fixture,
-        pose: None,
-        fixture,
-    })
+    let command = StateCommand::Fixture;
+    Ok(StateRequest { id, client_id, validity, command, pose: None, fixture })
 }
 
 /// The measurement of a camera, if it is valid.

@@ -106,8 +106,7 @@ fn open(config: &Config) -> io::Result<File> {
 
 fn header(run: &RunHeader<'_>) -> Value {
     let text = toml::to_string(run.config).unwrap_or_default();
-    let drives = run.drives.iter().map(|axis| drive(axis, run.fingerprints));
-    let drives: Vec<Value> = drives.collect();
+    let drives: Vec<Value> = run.drives.iter().map(|axis| drive(axis, run.fingerprints)).collect();
     json!({
         "software": run.software,
         "config_sha256": ModelId(Sha256::digest(text.as_bytes()).into()).to_string(),

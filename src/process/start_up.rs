@@ -89,6 +89,7 @@ pub(super) fn software() -> String {
 pub(super) type PortLine = CapturedLine<SerialTransport>;
 
 /// All drives, ready to be enabled.
+#[derive(Default)]
 pub(super) struct Drives {
     pub runners: Vec<PortRunner<PortLine, Gated>>,
     pub links: Vec<AxisLink<Gated>>,
@@ -132,16 +133,7 @@ pub(crate) fn bring_up_ports(
         captures.push(capture);
         opened.push(Port::over(line, port));
     }
-    let mut drives = Drives {
-        runners: Vec::new(),
-        links: Vec::new(),
-        identities: Vec::new(),
-        captures,
-        fingerprints: Vec::new(),
-        exchanges: Vec::new(),
-        beat,
-        lives,
-    };
+    let mut drives = Drives { captures, beat, lives, ..Drives::default() };
     if let Err(error) = drives.bring_up(opened) {
         match write_failed_start(&config.record_folder, &drives.captures, &software()) {
             Ok(path) => {

@@ -49,11 +49,6 @@ pub(super) struct Threads {
 }
 
 impl Threads {
-    /// Whether a thread other than the loop has ended.
-    pub(crate) fn has_lost_one(&self) -> bool {
-        self.ports.iter().chain(&self.others).any(NamedThread::is_finished)
-    }
-
     /// Waits for the loop, ends the other threads, and writes their last events. Returns the result
     /// and the end of the threads.
     pub(super) fn end(self, main: &mut MainThread<'_>) -> (Result<(), ThreadError>, RunEnd) {

@@ -45,7 +45,8 @@ pub struct Granted {
 pub fn request(wanted: SchedulingRequest) -> Granted {
     let mut warnings = Vec::new();
     if wanted.lock_memory {
-        warnings.extend(lock_memory().err().map(memory_warning));
+        let locked = mlockall(MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE);
+        warnings.extend(locked.err().map(memory_warning));
     }
     if let Some(cpu) = wanted.cpu {
         warnings.extend(pin(cpu).err().map(|errno| processor_warning(cpu, errno)));
@@ -133,10 +134,6 @@ fn fifo_priority() -> u8 {
     } else {
         0
     }
-}
-
-fn lock_memory() -> Result<(), Errno> {
-    mlockall(MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE)
 }
 
 fn pin(cpu: usize) -> Result<(), Errno> {

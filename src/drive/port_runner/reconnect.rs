@@ -79,14 +79,7 @@ pub(super) fn try_reconnect<T: Transport>(
     match brought_up {
         Ok((position, holds)) => slot.axis.reconnect(position, holds, link.now(), events),
         // Lost again; the next attempt follows.
-        Err(AxisError::Exchange {
-            error:
-                LinkError::Lost(_)
-                | LinkError::Unanswered(_)
-                | LinkError::Broken(_)
-                | LinkError::NotOurTurn,
-            ..
-        }) => {}
+        Err(AxisError::Exchange { error, .. }) if !matches!(error, LinkError::Refused(_)) => {}
         Err(error) => slot.axis.report_unusable(error, events),
     }
 }

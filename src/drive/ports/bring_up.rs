@@ -181,10 +181,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         left_out: &mut dyn FnMut(Address),
     ) -> Result<(), AxisError> {
         for &setting in settings {
-            match self.write(setting) {
-                Err(error) if refusal(&error).is_none() => return Err(error),
-                _ => {}
-            }
+            self.try_write(setting)?;
         }
         for &setting in settings {
             match self.settle(setting)? {
@@ -334,11 +331,9 @@ pub(in crate::drive) fn prepare_line(
     let mut drive = DriveNode::new(link, LOCAL_NODE);
     let mut is_short = false;
     for object in object::FRAME_TIMEOUTS {
-        match drive.write(object.set(FRAME_TIMEOUT_MS)) {
-            Ok(()) => is_short |= drive.read(object)? == FRAME_TIMEOUT_MS,
-            // A drive without this interface refuses its timeout.
-            Err(error) if refusal(&error).is_some() => {}
-            Err(error) => return Err(error),
+        // A drive without this interface refuses its timeout.
+        if drive.try_write(object.set(FRAME_TIMEOUT_MS))?.is_none() {
+            is_short |= drive.read(object)? == FRAME_TIMEOUT_MS;
         }
     }
     if is_short {

@@ -51,7 +51,7 @@ const COMMANDS: usize = 8;
 const MAX_DRAINED: usize = 64;
 
 /// The process of a port. All streams and requests of one client come from one process.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 struct Process(u32);
 
 impl Process {
@@ -261,9 +261,7 @@ impl Server {
         model_id: [u8; 32],
         output_names: [[u8; 16]; MAX_OUTPUTS],
     ) {
-        self.version.shape = shape;
-        self.version.model_id = model_id;
-        self.version.output_names = output_names;
+        self.version = Version { shape, model_id, output_names, ..self.version };
     }
 
     /// Sets the part of the `version` reply that describes the robot of the configuration: its name
