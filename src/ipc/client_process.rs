@@ -98,7 +98,6 @@ pub fn find_client_process(domain: &Domain, boot_id: u64, client_id: u64) -> Opt
 
 /// Ids of one owner: `i2ris start ros` speaks for several clients.
 const IDS_PER_OWNER: usize = 64;
-/// Ids of all owners.
 const IDS: usize = 512;
 
 /// The owner of every client id that was used lately.

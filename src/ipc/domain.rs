@@ -53,7 +53,6 @@ pub enum DomainError {
     Name(String),
     #[error("{} already serves domain `{name}`; stop it, or choose another domain", owner(*.pid))]
     Taken {
-        /// Name of the domain.
         name: String,
         /// Process id of the other controller; `None` if it is still starting.
         pid: Option<u32>,
@@ -72,7 +71,6 @@ pub enum DomainError {
 }
 
 impl DomainError {
-    /// Maps an I/O error of `action` on `path`.
     pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io { action, path, source }

@@ -59,8 +59,7 @@ impl DomainLock {
         self.boot_id
     }
 
-    /// Removes all files and continues with a new boot id, which a call that hangs under the old
-    /// one cannot reach.
+    /// Removes all files and takes a new boot id, which a call that hangs cannot reach.
     pub(crate) fn renew(&mut self) -> Result<(), DomainError> {
         self.boot_id = random_id();
         self.remove_files(true)
@@ -86,7 +85,6 @@ impl DomainLock {
         Ok(())
     }
 
-    /// Makes the announcement valid.
     pub(super) fn serve(&self) -> io::Result<()> {
         set_lock(&self.lock, LockedByte::Serves, libc::F_WRLCK)?;
         Ok(())
@@ -148,13 +146,11 @@ pub(crate) fn publish_run(
 /// The bytes of a lock file that are locked.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum LockedByte {
-    /// A process holds the file.
     Held = 0,
     /// It serves: an announcement of a controller is valid, a watchdog can act.
     Serves = 1,
 }
 
-/// Whether the controller that holds this domain serves.
 pub(super) fn is_served(domain: &Domain) -> bool {
     File::open(domain.lock_file()).is_ok_and(|file| is_locked(&file, LockedByte::Serves))
 }

@@ -31,7 +31,6 @@ const FILE: &str = "pulse";
 /// A beat that is not older is that of a loop that lives, as for a watchdog.
 const YOUNG: Nanos = Nanos::from_millis(50);
 
-/// Bits below the stamp.
 const FLAGS: usize = 1 + MAX_AXES;
 
 /// Tick, end of validity of the positions, and a sign of life per port.

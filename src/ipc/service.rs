@@ -10,10 +10,8 @@ use iceoryx2::service::port_factory::{publish_subscribe, request_response};
 use super::domain::{Domain, SHARED_MEMORY};
 use super::streams::{COMMANDERS, RequestService, Stream, WATCHERS};
 
-/// Unread messages of a subscriber before the oldest are overwritten: at 1 kHz an eighth of a
-/// second.
+/// Unread messages of a subscriber before the oldest go: at 1 kHz an eighth of a second.
 pub(super) const BUFFER: usize = 128;
-/// Maximum number of processes.
 const NODES: usize = 64;
 
 /// Places reserved for clients that stop the robot and check its standstill: `stop`, `disable` and
@@ -36,7 +34,6 @@ pub struct TransportError {
 /// Less is full: a client needs more than that to connect.
 const FULL: u64 = 1 << 20;
 
-/// Free bytes of the file system of the shared memory.
 pub(super) fn free_memory() -> Option<u64> {
     let found = nix::sys::statvfs::statvfs(SHARED_MEMORY).ok()?;
     Some(found.blocks_available() * found.fragment_size())
@@ -94,7 +91,6 @@ impl Stream {
         self.properties().subscribers + reserved
     }
 
-    /// The controller's side.
     pub(super) fn create<S: Service, T: ZeroCopySend + fmt::Debug>(
         self,
         node: &Node<S>,
@@ -128,7 +124,6 @@ impl Stream {
 }
 
 impl RequestService {
-    /// The controller's side.
     pub(super) fn create<S: Service, Q: ZeroCopySend + fmt::Debug, R: ZeroCopySend + fmt::Debug>(
         self,
         node: &Node<S>,
@@ -143,7 +138,6 @@ impl RequestService {
             .map_err(failed("create", self.service()))
     }
 
-    /// A client's side.
     pub(super) fn open<S: Service, Q: ZeroCopySend + fmt::Debug, R: ZeroCopySend + fmt::Debug>(
         self,
         node: &Node<S>,

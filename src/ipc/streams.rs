@@ -138,8 +138,7 @@ pub struct StreamProperties {
 pub enum ReplySpeed {
     /// Within a few ticks; the machine may stall for a tenth of a second.
     Quick,
-    /// A model is checked over its whole hull, a file is written to the disk: seconds on a busy
-    /// machine.
+    /// A model is checked, a file is written to the disk: seconds on a busy machine.
     Slow,
 }
 

@@ -112,26 +112,17 @@ impl Commander {
     /// See [`Commander::servo_jp`].
     pub fn servo_jaw(&mut self, angle: f64) -> Result<u64, ClientError> {
         let (position, count) = padded(&[angle])?;
-        send_angles(
-            &mut self.jaw,
-            &self.link,
-            ServoJp { deadline_ns: self.deadline.0, position, count, ..ServoJp::default() },
-        )
+        let deadline_ns = self.deadline.0;
+        let command = ServoJp { deadline_ns, position, count, ..ServoJp::default() };
+        send_angles(&mut self.jaw, &self.link, command)
     }
 
     fn servo(&mut self, position: &[f64], kind: u32) -> Result<u64, ClientError> {
         let (position, count) = padded(position)?;
-        send_angles(
-            &mut self.joints,
-            &self.link,
-            ServoJp {
-                deadline_ns: self.deadline.0,
-                position,
-                count,
-                flags: kind | if self.clutched { ServoJp::CLUTCH } else { 0 },
-                ..ServoJp::default()
-            },
-        )
+        let flags = kind | if self.clutched { ServoJp::CLUTCH } else { 0 };
+        let deadline_ns = self.deadline.0;
+        let command = ServoJp { deadline_ns, position, count, flags, ..ServoJp::default() };
+        send_angles(&mut self.joints, &self.link, command)
     }
 
     /// `actuators/servo_jp`: turn the motors to these encoder positions now. Returns the sequence

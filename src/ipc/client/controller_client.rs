@@ -86,14 +86,9 @@ impl Client {
     /// [`ClientError::Refused`] with the reason; [`ClientError::NoController`],
     /// [`ClientError::NoReply`], [`ClientError::Transport`].
     pub fn state_command(&mut self, command: StateCommand) -> Result<OperatingState, ClientError> {
-        let (client_id, command_number) = (self.id(), command.number());
-        let request = StateCommandRequest {
-            client_id,
-            command: command_number,
-            ..StateCommandRequest::default()
-        };
-        let reply = self.requests.state_command(request)?;
-        check_reply(command, reply)
+        let (client_id, number) = (self.id(), command.number());
+        let request = StateCommandRequest { client_id, command: number, ..Default::default() };
+        check_reply(command, self.requests.state_command(request)?)
     }
 
     /// Requests a motion to a pose (pitch and yaw, rad), from rest to rest on a straight line with
@@ -126,8 +121,7 @@ impl Client {
         let client_id = self.id();
         let request = MoveRequest { client_id, position, count, flags, ..MoveRequest::default() };
         self.goal = (flags == 0).then_some(position);
-        let reply = self.requests.move_jp(request)?;
-        check_reply(StateCommand::Move, reply)
+        check_reply(StateCommand::Move, self.requests.move_jp(request)?)
     }
 
     /// Requests a change of the virtual fixtures. `region`: the kind of the region to add and its
@@ -149,8 +143,7 @@ impl Client {
             values,
             ..VirtualFixtureRequest::default()
         };
-        let reply = self.requests.virtual_fixture(request)?;
-        check_reply(StateCommand::Fixture, reply)
+        check_reply(StateCommand::Fixture, self.requests.virtual_fixture(request)?)
     }
 
     /// The newest `operating_state`; `None` until the first one arrives, up to 50 ms after

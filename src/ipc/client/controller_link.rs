@@ -20,8 +20,7 @@ use crate::units::Nanos;
 /// Period of reading the announcement, which takes about 20 microseconds.
 const PROBE_PERIOD: Nanos = Nanos::from_millis(20);
 
-/// The service variant of iceoryx2 whose ports can change threads. It is compatible with that of
-/// the controller.
+/// Ports of this variant of iceoryx2 can change threads; compatible with the controller's.
 pub(super) type ClientService = ipc_threadsafe::Service;
 
 /// One start of one controller, as a client sees it.
@@ -163,7 +162,6 @@ impl<P> SessionPort<P> {
         opened
     }
 
-    /// Boot id of the controller for which the port is open.
     pub(super) fn boot_id(&self) -> Option<u64> {
         self.opened.as_ref().map(|(session, _)| session.ready.boot_id)
     }

@@ -16,8 +16,7 @@ use crate::units::Nanos;
 pub enum ClientError {
     #[error(transparent)]
     Domain(#[from] DomainError),
-    /// No controller serves the domain. Try again: every client finds a controller that starts
-    /// later.
+    /// Try again: every client finds a controller that starts later.
     #[error(
         "no controller serves domain `{domain}`; start i2ris-control, or name its domain{}",
         served(&served_domains()),
@@ -31,7 +30,6 @@ pub enum ClientError {
     Interface { domain: String, found: u32 },
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// More values than a payload holds, or none.
     #[error("{given} values given: a command carries 1 to {limit}")]
     Count { given: usize, limit: usize },
     /// The controller refused a state command and changed nothing.
@@ -54,10 +52,8 @@ pub enum ClientError {
     BlackBox(String),
     #[error("the path {path} does not fit into a request: at most {limit} bytes and no byte 0")]
     Path { path: PathBuf, limit: usize },
-    /// The controller is present but did not reply.
     #[error("the controller did not answer `{request}` within {} ms; see its log", ms(*.waited))]
     NoReply { request: &'static str, waited: Nanos },
-    /// The controller replied with a number that this program does not know.
     #[error("the controller answered `{request}` with {number}, which this program does not know")]
     Unknown { request: &'static str, number: u32 },
     #[error("`{command}` was not carried out: {}", Reason::from(*.cause))]
@@ -65,13 +61,10 @@ pub enum ClientError {
     /// An accepted command ended for an unknown reason, without its effect.
     #[error("the effect of `{command}` is not confirmed; {}", see(*.0), command = .0)]
     NotConfirmed(StateCommand),
-    /// The caller cancelled the wait for the effect of an accepted command.
     #[error("interrupted before the effect of `{0}` was confirmed")]
     WaitCancelled(StateCommand),
-    /// Another start of the controller answers.
     #[error("the controller was restarted; check the robot before you continue")]
     Restarted,
-    /// The condition was not fulfilled in time.
     #[error("the controller did not reach the expected state within {} ms", ms(*.0))]
     Timeout(Nanos),
 }

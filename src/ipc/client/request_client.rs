@@ -201,15 +201,14 @@ impl Client {
         let reply = self.requests.model(request)?;
         match Refusal::from_number(reply.refusal) {
             Some(Refusal::None) => Ok(reply),
-            Some(refusal) => Err(ClientError::ModelRefused {
-                action,
-                refusal,
-                message: unpadded_text(&reply.message),
-            }),
-            None => Err(ClientError::Unknown {
-                request: RequestService::Model.service(),
-                number: reply.refusal,
-            }),
+            Some(refusal) => {
+                let message = unpadded_text(&reply.message);
+                Err(ClientError::ModelRefused { action, refusal, message })
+            }
+            None => {
+                let (request, number) = (RequestService::Model.service(), reply.refusal);
+                Err(ClientError::Unknown { request, number })
+            }
         }
     }
 }

@@ -64,7 +64,6 @@ macro_rules! subscriptions {
             })*
         }
 
-        /// A subscription to any stream.
         #[derive(Debug)]
         enum AnySubscription {
             $($stream(Subscription<$payload>),)*

@@ -127,7 +127,6 @@ macro_rules! dated {
 dated! { StateCommandRequest only_stops, MoveRequest, VirtualFixtureRequest, ModelRequest }
 
 impl Dated for BlackBoxRequest {}
-
 impl Dated for VersionRequest {}
 
 impl MoveRequest {

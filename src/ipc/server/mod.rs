@@ -41,8 +41,7 @@ pub use creation::{IpcError, check_memory};
 pub(crate) const COMMAND_POLL_LEAD: Nanos = Nanos::from_micros(100);
 /// Period of serving late subscribers with the last message of streams that are not sent now.
 const LATE_SUBSCRIBER_PERIOD: Nanos = Nanos::from_millis(50);
-/// Period of removing the leftovers of killed clients. Costs 0.4 ms, and about 1 ms per killed
-/// client.
+/// Period of removing leftovers of killed clients: 0.4 ms, and about 1 ms per killed client.
 const CLEANUP_PERIOD: Nanos = Nanos::from_millis(500);
 /// Unread commands kept per publisher: `i2ris start ros` sends for several clients. Only the newest
 /// command of a client counts, so that the queue adds no delay.
@@ -55,8 +54,7 @@ const MAX_DRAINED: usize = 64;
 struct Process(u32);
 
 impl Process {
-    /// The process that created a port, from the identity that iceoryx2 gives it: time, process id
-    /// and a counter.
+    /// The process that created a port; iceoryx2 names it by time, process id and a counter.
     fn of_port(id: u128) -> Self {
         let [.., p0, p1, p2, p3, _, _, _, _] = id.to_ne_bytes();
         Self(u32::from_ne_bytes([p0, p1, p2, p3]))
@@ -153,8 +151,7 @@ impl Server {
         own.or_else(|| self.turns.take_next(is_valid))
     }
 
-    /// Polls as [`Server::poll_command`], for the lease holder only. Commands of other clients keep
-    /// waiting.
+    /// Polls as [`Server::poll_command`], for the lease holder only; others keep waiting.
     pub(crate) fn poll_command_of(
         &mut self,
         lease_client_id: u64,

@@ -23,7 +23,6 @@ use crate::units::Nanos;
 
 type Active<Q, R> = ActiveRequest<ipc::Service, Q, (), R, ()>;
 
-/// Receives requests of one service and keeps them until they are answered.
 #[derive(Debug)]
 struct RequestServer<Q: Payload, R: Payload> {
     // Dropped before the port.
@@ -93,8 +92,7 @@ macro_rules! request_servers {
                 })
             }
 
-            /// Adds the new requests of all services but `version`, each with a token for its
-            /// reply.
+            /// Adds the new requests of all services but `version`, each with its token.
             pub(super) fn poll(
                 &mut self,
                 now: Nanos,
@@ -123,8 +121,7 @@ macro_rules! request_servers {
                 outcome
             }
 
-            /// Replies to a request. A token that is unknown or of another kind of reply is
-            /// ignored.
+            /// Replies to a request. An unknown token, or another kind of reply, is ignored.
             pub(super) fn reply<R: Payload>(
                 &mut self,
                 token: u64,
