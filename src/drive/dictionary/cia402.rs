@@ -27,9 +27,8 @@ impl Statusword {
     /// (CiA 402): some drives set it there.
     const STATE: [u16; 2] = [0x004F, 0x006F];
 
-    /// The state; `None` for a pattern that is not a state.
-    ///
-    /// Bit 9 (remote) is ignored: a drive on a serial line need not be operational on CAN.
+    /// The state; `None`: not a state. Bit 9 (remote) is ignored: a drive on a serial line need not
+    /// be operational on CAN.
     pub const fn state(self) -> Option<DriveState> {
         let [without, with] = Self::STATE;
         match [self.0 & without, self.0 & with] {

@@ -22,10 +22,7 @@ pub struct Address {
 }
 
 impl Address {
-    ///
-    /// # Panics
-    ///
-    /// When it is not in the table: a constant does not compile.
+    /// An object of the table; a constant that is not in it does not compile.
     pub const fn of(index: u16, subindex: u8) -> Self {
         Self::from_entry(objects::first(index, subindex))
     }
@@ -67,11 +64,7 @@ pub struct Object<T> {
 }
 
 impl<T: Value> Object<T> {
-    /// An object of the table.
-    ///
-    /// # Panics
-    ///
-    /// When it is not in the table, or its values are no `T`: a constant does not compile.
+    /// An object of the table. A constant that is not in it, or has another type, does not compile.
     pub const fn of(index: u16, subindex: u8) -> Self {
         let entry = objects::first(index, subindex);
         assert!(entry.kind as u8 == T::KIND as u8, "the type differs from the table of objects");

@@ -85,11 +85,8 @@ pub fn of_family(family: Family) -> impl Iterator<Item = &'static Entry> {
     ALL.iter().filter(move |entry| entry.families.contains(&family))
 }
 
-/// The first entry of an address. Entries of one address differ in range, default or family.
-///
-/// # Panics
-///
-/// When the object is not in the table; in a constant, that is a compile error.
+/// The first entry of an address: entries differ in range, default or family. A constant does not
+/// compile if the object is not in the table.
 pub(in crate::drive) const fn first(index: u16, subindex: u8) -> &'static Entry {
     let mut at = 0;
     while at < ALL.len() {

@@ -199,10 +199,8 @@ impl SegmentedRead {
     }
 }
 
-/// The data of a reply after its error code, if that is 0.
-///
-/// It is unknown whether a refused read is answered with two words or with as many as its value:
-/// all are accepted.
+/// The data of a reply after its error code, if that is 0. It is unknown whether a refused read is
+/// answered with two words or with as many as its value: all are accepted.
 pub(in crate::drive) fn after_error_code(reply: SerialFrame<'_>) -> Result<&[u8], ReplyError> {
     let Some((error, rest)) = reply.data.split_first_chunk::<4>() else {
         return Err(ReplyError::Mismatch);

@@ -7,9 +7,7 @@ use crate::drive::command_set::CommandSet;
 use crate::drive::drive_fault::{DriveFault, family_name};
 use crate::drive::object::{self, Address, Object, Setting};
 
-/// A family of drives.
-///
-/// Implementations are constants without state; all state is in the port thread.
+/// A family of drives. Implementations are constants: all state is in the port thread.
 pub trait DriveFamily: fmt::Debug + Sync {
     /// The objects and modes that differ between families.
     fn object_map(&self) -> &'static ObjectMap;

@@ -58,10 +58,8 @@ impl Outcome {
 /// The error of a line that now belongs to another process.
 pub(crate) const NOT_OUR_TURN: io::ErrorKind = io::ErrorKind::PermissionDenied;
 
-/// A line that carries bytes both ways, with its clock.
-///
-/// The clock belongs to the line so that a simulated line can run in simulated time: tests are then
-/// exact and fast.
+/// A line that carries bytes both ways, with its clock: a simulated line can run in simulated time,
+/// so tests are exact and fast.
 pub trait Transport {
     /// Hands all bytes to the line in one call: on USB every call costs a packet. Fails when the
     /// line is broken. Bytes waiting to be sent are not an error.

@@ -84,10 +84,9 @@ pub(super) fn try_reconnect<T: Transport>(
     }
 }
 
-/// Brings an axis up again. Returns its position, and `true` if it holds.
-///
-/// A drive that kept its power has kept its settings. Where a quick stop is demanded it gets one:
-/// without power the wires would lose their tension. Any other is switched off and limited again.
+/// Brings an axis up again. Returns its position, and `true` if it holds. A drive that kept its
+/// power has kept its settings. Where a quick stop is demanded it gets one: without power the wires
+/// would lose their tension. Any other is switched off and limited again.
 fn bring_up_again(
     mut drive: DriveNode<'_, impl Transport>,
     slot: &mut AxisSlot<impl PortRequest>,

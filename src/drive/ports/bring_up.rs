@@ -170,10 +170,8 @@ impl<'a, T: Transport> DriveNode<'a, T> {
     }
 
     /// Writes all settings, then reads every setting back and compares. `left_out` receives the
-    /// missing objects that the drive can do without.
-    ///
-    /// A setting may depend on another (the lower limit must be below the upper), so a refusal
-    /// counts only after all others were written.
+    /// missing objects that the drive can do without. A setting may depend on another (the lower
+    /// limit must be below the upper), so a refusal counts only after all others were written.
     pub(in crate::drive) fn configure(
         &mut self,
         settings: &[Setting],

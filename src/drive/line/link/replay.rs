@@ -23,10 +23,8 @@ pub struct LineReplay {
 }
 
 pub fn replay(port: &CapturedPort) -> LineReplay {
-    let config = PortConfig {
-        family: port.family,
-        ..PortConfig::new(port.device.as_str().into(), Vec::new())
-    };
+    let usual = PortConfig::new(port.device.as_str().into(), Vec::new());
+    let config = PortConfig { family: port.family, ..usual };
     let commands = family_of_port(&config).command_set();
     let mut link = DriveLink::new(Playback::default(), family_of_port(&config), &config);
     let mut segmented = None;
