@@ -24,7 +24,6 @@ const MAX_ANGLE_JERK: f64 = 1e8;
 /// give, up to 15 A, melts it.
 const MAX_CURRENT_MA: f64 = 2000.0;
 
-/// The range of one key.
 pub(super) struct Bound {
     /// The tables that hold the key, and the key. `[]`: in every entry of an array.
     pub key: &'static str,

@@ -62,9 +62,8 @@ impl PortConfig {
         (Nanos(BITS * 1_000_000_000 / baud) + DRIVE).max(USB)
     }
 
-    /// The greatest age of the newest position of an axis while every reply arrives.
-    ///
-    /// `exchange`: with the drive of the port; [`PortConfig::nominal_exchange`], or as measured.
+    /// Greatest age of the newest position of an axis while every reply arrives. `exchange`: with
+    /// the drive of the port; [`PortConfig::nominal_exchange`], or as measured.
     pub fn longest_gap(&self, exchange: Nanos) -> Nanos {
         Nanos(self.turn(exchange).0.saturating_mul(POSITION_BOUND_TURNS + 1))
     }
@@ -217,7 +216,6 @@ impl Config {
     }
 }
 
-/// The next whole millisecond.
 fn whole_ms(time: Nanos) -> Nanos {
     Nanos::from_millis(time.0.div_ceil(1_000_000))
 }

@@ -98,19 +98,11 @@ fn default_record_folder() -> PathBuf {
 #[allow(missing_docs, reason = "the messages say it")]
 pub enum ConfigError {
     #[error("cannot read configuration {path}: {source}; name an existing file with --config")]
-    Read {
-        path: PathBuf,
-        /// Error of the operating system.
-        source: std::io::Error,
-    },
+    Read { path: PathBuf, source: std::io::Error },
     #[error("configuration {0}")]
     Untrusted(UntrustedFile),
     #[error("configuration {path} is not valid: {source}{}", validation::hint(.source.message()))]
-    Parse {
-        path: PathBuf,
-        /// Line, column and what was expected.
-        source: Box<toml::de::Error>,
-    },
+    Parse { path: PathBuf, source: Box<toml::de::Error> },
     #[error("{}", validation::lines(.path, .findings))]
     Values { path: PathBuf, findings: Vec<Finding> },
 }

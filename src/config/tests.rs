@@ -247,8 +247,7 @@ fn write_bound(root: &mut Value, Bound { key, low, high, .. }: &Bound) {
     node.insert("maximum".to_owned(), number(*high));
 }
 
-/// After a change of the configuration: run this test with `I2RIS_UPDATE_SCHEMA=1` and commit the
-/// file.
+/// After a change: run this test with `I2RIS_UPDATE_SCHEMA=1` and commit the file.
 #[test]
 fn the_schema_file_is_up_to_date() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/schema/controller.json");

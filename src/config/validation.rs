@@ -43,7 +43,6 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     findings.0
 }
 
-/// Values of tables that are checked by one rule.
 fn check_process(config: &Config, findings: &mut Findings) {
     let domain = &config.domain;
     let is_plain = domain.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
@@ -282,7 +281,6 @@ impl Display for Finding {
     }
 }
 
-/// Collects refused values.
 #[derive(Default)]
 pub(super) struct Findings(pub Vec<Finding>);
 

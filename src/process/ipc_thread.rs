@@ -87,14 +87,11 @@ impl IpcThread {
     /// `granted`: actual scheduling of the loop.
     pub(super) fn new(server: Server, parts: IpcThreadParts, granted: Granted) -> Self {
         let model = parts.history.lock().slots.active;
+        let statistics =
+            LoopStatistics::new(parts.period, STATISTICS_WINDOW, granted.clone(), parts.line);
         let mut thread = Self {
             server,
-            statistics: LoopStatistics::new(
-                parts.period,
-                STATISTICS_WINDOW,
-                granted.clone(),
-                parts.line,
-            ),
+            statistics,
             health: Health::default(),
             adaptation: AdaptationMsg::default(),
             next_adaptation: Nanos::ZERO,

@@ -12,11 +12,9 @@ const MAX_SPAN_NS: u64 = 10_000_000_000;
 /// Two significant digits: percentiles are accurate to 1 %, and a histogram takes 15 kB.
 const DIGITS: u8 = 2;
 
-/// Distributions of period, lateness and computing time, window by window.
-///
-/// Recording takes some ten nanoseconds and does not allocate. Closing a window reads three
-/// histograms, which takes tens of microseconds: use a slower thread that receives the
-/// [`TickTiming`]s through a ring.
+/// Distributions of period, lateness and computing time. Recording takes some ten nanoseconds and
+/// does not allocate. Closing a window reads three histograms, which takes tens of microseconds:
+/// use a slower thread that receives the [`TickTiming`]s through a ring.
 #[derive(Debug)]
 pub(super) struct LoopStatistics {
     intended: Nanos,

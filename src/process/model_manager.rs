@@ -88,10 +88,8 @@ impl ModelManager {
 
     fn reply(&mut self, request: &payload::ModelRequest) -> payload::ModelReply {
         let outcome = self.execute(request);
-        let mut reply = payload::ModelReply {
-            slots: model_slots(&self.history.lock()),
-            ..payload::ModelReply::default()
-        };
+        let slots = model_slots(&self.history.lock());
+        let mut reply = payload::ModelReply { slots, ..payload::ModelReply::default() };
         match outcome {
             Ok(difference) => reply.difference = difference.unwrap_or_default(),
             Err(refused) => {
@@ -209,10 +207,8 @@ impl ModelManager {
                 return Ok(found);
             }
             if clock::now().duration_since(start) > REPLY_TIMEOUT {
-                return Err(Refused {
-                    refusal: Refusal::Busy,
-                    message: "no reply from the control loop".to_owned(),
-                });
+                let message = "no reply from the control loop".to_owned();
+                return Err(Refused { refusal: Refusal::Busy, message });
             }
             clock::sleep(POLL_PERIOD);
         }

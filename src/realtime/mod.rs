@@ -45,8 +45,7 @@ impl Schedule {
         Self { period, next: first }
     }
 
-    /// Begins the next tick at `started`, not before it is due, and plans the one after it in the
-    /// future.
+    /// Begins the next tick at `started`, not before it is due, and plans the one after it.
     fn begin(&mut self, started: Nanos) -> Tick {
         let planned = self.next;
         let missed = started.duration_since(planned).0 / self.period.0;
@@ -96,8 +95,7 @@ pub struct TickTiming {
 /// A shorter jump is ignored: the two clocks are not read at the same instant.
 const MIN_SUSPEND: Nanos = Nanos::from_millis(50);
 
-/// Number of reads at the start; the best is used, because the thread may be interrupted in
-/// between.
+/// Reads at the start, of which the best counts: the thread may be interrupted in between.
 const FIRST_READS: usize = 16;
 
 /// Detects suspends of the computer: `CLOCK_MONOTONIC` stops during suspend and `CLOCK_BOOTTIME`

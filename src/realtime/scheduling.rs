@@ -52,11 +52,9 @@ pub fn request(wanted: SchedulingRequest) -> Granted {
         warnings.extend(pin(cpu).err().map(|errno| processor_warning(cpu, errno)));
     }
     if wanted.priority > 0 {
-        warnings.extend(
-            set_fifo(wanted.priority)
-                .err()
-                .map(|errno| priority_warning(wanted.priority, errno, has_right(wanted.priority))),
-        );
+        let priority = wanted.priority;
+        let warning = |errno| priority_warning(priority, errno, has_right(priority));
+        warnings.extend(set_fifo(priority).err().map(warning));
     }
     let granted = Granted { warnings, ..read_back() };
     granted.check_silent_refusals(wanted)

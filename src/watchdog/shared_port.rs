@@ -104,10 +104,8 @@ impl SharedPort {
         owing: u8,
         attempts: usize,
     ) -> Vec<Result<DriveState, QuickStopError>> {
-        let config = PortConfig {
-            reply_timeout_ms: self.config.reply_timeout_ms.min(MAX_REPLY_TIMEOUT_MS),
-            ..self.config.clone()
-        };
+        let reply_timeout_ms = self.config.reply_timeout_ms.min(MAX_REPLY_TIMEOUT_MS);
+        let config = PortConfig { reply_timeout_ms, ..self.config.clone() };
         let mut link = DriveLink::new(port, family_selection::family_of_port(&config), &config);
         link.set_frame_timeout(FRAME_TIMEOUT);
         let nodes: Vec<u8> = config.axes.iter().map(|axis| axis.node_id).collect();
