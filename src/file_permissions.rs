@@ -52,10 +52,7 @@ pub enum UntrustedFile {
         /// The user of this process.
         user: u32,
     },
-    #[error(
-        "{0}: every user of this machine may write it; review it, then run \
-         `chmod o-w {0}`"
-    )]
+    #[error("{0}: every user of this machine may write it; review it, then run `chmod o-w {0}`")]
     WritableByAll(PathBuf),
     #[error(
         "{path}: every member of group {group} may write it; review it, then run \

@@ -245,10 +245,8 @@ mod tests {
         let config = parse("", "").unwrap();
         assert_eq!(config.ports[0].family, Family::Epos4);
         assert_eq!(config.axis(0).unwrap().homing, HomingMethod::Here);
-        assert_eq!(
-            PortConfig::new("/dev/null".into(), config.ports[0].axes.clone()),
-            config.ports[0]
-        );
+        let port = PortConfig::new("/dev/null".into(), config.ports[0].axes.clone());
+        assert_eq!(port, config.ports[0]);
         assert_eq!(AxisConfig::new(0, 1, [Counts(-100), Counts(100)]), config.ports[0].axes[0]);
     }
 
@@ -305,10 +303,8 @@ mod tests {
             assert_eq!(serial_number, 0x042E_03C0, "{number}");
         }
         assert_eq!(read("602060003005").unwrap().serial_number, 602_060_003_005, "as typed");
-        assert_eq!(
-            read("\"0xF000_0000_0000_0007\"".replace('_', "").as_str()).unwrap().serial_number,
-            7
-        );
+        let long = "\"0xF000_0000_0000_0007\"".replace('_', "");
+        assert_eq!(read(&long).unwrap().serial_number, 7);
         for wrong in ["-1", "\"SN 12\"", "1.5"] {
             let error = read(wrong).unwrap_err().to_string();
             assert!(error.contains("must be a serial number"), "{error}");

@@ -188,17 +188,10 @@ mod tests {
         let opened = |at| WatchdogStatus::read_since(&domain, &ports, at, now);
         assert_eq!(opened(now), WatchdogStatus::Watching);
         assert_eq!(opened(now + Nanos(1)), WatchdogStatus::Incomplete, "it may hold another port");
-        assert_eq!(
-            WatchdogStatus::read(&domain, &[8; 32], now),
-            WatchdogStatus::OtherPorts,
-            "a watchdog of another configuration cannot stop these drives"
-        );
-        let later = now + SILENCE + Nanos(1);
-        assert_eq!(
-            WatchdogStatus::read(&domain, &ports, later),
-            WatchdogStatus::Silent,
-            "one that is stopped keeps its locks"
-        );
+        let other = WatchdogStatus::read(&domain, &[8; 32], now);
+        assert_eq!(other, WatchdogStatus::OtherPorts, "it cannot stop these drives");
+        let late = WatchdogStatus::read(&domain, &ports, now + SILENCE + Nanos(1));
+        assert_eq!(late, WatchdogStatus::Silent, "one that is stopped keeps its locks");
         drop(presence);
         assert_eq!(status(), WatchdogStatus::Absent);
         // The file of a killed watchdog is not locked.

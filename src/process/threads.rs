@@ -213,10 +213,8 @@ mod tests {
         assert_eq!(text(&[], Ok(())), Ok(()));
         let hangs = |name| Err(ThreadError::Hangs(name));
         let text_off = text(&[], hangs(BLACK_BOX)).unwrap_err();
-        assert!(
-            text_off
-                .ends_with("check the disk of the records; every drive has confirmed power-off")
-        );
+        let end = "check the disk of the records; every drive has confirmed power-off";
+        assert!(text_off.ends_with(end), "{text_off}");
         for (ended, begin) in [(Ok(()), "ended, and "), (hangs("port"), "thread port did not")] {
             let message = text(&[0, 2], ended).unwrap_err();
             assert!(message.starts_with(begin), "{message}");

@@ -211,8 +211,7 @@ fn memory_warning(errno: Errno) -> String {
 fn processor_warning(cpu: usize, errno: Errno) -> String {
     format!(
         "pinning to processor {cpu} refused ({errno}): it does not exist or is not allowed for \
-         this \
-         process; change control.cpu"
+         this process; change control.cpu"
     )
 }
 
@@ -234,8 +233,7 @@ mod tests {
     fn existing_processor_is_granted_and_read_back() {
         in_a_thread(|| {
             let cpu = allowed()[0];
-            let granted =
-                request(SchedulingRequest { cpu: Some(cpu), ..SchedulingRequest::default() });
+            let granted = request(SchedulingRequest { cpu: Some(cpu), ..Default::default() });
             assert_eq!((granted.cpu, granted.warnings), (Some(cpu), vec![]));
         });
     }
@@ -243,12 +241,9 @@ mod tests {
     #[test]
     fn missing_processor_gives_a_warning() {
         in_a_thread(|| {
-            let granted =
-                request(SchedulingRequest { cpu: Some(1000), ..SchedulingRequest::default() });
-            assert!(
-                granted.warnings.len() == 1 && granted.warnings[0].contains("processor 1000"),
-                "{granted:?}"
-            );
+            let granted = request(SchedulingRequest { cpu: Some(1000), ..Default::default() });
+            let [warning] = &granted.warnings[..] else { panic!("{granted:?}") };
+            assert!(warning.contains("processor 1000"), "{granted:?}");
             assert_ne!(granted.cpu, Some(1000));
         });
     }
@@ -256,13 +251,10 @@ mod tests {
     #[test]
     fn fifo_is_either_there_or_warned_about() {
         in_a_thread(|| {
-            let granted =
-                request(SchedulingRequest { priority: 7, ..SchedulingRequest::default() });
+            let granted = request(SchedulingRequest { priority: 7, ..Default::default() });
             assert_eq!(granted.priority == 7, granted.warnings.is_empty(), "{granted:?}");
-            assert!(
-                granted.warnings.iter().all(|it| it.contains("rtprio") != has_right(7)),
-                "{granted:?}"
-            );
+            let is_right = |it: &String| it.contains("rtprio") != has_right(7);
+            assert!(granted.warnings.iter().all(is_right), "{granted:?}");
         });
     }
 
