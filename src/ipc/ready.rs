@@ -15,8 +15,7 @@ use super::domain_lock::{DomainLock, LockedByte, is_locked, is_served};
 /// Version of the payloads and services. A client of another version gets an error.
 pub const INTERFACE_VERSION: u32 = 7;
 
-/// Version of iceoryx2. Different versions refuse each other, so a change needs a new
-/// [`INTERFACE_VERSION`].
+/// Different versions refuse each other, so a change needs a new [`INTERFACE_VERSION`].
 pub const ICEORYX2_VERSION: &str = "0.10.0";
 
 /// A controller that serves.
@@ -33,8 +32,7 @@ pub struct Ready {
 pub(super) const FILE: &str = "ready";
 
 impl Ready {
-    /// Tells clients that all services exist. The rename makes it one step: no client reads half of
-    /// the file.
+    /// Tells clients that all services exist. The rename keeps any from reading half of the file.
     pub(super) fn announce(lock: &DomainLock) -> Result<(), DomainError> {
         let (path, draft) = (lock.domain().file(FILE), lock.domain().file("ready.draft"));
         let write = || -> io::Result<()> {

@@ -61,8 +61,7 @@ macro_rules! for_each_stream {
                 ReachTarget reach_target "reach_target" ReachTarget BetweenClients 4 WATCHERS 1;
                 /// `teleop`: what a person does with an input device.
                 Teleop teleop "teleop" TeleopMsg BetweenClients 4 WATCHERS 1;
-                /// `trial`: the trial that is recorded, and its marks. Who joins later sees the
-                /// last ones.
+                /// `trial`: the recorded trial and its marks. Who joins later sees the last ones.
                 Trial trial "trial" TrialMsg BetweenClients 4 WATCHERS 16;
                 /// `servo_jp`: commands of clients, accepted or not.
                 ServoJp servo_jp "servo_jp" ServoJp In COMMANDERS 4 0;

@@ -58,8 +58,7 @@ numbered_enum! {
             => "`i2ris model use FILE`; `i2ris model show` lists what is loaded";
         NoPreviousModel = 18, "no previous model to return to"
             => "`i2ris model use FILE` instead";
-        /// The hysteresis memory is unknown. The model would start on a wrong branch of the
-        /// hysteresis loop.
+        /// The hysteresis memory is unknown: the model would start on a wrong branch.
         MemoryUnknown = 19, "the hysteresis memory is unknown: run a conditioning cycle, or use \
             --force"
             => "`i2ris command state condition`, or `--force`";

@@ -17,16 +17,14 @@ numbered_enum! {
         Pause = 3, "pause";
         /// PAUSED to ENABLED: follow servo commands again, from the present pose.
         Resume = 4, "resume";
-        /// Sets the zero at the present position: homing method 37 on every drive. From DISABLED
-        /// only.
+        /// Sets the zero here: homing method 37 on every drive. From DISABLED only.
         Home = 5, "home";
         /// Clears the zero. From DISABLED only.
         Unhome = 6, "unhome";
         /// A conditioning cycle: a decaying oscillation that sets the hysteresis memory to a known
         /// state. From ENABLED only; busy until it ends.
         Condition = 7, "condition";
-        /// Acknowledges the fault: reset the drives, then FAULT to DISABLED after the cause is
-        /// gone.
+        /// Acknowledges the fault: reset the drives, then FAULT to DISABLED once its cause is gone.
         Acknowledge = 8, "acknowledge";
         /// Returns the lease and ends the activities of the client.
         Release = 9, "release";

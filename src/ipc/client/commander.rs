@@ -39,8 +39,7 @@ impl Commander {
         }
     }
 
-    /// Sets the age at which later commands are stale and the robot stops. Zero: the controller's
-    /// default.
+    /// Sets the age at which later commands are stale and the robot stops. Zero: the default.
     #[must_use]
     pub fn with_deadline(mut self, deadline: Nanos) -> Self {
         self.deadline = deadline;

@@ -51,8 +51,8 @@ type Service = PortFactory<ClientService, [u8], PictureHeader>;
 
 fn service(node: &Node<ClientService>) -> Result<Service, TransportError> {
     let name = ServiceName::new(SERVICE).map_err(failed("name", SERVICE))?;
-    let service = node.service_builder(&name).publish_subscribe::<[u8]>();
-    service
+    node.service_builder(&name)
+        .publish_subscribe::<[u8]>()
         .user_header::<PictureHeader>()
         .max_publishers(CAMERAS)
         .subscriber_max_buffer_size(BUFFER)

@@ -179,8 +179,7 @@ impl<T: Message> Subscription<T> {
         Ok(count)
     }
 
-    /// Number of messages lost because they were not read in time. Valid only for streams with one
-    /// sender.
+    /// Number of messages not read in time and lost. Valid only for streams with one sender.
     #[must_use]
     pub fn missed(&self) -> u64 {
         self.missed

@@ -230,8 +230,7 @@ payload! {
 
     /// Difference between the staged model and the model in use.
     ModelDifference "I2risModelDifferenceV1" {
-        /// Motor motion that keeps the angles at the estimate of the model in use, at the present
-        /// position, counts.
+        /// Motor motion that keeps the angles at the estimate of the model in use, here, counts.
         pub present_counts: [f64; MAX_MOTORS],
         /// The largest such motion over the hull, counts.
         pub largest_counts: [f64; MAX_MOTORS],

@@ -18,8 +18,7 @@ payload! {
         pub position: [f64; MAX_OUTPUTS],
         /// Time derivative of `position`, per second.
         pub velocity: [f64; MAX_OUTPUTS],
-        /// Standard deviation of `position`, by the law of total covariance. 0 where not
-        /// applicable.
+        /// Standard deviation of `position`, by the law of total covariance. 0: not applicable.
         pub deviation: [f64; MAX_OUTPUTS],
         /// SHA-256 of the model that computed it.
         pub model_id: [u8; 32],
@@ -67,8 +66,7 @@ payload! {
     OperatingStateMsg "I2risOperatingStateV2": outgoing {
         /// Start of the present state.
         pub since_ns: u64,
-        /// Client that commands: by the lease, or by its move, conditioning cycle or homing; 0:
-        /// none.
+        /// Client that commands by lease, move, conditioning cycle or homing; 0: none.
         pub lease_client_id: u64,
         /// Servo commands taken since the start.
         pub accepted: u64,
@@ -98,8 +96,7 @@ payload! {
     Health "I2risHealthV1": outgoing {
         /// Failed calls into shared memory; a message was lost each time.
         pub ipc_failures: u64,
-        /// Events that are not in the log, because there were too many in one tick or the log
-        /// stalled.
+        /// Events not in the log: there were too many in one tick, or the log stalled.
         pub lost_events: u64,
         /// Ticks that are in no stream, because the thread of shared memory stalled.
         pub lost_reports: u64,
@@ -117,8 +114,7 @@ payload! {
         pub retries: [u64; MAX_MOTORS],
     }
 
-    /// `events`, out: a line of the log, stamped when it was written; its text has the time of the
-    /// event.
+    /// `events`, out: a line of the log, stamped when written; its text has the event's time.
     EventMsg "I2risEventV1": outgoing {
         /// The line, UTF-8, padded with 0; a longer one is truncated.
         pub text: [u8; 232],

@@ -197,8 +197,7 @@ impl<T: Transport> DriveLink<T> {
         Ok(())
     }
 
-    /// One attempt to synchronise. [`DriveLink::is_in_sync`] says whether it succeeded. Fails with
-    /// [`LinkError::Broken`] only.
+    /// One attempt, which sets [`DriveLink::is_in_sync`]. Fails with [`LinkError::Broken`] only.
     pub(crate) fn try_to_synchronise(&mut self) -> Result<(), LinkError> {
         self.lose_sync(0);
         match self.probe() {
@@ -265,8 +264,7 @@ impl<T: Transport> DriveLink<T> {
         Ok(())
     }
 
-    /// Discards the bytes that have arrived, and waits for them until `deadline`; `true` if there
-    /// were any.
+    /// Discards bytes that have arrived or arrive until `deadline`; `true` if there were any.
     fn discard(&mut self, deadline: Nanos) -> io::Result<bool> {
         let mut discarded = [0; CHUNK];
         let count = self.receive(&mut discarded, deadline)?;
