@@ -32,14 +32,15 @@ mod shared_port;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
+use crate::clock;
 use crate::config::Config;
 use crate::drive::line_turn::TAKE_OVER;
 use crate::drive::quick_stop::STOP_ATTEMPTS;
 use crate::ipc::Domain;
 use crate::ipc::heartbeat::HeartbeatReader;
 use crate::ipc::watchdog_presence::WatchdogPresence;
+use crate::service_manager;
 use crate::units::Nanos;
-use crate::{clock, service_manager};
 
 pub use event::{AxisStop, WatchdogEvent};
 pub use heartbeat_monitor::{ControllerStatus, HeartbeatMonitor};

@@ -8,9 +8,8 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::{fmt, io};
 
 use i2ris::config::{AxisConfig, PortConfig};
-use i2ris::drive::serial_frame::{
-    FrameEncoder, FrameError, FrameParser, MAX_ENCODED, ParserEvent, SerialFrame,
-};
+use i2ris::drive::serial_frame::{FrameEncoder, MAX_ENCODED, SerialFrame};
+use i2ris::drive::serial_frame::{FrameError, FrameParser, ParserEvent};
 use i2ris::drive::transport::Transport;
 use i2ris::units::{Counts, Nanos};
 use i2ris_simulation::drive::Gateway;
