@@ -14,8 +14,7 @@
 //! bend = travel - depth z
 //! ```
 
-use super::draw::{Draw, Pair, subtract};
-use super::hysteresis::Hysteresis;
+use super::hysteresis::{Draw, Hysteresis, Pair, subtract};
 use crate::ageing::AgeingEffect;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,8 +53,6 @@ pub(super) struct BoucWen {
     axes: [Axis; 2],
     /// How much sliding in one axis frees the other axis.
     shared: f64,
-    /// Growth of depth and yield travel.
-    friction: Pair,
     travel: Pair,
     z: Pair,
 }
@@ -66,15 +63,15 @@ impl BoucWen {
         Self {
             axes: gaps.map(|depth| Axis::draw(draw, depth)),
             shared: draw.uniform(0.0, 0.5),
-            friction: [1.0; 2],
             travel: Pair::default(),
             z: Pair::default(),
         }
     }
 
-    fn slope(&self, z: Pair, moved: Pair) -> Pair {
+    /// `friction`: growth of the yield travel.
+    fn slope(&self, z: Pair, moved: Pair, friction: Pair) -> Pair {
         let u = [0, 1]
-            .map(|motor: usize| moved[motor] / (self.friction[motor] * self.axes[motor].yield_deg));
+            .map(|motor: usize| moved[motor] / (friction[motor] * self.axes[motor].yield_deg));
         [0, 1].map(|motor: usize| {
             let other = 1 - motor;
             let beta = self.axes[other].beta;
@@ -89,11 +86,11 @@ impl Hysteresis for BoucWen {
         0.02
     }
 
-    fn advance(&mut self, _dt_s: f64, travel: Pair) {
+    fn advance(&mut self, _dt_s: f64, travel: Pair, aged: &AgeingEffect) {
         let moved = subtract(travel, self.travel);
-        let first = self.slope(self.z, moved);
+        let first = self.slope(self.z, moved, aged.friction);
         let halfway = [0, 1].map(|motor: usize| self.z[motor] + 0.5 * first[motor]);
-        let middle = self.slope(halfway, moved);
+        let middle = self.slope(halfway, moved, aged.friction);
         for (z, slope) in self.z.iter_mut().zip(middle) {
             // A jump far beyond the yield travel comes in coarse steps.
             *z = (*z + slope).clamp(-1.2, 1.2);
@@ -101,15 +98,11 @@ impl Hysteresis for BoucWen {
         self.travel = travel;
     }
 
-    fn bend(&self) -> Pair {
+    fn bend(&self, aged: &AgeingEffect) -> Pair {
         [0, 1].map(|motor: usize| {
-            let depth = self.friction[motor] * self.axes[motor].depth;
+            let depth = aged.friction[motor] * self.axes[motor].depth;
             self.travel[motor] - depth * self.z[motor]
         })
-    }
-
-    fn set_ageing(&mut self, effect: &AgeingEffect) {
-        self.friction = effect.friction;
     }
 
     fn half_lost_deg(&self) -> Option<Pair> {

@@ -8,9 +8,9 @@
 //! The gap is crossed only where the load changes its flank: where the spring of the snake cannot
 //! overcome the friction. So the loop is widest around the straight pose.
 
-use super::draw::{Draw, FrictionGrowth, Pair};
-use super::hysteresis::{Motor, SNAKE_STIFFNESS};
-use crate::ageing::AgeingEffect;
+use std::f64::consts::TAU;
+
+use super::hysteresis::{Aged, Draw, FrictionGrowth, Motor, Pair, SNAKE_STIFFNESS};
 
 /// A flank: the force at a deflection `e` is `stiffness e + hardening e^2`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,18 +39,15 @@ pub(super) struct Gear {
     growth: FrictionGrowth,
     /// Bend per travel of one flank.
     gain: f64,
-    /// Growth of the gap and of the friction.
-    gap_factor: f64,
-    friction_factor: f64,
     /// Degrees, before the gain.
     at: f64,
 }
 
 impl Gear {
-    /// Where the snake is when the gear leaves a force of `friction` for it.
-    fn balance(&self, travel: f64, friction: f64) -> f64 {
+    /// Where the snake is when the gear leaves a force of `friction` for it. `gap`: its growth.
+    fn balance(&self, travel: f64, friction: f64, gap: f64) -> f64 {
         let pulled = travel + friction;
-        let half_gap = self.gap_factor * self.half_gap;
+        let half_gap = gap * self.half_gap;
         if pulled.abs() <= half_gap {
             return -friction;
         }
@@ -75,16 +72,14 @@ impl Motor for Gear {
             friction: half_lost * draw.uniform(0.5, 0.7) * stiffness,
             growth: FrictionGrowth::draw(draw, 0.5, 0.3),
             gain: stiffness / (stiffness + 1.0),
-            gap_factor: 1.0,
-            friction_factor: 1.0,
             at: 0.0,
         }
     }
 
-    fn advance(&mut self, _dt_s: f64, travel: f64, [own, other]: Pair) {
-        let friction = self.friction_factor * self.friction * self.growth.factor(own, other);
-        let pushed = self.balance(travel, friction);
-        let pulled = self.balance(travel, -friction);
+    fn advance(&mut self, _dt_s: f64, travel: f64, [own, other]: Pair, aged: &Aged) {
+        let friction = aged.friction * self.friction * self.growth.factor(own, other);
+        let pushed = self.balance(travel, friction, aged.gap);
+        let pulled = self.balance(travel, -friction, aged.gap);
         self.at = self.at.max(pushed).min(pulled);
     }
 
@@ -96,17 +91,52 @@ impl Motor for Gear {
         self.at
     }
 
-    fn set_ageing(&mut self, effect: &AgeingEffect, motor: usize) {
-        self.gap_factor = effect.gap[motor];
-        self.friction_factor = effect.friction[motor];
-    }
-
     /// Force on the flanks; 0 inside the gap.
-    fn load(&self, travel: f64) -> f64 {
+    fn load(&self, travel: f64, aged: &Aged) -> f64 {
         let stretch = travel - self.at;
-        let deflection = (stretch.abs() - self.gap_factor * self.half_gap).max(0.0);
+        let deflection = (stretch.abs() - aged.gap * self.half_gap).max(0.0);
         let flank = self.flanks[usize::from(stretch < 0.0)];
         let force = (flank.stiffness + flank.hardening * deflection) * deflection;
         SNAKE_STIFFNESS * force.copysign(stretch)
+    }
+}
+
+/// Counts per motor turn of a 256-line encoder.
+const TURN_COUNTS: f64 = 1024.0;
+
+/// Sizes of the parts that repeat once and twice a turn, counts.
+const SIZES: [[f64; 2]; 2] = [[3.0, 9.0], [1.0, 4.0]];
+
+/// One motor: size, counts, and phase of each part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Wheel([[f64; 2]; 2]);
+
+impl Wheel {
+    fn at(&self, turns: f64) -> f64 {
+        let part = |[size, phase]: [f64; 2], times: f64| size * (TAU * times * turns + phase).sin();
+        part(self.0[0], 1.0) + part(self.0[1], 2.0)
+    }
+}
+
+/// The transmission error of a gear: wheels that are not round turn too far and too little, once
+/// and twice in every turn of the motor.
+///
+/// Source: D. B. Welbourn, "Fundamental knowledge of gear noise - a survey", Conference on Noise
+/// and Vibrations of Engines and Transmissions, 1979 (the term, and its repetition with the turn).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct TransmissionError([Wheel; 2]);
+
+impl TransmissionError {
+    pub(super) fn draw(draw: &mut Draw) -> Self {
+        let mut part = |[low, high]: [f64; 2]| [draw.uniform(low, high), draw.uniform(0.0, TAU)];
+        Self([0, 1].map(|_| Wheel(SIZES.map(&mut part))))
+    }
+
+    /// Motor positions with the transmission error, counts. At 0 the error is 0.
+    pub(super) fn turned(&self, counts: Pair) -> Pair {
+        [0, 1].map(|motor: usize| {
+            let wheel = &self.0[motor];
+            counts[motor] + wheel.at(counts[motor] / TURN_COUNTS) - wheel.at(0.0)
+        })
     }
 }

@@ -1,19 +1,12 @@
 //! A snake of any physics in time steps.
 
+use super::Physics;
 use super::bouc_wen::BoucWen;
-use super::creep::Creep;
-use super::dahl::Dahl;
-use super::draw::{Draw, Pair, between, subtract};
-use super::frame::Frame;
-use super::gear::Gear;
-use super::hysteresis::{Hysteresis, motors};
-use super::lugre::LuGre;
-use super::names::Physics;
-use super::prandtl_ishlinskii::PrandtlIshlinskii;
-use super::preisach::Preisach;
+use super::friction::{Creep, Dahl, LuGre, VectorFriction};
+use super::gear::{Gear, TransmissionError};
+use super::hysteresis::{Draw, Hysteresis, Pair, between, motors, subtract};
+use super::operators::{PrandtlIshlinskii, Preisach};
 use super::springs::SpringSnake;
-use super::transmission::TransmissionError;
-use super::vector_friction::VectorFriction;
 use super::wire::Wire;
 use crate::ageing::{Ageing, AgeingEffect, Change};
 
@@ -96,7 +89,7 @@ impl Snake {
         match &self.0 {
             Kind::Springs(snake) => snake.angles_deg(),
             Kind::Drawn(snake) => {
-                let bend = snake.hysteresis.bend();
+                let bend = snake.hysteresis.bend(&snake.effect);
                 snake.effect.seen(snake.frame.angles_deg(bend))
             }
         }
@@ -123,10 +116,7 @@ impl Snake {
 impl DrawnState {
     fn step(&mut self, dt_s: f64, motor_counts: Pair) {
         let dt_s = if dt_s.is_finite() { dt_s.max(0.0) } else { 0.0 };
-        if let Some(effect) = self.ageing.step(dt_s) {
-            self.hysteresis.set_ageing(&effect);
-            self.effect = effect;
-        }
+        self.effect = self.ageing.step(dt_s).unwrap_or(self.effect);
         let from = self.travel;
         let ahead = self.ahead(motor_counts);
         let play = self.play_deg();
@@ -141,7 +131,7 @@ impl DrawnState {
         let inner_s = dt_s / f64::from(steps);
         for step in 1..=steps {
             let share = f64::from(step) / f64::from(steps);
-            hysteresis.advance(inner_s, between(from, self.travel, share));
+            hysteresis.advance(inner_s, between(from, self.travel, share), &self.effect);
         }
     }
 
@@ -163,10 +153,75 @@ impl DrawnState {
         let mut counts = self.counts;
         let ahead = self.frame.travel(counts, &mut counts, &self.effect);
         let play = self.play_deg();
-        let load = self.hysteresis.load(self.travel);
+        let load = self.hysteresis.load(self.travel, &self.effect);
         [0, 1].map(|motor: usize| {
             let inside = (ahead[motor] - self.travel[motor]).abs() < play[motor] - 1e-9;
             if inside { 0.0 } else { load[motor] }
+        })
+    }
+}
+
+/// Largest valid motor position, counts.
+const MAX_COUNTS: f64 = 1e4;
+
+/// Maps counts to wire travel, and the bend of each motor to pitch and yaw: shared by all drawn
+/// snakes besides the hysteresis. No memory.
+#[derive(Debug, Clone, PartialEq)]
+struct Frame {
+    /// Wire travel per count, degrees of bend without losses.
+    deg_per_count: Pair,
+    /// Share of the other motor's travel that a motor's wires see: the pulleys share an axle.
+    pull: Pair,
+    /// The plane that each motor bends, as a direction in pitch and yaw.
+    planes: [Pair; 2],
+    /// Bend at which the gain has fallen to 0.71, degrees: joints stiffen.
+    softening_deg: f64,
+    /// Gain difference between the two directions of pitch and of yaw.
+    asymmetry: Pair,
+}
+
+impl Frame {
+    fn draw(draw: &mut Draw) -> Self {
+        let gain = draw.uniform(0.0225, 0.026);
+        // As on the robot, the motors bend at 45 degrees to pitch and yaw, with the tolerance of
+        // this size.
+        let turn = 45.0 + draw.uniform(-6.0, 6.0);
+        let planes = [turn, turn + 90.0 + draw.uniform(-5.0, 5.0)].map(|angle: f64| {
+            let (sin, cos) = angle.to_radians().sin_cos();
+            [cos, sin]
+        });
+        Self {
+            deg_per_count: draw.both(0.95, 1.05).map(|factor| gain * factor),
+            pull: draw.both(-0.12, 0.12),
+            planes,
+            softening_deg: draw.uniform(80.0, 150.0),
+            asymmetry: draw.both(-0.06, 0.06),
+        }
+    }
+
+    /// Wire travel, degrees. A position that is not finite leaves its motor where it was.
+    fn travel(&self, counts: Pair, last: &mut Pair, effect: &AgeingEffect) -> Pair {
+        for (last, counts) in last.iter_mut().zip(counts) {
+            if counts.is_finite() {
+                *last = counts.clamp(-MAX_COUNTS, MAX_COUNTS);
+            }
+        }
+        let own = [0, 1].map(|motor: usize| {
+            effect.gain[motor] * self.deg_per_count[motor] * last[motor] + effect.travel_deg[motor]
+        });
+        [0, 1].map(|motor: usize| own[motor] + self.pull[motor] * own[1 - motor])
+    }
+
+    /// Pitch and yaw, degrees.
+    fn angles_deg(&self, bend: Pair) -> Pair {
+        let [first, second] = self.planes;
+        let angles = [0, 1].map(|axis: usize| bend[0] * first[axis] + bend[1] * second[axis]);
+        let far = angles[0].hypot(angles[1]) / self.softening_deg;
+        let softer = 1.0 / (1.0 + far * far).sqrt();
+        [0, 1].map(|axis: usize| {
+            let angle = softer * angles[axis];
+            // The corner at 0 is rounded over some degrees.
+            angle * (1.0 + self.asymmetry[axis] * (angle / 10.0).tanh())
         })
     }
 }

@@ -1,7 +1,8 @@
 //! Properties that every drawn snake has.
 
+use super::hysteresis::Hysteresis;
 use super::*;
-use crate::ageing::{Change, Course, Parameter};
+use crate::ageing::{AgeingEffect, Change, Course, Parameter};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Amplitude of a stroke, counts, as in a calibration.
@@ -264,16 +265,16 @@ fn creep_transmission_and_vector_friction_have_their_effect() {
         let crept = snake.angles_deg()[0] - before;
         assert!((0.2..2.0).contains(&crept), "{seed}: {crept}");
 
-        let error = transmission::TransmissionError::draw(&mut draw::Draw::new(seed, 0));
+        let error = gear::TransmissionError::draw(&mut Draw::new(seed, 0));
         let turned = |counts: f64| error.turned([counts; 2])[0] - counts;
         assert!((turned(300.0) - turned(300.0 - 1024.0)).abs() < 1e-9);
         assert!((turned(256.0) - turned(-256.0)).abs() > 0.1, "{seed}");
 
-        let mut draw = draw::Draw::new(seed, 0);
-        let mut disc = vector_friction::VectorFriction::draw(&mut draw, [0.025; 2]);
+        let mut draw = Draw::new(seed, 0);
+        let mut disc = friction::VectorFriction::draw(&mut draw, [0.025; 2]);
         let mut go = |travel| {
-            hysteresis::Hysteresis::advance(&mut disc, 0.01, travel);
-            hysteresis::Hysteresis::bend(&disc)[0]
+            disc.advance(0.01, travel, &AgeingEffect::NONE);
+            disc.bend(&AgeingEffect::NONE)[0]
         };
         let (held, freed) = (go([10.0, 0.0]), go([10.0, 8.0]));
         assert!(freed > held + 0.3, "{seed}: {held} {freed}");

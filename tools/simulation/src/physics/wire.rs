@@ -10,9 +10,7 @@
 //! the sum of both. A reversal frees one piece after the other, starting at the motor; the tip
 //! rests until the last one slides.
 
-use super::draw::{Draw, Pair};
-use super::hysteresis::Motor;
-use crate::ageing::AgeingEffect;
+use super::hysteresis::{Aged, Draw, Motor, Pair};
 
 /// Pieces of a wire.
 const PIECES: usize = 6;
@@ -33,9 +31,6 @@ pub(super) struct Wire {
     gain: f64,
     pretension: f64,
     friction: f64,
-    /// Growth of both.
-    pretension_factor: f64,
-    friction_factor: f64,
     /// Half of the lost motion when new, degrees.
     half_lost: f64,
     /// Wrap of the straight snake at each guide, radians.
@@ -54,9 +49,9 @@ impl Wire {
     }
 
     /// Maximum force that each guide can hold, with the snake bent by `bend_rad` in total.
-    fn limits(&self, travel: f64, bend_rad: f64) -> [f64; PIECES] {
-        let pretension = self.pretension_factor * self.pretension;
-        let friction = self.friction_factor * self.friction;
+    fn limits(&self, travel: f64, bend_rad: f64, aged: &Aged) -> [f64; PIECES] {
+        let pretension = aged.preload * self.pretension;
+        let friction = aged.friction * self.friction;
         std::array::from_fn(|piece| {
             let force = self.stiffness * (self.before(piece, travel) - self.places[piece]);
             // Beyond the pretension the other wire is slack.
@@ -84,8 +79,6 @@ impl Motor for Wire {
             gain: 1.0 / (1.0 + compliance),
             pretension,
             friction,
-            pretension_factor: 1.0,
-            friction_factor: 1.0,
             half_lost,
             wrap: shares.map(|share| wrap_rad * share / total),
             places: [0.0; PIECES],
@@ -93,9 +86,9 @@ impl Motor for Wire {
     }
 
     /// Solves the balance: a piece moves until its guide can hold the remaining force.
-    fn advance(&mut self, _dt_s: f64, travel: f64, [first, second]: Pair) {
+    fn advance(&mut self, _dt_s: f64, travel: f64, [first, second]: Pair, aged: &Aged) {
         let bend_rad = first.hypot(second).to_radians().min(2.0);
-        let limits = self.limits(travel, bend_rad);
+        let limits = self.limits(travel, bend_rad, aged);
         for _ in 0..MAX_SWEEPS {
             let mut moved = 0.0_f64;
             for (piece, limit) in limits.iter().enumerate() {
@@ -119,11 +112,6 @@ impl Motor for Wire {
 
     fn bend(&self) -> f64 {
         self.places[PIECES - 1] / self.gain
-    }
-
-    fn set_ageing(&mut self, effect: &AgeingEffect, motor: usize) {
-        self.pretension_factor = effect.preload[motor];
-        self.friction_factor = effect.friction[motor];
     }
 
     fn half_lost_deg(&self) -> Option<f64> {

@@ -11,10 +11,9 @@
 //! a step of any size is stable. The limits of friction are those of the state before the step.
 
 use super::config::{GearConfig, MAX_SEGMENTS, SnakeConfig};
-use super::force_law::{Force, contact, gap, return_mapping};
-use super::friction::{BreakAway, Bristles, FrictionForce};
+use super::forces::{BreakAway, Bristles, Force, FrictionForce, contact, gap, return_mapping};
 use super::newton::{ForceBalance, Matrix, SIZE, Vector, solve};
-use crate::physics::draw::{Pair, add, dot, subtract};
+use crate::physics::hysteresis::{Pair, add, dot, subtract};
 
 /// The complete state of the snake, in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -47,28 +47,23 @@ pub(super) fn solve(balance: &impl ForceBalance, start: Vector) -> Vector {
             break;
         };
         let next = line_search(balance, &at, &step, dot(&force, &step, size), size);
-        if !next.force.iter().all(|value| value.is_finite()) {
+        if !next.1.iter().all(|value| value.is_finite()) {
             break;
         }
-        (at, force, slope) = (next.at, next.force, next.slope);
+        (at, force, slope) = next;
     }
     at
 }
 
-struct Point {
-    at: Vector,
-    force: Vector,
-    slope: Matrix,
-}
-
-/// Shortens `step` until the force along it is small. `before` is that force at the start, below 0.
+/// Shortens `step` until the force along it is small: that point, its forces and their slopes.
+/// `before` is that force at the start, below 0.
 fn line_search(
     balance: &impl ForceBalance,
     from: &Vector,
     step: &Vector,
     before: f64,
     size: usize,
-) -> Point {
+) -> (Vector, Vector, Matrix) {
     let mut share = 1.0;
     loop {
         let mut at = *from;
@@ -78,7 +73,7 @@ fn line_search(
         let (force, slope) = balance.evaluate(&at);
         let after = dot(&force, step, size);
         if after <= -0.5 * before || share < 1e-6 {
-            return Point { at, force, slope };
+            return (at, force, slope);
         }
         share *= (before / (before - after)).clamp(0.1, 0.9);
     }

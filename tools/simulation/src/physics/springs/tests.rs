@@ -6,7 +6,7 @@ use std::path::Path;
 use proptest::prelude::*;
 
 use super::*;
-use crate::physics::draw::dot;
+use crate::physics::hysteresis::dot;
 
 const SNAKES: [&str; 3] = ["steel", "brass", "multi"];
 
@@ -174,6 +174,39 @@ fn invalid_files_are_refused_with_their_key() {
         let message = result.unwrap_err().to_string();
         assert!(message.contains(key) && message.contains("x.toml"), "{message}");
     }
+}
+
+fn drifting() -> DriftConfig {
+    DriftConfig {
+        offset_deg: 0.1,
+        offset_time_s: 10.0,
+        friction: 0.02,
+        friction_time_s: 10.0,
+        creep_time_s: 100.0,
+    }
+}
+
+#[test]
+fn the_deviation_is_the_configured_one() {
+    let mut drift = SlowChange::new(&drifting(), 3);
+    let mut sum = 0.0;
+    for _ in 0..20_000 {
+        drift.step(1.0);
+        sum += drift.offset_deg[0].powi(2);
+    }
+    let spread = (sum / 20_000.0).sqrt();
+    assert!((0.09..0.11).contains(&spread), "{spread}");
+}
+
+#[test]
+fn the_path_does_not_depend_on_the_steps() {
+    let (mut coarse, mut fine) = (SlowChange::new(&drifting(), 7), SlowChange::new(&drifting(), 7));
+    coarse.step(64.0);
+    for _ in 0..64 * 64 {
+        fine.step(1.0 / 64.0);
+    }
+    assert_eq!(coarse.offset_deg, fine.offset_deg);
+    assert!(coarse.offset_deg[0] != 0.0);
 }
 
 proptest! {

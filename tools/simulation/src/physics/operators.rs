@@ -1,16 +1,88 @@
-//! Preisach: a plane of relays with a density that changes along the stroke.
-//!
-//! Source: I. D. Mayergoyz, "Mathematical Models of Hysteresis", Springer 1991, chapter 1: the
-//! output is the integral of the density over the relays that are on, and an input beyond an
-//! earlier turning point wipes out what lies after it.
-//!
-//! The plane is cut into square cells of even density. So the Everett function is bilinear in
-//! every cell, and a table of its corners is exact.
+//! Hysteresis of many simple operators: plays, or relays.
 
 use std::sync::Arc;
 
-use super::draw::{Draw, Pair};
-use super::hysteresis::Motor;
+use super::hysteresis::{Aged, Draw, Motor, Pair};
+
+/// Plays of a motor.
+const PLAYS: usize = 10;
+
+/// An envelope: `u + size tanh((u - centre) / width)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Envelope {
+    size: f64,
+    centre: f64,
+    width: f64,
+}
+
+impl Envelope {
+    /// `largest`: so that the two envelopes of a play never cross.
+    fn draw(draw: &mut Draw, largest: f64) -> Self {
+        Self {
+            size: draw.uniform(-largest, largest),
+            centre: draw.uniform(-10.0, 10.0),
+            width: draw.uniform(10.0, 25.0),
+        }
+    }
+
+    fn at(&self, u: f64) -> f64 {
+        u + self.size * ((u - self.centre) / self.width).tanh()
+    }
+}
+
+/// Generalised, asymmetric Prandtl-Ishlinskii: a weighted sum of play operators whose rising and
+/// falling branches follow different curves.
+///
+/// Source: M. Al Janaideh, S. Rakheja, C.-Y. Su, "An analytical generalized Prandtl-Ishlinskii
+/// model inversion for hysteresis compensation in micropositioning control", IEEE/ASME
+/// Transactions on Mechatronics 16(4), 2011. The generalised play is
+/// `w <- max(l(u) - r, min(r(u) + r, w))` with two increasing envelopes `l` and `r`.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct PrandtlIshlinskii {
+    rising: Envelope,
+    falling: Envelope,
+    thresholds: [f64; PLAYS],
+    weights: [f64; PLAYS],
+    /// Weight of the part without hysteresis.
+    straight: f64,
+    states: [f64; PLAYS],
+    input: f64,
+}
+
+impl Motor for PrandtlIshlinskii {
+    fn draw(draw: &mut Draw, half_gap: f64) -> Self {
+        let part = |play: usize| play as f64 / (PLAYS - 1) as f64;
+        let thresholds = std::array::from_fn(|play| half_gap * (0.35 + 1.3 * part(play)));
+        let straight = draw.uniform(0.0, 0.12);
+        let decay = draw.uniform(-0.5, 2.0);
+        let density: [f64; PLAYS] = std::array::from_fn(|play| (-decay * part(play)).exp());
+        let total: f64 = density.iter().sum();
+        let largest = 0.7 * thresholds[0];
+        Self {
+            rising: Envelope::draw(draw, largest),
+            falling: Envelope::draw(draw, largest),
+            thresholds,
+            weights: density.map(|density| (1.0 - straight) * density / total),
+            straight,
+            states: [0.0; PLAYS],
+            input: 0.0,
+        }
+    }
+
+    fn advance(&mut self, _dt_s: f64, input: f64, _before: Pair, aged: &Aged) {
+        let (rising, falling) = (self.rising.at(input), self.falling.at(input));
+        for (state, threshold) in self.states.iter_mut().zip(self.thresholds) {
+            let threshold = aged.gap * threshold;
+            *state = state.min(falling + threshold).max(rising - threshold);
+        }
+        self.input = input;
+    }
+
+    fn bend(&self) -> f64 {
+        let plays = self.states.iter().zip(self.weights);
+        self.straight * self.input + plays.map(|(state, weight)| weight * state).sum::<f64>()
+    }
+}
 
 /// Cells along each side of the plane.
 const CELLS: usize = 200;
@@ -88,6 +160,14 @@ struct Place {
     output: f64,
 }
 
+/// Preisach: a plane of relays with a density that changes along the stroke.
+///
+/// Source: I. D. Mayergoyz, "Mathematical Models of Hysteresis", Springer 1991, chapter 1: the
+/// output is the integral of the density over the relays that are on, and an input beyond an
+/// earlier turning point wipes out what lies after it.
+///
+/// The plane is cut into square cells of even density. So the Everett function is bilinear in
+/// every cell, and a table of its corners is exact.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Preisach {
     /// Median of the half gaps, degrees.
@@ -167,7 +247,7 @@ impl Motor for Preisach {
         Self::new(half_gap, Everett::new(median, spread))
     }
 
-    fn advance(&mut self, _dt_s: f64, travel: f64, _before: Pair) {
+    fn advance(&mut self, _dt_s: f64, travel: f64, _before: Pair, _aged: &Aged) {
         self.go(travel);
     }
 
